@@ -1,0 +1,84 @@
+"""A kernel launch bound to its arguments, ready to be repeated every frame."""
+
+import functools
+import os
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import Any
+
+import warp as wp
+
+NATIVE = Path(__file__).resolve().parent / "native"
+
+
+def native_options(header: str) -> wp.ModuleBuildOptions:
+    """Build options of a module that calls ``header`` from ``kernels/native``, on CPU and CUDA alike."""
+    return wp.ModuleBuildOptions(
+        extra_cuda_include_dirs=[str(NATIVE)],
+        extra_cpu_include_dirs=[str(NATIVE)],
+        extra_cuda_preamble=f'#include "{header}"',
+        extra_cpu_preamble=f'#include "{header}"',
+        extra_build_dependencies=[str(path) for path in sorted(NATIVE.glob("*.h"))],
+    )
+
+
+class Stage:
+    """One launch of a kernel, recorded with its arguments. ``launch()`` neither allocates nor syncs.
+
+    On a CPU device the launch is split over threads; Warp runs each part without holding the GIL. While a graph
+    is being captured the parts run one after another on the calling thread, which is the one that records.
+    """
+
+    def __init__(self, parts: Sequence[wp.Launch], device: wp.Device):
+        self._parts = tuple(parts)
+        self._device = device
+
+    def launch(self) -> None:
+        """Enqueue the work on the device's current stream (CUDA) or finish it (CPU)."""
+        if len(self._parts) == 1 or self._device.is_capturing:
+            for part in self._parts:
+                part.launch()
+        else:
+            for _ in _pool().map(wp.Launch.launch, self._parts):
+                pass
+
+
+def record(
+    kernel: wp.Kernel, dim: int, inputs: Sequence[Any], device: wp.Device, *, block_dim: int = 256, parts: int = 4
+) -> Stage:
+    """Bind a 1-D kernel to its arguments.
+
+    Args:
+        kernel: Its last parameter is ``first: wp.int32``; its index is ``first + wp.tid()``.
+        dim: Number of threads, below 2^31.
+        inputs: All arguments but ``first``.
+        device: Where the arguments lie.
+        block_dim: Threads in a CUDA block.
+        parts: On CPU, how many parts each thread gets: more even out uneven work.
+    """
+    count = min(dim, 1 if device.is_cuda else _threads() * parts if _threads() > 1 else 1)
+    bounds = [dim * i // max(count, 1) for i in range(count + 1)]
+    launches = []
+    for first, end in zip(bounds, bounds[1:], strict=False):
+        arguments = [*inputs, first]
+        if device.is_cuda:
+            command = wp.launch(kernel, end - first, arguments, device=device, block_dim=block_dim, record_cmd=True)
+        else:
+            command = wp.launch(kernel, end - first, arguments, device=device, record_cmd=True)
+        launches.append(command)
+    return Stage(launches, device)
+
+
+@functools.cache
+def _threads() -> int:
+    """Threads a CPU launch is split over: the cores this process may use, or WARPCAM_CPU_THREADS."""
+    wanted = os.environ.get("WARPCAM_CPU_THREADS", "")
+    if wanted.isdigit() and int(wanted) > 0:
+        return int(wanted)
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+@functools.cache
+def _pool() -> ThreadPoolExecutor:
+    return ThreadPoolExecutor(_threads(), thread_name_prefix="warpcam")

@@ -1,0 +1,127 @@
+// What differs between a CUDA block and a CPU thread: barriers, lanes, a few arithmetic helpers.
+#pragma once
+
+namespace warpcam {
+
+#if defined(__CUDA_ARCH__)
+#define WARPCAM_FN __device__ inline
+#define WARPCAM_SHARED __shared__
+constexpr int THREADS = 64;  // threads that work on one region of an image
+#else
+#define WARPCAM_FN inline
+#define WARPCAM_SHARED
+constexpr int THREADS = 1;
+#endif
+
+constexpr int LANES = 32;
+constexpr float FAR_AWAY = 3.0e38f;  // stands for infinity where infinities would breed NaNs
+
+// Four words that are loaded with one instruction.
+struct alignas(16) Row {
+    float x, y, z;
+    int w;
+};
+
+struct alignas(8) Pair {
+    float x, y;
+};
+
+struct Vec {
+    float x, y, z;
+};
+
+#if defined(__CUDA_ARCH__)
+WARPCAM_FN float lower(float a, float b) { return fminf(a, b); }
+WARPCAM_FN float upper(float a, float b) { return fmaxf(a, b); }
+WARPCAM_FN float magnitude(float a) { return fabsf(a); }
+#else
+WARPCAM_FN float lower(float a, float b) { return a < b ? a : b; }
+WARPCAM_FN float upper(float a, float b) { return a > b ? a : b; }
+WARPCAM_FN float magnitude(float a) { return __builtin_fabsf(a); }
+#endif
+WARPCAM_FN int lower_int(int a, int b) { return a < b ? a : b; }
+
+// a * b and a * b + c, each rounded exactly as written, so that equal inputs give equal results everywhere.
+WARPCAM_FN float product(float a, float b)
+{
+#if defined(__CUDA_ARCH__)
+    return __fmul_rn(a, b);
+#else
+#pragma clang fp contract(off)
+    return a * b;
+#endif
+}
+
+WARPCAM_FN float muladd(float a, float b, float c)
+{
+#if defined(__CUDA_ARCH__)
+    return __fmaf_rn(a, b, c);
+#else
+#pragma clang fp contract(off)
+    return a * b + c;
+#endif
+}
+
+// Reciprocal and square root to about two units in the last place.
+WARPCAM_FN float reciprocal(float a)
+{
+#if defined(__CUDA_ARCH__)
+    return __fdividef(1.0f, a);
+#else
+    return 1.0f / a;
+#endif
+}
+
+WARPCAM_FN float root(float a)
+{
+#if defined(__CUDA_ARCH__)
+    float r;
+    asm("sqrt.approx.f32 %0, %1;" : "=f"(r) : "f"(a));
+    return r;
+#else
+    return __builtin_sqrtf(a);
+#endif
+}
+
+// A divisor that is never zero.
+WARPCAM_FN float nonzero(float a) { return magnitude(a) < 1.0e-18f ? 1.0e-18f : a; }
+
+WARPCAM_FN float dot(Vec a, Vec b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
+
+WARPCAM_FN int as_int(float a)
+{
+    union {
+        float f;
+        int i;
+    } u;
+    u.f = a;
+    return u.i;
+}
+
+WARPCAM_FN float as_float(int a)
+{
+    union {
+        float f;
+        int i;
+    } u;
+    u.i = a;
+    return u.f;
+}
+
+WARPCAM_FN void block_barrier()
+{
+#if defined(__CUDA_ARCH__)
+    __syncthreads();
+#endif
+}
+
+WARPCAM_FN int lowest_bit(unsigned bits)
+{
+#if defined(__CUDA_ARCH__)
+    return __ffs(bits) - 1;
+#else
+    return __builtin_ctz(bits);
+#endif
+}
+
+}  // namespace warpcam

@@ -1,0 +1,225 @@
+// From a shape's live pose to its record in one view, and the tiles of a region it may touch.
+#pragma once
+#include "record.h"
+
+namespace warpcam {
+
+constexpr int TILE_WIDTH = 8, TILE_HEIGHT = 4;  // pixels; one warp
+
+struct Matrix {
+    float at[3][3];
+};
+
+// One camera in one world (types.py, View).
+struct Camera {
+    Vec origin;
+    Matrix rotation;
+    float scale_x, scale_y, center_x, center_y, near, far, miss;
+};
+
+// A block of an image that one thread block draws.
+struct Region {
+    int left, top, width, height;  // pixels; width and height are multiples of the tile's
+};
+
+// Tiles of a region, counted from its corner, inclusive; empty when left > right.
+struct TileBox {
+    signed char left, top, right, bottom;
+};
+
+WARPCAM_FN float image_x(const Camera& camera, float i) { return (i + 0.5f - camera.center_x) * camera.scale_x; }
+WARPCAM_FN float image_y(const Camera& camera, float j) { return (camera.center_y - j - 0.5f) * camera.scale_y; }
+
+template <class Array> WARPCAM_FN auto shared_row(const Array& array, int world, int i)
+{
+    return *wp::address(array, array.shape[0] == 1 ? 0 : world % array.shape[0], i);
+}
+
+template <class View> WARPCAM_FN Camera load_camera(const View& view)
+{
+    Camera c;
+    c.origin = { view.origin[0], view.origin[1], view.origin[2] };
+    for (int i = 0; i < 3; ++i)
+        for (int j = 0; j < 3; ++j)
+            c.rotation.at[i][j] = view.rotation.data[i][j];
+    c.scale_x = view.scale[0];
+    c.scale_y = view.scale[1];
+    c.center_x = view.center[0];
+    c.center_y = view.center[1];
+    c.near = view.near;
+    c.far = lower(view.far, FAR_AWAY);
+    c.miss = view.miss;
+    return c;
+}
+
+// The box of a shape in its own frame: center and half widths.
+struct Extent {
+    Vec center, half;
+};
+
+WARPCAM_FN Vec turned_back(const Matrix& m, Vec v)  // transpose(m) v
+{
+    return { m.at[0][0] * v.x + m.at[1][0] * v.y + m.at[2][0] * v.z,
+             m.at[0][1] * v.x + m.at[1][1] * v.y + m.at[2][1] * v.z,
+             m.at[0][2] * v.x + m.at[1][2] * v.y + m.at[2][2] * v.z };
+}
+
+enum Visible { HIDDEN, SEEN, BROKEN };  // BROKEN: a pose or size that is not a number
+
+struct Shape {
+    int type, id, asset;
+    Vec position, size;
+    Matrix rotation;
+};
+
+// The half widths of an analytic shape's box, and the scale that makes it a unit shape. False for sizes that are
+// not positive: such a shape is not drawn.
+WARPCAM_FN bool unit_shape(const Shape& shape, Extent& extent, Vec& scale)
+{
+    const Vec s = shape.size;
+    Vec e = s;
+    if (shape.type == SPHERE)
+        e = { s.x, s.x, s.x };
+    else if (shape.type == CAPSULE)
+        e = { s.x, s.x, s.x + s.y };
+    else if (shape.type == CYLINDER)
+        e = { s.x, s.x, s.y };
+    extent = { { 0.0f, 0.0f, 0.0f }, e };
+    if (!(e.x > 0.0f && e.y > 0.0f && e.z > 0.0f))
+        return false;
+    const float sx = 1.0f / e.x;
+    scale = { sx, shape.type == CAPSULE ? sx : 1.0f / e.y, shape.type == CAPSULE ? sx : 1.0f / e.z };
+    return true;
+}
+
+// Type-specific part: box, scale and size row. False if the shape draws nothing.
+template <int TYPES, class Meshes, class HeightFields>
+WARPCAM_FN bool describe(const Shape& shape, const Meshes& meshes, const HeightFields& fields, Extent& extent,
+                         Vec& scale, Record& record)
+{
+    scale = { 1.0f, 1.0f, 1.0f };
+    const int asset = shape.asset;
+    if ((TYPES >> MESH & 1) && shape.type == MESH) {
+        if (asset < 0)
+            return false;
+        const auto lo = wp::index(meshes.lower, asset), hi = wp::index(meshes.upper, asset);
+        extent.center = { 0.5f * (lo[0] + hi[0]), 0.5f * (lo[1] + hi[1]), 0.5f * (lo[2] + hi[2]) };
+        extent.half = { 0.5f * (hi[0] - lo[0]), 0.5f * (hi[1] - lo[1]), 0.5f * (hi[2] - lo[2]) };
+        record.size.x = upper(upper(magnitude(lo[0]), magnitude(hi[0])),
+                              upper(upper(magnitude(lo[1]), magnitude(hi[1])), upper(magnitude(lo[2]), magnitude(hi[2]))));
+        return hi[0] >= lo[0];
+    }
+    if ((TYPES >> HEIGHT_FIELD & 1) && shape.type == HEIGHT_FIELD) {
+        if (asset < 0)
+            return false;
+        const auto size = wp::index(fields.size, asset);
+        const float top = wp::index(fields.bounds, wp::index(fields.bound_start, asset))[1];
+        extent.center = { 0.0f, 0.0f, 0.5f * (top - size[3]) };
+        extent.half = { size[0], size[1], 0.5f * (top + size[3]) };
+        record.size.x = size[0];
+        record.size.y = size[1];
+        record.size.z = size[3];
+        return true;
+    }
+    if ((TYPES >> PLANE & 1) && shape.type == PLANE) {
+        record.size.x = shape.size.x < FAR_AWAY ? shape.size.x : 0.0f;
+        record.size.y = shape.size.y < FAR_AWAY ? shape.size.y : 0.0f;
+        const bool finite = record.size.x > 0.0f && record.size.y > 0.0f;
+        extent = { { 0.0f, 0.0f, 0.0f }, { finite ? record.size.x : -1.0f, record.size.y, 0.0f } };
+        return true;
+    }
+    if (!unit_shape(shape, extent, scale))
+        return false;
+    record.size.x = shape.type == CAPSULE ? shape.size.y * scale.x : 0.0f;
+    return true;
+}
+
+// First and last tile along one axis whose pixel centres lie between two image coordinates.
+WARPCAM_FN void tile_span(float lo, float hi, int start, int length, int tile, signed char& first, signed char& last)
+{
+    const float margin = 0.01f;  // pixels; covers the rounding of the projection
+    const float a = upper(lo - margin - float(start), 0.0f), b = lower(hi + margin - float(start), float(length - 1));
+    const int from = int(a) + (float(int(a)) < a ? 1 : 0);
+    if (!(a <= b) || float(from) > b) {
+        first = 1;
+        last = 0;
+        return;
+    }
+    first = static_cast<signed char>(from / tile);
+    last = static_cast<signed char>(int(b) / tile);
+}
+
+template <int TYPES, int LENS, class Meshes, class HeightFields>
+WARPCAM_FN Visible prepare(const Shape& shape, const Camera& camera, const Region& region, const Meshes& meshes,
+                           const HeightFields& fields, Record& record, TileBox& tiles)
+{
+    float sum = shape.position.x + shape.position.y + shape.position.z;
+    for (int i = 0; i < 3; ++i)
+        sum += shape.rotation.at[i][0] + shape.rotation.at[i][1] + shape.rotation.at[i][2];
+    const float sizes = shape.size.x + shape.size.y + shape.size.z;
+    if (!(magnitude(sum) < FAR_AWAY) || sizes != sizes)
+        return BROKEN;
+    Extent extent {};
+    Vec scale;
+    record.size = { 0.0f, 0.0f, 0.0f, 0 };
+    if (!describe<TYPES>(shape, meshes, fields, extent, scale, record))
+        return HIDDEN;
+
+    const Vec away { camera.origin.x - shape.position.x, camera.origin.y - shape.position.y,
+                     camera.origin.z - shape.position.z };
+    const Vec o = turned_back(shape.rotation, away);
+    Matrix m;  // camera to shape
+    for (int i = 0; i < 3; ++i)
+        for (int j = 0; j < 3; ++j)
+            m.at[i][j] = shape.rotation.at[0][i] * camera.rotation.at[0][j]
+                + shape.rotation.at[1][i] * camera.rotation.at[1][j]
+                + shape.rotation.at[2][i] * camera.rotation.at[2][j];
+
+    const int across = (region.width - 1) / TILE_WIDTH, down = (region.height - 1) / TILE_HEIGHT;
+    tiles = { 0, 0, static_cast<signed char>(across), static_cast<signed char>(down) };
+    float nearest = 0.0f;
+    if (extent.half.x >= 0.0f) {  // not an endless plane
+        const Vec offset { extent.center.x - o.x, extent.center.y - o.y, extent.center.z - o.z };
+        const Vec center = turned_back(m, offset);
+        const Vec e = extent.half;
+        const float depth = -center.z;
+        const float reach = magnitude(m.at[0][2]) * e.x + magnitude(m.at[1][2]) * e.y + magnitude(m.at[2][2]) * e.z;
+        const float slack = 1.0e-5f * (magnitude(depth) + reach);
+        nearest = upper(depth - reach - slack, 0.0f);
+        if (depth + reach + slack < camera.near || nearest > camera.far)
+            return HIDDEN;
+        if (LENS == ORTHOGRAPHIC || nearest > 1.0e-3f * reach) {
+            float left = FAR_AWAY, right = -FAR_AWAY, top = FAR_AWAY, bottom = -FAR_AWAY;
+#pragma unroll 1  // unrolled, the corners would hold twice the registers of the trace
+            for (int k = 0; k < 8; ++k) {
+                const float a = k & 1 ? e.x : -e.x, b = k & 2 ? e.y : -e.y, c = k & 4 ? e.z : -e.z;
+                const float z = depth - (m.at[0][2] * a + m.at[1][2] * b + m.at[2][2] * c);
+                const float w = LENS == ORTHOGRAPHIC ? 1.0f : 1.0f / z;
+                const float x = (center.x + m.at[0][0] * a + m.at[1][0] * b + m.at[2][0] * c) * w;
+                const float y = (center.y + m.at[0][1] * a + m.at[1][1] * b + m.at[2][1] * c) * w;
+                left = lower(left, x);
+                right = upper(right, x);
+                bottom = upper(bottom, -y);
+                top = lower(top, -y);
+            }
+            const float px = 1.0f / camera.scale_x, py = 1.0f / camera.scale_y;
+            tile_span(left * px + camera.center_x - 0.5f, right * px + camera.center_x - 0.5f, region.left,
+                      region.width, TILE_WIDTH, tiles.left, tiles.right);
+            tile_span(top * py + camera.center_y - 0.5f, bottom * py + camera.center_y - 0.5f, region.top,
+                      region.height, TILE_HEIGHT, tiles.top, tiles.bottom);
+            if (tiles.left > tiles.right || tiles.top > tiles.bottom)
+                return HIDDEN;
+        }
+    }
+    if (LENS == PINHOLE && shape.type == PLANE && !(o.z > 0.0f))
+        return HIDDEN;  // seen from below
+
+    record.axis_x = { m.at[0][0] * scale.x, m.at[0][1] * scale.x, m.at[0][2] * scale.x, shape.type };
+    record.axis_y = { m.at[1][0] * scale.y, m.at[1][1] * scale.y, m.at[1][2] * scale.y, shape.id };
+    record.axis_z = { m.at[2][0] * scale.z, m.at[2][1] * scale.z, m.at[2][2] * scale.z, shape.asset };
+    record.origin = { o.x * scale.x, o.y * scale.y, o.z * scale.z, 0 };
+    record.size.w = as_int(nearest);
+    return SEEN;
+}
+
+}  // namespace warpcam

@@ -1,0 +1,179 @@
+// The shapes of one region of one view, nearest first, and the walk over its tiles.
+#pragma once
+#include "heightfield.h"
+#include "prepare.h"
+#include "shapes.h"
+
+namespace warpcam {
+
+constexpr int analytic_types(int types) { return types & ~(1 << MESH | 1 << HEIGHT_FIELD); }
+
+// What a region's rays are tested against. Ranks run from near to far.
+template <int CAPACITY> struct ShapeList {
+    Record records[CAPACITY];
+    float nearest[CAPACITY];        // by slot
+    int ids[CAPACITY];              // by slot
+    TileBox touched[CAPACITY];      // by slot
+    unsigned char order[CAPACITY];  // by rank: the slot
+    int count;
+    int next_tile;
+    int broken;
+};
+
+// Gives each slot its rank; ties go to the lower shape id, so the order does not depend on who came first.
+template <int CAPACITY> WARPCAM_FN void sort_by_depth(ShapeList<CAPACITY>& list, int thread)
+{
+    for (int i = thread; i < list.count; i += THREADS) {
+        const float key = list.nearest[i];
+        const int id = list.ids[i];
+        int rank = 0;
+        for (int j = 0; j < list.count; ++j) {
+            const float other = list.nearest[j];
+            rank += other < key || (other == key && list.ids[j] < id);
+        }
+        list.order[rank] = static_cast<unsigned char>(i);
+    }
+}
+
+WARPCAM_FN bool touches(const TileBox& box, int column, int row)
+{
+    return column >= box.left && column <= box.right && row >= box.top && row <= box.bottom;
+}
+
+// Thirty-two rays: of a warp, one a lane; of a CPU thread, all of them.
+#if defined(__CUDA_ARCH__)
+
+template <int TYPES, int LENS, int CAPACITY, class Meshes, class HeightFields>
+WARPCAM_FN void trace_tile(const ShapeList<CAPACITY>& list, unsigned* mesh_words, int column, int row, float x, float y,
+                           float near, const Meshes& meshes, const HeightFields& fields, Hit& hit)
+{
+    const ViewRay<LENS> ray { x, y };
+    constexpr bool HAS_MESH = TYPES >> MESH & 1, HAS_FIELD = TYPES >> HEIGHT_FIELD & 1;
+    const int lane = threadIdx.x % LANES;
+    const int words = (list.count + 31) / 32;
+    bool covered = false;  // every lane has a hit nearer than all that follows
+    for (int word = 0; word < words; ++word) {
+        const int rank = word * 32 + lane;
+        bool mine = false, mesh = false;
+        if (rank < list.count) {
+            const int slot = list.order[rank];
+            mine = touches(list.touched[slot], column, row);
+            mesh = HAS_MESH && list.records[slot].axis_x.w == MESH;
+        }
+        unsigned mask = __ballot_sync(0xffffffffu, mine && !mesh);
+        if (HAS_MESH) {
+            const unsigned behind = __ballot_sync(0xffffffffu, mine && mesh);
+            if (lane == 0)
+                mesh_words[word] = behind;
+        }
+        while (mask && !covered) {
+            const int slot = list.order[word * 32 + lowest_bit(mask)];
+            mask &= mask - 1;
+            const Record& record = list.records[slot];
+            if (!__any_sync(0xffffffffu, as_float(record.size.w) < hit.depth)) {
+                covered = true;
+                break;
+            }
+            if (HAS_FIELD && record.axis_x.w == HEIGHT_FIELD) {
+                walk_height_field(fields, record, ray, near, hit);
+                __syncwarp();
+            } else {
+                const float t = enter_any<analytic_types(TYPES)>(record, ray.local(record));
+                if (t < hit.depth && t > near) {
+                    hit.depth = t;
+                    hit.shape = record.axis_y.w;
+                }
+            }
+        }
+        if (covered && !HAS_MESH)
+            break;
+    }
+    if (HAS_MESH) {
+        __syncwarp();
+        walk_meshes<false>(meshes, list.records, list.order, mesh_words, words, ray, near, hit);
+        __syncwarp();
+    }
+}
+
+#else
+
+struct Rays {
+    float x[LANES], y[LANES], depth[LANES];
+    int shape[LANES], face[LANES];
+};
+
+template <int TYPE, int LENS> inline void trace_shape(const Record& record, float near, Rays& rays)
+{
+    const Record r = record;
+    for (int lane = 0; lane < LANES; ++lane) {
+        const float t = enter<TYPE>(r, ViewRay<LENS> { rays.x[lane], rays.y[lane] }.local(r));
+        const bool closer = (t < rays.depth[lane]) & (t > near);
+        rays.depth[lane] = closer ? t : rays.depth[lane];
+        rays.shape[lane] = closer ? r.axis_y.w : rays.shape[lane];
+    }
+}
+
+template <int TYPES, int LENS, int CAPACITY, class Meshes, class HeightFields>
+inline void trace_tile(const ShapeList<CAPACITY>& list, unsigned* mesh_words, int column, int row, float near,
+                       const Meshes& meshes, const HeightFields& fields, Rays& rays)
+{
+    const int words = (list.count + 31) / 32;
+    for (int word = 0; word < words; ++word)
+        mesh_words[word] = 0;
+    bool any_mesh = false;
+    float farthest = FAR_AWAY;
+    for (int rank = 0; rank < list.count; ++rank) {
+        const int slot = list.order[rank];
+        if (!touches(list.touched[slot], column, row))
+            continue;
+        const Record& record = list.records[slot];
+        if (as_float(record.size.w) >= farthest)
+            break;
+        const int type = record.axis_x.w;
+        if (type == MESH) {
+            mesh_words[rank / 32] |= 1u << rank % 32;
+            any_mesh = true;
+            continue;
+        }
+        switch (type) {
+#define WARPCAM_CASE(TYPE) \
+    case TYPE: \
+        if (TYPES >> TYPE & 1) \
+            trace_shape<TYPE, LENS>(record, near, rays); \
+        break;
+            WARPCAM_CASE(PLANE)
+            WARPCAM_CASE(SPHERE)
+            WARPCAM_CASE(CAPSULE)
+            WARPCAM_CASE(ELLIPSOID)
+            WARPCAM_CASE(CYLINDER)
+            WARPCAM_CASE(BOX)
+#undef WARPCAM_CASE
+        case HEIGHT_FIELD:
+            if (TYPES >> HEIGHT_FIELD & 1)
+                for (int lane = 0; lane < LANES; ++lane) {
+                    Hit hit { rays.depth[lane], rays.shape[lane], rays.face[lane] };
+                    walk_height_field(fields, record, ViewRay<LENS> { rays.x[lane], rays.y[lane] }, near, hit);
+                    rays.depth[lane] = hit.depth;
+                    rays.shape[lane] = hit.shape;
+                    rays.face[lane] = hit.face;
+                }
+            break;
+        }
+        farthest = rays.depth[0];
+        for (int lane = 1; lane < LANES; ++lane)
+            farthest = upper(farthest, rays.depth[lane]);
+    }
+    if ((TYPES >> MESH & 1) && any_mesh)
+        for (int lane = 0; lane < LANES; ++lane) {
+            Hit hit { rays.depth[lane], rays.shape[lane], rays.face[lane] };
+            walk_meshes<false>(meshes, list.records, list.order, mesh_words, words,
+                               ViewRay<LENS> { rays.x[lane], rays.y[lane] }, near, hit);
+            rays.depth[lane] = hit.depth;
+            rays.shape[lane] = hit.shape;
+            rays.face[lane] = hit.face;
+        }
+}
+
+#endif
+
+}  // namespace warpcam

@@ -1,0 +1,199 @@
+// The trace: for every pixel of a view the nearest shape, its face and planar depth.
+#pragma once
+#include "tiles.h"
+
+namespace warpcam {
+
+enum Output { DEPTH = 1, SHAPE = 2, FACE = 4 };
+
+// Does the shape's colour let it be seen at all? MuJoCo's rule of which colour counts (see surface.py).
+template <class Shapes, class Materials>
+WARPCAM_FN bool transparent(const Shapes& shapes, const Materials& materials, int world, int id)
+{
+    const auto color = shared_row(shapes.colors, world, id);
+    const int material = shared_row(shapes.materials, world, id);
+    const bool plain = color[0] == 0.5f && color[1] == 0.5f && color[2] == 0.5f && color[3] == 1.0f;
+    if (material >= 0 && plain)
+        return shared_row(materials.color, world, material)[3] == 0.0f;
+    return color[3] == 0.0f;
+}
+
+template <class Shapes> WARPCAM_FN Shape load_shape(const Shapes& shapes, int world, int id)
+{
+    Shape s;
+    s.type = wp::index(shapes.types, id);
+    s.id = id;
+    s.asset = shared_row(shapes.assets, world, id);
+    const auto p = wp::index(shapes.positions, world, id);
+    const auto r = wp::index(shapes.rotations, world, id);
+    const auto size = shared_row(shapes.sizes, world, id);
+    s.position = { p[0], p[1], p[2] };
+    s.size = { size[0], size[1], size[2] };
+    for (int i = 0; i < 3; ++i)
+        for (int j = 0; j < 3; ++j)
+            s.rotation.at[i][j] = r.data[i][j];
+    return s;
+}
+
+// Fills the list with shapes from `begin` on until it is full; returns where to go on.
+template <int TYPES, int LENS, int CAPACITY, class Shapes, class Materials, class Meshes, class HeightFields>
+WARPCAM_FN int gather(ShapeList<CAPACITY>& list, int begin, const Shapes& shapes, const Materials& materials,
+                      const Meshes& meshes, const HeightFields& fields, const Camera& camera, const Region& region,
+                      int world, int thread)
+{
+    const int total = shapes.drawn.shape[0];
+    while (begin < total) {
+        const int i = begin + thread;
+        begin += THREADS;
+        if (i < total) {
+            Record record;
+            TileBox tiles;
+            const int id = wp::index(shapes.drawn, i);
+            const Visible seen = prepare<TYPES, LENS>(load_shape(shapes, world, id), camera, region, meshes, fields,
+                                                      record, tiles);
+            if (seen == BROKEN)
+                list.broken = 1;
+            if (seen == SEEN && !transparent(shapes, materials, world, id)) {
+#if defined(__CUDA_ARCH__)
+                const int slot = atomicAdd(&list.count, 1);
+#else
+                const int slot = list.count++;
+#endif
+                list.records[slot] = record;
+                list.nearest[slot] = as_float(record.size.w);
+                list.ids[slot] = id;
+                list.touched[slot] = tiles;
+            }
+        }
+        if (total > CAPACITY) {  // the next round may overflow the list
+            block_barrier();
+            const bool full = list.count + THREADS > CAPACITY;
+            block_barrier();
+            if (full)
+                break;
+        }
+    }
+    block_barrier();
+    return begin;
+}
+
+template <class Target> WARPCAM_FN void put(const Target& target, int outputs, size_t at, float depth, int shape, int face)
+{
+    if (outputs & DEPTH)
+        target.depth.data[at] = depth;
+    if (outputs & SHAPE)
+        target.shape.data[at] = shape;
+    if (outputs & FACE)
+        target.face.data[at] = face;
+}
+
+// Draws one region of one view; `index` counts worlds, then regions, then (CUDA) threads of the block.
+// SEVERAL: the scene may have more shapes than the list holds; then the region is drawn in several passes, each
+// going on from the depth of the last, and depth and shape are always written.
+template <int TYPES, int LENS, int CAPACITY, bool SEVERAL, int WIDTH, int HEIGHT, int OUTPUTS, class Shapes,
+          class Materials, class Meshes, class HeightFields, class Views, class Target>
+WARPCAM_FN void draw(const Shapes& shapes, const Materials& materials, const Meshes& meshes,
+                     const HeightFields& fields, const Views& views, const Target& target, int index)
+{
+    WARPCAM_SHARED ShapeList<CAPACITY> list;
+    const int thread = index % THREADS, block = index / THREADS;
+    const int columns = (target.width + WIDTH - 1) / WIDTH, rows = (target.height + HEIGHT - 1) / HEIGHT;
+    const int world = block / (columns * rows), part = block % (columns * rows);
+    if (!wp::index(target.mask, world))
+        return;
+    Region region { part % columns * WIDTH, part / columns * HEIGHT, WIDTH, HEIGHT };
+    region.width = lower_int(WIDTH, (target.width - region.left + TILE_WIDTH - 1) / TILE_WIDTH * TILE_WIDTH);
+    region.height = lower_int(HEIGHT, (target.height - region.top + TILE_HEIGHT - 1) / TILE_HEIGHT * TILE_HEIGHT);
+    const Camera camera = load_camera(wp::index(views, world));
+    const bool blind = !(magnitude(camera.origin.x) < FAR_AWAY);
+    const int across = region.width / TILE_WIDTH, tiles = across * (region.height / TILE_HEIGHT);
+    const int total = blind ? 0 : shapes.drawn.shape[0];
+
+    int begin = 0;
+    bool first = true;
+    if (thread == 0)
+        list.broken = 0;
+    do {
+        if (thread == 0) {
+            list.count = 0;
+            list.next_tile = 0;
+        }
+        block_barrier();
+        if (!blind)
+            begin = gather<TYPES, LENS>(list, begin, shapes, materials, meshes, fields, camera, region, world, thread);
+        if (list.broken) {  // nothing of this world can be trusted
+            block_barrier();
+            if (thread == 0) {
+                list.count = 0;
+                target.faults.data[world] = 1;
+            }
+            begin = total;
+            first = true;
+            block_barrier();
+        }
+        sort_by_depth(list, thread);
+        block_barrier();
+#if defined(__CUDA_ARCH__)
+        WARPCAM_SHARED unsigned words[THREADS / LANES][(CAPACITY + 31) / 32];
+        const int lane = thread % LANES, warp = thread / LANES;
+        while (true) {
+            int tile = 0;
+            if (lane == 0)
+                tile = atomicAdd(&list.next_tile, 1);
+            tile = __shfl_sync(0xffffffffu, tile, 0);
+            if (tile >= tiles)
+                break;
+            const int column = tile % across, row = tile / across;
+            const int i = region.left + column * TILE_WIDTH + lane % TILE_WIDTH;
+            const int j = region.top + row * TILE_HEIGHT + lane / TILE_WIDTH;
+            const bool inside = i < target.width && j < target.height;
+            const size_t at = (size_t(world) * target.height + j) * target.width + i;
+            Hit hit { inside ? camera.far : -1.0f, -1, -1 };
+            if (SEVERAL && !first && inside) {
+                hit.shape = target.shape.data[at];
+                if (OUTPUTS & FACE)
+                    hit.face = target.face.data[at];
+                if (hit.shape >= 0)
+                    hit.depth = target.depth.data[at];
+            }
+            trace_tile<TYPES, LENS>(list, words[warp], column, row, image_x(camera, float(i)),
+                                    image_y(camera, float(j)), camera.near, meshes, fields, hit);
+            if (inside)
+                put(target, OUTPUTS, at, hit.shape < 0 ? camera.miss : hit.depth, hit.shape, hit.face);
+        }
+#else
+        unsigned words[(CAPACITY + 31) / 32];
+        for (int tile = 0; tile < tiles; ++tile) {
+            const int left = region.left + tile % across * TILE_WIDTH, top = region.top + tile / across * TILE_HEIGHT;
+            Rays rays;
+            for (int lane = 0; lane < LANES; ++lane) {
+                const int i = left + lane % TILE_WIDTH, j = top + lane / TILE_WIDTH;
+                const bool inside = i < target.width && j < target.height;
+                rays.x[lane] = image_x(camera, float(i));
+                rays.y[lane] = image_y(camera, float(j));
+                rays.depth[lane] = inside ? camera.far : -1.0f;
+                rays.shape[lane] = rays.face[lane] = -1;
+                if (SEVERAL && !first && inside) {
+                    const size_t at = (size_t(world) * target.height + j) * target.width + i;
+                    rays.shape[lane] = target.shape.data[at];
+                    if (OUTPUTS & FACE)
+                        rays.face[lane] = target.face.data[at];
+                    if (rays.shape[lane] >= 0)
+                        rays.depth[lane] = target.depth.data[at];
+                }
+            }
+            trace_tile<TYPES, LENS>(list, words, tile % across, tile / across, camera.near, meshes, fields, rays);
+            for (int lane = 0; lane < LANES; ++lane) {
+                const int i = left + lane % TILE_WIDTH, j = top + lane / TILE_WIDTH;
+                if (i < target.width && j < target.height)
+                    put(target, OUTPUTS, (size_t(world) * target.height + j) * target.width + i,
+                        rays.shape[lane] < 0 ? camera.miss : rays.depth[lane], rays.shape[lane], rays.face[lane]);
+            }
+        }
+#endif
+        first = false;
+        block_barrier();
+    } while (SEVERAL && begin < total);
+}
+
+}  // namespace warpcam

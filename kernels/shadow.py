@@ -1,0 +1,103 @@
+"""Shadows: for each pixel the lights that do not reach what it sees."""
+
+import functools
+
+import warp as wp
+
+from .launch import Stage, native_options, record as record_launch
+from .tables import Tables
+from .types import HeightFields, Lights, Materials, Meshes, Shapes, View
+from .visibility import BLOCKS, LENSES, THREADS, region_size
+
+MAX_LIGHTS = 32  # bits of a mask
+
+
+@wp.struct
+class Shaded:
+    """What the shadow kernel reads and writes, each (world * height * width,)."""
+
+    mask: wp.array(dtype=wp.uint8)  # (world,) 0 leaves the world's images alone
+    depth: wp.array(dtype=wp.float32)  # planar depth [m]
+    shape: wp.array(dtype=wp.int32)  # shape id, or -1
+    shadow: wp.array(dtype=wp.int32)  # bit l is set where light l does not reach the point
+    width: wp.int32
+    height: wp.int32
+
+
+@functools.cache
+def _kernel(types: int, lens: int, capacity: int, width: int, height: int) -> wp.Kernel:
+    @wp.func_native(
+        f"warpcam::cast<{types}, {lens}, {capacity}, {width}, {height}>"
+        "(shapes, materials, meshes, fields, lights, views, target, index);"
+    )
+    def cast(
+        shapes: Shapes,
+        materials: Materials,
+        meshes: Meshes,
+        fields: HeightFields,
+        lights: Lights,
+        views: wp.array(dtype=View),
+        target: Shaded,
+        index: int,
+    ): ...
+
+    @wp.kernel(
+        module="unique",
+        enable_backward=False,
+        grid_stride=False,
+        launch_bounds=(THREADS, BLOCKS),
+        module_options={"extra_build_options": native_options("shadow.h")},
+    )
+    def shadow(
+        shapes: Shapes,
+        materials: Materials,
+        meshes: Meshes,
+        fields: HeightFields,
+        lights: Lights,
+        views: wp.array(dtype=View),
+        target: Shaded,
+        first: wp.int32,
+    ):
+        cast(shapes, materials, meshes, fields, lights, views, target, first + wp.tid())
+
+    return shadow
+
+
+def record(
+    tables: Tables,
+    lens: str,
+    views: wp.array,
+    mask: wp.array,
+    depth: wp.array,
+    shape: wp.array,
+    width: int,
+    height: int,
+    shadow: wp.array,
+    device: wp.Device,
+) -> Stage:
+    """Bind the shadow pass of one camera; it runs after the camera's trace.
+
+    Args:
+        tables: The scene; at most MAX_LIGHTS lights.
+        lens: "pinhole" or "orthographic".
+        views: View, (world,).
+        mask: uint8, (world,); worlds with 0 are left alone.
+        depth: float32, (world, height, width, ...), as the trace wrote it.
+        shape: int32, likewise.
+        width: Image width [pixels].
+        height: Image height [pixels].
+        shadow: int32, likewise; written.
+        device: Where all of these lie.
+    """
+    target = Shaded()
+    target.mask, target.width, target.height = mask, width, height
+    target.depth, target.shape, target.shadow = depth.flatten(), shape.flatten(), shadow.flatten()
+    types = sum(1 << t for t in tables.shape_types)
+    capacity = next(c for c in (16, 32, 64, 128, 256) if c >= min(tables.num_drawn, 256))
+    worlds = views.shape[0]
+    region = region_size(worlds, width, height, device)
+    kernel = _kernel(types, LENSES[lens], capacity, *region)
+    blocks = worlds * -(-width // region[0]) * -(-height // region[1])
+    arguments = [tables.shapes, tables.materials, tables.meshes, tables.height_fields, tables.lights, views, target]
+    dim = blocks * THREADS if device.is_cuda else blocks
+    return record_launch(kernel, dim, arguments, device, block_dim=THREADS)

@@ -1,0 +1,37 @@
+"""The scene as the kernels see it, and the facts they are specialised on."""
+
+from dataclasses import dataclass
+from typing import Any
+
+
+@dataclass(frozen=True, eq=False)
+class Tables:
+    """Warp structs of one scene (see types.py) and the host facts that choose what is compiled.
+
+    The struct fields are instances of the structs in types.py. Two tables with equal ``facts()`` use the same kernels.
+    """
+
+    shapes: Any
+    meshes: Any
+    height_fields: Any
+    materials: Any
+    textures: Any
+    lights: Any
+    background: Any
+    num_worlds: int
+    num_drawn: int  # length of shapes.drawn
+    num_lights: int
+    shape_types: frozenset[int]  # types among the drawn shapes
+    has_materials: bool
+    has_textures: bool  # some material can show a texture
+    has_skybox: bool
+
+    def facts(self) -> tuple:
+        """Everything a kernel may be specialised on; hashable."""
+        return (
+            self.shape_types,
+            self.num_lights,
+            self.has_materials,
+            self.has_textures,
+            self.has_skybox,
+        )

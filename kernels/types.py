@@ -1,0 +1,151 @@
+"""The structs that cross a launch.
+
+A field whose shape begins with ``(world*, ...)`` has a leading dimension of any length n >= 1 and is read at
+``world % n``: length 1 is one value shared by all worlds. Indices of -1 mean "none". Lengths are metres,
+angles radians, colours linear factors in [0, 1] unless said otherwise.
+"""
+
+import warp as wp
+
+# Shape types: the values of MuJoCo's mjtGeom, whose vocabulary other sources are translated to.
+PLANE = 0
+HEIGHT_FIELD = 1
+SPHERE = 2
+CAPSULE = 3
+ELLIPSOID = 4
+CYLINDER = 5
+BOX = 6
+MESH = 7
+
+# Light types.
+LIGHT_SPOT = 0
+LIGHT_DIRECTIONAL = 1
+
+# Texture kinds.
+TEXTURE_2D = 0
+TEXTURE_CUBE = 1
+
+
+@wp.struct
+class Shapes:
+    """What can be seen: a table over worlds and shapes. ``shape`` is the source's own id (a MuJoCo geom id)."""
+
+    drawn: wp.array(dtype=wp.int32)  # (drawn,) ids of the shapes that may be visible, ascending
+    types: wp.array(dtype=wp.int32)  # (shape,) one of the shape types above
+    bodies: wp.array(dtype=wp.int32)  # (shape,) id of the body the shape is fixed to
+    positions: wp.array2d(dtype=wp.vec3)  # (world, shape) world frame [m]; NaN hides the shape's world
+    rotations: wp.array2d(dtype=wp.mat33)  # (world, shape) columns are the shape's axes in the world frame
+    # (world*, shape) sphere r; capsule and cylinder (r, half length along z); ellipsoid and box half extents;
+    # plane half widths in x and y, 0 = infinite; not read for meshes and height fields [m]
+    sizes: wp.array2d(dtype=wp.vec3)
+    assets: wp.array2d(dtype=wp.int32)  # (world*, shape) index of the mesh or height field; -1 draws nothing
+    materials: wp.array2d(dtype=wp.int32)  # (world*, shape) index into Materials, or -1
+    colors: wp.array2d(dtype=wp.vec4)  # (world*, shape) RGBA; see shape_color() for how it meets the material
+
+
+@wp.struct
+class Meshes:
+    """Triangle meshes in their own frames, shared by all worlds, all in the same few arrays."""
+
+    lower: wp.array(dtype=wp.vec3)  # (mesh,) corner of the bounding box [m]
+    upper: wp.array(dtype=wp.vec3)  # (mesh,)
+    node_start: wp.array(dtype=wp.int32)  # (mesh,) row of its root node in `nodes`
+    face_start: wp.array(dtype=wp.int32)  # (mesh,) row of its first face in `faces`
+    # (row,) a node of the 4-wide tree is 7 rows: lower x, y, z and upper x, y, z of four children, then the four
+    # children as int bits: a node's index, or -(first_face * 16 + count) - 1 for a leaf; both relative to the mesh.
+    # An absent child has all its bounds at 1e30.
+    nodes: wp.array(dtype=wp.vec4)
+    # (row,) a face is 3 rows, its corners, counterclockwise seen from the front; in leaf order. The fourth
+    # component of the first row holds, as int bits, the face's index among the mesh's faces as they were given.
+    faces: wp.array(dtype=wp.vec4)
+    # Shading data, by corner of the faces as given: corner 3 * (corner_start + face) + k.
+    corner_start: wp.array(dtype=wp.int32)  # (mesh,) first face in the two arrays below
+    normals: wp.array(dtype=wp.vec3)  # (corner,) unit, mesh frame
+    uvs: wp.array(dtype=wp.vec2)  # (corner,) texture coordinates, v up; only read where has_uvs
+    has_uvs: wp.array(dtype=wp.int32)  # (mesh,) 1 where the mesh has texture coordinates
+
+
+@wp.struct
+class HeightFields:
+    """Terrain: a grid of heights over a box, with sides and a base, and a pyramid of bounds to walk it by."""
+
+    size: wp.array(dtype=wp.vec4)  # (hfield,) half width x, half width y, height of 1.0, depth of the base [m]
+    rows: wp.array(dtype=wp.int32)  # (hfield,) samples along y
+    columns: wp.array(dtype=wp.int32)  # (hfield,) samples along x
+    height_start: wp.array(dtype=wp.int32)  # (hfield,) first sample in `heights`
+    bound_start: wp.array(dtype=wp.int32)  # (hfield,) first entry in `bounds`
+    levels: wp.array(dtype=wp.int32)  # (hfield,) levels of the pyramid: 2^(levels-1) cells a side at the bottom
+    heights: wp.array(dtype=wp.float32)  # (sample,) row-major, y then x, [m]
+    # (entry,) lowest and highest height of a block of cells [m]; level after level from the single root, each
+    # level square and row-major; blocks outside the grid are empty (lowest > highest)
+    bounds: wp.array(dtype=wp.vec2)
+
+
+@wp.struct
+class Materials:
+    """How surfaces look. MuJoCo's material, which other sources are translated to."""
+
+    color: wp.array2d(dtype=wp.vec4)  # (world*, material) RGBA
+    emission: wp.array2d(dtype=wp.float32)  # (world*, material)
+    specular: wp.array2d(dtype=wp.float32)  # (world*, material)
+    shininess: wp.array2d(dtype=wp.float32)  # (world*, material) in [0, 1]; the exponent is 128 times it
+    texture: wp.array3d(dtype=wp.int32)  # (world*, material, role) index into Textures or -1; role 1 is RGB
+    texture_repeat: wp.array2d(dtype=wp.vec2)  # (world*, material)
+    texture_uniform: wp.array2d(dtype=wp.bool)  # (world*, material) repeat per metre instead of per shape
+
+
+@wp.struct
+class Textures:
+    """Images with their mipmaps, packed one after another."""
+
+    kind: wp.array(dtype=wp.int32)  # (texture,) TEXTURE_2D or TEXTURE_CUBE (also skyboxes)
+    width: wp.array(dtype=wp.int32)  # (texture,) of level 0 [pixels]
+    height: wp.array(dtype=wp.int32)  # (texture,) of level 0, of one face for cubes [pixels]
+    levels: wp.array(dtype=wp.int32)  # (texture,) number of mipmap levels
+    start: wp.array(dtype=wp.int32)  # (texture,) first texel in `texels`
+    # (texel,) R | G << 8 | B << 16 | A << 24, display values. Level after level; a level of a cube holds its six
+    # faces, +x -x +y -y +z -z, one after another; rows from the top of the image.
+    texels: wp.array(dtype=wp.uint32)
+
+
+@wp.struct
+class Lights:
+    """Lights of the scene, and the headlight that moves with each camera."""
+
+    types: wp.array2d(dtype=wp.int32)  # (world*, light) LIGHT_SPOT or LIGHT_DIRECTIONAL; others give no light
+    active: wp.array2d(dtype=wp.bool)  # (world*, light)
+    casts_shadow: wp.array2d(dtype=wp.bool)  # (world*, light)
+    positions: wp.array2d(dtype=wp.vec3)  # (world, light) world frame [m]
+    directions: wp.array2d(dtype=wp.vec3)  # (world, light) from the light outwards, world frame, unit
+    attenuation: wp.array2d(dtype=wp.vec3)  # (world*, light) constant, linear, quadratic; spot lights only
+    cutoff: wp.array2d(dtype=wp.float32)  # (world*, light) half angle of a spot [degrees]
+    exponent: wp.array2d(dtype=wp.float32)  # (world*, light) falloff of a spot
+    ambient: wp.array2d(dtype=wp.vec3)  # (world*, light)
+    diffuse: wp.array2d(dtype=wp.vec3)  # (world*, light)
+    specular: wp.array2d(dtype=wp.vec3)  # (world*, light)
+    headlight: wp.array(dtype=wp.vec3)  # (3,) ambient, diffuse, specular of the headlight; zeros when it is off
+    global_ambient: wp.float32  # light that is everywhere
+
+
+@wp.struct
+class View:
+    """One camera in one world, as the trace wants it. Written by the views kernel each frame."""
+
+    origin: wp.vec3  # centre of projection, world frame [m]; NaN gives the background
+    rotation: wp.mat33  # columns right, up, backward in the world frame
+    # Pixel (i, j), column and row from the top left, sees along (x, y, -1) from the origin, with
+    # x = (i + 0.5 - center[0]) * scale[0] and y = (center[1] - j - 0.5) * scale[1].
+    # Orthographic: from (x, y, 0) along (0, 0, -1) instead, x and y in metres.
+    scale: wp.vec2
+    center: wp.vec2  # principal point [pixels]
+    near: wp.float32  # nothing nearer than this is seen: planar depth [m]
+    far: wp.float32  # nothing farther is seen [m]; may be infinite
+    miss: wp.float32  # depth where nothing is hit
+
+
+@wp.struct
+class Background:
+    """What a pixel that hits nothing shows."""
+
+    color: wp.vec3  # display colour
+    skybox: wp.int32  # index of a cube texture, or -1

@@ -1,0 +1,128 @@
+"""The trace: for each pixel of a camera's views the nearest shape, its face and its depth."""
+
+import functools
+
+import warp as wp
+
+from .launch import Stage, native_options, record as record_launch
+from .tables import Tables
+from .types import HeightFields, Materials, Meshes, Shapes, View
+
+LENSES = {"pinhole": 0, "orthographic": 1}
+THREADS = 64  # of a CUDA block; lanes.h has the same number
+BLOCKS = 16  # on a multiprocessor: bounds the registers of a thread
+
+
+@wp.struct
+class Target:
+    """Where the trace writes. Arrays that were not asked for are empty."""
+
+    mask: wp.array(dtype=wp.uint8)  # (world,) 0 leaves the world's images alone
+    faults: wp.array(dtype=wp.uint8)  # (world,) set to 1 where a pose or size is not a number
+    depth: wp.array(dtype=wp.float32)  # (world * height * width,) planar depth [m]; View.miss where nothing is hit
+    shape: wp.array(dtype=wp.int32)  # (world * height * width,) shape id, or -1
+    # (world * height * width,) mesh: row / 3 of the face in the mesh's part of Meshes.faces; height field:
+    # 2 * cell + k, where k = 0 is the triangle below the cell's diagonal, -1 on sides and base; else undefined
+    face: wp.array(dtype=wp.int32)
+    width: wp.int32
+    height: wp.int32
+
+
+@functools.cache
+def _kernel(types: int, lens: int, capacity: int, several: bool, width: int, height: int, outputs: int) -> wp.Kernel:
+    flag = "true" if several else "false"
+
+    @wp.func_native(
+        f"warpcam::draw<{types}, {lens}, {capacity}, {flag}, {width}, {height}, {outputs}>"
+        "(shapes, materials, meshes, fields, views, target, index);"
+    )
+    def draw(
+        shapes: Shapes,
+        materials: Materials,
+        meshes: Meshes,
+        fields: HeightFields,
+        views: wp.array(dtype=View),
+        target: Target,
+        index: int,
+    ): ...
+
+    @wp.kernel(
+        module="unique",
+        enable_backward=False,
+        grid_stride=False,
+        launch_bounds=(THREADS, BLOCKS),
+        module_options={"extra_build_options": native_options("visibility.h")},
+    )
+    def visibility(
+        shapes: Shapes,
+        materials: Materials,
+        meshes: Meshes,
+        fields: HeightFields,
+        views: wp.array(dtype=View),
+        target: Target,
+        first: wp.int32,
+    ):
+        draw(shapes, materials, meshes, fields, views, target, first + wp.tid())
+
+    return visibility
+
+
+def record(
+    tables: Tables,
+    lens: str,
+    views: wp.array,
+    mask: wp.array,
+    faults: wp.array,
+    width: int,
+    height: int,
+    depth: wp.array | None,
+    shape: wp.array | None,
+    face: wp.array | None,
+    device: wp.Device,
+) -> Stage:
+    """Bind the trace of one camera.
+
+    Args:
+        tables: The scene.
+        lens: "pinhole" or "orthographic".
+        views: View, (world,).
+        mask: uint8, (world,); worlds with 0 are left alone.
+        faults: uint8, (world,); set to 1 where a pose or size is not a number.
+        width: Image width [pixels].
+        height: Image height [pixels].
+        depth: float32, (world, height, width, ...), or None if it is not wanted.
+        shape: int32, likewise.
+        face: int32, likewise; see Target.
+        device: Where all of these lie.
+    """
+    worlds = views.shape[0]
+    capacity = next(c for c in (16, 32, 64, 128, 256) if c >= min(tables.num_drawn, 256))
+    several = tables.num_drawn > capacity
+    if several:  # passes go on from each other's depth and shape
+        pixels = worlds * height * width
+        depth = wp.empty(pixels, dtype=wp.float32, device=device) if depth is None else depth
+        shape = wp.empty(pixels, dtype=wp.int32, device=device) if shape is None else shape
+    target = Target()
+    target.mask, target.faults = mask, faults
+    target.width, target.height = width, height
+    outputs = 0
+    for bit, (name, buffer) in enumerate({"depth": depth, "shape": shape, "face": face}.items()):
+        if buffer is not None:
+            setattr(target, name, buffer.flatten())
+            outputs |= 1 << bit
+    types = sum(1 << t for t in tables.shape_types)
+    region = region_size(worlds, width, height, device)
+    kernel = _kernel(types, LENSES[lens], capacity, several, *region, outputs)
+    blocks = worlds * -(-width // region[0]) * -(-height // region[1])
+    arguments = [tables.shapes, tables.materials, tables.meshes, tables.height_fields, views, target]
+    dim = blocks * THREADS if device.is_cuda else blocks
+    return record_launch(kernel, dim, arguments, device, block_dim=THREADS)
+
+
+def region_size(worlds: int, width: int, height: int, device: wp.Device) -> tuple[int, int]:
+    """Pixels that one thread block draws: as many as leave enough blocks to fill the device."""
+    wanted = device.sm_count * 64 if device.is_cuda else 32
+    for size in ((64, 64), (64, 32), (32, 32), (32, 16), (16, 16)):
+        if worlds * -(-width // size[0]) * -(-height // size[1]) >= wanted:
+            return size
+    return (16, 8)
