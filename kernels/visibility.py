@@ -9,8 +9,8 @@ from .tables import Tables
 from .types import HeightFields, Materials, Meshes, Shapes, View
 
 LENSES = {"pinhole": 0, "orthographic": 1}
-THREADS = 64  # of a CUDA block; lanes.h has the same number
-BLOCKS = 16  # on a multiprocessor: bounds the registers of a thread
+THREADS = 128  # of a CUDA block; lanes.h has the same number
+BLOCKS = 8  # on a multiprocessor: bounds the registers of a thread
 
 
 @wp.struct
@@ -121,7 +121,7 @@ def record(
 
 def region_size(worlds: int, width: int, height: int, device: wp.Device) -> tuple[int, int]:
     """Pixels that one thread block draws: as many as leave enough blocks to fill the device."""
-    wanted = device.sm_count * 64 if device.is_cuda else 32
+    wanted = device.sm_count * 24 if device.is_cuda else 32
     for size in ((64, 64), (64, 32), (32, 32), (32, 16), (16, 16)):
         if worlds * -(-width // size[0]) * -(-height // size[1]) >= wanted:
             return size

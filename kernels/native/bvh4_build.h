@@ -11,7 +11,7 @@ namespace bvh4_build {
 constexpr int kMaxLeaf = 8;                // faces in a leaf
 constexpr int kMaxDepth = 16;              // levels of 4-wide nodes
 constexpr int kMaxHeight = 2 * kMaxDepth;  // levels of binary nodes that are too large for a leaf
-constexpr int kMaxFaces = kMaxLeaf << 24;  // first_face * 16 + count must fit in 31 bits
+constexpr int kMaxFaces = kMaxLeaf << 24;  // in a mesh
 constexpr int kBins = 32;                  // a split is sought at the borders of so many bins along each axis ...
 constexpr int kSweep = 16;                 // ... and between any two faces where there are at most this many
 constexpr float kFaceCost = 0.2f;          // a ray's work for a face, in units of its work for a node
@@ -52,11 +52,11 @@ struct Box {
 
 // A face on its way to its leaf.
 struct Item {
-    float lower[3], upper[3];
+    Box box;
     int face;
-    unsigned char bin[4];  // along x, y, z
+    unsigned char bin[3];  // along x, y, z
 
-    float centroid(int axis) const { return 0.5f * (lower[axis] + upper[axis]); }
+    float centroid(int axis) const { return 0.5f * (box.lower[axis] + box.upper[axis]); }
 };
 
 // A node of the binary tree. Its faces are items [first, first + count); children come after their parents.
@@ -106,12 +106,12 @@ inline int split_few(Item* items, int count, int limit)
         double after[kSweep];
         Box box = Box::empty();
         for (int i = count - 1; i > 0; --i) {
-            box.grow(items[order[i]].lower, items[order[i]].upper);
+            box.grow(items[order[i]].box);
             after[i] = box.area() * (count - i);
         }
         box = Box::empty();
         for (int i = 1; i < count; ++i) {
-            box.grow(items[order[i - 1]].lower, items[order[i - 1]].upper);
+            box.grow(items[order[i - 1]].box);
             if (larger(i, count - i) <= limit) best.offer(box.area() * i + after[i], i, count, axis, 0);
         }
     }
@@ -138,7 +138,7 @@ inline int split_many(Item* items, int count, int limit, const Box& centers)
         for (int axis = 0; axis < 3; ++axis) {
             int b = smaller((int)((items[i].centroid(axis) - centers.lower[axis]) * scale[axis]), kBins - 1);
             items[i].bin[axis] = (unsigned char)b;
-            boxes[axis][b].grow(items[i].lower, items[i].upper);
+            boxes[axis][b].grow(items[i].box);
             ++counts[axis][b];
         }
     Split best;
@@ -195,18 +195,11 @@ inline int split_halves(Item* items, int count, const Box& centers)
 inline void read_items(const float* vertices, const int* faces, int num_faces, Item* items)
 {
     for (int f = 0; f < num_faces; ++f) {
-        Box box = Box::empty();
+        items[f] = {Box::empty(), f, {0, 0, 0}};
         for (int k = 0; k < 3; ++k) {
             const float* corner = vertices + 3ll * faces[3ll * f + k];
-            box.grow(corner, corner);
+            items[f].box.grow(corner, corner);
         }
-        for (int k = 0; k < 3; ++k) {
-            items[f].lower[k] = box.lower[k];
-            items[f].upper[k] = box.upper[k];
-            items[f].bin[k] = 0;
-        }
-        items[f].face = f;
-        items[f].bin[3] = 0;
     }
 }
 
@@ -229,7 +222,7 @@ inline int grow(Item* items, int num_items, Branch* branches)
         branch.box = Box::empty();
         Box centers = Box::empty();
         for (int i = 0; i < count; ++i) {
-            branch.box.grow(own[i].lower, own[i].upper);
+            branch.box.grow(own[i].box);
             float center[3] = {own[i].centroid(0), own[i].centroid(1), own[i].centroid(2)};
             centers.grow(center, center);
         }
@@ -259,7 +252,7 @@ inline void plan(Branch* branches, int num_branches)
     for (int i = num_branches - 1; i >= 0; --i) {
         Branch& branch = branches[i];
         float area = (float)(branch.box.area() * scale);
-        float as_leaf = branch.count <= kMaxLeaf ? area * kFaceCost * branch.count : 3e38f;
+        float as_leaf = branch.count <= kMaxLeaf ? area * kFaceCost * (float)branch.count : 3e38f;
         branch.leaf = branch.count == 1;
         branch.height = 0;
         branch.left[2] = branch.left[3] = branch.left[4] = 0;
@@ -386,6 +379,7 @@ inline void write_faces(const float* vertices, const int* faces, const Item* ite
 inline Size build(const float* vertices, const int* faces, int num_faces, void* scratch, float* node_rows, float* face_rows)
 {
     static_assert(sizeof(Item) + 2 * sizeof(Branch) <= 160, "scratch is too small");
+    static_assert(kMaxFaces <= (0x7fffffff >> 4) + 1, "a leaf's code must fit in an int");
     Item* items = (Item*)scratch;
     Branch* branches = (Branch*)(items + num_faces);
     read_items(vertices, faces, num_faces, items);

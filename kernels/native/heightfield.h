@@ -52,21 +52,20 @@ WARPCAM_FN float enter_ground(const Grid& grid, Vec o, Vec d, float half_x, floa
                                                                                                     : FAR_AWAY;
 }
 
-// The ray over a height field's blocks: times at which it crosses lines of the grid, and heights along it.
+// The ray over a height field's blocks: times at which it crosses lines of the grid, and heights along it. The grid is
+// mirrored where the ray runs against an axis, so that it always meets lower columns and rows first.
 struct GridRay {
     float start_x, start_y;  // of the ray [cells]
-    float per_x, per_y;      // t per cell
+    float per_x, per_y;      // t per cell, positive
     float pad_x, pad_y;      // t; more than the rounding of a crossing
-    float z, slope, pad_z;   // height(t) = z + t * slope
-
-    WARPCAM_FN float cross_x(int column) const { return (float(column) - start_x) * per_x; }
-    WARPCAM_FN float cross_y(int row) const { return (float(row) - start_y) * per_y; }
+    float low, high, slope;  // height(t) lies between low and high + t * slope
+    bool falls;
 
     // Does the ray between two times come near heights between low and high?
     WARPCAM_FN bool meets(Pair bound, float enter, float leave) const
     {
-        const float a = z + enter * slope, b = z + leave * slope;
-        return enter <= leave && lower(a, b) - pad_z <= bound.y && upper(a, b) + pad_z >= bound.x;
+        const float bottom = low + (falls ? leave : enter) * slope, top = high + (falls ? enter : leave) * slope;
+        return enter <= leave && bottom <= bound.y && top >= bound.x;
     }
 };
 
@@ -102,61 +101,60 @@ WARPCAM_FN void walk_height_field(const HeightFields& fields, const Record& reco
         hit.face = -1;
     }
 
+    const bool flip_x = d.x < 0.0f, flip_y = d.y < 0.0f;
+    const float cells = float(1 << (levels - 1));
     GridRay g;
     g.start_x = (o.x + half_x) * reciprocal(grid.step_x);
     g.start_y = (o.y + half_y) * reciprocal(grid.step_y);
-    g.per_x = grid.step_x * reciprocal(nonzero(d.x));
-    g.per_y = grid.step_y * reciprocal(nonzero(d.y));
-    g.pad_x = 4.0e-6f * (magnitude(g.start_x) + cells_x) * magnitude(g.per_x);
-    g.pad_y = 4.0e-6f * (magnitude(g.start_y) + cells_y) * magnitude(g.per_y);
-    g.z = o.z;
+    g.start_x = flip_x ? cells - g.start_x : g.start_x;
+    g.start_y = flip_y ? cells - g.start_y : g.start_y;
+    g.per_x = grid.step_x * reciprocal(upper(magnitude(d.x), 1.0e-18f));
+    g.per_y = grid.step_y * reciprocal(upper(magnitude(d.y), 1.0e-18f));
+    g.pad_x = 4.0e-6f * (magnitude(g.start_x) + cells) * g.per_x;
+    g.pad_y = 4.0e-6f * (magnitude(g.start_y) + cells) * g.per_y;
+    const float pad_z = 2.0e-6f * (magnitude(o.z) + magnitude(whole.y) + base);
+    g.low = o.z - pad_z;
+    g.high = o.z + pad_z;
     g.slope = d.z;
-    g.pad_z = 2.0e-6f * (magnitude(o.z) + magnitude(whole.y) + base);
-    const int flip_x = g.per_x < 0.0f, flip_y = g.per_y < 0.0f;
+    g.falls = d.z < 0.0f;
 
     int stack[STACK];
     int height = 0, block = pack_block(0, 0, 0);
+    const int cell = pack_block(levels - 1, 0, 0);  // codes from here on are cells
     while (block >= 0) {
         // down to the next cell, so that the lanes of a warp test their cells together
-        int level, column, row;
-        float enter, leave;
-        while (true) {
-            level = block >> 26;
-            column = block & 0x1fff;
-            row = block >> 13 & 0x1fff;
-            const int span = 1 << (levels - 1 - level);  // cells a side
-            const int left = column * span, front = row * span;
-            const float x0 = g.cross_x(left), x1 = g.cross_x(left + span);
-            const float y0 = g.cross_y(front), y1 = g.cross_y(front + span);
-            enter = upper(upper(lower(x0, x1) - g.pad_x, lower(y0, y1) - g.pad_y), near);
-            leave = lower(lower(upper(x0, x1) + g.pad_x, upper(y0, y1) + g.pad_y), hit.depth);
-            if (level + 1 == levels)
-                break;
+        while (block >= 0 && block < cell) {
+            const int level = block >> 26, column = block & 0x1fff, row = block >> 13 & 0x1fff;
+            const float span = float(1 << (levels - 1 - level));  // cells a side
+            const float x0 = (float(column) * span - g.start_x) * g.per_x, x1 = x0 + span * g.per_x;
+            const float y0 = (float(row) * span - g.start_y) * g.per_y, y1 = y0 + span * g.per_y;
+            const float enter = upper(upper(x0 - g.pad_x, y0 - g.pad_y), near);
+            const float leave = lower(lower(x1 + g.pad_x, y1 + g.pad_y), hit.depth);
             // the ray crosses the block's two middle lines, and so at most three of its quarters
-            const float mx = g.cross_x(left + span / 2), my = g.cross_y(front + span / 2);
+            const float mx = 0.5f * (x0 + x1), my = 0.5f * (y0 + y1);
             const int side = 2 << level;
             const int first = pack_block(level + 1, 2 * column, 2 * row);
-            const Pair* quarter = bounds + blocks_above(level + 1) + 2 * row * side + 2 * column;
-            const int far_x = 1 - flip_x, far_y = 1 - flip_y;
+            const Pair* quarter = bounds + blocks_above(level + 1)
+                + ((2 * row) ^ (flip_y ? side - 1 : 0)) * side + ((2 * column) ^ (flip_x ? side - 1 : 0));
+            const int next_x = flip_x ? -1 : 1, next_y = flip_y ? -side : side;
             block = -1;
-            auto visit = [&](int dx, int dy, float from, float to) {
-                if (!g.meets(quarter[dy * side + dx], upper(enter, from), lower(leave, to)))
-                    return;
-                if (block >= 0)
+            const auto visit = [&](int dx, int dy, float from, float to) {
+                const bool met = g.meets(quarter[dy * next_y + dx * next_x], upper(enter, from), lower(leave, to));
+                if (met && block >= 0)
                     stack[height++] = block;
-                block = first + dx + (dy << 13);
+                block = met ? first + dx + (dy << 13) : block;
             };
-            visit(far_x, far_y, upper(mx - g.pad_x, my - g.pad_y), leave);
-            visit(far_x, flip_y, mx - g.pad_x, my + g.pad_y);
-            visit(flip_x, far_y, my - g.pad_y, mx + g.pad_x);
-            visit(flip_x, flip_y, enter, lower(mx + g.pad_x, my + g.pad_y));
-            if (block < 0) {
-                if (height == 0)
-                    return;
+            visit(1, 1, upper(mx - g.pad_x, my - g.pad_y), leave);
+            visit(1, 0, mx - g.pad_x, my + g.pad_y);
+            visit(0, 1, my - g.pad_y, mx + g.pad_x);
+            visit(0, 0, enter, lower(mx + g.pad_x, my + g.pad_y));
+            if (block < 0 && height > 0)
                 block = stack[--height];
-            }
         }
-        if (enter <= leave) {
+        if (block >= 0) {
+            const int last = (1 << (levels - 1)) - 1;
+            const int column = flip_x ? last - (block & 0x1fff) : block & 0x1fff;
+            const int row = flip_y ? last - (block >> 13 & 0x1fff) : block >> 13 & 0x1fff;
             const RayFrame frame = source.frame(record);
             const Corner p00 = grid_corner(frame, grid, column, row), p10 = grid_corner(frame, grid, column + 1, row);
             const Corner p11 = grid_corner(frame, grid, column + 1, row + 1);

@@ -6,7 +6,7 @@ namespace warpcam {
 #if defined(__CUDA_ARCH__)
 #define WARPCAM_FN __device__ inline
 #define WARPCAM_SHARED __shared__
-constexpr int THREADS = 64;  // threads that work on one region of an image
+constexpr int THREADS = 128;  // threads that work on one region of an image
 #else
 #define WARPCAM_FN inline
 #define WARPCAM_SHARED

@@ -1,0 +1,342 @@
+"""The 4-wide tree: whole, tight, shallow, right under rays, and better than halving."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from warpcam.accel.bvh4 import MAX_DEPTH, Bvh4, build_bvh4
+from warpcam.errors import WarpcamError
+
+ABSENT = np.float32(1e30)
+
+
+def soup(count: int, seed: int = 0, size: float = 0.1) -> tuple[np.ndarray, np.ndarray]:
+    """Triangles of mixed sizes that share no corners."""
+    rng = np.random.default_rng(seed)
+    centers = rng.random((count, 1, 3))
+    corners = centers + size * rng.lognormal(size=(count, 1, 1)) * rng.standard_normal((count, 3, 3))
+    return corners.reshape(-1, 3).astype(np.float32), np.arange(3 * count, dtype=np.int32).reshape(-1, 3)
+
+
+def grid(rows: int, columns: int, height: float) -> tuple[np.ndarray, np.ndarray]:
+    """A sheet of 2 * rows * columns faces in x and y, waved along z."""
+    y, x = np.mgrid[: rows + 1, : columns + 1]
+    z = height * np.sin(0.3 * x) * np.cos(0.2 * y)
+    a = (y * (columns + 1) + x)[:-1, :-1].ravel()
+    b, c, d = a + 1, a + columns + 2, a + columns + 1
+    faces = np.concatenate([np.stack([a, b, c], -1), np.stack([a, c, d], -1)])
+    return np.stack([x, y, z], -1).reshape(-1, 3).astype(np.float32), faces.astype(np.int32)
+
+
+def fan(count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Slivers around one corner, ever longer: boxes that all overlap, over 12 orders of magnitude."""
+    length = np.geomspace(1e-6, 1e6, count)
+    angle = np.linspace(0, 1, count + 1)
+    rim = np.stack([np.cos(angle), np.sin(angle), 0 * angle], -1)
+    corners = np.stack([np.zeros((count, 3)), rim[:-1] * length[:, None], rim[1:] * length[:, None]], 1)
+    return corners.reshape(-1, 3).astype(np.float32), np.arange(3 * count, dtype=np.int32).reshape(-1, 3)
+
+
+def powers(count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Faces at 2^-k: halving space peels off one face after another."""
+    vertices, faces = soup(count)
+    scale = np.exp2(-np.arange(count) * (100 / count)).repeat(3)[:, None]
+    return (vertices * scale).astype(np.float32), faces
+
+
+def repeated(count: int) -> tuple[np.ndarray, np.ndarray]:
+    vertices, faces = soup(1)
+    return vertices, np.repeat(faces, count, axis=0)
+
+
+def star(count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Faces of many sizes whose boxes share one centre."""
+    size = np.linspace(1, 100, count)[:, None, None]
+    corners = size * np.array([[-1, -1, 0], [1, 1, 0], [1, -1, 0]])
+    return corners.reshape(-1, 3).astype(np.float32), np.arange(3 * count, dtype=np.int32).reshape(-1, 3)
+
+
+MESHES = {
+    "one face": soup(1),
+    "two faces": soup(2),
+    "a leaf's worth": soup(8),
+    "one more": soup(9),
+    "soup": soup(1500),
+    "waves": grid(30, 40, 3.0),
+    "flat": grid(30, 40, 0.0),
+    "ribbon": grid(1, 1500, 0.0),
+    "line": (grid(1, 1500, 0.0)[0] * np.float32([1, 0, 0]), grid(1, 1500, 0.0)[1]),
+    "point": (np.zeros((3, 3), np.float32), np.zeros((700, 3), np.int32)),
+    "sliver": (np.float32([[0, 0, 0], [1e6, 1e-6, 0], [1e6, 0, 1e-6]]), np.int32([[0, 1, 2]])),
+    "slivers": fan(1500),
+    "powers": powers(1500),
+    "5000 times one face": repeated(5000),
+    "one centre": star(1500),
+    "tiny": (soup(300)[0] * np.float32(1e-36), soup(300)[1]),
+    "denormal": (soup(300)[0] * np.float32(1e-41), soup(300)[1]),
+    "huge": (soup(300)[0] * np.float32(1e16), soup(300)[1]),
+    "far away": (soup(300)[0] + np.float32(1e8), soup(300)[1]),
+}
+
+
+@pytest.fixture(autouse=True)
+def _own_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("WARPCAM_CACHE_DIR", str(tmp_path))
+
+
+every_mesh = pytest.mark.parametrize("name", MESHES)
+
+
+def codes(bvh: Bvh4) -> np.ndarray:
+    """Children of the nodes, (node, 4) int32."""
+    return np.ascontiguousarray(bvh.nodes.reshape(-1, 7, 4)[:, 6]).view(np.int32)
+
+
+def corners_of(bvh: Bvh4) -> np.ndarray:
+    """Corners in leaf order, (face, 3, 3) float32."""
+    return bvh.faces.reshape(-1, 3, 4)[:, :, :3]
+
+
+def given_of(bvh: Bvh4) -> np.ndarray:
+    """Index of each face among the faces as given, in leaf order, (face,) int32."""
+    return np.ascontiguousarray(bvh.faces[::3, 3]).view(np.int32)
+
+
+def leaf_of(code: int) -> range:
+    first, count = divmod(-code - 1, 16)
+    return range(first, first + count)
+
+
+def check(bvh: Bvh4, vertices: np.ndarray, faces: np.ndarray) -> None:
+    """Everything that the layout promises, by a walk from the root."""
+    assert bvh.nodes.dtype == bvh.faces.dtype == np.float32
+    assert bvh.nodes.shape[1:] == bvh.faces.shape[1:] == (4,)
+    assert sorted(given_of(bvh)) == list(range(len(faces)))
+    np.testing.assert_array_equal(corners_of(bvh), vertices[faces[given_of(bvh)]])
+    assert not np.ascontiguousarray(bvh.faces.reshape(-1, 3, 4)[:, 1:, 3]).view(np.int32).any()
+    nodes, children = bvh.nodes.reshape(-1, 7, 4), codes(bvh)
+    lower, upper = corners_of(bvh).min(axis=1), corners_of(bvh).max(axis=1)
+    seen_nodes, seen_faces, deepest = [], [], 0
+
+    def walk(node: int, depth: int) -> tuple[np.ndarray, np.ndarray]:
+        nonlocal deepest
+        deepest = max(deepest, depth)
+        seen_nodes.append(node)
+        bounds = []
+        for k, code in enumerate(children[node].tolist()):
+            low, high = nodes[node, :3, k], nodes[node, 3:6, k]
+            if (nodes[node, :6, k] == ABSENT).all():
+                continue
+            if code < 0:
+                leaf = leaf_of(code)
+                assert 1 <= len(leaf) <= 8
+                seen_faces.extend(leaf)
+                inside = lower[leaf.start : leaf.stop].min(axis=0), upper[leaf.start : leaf.stop].max(axis=0)
+            else:
+                inside = walk(code, depth + 1)
+            np.testing.assert_array_equal((low, high), inside)
+            bounds.append(inside)
+        assert bounds
+        return np.min([low for low, _ in bounds], axis=0), np.max([high for _, high in bounds], axis=0)
+
+    walk(0, 1)
+    assert sorted(seen_nodes) == list(range(len(nodes)))
+    assert sorted(seen_faces) == list(range(len(faces)))
+    assert deepest == bvh.depth <= MAX_DEPTH
+
+
+def sah_cost(bvh: Bvh4, face_cost: float) -> float:
+    """Expected work of a ray that meets the root's box, in nodes."""
+    nodes, children = bvh.nodes.reshape(-1, 7, 4).astype(np.float64), codes(bvh)
+    present = nodes[:, 0] < ABSENT
+    x, y, z = np.moveaxis(nodes[:, 3:6] - nodes[:, :3], 1, 0)
+    area = x * y + y * z + z * x
+    extent = np.ptp(corners_of(bvh).reshape(-1, 3).astype(np.float64), axis=0)
+    whole = extent @ np.roll(extent, 1)
+    work = np.where(children < 0, face_cost * ((-children - 1) & 15), 1.0)
+    return 1 + (area * work)[present].sum() / whole
+
+
+def halved(vertices: np.ndarray, faces: np.ndarray) -> Bvh4:
+    """The plain tree: both levels of a node halve the faces along the widest axis, down to eight."""
+    corners = vertices[faces]
+    centers = corners.mean(axis=1)
+    rows: list[np.ndarray] = []
+    order: list[int] = []
+    deepest = 0
+
+    def halves(part: np.ndarray) -> list[np.ndarray]:
+        if len(part) <= 8:
+            return [part]
+        axis = np.argmax(np.ptp(centers[part], axis=0))
+        part = part[np.argsort(centers[part, axis], kind="stable")]
+        return [part[: len(part) // 2], part[len(part) // 2 :]]
+
+    def add(part: np.ndarray, depth: int) -> int:
+        nonlocal deepest
+        deepest = max(deepest, depth)
+        me = len(rows)
+        node = np.full((7, 4), ABSENT, np.float32)
+        rows.append(node)
+        node_codes = np.zeros(4, np.int32)
+        for k, child in enumerate([quarter for half in halves(part) for quarter in halves(half)]):
+            node[:3, k], node[3:6, k] = corners[child].min(axis=(0, 1)), corners[child].max(axis=(0, 1))
+            if len(child) <= 8:
+                node_codes[k] = -(16 * len(order) + len(child)) - 1
+                order.extend(child)
+            else:
+                node_codes[k] = add(child, depth + 1)
+        node[6] = node_codes.view(np.float32)
+        return me
+
+    add(np.arange(len(faces)), 1)
+    leaf_order = np.zeros((len(faces), 3, 4), np.float32)
+    leaf_order[:, :, :3] = corners[order]
+    leaf_order[:, 0, 3] = np.int32(order).view(np.float32)
+    return Bvh4(np.concatenate(rows), leaf_order.reshape(-1, 4), deepest)
+
+
+def same(a: Bvh4, b: Bvh4) -> bool:
+    return a.nodes.tobytes() == b.nodes.tobytes() and a.faces.tobytes() == b.faces.tobytes() and a.depth == b.depth
+
+
+def hits(origin: np.ndarray, ray: np.ndarray, corners: np.ndarray) -> np.ndarray:
+    """Distance along a ray at which it hits each triangle, inf where it does not, (face,) float64."""
+    v0, e1, e2 = corners[:, 0], corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    p = np.cross(ray, e2)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        inverse = 1.0 / np.sum(e1 * p, axis=1)
+        u = np.sum((origin - v0) * p, axis=1) * inverse
+        q = np.cross(origin - v0, e1)
+        v = np.sum(ray * q, axis=1) * inverse
+        t = np.sum(e2 * q, axis=1) * inverse
+    return np.where((u >= 0) & (v >= 0) & (u + v <= 1) & (t > 0), t, np.inf)
+
+
+def traverse(bvh: Bvh4, origin: np.ndarray, ray: np.ndarray) -> tuple[float, int, int]:
+    """The nearest hit: distance, leaf order's face, and the most stack entries it took."""
+    nodes, children, corners = bvh.nodes.reshape(-1, 7, 4).astype(np.float64), codes(bvh), corners_of(bvh).astype(float)
+    best, winner, stack, most = np.inf, -1, [(0.0, 0)], 0
+    while stack:
+        near, code = stack.pop()
+        if near > best:
+            continue
+        if code < 0:
+            t = hits(origin, ray, corners[leaf_of(code).start : leaf_of(code).stop])
+            if t.min() < best:
+                best, winner = t.min(), leaf_of(code).start + int(np.argmin(t))
+            continue
+        slabs = (nodes[code, :6].reshape(2, 3, 4) - origin[None, :, None]) / ray[None, :, None]
+        enter, leave = np.maximum(slabs.min(axis=0).max(axis=0), 0) * (1 - 1e-9), slabs.max(axis=0).min(axis=0)
+        met = [(enter[k], int(children[code, k])) for k in range(4) if enter[k] <= leave[k] * (1 + 1e-9)]
+        stack += sorted(met, reverse=True)
+        most = max(most, len(stack) - 1)
+    return best, winner, most
+
+
+@every_mesh
+def test_every_face_is_in_one_leaf_and_every_box_is_tight(name: str) -> None:
+    check(build_bvh4(*MESHES[name]), *MESHES[name])
+
+
+@pytest.mark.parametrize("name", ["two faces", "one more", "soup", "waves", "flat", "powers"])
+def test_rays_hit_what_brute_force_hits(name: str) -> None:
+    vertices, faces = MESHES[name]
+    bvh = build_bvh4(vertices, faces)
+    rng = np.random.default_rng(1)
+    size = np.ptp(vertices, axis=0)
+    met = 0
+    for _ in range(60):
+        origin = vertices.mean(axis=0) + rng.standard_normal(3) * (size + size.max())
+        target = vertices[faces[rng.integers(len(faces))]].astype(float).T @ rng.dirichlet((1, 1, 1))
+        ray = target - origin
+        brute = hits(origin, ray, vertices[faces].astype(float))
+        t, winner, most = traverse(bvh, origin, ray)
+        assert t == brute.min()
+        assert winner < 0 or brute[given_of(bvh)[winner]] == t
+        assert most <= 3 * bvh.depth
+        met += winner >= 0
+    assert met > 50
+
+
+@pytest.mark.parametrize("name", ["soup", "waves", "ribbon"])
+def test_costs_less_than_halving(name: str) -> None:
+    vertices, faces = MESHES[name]
+    plain = halved(vertices, faces)
+    check(plain, vertices, faces)
+    assert sah_cost(build_bvh4(vertices, faces), 0.2) < 0.9 * sah_cost(plain, 0.2)
+
+
+def test_same_mesh_same_tree() -> None:
+    first, second = build_bvh4(*MESHES["soup"]), build_bvh4(*MESHES["soup"])
+    assert same(first, second)
+
+
+def test_no_faces_make_a_node_without_children() -> None:
+    bvh = build_bvh4(np.zeros((0, 3), np.float32), np.zeros((0, 3), np.int32))
+    assert bvh.nodes.shape == (7, 4) and bvh.faces.shape == (0, 4) and bvh.depth == 1
+    assert (bvh.nodes[:6] == ABSENT).all()
+
+
+def test_arrays_need_not_be_contiguous() -> None:
+    vertices, faces = MESHES["soup"]
+    strided = np.zeros((len(vertices), 4), np.float32)[:, :3]
+    strided[:] = vertices
+    assert same(build_bvh4(strided, np.asfortranarray(faces)), build_bvh4(vertices, faces))
+
+
+def stretch(bvh: Bvh4) -> None:
+    bvh.nodes[3, 0] += 1
+
+
+def shrink(bvh: Bvh4) -> None:
+    bvh.nodes[-4, 0] -= 1e-3
+
+
+def lose_a_face(bvh: Bvh4) -> None:
+    node, k = np.argwhere(codes(bvh) < 0)[0]
+    bvh.nodes.view(np.int32)[7 * node + 6, k] += 1
+
+
+def move_a_corner(bvh: Bvh4) -> None:
+    bvh.faces[1, 0] = np.nextafter(bvh.faces[1, 0], np.float32(9))
+
+
+def give_a_face_twice(bvh: Bvh4) -> None:
+    bvh.faces[3:6] = bvh.faces[0:3]
+
+
+@pytest.mark.parametrize("fault", [stretch, shrink, lose_a_face, move_a_corner, give_a_face_twice])
+def test_the_check_sees_faults(fault: Callable[[Bvh4], None]) -> None:
+    bvh = build_bvh4(*MESHES["soup"])
+    fault(bvh)
+    with pytest.raises(AssertionError):
+        check(bvh, *MESHES["soup"])
+
+
+TRIANGLE = np.eye(3, dtype=np.float32), np.int32([[0, 1, 2]])
+
+
+@pytest.mark.parametrize(
+    ("vertices", "faces", "message"),
+    [
+        (TRIANGLE[0].tolist(), TRIANGLE[1], "vertices must be a numpy array, got list"),
+        (TRIANGLE[0].astype(np.float64), TRIANGLE[1], "vertices must have dtype float32, got float64"),
+        (TRIANGLE[0], TRIANGLE[1].astype(np.int64), "faces must have dtype int32, got int64"),
+        (TRIANGLE[0].ravel(), TRIANGLE[1], r"vertices must have shape \(n, 3\), got \(9,\)"),
+        (TRIANGLE[0], np.int32([[0, 1, 2, 0]]), r"faces must have shape \(n, 3\), got \(1, 4\)"),
+        (TRIANGLE[0] * np.float32([1, np.nan, 1]), TRIANGLE[1], "vertices must be finite .* at vertex 0"),
+        (TRIANGLE[0] + np.float32([[0], [0], [np.inf]]), TRIANGLE[1], "vertices must be finite .* at vertex 2"),
+        (TRIANGLE[0] * np.float32(1e18), TRIANGLE[1], "magnitudes below 1e"),
+        (TRIANGLE[0], TRIANGLE[1] + 1, r"faces must index its 3 vertices, got \[1, 2, 3\] at face 0"),
+        (TRIANGLE[0], TRIANGLE[1] - 1, r"faces must index its 3 vertices, got \[-1, 0, 1\] at face 0"),
+        (TRIANGLE[0][:0], TRIANGLE[1], "faces must index its 0 vertices"),
+    ],
+)
+def test_bad_meshes_are_refused_by_name(vertices: np.ndarray, faces: np.ndarray, message: str) -> None:
+    with pytest.raises(WarpcamError, match="^mesh 'gripper': .*" + message):
+        build_bvh4(vertices, faces, name="gripper")
+    with pytest.raises(WarpcamError, match="^mesh: .*" + message):
+        build_bvh4(vertices, faces)

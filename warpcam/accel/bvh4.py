@@ -1,0 +1,177 @@
+"""The 4-wide tree of one mesh: checked, built once, and kept on disk by content."""
+
+import hashlib
+import os
+import struct
+import sys
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from warpcam.errors import WarpcamError
+from warpcam.kernels import bvh4_build
+
+MAX_DEPTH = bvh4_build.MAX_DEPTH
+MAX_MAGNITUDE = 1e18  # of a coordinate [m]; beyond it a float32 ray test overflows
+CACHED_ABOVE = 2000  # faces; smaller meshes build faster than a file opens
+
+_MAGIC = b"warpcam bvh4\n"
+_LAYOUT = 1  # part of every key: raise it when the rows' meaning changes
+_SIZES = struct.Struct("<qqq")  # node rows, face rows, depth
+_DIGEST_BYTES = hashlib.sha256().digest_size
+
+
+@dataclass(frozen=True, eq=False)
+class Bvh4:
+    """A mesh's tree, as ``Meshes`` in ``kernels/types.py`` has it: rows and indices relative to the mesh.
+
+    Attributes:
+        nodes: (7 * node, 4) float32. The root is node 0.
+        faces: (3 * face, 4) float32, in leaf order, each face once.
+        depth: Levels of nodes, 1 to ``MAX_DEPTH``. A traversal that pushes at most three children a level needs a
+            stack of ``3 * depth`` entries.
+    """
+
+    nodes: np.ndarray
+    faces: np.ndarray
+    depth: int
+
+
+def build_bvh4(vertices: np.ndarray, faces: np.ndarray, *, cache: bool = True, name: str | None = None) -> Bvh4:
+    """Build the tree of one mesh, or read it from the cache.
+
+    The cache is a folder of files named by content: ``$WARPCAM_CACHE_DIR``, else ``$XDG_CACHE_HOME/warpcam``, else
+    ``~/.cache/warpcam``. A file there that is not whole and the mesh's own is ignored and written again; a folder
+    that cannot be written means no cache.
+
+    Args:
+        vertices: (vertex, 3) float32, finite, magnitudes below 1e18 [m].
+        faces: (face, 3) int32, indices of vertices, counterclockwise seen from the front. Faces without area are
+            kept, no ray hits them. No faces at all give a tree of one node without children.
+        cache: Keep the tree of a mesh of more than 2,000 faces on disk.
+        name: What to call the mesh in an error message.
+
+    Raises:
+        WarpcamError: An argument is not as described.
+    """
+    vertices, faces = _checked(vertices, faces, name)
+    if len(faces) == 0:
+        return _empty()
+    if not cache or len(faces) <= CACHED_ABOVE:
+        return Bvh4(*bvh4_build.build(vertices, faces))
+    key = _key(vertices, faces)
+    folder = _cache_folder()
+    path = folder / "bvh4" / key.hex() if folder is not None else None
+    found = _read(path, key, len(faces)) if path is not None else None
+    if found is not None:
+        return found
+    built = Bvh4(*bvh4_build.build(vertices, faces))
+    if path is not None:
+        _write(path, key, built)
+    return built
+
+
+def _checked(vertices: np.ndarray, faces: np.ndarray, name: str | None) -> tuple[np.ndarray, np.ndarray]:
+    """The arrays, contiguous, or the error that says what is wrong with them."""
+    mesh = "mesh" if name is None else f"mesh '{name}'"
+    for what, array, dtype in (("vertices", vertices, np.float32), ("faces", faces, np.int32)):
+        if not isinstance(array, np.ndarray):
+            raise WarpcamError(f"{mesh}: {what} must be a numpy array, got {type(array).__name__}")
+        if array.dtype != dtype:
+            raise WarpcamError(f"{mesh}: {what} must have dtype {np.dtype(dtype).name}, got {array.dtype}")
+        if array.ndim != 2 or array.shape[1] != 3:
+            raise WarpcamError(f"{mesh}: {what} must have shape (n, 3), got {array.shape}")
+    if len(faces) > bvh4_build.MAX_FACES:
+        raise WarpcamError(f"{mesh}: faces must be at most {bvh4_build.MAX_FACES}, got {len(faces)}")
+    usable = np.abs(vertices) < MAX_MAGNITUDE  # false for NaN
+    if not usable.all():
+        row = int(np.argmin(usable.all(axis=1)))
+        raise WarpcamError(
+            f"{mesh}: vertices must be finite with magnitudes below {MAX_MAGNITUDE:g}, got {vertices[row].tolist()} "
+            f"at vertex {row}"
+        )
+    if faces.size and not (0 <= faces.min() and faces.max() < len(vertices)):
+        row = int(np.argmax(((faces < 0) | (faces >= len(vertices))).any(axis=1)))
+        raise WarpcamError(
+            f"{mesh}: faces must index its {len(vertices)} vertices, got {faces[row].tolist()} at face {row}"
+        )
+    return np.ascontiguousarray(vertices), np.ascontiguousarray(faces)
+
+
+def _empty() -> Bvh4:
+    nodes = np.zeros((7, 4), np.float32)
+    nodes[:6] = bvh4_build.ABSENT
+    return Bvh4(nodes, np.zeros((0, 4), np.float32), 1)
+
+
+def _key(vertices: np.ndarray, faces: np.ndarray) -> bytes:
+    """Digest of all that decides what a tree is: the mesh, the builder's source, the layout."""
+    digest = hashlib.sha256(_MAGIC)
+    digest.update(f"{_LAYOUT} {sys.byteorder} {len(vertices)} {len(faces)}\n".encode())
+    digest.update(bvh4_build.HEADER.read_bytes())
+    digest.update(vertices.data)
+    digest.update(faces.data)
+    return digest.digest()
+
+
+def _cache_folder() -> Path | None:
+    own = os.environ.get("WARPCAM_CACHE_DIR")
+    if own:
+        return Path(own)
+    shared = os.environ.get("XDG_CACHE_HOME", "")
+    if os.path.isabs(shared):  # the XDG specification has relative ones ignored
+        return Path(shared) / "warpcam"
+    try:
+        return Path.home() / ".cache" / "warpcam"
+    except RuntimeError:
+        return None
+
+
+def _read(path: Path, key: bytes, num_faces: int) -> Bvh4 | None:
+    """The tree in a cache file; None unless the file is, to the last bit, what `_write` wrote for this key."""
+    head_bytes = len(_MAGIC) + len(key) + _SIZES.size
+    try:
+        if not path.is_file():
+            return None
+        with path.open("rb") as file:
+            head = file.read(head_bytes)
+            if len(head) < head_bytes or not head.startswith(_MAGIC + key):
+                return None
+            node_rows, face_rows, depth = _SIZES.unpack(head[-_SIZES.size :])
+            if face_rows != 3 * num_faces or not 0 < node_rows <= 7 * num_faces or not 0 < depth <= MAX_DEPTH:
+                return None
+            body_bytes = 16 * (node_rows + face_rows)
+            if os.fstat(file.fileno()).st_size != head_bytes + body_bytes + _DIGEST_BYTES:
+                return None
+            body = bytearray(file.read(body_bytes))
+            digest = file.read()
+    except OSError:
+        return None
+    if len(body) != body_bytes or hashlib.sha256(head + body).digest() != digest:
+        return None
+    rows = np.frombuffer(body, np.float32).reshape(-1, 4)
+    return Bvh4(rows[:node_rows], rows[node_rows:], depth)
+
+
+def _write(path: Path, key: bytes, bvh: Bvh4) -> None:
+    """Write a cache file, whole or not at all."""
+    head = _MAGIC + key + _SIZES.pack(len(bvh.nodes), len(bvh.faces), bvh.depth)
+    digest = hashlib.sha256(head)
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        handle, temporary = tempfile.mkstemp(prefix=".", dir=path.parent)
+        try:
+            with os.fdopen(handle, "wb") as file:
+                file.write(head)
+                for rows in (bvh.nodes, bvh.faces):
+                    digest.update(rows.data)
+                    file.write(rows.data)
+                file.write(digest.digest())
+            os.replace(temporary, path)
+        except BaseException:
+            os.unlink(temporary)
+            raise
+    except OSError:
+        pass
