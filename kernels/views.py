@@ -1,0 +1,186 @@
+"""The first stages of a frame: which worlds it draws, and each camera's view in them."""
+
+from typing import Any
+
+import warp as wp
+
+from .launch import Stage, record
+from .types import View
+
+# How a lens is given: LensTable.kind.
+FOVY = 0  # vertical field of view [degrees]
+INTRINSICS = 1  # focal lengths and principal point [pixels]
+SENSOR = 2  # focal lengths, principal point off the centre, and sensor size, all in one unit
+HEIGHT = 3  # orthographic: what the image spans vertically [m]
+
+# What depth shows where nothing is hit: LensTable.clipping.
+CLIP_NONE = 0  # infinity
+CLIP_MAX = 1  # far
+CLIP_ZERO = 2
+
+DEGREE = 0.017453292519943295
+
+
+@wp.struct
+class Mount:
+    """Where one camera is: in the source's own arrays, or in ours, on a body or in the world."""
+
+    own: wp.int32  # 1: a camera of the user's, 0: one of the source's
+    column: wp.int32  # of the camera in `positions` and `rotations`
+    positions: wp.array2d(dtype=wp.vec3)  # (world, camera) world frame; own: parent's frame [m]
+    rotations: wp.array2d(dtype=wp.mat33)  # (world, camera) world frame; not read for own ones
+    quaternions: wp.array(dtype=wp.vec4)  # (world,) own: w x y z of any length but 0, parent's frame
+    parent: wp.int32  # body that an own camera is fixed to, or -1
+    parent_positions: wp.array2d(dtype=wp.vec3)  # (world, body) world frame [m]
+    parent_rotations: wp.array2d(dtype=wp.mat33)  # (world, body)
+
+
+@wp.struct
+class LensTable:
+    """How one camera sees."""
+
+    kind: wp.int32  # FOVY, INTRINSICS, SENSOR or HEIGHT
+    column: wp.int32  # of the camera in `angles` and `intrinsics`
+    angles: wp.array2d(dtype=wp.float32)  # (world*, camera) FOVY [degrees], HEIGHT [m]
+    intrinsics: wp.array2d(dtype=wp.vec4)  # (world*, camera) focal lengths x, y, principal point x, y
+    sensor: wp.vec2  # SENSOR: width and height
+    near: wp.array(dtype=wp.float32)  # (world,) [m]
+    far: wp.array(dtype=wp.float32)  # (world,) [m]
+    clipping: wp.int32  # CLIP_NONE, CLIP_MAX or CLIP_ZERO
+    width: wp.int32  # of the image [pixels]
+    height: wp.int32
+
+
+@wp.func
+def rotation_of(quaternion: wp.vec4) -> wp.mat33:
+    """``quaternion`` is w x y z; NaN for one of length 0."""
+    q = quaternion / wp.length(quaternion)
+    return wp.quat_to_matrix(wp.quat(q[1], q[2], q[3], q[0]))
+
+
+@wp.func
+def is_finite(position: wp.vec3, rotation: wp.mat33, scale: wp.vec2, center: wp.vec2) -> wp.bool:
+    total = wp.abs(position[0]) + wp.abs(position[1]) + wp.abs(position[2]) + scale[0] + scale[1]
+    total += wp.abs(center[0]) + wp.abs(center[1])
+    for i in range(3):
+        for j in range(3):
+            total += wp.abs(rotation[i, j])
+    return wp.isfinite(total)
+
+
+@wp.kernel(enable_backward=False)
+def write_views(
+    mount: Mount,
+    lens: LensTable,
+    mask: wp.array(dtype=wp.uint8),
+    faults: wp.array(dtype=wp.uint8),
+    views: wp.array(dtype=View),
+    first: wp.int32,
+):
+    world = first + wp.tid()
+    if mask[world] == wp.uint8(0):
+        return
+    position = mount.positions[world, mount.column]
+    rotation = wp.identity(n=3, dtype=wp.float32)
+    if mount.own != 0:
+        rotation = rotation_of(mount.quaternions[world])
+        if mount.parent >= 0:
+            frame = mount.parent_rotations[world, mount.parent]
+            position = mount.parent_positions[world, mount.parent] + frame * position
+            rotation = frame * rotation
+    else:
+        rotation = mount.rotations[world, mount.column]
+
+    width = wp.float32(lens.width)
+    height = wp.float32(lens.height)
+    center = wp.vec2(0.5 * width, 0.5 * height)
+    scale = wp.vec2()
+    if lens.kind == INTRINSICS or lens.kind == SENSOR:
+        given = lens.intrinsics[world % lens.intrinsics.shape[0], lens.column]
+        scale = wp.vec2(1.0 / given[0], 1.0 / given[1])
+        center = wp.vec2(given[2], given[3])
+        if lens.kind == SENSOR:
+            scale = wp.vec2(scale[0] * lens.sensor[0] / width, scale[1] * lens.sensor[1] / height)
+            center = wp.vec2(
+                width * (0.5 - given[2] / lens.sensor[0]),
+                height * (0.5 - given[3] / lens.sensor[1]),
+            )
+    else:
+        extent = lens.angles[world % lens.angles.shape[0], lens.column]
+        if lens.kind == FOVY:
+            if extent < 180.0:
+                extent = 2.0 * wp.tan(0.5 * DEGREE * extent)
+            else:
+                extent = -1.0
+        scale = wp.vec2(extent / height, extent / height)
+
+    near = lens.near[world]
+    far = lens.far[world]
+    view = View()
+    view.near = near
+    view.far = far
+    view.miss = wp.inf
+    if lens.clipping == CLIP_MAX:
+        view.miss = far
+    if lens.clipping == CLIP_ZERO:
+        view.miss = 0.0
+    seeing = scale[0] > 0.0 and scale[1] > 0.0 and near >= 0.0 and far > near
+    if seeing and is_finite(position, rotation, scale, center):
+        view.origin = position
+        view.rotation = rotation
+        view.scale = scale
+        view.center = center
+    else:
+        faults[world] = wp.uint8(1)
+        view.origin = wp.vec3(wp.nan, wp.nan, wp.nan)
+        view.rotation = wp.identity(n=3, dtype=wp.float32)
+        view.scale = wp.vec2(1.0 / height, 1.0 / height)
+        view.center = wp.vec2(0.5 * width, 0.5 * height)
+        view.near = 0.0
+        view.far = wp.inf
+    views[world] = view
+
+
+@wp.kernel(enable_backward=False)
+def begin_frame(
+    everything: wp.int32, mask: wp.array(dtype=wp.uint8), faults: wp.array(dtype=wp.uint8), first: wp.int32
+):
+    world = first + wp.tid()
+    if everything != 0:
+        mask[world] = wp.uint8(1)
+    if mask[world] != wp.uint8(0):
+        faults[world] = wp.uint8(0)
+
+
+@wp.kernel(enable_backward=False)
+def mark_worlds(ids: wp.array(dtype=Any), mask: wp.array(dtype=wp.uint8)):
+    """Ids out of range are passed over."""
+    world = ids[wp.tid()]
+    if world >= ids.dtype(0) and world < ids.dtype(mask.shape[0]):
+        mask[world] = wp.uint8(1)
+
+
+# Both are compiled with the module, so that none is when ids first come.
+for _dtype in (wp.int32, wp.int64):
+    wp.overload(mark_worlds, [wp.array(dtype=_dtype), wp.array(dtype=wp.uint8)])
+
+
+def record_views(
+    mount: Mount, lens: LensTable, mask: wp.array, faults: wp.array, views: wp.array, device: wp.Device
+) -> Stage:
+    """Bind the stage that writes one camera's views.
+
+    Args:
+        mount: Where the camera is.
+        lens: How it sees.
+        mask: uint8, (world,); worlds with 0 are left alone.
+        faults: uint8, (world,); set to 1 where a pose or a lens makes no view. Its origin is NaN then.
+        views: View, (world,); written.
+        device: Where all of these lie.
+    """
+    return record(write_views, views.shape[0], [mount, lens, mask, faults, views], device)
+
+
+def record_begin(everything: bool, mask: wp.array, faults: wp.array, device: wp.Device) -> Stage:
+    """Bind the stage that opens a frame: of all worlds, or of those that ``mask`` has. It clears their faults."""
+    return record(begin_frame, mask.shape[0], [int(everything), mask, faults], device)

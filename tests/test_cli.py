@@ -1,0 +1,188 @@
+"""The command line: pictures it makes, what it says, and how it refuses."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from warpcam import cli, pictures, worlds
+
+TINY = """
+<mujoco>
+  <worldbody>
+    {camera}
+    <light pos="0 0 3"/>
+    <geom type="plane" size="0 0 1"/>
+    <body pos="0 0 0.5">
+      <joint name="h" axis="0 1 0" range="-1 1" limited="true"/>
+      <geom type="box" size="0.1 0.2 0.3" rgba="1 0 0 1"/>
+    </body>
+  </worldbody>
+</mujoco>
+"""
+
+
+@pytest.fixture
+def scene(tmp_path: Path) -> Path:
+    """A scene with one camera."""
+    path = tmp_path / "tiny.xml"
+    path.write_text(TINY.format(camera='<camera name="front" pos="0 -2 0.5" xyaxes="1 0 0 0 0 1"/>'))
+    return path
+
+
+def render(*arguments: str | Path) -> int:
+    """Run ``warpcam render`` on the CPU; returns the exit code."""
+    return cli.main(["render", "--device", "cpu", *map(str, arguments)])
+
+
+def test_render_saves_a_sheet_per_output(scene: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "new" / "folder"
+    outputs = ("rgb", "depth", "normals", "points", "segmentation")
+    assert render(scene, "--worlds", "6", "--size", "32x24", "--outputs", ",".join(outputs), "--out", out) == 0
+    assert sorted(path.name for path in out.iterdir()) == sorted(f"front-{output}.png" for output in outputs)
+    for path in out.iterdir():
+        sheet = np.asarray(Image.open(path))
+        assert sheet.shape == (3 * 26 - 2, 2 * 34 - 2, 3)
+        assert sheet[:24, :32].std() > 1.0
+    last = capsys.readouterr().out.splitlines()[-1]
+    assert "6 worlds x 1 cameras of 32x24" in last
+    assert "frames/s on cpu" in last
+
+
+def test_worlds_differ_and_the_seed_repeats_them(scene: Path, tmp_path: Path) -> None:
+    sheets = []
+    for name, seed in (("a", 1), ("b", 1), ("c", 2)):
+        arguments = ("--worlds", "3", "--size", "24x24", "--outputs", "segmentation", "--seed", str(seed))
+        assert render(scene, *arguments, "--out", tmp_path / name) == 0
+        sheets.append(np.asarray(Image.open(tmp_path / name / "front-segmentation.png")))
+    first, again, other = sheets
+    np.testing.assert_array_equal(first, again)
+    assert (first != other).any()
+    assert (first[:24, :24] != first[:24, 26:50]).any()
+
+
+def test_scene_without_cameras_is_seen_whole(tmp_path: Path) -> None:
+    path = tmp_path / "blind.xml"
+    path.write_text(TINY.format(camera=""))
+    assert render(path, "--worlds", "1", "--size", "64x32", "--outputs", "segmentation", "--out", tmp_path) == 0
+    image = np.asarray(Image.open(tmp_path / "free-segmentation.png"))
+    colors, counts = np.unique(image.reshape(-1, 3), axis=0, return_counts=True)
+    assert len(colors) == 2  # the box and the floor
+    box = (image == colors[counts.argmin()]).all(axis=-1)
+    assert box.sum() > 30
+    assert not box[[0, -1]].any()
+    assert not box[:, [0, -1]].any()
+
+
+def test_render_without_a_scene_shows_the_demo(tmp_path: Path) -> None:
+    assert render("--worlds", "1", "--size", "48x48", "--camera", "overview", "--out", tmp_path) == 0
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["overview-depth.png", "overview-rgb.png"]
+
+
+def test_camera_by_index(scene: Path, tmp_path: Path) -> None:
+    assert render(scene, "--worlds", "1", "--size", "8x8", "--camera", "0", "--out", tmp_path) == 0
+    assert (tmp_path / "0-rgb.png").is_file()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["nowhere.xml"], "scene: there is no file 'nowhere.xml'"),
+        (["--size", "256"], "--size: '256' came"),
+        (["--size", "0x4"], "--size: '0x4' came"),
+        (["--size", "-4x4"], "--size"),
+        (["--worlds", "0"], "--worlds: 0 came"),
+        (["--worlds", "many"], "argument --worlds: invalid int value: 'many'"),
+        (["--camera", "nose"], "--camera: 'nose' came, the cameras of the scene are: 'overview', 'wrist'"),
+        (["--camera", "7"], "--camera: '7' came"),
+        (["--outputs", "rgb,smell"], "smell"),
+        (["--device", "abacus"], "device: 'abacus' came, this process sees cpu"),
+        (["--shape", "round"], "unrecognized arguments: --shape round"),
+    ],
+    ids=lambda value: " ".join(value) if isinstance(value, list) else "",
+)
+def test_mistakes_get_one_line_and_code_2(
+    arguments: list[str], said: str, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    try:
+        code = cli.main(["render", *arguments, "--out", str(tmp_path / "out")])
+    except SystemExit as stop:
+        code = stop.code
+    printed = capsys.readouterr()
+    assert code == 2
+    assert printed.out == ""
+    assert said in printed.err
+    assert printed.err.startswith("warpcam: ")
+    assert len(printed.err.splitlines()) == 1
+    assert not (tmp_path / "out").exists()
+
+
+def test_broken_scene_gets_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "broken.xml"
+    path.write_text("<mujoco><worldbody><geom type='blob'/></worldbody></mujoco>")
+    assert render(path) == 2
+    error = capsys.readouterr().err
+    assert "MuJoCo cannot read" in error
+    assert len(error.splitlines()) == 1
+
+
+def test_out_that_cannot_be_written(scene: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "file").write_text("")
+    assert render(scene, "--worlds", "1", "--size", "8x8", "--out", tmp_path / "file" / "folder") == 2
+    assert "--out: " in capsys.readouterr().err
+
+
+def test_doctor_passes_its_self_test(capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.main(["doctor"]) == 0
+    printed = capsys.readouterr().out
+    for word in ("python", "warp-lang", "mujoco-warp", "cpu", "cache", "self test    cpu: passed"):
+        assert word in printed
+
+
+def test_doctor_tells_a_failure(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    monkeypatch.setattr(worlds, "DEMO", Path("gone.xml"))
+    assert cli.main(["doctor"]) == 1
+    assert "failed: scene: there is no file" in capsys.readouterr().out
+
+
+def test_joint_positions_stay_within_ranges() -> None:
+    import mujoco
+
+    host = mujoco.MjModel.from_xml_path(str(worlds.DEMO))
+    positions = worlds.joint_positions(host, host.qpos0, num_worlds=64, seed=3)
+    np.testing.assert_array_equal(positions[0], host.qpos0.astype(np.float32))
+    limited = host.jnt_limited.astype(bool)
+    values = positions[1:, host.jnt_qposadr[limited]]
+    assert (values >= host.jnt_range[limited, 0] - 1e-6).all()
+    assert (values <= host.jnt_range[limited, 1] + 1e-6).all()
+    assert (values.std(axis=0) > 0.0).all()
+    for kind, address in zip(host.jnt_type, host.jnt_qposadr, strict=True):
+        if kind in (mujoco.mjtJoint.mjJNT_FREE, mujoco.mjtJoint.mjJNT_BALL):
+            start = address + (3 if kind == mujoco.mjtJoint.mjJNT_FREE else 0)
+            np.testing.assert_allclose(np.linalg.norm(positions[:, start : start + 4], axis=1), 1.0, atol=1e-6)
+
+
+def test_pictures_of_every_output() -> None:
+    from warpcam.outputs import OUTPUTS
+
+    assert set(pictures.PICTURES) >= set(OUTPUTS)
+
+
+def test_lengths_are_bright_when_near_and_black_when_missing() -> None:
+    depth = np.array([1.0, 2.0, 4.0, np.inf], dtype=np.float32).reshape(1, 1, 4, 1)
+    near, middle, far, missing = pictures.picture("depth", depth)[0, 0].astype(int).sum(axis=-1)
+    assert near > middle > far > missing == 0
+
+
+def test_normals_are_mapped_to_colors() -> None:
+    normals = np.array([[0, 0, 1], [-1, 0, 0], [0, 0, 0]], dtype=np.float32).reshape(1, 1, 3, 3)
+    np.testing.assert_array_equal(pictures.picture("normals", normals)[0, 0], [[128, 128, 255], [0, 128, 128], [0] * 3])
+
+
+def test_ids_keep_their_color() -> None:
+    one = pictures.picture("segmentation", np.array([[[[3]], [[-1]]]], dtype=np.int32))
+    other = pictures.picture("segmentation", np.array([[[[900]], [[3]]]], dtype=np.int32))
+    np.testing.assert_array_equal(one[0, 0], other[0, 1])
+    assert (one[0, 1] == 0).all()
+    assert (other[0, 0] != one[0, 0]).any()

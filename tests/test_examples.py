@@ -1,0 +1,59 @@
+"""Every example runs, as a user would run it: in a process of its own, in an empty folder."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+EXAMPLES = Path(__file__).resolve().parents[1] / "examples"
+
+
+def run(*command: str, folder: Path) -> str:
+    """Run Python with these arguments; returns what it printed. Only the CPU is shown to it."""
+    environment = {**os.environ, "CUDA_VISIBLE_DEVICES": ""}
+    done = subprocess.run(
+        [sys.executable, *command], cwd=folder, env=environment, capture_output=True, text=True, timeout=300
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    return done.stdout
+
+
+def test_hello_saves_a_picture(tmp_path: Path) -> None:
+    run(str(EXAMPLES / "hello.py"), folder=tmp_path)
+    picture = np.asarray(Image.open(tmp_path / "hello.png"))
+    assert picture.shape == (480, 640, 3)
+    # The middle of the upper box, the ball and the floor in front have the hue of their geoms.
+    orange, red, floor = picture[265, 250], picture[300, 430], picture[440, 320]
+    assert orange[0] > orange[1] > orange[2]
+    assert red[0] > red[2] > red[1]
+    assert np.ptp(floor.astype(int)) < 40
+
+
+def test_hello_is_short() -> None:
+    assert len((EXAMPLES / "hello.py").read_text().splitlines()) <= 30
+
+
+def test_torch_observations(tmp_path: Path) -> None:
+    assert "20 frames of 64 worlds on cpu" in run(str(EXAMPLES / "torch_observations.py"), folder=tmp_path)
+
+
+def test_ci_on_cpu(tmp_path: Path) -> None:
+    printed = run("-m", "pytest", "-p", "no:cacheprovider", str(EXAMPLES / "ci_on_cpu.py"), folder=tmp_path)
+    assert "3 passed" in printed
+
+
+def test_every_example_is_run() -> None:
+    tested = Path(__file__).read_text()
+    names = [path.name for path in EXAMPLES.glob("*.py")]
+    assert names
+    for name in names:
+        assert f'"{name}")' in tested, name
+
+
+@pytest.mark.parametrize("path", sorted(EXAMPLES.glob("*.py")), ids=lambda path: path.name)
+def test_example_is_shown_in_readme(path: Path) -> None:
+    assert path.name in (EXAMPLES.parent / "README.md").read_text()

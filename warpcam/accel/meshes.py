@@ -1,0 +1,118 @@
+"""Triangle meshes: checked and packed into the few arrays that the kernels read."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import warp as wp
+
+from warpcam.accel.bvh4 import build_bvh4
+from warpcam.errors import WarpcamError
+from warpcam.kernels.types import Meshes
+
+MAX_ROWS = 2**31 - 1
+
+
+@dataclass(frozen=True, eq=False)
+class Mesh:
+    """One mesh as a source gives it.
+
+    Attributes:
+        name: For error messages.
+        vertices: (vertex, 3) float32, in the frame that the shape's pose places [m].
+        faces: (face, 3) int32, indices of vertices, counterclockwise seen from the front.
+        normals: (face, 3, 3) float32, a unit normal for each corner; None for flat faces.
+        uvs: (face, 3, 2) float32, a texture coordinate for each corner, v up; None if there are none.
+    """
+
+    name: str
+    vertices: np.ndarray
+    faces: np.ndarray
+    normals: np.ndarray | None = None
+    uvs: np.ndarray | None = None
+
+
+def pack_meshes(meshes: Sequence[Mesh], device: wp.Device) -> Meshes:
+    """Build the tree of every mesh and put all of them on ``device``. Equal meshes share their rows.
+
+    Raises:
+        WarpcamError: A mesh cannot be used; the message names it.
+    """
+    places: dict[tuple[bytes, bytes], tuple[int, int]] = {}  # by content: first rows of nodes and faces
+    trees: list[tuple[np.ndarray, np.ndarray]] = []
+    node_start, face_start, corner_start = [], [], []
+    lower = np.zeros((len(meshes), 3), np.float32)
+    upper = np.full((len(meshes), 3), -1.0, np.float32)
+    normals, uvs = [], []
+    node_rows = face_rows = corners = 0
+    for index, mesh in enumerate(meshes):
+        key = (mesh.vertices.tobytes(), mesh.faces.tobytes())
+        if key not in places:
+            tree = build_bvh4(mesh.vertices, mesh.faces, name=mesh.name)
+            places[key] = (node_rows, face_rows)
+            trees.append((tree.nodes, tree.faces))
+            node_rows += len(tree.nodes)
+            face_rows += len(tree.faces)
+        node_start.append(places[key][0])
+        face_start.append(places[key][1])
+        corner_start.append(corners)
+        corners += len(mesh.faces)
+        if len(mesh.faces):
+            used = mesh.vertices[mesh.faces.reshape(-1)]
+            lower[index], upper[index] = used.min(axis=0), used.max(axis=0)
+        normals.append(_normals(mesh))
+        uvs.append(_uvs(mesh))
+        if max(node_rows, face_rows, 3 * corners) > MAX_ROWS:
+            raise WarpcamError(f"meshes: up to mesh '{mesh.name}' they have {corners} faces; all must fit 2^31 rows")
+
+    packed = Meshes()
+    packed.lower = wp.array(lower, dtype=wp.vec3, device=device)
+    packed.upper = wp.array(upper, dtype=wp.vec3, device=device)
+    packed.node_start = _integers(node_start, device)
+    packed.face_start = _integers(face_start, device)
+    packed.corner_start = _integers(corner_start, device)
+    packed.nodes = wp.array(_joined([tree[0] for tree in trees], 4), dtype=wp.vec4, device=device)
+    packed.faces = wp.array(_joined([tree[1] for tree in trees], 4), dtype=wp.vec4, device=device)
+    packed.normals = wp.array(_joined(normals, 3), dtype=wp.vec3, device=device)
+    packed.uvs = wp.array(_joined(uvs, 2), dtype=wp.vec2, device=device)
+    packed.has_uvs = _integers([mesh.uvs is not None for mesh in meshes], device)
+    return packed
+
+
+def face_normals(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    """Unit normals, (face, 3) float32; z where a face has no area."""
+    corners = vertices[faces].astype(np.float64)
+    cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    length = np.linalg.norm(cross, axis=1, keepdims=True)
+    return np.where(length > 0.0, cross / np.where(length > 0.0, length, 1.0), (0.0, 0.0, 1.0)).astype(np.float32)
+
+
+def _normals(mesh: Mesh) -> np.ndarray:
+    if mesh.normals is None:
+        return np.repeat(face_normals(mesh.vertices, mesh.faces), 3, axis=0)
+    return _corner_values(mesh, "normals", mesh.normals, 3)
+
+
+def _uvs(mesh: Mesh) -> np.ndarray:
+    if mesh.uvs is None:  # one row for each corner all the same, so that corners count alike in both arrays
+        return np.zeros((3 * len(mesh.faces), 2), np.float32)
+    return _corner_values(mesh, "uvs", mesh.uvs, 2)
+
+
+def _corner_values(mesh: Mesh, what: str, values: np.ndarray, width: int) -> np.ndarray:
+    if values.shape != (len(mesh.faces), 3, width):
+        raise WarpcamError(
+            f"mesh '{mesh.name}': {what} must have shape ({len(mesh.faces)}, 3, {width}), got {values.shape}"
+        )
+    if not np.isfinite(values).all():
+        face = int(np.argmin(np.isfinite(values).all(axis=(1, 2))))
+        raise WarpcamError(f"mesh '{mesh.name}': {what} must be finite, got {values[face].tolist()} at face {face}")
+    return values.reshape(-1, width)
+
+
+def _joined(parts: Sequence[np.ndarray], width: int) -> np.ndarray:
+    return np.concatenate([np.zeros((0, width), np.float32), *parts])
+
+
+def _integers(values: Sequence[int], device: wp.Device) -> wp.array:
+    return wp.array(np.asarray(values, np.int32), dtype=wp.int32, device=device)

@@ -1,0 +1,106 @@
+"""The box around what can be seen."""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from warpcam.accel.heightfields import HeightField
+from warpcam.accel.meshes import Mesh
+from warpcam.kernels.types import CAPSULE, CYLINDER, HEIGHT_FIELD, MESH, PLANE, SPHERE
+
+Bounds = tuple[np.ndarray, np.ndarray]
+
+# How the half extents of a box are made of the three sizes: their indices, and the one added to the third.
+EXTENTS = {SPHERE: ((0, 0, 0), None), CAPSULE: ((0, 0, 0), 1), CYLINDER: ((0, 0, 1), None)}
+DEFAULT_COLOR = np.array((0.5, 0.5, 0.5, 1.0), np.float32)  # a shape's colour that leaves the say to its material
+
+
+def bounds_of(
+    arrays: Mapping[str, np.ndarray],
+    types: np.ndarray,
+    drawn: Sequence[int],
+    meshes: Sequence[Mesh],
+    height_fields: Sequence[HeightField],
+) -> Bounds:
+    """Lowest and highest corner, (3,) float32 each [m]; zeros where there is nothing.
+
+    Args:
+        arrays: The scene's live arrays on the host, by the names in ``scene.FIELDS``.
+        types: (shape,) int32.
+        drawn: ids of the shapes that may be seen. Of those, infinite planes, transparent shapes and shapes whose
+            pose is not a number do not count.
+        meshes: What ``shape_assets`` counts for meshes.
+        height_fields: What ``shape_assets`` counts for height fields.
+    """
+    boxes = {
+        MESH: _stacked([_mesh_box(mesh) for mesh in meshes]),
+        HEIGHT_FIELD: _stacked([_field_box(field) for field in height_fields]),
+    }
+    worlds = np.arange(len(arrays["shape_positions"]))
+    lowest, highest = np.full(3, np.inf, np.float32), np.full(3, -np.inf, np.float32)
+    for shape in drawn:
+        kind = int(types[shape])
+        if kind in boxes:
+            low, high = boxes[kind]
+            assets = _by_world(arrays["shape_assets"], worlds, shape)  # -1 takes the last row, which is nothing
+            low, high = low[assets], high[assets]
+        else:
+            high = _half_extents(kind, _by_world(arrays["shape_sizes"], worlds, shape))
+            low = -high
+        rotations = arrays["shape_rotations"][:, shape]
+        middle = arrays["shape_positions"][:, shape] + np.einsum("wij,wj->wi", rotations, 0.5 * (low + high))
+        reach = np.einsum("wij,wj->wi", np.abs(rotations), 0.5 * (high - low))
+        counts = np.isfinite(middle + reach).all(axis=1) & _opaque(shape, worlds, arrays)
+        if counts.any():
+            lowest = np.minimum(lowest, (middle - reach)[counts].min(axis=0))
+            highest = np.maximum(highest, (middle + reach)[counts].max(axis=0))
+    if not np.isfinite(lowest).all():
+        return np.zeros(3, np.float32), np.zeros(3, np.float32)
+    return lowest.astype(np.float32), highest.astype(np.float32)
+
+
+def _by_world(values: np.ndarray, worlds: np.ndarray, row: int) -> np.ndarray:
+    return values[worlds % len(values), row]
+
+
+def _opaque(shape: int, worlds: np.ndarray, arrays: Mapping[str, np.ndarray]) -> np.ndarray:
+    color = _by_world(arrays["shape_colors"], worlds, shape)
+    material = _by_world(arrays["shape_materials"], worlds, shape)
+    table = arrays["material_color"]
+    alpha = color[:, 3]
+    if table.size:
+        from_material = (material >= 0) & (color == DEFAULT_COLOR).all(axis=1)
+        alpha = np.where(from_material, table[worlds % len(table), np.maximum(material, 0), 3], alpha)
+    return alpha > 0.0
+
+
+def _half_extents(kind: int, sizes: np.ndarray) -> np.ndarray:
+    """(world, 3); NaN for an infinite plane."""
+    if kind == PLANE:
+        half = sizes * np.float32((1.0, 1.0, 0.0))
+        finite = np.all((sizes[:, :2] > 0.0) & np.isfinite(sizes[:, :2]), axis=1)
+        return np.where(finite[:, None], half, np.float32(np.nan))
+    order, added = EXTENTS.get(kind, ((0, 1, 2), None))
+    half = sizes[:, order]
+    if added is not None:
+        half[:, 2] += sizes[:, added]
+    return half
+
+
+def _stacked(boxes: Sequence[Bounds]) -> Bounds:
+    """Lowest and highest corners, (asset + 1, 3); the last row stands for no asset."""
+    nothing = np.full(3, np.nan, np.float32)
+    return np.stack([*(box[0] for box in boxes), nothing]), np.stack([*(box[1] for box in boxes), nothing])
+
+
+def _mesh_box(mesh: Mesh) -> Bounds:
+    if len(mesh.faces) == 0:
+        return np.full(3, np.nan, np.float32), np.full(3, np.nan, np.float32)
+    used = mesh.vertices[mesh.faces.reshape(-1)]
+    return used.min(axis=0), used.max(axis=0)
+
+
+def _field_box(field: HeightField) -> Bounds:
+    x, y = field.half_size
+    low = np.array((-x, -y, -field.base), np.float32)
+    return low, np.array((x, y, float(np.max(field.heights))), np.float32)

@@ -1,0 +1,209 @@
+"""The command ``warpcam``: ``render`` a scene to pictures, and ``doctor``, which tells what this machine has."""
+
+import argparse
+import platform
+import re
+import sys
+import time
+from collections.abc import Sequence
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any, NoReturn
+
+import numpy as np
+import torch
+import warp as wp
+from PIL import Image
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
+import warpcam
+from warpcam import pictures, worlds
+from warpcam.device import resolve
+from warpcam.errors import WarpcamError
+
+FREE_CAMERA = "free"
+TIMING = 1.0  # how long frames are counted at most, after the first one [s]
+PACKAGES = ("warpcam", "warp-lang", "torch", "numpy", "mujoco", "mujoco-warp", "newton", "usd-core")
+
+
+class _Parser(argparse.ArgumentParser):
+    """Says what is wrong in one line, as everything here does."""
+
+    def error(self, message: str) -> NoReturn:
+        self.exit(2, f"warpcam: {message}\n")
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command line; returns its exit code: 0, 1 (the self test failed) or 2 (the user's mistake)."""
+    options = _parser().parse_args(arguments)
+    wp.config.log_level = wp.LOG_WARNING
+    try:
+        code: int = options.command(options)
+    except WarpcamError as error:
+        print(f"warpcam: {error}", file=sys.stderr)
+        return 2
+    return code
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = _Parser(prog="warpcam", description="Cameras for thousands of simulated robot worlds at once.")
+    parser.add_argument("--version", action="version", version=f"warpcam {warpcam.__version__}")
+    commands = parser.add_subparsers(required=True, metavar="COMMAND", parser_class=_Parser)
+
+    render = commands.add_parser("render", help="render an MJCF scene in many worlds and save pictures")
+    render.set_defaults(command=_render)
+    render.add_argument("scene", nargs="?", type=Path, metavar="SCENE.xml", help="an MJCF file (default: a demo scene)")
+    render.add_argument(
+        "--camera",
+        action="append",
+        metavar="NAME",
+        help="a camera of the scene, by name or index; may be repeated (default: all, or a free one if there is none)",
+    )
+    render.add_argument("--outputs", default="rgb,depth", help="separated by commas (default: %(default)s)")
+    render.add_argument("--worlds", type=int, default=16, metavar="N", help="default: %(default)s")
+    render.add_argument("--size", default="256x256", metavar="WxH", help="of one image (default: %(default)s)")
+    render.add_argument("--device", metavar="D", help="cpu, cuda:0, ... (default: the first GPU, or the CPU)")
+    render.add_argument("--out", type=Path, default=Path("warpcam-out"), metavar="DIR", help="default: %(default)s")
+    render.add_argument("--seed", type=int, default=0, help="of the random joint positions (default: %(default)s)")
+
+    doctor = commands.add_parser("doctor", help="print versions, devices and caches, and render one tiny image")
+    doctor.set_defaults(command=_doctor)
+    return parser
+
+
+def _render(options: argparse.Namespace) -> int:
+    width, height = _size(options.size)
+    outputs = [name.strip() for name in options.outputs.split(",") if name.strip()]
+    if options.worlds < 1:
+        raise WarpcamError(f"--worlds: {options.worlds} came, at least 1 is needed")
+    if options.seed < 0:
+        raise WarpcamError(f"--seed: {options.seed} came, 0 or more is needed")
+    device = resolve(options.device)
+    screen = Console(stderr=True)
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
+    with Progress(*columns, console=screen, transient=True) as progress:
+        steps = progress.add_task("reading the scene", total=4)
+        put = worlds.load(options.scene or worlds.DEMO, num_worlds=options.worlds, seed=options.seed, device=device)
+        progress.update(steps, description="building", advance=1)
+        scene = warpcam.from_mujoco_warp(put.host, put.model, put.data)
+        cameras = [
+            warpcam.Camera(name, width=width, height=height, outputs=outputs, **pose)
+            for name, pose in _cameras(options.camera, scene, put.host, width / height).items()
+        ]
+        renderer = warpcam.Renderer(scene, cameras)
+        progress.update(steps, description="compiling, first frame", advance=1)
+        images = renderer.render()
+        wp.synchronize_device(device)
+        progress.update(steps, description="rendering", advance=1)
+        rate = _frames_per_second(renderer, len(cameras) * options.worlds, device)
+        progress.update(steps, description="saving", advance=1, total=4 + len(cameras) * len(outputs))
+        saved = []
+        for camera, by_output in images.items():
+            for output, tensor in by_output.items():
+                saved.append(_save(options.out, camera, output, tensor.cpu().numpy()))
+                progress.advance(steps)
+    for path in saved:
+        print(path)
+    print(
+        f"{options.worlds} worlds x {len(cameras)} cameras of {width}x{height} ({', '.join(outputs)}): "
+        f"{rate:,.0f} frames/s on {_device_name(device)}"
+    )
+    return 0
+
+
+def _size(text: str) -> tuple[int, int]:
+    match = re.fullmatch(r"([1-9]\d{0,4})x([1-9]\d{0,4})", text)
+    if match is None:
+        raise WarpcamError(f"--size: {text!r} came, width x height in pixels like 256x192 is needed")
+    return int(match[1]), int(match[2])
+
+
+def _device_name(device: wp.Device) -> str:
+    return f"{device.alias} ({device.name})"
+
+
+def _cameras(names: list[str] | None, scene: Any, host: Any, aspect: float) -> dict[str | int, dict[str, Any]]:
+    """The cameras to render, by key, with the arguments that place them where they are not the scene's own."""
+    known = list(scene.cameras)
+    if names is None and known:
+        names = [str(index) if not name else name for index, name in enumerate(known)]
+    if names is None:
+        return {FREE_CAMERA: worlds.free_camera(host, *map(np.asarray, scene.bounds()), aspect)}
+    keys: dict[str | int, dict[str, Any]] = {}
+    for name in names:
+        if name in known:
+            keys[name] = {}
+        elif name.isdecimal() and int(name) < len(known):
+            keys[int(name)] = {}
+        else:
+            has = ", ".join(map(repr, known)) or "none"
+            raise WarpcamError(f"--camera: {name!r} came, the cameras of the scene are: {has}")
+    return keys
+
+
+def _frames_per_second(renderer: Any, frames: int, device: wp.Device) -> float:
+    """Images per second once everything is compiled, the time of the device included."""
+    renderer.render()
+    wp.synchronize_device(device)
+    start, count = time.perf_counter(), 0
+    while time.perf_counter() - start < TIMING and count < 100:
+        renderer.render()
+        wp.synchronize_device(device)
+        count += 1
+    return frames * count / (time.perf_counter() - start)
+
+
+def _save(folder: Path, camera: str | int, output: str, images: np.ndarray) -> Path:
+    """Write all worlds' images of one output as one picture; returns its path."""
+    name = re.sub(r"[^\w.-]+", "_", str(camera))
+    path = folder / f"{name}-{output}.png"
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        Image.fromarray(pictures.sheet(pictures.picture(output, images))).save(path, optimize=True)
+    except OSError as error:
+        raise WarpcamError(f"--out: {str(path)!r} cannot be written: {error.strerror}") from None
+    return path
+
+
+def _doctor(options: argparse.Namespace) -> int:
+    print(f"python       {platform.python_version()} on {platform.platform()}")
+    for package in PACKAGES:
+        try:
+            print(f"{package:12} {version(package)}")
+        except PackageNotFoundError:
+            print(f"{package:12} not installed")
+    wp.init()
+    for device in wp.get_devices():
+        memory = f", {device.total_memory / 2**30:.0f} GiB" if device.is_cuda else ""
+        print(f"device       {_device_name(device)}{memory}")
+    print(f"torch CUDA   {torch.version.cuda if torch.cuda.is_available() else 'not available'}")
+    print(f"cache        {wp.config.kernel_cache_dir}")
+    failed = False
+    for device in wp.get_devices():
+        start = time.perf_counter()
+        problem = _self_test(device)
+        failed |= problem is not None
+        print(f"self test    {device.alias}: {problem or f'passed in {time.perf_counter() - start:.1f} s'}")
+    return int(failed)
+
+
+def _self_test(device: wp.Device) -> str | None:
+    """Render the demo scene once, small, and look for what must be in it; returns what is wrong, or None."""
+    try:
+        put = worlds.load(worlds.DEMO, num_worlds=2, seed=0, device=device)
+        camera = warpcam.Camera("overview", width=32, height=32, outputs=("rgb", "depth", "segmentation"))
+        scene = warpcam.from_mujoco_warp(put.host, put.model, put.data)
+        images = warpcam.Renderer(scene, [camera]).render()["overview"]
+    except (WarpcamError, RuntimeError) as error:
+        return f"failed: {error}"
+    depth, shapes = images["depth"], images["segmentation"]
+    if not torch.equal(torch.isfinite(depth), shapes >= 0):
+        return "failed: depth and segmentation disagree about where something is"
+    if len(torch.unique(shapes)) < 5 or images["rgb"].float().std() < 10.0:
+        return "failed: the image shows less than the scene has"
+    return None
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,75 @@
+"""Where Warp meets torch. Nothing else in the package imports torch, but for the command line."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+import torch
+import warp as wp
+
+Tensor = torch.Tensor
+
+
+def to_torch(array: wp.array) -> torch.Tensor:
+    """The same memory as a tensor; it keeps the memory alive."""
+    return wp.to_torch(array, requires_grad=False)
+
+
+def as_array(value: Any) -> wp.array | None:
+    """The same memory as a Warp array, if it is one or a tensor; else None. None too for dtypes that Warp lacks."""
+    if isinstance(value, wp.array):
+        return value
+    if isinstance(value, torch.Tensor):
+        try:
+            return wp.from_torch(value.detach())
+        except TypeError:
+            return None
+    return None
+
+
+def to_numpy(value: Any) -> np.ndarray:
+    """A copy on the host of numbers in any form: torch, Warp, numpy or plain."""
+    if isinstance(value, torch.Tensor):
+        return value.detach().cpu().numpy()
+    if isinstance(value, wp.array):
+        return value.numpy()
+    return np.asarray(value)
+
+
+def is_capturing(device: wp.Device) -> bool:
+    """Whether work put on the device now becomes part of a graph that somebody records."""
+    if device.is_capturing:
+        return True
+    if not device.is_cuda:
+        return False
+    with torch.cuda.device(device.ordinal):
+        return torch.cuda.is_current_stream_capturing()
+
+
+@contextmanager
+def in_order(device: wp.Device) -> Iterator[None]:
+    """Inside, work on Warp's current stream is ordered with torch's current stream of the device, before and after.
+
+    Under a capture the work goes to the stream that is captured, and waits for no other.
+    """
+    if not device.is_cuda or device.is_capturing:
+        yield
+        return
+    ours, theirs = device.stream, _stream(device, torch.cuda.current_stream(device.ordinal).cuda_stream)
+    if theirs.is_capturing:
+        with wp.ScopedStream(theirs, sync_enter=False):
+            yield
+        return
+    apart = theirs.cuda_stream != ours.cuda_stream
+    if apart:
+        ours.wait_stream(theirs)
+    yield
+    if apart:
+        theirs.wait_stream(ours)
+
+
+@lru_cache(maxsize=64)
+def _stream(device: wp.Device, handle: int) -> wp.Stream:
+    return wp.Stream(device, cuda_stream=handle)

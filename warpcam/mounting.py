@@ -1,0 +1,181 @@
+"""A camera bound to a scene: its own arrays, and the stage that turns them into views."""
+
+from typing import Any
+
+import numpy as np
+import warp as wp
+
+from warpcam import interop
+from warpcam.camera import Camera
+from warpcam.errors import WarpcamError
+from warpcam.kernels import views as views_stage
+from warpcam.kernels.launch import Stage
+from warpcam.kernels.views import LensTable, Mount
+from warpcam.lens import Lens, Projection
+from warpcam.scene import Scene
+
+CLIPPING = {"none": views_stage.CLIP_NONE, "max": views_stage.CLIP_MAX, "zero": views_stage.CLIP_ZERO}
+
+
+class CameraArrays:
+    """What of one camera may be written in place, seen at the next render: tensors on the scene's device.
+
+    A camera of your own has ``position``, (world, 3) [m], and ``rotation``, (world, 4) w x y z. A lens of your own has
+    ``fovy``, (world,) [degrees], ``intrinsics``, (world, 4) fx fy cx cy [pixels], or ``height``, (world,) [m]. Every
+    camera has ``near`` and ``far``, (world,) [m]. What is the scene's own is written in the simulator's arrays.
+    """
+
+    def __init__(self, where: str, arrays: dict[str, wp.array]):
+        self._where = where
+        self._names = tuple(arrays)
+        for name, array in arrays.items():
+            setattr(self, name, interop.to_torch(array))
+
+    def __getattr__(self, name: str) -> Any:
+        if name.startswith("_"):
+            raise AttributeError(name)
+        raise AttributeError(
+            f"{self._where} has no array {name!r} of its own, it has {', '.join(self._names)}; the rest is the "
+            "simulator's to hold"
+        )
+
+
+class Mounted:
+    """One camera in a scene."""
+
+    def __init__(self, camera: Camera, scene: Scene):
+        self._scene = scene
+        self._camera = camera
+        self._index = -1 if camera.is_own else scene.camera(camera.name, "Renderer: cameras")
+        self._parent = -1 if camera.parent is None else scene.body(camera.parent, f"{camera.where}: parent")
+        self.arrays: dict[str, wp.array] = {}
+        if camera.is_own:
+            self._own("position", (0.0, 0.0, 0.0) if camera.position is None else camera.position, wp.vec3)
+            self._own("rotation", (1.0, 0.0, 0.0, 0.0) if camera.rotation is None else camera.rotation, wp.vec4)
+            if not np.linalg.norm(self.arrays["rotation"].numpy(), axis=1).all():
+                raise WarpcamError(f"{camera.where}: rotation must not be of length 0, got {camera.rotation!r}")
+        if camera.lens is not None:
+            self._make_lens(camera.lens)
+        self._own("near", camera.near, wp.float32)
+        self._own("far", camera.far, wp.float32, may_be_infinite=True)
+        self._check_range()
+
+    @property
+    def projection(self) -> Projection:
+        if self._camera.lens is not None:
+            return self._camera.lens.projection
+        return self._scene.camera_kind(self._index).projection
+
+    def record(self, mask: wp.array, faults: wp.array, views: wp.array) -> Stage:
+        """The stage that writes the camera's views, with the scene's arrays as of its last ``tables()``."""
+        return views_stage.record_views(self._mount(), self._lens(), mask, faults, views, self._scene.device)
+
+    def _mount(self) -> Mount:
+        mount, scene = Mount(), self._scene
+        mount.own = int(self._camera.is_own)
+        mount.parent = self._parent
+        if self._camera.is_own:
+            mount.positions = self.arrays["position"].reshape((scene.num_worlds, 1))
+            mount.quaternions = self.arrays["rotation"]
+            mount.parent_positions = scene.array("body_positions")
+            mount.parent_rotations = scene.array("body_rotations")
+        else:
+            mount.column = self._index
+            mount.positions = scene.array("camera_positions")
+            mount.rotations = scene.array("camera_rotations")
+        return mount
+
+    def _lens(self) -> LensTable:
+        lens, scene, camera = LensTable(), self._scene, self._camera
+        lens.near, lens.far = self.arrays["near"], self.arrays["far"]
+        lens.clipping = CLIPPING[camera.depth_clipping]
+        lens.width, lens.height = camera.width, camera.height
+        if camera.lens is None:
+            kind = scene.camera_kind(self._index)
+            lens.column = self._index
+            lens.angles = scene.array("camera_fovy")
+            lens.intrinsics = scene.array("camera_intrinsics")
+            if kind.projection == "orthographic":
+                lens.kind = views_stage.HEIGHT
+            elif kind.sensor is not None:
+                lens.kind = views_stage.SENSOR
+                lens.sensor = wp.vec2(*kind.sensor)
+            else:
+                lens.kind = views_stage.FOVY
+            return lens
+        for name, kind_of_lens in (
+            ("fovy", views_stage.FOVY),
+            ("height", views_stage.HEIGHT),
+            ("intrinsics", views_stage.INTRINSICS),
+        ):
+            if name in self.arrays:
+                lens.kind = kind_of_lens
+                values = self.arrays[name].reshape((scene.num_worlds, 1))
+                setattr(lens, "intrinsics" if name == "intrinsics" else "angles", values)
+        return lens
+
+    def _make_lens(self, lens: Lens) -> None:
+        camera, num_worlds = self._camera, self._scene.num_worlds
+        kind = type(lens).__name__
+        for name, values in lens.values(camera.width, camera.height).items():
+            labels = ("fx", "fy", "cx", "cy") if name == "intrinsics" else (name,)
+            columns = []
+            for label, value in zip(labels, values, strict=True):
+                where = f"{camera.where}: lens {kind}: {label}"
+                numbers = per_world(value, where, num_worlds, ())
+                lowest, highest = float(numbers.min()), float(numbers.max())
+                if label == "fovy" and not 0.0 < lowest <= highest < 180.0:
+                    raise WarpcamError(f"{where} must be in (0, 180) degrees, got {_worst(numbers, 0.0, 180.0)}")
+                if label in ("fx", "fy", "height") and lowest <= 0.0:
+                    raise WarpcamError(f"{where} must be positive, got {lowest}")
+                columns.append(numbers)
+            stacked = np.stack(columns, axis=-1)
+            dtype = wp.vec4 if name == "intrinsics" else wp.float32
+            data = stacked if name == "intrinsics" else stacked[:, 0]
+            self.arrays[name] = wp.array(np.ascontiguousarray(data), dtype=dtype, device=self._scene.device)
+
+    def _own(self, name: str, value: Any, dtype: Any, may_be_infinite: bool = False) -> None:
+        width = {wp.vec3: (3,), wp.vec4: (4,)}.get(dtype, ())
+        where = f"{self._camera.where}: {name}"
+        numbers = per_world(value, where, self._scene.num_worlds, width, may_be_infinite=may_be_infinite)
+        self.arrays[name] = wp.array(numbers, dtype=dtype, device=self._scene.device)
+
+    def _check_range(self) -> None:
+        near, far = self.arrays["near"].numpy(), self.arrays["far"].numpy()
+        where = self._camera.where
+        if near.min() < 0.0:
+            raise WarpcamError(f"{where}: near must be at least 0, got {near.min()}")
+        if not (far > near).all():
+            world = int(np.argmin(far > near))
+            raise WarpcamError(f"{where}: far must be beyond near, got near {near[world]} and far {far[world]}")
+        if self._camera.depth_clipping == "max" and not np.isfinite(far).all():
+            raise WarpcamError(f'{where}: depth_clipping="max" needs a finite far, got {self._camera.far!r}')
+
+
+def per_world(
+    value: Any, where: str, num_worlds: int, width: tuple[int, ...], *, may_be_infinite: bool = False
+) -> np.ndarray:
+    """``value`` for every world: (world, *width) float32.
+
+    Raises:
+        WarpcamError: It is neither (*width) nor (world, *width), or holds something else than finite numbers.
+    """
+    several = f"({num_worlds}, {width[0]})" if width else f"({num_worlds},)"
+    allowed = f"{width or 'a number'} or {several}"
+    try:
+        raw = np.asarray(interop.to_numpy(value))
+        numbers = raw.astype(np.float32)
+    except (TypeError, ValueError):
+        raise WarpcamError(f"{where} must be numbers, {allowed}, got {value!r}") from None
+    if raw.dtype.kind not in "iuf":
+        raise WarpcamError(f"{where} must be numbers, {allowed}, got {value!r}")
+    if numbers.shape not in (width, (num_worlds, *width)):
+        raise WarpcamError(f"{where} must have shape {allowed}, got {numbers.shape}")
+    unusable = np.isnan(numbers) | (np.isinf(numbers) & (numbers < 0.0 if may_be_infinite else True))
+    if unusable.any():
+        raise WarpcamError(f"{where} must be finite, got {numbers[unusable].flat[0]}")
+    return np.ascontiguousarray(np.broadcast_to(numbers, (num_worlds, *width)))
+
+
+def _worst(numbers: np.ndarray, low: float, high: float) -> float:
+    return float(numbers[(numbers <= low) | (numbers >= high)].flat[0])

@@ -1,0 +1,58 @@
+"""What can be asked of a camera, as data."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import warp as wp
+
+from warpcam.errors import WarpcamError
+
+
+@dataclass(frozen=True)
+class Output:
+    """One kind of image, (world, height, width, channels).
+
+    Attributes:
+        dtype: Of its array.
+        channels: Length of the last dimension.
+        miss: What a pixel shows where nothing is hit, in words.
+        trace: The buffer of the trace it is ("depth" or "shape"), or None where it is derived from them.
+        face: Whether it is derived from the face that was hit, too.
+        lit: Whether shadows change it.
+    """
+
+    dtype: Any
+    channels: int
+    miss: str
+    trace: str | None = None
+    face: bool = False
+    lit: bool = False
+
+
+OUTPUTS: Mapping[str, Output] = {
+    "rgb": Output(wp.uint8, 3, "background", face=True, lit=True),
+    "rgba": Output(wp.uint8, 4, "background with alpha 0", face=True, lit=True),
+    "hdr": Output(wp.float32, 3, "background", face=True, lit=True),
+    "depth": Output(wp.float32, 1, "inf, or what depth_clipping says", trace="depth"),
+    "distance": Output(wp.float32, 1, "inf"),
+    "normals": Output(wp.float32, 3, "0", face=True),
+    "points": Output(wp.float32, 3, "inf"),
+    "segmentation": Output(wp.int32, 1, "-1", trace="shape"),
+    "bodies": Output(wp.int32, 1, "-1"),
+    "albedo": Output(wp.uint8, 3, "0", face=True),
+}
+
+
+def check_outputs(names: Any, where: str) -> tuple[str, ...]:
+    """The names in the order given, or the error that lists what there is."""
+    if isinstance(names, str) or not isinstance(names, Sequence):
+        raise WarpcamError(f'{where}: outputs must be a sequence of names like ("rgb", "depth"), got {names!r}')
+    if not names:
+        raise WarpcamError(f"{where}: outputs is empty; allowed are {', '.join(OUTPUTS)}")
+    for name in names:
+        if not isinstance(name, str) or name not in OUTPUTS:
+            raise WarpcamError(f"{where}: outputs has {name!r}; allowed are {', '.join(OUTPUTS)}")
+    if len(set(names)) < len(names):
+        raise WarpcamError(f"{where}: outputs names something twice: {list(names)!r}")
+    return tuple(names)

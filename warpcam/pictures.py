@@ -1,0 +1,116 @@
+"""From images to pictures that people look at: every output as colours, all worlds in one sheet."""
+
+from collections.abc import Callable, Mapping
+
+import numpy as np
+from cmap import Colormap
+
+GAP = 2  # between the worlds of a sheet [pixels]
+PAPER = 255  # grey of the sheet behind them
+NOTHING = 0  # grey of a pixel that hit nothing
+
+
+def from_colors(images: np.ndarray) -> np.ndarray:
+    """Display colours as they are."""
+    return images
+
+
+def from_radiance(images: np.ndarray) -> np.ndarray:
+    """Radiance clipped to what a display shows."""
+    return np.round(255.0 * np.clip(np.nan_to_num(images), 0.0, 1.0)).astype(np.uint8)
+
+
+def from_lengths(images: np.ndarray) -> np.ndarray:
+    """Lengths [m] on a logarithmic scale through the colour map viridis, near bright and far dark."""
+    lengths = images[..., 0]
+    seen = np.isfinite(lengths) & (lengths > 0.0)
+    if not seen.any():
+        return np.full((*lengths.shape, 3), NOTHING, dtype=np.uint8)
+    scale = np.log(np.where(seen, lengths, 1.0))
+    # The last few percent are mostly floor on its way to the horizon.
+    near, far = np.percentile(scale[seen], (0.5, 92.0))
+    shade = 1.0 - np.clip((scale - near) / max(far - near, 1e-6), 0.0, 1.0)
+    return _where(seen, _mapped("viridis", 0.04 + 0.96 * shade))
+
+
+def from_ids(images: np.ndarray) -> np.ndarray:
+    """Ids through the colour map turbo; the same id always has the same colour, and ids in a row differ most."""
+    ids = images[..., 0]
+    # Steps of the golden ratio never come near an earlier one soon.
+    return _where(ids >= 0, _mapped("turbo", np.modf(0.15 + 0.6180339887 * np.maximum(ids, 0))[0]))
+
+
+def from_directions(images: np.ndarray) -> np.ndarray:
+    """Unit vectors, each axis from [-1, 1] to [0, 255]; zero vectors are nothing."""
+    seen = np.abs(images).sum(axis=-1) > 0.0
+    return _where(seen, np.round(127.5 * (np.clip(np.nan_to_num(images), -1.0, 1.0) + 1.0)).astype(np.uint8))
+
+
+def from_points(images: np.ndarray) -> np.ndarray:
+    """Positions: x, y and z as red, green and blue, each over the range that most of them are in."""
+    seen = np.isfinite(images).all(axis=-1)
+    if not seen.any():
+        return np.full(images.shape, NOTHING, dtype=np.uint8)
+    low, high = np.percentile(images[seen], (2.0, 94.0), axis=0)
+    shade = (np.where(seen[..., None], images, 0.0) - low) / np.maximum(high - low, 1e-6)
+    return _where(seen, np.round(255.0 * np.clip(shade, 0.0, 1.0)).astype(np.uint8))
+
+
+def from_flow(images: np.ndarray) -> np.ndarray:
+    """Motion: the direction as a colour of the cyclic map, the length as its strength."""
+    length = np.linalg.norm(images, axis=-1, keepdims=True)
+    strength = np.clip(length / max(float(np.percentile(length, 99.0)), 1e-6), 0.0, 1.0)
+    hue = np.arctan2(images[..., 1], images[..., 0]) / (2.0 * np.pi) + 0.5
+    return np.round(strength * _mapped("romaO", hue) + (1.0 - strength) * 255.0).astype(np.uint8)
+
+
+def from_flags(images: np.ndarray) -> np.ndarray:
+    """White where set."""
+    return np.repeat(np.where(images > 0, 255, 0).astype(np.uint8), 3, axis=-1)
+
+
+PICTURES: Mapping[str, Callable[[np.ndarray], np.ndarray]] = {
+    "rgb": from_colors,
+    "rgba": from_colors,
+    "albedo": from_colors,
+    "hdr": from_radiance,
+    "depth": from_lengths,
+    "distance": from_lengths,
+    "normals": from_directions,
+    "points": from_points,
+    "segmentation": from_ids,
+    "bodies": from_ids,
+    "instances": from_ids,
+    "semantics": from_ids,
+    "flow": from_flow,
+    "flow_valid": from_flags,
+}
+
+
+def picture(output: str, images: np.ndarray) -> np.ndarray:
+    """Images of one output, (world, height, width, channels), as display colours, uint8 with 3 or 4 channels.
+
+    Colour scales are shared by all worlds of the call.
+    """
+    return PICTURES[output](images)
+
+
+def sheet(pictures: np.ndarray) -> np.ndarray:
+    """Pictures (world, height, width, channels) side by side, row after row, as near to a square as they go."""
+    worlds, height, width, channels = pictures.shape
+    columns = max(1, min(worlds, round(np.sqrt(worlds * height / width))))
+    rows = -(-worlds // columns)
+    paper = np.full((rows * (height + GAP) - GAP, columns * (width + GAP) - GAP, channels), PAPER, dtype=np.uint8)
+    for world, image in enumerate(pictures):
+        top, left = world // columns * (height + GAP), world % columns * (width + GAP)
+        paper[top : top + height, left : left + width] = image
+    return paper
+
+
+def _mapped(name: str, shade: np.ndarray) -> np.ndarray:
+    colors: np.ndarray = Colormap(name).lut(256)[:, :3]
+    return np.round(255.0 * colors[np.round(255.0 * shade).astype(np.int64)]).astype(np.uint8)
+
+
+def _where(seen: np.ndarray, colors: np.ndarray) -> np.ndarray:
+    return np.where(seen[..., None], colors, np.uint8(NOTHING))

@@ -1,0 +1,157 @@
+"""The renderer: which stages make a frame, in what order, and their capture as a graph."""
+
+import threading
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import warp as wp
+
+from warpcam import interop
+from warpcam.camera import Camera
+from warpcam.errors import WarpcamError
+from warpcam.kernels.launch import Stage
+from warpcam.kernels.tables import Tables
+from warpcam.kernels.views import record_begin
+from warpcam.mounting import CameraArrays, Mounted
+from warpcam.scene import Scene
+from warpcam.selection import Selection
+from warpcam.targets import Target
+
+Images = dict[str | int, dict[str, interop.Tensor]]
+
+
+class Renderer:
+    """Renders the cameras of a scene, all worlds at once.
+
+    Building one allocates all memory and compiles all kernels; ``render`` does neither.
+
+    Args:
+        scene: What to look at.
+        cameras: Each under its own name.
+        graph: Replay each frame as a CUDA graph; False launches kernel by kernel. Images are the same.
+
+    Attributes:
+        images: The images of the last frame, by camera and output: tensors (world, height, width, channels) on the
+            scene's device. The same tensors in every frame; they stay valid when the renderer is gone.
+        faulty: uint8 tensor, (world,): 1 where, in the last frame that drew the world, a pose, size or lens was not a
+            number or made no image. Such a world's images show the background; no other world is touched.
+    """
+
+    def __init__(self, scene: Scene, cameras: Sequence[Camera], *, graph: bool = True):
+        self._cameras = _check_cameras(scene, cameras)
+        self._scene, self._device = scene, scene.device
+        self._graph = graph and scene.device.is_cuda
+        self._lock = threading.Lock()
+        tables = scene.tables()
+        self._mounted = {key: Mounted(camera, scene) for key, camera in self._cameras.items()}
+        self._targets = {key: Target(camera, tables, scene.device) for key, camera in self._cameras.items()}
+        self._selection = Selection(scene.num_worlds, scene.device)
+        self._faults = wp.zeros(scene.num_worlds, dtype=wp.uint8, device=scene.device)
+        self.faulty = interop.to_torch(self._faults)
+        self.images: Images = {
+            key: {name: interop.to_torch(array) for name, array in target.images.items()}
+            for key, target in self._targets.items()
+        }
+        self._arrays = {
+            key: CameraArrays(self._cameras[key].where, mounted.arrays) for key, mounted in self._mounted.items()
+        }
+        self._tables: Tables | None = None
+        self._frames: dict[bool, list[Stage]] = {}
+        self._graphs: dict[bool, wp.Graph] = {}
+        self._record(tables)
+
+    def render(self, worlds: Any = None, forward: bool = False) -> Images:
+        """Render the state as it is now.
+
+        On CUDA the work is queued, in order with what torch's and Warp's current streams hold, and nothing waits for
+        it. Inside a capture it becomes part of the captured graph.
+
+        Args:
+            worlds: Which worlds to render; the others' images stay. Ids as a sequence or an integer tensor, or a mask
+                (world,) as a bool or uint8 tensor or Warp array. A mask on the scene's device costs no wait for the
+                device; a tensor of ids there does, to be checked, but for inside a capture, where ids out of range are
+                passed over. None is all.
+            forward: Have the simulator compute poses from its state first. After a step of MuJoCo poses are those
+                before it.
+
+        Returns:
+            ``images``.
+        """
+        capturing = interop.is_capturing(self._device)
+        if capturing and not self._scene.live_on_device:
+            raise WarpcamError(
+                "render: a capture is under way, but this scene's poses come from the host and would not be copied "
+                "again when the graph is replayed; render outside of it, or use from_mujoco_warp"
+            )
+        with self._lock, interop.in_order(self._device):
+            if worlds is not None:
+                self._selection.select(worlds, capturing)
+            if forward:
+                self._scene.forward()
+            self._scene.refresh()
+            tables = self._scene.tables()
+            if tables is not self._tables:
+                self._record(tables)
+            self._run(worlds is None, capturing)
+        return self.images
+
+    def array(self, camera: str | int, output: str) -> wp.array:
+        """The Warp array behind ``images[camera][output]``."""
+        target = self._targets[self._key(camera)]
+        if output not in target.images:
+            raise WarpcamError(f"Renderer.array: output {output!r} came, {camera!r} renders {', '.join(target.images)}")
+        return target.images[output]
+
+    def camera(self, camera: str | int) -> CameraArrays:
+        """What of that camera may be written in place, seen at the next render."""
+        return self._arrays[self._key(camera)]
+
+    def _key(self, camera: str | int) -> str | int:
+        if camera not in self._cameras:
+            known = ", ".join(repr(key) for key in self._cameras)
+            raise WarpcamError(f"Renderer: camera {camera!r} came, it renders {known}")
+        return camera
+
+    def _record(self, tables: Tables) -> None:
+        """Bind every stage to the tables' arrays; loads and compiles whatever kernels that takes."""
+        mask, stages = self._selection.mask, []
+        for key, target in self._targets.items():
+            mounted = self._mounted[key]
+            seen = self._scene.tables_with(tables, self._cameras[key].background)
+            stages.append(mounted.record(mask, self._faults, target.views))
+            stages += target.record(seen, mounted.projection, mask, self._faults)
+        self._frames = {
+            everything: [record_begin(everything, mask, self._faults, self._device), *stages]
+            for everything in (True, False)
+        }
+        self._graphs = {}
+        self._tables = tables
+
+    def _run(self, everything: bool, capturing: bool) -> None:
+        stages = self._frames[everything]
+        if not self._graph or capturing:
+            for stage in stages:
+                stage.launch()
+            return
+        if everything in self._graphs:
+            wp.capture_launch(self._graphs[everything], stream=self._device.stream)
+            return
+        for stage in stages:  # the first time by themselves: the driver may still have to load the kernels
+            stage.launch()
+        with wp.ScopedStream(wp.Stream(self._device)), wp.ScopedCapture(self._device) as capture:
+            for stage in stages:
+                stage.launch()
+        self._graphs[everything] = capture.graph
+
+
+def _check_cameras(scene: Any, cameras: Any) -> Mapping[str | int, Camera]:
+    if not isinstance(scene, Scene):
+        raise WarpcamError(f"Renderer: scene must be made by from_mujoco_warp or the like, got {type(scene).__name__}")
+    if not isinstance(cameras, Sequence) or not all(isinstance(camera, Camera) for camera in cameras):
+        raise WarpcamError(f"Renderer: cameras must be a sequence of Camera, got {cameras!r}")
+    by_key: dict[str | int, Camera] = {}
+    for camera in cameras:
+        if camera.name in by_key:
+            raise WarpcamError(f"Renderer: cameras has two called {camera.name!r}; each needs a name of its own")
+        by_key[camera.name] = camera
+    return by_key

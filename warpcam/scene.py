@@ -1,0 +1,328 @@
+"""The scene: what can be seen, on one device, checked here and nowhere else."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Protocol
+
+import numpy as np
+import warp as wp
+
+from warpcam import device as device_rule
+from warpcam.accel.heightfields import HeightField, pack_height_fields
+from warpcam.accel.meshes import Mesh, pack_meshes
+from warpcam.accel.textures import TextureImage, pack_textures
+from warpcam.bounds import Bounds, bounds_of
+from warpcam.errors import WarpcamError
+from warpcam.kernels.tables import Tables
+from warpcam.kernels.types import HEIGHT_FIELD, MESH, Background, Lights, Materials, Shapes
+from warpcam.lens import Projection
+
+MAX_SHADOW_LIGHTS = 32
+NUM_SHAPE_TYPES = MESH + 1
+
+
+@dataclass(frozen=True)
+class SceneCamera:
+    """A camera that the source has.
+
+    Attributes:
+        name: "" if it has none.
+        projection: "pinhole" or "orthographic".
+        sensor: Width and height of the sensor, in the unit of the camera's intrinsics. None: the camera has a field
+            of view instead.
+    """
+
+    name: str
+    projection: Projection = "pinhole"
+    sensor: tuple[float, float] | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Parts:
+    """What of a scene never changes.
+
+    Attributes:
+        num_worlds: At least 1.
+        shape_types: (shape,) int32, constants of ``kernels/types.py``.
+        shape_bodies: (shape,) int32.
+        drawn: ids of the shapes that may be seen, ascending.
+        bodies: Name of each body, "" if it has none.
+        cameras: The source's cameras.
+        num_materials: Rows of the material arrays.
+        num_lights: Rows of the light arrays.
+        meshes: What ``shape_assets`` counts for meshes.
+        height_fields: What ``shape_assets`` counts for height fields.
+        textures: What ``material_textures`` counts.
+        skybox: Index of the texture behind everything, or -1.
+    """
+
+    num_worlds: int
+    shape_types: np.ndarray
+    shape_bodies: np.ndarray
+    drawn: Sequence[int]
+    bodies: Sequence[str]
+    cameras: Sequence[SceneCamera]
+    num_materials: int
+    num_lights: int
+    meshes: Sequence[Mesh]
+    height_fields: Sequence[HeightField]
+    textures: Sequence[TextureImage]
+    skybox: int = -1
+
+
+@dataclass(frozen=True)
+class Field:
+    """One live array of a source: (world, row), or (n, row) with any n >= 1, read at ``world % n``."""
+
+    dtype: Any
+    rows: str  # what its second dimension counts
+    every_world: bool = False
+    more: tuple[int, ...] = ()  # further dimensions, at least this long
+
+
+# The arrays that a source keeps up to date. Meanings and units are those of the fields in kernels/types.py.
+FIELDS: Mapping[str, Field] = {
+    "shape_positions": Field(wp.vec3, "shapes", every_world=True),
+    "shape_rotations": Field(wp.mat33, "shapes", every_world=True),
+    "shape_sizes": Field(wp.vec3, "shapes"),
+    "shape_assets": Field(wp.int32, "shapes"),
+    "shape_materials": Field(wp.int32, "shapes"),
+    "shape_colors": Field(wp.vec4, "shapes"),
+    "material_color": Field(wp.vec4, "materials"),
+    "material_emission": Field(wp.float32, "materials"),
+    "material_specular": Field(wp.float32, "materials"),
+    "material_shininess": Field(wp.float32, "materials"),
+    "material_texture": Field(wp.int32, "materials", more=(2,)),
+    "material_texture_repeat": Field(wp.vec2, "materials"),
+    "material_texture_uniform": Field(wp.bool, "materials"),
+    "light_types": Field(wp.int32, "lights"),
+    "light_active": Field(wp.bool, "lights"),
+    "light_casts_shadow": Field(wp.bool, "lights"),
+    "light_positions": Field(wp.vec3, "lights", every_world=True),
+    "light_directions": Field(wp.vec3, "lights", every_world=True),
+    "light_attenuation": Field(wp.vec3, "lights"),
+    "light_cutoff": Field(wp.float32, "lights"),
+    "light_exponent": Field(wp.float32, "lights"),
+    "light_ambient": Field(wp.vec3, "lights"),
+    "light_diffuse": Field(wp.vec3, "lights"),
+    "light_specular": Field(wp.vec3, "lights"),
+    "body_positions": Field(wp.vec3, "bodies", every_world=True),
+    "body_rotations": Field(wp.mat33, "bodies", every_world=True),
+    "camera_positions": Field(wp.vec3, "cameras", every_world=True),
+    "camera_rotations": Field(wp.mat33, "cameras", every_world=True),
+    "camera_fovy": Field(wp.float32, "cameras"),  # [degrees]; orthographic: vertical extent [m]
+    "camera_intrinsics": Field(wp.vec4, "cameras"),  # focal lengths, principal point off the centre [sensor's unit]
+}
+
+
+class Source(Protocol):
+    """What reads one simulator."""
+
+    device: wp.Device
+    parts: Parts
+    live_on_device: bool  # False: refresh() copies from the host
+
+    def arrays(self) -> Mapping[str, wp.array]:
+        """The live arrays by the names in ``FIELDS``, and "headlight", (3,) vec3: as they are now."""
+
+    def label(self, field: str) -> str:
+        """What the user calls an array, for error messages."""
+
+    def global_ambient(self) -> float:
+        """Light that is everywhere."""
+
+    def refresh(self) -> None:
+        """Bring the arrays up to date with a state on the host."""
+
+    def forward(self) -> None:
+        """Have the simulator compute poses from its state."""
+
+
+class Scene:
+    """What can be seen in many worlds. Made by ``from_mujoco_warp``, ``from_mujoco`` and the like."""
+
+    def __init__(self, source: Source):
+        parts = source.parts
+        self._source = source
+        self._parts = parts
+        self.device: wp.Device = source.device
+        self.num_worlds: int = parts.num_worlds
+        self._counts = {
+            "shapes": len(parts.shape_types),
+            "materials": parts.num_materials,
+            "lights": parts.num_lights,
+            "bodies": len(parts.bodies),
+            "cameras": len(parts.cameras),
+        }
+        self._check_parts()
+        self._arrays: Mapping[str, wp.array] = {}
+        self._key: tuple[Any, ...] = ()
+        self._meshes = pack_meshes(parts.meshes, self.device)
+        self._height_fields = pack_height_fields(parts.height_fields, self.device)
+        self._textures = pack_textures(parts.textures, self.device)
+        self._drawn = wp.array(np.asarray(parts.drawn, np.int32), dtype=wp.int32, device=self.device)
+        self._types = wp.array(parts.shape_types.astype(np.int32), dtype=wp.int32, device=self.device)
+        self._bodies = wp.array(parts.shape_bodies.astype(np.int32), dtype=wp.int32, device=self.device)
+        source.refresh()
+        self._tables = self.tables()
+        self._check_indices()
+
+    @property
+    def cameras(self) -> tuple[str, ...]:
+        """Names of the source's cameras in their order, "" for one without a name."""
+        return tuple(camera.name for camera in self._parts.cameras)
+
+    def bounds(self) -> Bounds:
+        """Lowest and highest corner of what can be seen now, over all worlds, infinite planes aside.
+
+        Two (3,) float32 arrays in the world frame [m]; zeros where there is nothing. Waits for the device.
+        """
+        self.refresh()
+        self.tables()
+        host = {name: array.numpy() for name, array in self._arrays.items() if name.startswith(("shape", "material_c"))}
+        return bounds_of(host, self._parts.shape_types, self._parts.drawn, self._parts.meshes, self._parts.height_fields)
+
+    @property
+    def live_on_device(self) -> bool:
+        """Whether poses are read where the simulator writes them, with no copy from the host."""
+        return self._source.live_on_device
+
+    def refresh(self) -> None:
+        """Bring the device's arrays up to date, where the simulator keeps its own on the host."""
+        self._source.refresh()
+
+    def forward(self) -> None:
+        """Have the simulator compute poses from its state."""
+        self._source.forward()
+
+    def array(self, field: str) -> wp.array:
+        """The live array of that name in ``FIELDS``, as of the last call of ``tables()``."""
+        return self._arrays[field]
+
+    def camera(self, key: str | int, where: str) -> int:
+        """Index of the source's camera of that name or index."""
+        return _find(key, self.cameras, where, "camera")
+
+    def camera_kind(self, index: int) -> SceneCamera:
+        return self._parts.cameras[index]
+
+    def body(self, key: str | int, where: str) -> int:
+        """Index of the source's body of that name or index."""
+        return _find(key, tuple(self._parts.bodies), where, "body")
+
+    def tables(self) -> Tables:
+        """The scene for the kernels: the same object until the source's arrays are others."""
+        arrays = self._source.arrays()
+        ambient = self._source.global_ambient()
+        key = (ambient, *((array.ptr, array.shape, array.strides) for array in arrays.values()))
+        if key != self._key:
+            for name, field in FIELDS.items():
+                self._check_array(name, field, arrays[name])
+            self._arrays = arrays
+            self._tables = self._build(arrays, ambient)
+            self._key = key
+        return self._tables
+
+    def background(self, color: tuple[float, float, float]) -> Background:
+        """A plain background."""
+        background = Background()
+        background.color = wp.vec3(*color)
+        background.skybox = -1
+        return background
+
+    def tables_with(self, tables: Tables, color: tuple[float, float, float] | None) -> Tables:
+        """The tables with a background of one colour instead of the scene's own, or as they are for None."""
+        if color is None:
+            return tables
+        return replace(tables, background=self.background(color), has_skybox=False)
+
+    def _build(self, arrays: Mapping[str, wp.array], ambient: float) -> Tables:
+        parts = self._parts
+        shapes, materials, lights = Shapes(), Materials(), Lights()
+        shapes.drawn, shapes.types, shapes.bodies = self._drawn, self._types, self._bodies
+        for prefix, struct in (("shape_", shapes), ("material_", materials), ("light_", lights)):
+            for name in FIELDS:
+                if name.startswith(prefix):
+                    setattr(struct, name.removeprefix(prefix), arrays[name])
+        lights.headlight = arrays["headlight"]
+        lights.global_ambient = ambient
+        background = self.background((0.0, 0.0, 0.0))
+        background.skybox = parts.skybox
+        return Tables(
+            shapes=shapes,
+            meshes=self._meshes,
+            height_fields=self._height_fields,
+            materials=materials,
+            textures=self._textures,
+            lights=lights,
+            background=background,
+            num_worlds=self.num_worlds,
+            num_drawn=len(parts.drawn),
+            num_lights=parts.num_lights,
+            shape_types=frozenset(int(parts.shape_types[shape]) for shape in parts.drawn),
+            has_materials=parts.num_materials > 0,
+            has_textures=parts.num_materials > 0 and any(i != parts.skybox for i in range(len(parts.textures))),
+            has_skybox=parts.skybox >= 0,
+        )
+
+    def _check_parts(self) -> None:
+        parts = self._parts
+        if parts.num_worlds < 1:
+            raise WarpcamError(f"worlds: the scene has {parts.num_worlds}; at least 1 is needed")
+        for name, rows in self._counts.items():
+            if rows >= 2**31 // parts.num_worlds:
+                raise WarpcamError(f"{name}: {rows} in {parts.num_worlds} worlds are 2^31 or more; fewer are allowed")
+        for shape in parts.drawn:
+            if not 0 <= parts.shape_types[shape] < NUM_SHAPE_TYPES:
+                raise WarpcamError(f"shape {shape}: its type is {parts.shape_types[shape]}; allowed are 0 to {MESH}")
+        if not -1 <= parts.skybox < len(parts.textures):
+            raise WarpcamError(f"skybox: texture {parts.skybox} of {len(parts.textures)}; allowed are -1 for none and those")
+
+    def _check_array(self, name: str, field: Field, array: Any) -> None:
+        label = self._source.label(name)
+        if not isinstance(array, wp.array):
+            raise WarpcamError(f"{label}: a Warp array is needed, got {type(array).__name__}")
+        device_rule.require_same(self.device, "the scene's other arrays are", array.device, label)
+        rows, more = self._counts[field.rows], len(field.more)
+        shape = tuple(array.shape)
+        leading = f"{self.num_worlds}" if field.every_world else "1 or more"
+        expected = f"({leading}, {rows}{''.join(f', {n} or more' for n in field.more)})"
+        fits = (
+            len(shape) == 2 + more
+            and (shape[0] == self.num_worlds if field.every_world else shape[0] >= 1)
+            and shape[1] == rows
+            and all(have >= need for have, need in zip(shape[2:], field.more, strict=True))
+        )
+        # Without rows nothing is read, and a source may leave the array as empty as it likes.
+        if (rows > 0 and not fits) or array.ndim != 2 + more or array.dtype is not field.dtype:
+            raise WarpcamError(
+                f"{label}: expected {field.dtype.__name__} of shape {expected}, got {array.dtype.__name__} of {shape}"
+            )
+
+    def _check_indices(self) -> None:
+        """Indices as they are when the scene is made; one written later is the user's own responsibility."""
+        parts = self._parts
+        self._check_range("shape_materials", parts.num_materials)
+        self._check_range("material_texture", len(parts.textures))
+        for kind, assets in ((MESH, parts.meshes), (HEIGHT_FIELD, parts.height_fields)):
+            shapes = [shape for shape in parts.drawn if parts.shape_types[shape] == kind]
+            if shapes:
+                self._check_range("shape_assets", len(assets), shapes)
+
+    def _check_range(self, name: str, count: int, rows: Sequence[int] | None = None) -> None:
+        array = self._arrays[name]
+        if array.size == 0:
+            return
+        values = array.numpy() if rows is None else array.numpy()[:, rows]
+        if values.min() < -1 or values.max() >= count:
+            worst = int(values.min()) if values.min() < -1 else int(values.max())
+            raise WarpcamError(f"{self._source.label(name)}: has {worst}; allowed are -1 for none and 0 to {count - 1}")
+
+
+def _find(key: str | int, names: tuple[str, ...], where: str, what: str) -> int:
+    if isinstance(key, str) and key and key in names:
+        return names.index(key)
+    if isinstance(key, int | np.integer) and not isinstance(key, bool) and 0 <= key < len(names):
+        return int(key)
+    known = ", ".join(repr(name) if name else str(index) for index, name in enumerate(names)) or "none"
+    raise WarpcamError(f"{where}: the scene has no {what} {key!r}; it has: {known}")

@@ -1,0 +1,102 @@
+"""Classic MuJoCo: worlds whose state lies on the host, copied to the device before each frame."""
+
+from collections.abc import Collection, Mapping, Sequence
+from typing import Any
+
+import mujoco
+import numpy as np
+import warp as wp
+
+from warpcam import device as device_rule
+from warpcam.errors import WarpcamError
+from warpcam.scene import FIELDS, Scene
+from warpcam.sources import mujoco_model as model
+
+ALIGNMENT = 16  # of each array in the block [bytes]
+
+
+class MujocoSource:
+    """An MjModel and one MjData for each world.
+
+    All arrays lie in one block of memory, once on the host and once on the device, so that a frame needs one copy.
+    """
+
+    live_on_device = False
+
+    def __init__(self, mjm: mujoco.MjModel, mjds: Sequence[mujoco.MjData], groups: Collection[int], device: wp.Device):
+        self.device = device
+        self._mjm, self._mjds = mjm, mjds
+        self.parts = model.read_parts(mjm, len(mjds), groups)
+        shapes = {name: self._shape(name) for name in FIELDS}
+        dtypes = {name: FIELDS[name].dtype for name in FIELDS}
+        shapes["headlight"], dtypes["headlight"] = (3,), wp.vec3
+        starts, total = {}, 0
+        for name, shape in shapes.items():
+            starts[name] = total
+            size = int(np.prod(shape)) * wp.empty(1, dtype=dtypes[name], device="cpu").strides[0]
+            total += -(-size // ALIGNMENT) * ALIGNMENT
+        self._host = wp.zeros(total, dtype=wp.uint8, device="cpu", pinned=device.is_cuda)
+        self._block = wp.zeros(total, dtype=wp.uint8, device=device)
+        self._staged = {name: self._view(self._host, starts[name], shapes[name], dtypes[name]).numpy() for name in shapes}
+        self._arrays = {name: self._view(self._block, starts[name], shapes[name], dtypes[name]) for name in shapes}
+        self._copied = wp.Event(device) if device.is_cuda else None
+
+    def arrays(self) -> Mapping[str, wp.array]:
+        return self._arrays
+
+    def label(self, field: str) -> str:
+        return f"mjd.{model.DATA_NAMES[field]}" if field in model.DATA_NAMES else f"mjm.{model.MODEL_NAMES[field]}"
+
+    def global_ambient(self) -> float:
+        return model.global_ambient(self._mjm)
+
+    def refresh(self) -> None:
+        """Copy poses and all else that may change to the device, in order with its current stream."""
+        if self._copied is not None:
+            wp.synchronize_event(self._copied)  # of the frame before: the staging block is free again
+        for field, name in model.DATA_NAMES.items():
+            staged = self._staged[field]
+            for world, mjd in enumerate(self._mjds):
+                staged[world] = getattr(mjd, name).reshape(staged.shape[1:])
+        for field, name in model.MODEL_NAMES.items():
+            staged = self._staged[field]
+            staged[0] = getattr(self._mjm, name).reshape(staged.shape[1:])
+        self._staged["headlight"][:] = model.headlight(self._mjm)
+        wp.copy(self._block, self._host)
+        if self._copied is not None:
+            self.device.stream.record_event(self._copied)
+
+    def forward(self) -> None:
+        for mjd in self._mjds:
+            mujoco.mj_kinematics(self._mjm, mjd)
+            mujoco.mj_comPos(self._mjm, mjd)
+            mujoco.mj_camlight(self._mjm, mjd)
+
+    def _shape(self, name: str) -> tuple[int, ...]:
+        if name in model.DATA_NAMES:
+            return len(self._mjds), len(getattr(self._mjds[0], model.DATA_NAMES[name]))
+        values = getattr(self._mjm, model.MODEL_NAMES[name])
+        return (1, *values.shape[: 1 + len(FIELDS[name].more)])
+
+    @staticmethod
+    def _view(block: wp.array, start: int, shape: tuple[int, ...], dtype: Any) -> wp.array:
+        """An array inside ``block``; it does not keep the block alive, the source does."""
+        return wp.array(ptr=block.ptr + start, shape=shape, dtype=dtype, device=block.device)
+
+
+def load(mjm: Any, mjd: Any, groups: Collection[int], device: Any) -> Scene:
+    model.check_model(mjm, "mjm")
+    several = isinstance(mjd, list | tuple)
+    mjds = list(mjd) if several else [mjd]
+    if not mjds:
+        raise WarpcamError("mjd is an empty list; one MjData, or one for each world, is needed")
+    for world, data in enumerate(mjds):
+        which = f"mjd[{world}]" if several else "mjd"
+        if not isinstance(data, mujoco.MjData):
+            raise WarpcamError(f"{which} must be a mujoco.MjData, got {type(data).__name__}")
+        if data.geom_xpos.shape[0] != mjm.ngeom or data.xpos.shape[0] != mjm.nbody:
+            raise WarpcamError(
+                f"{which} was made from another model than mjm: it has {data.geom_xpos.shape[0]} geoms and "
+                f"{data.xpos.shape[0]} bodies, mjm has {mjm.ngeom} and {mjm.nbody}"
+            )
+    return Scene(MujocoSource(mjm, mjds, groups, device_rule.resolve(device)))

@@ -1,0 +1,183 @@
+"""What of a MuJoCo model never changes, and the names of what does."""
+
+from collections.abc import Collection, Mapping
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from warpcam.accel.heightfields import HeightField
+from warpcam.accel.meshes import Mesh, face_normals
+from warpcam.accel.textures import TextureImage
+from warpcam.errors import WarpcamError
+from warpcam.kernels.types import MESH
+from warpcam.scene import Parts, SceneCamera
+
+NUM_GROUPS = 6
+SMOOTH_BELOW = 0.8  # cosine to the face's normal under which MuJoCo takes that instead of the vertex's
+
+# Where MuJoCo and MuJoCo-Warp keep each live array: in the data, or in the model.
+DATA_NAMES: Mapping[str, str] = {
+    "shape_positions": "geom_xpos",
+    "shape_rotations": "geom_xmat",
+    "light_positions": "light_xpos",
+    "light_directions": "light_xdir",
+    "body_positions": "xpos",
+    "body_rotations": "xmat",
+    "camera_positions": "cam_xpos",
+    "camera_rotations": "cam_xmat",
+}
+MODEL_NAMES: Mapping[str, str] = {
+    "shape_sizes": "geom_size",
+    "shape_assets": "geom_dataid",
+    "shape_materials": "geom_matid",
+    "shape_colors": "geom_rgba",
+    "material_color": "mat_rgba",
+    "material_emission": "mat_emission",
+    "material_specular": "mat_specular",
+    "material_shininess": "mat_shininess",
+    "material_texture": "mat_texid",
+    "material_texture_repeat": "mat_texrepeat",
+    "material_texture_uniform": "mat_texuniform",
+    "light_types": "light_type",
+    "light_active": "light_active",
+    "light_casts_shadow": "light_castshadow",
+    "light_attenuation": "light_attenuation",
+    "light_cutoff": "light_cutoff",
+    "light_exponent": "light_exponent",
+    "light_ambient": "light_ambient",
+    "light_diffuse": "light_diffuse",
+    "light_specular": "light_specular",
+    "camera_fovy": "cam_fovy",
+    "camera_intrinsics": "cam_intrinsic",
+}
+
+
+def check_model(mjm: Any, name: str) -> None:
+    if not isinstance(mjm, mujoco.MjModel):
+        raise WarpcamError(f"{name} must be a mujoco.MjModel, got {type(mjm).__name__}")
+
+
+def read_parts(mjm: mujoco.MjModel, num_worlds: int, groups: Collection[int]) -> Parts:
+    """The static parts of a model.
+
+    Args:
+        mjm: The host's model.
+        num_worlds: How many worlds of it there are.
+        groups: Geom groups that are drawn, 0 to 5.
+    """
+    drawn_groups = _check_groups(groups)
+    types = mjm.geom_type.astype(np.int32)
+    types[types == mujoco.mjtGeom.mjGEOM_SDF] = MESH  # drawn as the mesh it was made from
+    textures = [_texture(mjm, index) for index in range(mjm.ntex)]
+    skyboxes = np.flatnonzero(mjm.tex_type == mujoco.mjtTexture.mjTEXTURE_SKYBOX)
+    return Parts(
+        num_worlds=num_worlds,
+        shape_types=types,
+        shape_bodies=mjm.geom_bodyid.astype(np.int32),
+        drawn=[int(geom) for geom in np.flatnonzero(np.isin(mjm.geom_group, drawn_groups))],
+        bodies=[mjm.body(index).name for index in range(mjm.nbody)],
+        cameras=[_camera(mjm, index) for index in range(mjm.ncam)],
+        num_materials=mjm.nmat,
+        num_lights=mjm.nlight,
+        meshes=[_mesh(mjm, index) for index in range(mjm.nmesh)],
+        height_fields=[_height_field(mjm, index) for index in range(mjm.nhfield)],
+        textures=textures,
+        skybox=int(skyboxes[0]) if len(skyboxes) else -1,
+    )
+
+
+def headlight(mjm: mujoco.MjModel) -> np.ndarray:
+    """Ambient, diffuse and specular of the light that moves with each camera, (3, 3) float32; zeros when it is off."""
+    light = mjm.vis.headlight
+    colors = np.stack((light.ambient, light.diffuse, light.specular)).astype(np.float32)
+    return colors if light.active else np.zeros_like(colors)
+
+
+def global_ambient(mjm: mujoco.MjModel) -> float:
+    """MuJoCo lights a scene evenly that has no light at all, the headlight included."""
+    usable = (mjm.light_type == mujoco.mjtLightType.mjLIGHT_SPOT) | (
+        mjm.light_type == mujoco.mjtLightType.mjLIGHT_DIRECTIONAL
+    )
+    lit = mjm.vis.headlight.active or bool(np.any(usable & (np.asarray(mjm.light_active) != 0)))
+    return 0.0 if lit else 0.3
+
+
+def _check_groups(groups: Any) -> list[int]:
+    try:
+        numbers = [int(group) for group in groups if not isinstance(group, bool | str)]
+        fits = len(numbers) == len(list(groups)) and all(0 <= group < NUM_GROUPS for group in numbers)
+    except (TypeError, ValueError):
+        fits = False
+    if not fits:
+        raise WarpcamError(f"groups must be geom groups, numbers from 0 to {NUM_GROUPS - 1}, got {groups!r}")
+    return numbers
+
+
+def _camera(mjm: mujoco.MjModel, index: int) -> SceneCamera:
+    orthographic = mjm.cam_projection[index] == mujoco.mjtProjection.mjPROJ_ORTHOGRAPHIC
+    width, height = (float(side) for side in mjm.cam_sensorsize[index])
+    return SceneCamera(
+        name=mjm.camera(index).name,
+        projection="orthographic" if orthographic else "pinhole",
+        sensor=(width, height) if height > 0.0 and not orthographic else None,
+    )
+
+
+def _mesh(mjm: mujoco.MjModel, index: int) -> Mesh:
+    def rows(values: np.ndarray, start: np.ndarray, count: np.ndarray) -> np.ndarray:
+        return values[start[index] : start[index] + count[index]]
+
+    name = mjm.mesh(index).name or str(index)
+    vertices = np.ascontiguousarray(rows(mjm.mesh_vert, mjm.mesh_vertadr, mjm.mesh_vertnum), np.float32)
+    faces = np.ascontiguousarray(rows(mjm.mesh_face, mjm.mesh_faceadr, mjm.mesh_facenum), np.int32)
+    _check_corners(name, "face", faces, len(vertices))
+    if not np.isfinite(vertices).all():
+        raise WarpcamError(f"mesh '{name}': mesh_vert must be finite")
+    normal = rows(mjm.mesh_normal, mjm.mesh_normaladr, mjm.mesh_normalnum)
+    facenormal = rows(mjm.mesh_facenormal, mjm.mesh_faceadr, mjm.mesh_facenum)
+    _check_corners(name, "facenormal", facenormal, len(normal))
+    normals = normal[facenormal].astype(np.float32)
+    uvs = None
+    if mjm.mesh_texcoordadr[index] >= 0:
+        texcoord = rows(mjm.mesh_texcoord, mjm.mesh_texcoordadr, mjm.mesh_texcoordnum)
+        facetexcoord = rows(mjm.mesh_facetexcoord, mjm.mesh_faceadr, mjm.mesh_facenum)
+        _check_corners(name, "facetexcoord", facetexcoord, len(texcoord))
+        uvs = texcoord[facetexcoord].astype(np.float32)
+        uvs[..., 1] = 1.0 - uvs[..., 1]  # MuJoCo's v counts from the image's first row
+    else:
+        flat = face_normals(vertices, faces)[:, None, :]
+        smooth = np.sum(normals * flat, axis=-1, keepdims=True) >= SMOOTH_BELOW
+        normals = np.where(smooth, normals, flat)
+    return Mesh(name, vertices, faces, normals, uvs)
+
+
+def _check_corners(name: str, what: str, indices: np.ndarray, count: int) -> None:
+    bad = (indices < 0) | (indices >= count)
+    if bad.any():
+        face = int(np.argmax(bad.any(axis=1)))
+        raise WarpcamError(
+            f"mesh '{name}': mesh_{what} must be indices from 0 to {count - 1}, got {indices[face].tolist()} "
+            f"at face {face}"
+        )
+
+
+def _height_field(mjm: mujoco.MjModel, index: int) -> HeightField:
+    x, y, top, base = (float(size) for size in mjm.hfield_size[index])
+    rows, columns, start = int(mjm.hfield_nrow[index]), int(mjm.hfield_ncol[index]), int(mjm.hfield_adr[index])
+    samples = mjm.hfield_data[start : start + rows * columns].reshape(rows, columns)
+    return HeightField(mjm.hfield(index).name or str(index), samples.astype(np.float32) * top, (x, y), top, base)
+
+
+def _texture(mjm: mujoco.MjModel, index: int) -> TextureImage:
+    width, height, channels = int(mjm.tex_width[index]), int(mjm.tex_height[index]), int(mjm.tex_nchannel[index])
+    start = int(mjm.tex_adr[index])
+    pixels = np.asarray(mjm.tex_data[start : start + width * height * channels]).reshape(height, width, channels)
+    srgb = mjm.tex_colorspace[index] == mujoco.mjtColorSpace.mjCOLORSPACE_SRGB
+    if channels == 2:  # grey and alpha
+        pixels = np.concatenate((np.repeat(pixels[..., :1], 3, axis=-1), pixels[..., 1:]), axis=-1)
+    if mjm.tex_type[index] == mujoco.mjtTexture.mjTEXTURE_2D:
+        return TextureImage("2d", pixels, bool(srgb))
+    if height == 6 * width:
+        pixels = pixels.reshape(6, width, width, -1)
+    return TextureImage("cube", pixels, bool(srgb))

@@ -1,0 +1,63 @@
+"""MuJoCo-Warp: worlds whose state already lies in Warp arrays. They are read where they are."""
+
+from collections.abc import Collection, Mapping
+from typing import Any
+
+import mujoco
+import mujoco_warp as mjw
+import warp as wp
+
+from warpcam import device as device_rule
+from warpcam.errors import WarpcamError
+from warpcam.scene import Scene
+from warpcam.sources import mujoco_model as model
+
+
+class MujocoWarpSource:
+    """The live arrays of a MuJoCo-Warp Model and Data, and the host's model for what they lack."""
+
+    live_on_device = True
+
+    def __init__(self, mjm: mujoco.MjModel, m: mjw.Model, d: mjw.Data, groups: Collection[int]):
+        model.check_model(mjm, "mjm")
+        if not isinstance(m, mjw.Model):
+            raise WarpcamError(f"m must be a mujoco_warp.Model, got {type(m).__name__}")
+        if not isinstance(d, mjw.Data):
+            raise WarpcamError(f"d must be a mujoco_warp.Data, got {type(d).__name__}")
+        for name in ("ngeom", "nbody"):
+            if getattr(m, name) != getattr(mjm, name):
+                raise WarpcamError(
+                    f"m was made from another model than mjm: {name} is {getattr(m, name)} there, "
+                    f"{getattr(mjm, name)} in mjm"
+                )
+        self.device: wp.Device = d.geom_xpos.device
+        device_rule.require_same(self.device, "d is", m.geom_size.device, "m")
+        self._m, self._d = m, d
+        self.parts = model.read_parts(mjm, d.nworld, groups)
+        self._headlight = wp.array(model.headlight(mjm), dtype=wp.vec3, device=self.device)
+        self._ambient = model.global_ambient(mjm)
+
+    def arrays(self) -> Mapping[str, wp.array]:
+        m, d = self._m, self._d
+        arrays = {field: getattr(d, name) for field, name in model.DATA_NAMES.items()}
+        arrays.update((field, getattr(m, name)) for field, name in model.MODEL_NAMES.items())
+        arrays["headlight"] = self._headlight
+        return arrays
+
+    def label(self, field: str) -> str:
+        return f"d.{model.DATA_NAMES[field]}" if field in model.DATA_NAMES else f"m.{model.MODEL_NAMES[field]}"
+
+    def global_ambient(self) -> float:
+        return self._ambient
+
+    def refresh(self) -> None:
+        pass
+
+    def forward(self) -> None:
+        mjw.kinematics(self._m, self._d)
+        mjw.com_pos(self._m, self._d)
+        mjw.camlight(self._m, self._d)
+
+
+def load(mjm: Any, m: Any, d: Any, groups: Collection[int]) -> Scene:
+    return Scene(MujocoWarpSource(mjm, m, d, groups))
