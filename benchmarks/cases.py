@@ -19,6 +19,9 @@ class Case:
     cameras: tuple[str, ...]
     worlds: int = 8192  # on a GPU
     cpu_worlds: int = 64
+    # How far free bodies are moved from where the scene has them: up to this along each axis [m], and turned up to
+    # this about each [rad].
+    scatter: tuple[float, float] = (0.05, 0.5)
 
 
 def package_folder(package: str) -> Path:
@@ -87,7 +90,14 @@ ALOHA_CAMERAS = ("overhead_cam", "worms_eye_cam", "wrist_cam_left", "wrist_cam_r
 CASES = {
     case.name: case
     for case in (
-        Case("primitives", "125 free bodies over a table", from_mujoco_warp("primitives.xml"), ("camera0",)),
+        Case(
+            "primitives",
+            "125 free bodies scattered over a table",
+            from_mujoco_warp("primitives.xml"),
+            ("camera0",),
+            scatter=(0.3, 3.0),
+        ),
+        Case("primitives_rows", "125 free bodies in rows over a table", from_mujoco_warp("primitives.xml"), ("camera0",)),
         Case("humanoid", "capsules on a plane", from_mujoco_warp("humanoid/humanoid.xml"), ("side",)),
         Case("yam", "robot arm of 18 meshes, 105 thousand faces", yam_arm, ("fixed",), cpu_worlds=16),
         Case("g1_terrain", "robot of 35 meshes on a height field", g1_on_terrain, ("fixed",), cpu_worlds=16),

@@ -22,6 +22,7 @@ class Problem:
     worlds: int
     width: int
     height: int
+    scatter: tuple[float, float]  # see Case
     poses: dict[int, np.ndarray] = field(default_factory=dict)  # joint positions (world, nq) of each set used so far
 
     @property
@@ -43,7 +44,7 @@ class Problem:
     def set_poses(self, index: int) -> None:
         """Put every world into its pose of this set and bring geoms and cameras there."""
         if index not in self.poses:
-            self.poses[index] = random_poses(self.mjm, self.worlds, seed=index)
+            self.poses[index] = random_poses(self.mjm, self.worlds, self.scatter, seed=index)
         self.d.qpos.assign(self.poses[index])
         mjw.kinematics(self.m, self.d)
         mjw.com_pos(self.m, self.d)
@@ -56,20 +57,20 @@ def build(case: Case, worlds: int, width: int, height: int) -> Problem:
     m = mjw.put_model(mjm)
     # Nothing is simulated: room for contacts and constraints would only take memory.
     d = mjw.make_data(mjm, nworld=worlds, naconmax=1, naccdmax=1, njmax=1)
-    return Problem(mjm, m, d, case.cameras, worlds, width, height)
+    return Problem(mjm, m, d, case.cameras, worlds, width, height, case.scatter)
 
 
-def random_poses(mjm: mujoco.MjModel, worlds: int, seed: int) -> np.ndarray:
+def random_poses(mjm: mujoco.MjModel, worlds: int, scatter: tuple[float, float], seed: int) -> np.ndarray:
     """Joint positions (world, nq) float32 around `qpos0`: joints with a range move over half of it, others by
-    0.5 rad or 5 cm; free bodies by up to 5 cm and 0.5 rad about each axis."""
+    0.5 rad or 5 cm; free bodies by `scatter`."""
     random = np.random.default_rng(seed)
     qpos = np.tile(mjm.qpos0.astype(np.float32), (worlds, 1))
     for joint in range(mjm.njnt):
         start, kind = mjm.jnt_qposadr[joint], mjm.jnt_type[joint]
         if kind == mujoco.mjtJoint.mjJNT_FREE:
             position, rotation = slice(start, start + 3), slice(start + 3, start + 7)
-            qpos[:, position] += random.uniform(-0.05, 0.05, (worlds, 3))
-            qpos[:, rotation] = rotated(qpos[:, rotation], random.uniform(-0.5, 0.5, (worlds, 3)))
+            qpos[:, position] += scatter[0] * random.uniform(-1.0, 1.0, (worlds, 3))
+            qpos[:, rotation] = rotated(qpos[:, rotation], scatter[1] * random.uniform(-1.0, 1.0, (worlds, 3)))
         elif kind == mujoco.mjtJoint.mjJNT_BALL:
             rotation = slice(start, start + 4)
             qpos[:, rotation] = rotated(qpos[:, rotation], random.uniform(-0.5, 0.5, (worlds, 3)))

@@ -1,7 +1,9 @@
 """Cameras for thousands of robot-simulation worlds at once, with no graphics stack."""
 
 from collections.abc import Collection as _Collection
-from importlib.metadata import PackageNotFoundError as _PackageNotFoundError, version as _version
+from importlib import import_module as _import_module
+from importlib.metadata import PackageNotFoundError as _PackageNotFoundError
+from importlib.metadata import version as _version
 from typing import Any as _Any
 
 from warpcam.camera import Camera
@@ -40,14 +42,11 @@ def from_mujoco_warp(mjm: _Any, m: _Any, d: _Any, *, groups: _Collection[int] = 
         d: The ``mujoco_warp.Data``; its device is the scene's.
         groups: Geom groups that are drawn.
     """
-    from warpcam.sources.mujoco_warp import load
+    scene: Scene = _source("mujoco_warp").load(mjm, m, d, groups)
+    return scene
 
-    return load(mjm, m, d, groups)
 
-
-def from_mujoco(
-    mjm: _Any, mjd: _Any, *, groups: _Collection[int] = (0, 1, 2), device: _Any = None
-) -> Scene:
+def from_mujoco(mjm: _Any, mjd: _Any, *, groups: _Collection[int] = (0, 1, 2), device: _Any = None) -> Scene:
     """Worlds of classic MuJoCo, copied to the device before each frame.
 
     Args:
@@ -57,6 +56,15 @@ def from_mujoco(
         groups: Geom groups that are drawn.
         device: Where to render: a name, a Warp or torch device, a CUDA ordinal; None is Warp's current device.
     """
-    from warpcam.sources.mujoco import load
+    scene: Scene = _source("mujoco").load(mjm, mjd, groups, device)
+    return scene
 
-    return load(mjm, mjd, groups, device)
+
+def _source(name: str) -> _Any:
+    """The module that reads one simulator, imported only now: the simulator need not be installed otherwise."""
+    try:
+        return _import_module(f"warpcam.sources.{name}")
+    except ModuleNotFoundError as error:
+        raise WarpcamError(
+            f"{error.name} is not installed, and this scene needs it: pip install 'warpcam[mujoco]'"
+        ) from error

@@ -57,6 +57,8 @@ class Camera:
     def __post_init__(self) -> None:
         if isinstance(self.name, bool) or not isinstance(self.name, str | int | np.integer) or self.name == "":
             raise WarpcamError(f"Camera: name must be a camera's name or index, got {self.name!r}")
+        if not isinstance(self.name, str):
+            object.__setattr__(self, "name", int(self.name))
         object.__setattr__(self, "width", self._pixels("width"))
         object.__setattr__(self, "height", self._pixels("height"))
         object.__setattr__(self, "outputs", check_outputs(self.outputs, self.where))

@@ -85,14 +85,14 @@ def _render(options: argparse.Namespace) -> int:
     with Progress(*columns, console=screen, transient=True) as progress:
         steps = progress.add_task("reading the scene", total=4)
         put = worlds.load(options.scene or worlds.DEMO, num_worlds=options.worlds, seed=options.seed, device=device)
-        progress.update(steps, description="building", advance=1)
+        progress.update(steps, description="building and compiling", advance=1)
         scene = warpcam.from_mujoco_warp(put.host, put.model, put.data)
         cameras = [
-            warpcam.Camera(name, width=width, height=height, outputs=outputs, **pose)
+            warpcam.Camera(name, width=width, height=height, outputs=outputs, shadows=True, **pose)
             for name, pose in _cameras(options.camera, scene, put.host, width / height).items()
         ]
         renderer = warpcam.Renderer(scene, cameras)
-        progress.update(steps, description="compiling, first frame", advance=1)
+        progress.update(steps, description="first frame", advance=1)
         images = renderer.render()
         wp.synchronize_device(device)
         progress.update(steps, description="rendering", advance=1)

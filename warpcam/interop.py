@@ -57,7 +57,7 @@ def in_order(device: wp.Device) -> Iterator[None]:
     if not device.is_cuda or device.is_capturing:
         yield
         return
-    ours, theirs = device.stream, _stream(device, torch.cuda.current_stream(device.ordinal).cuda_stream)
+    ours, theirs = device.stream, _stream(device.ordinal, torch.cuda.current_stream(device.ordinal).cuda_stream)
     if theirs.is_capturing:
         with wp.ScopedStream(theirs, sync_enter=False):
             yield
@@ -71,5 +71,5 @@ def in_order(device: wp.Device) -> Iterator[None]:
 
 
 @lru_cache(maxsize=64)
-def _stream(device: wp.Device, handle: int) -> wp.Stream:
-    return wp.Stream(device, cuda_stream=handle)
+def _stream(ordinal: int, handle: int) -> wp.Stream:
+    return wp.Stream(wp.get_cuda_device(ordinal), cuda_stream=handle)

@@ -21,23 +21,24 @@ def from_radiance(images: np.ndarray) -> np.ndarray:
 
 
 def from_lengths(images: np.ndarray) -> np.ndarray:
-    """Lengths [m] on a logarithmic scale through the colour map viridis, near bright and far dark."""
+    """Lengths [m] by their inverse, as eyes judge them, through the colour map viridis: near bright, far dark."""
     lengths = images[..., 0]
     seen = np.isfinite(lengths) & (lengths > 0.0)
     if not seen.any():
         return np.full((*lengths.shape, 3), NOTHING, dtype=np.uint8)
-    scale = np.log(np.where(seen, lengths, 1.0))
-    # The last few percent are mostly floor on its way to the horizon.
-    near, far = np.percentile(scale[seen], (0.5, 92.0))
-    shade = 1.0 - np.clip((scale - near) / max(far - near, 1e-6), 0.0, 1.0)
+    nearness = 1.0 / np.where(seen, lengths, 1.0)
+    low, high = np.percentile(nearness[seen], (2.0, 99.5))
+    shade = np.clip((nearness - low) / max(high - low, 1e-6), 0.0, 1.0)
     return _where(seen, _mapped("viridis", 0.04 + 0.96 * shade))
 
 
 def from_ids(images: np.ndarray) -> np.ndarray:
-    """Ids through the colour map turbo; the same id always has the same colour, and ids in a row differ most."""
-    ids = images[..., 0]
-    # Steps of the golden ratio never come near an earlier one soon.
-    return _where(ids >= 0, _mapped("turbo", np.modf(0.15 + 0.6180339887 * np.maximum(ids, 0))[0]))
+    """Ids through the colour map turbo, in two strengths; the same id always has the same colour."""
+    ids = np.maximum(images[..., 0], 0)
+    # The golden ratio's counterpart in the plane: ids in a row are far apart, and repeats are late.
+    hue, strength = np.modf(0.15 + 0.7548776662 * ids)[0], np.modf(0.9 + 0.5698402910 * ids)[0]
+    colors = _mapped("turbo", 0.05 + 0.9 * hue) * (0.55 + 0.45 * strength[..., None])
+    return _where(images[..., 0] >= 0, np.round(colors).astype(np.uint8))
 
 
 def from_directions(images: np.ndarray) -> np.ndarray:
@@ -47,13 +48,14 @@ def from_directions(images: np.ndarray) -> np.ndarray:
 
 
 def from_points(images: np.ndarray) -> np.ndarray:
-    """Positions: x, y and z as red, green and blue, each over the range that most of them are in."""
+    """Positions: x, y and z as red, green and blue, evenly around where most of them are, and ever slower beyond."""
     seen = np.isfinite(images).all(axis=-1)
     if not seen.any():
         return np.full(images.shape, NOTHING, dtype=np.uint8)
-    low, high = np.percentile(images[seen], (2.0, 94.0), axis=0)
-    shade = (np.where(seen[..., None], images, 0.0) - low) / np.maximum(high - low, 1e-6)
-    return _where(seen, np.round(255.0 * np.clip(shade, 0.0, 1.0)).astype(np.uint8))
+    low, middle, high = np.percentile(images[seen], (20.0, 50.0, 80.0), axis=0)
+    reach = np.maximum(high - low, 0.1 * (high - low).max() + 1e-6)
+    offset = (np.where(seen[..., None], images, 0.0) - middle) / reach
+    return _where(seen, np.round(127.5 * (1.0 + offset / (1.0 + np.abs(offset)))).astype(np.uint8))
 
 
 def from_flow(images: np.ndarray) -> np.ndarray:

@@ -180,7 +180,9 @@ class Scene:
         self.refresh()
         self.tables()
         host = {name: array.numpy() for name, array in self._arrays.items() if name.startswith(("shape", "material_c"))}
-        return bounds_of(host, self._parts.shape_types, self._parts.drawn, self._parts.meshes, self._parts.height_fields)
+        return bounds_of(
+            host, self._parts.shape_types, self._parts.drawn, self._parts.meshes, self._parts.height_fields
+        )
 
     @property
     def live_on_device(self) -> bool:
@@ -276,7 +278,9 @@ class Scene:
             if not 0 <= parts.shape_types[shape] < NUM_SHAPE_TYPES:
                 raise WarpcamError(f"shape {shape}: its type is {parts.shape_types[shape]}; allowed are 0 to {MESH}")
         if not -1 <= parts.skybox < len(parts.textures):
-            raise WarpcamError(f"skybox: texture {parts.skybox} of {len(parts.textures)}; allowed are -1 for none and those")
+            raise WarpcamError(
+                f"skybox: texture {parts.skybox} of {len(parts.textures)}; allowed are -1 for none and those"
+            )
 
     def _check_array(self, name: str, field: Field, array: Any) -> None:
         label = self._source.label(name)

@@ -30,8 +30,8 @@ class Target:
         size = (tables.num_worlds, camera.height, camera.width)
         if tables.num_worlds * camera.height * camera.width >= MAX_PIXELS:
             raise WarpcamError(
-                f"{camera.where}: {tables.num_worlds} worlds of {camera.width} x {camera.height} pixels are 2^31 pixels "
-                "or more; fewer are allowed in one camera"
+                f"{camera.where}: {tables.num_worlds} worlds of {camera.width} x {camera.height} pixels are 2^31 "
+                "pixels or more; fewer are allowed in one camera"
             )
         asked = {name: OUTPUTS[name] for name in camera.outputs}
         self._camera, self._device = camera, device
@@ -66,13 +66,9 @@ class Target:
         """The stages that make the images from the views."""
         width, height, device, views = self._camera.width, self._camera.height, self._device, self.views
         depth, shape, face, shadows = self._depth, self._shape, self._face, self._shadow
-        stages = [
-            visibility.record(tables, projection, views, mask, faults, width, height, depth, shape, face, device)
-        ]
+        stages = [visibility.record(tables, projection, views, mask, faults, width, height, depth, shape, face, device)]
         if shadows is not None:
-            stages.append(
-                shadow.record(tables, projection, views, mask, depth, shape, width, height, shadows, device)
-            )
+            stages.append(shadow.record(tables, projection, views, mask, depth, shape, width, height, shadows, device))
         if self._derived:
             derived = {name: self.images[name] for name in self._derived}
             if face is None:

@@ -38,7 +38,9 @@ def load(path: Path, *, num_worlds: int, seed: int, device: wp.Device) -> Worlds
         import mujoco
         import mujoco_warp as mjw
     except ImportError as error:
-        raise WarpcamError(f"{error.name} is not installed, and scenes need it: pip install 'warpcam[mujoco]'") from None
+        raise WarpcamError(
+            f"{error.name} is not installed, and scenes need it: pip install 'warpcam[mujoco]'"
+        ) from None
 
     if not path.is_file():
         raise WarpcamError(f"scene: there is no file {str(path)!r}")

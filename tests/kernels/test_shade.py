@@ -16,19 +16,36 @@ COLOR = np.array([0.8, 0.4, 0.2])
 
 def light(kind=DIRECTIONAL, **changes):
     values = {
-        "types": kind, "active": True, "casts_shadow": False, "positions": (0, 0, 2), "directions": (0, 0, -1),
-        "attenuation": (1, 0, 0), "cutoff": 45.0, "exponent": 0.0, "ambient": (0, 0, 0), "diffuse": (0.5, 0.5, 0.5), "specular": (0, 0, 0),
-    }  # fmt: skip
+        "types": kind,
+        "active": True,
+        "casts_shadow": False,
+        "positions": (0, 0, 2),
+        "directions": (0, 0, -1),
+        "attenuation": (1, 0, 0),
+        "cutoff": 45.0,
+        "exponent": 0.0,
+        "ambient": (0, 0, 0),
+        "diffuse": (0.5, 0.5, 0.5),
+        "specular": (0, 0, 0),
+    }
     return values | changes
 
 
 def make_lights(lights, device, headlight=(0, 0, 0), everywhere=0.3):
     table = types.Lights()
     dtypes = {
-        "types": wp.int32, "active": wp.bool, "casts_shadow": wp.bool, "positions": wp.vec3, "directions": wp.vec3,
-        "attenuation": wp.vec3, "cutoff": wp.float32, "exponent": wp.float32, "ambient": wp.vec3,
-        "diffuse": wp.vec3, "specular": wp.vec3,
-    }  # fmt: skip
+        "types": wp.int32,
+        "active": wp.bool,
+        "casts_shadow": wp.bool,
+        "positions": wp.vec3,
+        "directions": wp.vec3,
+        "attenuation": wp.vec3,
+        "cutoff": wp.float32,
+        "exponent": wp.float32,
+        "ambient": wp.vec3,
+        "diffuse": wp.vec3,
+        "specular": wp.vec3,
+    }
     for name, dtype in dtypes.items():
         if lights:
             values = np.array([[one[name] for one in lights]])

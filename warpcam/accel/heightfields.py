@@ -91,9 +91,7 @@ def _checked(field: HeightField) -> np.ndarray:
     usable = np.abs(heights) < NOTHING
     if not usable.all():
         row, column = np.argwhere(~usable)[0].tolist()
-        raise WarpcamError(
-            f"{where}: heights must be finite, got {heights[row, column]} at row {row}, column {column}"
-        )
+        raise WarpcamError(f"{where}: heights must be finite, got {heights[row, column]} at row {row}, column {column}")
     if not all(np.isfinite(size) and size > 0.0 for size in field.half_size):
         raise WarpcamError(f"{where}: half_size must be positive and finite, got {field.half_size}")
     if not np.isfinite(field.base):

@@ -37,8 +37,9 @@ class MujocoSource:
             total += -(-size // ALIGNMENT) * ALIGNMENT
         self._host = wp.zeros(total, dtype=wp.uint8, device="cpu", pinned=device.is_cuda)
         self._block = wp.zeros(total, dtype=wp.uint8, device=device)
-        self._staged = {name: self._view(self._host, starts[name], shapes[name], dtypes[name]).numpy() for name in shapes}
-        self._arrays = {name: self._view(self._block, starts[name], shapes[name], dtypes[name]) for name in shapes}
+        layout = [(name, starts[name], shapes[name], dtypes[name]) for name in shapes]
+        self._staged = {name: self._view(self._host, *place).numpy() for name, *place in layout}
+        self._arrays = {name: self._view(self._block, *place) for name, *place in layout}
         self._copied = wp.Event(device) if device.is_cuda else None
 
     def arrays(self) -> Mapping[str, wp.array]:
@@ -80,8 +81,11 @@ class MujocoSource:
 
     @staticmethod
     def _view(block: wp.array, start: int, shape: tuple[int, ...], dtype: Any) -> wp.array:
-        """An array inside ``block``; it does not keep the block alive, the source does."""
-        return wp.array(ptr=block.ptr + start, shape=shape, dtype=dtype, device=block.device)
+        """An array inside ``block``, which lives as long as the array: its deleter holds it."""
+
+        def keep(_start: int, _size: int, _block: wp.array = block) -> None: ...
+
+        return wp.array(ptr=block.ptr + start, shape=shape, dtype=dtype, device=block.device, deleter=keep)
 
 
 def load(mjm: Any, mjd: Any, groups: Collection[int], device: Any) -> Scene:
