@@ -11,7 +11,7 @@ from typing import Any
 
 import warp as wp
 
-from .surface import TOP, Finish, Surface, face_corner
+from .surface import TOP, Finish, Surface, axis_vector, component, face_corner
 from .types import BOX, HEIGHT_FIELD, MESH, PLANE, HeightFields, Meshes, Shapes
 
 PLANE_CELLS = 200  # at most, along a side of a plane
@@ -38,6 +38,12 @@ def facet_corner(facet: Facet, corner: wp.int32) -> wp.vec3:
     elif corner == 2:
         place += facet.edge2
     return place
+
+
+@wp.func
+def facet_weight(facet: Facet, corner: wp.int32) -> wp.float32:
+    """The weight of corner 0, 1 or 2."""
+    return component(facet.weights, corner)
 
 
 @wp.func
@@ -78,15 +84,12 @@ def in_quad(place: wp.vec3, u_axis: wp.int32, v_axis: wp.int32, u: wp.vec2, v: w
     """
     facet = Facet()
     facet.corners = 3
-    a = wp.clamp((place[u_axis] - u[0]) / wp.max(u[1], 1.0e-20), 0.0, 1.0)
-    b = wp.clamp((place[v_axis] - v[0]) / wp.max(v[1], 1.0e-20), 0.0, 1.0)
-    origin = place
-    origin[u_axis] = u[0]
-    origin[v_axis] = v[0]
-    along = wp.vec3()
-    along[u_axis] = u[1]
-    across = wp.vec3()
-    across[v_axis] = v[1]
+    a = wp.clamp((component(place, u_axis) - u[0]) / wp.max(u[1], 1.0e-20), 0.0, 1.0)
+    b = wp.clamp((component(place, v_axis) - v[0]) / wp.max(v[1], 1.0e-20), 0.0, 1.0)
+    along = axis_vector(u_axis, u[1])
+    across = axis_vector(v_axis, v[1])
+    origin = place + axis_vector(u_axis, u[0] - component(place, u_axis))
+    origin = origin + axis_vector(v_axis, v[0] - component(place, v_axis))
     if mirrored:
         origin += across
         across = -across
@@ -109,13 +112,16 @@ def box_facet(surface: Surface, half: wp.vec3) -> Facet:
     """Each side is a grid of quads."""
     u_axis = wp.where(surface.part == 0, 1, 0)
     v_axis = wp.where(surface.part == 2, 1, 2)
-    cells = wp.vec2(2.0 * half[u_axis] / wp.float32(BOX_CELLS), 2.0 * half[v_axis] / wp.float32(BOX_CELLS))
+    u_half = component(half, u_axis)
+    v_half = component(half, v_axis)
+    width = 2.0 * u_half / wp.float32(BOX_CELLS)
+    height = 2.0 * v_half / wp.float32(BOX_CELLS)
     last = wp.float32(BOX_CELLS - 1)
-    i = wp.clamp(wp.floor((surface.local[u_axis] + half[u_axis]) / cells[0]), 0.0, last)
-    j = wp.clamp(wp.floor((surface.local[v_axis] + half[v_axis]) / cells[1]), 0.0, last)
-    u = wp.vec2(i * cells[0] - half[u_axis], cells[0])
-    v = wp.vec2(j * cells[1] - half[v_axis], cells[1])
-    outwards = surface.normal[surface.part]
+    i = wp.clamp(wp.floor((component(surface.local, u_axis) + u_half) / width), 0.0, last)
+    j = wp.clamp(wp.floor((component(surface.local, v_axis) + v_half) / height), 0.0, last)
+    u = wp.vec2(i * width - u_half, width)
+    v = wp.vec2(j * height - v_half, height)
+    outwards = component(surface.normal, surface.part)
     mirrored = (surface.part == 1) == (outwards > 0.0)
     return in_quad(surface.local, u_axis, v_axis, u, v, mirrored)
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import warp as wp
 
-from .surface import BOTTOM, SIDE, TOP, Finish, Surface, face_corner
+from .surface import BOTTOM, SIDE, TOP, Finish, Surface, axis_vector, component, face_corner
 from .types import (
     BOX,
     CAPSULE,
@@ -83,22 +83,15 @@ def along_axis(mapping: Mapping, z: wp.float32, half_length: wp.float32) -> Mapp
 def flat_axes(surface: Surface, size: wp.vec3, u_axis: wp.int32, v_axis: wp.int32) -> Mapping:
     """Map u and v over a rectangle; an axis of size 0 is endless, two metres an image."""
     mapping = Mapping()
-    gradient = wp.vec3()
-    if size[u_axis] > 0.0:
-        gradient[u_axis] = 0.5 / size[u_axis]
-        mapping.uv[0] = 0.5 + surface.local[u_axis] * gradient[u_axis]
-    else:
-        gradient[u_axis] = 0.5
-        mapping.uv[0] = 0.5 * surface.local[u_axis]
-    mapping.du = gradient
-    gradient = wp.vec3()
-    if size[v_axis] > 0.0:
-        gradient[v_axis] = -0.5 / size[v_axis]
-        mapping.uv[1] = 0.5 + surface.local[v_axis] * gradient[v_axis]
-    else:
-        gradient[v_axis] = -0.5
-        mapping.uv[1] = -0.5 * surface.local[v_axis]
-    mapping.dv = gradient
+    half = component(size, u_axis)
+    rate = wp.where(half > 0.0, 0.5 / half, 0.5)
+    u = wp.where(half > 0.0, 0.5, 0.0) + component(surface.local, u_axis) * rate
+    mapping.du = axis_vector(u_axis, rate)
+    half = component(size, v_axis)
+    rate = wp.where(half > 0.0, 0.5 / half, 0.5)
+    v = wp.where(half > 0.0, 0.5, 0.0) - component(surface.local, v_axis) * rate
+    mapping.dv = axis_vector(v_axis, -rate)
+    mapping.uv = wp.vec2(u, v)
     return mapping
 
 

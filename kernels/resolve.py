@@ -5,7 +5,7 @@ from collections.abc import Mapping
 
 import warp as wp
 
-from .facet import facet_corner, make_facet
+from .facet import facet_corner, facet_weight, make_facet
 from .launch import Stage
 from .launch import record as record_stage
 from .mapping import make_mapping
@@ -114,7 +114,7 @@ def make_kernel(outputs: frozenset[str], lens: str, facts: tuple, shadows: bool)
                 )
         return color
 
-    @wp.kernel(module="unique", enable_backward=False)
+    @wp.kernel(module="unique", enable_backward=False, grid_stride=False)
     def resolve(
         frame: Frame,
         images: Images,
@@ -247,8 +247,9 @@ def make_kernel(outputs: frozenset[str], lens: str, facts: tuple, shadows: bool)
                         light = illuminate(
                             lights, world, place, rotation * normal, view.origin, forward, finish, shadow
                         )
-                        linear += facet.weights[corner] * light.linear
-                        shown += facet.weights[corner] * light.display
+                        weight = facet_weight(facet, corner)
+                        linear += weight * light.linear
+                        shown += weight * light.display
                     if wp.static("hdr" in outputs):
                         write_vec3(images.hdr, pixel, wp.cw_mul(linear, texture))
                     if wp.static(display):

@@ -62,6 +62,18 @@ class Finish:
 
 
 @wp.func
+def component(v: wp.vec3, axis: wp.int32) -> wp.float32:
+    """``v[axis]`` of a vector that stays in registers."""
+    return wp.where(axis == 0, v[0], wp.where(axis == 1, v[1], v[2]))
+
+
+@wp.func
+def axis_vector(axis: wp.int32, value: wp.float32) -> wp.vec3:
+    """The vector of length ``value`` along an axis."""
+    return wp.vec3(wp.where(axis == 0, value, 0.0), wp.where(axis == 1, value, 0.0), wp.where(axis == 2, value, 0.0))
+
+
+@wp.func
 def box_surface(local: wp.vec3, half: wp.vec3, ray: wp.vec3) -> Surface:
     """On each axis a ray can enter by one side only; the hit is on the nearest of the three."""
     axis = wp.int32(0)
@@ -73,9 +85,7 @@ def box_surface(local: wp.vec3, half: wp.vec3, ray: wp.vec3) -> Surface:
             axis = k
     surface = Surface()
     surface.part = axis
-    normal = wp.vec3()
-    normal[axis] = -wp.sign(ray[axis])
-    surface.normal = normal
+    surface.normal = axis_vector(axis, -wp.sign(component(ray, axis)))
     return surface
 
 

@@ -37,7 +37,8 @@ class _Parser(argparse.ArgumentParser):
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line; returns its exit code: 0, 1 (the self test failed) or 2 (the user's mistake)."""
     options = _parser().parse_args(arguments)
-    wp.config.log_level = wp.LOG_WARNING
+    # That there is no CUDA driver is for the doctor to tell; it is no mishap of a render on the CPU.
+    wp.config.log_level = wp.LOG_WARNING if options.command is _doctor else wp.LOG_ERROR
     try:
         code: int = options.command(options)
     except WarpcamError as error:
@@ -82,7 +83,7 @@ def _render(options: argparse.Namespace) -> int:
     device = resolve(options.device)
     screen = Console(stderr=True)
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
-    with Progress(*columns, console=screen, transient=True) as progress:
+    with Progress(*columns, console=screen, transient=True, disable=not screen.is_terminal) as progress:
         steps = progress.add_task("reading the scene", total=4)
         put = worlds.load(options.scene or worlds.DEMO, num_worlds=options.worlds, seed=options.seed, device=device)
         progress.update(steps, description="building and compiling", advance=1)

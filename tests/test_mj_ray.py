@@ -1,0 +1,146 @@
+"""Ids and depths against ``mujoco.mj_ray``, which casts in float64: 100,000 rays of each type of shape."""
+
+import mujoco
+import numpy as np
+import pytest
+import scenes
+import warp as wp
+
+import warpcam as wc
+
+WORLDS, SIZE, FOVY = 40, 50, 40.0  # 100,000 rays
+SHAPES = 10
+TOLERANCE = 5e-5  # of depth, relative above 1 m
+EDGE = 1e-5  # a ray is at an edge if one this much beside it meets something else
+
+RANGES = {
+    "plane": ((0.1, 0.1, 0.1), (0.6, 0.6, 0.1)),
+    "sphere": ((0.05,), (0.4,)),
+    "capsule": ((0.05, 0.05), (0.25, 0.5)),
+    "ellipsoid": ((0.05, 0.05, 0.05), (0.4, 0.4, 0.4)),
+    "cylinder": ((0.05, 0.05), (0.35, 0.4)),
+    "box": ((0.05, 0.05, 0.05), (0.4, 0.4, 0.4)),
+}
+
+
+def ball_mesh(random: np.random.Generator) -> str:
+    """A bumpy ball of 720 faces, as the vertices and faces of an MJCF mesh."""
+    rings, around = 16, 24
+    polar, azimuth = np.pi * np.arange(1, rings) / rings, 2.0 * np.pi * np.arange(around) / around
+    sine = np.sin(polar)[:, None]
+    points = np.stack((sine * np.cos(azimuth), sine * np.sin(azimuth), np.cos(polar)[:, None] + 0.0 * azimuth), -1)
+    points = points.reshape(-1, 3) * random.uniform(0.25, 0.45, (len(points.reshape(-1, 3)), 1))
+    vertices = np.concatenate((points, [(0, 0, 0.35), (0, 0, -0.35)]))
+    top, bottom = len(vertices) - 2, len(vertices) - 1
+    faces = []
+    for i in range(around):
+        j = (i + 1) % around
+        faces += [(top, i, j), (bottom, (rings - 2) * around + j, (rings - 2) * around + i)]
+        for ring in range(rings - 2):
+            a, b = ring * around, (ring + 1) * around
+            faces += [(a + i, b + i, b + j), (a + i, b + j, a + j)]
+    numbers = [" ".join(map(str, np.asarray(values).reshape(-1))) for values in (vertices, faces)]
+    return f'<mesh name="mesh" vertex="{numbers[0]}" face="{numbers[1]}"/>'
+
+
+def height_field(random: np.random.Generator) -> str:
+    heights = " ".join(f"{height:.3f}" for height in random.uniform(0.0, 1.0, 13 * 9))
+    return f'<hfield name="hfield" nrow="13" ncol="9" size="0.4 0.5 0.3 0.1" elevation="{heights}"/>'
+
+
+def cluster(kind: str, random: np.random.Generator) -> mujoco.MjModel:
+    """Shapes of one type, each on a body that is moved by hand."""
+    kinds = scenes.TYPES if kind == "all" else (kind,)
+    bodies = []
+    for index in range(SHAPES):
+        of = kinds[index % len(kinds)]
+        size = random.uniform(*RANGES[of]) if of in RANGES else None
+        bodies.append(f'<body mocap="true">{scenes.geom_xml(of, f"{of}{index}", size=size)}</body>')
+    return scenes.compile_xml("".join(bodies), assets=ball_mesh(random) + height_field(random))
+
+
+def posed(mjm: mujoco.MjModel, random: np.random.Generator) -> mujoco.MjData:
+    """Shapes anywhere within a metre, their poses as float32 has them."""
+    mjd = mujoco.MjData(mjm)
+    mjd.mocap_pos[:] = random.uniform(-0.7, 0.7, (mjm.nmocap, 3))
+    mjd.mocap_quat[:] = random.normal(size=(mjm.nmocap, 4))
+    mujoco.mj_forward(mjm, mjd)
+    mjd.geom_xpos[:] = mjd.geom_xpos.astype(np.float32)
+    mjd.geom_xmat[:] = mjd.geom_xmat.astype(np.float32)
+    return mjd
+
+
+def judge(
+    mjm: mujoco.MjModel, mjd: mujoco.MjData, position: np.ndarray, rays: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Geom id and ray parameter, (ray,), of rays (ray, 3) in the world frame; -1 and inf where nothing is hit."""
+    # One by one: mj_multiRay first culls bodies, and loses height fields by it.
+    length = np.linalg.norm(rays, axis=1)
+    directions, groups = rays / length[:, None], np.ones(6, np.uint8)
+    ids, distance, found = np.zeros(len(rays), np.int32), np.zeros(len(rays)), np.zeros(1, np.int32)
+    for ray, direction in enumerate(directions):
+        distance[ray] = mujoco.mj_ray(mjm, mjd, position, direction, groups, True, -1, found)
+        ids[ray] = found[0]
+    return ids, np.where(ids >= 0, distance / length, np.inf)
+
+
+def wrong_pixels(
+    mjm: mujoco.MjModel,
+    mjd: mujoco.MjData,
+    position: np.ndarray,
+    rotation: np.ndarray,
+    ids: np.ndarray,
+    depth: np.ndarray,
+) -> tuple[int, int, int]:
+    """How many pixels are wrong, how many differ at edges, how many are ties; of an image (pixel,)."""
+    local = scenes.pixel_rays(SIZE, SIZE, FOVY).reshape(-1, 3)
+    rays = local @ rotation.T
+    true_ids, true_depth = judge(mjm, mjd, position, rays)
+    tolerance = TOLERANCE * np.maximum(1.0, np.where(true_ids >= 0, true_depth, 1.0))
+    both = (ids >= 0) & (true_ids >= 0)
+    far_off = np.zeros(len(ids), bool)
+    far_off[both] = np.abs(depth[both] - true_depth[both]) > tolerance[both]
+    tie = both & (ids != true_ids) & ~far_off
+    doubtful = np.flatnonzero(((ids != true_ids) & ~tie) | far_off)
+    at_edge = np.zeros(len(doubtful), bool)
+    for offset in EDGE * np.array(((1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0))):
+        other_ids, other_depth = judge(mjm, mjd, position, (local[doubtful] + offset) @ rotation.T)
+        at_edge |= other_ids != true_ids[doubtful]
+        same = (other_ids >= 0) & (true_ids[doubtful] >= 0)
+        at_edge[same] |= np.abs(other_depth[same] - true_depth[doubtful][same]) > tolerance[doubtful][same]
+    return int((~at_edge).sum()), int(at_edge.sum()), int(tie.sum())
+
+
+@pytest.mark.parametrize("kind", [*scenes.TYPES, "all"])
+def test_ids_and_depths(device: wp.Device, kind: str) -> None:
+    random = np.random.default_rng(len(kind))
+    mjm = cluster(kind, random)
+    mjds = [posed(mjm, random) for _ in range(WORLDS)]
+    directions = random.normal(size=(WORLDS, 3))
+    positions = (random.uniform(2.5, 5.0, (WORLDS, 1)) * directions / np.linalg.norm(directions, axis=1)[:, None])
+    rotations = np.stack([scenes.looking(position, random.uniform(-0.3, 0.3, 3)) for position in positions])
+    positions, rotations = positions.astype(np.float32), rotations.astype(np.float32)
+    scene = wc.from_mujoco(mjm, mjds, device=device)
+    camera = scenes.own_camera(
+        width=SIZE, height=SIZE, lens=wc.Pinhole(fovy=FOVY), position=positions, rotation=rotations
+    )
+    seen = scenes.look(scene, camera)
+    counts = np.array(
+        [
+            wrong_pixels(
+                mjm,
+                mjds[world],
+                positions[world].astype(np.float64),
+                scenes.matrix(rotations[world]),
+                seen["segmentation"][world].reshape(-1),
+                seen["depth"][world].reshape(-1).astype(np.float64),
+            )
+            for world in range(WORLDS)
+        ]
+    )
+    wrong, edges, ties = counts.sum(axis=0)
+    hits = int((seen["segmentation"] >= 0).sum())
+    print(f"{kind}: {hits} of {seen['depth'].size} rays hit; {wrong} wrong, {edges} at edges, {ties} ties")
+    assert hits > 5000
+    assert wrong == 0
+    assert edges + ties <= 50
