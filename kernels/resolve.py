@@ -14,7 +14,7 @@ from .shade import clip, make_illuminate
 from .surface import make_finish, make_surface
 from .tables import Tables
 from .texture import is_2d, is_texture, sample_2d, sample_cube
-from .types import MESH, Background, HeightFields, Lights, Materials, Meshes, Shapes, Textures, View
+from .types import HEIGHT_FIELD, MESH, Background, HeightFields, Lights, Materials, Meshes, Shapes, Textures, View
 
 # The outputs made here, with the dtype and the number of channels of their arrays (world, height, width, channels).
 OUTPUTS: Mapping[str, tuple[type, int]] = {
@@ -27,6 +27,10 @@ OUTPUTS: Mapping[str, tuple[type, int]] = {
     "bodies": (wp.int32, 1),
     "albedo": (wp.uint8, 3),
 }
+
+# Threads of a CUDA block, and how many blocks a multiprocessor is to hold: at most 128 registers a thread.
+THREADS = 128
+BLOCKS = 4
 
 
 @wp.struct
@@ -91,7 +95,8 @@ def make_kernel(outputs: frozenset[str], lens: str, facts: tuple, shadows: bool)
     colored = lit or "albedo" in outputs
     textured = colored and has_materials and has_textures
     surfaced = lit or textured or "normals" in outputs
-    placed = surfaced or "points" in outputs
+    has_faces = MESH in shape_types or HEIGHT_FIELD in shape_types
+    placed = surfaced or colored or "points" in outputs
 
     surface_at = make_surface(shape_types)
     finish_of = make_finish(has_materials)
@@ -114,7 +119,7 @@ def make_kernel(outputs: frozenset[str], lens: str, facts: tuple, shadows: bool)
                 )
         return color
 
-    @wp.kernel(module="unique", enable_backward=False, grid_stride=False)
+    @wp.kernel(module="unique", enable_backward=False, grid_stride=False, launch_bounds=(THREADS, BLOCKS))
     def resolve(
         frame: Frame,
         images: Images,
@@ -193,7 +198,9 @@ def make_kernel(outputs: frozenset[str], lens: str, facts: tuple, shadows: bool)
                 to_local = wp.transpose(rotation)
                 local_ray = to_local * ray
                 local = to_local * (origin - shapes.positions[world, shape]) + depth * local_ray
-                face = frame.face[pixel]
+                face = wp.int32(0)
+                if wp.static(has_faces):
+                    face = frame.face[pixel]
                 surface = surface_at(shapes, meshes, fields, world, shape, face, local, local_ray)
                 if wp.static("normals" in outputs):
                     normal = rotation * surface.normal
@@ -306,7 +313,7 @@ def record(
     frame.shadow = shadow.flatten() if shadow is not None else wp.empty(0, dtype=wp.int32, device=device)
     frame.width = width
     frame.height = height
-    frame.horizon = getattr(tables, "horizon", 0.0)
+    frame.horizon = tables.horizon
     images = Images()
     pixels = tables.num_worlds * width * height
     for name, (dtype, channels) in OUTPUTS.items():
@@ -326,4 +333,4 @@ def record(
         tables.lights,
         tables.background,
     ]
-    return record_stage(kernel, pixels, inputs, device)
+    return record_stage(kernel, pixels, inputs, device, block_dim=THREADS)

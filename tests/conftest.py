@@ -1,11 +1,14 @@
 """What every test may use: the devices there are, and the helpers beside this file."""
 
+import ctypes.util
 import os
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 # Before anything imports mujoco: its own renderer judges some tests, and works without a display on Mesa.
-os.environ.setdefault("MUJOCO_GL", "osmesa")
+if ctypes.util.find_library("OSMesa"):
+    os.environ.setdefault("MUJOCO_GL", "osmesa")
 sys.path.append(str(Path(__file__).parent))
 
 import pytest
@@ -15,7 +18,7 @@ wp.config.quiet = True
 
 
 @pytest.fixture(params=[device.alias for device in wp.get_devices()])
-def device(request: pytest.FixtureRequest) -> wp.Device:
+def device(request: pytest.FixtureRequest) -> Iterator[wp.Device]:
     """Each device of this machine in turn, as Warp's current device."""
     with wp.ScopedDevice(request.param) as current:
         yield current

@@ -93,7 +93,9 @@ def test_lens_overrides_the_scenes() -> None:
 @every_device
 def test_values_may_differ_from_world_to_world(device: str) -> None:
     scene, _, _ = make_scene(device)
-    lens = wc.Pinhole(fx=torch.tensor([10.0, 20.0]), fy=[30.0, 40.0], cx=wp.array([5.0, 6.0], dtype=float))
+    lens = wc.Pinhole(
+        fx=torch.tensor([10.0, 20.0]), fy=[30.0, 40.0], cx=wp.array([5.0, 6.0], dtype=float, device="cpu")
+    )
     images = seen(scene, "own", lens=lens, position=np.array([[0, 0, 0], [1, 2, 0]]))
     np.testing.assert_allclose(images[0], 2.0 * grid(10, 30, 5, HEIGHT / 2), atol=1e-5)
     np.testing.assert_allclose(images[1], 2.0 * grid(20, 40, 6, HEIGHT / 2) + (1, 2), atol=1e-5)
@@ -183,9 +185,7 @@ def test_near_hides_what_is_nearer() -> None:
 )
 def test_a_broken_camera_costs_its_own_world_its_image(array: str, value: float, device: str) -> None:
     scene, _, _ = make_scene(device, num_worlds=3)
-    camera = wc.Camera(
-        "own", width=8, height=8, outputs=("depth",), lens=wc.Pinhole(fovy=60.0), position=(0, 0, 0)
-    )
+    camera = wc.Camera("own", width=8, height=8, outputs=("depth",), lens=wc.Pinhole(fovy=60.0), position=(0, 0, 0))
     renderer = wc.Renderer(scene, [camera])
     getattr(renderer.camera("own"), array)[1] = value
     depth = renderer.render()["own"]["depth"].cpu().numpy()

@@ -145,7 +145,7 @@ def test_doctor_passes_its_self_test(capsys: pytest.CaptureFixture[str]) -> None
 def test_doctor_tells_a_failure(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     monkeypatch.setattr(worlds, "DEMO", Path("gone.xml"))
     assert cli.main(["doctor"]) == 1
-    assert "failed: scene: there is no file" in capsys.readouterr().out
+    assert "failed: scene: MuJoCo cannot read" in capsys.readouterr().out
 
 
 def test_joint_positions_stay_within_ranges() -> None:

@@ -65,9 +65,7 @@ def test_every_type(device: wp.Device, zoo: mujoco.MjModel) -> None:
     cases = [(kind, *placement) for kind in scenes.TYPES for placement in placements(kind)]
     scene = wc.from_mujoco(zoo, [alone(zoo, *case) for case in cases], device=device)
     eye = scenes.looking((0, 0, 0), (0, 1, 0))
-    camera = scenes.own_camera(
-        width=SIZE, height=SIZE, outputs=OUTPUTS, lens=wc.Pinhole(fovy=FOVY), rotation=eye
-    )
+    camera = scenes.own_camera(width=SIZE, height=SIZE, outputs=OUTPUTS, lens=wc.Pinhole(fovy=FOVY), rotation=eye)
     images = scenes.look(scene, camera)
     rays = scenes.pixel_rays(SIZE, SIZE, FOVY)
     directions = rays @ scenes.matrix(float32(eye)).T

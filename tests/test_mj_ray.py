@@ -117,7 +117,7 @@ def test_ids_and_depths(device: wp.Device, kind: str) -> None:
     mjm = cluster(kind, random)
     mjds = [posed(mjm, random) for _ in range(WORLDS)]
     directions = random.normal(size=(WORLDS, 3))
-    positions = (random.uniform(2.5, 5.0, (WORLDS, 1)) * directions / np.linalg.norm(directions, axis=1)[:, None])
+    positions = random.uniform(2.5, 5.0, (WORLDS, 1)) * directions / np.linalg.norm(directions, axis=1)[:, None]
     rotations = np.stack([scenes.looking(position, random.uniform(-0.3, 0.3, 3)) for position in positions])
     positions, rotations = positions.astype(np.float32), rotations.astype(np.float32)
     scene = wc.from_mujoco(mjm, mjds, device=device)

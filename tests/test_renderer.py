@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 import torch
 import warp as wp
+from warpcam.kernels import resolve
 
 import warpcam as wc
-from warpcam.kernels import resolve
 from warpcam.outputs import OUTPUTS
 
 every_device = pytest.mark.parametrize("device", [device.alias for device in wp.get_devices()])
@@ -28,6 +28,7 @@ MODEL = """
 </mujoco>
 """
 NUM_WORLDS = 4
+BALL = 1  # its geom: those of the world come first
 
 
 class Simulation:
@@ -46,7 +47,7 @@ class Simulation:
     def place(self, x: np.ndarray) -> None:
         """Move the balls, each to its world's x."""
         positions = self.d.geom_xpos.numpy()
-        positions[:, 0, 0] = x
+        positions[:, BALL, 0] = x
         self.d.geom_xpos.assign(positions)
 
     def renderer(self, outputs: tuple[str, ...] = ("depth", "segmentation"), **options: Any) -> wc.Renderer:
@@ -173,13 +174,13 @@ def test_colors_are_live_for_each_world(device: str) -> None:
     renderer = simulation.renderer(("albedo", "segmentation"))
     renderer.render()
     colors = np.tile(simulation.m.geom_rgba.numpy(), (NUM_WORLDS, 1, 1))
-    colors[1, 0], colors[2, 0, 3] = (0, 1, 0, 1), 0.0
+    colors[1, BALL], colors[2, BALL, 3] = (0, 1, 0, 1), 0.0
     simulation.m.geom_rgba = wp.array(colors, dtype=wp.vec4, device=device)
     images = host(renderer.render())
     assert images["albedo"][0, 6, 8].tolist() == [255, 0, 0]
     assert images["albedo"][1, 6, 8].tolist() == [0, 255, 0]
-    assert (images["segmentation"][0] == 0).any()
-    assert not (images["segmentation"][2] == 0).any()  # transparent there: the slab shows
+    assert (images["segmentation"][0] == BALL).any()
+    assert not (images["segmentation"][2] == BALL).any()  # transparent there: the slab shows
 
 
 @every_device
@@ -219,7 +220,7 @@ def test_classic_mujoco_is_read_anew_each_frame() -> None:
     after = host(renderer.render(forward=True))
     np.testing.assert_array_equal(after["depth"][0], before["depth"][0])
     assert after["depth"][1].min() == pytest.approx(1.4, abs=0.02)
-    mjm.geom_rgba[0] = (0, 0, 1, 1)
+    mjm.geom_rgba[BALL] = (0, 0, 1, 1)
     assert host(renderer.render())["albedo"][1, 6, 8].tolist() == [0, 0, 255]
 
 
@@ -263,14 +264,16 @@ def test_replayed_frames_equal_eager_ones() -> None:
             np.testing.assert_array_equal(one[name], other[name])
 
 
-@on_cuda
-@pytest.mark.parametrize("whose", ["warp", "torch"])
-def test_render_inside_a_users_capture(whose: str) -> None:
-    simulation = Simulation("cuda:0")
+@pytest.mark.parametrize(
+    ("device", "whose"),
+    [("cpu", "warp"), *(pytest.param("cuda:0", whose, marks=on_cuda) for whose in ("warp", "torch"))],
+)
+def test_render_inside_a_users_capture(device: str, whose: str) -> None:
+    simulation = Simulation(device)
     renderer = simulation.renderer(("rgb", "depth"))
-    mask = torch.ones(NUM_WORLDS, dtype=torch.bool, device="cuda:0")
+    mask = torch.ones(NUM_WORLDS, dtype=torch.bool, device=device)
     if whose == "warp":
-        with wp.ScopedCapture("cuda:0") as capture:
+        with wp.ScopedCapture(device) as capture:
             renderer.render()
             renderer.render(worlds=mask)
         replay = lambda: wp.capture_launch(capture.graph)  # noqa: E731
@@ -284,8 +287,8 @@ def test_render_inside_a_users_capture(whose: str) -> None:
         simulation.place(np.full(NUM_WORLDS, x))
         wp.synchronize()
         replay()
-        torch.cuda.synchronize()
-        captured = {name: tensor.cpu().numpy().copy() for name, tensor in renderer.images["top"].items()}
+        wp.synchronize()
+        captured = host(renderer.images)
         fresh = host(simulation.renderer(("rgb", "depth"), graph=False).render())
         for name in captured:
             np.testing.assert_array_equal(captured[name], fresh[name])
@@ -298,12 +301,12 @@ def test_frames_are_in_order_with_torch_streams() -> None:
     positions = wp.to_torch(simulation.d.geom_xpos)
     expected = {}
     for x in (0.0, 1.0):
-        positions[:, 0, 0] = x
+        positions[:, BALL, 0] = x
         expected[x] = renderer.render()["top"]["depth"].clone()
     stream = torch.cuda.Stream()
     with torch.cuda.stream(stream):
         for step in range(200):
-            positions[:, 0, 0] = float(step % 2)
+            positions[:, BALL, 0] = float(step % 2)
             assert torch.equal(renderer.render()["top"]["depth"], expected[float(step % 2)])
 
 

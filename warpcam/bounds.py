@@ -77,7 +77,7 @@ def _opaque(shape: int, worlds: np.ndarray, arrays: Mapping[str, np.ndarray]) ->
 def _half_extents(kind: int, sizes: np.ndarray) -> np.ndarray:
     """(world, 3); NaN for an infinite plane."""
     if kind == PLANE:
-        half = sizes * np.float32((1.0, 1.0, 0.0))
+        half = sizes * np.array((1.0, 1.0, 0.0), np.float32)
         finite = np.all((sizes[:, :2] > 0.0) & np.isfinite(sizes[:, :2]), axis=1)
         return np.where(finite[:, None], half, np.float32(np.nan))
     order, added = EXTENTS.get(kind, ((0, 1, 2), None))

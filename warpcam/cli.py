@@ -37,8 +37,7 @@ class _Parser(argparse.ArgumentParser):
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line; returns its exit code: 0, 1 (the self test failed) or 2 (the user's mistake)."""
     options = _parser().parse_args(arguments)
-    # That there is no CUDA driver is for the doctor to tell; it is no mishap of a render on the CPU.
-    wp.config.log_level = wp.LOG_WARNING if options.command is _doctor else wp.LOG_ERROR
+    wp.config.log_level = wp.LOG_WARNING
     try:
         code: int = options.command(options)
     except WarpcamError as error:
@@ -80,6 +79,8 @@ def _render(options: argparse.Namespace) -> int:
         raise WarpcamError(f"--worlds: {options.worlds} came, at least 1 is needed")
     if options.seed < 0:
         raise WarpcamError(f"--seed: {options.seed} came, 0 or more is needed")
+    if options.scene is not None and not options.scene.is_file():
+        raise WarpcamError(f"scene: there is no file {str(options.scene)!r}")
     device = resolve(options.device)
     screen = Console(stderr=True)
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
@@ -130,7 +131,8 @@ def _cameras(names: list[str] | None, scene: Any, host: Any, aspect: float) -> d
     if names is None and known:
         names = [str(index) if not name else name for index, name in enumerate(known)]
     if names is None:
-        return {FREE_CAMERA: worlds.free_camera(host, *map(np.asarray, scene.bounds()), aspect)}
+        lower, upper = scene.bounds()
+        return {FREE_CAMERA: worlds.free_camera(host, lower, upper, aspect)}
     keys: dict[str | int, dict[str, Any]] = {}
     for name in names:
         if name in known:

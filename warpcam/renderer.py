@@ -1,6 +1,7 @@
 """The renderer: which stages make a frame, in what order, and their capture as a graph."""
 
 import threading
+from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -16,6 +17,9 @@ from warpcam.mounting import CameraArrays, Mounted
 from warpcam.scene import Scene
 from warpcam.selection import Selection
 from warpcam.targets import Target
+
+# While one thread records a graph, Warp counts its device as capturing: the others wait their turn.
+_turns: defaultdict[str, threading.Lock] = defaultdict(threading.Lock)
 
 Images = dict[str | int, dict[str, interop.Tensor]]
 
@@ -41,7 +45,7 @@ class Renderer:
         self._cameras = _check_cameras(scene, cameras)
         self._scene, self._device = scene, scene.device
         self._graph = graph and scene.device.is_cuda
-        self._lock = threading.Lock()
+        self._turn = _turns[scene.device.alias] if scene.device.is_cuda else threading.Lock()
         tables = scene.tables()
         self._mounted = {key: Mounted(camera, scene) for key, camera in self._cameras.items()}
         self._targets = {key: Target(camera, tables, scene.device) for key, camera in self._cameras.items()}
@@ -77,22 +81,23 @@ class Renderer:
         Returns:
             ``images``.
         """
-        capturing = interop.is_capturing(self._device)
-        if capturing and not self._scene.live_on_device:
-            raise WarpcamError(
-                "render: a capture is under way, but this scene's poses come from the host and would not be copied "
-                "again when the graph is replayed; render outside of it, or use from_mujoco_warp"
-            )
-        with self._lock, interop.in_order(self._device):
-            if worlds is not None:
-                self._selection.select(worlds, capturing)
-            if forward:
-                self._scene.forward()
-            self._scene.refresh()
-            tables = self._scene.tables()
-            if tables is not self._tables:
-                self._record(tables)
-            self._run(worlds is None, capturing)
+        with self._turn:
+            capturing = interop.is_capturing(self._device)
+            if capturing and not self._scene.live_on_device:
+                raise WarpcamError(
+                    "render: a capture is under way, but this scene's poses come from the host and would not be copied "
+                    "again when the graph is replayed; render outside of it, or use from_mujoco_warp"
+                )
+            with interop.in_order(self._device):
+                if worlds is not None:
+                    self._selection.select(worlds, capturing)
+                if forward:
+                    self._scene.forward()
+                self._scene.refresh()
+                tables = self._scene.tables()
+                if tables is not self._tables:
+                    self._record(tables)
+                self._run(worlds is None, capturing)
         return self.images
 
     def array(self, camera: str | int, output: str) -> wp.array:

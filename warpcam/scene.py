@@ -54,6 +54,7 @@ class Parts:
         height_fields: What ``shape_assets`` counts for height fields.
         textures: What ``material_textures`` counts.
         skybox: Index of the texture behind everything, or -1.
+        horizon: How far the source's own renderer draws endless planes [m]; 0 if it has none.
     """
 
     num_worlds: int
@@ -68,6 +69,7 @@ class Parts:
     height_fields: Sequence[HeightField]
     textures: Sequence[TextureImage]
     skybox: int = -1
+    horizon: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -216,7 +218,7 @@ class Scene:
         """The scene for the kernels: the same object until the source's arrays are others."""
         arrays = self._source.arrays()
         ambient = self._source.global_ambient()
-        key = (ambient, *((array.ptr, array.shape, array.strides) for array in arrays.values()))
+        key = (ambient, *map(_identity, arrays.values()))
         if key != self._key:
             for name, field in FIELDS.items():
                 self._check_array(name, field, arrays[name])
@@ -265,6 +267,7 @@ class Scene:
             has_materials=parts.num_materials > 0,
             has_textures=parts.num_materials > 0 and any(i != parts.skybox for i in range(len(parts.textures))),
             has_skybox=parts.skybox >= 0,
+            horizon=parts.horizon,
         )
 
     def _check_parts(self) -> None:
@@ -321,6 +324,11 @@ class Scene:
         if values.min() < -1 or values.max() >= count:
             worst = int(values.min()) if values.min() < -1 else int(values.max())
             raise WarpcamError(f"{self._source.label(name)}: has {worst}; allowed are -1 for none and 0 to {count - 1}")
+
+
+def _identity(array: Any) -> tuple[Any, ...] | None:
+    """Equal for arrays that are the same memory, seen alike."""
+    return (array.ptr, array.shape, array.strides) if isinstance(array, wp.array) else None
 
 
 def _find(key: str | int, names: tuple[str, ...], where: str, what: str) -> int:

@@ -42,8 +42,6 @@ def load(path: Path, *, num_worlds: int, seed: int, device: wp.Device) -> Worlds
             f"{error.name} is not installed, and scenes need it: pip install 'warpcam[mujoco]'"
         ) from None
 
-    if not path.is_file():
-        raise WarpcamError(f"scene: there is no file {str(path)!r}")
     try:
         read = mujoco.MjModel.from_binary_path if path.suffix == ".mjb" else mujoco.MjModel.from_xml_path
         host = read(str(path))
@@ -77,13 +75,11 @@ def joint_positions(host: Any, start: np.ndarray, *, num_worlds: int, seed: int)
     random = np.random.default_rng(seed)
     positions = np.tile(np.asarray(start, dtype=np.float64), (num_worlds, 1))
     others = positions[1:]
-    for kind, address, limited, limits in zip(
-        host.jnt_type, host.jnt_qposadr, host.jnt_limited, host.jnt_range, strict=True
-    ):
-        kind = mjtJoint(kind)  # the numbers in the model do not compare equal to the enum
+    kinds = [mjtJoint(kind) for kind in host.jnt_type]  # the numbers themselves do not compare equal to the enum
+    for kind, address, limited, limits in zip(kinds, host.jnt_qposadr, host.jnt_limited, host.jnt_range, strict=True):
         if kind in (mjtJoint.mjJNT_HINGE, mjtJoint.mjJNT_SLIDE):
             if limited:
-                others[:, address] = random.uniform(*limits, size=len(others))
+                others[:, address] = random.uniform(float(limits[0]), float(limits[1]), size=len(others))
             else:
                 reach = LOOSE_HINGE if kind == mjtJoint.mjJNT_HINGE else LOOSE_SLIDE
                 others[:, address] += random.uniform(-reach, reach, size=len(others))
@@ -101,9 +97,8 @@ def joint_positions(host: Any, start: np.ndarray, *, num_worlds: int, seed: int)
 def rotated(quaternions: np.ndarray, turns: np.ndarray) -> np.ndarray:
     """Quaternions (n, 4) wxyz, turned by rotation vectors (n, 3) [rad] in the parent's frame."""
     angles = np.linalg.norm(turns, axis=1, keepdims=True)
-    # sinc keeps the axis of a turn of zero defined.
-    axis = 0.5 * turns * np.sinc(0.5 * angles / np.pi)
-    w, v = np.cos(0.5 * angles), axis
+    # sinc, because a turn of zero has no axis.
+    w, v = np.cos(0.5 * angles), 0.5 * turns * np.sinc(0.5 * angles / np.pi)
     qw, qv = quaternions[:, :1], quaternions[:, 1:]
     return np.hstack([w * qw - np.sum(v * qv, axis=1, keepdims=True), w * qv + qw * v + np.cross(v, qv)])
 

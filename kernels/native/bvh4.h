@@ -49,7 +49,7 @@ WARPCAM_FN void walk_meshes(const Meshes& meshes, const Record* records, const u
     int stack[STACK];
     float entry[STACK];
     int height = 0, node = NO_NODE, word = 0, slot = 0;
-    unsigned left = words[0];
+    unsigned left = num_words > 0 ? words[0] : 0;
     unsigned nodes = 0, faces = 0;
     Slabs s {};
     while (true) {

@@ -20,7 +20,8 @@ template <int CAPACITY> struct ShapeList {
     int broken;
 };
 
-// Gives each slot its rank; ties go to the lower shape id, so the order does not depend on who came first.
+// Gives each slot its rank. The order does not depend on who came first; of shapes at one place the later is seen, as
+// where shapes are drawn one over the other.
 template <int CAPACITY> WARPCAM_FN void sort_by_depth(ShapeList<CAPACITY>& list, int thread)
 {
     for (int i = thread; i < list.count; i += THREADS) {
@@ -29,7 +30,7 @@ template <int CAPACITY> WARPCAM_FN void sort_by_depth(ShapeList<CAPACITY>& list,
         int rank = 0;
         for (int j = 0; j < list.count; ++j) {
             const float other = list.nearest[j];
-            rank += other < key || (other == key && list.ids[j] < id);
+            rank += other < key || (other == key && list.ids[j] > id);
         }
         list.order[rank] = static_cast<unsigned char>(i);
     }

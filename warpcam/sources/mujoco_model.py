@@ -84,6 +84,7 @@ def read_parts(mjm: mujoco.MjModel, num_worlds: int, groups: Collection[int]) ->
         height_fields=[_height_field(mjm, index) for index in range(mjm.nhfield)],
         textures=textures,
         skybox=int(skyboxes[0]) if len(skyboxes) else -1,
+        horizon=float(mjm.vis.map.zfar * mjm.stat.extent),
     )
 
 
@@ -95,12 +96,8 @@ def headlight(mjm: mujoco.MjModel) -> np.ndarray:
 
 
 def global_ambient(mjm: mujoco.MjModel) -> float:
-    """MuJoCo lights a scene evenly that has no light at all, the headlight included."""
-    usable = (mjm.light_type == mujoco.mjtLightType.mjLIGHT_SPOT) | (
-        mjm.light_type == mujoco.mjtLightType.mjLIGHT_DIRECTIONAL
-    )
-    lit = mjm.vis.headlight.active or bool(np.any(usable & (np.asarray(mjm.light_active) != 0)))
-    return 0.0 if lit else 0.3
+    """MuJoCo lights a scene evenly that has no light at all; the shading looks whether other lights are on."""
+    return 0.0 if mjm.vis.headlight.active else 0.3
 
 
 def _check_groups(groups: Any) -> list[int]:
@@ -178,6 +175,5 @@ def _texture(mjm: mujoco.MjModel, index: int) -> TextureImage:
         pixels = np.concatenate((np.repeat(pixels[..., :1], 3, axis=-1), pixels[..., 1:]), axis=-1)
     if mjm.tex_type[index] == mujoco.mjtTexture.mjTEXTURE_2D:
         return TextureImage("2d", pixels, bool(srgb))
-    if height == 6 * width:
-        pixels = pixels.reshape(6, width, width, -1)
-    return TextureImage("cube", pixels, bool(srgb))
+    faces = pixels.reshape(6, width, width, -1) if height == 6 * width else pixels
+    return TextureImage("cube", faces, bool(srgb))

@@ -54,9 +54,10 @@ class MujocoWarpSource:
         pass
 
     def forward(self) -> None:
-        mjw.kinematics(self._m, self._d)
-        mjw.com_pos(self._m, self._d)
-        mjw.camlight(self._m, self._d)
+        with wp.ScopedDevice(self.device):  # MuJoCo-Warp launches on Warp's current device
+            mjw.kinematics(self._m, self._d)
+            mjw.com_pos(self._m, self._d)
+            mjw.camlight(self._m, self._d)
 
 
 def load(mjm: Any, m: Any, d: Any, groups: Collection[int]) -> Scene:

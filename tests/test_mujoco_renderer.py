@@ -1,0 +1,176 @@
+"""Segmentation and depth against ``mujoco.Renderer``, on scenes that come with installed packages."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+import scenes
+import warp as wp
+
+import warpcam as wc
+
+SIZE = 128
+FINE = 120  # slices and stacks of what MuJoCo draws round; it draws 28 and 16 unless told
+TOLERANCE = 1e-3  # of depth, relative: what its depth buffer holds
+OURS = scenes.MUJOCO_WARP_MODELS
+FROM_MUJOCO_WARP = (
+    "humanoid/humanoid.xml",
+    "humanoid/n_humanoid.xml",
+    "primitives.xml",
+    "aloha_pot/scene.xml",
+    "mug/mug.xml",
+    "pendula.xml",
+    "ray.xml",
+    "collision.xml",
+    "constraints.xml",
+    "hfield/hfield.xml",
+    "convex_collision/box100.xml",
+    "skybox/checker.xml",
+    "skybox/gradient.xml",
+    "flex/floppy.xml",
+    "flex/multiflex.xml",
+    "tendon/wrap.xml",
+    "tendon/pulley_wrap.xml",
+)
+FROM_MJLAB = (
+    "asset_zoo/robots/i2rt_yam/xmls/yam.xml",
+    "asset_zoo/robots/unitree_g1/xmls/g1.xml",
+    "asset_zoo/robots/unitree_go1/xmls/go1.xml",
+)
+
+
+@dataclass(frozen=True)
+class Reference:
+    """What MuJoCo draws: images (height, width), and the camera it drew them with."""
+
+    ids: np.ndarray  # int32, geom or -1
+    depth: np.ndarray  # float32 [m]
+    camera: wc.Camera
+
+
+def options() -> mujoco.MjvOption:
+    """Geoms and nothing else."""
+    chosen = mujoco.MjvOption()
+    for group in (chosen.sitegroup, chosen.tendongroup, chosen.skingroup, chosen.flexgroup):
+        group[:] = 0
+    for flag in ("TENDON", "SKIN", "RANGEFINDER", "ACTUATOR", "FLEXSKIN"):
+        chosen.flags[getattr(mujoco.mjtVisFlag, f"mjVIS_{flag}")] = False
+    return chosen
+
+
+def near_and_far(mjm: mujoco.MjModel) -> dict[str, float]:
+    return {"near": mjm.vis.map.znear * mjm.stat.extent, "far": mjm.vis.map.zfar * mjm.stat.extent}
+
+
+def draw(mjm: mujoco.MjModel, mjd: mujoco.MjData, camera: int) -> Reference:
+    """MuJoCo's images of one camera of the model, or of its free camera, -1."""
+    try:
+        renderer = mujoco.Renderer(mjm, SIZE, SIZE)
+    except Exception as error:
+        pytest.skip(
+            "MuJoCo's own renderer needs a library on a machine without a display: apt-get install libosmesa6 "
+            f"({type(error).__name__})"
+        )
+    with renderer:
+        renderer.update_scene(mjd, camera=camera, scene_option=options())
+        renderer.enable_segmentation_rendering()
+        ids, types = np.moveaxis(renderer.render(), -1, 0).copy()
+        renderer.disable_segmentation_rendering()
+        renderer.enable_depth_rendering()
+        depth = renderer.render().copy()
+        assert set(np.unique(types)) <= {-1, int(mujoco.mjtObj.mjOBJ_GEOM)}
+        asked = {"width": SIZE, "height": SIZE, "outputs": ("depth", "segmentation"), **near_and_far(mjm)}
+        if camera >= 0:
+            return Reference(ids, depth, wc.Camera(camera, **asked))
+        eyes = renderer.scene.camera
+        position = 0.5 * (eyes[0].pos + eyes[1].pos)
+        rotation = scenes.looking((0, 0, 0), eyes[0].forward, eyes[0].up)
+        lens = wc.Pinhole(fovy=mjm.vis.global_.fovy)
+        return Reference(ids, depth, wc.Camera("free", lens=lens, position=position, rotation=rotation, **asked))
+
+
+def windows(image: np.ndarray) -> np.ndarray:
+    """The 3 x 3 neighbourhood of each pixel, (height, width, 9)."""
+    padded = np.pad(image, 1, mode="edge")
+    return np.stack([padded[i : i + SIZE, j : j + SIZE] for i in range(3) for j in range(3)], axis=-1)
+
+
+def edge_band(ids: np.ndarray, depth: np.ndarray) -> np.ndarray:
+    """Pixels next to another id, or to where depth jumps: where it does not go on as it came."""
+    around, depths = windows(ids), windows(depth.astype(np.float64)).reshape(SIZE, SIZE, 3, 3)
+    inverse = 1.0 / depths  # of a plane it is linear in the image
+    bend = np.zeros(ids.shape)
+    for axis in (2, 3):
+        middle = np.take(inverse, 1, axis=axis)
+        ends = np.take(inverse, 0, axis=axis) + np.take(inverse, 2, axis=axis)
+        bend = np.maximum(bend, np.abs(ends / middle - 2.0).max(axis=-1))
+    return (around != ids[..., None]).any(axis=-1) | (bend > 0.02)
+
+
+def compare(mjm: mujoco.MjModel, mjd: mujoco.MjData, camera: int, device: wp.Device, name: str) -> None:
+    reference = draw(mjm, mjd, camera)
+    seen = scenes.look(wc.from_mujoco(mjm, mjd, device=device), reference.camera)
+    ids, depth = seen["segmentation"][0], seen["depth"][0]
+    band = edge_band(reference.ids, reference.depth)
+    differ = (ids != reference.ids) & ~band
+    hit = (ids >= 0) & (ids == reference.ids) & ~band
+    off = np.abs(depth - reference.depth, where=hit, out=np.zeros_like(depth))
+    limit = TOLERANCE * reference.depth
+    print(
+        f"{name}, camera {camera}: {(ids >= 0).mean():.0%} hit, edge band {band.mean():.1%}, in it "
+        f"{(ids != reference.ids)[band].sum()} ids differ, outside {differ.sum()}; "
+        f"depth off by {(off / reference.depth).max():.1e} at most"
+    )
+    assert (ids >= 0).sum() > 50
+    assert band.mean() < 0.5
+    assert differ.sum() == 0
+    assert (off <= limit).all()
+
+
+def cameras(mjm: mujoco.MjModel) -> list[int]:
+    return [-1, *range(min(mjm.ncam, 3))]
+
+
+def load(path: Path) -> tuple[mujoco.MjModel, mujoco.MjData]:
+    mjm = mujoco.MjModel.from_xml_path(str(path))
+    mjm.vis.quality.numslices = mjm.vis.quality.numstacks = FINE
+    return mjm, scenes.forward(mjm)
+
+
+@pytest.mark.parametrize("name", FROM_MUJOCO_WARP)
+def test_scenes_of_mujoco_warp(device: wp.Device, name: str) -> None:
+    mjm, mjd = load(OURS / name)
+    for camera in cameras(mjm):
+        compare(mjm, mjd, camera, device, name)
+
+
+@pytest.mark.parametrize("name", FROM_MJLAB)
+def test_robots_of_mjlab(device: wp.Device, name: str) -> None:
+    folder = scenes.package_folder("mjlab")
+    if folder is None:
+        pytest.skip("mjlab is not installed")
+    mjm, mjd = load(folder / name)
+    for camera in cameras(mjm):
+        compare(mjm, mjd, camera, device, name)
+
+
+@pytest.mark.parametrize(
+    "lens",
+    [
+        'fovy="70"',
+        'fovy="2" projection="orthographic"',
+        'sensorsize="0.02 0.02" resolution="128 128" focal="0.018 0.018" principal="0.002 -0.003"',
+        'sensorsize="0.02 0.02" resolution="128 128" focalpixel="100 100" principalpixel="20 -10"',
+    ],
+    ids=["fovy", "orthographic", "principal", "principalpixel"],
+)
+def test_lenses(device: wp.Device, lens: str) -> None:
+    shapes = "".join(
+        scenes.geom_xml(kind, more=f'pos="{0.8 * (index % 3) - 0.8} {0.8 * (index // 3) - 0.8} 0" euler="20 30 40"')
+        for index, kind in enumerate(scenes.TYPES)
+    )
+    mjm = scenes.compile_xml(f'{shapes}<camera pos="0.1 0.2 3" {lens}/>', assets=scenes.ASSETS)
+    mjm.vis.quality.numslices = mjm.vis.quality.numstacks = FINE
+    compare(mjm, scenes.forward(mjm), 0, device, lens)
