@@ -97,7 +97,9 @@ CASES = {
             ("camera0",),
             scatter=(0.3, 3.0),
         ),
-        Case("primitives_rows", "125 free bodies in rows over a table", from_mujoco_warp("primitives.xml"), ("camera0",)),
+        Case(
+            "primitives_rows", "125 free bodies in rows over a table", from_mujoco_warp("primitives.xml"), ("camera0",)
+        ),
         Case("humanoid", "capsules on a plane", from_mujoco_warp("humanoid/humanoid.xml"), ("side",)),
         Case("yam", "robot arm of 18 meshes, 105 thousand faces", yam_arm, ("fixed",), cpu_worlds=16),
         Case("g1_terrain", "robot of 35 meshes on a height field", g1_on_terrain, ("fixed",), cpu_worlds=16),

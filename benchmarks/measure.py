@@ -1,6 +1,7 @@
 """Time a renderer's frames, and say how far its images are from another's."""
 
 import contextlib
+import itertools
 import time
 from collections.abc import Callable, Iterator
 from typing import Any
@@ -80,7 +81,7 @@ def time_graph(frame: Callable[[], None], device: wp.Device, replays: int | None
         wp.capture_launch(capture.graph)
         stream.record_event(event)
     wp.synchronize_device(device)
-    return [wp.get_event_elapsed_time(a, b, synchronize=False) for a, b in zip(events, events[1:], strict=False)]
+    return [wp.get_event_elapsed_time(a, b, synchronize=False) for a, b in itertools.pairwise(events)]
 
 
 def memory_used(device: wp.Device) -> int:

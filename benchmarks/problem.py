@@ -61,8 +61,10 @@ def build(case: Case, worlds: int, width: int, height: int) -> Problem:
 
 
 def random_poses(mjm: mujoco.MjModel, worlds: int, scatter: tuple[float, float], seed: int) -> np.ndarray:
-    """Joint positions (world, nq) float32 around `qpos0`: joints with a range move over half of it, others by
-    0.5 rad or 5 cm; free bodies by `scatter`."""
+    """Joint positions (world, nq) float32 around `qpos0`.
+
+    Joints with a range move over half of it, others by 0.5 rad or 5 cm; free bodies by `scatter`.
+    """
     random = np.random.default_rng(seed)
     qpos = np.tile(mjm.qpos0.astype(np.float32), (worlds, 1))
     for joint in range(mjm.njnt):

@@ -1,6 +1,7 @@
 """A kernel launch bound to its arguments, ready to be repeated every frame."""
 
 import functools
+import itertools
 import os
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -60,7 +61,7 @@ def record(
     count = min(dim, 1 if device.is_cuda else _threads() * parts if _threads() > 1 else 1)
     bounds = [dim * i // max(count, 1) for i in range(count + 1)]
     launches = []
-    for first, end in zip(bounds, bounds[1:], strict=False):
+    for first, end in itertools.pairwise(bounds):
         arguments = [*inputs, first]
         if device.is_cuda:
             command = wp.launch(kernel, end - first, arguments, device=device, block_dim=block_dim, record_cmd=True)

@@ -2,6 +2,7 @@
 
 import functools
 from collections.abc import Mapping
+from typing import Any
 
 import warp as wp
 
@@ -86,7 +87,7 @@ def slide(step: wp.vec3, ray: wp.vec3, normal: wp.vec3) -> wp.vec3:
 
 
 @functools.cache
-def make_kernel(outputs: frozenset[str], lens: str, facts: tuple, shadows: bool) -> wp.Kernel:
+def make_kernel(outputs: frozenset[str], lens: str, facts: tuple[Any, ...], shadows: bool) -> wp.Kernel:
     """The kernel for one set of outputs, lens and scene facts (``Tables.facts()``)."""
     shape_types, num_lights, has_materials, has_textures, has_skybox = facts
     perspective = lens == "pinhole"

@@ -4,7 +4,8 @@ import functools
 
 import warp as wp
 
-from .launch import Stage, native_options, record as record_launch
+from .launch import Stage, native_options
+from .launch import record as record_launch
 from .tables import Tables
 from .types import HeightFields, Lights, Materials, Meshes, Shapes, View
 from .visibility import BLOCKS, LENSES, THREADS, region_size

@@ -27,7 +27,7 @@ class Tables:
     has_skybox: bool
     horizon: float = 0.0  # how far the source's own renderer draws endless planes [m]; 0 if it has none
 
-    def facts(self) -> tuple:
+    def facts(self) -> tuple[Any, ...]:
         """Everything a kernel may be specialised on; hashable."""
         return (
             self.shape_types,

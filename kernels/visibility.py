@@ -4,7 +4,8 @@ import functools
 
 import warp as wp
 
-from .launch import Stage, native_options, record as record_launch
+from .launch import Stage, native_options
+from .launch import record as record_launch
 from .tables import Tables
 from .types import HeightFields, Materials, Meshes, Shapes, View
 

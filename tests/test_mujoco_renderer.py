@@ -28,11 +28,8 @@ FROM_MUJOCO_WARP = (
     "hfield/hfield.xml",
     "convex_collision/box100.xml",
     "skybox/checker.xml",
-    "skybox/gradient.xml",
     "flex/floppy.xml",
-    "flex/multiflex.xml",
     "tendon/wrap.xml",
-    "tendon/pulley_wrap.xml",
 )
 FROM_MJLAB = (
     "asset_zoo/robots/i2rt_yam/xmls/yam.xml",

@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 import warp as wp
-
 from warpcam.kernels import resolve, types
 from warpcam.kernels.shade import Lit, make_illuminate
 from warpcam.kernels.surface import Finish

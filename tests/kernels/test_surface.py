@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 import warp as wp
-
 from warpcam.kernels import types
 from warpcam.kernels.mapping import CubeMapping, Mapping, make_mapping
 from warpcam.kernels.surface import Finish, make_finish, make_surface

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 import warp as wp
+from warpcam.kernels.texture import sample_2d, sample_cube
+from warpcam.kernels.types import Textures
 
 from warpcam import errors
 from warpcam.accel.textures import TextureImage, pack_textures
-from warpcam.kernels.texture import sample_2d, sample_cube
-from warpcam.kernels.types import Textures
 
 DEVICES = [str(device) for device in wp.get_devices()]
 
