@@ -8,7 +8,7 @@ from .launch import Stage, native_options
 from .launch import record as record_launch
 from .tables import Tables
 from .types import HeightFields, Lights, Materials, Meshes, Shapes, View
-from .visibility import BLOCKS, LENSES, THREADS, region_size
+from .visibility import BLOCKS, LENSES, THREADS, list_capacity, region_size
 
 MAX_LIGHTS = 32  # bits of a mask
 
@@ -94,7 +94,7 @@ def record(
     target.mask, target.width, target.height = mask, width, height
     target.depth, target.shape, target.shadow = depth.flatten(), shape.flatten(), shadow.flatten()
     types = sum(1 << t for t in tables.shape_types)
-    capacity = next(c for c in (16, 32, 64, 128, 256) if c >= min(tables.num_drawn, 256))
+    capacity = list_capacity(tables.num_drawn)
     worlds = views.shape[0]
     region = region_size(worlds, width, height, device)
     kernel = _kernel(types, LENSES[lens], capacity, *region)

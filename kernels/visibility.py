@@ -11,6 +11,7 @@ from .types import HeightFields, Materials, Meshes, Shapes, View
 
 LENSES = {"pinhole": 0, "orthographic": 1}
 THREADS = 128  # of a CUDA block; lanes.h has the same number
+MAX_LISTED = 256  # shapes that one pass draws
 BLOCKS = 8  # on a multiprocessor: bounds the registers of a thread
 
 
@@ -91,18 +92,15 @@ def record(
         faults: uint8, (world,); set to 1 where a pose or size is not a number.
         width: Image width [pixels].
         height: Image height [pixels].
-        depth: float32, (world, height, width, ...), or None if it is not wanted.
+        depth: float32, (world, height, width, ...), or None if it is not wanted. A scene of more than MAX_LISTED
+            shapes is drawn in passes, which go on from each other's depth and shape: then both are needed.
         shape: int32, likewise.
         face: int32, likewise; see Target.
         device: Where all of these lie.
     """
     worlds = views.shape[0]
-    capacity = next(c for c in (16, 32, 64, 128, 256) if c >= min(tables.num_drawn, 256))
+    capacity = list_capacity(tables.num_drawn)
     several = tables.num_drawn > capacity
-    if several:  # passes go on from each other's depth and shape
-        pixels = worlds * height * width
-        depth = wp.empty(pixels, dtype=wp.float32, device=device) if depth is None else depth
-        shape = wp.empty(pixels, dtype=wp.int32, device=device) if shape is None else shape
     target = Target()
     target.mask, target.faults = mask, faults
     target.width, target.height = width, height
@@ -118,6 +116,11 @@ def record(
     arguments = [tables.shapes, tables.materials, tables.meshes, tables.height_fields, views, target]
     dim = blocks * THREADS if device.is_cuda else blocks
     return record_launch(kernel, dim, arguments, device, block_dim=THREADS)
+
+
+def list_capacity(num_drawn: int) -> int:
+    """How many shapes a block lists at once, for a scene of that many: few sizes, so that scenes share kernels."""
+    return next(size for size in (16, 32, 64, 128, MAX_LISTED) if size >= min(num_drawn, MAX_LISTED))
 
 
 def region_size(worlds: int, width: int, height: int, device: wp.Device) -> tuple[int, int]:

@@ -82,6 +82,12 @@ def test_render_without_a_scene_shows_the_demo(tmp_path: Path) -> None:
     assert sorted(path.name for path in tmp_path.iterdir()) == ["overview-depth.png", "overview-rgb.png"]
 
 
+def test_several_cameras(tmp_path: Path) -> None:
+    size = ("--worlds", "1", "--size", "8x8", "--outputs", "depth", "--out", tmp_path)
+    assert render(*size, "--camera", "overview", "wrist") == 0
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["overview-depth.png", "wrist-depth.png"]
+
+
 def test_camera_by_index(scene: Path, tmp_path: Path) -> None:
     assert render(scene, "--worlds", "1", "--size", "8x8", "--camera", "0", "--out", tmp_path) == 0
     assert (tmp_path / "0-rgb.png").is_file()

@@ -97,13 +97,11 @@ def test_nothing_is_allocated(walls: tuple[wp.array, wc.Scene], device: wp.Devic
         return
     torch.cuda.synchronize()
     used, warps = torch.cuda.memory_allocated(device.ordinal), wp.get_mempool_used_mem_current(device)
-    free = torch.cuda.mem_get_info(device.ordinal)[0]
     for number in range(1000):
         frame(number)
     torch.cuda.synchronize()
     assert torch.cuda.memory_allocated(device.ordinal) == used
     assert wp.get_mempool_used_mem_current(device) == warps
-    assert torch.cuda.mem_get_info(device.ordinal)[0] == free
 
 
 def test_no_stale_frame(walls: tuple[wp.array, wc.Scene], device: wp.Device) -> None:

@@ -56,9 +56,10 @@ def _parser() -> argparse.ArgumentParser:
     render.add_argument("scene", nargs="?", type=Path, metavar="SCENE.xml", help="an MJCF file (default: a demo scene)")
     render.add_argument(
         "--camera",
-        action="append",
+        action="extend",
+        nargs="+",
         metavar="NAME",
-        help="a camera of the scene, by name or index; may be repeated (default: all, or a free one if there is none)",
+        help="cameras of the scene, by name or index (default: all, or a free one if there is none)",
     )
     render.add_argument("--outputs", default="rgb,depth", help="separated by commas (default: %(default)s)")
     render.add_argument("--worlds", type=int, default=16, metavar="N", help="default: %(default)s")

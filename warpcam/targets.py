@@ -15,7 +15,6 @@ from warpcam.outputs import OUTPUTS
 from warpcam.scene import MAX_SHADOW_LIGHTS
 
 MAX_PIXELS = 2**31
-ONE_PASS = 256  # shapes that the trace draws at once; with more, its passes go on from depth and shape
 
 
 class Target:
@@ -36,7 +35,7 @@ class Target:
         asked = {name: OUTPUTS[name] for name in camera.outputs}
         self._camera, self._device = camera, device
         self._derived = [name for name, output in asked.items() if output.trace is None]
-        passes = tables.num_drawn > ONE_PASS
+        passes = tables.num_drawn > visibility.MAX_LISTED  # they go on from each other's depth and shape
         faces = bool(tables.shape_types & {MESH, HEIGHT_FIELD}) and any(output.face for output in asked.values())
         shadows = camera.shadows and tables.num_lights > 0 and any(output.lit for output in asked.values())
         if shadows and tables.num_lights > MAX_SHADOW_LIGHTS:
