@@ -103,6 +103,35 @@ struct Rays {
     int shape[LANES], face[LANES];
 };
 
+// Depths are not negative, but for -1 where a ray is outside the image; their bits then order as they do, and a
+// maximum of integers becomes vector code.
+inline float farthest_of(const Rays& rays)
+{
+    int bits = as_int(rays.depth[0]);
+    for (int lane = 1; lane < LANES; ++lane)
+        bits = as_int(rays.depth[lane]) > bits ? as_int(rays.depth[lane]) : bits;
+    return as_float(bits);
+}
+
+// The shapes that touch one row of tiles, nearest first.
+template <int CAPACITY> struct TileRow {
+    signed char left[CAPACITY], right[CAPACITY];
+    unsigned char ranks[CAPACITY];
+    int count;
+};
+
+template <int CAPACITY> inline void pick_row(const ShapeList<CAPACITY>& list, int row, TileRow<CAPACITY>& picked)
+{
+    picked.count = 0;
+    for (int rank = 0; rank < list.count; ++rank) {
+        const TileBox box = list.touched[list.order[rank]];
+        picked.left[picked.count] = box.left;
+        picked.right[picked.count] = box.right;
+        picked.ranks[picked.count] = static_cast<unsigned char>(rank);
+        picked.count += row >= box.top && row <= box.bottom;
+    }
+}
+
 template <int TYPE, int LENS> inline void trace_shape(const Record& record, float near, Rays& rays)
 {
     const Record r = record;
@@ -115,19 +144,19 @@ template <int TYPE, int LENS> inline void trace_shape(const Record& record, floa
 }
 
 template <int TYPES, int LENS, int CAPACITY, class Meshes, class HeightFields>
-inline void trace_tile(const ShapeList<CAPACITY>& list, unsigned* mesh_words, int column, int row, float near,
-                       const Meshes& meshes, const HeightFields& fields, Rays& rays)
+inline void trace_tile(const ShapeList<CAPACITY>& list, const TileRow<CAPACITY>& row, unsigned* mesh_words, int column,
+                       float near, const Meshes& meshes, const HeightFields& fields, Rays& rays)
 {
     const int words = (list.count + 31) / 32;
     for (int word = 0; word < words; ++word)
         mesh_words[word] = 0;
     bool any_mesh = false;
     float farthest = FAR_AWAY;
-    for (int rank = 0; rank < list.count; ++rank) {
-        const int slot = list.order[rank];
-        if (!touches(list.touched[slot], column, row))
+    for (int i = 0; i < row.count; ++i) {
+        if (column < row.left[i] || column > row.right[i])
             continue;
-        const Record& record = list.records[slot];
+        const int rank = row.ranks[i];
+        const Record& record = list.records[list.order[rank]];
         if (as_float(record.size.w) >= farthest)
             break;
         const int type = record.axis_x.w;
@@ -160,9 +189,7 @@ inline void trace_tile(const ShapeList<CAPACITY>& list, unsigned* mesh_words, in
                 }
             break;
         }
-        farthest = rays.depth[0];
-        for (int lane = 1; lane < LANES; ++lane)
-            farthest = upper(farthest, rays.depth[lane]);
+        farthest = farthest_of(rays);
     }
     if ((TYPES >> MESH & 1) && any_mesh)
         for (int lane = 0; lane < LANES; ++lane) {
