@@ -64,6 +64,7 @@ def near_and_far(mjm: mujoco.MjModel) -> dict[str, float]:
 def draw(mjm: mujoco.MjModel, mjd: mujoco.MjData, camera: int) -> Reference:
     """MuJoCo's images of one camera of the model, or of its free camera, -1."""
     try:
+        mjm.vis.quality.offsamples = 0  # one sample a pixel, in its centre: a depth of several is of none of them
         renderer = mujoco.Renderer(mjm, SIZE, SIZE)
     except Exception as error:
         pytest.skip(
