@@ -131,7 +131,7 @@ WARPCAM_FN float clearance(Vec p, Vec d, float depth)
     return rounding / root(upper(dot(d, d), 1.0e-30f));
 }
 
-// Bits of the lights that do not reach the point.
+// Does a caster stand between the point and the light?
 template <int TYPES, int CAPACITY, class Meshes, class HeightFields>
 WARPCAM_FN bool in_shadow(const CasterList<CAPACITY>& list, const unsigned* words, const unsigned* mesh_words, Vec point,
                           float depth, const Beam& beam, const Meshes& meshes, const HeightFields& fields)

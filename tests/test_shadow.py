@@ -1,0 +1,55 @@
+"""Shadows on a floor, against rays that MuJoCo casts from the floor back to the light."""
+
+import mujoco
+import numpy as np
+import pytest
+import scenes
+import warp as wp
+
+import warpcam as wc
+
+CASTERS = ("sphere", "capsule", "ellipsoid", "cylinder", "box", "mesh", "hfield")
+LIGHTS = {
+    "directional": '<light type="directional" pos="0 0 5" dir="0.3 0.2 -1" ambient="0 0 0" diffuse="1 1 1"/>',
+    "spot": '<light type="spot" pos="0.6 -0.4 5" dir="-0.1 0.1 -1" cutoff="60" ambient="0 0 0" diffuse="1 1 1"/>',
+}
+DARK = '<visual><headlight active="0"/></visual>'
+FLOOR = '<geom name="floor" type="plane" size="9 9 1"/>'
+EYE = {"width": 64, "height": 64, "position": (0.0, -3.0, 3.0), "rotation": scenes.looking((0, -3, 3), (0, 0, 0))}
+
+
+def check(mjm: mujoco.MjModel, device: wp.Device) -> None:
+    """The floor is black just where a ray to the light meets a caster; pixels on a shadow's edge may differ."""
+    mjd = scenes.forward(mjm)
+    scene = wc.from_mujoco_warp(mjm, *scenes.put(mjm, 1, mjd=mjd))
+    camera = scenes.own_camera(outputs=("hdr", "points", "segmentation"), shadows=True, **EYE)
+    images = scenes.look(scene, camera)
+    floor = images["segmentation"][0].squeeze() == mjm.geom("floor").id
+    points = images["points"][0][floor].astype(np.float64)
+    dark = images["hdr"][0][floor].max(axis=-1) == 0.0
+    distant = mjm.light_type[0] == mujoco.mjtLightType.mjLIGHT_DIRECTIONAL
+    wanted, geom = np.zeros(len(points), bool), np.zeros(1, np.int32)
+    for i, point in enumerate(points):
+        to_light = -mjd.light_xdir[0] if distant else mjd.light_xpos[0] - point
+        reach = np.inf if distant else np.linalg.norm(to_light)
+        direction = to_light / np.linalg.norm(to_light)
+        hit = mujoco.mj_ray(mjm, mjd, point + 1e-4 * direction, direction, None, 1, -1, geom)
+        wanted[i] = 0.0 <= hit < reach
+    assert wanted.sum() > 20
+    assert (dark != wanted).sum() <= 2
+
+
+@pytest.mark.parametrize("light", LIGHTS)
+@pytest.mark.parametrize("kind", CASTERS)
+def test_each_type_casts(device: wp.Device, kind: str, light: str) -> None:
+    body = f'<body pos="0 0 1" euler="20 10 30">{scenes.geom_xml(kind)}</body>'
+    check(scenes.compile_xml(LIGHTS[light] + FLOOR + body, assets=scenes.ASSETS, more=DARK), device)
+
+
+@pytest.mark.parametrize("light", LIGHTS)
+def test_more_casters_than_one_pass_lists(device: wp.Device, light: str) -> None:
+    balls = "".join(
+        f'<geom size="0.04" pos="{0.12 * (i % 20) - 1.2} {0.12 * (i // 20) - 1.0} {0.4 + 0.01 * (i % 7)}"/>'
+        for i in range(300)
+    )
+    check(scenes.compile_xml(LIGHTS[light] + balls + FLOOR, more=DARK), device)
