@@ -1,6 +1,6 @@
 // The trace: for every pixel of a view the nearest shape, its face and planar depth.
 #pragma once
-#include "tiles.h"
+#include "mesh_rays.h"
 
 namespace warpcam {
 
@@ -134,33 +134,62 @@ WARPCAM_FN void draw(const Shapes& shapes, const Materials& materials, const Mes
         sort_by_depth(list, thread);
         block_barrier();
 #if defined(__CUDA_ARCH__)
-        WARPCAM_SHARED unsigned words[THREADS / LANES][(CAPACITY + 31) / 32];
-        const int lane = thread % LANES, warp = thread / LANES;
-        while (true) {
-            int tile = 0;
-            if (lane == 0)
-                tile = atomicAdd(&list.next_tile, 1);
-            tile = __shfl_sync(0xffffffffu, tile, 0);
-            if (tile >= tiles)
-                break;
-            const int column = tile % across, row = tile / across;
-            const int i = region.left + column * TILE_WIDTH + lane % TILE_WIDTH;
-            const int j = region.top + row * TILE_HEIGHT + lane / TILE_WIDTH;
-            const bool inside = i < target.width && j < target.height;
-            const size_t at = (size_t(world) * target.height + j) * target.width + i;
-            Hit hit { inside ? camera.far : -1.0f, -1, -1 };
-            if (SEVERAL && !first && inside) {
-                hit.shape = target.shape.data[at];
-                if (OUTPUTS & FACE)
-                    hit.face = target.face.data[at];
-                if (hit.shape >= 0)
-                    hit.depth = target.depth.data[at];
+        constexpr bool HAS_MESH = TYPES >> MESH & 1, HAS_FINE = TYPES >> FINE_MESH & 1;
+        WARPCAM_SHARED MeshRays rays;
+        WARPCAM_SHARED unsigned words[THREADS / LANES][(CAPACITY + LANES - 1) / LANES][LANES];
+        const int lane = thread % LANES;
+        if (HAS_FINE && thread < LANES)
+            list_fine_meshes<TYPES>(list, rays);
+        do {
+            if (HAS_FINE) {
+                if (thread == 0)
+                    rays.count = rays.next = 0;
+                block_barrier();
             }
-            trace_tile<TYPES, LENS>(list, words[warp], column, row, image_x(camera, float(i)),
-                                    image_y(camera, float(j)), camera.near, meshes, fields, hit);
-            if (inside)
-                put(target, OUTPUTS, at, hit.shape < 0 ? camera.miss : hit.depth, hit.shape, hit.face);
-        }
+            while (true) {
+                int tile = tiles;
+                if (lane == 0 && (!HAS_FINE || rays.has_room()))
+                    tile = atomicAdd(&list.next_tile, 1);
+                tile = __shfl_sync(0xffffffffu, tile, 0);
+                if (tile >= tiles)
+                    break;
+                const int column = tile % across, row = tile / across;
+                const int i = region.left + column * TILE_WIDTH + lane % TILE_WIDTH;
+                const int j = region.top + row * TILE_HEIGHT + lane / TILE_WIDTH;
+                const bool inside = i < target.width && j < target.height;
+                const size_t at = (size_t(world) * target.height + j) * target.width + i;
+                Hit hit { inside ? camera.far : -1.0f, -1, -1 };
+                if (SEVERAL && !first && inside) {
+                    hit.shape = target.shape.data[at];
+                    if (OUTPUTS & FACE)
+                        hit.face = target.face.data[at];
+                    if (hit.shape >= 0)
+                        hit.depth = target.depth.data[at];
+                }
+                const ViewRay<LENS> ray { image_x(camera, float(i)), image_y(camera, float(j)) };
+                trace_tile<TYPES>(list, column, row, ray, camera.near, fields, hit);
+                if (HAS_MESH)
+                    trace_meshes<TYPES>(list, words[thread / LANES], column, row, ray, camera.near, meshes, hit);
+                if (inside)
+                    put(target, OUTPUTS, at, hit.shape < 0 ? camera.miss : hit.depth, hit.shape, hit.face);
+                if (HAS_FINE)
+                    enqueue(list, rays, column, row, ray, camera.near, meshes, hit.depth);
+            }
+            if (HAS_FINE) {
+                block_barrier();
+                const auto ray_of = [&](int pixel) {
+                    return ViewRay<LENS> { image_x(camera, float(region.left + pixel % 64)),
+                                           image_y(camera, float(region.top + pixel / 64)) };
+                };
+                const auto store = [&](int pixel, float depth, int shape, int face) {
+                    const size_t row = size_t(world) * target.height + region.top + pixel / 64;
+                    put(target, OUTPUTS, row * target.width + region.left + pixel % 64, depth, shape, face);
+                };
+                if (rays.count > 0)
+                    trace_queue(rays, list, meshes, camera.near, ray_of, store);
+                block_barrier();
+            }
+        } while (HAS_FINE && list.next_tile < tiles);
 #else
         unsigned words[(CAPACITY + 31) / 32];
         TileRow<CAPACITY> row;
