@@ -24,7 +24,7 @@ struct Region {
 };
 
 // Tiles of a region, counted from its corner, inclusive; empty when left > right.
-struct TileBox {
+struct alignas(4) TileBox {
     signed char left, top, right, bottom;
 };
 

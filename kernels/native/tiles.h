@@ -14,6 +14,7 @@ template <int CAPACITY> struct ShapeList {
     float nearest[CAPACITY];        // by slot
     int ids[CAPACITY];              // by slot
     TileBox touched[CAPACITY];      // by slot
+    TileBox tiles[CAPACITY];        // the same by rank
     unsigned char order[CAPACITY];  // by rank: the slot
     int count;
     int next_tile;
@@ -33,16 +34,28 @@ template <int CAPACITY> WARPCAM_FN void sort_by_depth(ShapeList<CAPACITY>& list,
             rank += other < key || (other == key && list.ids[j] > id);
         }
         list.order[rank] = static_cast<unsigned char>(i);
+        list.tiles[rank] = list.touched[i];
     }
 }
 
 WARPCAM_FN bool touches(const TileBox& box, int column, int row)
 {
-    return column >= box.left && column <= box.right && row >= box.top && row <= box.bottom;
+    return (column >= box.left) & (column <= box.right) & (row >= box.top) & (row <= box.bottom);
 }
 
 // Thirty-two rays: of a warp, one a lane; of a CPU thread, all of them.
 #if defined(__CUDA_ARCH__)
+
+// Takes the next number. For one lane: the compiler would gather the numbers of many.
+WARPCAM_FN int draw_next(int& counter)
+{
+    int number;
+    asm volatile("atom.shared.inc.u32 %0, [%1], 0x7fffffff;"
+                 : "=r"(number)
+                 : "r"(static_cast<unsigned>(__cvta_generic_to_shared(&counter)))
+                 : "memory");
+    return number;
+}
 
 // Does the ray meet the mesh's box before `depth`?
 template <class Meshes>
@@ -84,10 +97,8 @@ WARPCAM_FN void trace_tile(const ShapeList<CAPACITY>& list, int column, int row,
     for (int begin = 0; begin < list.count; begin += LANES) {
         bool mine = false;
         const int rank = begin + threadIdx.x % LANES;
-        if (rank < list.count) {
-            const int slot = list.order[rank];
-            mine = touches(list.touched[slot], column, row) && !is_mesh<TYPES>(list.records[slot]);
-        }
+        if (rank < list.count)
+            mine = touches(list.tiles[rank], column, row) && !is_mesh<TYPES>(list.records[list.order[rank]]);
         for (unsigned mask = __ballot_sync(0xffffffffu, mine); mask; mask &= mask - 1) {
             const Record& record = list.records[list.order[begin + lowest_bit(mask)]];
             if (!__any_sync(0xffffffffu, as_float(record.size.w) < hit.depth))
@@ -118,9 +129,8 @@ WARPCAM_FN void trace_meshes(const ShapeList<CAPACITY>& list, unsigned (*words)[
         const int rank = word * LANES + lane;
         bool mine = false;
         if (rank < list.count) {
-            const int slot = list.order[rank];
-            mine = touches(list.touched[slot], column, row) && is_mesh<TYPES>(list.records[slot])
-                && !is_fine<TYPES>(list.records[slot]);
+            const Record& record = list.records[list.order[rank]];
+            mine = touches(list.tiles[rank], column, row) && is_mesh<TYPES>(record) && !is_fine<TYPES>(record);
         }
         const unsigned met = find_meshes(__ballot_sync(0xffffffffu, mine), list.records, list.order + word * LANES, ray,
                                          near, meshes, hit.depth);
@@ -160,7 +170,7 @@ template <int CAPACITY> inline void pick_row(const ShapeList<CAPACITY>& list, in
 {
     picked.count = 0;
     for (int rank = 0; rank < list.count; ++rank) {
-        const TileBox box = list.touched[list.order[rank]];
+        const TileBox box = list.tiles[rank];
         picked.left[picked.count] = box.left;
         picked.right[picked.count] = box.right;
         picked.ranks[picked.count] = static_cast<unsigned char>(rank);

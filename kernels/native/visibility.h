@@ -77,7 +77,7 @@ WARPCAM_FN int gather(ShapeList<CAPACITY>& list, int begin, const Shapes& shapes
     return begin;
 }
 
-template <class Target> WARPCAM_FN void put(const Target& target, int outputs, size_t at, float depth, int shape, int face)
+template <class Target> WARPCAM_FN void put(const Target& target, int outputs, unsigned at, float depth, int shape, int face)
 {
     if (outputs & DEPTH)
         target.depth.data[at] = depth;
@@ -138,6 +138,7 @@ WARPCAM_FN void draw(const Shapes& shapes, const Materials& materials, const Mes
         WARPCAM_SHARED MeshRays rays;
         WARPCAM_SHARED unsigned words[THREADS / LANES][(CAPACITY + LANES - 1) / LANES][LANES];
         const int lane = thread % LANES;
+        const float per_row = 1.0f / float(across);
         if (HAS_FINE && thread < LANES)
             list_fine_meshes<TYPES>(list, rays);
         do {
@@ -149,15 +150,15 @@ WARPCAM_FN void draw(const Shapes& shapes, const Materials& materials, const Mes
             while (true) {
                 int tile = tiles;
                 if (lane == 0 && (!HAS_FINE || rays.has_room()))
-                    tile = atomicAdd(&list.next_tile, 1);
+                    tile = draw_next(list.next_tile);
                 tile = __shfl_sync(0xffffffffu, tile, 0);
                 if (tile >= tiles)
                     break;
-                const int column = tile % across, row = tile / across;
+                const int row = int((float(tile) + 0.5f) * per_row), column = tile - row * across;
                 const int i = region.left + column * TILE_WIDTH + lane % TILE_WIDTH;
                 const int j = region.top + row * TILE_HEIGHT + lane / TILE_WIDTH;
                 const bool inside = i < target.width && j < target.height;
-                const size_t at = (size_t(world) * target.height + j) * target.width + i;
+                const unsigned at = (unsigned(world) * target.height + j) * target.width + i;
                 Hit hit { inside ? camera.far : -1.0f, -1, -1 };
                 if (SEVERAL && !first && inside) {
                     hit.shape = target.shape.data[at];
@@ -182,7 +183,7 @@ WARPCAM_FN void draw(const Shapes& shapes, const Materials& materials, const Mes
                                            image_y(camera, float(region.top + pixel / 64)) };
                 };
                 const auto store = [&](int pixel, float depth, int shape, int face) {
-                    const size_t row = size_t(world) * target.height + region.top + pixel / 64;
+                    const unsigned row = unsigned(world) * target.height + region.top + pixel / 64;
                     put(target, OUTPUTS, row * target.width + region.left + pixel % 64, depth, shape, face);
                 };
                 if (rays.count > 0)
@@ -206,7 +207,7 @@ WARPCAM_FN void draw(const Shapes& shapes, const Materials& materials, const Mes
                 rays.depth[lane] = inside ? camera.far : -1.0f;
                 rays.shape[lane] = rays.face[lane] = -1;
                 if (SEVERAL && !first && inside) {
-                    const size_t at = (size_t(world) * target.height + j) * target.width + i;
+                    const unsigned at = (unsigned(world) * target.height + j) * target.width + i;
                     rays.shape[lane] = target.shape.data[at];
                     if (OUTPUTS & FACE)
                         rays.face[lane] = target.face.data[at];
@@ -218,7 +219,7 @@ WARPCAM_FN void draw(const Shapes& shapes, const Materials& materials, const Mes
             for (int lane = 0; lane < LANES; ++lane) {
                 const int i = left + lane % TILE_WIDTH, j = top + lane / TILE_WIDTH;
                 if (i < target.width && j < target.height)
-                    put(target, OUTPUTS, (size_t(world) * target.height + j) * target.width + i,
+                    put(target, OUTPUTS, (unsigned(world) * target.height + j) * target.width + i,
                         rays.shape[lane] < 0 ? camera.miss : rays.depth[lane], rays.shape[lane], rays.face[lane]);
             }
         }
