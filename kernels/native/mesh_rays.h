@@ -22,6 +22,7 @@ struct Waiting {
 struct MeshRays {
     unsigned char fine[LANES];  // slots
     int num_fine;
+    bool any_coarse;
     int count, next;              // rays in the queue; the first that nobody has taken
     float depth[QUEUE];           // of the nearest hit so far
     unsigned meshes[QUEUE];       // bits by place in `fine`: meshes whose boxes the ray meets
@@ -38,10 +39,12 @@ WARPCAM_FN void list_fine_meshes(ShapeList<CAPACITY>& list, MeshRays& rays)
 {
     const int lane = threadIdx.x % LANES;
     int count = 0;
+    bool coarse = false;
     for (int begin = 0; begin < list.count; begin += LANES) {
         const int slot = begin + lane < list.count ? list.order[begin + lane] : -1;
         const bool fine = slot >= 0 && is_fine<TYPES>(list.records[slot]);
         const unsigned all = __ballot_sync(ALL, fine);
+        coarse |= slot >= 0 && !fine && list.records[slot].axis_x.w == MESH;
         const int at = count + __popc(all & ((1u << lane) - 1));
         if (fine && at < LANES)
             rays.fine[at] = static_cast<unsigned char>(slot);
@@ -49,8 +52,11 @@ WARPCAM_FN void list_fine_meshes(ShapeList<CAPACITY>& list, MeshRays& rays)
             list.records[slot].origin.w = 0;
         count += __popc(all);
     }
-    if (lane == 0)
+    coarse = __any_sync(ALL, coarse) || count > LANES;
+    if (lane == 0) {
         rays.num_fine = min(count, LANES);
+        rays.any_coarse = coarse;
+    }
 }
 
 // Puts the rays of a tile that meet fine meshes into the queue, which has room for them.

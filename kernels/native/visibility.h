@@ -169,7 +169,7 @@ WARPCAM_FN void draw(const Shapes& shapes, const Materials& materials, const Mes
                 }
                 const ViewRay<LENS> ray { image_x(camera, float(i)), image_y(camera, float(j)) };
                 trace_tile<TYPES>(list, column, row, ray, camera.near, fields, hit);
-                if (HAS_MESH)
+                if (HAS_MESH && (!HAS_FINE || rays.any_coarse))
                     trace_meshes<TYPES>(list, words[thread / LANES], column, row, ray, camera.near, meshes, hit);
                 if (inside)
                     put(target, OUTPUTS, at, hit.shape < 0 ? camera.miss : hit.depth, hit.shape, hit.face);
