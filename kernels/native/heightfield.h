@@ -7,46 +7,52 @@ namespace warpcam {
 
 // The walk's levels are CELLS, 1, 3, 5, ...; on the others it meets blocks of 2^level cells a side.
 constexpr int CELLS = -1, LEVEL_STEP = 2, FIRST_LEVEL = 5;
+// Cells met before the walk looks for larger steps again: it leaves a block of 2^3 a side.
+constexpr int CELL_BLOCK = ~7;
 
-WARPCAM_FN int upper_int(int a, int b) { return a > b ? a : b; }
+// A cell's index along an axis as the bits of the float WHOLE + index: no instruction is needed between the two.
+constexpr float WHOLE = 12582912.0f;  // 1.5 * 2^23
+constexpr int INDEX = 0x3fffff;       // the bits of an index, also of a negative one that was inverted
 
-WARPCAM_FN int round_down(float a)
+WARPCAM_FN int whole_below(float a)
 {
 #if defined(__CUDA_ARCH__)
-    return __float2int_rd(a);
+    return __float_as_int(__fadd_rd(a, WHOLE));
 #else
-    return int(a) - (float(int(a)) > a ? 1 : 0);
+    return as_int(WHOLE) + int(a) - (float(int(a)) > a ? 1 : 0);
 #endif
 }
+
+WARPCAM_FN float line_of(int code) { return as_float(code) - WHOLE; }
 
 // One axis of the grid as a ray meets it: mirrored where the ray runs against it, so that it goes through cells in
 // ascending order. Cell i is then cell i ^ flip of the grid.
 struct Axis {
-    float start, speed;  // of the ray [cells], [cells per t]; speed is not negative
-    float wait, offset;  // the ray crosses line i at t = i * wait + offset
+    float start, speed;  // of the ray [cells], [cells per t]; speed is positive
+    float wait, offset;  // the ray leaves cell i at t = i * wait + offset
+    float ahead;         // more than the rounding of a place on the ray [cells]
     int flip;            // 0 or -1
-    int last;            // cell
+    int first, last;     // cells
 
     WARPCAM_FN Axis(float origin, float direction, int cells)
     {
         flip = direction < 0.0f ? -1 : 0;
-        last = flip ? -1 : cells - 1;
+        first = flip ? -cells : 0;
+        last = first + cells - 1;
         start = flip ? -origin : origin;
-        speed = magnitude(direction);
-        wait = reciprocal(upper(speed, 1.0e-18f));
-        offset = -product(start, wait);
+        speed = upper(magnitude(direction), 1.0e-18f);
+        wait = reciprocal(speed);
+        offset = muladd(-start, wait, wait);
+        ahead = start + 5.0e-7f * (magnitude(start) + float(cells));
     }
-    WARPCAM_FN float crossing(int line) const { return muladd(float(line), wait, offset); }
-    // The cell at t, not before one that the ray is known to have reached.
-    WARPCAM_FN int cell(float t, int reached) const
+    WARPCAM_FN float leaves(float line) const { return muladd(line, wait, offset); }
+    // The cell at t; past every cell that the ray has left by then.
+    WARPCAM_FN int cell(float t) const { return lower_int(whole_below(muladd(t, speed, ahead)), as_int(WHOLE) + last); }
+    // Place at t in the unmirrored cell, from 0 to 1.
+    WARPCAM_FN float place(float t, int code) const
     {
-        return lower_int(upper_int(round_down(muladd(t, speed, start)), reached), last);
-    }
-    // Position at t in the unmirrored grid, from the lower line of cell i.
-    WARPCAM_FN float place(float t, int i) const
-    {
-        const float along = muladd(t, speed, start);
-        return (flip ? -along : along) - float(i ^ flip);
+        const float along = muladd(t, speed, start) - line_of(code);
+        return flip ? 1.0f - along : along;
     }
     WARPCAM_FN float direction() const { return flip ? -speed : speed; }
 };
@@ -61,15 +67,15 @@ WARPCAM_FN void walk_height_field(const HeightFields& fields, const Record& reco
 {
     const Row scale = load(fields.grids.data, 2 * record.axis_z.w);
     const Row grid = load(fields.grids.data, 2 * record.axis_z.w + 1);
-    const int columns = as_int(grid.x), rows = as_int(grid.y), levels = scale.w;
+    const int columns = as_int(grid.x), rows = as_int(grid.y), levels = scale.w, first_peak = as_int(grid.z);
     const float top = scale.z, base = record.size.z;
 
     const Ray ray = source.local(record);
     const Vec o = ray.origin, d = ray.direction;
     const Axis x(muladd(o.x, scale.x, 0.5f * float(columns)), d.x * scale.x, columns);
     const Axis y(muladd(o.y, scale.y, 0.5f * float(rows)), d.y * scale.y, rows);
-    const float enter = upper(x.crossing(x.last + 1 - columns), y.crossing(y.last + 1 - rows));
-    const float leave = lower(x.crossing(x.last + 1), y.crossing(y.last + 1));
+    const float enter = upper(x.leaves(float(x.first - 1)), y.leaves(float(y.first - 1)));
+    const float leave = lower(x.leaves(float(x.last)), y.leaves(float(y.last)));
     const bool falls = d.z < 0.0f;
     const float rate = reciprocal(nonzero(d.z)), level_at = -o.z * rate;  // at height h when t = h * rate + level_at
     const float lid = (top + 2.0e-6f * (magnitude(o.z) + magnitude(top)) - o.z) * rate;
@@ -86,36 +92,38 @@ WARPCAM_FN void walk_height_field(const HeightFields& fields, const Record& reco
     if (!(begin < end))
         return;
 
-    const float* peaks = fields.peaks.data + as_int(grid.z);
-    const int pitch = (columns + 1) / 2, all = 1 << levels;
+    const int pitch = (columns + 1) / 2, row_bits = y.flip ^ 1 << levels;
     const float fall = falls ? rate : 0.0f, fall_at = falls ? level_at : -FAR_AWAY;
     const float dx = x.direction(), dy = y.direction(), turn = dx - dy, unturn = -reciprocal(turn);
     float t = begin;
-    int i = x.cell(t, x.last + 1 - columns), j = y.cell(t, y.last + 1 - rows);
+    int i = x.cell(t), j = y.cell(t);
     int level = lower_int(FIRST_LEVEL, ((levels + 1) & ~1) - 1);
     const bool at_side = begin == enter && enter > near && muladd(begin, d.z, o.z) >= -base;
     bool above = true;
     while (true) {
         // down to the next cell, so that the lanes of a warp test their cells together
+#pragma unroll 2
         while (level != CELLS && t < end) {
-            const int inner = (1 << level) - 1, edge_x = (i | inner) + 1, edge_y = (j | inner) + 1;
-            const float next_x = x.crossing(edge_x), next_y = y.crossing(edge_y);
-            const float next = lower(lower(next_x, next_y), end);
-            const int row = ((j ^ y.flip) | all) >> level, column = (i ^ x.flip) >> level;
-            const float peak = peaks[unsigned(row * pitch + column)];
+            const int block = int(~0u << level);
+            const float leave_x = x.leaves(line_of(i | ~block)), leave_y = y.leaves(line_of(j | ~block));
+            const float next = lower(lower(leave_x, leave_y), end);
+            const int row = ((j ^ row_bits) & INDEX) >> level, column = ((i ^ x.flip) & INDEX) >> level;
+            const float peak = fields.peaks.data[unsigned(row * pitch + column + first_peak)];
             const bool clear = muladd(falls ? next : t, d.z, o.z) > peak;
             t = clear ? next : upper(t, lower(muladd(peak, fall, fall_at), next));
-            const int to_x = x.cell(t, t >= next_x ? edge_x : i), to_y = y.cell(t, t >= next_y ? edge_y : j);
-            const unsigned left = unsigned((to_x ^ i) | (to_y ^ j)) >> (level + LEVEL_STEP);
-            level += !clear ? -LEVEL_STEP : left ? LEVEL_STEP : 0;
+            const int to_x = x.cell(t), to_y = y.cell(t);
+            const bool left = ((to_x ^ i) | (to_y ^ j)) & block << LEVEL_STEP;
+            if (!clear)
+                level -= LEVEL_STEP;
+            else if (left)
+                level += LEVEL_STEP;
             i = to_x;
             j = to_y;
         }
         if (!(t < end))
             return;
-        const float next_x = x.crossing(i + 1), next_y = y.crossing(j + 1);
-        const float next = upper(lower(lower(next_x, next_y), end), t);
-        const int cell = (j ^ y.flip) * columns + (i ^ x.flip);
+        const float next = lower(lower(x.leaves(line_of(i)), y.leaves(line_of(j))), end);
+        const int cell = ((j ^ y.flip) & INDEX) * columns + ((i ^ x.flip) & INDEX);
         // The height is h + u * rise_x + v * rise_y, and where u > v also fold * (u - v).
         const Row plane = load(fields.cells.data, unsigned(grid.w + cell));
         const float h = plane.x, rise_x = plane.y, rise_y = plane.z, fold = as_float(plane.w);
@@ -151,8 +159,8 @@ WARPCAM_FN void walk_height_field(const HeightFields& fields, const Record& reco
         }
         above = gap_end > 0.0f;
         t = next;
-        const int to_x = x.cell(t, t >= next_x ? i + 1 : i), to_y = y.cell(t, t >= next_y ? j + 1 : j);
-        const unsigned left = unsigned((to_x ^ i) | (to_y ^ j)) >> (CELLS + LEVEL_STEP);
+        const int to_x = x.cell(t), to_y = y.cell(t);
+        const bool left = ((to_x ^ i) | (to_y ^ j)) & CELL_BLOCK;
         level = above && left ? CELLS + LEVEL_STEP : CELLS;
         i = to_x;
         j = to_y;

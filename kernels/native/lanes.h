@@ -66,7 +66,9 @@ WARPCAM_FN float muladd(float a, float b, float c)
 WARPCAM_FN float reciprocal(float a)
 {
 #if defined(__CUDA_ARCH__)
-    return __fdividef(1.0f, a);
+    float r;
+    asm("rcp.approx.ftz.f32 %0, %1;" : "=f"(r) : "f"(a));
+    return r;
 #else
     return 1.0f / a;
 #endif
