@@ -30,24 +30,24 @@ WARPCAM_FN float line_of(int code) { return as_float(code) - WHOLE; }
 struct Axis {
     float start, speed;  // of the ray [cells], [cells per t]; speed is positive
     float wait, offset;  // the ray leaves cell i at t = i * wait + offset
-    float ahead;         // more than the rounding of a place on the ray [cells]
+    float ahead;         // start, and more than the rounding of a place on the ray [cells]
+    float first, last;   // cells
     int flip;            // 0 or -1
-    int first, last;     // cells
 
-    WARPCAM_FN Axis(float origin, float direction, int cells)
+    WARPCAM_FN Axis(float origin, float direction, float cells)
     {
         flip = direction < 0.0f ? -1 : 0;
-        first = flip ? -cells : 0;
-        last = first + cells - 1;
+        first = flip ? -cells : 0.0f;
+        last = first + (cells - 1.0f);
         start = flip ? -origin : origin;
         speed = upper(magnitude(direction), 1.0e-18f);
         wait = reciprocal(speed);
         offset = muladd(-start, wait, wait);
-        ahead = start + 5.0e-7f * (magnitude(start) + float(cells));
+        ahead = start + 5.0e-7f * (magnitude(start) + cells);
     }
     WARPCAM_FN float leaves(float line) const { return muladd(line, wait, offset); }
     // The cell at t; past every cell that the ray has left by then.
-    WARPCAM_FN int cell(float t) const { return lower_int(whole_below(muladd(t, speed, ahead)), as_int(WHOLE) + last); }
+    WARPCAM_FN int cell(float t) const { return lower_int(whole_below(muladd(t, speed, ahead)), as_int(WHOLE + last)); }
     // Place at t in the unmirrored cell, from 0 to 1.
     WARPCAM_FN float place(float t, int code) const
     {
@@ -72,10 +72,11 @@ WARPCAM_FN void walk_height_field(const HeightFields& fields, const Record& reco
 
     const Ray ray = source.local(record);
     const Vec o = ray.origin, d = ray.direction;
-    const Axis x(muladd(o.x, scale.x, 0.5f * float(columns)), d.x * scale.x, columns);
-    const Axis y(muladd(o.y, scale.y, 0.5f * float(rows)), d.y * scale.y, rows);
-    const float enter = upper(x.leaves(float(x.first - 1)), y.leaves(float(y.first - 1)));
-    const float leave = lower(x.leaves(float(x.last)), y.leaves(float(y.last)));
+    const float along_x = float(columns), along_y = float(rows);
+    const Axis x(muladd(o.x, scale.x, 0.5f * along_x), d.x * scale.x, along_x);
+    const Axis y(muladd(o.y, scale.y, 0.5f * along_y), d.y * scale.y, along_y);
+    const float enter = upper(x.leaves(x.first - 1.0f), y.leaves(y.first - 1.0f));
+    const float leave = lower(x.leaves(x.last), y.leaves(y.last));
     const bool falls = d.z < 0.0f;
     const float rate = reciprocal(nonzero(d.z)), level_at = -o.z * rate;  // at height h when t = h * rate + level_at
     const float lid = (top + 2.0e-6f * (magnitude(o.z) + magnitude(top)) - o.z) * rate;
@@ -92,13 +93,12 @@ WARPCAM_FN void walk_height_field(const HeightFields& fields, const Record& reco
     if (!(begin < end))
         return;
 
-    const int pitch = (columns + 1) / 2, row_bits = y.flip ^ 1 << levels;
+    const int pitch = (columns + 1) >> 1, row_bits = y.flip ^ 1 << levels;
     const float fall = falls ? rate : 0.0f, fall_at = falls ? level_at : -FAR_AWAY;
     const float dx = x.direction(), dy = y.direction(), turn = dx - dy, unturn = -reciprocal(turn);
     float t = begin;
     int i = x.cell(t), j = y.cell(t);
     int level = lower_int(FIRST_LEVEL, ((levels + 1) & ~1) - 1);
-    const bool at_side = begin == enter && enter > near && muladd(begin, d.z, o.z) >= -base;
     bool above = true;
     while (true) {
         // down to the next cell, so that the lanes of a warp test their cells together
@@ -138,7 +138,7 @@ WARPCAM_FN void walk_height_field(const HeightFields& fields, const Record& reco
         const float gap_middle = split ? gap + closing * middle : gap_end;
         if (t == begin) {
             above = gap_begin > 0.0f;
-            if (!above && at_side) {
+            if (!above && begin == enter && enter > near && muladd(begin, d.z, o.z) >= -base) {  // at a side
                 hit.depth = begin;
                 hit.shape = record.axis_y.w;
                 hit.face = -1;

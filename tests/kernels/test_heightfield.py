@@ -3,14 +3,13 @@
 import functools
 
 import numpy as np
-import pytest
 import warp as wp
 from hypothesis import given, settings
 from hypothesis import strategies as st
-
-from warpcam.accel.heightfields import HeightField, pack_height_fields
 from warpcam.kernels.launch import native_options
 from warpcam.kernels.types import HeightFields
+
+from warpcam.accel.heightfields import HeightField, pack_height_fields
 
 RAYS = 400
 SHAPE = 5
@@ -43,9 +42,7 @@ def walk_one(
 ): ...
 
 
-@wp.kernel(
-    module="unique", enable_backward=False, module_options={"extra_build_options": native_options("shadow.h")}
-)
+@wp.kernel(module="unique", enable_backward=False, module_options={"extra_build_options": native_options("shadow.h")})
 def walk_all(
     fields: HeightFields,
     origins: wp.array(dtype=wp.vec3),

@@ -79,8 +79,7 @@ def build_cells(heights: np.ndarray) -> np.ndarray:
 def build_peaks(heights: np.ndarray) -> np.ndarray:
     """Greatest heights of blocks of cells, 2-D float32: see ``HeightFields.peaks``. A block owns its border."""
     levels = count_levels(heights.shape)
-    rows, columns = heights.shape[0] - 1, heights.shape[1] - 1
-    peaks = np.full((2**levels, -(-columns // 2)), -np.inf, np.float32)
+    peaks = np.full((2**levels, heights.shape[1] // 2), -np.inf, np.float32)
     blocks = np.maximum.reduce((heights[:-1, :-1], heights[:-1, 1:], heights[1:, :-1], heights[1:, 1:]))
     for level in range(1, levels + 1):
         blocks = np.maximum.reduceat(blocks, range(0, len(blocks), 2), axis=0)
