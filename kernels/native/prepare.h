@@ -114,7 +114,7 @@ WARPCAM_FN bool describe(const Shape& shape, const Meshes& meshes, const HeightF
         if (asset < 0)
             return false;
         const auto size = wp::index(fields.size, asset);
-        const float top = wp::index(fields.bounds, wp::index(fields.bound_start, asset))[1];
+        const float top = wp::index(fields.grids, 2 * asset)[2];
         extent.center = { 0.0f, 0.0f, 0.5f * (top - size[3]) };
         extent.half = { size[0], size[1], 0.5f * (top + size[3]) };
         record.size.x = size[0];
