@@ -1,0 +1,191 @@
+// What a block keeps of each shape of its world to draw its pixels: pose as the view has it, size, material.
+#pragma once
+#include "cells.h"
+
+namespace warpcam {
+
+// Bits of an image set: what resolve.h writes. Values of resolve.py.
+enum Image { RGB = 1, RGBA = 2, HDR = 4, DISTANCE = 8, NORMALS = 16, POINTS = 32, BODIES = 64, ALBEDO = 128 };
+// Facts of a scene and of an image.
+enum Fact { HAS_MATERIALS = 1, HAS_TEXTURES = 2, HAS_SKYBOX = 4, HAS_SHADOWS = 8, QUADS = 16 };
+
+// What follows from a set of images and facts.
+template <int IMAGES, int FACTS> struct Wanted {
+    static constexpr bool DISPLAY = (IMAGES & (RGB | RGBA)) != 0;
+    static constexpr bool LIT = DISPLAY || (IMAGES & HDR);
+    static constexpr bool COLORED = LIT || (IMAGES & ALBEDO);
+    static constexpr bool MATERIAL = FACTS & HAS_MATERIALS;
+    static constexpr bool TEXTURED = COLORED && MATERIAL && (FACTS & HAS_TEXTURES);
+    static constexpr bool TURNED = IMAGES & NORMALS;
+    static constexpr bool SURFACE = LIT || TEXTURED || TURNED;
+};
+
+// How a shape looks, its material and its own colour resolved.
+struct Finish {
+    Row color;  // RGB; w: texture or -1
+    Row gloss;  // x: emission, y: specular, z: exponent of the highlight; w unused
+};
+
+// How a texture lies on a shape.
+struct Layout {
+    Row extent;    // the half extents that MuJoCo gives its renderer; w: 1 if a cube texture repeats by the metre
+    float repeat[2];  // of a 2-D texture on the shape
+    int own;       // 1: a mesh with texture coordinates of its own
+};
+
+// The shape's axes in the world.
+struct Turn {
+    Row axis_x, axis_y, axis_z;
+
+    WARPCAM_FN Vec world(Vec v) const
+    {
+        return { axis_x.x * v.x + axis_x.y * v.y + axis_x.z * v.z, axis_y.x * v.x + axis_y.y * v.y + axis_y.z * v.z,
+                 axis_z.x * v.x + axis_z.y * v.y + axis_z.z * v.z };
+    }
+};
+
+struct None {
+};
+template <bool WANTED, class Value> struct Kept {
+    using type = Value;
+};
+template <class Value> struct Kept<false, Value> {
+    using type = None;
+};
+
+// Only what the images need.
+template <int TYPES, class Wants> struct Look {
+    typename Kept<Wants::SURFACE, Pose>::type pose;
+    typename Kept<Wants::COLORED, Finish>::type finish;
+    typename Kept<Wants::TURNED, Turn>::type turn;
+    typename Kept<Wants::TEXTURED, Layout>::type layout;
+    typename Kept<Wants::LIT && (TYPES >> PLANE & 1), PlaneCells>::type cells;
+};
+
+template <class Shapes> WARPCAM_FN Pose load_pose(const Shapes& shapes, const Camera& camera, int world, int id)
+{
+    const auto r = wp::index(shapes.rotations, world, id);
+    const Vec away = camera.origin - to_vec(wp::index(shapes.positions, world, id));
+    Matrix turn, view;
+    float eye[3];
+    for (int i = 0; i < 3; ++i)
+        for (int j = 0; j < 3; ++j)
+            turn.at[i][j] = r.data[i][j];
+    for (int i = 0; i < 3; ++i) {
+        eye[i] = turn.at[0][i] * away.x + turn.at[1][i] * away.y + turn.at[2][i] * away.z;
+        for (int j = 0; j < 3; ++j)
+            view.at[i][j] = turn.at[0][i] * camera.rotation.at[0][j] + turn.at[1][i] * camera.rotation.at[1][j]
+                + turn.at[2][i] * camera.rotation.at[2][j];
+    }
+    const int kind = wp::index(shapes.types, id) + 8 * (shared_row(shapes.assets, world, id) + 1);
+    return { { view.at[0][0], view.at[0][1], view.at[0][2], as_int(eye[0]) },
+             { view.at[1][0], view.at[1][1], view.at[1][2], as_int(eye[1]) },
+             { view.at[2][0], view.at[2][1], view.at[2][2], as_int(eye[2]) },
+             to_row(to_vec(shared_row(shapes.sizes, world, id)), kind) };
+}
+
+template <class Shapes> WARPCAM_FN Turn load_turn(const Shapes& shapes, int world, int id)
+{
+    const auto r = wp::index(shapes.rotations, world, id);
+    return { { r.data[0][0], r.data[0][1], r.data[0][2], 0 },
+             { r.data[1][0], r.data[1][1], r.data[1][2], 0 },
+             { r.data[2][0], r.data[2][1], r.data[2][2], 0 } };
+}
+
+// The index of a shape's material, or -1: indices can be written by the user at any time.
+template <class Shapes, class Materials>
+WARPCAM_FN int material_of(const Shapes& shapes, const Materials& materials, int world, int id)
+{
+    const int index = shared_row(shapes.materials, world, id);
+    return index < materials.color.shape[1] ? index : -1;
+}
+
+// A shape's own colour counts where it has been set: where it differs from the default, (0.5, 0.5, 0.5, 1). The
+// material of a shape without one is MuJoCo's: half specular, half shininess.
+template <bool MATERIAL, class Shapes, class Materials>
+WARPCAM_FN Finish load_finish(const Shapes& shapes, const Materials& materials, int world, int id)
+{
+    auto color = shared_row(shapes.colors, world, id);
+    Finish finish { { 0.0f, 0.0f, 0.0f, -1 }, { 0.0f, 0.5f, 64.0f, 0 } };
+    const int index = MATERIAL ? material_of(shapes, materials, world, id) : -1;
+    if (MATERIAL && index >= 0) {
+        if (color[0] == 0.5f && color[1] == 0.5f && color[2] == 0.5f && color[3] == 1.0f)
+            color = shared_row(materials.color, world, index);
+        finish.color.w = *wp::address(materials.texture, world % materials.texture.shape[0], index, 1);
+        finish.gloss.x = shared_row(materials.emission, world, index);
+        finish.gloss.y = shared_row(materials.specular, world, index);
+        finish.gloss.z = 128.0f * shared_row(materials.shininess, world, index);
+    }
+    finish.color.x = color[0];
+    finish.color.y = color[1];
+    finish.color.z = color[2];
+    return finish;
+}
+
+// The half extents of a shape as MuJoCo gives them to its renderer.
+template <int TYPES, class Meshes, class HeightFields>
+WARPCAM_FN Vec extent_of(const Pose& pose, const Meshes& meshes, const HeightFields& fields)
+{
+    const Vec size = to_vec(pose.size);
+    const int type = pose.type(), asset = pose.asset();
+    if (type == SPHERE)
+        return { size.x, size.x, size.x };
+    if (type == CAPSULE || type == CYLINDER)
+        return { size.x, size.x, size.y };
+    if ((TYPES >> MESH & 1) && type == MESH && asset >= 0) {
+        const auto lo = wp::index(meshes.lower, asset), hi = wp::index(meshes.upper, asset);
+        return { upper(magnitude(lo[0]), magnitude(hi[0])), upper(magnitude(lo[1]), magnitude(hi[1])),
+                 upper(magnitude(lo[2]), magnitude(hi[2])) };
+    }
+    if ((TYPES >> HEIGHT_FIELD & 1) && type == HEIGHT_FIELD && asset >= 0) {
+        const auto field = wp::index(fields.size, asset);
+        return { field[0], field[1], 0.25f * field[2] + 0.5f * field[3] };
+    }
+    return size;
+}
+
+template <int TYPES, class Shapes, class Materials, class Meshes, class HeightFields>
+WARPCAM_FN Layout load_layout(const Shapes& shapes, const Materials& materials, const Meshes& meshes,
+                              const HeightFields& fields, const Pose& pose, int world, int id)
+{
+    Layout layout { { 0.0f, 0.0f, 0.0f, 0 }, { 1.0f, 1.0f }, 0 };
+    const int index = material_of(shapes, materials, world, id);
+    if (index < 0)
+        return layout;
+    const bool uniform = shared_row(materials.texture_uniform, world, index);
+    const auto repeat = shared_row(materials.texture_repeat, world, index);
+    const Vec extent = extent_of<TYPES>(pose, meshes, fields);
+    layout.extent = to_row(extent, uniform);
+    layout.repeat[0] = repeat[0] * (uniform && extent.x > 0.0f ? extent.x : 1.0f);
+    layout.repeat[1] = repeat[1] * (uniform && extent.y > 0.0f ? extent.y : 1.0f);
+    if ((TYPES >> MESH & 1) && pose.type() == MESH && pose.asset() >= 0)
+        layout.own = wp::index(meshes.has_uvs, pose.asset());
+    return layout;
+}
+
+template <int TYPES, class Wants, class Shapes, class Materials, class Meshes, class HeightFields>
+WARPCAM_FN Look<TYPES, Wants> load_look(const Shapes& shapes, const Materials& materials, const Meshes& meshes,
+                                        const HeightFields& fields, const Camera& camera, float horizon, int world,
+                                        int id)
+{
+    Look<TYPES, Wants> look;
+    if constexpr (Wants::SURFACE)
+        look.pose = load_pose(shapes, camera, world, id);
+    if constexpr (Wants::TURNED)
+        look.turn = load_turn(shapes, world, id);
+    if constexpr (Wants::COLORED)
+        look.finish = load_finish<Wants::MATERIAL>(shapes, materials, world, id);
+    if constexpr (Wants::TEXTURED)
+        look.layout = load_layout<TYPES>(shapes, materials, meshes, fields, look.pose, world, id);
+    if constexpr (Wants::LIT && (TYPES >> PLANE & 1)) {
+        const int index = Wants::MATERIAL ? material_of(shapes, materials, world, id) : -1;
+        float repeat[2] = { 0.0f, 0.0f };
+        if (Wants::MATERIAL && index >= 0)
+            for (int axis = 0; axis < 2; ++axis)
+                repeat[axis] = shared_row(materials.texture_repeat, world, index)[axis];
+        look.cells = plane_cells(look.pose, repeat, horizon);
+    }
+    return look;
+}
+
+}  // namespace warpcam
