@@ -1,11 +1,12 @@
 // What a block keeps of each shape of its world to draw its pixels: pose as the view has it, size, material.
 #pragma once
 #include "cells.h"
+#include "texture.h"
 
 namespace warpcam {
 
-// Bits of an image set: what resolve.h writes. Values of resolve.py.
-enum Image { RGB = 1, RGBA = 2, HDR = 4, DISTANCE = 8, NORMALS = 16, POINTS = 32, BODIES = 64, ALBEDO = 128 };
+// Bits of a set of images: what resolve.h writes. Values of resolve.py.
+enum ImageBit { RGB = 1, RGBA = 2, HDR = 4, DISTANCE = 8, NORMALS = 16, POINTS = 32, BODIES = 64, ALBEDO = 128 };
 // Facts of a scene and of an image.
 enum Fact { HAS_MATERIALS = 1, HAS_TEXTURES = 2, HAS_SKYBOX = 4, HAS_SHADOWS = 8, QUADS = 16 };
 
@@ -28,9 +29,11 @@ struct Finish {
 
 // How a texture lies on a shape.
 struct Layout {
-    Row extent;    // the half extents that MuJoCo gives its renderer; w: 1 if a cube texture repeats by the metre
+    Row extent;       // the half extents that MuJoCo gives its renderer; w: 1 if a cube texture repeats by the metre
+    Image image;      // none where a texture of the kind does not show
     float repeat[2];  // of a 2-D texture on the shape
-    int own;       // 1: a mesh with texture coordinates of its own
+    int cube;         // 1: a cube texture
+    int own;          // 1: a mesh with texture coordinates of its own
 };
 
 // The shape's axes in the world.
@@ -144,14 +147,16 @@ WARPCAM_FN Vec extent_of(const Pose& pose, const Meshes& meshes, const HeightFie
     return size;
 }
 
-template <int TYPES, class Shapes, class Materials, class Meshes, class HeightFields>
-WARPCAM_FN Layout load_layout(const Shapes& shapes, const Materials& materials, const Meshes& meshes,
-                              const HeightFields& fields, const Pose& pose, int world, int id)
+template <int TYPES, class Shapes, class Materials, class Textures, class Meshes, class HeightFields>
+WARPCAM_FN Layout load_layout(const Shapes& shapes, const Materials& materials, const Textures& textures,
+                              const Meshes& meshes, const HeightFields& fields, const Pose& pose, int texture, int world,
+                              int id)
 {
-    Layout layout { { 0.0f, 0.0f, 0.0f, 0 }, { 1.0f, 1.0f }, 0 };
+    Layout layout { { 0.0f, 0.0f, 0.0f, 0 }, load_image(textures, texture), { 1.0f, 1.0f }, 0, 0 };
     const int index = material_of(shapes, materials, world, id);
     if (index < 0)
         return layout;
+    layout.cube = layout.image.levels > 0 && wp::index(textures.kind, texture) == TEXTURE_CUBE;
     const bool uniform = shared_row(materials.texture_uniform, world, index);
     const auto repeat = shared_row(materials.texture_repeat, world, index);
     const Vec extent = extent_of<TYPES>(pose, meshes, fields);
@@ -160,13 +165,15 @@ WARPCAM_FN Layout load_layout(const Shapes& shapes, const Materials& materials, 
     layout.repeat[1] = repeat[1] * (uniform && extent.y > 0.0f ? extent.y : 1.0f);
     if ((TYPES >> MESH & 1) && pose.type() == MESH && pose.asset() >= 0)
         layout.own = wp::index(meshes.has_uvs, pose.asset());
+    if (layout.cube && layout.own)  // on such a mesh a cube texture does not show
+        layout.image.levels = 0;
     return layout;
 }
 
-template <int TYPES, class Wants, class Shapes, class Materials, class Meshes, class HeightFields>
-WARPCAM_FN Look<TYPES, Wants> load_look(const Shapes& shapes, const Materials& materials, const Meshes& meshes,
-                                        const HeightFields& fields, const Camera& camera, float horizon, int world,
-                                        int id)
+template <int TYPES, class Wants, class Shapes, class Materials, class Textures, class Meshes, class HeightFields>
+WARPCAM_FN Look<TYPES, Wants> load_look(const Shapes& shapes, const Materials& materials, const Textures& textures,
+                                        const Meshes& meshes, const HeightFields& fields, const Camera& camera,
+                                        float horizon, int world, int id)
 {
     Look<TYPES, Wants> look;
     if constexpr (Wants::SURFACE)
@@ -176,7 +183,8 @@ WARPCAM_FN Look<TYPES, Wants> load_look(const Shapes& shapes, const Materials& m
     if constexpr (Wants::COLORED)
         look.finish = load_finish<Wants::MATERIAL>(shapes, materials, world, id);
     if constexpr (Wants::TEXTURED)
-        look.layout = load_layout<TYPES>(shapes, materials, meshes, fields, look.pose, world, id);
+        look.layout = load_layout<TYPES>(shapes, materials, textures, meshes, fields, look.pose,
+                                         look.finish.color.w, world, id);
     if constexpr (Wants::LIT && (TYPES >> PLANE & 1)) {
         const int index = Wants::MATERIAL ? material_of(shapes, materials, world, id) : -1;
         float repeat[2] = { 0.0f, 0.0f };

@@ -10,11 +10,14 @@ WARPCAM_FN float infinity() { return as_float(0x7f800000); }
 // One pixel of an image. All 32 threads of a warp call the functions below together.
 struct Pixel {
     int column, row;
-    size_t at;    // counted from the first world's first pixel
+    unsigned at;  // counted from the first world's first pixel; there are fewer than 2^31
     bool inside;  // of the image
 #if defined(__CUDA_ARCH__)
     float* row_of_lanes;  // shared memory of the warp, 3 * LANES long, aligned to 16 bytes
-    int lane, left;       // left: columns of the image from the tile's first on
+    int lane;
+    int width, height;  // of the image, from the tile's corner on
+    unsigned corner;    // `at` of the tile's first pixel
+    int stride;         // width of the image
 #endif
 };
 
@@ -26,9 +29,10 @@ template <class Array, class Value> WARPCAM_FN void put_one(const Array& image, 
 
 WARPCAM_FN void put_three(float* image, const Pixel& pixel, Vec value)
 {
-    image[3 * pixel.at] = value.x;
-    image[3 * pixel.at + 1] = value.y;
-    image[3 * pixel.at + 2] = value.z;
+    float* channels = image + 3 * size_t(pixel.at);
+    channels[0] = value.x;
+    channels[1] = value.y;
+    channels[2] = value.z;
 }
 
 // Three numbers a pixel. QUADS: the image's width is a multiple of four pixels; then a thread stores 16 bytes at once.
@@ -43,10 +47,10 @@ template <bool IN_QUADS, class Array> WARPCAM_FN void put_vec(const Array& image
         lanes[3 * pixel.lane + 2] = value.z;
         __syncwarp();
         const int row = pixel.lane / ROW, piece = pixel.lane % ROW;
-        const size_t start = __shfl_sync(0xffffffffu, pixel.at, row * TILE_WIDTH & 31);
-        const bool inside = __shfl_sync(0xffffffffu, pixel.inside, row * TILE_WIDTH & 31);
-        if (row < TILE_HEIGHT && inside && 4 * piece < 3 * pixel.left)
-            reinterpret_cast<float4*>(image.data + 3 * start)[piece] = reinterpret_cast<const float4*>(lanes)[pixel.lane];
+        if (row < TILE_HEIGHT && row < pixel.height && 4 * piece < 3 * pixel.width) {
+            float* start = image.data + 3 * size_t(pixel.corner + row * pixel.stride);
+            reinterpret_cast<float4*>(start)[piece] = reinterpret_cast<const float4*>(lanes)[pixel.lane];
+        }
         __syncwarp();
         return;
     }
@@ -64,13 +68,13 @@ template <bool IN_QUADS, class Array> WARPCAM_FN void put_bytes(const Array& ima
         const int place = pixel.lane & 3;
         const unsigned joined = word >> 8 * place | next << (24 - 8 * place);
         if (pixel.inside && place < 3)
-            reinterpret_cast<unsigned*>(image.data + 3 * (pixel.at - place))[place] = joined;
+            reinterpret_cast<unsigned*>(image.data + 3 * size_t(pixel.at - place))[place] = joined;
         return;
     }
 #endif
     if (pixel.inside)
         for (int k = 0; k < 3; ++k)
-            image.data[3 * pixel.at + k] = static_cast<unsigned char>(word >> 8 * k);
+            image.data[3 * size_t(pixel.at) + k] = static_cast<unsigned char>(word >> 8 * k);
 }
 
 template <class Array> WARPCAM_FN void put_word(const Array& image, const Pixel& pixel, unsigned word)
@@ -80,7 +84,7 @@ template <class Array> WARPCAM_FN void put_word(const Array& image, const Pixel&
         reinterpret_cast<unsigned*>(image.data)[pixel.at] = word;
 #else
         for (int k = 0; k < 4; ++k)
-            image.data[4 * pixel.at + k] = static_cast<unsigned char>(word >> 8 * k);
+            image.data[4 * size_t(pixel.at) + k] = static_cast<unsigned char>(word >> 8 * k);
 #endif
     }
 }

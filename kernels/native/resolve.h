@@ -53,12 +53,13 @@ template <int LENS, int FACTS, class Textures, class Background>
 WARPCAM_FN Vec background_color(const Textures& textures, const Background& background, const Camera& camera, float x,
                                 float y)
 {
-    if ((FACTS & HAS_SKYBOX) && is_texture(textures, background.skybox)) {
+    const Image image = FACTS & HAS_SKYBOX ? load_image(textures, background.skybox) : Image { 0, 0, 0, 0 };
+    if ((FACTS & HAS_SKYBOX) && image.levels > 0) {
         const bool pinhole = LENS == PINHOLE;
         const Vec ray = turned(camera.rotation, { pinhole ? x : 0.0f, pinhole ? y : 0.0f, -1.0f });
         const Vec right = turned(camera.rotation, { pinhole ? camera.scale_x : 0.0f, 0.0f, 0.0f });
         const Vec down = turned(camera.rotation, { 0.0f, pinhole ? -camera.scale_y : 0.0f, 0.0f });
-        return sample_cube(textures, background.skybox, { ray.x, ray.z, -ray.y }, { right.x, right.z, -right.y },
+        return sample_cube(textures.texels.data, image, { ray.x, ray.z, -ray.y }, { right.x, right.z, -right.y },
                            { down.x, down.z, -down.y });
     }
     return to_vec(background.color);
@@ -78,22 +79,21 @@ template <int TYPES, int LENS, class Looks, class Meshes, class Textures>
 WARPCAM_FN Vec texture_color(const Looks& look, const Meshes& meshes, const Textures& textures, const Camera& camera,
                              const Surface& surface, const Triangle& triangle, Vec ray, float depth)
 {
-    const int texture = look.finish.color.w;
-    if (!is_texture(textures, texture))
+    const Layout& layout = look.layout;
+    if (layout.image.levels <= 0)
         return { 1.0f, 1.0f, 1.0f };
     const Pose& pose = look.pose;
     const float stretch = LENS == PINHOLE ? depth : 1.0f;
     const Vec right = slide(pose.local({ stretch * camera.scale_x, 0.0f, 0.0f }), ray, surface.normal);
     const Vec down = slide(pose.local({ 0.0f, -stretch * camera.scale_y, 0.0f }), ray, surface.normal);
-    if (wp::index(textures.kind, texture) == TEXTURE_2D) {
-        const Mapping mapping = map_2d<TYPES>(pose, look.layout, meshes, surface, triangle);
-        return sample_2d(textures, texture, mapping.u, mapping.v, { dot(mapping.du, right), dot(mapping.dv, right) },
-                         { dot(mapping.du, down), dot(mapping.dv, down) });
+    if (layout.cube) {
+        const CubeMapping mapping = map_cube<TYPES>(pose, layout, surface);
+        return sample_cube(textures.texels.data, layout.image, mapping.direction, times(mapping.scale, right),
+                           times(mapping.scale, down));
     }
-    if (look.layout.own)  // on such a mesh a cube texture does not show
-        return { 1.0f, 1.0f, 1.0f };
-    const CubeMapping mapping = map_cube<TYPES>(pose, look.layout, surface);
-    return sample_cube(textures, texture, mapping.direction, times(mapping.scale, right), times(mapping.scale, down));
+    const Mapping mapping = map_2d<TYPES>(pose, layout, meshes, surface, triangle);
+    return sample_2d(textures.texels.data, layout.image, mapping.u, mapping.v,
+                     { dot(mapping.du, right), dot(mapping.dv, right) }, { dot(mapping.du, down), dot(mapping.dv, down) });
 }
 
 // The images that need only what the trace found.
@@ -116,13 +116,17 @@ WARPCAM_FN void resolve_hit(const Images& images, const Shapes& shapes, const Ca
     }
 }
 
+// What a surface shows.
+struct Shown {
+    Vec normal;
+    Vec albedo, linear, display;
+};
+
 template <int TYPES, int LENS, int IMAGES, int FACTS, class Looks, class Scene_>
 WARPCAM_FN void resolve_surface(const Looks& look, const LightList& lights, const Scene_& scene, const Camera& camera,
-                                const Pixel& pixel, float x, float y, bool hit, const Found& found)
+                                float x, float y, const Found& found, int shadow, Shown& shown)
 {
     using Wants = Wanted<IMAGES, FACTS>;
-    constexpr bool IN_QUADS = FACTS & QUADS;
-    const auto& images = scene.images;
     const float depth = found.depth;
     Surface surface;
     Triangle triangle;
@@ -135,96 +139,101 @@ WARPCAM_FN void resolve_surface(const Looks& look, const LightList& lights, cons
         surface = surface_at<TYPES>(pose, scene.meshes, scene.fields, found.face, local, ray, triangle);
     }
     if constexpr (Wants::TURNED) {
-        Vec normal = look.turn.world(surface.normal);
+        shown.normal = look.turn.world(surface.normal);
         if (dot(surface.normal, ray) > 0.0f)
-            normal = -normal;
-        put_vec<IN_QUADS>(images.normals, pixel, hit ? normal : Vec { 0.0f, 0.0f, 0.0f });
+            shown.normal = -shown.normal;
     }
-    if constexpr (Wants::COLORED) {
-        const Finish& finish = look.finish;
-        Vec texture { 1.0f, 1.0f, 1.0f };
-        if constexpr (Wants::TEXTURED)
-            texture = texture_color<TYPES, LENS>(look, scene.meshes, scene.textures, camera, surface, triangle, ray,
-                                                 depth);
-        if (IMAGES & ALBEDO)
-            put_bytes<IN_QUADS>(images.albedo, pixel, hit ? to_bytes(times(clip(to_vec(finish.color)), texture)) : 0u);
-        if constexpr (Wants::LIT) {
-            constexpr bool SHADOWS = FACTS & HAS_SHADOWS;
-            const int shadow = SHADOWS && hit ? scene.frame.shadow.data[pixel.at] : 0;
-            Facet facet;
-            facet_at<TYPES>(look, scene.meshes, scene.fields, surface, triangle, found.face, place, facet);
-            const bool three = (TYPES & (1 << PLANE | 1 << HEIGHT_FIELD | 1 << BOX | 1 << MESH)) && any_lane(facet.three);
-            const Lit lit = three ? illuminate<3, SHADOWS>(lights, facet, finish, shadow)
-                                  : illuminate<1, SHADOWS>(lights, facet, finish, shadow);
-            Vec linear = times(lit.linear, texture), display = times(lit.display, texture);
-            if (!hit)
-                linear = display = background_color<LENS, FACTS>(scene.textures, scene.background, camera, x, y);
-            if (IMAGES & HDR)
-                put_vec<IN_QUADS>(images.hdr, pixel, linear);
-            const unsigned word = to_bytes(display);
-            if (IMAGES & RGB)
-                put_bytes<IN_QUADS>(images.rgb, pixel, word);
-            if (IMAGES & RGBA)
-                put_word(images.rgba, pixel, hit ? word | 0xff000000u : word);
-        }
+    Vec texture { 1.0f, 1.0f, 1.0f };
+    if constexpr (Wants::TEXTURED)
+        texture = texture_color<TYPES, LENS>(look, scene.meshes, scene.textures, camera, surface, triangle, ray, depth);
+    if constexpr ((IMAGES & ALBEDO) != 0)
+        shown.albedo = times(clip(to_vec(look.finish.color)), texture);
+    if constexpr (Wants::LIT) {
+        Facet facet;
+        facet_at<TYPES>(look, scene.meshes, scene.fields, surface, triangle, found.face, place, facet);
+        const bool three = (TYPES & (1 << PLANE | 1 << HEIGHT_FIELD | 1 << BOX | 1 << MESH)) && any_lane(facet.three);
+        const Lit lit = three ? illuminate<3, (FACTS & HAS_SHADOWS) != 0>(lights, facet, look.finish, shadow)
+                              : illuminate<1, (FACTS & HAS_SHADOWS) != 0>(lights, facet, look.finish, shadow);
+        shown.linear = times(lit.linear, texture);
+        shown.display = times(lit.display, texture);
     }
 }
 
-// Where nothing is hit.
-template <int LENS, int IMAGES, int FACTS, class Scene_>
-WARPCAM_FN void resolve_nothing(const Scene_& scene, const Camera& camera, const Pixel& pixel, float x, float y)
+// What the trace found at a pixel.
+template <int TYPES, int IMAGES, int FACTS, class Frame_> WARPCAM_FN Found find(const Frame_& frame, const Pixel& pixel)
 {
-    constexpr bool IN_QUADS = FACTS & QUADS;
-    const auto& images = scene.images;
-    if (IMAGES & NORMALS)
-        put_vec<IN_QUADS>(images.normals, pixel, { 0.0f, 0.0f, 0.0f });
-    if (IMAGES & ALBEDO)
-        put_bytes<IN_QUADS>(images.albedo, pixel, 0u);
-    if (Wanted<IMAGES, FACTS>::LIT) {
-        const Vec color = background_color<LENS, FACTS>(scene.textures, scene.background, camera, x, y);
-        const unsigned word = to_bytes(color);
-        if (IMAGES & HDR)
-            put_vec<IN_QUADS>(images.hdr, pixel, color);
-        if (IMAGES & RGB)
-            put_bytes<IN_QUADS>(images.rgb, pixel, word);
-        if (IMAGES & RGBA)
-            put_word(images.rgba, pixel, word);
+    Found found { -1, 0, 0.0f };
+    if (pixel.inside) {
+        found.shape = frame.shape.data[pixel.at];
+        if ((IMAGES & (DISTANCE | POINTS)) || Wanted<IMAGES, FACTS>::SURFACE)
+            found.depth = frame.depth.data[pixel.at];
     }
+    return found;
 }
 
 // CAPACITY: the looks a block keeps, more than any shape's id; 0 if they are made anew for each pixel.
 template <int TYPES, int LENS, int CAPACITY, int IMAGES, int FACTS, class Looks, class Scene_>
 WARPCAM_FN void resolve_pixel(const Looks* looks, const LightList& lights, const Scene_& scene, const Camera& camera,
-                              int world, const Pixel& pixel)
+                              int world, const Pixel& pixel, Found found)
 {
     using Wants = Wanted<IMAGES, FACTS>;
+    constexpr bool IN_QUADS = FACTS & QUADS;
     const auto& frame = scene.frame;
-    Found found { -1, 0, 0.0f };
-    if (pixel.inside) {
-        found.shape = frame.shape.data[pixel.at];
-        if (IMAGES & ~(BODIES | ALBEDO) || Wants::SURFACE)
-            found.depth = frame.depth.data[pixel.at];
-    }
+    const auto& images = scene.images;
     const float x = image_x(camera, float(pixel.column)), y = image_y(camera, float(pixel.row));
     const bool hit = found.shape >= 0;
-    resolve_hit<LENS, IMAGES, FACTS>(scene.images, scene.shapes, camera, pixel, x, y, found);
-    if (!Wants::SURFACE && !Wants::COLORED)
-        return;
-    if (!any_lane(hit)) {
-        resolve_nothing<LENS, IMAGES, FACTS>(scene, camera, pixel, x, y);
-        return;
+    resolve_hit<LENS, IMAGES, FACTS>(images, scene.shapes, camera, pixel, x, y, found);
+    Shown shown;
+    if ((Wants::SURFACE || Wants::COLORED) && any_lane(hit)) {
+        if (Wants::SURFACE && (TYPES & (1 << MESH | 1 << HEIGHT_FIELD)) && hit)
+            found.face = frame.face.data[pixel.at];
+        const int shadow = (FACTS & HAS_SHADOWS) && Wants::LIT && hit ? frame.shadow.data[pixel.at] : 0;
+        follow(hit, found);
+        if constexpr (CAPACITY > 0)
+            resolve_surface<TYPES, LENS, IMAGES, FACTS>(looks[found.shape], lights, scene, camera, x, y, found, shadow,
+                                                        shown);
+        else
+            resolve_surface<TYPES, LENS, IMAGES, FACTS>(
+                load_look<TYPES, Wants>(scene.shapes, scene.materials, scene.textures, scene.meshes, scene.fields,
+                                        camera, frame.horizon, world, found.shape),
+                lights, scene, camera, x, y, found, shadow, shown);
     }
-    if (Wants::SURFACE && (TYPES & (1 << MESH | 1 << HEIGHT_FIELD)) && hit)
-        found.face = frame.face.data[pixel.at];
-    follow(hit, found);
-    if constexpr (CAPACITY > 0) {
-        resolve_surface<TYPES, LENS, IMAGES, FACTS>(looks[found.shape], lights, scene, camera, pixel, x, y, hit, found);
-    } else {
-        const Looks look = load_look<TYPES, Wants>(scene.shapes, scene.materials, scene.meshes, scene.fields, camera,
-                                                   frame.horizon, world, found.shape);
-        resolve_surface<TYPES, LENS, IMAGES, FACTS>(look, lights, scene, camera, pixel, x, y, hit, found);
+    const Vec black { 0.0f, 0.0f, 0.0f };
+    if (IMAGES & NORMALS)
+        put_vec<IN_QUADS>(images.normals, pixel, hit ? shown.normal : black);
+    if (IMAGES & ALBEDO)
+        put_bytes<IN_QUADS>(images.albedo, pixel, hit ? to_bytes(shown.albedo) : 0u);
+    if (Wants::LIT) {
+        if (!hit)
+            shown.linear = shown.display
+                = background_color<LENS, FACTS>(scene.textures, scene.background, camera, x, y);
+        const unsigned word = to_bytes(shown.display);
+        if (IMAGES & HDR)
+            put_vec<IN_QUADS>(images.hdr, pixel, shown.linear);
+        if (IMAGES & RGB)
+            put_bytes<IN_QUADS>(images.rgb, pixel, word);
+        if (IMAGES & RGBA)
+            put_word(images.rgba, pixel, hit ? word | 0xff000000u : word);
     }
 }
+
+#if defined(__CUDA_ARCH__)
+// The pixel of a thread in one of a region's tiles, row after row.
+template <int WIDTH, class Frame_>
+WARPCAM_FN void go_to(Pixel& pixel, const Frame_& frame, unsigned first, int left, int top, int tile)
+{
+    left += tile % (WIDTH / TILE_WIDTH) * TILE_WIDTH;
+    top += tile / (WIDTH / TILE_WIDTH) * TILE_HEIGHT;
+    pixel.column = left + pixel.lane % TILE_WIDTH;
+    pixel.row = top + pixel.lane / TILE_WIDTH;
+    pixel.width = frame.width - left;
+    pixel.height = frame.height - top;
+    pixel.stride = frame.width;
+    pixel.corner = first + top * frame.width + left;
+    pixel.at = first + pixel.row * frame.width + pixel.column;
+    pixel.inside = pixel.column < frame.width && pixel.row < frame.height;
+}
+#endif
 
 // Draws one region of one view; `index` counts worlds, then regions, then (CUDA) threads of the block.
 template <int TYPES, int LENS, int CAPACITY, int WIDTH, int HEIGHT, int IMAGES, int FACTS, class Scene_, class Lights>
@@ -235,6 +244,7 @@ WARPCAM_FN void resolve(const Scene_& scene, const Lights& lights, int index)
     constexpr int KEPT = CAPACITY * int(sizeof(Looks)) <= 40960 && (Wants::SURFACE || Wants::COLORED) ? CAPACITY : 0;
     WARPCAM_SHARED Looks looks[KEPT > 0 ? KEPT : 1];
     WARPCAM_SHARED LightList list;
+    WARPCAM_SHARED Camera camera;
     const auto& frame = scene.frame;
     const int thread = index % THREADS, block = index / THREADS;
     const int columns = (frame.width + WIDTH - 1) / WIDTH, rows = (frame.height + HEIGHT - 1) / HEIGHT;
@@ -242,13 +252,15 @@ WARPCAM_FN void resolve(const Scene_& scene, const Lights& lights, int index)
     if (!wp::index(frame.mask, world))
         return;
     const int left = part % columns * WIDTH, top = part / columns * HEIGHT;
-    const Camera camera = load_camera(wp::index(frame.views, world));
-    const size_t first = size_t(world) * frame.width * frame.height;
+    const unsigned first = unsigned(world) * frame.width * frame.height;
+    if (thread == 0)
+        camera = load_camera(wp::index(frame.views, world));
+    block_barrier();
     if (KEPT > 0)
         for (int i = thread; i < scene.shapes.drawn.shape[0]; i += THREADS) {
             const int id = wp::index(scene.shapes.drawn, i);
-            looks[id] = load_look<TYPES, Wants>(scene.shapes, scene.materials, scene.meshes, scene.fields, camera,
-                                                frame.horizon, world, id);
+            looks[id] = load_look<TYPES, Wants>(scene.shapes, scene.materials, scene.textures, scene.meshes,
+                                                scene.fields, camera, frame.horizon, world, id);
         }
     if (Wants::LIT)
         gather_lights<(FACTS & HAS_SHADOWS) != 0>(lights, camera, world, thread, list);
@@ -257,28 +269,30 @@ WARPCAM_FN void resolve(const Scene_& scene, const Lights& lights, int index)
     Pixel pixel;
 #if defined(__CUDA_ARCH__)
     WARPCAM_SHARED float4 lanes[THREADS / LANES][3 * LANES / 4];
-    const int lane = thread % LANES, warp = thread / LANES;
-    pixel.lane = lane;
+    constexpr int TILES = WIDTH / TILE_WIDTH * (HEIGHT / TILE_HEIGHT), STEP = THREADS / LANES;
+    const int warp = thread / LANES;
+    pixel.lane = thread % LANES;
     pixel.row_of_lanes = reinterpret_cast<float*>(lanes[warp]);
+    go_to<WIDTH>(pixel, frame, first, left, top, warp);
+    Found next = find<TYPES, IMAGES, FACTS>(frame, pixel);
 #pragma unroll 1
-    for (int tile = warp; tile < WIDTH / TILE_WIDTH * (HEIGHT / TILE_HEIGHT); tile += THREADS / LANES) {
-        const int tile_left = left + tile % (WIDTH / TILE_WIDTH) * TILE_WIDTH;
-        const int tile_top = top + tile / (WIDTH / TILE_WIDTH) * TILE_HEIGHT;
-        if (tile_left >= frame.width || tile_top >= frame.height)
-            continue;
-        pixel.left = frame.width - tile_left;
-        pixel.column = tile_left + lane % TILE_WIDTH;
-        pixel.row = tile_top + lane / TILE_WIDTH;
-        pixel.at = first + (pixel.row * frame.width + pixel.column);
-        pixel.inside = pixel.column < frame.width && pixel.row < frame.height;
-        resolve_pixel<TYPES, LENS, KEPT, IMAGES, FACTS>(looks, list, scene, camera, world, pixel);
+    for (int tile = warp; tile < TILES; tile += STEP) {
+        const Found found = next;
+        if (tile + STEP < TILES) {  // ask for the next tile's pixels before this one's are drawn
+            go_to<WIDTH>(pixel, frame, first, left, top, tile + STEP);
+            next = find<TYPES, IMAGES, FACTS>(frame, pixel);
+        }
+        go_to<WIDTH>(pixel, frame, first, left, top, tile);
+        if (pixel.width > 0 && pixel.height > 0)
+            resolve_pixel<TYPES, LENS, KEPT, IMAGES, FACTS>(looks, list, scene, camera, world, pixel, found);
     }
 #else
     pixel.inside = true;
     for (pixel.row = top; pixel.row < lower_int(top + HEIGHT, frame.height); ++pixel.row)
         for (pixel.column = left; pixel.column < lower_int(left + WIDTH, frame.width); ++pixel.column) {
-            pixel.at = first + (pixel.row * frame.width + pixel.column);
-            resolve_pixel<TYPES, LENS, KEPT, IMAGES, FACTS>(looks, list, scene, camera, world, pixel);
+            pixel.at = first + pixel.row * frame.width + pixel.column;
+            resolve_pixel<TYPES, LENS, KEPT, IMAGES, FACTS>(looks, list, scene, camera, world, pixel,
+                                                            find<TYPES, IMAGES, FACTS>(frame, pixel));
         }
 #endif
 }

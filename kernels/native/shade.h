@@ -23,15 +23,18 @@ struct Light {
     Row specular;
 };
 
-enum Nature { SPOT = 1, FADES = 2, CASTS = 4 };
+enum Nature { SPOT = 1, FADES = 2, CASTS = 4, AMBIENT = 8 };
 
 // The lights of a world that count, and what does not depend on where a surface is.
 struct LightList {
     Light lights[MAX_LIGHTS];
     Vec ambient;  // all of it but that of spots and of lights that shadows may take
     int count;
-    int used;  // 1: some light is on, so that none is everywhere
+    int used;     // 1: some light is on, so that none is everywhere
+    int colored;  // 1: some light has a hue
 };
+
+WARPCAM_FN bool has_hue(const Row& color) { return color.x != color.y || color.x != color.z; }
 
 template <class Lights> WARPCAM_FN bool gives_light(const Lights& lights, int world, int light)
 {
@@ -47,23 +50,26 @@ template <class Lights> WARPCAM_FN bool shines(const Lights& lights, int world, 
 template <bool SHADOWS, class Lights>
 WARPCAM_FN Light load_light(const Lights& lights, const Camera& camera, int world, int index)
 {
-    const Vec direction = turned_back(camera.rotation, to_vec(wp::index(lights.directions, world % lights.directions.shape[0], index)));
-    const Vec position = to_vec(wp::index(lights.positions, world % lights.positions.shape[0], index));
+    const Vec direction = turned_back(camera.rotation, to_vec(shared_row(lights.directions, world, index)));
+    const Vec position = to_vec(shared_row(lights.positions, world, index));
     const bool spot = shared_row(lights.types, world, index) == LIGHT_SPOT;
     const float cutoff = shared_row(lights.cutoff, world, index);
     const Vec falloff = to_vec(shared_row(lights.attenuation, world, index));
     const bool fades = spot && (falloff.y != 0.0f || falloff.z != 0.0f);
     const bool wide = !(cutoff < 180.0f);
     const float strength = spot && !fades ? 1.0f / upper(falloff.x, 1.0e-12f) : 1.0f;
+    const Vec ambient = strength * to_vec(shared_row(lights.ambient, world, index));
     int nature = (spot ? SPOT : 0) | (fades ? FADES : 0);
     if (SHADOWS && shared_row(lights.casts_shadow, world, index))
         nature |= CASTS;
+    if ((SHADOWS || spot) && (ambient.x != 0.0f || ambient.y != 0.0f || ambient.z != 0.0f))
+        nature |= AMBIENT;
     Light light;
     light.place = to_row(spot ? turned_back(camera.rotation, position - camera.origin) : -direction,
                          SHADOWS && index < 32 ? 1 << index : 0);
     light.axis = to_row(direction, as_int(wide ? -2.0f : wp::cos(0.017453292519943295f * cutoff)));
     light.falloff = to_row(falloff, as_int(wide ? 0.0f : shared_row(lights.exponent, world, index)));
-    light.ambient = to_row(strength * to_vec(shared_row(lights.ambient, world, index)), nature);
+    light.ambient = to_row(ambient, nature);
     light.diffuse = to_row(strength * to_vec(shared_row(lights.diffuse, world, index)),
                            as_int(1.0f + dot(direction, direction)));
     light.specular = to_row(strength * to_vec(shared_row(lights.specular, world, index)), 0);
@@ -111,10 +117,13 @@ WARPCAM_FN void gather_lights(const Lights& lights, const Camera& camera, int wo
     if (thread == 0) {
         const float everywhere = list.used ? 0.0f : lights.global_ambient;
         list.ambient = { everywhere, everywhere, everywhere };
+        list.colored = 0;
         for (int n = 0; n < list.count; ++n) {
             const Light& light = list.lights[n];
-            if (!(light.ambient.w & (SPOT | CASTS)) && !light.place.w)
+            if (!(light.ambient.w & AMBIENT))
                 list.ambient = list.ambient + to_vec(light.ambient);
+            if (has_hue(light.ambient) || has_hue(light.diffuse) || has_hue(light.specular))
+                list.colored = 1;
         }
     }
     block_barrier();
@@ -132,30 +141,29 @@ struct Share {
     float ambient, diffuse, specular;
 };
 
-template <bool IS_SPOT> WARPCAM_FN Share share_of(const Light& light, const Vertex& corner, float exponent)
+template <bool IS_SPOT> WARPCAM_FN Share share_of(const Light& light, const Vertex& vertex, float exponent)
 {
     Vec to_light = to_vec(light.place);
     float strength = 1.0f, squares = as_float(light.diffuse.w);
     if (IS_SPOT) {
-        const Vec offset = to_light + corner.reach * corner.to_eye;
-        const float square = dot(offset, offset), rate = inverse_root(upper(square, TINY));
+        const Vec offset = to_light + vertex.reach * vertex.to_eye;
+        const float square = dot(offset, offset), rate = inverse_root(square);
         to_light = rate * offset;
         squares = 2.0f;
         const float along = -dot(to_light, to_vec(light.axis));
+        strength = power(upper(along, TINY), as_float(light.falloff.w));
         if (light.ambient.w & FADES) {
             const float distance = square * rate;
-            strength = inverse(upper(
+            strength *= inverse(upper(
                 light.falloff.x + distance * (light.falloff.y + distance * light.falloff.z), 1.0e-12f));
         }
-        strength *= power(upper(along, TINY), as_float(light.falloff.w));
         strength = along >= as_float(light.axis.w) ? strength : 0.0f;
     }
-    const float facing = dot(corner.normal, to_light);
-    const float halfway = squares + 2.0f * dot(to_light, corner.to_eye);  // squared length of their sum
-    const float highlight = (facing + corner.slant) * inverse_root(upper(halfway, 1.0e-12f));
+    const float facing = dot(vertex.normal, to_light);
+    const float halfway = squares + 2.0f * dot(to_light, vertex.to_eye);  // squared length of their sum
+    const float highlight = saturated((facing + vertex.slant) * inverse_root(halfway));
     const float shine = power(upper(highlight, TINY), exponent);
-    const bool lit = facing > 0.0f;
-    return { strength, lit ? strength * facing : 0.0f, lit ? strength * shine : 0.0f };
+    return { strength, strength * upper(facing, 0.0f), facing > 0.0f ? strength * shine : 0.0f };
 }
 
 // What a surface sends to the camera, before its texture: all of it, and what a display has of it, which is clipped to
@@ -165,70 +173,94 @@ struct Lit {
     Vec linear, display;
 };
 
-WARPCAM_FN Vec clip(Vec color)
+WARPCAM_FN Vec clip(Vec color) { return { saturated(color.x), saturated(color.y), saturated(color.z) }; }
+
+// A sum of light: in three channels, or in one where no light has a hue.
+WARPCAM_FN void add(Vec& sum, float share, const Row& color) { sum = sum + share * to_vec(color); }
+WARPCAM_FN void add(float& sum, float share, const Row& color) { sum += share * color.x; }
+WARPCAM_FN Vec in_channels(Vec sum) { return sum; }
+WARPCAM_FN Vec in_channels(float sum) { return { sum, sum, sum }; }
+
+// The light at a corner: what the surface reflects in its own colour, and its highlights.
+template <class Sum> struct Glow {
+    Sum matt, gloss;
+};
+
+template <class Sum> WARPCAM_FN void add_share(Glow<Sum>& glow, const Share& share, const Light& light)
 {
-    return { between(color.x, 0.0f, 1.0f), between(color.y, 0.0f, 1.0f), between(color.z, 0.0f, 1.0f) };
+    add(glow.matt, share.diffuse, light.diffuse);
+    add(glow.gloss, share.specular, light.specular);
+    if (light.ambient.w & AMBIENT)
+        add(glow.matt, share.ambient, light.ambient);
 }
 
-template <bool IS_SPOT, int CORNERS, bool SHADOWS>
-WARPCAM_FN void add_light(const Light& light, const Vertex* corners, const float* weights, const Finish& finish,
-                          Vec* steady, Lit& casting)
+template <class Sum> WARPCAM_FN Vec reflected(const Glow<Sum>& glow, Vec base, const Finish& finish)
 {
-    const Vec color = to_vec(finish.color);
-    const Vec diffuse = times(to_vec(light.diffuse), color), specular = finish.gloss.y * to_vec(light.specular);
-    const bool separate = SHADOWS && (light.ambient.w & CASTS);
-    const bool own_ambient = IS_SPOT || (SHADOWS && (separate || light.place.w));
-    const Vec ambient = own_ambient ? times(to_vec(light.ambient), color) : Vec { 0.0f, 0.0f, 0.0f };
+    return base + times(in_channels(glow.matt), to_vec(finish.color)) + finish.gloss.y * in_channels(glow.gloss);
+}
+
+template <bool IS_SPOT, int CORNERS, bool SHADOWS, class Sum>
+WARPCAM_FN void add_light(const Light& light, const Vertex* corners, const float* weights, const Finish& finish,
+                          Glow<Sum>* glows, Lit& casting)
+{
 #pragma unroll
     for (int k = 0; k < CORNERS; ++k) {
         const Share share = share_of<IS_SPOT>(light, corners[k], finish.gloss.z);
-        Vec added = share.diffuse * diffuse + share.specular * specular;
-        if (own_ambient)
-            added = added + share.ambient * ambient;
-        if (separate) {
+        if (!SHADOWS || !(light.ambient.w & CASTS)) {
+            add_share(glows[k], share, light);
+        } else {
+            Glow<Sum> own {};
+            add_share(own, share, light);
+            const Vec added = reflected(own, Vec { 0.0f, 0.0f, 0.0f }, finish);
             casting.linear = casting.linear + weights[k] * added;
             casting.display = casting.display + weights[k] * clip(added);
-        } else {
-            steady[k] = steady[k] + added;
         }
     }
 }
 
-// The light of a facet's first corners, or with CORNERS == 1 of its place. Bit l of `shadow` says that light l, of the
-// first 32, does not reach it.
-template <int CORNERS, bool SHADOWS>
-WARPCAM_FN Lit illuminate(const LightList& list, const Facet& facet, const Finish& finish, int shadow)
+template <int CORNERS, bool SHADOWS, class Sum>
+WARPCAM_FN Lit illuminate_as(const LightList& list, const Facet& facet, const Finish& finish, int shadow)
 {
-    const Vec base = times(to_vec(finish.color), Vec { finish.gloss.x + list.ambient.x, finish.gloss.x + list.ambient.y,
-                                                       finish.gloss.x + list.ambient.z });
     const float weights[3] = { 1.0f - facet.weight1 - facet.weight2, facet.weight1, facet.weight2 };
     Vertex corners[CORNERS];
-    Vec steady[CORNERS];
+    Glow<Sum> glows[CORNERS];
 #pragma unroll
     for (int k = 0; k < CORNERS; ++k) {
-        const float square = dot(facet.place[k], facet.place[k]), rate = inverse_root(upper(square, TINY));
+        const float square = dot(facet.place[k], facet.place[k]), rate = inverse_root(square);
         corners[k] = { -(rate * facet.place[k]), facet.normal[k], square * rate, 0.0f };
         corners[k].slant = dot(corners[k].to_eye, corners[k].normal);
-        steady[k] = base;
+        glows[k] = {};
     }
-    Lit casting { { 0.0f, 0.0f, 0.0f }, { 0.0f, 0.0f, 0.0f } };
+    Lit lit { { 0.0f, 0.0f, 0.0f }, { 0.0f, 0.0f, 0.0f } };
+#pragma unroll 1
     for (int n = 0; n < list.count; ++n) {
         const Light& light = list.lights[n];
         if (SHADOWS && (light.place.w & shadow))
             continue;
         if (light.ambient.w & SPOT)
-            add_light<true, CORNERS, SHADOWS>(light, corners, weights, finish, steady, casting);
+            add_light<true, CORNERS, SHADOWS>(light, corners, weights, finish, glows, lit);
         else
-            add_light<false, CORNERS, SHADOWS>(light, corners, weights, finish, steady, casting);
+            add_light<false, CORNERS, SHADOWS>(light, corners, weights, finish, glows, lit);
     }
-    Lit lit = casting;
+    const Vec base = times(to_vec(finish.color), Vec { finish.gloss.x + list.ambient.x, finish.gloss.x + list.ambient.y,
+                                                       finish.gloss.x + list.ambient.z });
 #pragma unroll
     for (int k = 0; k < CORNERS; ++k) {
-        const float weight = CORNERS == 1 ? 1.0f : weights[k];
-        lit.linear = lit.linear + weight * steady[k];
-        lit.display = lit.display + weight * clip(steady[k]);
+        const Vec steady = reflected(glows[k], base, finish);
+        lit.linear = lit.linear + weights[k] * steady;
+        lit.display = lit.display + weights[k] * clip(steady);
     }
     return lit;
+}
+
+// The light of a facet's corners, or with CORNERS == 1 of its place. Bit l of `shadow` says that light l, of the first
+// 32, does not reach it.
+template <int CORNERS, bool SHADOWS>
+WARPCAM_FN Lit illuminate(const LightList& list, const Facet& facet, const Finish& finish, int shadow)
+{
+    if (list.colored)
+        return illuminate_as<CORNERS, SHADOWS, Vec>(list, facet, finish, shadow);
+    return illuminate_as<CORNERS, SHADOWS, float>(list, facet, finish, shadow);
 }
 
 }  // namespace warpcam

@@ -15,6 +15,20 @@ template <class Textures> WARPCAM_FN bool is_texture(const Textures& textures, i
     return texture >= 0 && texture < textures.kind.shape[0];
 }
 
+// Where a texture lies among the texels.
+struct Image {
+    int start, width, height;
+    int levels;  // 0: no texture
+};
+
+template <class Textures> WARPCAM_FN Image load_image(const Textures& textures, int texture)
+{
+    if (!is_texture(textures, texture))
+        return { 0, 0, 0, 0 };
+    return { wp::index(textures.start, texture), wp::index(textures.width, texture),
+             wp::index(textures.height, texture), wp::index(textures.levels, texture) };
+}
+
 // Adds a texel, each channel 0 to 255, to a sum.
 WARPCAM_FN void add_texel(const unsigned* texels, int index, float weight, Vec& sum)
 {
@@ -88,21 +102,17 @@ WARPCAM_FN void add_bilinear(const unsigned* texels, const Level& level, float u
 
 // Colour in [0, 1] of a 2-D texture at (u, v), in images: (0, 0) is the top left corner, and images repeat. The steps
 // are the changes of u and v from this pixel to the next on the right and to the next below.
-template <class Textures>
-WARPCAM_FN Vec sample_2d(const Textures& textures, int texture, float u, float v, Pair right, Pair down)
+WARPCAM_FN Vec sample_2d(const unsigned* texels, const Image& image, float u, float v, Pair right, Pair down)
 {
-    const Level first { wp::index(textures.start, texture), wp::index(textures.width, texture),
-                        wp::index(textures.height, texture) };
-    const float width = float(first.width), height = float(first.height);
+    const float width = float(image.width), height = float(image.height);
     const float square_right = right.x * right.x * width * width + right.y * right.y * height * height;
     const float square_down = down.x * down.x * width * width + down.y * down.y * height * height;
-    const float detail = level_of_detail(square_right, square_down, wp::index(textures.levels, texture));
+    const float detail = level_of_detail(square_right, square_down, image.levels);
     const int steps = int(detail);
     const float blend = detail - float(steps);
-    const Level level = first.after(steps, 1);
+    const Level level = Level { image.start, image.width, image.height }.after(steps, 1);
     u -= round_down(u);
     v -= round_down(v);
-    const unsigned* texels = textures.texels.data;
     Vec color { 0.0f, 0.0f, 0.0f };
     add_bilinear(texels, level, u, v, (1.0f - blend) * (1.0f / 255.0f), color);
     if (blend > 0.0f)  // then there is a next level: detail is at most levels - 1
@@ -186,21 +196,19 @@ WARPCAM_FN void add_bilinear_cube(const unsigned* texels, const Level& level, in
 
 // Colour in [0, 1] of a cube texture in a direction of any length from its middle. The steps are the changes of
 // `direction` from this pixel to the next on the right and to the next below.
-template <class Textures>
-WARPCAM_FN Vec sample_cube(const Textures& textures, int texture, Vec direction, Vec right, Vec down)
+WARPCAM_FN Vec sample_cube(const unsigned* texels, const Image& image, Vec direction, Vec right, Vec down)
 {
-    const int face = cube_face(direction), size = wp::index(textures.width, texture);
+    const int face = cube_face(direction), size = image.width;
     const Vec place = to_face(face, direction), step_right = to_face(face, right), step_down = to_face(face, down);
     const float rate = inverse(upper(place.z, 1.0e-20f)), scale = 0.5f * float(size) * rate;
     const float x = place.x * rate, y = place.y * rate;
     const float right_x = scale * (step_right.x - x * step_right.z), right_y = scale * (step_right.y - y * step_right.z);
     const float down_x = scale * (step_down.x - x * step_down.z), down_y = scale * (step_down.y - y * step_down.z);
     const float detail = level_of_detail(right_x * right_x + right_y * right_y, down_x * down_x + down_y * down_y,
-                                         wp::index(textures.levels, texture));
+                                         image.levels);
     const int steps = int(detail);
     const float blend = detail - float(steps), s = 0.5f * x + 0.5f, t = 0.5f * y + 0.5f;
-    const Level level = Level { wp::index(textures.start, texture), size, size }.after(steps, 6);
-    const unsigned* texels = textures.texels.data;
+    const Level level = Level { image.start, size, size }.after(steps, 6);
     Vec color { 0.0f, 0.0f, 0.0f };
     add_bilinear_cube(texels, level, face, s, t, (1.0f - blend) * (1.0f / 255.0f), color);
     if (blend > 0.0f)

@@ -34,6 +34,8 @@ WARPCAM_FN int between(int a, int low, int high) { return a < low ? low : a > hi
 
 #if defined(__CUDA_ARCH__)
 
+WARPCAM_FN float saturated(float a) { return __saturatef(a); }
+
 WARPCAM_FN float inverse(float a)
 {
     float r;
@@ -66,6 +68,7 @@ WARPCAM_FN float round_down(float a) { return floorf(a); }
 
 #else
 
+WARPCAM_FN float saturated(float a) { return between(a, 0.0f, 1.0f); }
 WARPCAM_FN float inverse(float a) { return 1.0f / a; }
 WARPCAM_FN float inverse_root(float a) { return 1.0f / __builtin_sqrtf(a); }
 WARPCAM_FN float logarithm2(float a) { return wp::log2(a); }
@@ -74,6 +77,7 @@ WARPCAM_FN float round_down(float a) { return wp::floor(a); }
 
 #endif
 
+// `saturated` is `a` between 0 and 1, and 0 for NaN.
 constexpr float TINY = 1.0e-37f;  // its square root and its inverse are normal numbers
 
 WARPCAM_FN Vec normalized(Vec a) { return inverse_root(upper(dot(a, a), TINY)) * a; }
@@ -82,7 +86,7 @@ WARPCAM_FN Vec normalized(Vec a) { return inverse_root(upper(dot(a, a), TINY)) *
 WARPCAM_FN unsigned to_byte(float value)
 {
 #if defined(__CUDA_ARCH__)
-    return static_cast<unsigned>(as_int(__fmaf_rn(__saturatef(value), 255.0f, 8388608.0f))) & 0xffu;
+    return static_cast<unsigned>(as_int(__fmaf_rn(saturated(value), 255.0f, 8388608.0f))) & 0xffu;
 #else
     return static_cast<unsigned>(value > 0.0f ? lower(value, 1.0f) * 255.0f + 0.5f : 0.0f);
 #endif
