@@ -51,39 +51,14 @@ WARPCAM_FN Span box_cell(float x, float half)
     return { i * length - half, length };
 }
 
-WARPCAM_FN void place_corners(const Pose& pose, const Triangle& triangle, Facet& facet)
-{
-    facet.place[0] = pose.seen(triangle.origin - pose.eye());
-    facet.place[1] = facet.place[0] + pose.seen(triangle.edge1);
-    facet.place[2] = facet.place[0] + pose.seen(triangle.edge2);
-    facet.three = true;
-}
-
 template <class Meshes> WARPCAM_FN Vec corner_normal(const Meshes& meshes, const Pose& pose, int corner)
 {
     return pose.seen(to_vec(wp::index(meshes.normals, corner)));
 }
 
-template <class HeightFields>
-WARPCAM_FN void height_field_facet(const HeightFields& fields, const Pose& pose, int face, Vec local, Facet& facet)
-{
-    const auto size = wp::index(fields.size, pose.asset());
-    const Cell cell = load_cell(fields, pose.asset(), face);
-    const Vec origin { float(cell.column) * cell.step_x - size[0], float(cell.row) * cell.step_y - size[1],
-                       cell.height };
-    const float a = (local.x - origin.x) * inverse(cell.step_x), b = (local.y - origin.y) * inverse(cell.step_y);
-    const Vec diagonal { cell.step_x, cell.step_y, cell.corner - cell.height };
-    const Vec side { cell.half ? 0.0f : cell.step_x, cell.half ? cell.step_y : 0.0f,
-                     (cell.half ? cell.across : cell.along) - cell.height };
-    facet.weight1 = cell.half ? b - a : a - b;
-    facet.weight2 = cell.half ? a : b;
-    place_corners(pose, { origin, side, diagonal }, facet);
-}
-
 // `place` is the hit in the camera's frame.
-template <int TYPES, class Looks, class Meshes, class HeightFields>
-WARPCAM_FN void facet_at(const Looks& look, const Meshes& meshes, const HeightFields& fields, const Surface& surface,
-                         const Triangle& triangle, int face, Vec place, Facet& facet)
+template <int TYPES, class Looks, class Meshes>
+WARPCAM_FN void facet_at(const Looks& look, const Meshes& meshes, const Surface& surface, Vec place, Facet& facet)
 {
     constexpr bool HAS_PLANE = TYPES >> PLANE & 1, HAS_BOX = TYPES >> BOX & 1;
     const Pose& pose = look.pose;
@@ -91,17 +66,21 @@ WARPCAM_FN void facet_at(const Looks& look, const Meshes& meshes, const HeightFi
     facet.place[0] = facet.place[1] = facet.place[2] = place;
     facet.weight1 = facet.weight2 = 0.0f;
     facet.three = false;
-    if ((TYPES >> MESH & 1) && type == MESH) {
+    if ((TYPES & (1 << MESH | 1 << HEIGHT_FIELD)) && (type == MESH || (type == HEIGHT_FIELD && surface.part == TOP))) {
+        const Triangle& triangle = surface.triangle;
         facet.weight1 = surface.weight1;
         facet.weight2 = surface.weight2;
-        place_corners(pose, triangle, facet);
+        facet.place[0] = pose.seen(triangle.origin - pose.eye());
+        facet.place[1] = facet.place[0] + pose.seen(triangle.edge1);
+        facet.place[2] = facet.place[0] + pose.seen(triangle.edge2);
+        facet.three = true;
+    }
+    if ((TYPES >> MESH & 1) && type == MESH) {
         for (int k = 0; k < 3; ++k)
             facet.normal[k] = corner_normal(meshes, pose, surface.corner + k);
         return;
     }
     facet.normal[0] = facet.normal[1] = facet.normal[2] = pose.seen(surface.normal);
-    if ((TYPES >> HEIGHT_FIELD & 1) && type == HEIGHT_FIELD && surface.part == TOP)
-        height_field_facet(fields, pose, face, surface.local, facet);
     bool quad = false, mirrored = false;
     int u_axis = 0, v_axis = 1;
     Span u, v;

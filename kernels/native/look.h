@@ -31,7 +31,8 @@ struct Finish {
 struct Layout {
     Row extent;       // the half extents that MuJoCo gives its renderer; w: 1 if a cube texture repeats by the metre
     Image image;      // none where a texture of the kind does not show
-    float repeat[2];  // of a 2-D texture on the shape
+    float repeat[2];  // of a 2-D texture on the shape; on a plane the rates of u and v along x and y [1/m]
+    float start[2];   // u and v in a plane's middle
     int cube;         // 1: a cube texture
     int own;          // 1: a mesh with texture coordinates of its own
 };
@@ -65,7 +66,8 @@ template <int TYPES, class Wants> struct Look {
     typename Kept<Wants::LIT && (TYPES >> PLANE & 1), PlaneCells>::type cells;
 };
 
-template <class Shapes> WARPCAM_FN Pose load_pose(const Shapes& shapes, const Camera& camera, int world, int id)
+template <int TYPES, class Shapes, class Meshes>
+WARPCAM_FN Pose load_pose(const Shapes& shapes, const Meshes& meshes, const Camera& camera, int world, int id)
 {
     const auto r = wp::index(shapes.rotations, world, id);
     const Vec away = camera.origin - to_vec(wp::index(shapes.positions, world, id));
@@ -80,11 +82,16 @@ template <class Shapes> WARPCAM_FN Pose load_pose(const Shapes& shapes, const Ca
             view.at[i][j] = turn.at[0][i] * camera.rotation.at[0][j] + turn.at[1][i] * camera.rotation.at[1][j]
                 + turn.at[2][i] * camera.rotation.at[2][j];
     }
-    const int kind = wp::index(shapes.types, id) + 8 * (shared_row(shapes.assets, world, id) + 1);
+    const int type = wp::index(shapes.types, id), asset = row_of(shapes.assets, world, id);
+    Vec size = to_vec(row_of(shapes.sizes, world, id));
+    if ((TYPES >> MESH & 1) && type == MESH && asset >= 0) {
+        size.x = as_float(wp::index(meshes.face_start, asset));
+        size.y = as_float(wp::index(meshes.corner_start, asset));
+    }
     return { { view.at[0][0], view.at[0][1], view.at[0][2], as_int(eye[0]) },
              { view.at[1][0], view.at[1][1], view.at[1][2], as_int(eye[1]) },
              { view.at[2][0], view.at[2][1], view.at[2][2], as_int(eye[2]) },
-             to_row(to_vec(shared_row(shapes.sizes, world, id)), kind) };
+             to_row(size, type + 8 * (asset + 1)) };
 }
 
 template <class Shapes> WARPCAM_FN Turn load_turn(const Shapes& shapes, int world, int id)
@@ -99,8 +106,14 @@ template <class Shapes> WARPCAM_FN Turn load_turn(const Shapes& shapes, int worl
 template <class Shapes, class Materials>
 WARPCAM_FN int material_of(const Shapes& shapes, const Materials& materials, int world, int id)
 {
-    const int index = shared_row(shapes.materials, world, id);
+    const int index = row_of(shapes.materials, world, id);
     return index < materials.color.shape[1] ? index : -1;
+}
+
+template <class Materials> WARPCAM_FN int texture_of(const Materials& materials, int world, int material)
+{
+    const int rows = materials.texture.shape[0];
+    return *wp::address(materials.texture, world < rows ? world : remainder(world, rows), material, 1);
 }
 
 // A shape's own colour counts where it has been set: where it differs from the default, (0.5, 0.5, 0.5, 1). The
@@ -108,16 +121,16 @@ WARPCAM_FN int material_of(const Shapes& shapes, const Materials& materials, int
 template <bool MATERIAL, class Shapes, class Materials>
 WARPCAM_FN Finish load_finish(const Shapes& shapes, const Materials& materials, int world, int id)
 {
-    auto color = shared_row(shapes.colors, world, id);
+    auto color = row_of(shapes.colors, world, id);
     Finish finish { { 0.0f, 0.0f, 0.0f, -1 }, { 0.0f, 0.5f, 64.0f, 0 } };
     const int index = MATERIAL ? material_of(shapes, materials, world, id) : -1;
     if (MATERIAL && index >= 0) {
         if (color[0] == 0.5f && color[1] == 0.5f && color[2] == 0.5f && color[3] == 1.0f)
-            color = shared_row(materials.color, world, index);
-        finish.color.w = *wp::address(materials.texture, world % materials.texture.shape[0], index, 1);
-        finish.gloss.x = shared_row(materials.emission, world, index);
-        finish.gloss.y = shared_row(materials.specular, world, index);
-        finish.gloss.z = 128.0f * shared_row(materials.shininess, world, index);
+            color = row_of(materials.color, world, index);
+        finish.color.w = texture_of(materials, world, index);
+        finish.gloss.x = row_of(materials.emission, world, index);
+        finish.gloss.y = row_of(materials.specular, world, index);
+        finish.gloss.z = 128.0f * row_of(materials.shininess, world, index);
     }
     finish.color.x = color[0];
     finish.color.y = color[1];
@@ -152,17 +165,25 @@ WARPCAM_FN Layout load_layout(const Shapes& shapes, const Materials& materials, 
                               const Meshes& meshes, const HeightFields& fields, const Pose& pose, int texture, int world,
                               int id)
 {
-    Layout layout { { 0.0f, 0.0f, 0.0f, 0 }, load_image(textures, texture), { 1.0f, 1.0f }, 0, 0 };
+    Layout layout { { 0.0f, 0.0f, 0.0f, 0 }, load_image(textures, texture), { 1.0f, 1.0f }, {}, 0, 0 };
     const int index = material_of(shapes, materials, world, id);
     if (index < 0)
         return layout;
     layout.cube = layout.image.levels > 0 && wp::index(textures.kind, texture) == TEXTURE_CUBE;
-    const bool uniform = shared_row(materials.texture_uniform, world, index);
-    const auto repeat = shared_row(materials.texture_repeat, world, index);
+    const bool uniform = row_of(materials.texture_uniform, world, index);
+    const auto repeat = row_of(materials.texture_repeat, world, index);
     const Vec extent = extent_of<TYPES>(pose, meshes, fields);
     layout.extent = to_row(extent, uniform);
     layout.repeat[0] = repeat[0] * (uniform && extent.x > 0.0f ? extent.x : 1.0f);
     layout.repeat[1] = repeat[1] * (uniform && extent.y > 0.0f ? extent.y : 1.0f);
+    if ((TYPES >> PLANE & 1) && pose.type() == PLANE) {  // a side of length 0 is endless, two metres an image
+        const float offset = extent.x <= 0.0f || extent.y <= 0.0f ? -0.5f : 0.0f;
+        const float half[2] = { extent.x, extent.y };
+        for (int axis = 0; axis < 2; ++axis) {
+            layout.start[axis] = (half[axis] > 0.0f ? 0.5f * layout.repeat[axis] : 0.0f) + offset;
+            layout.repeat[axis] *= (axis == 0 ? 0.5f : -0.5f) * (half[axis] > 0.0f ? inverse(half[axis]) : 1.0f);
+        }
+    }
     if ((TYPES >> MESH & 1) && pose.type() == MESH && pose.asset() >= 0)
         layout.own = wp::index(meshes.has_uvs, pose.asset());
     if (layout.cube && layout.own)  // on such a mesh a cube texture does not show
@@ -177,7 +198,7 @@ WARPCAM_FN Look<TYPES, Wants> load_look(const Shapes& shapes, const Materials& m
 {
     Look<TYPES, Wants> look;
     if constexpr (Wants::SURFACE)
-        look.pose = load_pose(shapes, camera, world, id);
+        look.pose = load_pose<TYPES>(shapes, meshes, camera, world, id);
     if constexpr (Wants::TURNED)
         look.turn = load_turn(shapes, world, id);
     if constexpr (Wants::COLORED)
@@ -190,7 +211,7 @@ WARPCAM_FN Look<TYPES, Wants> load_look(const Shapes& shapes, const Materials& m
         float repeat[2] = { 0.0f, 0.0f };
         if (Wants::MATERIAL && index >= 0)
             for (int axis = 0; axis < 2; ++axis)
-                repeat[axis] = shared_row(materials.texture_repeat, world, index)[axis];
+                repeat[axis] = row_of(materials.texture_repeat, world, index)[axis];
         look.cells = plane_cells(look.pose, repeat, horizon);
     }
     return look;

@@ -65,35 +65,26 @@ WARPCAM_FN Vec background_color(const Textures& textures, const Background& back
     return to_vec(background.color);
 }
 
-// `step` carried along `ray` into the plane of `normal`: how far the hit moves from pixel to pixel.
-WARPCAM_FN Vec slide(Vec step, Vec ray, Vec normal)
-{
-    const float slope = dot(normal, ray);
-    if (slope * slope < 1.0e-24f * dot(ray, ray))
-        return 1.0e6f * step;
-    return step - dot(normal, step) * inverse(slope) * ray;
-}
-
 // The texture's colour at a hit; white where there is none.
 template <int TYPES, int LENS, class Looks, class Meshes, class Textures>
 WARPCAM_FN Vec texture_color(const Looks& look, const Meshes& meshes, const Textures& textures, const Camera& camera,
-                             const Surface& surface, const Triangle& triangle, Vec ray, float depth)
+                             const Surface& surface, Vec ray, float depth)
 {
     const Layout& layout = look.layout;
     if (layout.image.levels <= 0)
         return { 1.0f, 1.0f, 1.0f };
     const Pose& pose = look.pose;
     const float stretch = LENS == PINHOLE ? depth : 1.0f;
-    const Vec right = slide(pose.local({ stretch * camera.scale_x, 0.0f, 0.0f }), ray, surface.normal);
-    const Vec down = slide(pose.local({ 0.0f, -stretch * camera.scale_y, 0.0f }), ray, surface.normal);
+    const Vec right = pose.local({ stretch * camera.scale_x, 0.0f, 0.0f });
+    const Vec down = pose.local({ 0.0f, -stretch * camera.scale_y, 0.0f });
     if (layout.cube) {
         const CubeMapping mapping = map_cube<TYPES>(pose, layout, surface);
-        return sample_cube(textures.texels.data, layout.image, mapping.direction, times(mapping.scale, right),
-                           times(mapping.scale, down));
+        return sample_cube(textures.texels.data, layout.image, mapping.direction,
+                           times(mapping.scale, slide(right, ray, surface.normal)),
+                           times(mapping.scale, slide(down, ray, surface.normal)));
     }
-    const Mapping mapping = map_2d<TYPES>(pose, layout, meshes, surface, triangle);
-    return sample_2d(textures.texels.data, layout.image, mapping.u, mapping.v,
-                     { dot(mapping.du, right), dot(mapping.dv, right) }, { dot(mapping.du, down), dot(mapping.dv, down) });
+    const Footprint at = footprint_2d<TYPES>(pose, layout, meshes, surface, ray, right, down);
+    return sample_2d(textures.texels.data, layout.image, at.u, at.v, at.right, at.down);
 }
 
 // The images that need only what the trace found.
@@ -129,14 +120,13 @@ WARPCAM_FN void resolve_surface(const Looks& look, const LightList& lights, cons
     using Wants = Wanted<IMAGES, FACTS>;
     const float depth = found.depth;
     Surface surface;
-    Triangle triangle;
     Vec place, ray;  // in the camera's frame; in the shape's
     if constexpr (Wants::SURFACE) {
         const Pose& pose = look.pose;
         place = LENS == PINHOLE ? Vec { depth * x, depth * y, -depth } : Vec { x, y, -depth };
         ray = LENS == PINHOLE ? pose.local({ x, y, -1.0f }) : pose.local({ 0.0f, 0.0f, -1.0f });
         const Vec local = pose.eye() + (LENS == PINHOLE ? depth * ray : pose.local(place));
-        surface = surface_at<TYPES>(pose, scene.meshes, scene.fields, found.face, local, ray, triangle);
+        surface = surface_at<TYPES>(pose, scene.meshes, scene.fields, found.face, local, ray);
     }
     if constexpr (Wants::TURNED) {
         shown.normal = look.turn.world(surface.normal);
@@ -145,12 +135,12 @@ WARPCAM_FN void resolve_surface(const Looks& look, const LightList& lights, cons
     }
     Vec texture { 1.0f, 1.0f, 1.0f };
     if constexpr (Wants::TEXTURED)
-        texture = texture_color<TYPES, LENS>(look, scene.meshes, scene.textures, camera, surface, triangle, ray, depth);
+        texture = texture_color<TYPES, LENS>(look, scene.meshes, scene.textures, camera, surface, ray, depth);
     if constexpr ((IMAGES & ALBEDO) != 0)
         shown.albedo = times(clip(to_vec(look.finish.color)), texture);
     if constexpr (Wants::LIT) {
         Facet facet;
-        facet_at<TYPES>(look, scene.meshes, scene.fields, surface, triangle, found.face, place, facet);
+        facet_at<TYPES>(look, scene.meshes, surface, place, facet);
         const bool three = (TYPES & (1 << PLANE | 1 << HEIGHT_FIELD | 1 << BOX | 1 << MESH)) && any_lane(facet.three);
         const Lit lit = three ? illuminate<3, (FACTS & HAS_SHADOWS) != 0>(lights, facet, look.finish, shadow)
                               : illuminate<1, (FACTS & HAS_SHADOWS) != 0>(lights, facet, look.finish, shadow);
@@ -167,6 +157,8 @@ template <int TYPES, int IMAGES, int FACTS, class Frame_> WARPCAM_FN Found find(
         found.shape = frame.shape.data[pixel.at];
         if ((IMAGES & (DISTANCE | POINTS)) || Wanted<IMAGES, FACTS>::SURFACE)
             found.depth = frame.depth.data[pixel.at];
+        if (Wanted<IMAGES, FACTS>::SURFACE && (TYPES & (1 << MESH | 1 << HEIGHT_FIELD)))
+            found.face = frame.face.data[pixel.at];
     }
     return found;
 }
@@ -185,8 +177,6 @@ WARPCAM_FN void resolve_pixel(const Looks* looks, const LightList& lights, const
     resolve_hit<LENS, IMAGES, FACTS>(images, scene.shapes, camera, pixel, x, y, found);
     Shown shown;
     if ((Wants::SURFACE || Wants::COLORED) && any_lane(hit)) {
-        if (Wants::SURFACE && (TYPES & (1 << MESH | 1 << HEIGHT_FIELD)) && hit)
-            found.face = frame.face.data[pixel.at];
         const int shadow = (FACTS & HAS_SHADOWS) && Wants::LIT && hit ? frame.shadow.data[pixel.at] : 0;
         follow(hit, found);
         if constexpr (CAPACITY > 0)
@@ -220,12 +210,12 @@ WARPCAM_FN void resolve_pixel(const Looks* looks, const LightList& lights, const
 #if defined(__CUDA_ARCH__)
 // The pixel of a thread in one of a region's tiles, row after row.
 template <int WIDTH, class Frame_>
-WARPCAM_FN void go_to(Pixel& pixel, const Frame_& frame, unsigned first, int left, int top, int tile)
+WARPCAM_FN void go_to(Pixel& pixel, const Frame_& frame, unsigned first, int left, int top, unsigned tile)
 {
     left += tile % (WIDTH / TILE_WIDTH) * TILE_WIDTH;
     top += tile / (WIDTH / TILE_WIDTH) * TILE_HEIGHT;
-    pixel.column = left + pixel.lane % TILE_WIDTH;
-    pixel.row = top + pixel.lane / TILE_WIDTH;
+    pixel.column = left + unsigned(pixel.lane) % TILE_WIDTH;
+    pixel.row = top + unsigned(pixel.lane) / TILE_WIDTH;
     pixel.width = frame.width - left;
     pixel.height = frame.height - top;
     pixel.stride = frame.width;
@@ -269,14 +259,14 @@ WARPCAM_FN void resolve(const Scene_& scene, const Lights& lights, int index)
     Pixel pixel;
 #if defined(__CUDA_ARCH__)
     WARPCAM_SHARED float4 lanes[THREADS / LANES][3 * LANES / 4];
-    constexpr int TILES = WIDTH / TILE_WIDTH * (HEIGHT / TILE_HEIGHT), STEP = THREADS / LANES;
-    const int warp = thread / LANES;
-    pixel.lane = thread % LANES;
+    constexpr unsigned TILES = WIDTH / TILE_WIDTH * (HEIGHT / TILE_HEIGHT), STEP = THREADS / LANES;
+    const unsigned warp = unsigned(thread) / LANES;
+    pixel.lane = unsigned(thread) % LANES;
     pixel.row_of_lanes = reinterpret_cast<float*>(lanes[warp]);
     go_to<WIDTH>(pixel, frame, first, left, top, warp);
     Found next = find<TYPES, IMAGES, FACTS>(frame, pixel);
 #pragma unroll 1
-    for (int tile = warp; tile < TILES; tile += STEP) {
+    for (unsigned tile = warp; tile < TILES; tile += STEP) {
         const Found found = next;
         if (tile + STEP < TILES) {  // ask for the next tile's pixels before this one's are drawn
             go_to<WIDTH>(pixel, frame, first, left, top, tile + STEP);

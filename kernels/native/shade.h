@@ -38,41 +38,41 @@ WARPCAM_FN bool has_hue(const Row& color) { return color.x != color.y || color.x
 
 template <class Lights> WARPCAM_FN bool gives_light(const Lights& lights, int world, int light)
 {
-    const int type = shared_row(lights.types, world, light);
+    const int type = row_of(lights.types, world, light);
     return type == LIGHT_SPOT || type == LIGHT_DIRECTIONAL;
 }
 
 template <class Lights> WARPCAM_FN bool shines(const Lights& lights, int world, int light)
 {
-    return shared_row(lights.active, world, light);
+    return row_of(lights.active, world, light);
 }
 
 template <bool SHADOWS, class Lights>
 WARPCAM_FN Light load_light(const Lights& lights, const Camera& camera, int world, int index)
 {
-    const Vec direction = turned_back(camera.rotation, to_vec(shared_row(lights.directions, world, index)));
-    const Vec position = to_vec(shared_row(lights.positions, world, index));
-    const bool spot = shared_row(lights.types, world, index) == LIGHT_SPOT;
-    const float cutoff = shared_row(lights.cutoff, world, index);
-    const Vec falloff = to_vec(shared_row(lights.attenuation, world, index));
+    const Vec direction = turned_back(camera.rotation, to_vec(row_of(lights.directions, world, index)));
+    const Vec position = to_vec(row_of(lights.positions, world, index));
+    const bool spot = row_of(lights.types, world, index) == LIGHT_SPOT;
+    const float cutoff = row_of(lights.cutoff, world, index);
+    const Vec falloff = to_vec(row_of(lights.attenuation, world, index));
     const bool fades = spot && (falloff.y != 0.0f || falloff.z != 0.0f);
     const bool wide = !(cutoff < 180.0f);
     const float strength = spot && !fades ? 1.0f / upper(falloff.x, 1.0e-12f) : 1.0f;
-    const Vec ambient = strength * to_vec(shared_row(lights.ambient, world, index));
+    const Vec ambient = strength * to_vec(row_of(lights.ambient, world, index));
     int nature = (spot ? SPOT : 0) | (fades ? FADES : 0);
-    if (SHADOWS && shared_row(lights.casts_shadow, world, index))
+    if (SHADOWS && row_of(lights.casts_shadow, world, index))
         nature |= CASTS;
     if ((SHADOWS || spot) && (ambient.x != 0.0f || ambient.y != 0.0f || ambient.z != 0.0f))
         nature |= AMBIENT;
     Light light;
     light.place = to_row(spot ? turned_back(camera.rotation, position - camera.origin) : -direction,
                          SHADOWS && index < 32 ? 1 << index : 0);
-    light.axis = to_row(direction, as_int(wide ? -2.0f : wp::cos(0.017453292519943295f * cutoff)));
-    light.falloff = to_row(falloff, as_int(wide ? 0.0f : shared_row(lights.exponent, world, index)));
+    light.axis = to_row(direction, as_int(wide ? -2.0f : cosine(0.017453292519943295f * cutoff)));
+    light.falloff = to_row(falloff, as_int(wide ? 0.0f : row_of(lights.exponent, world, index)));
     light.ambient = to_row(ambient, nature);
-    light.diffuse = to_row(strength * to_vec(shared_row(lights.diffuse, world, index)),
+    light.diffuse = to_row(strength * to_vec(row_of(lights.diffuse, world, index)),
                            as_int(1.0f + dot(direction, direction)));
-    light.specular = to_row(strength * to_vec(shared_row(lights.specular, world, index)), 0);
+    light.specular = to_row(strength * to_vec(row_of(lights.specular, world, index)), 0);
     return light;
 }
 
@@ -136,27 +136,29 @@ struct Vertex {
     float reach, slant;
 };
 
+// A spot's strength at a corner, before its cone.
+WARPCAM_FN float faded(const Light& light, const Vertex& vertex)
+{
+    const Vec offset = to_vec(light.place) + vertex.reach * vertex.to_eye;
+    const float distance = root(dot(offset, offset));
+    return inverse(upper(light.falloff.x + distance * (light.falloff.y + distance * light.falloff.z), 1.0e-12f));
+}
+
 // How much a light adds to a corner: of its ambient, diffuse and specular colours.
 struct Share {
     float ambient, diffuse, specular;
 };
 
-template <bool IS_SPOT> WARPCAM_FN Share share_of(const Light& light, const Vertex& vertex, float exponent)
+template <bool IS_SPOT> WARPCAM_FN Share share_of(const Light& light, const Vertex& vertex, float strength, float exponent)
 {
     Vec to_light = to_vec(light.place);
-    float strength = 1.0f, squares = as_float(light.diffuse.w);
+    float squares = as_float(light.diffuse.w);
     if (IS_SPOT) {
         const Vec offset = to_light + vertex.reach * vertex.to_eye;
-        const float square = dot(offset, offset), rate = inverse_root(square);
-        to_light = rate * offset;
+        to_light = inverse_root(dot(offset, offset)) * offset;
         squares = 2.0f;
         const float along = -dot(to_light, to_vec(light.axis));
-        strength = power(upper(along, TINY), as_float(light.falloff.w));
-        if (light.ambient.w & FADES) {
-            const float distance = square * rate;
-            strength *= inverse(upper(
-                light.falloff.x + distance * (light.falloff.y + distance * light.falloff.z), 1.0e-12f));
-        }
+        strength *= power(upper(along, TINY), as_float(light.falloff.w));
         strength = along >= as_float(light.axis.w) ? strength : 0.0f;
     }
     const float facing = dot(vertex.normal, to_light);
@@ -203,9 +205,15 @@ template <bool IS_SPOT, int CORNERS, bool SHADOWS, class Sum>
 WARPCAM_FN void add_light(const Light& light, const Vertex* corners, const float* weights, const Finish& finish,
                           Glow<Sum>* glows, Lit& casting)
 {
+    float strengths[CORNERS];
+    for (int k = 0; k < CORNERS; ++k)
+        strengths[k] = 1.0f;
+    if (IS_SPOT && (light.ambient.w & FADES))
+        for (int k = 0; k < CORNERS; ++k)
+            strengths[k] = faded(light, corners[k]);
 #pragma unroll
     for (int k = 0; k < CORNERS; ++k) {
-        const Share share = share_of<IS_SPOT>(light, corners[k], finish.gloss.z);
+        const Share share = share_of<IS_SPOT>(light, corners[k], strengths[k], finish.gloss.z);
         if (!SHADOWS || !(light.ambient.w & CASTS)) {
             add_share(glows[k], share, light);
         } else {

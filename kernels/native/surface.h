@@ -8,7 +8,8 @@ namespace warpcam {
 // The rows take camera coordinates to the shape's own.
 struct Pose {
     Row axis_x, axis_y, axis_z;  // w: bits of the centre of projection, x, y, z, in the shape's frame [m]
-    Row size;                    // as in types.py; w: shape type + 8 * (asset + 1)
+    // As in types.py; of a mesh bits of Meshes.face_start and Meshes.corner_start. w: shape type + 8 * (asset + 1).
+    Row size;
 
     WARPCAM_FN int type() const { return size.w & 7; }
     WARPCAM_FN int asset() const { return (size.w >> 3) - 1; }
@@ -29,13 +30,18 @@ struct Pose {
 // of a height field is its triangles.
 enum SurfacePart { SIDE, TOP, BOTTOM };
 
+// A face of a mesh or a height field: its first corner, and from there to the others.
+struct Triangle {
+    Vec origin, edge1, edge2;
+};
+
 struct Surface {
-    Vec local;     // the hit [m]
-    Vec normal;    // unit, outwards, of the geometry itself: a mesh's flat face
-    int part;      // SIDE, TOP, BOTTOM; of a box the axis
-    int row;       // mesh: first row of the face in Meshes.faces
-    int corner;    // mesh: first corner of the face in Meshes.normals and Meshes.uvs
-    float weight1, weight2;  // mesh: barycentric weights of the face's second and third corner
+    Vec local;               // the hit [m]
+    Vec normal;              // unit, outwards, of the geometry itself: a mesh's flat face
+    int part;                // SIDE, TOP, BOTTOM; of a box the axis
+    int corner;              // mesh: first corner of the face in Meshes.normals and Meshes.uvs
+    Triangle triangle;       // mesh, height field
+    float weight1, weight2;  // barycentric weights of the triangle's second and third corner
 };
 
 // On each axis a ray can enter by one side only; the hit is on the nearest of the three.
@@ -77,61 +83,37 @@ WARPCAM_FN void ellipsoid_surface(Vec half, Surface& surface)
     surface.normal = normalized(times(times(surface.local, rate), rate));
 }
 
-// One cell of a height field and which of its triangles: 0 lies below its diagonal from (row, column) to
-// (row + 1, column + 1), 1 above.
-struct Cell {
-    int row, column, half;
-    float step_x, step_y;                // sides [m]
-    float height, along, across, corner;  // of (row, column), one column on, one row on, and both on [m]
-};
-
-template <class HeightFields> WARPCAM_FN Cell load_cell(const HeightFields& fields, int field, int face)
-{
-    const int columns = wp::index(fields.columns, field), rows = wp::index(fields.rows, field);
-    const auto size = wp::index(fields.size, field);
-    Cell cell;
-    cell.half = face & 1;
-    cell.row = (face >> 1) / (columns - 1);
-    cell.column = (face >> 1) - cell.row * (columns - 1);
-    cell.step_x = 2.0f * size[0] * inverse(float(columns - 1));
-    cell.step_y = 2.0f * size[1] * inverse(float(rows - 1));
-    const int first = wp::index(fields.height_start, field) + cell.row * columns + cell.column;
-    cell.height = wp::index(fields.heights, first);
-    cell.along = wp::index(fields.heights, first + 1);
-    cell.across = wp::index(fields.heights, first + columns);
-    cell.corner = wp::index(fields.heights, first + columns + 1);
-    return cell;
-}
-
+// One cell of a height field has two triangles: 0 lies below its diagonal from (row, column) to (row + 1, column + 1),
+// 1 above.
 template <class HeightFields>
 WARPCAM_FN void height_field_surface(const HeightFields& fields, int field, int face, Surface& surface)
 {
-    const int cells = 2 * (wp::index(fields.rows, field) - 1) * (wp::index(fields.columns, field) - 1);
-    if (face >= 0 && face < cells) {
-        const Cell cell = load_cell(fields, field, face);
-        const float rise_x = cell.half ? cell.corner - cell.across : cell.along - cell.height;
-        const float rise_y = cell.half ? cell.across - cell.height : cell.corner - cell.along;
-        surface.part = TOP;
-        surface.normal = normalized({ -rise_x * inverse(cell.step_x), -rise_y * inverse(cell.step_y), 1.0f });
-        return;
-    }
+    const int rows = wp::index(fields.rows, field), columns = wp::index(fields.columns, field);
     const auto size = wp::index(fields.size, field);
     const Vec p = surface.local;
-    const float gap_x = magnitude(size[0] - magnitude(p.x)), gap_y = magnitude(size[1] - magnitude(p.y));
-    const float gap_z = magnitude(p.z + size[3]);
-    surface.part = SIDE;
-    if (gap_z < gap_x && gap_z < gap_y)
-        surface.normal = { 0.0f, 0.0f, -1.0f };
-    else if (gap_x < gap_y)
-        surface.normal = { sign(p.x), 0.0f, 0.0f };
-    else
-        surface.normal = { 0.0f, sign(p.y), 0.0f };
+    if (face < 0 || face >= 2 * (rows - 1) * (columns - 1)) {
+        const float gap_x = magnitude(size[0] - magnitude(p.x)), gap_y = magnitude(size[1] - magnitude(p.y));
+        const float gap_z = magnitude(p.z + size[3]);
+        surface.normal = gap_x < gap_y ? Vec { sign(p.x), 0.0f, 0.0f } : Vec { 0.0f, sign(p.y), 0.0f };
+        if (gap_z < gap_x && gap_z < gap_y)
+            surface.normal = { 0.0f, 0.0f, -1.0f };
+        return;
+    }
+    const unsigned cell = unsigned(face) >> 1, row = cell / unsigned(columns - 1), column = cell - row * (columns - 1);
+    const bool high = face & 1;
+    const float rate_x = float(columns - 1) * inverse(2.0f * size[0]), step_x = inverse(rate_x);
+    const float rate_y = float(rows - 1) * inverse(2.0f * size[1]), step_y = inverse(rate_y);
+    const float* heights = &wp::index(fields.heights, wp::index(fields.height_start, field) + int(row) * columns + int(column));
+    const float height = heights[0], side = heights[high ? columns : 1] - height, diagonal = heights[columns + 1] - height;
+    const Vec origin { float(int(column)) * step_x - size[0], float(int(row)) * step_y - size[1], height };
+    const float a = (p.x - origin.x) * rate_x, b = (p.y - origin.y) * rate_y;
+    surface.part = TOP;
+    surface.triangle = { origin, { high ? 0.0f : step_x, high ? step_y : 0.0f, side }, { step_x, step_y, diagonal } };
+    surface.weight1 = high ? b - a : a - b;
+    surface.weight2 = high ? a : b;
+    const float rise_x = high ? diagonal - side : side, rise_y = high ? side : diagonal - side;
+    surface.normal = normalized({ -rise_x * rate_x, -rise_y * rate_y, 1.0f });
 }
-
-// A face of a mesh: its first corner, and from there to the others.
-struct Triangle {
-    Vec origin, edge1, edge2;
-};
 
 template <class Meshes> WARPCAM_FN Row face_row(const Meshes& meshes, int row)
 {
@@ -153,30 +135,30 @@ template <class Meshes> WARPCAM_FN Triangle load_triangle(const Meshes& meshes, 
 }
 
 // `face` counts the mesh's faces in leaf order.
-template <class Meshes>
-WARPCAM_FN void mesh_surface(const Meshes& meshes, int mesh, int face, Surface& surface, Triangle& triangle)
+template <class Meshes> WARPCAM_FN void mesh_surface(const Meshes& meshes, const Pose& pose, int face, Surface& surface)
 {
     int given;
-    surface.row = wp::index(meshes.face_start, mesh) + 3 * face;
-    triangle = load_triangle(meshes, surface.row, given);
-    surface.corner = 3 * (wp::index(meshes.corner_start, mesh) + given);
+    const Triangle triangle = load_triangle(meshes, as_int(pose.size.x) + 3 * face, given);
     const Vec normal = cross(triangle.edge1, triangle.edge2), place = surface.local - triangle.origin;
-    const float square = inverse(upper(dot(normal, normal), TINY));
-    surface.part = SIDE;
+    const float rate = inverse(upper(dot(normal, normal), TINY));
+    surface.corner = 3 * (as_int(pose.size.y) + given);
+    surface.triangle = triangle;
     surface.normal = normalized(normal);
-    surface.weight1 = between(dot(cross(place, triangle.edge2), normal) * square, 0.0f, 1.0f);
-    surface.weight2 = between(dot(cross(triangle.edge1, place), normal) * square, 0.0f, 1.0f - surface.weight1);
+    surface.weight1 = between(dot(cross(place, triangle.edge2), normal) * rate, 0.0f, 1.0f);
+    surface.weight2 = between(dot(cross(triangle.edge1, place), normal) * rate, 0.0f, 1.0f - surface.weight1);
 }
 
 // `local` is the hit and `ray` the direction it was seen along, of any length, in the shape's frame; `face` is what the
-// trace found there. `triangle` is that of a mesh.
+// trace found there.
 template <int TYPES, class Meshes, class HeightFields>
 WARPCAM_FN Surface surface_at(const Pose& pose, const Meshes& meshes, const HeightFields& fields, int face, Vec local,
-                              Vec ray, Triangle& triangle)
+                              Vec ray)
 {
     const int type = pose.type();
     const Vec size = to_vec(pose.size);
-    Surface surface { local, { 0.0f, 0.0f, 1.0f }, SIDE, 0, 0, 0.0f, 0.0f };
+    Surface surface {};
+    surface.local = local;
+    surface.normal = { 0.0f, 0.0f, 1.0f };
     if ((TYPES >> SPHERE & 1) && type == SPHERE)
         surface.normal = normalized(local);
     if ((TYPES >> CAPSULE & 1) && type == CAPSULE)
@@ -190,7 +172,7 @@ WARPCAM_FN Surface surface_at(const Pose& pose, const Meshes& meshes, const Heig
     if ((TYPES >> HEIGHT_FIELD & 1) && type == HEIGHT_FIELD)
         height_field_surface(fields, pose.asset(), face, surface);
     if ((TYPES >> MESH & 1) && type == MESH)
-        mesh_surface(meshes, pose.asset(), face, surface, triangle);
+        mesh_surface(meshes, pose, face, surface);
     return surface;
 }
 

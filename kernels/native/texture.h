@@ -29,17 +29,42 @@ template <class Textures> WARPCAM_FN Image load_image(const Textures& textures, 
              wp::index(textures.height, texture), wp::index(textures.levels, texture) };
 }
 
-// Adds a texel, each channel 0 to 255, to a sum.
-WARPCAM_FN void add_texel(const unsigned* texels, int index, float weight, Vec& sum)
+// A sum of texels, each channel 0 to 255, with whole numbers as weights that make WHOLE together.
+struct Blend {
+    unsigned red, green, blue;
+};
+
+constexpr int WHOLE = 65535;
+
+// Adds two texels; their weights are the halves of a word, the first one's the lower.
+WARPCAM_FN void add_texels(const unsigned* texels, int first, int second, unsigned weights, Blend& blend)
 {
 #if defined(__CUDA_ARCH__)
-    const unsigned packed = __ldg(texels + index);
+    const unsigned a = __ldg(texels + first), b = __ldg(texels + second);
+    const unsigned red_green = __byte_perm(a, b, 0x5140), blue_alpha = __byte_perm(a, b, 0x7362);
+    blend.red = __dp2a_lo(weights, red_green, blend.red);
+    blend.green = __dp2a_hi(weights, red_green, blend.green);
+    blend.blue = __dp2a_lo(weights, blue_alpha, blend.blue);
 #else
-    const unsigned packed = texels[index];
+    const unsigned a = texels[first], b = texels[second], low = weights & 0xffffu, high = weights >> 16;
+    blend.red += low * (a & 0xffu) + high * (b & 0xffu);
+    blend.green += low * (a >> 8 & 0xffu) + high * (b >> 8 & 0xffu);
+    blend.blue += low * (a >> 16 & 0xffu) + high * (b >> 16 & 0xffu);
 #endif
-    sum.x += weight * float(packed & 0xffu);
-    sum.y += weight * float(packed >> 8 & 0xffu);
-    sum.z += weight * float(packed >> 16 & 0xffu);
+}
+
+WARPCAM_FN Vec to_color(const Blend& blend)
+{
+    return (1.0f / (255.0f * WHOLE)) * Vec { float(blend.red), float(blend.green), float(blend.blue) };
+}
+
+// A float of this size has no places after the point: its last bits are a whole number.
+constexpr float WHOLE_NUMBERS = 8388608.0f;
+
+// The nearest whole number to `part` of `total`, which is not negative, below 2^22.
+WARPCAM_FN int part_of(int total, float part)
+{
+    return as_int(muladd(float(total), part, WHOLE_NUMBERS)) - as_int(WHOLE_NUMBERS);
 }
 
 // Mipmap level, 0 to `levels - 1`, for squares of the steps in texels to the next pixel right and down.
@@ -67,38 +92,49 @@ struct Level {
         if (low_width << steps == width && low_height << steps == height)
             return { start + images * ((width * height - low_width * low_height) / 3 * 4), low_width, low_height };
         Level level = *this;
+#pragma unroll 1
         for (int step = 0; step < steps; ++step)
             level = level.next(images);
         return level;
     }
 };
 
-// A place between two texels along one axis: the first of them, and how far on.
+// A place between two texels along one axis: the first of them, -1 to `size - 1`, and how far on.
 struct Between {
     int first;
     float on;
 };
 
-// Nonsense becomes a place inside: `first` is -1 to `size - 1`.
 WARPCAM_FN Between between_texels(float unit, int size)
 {
-    const float place = between(unit * float(size) - 0.5f, -0.5f, float(size) - 0.5f), first = round_down(place);
-    return { int(first), place - first };
+    constexpr float BASE = 1.5f * WHOLE_NUMBERS;  // of whole numbers of either sign
+    const float place = unit * float(size) - 0.5f, base = (place - 0.5f) + BASE;
+    return { as_int(base) - as_int(BASE), place - (base - BASE) };
 }
 
-// Adds `weight` times the colour, 0 to 255, at (u, v) in [0, 1].
-WARPCAM_FN void add_bilinear(const unsigned* texels, const Level& level, float u, float v, float weight, Vec& sum)
+// Adds four neighbours, the upper two first, which together weigh `total`.
+WARPCAM_FN void add_quad(const unsigned* texels, const int* quad, const Between& x, const Between& y, int total,
+                         Blend& blend)
+{
+    const int low = part_of(total, y.on), high = total - low;
+    const int high_right = part_of(high, x.on), low_right = part_of(low, x.on);
+    add_texels(texels, quad[0], quad[1], unsigned(high - high_right) | unsigned(high_right) << 16, blend);
+    add_texels(texels, quad[2], quad[3], unsigned(low - low_right) | unsigned(low_right) << 16, blend);
+}
+
+// Adds the colour at (u, v) in [0, 1].
+WARPCAM_FN void add_bilinear(const unsigned* texels, const Level& level, float u, float v, int total, Blend& blend)
 {
     const Between x = between_texels(u, level.width), y = between_texels(v, level.height);
     const int left = x.first < 0 ? level.width - 1 : x.first, right = x.first + 1 >= level.width ? 0 : x.first + 1;
     const int top = y.first < 0 ? level.height - 1 : y.first, bottom = y.first + 1 >= level.height ? 0 : y.first + 1;
     const int above = level.start + top * level.width, below = level.start + bottom * level.width;
-    const float low = weight * y.on, high = weight - low;
-    add_texel(texels, above + left, high - high * x.on, sum);
-    add_texel(texels, above + right, high * x.on, sum);
-    add_texel(texels, below + left, low - low * x.on, sum);
-    add_texel(texels, below + right, low * x.on, sum);
+    const int quad[4] = { above + left, above + right, below + left, below + right };
+    add_quad(texels, quad, x, y, total, blend);
 }
+
+// The part of `unit` after the point; 0 of what has none.
+WARPCAM_FN float fraction(float unit) { return saturated(unit - round_down(unit)); }
 
 // Colour in [0, 1] of a 2-D texture at (u, v), in images: (0, 0) is the top left corner, and images repeat. The steps
 // are the changes of u and v from this pixel to the next on the right and to the next below.
@@ -108,16 +144,15 @@ WARPCAM_FN Vec sample_2d(const unsigned* texels, const Image& image, float u, fl
     const float square_right = right.x * right.x * width * width + right.y * right.y * height * height;
     const float square_down = down.x * down.x * width * width + down.y * down.y * height * height;
     const float detail = level_of_detail(square_right, square_down, image.levels);
-    const int steps = int(detail);
-    const float blend = detail - float(steps);
+    const int steps = int(detail), coarse = part_of(WHOLE, detail - float(steps));
     const Level level = Level { image.start, image.width, image.height }.after(steps, 1);
-    u -= round_down(u);
-    v -= round_down(v);
-    Vec color { 0.0f, 0.0f, 0.0f };
-    add_bilinear(texels, level, u, v, (1.0f - blend) * (1.0f / 255.0f), color);
-    if (blend > 0.0f)  // then there is a next level: detail is at most levels - 1
-        add_bilinear(texels, level.next(1), u, v, blend * (1.0f / 255.0f), color);
-    return color;
+    u = fraction(u);
+    v = fraction(v);
+    Blend blend { 0u, 0u, 0u };
+    add_bilinear(texels, level, u, v, WHOLE - coarse, blend);
+    if (coarse > 0)  // then there is a next level: detail is at most levels - 1
+        add_bilinear(texels, level.next(1), u, v, coarse, blend);
+    return to_color(blend);
 }
 
 // The face of the cube that `v` points at: 0 to 5 for +x -x +y -y +z -z.
@@ -153,50 +188,41 @@ WARPCAM_FN Vec from_face(int face, Vec v)
     return { turn * v.x, -v.y, turn * v.z };
 }
 
-// Adds a texel of a cube, up to one beyond the face's edge: then the one there on the neighbouring face.
-WARPCAM_FN void add_cube_texel(const unsigned* texels, const Level& level, int face, int i, int j, float weight,
-                               Vec& sum)
+// A texel of a cube, up to one beyond the face's edge: then the one there on the neighbouring face.
+static WARPCAM_COLD int cube_texel(int start, int size, int face, int i, int j)
 {
-    const int size = level.width;
     if (i < 0 || j < 0 || i >= size || j >= size) {
-        const float rate = inverse(0.5f * float(size));
-        const Vec direction = from_face(face, { (float(i) + 0.5f) * rate - 1.0f, (float(j) + 0.5f) * rate - 1.0f,
-                                                1.0f });
+        const float half = 0.5f * float(size), rate = inverse(half);
+        const Vec direction = from_face(face, { (float(i) + 0.5f) * rate - 1.0f, (float(j) + 0.5f) * rate - 1.0f, 1.0f });
         face = cube_face(direction);
         const Vec place = to_face(face, direction);
-        const float outwards = inverse(place.z), half = 0.5f * float(size);
+        const float outwards = inverse(place.z);
         i = int((place.x * outwards + 1.0f) * half);
         j = int((place.y * outwards + 1.0f) * half);
     }
-    i = between(i, 0, size - 1);
-    j = between(j, 0, size - 1);
-    add_texel(texels, level.start + (face * size + j) * size + i, weight, sum);
+    return start + (face * size + between(j, 0, size - 1)) * size + between(i, 0, size - 1);
 }
 
-// Adds `weight` times the colour, 0 to 255, at (s, t) in [0, 1] of a face.
-WARPCAM_FN void add_bilinear_cube(const unsigned* texels, const Level& level, int face, float s, float t, float weight,
-                                  Vec& sum)
+// Adds the colour at (s, t) in [0, 1] of a face.
+WARPCAM_FN void add_bilinear_cube(const unsigned* texels, const Level& level, int face, float s, float t, int total,
+                                  Blend& blend)
 {
-    const Between x = between_texels(s, level.width), y = between_texels(t, level.width);
-    const float low = weight * y.on, high = weight - low;
-    const float weights[4] = { high - high * x.on, high * x.on, low - low * x.on, low * x.on };
-    if (x.first >= 0 && y.first >= 0 && x.first + 1 < level.width && y.first + 1 < level.width) {
-        const int index = level.start + (face * level.width + y.first) * level.width + x.first;
-        add_texel(texels, index, weights[0], sum);
-        add_texel(texels, index + 1, weights[1], sum);
-        add_texel(texels, index + level.width, weights[2], sum);
-        add_texel(texels, index + level.width + 1, weights[3], sum);
-        return;
+    const int size = level.width;
+    const Between x = between_texels(s, size), y = between_texels(t, size);
+    const int corner = level.start + (face * size + y.first) * size + x.first;
+    int quad[4] = { corner, corner + 1, corner + size, corner + size + 1 };
+    if (x.first < 0 || y.first < 0 || x.first + 1 >= size || y.first + 1 >= size) {
+        quad[0] = cube_texel(level.start, size, face, x.first, y.first);
+        quad[1] = cube_texel(level.start, size, face, x.first + 1, y.first);
+        quad[2] = cube_texel(level.start, size, face, x.first, y.first + 1);
+        quad[3] = cube_texel(level.start, size, face, x.first + 1, y.first + 1);
     }
-    add_cube_texel(texels, level, face, x.first, y.first, weights[0], sum);
-    add_cube_texel(texels, level, face, x.first + 1, y.first, weights[1], sum);
-    add_cube_texel(texels, level, face, x.first, y.first + 1, weights[2], sum);
-    add_cube_texel(texels, level, face, x.first + 1, y.first + 1, weights[3], sum);
+    add_quad(texels, quad, x, y, total, blend);
 }
 
 // Colour in [0, 1] of a cube texture in a direction of any length from its middle. The steps are the changes of
 // `direction` from this pixel to the next on the right and to the next below.
-WARPCAM_FN Vec sample_cube(const unsigned* texels, const Image& image, Vec direction, Vec right, Vec down)
+static WARPCAM_COLD Vec sample_cube(const unsigned* texels, const Image& image, Vec direction, Vec right, Vec down)
 {
     const int face = cube_face(direction), size = image.width;
     const Vec place = to_face(face, direction), step_right = to_face(face, right), step_down = to_face(face, down);
@@ -206,14 +232,14 @@ WARPCAM_FN Vec sample_cube(const unsigned* texels, const Image& image, Vec direc
     const float down_x = scale * (step_down.x - x * step_down.z), down_y = scale * (step_down.y - y * step_down.z);
     const float detail = level_of_detail(right_x * right_x + right_y * right_y, down_x * down_x + down_y * down_y,
                                          image.levels);
-    const int steps = int(detail);
-    const float blend = detail - float(steps), s = 0.5f * x + 0.5f, t = 0.5f * y + 0.5f;
+    const int steps = int(detail), coarse = part_of(WHOLE, detail - float(steps));
+    const float s = saturated(0.5f * x + 0.5f), t = saturated(0.5f * y + 0.5f);
     const Level level = Level { image.start, size, size }.after(steps, 6);
-    Vec color { 0.0f, 0.0f, 0.0f };
-    add_bilinear_cube(texels, level, face, s, t, (1.0f - blend) * (1.0f / 255.0f), color);
-    if (blend > 0.0f)
-        add_bilinear_cube(texels, level.next(6), face, s, t, blend * (1.0f / 255.0f), color);
-    return color;
+    Blend blend { 0u, 0u, 0u };
+    add_bilinear_cube(texels, level, face, s, t, WHOLE - coarse, blend);
+    if (coarse > 0)
+        add_bilinear_cube(texels, level.next(6), face, s, t, coarse, blend);
+    return to_color(blend);
 }
 
 }  // namespace warpcam

@@ -4,6 +4,13 @@
 
 namespace warpcam {
 
+// A function that is seldom called: inlined it would only crowd the instruction cache.
+#if defined(__CUDA_ARCH__)
+#define WARPCAM_COLD __device__ __noinline__
+#else
+#define WARPCAM_COLD __attribute__((noinline))
+#endif
+
 WARPCAM_FN Vec operator+(Vec a, Vec b) { return { a.x + b.x, a.y + b.y, a.z + b.z }; }
 WARPCAM_FN Vec operator-(Vec a, Vec b) { return { a.x - b.x, a.y - b.y, a.z - b.z }; }
 WARPCAM_FN Vec operator-(Vec a) { return { -a.x, -a.y, -a.z }; }
@@ -64,6 +71,7 @@ WARPCAM_FN float power(float base, float exponent)  // of a normal base above ze
     return r;
 }
 
+WARPCAM_FN float cosine(float a) { return __cosf(a); }
 WARPCAM_FN float round_down(float a) { return floorf(a); }
 
 #else
@@ -73,6 +81,7 @@ WARPCAM_FN float inverse(float a) { return 1.0f / a; }
 WARPCAM_FN float inverse_root(float a) { return 1.0f / __builtin_sqrtf(a); }
 WARPCAM_FN float logarithm2(float a) { return wp::log2(a); }
 WARPCAM_FN float power(float base, float exponent) { return wp::pow(base, exponent); }
+WARPCAM_FN float cosine(float a) { return wp::cos(a); }
 WARPCAM_FN float round_down(float a) { return wp::floor(a); }
 
 #endif
@@ -94,6 +103,16 @@ WARPCAM_FN unsigned to_byte(float value)
 
 // A colour as the bytes R, G, B of a word, the fourth 0.
 WARPCAM_FN unsigned to_bytes(Vec color) { return to_byte(color.x) | to_byte(color.y) << 8 | to_byte(color.z) << 16; }
+
+static WARPCAM_COLD int remainder(int a, int b) { return a % b; }
+
+// The element of a table that worlds may share: of world `world` modulo the table's rows.
+template <class Array> WARPCAM_FN auto row_of(const Array& table, int world, int i)
+{
+    const int rows = table.shape[0];
+    const int row = world < rows ? world : rows == 1 ? 0 : remainder(world, rows);
+    return *wp::address(table, row, i);
+}
 
 // Is it so for any of the 32 pixels that a warp draws together? A CPU thread draws one at a time.
 WARPCAM_FN bool any_lane(bool mine)
