@@ -94,9 +94,7 @@ def _kernel(types: int, lens: int, capacity: int, width: int, height: int, image
         background: Background,
         first: wp.int32,
     ):
-        resolve(
-            frame, images, shapes, meshes, fields, materials, textures, lights, background, first + wp.tid()
-        )
+        resolve(frame, images, shapes, meshes, fields, materials, textures, lights, background, first + wp.tid())
 
     return write_images
 
@@ -147,7 +145,7 @@ def record(
     frame.horizon = tables.horizon
     images = Images()
     wanted = 0
-    for bit, (name, (dtype, channels)) in enumerate(OUTPUTS.items()):
+    for bit, (name, (dtype, _)) in enumerate(OUTPUTS.items()):
         if name in outputs:
             setattr(images, name, outputs[name].flatten())
             wanted |= 1 << bit

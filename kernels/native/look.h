@@ -1,7 +1,7 @@
 // What a block keeps of each shape of its world to draw its pixels: pose as the view has it, size, material.
 #pragma once
 #include "cells.h"
-#include "texture.h"
+#include "texels.h"
 
 namespace warpcam {
 

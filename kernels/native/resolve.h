@@ -3,7 +3,7 @@
 #include "mapping.h"
 #include "pixels.h"
 #include "shade.h"
-#include "texture.h"
+#include "texels.h"
 
 namespace warpcam {
 
