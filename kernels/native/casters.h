@@ -36,10 +36,14 @@ struct WorldRay {
 
 // Shapes and what one light sees of them.
 template <int CAPACITY> struct CasterList {
+    static constexpr int WORDS = (CAPACITY + 31) / 32;
+
     Record records[CAPACITY];
-    Row aims[CAPACITY];  // in the shape's frame: the light's position, or the direction to it if it is distant
-    Window windows[CAPACITY];
-    float heights[CAPACITY];
+    // In the shape's frame: the light's position, or the direction to it if it is distant. w: first row of a mesh's
+    // faces; that of its nodes is with the record's origin.
+    Row aims[CAPACITY];
+    Window windows[WORDS * 32];  // from `count` on to the end of its 32: empty
+    float heights[WORDS * 32];
     unsigned char order[CAPACITY];  // each its own slot: shadows need no sorting
     int count;
     int next_tile;
@@ -67,6 +71,10 @@ WARPCAM_FN bool prepare_caster(const Shape& shape, const Light& light, const Cam
     record.axis_y = { r.at[0][1] * scale.y, r.at[1][1] * scale.y, r.at[2][1] * scale.y, shape.id };
     record.axis_z = { r.at[0][2] * scale.z, r.at[1][2] * scale.z, r.at[2][2] * scale.z, shape.asset };
     record.origin = { -here.x * scale.x, -here.y * scale.y, -here.z * scale.z, 0 };
+    if ((TYPES >> MESH & 1) && shape.type == MESH) {
+        record.origin.w = wp::index(meshes.node_start, shape.asset);
+        aim.w = wp::index(meshes.face_start, shape.asset);
+    }
     window = { -FAR_AWAY, FAR_AWAY, -FAR_AWAY, FAR_AWAY };
     height = FAR_AWAY;
     if (extent.half.x >= 0.0f)  // not an endless plane
@@ -113,20 +121,27 @@ WARPCAM_FN int gather_casters(CasterList<CAPACITY>& list, int begin, const Shape
                 break;
         }
     }
+    block_barrier();
+    const int count = list.count;
+    for (int slot = count + thread; slot < (count + 31) / 32 * 32; slot += THREADS) {
+        list.windows[slot] = { FAR_AWAY, -FAR_AWAY, FAR_AWAY, -FAR_AWAY };
+        list.heights[slot] = -FAR_AWAY;
+    }
+    block_barrier();
     return begin;
 }
 
 // Does the light shine on the front of what the pixel shows, anywhere on the face whose corners are lit? True where
 // that is not known. Light that shines on backs only adds nothing, so that its shadow does not matter.
-template <int TYPES, class Shapes, class Meshes>
+template <class Shapes, class Meshes>
 WARPCAM_FN bool faces_light(const Shapes& shapes, const Meshes& meshes, int world, int id, int face, const Light& light,
-                            const Camera& camera)
+                            Vec origin)
 {
-    if (!(TYPES >> MESH & 1) || wp::index(shapes.types, id) != MESH)
+    if (wp::index(shapes.types, id) != MESH)
         return true;
     const Shape shape = load_shape(shapes, world, id);
-    const Vec c { shape.position.x - camera.origin.x, shape.position.y - camera.origin.y,
-                  shape.position.z - camera.origin.z };
+    const Vec c { shape.position.x - origin.x, shape.position.y - origin.y,
+                  shape.position.z - origin.z };
     const Vec aim = turned_back(shape.rotation, light.distant ? light.aim
                                                               : Vec { light.aim.x - c.x, light.aim.y - c.y,
                                                                       light.aim.z - c.z });

@@ -51,15 +51,56 @@ WARPCAM_FN Light make_light(bool distant, Vec position, Vec direction, const Cam
     return light;
 }
 
-WARPCAM_FN Place place_of(const Light& light, Vec p)
+// From pixels and their depths to points, in a frame of one's choice.
+template <int LENS> struct Sight {
+    Vec start, across, down;  // the ray through column i and row j: start + i * across + j * down
+    Vec along;                // pinhole: where all rays begin; orthographic: the way they all run
+
+    WARPCAM_FN Vec point(float i, float j, float depth) const
+    {
+        const Vec r { start.x + i * across.x + j * down.x, start.y + i * across.y + j * down.y,
+                      start.z + i * across.z + j * down.z };
+        if (LENS == ORTHOGRAPHIC)
+            return { r.x + depth * along.x, r.y + depth * along.y, r.z + depth * along.z };
+        return { depth * r.x + along.x, depth * r.y + along.y, depth * r.z + along.z };
+    }
+};
+
+// Points from the camera, along the world's axes.
+template <int LENS> WARPCAM_FN Sight<LENS> sight_of(const Camera& camera)
 {
-    if (light.distant)
-        return { dot(light.u, p), dot(light.v, p), dot(light.w, p), false };
-    const Vec q { p.x - light.aim.x, p.y - light.aim.y, p.z - light.aim.z };
-    const float depth = dot(light.w, q);
-    const bool beside = !(depth > 1.0e-4f * (magnitude(q.x) + magnitude(q.y) + magnitude(q.z)));
-    const float scale = reciprocal(beside ? 1.0f : depth);
-    return { dot(light.u, q) * scale, dot(light.v, q) * scale, beside ? -FAR_AWAY : -depth, beside };
+    const Matrix& r = camera.rotation;
+    const Vec right { r.at[0][0], r.at[1][0], r.at[2][0] }, up { r.at[0][1], r.at[1][1], r.at[2][1] };
+    const Vec forward { -r.at[0][2], -r.at[1][2], -r.at[2][2] };
+    const float x = image_x(camera, 0.0f), y = image_y(camera, 0.0f);
+    const bool parallel = LENS == ORTHOGRAPHIC;
+    const float ahead = parallel ? 0.0f : 1.0f;
+    return { { x * right.x + y * up.x + ahead * forward.x, x * right.y + y * up.y + ahead * forward.y,
+               x * right.z + y * up.z + ahead * forward.z },
+             scaled(right, camera.scale_x), scaled(up, -camera.scale_y), parallel ? forward : Vec { 0.0f, 0.0f, 0.0f } };
+}
+
+// Points along the light's axes; from the light, if it is not distant.
+template <int LENS> WARPCAM_FN Sight<LENS> lit_sight(const Light& light, const Sight<LENS>& sight)
+{
+    const auto turned = [&](Vec a) { return Vec { dot(light.u, a), dot(light.v, a), dot(light.w, a) }; };
+    Sight<LENS> s { turned(sight.start), turned(sight.across), turned(sight.down), turned(sight.along) };
+    if (!light.distant) {
+        const Vec aim = turned(light.aim);
+        Vec& origin = LENS == ORTHOGRAPHIC ? s.start : s.along;
+        origin = { origin.x - aim.x, origin.y - aim.y, origin.z - aim.z };
+    }
+    return s;
+}
+
+// The place of a point that is given along the light's axes.
+WARPCAM_FN Place place_of(bool distant, Vec p)
+{
+    if (distant)
+        return { p.x, p.y, p.z, false };
+    const bool beside = !(p.z > 1.0e-4f * (magnitude(p.x) + magnitude(p.y)));
+    const float scale = reciprocal(beside ? 1.0f : p.z);
+    return { p.x * scale, p.y * scale, beside ? -FAR_AWAY : -p.z, beside };
 }
 
 // How far a shape reaches from its centre along a unit direction given in the shape's frame.
@@ -112,17 +153,19 @@ WARPCAM_FN Window window_of(const Light& light, int type, Vec position, const Ma
              seen.bottom - slack * magnitude(seen.bottom), seen.top + slack * magnitude(seen.top) };
 }
 
-WARPCAM_FN bool overlap(const Window& a, const Window& b)
+// May a shape with this window stand between the light and a point of a tile with that one? `height` is the shape's
+// highest, `floor` the tile's lowest. Without branches, as is the next.
+WARPCAM_FN bool may_shade(const Window& shape, float height, const Window& tile, float floor)
 {
-    return a.left <= b.right && a.right >= b.left && a.bottom <= b.top && a.top >= b.bottom;
+    return (shape.left <= tile.right) & (shape.right >= tile.left) & (shape.bottom <= tile.top)
+        & (shape.top >= tile.bottom) & (height > floor);
 }
 
-// May a shape with this window stand between the point and the light?
-WARPCAM_FN bool may_shade(const Window& window, float height, const Place& point)
+WARPCAM_FN bool may_shade(const Window& shape, float height, const Place& point)
 {
-    const bool within = window.left <= point.u && window.right >= point.u && window.bottom <= point.v
-        && window.top >= point.v;
-    return (within || point.beside) && height > point.height;
+    const bool within = (shape.left <= point.u) & (shape.right >= point.u) & (shape.bottom <= point.v)
+        & (shape.top >= point.v);
+    return (within | point.beside) & (height > point.height);
 }
 
 }  // namespace warpcam

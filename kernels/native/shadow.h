@@ -1,7 +1,7 @@
 // Which lights reach what a view sees. Each pixel's hit point looks back at each light; the shapes that may stand
 // between a tile's points and the light are picked once for the whole tile.
 #pragma once
-#include "shade_tile.h"
+#include "mesh_shadows.h"
 
 namespace warpcam {
 
@@ -10,30 +10,120 @@ template <class Lights> WARPCAM_FN bool casts(const Lights& lights, int world, i
     return shared_row(lights.active, world, light) && shared_row(lights.casts_shadow, world, light);
 }
 
-template <class Lights>
-WARPCAM_FN Light load_light(const Lights& lights, const Camera& camera, int world, int light)
+template <int LENS, class Lights>
+WARPCAM_FN LitView<LENS> light_view(const Lights& lights, const Camera& camera, int world, int light)
 {
     const bool distant = shared_row(lights.types, world, light) == 1;  // types.py, LIGHT_DIRECTIONAL
     const auto p = wp::index(lights.positions, world, light), d = wp::index(lights.directions, world, light);
-    return make_light(distant, { p[0], p[1], p[2] }, { d[0], d[1], d[2] }, camera);
-}
-
-// Does the light reach a surface's back too? Its ambient part does.
-template <class Lights> WARPCAM_FN bool has_ambient(const Lights& lights, int world, int light)
-{
     const auto ambient = shared_row(lights.ambient, world, light);
-    return ambient[0] != 0.0f || ambient[1] != 0.0f || ambient[2] != 0.0f;
+    return { make_light(distant, { p[0], p[1], p[2] }, { d[0], d[1], d[2] }, camera), sight_of<LENS>(camera),
+             camera.origin, ambient[0] != 0.0f || ambient[1] != 0.0f || ambient[2] != 0.0f };
 }
 
-// What the camera sees through (x, y) of its image, from the camera, along the world's axes.
-WARPCAM_FN Vec hit_point(const Camera& camera, int lens, float x, float y, float depth)
+// A tile's first pixel, counted from its region's corner.
+template <int WIDTH> WARPCAM_FN int tile_column(int tile) { return tile % (WIDTH / TILE_WIDTH) * TILE_WIDTH; }
+template <int WIDTH> WARPCAM_FN int tile_row(int tile) { return tile / (WIDTH / TILE_WIDTH) * TILE_HEIGHT; }
+
+// Casts the shadows of one light, as far as they come from the list's shapes, in one region. With `fresh` the masks are
+// written; else they gain what is in shadow.
+template <int TYPES, int LENS, int CAPACITY, int WIDTH, int HEIGHT, class Shapes, class Meshes, class HeightFields,
+          class Target>
+WARPCAM_FN void cast_light(CasterList<CAPACITY>& list, const LitView<LENS>& view, unsigned bit, bool fresh,
+                           const Region& region, int world, const Shapes& shapes, const Meshes& meshes,
+                           const HeightFields& fields, const Target& target)
 {
-    const float reach = lens == ORTHOGRAPHIC ? 1.0f : depth;
-    const Matrix& r = camera.rotation;
-    const float a = x * reach, b = y * reach;
-    return { r.at[0][0] * a + r.at[0][1] * b - r.at[0][2] * depth,
-             r.at[1][0] * a + r.at[1][1] * b - r.at[1][2] * depth,
-             r.at[2][0] * a + r.at[2][1] * b - r.at[2][2] * depth };
+    constexpr int tiles = WIDTH / TILE_WIDTH * (HEIGHT / TILE_HEIGHT);
+    constexpr bool HAS_MESH = TYPES >> MESH & 1;
+    const Sight<LENS> lit = lit_sight(view.light, view.sight);
+    const bool distant = view.light.distant;
+    const size_t corner = (size_t(world) * target.height + region.top) * target.width + region.left;
+#if defined(__CUDA_ARCH__)
+    constexpr int WORDS = CasterList<CAPACITY>::WORDS;
+    WARPCAM_SHARED ShadowRays<WORDS> mesh_rays[HAS_MESH ? THREADS / LANES : 1];
+    const int lane = threadIdx.x % LANES, warp = threadIdx.x / LANES;
+    const int wide = lower_int(target.width - region.left, WIDTH), high = lower_int(target.height - region.top, HEIGHT);
+    float ceiling;
+    const Window bounds = bounds_of(list, ceiling);
+    int waiting = 0;  // rays in the warp's queue
+    const auto cast_waiting = [&]() {
+        const auto shade = [&](int pixel) {
+            target.shadow.data[corner + unsigned(pixel / 64 * target.width + pixel % 64)] |= static_cast<int>(bit);
+        };
+        cast_queue(mesh_rays[warp], waiting, list, view.light, meshes, shade);
+        waiting = 0;
+    };
+    while (true) {
+        const int tile = __shfl_sync(0xffffffffu, lane == 0 ? draw_number(list.next_tile) : 0, 0);
+        if (tile >= tiles)
+            break;
+        const int column = tile_column<WIDTH>(tile) + lane % TILE_WIDTH;
+        const int row = tile_row<WIDTH>(tile) + lane / TILE_WIDTH;
+        const size_t at = corner + unsigned(row * target.width + column);
+        const bool inside = (column < wide) & (row < high);
+        const int id = inside ? target.shape.data[at] : -1;
+        const float depth = inside ? target.depth.data[at] : 0.0f;
+        const unsigned before = !fresh && inside ? target.shadow.data[at] : 0u;
+        const float i = float(region.left + column), j = float(region.top + row);
+        const Place place = place_of(distant, lit.point(i, j, depth));
+        const bool asks = (id >= 0) & !(before & bit) & may_shade(bounds, ceiling, place);
+        bool open = asks;
+        if (__any_sync(0xffffffffu, asks)) {
+            const Vec p = view.sight.point(i, j, depth);
+            const Span span = span_of(view.light, view.origin, p, depth);
+            bool met_any = false;
+            const auto put_met = [&](int word, unsigned met) {
+                mesh_rays[warp].meshes[word][waiting + lane] = met;
+                met_any |= met != 0;
+            };
+            shade_tile<TYPES>(list, view, p, span, place, open, fields, put_met);
+            if (HAS_MESH) {
+                if (open & met_any)
+                    met_any = view.counts_behind
+                        || faces_light(shapes, meshes, world, id, target.face.data[at], view.light, view.origin);
+                enqueue(mesh_rays[warp], waiting, (list.count + 31) / 32, open & met_any, p, span.near, row * 64 + column);
+            }
+        }
+        if (fresh ? inside : asks & !open)
+            target.shadow.data[at] = static_cast<int>(asks & !open ? before | bit : before);
+        if (HAS_MESH && waiting > SHADOW_QUEUE - LANES)
+            cast_waiting();
+    }
+    if (HAS_MESH)
+        cast_waiting();
+#else
+    Points points;
+    for (int tile = 0; tile < tiles; ++tile) {
+        size_t at[LANES];
+        bool asks[LANES], any = false;
+        for (int lane = 0; lane < LANES; ++lane) {
+            const int column = tile_column<WIDTH>(tile) + lane % TILE_WIDTH;
+            const int row = tile_row<WIDTH>(tile) + lane / TILE_WIDTH;
+            const int i = region.left + column, j = region.top + row;
+            const bool inside = i < target.width && j < target.height;
+            at[lane] = corner + size_t(row) * target.width + column;
+            if (fresh && inside)
+                target.shadow.data[at[lane]] = 0;
+            points.ids[lane] = inside ? target.shape.data[at[lane]] : -1;
+            asks[lane] = points.ids[lane] >= 0 && !(target.shadow.data[at[lane]] & bit);
+            any |= asks[lane];
+            const float depth = asks[lane] ? target.depth.data[at[lane]] : 0.0f;
+            const Vec p = view.sight.point(float(i), float(j), depth);
+            const Span span = span_of(view.light, view.origin, p, depth);
+            points.at[lane] = p;
+            points.places[lane] = place_of(distant, lit.point(float(i), float(j), depth));
+            points.near[lane] = span.near;
+            points.reach[lane] = span.reach;
+            points.faces[lane] = HAS_MESH && asks[lane] ? target.face.data[at[lane]] : 0;
+            points.open[lane] = asks[lane];
+        }
+        if (!any)
+            continue;
+        shade_tile<TYPES>(list, view, world, shapes, meshes, fields, points);
+        for (int lane = 0; lane < LANES; ++lane)
+            if (asks[lane] && !points.open[lane])
+                target.shadow.data[at[lane]] |= static_cast<int>(bit);
+    }
+#endif
 }
 
 // Shadows in one region of one view; the index runs as in draw(). The list is filled and used once for each light, and
@@ -45,101 +135,45 @@ WARPCAM_FN void cast(const Shapes& shapes, const Materials& materials, const Mes
                      int index)
 {
     WARPCAM_SHARED CasterList<CAPACITY> list;
-    constexpr bool HAS_FACES = TYPES >> MESH & 1;
+    WARPCAM_SHARED LitView<LENS> view;
     const int thread = index % THREADS, block = index / THREADS;
     const int columns = (target.width + WIDTH - 1) / WIDTH, rows = (target.height + HEIGHT - 1) / HEIGHT;
     const int world = block / (columns * rows), part = block % (columns * rows);
     if (!wp::index(target.mask, world))
         return;
     const Region region { part % columns * WIDTH, part / columns * HEIGHT, WIDTH, HEIGHT };
-    const Camera camera = load_camera(wp::index(views, world));
-    constexpr int across = WIDTH / TILE_WIDTH, tiles = across * (HEIGHT / TILE_HEIGHT);
     const int total = shapes.drawn.shape[0], num_lights = lights.positions.shape[1];
 
-    bool first = true;
-    for (int index_of_light = 0; index_of_light <= num_lights; ++index_of_light) {
-        const bool none = index_of_light == num_lights;  // no light casts shadows: the masks are still to be cleared
-        if (none ? !first : !casts(lights, world, index_of_light))
+    bool fresh = true;
+    for (int number = 0; number < num_lights; ++number) {
+        if (!casts(lights, world, number))
             continue;
-        const Light light = none ? Light {} : load_light(lights, camera, world, index_of_light);
-        const bool backs = !none && has_ambient(lights, world, index_of_light);
-        const unsigned bit = none ? 0u : 1u << index_of_light;
-        for (int begin = 0; first || begin < total;) {
-            block_barrier();
-            if (thread == 0) {
-                list.count = 0;
-                list.next_tile = 0;
+        int begin = 0;
+        do {
+            block_barrier();  // the list may still be in use
+            if (thread == 0)
+                list.count = list.next_tile = 0;
+            {
+                const Camera camera = load_camera(wp::index(views, world));
+                const LitView<LENS> own = light_view<LENS>(lights, camera, world, number);
+                if (thread == 0)
+                    view = own;
+                block_barrier();
+                begin = gather_casters<TYPES>(list, begin, shapes, materials, meshes, fields, own.light, camera, world,
+                                              thread);
             }
-            block_barrier();
-            begin = none ? total
-                         : gather_casters<TYPES>(list, begin, shapes, materials, meshes, fields, light, camera, world,
-                                                 thread);
-            block_barrier();
-            if (list.count == 0 && !first)
-                continue;
-#if defined(__CUDA_ARCH__)
-            const int lane = thread % LANES;
-            while (true) {
-                int tile = 0;
-                if (lane == 0)
-                    tile = atomicAdd(&list.next_tile, 1);
-                tile = __shfl_sync(0xffffffffu, tile, 0);
-                if (tile >= tiles)
-                    break;
-                const int i = region.left + tile % across * TILE_WIDTH + lane % TILE_WIDTH;
-                const int j = region.top + tile / across * TILE_HEIGHT + lane / TILE_WIDTH;
-                const size_t at = (size_t(world) * target.height + j) * target.width + i;
-                const bool inside = i < target.width && j < target.height;
-                const int id = inside && list.count > 0 ? target.shape.data[at] : -1;
-                const unsigned before = !first && inside ? target.shadow.data[at] : 0u;
-                const bool open = id >= 0 && !(before & bit);
-                bool shaded = false;
-                if (__any_sync(0xffffffffu, open)) {
-                    const float depth = open ? target.depth.data[at] : 0.0f;
-                    const int face = HAS_FACES && open ? target.face.data[at] : 0;
-                    const Vec p = hit_point(camera, LENS, image_x(camera, float(i)), image_y(camera, float(j)), depth);
-                    shaded = shade_tile<TYPES>(list, light, camera, p, depth, open, backs, world, id, face, shapes,
-                                               meshes, fields);
-                }
-                if (inside && (first || shaded))
-                    target.shadow.data[at] = static_cast<int>(shaded ? before | bit : before);
-            }
-#else
-            for (int tile = 0; tile < tiles; ++tile) {
-                Points points;
-                size_t at[LANES];
-                bool asked[LANES], any = false;
-                const int left = region.left + tile % across * TILE_WIDTH;
-                const int top = region.top + tile / across * TILE_HEIGHT;
-                for (int lane = 0; lane < LANES; ++lane) {
-                    const int i = left + lane % TILE_WIDTH, j = top + lane / TILE_WIDTH;
-                    const bool inside = i < target.width && j < target.height;
-                    at[lane] = (size_t(world) * target.height + j) * target.width + i;
-                    if (first && inside)
-                        target.shadow.data[at[lane]] = 0;
-                    points.ids[lane] = inside && list.count > 0 ? target.shape.data[at[lane]] : -1;
-                    asked[lane] = points.ids[lane] >= 0 && !(target.shadow.data[at[lane]] & bit);
-                    any |= asked[lane];
-                    const float depth = asked[lane] ? target.depth.data[at[lane]] : 0.0f;
-                    const Vec p = hit_point(camera, LENS, image_x(camera, float(i)), image_y(camera, float(j)), depth);
-                    const Span span = span_of(light, camera, p, depth);
-                    points.at[lane] = p;
-                    points.near[lane] = span.near;
-                    points.reach[lane] = span.reach;
-                    points.faces[lane] = HAS_FACES && asked[lane] ? target.face.data[at[lane]] : 0;
-                    points.open[lane] = asked[lane];
-                }
-                if (!any)
-                    continue;
-                shade_tile<TYPES>(list, light, camera, backs, world, shapes, meshes, fields, points);
-                for (int lane = 0; lane < LANES; ++lane)
-                    if (asked[lane] && !points.open[lane])
-                        target.shadow.data[at[lane]] |= static_cast<int>(bit);
-            }
-#endif
-            first = false;
-        }
+            if (list.count > 0)
+                cast_light<TYPES, LENS, CAPACITY, WIDTH, HEIGHT>(list, view, 1u << number, fresh, region, world, shapes,
+                                                                 meshes, fields, target);
+            fresh = fresh && list.count == 0;
+        } while (begin < total);
     }
+    if (fresh)  // nothing casts a shadow
+        for (int pixel = thread; pixel < WIDTH * HEIGHT; pixel += THREADS) {
+            const int i = region.left + pixel % WIDTH, j = region.top + pixel / WIDTH;
+            if (i < target.width && j < target.height)
+                target.shadow.data[(size_t(world) * target.height + j) * target.width + i] = 0;
+        }
 }
 
 }  // namespace warpcam
