@@ -8,10 +8,10 @@ from .launch import Stage, native_options
 from .launch import record as record_launch
 from .tables import Tables
 from .types import HeightFields, Lights, Materials, Meshes, Shapes, View
-from .visibility import BLOCKS, LENSES, THREADS, list_capacity, region_size
+from .visibility import BLOCKS, LENSES, THREADS, region_size
 
 MAX_LIGHTS = 32  # bits of a mask
-MAX_LISTED = 128  # shapes that one pass tests
+CAPACITIES = (16, 32, 64, 128, 192)  # how many shapes a pass lists: few sizes, so that scenes share kernels
 
 
 @wp.struct
@@ -100,7 +100,7 @@ def record(
     if face is not None:
         target.face = face.flatten()
     types = sum(1 << t for t in tables.shape_types)
-    capacity = min(list_capacity(tables.num_drawn), MAX_LISTED)
+    capacity = next(size for size in CAPACITIES if size >= min(tables.num_drawn, CAPACITIES[-1]))
     worlds = views.shape[0]
     region = region_size(worlds, width, height, device)
     kernel = _kernel(types, LENSES[lens], capacity, *region)

@@ -12,6 +12,8 @@ from .types import HeightFields, Materials, Meshes, Shapes, View
 LENSES = {"pinhole": 0, "orthographic": 1}
 THREADS = 128  # of a CUDA block; lanes.h has the same number
 MAX_LISTED = 256  # shapes that one pass draws
+FINE_MESH = 8  # bit beside those of the shape types; record.h has the same
+FINE_FACES = 4096  # with a mesh of more, a scene is compiled for fine meshes too
 BLOCKS = 8  # on a multiprocessor: bounds the registers of a thread
 
 
@@ -110,6 +112,8 @@ def record(
             setattr(target, name, buffer.flatten())
             outputs |= 1 << bit
     types = sum(1 << t for t in tables.shape_types)
+    if device.is_cuda and tables.max_faces > FINE_FACES:
+        types |= 1 << FINE_MESH
     region = region_size(worlds, width, height, device)
     kernel = _kernel(types, LENSES[lens], capacity, several, *region, outputs)
     blocks = worlds * -(-width // region[0]) * -(-height // region[1])
@@ -120,7 +124,7 @@ def record(
 
 def list_capacity(num_drawn: int) -> int:
     """How many shapes a block lists at once, for a scene of that many: few sizes, so that scenes share kernels."""
-    return next(size for size in (16, 32, 64, 128, MAX_LISTED) if size >= min(num_drawn, MAX_LISTED))
+    return next(size for size in (16, 32, 64, 96, 128, 192, MAX_LISTED) if size >= min(num_drawn, MAX_LISTED))
 
 
 def region_size(worlds: int, width: int, height: int, device: wp.Device) -> tuple[int, int]:

@@ -43,6 +43,17 @@ WARPCAM_FN Ray look_back(const Record& record, const Row& aim, Vec p, bool dista
 
 #if defined(__CUDA_ARCH__)
 
+// Draws the next number of a counter in shared memory, for one lane.
+WARPCAM_FN unsigned draw_number(int& counter)
+{
+    unsigned number;  // `inc`, because compilers gather the lanes of an `add` first
+    asm volatile("atom.shared.inc.u32 %0, [%1], 0x7fffffff;"
+                 : "=r"(number)
+                 : "r"(static_cast<unsigned>(__cvta_generic_to_shared(&counter)))
+                 : "memory");
+    return number;
+}
+
 // Smallest of the values that the lanes of a warp have.
 WARPCAM_FN float warp_min(float value)
 {
@@ -74,10 +85,11 @@ template <int CAPACITY> WARPCAM_FN Window bounds_of(const CasterList<CAPACITY>& 
 }
 
 // Is the lane's point, which the light sees at `place`, in the shadow of a caster? `open` is false in lanes that do not
-// ask; afterwards it is true in those that still do. Casters that are meshes are only named: put_met(word, bits).
-template <int TYPES, int LENS, int CAPACITY, class HeightFields, class PutMet>
-WARPCAM_FN void shade_tile(const CasterList<CAPACITY>& list, const LitView<LENS>& view, Vec p, const Span& span,
-                           const Place& place, bool& open, const HeightFields& fields, const PutMet& put_met)
+// ask; afterwards it is true in those that still do. Meshes are not tried but named in `met`, bits by slot, if the point
+// lies in their windows; true if there are any.
+template <int TYPES, int LENS, int CAPACITY, class HeightFields>
+WARPCAM_FN bool shade_tile(const CasterList<CAPACITY>& list, const LitView<LENS>& view, Vec p, const Span& span,
+                           const Place& place, bool& open, const HeightFields& fields, unsigned* met)
 {
     constexpr bool HAS_MESH = TYPES >> MESH & 1, HAS_FIELD = TYPES >> HEIGHT_FIELD & 1;
     const int lane = threadIdx.x % LANES, words = (list.count + 31) / 32;
@@ -86,9 +98,10 @@ WARPCAM_FN void shade_tile(const CasterList<CAPACITY>& list, const LitView<LENS>
     const Window tile { warp_min(open ? u : FAR_AWAY), -warp_min(open ? place.beside ? u : -u : FAR_AWAY),
                         warp_min(open ? v : FAR_AWAY), -warp_min(open ? place.beside ? v : -v : FAR_AWAY) };
     const float floor = warp_min(open ? place.height : FAR_AWAY);
+    bool met_any = false;
     for (int word = 0; word < words; ++word) {
         const bool mine = may_shade(list.windows[word * 32 + lane], list.heights[word * 32 + lane], tile, floor);
-        unsigned met = 0;
+        unsigned word_met = 0;
         for (unsigned mask = __ballot_sync(0xffffffffu, mine); mask; mask &= mask - 1) {
             const int bit = lowest_bit(mask), slot = word * 32 + bit;
             const bool meets = open & may_shade(list.windows[slot], list.heights[slot], place);
@@ -97,7 +110,7 @@ WARPCAM_FN void shade_tile(const CasterList<CAPACITY>& list, const LitView<LENS>
             const Record& record = list.records[slot];
             const int type = record.axis_x.w;
             if (HAS_MESH && type == MESH) {
-                met |= meets ? 1u << bit : 0u;
+                word_met |= meets ? 1u << bit : 0u;
             } else if (HAS_FIELD && type == HEIGHT_FIELD) {
                 if (meets) {
                     Hit hit { span.reach, -1, -1 };
@@ -110,9 +123,12 @@ WARPCAM_FN void shade_tile(const CasterList<CAPACITY>& list, const LitView<LENS>
                 open = open & !((t > span.near) & (t < span.reach));
             }
         }
-        if (HAS_MESH)
-            put_met(word, met);
+        if (HAS_MESH) {
+            met[word] = word_met;
+            met_any |= word_met != 0;
+        }
     }
+    return met_any;
 }
 
 #else
@@ -203,7 +219,7 @@ inline void shade_tile(const CasterList<CAPACITY>& list, const LitView<LENS>& vi
         if (HAS_MESH && walk && hit.shape < 0
             && (view.counts_behind
                 || faces_light(shapes, meshes, world, points.ids[lane], points.faces[lane], view.light, view.origin)))
-            walk_meshes<true>(meshes, list.records, list.order, met, words, ray, points.near[lane], hit);
+            walk_meshes<true>(meshes, list.records, list.order, met, words, 1, ray, points.near[lane], hit);
         points.open[lane] = hit.shape < 0;
     }
 }

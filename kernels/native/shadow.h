@@ -21,8 +21,8 @@ WARPCAM_FN LitView<LENS> light_view(const Lights& lights, const Camera& camera, 
 }
 
 // A tile's first pixel, counted from its region's corner.
-template <int WIDTH> WARPCAM_FN int tile_column(int tile) { return tile % (WIDTH / TILE_WIDTH) * TILE_WIDTH; }
-template <int WIDTH> WARPCAM_FN int tile_row(int tile) { return tile / (WIDTH / TILE_WIDTH) * TILE_HEIGHT; }
+template <int WIDTH> WARPCAM_FN int tile_column(unsigned tile) { return tile % (WIDTH / TILE_WIDTH) * TILE_WIDTH; }
+template <int WIDTH> WARPCAM_FN int tile_row(unsigned tile) { return tile / (WIDTH / TILE_WIDTH) * TILE_HEIGHT; }
 
 // Casts the shadows of one light, as far as they come from the list's shapes, in one region. With `fresh` the masks are
 // written; else they gain what is in shadow.
@@ -32,67 +32,78 @@ WARPCAM_FN void cast_light(CasterList<CAPACITY>& list, const LitView<LENS>& view
                            const Region& region, int world, const Shapes& shapes, const Meshes& meshes,
                            const HeightFields& fields, const Target& target)
 {
-    constexpr int tiles = WIDTH / TILE_WIDTH * (HEIGHT / TILE_HEIGHT);
+    constexpr unsigned tiles = WIDTH / TILE_WIDTH * (HEIGHT / TILE_HEIGHT);
     constexpr bool HAS_MESH = TYPES >> MESH & 1;
     const Sight<LENS> lit = lit_sight(view.light, view.sight);
     const bool distant = view.light.distant;
     const size_t corner = (size_t(world) * target.height + region.top) * target.width + region.left;
 #if defined(__CUDA_ARCH__)
     constexpr int WORDS = CasterList<CAPACITY>::WORDS;
-    WARPCAM_SHARED ShadowRays<WORDS> mesh_rays[HAS_MESH ? THREADS / LANES : 1];
-    const int lane = threadIdx.x % LANES, warp = threadIdx.x / LANES;
+    WARPCAM_SHARED ShadowRays<HAS_MESH ? WORDS : 1> rays;
+    const int lane = threadIdx.x % LANES;
     const int wide = lower_int(target.width - region.left, WIDTH), high = lower_int(target.height - region.top, HEIGHT);
     float ceiling;
     const Window bounds = bounds_of(list, ceiling);
-    int waiting = 0;  // rays in the warp's queue
-    const auto cast_waiting = [&]() {
-        const auto shade = [&](int pixel) {
-            target.shadow.data[corner + unsigned(pixel / 64 * target.width + pixel % 64)] |= static_cast<int>(bit);
-        };
-        cast_queue(mesh_rays[warp], waiting, list, view.light, meshes, shade);
-        waiting = 0;
-    };
-    while (true) {
-        const int tile = __shfl_sync(0xffffffffu, lane == 0 ? draw_number(list.next_tile) : 0, 0);
-        if (tile >= tiles)
-            break;
-        const int column = tile_column<WIDTH>(tile) + lane % TILE_WIDTH;
-        const int row = tile_row<WIDTH>(tile) + lane / TILE_WIDTH;
-        const size_t at = corner + unsigned(row * target.width + column);
-        const bool inside = (column < wide) & (row < high);
-        const int id = inside ? target.shape.data[at] : -1;
-        const float depth = inside ? target.depth.data[at] : 0.0f;
-        const unsigned before = !fresh && inside ? target.shadow.data[at] : 0u;
-        const float i = float(region.left + column), j = float(region.top + row);
-        const Place place = place_of(distant, lit.point(i, j, depth));
-        const bool asks = (id >= 0) & !(before & bit) & may_shade(bounds, ceiling, place);
-        bool open = asks;
-        if (__any_sync(0xffffffffu, asks)) {
-            const Vec p = view.sight.point(i, j, depth);
-            const Span span = span_of(view.light, view.origin, p, depth);
-            bool met_any = false;
-            const auto put_met = [&](int word, unsigned met) {
-                mesh_rays[warp].meshes[word][waiting + lane] = met;
-                met_any |= met != 0;
-            };
-            shade_tile<TYPES>(list, view, p, span, place, open, fields, put_met);
-            if (HAS_MESH) {
-                if (open & met_any)
-                    met_any = view.counts_behind
-                        || faces_light(shapes, meshes, world, id, target.face.data[at], view.light, view.origin);
-                enqueue(mesh_rays[warp], waiting, (list.count + 31) / 32, open & met_any, p, span.near, row * 64 + column);
-            }
+    bool more = true;  // tiles
+    while (more) {
+        if (HAS_MESH) {
+            if (threadIdx.x == 0)
+                rays.count = rays.next = 0;
+            block_barrier();
         }
-        if (fresh ? inside : asks & !open)
-            target.shadow.data[at] = static_cast<int>(asks & !open ? before | bit : before);
-        if (HAS_MESH && waiting > SHADOW_QUEUE - LANES)
-            cast_waiting();
+        while (!HAS_MESH || __all_sync(ALL, rays.has_room())) {
+            const unsigned tile = __shfl_sync(ALL, lane == 0 ? draw_number(list.next_tile) : 0u, 0);
+            if (tile >= tiles)
+                break;
+            const int column = tile_column<WIDTH>(tile) + lane % TILE_WIDTH;
+            const int row = tile_row<WIDTH>(tile) + lane / TILE_WIDTH;
+            const size_t at = corner + unsigned(row * target.width + column);
+            const bool inside = (column < wide) & (row < high);
+            const int id = inside ? target.shape.data[at] : -1;
+            const float depth = inside ? target.depth.data[at] : 0.0f;
+            const float i = float(region.left + column), j = float(region.top + row);
+            const Place place = place_of(distant, lit.point(i, j, depth));
+            const bool asks = id >= 0 && may_shade(bounds, ceiling, place);
+            bool open = asks;
+            if (__any_sync(ALL, asks)) {
+                const Vec p = view.sight.point(i, j, depth);
+                const Span span = span_of(view.light, view.origin, p, depth);
+                unsigned met[WORDS];
+                const bool met_any = shade_tile<TYPES>(list, view, p, span, place, open, fields, met);
+                if (HAS_MESH) {
+                    const bool keep = open && met_any
+                        && (view.counts_behind
+                            || faces_light(shapes, meshes, world, id, target.face.data[at], view.light, view.origin));
+                    enqueue(rays, (list.count + 31) / 32, keep, met, row * 64 + column);
+                }
+            }
+            const bool shaded = asks & !open;
+            if (fresh && inside)
+                target.shadow.data[at] = shaded ? static_cast<int>(bit) : 0;
+            else if (shaded)
+                target.shadow.data[at] |= static_cast<int>(bit);
+        }
+        more = false;
+        if (HAS_MESH) {
+            block_barrier();
+            more = list.next_tile < int(tiles);
+            const auto start = [&](int pixel, WorldRay& ray, Span& span) {
+                const float depth = target.depth.data[corner + unsigned(pixel / 64 * target.width + pixel % 64)];
+                const Vec p = view.sight.point(float(region.left + pixel % 64), float(region.top + pixel / 64), depth);
+                span = span_of(view.light, view.origin, p, depth);
+                ray = { p, ray_to(view.light, p) };
+            };
+            const auto shade = [&](int pixel) {
+                target.shadow.data[corner + unsigned(pixel / 64 * target.width + pixel % 64)] |= static_cast<int>(bit);
+            };
+            if (rays.count > 0)
+                cast_queue(rays, list, meshes, start, shade);
+            block_barrier();
+        }
     }
-    if (HAS_MESH)
-        cast_waiting();
 #else
     Points points;
-    for (int tile = 0; tile < tiles; ++tile) {
+    for (unsigned tile = 0; tile < tiles; ++tile) {
         size_t at[LANES];
         bool asks[LANES], any = false;
         for (int lane = 0; lane < LANES; ++lane) {
