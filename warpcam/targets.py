@@ -67,7 +67,9 @@ class Target:
         depth, shape, face, shadows = self._depth, self._shape, self._face, self._shadow
         stages = [visibility.record(tables, projection, views, mask, faults, width, height, depth, shape, face, device)]
         if shadows is not None:
-            stages.append(shadow.record(tables, projection, views, mask, depth, shape, width, height, shadows, device))
+            stages.append(
+                shadow.record(tables, projection, views, mask, depth, shape, face, width, height, shadows, device)
+            )
         if self._derived:
             derived = {name: self.images[name] for name in self._derived}
             if face is None:
