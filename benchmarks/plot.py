@@ -63,6 +63,7 @@ def draw_ratios(axes: Axes, setting: str, rows: list[Row]) -> None:
     axes.set_title(f"{worlds} worlds, {pixels}" if setting != "cpu" else f"CPU, {pixels}", fontsize=9, loc="left")
     axes.legend(fontsize=7, ncols=len(outputs), frameon=False, loc="upper right")
     axes.margins(x=0.01, y=0.2)
+    axes.set_ylim(bottom=min([0.8, *(0.8 * row["best_peer"]["ratio"] for row in rows)]))
 
 
 def draw_sweep(rows: list[Row]) -> Figure:

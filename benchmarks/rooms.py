@@ -18,17 +18,20 @@ def color(index: int) -> tuple[float, float, float, float]:
     return (*COLORS[index % len(COLORS)], 1.0)
 
 
-def add_free(spec: mujoco.MjSpec, position: np.ndarray, kind: int, scale: float = 1.0) -> mujoco.MjsBody:
-    """Add a free body of one small shape."""
+def add_small(spec: mujoco.MjSpec, position: np.ndarray, kind: int, scale: float = 1.0, free: bool = True) -> None:
+    """Add a body of one small shape."""
     body = spec.worldbody.add_body(pos=position)
-    body.add_freejoint()
+    if free:
+        body.add_freejoint()
     shape, size = SMALL[kind % len(SMALL)]
     body.add_geom(type=shape, size=scale * np.array(size), rgba=color(kind // len(SMALL) + kind))
-    return body
 
 
 def shapes(count: int) -> mujoco.MjSpec:
-    """`count` free shapes in a square grid over a checkered plane under one light; the camera sees all of them."""
+    """`count` shapes in a square grid over a checkered plane under one light; the camera sees all of them.
+
+    Not more than 256 of them are free: a simulator's own tables grow with the square of that.
+    """
     spec = mujoco.MjSpec()
     add_floor(spec)
     add_sun(spec)
@@ -38,7 +41,8 @@ def shapes(count: int) -> mujoco.MjSpec:
     for index in range(count):
         row, column = divmod(index, side)
         grid = spacing * (np.array((column, row)) - 0.5 * (side - 1))
-        add_free(spec, np.array((*grid, random.uniform(0.3, 0.7))), index, scale=spacing / 0.8)
+        position = np.array((*grid, random.uniform(0.3, 0.7)))
+        add_small(spec, position, index, scale=spacing / 0.8, free=index % (1 + (count - 1) // 256) == 0)
     look_at(spec, (9.0, 9.0, 6.0), (0.0, 0.0, 0.0))
     return spec
 
@@ -156,7 +160,7 @@ def room() -> mujoco.MjSpec:
             add_box(center, (random.uniform(0.02, 0.055), 0.1, tall), rgba=color(int(random.integers(5))))
         shelf += 1
     for index in range(loose):
-        add_free(spec, random.uniform((-4.0, -3.0, 0.9), (4.0, 3.2, 1.6)), index, scale=0.5)
+        add_small(spec, random.uniform((-4.0, -3.0, 0.9), (4.0, 3.2, 1.6)), index, scale=0.5)
     add_sun(spec)
     for x in (-2.5, 2.5):
         spec.worldbody.add_light(pos=(x, 0.0, 2.7), dir=(0.0, 0.0, -1.0), diffuse=(0.4, 0.4, 0.35), cutoff=70.0)
@@ -172,7 +176,7 @@ def terrain() -> mujoco.MjSpec:
     random = np.random.default_rng(1)
     for index in range(12):
         x, y = random.uniform(-4.0, 4.0, 2)
-        add_free(spec, np.array((x, y, 0.5)), index, scale=1.5)
+        add_small(spec, np.array((x, y, 0.5)), index, scale=1.5)
     position = (6.0, -6.0, 3.5)
     drone = spec.worldbody.add_body(pos=position, mass=1.0, inertia=(1.0, 1.0, 1.0), explicitinertial=True)
     drone.add_freejoint()

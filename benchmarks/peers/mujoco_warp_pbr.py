@@ -1,4 +1,4 @@
-"""mujoco_warp_pbr's real-time tier on its software traversal, with MuJoCo's meaning of lights and no tone mapping."""
+"""mujoco_warp_pbr: its real-time tier in software, with MuJoCo's lights, and without tone mapping or mirrors."""
 
 import mujoco_warp as mjw
 import mujoco_warp_pbr as mjpbr
@@ -17,6 +17,7 @@ class PbrPeer(MujocoWarpPeer):
             use_textures=wanted.textures,
             use_shadows=wanted.shadows,
             use_skybox=False,
+            enable_reflections=False,
             light_model=mjpbr.LightModel.MUJOCO,
             tone_mapper=mjpbr.ToneMapper.CLAMP,
             **self.options(),
