@@ -87,9 +87,7 @@ def measured(options: argparse.Namespace) -> dict[str, Any]:
     screen = reports.console()
     with measure.on_one_stream(device):
         for (case, setting, wanted), marks in points:
-            worlds = setting.worlds_of(case)
-
-            size = (setting.width, setting.height)
+            worlds, size = setting.worlds_of(case), (setting.width, setting.height)
             marks = {"setting": setting.name, **marks}
             for row in runner.measure_case(case, worlds, size, wanted, renderers, device, options.replays):
                 report["results"].append({**row, **marks})

@@ -60,10 +60,10 @@ def add_checkered(spec: mujoco.MjSpec, name: str, first: Point, second: Point, r
     return name
 
 
-def add_floor(spec: mujoco.MjSpec, height: float = 0.0) -> None:
-    """Add an infinite plane with a texture."""
+def add_floor(spec: mujoco.MjSpec) -> None:
+    """Add a plane of 40 m x 40 m with a texture: the renderers do not agree where an infinite one ends."""
     squares = add_checkered(spec, "floor", (0.25, 0.3, 0.35), (0.45, 0.5, 0.55), 1.0)
-    spec.worldbody.add_geom(type=GEOM.mjGEOM_PLANE, size=(0.0, 0.0, 1.0), pos=(0.0, 0.0, height), material=squares)
+    spec.worldbody.add_geom(type=GEOM.mjGEOM_PLANE, size=(20.0, 20.0, 1.0), material=squares)
 
 
 def hills(samples: int, seed: int) -> np.ndarray:

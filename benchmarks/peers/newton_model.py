@@ -174,12 +174,14 @@ def light_scene(sensor: SensorCamera, problem: Problem) -> tuple[str, ...]:
     """
     mjm, pose = problem.mjm, problem.poses[0]
     lights = np.flatnonzero(mjm.light_active)
-    lacks = ["specular highlights", "lights that move with the world"]
+    lacks = ["specular highlights"]
     if mjm.vis.headlight.active:
         sensor.set_ambient_light(tuple(float(c) for c in mjm.vis.headlight.ambient))
         lacks.append("the headlight, but for its ambient part")
     if not len(lights):
         return tuple(lacks)
+    if any(np.ptp(pose[name].numpy(), axis=0).max() > 0.0 for name in ("light_xpos", "light_xdir")):
+        lacks.append("lights that move with the world")
     directions = pose["light_xdir"].numpy()[0, lights]
     casts = mjm.light_castshadow[lights].astype(bool)
     first = tuple(float(x) for x in directions[0])
