@@ -11,7 +11,7 @@ import numpy as np
 import torch
 import warp as wp
 
-GPU_BUDGET = 0.5  # seconds of replays, at least MIN_FRAMES of them
+GPU_BUDGET = 0.25  # seconds of replays, at least MIN_FRAMES of them
 CPU_BUDGET = 10.0  # seconds of calls, at least MIN_CALLS and at most MAX_CALLS of them
 MIN_FRAMES, MAX_FRAMES = 12, 200
 MIN_CALLS, MAX_CALLS = 3, 30

@@ -22,7 +22,10 @@ class Peer(Protocol):
     lacks: tuple[str, ...]  # what of the scene it cannot show in these outputs
 
     def prepare(self, wanted: Wanted) -> None:
-        """Set up for these outputs, and let go of what was set up before."""
+        """Set up for these outputs."""
+
+    def release(self) -> None:
+        """Let go of what was set up for outputs, and its memory."""
 
     def place(self, index: int) -> None:
         """Put every world into its pose of this set. Can be captured; not timed: a simulator does that."""

@@ -20,8 +20,10 @@ class MujocoWarpPeer:
         self.problem = problem
         self.context: Any = None
 
-    def prepare(self, wanted: Wanted) -> None:
+    def release(self) -> None:
         self.context = None
+
+    def prepare(self, wanted: Wanted) -> None:
         self.wanted = wanted
         self.context = mjw.create_render_context(
             self.problem.mjm,

@@ -1,5 +1,7 @@
 """mujoco_warp_pbr: its real-time tier in software, with MuJoCo's lights, and without tone mapping or mirrors."""
 
+from typing import Any
+
 import mujoco_warp as mjw
 import mujoco_warp_pbr as mjpbr
 from warpcam.benchmarks.cases import Wanted
@@ -9,8 +11,12 @@ from warpcam.benchmarks.peers.mujoco_warp import MujocoWarpPeer
 class PbrPeer(MujocoWarpPeer):
     """It stands on a context of MuJoCo-Warp's, which holds the scene tree and the images."""
 
-    def prepare(self, wanted: Wanted) -> None:
+    pbr: Any = None
+
+    def release(self) -> None:
         self.context = self.pbr = None
+
+    def prepare(self, wanted: Wanted) -> None:
         self.wanted = wanted
         self.pbr = mjpbr.create_render_context(
             self.problem.mjm,

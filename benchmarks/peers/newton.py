@@ -1,5 +1,7 @@
 """Newton's SensorCamera, in both its render orders; the faster counts."""
 
+from typing import Any
+
 import mujoco
 import newton
 import numpy as np
@@ -22,11 +24,17 @@ class NewtonPeer:
         self.model: newton.Model = self.built.model
         self.state = self.model.state()
         self.lacks: tuple[str, ...] = ()
+        self.sensor: Any = None
         self.bodies = [self.body_poses(index) for index in range(POSE_SETS)]
         # Views that share a lens are rendered by one call.
         fovy = problem.mjm.cam_fovy[problem.camera_ids]
         self.batches = [Batch(problem, np.flatnonzero(fovy == value), float(value)) for value in np.unique(fovy)]
         self.place(0)
+
+    def release(self) -> None:
+        self.sensor = None
+        for batch in self.batches:
+            batch.images = {}
 
     def prepare(self, wanted: Wanted) -> None:
         self.wanted = wanted
@@ -106,7 +114,6 @@ class Batch:
         self.images: dict[str, wp.array] = {}
 
     def allocate(self, sensor: SensorCamera, wanted: Wanted) -> None:
-        self.images = {}
         makers = {
             "depth": sensor.allocate_image_depth_forward,
             "segmentation": sensor.allocate_image_shape_index,

@@ -19,8 +19,10 @@ class WarpcamPeer:
         self.scene = wc.from_mujoco_warp(problem.mjm, problem.m, problem.d)
         self.renderer: wc.Renderer | None = None
 
-    def prepare(self, wanted: Wanted) -> None:
+    def release(self) -> None:
         self.renderer = None
+
+    def prepare(self, wanted: Wanted) -> None:
         self.wanted = wanted
         cameras = [
             wc.Camera(
