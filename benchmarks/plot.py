@@ -6,6 +6,8 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator
+from warpcam.benchmarks.cases import CASES
 from warpcam.benchmarks.report import OURS, Report, Row
 
 from warpcam.errors import WarpcamError
@@ -23,7 +25,7 @@ def draw(report: Report, path: Path) -> None:
     machine = report["runs"][0]["machine"]
     peers = ("mujoco-warp", "newton", "mujoco-warp-pbr")
     versions = ", ".join(f"{name} {machine[name]}" for name in peers if name in machine)
-    figure.text(0.995, 0.005, f"{machine['device']}; {versions}", ha="right", va="bottom", fontsize=7, color="#666666")
+    figure.supxlabel(f"{machine['device']}; {versions}", x=0.99, ha="right", fontsize=7, color="#666666")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         figure.savefig(path, dpi=150)
@@ -33,7 +35,7 @@ def draw(report: Report, path: Path) -> None:
 
 def draw_cases(rows: list[Row]) -> Figure:
     """A panel for each number of pixels: bars of the best peer's time over ours, by case and set of outputs."""
-    rows = [row for row in rows if "best_peer" in row]
+    rows = [row for row in rows if "best_peer" in row and row["case"] in CASES]
     if not rows:
         raise WarpcamError("--plot: no result has both warpcam and a peer")
     settings = list(dict.fromkeys(row["setting"] for row in rows))
@@ -44,7 +46,8 @@ def draw_cases(rows: list[Row]) -> Figure:
 
 
 def draw_ratios(axes: Axes, setting: str, rows: list[Row]) -> None:
-    cases = list(dict.fromkeys(row["case"] for row in rows))
+    measured = {row["case"] for row in rows}
+    cases = [name for name in CASES if name in measured]
     outputs = list(dict.fromkeys(row["outputs"] for row in rows))
     width = 0.8 / len(outputs)
     for index, name in enumerate(outputs):
@@ -92,6 +95,11 @@ def draw_growth(axes: Axes, sweep: str, rows: list[Row]) -> None:
             axes.plot(x, line[-1]["ms"]["median"] * work, ":", color="#999999", linewidth=0.8)
     axes.set_xscale("log")
     axes.set_yscale("log")
+    points = sorted({row["x"] for row in rows})
+    axes.set_xticks(points, [f"{x:,}" for x in points], fontsize=7, rotation=30)
+    axes.minorticks_off()
+    axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    axes.yaxis.set_major_formatter("{x:g}")
     first = rows[0]
     beside = [] if sweep == "worlds" else [f"{first['worlds']} worlds"]
     beside += [] if sweep == "pixels" else [f"{first['width']}x{first['height']}"]
