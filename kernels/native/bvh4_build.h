@@ -10,16 +10,16 @@
 namespace warpcam {
 namespace bvh4_build {
 
-constexpr int kMaxFaces = 88000000;    // in a mesh: 3/2 of them stand in leaves, and a leaf's code must fit in an int
-constexpr int kWhole = 32;             // no node of at most this many items is cut ...
-constexpr double kOverlap = 0.01;      // ... nor one whose children's boxes share less than this part of the root's surface
+constexpr int kMaxFaces = 67000000;      // in a mesh: with their cuts they must fit in the code of a leaf, an int
+constexpr double kOverlap = 0.01;        // a node is cut only where else its halves' boxes share this part of the root's surface
 constexpr float kLeafCost = 54.f / 86;   // a ray's work for a leaf, in units of its work for a node ...
-constexpr float kRoundCost = 54.f / 86;  // ... and for each four faces in it, which four lanes test at a time
-constexpr float kAbsent = 1e30f;       // all the bounds of a child that is not there
-constexpr int kScratch = 256;          // bytes a face
+constexpr float kRoundCost = 54.f / 86;  // ... for each four faces in it, which four lanes test at a time ...
+constexpr float kFaceCost = 0.06f;       // ... and for each face, which lanes on their own and CPUs test one after another
+constexpr float kAbsent = 1e30f;         // all the bounds of a child that is not there
+constexpr int kScratch = 320;            // bytes a face
 
-// Places for items, for the shares that cut faces add.
-inline int room_for(int num_faces) { return num_faces + num_faces / 2; }
+// Places for items: faces, and what cutting them adds.
+constexpr int room_for(int num_faces) { return 2 * num_faces; }
 
 inline void read_items(const Faces& mesh, int num_faces, Item* items)
 {
@@ -30,8 +30,8 @@ inline void read_items(const Faces& mesh, int num_faces, Item* items)
 }
 
 // Gives a node's items to two children. Returns where in its `room` places the second's start; `sizes` become the children's.
-inline int divide(const Faces& mesh, Item* items, int count, int room, int limit, const Box& box, const Box& centers, double root_area,
-                  int* sizes)
+inline int divide(const Faces& mesh, Item* items, int count, int room, int limit, const Box& box, const Box& centers,
+                  double root_area, int* sizes)
 {
     int first = 0;
     if (count <= kSweep) {
@@ -39,7 +39,7 @@ inline int divide(const Faces& mesh, Item* items, int count, int room, int limit
     } else {
         Split split = find_split(items, count, limit, centers);
         bool worse = split.first == 0 || split.overlap > kOverlap * root_area;
-        if (worse && count > kWhole && room > count) {
+        if (worse && room > count) {
             Cut cut = find_cut(mesh, items, count, limit, room - count, box);
             Parts parts = {};
             if (cut.cost < split.cost) parts = part(mesh, items, count, room, limit, cut);
@@ -127,6 +127,8 @@ inline int gather(const Branch* branches, const Item* items, int root, int* face
     return count;
 }
 
+inline float leaf_cost(int faces) { return kLeafCost + kRoundCost * (float)((faces + 3) / 4) + kFaceCost * (float)faces; }
+
 // Finds for each binary node, from the bottom up, the cheapest forest of 1, 2 and 3 wide nodes or leaves over its faces. The cost of a
 // node or a face is its chance to be met by a ray that meets the root (the ratio of areas) times the work it then makes.
 inline void plan(Branch* branches, int num_branches, const Item* items)
@@ -142,7 +144,7 @@ inline void plan(Branch* branches, int num_branches, const Item* items)
         int faces[2 * kMaxLeaf];
         branch.faces = branch.count <= 2 * kMaxLeaf ? gather(branches, items, i, faces) : branch.count;
         float area = (float)(branch.box.area() * scale);
-        float as_leaf = branch.faces <= kMaxLeaf ? area * (kLeafCost + kRoundCost * (float)((branch.faces + 3) / 4)) : 3e38f;
+        float as_leaf = branch.faces <= kMaxLeaf ? area * leaf_cost(branch.faces) : 3e38f;
         branch.leaf = branch.count == 1;
         branch.height = 0;
         branch.left[2] = branch.left[3] = branch.left[4] = 0;
@@ -211,8 +213,9 @@ struct Size {
     int nodes, depth, faces;
 };
 
-// Writes the wide tree, parents before children, and the faces of its leaves to `order`. `levels` is how many levels a node and what is below it may take: a node that its plan
-// would make deeper is opened two binary levels instead, which always fits, since its height is never more than 2 * levels.
+// Writes the wide tree, parents before children, and the faces of its leaves to `order`. `levels` is how many levels a node and what is
+// below it may take: a node that its plan would make deeper is opened two binary levels instead, which always fits, since its height is
+// never more than 2 * levels.
 inline Size flatten(const Branch* branches, const Item* items, float* rows, int* order)
 {
     struct Todo { int branch, node, levels; } stack[3 * kMaxDepth + 1];
@@ -269,8 +272,8 @@ inline void write_faces(const Faces& mesh, const int* order, int count, float* r
 // kScratch bytes a face, aligned to 4. The face indices are in range and the vertices' magnitude is below 1e18.
 inline Size build(const float* vertices, const int* faces, int num_faces, void* scratch, float* node_rows, float* face_rows)
 {
-    static_assert(3 * sizeof(Item) / 2 + 3 * sizeof(Branch) + 3 * sizeof(int) / 2 <= kScratch, "scratch is too small");
-    static_assert(3ll * kMaxFaces / 2 <= 0x7fffffff >> 4, "a leaf's code must fit in an int");
+    static_assert(2 * sizeof(Item) + 4 * sizeof(Branch) + 2 * sizeof(int) <= kScratch, "scratch is too small");
+    static_assert(room_for(kMaxFaces) <= 0x7fffffff >> 4, "a leaf's code must fit in an int");
     Faces mesh = {vertices, faces};
     int room = room_for(num_faces);
     Item* items = (Item*)scratch;
