@@ -5,10 +5,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from warpcam.kernels.bvh4_build import MAX_LEAF, max_listed
 
 from warpcam.accel.bvh4 import MAX_DEPTH, Bvh4, build_bvh4
 from warpcam.errors import WarpcamError
-from warpcam.kernels.bvh4_build import MAX_LEAF, max_listed
 
 ABSENT = np.float32(1e30)
 
