@@ -12,7 +12,7 @@ namespace bvh4_build {
 
 constexpr int kMaxFaces = 67000000;      // in a mesh: with their cuts they must fit in the code of a leaf, an int
 constexpr double kOverlap = 0.01;        // a node is cut only where else its halves' boxes share this part of the root's surface
-constexpr float kLeafCost = 54.f / 86;   // a ray's work for a leaf, in units of its work for a node ...
+constexpr float kLeafCost = 54.f / 86;   // a ray's work for a leaf, in units of that for a node ...
 constexpr float kRoundCost = 54.f / 86;  // ... for each four faces in it, which four lanes test at a time ...
 constexpr float kFaceCost = 0.06f;       // ... and for each face, which lanes on their own and CPUs test one after another
 constexpr float kAbsent = 1e30f;         // all the bounds of a child that is not there
@@ -55,8 +55,8 @@ inline int divide(const Faces& mesh, Item* items, int count, int room, int limit
     if (first == 0) first = split_halves(items, count, centers);
     sizes[0] = first;
     sizes[1] = count - first;
-    if (room == count) return first;
-    double areas[2] = {0., 0.};  // large boxes have the most to gain from a cut
+    if (room == count || count <= kSweep) return first;  // no room is needed where nothing more is cut
+    double areas[2] = {0., 0.};                          // large boxes have the most to gain from a cut
     for (int i = 0; i < count; ++i) areas[i >= first] += items[i].box.area();
     double sum = areas[0] + areas[1];
     int second = first + (int)((room - count) * (sum > 0. ? areas[0] / sum : 0.5));
@@ -106,32 +106,14 @@ inline int grow(const Faces& mesh, Item* items, int num_items, int room, Branch*
     return used;
 }
 
-// The faces below a binary node of at most 2 * kMaxLeaf items, each once, in ascending order. Returns how many.
-inline int gather(const Branch* branches, const Item* items, int root, int* faces)
+inline float leaf_cost(int faces)
 {
-    int stack[2 * kMaxLeaf + 1], top = 0, count = 0;
-    stack[top++] = root;
-    while (top > 0) {
-        const Branch& branch = branches[stack[--top]];
-        if (branch.child > 0) {
-            stack[top++] = branch.child + 1;
-            stack[top++] = branch.child;
-            continue;
-        }
-        int face = items[branch.first].face, at = count;
-        while (at > 0 && faces[at - 1] > face) --at;
-        if (at > 0 && faces[at - 1] == face) continue;
-        for (int i = count++; i > at; --i) faces[i] = faces[i - 1];
-        faces[at] = face;
-    }
-    return count;
+    return kLeafCost + kRoundCost * (float)((faces + 3) / 4) + kFaceCost * (float)faces;
 }
-
-inline float leaf_cost(int faces) { return kLeafCost + kRoundCost * (float)((faces + 3) / 4) + kFaceCost * (float)faces; }
 
 // Finds for each binary node, from the bottom up, the cheapest forest of 1, 2 and 3 wide nodes or leaves over its faces. The cost of a
 // node or a face is its chance to be met by a ray that meets the root (the ratio of areas) times the work it then makes.
-inline void plan(Branch* branches, int num_branches, const Item* items)
+inline void plan(Branch* branches, int num_branches)
 {
     double whole = branches[0].box.area();
     double scale = whole > 0. ? 1. / whole : 0.;
@@ -141,17 +123,15 @@ inline void plan(Branch* branches, int num_branches, const Item* items)
             branch.box = branches[branch.child].box;
             branch.box.grow(branches[branch.child + 1].box);
         }
-        int faces[2 * kMaxLeaf];
-        branch.faces = branch.count <= 2 * kMaxLeaf ? gather(branches, items, i, faces) : branch.count;
         float area = (float)(branch.box.area() * scale);
-        float as_leaf = branch.faces <= kMaxLeaf ? area * leaf_cost(branch.faces) : 3e38f;
+        float as_leaf = branch.count <= kMaxLeaf ? area * leaf_cost(branch.count) : 3e38f;
         branch.leaf = branch.count == 1;
         branch.height = 0;
         branch.left[2] = branch.left[3] = branch.left[4] = 0;
         branch.cost[0] = branch.cost[1] = branch.cost[2] = as_leaf;
         if (branch.count == 1) continue;
         const Branch &a = branches[branch.child], &b = branches[branch.child + 1];
-        if (branch.faces > kMaxLeaf) branch.height = (short)(1 + larger(a.height, b.height));
+        if (branch.count > kMaxLeaf) branch.height = (short)(1 + larger(a.height, b.height));
         float two = a.cost[0] + b.cost[0];
         bool near = a.cost[0] + b.cost[1] < a.cost[1] + b.cost[0];
         float three = near ? a.cost[0] + b.cost[1] : a.cost[1] + b.cost[0];
@@ -196,7 +176,7 @@ inline int open_two_levels(const Branch* branches, int root, int* children)
     int count = 0;
     for (int side = 0; side < 2; ++side) {
         int child = branches[root].child + side;
-        if (branches[child].faces > kMaxLeaf) {
+        if (branches[child].count > kMaxLeaf) {
             children[count++] = branches[child].child;
             children[count++] = branches[child].child + 1;
         } else {
@@ -226,7 +206,7 @@ inline Size flatten(const Branch* branches, const Item* items, float* rows, int*
         Todo todo = stack[--top];
         const Branch& branch = branches[todo.branch];
         int below = todo.levels - 1;
-        auto is_leaf = [&](int child) { return branches[child].leaf || (below == 0 && branches[child].faces <= kMaxLeaf); };
+        auto is_leaf = [&](int child) { return branches[child].leaf || (below == 0 && branches[child].count <= kMaxLeaf); };
         int children[4], inner[4], count = 1, num_inner = 0;
         children[0] = todo.branch;
         if (!branch.leaf) {
@@ -244,9 +224,8 @@ inline Size flatten(const Branch* branches, const Item* items, float* rows, int*
             }
             int code = 0;
             if (child && is_leaf(children[k])) {
-                int count_in = gather(branches, items, children[k], order + size.faces);
-                code = -(size.faces * 16 + count_in) - 1;
-                size.faces += count_in;
+                code = -(size.faces * 16 + child->count) - 1;
+                for (int i = 0; i < child->count; ++i) order[size.faces++] = items[child->first + i].face;
             } else if (child) {
                 code = size.nodes + num_inner;
                 inner[num_inner++] = children[k];
@@ -273,6 +252,7 @@ inline void write_faces(const Faces& mesh, const int* order, int count, float* r
 inline Size build(const float* vertices, const int* faces, int num_faces, void* scratch, float* node_rows, float* face_rows)
 {
     static_assert(2 * sizeof(Item) + 4 * sizeof(Branch) + 2 * sizeof(int) <= kScratch, "scratch is too small");
+    static_assert(kMaxLeaf <= kSweep, "the items of a leaf must lie in a row, and be of different faces");
     static_assert(room_for(kMaxFaces) <= 0x7fffffff >> 4, "a leaf's code must fit in an int");
     Faces mesh = {vertices, faces};
     int room = room_for(num_faces);
@@ -281,7 +261,7 @@ inline Size build(const float* vertices, const int* faces, int num_faces, void* 
     int* order = (int*)(branches + 2 * room);
     read_items(mesh, num_faces, items);
     int num_branches = grow(mesh, items, num_faces, room, branches);
-    plan(branches, num_branches, items);
+    plan(branches, num_branches);
     Size size = flatten(branches, items, node_rows, order);
     write_faces(mesh, order, size.faces, face_rows);
     return size;

@@ -70,7 +70,8 @@ inline void slice(const Faces& mesh, const Item& item, int axis, const Slices& s
     }
 }
 
-// The best cut of a node's items into two parts of at most `limit`, with at most `spare` cut faces.
+// The best cut of a node's items into two parts of at most `limit`, through at most `spare` of them. Both parts may have as many items as
+// the node: what a cut gains is smaller boxes.
 inline Cut find_cut(const Faces& mesh, const Item* items, int count, int limit, int spare, const Box& box)
 {
     Cut best;

@@ -281,7 +281,7 @@ def traverse(bvh: Bvh4, origin: np.ndarray, ray: np.ndarray) -> tuple[float, int
 
 
 @every_mesh
-def test_every_face_is_in_one_leaf_and_every_box_is_tight(name: str) -> None:
+def test_leaves_cover_every_face_and_boxes_hold_no_more(name: str) -> None:
     check(build_bvh4(*MESHES[name]), *MESHES[name])
 
 
