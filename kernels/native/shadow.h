@@ -78,9 +78,9 @@ WARPCAM_FN bool find_asking(const Target& target, size_t at, int inside, float i
 
 // Casts the shadows of one light, as far as they come from the list's shapes, in one region: adds its bit to the masks
 // of the pixels that lie in shadow. With `fresh` these are cleared first.
-template <int TYPES, int LENS, int CAPACITY, int WIDTH, int HEIGHT, class Shapes, class Meshes, class HeightFields,
+template <int TYPES, int LENS, int WIDTH, int HEIGHT, class List, class Shapes, class Meshes, class HeightFields,
           class Target>
-WARPCAM_FN void cast_light(CasterList<CAPACITY>& list, const LitView<LENS>& view, unsigned bit, bool fresh,
+WARPCAM_FN void cast_light(List& list, const LitView<LENS>& view, unsigned bit, bool fresh,
                            const Region& region, int world, const Shapes& shapes, const Meshes& meshes,
                            const HeightFields& fields, const Target& target)
 {
@@ -89,7 +89,7 @@ WARPCAM_FN void cast_light(CasterList<CAPACITY>& list, const LitView<LENS>& view
     const bool distant = view.light.distant;
     const size_t corner = (size_t(world) * target.height + region.top) * target.width + region.left;
 #if defined(__CUDA_ARCH__)
-    constexpr int WORDS = CasterList<CAPACITY>::WORDS;
+    constexpr int WORDS = List::WORDS;
     using Strips = Strip<WIDTH, HEIGHT>;
     WARPCAM_SHARED ShadowRays<HAS_MESH ? WORDS : 1> rays;
     const int lane = threadIdx.x % LANES;
@@ -106,7 +106,7 @@ WARPCAM_FN void cast_light(CasterList<CAPACITY>& list, const LitView<LENS>& view
         }
         while (true) {
             if (!asking) {
-                strip = __shfl_sync(ALL, lane == 0 ? draw_number(list.next_tile) : 0u, 0);
+                strip = __shfl_sync(ALL, lane == 0 ? draw_next(list.next_tile) : 0, 0);
                 if (strip >= Strips::COUNT)
                     break;
                 const int column = Strips::column(strip) + Strips::lane_column(lane);
@@ -147,17 +147,17 @@ WARPCAM_FN void cast_light(CasterList<CAPACITY>& list, const LitView<LENS>& view
         more = false;
         if (HAS_MESH) {
             more = __syncthreads_or(asking != 0);
-            const auto start = [&](int pixel, WorldRay& ray, Span& span) {
+            const auto start = [&](int pixel, Span& span) {
                 const float depth = target.depth.data[corner + unsigned(pixel / 64 * target.width + pixel % 64)];
                 const Vec p = view.sight.point(float(region.left + pixel % 64), float(region.top + pixel / 64), depth);
                 span = span_of(view.light, view.origin, p, depth);
-                ray = { p, ray_to(view.light, p) };
+                return p;
             };
             const auto shade = [&](int pixel) {
                 target.shadow.data[corner + unsigned(pixel / 64 * target.width + pixel % 64)] |= static_cast<int>(bit);
             };
             if (rays.count > 0)
-                cast_queue(rays, list, meshes, start, shade);
+                cast_queue(rays, list, view.light, meshes, start, shade);
             block_barrier();
         }
     }
@@ -206,7 +206,7 @@ WARPCAM_FN void cast(const Shapes& shapes, const Materials& materials, const Mes
                      const HeightFields& fields, const Lights& lights, const Views& views, const Target& target,
                      int index)
 {
-    WARPCAM_SHARED CasterList<CAPACITY> list;
+    WARPCAM_SHARED CasterList<CAPACITY, (TYPES >> MESH & 1) != 0> list;
     WARPCAM_SHARED LitView<LENS> view;
     const int thread = index % THREADS, block = index / THREADS;
     const int columns = (target.width + WIDTH - 1) / WIDTH, rows = (target.height + HEIGHT - 1) / HEIGHT;
@@ -235,7 +235,7 @@ WARPCAM_FN void cast(const Shapes& shapes, const Materials& materials, const Mes
                                               thread);
             }
             if (list.count > 0)
-                cast_light<TYPES, LENS, CAPACITY, WIDTH, HEIGHT>(list, view, 1u << number, fresh, region, world, shapes,
+                cast_light<TYPES, LENS, WIDTH, HEIGHT>(list, view, 1u << number, fresh, region, world, shapes,
                                                                  meshes, fields, target);
             fresh = fresh && list.count == 0;
         } while (begin < total);
