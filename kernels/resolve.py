@@ -172,7 +172,7 @@ def record(
 
 def _blocks(images: int) -> int:
     """Blocks that a multiprocessor is to hold, for a set of images: bounds the registers of a thread."""
-    return 5 if images & 0b10000111 else 8
+    return 5 if images & 0b111 else 8  # rgb, rgba, hdr
 
 
 def _capacity(tables: Tables) -> int:
