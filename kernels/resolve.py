@@ -172,7 +172,8 @@ def record(
 
 def _blocks(images: int) -> int:
     """Blocks that a multiprocessor is to hold, for a set of images: bounds the registers of a thread."""
-    return 5 if images & 0b10000111 else 8
+    lit, albedo = images & 0b00000111, images & 0b10000000
+    return 5 if lit else 7 if albedo else 8
 
 
 def _capacity(tables: Tables) -> int:

@@ -11,7 +11,7 @@ struct Cells {
     float start;    // where one of them begins [m]
     float step;     // [m]; 0 where the plane is lit at each pixel
     float inverse;  // of `step`
-    float rest;     // length of the first and last cell, which lie outside of +-`start`; -1 on an endless side
+    float rest;     // length of the first and last cell, outside of +-`start`; -1 on an endless side
 };
 
 struct PlaneCells {
@@ -22,8 +22,8 @@ struct Span {
     float start, length;
 };
 
-// Cells of a side from `-half` to `half`: an even number of cells twice `spacing` long lies in the middle; the first and
-// last cell take what is left.
+// Cells of a side from `-half` to `half`: an even number of cells twice `spacing` long lies in the middle; the first
+// and last cell take what is left.
 WARPCAM_FN Cells cells_between(float half, float spacing)
 {
     const float step = upper(spacing, half * (1.0f / float(PLANE_CELLS - 2)));

@@ -19,8 +19,8 @@ struct Facet {
 };
 
 // The half of an axis-aligned quad that a hit lies in. The quad is cut from its second to its fourth corner; mirrored,
-// from its first to its third. `place` is the hit in the camera's frame, `along` and `across` are the quad's axes there,
-// `a` and `b` the hit's coordinates on them.
+// from its first to its third. `place` is the hit in the camera's frame, `along` and `across` are the quad's axes
+// there, `a` and `b` the hit's coordinates on them.
 WARPCAM_FN void in_quad(Vec place, Vec along, Vec across, float a, float b, Span u, Span v, bool mirrored, Facet& facet)
 {
     float weight1 = between((a - u.start) * inverse(upper(u.length, 1.0e-20f)), 0.0f, 1.0f);

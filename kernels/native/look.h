@@ -162,8 +162,8 @@ WARPCAM_FN Vec extent_of(const Pose& pose, const Meshes& meshes, const HeightFie
 
 template <int TYPES, class Shapes, class Materials, class Textures, class Meshes, class HeightFields>
 WARPCAM_FN Layout load_layout(const Shapes& shapes, const Materials& materials, const Textures& textures,
-                              const Meshes& meshes, const HeightFields& fields, const Pose& pose, int texture, int world,
-                              int id)
+                              const Meshes& meshes, const HeightFields& fields, const Pose& pose, int texture,
+                              int world, int id)
 {
     Layout layout { { 0.0f, 0.0f, 0.0f, 0 }, load_image(textures, texture), { 1.0f, 1.0f }, {}, 0, 0 };
     const int index = material_of(shapes, materials, world, id);

@@ -1,7 +1,7 @@
 // From the visibility buffer to images: a block draws one region of one view.
 #pragma once
+#include "hits.h"
 #include "mapping.h"
-#include "pixels.h"
 #include "shade.h"
 #include "texels.h"
 
@@ -22,12 +22,6 @@ struct Scene {
 };
 template <class... Structs> Scene(const Structs&...) -> Scene<Structs...>;
 
-// What the trace found at a pixel.
-struct Found {
-    int shape, face;
-    float depth;
-};
-
 // Where a warp sees anything at all, its pixels that see nothing do as one of the others does, so that all its threads
 // go the same way; what they find is not used. False where it sees nothing.
 WARPCAM_FN bool follow(bool hit, Found& found)
@@ -46,13 +40,6 @@ WARPCAM_FN bool follow(bool hit, Found& found)
 #else
     return hit;
 #endif
-}
-
-WARPCAM_FN Vec turned(const Matrix& m, Vec v)
-{
-    return { m.at[0][0] * v.x + m.at[0][1] * v.y + m.at[0][2] * v.z,
-             m.at[1][0] * v.x + m.at[1][1] * v.y + m.at[1][2] * v.z,
-             m.at[2][0] * v.x + m.at[2][1] * v.y + m.at[2][2] * v.z };
 }
 
 // Colour where nothing is hit. The skybox lies on its side: its y axis is the world's z.
@@ -92,26 +79,6 @@ WARPCAM_FN Vec texture_color(const Looks& look, const Meshes& meshes, const Text
     }
     const Footprint at = footprint_2d<TYPES>(pose, layout, meshes, surface, ray, right, down);
     return sample_2d(textures.texels.data, layout.image, at.u, at.v, at.right, at.down);
-}
-
-// The images that need only what the trace found.
-template <int LENS, int IMAGES, int FACTS, class Images, class Shapes>
-WARPCAM_FN void resolve_hit(const Images& images, const Shapes& shapes, const Camera& camera, const Pixel& pixel,
-                            float x, float y, const Found& found)
-{
-    constexpr bool IN_QUADS = FACTS & QUADS;
-    const bool hit = found.shape >= 0;
-    if (IMAGES & DISTANCE) {
-        const float length = LENS == PINHOLE ? root(x * x + y * y + 1.0f) : 1.0f;
-        put_one(images.distance, pixel, hit ? found.depth * length : infinity());
-    }
-    if (IMAGES & BODIES)
-        put_one(images.bodies, pixel, hit ? wp::index(shapes.bodies, found.shape) : -1);
-    if (IMAGES & POINTS) {
-        const float depth = hit ? found.depth : 0.0f, near = LENS == PINHOLE ? depth : 1.0f;
-        const Vec place = camera.origin + turned(camera.rotation, { near * x, near * y, -depth });
-        put_vec<IN_QUADS>(images.points, pixel, hit ? place : Vec { infinity(), infinity(), infinity() });
-    }
 }
 
 // What a surface shows.
@@ -271,6 +238,11 @@ WARPCAM_FN void resolve(const Scene_& scene, const Lights& lights, int index)
 #endif
     Pixel pixel;
 #if defined(__CUDA_ARCH__)
+    if (!Wants::SURFACE && !Wants::COLORED && (FACTS & QUADS)) {
+        resolve_quads<LENS, WIDTH, HEIGHT, IMAGES>(frame, scene.images, scene.shapes, kept_camera, first, left, top,
+                                                   thread);
+        return;
+    }
     WARPCAM_SHARED float4 lanes[THREADS / LANES][3 * LANES / 4];
     constexpr unsigned TILES = WIDTH / TILE_WIDTH * (HEIGHT / TILE_HEIGHT), STEP = THREADS / LANES;
     const unsigned warp = unsigned(thread) / LANES;

@@ -110,7 +110,7 @@ WARPCAM_FN void gather_lights(const Lights& lights, const Camera& camera, int wo
         int before = 0, kept = 0;  // lights that take a slot, and those of them that give light
         for (int other = 0; other < light; ++other)
             if (shines(lights, world, other)) {
-                kept += before < slots && gives_light(lights, world, other);
+                kept += gives_light(lights, world, other);
                 ++before;
             }
         if (before < slots) {

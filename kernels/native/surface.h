@@ -103,8 +103,10 @@ WARPCAM_FN void height_field_surface(const HeightFields& fields, int field, int 
     const bool high = face & 1;
     const float rate_x = float(columns - 1) * inverse(2.0f * size[0]), step_x = inverse(rate_x);
     const float rate_y = float(rows - 1) * inverse(2.0f * size[1]), step_y = inverse(rate_y);
-    const float* heights = &wp::index(fields.heights, wp::index(fields.height_start, field) + int(row) * columns + int(column));
-    const float height = heights[0], side = heights[high ? columns : 1] - height, diagonal = heights[columns + 1] - height;
+    const int first = wp::index(fields.height_start, field) + int(row) * columns + int(column);
+    const float* heights = fields.heights.data + first;
+    const float height = heights[0], diagonal = heights[columns + 1] - height;
+    const float side = heights[high ? columns : 1] - height;
     const Vec origin { float(int(column)) * step_x - size[0], float(int(row)) * step_y - size[1], height };
     const float a = (p.x - origin.x) * rate_x, b = (p.y - origin.y) * rate_y;
     surface.part = TOP;

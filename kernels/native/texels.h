@@ -193,7 +193,8 @@ static WARPCAM_COLD int cube_texel(int start, int size, int face, int i, int j)
 {
     if (i < 0 || j < 0 || i >= size || j >= size) {
         const float half = 0.5f * float(size), rate = inverse(half);
-        const Vec direction = from_face(face, { (float(i) + 0.5f) * rate - 1.0f, (float(j) + 0.5f) * rate - 1.0f, 1.0f });
+        const float right = (float(i) + 0.5f) * rate - 1.0f, down = (float(j) + 0.5f) * rate - 1.0f;
+        const Vec direction = from_face(face, { right, down, 1.0f });
         face = cube_face(direction);
         const Vec place = to_face(face, direction);
         const float outwards = inverse(place.z);
@@ -228,7 +229,8 @@ static WARPCAM_COLD Vec sample_cube(const unsigned* texels, const Image& image, 
     const Vec place = to_face(face, direction), step_right = to_face(face, right), step_down = to_face(face, down);
     const float rate = inverse(upper(place.z, 1.0e-20f)), scale = 0.5f * float(size) * rate;
     const float x = place.x * rate, y = place.y * rate;
-    const float right_x = scale * (step_right.x - x * step_right.z), right_y = scale * (step_right.y - y * step_right.z);
+    const float right_x = scale * (step_right.x - x * step_right.z);
+    const float right_y = scale * (step_right.y - y * step_right.z);
     const float down_x = scale * (step_down.x - x * step_down.z), down_y = scale * (step_down.y - y * step_down.z);
     const float detail = level_of_detail(right_x * right_x + right_y * right_y, down_x * down_x + down_y * down_y,
                                          image.levels);

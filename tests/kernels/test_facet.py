@@ -129,6 +129,10 @@ def test_boxes_are_cut_into_four_by_four_quads_a_side(device):
     ray[np.arange(200), axis] = -20 * sign
     steps = 2 * corners_of(BOX, local, device, size=half, ray=ray) / half
     np.testing.assert_allclose(steps, np.rint(steps), atol=1e-5)
+    # Which diagonal a quad is cut along: its triangles have their right angle at the low or high corner, or at others.
+    middle = (steps.max(axis=1) + steps.min(axis=1)) / 2
+    towards = np.delete((steps[:, 0] - middle).reshape(-1), axis + 3 * np.arange(200)).reshape(200, 2)
+    np.testing.assert_array_equal(towards[:, 0] * towards[:, 1] < 0, (axis == 1) == (sign > 0))
 
 
 @pytest.mark.parametrize("device", DEVICES)

@@ -60,7 +60,7 @@ def make_lights(lights, device, headlight=(0, 0, 0), everywhere=0.3):
 
 @functools.cache
 def light_patch(shadows):
-    """Kernel of one block: (linear, display) of a patch that faces +z, lit at its place and as a facet."""
+    """Kernel of one warp: (linear, display) of a patch that faces +z, lit at its place and as a facet."""
     flag = "true" if shadows else "false"
 
     @wp.func_native(f"""
@@ -127,7 +127,7 @@ def shine(
     lit = wp.zeros(4, dtype=wp.vec3, device=device)
     look = [wp.vec3(*COLOR), emission, specular, 128 * shininess]
     arguments = [table, wp.vec3(*position), wp.vec3(*eye), *look, shadow or 0, lit]
-    threads = resolve.THREADS if wp.get_device(device).is_cuda else 1
+    threads = 32 if wp.get_device(device).is_cuda else 1
     wp.launch(light_patch(shadow is not None), threads, arguments, device=device, block_dim=threads)
     values = lit.numpy()
     np.testing.assert_allclose(values[2:], values[:2], rtol=1e-5)
