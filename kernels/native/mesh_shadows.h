@@ -1,5 +1,5 @@
-// Shadow rays at triangle meshes, on CUDA. As in mesh_rays.h rays wait in a queue of the block and four lanes share a ray.
-// But any face in the way will do, so that nothing is sorted and nothing remembered but where to go on.
+// Shadow rays at triangle meshes, on CUDA. As in mesh_rays.h rays wait in a queue of the block and four lanes share a
+// ray. But any face in the way will do, so that nothing is sorted and nothing remembered but where to go on.
 #pragma once
 #include "shade_tile.h"
 
@@ -38,12 +38,13 @@ WARPCAM_FN void enqueue(ShadowRays<WORDS>& rays, int words, bool keep, const uns
     }
 }
 
-// Tests the faces of a leaf, one a lane of eight: the leaves of up to four rays at once. All the same in the four lanes
-// of a ray: where it begins, the slot of its mesh, and its leaf, if `node` is one. Says of which rays' leaves the result
-// is known, and which of these rays meet a face.
 struct LeafTest {
-    bool done, met;
+    bool done;  // the ray's leaf has been tested
+    bool met;   // and has a face in the ray's way
 };
+
+// Tests the faces of a leaf, one a lane of eight: the leaves of up to four rays at once. The same in the four lanes of
+// a ray are the point where it begins, the slot of its mesh, and its leaf, if `node` is one.
 
 template <class List, class Meshes>
 WARPCAM_FN LeafTest test_leaves(const List& list, const Light& light, const Meshes& meshes, Vec point,
@@ -65,7 +66,8 @@ WARPCAM_FN LeafTest test_leaves(const List& list, const Light& light, const Mesh
     bool met = false;
     if (source >= 0 && lane % EIGHT < (code & 15)) {
         const unsigned at = list.aims[caster].w + unsigned(((code >> 4) + lane % EIGHT) * FACE_ROWS);
-        const Row a = load(meshes.faces.data, at), b = load(meshes.faces.data, at + 1), c = load(meshes.faces.data, at + 2);
+        const Row a = load(meshes.faces.data, at), b = load(meshes.faces.data, at + 1);
+        const Row c = load(meshes.faces.data, at + 2);
         const RayFrame frame = WorldRay { ray.point, ray_to(light, ray.point) }.frame(list.records[caster]);
         const float t = enter_triangle(frame, project(frame, a.x, a.y, a.z), project(frame, b.x, b.y, b.z),
                                        project(frame, c.x, c.y, c.z));
