@@ -7,14 +7,13 @@ import warp as wp
 from .launch import Stage, native_options
 from .launch import record as record_launch
 from .tables import Tables
-from .types import HeightFields, Materials, Meshes, Shapes, View
+from .types import HEIGHT_FIELD, MESH, HeightFields, Materials, Meshes, Shapes, View
 
 LENSES = {"pinhole": 0, "orthographic": 1}
 THREADS = 128  # of a CUDA block; lanes.h has the same number
 MAX_LISTED = 256  # shapes that one pass draws
-FINE_MESH = 8  # bit beside those of the shape types; record.h has the same
-FINE_FACES = 4096  # with a mesh of more, a scene is compiled for fine meshes too
-BLOCKS = 8  # on a multiprocessor: bounds the registers of a thread
+BLOCKS = 10  # on a multiprocessor: bounds the registers of a thread
+MESH_BLOCKS = 8  # the same for scenes with meshes or height fields
 
 
 @wp.struct
@@ -54,7 +53,7 @@ def _kernel(types: int, lens: int, capacity: int, several: bool, width: int, hei
         module="unique",
         enable_backward=False,
         grid_stride=False,
-        launch_bounds=(THREADS, BLOCKS),
+        launch_bounds=(THREADS, MESH_BLOCKS if types >> MESH & 1 or types >> HEIGHT_FIELD & 1 else BLOCKS),
         module_options={"extra_build_options": native_options("visibility.h")},
     )
     def visibility(
@@ -112,8 +111,6 @@ def record(
             setattr(target, name, buffer.flatten())
             outputs |= 1 << bit
     types = sum(1 << t for t in tables.shape_types)
-    if device.is_cuda and tables.max_faces > FINE_FACES:
-        types |= 1 << FINE_MESH
     region = region_size(worlds, width, height, device)
     kernel = _kernel(types, LENSES[lens], capacity, several, *region, outputs)
     blocks = worlds * -(-width // region[0]) * -(-height // region[1])
