@@ -8,10 +8,11 @@ from .launch import Stage, native_options
 from .launch import record as record_launch
 from .tables import Tables
 from .types import MESH, HeightFields, Lights, Materials, Meshes, Shapes, View
-from .visibility import BLOCKS, LENSES, THREADS, region_size
+from .visibility import LENSES, THREADS, region_size
 
 MAX_LIGHTS = 32  # bits of a mask
-FEW_BLOCKS = 5  # on a multiprocessor, as many as its shared memory holds of the longest lists with meshes
+BLOCKS = 8  # on a multiprocessor: bounds the registers of a thread
+FEW_BLOCKS = 5  # as many as its shared memory holds of the longest lists with meshes
 CAPACITIES = (16, 32, 64, 128, 192)  # how many shapes a pass lists: few sizes, so that scenes share kernels
 
 

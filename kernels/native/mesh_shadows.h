@@ -1,6 +1,6 @@
 // Shadow rays at triangle meshes, on CUDA. As in mesh_queue.h rays wait in a queue of the block. But four lanes share a
-// ray: each tests one child of a node. Any face in the way will do, so that nothing is sorted and nothing remembered but
-// where to go on.
+// ray: each tests one child of a node. Any face in the way will do, so that nothing is sorted and nothing remembered
+// but where to go on.
 #pragma once
 #include "shade_tile.h"
 
