@@ -7,11 +7,12 @@ import warp as wp
 from .launch import Stage, native_options
 from .launch import record as record_launch
 from .tables import Tables
-from .types import HeightFields, Lights, Materials, Meshes, Shapes, View
-from .visibility import BLOCKS, LENSES, THREADS, region_size
+from .types import MESH, HeightFields, Lights, Materials, Meshes, Shapes, View
+from .visibility import LENSES, THREADS, region_size
 
 MAX_LIGHTS = 32  # bits of a mask
-FEW_BLOCKS = 5  # on a multiprocessor, as many as its shared memory holds of the longest lists
+BLOCKS = 8  # on a multiprocessor: bounds the registers of a thread
+FEW_BLOCKS = 5  # as many as its shared memory holds of the longest lists with meshes
 CAPACITIES = (16, 32, 64, 128, 192)  # how many shapes a pass lists: few sizes, so that scenes share kernels
 
 
@@ -49,7 +50,7 @@ def _kernel(types: int, lens: int, capacity: int, width: int, height: int) -> wp
         module="unique",
         enable_backward=False,
         grid_stride=False,
-        launch_bounds=(THREADS, BLOCKS if capacity < CAPACITIES[-1] else FEW_BLOCKS),
+        launch_bounds=(THREADS, FEW_BLOCKS if types >> MESH & 1 and capacity == CAPACITIES[-1] else BLOCKS),
         module_options={"extra_build_options": native_options("shadow.h")},
     )
     def shadow(

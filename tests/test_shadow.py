@@ -84,7 +84,7 @@ def test_lights_add_up(device: wp.Device, count: int) -> None:
 def test_backs_lose_a_lights_ambient_part(device: wp.Device, ambient: float) -> None:
     """The under side of a block is only lit by the light's ambient part, and not where a plate shades the block."""
     light = f'<light type="directional" pos="0 0 5" dir="0 0 -1" ambient="{ambient} {ambient} {ambient}"/>'
-    plate = '<geom type="box" size="2 2 0.1" pos="2 0 3"/>'
+    plate = '<geom type="mesh" mesh="mesh" pos="0.5 0 3"/>'
     block = '<body pos="0 0 1"><geom name="block" type="mesh" mesh="mesh" rgba="1 1 1 1"/></body>'
     mjm = scenes.compile_xml(light + plate + block, assets=scenes.ASSETS, more=DARK)
     below = {**EYE, "position": (0.0, -0.2, 0.0), "rotation": scenes.looking((0, -0.2, 0), (0, -0.1, 1))}

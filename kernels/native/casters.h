@@ -39,39 +39,48 @@ struct Box {
     Vec center, half;
 };
 
-// Shapes and what one light sees of them. MESHES: whether some are meshes.
+// A shape and what a light sees of it.
+struct Caster {
+    Record record;
+    // In the shape's frame: the light's position, or the direction to it if it is distant. w: first row of a mesh's
+    // faces; that of its nodes is with the record's origin.
+    Row aim;
+    Box box;  // of a mesh
+    Window window;
+    float height;
+};
+
+// Casters, part by part. MESHES: whether some are meshes.
 template <int SIZE, bool MESHES> struct CasterList {
     static constexpr int CAPACITY = SIZE, WORDS = (SIZE + 31) / 32;
 
     Record records[CAPACITY];
-    // In the shape's frame: the light's position, or the direction to it if it is distant. w: first row of a mesh's
-    // faces; that of its nodes is with the record's origin.
     Row aims[CAPACITY];
     Box boxes[MESHES ? CAPACITY : 1];
     Window windows[WORDS * 32];  // from `count` on to the end of its 32: empty
     float heights[WORDS * 32];
     unsigned char order[CAPACITY];  // each its own slot: shadows need no sorting
     int count;
-    int next_tile;
+    int next_tile;  // of those that are drawn with the list
 };
 
-// A shape as a caster; false if it casts no shadow in this light.
+// False if the shape casts no shadow in this light.
 template <int TYPES, class Meshes, class HeightFields>
 WARPCAM_FN bool prepare_caster(const Shape& shape, const Light& light, const Camera& camera, const Meshes& meshes,
-                               const HeightFields& fields, Record& record, Row& aim, Box& box, Window& window, float& height)
+                               const HeightFields& fields, Caster& caster)
 {
     Extent extent {};
     Vec scale;
+    Record& record = caster.record;
     record.size = { 0.0f, 0.0f, 0.0f, 0 };
     if (!describe<TYPES>(shape, meshes, fields, extent, scale, record))
         return false;
     const Matrix& r = shape.rotation;
     const Vec c { shape.position.x - camera.origin.x, shape.position.y - camera.origin.y,
                   shape.position.z - camera.origin.z };
-    const Vec a = light.distant ? light.aim : Vec { light.aim.x - c.x, light.aim.y - c.y, light.aim.z - c.z };
-    const Vec towards = turned_back(r, a), here = turned_back(r, c);
-    aim = { towards.x * scale.x, towards.y * scale.y, towards.z * scale.z, 0 };
-    if (shape.type == PLANE && !(aim.z < 0.0f))
+    const Vec towards = turned_back(r, ray_to(light, c)), here = turned_back(r, c);
+    caster.aim = { towards.x * scale.x, towards.y * scale.y, towards.z * scale.z, 0 };
+    if (shape.type == PLANE && !(caster.aim.z < 0.0f))
         return false;  // its front sees the light
     record.axis_x = { r.at[0][0] * scale.x, r.at[1][0] * scale.x, r.at[2][0] * scale.x, shape.type };
     record.axis_y = { r.at[0][1] * scale.y, r.at[1][1] * scale.y, r.at[2][1] * scale.y, shape.id };
@@ -79,13 +88,13 @@ WARPCAM_FN bool prepare_caster(const Shape& shape, const Light& light, const Cam
     record.origin = { -here.x * scale.x, -here.y * scale.y, -here.z * scale.z, 0 };
     if ((TYPES >> MESH & 1) && shape.type == MESH) {
         record.origin.w = wp::index(meshes.node_start, shape.asset);
-        aim.w = wp::index(meshes.face_start, shape.asset);
-        box = { extent.center, extent.half };
+        caster.aim.w = wp::index(meshes.face_start, shape.asset);
+        caster.box = { extent.center, extent.half };
     }
-    window = { -FAR_AWAY, FAR_AWAY, -FAR_AWAY, FAR_AWAY };
-    height = FAR_AWAY;
+    caster.window = { -FAR_AWAY, FAR_AWAY, -FAR_AWAY, FAR_AWAY };
+    caster.height = FAR_AWAY;
     if (extent.half.x >= 0.0f)  // not an endless plane
-        window = window_of(light, shape.type, c, r, extent, height);
+        caster.window = window_of(light, shape.type, c, r, extent, caster.height);
     return true;
 }
 
@@ -100,26 +109,21 @@ WARPCAM_FN int gather_casters(List& list, int begin, const Shapes& shapes, const
         const int i = begin + thread;
         begin += THREADS;
         if (i < total) {
-            Record record;
-            Row aim;
-            Box box {};
-            Window window;
-            float height;
+            Caster caster;
             const int id = wp::index(shapes.drawn, i);
-            if (prepare_caster<TYPES>(load_shape(shapes, world, id), light, camera, meshes, fields, record, aim, box, window,
-                                      height)
+            if (prepare_caster<TYPES>(load_shape(shapes, world, id), light, camera, meshes, fields, caster)
                 && !transparent(shapes, materials, world, id)) {
 #if defined(__CUDA_ARCH__)
                 const int slot = atomicAdd(&list.count, 1);
 #else
                 const int slot = list.count++;
 #endif
-                list.records[slot] = record;
-                list.aims[slot] = aim;
+                list.records[slot] = caster.record;
+                list.aims[slot] = caster.aim;
                 if (TYPES >> MESH & 1)
-                    list.boxes[slot] = box;
-                list.windows[slot] = window;
-                list.heights[slot] = height;
+                    list.boxes[slot] = caster.box;
+                list.windows[slot] = caster.window;
+                list.heights[slot] = caster.height;
                 list.order[slot] = static_cast<unsigned char>(slot);
             }
         }
@@ -152,9 +156,7 @@ WARPCAM_FN bool faces_light(const Shapes& shapes, const Meshes& meshes, int worl
     const Shape shape = load_shape(shapes, world, id);
     const Vec c { shape.position.x - origin.x, shape.position.y - origin.y,
                   shape.position.z - origin.z };
-    const Vec aim = turned_back(shape.rotation, light.distant ? light.aim
-                                                              : Vec { light.aim.x - c.x, light.aim.y - c.y,
-                                                                      light.aim.z - c.z });
+    const Vec aim = turned_back(shape.rotation, ray_to(light, c));
     const unsigned row = unsigned(wp::index(meshes.face_start, shape.asset)) + unsigned(face * FACE_ROWS);
     const int given = load(meshes.faces.data, row).w;
     const int corner = 3 * (wp::index(meshes.corner_start, shape.asset) + given);

@@ -51,6 +51,12 @@ WARPCAM_FN Light make_light(bool distant, Vec position, Vec direction, const Cam
     return light;
 }
 
+// From a point to the light: all of the way, or the direction if the light is distant.
+WARPCAM_FN Vec ray_to(const Light& light, Vec p)
+{
+    return light.distant ? light.aim : Vec { light.aim.x - p.x, light.aim.y - p.y, light.aim.z - p.z };
+}
+
 // From pixels and their depths to points, in a frame of one's choice.
 template <int LENS> struct Sight {
     Vec start, across, down;  // the ray through column i and row j: start + i * across + j * down
@@ -77,7 +83,7 @@ template <int LENS> WARPCAM_FN Sight<LENS> sight_of(const Camera& camera)
     const float ahead = parallel ? 0.0f : 1.0f;
     return { { x * right.x + y * up.x + ahead * forward.x, x * right.y + y * up.y + ahead * forward.y,
                x * right.z + y * up.z + ahead * forward.z },
-             scaled(right, camera.scale_x), scaled(up, -camera.scale_y), parallel ? forward : Vec { 0.0f, 0.0f, 0.0f } };
+             scaled(right, camera.scale_x), scaled(up, -camera.scale_y), scaled(forward, 1.0f - ahead) };
 }
 
 // Points along the light's axes; from the light, if it is not distant.
@@ -121,9 +127,9 @@ WARPCAM_FN float reach_along(int type, Vec half, Vec n)
 WARPCAM_FN Window window_of(const Light& light, int type, Vec position, const Matrix& rotation, const Extent& extent,
                             float& height)
 {
-    const Vec u = turned_back(rotation, light.u), v = turned_back(rotation, light.v), w = turned_back(rotation, light.w);
-    const Vec from = light.distant ? position
-                                   : Vec { position.x - light.aim.x, position.y - light.aim.y, position.z - light.aim.z };
+    const Vec u = turned_back(rotation, light.u), v = turned_back(rotation, light.v);
+    const Vec w = turned_back(rotation, light.w), back = ray_to(light, position);
+    const Vec from = light.distant ? position : scaled(back, -1.0f);
     const float pad = 1.0e-5f
         * (magnitude(position.x) + magnitude(position.y) + magnitude(position.z)
            + (light.distant ? 0.0f : magnitude(light.aim.x) + magnitude(light.aim.y) + magnitude(light.aim.z))

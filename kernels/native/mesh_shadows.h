@@ -1,10 +1,14 @@
-// Shadow rays at triangle meshes, on CUDA. As in mesh_rays.h rays wait in a queue of the block and four lanes share a ray.
-// But any face in the way will do, so that nothing is sorted and nothing remembered but where to go on.
+// Shadow rays at triangle meshes, on CUDA. As in mesh_queue.h rays wait in a queue of the block. But four lanes share a
+// ray: each tests one child of a node. Any face in the way will do, so that nothing is sorted and nothing remembered
+// but where to go on.
 #pragma once
 #include "shade_tile.h"
 
 namespace warpcam {
 #if defined(__CUDA_ARCH__)
+
+constexpr int GROUP = 4;  // lanes that share a ray, as many as a node has children
+constexpr int GROUPS = LANES / GROUP;
 
 // WORDS: 32 casters of the list each.
 template <int WORDS> struct ShadowRays {
@@ -38,12 +42,13 @@ WARPCAM_FN void enqueue(ShadowRays<WORDS>& rays, int words, bool keep, const uns
     }
 }
 
-// Tests the faces of a leaf, one a lane of eight: the leaves of up to four rays at once. All the same in the four lanes
-// of a ray: where it begins, the slot of its mesh, and its leaf, if `node` is one. Says of which rays' leaves the result
-// is known, and which of these rays meet a face.
 struct LeafTest {
-    bool done, met;
+    bool done;  // the ray's leaf has been tested
+    bool met;   // and has a face in the ray's way
 };
+
+// Tests the faces of leaves, those of up to four rays at once, each with eight lanes. The same in the four lanes of a
+// ray are the point where it begins, the slot of its mesh, and its leaf, if `node` is one.
 
 template <class List, class Meshes>
 WARPCAM_FN LeafTest test_leaves(const List& list, const Light& light, const Meshes& meshes, Vec point,
@@ -64,12 +69,15 @@ WARPCAM_FN LeafTest test_leaves(const List& list, const Light& light, const Mesh
     const int caster = __shfl_sync(ALL, slot, from), code = -__shfl_sync(ALL, node, from) - 1;
     bool met = false;
     if (source >= 0 && lane % EIGHT < (code & 15)) {
-        const unsigned at = list.aims[caster].w + unsigned(((code >> 4) + lane % EIGHT) * FACE_ROWS);
-        const Row a = load(meshes.faces.data, at), b = load(meshes.faces.data, at + 1), c = load(meshes.faces.data, at + 2);
         const RayFrame frame = WorldRay { ray.point, ray_to(light, ray.point) }.frame(list.records[caster]);
-        const float t = enter_triangle(frame, project(frame, a.x, a.y, a.z), project(frame, b.x, b.y, b.z),
-                                       project(frame, c.x, c.y, c.z));
-        met = (t > start) & (t < reach_of(light, start));
+        for (int face = lane % EIGHT; face < (code & 15); face += EIGHT) {
+            const unsigned at = list.aims[caster].w + unsigned(((code >> 4) + face) * FACE_ROWS);
+            const Row a = load(meshes.faces.data, at), b = load(meshes.faces.data, at + 1);
+            const Row c = load(meshes.faces.data, at + 2);
+            const float t = enter_triangle(frame, project(frame, a.x, a.y, a.z), project(frame, b.x, b.y, b.z),
+                                           project(frame, c.x, c.y, c.z));
+            met |= (t > start) & (t < reach_of(light, start));
+        }
     }
     const unsigned all_met = __ballot_sync(ALL, met);
     const int mine = __popc(leaders & ((1u << (lane & ~(GROUP - 1))) - 1));  // of the eights
@@ -83,7 +91,8 @@ template <int WORDS, class List, class Meshes, class Start, class Shade>
 WARPCAM_FN void cast_queue(ShadowRays<WORDS>& rays, const List& list, const Light& light,
                            const Meshes& meshes, const Start& start, const Shade& shade)
 {
-    constexpr int FEW = 3 * GROUP;  // lanes; while rays can still step, fewer wait for others
+    constexpr int FEW = 3 * GROUP;     // lanes; while rays can still step, fewer wait for others
+    constexpr int ENOUGH = 4 * GROUP;  // lanes that step; fewer wait until others have been looked after
     const int lane = threadIdx.x % LANES, member = lane % GROUP, first_lane = lane - member;
     const int words = (list.count + 31) / 32, count = rays.count;
     int(*stack)[GROUPS] = reinterpret_cast<int(*)[GROUPS]>(&rays.stacks[threadIdx.x / LANES][0][lane / GROUP]);
@@ -157,7 +166,7 @@ WARPCAM_FN void cast_queue(ShadowRays<WORDS>& rays, const List& list, const Ligh
             }
             inner = node >= 0 && node != NO_NODE;
             stepping = __ballot_sync(ALL, inner);
-            if (__popc(stepping) < MIN_LANES)
+            if (__popc(stepping) < ENOUGH)
                 break;
         }
 

@@ -9,7 +9,7 @@ template <int LENS> struct LitView {
     Light light;
     Sight<LENS> sight;   // points from the camera, along the world's axes
     Vec origin;          // the camera, world frame
-    bool counts_behind;  // whether the light counts on surfaces that are turned away from it, too: its ambient part does
+    bool counts_behind;  // whether the light counts on surfaces that are turned away from it: its ambient part does
 };
 
 // A ray from a hit point to the light runs from t = 0 to 1, or to infinity if the light is distant. It counts from
@@ -17,11 +17,6 @@ template <int LENS> struct LitView {
 struct Span {
     float near, reach;
 };
-
-WARPCAM_FN Vec ray_to(const Light& light, Vec p)
-{
-    return light.distant ? light.aim : Vec { light.aim.x - p.x, light.aim.y - p.y, light.aim.z - p.z };
-}
 
 WARPCAM_FN float reach_of(const Light& light, float near) { return light.distant ? FAR_AWAY : 1.0f - near; }
 
@@ -92,8 +87,8 @@ template <class List> WARPCAM_FN Window bounds_of(const List& list, float& heigh
 }
 
 // Is the lane's point, which the light sees at `place`, in the shadow of a caster? `open` is false in lanes that do not
-// ask; afterwards it is true in those that still do. Meshes are not tried but named in `met`, bits by slot, if the way to
-// the light leads through their boxes; true if there are any.
+// ask; afterwards it is true in those that still do. Meshes are not tried but named in `met`, bits by slot, if the way
+// to the light leads through their boxes; true if there are any.
 template <int TYPES, int LENS, class List, class HeightFields>
 WARPCAM_FN bool shade_tile(const List& list, const LitView<LENS>& view, Vec p, const Span& span,
                            const Place& place, bool& open, const HeightFields& fields, unsigned* met)
@@ -127,7 +122,8 @@ WARPCAM_FN bool shade_tile(const List& list, const LitView<LENS>& view, Vec p, c
                 }
                 __syncwarp();
             } else {
-                const float t = enter_any<analytic_types(TYPES)>(record, look_back(record, list.aims[slot], p, distant));
+                const Ray ray = look_back(record, list.aims[slot], p, distant);
+                const float t = enter_any<analytic_types(TYPES)>(record, ray);
                 open = open & !((t > span.near) & (t < span.reach));
             }
         }
