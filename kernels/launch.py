@@ -46,7 +46,14 @@ class Stage:
 
 
 def record(
-    kernel: wp.Kernel, dim: int, inputs: Sequence[Any], device: wp.Device, *, block_dim: int = 256, parts: int = 4
+    kernel: wp.Kernel,
+    dim: int,
+    inputs: Sequence[Any],
+    device: wp.Device,
+    *,
+    start: int = 0,
+    block_dim: int = 256,
+    parts: int = 4,
 ) -> Stage:
     """Bind a 1-D kernel to its arguments.
 
@@ -55,6 +62,7 @@ def record(
         dim: Number of threads, below 2^31.
         inputs: All arguments but ``first``.
         device: Where the arguments lie.
+        start: The index of the first thread; ``start + dim`` is below 2^31.
         block_dim: Threads in a CUDA block.
         parts: On CPU, how many parts each thread gets: more even out uneven work.
     """
@@ -62,7 +70,7 @@ def record(
     bounds = [dim * i // max(count, 1) for i in range(count + 1)]
     launches = []
     for first, end in itertools.pairwise(bounds):
-        arguments = [*inputs, first]
+        arguments = [*inputs, start + first]
         if device.is_cuda:
             command = wp.launch(kernel, end - first, arguments, device=device, block_dim=block_dim, record_cmd=True)
         else:

@@ -284,6 +284,7 @@ def record(
     width: int,
     height: int,
     device: wp.Device,
+    worlds: range | None = None,
 ) -> Stage:
     """Bind the kernel that writes ``outputs`` to one camera's buffers.
 
@@ -301,6 +302,7 @@ def record(
         width: Of the image [pixels].
         height: Of the image [pixels].
         device: Where everything lies.
+        worlds: Which are drawn; None is all.
     """
     unknown = sorted(set(outputs) - set(OUTPUTS))
     if unknown:
@@ -323,6 +325,7 @@ def record(
         else:
             setattr(images, name, wp.empty((0, channels), dtype=dtype, device=device))
     kernel = make_kernel(frozenset(outputs), lens, tables.facts(), shadow is not None)
+    worlds = worlds or range(tables.num_worlds)
     inputs = [
         frame,
         images,
@@ -334,4 +337,5 @@ def record(
         tables.lights,
         tables.background,
     ]
-    return record_stage(kernel, pixels, inputs, device, block_dim=THREADS)
+    unit = width * height
+    return record_stage(kernel, len(worlds) * unit, inputs, device, start=worlds.start * unit, block_dim=THREADS)

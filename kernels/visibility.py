@@ -81,6 +81,7 @@ def record(
     shape: wp.array | None,
     face: wp.array | None,
     device: wp.Device,
+    worlds: range | None = None,
 ) -> Stage:
     """Bind the trace of one camera.
 
@@ -97,8 +98,9 @@ def record(
         shape: int32, likewise.
         face: int32, likewise; see Target.
         device: Where all of these lie.
+        worlds: Which are traced; None is all.
     """
-    worlds = views.shape[0]
+    worlds = worlds or range(views.shape[0])
     capacity = list_capacity(tables.num_drawn)
     several = tables.num_drawn > capacity
     target = Target()
@@ -110,12 +112,11 @@ def record(
             setattr(target, name, buffer.flatten())
             outputs |= 1 << bit
     types = sum(1 << t for t in tables.shape_types)
-    region = region_size(worlds, width, height, device)
+    region = region_size(len(worlds), width, height, device)
     kernel = _kernel(types, LENSES[lens], capacity, several, *region, outputs)
-    blocks = worlds * -(-width // region[0]) * -(-height // region[1])
+    unit = -(-width // region[0]) * -(-height // region[1]) * (THREADS if device.is_cuda else 1)  # threads a world
     arguments = [tables.shapes, tables.materials, tables.meshes, tables.height_fields, views, target]
-    dim = blocks * THREADS if device.is_cuda else blocks
-    return record_launch(kernel, dim, arguments, device, block_dim=THREADS)
+    return record_launch(kernel, len(worlds) * unit, arguments, device, start=worlds.start * unit, block_dim=THREADS)
 
 
 def list_capacity(num_drawn: int) -> int:

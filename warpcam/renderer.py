@@ -2,7 +2,7 @@
 
 import threading
 from collections import defaultdict
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import warp as wp
@@ -13,8 +13,10 @@ from warpcam.errors import WarpcamError
 from warpcam.kernels.launch import Stage
 from warpcam.kernels.tables import Tables
 from warpcam.kernels.views import record_begin
+from warpcam.memory import check_cameras, estimate_memory, require_free
 from warpcam.mounting import CameraArrays, Mounted
 from warpcam.scene import Scene
+from warpcam.scratch import Scratch
 from warpcam.selection import Selection
 from warpcam.targets import Target
 
@@ -39,16 +41,21 @@ class Renderer:
             scene's device. The same tensors in every frame; they stay valid when the renderer is gone.
         faulty: uint8 tensor, (world,): 1 where, in the last frame that drew the world, a pose, size or lens was not a
             number or made no image. Such a world's images show the background; no other world is touched.
+        memory: What was allocated for it all; ``estimate_memory`` tells before.
     """
 
     def __init__(self, scene: Scene, cameras: Sequence[Camera], *, graph: bool = True):
-        self._cameras = _check_cameras(scene, cameras)
+        self._cameras = check_cameras(scene, cameras)
         self._scene, self._device = scene, scene.device
+        self.memory = estimate_memory(scene, cameras)
+        require_free(self.memory, scene.device)
         self._graph = graph and scene.device.is_cuda
         self._turn = _turns[scene.device.alias] if scene.device.is_cuda else threading.Lock()
         tables = scene.tables()
         self._mounted = {key: Mounted(camera, scene) for key, camera in self._cameras.items()}
-        self._targets = {key: Target(camera, tables, scene.device) for key, camera in self._cameras.items()}
+        self._targets = {key: Target(camera, scene.num_worlds, scene.device) for key, camera in self._cameras.items()}
+        self._scratch = Scratch(self._cameras.values(), tables)
+        self._scratch.allocate(scene.device)
         self._selection = Selection(scene.num_worlds, scene.device)
         self._faults = wp.zeros(scene.num_worlds, dtype=wp.uint8, device=scene.device)
         self.faulty = interop.to_torch(self._faults)
@@ -124,7 +131,7 @@ class Renderer:
             mounted = self._mounted[key]
             seen = self._scene.tables_with(tables, self._cameras[key].background)
             stages.append(mounted.record(mask, self._faults, target.views))
-            stages += target.record(seen, mounted.projection, mask, self._faults)
+            stages += target.record(seen, mounted.projection, self._scratch, mask, self._faults)
         self._frames = {
             everything: [record_begin(everything, mask, self._faults, self._device), *stages]
             for everything in (True, False)
@@ -147,16 +154,3 @@ class Renderer:
             for stage in stages:
                 stage.launch()
         self._graphs[everything] = capture.graph
-
-
-def _check_cameras(scene: Any, cameras: Any) -> Mapping[str | int, Camera]:
-    if not isinstance(scene, Scene):
-        raise WarpcamError(f"Renderer: scene must be made by from_mujoco_warp or the like, got {type(scene).__name__}")
-    if not isinstance(cameras, Sequence) or not all(isinstance(camera, Camera) for camera in cameras):
-        raise WarpcamError(f"Renderer: cameras must be a sequence of Camera, got {cameras!r}")
-    by_key: dict[str | int, Camera] = {}
-    for camera in cameras:
-        if camera.name in by_key:
-            raise WarpcamError(f"Renderer: cameras has two called {camera.name!r}; each needs a name of its own")
-        by_key[camera.name] = camera
-    return by_key

@@ -17,7 +17,6 @@ from warpcam.kernels.tables import Tables
 from warpcam.kernels.types import HEIGHT_FIELD, MESH, Background, Lights, Materials, Shapes
 from warpcam.lens import Projection
 
-MAX_SHADOW_LIGHTS = 32
 NUM_SHAPE_TYPES = MESH + 1
 
 
