@@ -5,6 +5,7 @@ import itertools
 import os
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +25,24 @@ def native_options(header: str) -> wp.ModuleBuildOptions:
     )
 
 
+@dataclass(frozen=True)
+class Group:
+    """Worlds that a camera's stages draw together.
+
+    Attributes:
+        worlds: Which.
+        at_once: How many worlds are under way on the device at the same time, in this and in other groups: it takes
+            that many to fill it.
+    """
+
+    worlds: range
+    at_once: int
+
+    @classmethod
+    def of_all(cls, num_worlds: int) -> "Group":
+        return cls(range(num_worlds), num_worlds)
+
+
 class Stage:
     """One launch of a kernel, recorded with its arguments. ``launch()`` neither allocates nor syncs.
 
@@ -35,11 +54,11 @@ class Stage:
         self._parts = tuple(parts)
         self._device = device
 
-    def launch(self) -> None:
-        """Enqueue the work on the device's current stream (CUDA) or finish it (CPU)."""
+    def launch(self, stream: wp.Stream | None = None) -> None:
+        """Enqueue the work on a stream, the device's current one unless given (CUDA), or finish it (CPU)."""
         if len(self._parts) == 1 or self._device.is_capturing:
             for part in self._parts:
-                part.launch()
+                part.launch(stream)
         else:
             for _ in _pool().map(wp.Launch.launch, self._parts):
                 pass
@@ -77,6 +96,41 @@ def record(
             command = wp.launch(kernel, end - first, arguments, device=device, record_cmd=True)
         launches.append(command)
     return Stage(launches, device)
+
+
+class Frame:
+    """Stages in their order: first those that open the frame, then chains that may run side by side.
+
+    ``launch()`` neither allocates nor syncs. It may be part of a capture.
+    """
+
+    def __init__(self, opening: Sequence[Stage], chains: Sequence[Sequence[Stage]], device: wp.Device):
+        self._opening, self._chains, self._device = tuple(opening), tuple(tuple(chain) for chain in chains), device
+        beside = self._chains[1:] if device.is_cuda else ()
+        self._streams = [wp.Stream(device) for _ in beside]
+        self._opened = wp.Event(device) if beside else None
+        self._done = [wp.Event(device) for _ in beside]
+
+    def launch(self) -> None:
+        """Enqueue the frame on the device's current stream (CUDA) or finish it (CPU)."""
+        for stage in self._opening:
+            stage.launch()
+        if not self._streams:
+            for stage in itertools.chain(*self._chains):
+                stage.launch()
+            return
+        stream = self._device.stream
+        stream.record_event(self._opened)
+        for side in self._streams:
+            side.wait_event(self._opened)
+        # One stage of each chain in turn, so that none waits for the host.
+        for stages in itertools.zip_longest(*self._chains):
+            for stage, where in zip(stages, (stream, *self._streams), strict=True):
+                if stage is not None:
+                    stage.launch(where)
+        for side, done in zip(self._streams, self._done, strict=True):
+            side.record_event(done)
+            stream.wait_event(done)
 
 
 @functools.cache

@@ -7,7 +7,7 @@ from typing import Any
 import warp as wp
 
 from .facet import facet_corner, facet_weight, make_facet
-from .launch import Stage
+from .launch import Group, Stage
 from .launch import record as record_stage
 from .mapping import make_mapping
 from .pack import to_byte
@@ -284,7 +284,7 @@ def record(
     width: int,
     height: int,
     device: wp.Device,
-    worlds: range | None = None,
+    group: Group | None = None,
 ) -> Stage:
     """Bind the kernel that writes ``outputs`` to one camera's buffers.
 
@@ -302,7 +302,7 @@ def record(
         width: Of the image [pixels].
         height: Of the image [pixels].
         device: Where everything lies.
-        worlds: Which are drawn; None is all.
+        group: Which worlds are drawn; None is all.
     """
     unknown = sorted(set(outputs) - set(OUTPUTS))
     if unknown:
@@ -325,7 +325,7 @@ def record(
         else:
             setattr(images, name, wp.empty((0, channels), dtype=dtype, device=device))
     kernel = make_kernel(frozenset(outputs), lens, tables.facts(), shadow is not None)
-    worlds = worlds or range(tables.num_worlds)
+    worlds = (group or Group.of_all(tables.num_worlds)).worlds
     inputs = [
         frame,
         images,

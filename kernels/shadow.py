@@ -4,7 +4,7 @@ import functools
 
 import warp as wp
 
-from .launch import Stage, native_options
+from .launch import Group, Stage, native_options
 from .launch import record as record_launch
 from .tables import Tables
 from .types import HeightFields, Lights, Materials, Meshes, Shapes, View
@@ -75,7 +75,7 @@ def record(
     height: int,
     shadow: wp.array,
     device: wp.Device,
-    worlds: range | None = None,
+    group: Group | None = None,
 ) -> Stage:
     """Bind the shadow pass of one camera; it runs after the camera's trace.
 
@@ -90,16 +90,18 @@ def record(
         height: Image height [pixels].
         shadow: int32, likewise; written.
         device: Where all of these lie.
-        worlds: Which are shaded; None is all.
+        group: Which worlds are shaded; None is all.
     """
     target = Shaded()
     target.mask, target.width, target.height = mask, width, height
     target.depth, target.shape, target.shadow = depth.flatten(), shape.flatten(), shadow.flatten()
     types = sum(1 << t for t in tables.shape_types)
     capacity = list_capacity(tables.num_drawn)
-    worlds = worlds or range(views.shape[0])
-    region = region_size(len(worlds), width, height, device)
+    group = group or Group.of_all(views.shape[0])
+    region = region_size(group.at_once, width, height, device)
     kernel = _kernel(types, LENSES[lens], capacity, *region)
     unit = -(-width // region[0]) * -(-height // region[1]) * (THREADS if device.is_cuda else 1)  # threads a world
     arguments = [tables.shapes, tables.materials, tables.meshes, tables.height_fields, tables.lights, views, target]
-    return record_launch(kernel, len(worlds) * unit, arguments, device, start=worlds.start * unit, block_dim=THREADS)
+    return record_launch(
+        kernel, len(group.worlds) * unit, arguments, device, start=group.worlds.start * unit, block_dim=THREADS
+    )

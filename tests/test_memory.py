@@ -51,23 +51,24 @@ def camera(name: str = "top", width: int = 24, height: int = 20, **options: Any)
     return wc.Camera(name, width=width, height=height, **options)
 
 
-def scratch_by_the_docs(num_worlds: int, cameras: list[wc.Camera]) -> int:
+def scratch_by_the_docs(num_worlds: int, cameras: list[wc.Camera], most_slots: int) -> int:
     """The formula of docs/memory.md, for a scene of meshes and lights with at most 256 shapes."""
-    images, largest = 0, 0
+    images, largest, all_groups = 0, 0, 0
     for each in cameras:
         for name in each.outputs:
             bytes_a_pixel = OUTPUTS[name].channels * (1 if OUTPUTS[name].dtype is wp.uint8 else 4)
             images += num_worlds * each.width * each.height * bytes_a_pixel
-    allowed = max(images / 2, 32 * 2**20)
+    allowed = max(images / 2, 32 * 2**20) // most_slots
     for each in cameras:
         outputs, buffers = set(each.outputs), 0
         if outputs - {"depth", "segmentation"}:
             buffers += ("depth" not in outputs) + ("segmentation" not in outputs)
             buffers += bool(outputs & FACED) + (each.shadows and bool(outputs & LIT))
         world = each.width * each.height * 4 * buffers
-        groups = np.ceil(num_worlds / max(allowed // world, 1)) if world else 1
+        groups = int(np.ceil(num_worlds / max(allowed // world, 1))) if world else 1
+        all_groups += groups
         largest = max(largest, int(np.ceil(num_worlds / groups)) * world)
-    return largest
+    return min(most_slots, all_groups) * largest
 
 
 SETS = (("depth", "segmentation"), ("rgb",), ("rgb", "depth"), ("normals",), ("distance",), ("bodies",), tuple(OUTPUTS))
@@ -76,14 +77,16 @@ SETS = (("depth", "segmentation"), ("rgb",), ("rgb", "depth"), ("normals",), ("d
 @pytest.mark.parametrize("shadows", [False, True])
 @pytest.mark.parametrize("outputs", SETS, ids="+".join)
 @pytest.mark.parametrize(("num_worlds", "width"), [(2, 24), (1000, 64), (8192, 64), (301, 512)])
-def test_scratch_follows_the_formula(num_worlds: int, width: int, outputs: tuple[str, ...], shadows: bool) -> None:
-    scene = one_scene_of("cpu", num_worlds)
+def test_scratch_follows_the_formula(
+    num_worlds: int, width: int, outputs: tuple[str, ...], shadows: bool, device: wp.Device
+) -> None:
+    scene = one_scene_of(device.alias, num_worlds)
     cameras = [
         camera(width=width, height=width, outputs=outputs, shadows=shadows),
         camera("side", width=width, height=48, outputs=("segmentation",)),
     ]
     told = wc.estimate_memory(scene, cameras)
-    assert told.scratch == scratch_by_the_docs(num_worlds, cameras)
+    assert told.scratch == scratch_by_the_docs(num_worlds, cameras, 4 if device.is_cuda else 1)
     images = sum(sum(each.values()) for each in told.images.values())
     if images > 2 * scratch.ALWAYS_ALLOWED:
         assert told.total <= 1.5 * images + num_worlds * 1000

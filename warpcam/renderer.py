@@ -1,5 +1,6 @@
 """The renderer: which stages make a frame, in what order, and their capture as a graph."""
 
+import itertools
 import threading
 from collections import defaultdict
 from collections.abc import Sequence
@@ -10,7 +11,7 @@ import warp as wp
 from warpcam import interop
 from warpcam.camera import Camera
 from warpcam.errors import WarpcamError
-from warpcam.kernels.launch import Stage
+from warpcam.kernels.launch import Frame
 from warpcam.kernels.tables import Tables
 from warpcam.kernels.views import record_begin
 from warpcam.memory import check_cameras, estimate_memory, require_free
@@ -54,8 +55,8 @@ class Renderer:
         tables = scene.tables()
         self._mounted = {key: Mounted(camera, scene) for key, camera in self._cameras.items()}
         self._targets = {key: Target(camera, scene.num_worlds, scene.device) for key, camera in self._cameras.items()}
-        self._scratch = Scratch(self._cameras.values(), tables)
-        self._scratch.allocate(scene.device)
+        self._scratch = Scratch(self._cameras.values(), tables, scene.device)
+        self._scratch.allocate()
         self._selection = Selection(scene.num_worlds, scene.device)
         self._faults = wp.zeros(scene.num_worlds, dtype=wp.uint8, device=scene.device)
         self.faulty = interop.to_torch(self._faults)
@@ -67,7 +68,7 @@ class Renderer:
             key: CameraArrays(self._cameras[key].where, mounted.arrays) for key, mounted in self._mounted.items()
         }
         self._tables: Tables | None = None
-        self._frames: dict[bool, list[Stage]] = {}
+        self._frames: dict[bool, Frame] = {}
         self._graphs: dict[bool, wp.Graph] = {}
         self._record(tables)
 
@@ -126,31 +127,35 @@ class Renderer:
 
     def _record(self, tables: Tables) -> None:
         """Bind every stage to the tables' arrays; loads and compiles whatever kernels that takes."""
-        mask, stages = self._selection.mask, []
+        mask, views, groups = self._selection.mask, [], []
         for key, target in self._targets.items():
-            mounted = self._mounted[key]
-            seen = self._scene.tables_with(tables, self._cameras[key].background)
-            stages.append(mounted.record(mask, self._faults, target.views))
-            stages += target.record(seen, mounted.projection, self._scratch, mask, self._faults)
+            mounted, camera = self._mounted[key], self._cameras[key]
+            seen = self._scene.tables_with(tables, camera.background)
+            views.append(mounted.record(mask, self._faults, target.views))
+            groups += [
+                target.record(seen, mounted.projection, group, buffers, mask, self._faults)
+                for group, buffers in self._scratch.groups(camera, len(groups))
+            ]
+        slots = self._scratch.slots
+        chains = [list(itertools.chain(*groups[slot::slots])) for slot in range(slots)]
         self._frames = {
-            everything: [record_begin(everything, mask, self._faults, self._device), *stages]
+            everything: Frame(
+                [record_begin(everything, mask, self._faults, self._device), *views], chains, self._device
+            )
             for everything in (True, False)
         }
         self._graphs = {}
         self._tables = tables
 
     def _run(self, everything: bool, capturing: bool) -> None:
-        stages = self._frames[everything]
+        frame = self._frames[everything]
         if not self._graph or capturing:
-            for stage in stages:
-                stage.launch()
+            frame.launch()
             return
         if everything in self._graphs:
             wp.capture_launch(self._graphs[everything], stream=self._device.stream)
             return
-        for stage in stages:  # the first time by themselves: the driver may still have to load the kernels
-            stage.launch()
+        frame.launch()  # the first time by itself: the driver may still have to load the kernels
         with wp.ScopedStream(wp.Stream(self._device)), wp.ScopedCapture(self._device) as capture:
-            for stage in stages:
-                stage.launch()
+            frame.launch()
         self._graphs[everything] = capture.graph

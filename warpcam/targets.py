@@ -1,16 +1,17 @@
 """The images of one camera, and the stages that make them."""
 
+from collections.abc import Mapping
+
 import warp as wp
 
 from warpcam.camera import Camera
 from warpcam.errors import WarpcamError
 from warpcam.kernels import resolve, shadow, visibility
-from warpcam.kernels.launch import Stage
+from warpcam.kernels.launch import Group, Stage
 from warpcam.kernels.tables import Tables
 from warpcam.kernels.types import View
 from warpcam.lens import Projection
 from warpcam.outputs import OUTPUTS
-from warpcam.scratch import Scratch
 
 MAX_PIXELS = 2**31
 
@@ -43,42 +44,33 @@ class Target:
         self._derived = {name: array for name, array in self.images.items() if OUTPUTS[name].trace is None}
 
     def record(
-        self, tables: Tables, projection: Projection, scratch: Scratch, mask: wp.array, faults: wp.array
+        self,
+        tables: Tables,
+        projection: Projection,
+        group: Group,
+        buffers: Mapping[str, wp.array],
+        mask: wp.array,
+        faults: wp.array,
     ) -> list[Stage]:
-        """The stages that make the images from the views."""
-        width, height, device, views = self._camera.width, self._camera.height, self._device, self.views
-        stages = []
-        for worlds, buffers in scratch.groups(self._camera):
-            depth, shape, face, shadows = (
-                self._traced.get(name, buffers.get(name)) for name in ("depth", "shape", "face", "shadow")
-            )
+        """The stages that make the images of a group of worlds from their views, by way of ``buffers``."""
+        device, views, width, height = self._device, self.views, self._camera.width, self._camera.height
+        depth, shape, face, shadows = (
+            self._traced.get(name, buffers.get(name)) for name in ("depth", "shape", "face", "shadow")
+        )
+        stages = [
+            visibility.record(tables, projection, views, mask, faults, width, height, depth, shape, face, device, group)
+        ]
+        if shadows is not None:
             stages.append(
-                visibility.record(
-                    tables, projection, views, mask, faults, width, height, depth, shape, face, device, worlds
+                shadow.record(tables, projection, views, mask, depth, shape, width, height, shadows, device, group)
+            )
+        if self._derived:
+            images = self._derived
+            if face is None:
+                face = wp.empty(0, dtype=wp.int32, device=device)
+            stages.append(
+                resolve.record(
+                    images, projection, tables, views, mask, depth, shape, face, shadows, width, height, device, group
                 )
             )
-            if shadows is not None:
-                stages.append(
-                    shadow.record(tables, projection, views, mask, depth, shape, width, height, shadows, device, worlds)
-                )
-            if self._derived:
-                if face is None:
-                    face = wp.empty(0, dtype=wp.int32, device=device)
-                stages.append(
-                    resolve.record(
-                        self._derived,
-                        projection,
-                        tables,
-                        views,
-                        mask,
-                        depth,
-                        shape,
-                        face,
-                        shadows,
-                        width,
-                        height,
-                        device,
-                        worlds,
-                    )
-                )
         return stages
