@@ -40,6 +40,7 @@ WARPCAM_FN Slabs slabs(Vec o, Vec d, float extent)
              { -(o.x - pad) * s.x, -(o.y - pad) * s.y, -(o.z - pad) * s.z } };
 }
 
+#if defined(__CUDA_ARCH__)
 // Nearest front face of any mesh among a tile's records, nearer than `hit`; with ANY, the first one found. `words` are
 // the tile's mesh records as bits by rank, `order` leads from a rank to its record.
 template <bool ANY, class Meshes, class RayOf>
@@ -143,5 +144,7 @@ WARPCAM_FN void walk_meshes(const Meshes& meshes, const Record* records, const u
         node = NO_NODE;
     }
 }
+
+#endif
 
 }  // namespace warpcam
