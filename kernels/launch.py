@@ -72,7 +72,6 @@ def record(
     *,
     start: int = 0,
     block_dim: int = 256,
-    parts: int = 4,
 ) -> Stage:
     """Bind a 1-D kernel to its arguments.
 
@@ -83,9 +82,8 @@ def record(
         device: Where the arguments lie.
         start: The index of the first thread; ``start + dim`` is below 2^31.
         block_dim: Threads in a CUDA block.
-        parts: On CPU, how many parts each thread gets: more even out uneven work.
     """
-    count = min(dim, 1 if device.is_cuda else _threads() * parts if _threads() > 1 else 1)
+    count = min(dim, 1 if device.is_cuda else cpu_parts())
     bounds = [dim * i // max(count, 1) for i in range(count + 1)]
     launches = []
     for first, end in itertools.pairwise(bounds):
@@ -131,6 +129,11 @@ class Frame:
         for side, done in zip(self._streams, self._done, strict=True):
             side.record_event(done)
             stream.wait_event(done)
+
+
+def cpu_parts() -> int:
+    """How many parts a CPU launch is split into: some for each thread, to even out uneven work."""
+    return 4 * _threads() if _threads() > 1 else 1
 
 
 @functools.cache

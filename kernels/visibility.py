@@ -4,7 +4,7 @@ import functools
 
 import warp as wp
 
-from .launch import Group, Stage, native_options
+from .launch import Group, Stage, cpu_parts, native_options
 from .launch import record as record_launch
 from .tables import Tables
 from .types import HeightFields, Materials, Meshes, Shapes, View
@@ -128,7 +128,7 @@ def list_capacity(num_drawn: int) -> int:
 
 def region_size(at_once: int, width: int, height: int, device: wp.Device) -> tuple[int, int]:
     """Pixels that one thread block draws: as many as leave enough blocks to fill the device."""
-    wanted = device.sm_count * 24 if device.is_cuda else 32
+    wanted = device.sm_count * 24 if device.is_cuda else 2 * cpu_parts()
     for size in ((64, 64), (64, 32), (32, 32), (32, 16), (16, 16)):
         if at_once * -(-width // size[0]) * -(-height // size[1]) >= wanted:
             return size

@@ -13,6 +13,15 @@ constexpr float ENDLESS = 1.0e25f;  // farther than any face, nearer than the bo
 inline Float4 lower4(Float4 a, Float4 b) { return a < b ? a : b; }
 inline Float4 upper4(Float4 a, Float4 b) { return a > b ? a : b; }
 
+inline Float4 muladd4(Float4 a, float b, float c)
+{
+#if defined(__FMA__)
+    return __builtin_elementwise_fma(a, (Float4)b, (Float4)c);
+#else
+    return a * b + c;
+#endif
+}
+
 inline Float4 load4(const float* rows, unsigned row)
 {
     Float4 r;
@@ -123,12 +132,12 @@ struct BoxRay {
 inline int test_node(const float* nodes, int node, const BoxRay& ray, float near, float depth, Waiting* stack, int& height)
 {
     const unsigned at = unsigned(node) * NODE_ROWS;
-    const Float4 x0 = load4(nodes, at + ray.near_x) * ray.scale.x + ray.in.x;
-    const Float4 y0 = load4(nodes, at + ray.near_y) * ray.scale.y + ray.in.y;
-    const Float4 z0 = load4(nodes, at + ray.near_z) * ray.scale.z + ray.in.z;
-    const Float4 x1 = load4(nodes, at + ray.far_x) * ray.scale.x + ray.out.x;
-    const Float4 y1 = load4(nodes, at + ray.far_y) * ray.scale.y + ray.out.y;
-    const Float4 z1 = load4(nodes, at + ray.far_z) * ray.scale.z + ray.out.z;
+    const Float4 x0 = muladd4(load4(nodes, at + ray.near_x), ray.scale.x, ray.in.x);
+    const Float4 y0 = muladd4(load4(nodes, at + ray.near_y), ray.scale.y, ray.in.y);
+    const Float4 z0 = muladd4(load4(nodes, at + ray.near_z), ray.scale.z, ray.in.z);
+    const Float4 x1 = muladd4(load4(nodes, at + ray.far_x), ray.scale.x, ray.out.x);
+    const Float4 y1 = muladd4(load4(nodes, at + ray.far_y), ray.scale.y, ray.out.y);
+    const Float4 z1 = muladd4(load4(nodes, at + ray.far_z), ray.scale.z, ray.out.z);
     const Float4 enter = upper4(upper4(x0, y0), upper4(z0, (Float4)near));
     const Float4 leave = lower4(lower4(x1, y1), lower4(z1, (Float4)depth));
     unsigned left = bits_of(enter <= leave);
