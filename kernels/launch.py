@@ -44,56 +44,46 @@ class Group:
 
 
 class Stage:
-    """One launch of a kernel, recorded with its arguments. ``launch()`` neither allocates nor syncs.
+    """One launch of a kernel with its arguments. ``launch()`` neither allocates nor syncs, but for the first time.
 
     On a CPU device the launch is split over threads; Warp runs each part without holding the GIL. While a graph
     is being captured the parts run one after another on the calling thread, which is the one that records.
     """
 
-    def __init__(self, parts: Sequence[wp.Launch], device: wp.Device):
-        self._parts = tuple(parts)
-        self._device = device
+    def __init__(
+        self, kernel: wp.Kernel, dim: int, inputs: Sequence[Any], device: wp.Device, start: int, block_dim: int
+    ):
+        self.module, self.block_dim, self.device = kernel.module, block_dim, device
+        self._kernel, self._dim, self._inputs, self._start = kernel, dim, inputs, start
+        self._parts: tuple[wp.Launch, ...] = ()
+
+    def bind(self) -> None:
+        """Make ready for launches; compiles and loads the kernel if nobody did."""
+        count = min(self._dim, 1 if self.device.is_cuda else cpu_parts())
+        bounds = [self._dim * i // max(count, 1) for i in range(count + 1)]
+        block_dim = {"block_dim": self.block_dim} if self.device.is_cuda else {}
+        self._parts = tuple(
+            wp.launch(
+                self._kernel,
+                end - first,
+                [*self._inputs, self._start + first],
+                device=self.device,
+                record_cmd=True,
+                **block_dim,
+            )
+            for first, end in itertools.pairwise(bounds)
+        )
 
     def launch(self, stream: wp.Stream | None = None) -> None:
         """Enqueue the work on a stream, the device's current one unless given (CUDA), or finish it (CPU)."""
-        if len(self._parts) == 1 or self._device.is_capturing:
+        if not self._parts:
+            self.bind()
+        if len(self._parts) == 1 or self.device.is_capturing:
             for part in self._parts:
                 part.launch(stream)
         else:
             for _ in _pool().map(wp.Launch.launch, self._parts):
                 pass
-
-
-def record(
-    kernel: wp.Kernel,
-    dim: int,
-    inputs: Sequence[Any],
-    device: wp.Device,
-    *,
-    start: int = 0,
-    block_dim: int = 256,
-) -> Stage:
-    """Bind a 1-D kernel to its arguments.
-
-    Args:
-        kernel: Its last parameter is ``first: wp.int32``; its index is ``first + wp.tid()``.
-        dim: Number of threads, below 2^31.
-        inputs: All arguments but ``first``.
-        device: Where the arguments lie.
-        start: The index of the first thread; ``start + dim`` is below 2^31.
-        block_dim: Threads in a CUDA block.
-    """
-    count = min(dim, 1 if device.is_cuda else cpu_parts())
-    bounds = [dim * i // max(count, 1) for i in range(count + 1)]
-    launches = []
-    for first, end in itertools.pairwise(bounds):
-        arguments = [*inputs, start + first]
-        if device.is_cuda:
-            command = wp.launch(kernel, end - first, arguments, device=device, block_dim=block_dim, record_cmd=True)
-        else:
-            command = wp.launch(kernel, end - first, arguments, device=device, record_cmd=True)
-        launches.append(command)
-    return Stage(launches, device)
 
 
 class Frame:
@@ -129,6 +119,43 @@ class Frame:
         for side, done in zip(self._streams, self._done, strict=True):
             side.record_event(done)
             stream.wait_event(done)
+
+
+def bind(stages: Sequence[Stage]) -> None:
+    """Make stages of one device ready for launches, compiling kernels for CUDA side by side.
+
+    Not so on a CPU, where the headers are precompiled once for a thread, which takes longer than most kernels.
+    """
+    modules: dict[int, dict[wp.Module, None]] = {}
+    for stage in stages:
+        modules.setdefault(stage.block_dim if stage.device.is_cuda else 1, {})[stage.module] = None
+    for block_dim, together in modules.items():
+        device = stages[0].device
+        wp.force_load(device, list(together), block_dim=block_dim, max_workers=_threads() if device.is_cuda else 0)
+    for stage in stages:
+        stage.bind()
+
+
+def record(
+    kernel: wp.Kernel,
+    dim: int,
+    inputs: Sequence[Any],
+    device: wp.Device,
+    *,
+    start: int = 0,
+    block_dim: int = 128,
+) -> Stage:
+    """A 1-D kernel with its arguments.
+
+    Args:
+        kernel: Its last parameter is ``first: wp.int32``; its index is ``first + wp.tid()``.
+        dim: Number of threads, below 2^31.
+        inputs: All arguments but ``first``.
+        device: Where the arguments lie.
+        start: The index of the first thread; ``start + dim`` is below 2^31.
+        block_dim: Threads in a CUDA block.
+    """
+    return Stage(kernel, dim, inputs, device, start, block_dim)
 
 
 def cpu_parts() -> int:

@@ -11,7 +11,7 @@ import warp as wp
 from warpcam import interop
 from warpcam.camera import Camera
 from warpcam.errors import WarpcamError
-from warpcam.kernels.launch import Frame
+from warpcam.kernels.launch import Frame, bind
 from warpcam.kernels.tables import Tables
 from warpcam.kernels.views import record_begin
 from warpcam.memory import check_cameras, estimate_memory, require_free
@@ -138,12 +138,9 @@ class Renderer:
             ]
         slots = self._scratch.slots
         chains = [list(itertools.chain(*groups[slot::slots])) for slot in range(slots)]
-        self._frames = {
-            everything: Frame(
-                [record_begin(everything, mask, self._faults, self._device), *views], chains, self._device
-            )
-            for everything in (True, False)
-        }
+        begin = {everything: record_begin(everything, mask, self._faults, self._device) for everything in (True, False)}
+        bind([*begin.values(), *views, *itertools.chain(*groups)])
+        self._frames = {everything: Frame([stage, *views], chains, self._device) for everything, stage in begin.items()}
         self._graphs = {}
         self._tables = tables
 
