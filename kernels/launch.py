@@ -11,6 +11,8 @@ from typing import Any
 
 import warp as wp
 
+from .streams import quiet_stream
+
 NATIVE = Path(__file__).resolve().parent / "native"
 
 
@@ -95,7 +97,7 @@ class Frame:
     def __init__(self, opening: Sequence[Stage], chains: Sequence[Sequence[Stage]], device: wp.Device):
         self._opening, self._chains, self._device = tuple(opening), tuple(tuple(chain) for chain in chains), device
         beside = self._chains[1:] if device.is_cuda else ()
-        self._streams = [wp.Stream(device) for _ in beside]
+        self._streams = [quiet_stream(device) for _ in beside]
         self._opened = wp.Event(device) if beside else None
         self._done = [wp.Event(device) for _ in beside]
 

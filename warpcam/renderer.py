@@ -12,6 +12,7 @@ from warpcam import interop
 from warpcam.camera import Camera
 from warpcam.errors import WarpcamError
 from warpcam.kernels.launch import Frame, bind
+from warpcam.kernels.streams import quiet_stream
 from warpcam.kernels.tables import Tables
 from warpcam.kernels.views import record_begin
 from warpcam.memory import check_cameras, estimate_memory, require_free
@@ -153,6 +154,6 @@ class Renderer:
             wp.capture_launch(self._graphs[everything], stream=self._device.stream)
             return
         frame.launch()  # the first time by itself: the driver may still have to load the kernels
-        with wp.ScopedStream(wp.Stream(self._device)), wp.ScopedCapture(self._device) as capture:
+        with wp.ScopedStream(quiet_stream(self._device)), wp.ScopedCapture(self._device) as capture:
             frame.launch()
         self._graphs[everything] = capture.graph
