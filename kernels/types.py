@@ -51,9 +51,11 @@ class Meshes:
     upper: wp.array(dtype=wp.vec3)  # (mesh,)
     node_start: wp.array(dtype=wp.int32)  # (mesh,) row of its root node in `nodes`
     face_start: wp.array(dtype=wp.int32)  # (mesh,) row of its first face in `faces`
-    # (row,) a node of the 4-wide tree is 7 rows: lower x, y, z and upper x, y, z of four children, then the four
+    num_faces: wp.array(dtype=wp.int32)  # (mesh,)
+    # (row,) a node of the 4-wide tree. On a CPU 7 rows: lower x, y, z and upper x, y, z of four children, then the four
     # children as int bits: a node's index, or -(first_face * 16 + count) - 1 for a leaf; both relative to the mesh.
-    # An absent child has all its bounds at 1e30.
+    # On CUDA 8 rows: of each child lower x, y, z and the child; upper x, y, z and nothing. An absent child has all its
+    # bounds at 1e30.
     nodes: wp.array(dtype=wp.vec4)
     # (row,) a face is 3 rows, its corners, counterclockwise seen from the front; in leaf order. The fourth
     # component of the first row holds, as int bits, the face's index among the mesh's faces as they were given.
@@ -67,18 +69,23 @@ class Meshes:
 
 @wp.struct
 class HeightFields:
-    """Terrain: a grid of heights over a box, with sides and a base, and a pyramid of bounds to walk it by."""
+    """Terrain: a grid of heights over a box, with sides and a base, and what the trace walks it by."""
 
     size: wp.array(dtype=wp.vec4)  # (hfield,) half width x, half width y, height of 1.0, depth of the base [m]
     rows: wp.array(dtype=wp.int32)  # (hfield,) samples along y
     columns: wp.array(dtype=wp.int32)  # (hfield,) samples along x
     height_start: wp.array(dtype=wp.int32)  # (hfield,) first sample in `heights`
-    bound_start: wp.array(dtype=wp.int32)  # (hfield,) first entry in `bounds`
-    levels: wp.array(dtype=wp.int32)  # (hfield,) levels of the pyramid: 2^(levels-1) cells a side at the bottom
     heights: wp.array(dtype=wp.float32)  # (sample,) row-major, y then x, [m]
-    # (entry,) lowest and highest height of a block of cells [m]; level after level from the single root, each
-    # level square and row-major; blocks outside the grid are empty (lowest > highest)
-    bounds: wp.array(dtype=wp.vec2)
+    # (row,) what the trace walks by; a field is 2 rows: cells per metre along x and y, greatest height, and as int bits
+    # levels; as int bits cells along x and y, first entry in `peaks`, first entry in `cells`.
+    # Levels: the least number of which 2^levels is not less than the cells along either side.
+    grids: wp.array(dtype=wp.vec4)
+    # (cell,) row-major, y then x: height h of the lowest corner, rises a and b along x and y, fold c; at (u, v) in the
+    # cell, each in [0, 1], the ground's height is h + a u + b v + c max(u - v, 0) [m]
+    cells: wp.array(dtype=wp.vec4)
+    # (entry,) greatest height of the blocks of 2^level cells a side, (row, ceil(cells along x / 2)): block (r, c) of a
+    # level lies at row 2^(levels - level) + r, column c [m]
+    peaks: wp.array(dtype=wp.float32)
 
 
 @wp.struct

@@ -7,12 +7,15 @@ import warp as wp
 from .launch import Group, Stage, cpu_parts, native_options
 from .launch import record as record_launch
 from .tables import Tables
-from .types import HeightFields, Materials, Meshes, Shapes, View
+from .types import HEIGHT_FIELD, MESH, HeightFields, Materials, Meshes, Shapes, View
 
 LENSES = {"pinhole": 0, "orthographic": 1}
 THREADS = 128  # of a CUDA block; lanes.h has the same number
 MAX_LISTED = 256  # shapes that one pass draws
-BLOCKS = 8  # on a multiprocessor: bounds the registers of a thread
+FINE_MESH = 8  # bit beside those of the shape types; record.h has the same
+FINE_FACES = 4096  # with a mesh of more, a scene is compiled for fine meshes too
+BLOCKS = 10  # on a multiprocessor: bounds the registers of a thread
+MESH_BLOCKS = 8  # the same for scenes with meshes or height fields
 
 
 @wp.struct
@@ -52,7 +55,7 @@ def _kernel(types: int, lens: int, capacity: int, several: bool, width: int, hei
         module="unique",
         enable_backward=False,
         grid_stride=False,
-        launch_bounds=(THREADS, BLOCKS),
+        launch_bounds=(THREADS, MESH_BLOCKS if types >> MESH & 1 or types >> HEIGHT_FIELD & 1 else BLOCKS),
         module_options={"extra_build_options": native_options("visibility.h")},
     )
     def visibility(
@@ -112,6 +115,8 @@ def record(
             setattr(target, name, buffer.flatten())
             outputs |= 1 << bit
     types = sum(1 << t for t in tables.shape_types)
+    if device.is_cuda and tables.max_faces > FINE_FACES:
+        types |= 1 << FINE_MESH
     region = region_size(group.at_once, width, height, device)
     kernel = _kernel(types, LENSES[lens], capacity, several, *region, outputs)
     unit = -(-width // region[0]) * -(-height // region[1]) * (THREADS if device.is_cuda else 1)  # threads a world
@@ -123,7 +128,7 @@ def record(
 
 def list_capacity(num_drawn: int) -> int:
     """How many shapes a block lists at once, for a scene of that many: few sizes, so that scenes share kernels."""
-    return next(size for size in (16, 32, 64, 128, MAX_LISTED) if size >= min(num_drawn, MAX_LISTED))
+    return next(size for size in (16, 32, 64, 96, 128, 192, MAX_LISTED) if size >= min(num_drawn, MAX_LISTED))
 
 
 def region_size(at_once: int, width: int, height: int, device: wp.Device) -> tuple[int, int]:

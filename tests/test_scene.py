@@ -8,7 +8,6 @@ import warp as wp
 from warpcam.kernels import types
 
 import warpcam as wc
-from warpcam.accel.heightfields import NOTHING, build_pyramid, count_levels
 from warpcam.scene import FIELDS
 
 every_device = pytest.mark.parametrize("device", [device.alias for device in wp.get_devices()])
@@ -168,21 +167,6 @@ def test_equal_meshes_share_their_tree() -> None:
     meshes = make("mujoco", *compile_model(xml), "cpu").tables().meshes
     assert meshes.node_start.numpy().tolist() == [0, 0]
     assert meshes.corner_start.numpy().tolist() == [0, 4]
-
-
-@pytest.mark.parametrize("shape", [(2, 2), (2, 5), (7, 3), (17, 16)])
-def test_pyramid_bounds_every_block(shape: tuple[int, int]) -> None:
-    heights = np.random.default_rng(0).normal(size=shape).astype(np.float32)
-    levels, bounds = count_levels(shape), build_pyramid(heights)
-    assert len(bounds) == (4**levels - 1) // 3
-    for level in range(levels):
-        side, span = 2**level, 2 ** (levels - 1 - level)
-        block = bounds[(4**level - 1) // 3 :][: 4**level].reshape(side, side, 2)
-        for row, column in np.ndindex(side, side):
-            inside = row * span < shape[0] - 1 and column * span < shape[1] - 1
-            seen = heights[row * span : (row + 1) * span + 1, column * span : (column + 1) * span + 1]
-            expected = (seen.min(), seen.max()) if inside else (NOTHING, -NOTHING)
-            np.testing.assert_array_equal(block[row, column], np.float32(expected))
 
 
 def test_height_fields_are_in_metres() -> None:

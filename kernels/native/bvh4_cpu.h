@@ -202,14 +202,14 @@ template <class Meshes> inline const float* face_rows(const Meshes& meshes, int 
     return reinterpret_cast<const float*>(meshes.faces.data) + 4 * size_t(wp::index(meshes.face_start, mesh));
 }
 
-// As walk_mesh, for all meshes among some records. `words` are these records as bits by rank, from near to far; `order`
+// As walk_mesh, for all meshes among some records. `words` are these records as bits by rank, `stride` apart; `order`
 // leads from a rank to its record.
 template <bool ANY, class Meshes, class RayOf>
 inline void walk_meshes(const Meshes& meshes, const Record* records, const unsigned char* order, const unsigned* words,
-                        int num_words, const RayOf& source, float near, Hit& hit)
+                        int num_words, int stride, const RayOf& source, float near, Hit& hit)
 {
     for (int word = 0; word < num_words; ++word)
-        for (unsigned left = words[word]; left; left &= left - 1) {
+        for (unsigned left = words[word * stride]; left; left &= left - 1) {
             const Record& record = records[order[word * 32 + lowest_bit(left)]];
             if (as_float(record.size.w) >= hit.depth)
                 return;

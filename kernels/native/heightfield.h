@@ -1,173 +1,169 @@
-// Height fields: a column of ground under a grid of heights. Sides and base are a box; the top is walked through a
-// quadtree of lowest and highest heights, near blocks first.
+// Height fields: a column of ground under a grid of heights. Sides and base are a box; the top is walked cell by cell,
+// and in large steps where the ray runs above all that is near.
 #pragma once
 #include "bvh4.h"
 
 namespace warpcam {
 
-// A block of the pyramid: its level (0 is the root, 12 at most) and its column and row in that level.
-WARPCAM_FN int pack_block(int level, int column, int row) { return level << 26 | row << 13 | column; }
+// The walk's levels are CELLS, 1, 3, 5, ...; on the others it meets blocks of 2^level cells a side.
+constexpr int CELLS = -1, LEVEL_STEP = 2, FIRST_LEVEL = 5;
+// Cells met before the walk looks for larger steps again: it leaves a block of 2^3 a side.
+constexpr int CELL_BLOCK = ~7;
 
-struct Grid {
-    int columns, rows;        // cells
-    float step_x, step_y;     // of one cell
-    float start_x, start_y;   // of the first sample
-    const float* heights;
-    int stride;
-};
+// A cell's index along an axis as the bits of the float WHOLE + index: no instruction is needed between the two.
+constexpr float WHOLE = 12582912.0f;  // 1.5 * 2^23
+constexpr int INDEX = 0x3fffff;       // the bits of an index, also of a negative one that was inverted
 
-WARPCAM_FN Corner grid_corner(const RayFrame& frame, const Grid& grid, int column, int row)
+WARPCAM_FN int whole_below(float a)
 {
-    return project(frame, muladd(float(column), grid.step_x, grid.start_x),
-                   muladd(float(row), grid.step_y, grid.start_y), grid.heights[row * grid.stride + column]);
+#if defined(__CUDA_ARCH__)
+    return __float_as_int(__fadd_rd(a, WHOLE));
+#else
+    return as_int(WHOLE) + int(a) - (float(int(a)) > a ? 1 : 0);
+#endif
 }
 
-WARPCAM_FN float grid_height(const Grid& grid, float gx, float gy)
-{
-    const int column = int(lower(upper(gx, 0.0f), float(grid.columns) - 1.0e-3f));
-    const int row = int(lower(upper(gy, 0.0f), float(grid.rows) - 1.0e-3f));
-    const float u = gx - float(column), v = gy - float(row);
-    const float* h = grid.heights + row * grid.stride + column;
-    // the two triangles of a cell meet on the line from (column, row) to (column + 1, row + 1)
-    return u > v ? h[0] + u * (h[1] - h[0]) + v * (h[grid.stride + 1] - h[1])
-                 : h[0] + v * (h[grid.stride] - h[0]) + u * (h[grid.stride + 1] - h[grid.stride]);
-}
+WARPCAM_FN float line_of(int code) { return as_float(code) - WHOLE; }
 
-// Sides and base, where the ray enters the box of the whole field below the ground.
-WARPCAM_FN float enter_ground(const Grid& grid, Vec o, Vec d, float half_x, float half_y, float base, float top)
-{
-    const float ix = reciprocal(nonzero(d.x)), iy = reciprocal(nonzero(d.y)), iz = reciprocal(nonzero(d.z));
-    const float x0 = (-half_x - o.x) * ix, x1 = (half_x - o.x) * ix;
-    const float y0 = (-half_y - o.y) * iy, y1 = (half_y - o.y) * iy;
-    const float z0 = (-base - o.z) * iz, z1 = (top - o.z) * iz;
-    const float enter_xy = upper(lower(x0, x1), lower(y0, y1)), enter_z = lower(z0, z1);
-    const float leave = lower(lower(upper(x0, x1), upper(y0, y1)), upper(z0, z1));
-    const float enter = upper(enter_xy, enter_z);
-    if (enter > leave)
-        return FAR_AWAY;
-    if (enter_z > enter_xy)
-        return d.z > 0.0f ? enter : FAR_AWAY;  // through the base, or down through the box's lid
-    const float x = o.x + enter * d.x, y = o.y + enter * d.y, z = o.z + enter * d.z;
-    return z <= grid_height(grid, (x - grid.start_x) / grid.step_x, (y - grid.start_y) / grid.step_y) ? enter
-                                                                                                    : FAR_AWAY;
-}
+// One axis of the grid as a ray meets it: mirrored where the ray runs against it, so that it goes through cells in
+// ascending order. Cell i is then cell i ^ flip of the grid.
+struct Axis {
+    float start, speed;  // of the ray [cells], [cells per t]; speed is positive
+    float wait, offset;  // the ray leaves cell i at t = i * wait + offset
+    float ahead;         // start, and more than the rounding of a place on the ray [cells]
+    float first, last;   // cells
+    int flip;            // 0 or -1
 
-// The ray over a height field's blocks: times at which it crosses lines of the grid, and heights along it. The grid is
-// mirrored where the ray runs against an axis, so that it always meets lower columns and rows first.
-struct GridRay {
-    float start_x, start_y;  // of the ray [cells]
-    float per_x, per_y;      // t per cell, positive
-    float pad_x, pad_y;      // t; more than the rounding of a crossing
-    float low, high, slope;  // height(t) lies between low and high + t * slope
-    bool falls;
-
-    // Does the ray between two times come near heights between low and high?
-    WARPCAM_FN bool meets(Pair bound, float enter, float leave) const
+    WARPCAM_FN Axis(float origin, float direction, float cells)
     {
-        const float bottom = low + (falls ? leave : enter) * slope, top = high + (falls ? enter : leave) * slope;
-        return enter <= leave && bottom <= bound.y && top >= bound.x;
+        flip = direction < 0.0f ? -1 : 0;
+        first = flip ? -cells : 0.0f;
+        last = first + (cells - 1.0f);
+        start = flip ? -origin : origin;
+        speed = upper(magnitude(direction), 1.0e-18f);
+        wait = reciprocal(speed);
+        offset = muladd(-start, wait, wait);
+        ahead = start + 5.0e-7f * (magnitude(start) + cells);
     }
+    WARPCAM_FN float leaves(float line) const { return muladd(line, wait, offset); }
+    // The cell at t; past every cell that the ray has left by then.
+    WARPCAM_FN int cell(float t) const { return lower_int(whole_below(muladd(t, speed, ahead)), as_int(WHOLE + last)); }
+    // Place at t in the unmirrored cell, from 0 to 1.
+    WARPCAM_FN float place(float t, int code) const
+    {
+        const float along = muladd(t, speed, start) - line_of(code);
+        return flip ? 1.0f - along : along;
+    }
+    WARPCAM_FN float direction() const { return flip ? -speed : speed; }
 };
 
-// Blocks above a level: (4^level - 1) / 3.
-WARPCAM_FN int blocks_above(int level) { return 0x55555555 & ((1 << 2 * level) - 1); }
-
+// Nearest front of the ground between `near` and the hit's depth.
+//
+// The ray takes along from cell to cell whether it is above ground, and hits where it is so no longer: however the
+// borders of cells are rounded, it cannot slip through between them.
 template <class HeightFields, class RayOf>
 WARPCAM_FN void walk_height_field(const HeightFields& fields, const Record& record, const RayOf& source, float near,
                                   Hit& hit)
 {
-    const int asset = record.axis_z.w;
-    const int levels = wp::index(fields.levels, asset);
-    const Pair* bounds = reinterpret_cast<const Pair*>(fields.bounds.data) + wp::index(fields.bound_start, asset);
-    const float half_x = record.size.x, half_y = record.size.y, base = record.size.z;
-    Grid grid;
-    grid.stride = wp::index(fields.columns, asset);
-    grid.columns = grid.stride - 1;
-    grid.rows = wp::index(fields.rows, asset) - 1;
-    const float cells_x = float(grid.columns), cells_y = float(grid.rows);
-    grid.step_x = 2.0f * half_x * reciprocal(cells_x);
-    grid.step_y = 2.0f * half_y * reciprocal(cells_y);
-    grid.start_x = -half_x;
-    grid.start_y = -half_y;
-    grid.heights = fields.heights.data + wp::index(fields.height_start, asset);
+    const Row scale = load(fields.grids.data, 2 * record.axis_z.w);
+    const Row grid = load(fields.grids.data, 2 * record.axis_z.w + 1);
+    const int columns = as_int(grid.x), rows = as_int(grid.y), levels = scale.w, first_peak = as_int(grid.z);
+    const float top = scale.z, base = record.size.z;
 
     const Ray ray = source.local(record);
     const Vec o = ray.origin, d = ray.direction;
-    const Pair whole = bounds[0];
-    const float ground = enter_ground(grid, o, d, half_x, half_y, base, whole.y);
-    if (ground > near && ground < hit.depth) {
-        hit.depth = ground;
-        hit.shape = record.axis_y.w;
-        hit.face = -1;
-    }
-
-    const bool flip_x = d.x < 0.0f, flip_y = d.y < 0.0f;
-    const float cells = float(1 << (levels - 1));
-    GridRay g;
-    g.start_x = (o.x + half_x) * reciprocal(grid.step_x);
-    g.start_y = (o.y + half_y) * reciprocal(grid.step_y);
-    g.start_x = flip_x ? cells - g.start_x : g.start_x;
-    g.start_y = flip_y ? cells - g.start_y : g.start_y;
-    g.per_x = grid.step_x * reciprocal(upper(magnitude(d.x), 1.0e-18f));
-    g.per_y = grid.step_y * reciprocal(upper(magnitude(d.y), 1.0e-18f));
-    g.pad_x = 4.0e-6f * (magnitude(g.start_x) + cells) * g.per_x;
-    g.pad_y = 4.0e-6f * (magnitude(g.start_y) + cells) * g.per_y;
-    const float pad_z = 2.0e-6f * (magnitude(o.z) + magnitude(whole.y) + base);
-    g.low = o.z - pad_z;
-    g.high = o.z + pad_z;
-    g.slope = d.z;
-    g.falls = d.z < 0.0f;
-
-    int stack[STACK];
-    int height = 0, block = pack_block(0, 0, 0);
-    const int cell = pack_block(levels - 1, 0, 0);  // codes from here on are cells
-    while (block >= 0) {
-        // down to the next cell, so that the lanes of a warp test their cells together
-        while (block >= 0 && block < cell) {
-            const int level = block >> 26, column = block & 0x1fff, row = block >> 13 & 0x1fff;
-            const float span = float(1 << (levels - 1 - level));  // cells a side
-            const float x0 = (float(column) * span - g.start_x) * g.per_x, x1 = x0 + span * g.per_x;
-            const float y0 = (float(row) * span - g.start_y) * g.per_y, y1 = y0 + span * g.per_y;
-            const float enter = upper(upper(x0 - g.pad_x, y0 - g.pad_y), near);
-            const float leave = lower(lower(x1 + g.pad_x, y1 + g.pad_y), hit.depth);
-            // the ray crosses the block's two middle lines, and so at most three of its quarters
-            const float mx = 0.5f * (x0 + x1), my = 0.5f * (y0 + y1);
-            const int side = 2 << level;
-            const int first = pack_block(level + 1, 2 * column, 2 * row);
-            const Pair* quarter = bounds + blocks_above(level + 1)
-                + ((2 * row) ^ (flip_y ? side - 1 : 0)) * side + ((2 * column) ^ (flip_x ? side - 1 : 0));
-            const int next_x = flip_x ? -1 : 1, next_y = flip_y ? -side : side;
-            block = -1;
-            const auto visit = [&](int dx, int dy, float from, float to) {
-                const bool met = g.meets(quarter[dy * next_y + dx * next_x], upper(enter, from), lower(leave, to));
-                if (met && block >= 0)
-                    stack[height++] = block;
-                block = met ? first + dx + (dy << 13) : block;
-            };
-            visit(1, 1, upper(mx - g.pad_x, my - g.pad_y), leave);
-            visit(1, 0, mx - g.pad_x, my + g.pad_y);
-            visit(0, 1, my - g.pad_y, mx + g.pad_x);
-            visit(0, 0, enter, lower(mx + g.pad_x, my + g.pad_y));
-            if (block < 0 && height > 0)
-                block = stack[--height];
+    const float along_x = float(columns), along_y = float(rows);
+    const Axis x(muladd(o.x, scale.x, 0.5f * along_x), d.x * scale.x, along_x);
+    const Axis y(muladd(o.y, scale.y, 0.5f * along_y), d.y * scale.y, along_y);
+    const float enter = upper(x.leaves(x.first - 1.0f), y.leaves(y.first - 1.0f));
+    const float leave = lower(x.leaves(x.last), y.leaves(y.last));
+    const bool falls = d.z < 0.0f;
+    const float rate = reciprocal(nonzero(d.z)), level_at = -o.z * rate;  // at height h when t = h * rate + level_at
+    const float lid = (top + 2.0e-6f * (magnitude(o.z) + magnitude(top)) - o.z) * rate;
+    if (d.z > 0.0f) {
+        const float t = (-base - o.z) * rate;
+        if (t > enter && t <= lower(leave, lid) && t > near && t < hit.depth) {
+            hit.depth = t;
+            hit.shape = record.axis_y.w;
+            hit.face = -1;
         }
-        if (block >= 0) {
-            const int last = (1 << (levels - 1)) - 1;
-            const int column = flip_x ? last - (block & 0x1fff) : block & 0x1fff;
-            const int row = flip_y ? last - (block >> 13 & 0x1fff) : block >> 13 & 0x1fff;
-            const RayFrame frame = source.frame(record);
-            const Corner p00 = grid_corner(frame, grid, column, row), p10 = grid_corner(frame, grid, column + 1, row);
-            const Corner p11 = grid_corner(frame, grid, column + 1, row + 1);
-            const Corner p01 = grid_corner(frame, grid, column, row + 1);
-            const float below = enter_triangle(frame, p00, p10, p11), above = enter_triangle(frame, p00, p11, p01);
-            const float t = lower(below > near ? below : FAR_AWAY, above > near ? above : FAR_AWAY);
-            if (t < hit.depth) {
-                hit.depth = t;
+    }
+    const float begin = upper(upper(enter, near), falls ? lid : near);
+    const float end = lower(lower(leave, hit.depth), falls ? leave : lid);
+    if (!(begin < end))
+        return;
+
+    const int pitch = (columns + 1) >> 1, row_bits = y.flip ^ 1 << levels;
+    const float fall = falls ? rate : 0.0f, fall_at = falls ? level_at : -FAR_AWAY;
+    const float dx = x.direction(), dy = y.direction(), turn = dx - dy, unturn = -reciprocal(turn);
+    float t = begin;
+    int i = x.cell(t), j = y.cell(t);
+    int level = lower_int(FIRST_LEVEL, ((levels + 1) & ~1) - 1);
+    bool above = true;
+    while (true) {
+        // down to the next cell, so that the lanes of a warp test their cells together
+#pragma unroll 2
+        while (level != CELLS && t < end) {
+            const int block = int(~0u << level);
+            const float leave_x = x.leaves(line_of(i | ~block)), leave_y = y.leaves(line_of(j | ~block));
+            const float next = lower(lower(leave_x, leave_y), end);
+            const int row = ((j ^ row_bits) & INDEX) >> level, column = ((i ^ x.flip) & INDEX) >> level;
+            const float peak = fields.peaks.data[unsigned(row * pitch + column + first_peak)];
+            const bool clear = muladd(falls ? next : t, d.z, o.z) > peak;
+            t = clear ? next : upper(t, lower(muladd(peak, fall, fall_at), next));
+            const int to_x = x.cell(t), to_y = y.cell(t);
+            const bool left = ((to_x ^ i) | (to_y ^ j)) & block << LEVEL_STEP;
+            if (!clear)
+                level -= LEVEL_STEP;
+            else if (left)
+                level += LEVEL_STEP;
+            i = to_x;
+            j = to_y;
+        }
+        if (!(t < end))
+            return;
+        const float next = lower(lower(x.leaves(line_of(i)), y.leaves(line_of(j))), end);
+        const int cell = ((j ^ y.flip) & INDEX) * columns + ((i ^ x.flip) & INDEX);
+        // The height is h + u * rise_x + v * rise_y, and where u > v also fold * (u - v).
+        const Row plane = load(fields.cells.data, unsigned(grid.w + cell));
+        const float h = plane.x, rise_x = plane.y, rise_y = plane.z, fold = as_float(plane.w);
+        const float u = x.place(t, i), v = y.place(t, j), side = u - v;
+        const float span = next - t, to_fold = side * unturn;
+        const bool split = to_fold > 0.0f && to_fold < span;
+        const float middle = split ? to_fold : span;
+        const float gap = muladd(t, d.z, o.z) - h - u * rise_x - v * rise_y;  // above the part of u < v
+        const float closing = d.z - dx * rise_x - dy * rise_y;
+        const float gap_begin = gap - fold * upper(side, 0.0f);
+        const float gap_end = gap + closing * span - fold * upper(side + turn * span, 0.0f);
+        const float gap_middle = split ? gap + closing * middle : gap_end;
+        if (t == begin) {
+            above = gap_begin > 0.0f;
+            if (!above && begin == enter && enter > near && muladd(begin, d.z, o.z) >= -base) {  // at a side
+                hit.depth = begin;
                 hit.shape = record.axis_y.w;
-                hit.face = 2 * (row * grid.columns + column) + (below > near && below <= above ? 0 : 1);
+                hit.face = -1;
+                return;
             }
         }
-        block = height > 0 ? stack[--height] : -1;
+        const bool in_first = above && !(gap_middle > 0.0f), in_second = gap_middle > 0.0f && !(gap_end > 0.0f);
+        if (in_first || in_second) {
+            const float from = in_first ? 0.0f : middle, length = in_first ? middle : span - middle;
+            const float a = in_first ? upper(gap_begin, 0.0f) : gap_middle, b = in_first ? gap_middle : gap_end;
+            const float depth = t + from + length * a * reciprocal(upper(a - b, 1.0e-30f));
+            if (depth < hit.depth) {
+                hit.depth = depth;
+                hit.shape = record.axis_y.w;
+                hit.face = 2 * cell + (side + turn * (from + 0.5f * length) > 0.0f ? 0 : 1);
+            }
+            return;
+        }
+        above = gap_end > 0.0f;
+        t = next;
+        const int to_x = x.cell(t), to_y = y.cell(t);
+        const bool left = ((to_x ^ i) | (to_y ^ j)) & CELL_BLOCK;
+        level = above && left ? CELLS + LEVEL_STEP : CELLS;
+        i = to_x;
+        j = to_y;
     }
 }
 

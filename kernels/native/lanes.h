@@ -66,7 +66,9 @@ WARPCAM_FN float muladd(float a, float b, float c)
 WARPCAM_FN float reciprocal(float a)
 {
 #if defined(__CUDA_ARCH__)
-    return __fdividef(1.0f, a);
+    float r;
+    asm("rcp.approx.ftz.f32 %0, %1;" : "=f"(r) : "f"(a));
+    return r;
 #else
     return 1.0f / a;
 #endif
@@ -76,7 +78,7 @@ WARPCAM_FN float root(float a)
 {
 #if defined(__CUDA_ARCH__)
     float r;
-    asm("sqrt.approx.f32 %0, %1;" : "=f"(r) : "f"(a));
+    asm("sqrt.approx.ftz.f32 %0, %1;" : "=f"(r) : "f"(a));
     return r;
 #else
     return __builtin_sqrtf(a);

@@ -146,7 +146,7 @@ WARPCAM_FN bool in_shadow(const CasterList<CAPACITY>& list, const unsigned* word
                 return true;
     if (TYPES >> MESH & 1) {
         Hit hit { reach, -1, -1 };
-        walk_meshes<true>(meshes, list.records, list.order, mesh_words, count, ray, near, hit);
+        walk_meshes<true>(meshes, list.records, list.order, mesh_words, count, 1, ray, near, hit);
         return hit.shape >= 0;
     }
     return false;

@@ -9,7 +9,7 @@
 
 namespace warpcam {
 
-constexpr int analytic_types(int types) { return types & ~(1 << MESH | 1 << HEIGHT_FIELD); }
+constexpr int analytic_types(int types) { return types & ~(1 << HEIGHT_FIELD) & (1 << MESH) - 1; }
 
 // What a region's rays are tested against. Ranks run from near to far.
 template <int CAPACITY> struct ShapeList {
@@ -17,6 +17,7 @@ template <int CAPACITY> struct ShapeList {
     float nearest[CAPACITY];        // by slot
     int ids[CAPACITY];              // by slot
     TileBox touched[CAPACITY];      // by slot
+    TileBox tiles[CAPACITY];        // the same by rank
     unsigned char order[CAPACITY];  // by rank: the slot
     int count;
     int next_tile;
@@ -36,49 +37,76 @@ template <int CAPACITY> WARPCAM_FN void sort_by_depth(ShapeList<CAPACITY>& list,
             rank += other < key || (other == key && list.ids[j] > id);
         }
         list.order[rank] = static_cast<unsigned char>(i);
+        list.tiles[rank] = list.touched[i];
     }
 }
 
 WARPCAM_FN bool touches(const TileBox& box, int column, int row)
 {
-    return column >= box.left && column <= box.right && row >= box.top && row <= box.bottom;
+    return (column >= box.left) & (column <= box.right) & (row >= box.top) & (row <= box.bottom);
 }
 
 // Thirty-two rays: of a warp, one a lane; of a CPU thread, all of them.
 #if defined(__CUDA_ARCH__)
 
-template <int TYPES, int LENS, int CAPACITY, class Meshes, class HeightFields>
-WARPCAM_FN void trace_tile(const ShapeList<CAPACITY>& list, unsigned* mesh_words, int column, int row, float x, float y,
-                           float near, const Meshes& meshes, const HeightFields& fields, Hit& hit)
+// Takes the next number. For one lane: the compiler would gather the numbers of many.
+WARPCAM_FN int draw_next(int& counter)
 {
-    const ViewRay<LENS> ray { x, y };
-    constexpr bool HAS_MESH = TYPES >> MESH & 1, HAS_FIELD = TYPES >> HEIGHT_FIELD & 1;
-    const int lane = threadIdx.x % LANES;
-    const int words = (list.count + 31) / 32;
-    bool covered = false;  // every lane has a hit nearer than all that follows
-    for (int word = 0; word < words; ++word) {
-        const int rank = word * 32 + lane;
-        bool mine = false, mesh = false;
-        if (rank < list.count) {
-            const int slot = list.order[rank];
-            mine = touches(list.touched[slot], column, row);
-            mesh = HAS_MESH && list.records[slot].axis_x.w == MESH;
-        }
-        unsigned mask = __ballot_sync(0xffffffffu, mine && !mesh);
-        if (HAS_MESH) {
-            const unsigned behind = __ballot_sync(0xffffffffu, mine && mesh);
-            if (lane == 0)
-                mesh_words[word] = behind;
-        }
-        while (mask && !covered) {
-            const int slot = list.order[word * 32 + lowest_bit(mask)];
-            mask &= mask - 1;
-            const Record& record = list.records[slot];
-            if (!__any_sync(0xffffffffu, as_float(record.size.w) < hit.depth)) {
-                covered = true;
-                break;
-            }
-            if (HAS_FIELD && record.axis_x.w == HEIGHT_FIELD) {
+    int number;
+    asm volatile("atom.shared.inc.u32 %0, [%1], 0x7fffffff;"
+                 : "=r"(number)
+                 : "r"(static_cast<unsigned>(__cvta_generic_to_shared(&counter)))
+                 : "memory");
+    return number;
+}
+
+// Does the ray meet the mesh's box before `depth`?
+template <class Meshes>
+WARPCAM_FN bool meets_mesh(const Meshes& meshes, const Record& record, const Ray& ray, float near, float depth)
+{
+    const Slabs s = slabs(ray.origin, ray.direction, record.size.x);
+    const auto lo = wp::index(meshes.lower, record.axis_z.w), hi = wp::index(meshes.upper, record.axis_z.w);
+    const float x0 = lo[0] * s.scale.x + s.down.x, x1 = hi[0] * s.scale.x + s.up.x;
+    const float y0 = lo[1] * s.scale.y + s.down.y, y1 = hi[1] * s.scale.y + s.up.y;
+    const float z0 = lo[2] * s.scale.z + s.down.z, z1 = hi[2] * s.scale.z + s.up.z;
+    const float enter = upper(upper(lower(x0, x1), lower(y0, y1)), upper(lower(z0, z1), near));
+    return enter <= lower(lower(upper(x0, x1), upper(y0, y1)), lower(upper(z0, z1), depth));
+}
+
+// Which of 32 meshes, `mask` by bit, does the lane's ray meet before `depth`? `slots` leads from a bit to a record;
+// nearest first. The whole warp comes here together.
+template <int LENS, class Meshes>
+WARPCAM_FN unsigned find_meshes(unsigned mask, const Record* records, const unsigned char* slots,
+                                const ViewRay<LENS>& ray, float near, const Meshes& meshes, float depth)
+{
+    unsigned met = 0;
+    for (; mask; mask &= mask - 1) {
+        const int bit = lowest_bit(mask);
+        const Record& record = records[slots[bit]];
+        const bool before = as_float(record.size.w) < depth;
+        if (!__any_sync(0xffffffffu, before))
+            break;
+        if (before && meets_mesh(meshes, record, ray.local(record), near, depth))
+            met |= 1u << bit;
+    }
+    return met;
+}
+
+// The nearest of all shapes but meshes.
+template <int TYPES, int LENS, int CAPACITY, class HeightFields>
+WARPCAM_FN void trace_tile(const ShapeList<CAPACITY>& list, int column, int row, const ViewRay<LENS>& ray, float near,
+                           const HeightFields& fields, Hit& hit)
+{
+    for (int begin = 0; begin < list.count; begin += LANES) {
+        bool mine = false;
+        const int rank = begin + threadIdx.x % LANES;
+        if (rank < list.count)
+            mine = touches(list.tiles[rank], column, row) && !is_mesh<TYPES>(list.records[list.order[rank]]);
+        for (unsigned mask = __ballot_sync(0xffffffffu, mine); mask; mask &= mask - 1) {
+            const Record& record = list.records[list.order[begin + lowest_bit(mask)]];
+            if (!__any_sync(0xffffffffu, as_float(record.size.w) < hit.depth))
+                return;  // every lane has a hit nearer than all that follows
+            if ((TYPES >> HEIGHT_FIELD & 1) && record.axis_x.w == HEIGHT_FIELD) {
                 walk_height_field(fields, record, ray, near, hit);
                 __syncwarp();
             } else {
@@ -89,14 +117,32 @@ WARPCAM_FN void trace_tile(const ShapeList<CAPACITY>& list, unsigned* mesh_words
                 }
             }
         }
-        if (covered && !HAS_MESH)
-            break;
     }
-    if (HAS_MESH) {
-        __syncwarp();
-        walk_meshes<false>(meshes, list.records, list.order, mesh_words, words, ray, near, hit);
-        __syncwarp();
+}
+
+// The nearest of the meshes that are not fine; each lane walks those that its ray meets. `words` is the warp's room for
+// them: bits by rank, a row of all lanes' for 32 shapes.
+template <int TYPES, int LENS, int CAPACITY, class Meshes>
+WARPCAM_FN void trace_meshes(const ShapeList<CAPACITY>& list, unsigned (*words)[LANES], int column, int row,
+                             const ViewRay<LENS>& ray, float near, const Meshes& meshes, Hit& hit)
+{
+    const int lane = threadIdx.x % LANES, num_words = (list.count + LANES - 1) / LANES;
+    bool any = false;
+    for (int word = 0; word < num_words; ++word) {
+        const int rank = word * LANES + lane;
+        bool mine = false;
+        if (rank < list.count) {
+            const Record& record = list.records[list.order[rank]];
+            mine = touches(list.tiles[rank], column, row) && is_mesh<TYPES>(record) && !is_fine<TYPES>(record);
+        }
+        const unsigned met = find_meshes(__ballot_sync(0xffffffffu, mine), list.records, list.order + word * LANES, ray,
+                                         near, meshes, hit.depth);
+        words[word][lane] = met;
+        any |= met != 0;
     }
+    if (any)
+        walk_meshes<false>(meshes, list.records, list.order, &words[0][lane], num_words, LANES, ray, near, hit);
+    __syncwarp();
 }
 
 #else
@@ -127,7 +173,7 @@ template <int CAPACITY> inline void pick_row(const ShapeList<CAPACITY>& list, in
 {
     picked.count = 0;
     for (int rank = 0; rank < list.count; ++rank) {
-        const TileBox box = list.touched[list.order[rank]];
+        const TileBox box = list.tiles[rank];
         picked.left[picked.count] = box.left;
         picked.right[picked.count] = box.right;
         picked.ranks[picked.count] = static_cast<unsigned char>(rank);

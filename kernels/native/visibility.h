@@ -1,6 +1,6 @@
 // The trace: for every pixel of a view the nearest shape, its face and planar depth.
 #pragma once
-#include "tiles.h"
+#include "mesh_rays.h"
 
 namespace warpcam {
 
@@ -77,7 +77,7 @@ WARPCAM_FN int gather(ShapeList<CAPACITY>& list, int begin, const Shapes& shapes
     return begin;
 }
 
-template <class Target> WARPCAM_FN void put(const Target& target, int outputs, size_t at, float depth, int shape, int face)
+template <class Target> WARPCAM_FN void put(const Target& target, int outputs, unsigned at, float depth, int shape, int face)
 {
     if (outputs & DEPTH)
         target.depth.data[at] = depth;
@@ -134,33 +134,63 @@ WARPCAM_FN void draw(const Shapes& shapes, const Materials& materials, const Mes
         sort_by_depth(list, thread);
         block_barrier();
 #if defined(__CUDA_ARCH__)
-        WARPCAM_SHARED unsigned words[THREADS / LANES][(CAPACITY + 31) / 32];
-        const int lane = thread % LANES, warp = thread / LANES;
-        while (true) {
-            int tile = 0;
-            if (lane == 0)
-                tile = atomicAdd(&list.next_tile, 1);
-            tile = __shfl_sync(0xffffffffu, tile, 0);
-            if (tile >= tiles)
-                break;
-            const int column = tile % across, row = tile / across;
-            const int i = region.left + column * TILE_WIDTH + lane % TILE_WIDTH;
-            const int j = region.top + row * TILE_HEIGHT + lane / TILE_WIDTH;
-            const bool inside = i < target.width && j < target.height;
-            const size_t at = (size_t(world) * target.height + j) * target.width + i;
-            Hit hit { inside ? camera.far : -1.0f, -1, -1 };
-            if (SEVERAL && !first && inside) {
-                hit.shape = target.shape.data[at];
-                if (OUTPUTS & FACE)
-                    hit.face = target.face.data[at];
-                if (hit.shape >= 0)
-                    hit.depth = target.depth.data[at];
+        constexpr bool HAS_MESH = TYPES >> MESH & 1, HAS_FINE = TYPES >> FINE_MESH & 1;
+        WARPCAM_SHARED MeshRays rays;
+        WARPCAM_SHARED unsigned words[THREADS / LANES][(CAPACITY + LANES - 1) / LANES][LANES];
+        const int lane = thread % LANES;
+        const float per_row = 1.0f / float(across);
+        if (HAS_FINE && thread < LANES)
+            list_fine_meshes<TYPES>(list, rays);
+        do {
+            if (HAS_FINE) {
+                if (thread == 0)
+                    rays.count = rays.next = 0;
+                block_barrier();
             }
-            trace_tile<TYPES, LENS>(list, words[warp], column, row, image_x(camera, float(i)),
-                                    image_y(camera, float(j)), camera.near, meshes, fields, hit);
-            if (inside)
-                put(target, OUTPUTS, at, hit.shape < 0 ? camera.miss : hit.depth, hit.shape, hit.face);
-        }
+            while (true) {
+                int tile = tiles;
+                if (lane == 0 && (!HAS_FINE || rays.has_room()))
+                    tile = draw_next(list.next_tile);
+                tile = __shfl_sync(0xffffffffu, tile, 0);
+                if (tile >= tiles)
+                    break;
+                const int row = int((float(tile) + 0.5f) * per_row), column = tile - row * across;
+                const int i = region.left + column * TILE_WIDTH + lane % TILE_WIDTH;
+                const int j = region.top + row * TILE_HEIGHT + lane / TILE_WIDTH;
+                const bool inside = i < target.width && j < target.height;
+                const unsigned at = (unsigned(world) * target.height + j) * target.width + i;
+                Hit hit { inside ? camera.far : -1.0f, -1, -1 };
+                if (SEVERAL && !first && inside) {
+                    hit.shape = target.shape.data[at];
+                    if (OUTPUTS & FACE)
+                        hit.face = target.face.data[at];
+                    if (hit.shape >= 0)
+                        hit.depth = target.depth.data[at];
+                }
+                const ViewRay<LENS> ray { image_x(camera, float(i)), image_y(camera, float(j)) };
+                trace_tile<TYPES>(list, column, row, ray, camera.near, fields, hit);
+                if (HAS_MESH && (!HAS_FINE || rays.any_coarse))
+                    trace_meshes<TYPES>(list, words[thread / LANES], column, row, ray, camera.near, meshes, hit);
+                if (inside)
+                    put(target, OUTPUTS, at, hit.shape < 0 ? camera.miss : hit.depth, hit.shape, hit.face);
+                if (HAS_FINE)
+                    enqueue(list, rays, column, row, ray, camera.near, meshes, hit.depth);
+            }
+            if (HAS_FINE) {
+                block_barrier();
+                const auto ray_of = [&](int pixel) {
+                    return ViewRay<LENS> { image_x(camera, float(region.left + pixel % 64)),
+                                           image_y(camera, float(region.top + pixel / 64)) };
+                };
+                const auto store = [&](int pixel, float depth, int shape, int face) {
+                    const unsigned row = unsigned(world) * target.height + region.top + pixel / 64;
+                    put(target, OUTPUTS, row * target.width + region.left + pixel % 64, depth, shape, face);
+                };
+                if (rays.count > 0)
+                    trace_queue(rays, list, meshes, camera.near, ray_of, store);
+                block_barrier();
+            }
+        } while (HAS_FINE && list.next_tile < tiles);
 #else
         TileRow<CAPACITY> row;
         for (int tile = 0; tile < tiles; ++tile) {
@@ -176,7 +206,7 @@ WARPCAM_FN void draw(const Shapes& shapes, const Materials& materials, const Mes
                 rays.depth[lane] = inside ? camera.far : -1.0f;
                 rays.shape[lane] = rays.face[lane] = -1;
                 if (SEVERAL && !first && inside) {
-                    const size_t at = (size_t(world) * target.height + j) * target.width + i;
+                    const unsigned at = (unsigned(world) * target.height + j) * target.width + i;
                     rays.shape[lane] = target.shape.data[at];
                     if (OUTPUTS & FACE)
                         rays.face[lane] = target.face.data[at];
@@ -188,7 +218,7 @@ WARPCAM_FN void draw(const Shapes& shapes, const Materials& materials, const Mes
             for (int lane = 0; lane < LANES; ++lane) {
                 const int i = left + lane % TILE_WIDTH, j = top + lane / TILE_WIDTH;
                 if (i < target.width && j < target.height)
-                    put(target, OUTPUTS, (size_t(world) * target.height + j) * target.width + i,
+                    put(target, OUTPUTS, (unsigned(world) * target.height + j) * target.width + i,
                         rays.shape[lane] < 0 ? camera.miss : rays.depth[lane], rays.shape[lane], rays.face[lane]);
             }
         }

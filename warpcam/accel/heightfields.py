@@ -1,4 +1,4 @@
-"""Height fields: checked, scaled to metres, and given the pyramid of bounds they are walked by."""
+"""Height fields: checked, scaled to metres, and given what the trace walks them by."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -9,9 +9,8 @@ import warp as wp
 from warpcam.errors import WarpcamError
 from warpcam.kernels.types import HeightFields
 
-MAX_LEVELS = 13  # of the pyramid: the trace's stack holds no more
-MAX_SAMPLES = 2 ** (MAX_LEVELS - 1) + 1  # along one side
-NOTHING = 1e30  # an empty block spans from here down to minus this
+MAX_SAMPLES = 2**12 + 1  # along one side
+MAX_HEIGHT = 1e30  # or depth [m]; rounding must not make infinities of them
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,53 +33,60 @@ class HeightField:
 
 
 def pack_height_fields(fields: Sequence[HeightField], device: wp.Device) -> HeightFields:
-    """Put all height fields on ``device`` with their pyramids.
+    """Put all height fields on ``device``.
 
     Raises:
         WarpcamError: A field cannot be used; the message names it.
     """
     heights = [_checked(field) for field in fields]
-    pyramids = [build_pyramid(samples) for samples in heights]
+    cells = [build_cells(samples) for samples in heights]
+    peaks = [build_peaks(samples) for samples in heights]
     packed = HeightFields()
     sizes = [(*field.half_size, field.top, field.base) for field in fields]
     packed.size = wp.array(np.asarray(sizes, np.float32).reshape(-1, 4), dtype=wp.vec4, device=device)
     packed.rows = _integers([samples.shape[0] for samples in heights], device)
     packed.columns = _integers([samples.shape[1] for samples in heights], device)
     packed.height_start = _integers(_starts([samples.size for samples in heights]), device)
-    packed.bound_start = _integers(_starts([len(bounds) for bounds in pyramids]), device)
-    packed.levels = _integers([count_levels(samples.shape) for samples in heights], device)
-    flat = [np.zeros(0, np.float32), *(samples.reshape(-1) for samples in heights)]
-    packed.heights = wp.array(np.concatenate(flat), dtype=wp.float32, device=device)
-    bounds = np.concatenate([np.zeros((0, 2), np.float32), *pyramids])
-    packed.bounds = wp.array(bounds, dtype=wp.vec2, device=device)
+    peak_starts, cell_starts = _starts([entry.size for entry in peaks]), _starts([len(entry) for entry in cells])
+    grids = np.zeros((len(fields), 2, 4), np.float32)
+    counts = grids.view(np.int32)
+    for index, (field, samples) in enumerate(zip(fields, heights, strict=True)):
+        rows, columns = samples.shape[0] - 1, samples.shape[1] - 1
+        half_x, half_y = field.half_size
+        grids[index, 0, :3] = 0.5 * columns / half_x, 0.5 * rows / half_y, samples.max()
+        counts[index, 0, 3] = count_levels(samples.shape)
+        counts[index, 1] = columns, rows, peak_starts[index], cell_starts[index]
+    packed.grids = wp.array(grids.reshape(-1, 4), dtype=wp.vec4, device=device)
+    packed.heights = wp.array(_joined(heights), dtype=wp.float32, device=device)
+    packed.cells = wp.array(_joined(cells).reshape(-1, 4), dtype=wp.vec4, device=device)
+    packed.peaks = wp.array(_joined(peaks), dtype=wp.float32, device=device)
     return packed
 
 
 def count_levels(shape: tuple[int, ...]) -> int:
-    """Levels of the pyramid over a grid of (rows, columns) samples: the last has a block for every cell."""
-    return max(max(shape) - 2, 0).bit_length() + 1
+    """The least n of which 2^n cells are as long as the longer side of a grid of (rows, columns) samples."""
+    return (max(shape) - 2).bit_length()
 
 
-def build_pyramid(heights: np.ndarray) -> np.ndarray:
-    """Lowest and highest height of every block of cells, (entry, 2) float32.
+def build_cells(heights: np.ndarray) -> np.ndarray:
+    """What the trace knows of each cell, (cell, 4) float32: see ``HeightFields.cells``."""
+    corner, along_x = heights[:-1, :-1], heights[:-1, 1:]
+    along_y, opposite = heights[1:, :-1], heights[1:, 1:]
+    rise_x, rise_y = opposite - along_y, along_y - corner
+    return np.stack((corner, rise_x, rise_y, along_x - corner - rise_x), axis=-1).reshape(-1, 4)
 
-    Level after level from the single root, each square and row-major. A block's bounds are those of all samples that
-    its cells touch; blocks that lie outside the grid are empty: lowest is above highest.
-    """
-    side = 2 ** (count_levels(heights.shape) - 1)
-    rows, columns = heights.shape[0] - 1, heights.shape[1] - 1
-    corners = (heights[:-1, :-1], heights[:-1, 1:], heights[1:, :-1], heights[1:, 1:])
-    lowest = np.full((side, side), NOTHING, np.float32)
-    highest = np.full((side, side), -NOTHING, np.float32)
-    lowest[:rows, :columns] = np.minimum.reduce(corners)
-    highest[:rows, :columns] = np.maximum.reduce(corners)
-    levels = [np.stack((lowest, highest), axis=-1).reshape(-1, 2)]
-    while side > 1:
-        side //= 2
-        lowest = lowest.reshape(side, 2, side, 2).min(axis=(1, 3))
-        highest = highest.reshape(side, 2, side, 2).max(axis=(1, 3))
-        levels.append(np.stack((lowest, highest), axis=-1).reshape(-1, 2))
-    return np.concatenate(levels[::-1])
+
+def build_peaks(heights: np.ndarray) -> np.ndarray:
+    """Greatest heights of blocks of cells, 2-D float32: see ``HeightFields.peaks``. A block owns its border."""
+    levels = count_levels(heights.shape)
+    peaks = np.full((2**levels, heights.shape[1] // 2), -np.inf, np.float32)
+    blocks = np.maximum.reduce((heights[:-1, :-1], heights[:-1, 1:], heights[1:, :-1], heights[1:, 1:]))
+    for level in range(1, levels + 1):
+        blocks = np.maximum.reduceat(blocks, range(0, len(blocks), 2), axis=0)
+        blocks = np.maximum.reduceat(blocks, range(0, blocks.shape[1], 2), axis=1)
+        first = 2 ** (levels - level)
+        peaks[first : first + blocks.shape[0], : blocks.shape[1]] = blocks
+    return peaks
 
 
 def _checked(field: HeightField) -> np.ndarray:
@@ -88,7 +94,7 @@ def _checked(field: HeightField) -> np.ndarray:
     where = f"height field '{field.name}'"
     if heights.ndim != 2 or min(heights.shape) < 2 or max(heights.shape) > MAX_SAMPLES:
         raise WarpcamError(f"{where}: heights must be 2 to {MAX_SAMPLES} rows and columns, got shape {heights.shape}")
-    usable = np.abs(heights) < NOTHING
+    usable = np.abs(heights) < MAX_HEIGHT
     if not usable.all():
         row, column = np.argwhere(~usable)[0].tolist()
         raise WarpcamError(f"{where}: heights must be finite, got {heights[row, column]} at row {row}, column {column}")
@@ -102,8 +108,12 @@ def _checked(field: HeightField) -> np.ndarray:
 def _starts(counts: Sequence[int]) -> list[int]:
     starts = np.concatenate(([0], np.cumsum(counts, dtype=np.int64)))
     if starts[-1] >= 2**31:
-        raise WarpcamError(f"height fields: all of them have {starts[-1]} samples and bounds; fewer than 2^31 fit")
+        raise WarpcamError(f"height fields: all of them have {starts[-1]} entries of one kind; fewer than 2^31 fit")
     return [int(start) for start in starts[:-1]]
+
+
+def _joined(parts: Sequence[np.ndarray]) -> np.ndarray:
+    return np.concatenate([np.zeros(0, np.float32), *(part.reshape(-1) for part in parts)])
 
 
 def _integers(values: Sequence[int], device: wp.Device) -> wp.array:

@@ -49,9 +49,10 @@ def pack_meshes(meshes: Sequence[Mesh], device: wp.Device) -> Meshes:
         key = (mesh.vertices.tobytes(), mesh.faces.tobytes())
         if key not in places:
             tree = build_bvh4(mesh.vertices, mesh.faces, name=mesh.name)
+            nodes = _child_by_child(tree.nodes) if device.is_cuda else tree.nodes
             places[key] = (node_rows, face_rows)
-            trees.append((tree.nodes, tree.faces))
-            node_rows += len(tree.nodes)
+            trees.append((nodes, tree.faces))
+            node_rows += len(nodes)
             face_rows += len(tree.faces)
         node_start.append(places[key][0])
         face_start.append(places[key][1])
@@ -70,6 +71,7 @@ def pack_meshes(meshes: Sequence[Mesh], device: wp.Device) -> Meshes:
     packed.upper = wp.array(upper, dtype=wp.vec3, device=device)
     packed.node_start = _integers(node_start, device)
     packed.face_start = _integers(face_start, device)
+    packed.num_faces = _integers([len(mesh.faces) for mesh in meshes], device)
     packed.corner_start = _integers(corner_start, device)
     packed.nodes = wp.array(_joined([tree[0] for tree in trees], 4), dtype=wp.vec4, device=device)
     packed.faces = wp.array(_joined([tree[1] for tree in trees], 4), dtype=wp.vec4, device=device)
@@ -85,6 +87,16 @@ def face_normals(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
     cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     length = np.linalg.norm(cross, axis=1, keepdims=True)
     return np.where(length > 0.0, cross / np.where(length > 0.0, length, 1.0), (0.0, 0.0, 1.0)).astype(np.float32)
+
+
+def _child_by_child(nodes: np.ndarray) -> np.ndarray:
+    """Rows of nodes as CUDA reads them, (8 * node, 4), from those of build_bvh4: see ``Meshes.nodes``."""
+    by_bound = nodes.reshape(-1, 7, 4)
+    by_child = np.zeros((len(by_bound), 4, 2, 4), np.float32)
+    by_child[:, :, 0, :3] = by_bound[:, 0:3].transpose(0, 2, 1)
+    by_child[:, :, 1, :3] = by_bound[:, 3:6].transpose(0, 2, 1)
+    by_child.view(np.int32)[:, :, 0, 3] = by_bound.view(np.int32)[:, 6]  # bits, some of them those of NaNs
+    return by_child.reshape(-1, 4)
 
 
 def _normals(mesh: Mesh) -> np.ndarray:

@@ -1,0 +1,186 @@
+"""The walk over a height field against every one of its triangles, in float64."""
+
+import functools
+
+import numpy as np
+import warp as wp
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from warpcam.kernels.launch import native_options
+from warpcam.kernels.types import HeightFields
+
+from warpcam.accel.heightfields import HeightField, pack_height_fields
+
+RAYS = 400
+SHAPE = 5
+FAR_AWAY = 3.0e38
+TOLERANCE = 2e-5  # of depth, for rays of unit length that start a few metres away
+NUDGES = 3e-5 * np.array([(x, y, z) for x in (-1, 0, 1) for y in (-1, 0, 1) for z in (-1, 0, 1) if x or y or z])
+
+
+@wp.func_native("""
+    warpcam::Record record {};
+    record.axis_x = { 1.0f, 0.0f, 0.0f, warpcam::HEIGHT_FIELD };
+    record.axis_y = { 0.0f, 1.0f, 0.0f, 5 };
+    record.axis_z = { 0.0f, 0.0f, 1.0f, 1 };
+    record.size.z = wp::index(fields.size, 1)[3];
+    const auto o = wp::index(origins, i), d = wp::index(directions, i);
+    const warpcam::WorldRay ray { { o[0], o[1], o[2] }, { d[0], d[1], d[2] } };
+    warpcam::Hit hit { wp::index(limits, i)[1], -1, -1 };
+    warpcam::walk_height_field(fields, record, ray, wp::index(limits, i)[0], hit);
+    depth.data[i] = hit.depth;
+    wp::address(found, i)[0] = wp::vec2i(hit.shape, hit.face);
+""")
+def walk_one(
+    fields: HeightFields,
+    origins: wp.array(dtype=wp.vec3),
+    directions: wp.array(dtype=wp.vec3),
+    limits: wp.array(dtype=wp.vec2),
+    depth: wp.array(dtype=wp.float32),
+    found: wp.array(dtype=wp.vec2i),
+    i: int,
+): ...
+
+
+@wp.kernel(module="unique", enable_backward=False, module_options={"extra_build_options": native_options("shadow.h")})
+def walk_all(
+    fields: HeightFields,
+    origins: wp.array(dtype=wp.vec3),
+    directions: wp.array(dtype=wp.vec3),
+    limits: wp.array(dtype=wp.vec2),
+    depth: wp.array(dtype=wp.float32),
+    found: wp.array(dtype=wp.vec2i),
+):
+    walk_one(fields, origins, directions, limits, depth, found, wp.tid())
+
+
+def walk(field: HeightField, rays: tuple, device: wp.Device) -> tuple[np.ndarray, np.ndarray]:
+    """Depth (ray,) and shape and face (ray, 2) of rays (origin, direction, near and far)."""
+    other = HeightField("other", np.ones((4, 3), np.float32), (1.0, 1.0), 1.0, 0.1)
+    count = len(rays[0])
+    depth, found = wp.zeros(count, dtype=wp.float32, device=device), wp.zeros(count, dtype=wp.vec2i, device=device)
+    types = (wp.vec3, wp.vec3, wp.vec2)
+    arrays = [wp.array(np.float32(part), dtype=kind, device=device) for part, kind in zip(rays, types, strict=True)]
+    wp.launch(walk_all, count, [pack_height_fields([other, field], device), *arrays, depth, found], device=device)
+    return depth.numpy(), found.numpy()
+
+
+class Truth:
+    """A height field as a heap of triangles and a box."""
+
+    def __init__(self, field: HeightField):
+        self.heights = field.heights.astype(np.float64)
+        rows, columns = self.heights.shape
+        self.half = np.array(field.half_size, np.float64)
+        self.base, self.top = field.base, self.heights.max()
+        x, y = np.linspace(-1, 1, columns) * self.half[0], np.linspace(-1, 1, rows) * self.half[1]
+        points = np.stack((*np.meshgrid(x, y), self.heights), axis=-1)
+        a, b, c, d = points[:-1, :-1], points[:-1, 1:], points[1:, 1:], points[1:, :-1]
+        # the face of a cell's triangle is twice the cell, and one more for that above the diagonal
+        self.triangles = np.stack((np.stack((a, b, c), -2), np.stack((a, c, d), -2)), axis=2).reshape(-1, 3, 3)
+
+    def tops(self, o: np.ndarray, d: np.ndarray, slack: float = 0.0) -> np.ndarray:
+        """Where each ray enters each triangle through its front, (ray, triangle); inf where it does not."""
+        a = self.triangles[:, 0]
+        first, second = self.triangles[:, 1] - a, self.triangles[:, 2] - a
+        across = np.cross(d[:, None], second)
+        facing = np.einsum("rtk,tk->rt", across, first)
+        away = o[:, None] - a
+        turned = np.cross(away, first[None])
+        with np.errstate(all="ignore"):
+            u, v = np.einsum("rtk,rtk->rt", away, across) / facing, np.einsum("rtk,rk->rt", turned, d) / facing
+            t = np.einsum("rtk,tk->rt", turned, second) / facing
+            met = (facing > 1e-12) & (u >= -slack) & (v >= -slack) & (u + v <= 1 + slack)
+        return np.where(met, t, np.inf)
+
+    def box(self, o: np.ndarray, d: np.ndarray) -> np.ndarray:
+        """Where each ray enters the sides or the base, (ray,)."""
+        low, high = np.array([*-self.half, -self.base]), np.array([*self.half, self.top])
+        with np.errstate(all="ignore"):
+            t0, t1 = (low - o) / d, (high - o) / d
+        # along an axis: always or never between the two
+        always = np.where((o >= low) & (o <= high), np.inf, -np.inf)
+        enter = np.where(d == 0, -always, np.minimum(t0, t1))
+        leave = np.where(d == 0, always, np.maximum(t0, t1)).min(axis=1)
+        sideways = enter[:, :2].max(axis=1)
+        t = np.maximum(sideways, enter[:, 2])
+        by_base = (enter[:, 2] > sideways) & (d[:, 2] > 0)
+        place = o + np.where(np.isfinite(t), t, 0.0)[:, None] * d
+        by_side = (enter[:, 2] <= sideways) & (place[:, 2] <= self.ground(place[:, :2]))
+        return np.where((t <= leave) & (by_base | by_side), t, np.inf)
+
+    def ground(self, place: np.ndarray) -> np.ndarray:
+        rows, columns = self.heights.shape
+        steps = (place + self.half) / (2 * self.half) * (columns - 1, rows - 1)
+        cell = np.clip(np.floor(steps), 0, (columns - 2, rows - 2)).astype(int)
+        (u, v), (i, j), h = (steps - cell).T, cell.T, self.heights
+        corner, opposite = h[j, i], h[j + 1, i + 1]
+        below = corner + u * (h[j, i + 1] - corner) + v * (opposite - h[j, i + 1])
+        return np.where(u > v, below, corner + v * (h[j + 1, i] - corner) + u * (opposite - h[j + 1, i]))
+
+    def cast(self, o: np.ndarray, d: np.ndarray, limits: np.ndarray) -> np.ndarray:
+        """Nearest of all between the limits, (ray,); inf where there is none."""
+        t = np.concatenate((self.tops(o, d), self.box(o, d)[:, None]), axis=1)
+        return np.where((t > limits[:, :1]) & (t < limits[:, 1:]), t, np.inf).min(axis=1)
+
+
+def rays_at(field: HeightField, random: np.random.Generator) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Rays of all sorts, as float32 has them: some along axes, some from within or below, some that end early."""
+    reach = np.array([*field.half_size, 0.5])
+    steps = np.array(field.heights.shape)[::-1] - 1
+    o = random.uniform(-2.5, 2.5, (RAYS, 3)) * reach
+    aim = random.uniform(-1.1, 1.1, (RAYS, 3)) * reach
+    # every third at a grid line, from over one every ninth
+    line = (np.floor(random.uniform(0, 1, (RAYS, 2)) * (steps + 1)) / steps * 2 - 1) * field.half_size
+    aim[::3, :2] = line[::3]
+    o[::9, :2] = line[::9]
+    d = aim - o
+    kind = random.integers(0, 8, RAYS)
+    for axis in range(3):  # in a plane along two axes, or along one
+        d[kind == axis, axis] = 0.0
+        d[kind == axis + 3] = np.eye(3)[axis] * np.where(d[kind == axis + 3, axis, None] < 0, -1.0, 1.0)
+    d[(d == 0).all(axis=1)] = (0.0, 0.0, -1.0)
+    d /= np.linalg.norm(d, axis=1, keepdims=True)
+    near = np.where(random.uniform(size=RAYS) < 0.2, random.uniform(0, 3, RAYS), 0.0)
+    far = np.where(random.uniform(size=RAYS) < 0.2, near + random.uniform(0, 3, RAYS), FAR_AWAY)
+    return tuple(np.float32(part).astype(np.float64) for part in (o, d, np.stack((near, far), 1)))
+
+
+@functools.cache
+def devices() -> list[wp.Device]:
+    return wp.get_devices()
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    rows=st.integers(2, 14),
+    columns=st.integers(2, 14),
+    seed=st.integers(0, 2**16),
+    roughness=st.sampled_from((0.0, 0.05, 0.5)),
+    half_size=st.sampled_from(((1.0, 1.0), (0.4, 2.0), (3.0, 1.5))),
+)
+def test_every_ray_meets_the_nearest(rows: int, columns: int, seed: int, roughness: float, half_size: tuple) -> None:
+    random = np.random.default_rng(seed)
+    heights = np.float32(0.2 + roughness * random.uniform(-0.4, 1.0, (rows, columns)))
+    field = HeightField("any", heights, tuple(map(float, np.float32(half_size))), 1.0, float(np.float32(0.1)))
+    truth = Truth(field)
+    rays = rays_at(field, random)
+    true = truth.cast(*rays)
+    # What rays close by meet: near an edge, in the plane of a side, or along the ground any of it is right.
+    close = np.stack([truth.cast(rays[0] + nudge, rays[1], rays[2]) for nudge in NUDGES] + [true])
+    nearest, farthest = close.min(axis=0), close.max(axis=0)
+    for device in devices():
+        depth, found = walk(field, rays, device)
+        hit = found[:, 0] == SHAPE
+        assert (depth[~hit] == np.float32(rays[2][~hit, 1])).all()
+        seen = np.where(hit, depth, np.inf)
+        slack = TOLERANCE * (1 + np.where(np.isfinite(seen), seen, 0))
+        wrong = ~((seen >= nearest - slack) & (seen <= farthest + slack))
+        at = np.flatnonzero(wrong)
+        assert not wrong.any(), (device, at[:5], seen[at[:5]], true[at[:5]], [part[at[:5]] for part in rays])
+        # The face is one whose plane the ray meets there, within or just beside it; sides and base have none.
+        clear = hit & (farthest < nearest + 1e-3)
+        top, side = clear & (found[:, 1] >= 0), clear & (found[:, 1] < 0)
+        meets = truth.tops(rays[0][top], rays[1][top], slack=1e-3)[np.arange(top.sum()), found[top, 1]]
+        assert (np.abs(meets - depth[top]) < 1e-4 * (1 + depth[top])).all(), device
+        assert (np.abs(truth.box(rays[0][side], rays[1][side]) - depth[side]) < 1e-4 * (1 + depth[side])).all(), device
