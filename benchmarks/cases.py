@@ -1,123 +1,131 @@
-"""The scenes that are measured, as data. Every scene comes from a wheel that is installed beside warpcam."""
+"""What is measured, as data: scenes with their cameras, settings, and sets of outputs."""
 
-import importlib.util
+import re
 from collections.abc import Callable
-from dataclasses import dataclass
-from pathlib import Path
+from dataclasses import dataclass, replace
+from functools import partial
 
 import mujoco
-import numpy as np
+from warpcam.benchmarks import rooms, scenes
+
+from warpcam.errors import WarpcamError
+from warpcam.outputs import OUTPUTS
 
 
 @dataclass(frozen=True)
 class Case:
-    """One scene and the cameras that look at it."""
+    """One scene and the cameras that look at it.
+
+    Attributes:
+        package: The package its files come with, or None for a scene that is made here.
+        share: A setting's worlds are divided by this, where a world has several cameras.
+        cpu_worlds: How many worlds are drawn on a CPU.
+        scatter: How far free bodies are moved from where the scene has them: up to this along each axis [m], and
+            turned up to this about each [rad].
+    """
 
     name: str
     about: str
     spec: Callable[[], mujoco.MjSpec]
     cameras: tuple[str, ...]
-    worlds: int = 8192  # on a GPU
+    package: str | None = None
+    share: int = 1
     cpu_worlds: int = 64
-    # How far free bodies are moved from where the scene has them: up to this along each axis [m], and turned up to
-    # this about each [rad].
     scatter: tuple[float, float] = (0.05, 0.5)
 
 
-def package_folder(package: str) -> Path:
-    """Where a package's files are, found without importing it: its own needs may be missing."""
-    found = importlib.util.find_spec(package)
-    if found is None or found.origin is None:
-        raise FileNotFoundError(f"the scene comes with the package {package}, which is not installed")
-    return Path(found.origin).parent
+@dataclass(frozen=True)
+class Setting:
+    """How many worlds and pixels; no number of worlds is the case's own for a CPU."""
+
+    name: str
+    worlds: int | None
+    width: int
+    height: int
+
+    def worlds_of(self, case: Case) -> int:
+        return case.cpu_worlds if self.worlds is None else max(1, self.worlds // case.share)
 
 
-def from_mujoco_warp(file: str) -> Callable[[], mujoco.MjSpec]:
-    return lambda: mujoco.MjSpec.from_file(str(package_folder("mujoco_warp") / "test_data" / file))
+@dataclass(frozen=True)
+class Wanted:
+    """A set of outputs that is rendered together."""
+
+    name: str
+    outputs: tuple[str, ...]
+    shadows: bool = False
+    textures: bool = False
+    by_peers: bool = True  # whether the peers can be asked for it
 
 
-def from_mjlab(file: str) -> mujoco.MjSpec:
-    return mujoco.MjSpec.from_file(str(package_folder("mjlab") / "asset_zoo" / "robots" / file))
-
-
-def look_at(spec: mujoco.MjSpec, position: tuple[float, float, float], target: tuple[float, float, float]) -> None:
-    """Add a fixed camera `fixed` at `position` [m] that has `target` [m] in its centre and z upwards."""
-    backward = np.subtract(position, target)
-    backward /= np.linalg.norm(backward)
-    right = np.cross((0.0, 0.0, 1.0), backward)
-    right /= np.linalg.norm(right)
-    rotation = np.column_stack((right, np.cross(backward, right), backward))
-    quaternion = np.empty(4)
-    mujoco.mju_mat2Quat(quaternion, rotation.ravel())
-    spec.worldbody.add_camera(name="fixed", pos=position, quat=quaternion, fovy=45.0)
-
-
-def smooth_terrain(samples: int, seed: int) -> np.ndarray:
-    """Random hills and bumps, (samples, samples) float64 in [0, 1], flat where a robot stands in the middle."""
-    random = np.random.default_rng(seed)
-    x = np.linspace(-1.0, 1.0, samples)
-    x, y = np.meshgrid(x, x)
-    height = np.zeros_like(x)
-    for wave in range(48):
-        frequency = 2.0 * 1.08**wave
-        angle, phase = random.uniform(0.0, 2.0 * np.pi, 2)
-        height += np.sin(frequency * (x * np.cos(angle) + y * np.sin(angle)) + phase) / frequency
-    height = (height - height.min()) / (height.max() - height.min())
-    flat = np.exp(-np.square((x**2 + y**2) / 0.08**2))
-    return height * (1.0 - flat) + height.mean() * flat
-
-
-def g1_on_terrain() -> mujoco.MjSpec:
-    """Unitree G1 on a height field of 20 m x 20 m with 128 x 128 samples."""
-    spec = from_mjlab("unitree_g1/xmls/g1.xml")
-    height = smooth_terrain(128, seed=0)
-    spec.add_hfield(name="terrain", size=[10.0, 10.0, 1.5, 0.1], nrow=128, ncol=128, userdata=height.ravel())
-    ground = -1.5 * (height[64, 64] - height.min()) / (height.max() - height.min())
-    spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_HFIELD, hfieldname="terrain", pos=[0.0, 0.0, ground])
-    look_at(spec, (1.7, -1.1, 1.1), (0.0, 0.0, 0.65))
-    return spec
-
-
-def yam_arm() -> mujoco.MjSpec:
-    """I2RT YAM arm alone, without ground."""
-    spec = from_mjlab("i2rt_yam/xmls/yam.xml")
-    look_at(spec, (0.9, -0.7, 0.6), (0.1, 0.0, 0.27))
-    return spec
-
-
+MUJOCO_WARP, MJLAB = "mujoco_warp", "mjlab"
 ALOHA_CAMERAS = ("overhead_cam", "worms_eye_cam", "wrist_cam_left", "wrist_cam_right")
+PRIMITIVES = partial(scenes.from_mujoco_warp, "primitives.xml")
+HUMANOID = partial(scenes.from_mujoco_warp, "humanoid/humanoid.xml")
+HUMANOIDS = partial(scenes.from_mujoco_warp, "humanoid/n_humanoid.xml")
+ALOHA = partial(scenes.from_mujoco_warp, "aloha_pot/scene.xml")
+MUG = partial(scenes.from_mujoco_warp, "mug/mug.xml")
 
 CASES = {
     case.name: case
     for case in (
-        Case(
-            "primitives",
-            "125 free bodies scattered over a table",
-            from_mujoco_warp("primitives.xml"),
-            ("camera0",),
-            scatter=(0.3, 3.0),
-        ),
-        Case(
-            "primitives_rows", "125 free bodies in rows over a table", from_mujoco_warp("primitives.xml"), ("camera0",)
-        ),
-        Case("humanoid", "capsules on a plane", from_mujoco_warp("humanoid/humanoid.xml"), ("side",)),
-        Case("yam", "robot arm of 18 meshes, 105 thousand faces", yam_arm, ("fixed",), cpu_worlds=16),
-        Case("g1_terrain", "robot of 35 meshes on a height field", g1_on_terrain, ("fixed",), cpu_worlds=16),
-        Case(
-            "aloha_pot",
-            "two arms at a table, seen by four cameras",
-            from_mujoco_warp("aloha_pot/scene.xml"),
-            ALOHA_CAMERAS,
-            worlds=2048,
-            cpu_worlds=4,
-        ),
+        Case("primitives", "125 bodies scattered", PRIMITIVES, ("camera0",), MUJOCO_WARP, scatter=(0.3, 3.0)),
+        Case("primitives_rows", "125 bodies in rows over a table", PRIMITIVES, ("camera0",), MUJOCO_WARP),
+        Case("humanoid", "capsules on a plane, two lights", HUMANOID, ("side",), MUJOCO_WARP),
+        Case("n_humanoid", "three humanoids, ten lights", HUMANOIDS, ("_side-1",), MUJOCO_WARP),
+        Case("shapes_256", "256 free shapes in a grid", rooms.shapes_256, ("fixed",), scatter=(0.1, 3.0)),
+        Case("quadruped", "walking robot of primitives", rooms.quadruped, ("fixed",), scatter=(0.2, 0.3)),
+        Case("room_1000", "a furnished room of 1,000 shapes", rooms.room, ("fixed",), cpu_worlds=16),
+        Case("mug", "one textured mesh of 25 thousand faces", MUG, ("camera0",), MUJOCO_WARP, scatter=(0.02, 0.5)),
+        Case("yam", "robot arm of 18 meshes", scenes.yam_arm, ("fixed",), MJLAB, cpu_worlds=16),
+        Case("go1", "robot of 13 meshes on a plane", scenes.go1_on_plane, ("fixed",), MJLAB, cpu_worlds=16),
+        Case("aloha_pot", "two arms, four cameras", ALOHA, ALOHA_CAMERAS, MUJOCO_WARP, share=4, cpu_worlds=4),
+        Case("g1_terrain", "robot of 35 meshes on hills", scenes.g1_on_terrain, ("fixed",), MJLAB, cpu_worlds=16),
+        Case("terrain_256", "hills of 256 x 256 cells", rooms.terrain, ("drone",), cpu_worlds=16, scatter=(3.0, 0.3)),
     )
 }
 
+SETTINGS = {
+    setting.name: setting
+    for setting in (
+        Setting("8192x64", 8192, 64, 64),
+        Setting("1024x256", 1024, 256, 256),
+        Setting("cpu", None, 64, 64),
+    )
+}
 
-def compile_case(case: Case) -> mujoco.MjModel:
-    """The compiled model; cameras without a name are called camera0, camera1, ... by their index."""
-    spec = case.spec()
-    for index, camera in enumerate(spec.cameras):
-        camera.name = camera.name or f"camera{index}"
-    return spec.compile()
+DEPTH_AND_IDS = Wanted("ds", ("depth", "segmentation"))
+COMMON = {
+    wanted.name: wanted
+    for wanted in (
+        DEPTH_AND_IDS,
+        Wanted("rgb", ("rgb",), textures=True),
+        Wanted("rgb-shadows", ("rgb",), shadows=True, textures=True),
+        Wanted("rgb-ds-shadows", ("rgb", "depth", "segmentation"), shadows=True, textures=True),
+    )
+}
+# What each other output costs on top of depth and segmentation.
+EXTRAS = {
+    f"ds+{name}": Wanted(f"ds+{name}", (*DEPTH_AND_IDS.outputs, name), textures=True, by_peers=False)
+    for name in OUTPUTS
+    if name not in DEPTH_AND_IDS.outputs
+}
+WANTED = {**COMMON, **EXTRAS}
+
+
+def resized(setting: Setting, worlds: int | None, size: str | None) -> Setting:
+    """The setting with the worlds and the size WxH that were asked for, if they were, in place of its own."""
+    if worlds is not None:
+        setting = replace(setting, worlds=positive("--worlds", worlds))
+    if size is not None:
+        match = re.fullmatch(r"([1-9]\d{0,4})x([1-9]\d{0,4})", size)
+        if match is None:
+            raise WarpcamError(f"--size: {size!r} came, width x height in pixels like 64x64 is needed")
+        setting = replace(setting, width=int(match[1]), height=int(match[2]))
+    return setting
+
+
+def positive(option: str, value: int) -> int:
+    if value < 1:
+        raise WarpcamError(f"{option}: {value} came, at least 1 is needed")
+    return value

@@ -1,23 +1,23 @@
-"""Time a renderer's frames, and say how far its images are from another's."""
+"""Time a renderer's frames while the worlds move, and weigh the memory it takes."""
 
 import contextlib
-import itertools
+import ctypes
+import functools
 import time
 from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
+import torch
 import warp as wp
 
-Images = list[tuple[np.ndarray, np.ndarray]]
-
-# A pixel's depths differ when they are further apart than this.
-DEPTH_ABSOLUTE = 1e-3  # [m]
-DEPTH_RELATIVE = 1e-3
-
-GPU_BUDGET = 1.0  # seconds of replays, at least MIN_REPLAYS of them
-CPU_BUDGET = 10.0  # seconds of calls, at most MIN_REPLAYS of them
-MIN_REPLAYS = 30
+GPU_BUDGET = 0.25  # seconds of replays, at least MIN_FRAMES of them
+CPU_BUDGET = 10.0  # seconds of calls, at least MIN_CALLS and at most MAX_CALLS of them
+MIN_FRAMES, MAX_FRAMES = 12, 200
+MIN_CALLS, MAX_CALLS = 3, 30
+# So many replays are queued behind one busy kernel, which gives the host time to queue them all.
+QUEUED = 24
+USED_MEM_HIGH = 8  # CU_MEMPOOL_ATTR_USED_MEM_HIGH of the CUDA driver
 
 
 @contextlib.contextmanager
@@ -27,20 +27,29 @@ def on_one_stream(device: wp.Device) -> Iterator[None]:
         if not device.is_cuda:
             yield
             return
-        import torch
-
-        stream = torch.cuda.Stream(device=wp.device_to_torch(device))
+        stream = torch.cuda.Stream(device=wp.device_to_torch(device))  # type: ignore[no-untyped-call]
         with torch.cuda.stream(stream), wp.ScopedStream(wp.stream_from_torch(stream)):
             yield
 
 
-def time_frames(frame: Callable[[], None], device: wp.Device, replays: int | None) -> dict[str, Any]:
-    """Milliseconds a frame: replays of a CUDA graph between events, or plain calls on a CPU."""
+def time_first(frame: Callable[[], None], device: wp.Device) -> float:
+    """Seconds that the first frame takes, with all that is compiled or allocated in it."""
     start = time.perf_counter()
     frame()
     wp.synchronize_device(device)
-    first = time.perf_counter() - start
-    times = time_graph(frame, device, replays) if device.is_cuda else time_calls(frame, replays)
+    return time.perf_counter() - start
+
+
+def time_frames(
+    frame: Callable[[], None], place: Callable[[int], None], sets: int, device: wp.Device, frames: int | None
+) -> dict[str, Any]:
+    """Milliseconds a frame takes after `place` has moved all worlds to the next of `sets` poses.
+
+    On a GPU both are CUDA graphs, replayed in turn; only the frame lies between the two events. On a CPU they are
+    plain calls.
+    """
+    timing = time_graphs if device.is_cuda else time_calls
+    times = timing(frame, place, sets, device, frames)
     low, middle, high = np.percentile(times, (10.0, 50.0, 90.0))
     return {
         "median": float(middle),
@@ -49,68 +58,96 @@ def time_frames(frame: Callable[[], None], device: wp.Device, replays: int | Non
         "min": float(np.min(times)),
         "max": float(np.max(times)),
         "frames": len(times),
-        "first_frame_s": first,
     }
 
 
-def time_calls(frame: Callable[[], None], replays: int | None) -> list[float]:
+def time_calls(
+    frame: Callable[[], None], place: Callable[[int], None], sets: int, device: wp.Device, frames: int | None
+) -> list[float]:
     times: list[float] = []
-    while len(times) < (replays or MIN_REPLAYS) and (replays or len(times) < 3 or sum(times) < 1e3 * CPU_BUDGET):
+    while len(times) < (frames or MIN_CALLS) or (
+        frames is None and len(times) < MAX_CALLS and sum(times) < 1e3 * CPU_BUDGET
+    ):
+        place(len(times) % sets)
         start = time.perf_counter()
         frame()
         times.append(1e3 * (time.perf_counter() - start))
     return times
 
 
-def time_graph(frame: Callable[[], None], device: wp.Device, replays: int | None) -> list[float]:
-    with wp.ScopedCapture(device=device) as capture:
-        frame()
+def time_graphs(
+    frame: Callable[[], None], place: Callable[[int], None], sets: int, device: wp.Device, frames: int | None
+) -> list[float]:
+    graph = captured(frame, device)
+    moves = [captured(functools.partial(place, index), device) for index in range(sets)]
     stream = wp.get_stream(device)
-    for _ in range(3):
-        wp.capture_launch(capture.graph)
-    before, after = (wp.Event(device, enable_timing=True) for _ in range(2))
-    stream.record_event(before)
-    wp.capture_launch(capture.graph)
-    stream.record_event(after)
-    once = wp.get_event_elapsed_time(before, after)
-    count = replays or int(np.clip(1e3 * GPU_BUDGET / max(once, 1e-3), MIN_REPLAYS, 300))
-    # All replays are queued before the first is waited for: the host is not in the times.
-    events = [wp.Event(device, enable_timing=True) for _ in range(count + 1)]
-    stream.record_event(events[0])
-    for event in events[1:]:
-        wp.capture_launch(capture.graph)
-        stream.record_event(event)
-    wp.synchronize_device(device)
-    return [wp.get_event_elapsed_time(a, b, synchronize=False) for a, b in itertools.pairwise(events)]
+    busy = wp.zeros(1, dtype=wp.float32, device=device)
+
+    def replay(count: int) -> list[float]:
+        events = [(wp.Event(device, enable_timing=True), wp.Event(device, enable_timing=True)) for _ in range(count)]
+        wp.launch(keep_busy, 1, inputs=[busy], device=device, stream=stream)
+        for index, (before, after) in enumerate(events):
+            wp.capture_launch(moves[index % sets], stream=stream)
+            stream.record_event(before)
+            wp.capture_launch(graph, stream=stream)
+            stream.record_event(after)
+        wp.synchronize_device(device)
+        return [wp.get_event_elapsed_time(before, after, synchronize=False) for before, after in events]
+
+    guess = replay(2)[-1]  # the first replay of a graph is slower
+    count = frames or int(np.clip(1e3 * GPU_BUDGET / max(guess, 1e-3), MIN_FRAMES, MAX_FRAMES))
+    times: list[float] = []
+    while len(times) < count:
+        times += replay(min(QUEUED, count - len(times)))
+    return times
 
 
-def memory_used(device: wp.Device) -> int:
-    """Bytes that Warp holds on a GPU now; 0 on a CPU or where Warp does not count them."""
-    if not (device.is_cuda and device.is_mempool_enabled):
-        return 0
-    return wp.get_mempool_used_mem_current(device)
+def captured(work: Callable[[], None], device: wp.Device) -> wp.Graph:
+    with wp.ScopedCapture(device=device) as capture:
+        work()
+    return capture.graph
 
 
-def difference(images: Images, reference: Images) -> dict[str, float]:
-    """How the images of all cameras differ from the reference's, over all their pixels together."""
-    pixels = ids_differ = depth_differs = hits = 0
-    largest = largest_same = 0.0
-    for (depth, ids), (depth_ref, ids_ref) in zip(images, reference, strict=True):
-        hit, hit_ref = ids >= 0, ids_ref >= 0
-        both = hit & hit_ref
-        gap = np.abs(np.where(both, depth, 0.0) - np.where(both, depth_ref, 0.0))
-        tolerance = DEPTH_ABSOLUTE + DEPTH_RELATIVE * np.where(both, depth_ref, 0.0)
-        pixels += ids.size
-        hits += int(hit_ref.sum())
-        ids_differ += int((ids != ids_ref).sum())
-        depth_differs += int(((gap > tolerance) | (hit != hit_ref)).sum())
-        largest = max(largest, float(gap.max(initial=0.0)))
-        largest_same = max(largest_same, float(gap[both & (ids == ids_ref)].max(initial=0.0)))
-    return {
-        "pixels": pixels,
-        "hit_fraction": hits / pixels,
-        "ids_mismatch": ids_differ / pixels,
-        "depth_mismatch": depth_differs / pixels,
-        "depth_max_error_m": largest,
-        "depth_max_error_same_id_m": largest_same,
-    }
+@wp.kernel(enable_backward=False)  # type: ignore[untyped-decorator]
+def keep_busy(result: wp.array[wp.float32]) -> None:
+    x = result[0]
+    for _ in range(1000000):  # about 2 ms of one thread
+        x = x * 0.999 + 0.5
+    result[0] = x
+
+
+class Memory:
+    """Device memory that is taken on top of what was taken at the start, in Warp's pool and in torch's."""
+
+    def __init__(self, device: wp.Device) -> None:
+        self.device = device
+        self.counted = bool(device.is_cuda and device.is_mempool_enabled)
+        if self.counted:
+            self.start = self._now()
+
+    def reset_peak(self) -> None:
+        if not self.counted:
+            return
+        torch.cuda.reset_peak_memory_stats(wp.device_to_torch(self.device))
+        # Warp tells the peak of its pool but cannot set it back; CUDA's driver can.
+        driver = ctypes.CDLL("libcuda.so.1")
+        handle, pool, zero = ctypes.c_int(), ctypes.c_void_p(), ctypes.c_uint64(0)
+        for failed in (
+            driver.cuDeviceGet(ctypes.byref(handle), self.device.ordinal),
+            driver.cuDeviceGetDefaultMemPool(ctypes.byref(pool), handle),
+            driver.cuMemPoolSetAttribute(pool, USED_MEM_HIGH, ctypes.byref(zero)),
+        ):
+            if failed:
+                raise RuntimeError(f"CUDA driver error {failed}: the peak of the memory pool cannot be set back")
+
+    def figures(self) -> dict[str, float]:
+        """Megabytes held now, and the most since the peak was set back; nothing on a CPU."""
+        if not self.counted:
+            return {}
+        peak = wp.get_mempool_used_mem_high(self.device)
+        peak += torch.cuda.max_memory_allocated(wp.device_to_torch(self.device))
+        return {"memory_mb": 1e-6 * (self._now() - self.start), "peak_memory_mb": 1e-6 * (peak - self.start)}
+
+    def _now(self) -> int:
+        held = torch.cuda.memory_allocated(wp.device_to_torch(self.device))
+        return int(wp.get_mempool_used_mem_current(self.device)) + held

@@ -1,29 +1,54 @@
-"""What all renderers of a case share: the model, its worlds on the device, and two sets of poses."""
+"""What all renderers of a case share: the model, its worlds on the device, and the sets of poses they move through."""
 
+import warnings
 from dataclasses import dataclass, field
 
 import mujoco
 import mujoco_warp as mjw
 import numpy as np
 import warp as wp
-from cases import Case, compile_case
+from warpcam.benchmarks.cases import Case, Wanted
 
-POSE_SETS = 2
+from warpcam.errors import WarpcamError
+
+# A frame is timed in each of these sets in turn, so that no world stays where it is from one frame to the next.
+POSE_SETS = 4
+# What renderers read of a state, kept for every set.
+LIVE = ("geom_xpos", "geom_xmat", "cam_xpos", "cam_xmat", "light_xpos", "light_xdir", "xpos", "xquat")
 
 
 @dataclass
 class Problem:
-    """A scene in many worlds, each in poses of its own, and the images that are wanted of it."""
+    """A scene in many worlds, each in poses of its own, and the cameras that look at it."""
 
+    case: Case
     mjm: mujoco.MjModel
     m: mjw.Model
     d: mjw.Data
-    cameras: tuple[str, ...]
     worlds: int
     width: int
     height: int
-    scatter: tuple[float, float]  # see Case
-    poses: dict[int, np.ndarray] = field(default_factory=dict)  # joint positions (world, nq) of each set used so far
+    poses: list[dict[str, wp.array]] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        for index in range(POSE_SETS):
+            self.d.qpos.assign(random_positions(self.mjm, self.worlds, self.case.scatter, seed=index))
+            mjw.kinematics(self.m, self.d)
+            mjw.com_pos(self.m, self.d)
+            mjw.camlight(self.m, self.d)
+            self.poses.append({name: wp.clone(getattr(self.d, name)) for name in LIVE})
+        self.place(0)
+        wp.synchronize_device(self.d.qpos.device)
+
+    def place(self, index: int) -> None:
+        """Put every world into its pose of this set: copies from device to device, which a graph can hold."""
+        for name, array in self.poses[index].items():
+            if array.size:
+                wp.copy(getattr(self.d, name), array)
+
+    @property
+    def cameras(self) -> tuple[str, ...]:
+        return self.case.cameras
 
     @property
     def camera_ids(self) -> list[int]:
@@ -36,31 +61,62 @@ class Problem:
 
     def drawn_geoms(self) -> np.ndarray:
         """Ids of the geoms all renderers draw: groups 0 to 2 that are not wholly transparent."""
-        alpha = self.mjm.geom_rgba[:, 3].copy()
-        with_material = (self.mjm.geom_matid >= 0) & (self.mjm.geom_rgba == (0.5, 0.5, 0.5, 1.0)).all(axis=1)
-        alpha[with_material] = self.mjm.mat_rgba[self.mjm.geom_matid[with_material], 3]
-        return np.flatnonzero((self.mjm.geom_group <= 2) & (alpha > 0.0))
+        return np.flatnonzero((self.mjm.geom_group <= 2) & (self.colors()[:, 3] > 0.0))
 
-    def set_poses(self, index: int) -> None:
-        """Put every world into its pose of this set and bring geoms and cameras there."""
-        if index not in self.poses:
-            self.poses[index] = random_poses(self.mjm, self.worlds, self.scatter, seed=index)
-        self.d.qpos.assign(self.poses[index])
-        mjw.kinematics(self.m, self.d)
-        mjw.com_pos(self.m, self.d)
-        mjw.camlight(self.m, self.d)
-        wp.synchronize_device(self.d.qpos.device)
+    def colors(self) -> np.ndarray:
+        """Display colour of each geom, (geom, 4): its own, or its material's where it has none."""
+        rgba = self.mjm.geom_rgba.copy()
+        with_material = (self.mjm.geom_matid >= 0) & (rgba == (0.5, 0.5, 0.5, 1.0)).all(axis=1)
+        rgba[with_material] = self.mjm.mat_rgba[self.mjm.geom_matid[with_material]]
+        return rgba
+
+    def faces(self) -> int:
+        """Triangles of all meshes one world draws."""
+        drawn = self.drawn_geoms()
+        meshes = self.mjm.geom_dataid[drawn[self.mjm.geom_type[drawn] == mujoco.mjtGeom.mjGEOM_MESH]]
+        return int(self.mjm.mesh_facenum[meshes].sum())
+
+    def facts(self, wanted: Wanted) -> dict[str, object]:
+        """What a row of the results says about its problem."""
+        return {
+            "case": self.case.name,
+            "worlds": self.worlds,
+            "width": self.width,
+            "height": self.height,
+            "cameras": len(self.cameras),
+            "geoms": len(self.drawn_geoms()),
+            "faces": self.faces(),
+            "lights": int(self.mjm.nlight),
+            "lights_casting": int(self.mjm.light_castshadow.sum()),
+            "outputs": wanted.name,
+            "shadows": wanted.shadows,
+            "textures": wanted.textures,
+            "rays": self.rays,
+        }
+
+
+def compile_case(case: Case) -> mujoco.MjModel:
+    """The compiled model; cameras without a name are called camera0, camera1, ... by their index."""
+    spec = case.spec()
+    for index, camera in enumerate(spec.cameras):
+        camera.name = camera.name or f"camera{index}"
+    with warnings.catch_warnings():  # some scenes join models whose solver settings differ; nothing is solved here
+        warnings.simplefilter("ignore")
+        return spec.compile()
 
 
 def build(case: Case, worlds: int, width: int, height: int) -> Problem:
     mjm = compile_case(case)
+    missing = set(case.cameras) - {mjm.camera(index).name for index in range(mjm.ncam)}
+    if missing:
+        raise WarpcamError(f"bench: {case.name} has no camera {', '.join(sorted(missing))}")
     m = mjw.put_model(mjm)
     # Nothing is simulated: room for contacts and constraints would only take memory.
     d = mjw.make_data(mjm, nworld=worlds, naconmax=1, naccdmax=1, njmax=1)
-    return Problem(mjm, m, d, case.cameras, worlds, width, height, case.scatter)
+    return Problem(case, mjm, m, d, worlds, width, height)
 
 
-def random_poses(mjm: mujoco.MjModel, worlds: int, scatter: tuple[float, float], seed: int) -> np.ndarray:
+def random_positions(mjm: mujoco.MjModel, worlds: int, scatter: tuple[float, float], seed: int) -> np.ndarray:
     """Joint positions (world, nq) float32 around `qpos0`.
 
     Joints with a range move over half of it, others by 0.5 rad or 5 cm; free bodies by `scatter`.

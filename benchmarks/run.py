@@ -1,192 +1,133 @@
-"""Time warpcam and its peers side by side: the same scenes, poses, cameras and images (depth and ids).
-
-python benchmarks/run.py [--case NAME ...] [--peer NAME ...] [--worlds N] [--size WxH] [--device D] [--out FILE.json]
-
-Timed is what a new frame takes: refitting (where a renderer has something to refit) and rendering, with every
-world in a pose of its own. On a GPU a frame is a replay of a CUDA graph, on a CPU a plain call. The JSON is
-written again after each renderer, so an interrupted run keeps what it has.
-"""
+"""The command: checks what was asked for, measures it, and writes the JSON again after each renderer."""
 
 import argparse
-import datetime
-import functools
-import gc
-import importlib
-import importlib.metadata
-import json
+import importlib.util
 import os
-import platform
-import re
-import shlex
-import subprocess
-import sys
-import time
-import traceback
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-HERE = Path(__file__).resolve().parent
-CHECKED_WORLDS = 512
+from warpcam.errors import WarpcamError
+
+OUT = Path("warpcam-bench.json")
+NEEDED = {"mujoco": "warpcam[mujoco]", "mujoco_warp": "warpcam[mujoco]", "rich": "rich"}
 
 
-def arguments() -> argparse.Namespace:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--case", nargs="+", default=None, metavar="NAME", help="default: all")
-    parser.add_argument("--peer", nargs="+", default=None, metavar="NAME", help="default: all that are installed")
-    parser.add_argument("--worlds", type=int, default=None, help="default: the case's own number for this device")
-    parser.add_argument("--size", default="64x64", metavar="WxH", help="pixels of each image")
-    parser.add_argument("--device", default=None, help="a Warp device; default: the first GPU, else the CPU")
-    parser.add_argument("--threads", type=int, default=None, help="CPU threads warpcam may use; the peers use one")
-    parser.add_argument("--replays", type=int, default=None, help="frames to time; default: 30 or more")
-    parser.add_argument("--out", type=Path, default=None, help="default: benchmarks/results/<device>.json")
-    return parser.parse_args()
+def run(options: argparse.Namespace) -> int:
+    """Returns 0, or 1 where something failed that was asked for."""
+    need(*NEEDED)
+    if options.plot is not None:
+        need("matplotlib", hint="warpcam[bench]")
+    from warpcam.benchmarks import report as reports
+
+    if options.merge:
+        report = reports.merge(options.merge)
+        if options.out is not None:
+            reports.write(report, options.out)
+    else:
+        report = measured(options)
+    show(report)
+    if options.plot is not None:
+        from warpcam.benchmarks import plot
+
+        plot.draw(report, options.plot)
+        print(f"drawn: {options.plot}")
+    return int(any("error" in row for row in report["results"]))
 
 
-def machine(device: Any) -> dict[str, Any]:
-    """What the numbers were measured on."""
-    found: dict[str, Any] = {"device": device.name, "python": platform.python_version(), "system": platform.platform()}
-    cpuinfo = Path("/proc/cpuinfo")
-    model = re.search(r"model name\s*:\s*(.+)", cpuinfo.read_text()) if cpuinfo.exists() else None
-    found["cpu"] = f"{model[1] if model else platform.processor()} ({os.cpu_count()} cores)"
-    if device.is_cuda:
-        query = ["nvidia-smi", f"--id={device.uuid}", "--query-gpu=driver_version", "--format=csv,noheader"]
-        try:
-            found["driver"] = subprocess.run(query, capture_output=True, text=True, check=True).stdout.strip()
-        except (OSError, subprocess.CalledProcessError) as error:
-            found["driver"] = f"unknown: {error}"
-    for package in ("warp-lang", "mujoco", "mujoco-warp", "newton", "mjlab", "torch", "numpy"):
-        try:
-            found[package] = importlib.metadata.version(package)
-        except importlib.metadata.PackageNotFoundError:
-            continue
-    return found
+def show(report: dict[str, Any]) -> None:
+    if report["kind"] == "host":
+        from warpcam.benchmarks import host
 
-
-def measure_peer(name: str, problem: Any, device: Any, replays: int | None, reference: Any) -> tuple[dict, Any]:
-    """One renderer on one problem: its row for the JSON, and its images in each pose set."""
-    import measure
-    from peers import PEERS
-    from problem import POSE_SETS
-
-    before = measure.memory_used(device)
-    problem.set_poses(0)
-    module = importlib.import_module(PEERS[name])
-    start = time.perf_counter()
-    peer = module.create(problem)
-    row: dict[str, Any] = {"setup_s": time.perf_counter() - start}
-    variants = {v: measure.time_frames(functools.partial(peer.frame, v), device, replays) for v in peer.variants}
-    best = min(variants, key=lambda variant: variants[variant]["median"])
-    row |= {"ms": variants[best], "grays_per_s": 1e-6 * problem.rays / variants[best]["median"]}
-    if len(variants) > 1:
-        row |= {"variant": best, "variants": variants}
-    if device.is_cuda:
-        row["memory_mb"] = (measure.memory_used(device) - before) / 1e6
-
-    images = []
-    for pose in range(POSE_SETS):
-        problem.set_poses(pose)
-        peer.pull_poses()
-        peer.frame(best)
-        # Copied: on a CPU an array may be the renderer's own memory, which the next frame overwrites.
-        images.append([(d.copy(), i.copy()) for d, i in peer.images(min(problem.worlds, CHECKED_WORLDS))])
-        if reference is not None:
-            row.setdefault("difference", []).append(measure.difference(images[pose], reference[pose]))
-    return row, images
-
-
-def measure_case(name: str, args: argparse.Namespace, device: Any, report: dict[str, Any]) -> None:
-    import problem as problems
-    from cases import CASES
-
-    case, (width, height) = CASES[name], (int(n) for n in args.size.split("x"))
-    worlds = args.worlds or (case.worlds if device.is_cuda else case.cpu_worlds)
-    entry: dict[str, Any] = {"about": case.about, "worlds": worlds, "size": [width, height], "cameras": case.cameras}
-    report["cases"][name] = entry
-    start = time.perf_counter()
-    try:
-        problem = problems.build(case, worlds, width, height)
-    except Exception:
-        entry["error"] = traceback.format_exc(limit=-3)
-        print(f"{name}: {entry['error']}", file=sys.stderr)
+        host.show(report)
         return
-    entry |= {"rays": problem.rays, "geoms": len(problem.drawn_geoms()), "mesh_faces": int(problem.mjm.nmeshface)}
-    entry |= {"build_s": time.perf_counter() - start, "renderers": {}}
-    rows, reference = entry["renderers"], None
-    for peer in args.peer:
-        print(f"{name}: {peer} ...", flush=True)
-        try:
-            rows[peer], images = measure_peer(peer, problem, device, args.replays, reference)
-            if reference is None:
-                entry["reference"], reference = peer, images
-        except Exception:
-            rows[peer] = {"error": traceback.format_exc(limit=-4)}
-            print(rows[peer]["error"], file=sys.stderr)
-        gc.collect()
-        if "ms" in rows.get("warpcam", {}):
-            for row in (row for row in rows.values() if "ms" in row):
-                row["times_warpcam"] = row["ms"]["median"] / rows["warpcam"]["ms"]["median"]
-        args.out.write_text(json.dumps(report, indent=1) + "\n")
+    from warpcam.benchmarks import report as reports
+
+    reports.show(report)
 
 
-def table(report: dict[str, Any]) -> str:
-    """The report for people."""
-    rows = ["case renderer ms p10-p90 Grays/s x-warpcam ids-differ depth-differs set-up-s first-s".split()]
-    failures = []
-    for name, case in report["cases"].items():
-        for peer, row in case.get("renderers", {"-": case}).items():
-            if "ms" not in row:
-                failures.append(f"{name}: {peer} failed: {row['error'].strip().splitlines()[-1]}")
-                continue
-            ms, gaps = row["ms"], row.get("difference", [])
-            cells = [name, peer, f"{ms['median']:.3f}", f"{ms['p10']:.3f}-{ms['p90']:.3f}", f"{row['grays_per_s']:.3f}"]
-            cells.append(f"{row['times_warpcam']:.2f}" if "times_warpcam" in row else "")
-            for key in ("ids_mismatch", "depth_mismatch"):
-                cells.append(f"{max(gap[key] for gap in gaps):.1e}" if gaps else "")
-            rows.append([*cells, f"{row['setup_s']:.1f}", f"{ms['first_frame_s']:.1f}"])
-    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    lines = ["  ".join(map(str.ljust, row, widths)).rstrip() for row in rows]
-    return "\n".join(lines + failures)
+def need(*packages: str, hint: str | None = None) -> None:
+    for package in packages:
+        if importlib.util.find_spec(package) is None:
+            raise WarpcamError(f"bench: {package} is not installed; pip install '{hint or NEEDED[package]}'")
 
 
-def main() -> None:
-    args = arguments()
-    if args.threads is not None:
-        os.environ["WARPCAM_CPU_THREADS"] = str(args.threads)
-    if str(HERE) not in sys.path:
-        sys.path.insert(0, str(HERE))
+def measured(options: argparse.Namespace) -> dict[str, Any]:
+    from warpcam.benchmarks import cases
+
+    if options.threads is not None:
+        os.environ["WARPCAM_CPU_THREADS"] = str(cases.positive("--threads", options.threads))
     import warp as wp
+    from warpcam.benchmarks import host, measure, peers, runner, sweeps
+    from warpcam.benchmarks import report as reports
+
+    from warpcam.device import resolve
 
     wp.config.log_level = wp.LOG_WARNING
-    wp.init()
-    import measure
-    from cases import CASES
-    from peers import PEERS
+    device = resolve(options.device)
+    out = options.out or OUT
+    if options.host:
+        report = reports.new("host", device)
+        with wp.ScopedDevice(device):
+            host.measure(chosen("--case", options.case or ["humanoid", "yam"], all_cases()), device, report)
+        reports.write(report, out)
+        return report
 
-    for given, known in ((args.case, CASES), (args.peer, PEERS)):
-        unknown = set(given or ()) - set(known)
-        if unknown:
-            sys.exit(f"unknown: {', '.join(sorted(unknown))}; known: {', '.join(known)}")
-    installed = [peer for peer in PEERS if importlib.util.find_spec(peer) is not None]
-    args.peer = [peer for peer in PEERS if peer in (args.peer or installed)]
-    device = wp.get_device(args.device or ("cuda:0" if wp.is_cuda_available() else "cpu"))
-    if args.out is None:
-        threads = "" if args.threads is None else f"-{args.threads}-thread"
-        args.out = HERE / "results" / (re.sub(r"\W+", "-", device.name.lower()).strip("-") + threads + ".json")
-    args.out.parent.mkdir(parents=True, exist_ok=True)
-    report: dict[str, Any] = {
-        "command": "python " + shlex.join(sys.argv),
-        "date": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
-        "machine": machine(device),
-        "timing": "CUDA graph replays between events" if device.is_cuda else "plain calls on the CPU",
-        "warpcam_cpu_threads": None if device.is_cuda else os.environ.get("WARPCAM_CPU_THREADS", "all"),
-        "cases": {},
-    }
+    timing = "CUDA graph replays between events" if device.is_cuda else "plain calls"
+    threads = None if device.is_cuda else os.environ.get("WARPCAM_CPU_THREADS", "all")
+    report = reports.new("sweep" if options.sweep else "cases", device, timing=timing, warpcam_cpu_threads=threads)
+    default = ["warpcam"] if options.sweep else peers.installed()
+    asked = chosen("--peer", options.peer or default, {name: name for name in peers.PEERS})
+    renderers = [name for name in peers.PEERS if name in asked]
+    for name in renderers:
+        need(name, hint=peers.INSTALL[name])
+    if options.replays is not None:
+        cases.positive("--replays", options.replays)
+    points = sweeps.points(options) if options.sweep else [(point, {}) for point in case_points(options, device)]
+    screen = reports.console()
     with measure.on_one_stream(device):
-        for name in args.case or CASES:
-            measure_case(name, args, device, report)
-    print(table(report))
-    print(f"written: {args.out}")
+        for (case, setting, wanted), marks in points:
+            worlds, size = setting.worlds_of(case), (setting.width, setting.height)
+            marks = {"setting": setting.name, **marks}
+            for row in runner.measure_case(case, worlds, size, wanted, renderers, device, options.replays):
+                report["results"].append({**row, **marks})
+                reports.write(report, out)
+                took = f"{row['ms']['median']:.3f} ms" if "ms" in row else row["error"]
+                screen.print(f"{reports.name_of(row)}: {row['renderer']}: {took}", style="dim", markup=False)
+    print(f"written: {out}")
+    return report
 
 
-if __name__ == "__main__":
-    main()
+def case_points(options: argparse.Namespace, device: Any) -> list[Any]:
+    """What to measure: each case in each setting with all its sets of outputs."""
+    from warpcam.benchmarks import cases
+
+    settings = options.setting or ["8192x64" if device.is_cuda else "cpu"]
+    names: list[str] = []
+    for name in options.outputs or cases.COMMON:
+        names += cases.EXTRAS if name == "extras" else [name]
+    wanted = chosen("--outputs", names, cases.WANTED)
+    known = all_cases()
+    found = chosen("--case", options.case, known) if options.case else [c for c in known.values() if available(c)]
+    return [
+        (case, cases.resized(setting, options.worlds, options.size), wanted)
+        for setting in chosen("--setting", settings, cases.SETTINGS)
+        for case in found
+    ]
+
+
+def all_cases() -> Mapping[str, Any]:
+    from warpcam.benchmarks import cases
+
+    return cases.CASES
+
+
+def available(case: Any) -> bool:
+    return case.package is None or importlib.util.find_spec(case.package) is not None
+
+
+def chosen(option: str, names: Sequence[str], known: Mapping[str, Any]) -> list[Any]:
+    for name in names:
+        if name not in known:
+            raise WarpcamError(f"{option}: {name!r} came, known are: {', '.join(known)}")
+    return [known[name] for name in dict.fromkeys(names)]

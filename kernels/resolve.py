@@ -2,22 +2,17 @@
 
 import functools
 from collections.abc import Mapping
-from typing import Any
 
 import warp as wp
 
-from .facet import facet_corner, facet_weight, make_facet
-from .launch import Group, Stage
+from .launch import Group, Stage, native_options
 from .launch import record as record_stage
-from .mapping import make_mapping
-from .pack import to_byte
-from .shade import clip, make_illuminate
-from .surface import make_finish, make_surface
 from .tables import Tables
-from .texture import is_2d, is_texture, sample_2d, sample_cube
-from .types import HEIGHT_FIELD, MESH, Background, HeightFields, Lights, Materials, Meshes, Shapes, Textures, View
+from .types import Background, HeightFields, Lights, Materials, Meshes, Shapes, Textures, View
+from .visibility import LENSES, THREADS, region_size
 
-# The outputs made here, with the dtype and the number of channels of their arrays (world, height, width, channels).
+# The outputs made here, with the dtype and the number of channels of their arrays (world, height, width, channels), in
+# the order of their bits in native/look.h.
 OUTPUTS: Mapping[str, tuple[type, int]] = {
     "rgb": (wp.uint8, 3),
     "rgba": (wp.uint8, 4),
@@ -29,9 +24,7 @@ OUTPUTS: Mapping[str, tuple[type, int]] = {
     "albedo": (wp.uint8, 3),
 }
 
-# Threads of a CUDA block, and how many blocks a multiprocessor is to hold: at most 128 registers a thread.
-THREADS = 128
-BLOCKS = 4
+MAX_KEPT = 256  # shapes whose looks a block can keep
 
 
 @wp.struct
@@ -42,86 +35,54 @@ class Frame:
     mask: wp.array(dtype=wp.uint8)  # (world,) 0 leaves the world's images alone
     depth: wp.array(dtype=wp.float32)  # (pixel,) planar depth [m]
     shape: wp.array(dtype=wp.int32)  # (pixel,) or -1 where nothing was hit
-    face: wp.array(dtype=wp.int32)  # (pixel,) see surface.py
+    face: wp.array(dtype=wp.int32)  # (pixel,) as the trace wrote it: see visibility.py
     shadow: wp.array(dtype=wp.int32)  # (pixel,) bit l: light l does not reach the pixel; empty without shadows
     width: wp.int32
     height: wp.int32
-    horizon: wp.float32  # see facet.py [m]
+    horizon: wp.float32  # how far the camera of MuJoCo's renderer sees [m]; see native/cells.h
 
 
 @wp.struct
 class Images:
-    """What the kernel writes, (pixel, channel) each; empty where it was not asked for."""
+    """What the kernel writes, channel after channel of pixel after pixel; empty where it was not asked for."""
 
-    rgb: wp.array2d(dtype=wp.uint8)
-    rgba: wp.array2d(dtype=wp.uint8)
-    hdr: wp.array2d(dtype=wp.float32)
-    distance: wp.array2d(dtype=wp.float32)
-    normals: wp.array2d(dtype=wp.float32)
-    points: wp.array2d(dtype=wp.float32)
-    bodies: wp.array2d(dtype=wp.int32)
-    albedo: wp.array2d(dtype=wp.uint8)
-
-
-@wp.func
-def write_vec3(values: wp.array2d(dtype=wp.float32), pixel: wp.int32, value: wp.vec3):
-    """Write the three channels of one pixel."""
-    for k in range(3):
-        values[pixel, k] = value[k]
-
-
-@wp.func
-def write_color(values: wp.array2d(dtype=wp.uint8), pixel: wp.int32, color: wp.vec3):
-    """Write the three colour channels of one pixel, clipped to [0, 1]."""
-    for k in range(3):
-        values[pixel, k] = to_byte(color[k])
-
-
-@wp.func
-def slide(step: wp.vec3, ray: wp.vec3, normal: wp.vec3) -> wp.vec3:
-    """``step`` carried along ``ray`` into the plane of ``normal``: how far the hit moves from pixel to pixel."""
-    slope = wp.dot(normal, ray)
-    if wp.abs(slope) < 1.0e-12 * wp.length(ray):
-        return step * 1.0e6
-    return step - ray * (wp.dot(normal, step) / slope)
+    rgb: wp.array(dtype=wp.uint8)
+    rgba: wp.array(dtype=wp.uint8)
+    hdr: wp.array(dtype=wp.float32)
+    distance: wp.array(dtype=wp.float32)
+    normals: wp.array(dtype=wp.float32)
+    points: wp.array(dtype=wp.float32)
+    bodies: wp.array(dtype=wp.int32)
+    albedo: wp.array(dtype=wp.uint8)
 
 
 @functools.cache
-def make_kernel(outputs: frozenset[str], lens: str, facts: tuple[Any, ...], shadows: bool) -> wp.Kernel:
-    """The kernel for one set of outputs, lens and scene facts (``Tables.facts()``)."""
-    shape_types, num_lights, has_materials, has_textures, has_skybox = facts
-    perspective = lens == "pinhole"
-    display = bool(outputs & {"rgb", "rgba"})
-    lit = display or "hdr" in outputs
-    colored = lit or "albedo" in outputs
-    textured = colored and has_materials and has_textures
-    surfaced = lit or textured or "normals" in outputs
-    has_faces = MESH in shape_types or HEIGHT_FIELD in shape_types
-    placed = surfaced or colored or "points" in outputs
-
-    surface_at = make_surface(shape_types)
-    finish_of = make_finish(has_materials)
-    map_2d, map_cube, has_own_uvs = make_mapping(shape_types)
-    facet_at = make_facet(shape_types)
-    illuminate = make_illuminate(num_lights, shadows)
-
-    @wp.func
-    def background_color(background: Background, textures: Textures, direction: wp.vec3, right: wp.vec3, down: wp.vec3):
-        """Colour where nothing is hit. The skybox lies on its side: its y axis is the world's z."""
-        color = background.color
-        if wp.static(has_skybox):
-            if is_texture(textures, background.skybox):
-                color = sample_cube(
-                    textures,
-                    background.skybox,
-                    wp.vec3(direction[0], direction[2], -direction[1]),
-                    wp.vec3(right[0], right[2], -right[1]),
-                    wp.vec3(down[0], down[2], -down[1]),
-                )
-        return color
-
-    @wp.kernel(module="unique", enable_backward=False, grid_stride=False, launch_bounds=(THREADS, BLOCKS))
+def _kernel(types: int, lens: int, capacity: int, width: int, height: int, images: int, facts: int) -> wp.Kernel:
+    @wp.func_native(
+        f"warpcam::resolve<{types}, {lens}, {capacity}, {width}, {height}, {images}, {facts}>(warpcam::Scene {{ "
+        "frame, images, shapes, meshes, fields, materials, textures, background }, lights, index);"
+    )
     def resolve(
+        frame: Frame,
+        images: Images,
+        shapes: Shapes,
+        meshes: Meshes,
+        fields: HeightFields,
+        materials: Materials,
+        textures: Textures,
+        lights: Lights,
+        background: Background,
+        index: int,
+    ): ...
+
+    @wp.kernel(
+        module="unique",
+        enable_backward=False,
+        grid_stride=False,
+        launch_bounds=(THREADS, _blocks(images)),
+        module_options={"extra_build_options": native_options("resolve.h")},
+    )
+    def write_images(
         frame: Frame,
         images: Images,
         shapes: Shapes,
@@ -133,142 +94,9 @@ def make_kernel(outputs: frozenset[str], lens: str, facts: tuple[Any, ...], shad
         background: Background,
         first: wp.int32,
     ):
-        pixel = first + wp.tid()
-        pixels = frame.width * frame.height
-        world = pixel // pixels
-        if frame.mask[world] == wp.uint8(0):
-            return
-        row = (pixel - world * pixels) // frame.width
-        column = pixel - world * pixels - row * frame.width
-        view = frame.views[world]
-        x = (wp.float32(column) + 0.5 - view.center[0]) * view.scale[0]
-        y = (view.center[1] - wp.float32(row) - 0.5) * view.scale[1]
-        origin = view.origin
-        ray = wp.vec3()
-        if wp.static(perspective):
-            ray = view.rotation * wp.vec3(x, y, -1.0)
-        else:
-            origin = origin + view.rotation * wp.vec3(x, y, 0.0)
-            ray = view.rotation * wp.vec3(0.0, 0.0, -1.0)
-        # What one pixel to the right and one down changes: the ray's direction, or in parallel projection its origin.
-        right = view.rotation * wp.vec3(view.scale[0], 0.0, 0.0)
-        down = view.rotation * wp.vec3(0.0, -view.scale[1], 0.0)
+        resolve(frame, images, shapes, meshes, fields, materials, textures, lights, background, first + wp.tid())
 
-        shape = frame.shape[pixel]
-        if shape < 0:
-            if wp.static(colored):
-                color = wp.vec3()
-                if wp.static(lit):
-                    if wp.static(perspective):
-                        color = background_color(background, textures, ray, right, down)
-                    else:
-                        color = background_color(background, textures, ray, wp.vec3(), wp.vec3())
-                if wp.static("rgb" in outputs):
-                    write_color(images.rgb, pixel, color)
-                if wp.static("rgba" in outputs):
-                    write_color(images.rgba, pixel, color)
-                    images.rgba[pixel, 3] = wp.uint8(0)
-                if wp.static("hdr" in outputs):
-                    write_vec3(images.hdr, pixel, color)
-                if wp.static("albedo" in outputs):
-                    write_color(images.albedo, pixel, wp.vec3())
-            if wp.static("distance" in outputs):
-                images.distance[pixel, 0] = wp.inf
-            if wp.static("normals" in outputs):
-                write_vec3(images.normals, pixel, wp.vec3())
-            if wp.static("points" in outputs):
-                write_vec3(images.points, pixel, wp.vec3(wp.inf, wp.inf, wp.inf))
-            if wp.static("bodies" in outputs):
-                images.bodies[pixel, 0] = -1
-            return
-
-        depth = frame.depth[pixel]
-        if wp.static("distance" in outputs):
-            if wp.static(perspective):
-                images.distance[pixel, 0] = depth * wp.length(wp.vec3(x, y, -1.0))
-            else:
-                images.distance[pixel, 0] = depth
-        if wp.static("bodies" in outputs):
-            images.bodies[pixel, 0] = shapes.bodies[shape]
-        if wp.static(placed):
-            position = origin + depth * ray
-            if wp.static("points" in outputs):
-                write_vec3(images.points, pixel, position)
-            if wp.static(surfaced):
-                rotation = shapes.rotations[world, shape]
-                to_local = wp.transpose(rotation)
-                local_ray = to_local * ray
-                local = to_local * (origin - shapes.positions[world, shape]) + depth * local_ray
-                face = wp.int32(0)
-                if wp.static(has_faces):
-                    face = frame.face[pixel]
-                surface = surface_at(shapes, meshes, fields, world, shape, face, local, local_ray)
-                if wp.static("normals" in outputs):
-                    normal = rotation * surface.normal
-                    if wp.dot(normal, ray) > 0.0:
-                        normal = -normal
-                    write_vec3(images.normals, pixel, normal)
-            if wp.static(colored):
-                finish = finish_of(shapes, materials, world, shape)
-                texture = wp.vec3(1.0, 1.0, 1.0)
-                if wp.static(textured):
-                    if is_texture(textures, finish.texture):
-                        stretch = wp.where(wp.static(perspective), depth, 1.0)
-                        ddx = slide(stretch * (to_local * right), local_ray, surface.normal)
-                        ddy = slide(stretch * (to_local * down), local_ray, surface.normal)
-                        if is_2d(textures, finish.texture):
-                            at = map_2d(shapes, meshes, fields, world, shape, surface, finish)
-                            texture = sample_2d(
-                                textures,
-                                finish.texture,
-                                at.uv,
-                                wp.vec2(wp.dot(at.du, ddx), wp.dot(at.dv, ddx)),
-                                wp.vec2(wp.dot(at.du, ddy), wp.dot(at.dv, ddy)),
-                            )
-                        elif not has_own_uvs(shapes, meshes, world, shape):
-                            into = map_cube(shapes, meshes, fields, world, shape, surface, finish)
-                            texture = sample_cube(
-                                textures,
-                                finish.texture,
-                                into.direction,
-                                wp.cw_mul(into.scale, ddx),
-                                wp.cw_mul(into.scale, ddy),
-                            )
-                if wp.static("albedo" in outputs):
-                    base = wp.vec3(finish.color[0], finish.color[1], finish.color[2])
-                    write_color(images.albedo, pixel, wp.cw_mul(clip(base), texture))
-                if wp.static(lit):
-                    shadow = wp.int32(0)
-                    if wp.static(shadows):
-                        shadow = frame.shadow[pixel]
-                    forward = view.rotation * wp.vec3(0.0, 0.0, -1.0)
-                    linear = wp.vec3()
-                    shown = wp.vec3()
-                    eye = to_local * (view.origin - shapes.positions[world, shape])
-                    facet = facet_at(shapes, meshes, fields, world, shape, face, surface, finish, eye, frame.horizon)
-                    for corner in range(facet.corners):
-                        place = rotation * facet_corner(facet, corner) + shapes.positions[world, shape]
-                        normal = surface.shading
-                        if wp.static(MESH in shape_types):
-                            if shapes.types[shape] == MESH:
-                                normal = meshes.normals[surface.corner + corner]
-                        light = illuminate(
-                            lights, world, place, rotation * normal, view.origin, forward, finish, shadow
-                        )
-                        weight = facet_weight(facet, corner)
-                        linear += weight * light.linear
-                        shown += weight * light.display
-                    if wp.static("hdr" in outputs):
-                        write_vec3(images.hdr, pixel, wp.cw_mul(linear, texture))
-                    if wp.static(display):
-                        color = wp.cw_mul(shown, texture)
-                        if wp.static("rgb" in outputs):
-                            write_color(images.rgb, pixel, color)
-                        if wp.static("rgba" in outputs):
-                            write_color(images.rgba, pixel, color)
-                            images.rgba[pixel, 3] = wp.uint8(255)
-
-    return resolve
+    return write_images
 
 
 def record(
@@ -318,14 +146,17 @@ def record(
     frame.height = height
     frame.horizon = tables.horizon
     images = Images()
-    pixels = tables.num_worlds * width * height
-    for name, (dtype, channels) in OUTPUTS.items():
+    wanted = 0
+    for bit, (name, (dtype, _)) in enumerate(OUTPUTS.items()):
         if name in outputs:
-            setattr(images, name, outputs[name].reshape((pixels, channels)))
+            setattr(images, name, outputs[name].flatten())
+            wanted |= 1 << bit
         else:
-            setattr(images, name, wp.empty((0, channels), dtype=dtype, device=device))
-    kernel = make_kernel(frozenset(outputs), lens, tables.facts(), shadow is not None)
-    worlds = (group or Group.of_all(tables.num_worlds)).worlds
+            setattr(images, name, wp.empty(0, dtype=dtype, device=device))
+    group = group or Group.of_all(tables.num_worlds)
+    region = region_size(group.at_once, width, height, device)
+    types = sum(1 << t for t in tables.shape_types)
+    kernel = _kernel(types, LENSES[lens], _capacity(tables), *region, wanted, _facts(tables, shadow is not None, width))
     inputs = [
         frame,
         images,
@@ -337,5 +168,24 @@ def record(
         tables.lights,
         tables.background,
     ]
-    unit = width * height
-    return record_stage(kernel, len(worlds) * unit, inputs, device, start=worlds.start * unit, block_dim=THREADS)
+    unit = -(-width // region[0]) * -(-height // region[1]) * (THREADS if device.is_cuda else 1)  # threads a world
+    return record_stage(
+        kernel, len(group.worlds) * unit, inputs, device, start=group.worlds.start * unit, block_dim=THREADS
+    )
+
+
+def _blocks(images: int) -> int:
+    """Blocks that a multiprocessor is to hold, for a set of images: bounds the registers of a thread."""
+    return 6 if images & 0b10000111 else 8
+
+
+def _capacity(tables: Tables) -> int:
+    """Looks that a block keeps: room for every shape's id, in few sizes; 0 for scenes that are too large for it."""
+    shapes = tables.shapes.types.shape[0]
+    return -(-shapes // 32) * 32 if shapes <= MAX_KEPT else 0
+
+
+def _facts(tables: Tables, shadows: bool, width: int) -> int:
+    """Bits of native/look.h."""
+    facts = (tables.has_materials, tables.has_textures, tables.has_skybox, shadows, width % 4 == 0)
+    return sum(1 << bit for bit, fact in enumerate(facts) if fact)

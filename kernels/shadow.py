@@ -8,9 +8,10 @@ from .launch import Group, Stage, native_options
 from .launch import record as record_launch
 from .tables import Tables
 from .types import HeightFields, Lights, Materials, Meshes, Shapes, View
-from .visibility import BLOCKS, LENSES, THREADS, list_capacity, region_size
+from .visibility import BLOCKS, LENSES, THREADS, region_size
 
 MAX_LIGHTS = 32  # bits of a mask
+CAPACITIES = (16, 32, 64, 128, 192)  # how many shapes a pass lists: few sizes, so that scenes share kernels
 
 
 @wp.struct
@@ -20,6 +21,7 @@ class Shaded:
     mask: wp.array(dtype=wp.uint8)  # (world,) 0 leaves the world's images alone
     depth: wp.array(dtype=wp.float32)  # planar depth [m]
     shape: wp.array(dtype=wp.int32)  # shape id, or -1
+    face: wp.array(dtype=wp.int32)  # see visibility.Target; empty for a scene without meshes
     shadow: wp.array(dtype=wp.int32)  # bit l is set where light l does not reach the point
     width: wp.int32
     height: wp.int32
@@ -71,6 +73,7 @@ def record(
     mask: wp.array,
     depth: wp.array,
     shape: wp.array,
+    face: wp.array | None,
     width: int,
     height: int,
     shadow: wp.array,
@@ -86,6 +89,7 @@ def record(
         mask: uint8, (world,); worlds with 0 are left alone.
         depth: float32, (world, height, width, ...), as the trace wrote it.
         shape: int32, likewise.
+        face: int32, likewise; only needed for scenes with meshes.
         width: Image width [pixels].
         height: Image height [pixels].
         shadow: int32, likewise; written.
@@ -95,8 +99,10 @@ def record(
     target = Shaded()
     target.mask, target.width, target.height = mask, width, height
     target.depth, target.shape, target.shadow = depth.flatten(), shape.flatten(), shadow.flatten()
+    if face is not None:
+        target.face = face.flatten()
     types = sum(1 << t for t in tables.shape_types)
-    capacity = list_capacity(tables.num_drawn)
+    capacity = next(size for size in CAPACITIES if size >= min(tables.num_drawn, CAPACITIES[-1]))
     group = group or Group.of_all(views.shape[0])
     region = region_size(group.at_once, width, height, device)
     kernel = _kernel(types, LENSES[lens], capacity, *region)

@@ -1,47 +1,195 @@
-"""The benchmark runner runs, compares images and writes what it found. Times are not judged."""
+"""The benchmark suite builds its scenes, runs its renderers, compares images and writes what it found."""
 
+import argparse
 import json
-import os
-import subprocess
-import sys
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pytest
 
-RUNNER = Path(__file__).resolve().parents[1] / "benchmarks" / "run.py"
+pytest.importorskip("mujoco_warp")
+
+from warpcam.benchmarks import cases, compare, options, peers, problem, report, rooms, run, sweeps
+
+from warpcam import cli
+
+ROOT = Path(__file__).resolve().parents[1]
+TINY = ("--worlds", "2", "--size", "16x16", "--replays", "2", "--device", "cpu")
 
 
-def run(*arguments: str) -> subprocess.CompletedProcess[str]:
-    environment = {**os.environ, "CUDA_VISIBLE_DEVICES": ""}
-    return subprocess.run([sys.executable, str(RUNNER), *arguments], env=environment, capture_output=True, text=True)
+def bench(*arguments: Any) -> int:
+    return cli.main(["bench", *map(str, arguments)])
 
 
-def test_tiny_case_writes_its_json(tmp_path: Path) -> None:
-    pytest.importorskip("mujoco_warp")
+@pytest.mark.parametrize("case", cases.CASES.values(), ids=list(cases.CASES))
+def test_case_builds_and_moves(case: cases.Case) -> None:
+    if not run.available(case):
+        pytest.skip(f"its files come with {case.package}")
+    shared = problem.build(case, worlds=2, width=16, height=16)
+    before = shared.d.geom_xpos.numpy().copy()
+    shared.place(1)
+    moved = np.abs(shared.d.geom_xpos.numpy() - before).max(axis=(1, 2))
+    assert (moved > 1e-3).all(), "a world stays where it is from one set of poses to the next"
+    assert len(shared.drawn_geoms()) > 1 or shared.faces() > 0
+    assert np.abs(before[0] - before[1]).max() > 1e-3, "both worlds are in the same pose"
+
+
+@pytest.mark.parametrize("name", list(peers.PEERS))
+def test_renderers_agree_and_the_json_says_so(name: str, tmp_path: Path) -> None:
+    if name not in peers.installed():
+        pytest.skip(f"{name} is not installed")
     out = tmp_path / "tiny.json"
-    tiny = ("--case", "humanoid", "--worlds", "2", "--size", "12x8", "--replays", "2", "--device", "cpu")
-    done = run(*tiny, "--peer", "mujoco_warp", "warpcam", "--threads", "1", "--out", str(out))
-    assert done.returncode == 0, done.stderr
+    assert bench("--case", "humanoid", "--peer", "mujoco_warp", name, *TINY, "--out", out) == 0
+    written = json.loads(out.read_text())
+    assert written["format"] == report.FORMAT and written["kind"] == "cases"
+    assert {"cpu", "python", "mujoco", "mujoco-warp"} <= written["runs"][0]["machine"].keys()
+    rows = [row for row in written["results"] if row["renderer"] == name]
+    assert [row["outputs"] for row in rows] == list(cases.COMMON)
+    for row in rows:
+        assert "error" not in row, row["error"]
+        assert row["rays"] == 2 * 16 * 16 and row["worlds"] == 2 and row["setting"] == "cpu"
+        assert row["ms"]["frames"] == 2 and row["ms"]["p10"] <= row["ms"]["median"] <= row["ms"]["p90"]
+        assert row["setup_s"] >= 0.0 and row["first_frame_s"] > 0.0
+        if name == "mujoco_warp":
+            continue
+        assert row["compared_with"] == "mujoco_warp"
+        gap = row["difference"]
+        if "segmentation" in cases.COMMON[row["outputs"]].outputs:
+            assert gap["hit_fraction"] > 0.5
+            assert gap["ids_mismatch"] <= 0.02 and gap["depth_mismatch"] <= 0.02
+        if "rgb" in cases.COMMON[row["outputs"]].outputs:
+            assert gap["rgb_mean_difference"] < 100.0
 
-    report = json.loads(out.read_text())
-    case = report["cases"]["humanoid"]
-    assert case["rays"] == 2 * 12 * 8
-    assert case["reference"] == "mujoco_warp"
-    ours, peer = (case["renderers"][name] for name in ("warpcam", "mujoco_warp"))
-    assert "error" not in ours, ours["error"]
-    assert ours["ms"]["frames"] == peer["ms"]["frames"] == 2
-    assert ours["times_warpcam"] == 1.0
-    assert len(ours["difference"]) == 2
-    for pose in ours["difference"]:
-        assert pose["hit_fraction"] > 0.5
-        assert pose["ids_mismatch"] <= 0.02
-        assert pose["depth_mismatch"] <= 0.02
-    assert {"cpu", "python", "mujoco", "mujoco-warp"} <= report["machine"].keys()
-    assert "warpcam" in done.stdout
+
+def test_ratios_merge_and_plot(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    pytest.importorskip("matplotlib")
+    first, second, both = (tmp_path / name for name in ("a.json", "b.json", "both.json"))
+    for out, renderer in ((first, "mujoco_warp"), (second, "warpcam")):
+        assert bench("--case", "primitives", "--outputs", "ds", "--peer", renderer, *TINY, "--out", out) == 0
+    assert bench("--merge", first, second, "--out", both, "--plot", tmp_path / "both.png") == 0
+    ours, peer = (
+        next(row for row in json.loads(both.read_text())["results"] if row["renderer"] == name)
+        for name in ("warpcam", "mujoco_warp")
+    )
+    ratio = peer["ms"]["median"] / ours["ms"]["median"]
+    assert ours["best_peer"] == {"renderer": "mujoco_warp", "ratio": pytest.approx(ratio)}
+    assert peer["times_warpcam"] == pytest.approx(ratio)
+    assert (tmp_path / "both.png").read_bytes().startswith(b"\x89PNG")
+    assert f"{ratio:.2f}x" in capsys.readouterr().out
 
 
-def test_unknown_case_is_named() -> None:
-    pytest.importorskip("mujoco_warp")
-    done = run("--case", "teapot")
-    assert done.returncode != 0
-    assert "teapot" in done.stderr and "primitives" in done.stderr
+def test_extra_outputs_are_compared_with_depth_and_ids(tmp_path: Path) -> None:
+    out = tmp_path / "extras.json"
+    asked = ("--outputs", "ds", "ds+normals", "--peer", "warpcam", "mujoco_warp")
+    assert bench("--case", "humanoid", *asked, *TINY, "--out", out) == 0
+    rows = {(row["renderer"], row["outputs"]): row for row in json.loads(out.read_text())["results"]}
+    assert ("mujoco_warp", "ds+normals") not in rows
+    ours = rows["warpcam", "ds+normals"]
+    assert ours["times_ds"] == pytest.approx(ours["ms"]["median"] / rows["warpcam", "ds"]["ms"]["median"])
+    assert set(cases.EXTRAS) == {f"ds+{name}" for name in cases.OUTPUTS} - {"ds+depth", "ds+segmentation"}
+
+
+@pytest.mark.parametrize("name", list(sweeps.SWEEPS))
+def test_sweep_has_points_and_a_plot(name: str, tmp_path: Path) -> None:
+    pytest.importorskip("matplotlib")
+    out, plot = tmp_path / "sweep.json", tmp_path / "sweep.svg"
+    points = ("16", "24") if name == "pixels" else ("2", "100") if name == "faces" else ("1", "3")
+    few = () if name == "worlds" else ("--worlds", "2")
+    asked = ("--points", *points, *few, "--size", "16x16", "--replays", "1", "--device", "cpu")
+    assert bench("--sweep", name, *asked, "--out", out, "--plot", plot) == 0
+    rows = json.loads(out.read_text())["results"]
+    assert sorted({row["x"] for row in rows}) == [int(point) for point in points]
+    assert all(row["sweep"] == name and row["renderer"] == "warpcam" and "ms" in row for row in rows)
+    assert "<svg" in plot.read_text()
+
+
+def test_every_point_of_a_sweep_can_be_asked_for() -> None:
+    parser = argparse.ArgumentParser()
+    options.add(parser)
+    assert tuple(sweeps.SWEEPS) == options.SWEEPS
+    for name, (_, values) in sweeps.SWEEPS.items():
+        points = sweeps.points(parser.parse_args(["--sweep", name]))
+        assert [marks["x"] for _, marks in points] == list(values)
+
+
+@pytest.mark.parametrize("faces", [100, 1000, 20000])
+def test_ball_is_closed_and_has_about_its_faces(faces: int) -> None:
+    trimesh = pytest.importorskip("trimesh")
+    mjm = rooms.ball_of(faces).compile()
+    assert faces * 0.75 < mjm.nmeshface < faces * 1.25
+    mesh = trimesh.Trimesh(mjm.mesh_vert, mjm.mesh_face)
+    assert mesh.is_watertight and mesh.volume > 0.0  # the latter: faces look outwards
+
+
+def test_room_has_a_thousand_shapes() -> None:
+    assert rooms.room().compile().ngeom == 1000
+
+
+def test_differences_are_counted() -> None:
+    depth = np.full((1, 2, 2), 2.0, dtype=np.float32)
+    ids = np.array([[[0, 1], [2, -1]]], dtype=np.int32)
+    rgb = np.zeros((1, 2, 2, 3), dtype=np.uint8)
+    base = {"depth": np.where(ids < 0, np.inf, depth), "segmentation": ids, "rgb": rgb}
+    same = compare.difference([base], [base])
+    assert same["ids_mismatch"] == same["depth_mismatch"] == same["rgb_mean_difference"] == 0.0
+    other = {name: image.copy() for name, image in base.items()}
+    other["depth"][0, 0, 0] += 0.5
+    other["segmentation"][0, 0, 1] = 7
+    other["rgb"][...] = 2
+    gap = compare.difference([other], [base])
+    assert gap["depth_mismatch"] == gap["ids_mismatch"] == 0.25
+    assert gap["depth_max_error_m"] == gap["depth_max_error_same_id_m"] == 0.5
+    assert gap["rgb_mean_difference"] == 2.0
+    assert gap["rgb_psnr_db"] == pytest.approx(20.0 * np.log10(255.0 / 2.0), abs=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["--case", "teapot"], "--case: 'teapot' came, known are: primitives"),
+        (["--outputs", "smell"], "--outputs: 'smell' came, known are: ds"),
+        (["--peer", "pov-ray"], "--peer: 'pov-ray' came, known are: mujoco_warp"),
+        (["--setting", "huge"], "--setting: 'huge' came"),
+        (["--size", "16"], "--size: '16' came"),
+        (["--worlds", "0"], "--worlds: 0 came"),
+        (["--replays", "0"], "--replays: 0 came"),
+        (["--merge", "nowhere.json"], "--merge: 'nowhere.json' cannot be read"),
+        (["--sweep", "worlds", "--points", "0"], "--points: 0 came"),
+    ],
+    ids=lambda value: " ".join(value) if isinstance(value, list) else "",
+)
+def test_mistakes_get_one_line(arguments: list[str], said: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert bench(*arguments, "--device", "cpu") == 2
+    assert said in capsys.readouterr().err
+
+
+def test_missing_package_is_named(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    monkeypatch.setitem(run.NEEDED, "no_such_package", "warpcam[bench]")
+    assert bench("--device", "cpu") == 2
+    assert "bench: no_such_package is not installed; pip install 'warpcam[bench]'" in capsys.readouterr().err
+
+
+def test_a_failing_renderer_does_not_stop_the_others(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    create = peers.create
+
+    def fail(name: str, shared: problem.Problem) -> peers.Peer:
+        if name == "mujoco_warp":
+            raise RuntimeError("out of luck")
+        return create(name, shared)
+
+    monkeypatch.setattr(peers, "create", fail)
+    out = tmp_path / "half.json"
+    asked = ("--case", "humanoid", "--outputs", "ds", "--peer", "mujoco_warp", "warpcam")
+    assert bench(*asked, *TINY, "--out", out) == 1
+    rows = {row["renderer"]: row for row in json.loads(out.read_text())["results"]}
+    assert "out of luck" in rows["mujoco_warp"]["error"] and "ms" in rows["warpcam"]
+    assert "failed: humanoid 2 x 16x16 ds: mujoco_warp: RuntimeError: out of luck" in capsys.readouterr().out
+
+
+def test_results_that_are_kept_can_be_merged() -> None:
+    for path in sorted((ROOT / "benchmarks" / "results").glob("*.json")):
+        kept = report.merge([path])
+        assert kept["results"], path

@@ -68,7 +68,7 @@ def scratch_by_the_docs(num_worlds: int, cameras: list[wc.Camera], most_slots: i
         groups = int(np.ceil(num_worlds / max(allowed // world, 1))) if world else 1
         all_groups += groups
         largest = max(largest, int(np.ceil(num_worlds / groups)) * world)
-    return min(most_slots, all_groups) * largest
+    return min(most_slots, all_groups) * (-(-largest // 256) * 256)
 
 
 SETS = (("depth", "segmentation"), ("rgb",), ("rgb", "depth"), ("normals",), ("distance",), ("bodies",), tuple(OUTPUTS))

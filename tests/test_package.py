@@ -17,7 +17,9 @@ def packages_in(folder: Path, name: str) -> set[str]:
 
 
 def test_every_package_is_listed() -> None:
-    found = packages_in(ROOT / "warpcam", "warpcam") | packages_in(ROOT / "kernels", "warpcam.kernels")
+    found = packages_in(ROOT / "warpcam", "warpcam")
+    for folder in ("benchmarks", "kernels"):
+        found |= packages_in(ROOT / folder, f"warpcam.{folder}")
     assert set(SETUPTOOLS["packages"]) == found
 
 

@@ -12,6 +12,9 @@ CASTERS = ("sphere", "capsule", "ellipsoid", "cylinder", "box", "mesh", "hfield"
 LIGHTS = {
     "directional": '<light type="directional" pos="0 0 5" dir="0.3 0.2 -1" ambient="0 0 0" diffuse="1 1 1"/>',
     "spot": '<light type="spot" pos="0.6 -0.4 5" dir="-0.1 0.1 -1" cutoff="60" ambient="0 0 0" diffuse="1 1 1"/>',
+    # all around: most of the floor is beside or behind the light's direction
+    "sideways": '<light type="spot" pos="0.6 -0.4 3" dir="1 0 0.1" cutoff="180" ambient="0 0 0" diffuse="1 1 1"/>',
+    "upwards": '<light type="spot" pos="0.6 -0.4 3" dir="0 0 1" cutoff="180" ambient="0 0 0" diffuse="1 1 1"/>',
 }
 DARK = '<visual><headlight active="0"/></visual>'
 FLOOR = '<geom name="floor" type="plane" size="9 9 1"/>'
@@ -53,3 +56,42 @@ def test_more_casters_than_one_pass_lists(device: wp.Device, light: str) -> None
         for i in range(300)
     )
     check(scenes.compile_xml(LIGHTS[light] + balls + FLOOR, more=DARK), device)
+
+
+@pytest.mark.parametrize("count", [3, 300])
+def test_lights_add_up(device: wp.Device, count: int) -> None:
+    """What several lights give together is the sum of what each gives alone, on all shapes."""
+    casters = "".join(
+        f'<body pos="{0.8 * i - 2.4} {0.3 * i - 1.0} 1" euler="20 {10 * i} 30">{scenes.geom_xml(kind)}</body>'
+        for i, kind in enumerate(CASTERS)
+    )
+    balls = "".join(
+        f'<geom size="0.04" pos="{0.12 * (i % 20) - 1.2} {0.12 * (i // 20) - 1.0} 2"/>' for i in range(count)
+    )
+    mjm = scenes.compile_xml("".join(LIGHTS.values()) + FLOOR + casters + balls, assets=scenes.ASSETS, more=DARK)
+    camera = scenes.own_camera(outputs=("hdr",), shadows=True, **EYE)
+
+    def lit_by(active: list[bool]) -> np.ndarray:
+        mjm.light_active[:] = active
+        return scenes.look(wc.from_mujoco_warp(mjm, *scenes.put(mjm, 1)), camera)["hdr"][0]
+
+    number = mjm.nlight
+    alone = [lit_by([light == one for light in range(number)]) for one in range(number)]
+    np.testing.assert_allclose(lit_by([True] * number), np.sum(alone, axis=0), rtol=1e-5, atol=1e-6)
+
+
+@pytest.mark.parametrize("ambient", [0.0, 0.25])
+def test_backs_lose_a_lights_ambient_part(device: wp.Device, ambient: float) -> None:
+    """The under side of a block is only lit by the light's ambient part, and not where a plate shades the block."""
+    light = f'<light type="directional" pos="0 0 5" dir="0 0 -1" ambient="{ambient} {ambient} {ambient}"/>'
+    plate = '<geom type="box" size="2 2 0.1" pos="2 0 3"/>'
+    block = '<body pos="0 0 1"><geom name="block" type="mesh" mesh="mesh" rgba="1 1 1 1"/></body>'
+    mjm = scenes.compile_xml(light + plate + block, assets=scenes.ASSETS, more=DARK)
+    below = {**EYE, "position": (0.0, -0.2, 0.0), "rotation": scenes.looking((0, -0.2, 0), (0, -0.1, 1))}
+    camera = scenes.own_camera(outputs=("hdr", "points", "segmentation"), shadows=True, **below)
+    images = scenes.look(wc.from_mujoco_warp(mjm, *scenes.put(mjm, 1)), camera)
+    under = (images["segmentation"][0] == mjm.geom("block").id) & (images["points"][0][..., 2] < 0.71)
+    x, red = images["points"][0][under][:, 0], images["hdr"][0][under][:, 0]
+    assert (x > 0.01).sum() > 100
+    assert (red[x > 0.01] == 0.0).all()
+    np.testing.assert_allclose(red[x < -0.01], ambient, rtol=1e-5)

@@ -1,4 +1,4 @@
-"""The command ``warpcam``: ``render`` a scene to pictures, and ``doctor``, which tells what this machine has."""
+"""The command ``warpcam``: ``render`` a scene to pictures, ``bench``, and ``doctor``: what this machine has."""
 
 import argparse
 import platform
@@ -19,6 +19,8 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 import warpcam
 from warpcam import pictures, worlds
+from warpcam.benchmarks import options as benchmarks
+from warpcam.benchmarks import run
 from warpcam.device import resolve
 from warpcam.errors import WarpcamError
 
@@ -67,6 +69,10 @@ def _parser() -> argparse.ArgumentParser:
     render.add_argument("--device", metavar="D", help="cpu, cuda:0, ... (default: the first GPU, or the CPU)")
     render.add_argument("--out", type=Path, default=Path("warpcam-out"), metavar="DIR", help="default: %(default)s")
     render.add_argument("--seed", type=int, default=0, help="of the random joint positions (default: %(default)s)")
+
+    bench = commands.add_parser("bench", help=benchmarks.ABOUT)
+    bench.set_defaults(command=run.run)
+    benchmarks.add(bench)
 
     doctor = commands.add_parser("doctor", help="print versions, devices and caches, and render one tiny image")
     doctor.set_defaults(command=_doctor)

@@ -22,6 +22,7 @@ from warpcam.outputs import OUTPUTS
 # The block is at most half as large as the images, or this where they are small: a group must fill the device [bytes].
 ALWAYS_ALLOWED = 32 * 2**20
 SLOTS = 4
+ALIGNMENT = 256  # of a slot [bytes]
 VALUE = 4  # bytes a pixel of each buffer
 MAX_SHADOW_LIGHTS = 32
 
@@ -74,7 +75,8 @@ class Scratch:
         allowed = max(sum(sum(image_bytes(c, tables).values()) for c in cameras) // 2, ALWAYS_ALLOWED)
         most = SLOTS if device.is_cuda else 1
         self._counts = {camera.name: self._count_groups(camera, allowed // most) for camera in cameras}
-        self._slot = max((self._group_size(c) * self._world_bytes(c) for c in cameras), default=0)
+        largest = max((self._group_size(c) * self._world_bytes(c) for c in cameras), default=0)
+        self._slot = -(-largest // ALIGNMENT) * ALIGNMENT
         self.slots = min(most, max(sum(self._counts.values()), 1))
         self.size = self.slots * self._slot
 

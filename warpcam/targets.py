@@ -62,7 +62,9 @@ class Target:
         ]
         if shadows is not None:
             stages.append(
-                shadow.record(tables, projection, views, mask, depth, shape, width, height, shadows, device, group)
+                shadow.record(
+                    tables, projection, views, mask, depth, shape, face, width, height, shadows, device, group
+                )
             )
         if self._derived:
             images = self._derived

@@ -1,23 +1,48 @@
-"""The renderers that are measured side by side, one file each. `create` in each gives a `Peer`."""
+"""The renderers that are measured side by side, one module each. `create` in each gives a `Peer`."""
 
-from typing import Protocol
+import importlib
+import importlib.util
+from typing import Protocol, cast
 
-import numpy as np
+from warpcam.benchmarks.cases import Wanted
+from warpcam.benchmarks.compare import Images
+from warpcam.benchmarks.problem import Problem
 
-# Command-line name and module. The first that runs is what the others' images are compared with.
-PEERS = {"mujoco_warp": "peers.mujoco_warp", "warpcam": "peers.ours", "newton": "peers.newton"}
+from warpcam.errors import WarpcamError
+
+# Name, which is the package's, and module. The first that runs is what the others' images are compared with.
+PEERS = {"mujoco_warp": "mujoco_warp", "warpcam": "ours", "newton": "newton", "mujoco_warp_pbr": "mujoco_warp_pbr"}
+INSTALL = {name: name.replace("_", "-") for name in PEERS}
 
 
 class Peer(Protocol):
-    """A renderer set up for one problem; `frame` works on the poses the problem's data holds now."""
+    """A renderer set up for one problem; `frame` works on the poses it was placed in last."""
 
     variants: tuple[str, ...]  # ways to render the same frame; the fastest counts
+    lacks: tuple[str, ...]  # what of the scene it cannot show in these outputs
 
-    def pull_poses(self) -> None:
-        """Take the problem's poses over, for a renderer of another simulator. Not timed: it owns its poses."""
+    def prepare(self, wanted: Wanted) -> None:
+        """Set up for these outputs."""
+
+    def release(self) -> None:
+        """Let go of what was set up for outputs, and its memory."""
+
+    def place(self, index: int) -> None:
+        """Put every world into its pose of this set. Can be captured; not timed: a simulator does that."""
 
     def frame(self, variant: str) -> None:
-        """Everything a new frame takes on the device, refitting included: depth and ids of every camera."""
+        """Everything a new frame takes on the device, refitting included."""
 
-    def images(self, worlds: int) -> list[tuple[np.ndarray, np.ndarray]]:
-        """Of each camera, for the first worlds: planar depth, inf = miss [m], and geom ids, -1 = miss."""
+    def images(self, worlds: int) -> list[Images]:
+        """Of each camera, for the first worlds: planar depth, inf = miss [m]; geom ids, -1 = miss; rgb."""
+
+
+def installed() -> list[str]:
+    return [name for name in PEERS if importlib.util.find_spec(name) is not None]
+
+
+def create(name: str, problem: Problem) -> Peer:
+    if name not in installed():
+        raise WarpcamError(f"--peer: {name} is not installed; pip install {INSTALL[name]}")
+    module = importlib.import_module(f"{__name__}.{PEERS[name]}")
+    return cast(Peer, module.create(problem))

@@ -1,48 +1,77 @@
-"""MuJoCo-Warp's own renderer, with the settings it recommends: depth and segmentation, everything else off."""
+"""MuJoCo-Warp's own renderer, with the settings it recommends."""
+
+from typing import Any
 
 import mujoco_warp as mjw
 import numpy as np
-from problem import Problem
+import warp as wp
+from warpcam.benchmarks.cases import Wanted
+from warpcam.benchmarks.compare import Images
+from warpcam.benchmarks.problem import Problem
 
 
 class MujocoWarpPeer:
-    variants = ("",)
+    """Refits its scene tree and renders, both from MuJoCo-Warp's data as it is."""
+
+    variants: tuple[str, ...] = ("",)
+    lacks: tuple[str, ...] = ()
 
     def __init__(self, problem: Problem) -> None:
         self.problem = problem
+        self.context: Any = None
+
+    def release(self) -> None:
+        self.context = None
+
+    def prepare(self, wanted: Wanted) -> None:
+        self.wanted = wanted
         self.context = mjw.create_render_context(
-            problem.mjm,
-            nworld=problem.worlds,
-            cam_res=(problem.width, problem.height),
-            render_rgb=False,
-            render_depth=True,
-            render_seg=True,
-            use_textures=False,
-            use_shadows=False,
-            cam_active=list(problem.cameras),
+            self.problem.mjm,
+            use_textures=wanted.textures,
+            use_shadows=wanted.shadows,
+            shadow_light_fraction=0.0,
+            **self.options(),
         )
 
-    def pull_poses(self) -> None:
-        pass
+    def options(self) -> dict[str, object]:
+        """What this renderer and those built upon it take alike."""
+        return {
+            "nworld": self.problem.worlds,
+            "cam_res": (self.problem.width, self.problem.height),
+            "cam_active": list(self.problem.cameras),
+            "render_rgb": "rgb" in self.wanted.outputs,
+            "render_depth": "depth" in self.wanted.outputs,
+            "render_seg": "segmentation" in self.wanted.outputs,
+        }
+
+    def place(self, index: int) -> None:
+        self.problem.place(index)
 
     def frame(self, variant: str) -> None:
         mjw.refit_bvh(self.problem.m, self.problem.d, self.context)
         mjw.render(self.problem.m, self.problem.d, self.context)
 
-    def images(self, worlds: int) -> list[tuple[np.ndarray, np.ndarray]]:
-        # The getters clamp depth into [0, 1]: the buffers themselves hold metres, camera after camera by id.
-        context, shape = self.context, (-1, self.problem.height, self.problem.width)
-        pixels = self.problem.height * self.problem.width
-        starts = zip(context.depth_adr.numpy(), context.seg_adr.numpy(), strict=True)
-        by_camera = dict(zip(sorted(self.problem.camera_ids), starts, strict=True))
-        all_depth, all_ids = context.depth_data[:worlds].numpy(), context.seg_data[:worlds].numpy()
-        images = []
-        for camera in self.problem.camera_ids:
-            depth_start, ids_start = by_camera[camera]
-            depth = all_depth[:, depth_start : depth_start + pixels].reshape(shape)
-            ids = all_ids[:, ids_start : ids_start + pixels, 0].reshape(shape)
-            images.append((np.where(ids < 0, np.inf, depth), ids))
-        return images
+    def images(self, worlds: int) -> list[Images]:
+        context, size = self.context, (worlds, self.problem.height, self.problem.width)
+        by_id = np.argsort(np.argsort(self.problem.camera_ids))  # a context keeps its cameras in the model's order
+        found = []
+        for camera in (int(index) for index in by_id):
+            images: Images = {}
+            if "segmentation" in self.wanted.outputs:
+                ids = wp.zeros(size, dtype=wp.vec2i)
+                mjw.get_segmentation(context, camera, ids)
+                images["segmentation"] = ids.numpy()[..., 0]
+            if "depth" in self.wanted.outputs:
+                # The getter clamps depth into [0, 1]: the buffer itself holds metres, camera after camera.
+                start, pixels = int(context.depth_adr.numpy()[camera]), size[1] * size[2]
+                depth = context.depth_data[:worlds].numpy()[:, start : start + pixels].reshape(size)
+                images["depth"] = np.where(images["segmentation"] < 0, np.inf, depth)
+            if "rgb" in self.wanted.outputs:
+                rgb = wp.zeros(size, dtype=wp.vec3)
+                mjw.get_rgb(context, camera, rgb)
+                images["rgb"] = np.rint(255.0 * rgb.numpy()).astype(np.uint8)
+            found.append(images)
+        return found
 
 
 create = MujocoWarpPeer

@@ -1,34 +1,62 @@
 """warpcam itself."""
 
 import numpy as np
-from problem import Problem
+from warpcam.benchmarks.cases import Wanted
+from warpcam.benchmarks.compare import Images
+from warpcam.benchmarks.problem import Problem
 
 import warpcam as wc
 
 
 class WarpcamPeer:
-    variants = ("",)
+    """Textures are always drawn, there is no switch; skies are not, as the peers draw none here."""
+
+    variants: tuple[str, ...] = ("",)
+    lacks: tuple[str, ...] = ()
 
     def __init__(self, problem: Problem) -> None:
         self.problem = problem
+        self.scene = wc.from_mujoco_warp(problem.mjm, problem.m, problem.d)
+        self.renderer: wc.Renderer | None = None
+
+    def release(self) -> None:
+        self.renderer = None
+
+    def prepare(self, wanted: Wanted) -> None:
+        self.wanted = wanted
         cameras = [
-            wc.Camera(name, width=problem.width, height=problem.height, outputs=("depth", "segmentation"))
-            for name in problem.cameras
-        ]
-        self.renderer = wc.Renderer(wc.from_mujoco_warp(problem.mjm, problem.m, problem.d), cameras)
-
-    def pull_poses(self) -> None:
-        pass
-
-    def frame(self, variant: str) -> None:
-        self.renderer.render()
-
-    def images(self, worlds: int) -> list[tuple[np.ndarray, np.ndarray]]:
-        shape = (-1, self.problem.height, self.problem.width)
-        return [
-            tuple(self.renderer.array(name, out).numpy().reshape(shape)[:worlds] for out in ("depth", "segmentation"))
+            wc.Camera(
+                name,
+                width=self.problem.width,
+                height=self.problem.height,
+                outputs=wanted.outputs,
+                shadows=wanted.shadows,
+                background=(0.0, 0.0, 0.0),
+            )
             for name in self.problem.cameras
         ]
+        self.renderer = wc.Renderer(self.scene, cameras)
+
+    def place(self, index: int) -> None:
+        self.problem.place(index)
+
+    def frame(self, variant: str) -> None:
+        self._renderer().render()
+
+    def images(self, worlds: int) -> list[Images]:
+        return [
+            {name: self._image(camera, name)[:worlds] for name in self.wanted.outputs}
+            for camera in self.problem.cameras
+        ]
+
+    def _image(self, camera: str, output: str) -> np.ndarray:
+        image: np.ndarray = self._renderer().array(camera, output).numpy()
+        return image[..., 0] if image.shape[-1] == 1 else image
+
+    def _renderer(self) -> wc.Renderer:
+        if self.renderer is None:
+            raise RuntimeError("prepare was not called")
+        return self.renderer
 
 
 create = WarpcamPeer

@@ -1,265 +1,155 @@
 // Builds the 4-wide bounding volume hierarchy of one mesh, on the host, in three steps:
-//   grow     a binary tree down to single faces, top down, by the surface area heuristic (SAH)
+//   grow     a binary tree down to single faces or shares of faces, top down, by the surface area heuristic (SAH)
 //   plan     for every binary node, the cheapest way to stand for it with at most 1, 2 or 3 nodes of the wide tree
 //   flatten  the plan from the root down, written as the rows that the traversal reads (see Meshes in types.py)
 // Needs no library: all memory is the caller's. Deterministic on one machine.
 #pragma once
+#include "bvh4_cut.h"
+#include "bvh4_split.h"
 
 namespace warpcam {
 namespace bvh4_build {
 
-constexpr int kMaxLeaf = 8;                // faces in a leaf
-constexpr int kMaxDepth = 16;              // levels of 4-wide nodes
-constexpr int kMaxHeight = 2 * kMaxDepth;  // levels of binary nodes that are too large for a leaf
-constexpr int kMaxFaces = kMaxLeaf << 24;  // in a mesh
-constexpr int kBins = 32;                  // a split is sought at the borders of so many bins along each axis ...
-constexpr int kSweep = 16;                 // ... and between any two faces where there are at most this many
-constexpr float kFaceCost = 0.2f;          // a ray's work for a face, in units of its work for a node
-constexpr float kAbsent = 1e30f;           // all the bounds of a child that is not there
-constexpr float kMinExtent = 1e-36f;       // centroids closer than this are the same
+constexpr int kMaxFaces = 88000000;    // in a mesh: 3/2 of them stand in leaves, and a leaf's code must fit in an int
+constexpr int kWhole = 32;             // no node of at most this many items is cut ...
+constexpr double kOverlap = 0.01;      // ... nor one whose children's boxes share less than this part of the root's surface
+constexpr float kLeafCost = 54.f / 86;   // a ray's work for a leaf, in units of its work for a node ...
+constexpr float kRoundCost = 54.f / 86;  // ... and for each four faces in it, which four lanes test at a time
+constexpr float kAbsent = 1e30f;       // all the bounds of a child that is not there
+constexpr int kScratch = 256;          // bytes a face
 
-template <class T>
-inline T smaller(T a, T b) { return b < a ? b : a; }
-template <class T>
-inline T larger(T a, T b) { return a < b ? b : a; }
-template <class T>
-inline void swap(T& a, T& b) { T c = a; a = b; b = c; }
+// Places for items, for the shares that cut faces add.
+inline int room_for(int num_faces) { return num_faces + num_faces / 2; }
 
-struct Box {
-    float lower[3], upper[3];
-
-    static Box empty() { return {{3e38f, 3e38f, 3e38f}, {-3e38f, -3e38f, -3e38f}}; }
-
-    void grow(const float* low, const float* high)
-    {
-        for (int k = 0; k < 3; ++k) {
-            lower[k] = smaller(lower[k], low[k]);
-            upper[k] = larger(upper[k], high[k]);
-        }
-    }
-
-    void grow(const Box& box) { grow(box.lower, box.upper); }
-
-    float extent(int axis) const { return upper[axis] - lower[axis]; }
-
-    // Half the surface: what the number of rays that hit the box is proportional to. Double, since it may be 1e37 or 1e-40.
-    double area() const
-    {
-        double x = extent(0), y = extent(1), z = extent(2);
-        return x * y + y * z + z * x;
-    }
-};
-
-// A face on its way to its leaf.
-struct Item {
-    Box box;
-    int face;
-    unsigned char bin[3];  // along x, y, z
-
-    float centroid(int axis) const { return 0.5f * (box.lower[axis] + box.upper[axis]); }
-};
-
-// A node of the binary tree. Its faces are items [first, first + count); children come after their parents.
-struct Branch {
-    Box box;
-    int first, count;
-    int child;              // the first of two in a row; 0 where count is 1
-    float cost[3];          // of the cheapest 1, 2, 3 wide nodes or leaves that stand for it
-    unsigned char left[5];  // left[n], n = 2..4: of n nodes the first child's share; 0: n - 1 do as well
-    bool leaf;              // one node is best: a leaf
-    short height;           // levels from here down of nodes with more than kMaxLeaf faces
-};
-
-// A way to part items: how many go first, and what that costs.
-struct Split {
-    double cost = 1e300;
-    int first = 0;  // items in the first part; 0: no split found
-    int bulk = 0;   // items in the larger part
-    int axis = 0;
-    int bin = 0;  // the last bin of the first part
-
-    void offer(double new_cost, int new_first, int count, int new_axis, int new_bin)
-    {
-        int new_bulk = larger(new_first, count - new_first);
-        if (new_cost < cost || (new_cost == cost && new_bulk < bulk)) *this = {new_cost, new_first, new_bulk, new_axis, new_bin};
-    }
-};
-
-inline void sort_along(const Item* items, int count, int axis, unsigned char* order)
-{
-    for (int i = 0; i < count; ++i) {
-        float key = items[i].centroid(axis);
-        int j = i;
-        for (; j > 0 && items[order[j - 1]].centroid(axis) > key; --j) order[j] = order[j - 1];
-        order[j] = (unsigned char)i;
-    }
-}
-
-// Parts a few items in the best of all ways that order one axis, with no part above `limit`. Returns the first part's count or 0.
-inline int split_few(Item* items, int count, int limit)
-{
-    unsigned char orders[3][kSweep];
-    Split best;
-    for (int axis = 0; axis < 3; ++axis) {
-        unsigned char* order = orders[axis];
-        sort_along(items, count, axis, order);
-        double after[kSweep];
-        Box box = Box::empty();
-        for (int i = count - 1; i > 0; --i) {
-            box.grow(items[order[i]].box);
-            after[i] = box.area() * (count - i);
-        }
-        box = Box::empty();
-        for (int i = 1; i < count; ++i) {
-            box.grow(items[order[i - 1]].box);
-            if (larger(i, count - i) <= limit) best.offer(box.area() * i + after[i], i, count, axis, 0);
-        }
-    }
-    if (best.first == 0) return 0;
-    Item sorted[kSweep];
-    for (int i = 0; i < count; ++i) sorted[i] = items[orders[best.axis][i]];
-    for (int i = 0; i < count; ++i) items[i] = sorted[i];
-    return best.first;
-}
-
-// The same for many items, by bins of their centroids, which lie in `centers`.
-inline int split_many(Item* items, int count, int limit, const Box& centers)
-{
-    float scale[3];
-    for (int axis = 0; axis < 3; ++axis) scale[axis] = centers.extent(axis) > kMinExtent ? kBins / centers.extent(axis) : 0.f;
-    Box boxes[3][kBins];
-    int counts[3][kBins];
-    for (int axis = 0; axis < 3; ++axis)
-        for (int b = 0; b < kBins; ++b) {
-            boxes[axis][b] = Box::empty();
-            counts[axis][b] = 0;
-        }
-    for (int i = 0; i < count; ++i)
-        for (int axis = 0; axis < 3; ++axis) {
-            int b = smaller((int)((items[i].centroid(axis) - centers.lower[axis]) * scale[axis]), kBins - 1);
-            items[i].bin[axis] = (unsigned char)b;
-            boxes[axis][b].grow(items[i].box);
-            ++counts[axis][b];
-        }
-    Split best;
-    for (int axis = 0; axis < 3; ++axis) {
-        double after[kBins];
-        int n = 0;
-        Box box = Box::empty();
-        for (int b = kBins - 1; b > 0; --b) {
-            box.grow(boxes[axis][b]);
-            n += counts[axis][b];
-            after[b] = n ? box.area() * n : 0.;
-        }
-        n = 0;
-        box = Box::empty();
-        for (int b = 0; b < kBins - 1; ++b) {
-            box.grow(boxes[axis][b]);
-            n += counts[axis][b];
-            if (n > 0 && n < count && larger(n, count - n) <= limit) best.offer(box.area() * n + after[b + 1], n, count, axis, b);
-        }
-    }
-    if (best.first == 0) return 0;
-    for (int i = 0, j = count - 1;; ++i, --j) {
-        while (i <= j && items[i].bin[best.axis] <= best.bin) ++i;
-        while (i <= j && items[j].bin[best.axis] > best.bin) --j;
-        if (i >= j) break;
-        swap(items[i], items[j]);
-    }
-    return best.first;
-}
-
-// The last resort: half and half, by the order of the centroids along the axis where they spread most. Never fails.
-inline int split_halves(Item* items, int count, const Box& centers)
-{
-    int axis = 0;
-    for (int k = 1; k < 3; ++k)
-        if (centers.extent(k) > centers.extent(axis)) axis = k;
-    int half = count / 2, low = 0, high = centers.extent(axis) > 0.f ? count - 1 : 0;
-    while (low < high) {  // quickselect; the pivot is the median of three
-        float a = items[low].centroid(axis), b = items[(low + high) / 2].centroid(axis), c = items[high].centroid(axis);
-        float pivot = larger(smaller(a, b), smaller(larger(a, b), c));
-        int i = low, j = high;
-        while (i <= j) {
-            while (items[i].centroid(axis) < pivot) ++i;
-            while (items[j].centroid(axis) > pivot) --j;
-            if (i <= j) swap(items[i++], items[j--]);
-        }
-        if (half <= j) high = j;
-        else if (half >= i) low = i;
-        else break;
-    }
-    return half;
-}
-
-inline void read_items(const float* vertices, const int* faces, int num_faces, Item* items)
+inline void read_items(const Faces& mesh, int num_faces, Item* items)
 {
     for (int f = 0; f < num_faces; ++f) {
         items[f] = {Box::empty(), f, {0, 0, 0}};
-        for (int k = 0; k < 3; ++k) {
-            const float* corner = vertices + 3ll * faces[3ll * f + k];
-            items[f].box.grow(corner, corner);
-        }
+        for (int k = 0; k < 3; ++k) items[f].box.grow(mesh.corner(f, k), mesh.corner(f, k));
     }
 }
 
-// Builds the binary tree over the items, which it reorders. Returns its number of nodes, 2 * num_items - 1.
+// Gives a node's items to two children. Returns where in its `room` places the second's start; `sizes` become the children's.
+inline int divide(const Faces& mesh, Item* items, int count, int room, int limit, const Box& box, const Box& centers, double root_area,
+                  int* sizes)
+{
+    int first = 0;
+    if (count <= kSweep) {
+        first = split_few(items, count, limit);
+    } else {
+        Split split = find_split(items, count, limit, centers);
+        bool worse = split.first == 0 || split.overlap > kOverlap * root_area;
+        if (worse && count > kWhole && room > count) {
+            Cut cut = find_cut(mesh, items, count, limit, room - count, box);
+            Parts parts = {};
+            if (cut.cost < split.cost) parts = part(mesh, items, count, room, limit, cut);
+            if (parts.second > 0) {
+                sizes[0] = parts.first;
+                sizes[1] = parts.second;
+                return parts.first_room;
+            }
+        }
+        if (split.first > 0) part(items, count, split);
+        first = split.first;
+    }
+    if (first == 0) first = split_halves(items, count, centers);
+    sizes[0] = first;
+    sizes[1] = count - first;
+    if (room == count) return first;
+    double areas[2] = {0., 0.};  // large boxes have the most to gain from a cut
+    for (int i = 0; i < count; ++i) areas[i >= first] += items[i].box.area();
+    double sum = areas[0] + areas[1];
+    int second = first + (int)((room - count) * (sum > 0. ? areas[0] / sum : 0.5));
+    for (int i = count - 1; i >= first; --i) items[second + i - first] = items[i];
+    return second;
+}
+
+// Builds the binary tree over the items, which it reorders and adds to, up to `room`. Returns its number of nodes.
 //
 // A node at depth d parts so that no part is larger than what halving alone could still bring down to a leaf by kMaxHeight. While the
 // heuristic keeps to that it chooses; meshes that lead it to peel off face after face get halved instead.
-inline int grow(Item* items, int num_items, Branch* branches)
+inline int grow(const Faces& mesh, Item* items, int num_items, int room, Branch* branches)
 {
-    struct Todo { int branch, depth; } stack[kMaxHeight + kMaxLeaf + 2];
+    struct Todo { int branch, depth, room; } stack[kMaxHeight + kMaxLeaf + 2];
     int top = 0, used = 1;
+    double root_area = 0.;
     branches[0].first = 0;
     branches[0].count = num_items;
-    stack[top++] = {0, 0};
+    stack[top++] = {0, 0, room};
     while (top > 0) {
         Todo todo = stack[--top];
         Branch& branch = branches[todo.branch];
         Item* own = items + branch.first;
         int count = branch.count;
         branch.box = Box::empty();
+        branch.child = 0;
         Box centers = Box::empty();
         for (int i = 0; i < count; ++i) {
             branch.box.grow(own[i].box);
             float center[3] = {own[i].centroid(0), own[i].centroid(1), own[i].centroid(2)};
             centers.grow(center, center);
         }
-        branch.child = 0;
+        if (todo.branch == 0) root_area = branch.box.area();
         if (count == 1) continue;
         int limit = count <= kMaxLeaf ? count : kMaxLeaf << smaller(kMaxHeight - todo.depth - 1, 24);
-        int first = count <= kSweep ? split_few(own, count, limit) : split_many(own, count, limit, centers);
-        if (first == 0) first = split_halves(own, count, centers);
+        int sizes[2];
+        int second = divide(mesh, own, count, todo.room, limit, branch.box, centers, root_area, sizes);
         branch.child = used;
-        branches[used].first = branch.first;
-        branches[used].count = first;
-        branches[used + 1].first = branch.first + first;
-        branches[used + 1].count = count - first;
-        stack[top++] = {used + 1, todo.depth + 1};
-        stack[top++] = {used, todo.depth + 1};
+        for (int side = 0; side < 2; ++side) {
+            branches[used + side].first = branch.first + (side ? second : 0);
+            branches[used + side].count = sizes[side];
+        }
+        stack[top++] = {used + 1, todo.depth + 1, todo.room - second};
+        stack[top++] = {used, todo.depth + 1, second};
         used += 2;
     }
     return used;
 }
 
+// The faces below a binary node of at most 2 * kMaxLeaf items, each once, in ascending order. Returns how many.
+inline int gather(const Branch* branches, const Item* items, int root, int* faces)
+{
+    int stack[2 * kMaxLeaf + 1], top = 0, count = 0;
+    stack[top++] = root;
+    while (top > 0) {
+        const Branch& branch = branches[stack[--top]];
+        if (branch.child > 0) {
+            stack[top++] = branch.child + 1;
+            stack[top++] = branch.child;
+            continue;
+        }
+        int face = items[branch.first].face, at = count;
+        while (at > 0 && faces[at - 1] > face) --at;
+        if (at > 0 && faces[at - 1] == face) continue;
+        for (int i = count++; i > at; --i) faces[i] = faces[i - 1];
+        faces[at] = face;
+    }
+    return count;
+}
+
 // Finds for each binary node, from the bottom up, the cheapest forest of 1, 2 and 3 wide nodes or leaves over its faces. The cost of a
 // node or a face is its chance to be met by a ray that meets the root (the ratio of areas) times the work it then makes.
-inline void plan(Branch* branches, int num_branches)
+inline void plan(Branch* branches, int num_branches, const Item* items)
 {
     double whole = branches[0].box.area();
     double scale = whole > 0. ? 1. / whole : 0.;
     for (int i = num_branches - 1; i >= 0; --i) {
         Branch& branch = branches[i];
+        if (branch.child > 0) {  // cut faces fill less than their boxes did
+            branch.box = branches[branch.child].box;
+            branch.box.grow(branches[branch.child + 1].box);
+        }
+        int faces[2 * kMaxLeaf];
+        branch.faces = branch.count <= 2 * kMaxLeaf ? gather(branches, items, i, faces) : branch.count;
         float area = (float)(branch.box.area() * scale);
-        float as_leaf = branch.count <= kMaxLeaf ? area * kFaceCost * (float)branch.count : 3e38f;
+        float as_leaf = branch.faces <= kMaxLeaf ? area * (kLeafCost + kRoundCost * (float)((branch.faces + 3) / 4)) : 3e38f;
         branch.leaf = branch.count == 1;
         branch.height = 0;
         branch.left[2] = branch.left[3] = branch.left[4] = 0;
         branch.cost[0] = branch.cost[1] = branch.cost[2] = as_leaf;
         if (branch.count == 1) continue;
         const Branch &a = branches[branch.child], &b = branches[branch.child + 1];
-        if (branch.count > kMaxLeaf) branch.height = (short)(1 + larger(a.height, b.height));
+        if (branch.faces > kMaxLeaf) branch.height = (short)(1 + larger(a.height, b.height));
         float two = a.cost[0] + b.cost[0];
         bool near = a.cost[0] + b.cost[1] < a.cost[1] + b.cost[0];
         float three = near ? a.cost[0] + b.cost[1] : a.cost[1] + b.cost[0];
@@ -304,7 +194,7 @@ inline int open_two_levels(const Branch* branches, int root, int* children)
     int count = 0;
     for (int side = 0; side < 2; ++side) {
         int child = branches[root].child + side;
-        if (branches[child].count > kMaxLeaf) {
+        if (branches[child].faces > kMaxLeaf) {
             children[count++] = branches[child].child;
             children[count++] = branches[child].child + 1;
         } else {
@@ -318,22 +208,22 @@ inline void put(float* rows, int row, int column, float value) { rows[4ll * row 
 inline void put(float* rows, int row, int column, int value) { __builtin_memcpy(rows + 4ll * row + column, &value, sizeof(float)); }
 
 struct Size {
-    int nodes, depth;
+    int nodes, depth, faces;
 };
 
-// Writes the wide tree, parents before children. `levels` is how many levels a node and what is below it may take: a node that its plan
+// Writes the wide tree, parents before children, and the faces of its leaves to `order`. `levels` is how many levels a node and what is below it may take: a node that its plan
 // would make deeper is opened two binary levels instead, which always fits, since its height is never more than 2 * levels.
-inline Size flatten(const Branch* branches, float* rows)
+inline Size flatten(const Branch* branches, const Item* items, float* rows, int* order)
 {
     struct Todo { int branch, node, levels; } stack[3 * kMaxDepth + 1];
     int top = 0;
-    Size size = {1, 1};
+    Size size = {1, 1, 0};
     stack[top++] = {0, 0, kMaxDepth};
     while (top > 0) {
         Todo todo = stack[--top];
         const Branch& branch = branches[todo.branch];
         int below = todo.levels - 1;
-        auto is_leaf = [&](int child) { return branches[child].leaf || (below == 0 && branches[child].count <= kMaxLeaf); };
+        auto is_leaf = [&](int child) { return branches[child].leaf || (below == 0 && branches[child].faces <= kMaxLeaf); };
         int children[4], inner[4], count = 1, num_inner = 0;
         children[0] = todo.branch;
         if (!branch.leaf) {
@@ -351,7 +241,9 @@ inline Size flatten(const Branch* branches, float* rows)
             }
             int code = 0;
             if (child && is_leaf(children[k])) {
-                code = -(child->first * 16 + child->count) - 1;
+                int count_in = gather(branches, items, children[k], order + size.faces);
+                code = -(size.faces * 16 + count_in) - 1;
+                size.faces += count_in;
             } else if (child) {
                 code = size.nodes + num_inner;
                 inner[num_inner++] = children[k];
@@ -364,29 +256,31 @@ inline Size flatten(const Branch* branches, float* rows)
     return size;
 }
 
-inline void write_faces(const float* vertices, const int* faces, const Item* items, int num_faces, float* rows)
+inline void write_faces(const Faces& mesh, const int* order, int count, float* rows)
 {
-    for (int i = 0; i < num_faces; ++i)
+    for (int i = 0; i < count; ++i)
         for (int k = 0; k < 3; ++k) {
-            const float* corner = vertices + 3ll * faces[3ll * items[i].face + k];
-            for (int axis = 0; axis < 3; ++axis) put(rows, 3 * i + k, axis, corner[axis]);
-            put(rows, 3 * i + k, 3, k == 0 ? items[i].face : 0);
+            for (int axis = 0; axis < 3; ++axis) put(rows, 3 * i + k, axis, mesh.corner(order[i], k)[axis]);
+            put(rows, 3 * i + k, 3, k == 0 ? order[i] : 0);
         }
 }
 
-// Room for `num_faces` > 0 faces: node_rows (7 * num_faces, 4), face_rows (3 * num_faces, 4); `scratch` 160 bytes a face, aligned to 4.
-// The face indices are in range and the vertices' magnitude is below 1e18.
+// Room for room_for(num_faces) nodes and faces, num_faces > 0: node_rows (7 * node, 4), face_rows (3 * face, 4); `scratch`
+// kScratch bytes a face, aligned to 4. The face indices are in range and the vertices' magnitude is below 1e18.
 inline Size build(const float* vertices, const int* faces, int num_faces, void* scratch, float* node_rows, float* face_rows)
 {
-    static_assert(sizeof(Item) + 2 * sizeof(Branch) <= 160, "scratch is too small");
-    static_assert(kMaxFaces <= (0x7fffffff >> 4) + 1, "a leaf's code must fit in an int");
+    static_assert(3 * sizeof(Item) / 2 + 3 * sizeof(Branch) + 3 * sizeof(int) / 2 <= kScratch, "scratch is too small");
+    static_assert(3ll * kMaxFaces / 2 <= 0x7fffffff >> 4, "a leaf's code must fit in an int");
+    Faces mesh = {vertices, faces};
+    int room = room_for(num_faces);
     Item* items = (Item*)scratch;
-    Branch* branches = (Branch*)(items + num_faces);
-    read_items(vertices, faces, num_faces, items);
-    int num_branches = grow(items, num_faces, branches);
-    plan(branches, num_branches);
-    Size size = flatten(branches, node_rows);
-    write_faces(vertices, faces, items, num_faces, face_rows);
+    Branch* branches = (Branch*)(items + room);
+    int* order = (int*)(branches + 2 * room);
+    read_items(mesh, num_faces, items);
+    int num_branches = grow(mesh, items, num_faces, room, branches);
+    plan(branches, num_branches, items);
+    Size size = flatten(branches, items, node_rows, order);
+    write_faces(mesh, order, size.faces, face_rows);
     return size;
 }
 

@@ -1,6 +1,6 @@
 // The trace: for every pixel of a view the nearest shape, its face and planar depth.
 #pragma once
-#include "mesh_rays.h"
+#include "mesh_queue.h"
 
 namespace warpcam {
 
@@ -134,22 +134,19 @@ WARPCAM_FN void draw(const Shapes& shapes, const Materials& materials, const Mes
         sort_by_depth(list, thread);
         block_barrier();
 #if defined(__CUDA_ARCH__)
-        constexpr bool HAS_MESH = TYPES >> MESH & 1, HAS_FINE = TYPES >> FINE_MESH & 1;
-        WARPCAM_SHARED MeshRays rays;
-        WARPCAM_SHARED unsigned words[THREADS / LANES][(CAPACITY + LANES - 1) / LANES][LANES];
+        constexpr bool HAS_MESH = TYPES >> MESH & 1;
+        WARPCAM_SHARED MeshQueue<HAS_MESH ? (CAPACITY + LANES - 1) / LANES : 1> queue;
         const int lane = thread % LANES;
         const float per_row = 1.0f / float(across);
-        if (HAS_FINE && thread < LANES)
-            list_fine_meshes<TYPES>(list, rays);
         do {
-            if (HAS_FINE) {
+            if (HAS_MESH) {
                 if (thread == 0)
-                    rays.count = rays.next = 0;
+                    queue.count = queue.next = 0;
                 block_barrier();
             }
             while (true) {
                 int tile = tiles;
-                if (lane == 0 && (!HAS_FINE || rays.has_room()))
+                if (lane == 0 && (!HAS_MESH || queue.has_room()))
                     tile = draw_next(list.next_tile);
                 tile = __shfl_sync(0xffffffffu, tile, 0);
                 if (tile >= tiles)
@@ -169,14 +166,12 @@ WARPCAM_FN void draw(const Shapes& shapes, const Materials& materials, const Mes
                 }
                 const ViewRay<LENS> ray { image_x(camera, float(i)), image_y(camera, float(j)) };
                 trace_tile<TYPES>(list, column, row, ray, camera.near, fields, hit);
-                if (HAS_MESH && (!HAS_FINE || rays.any_coarse))
-                    trace_meshes<TYPES>(list, words[thread / LANES], column, row, ray, camera.near, meshes, hit);
                 if (inside)
                     put(target, OUTPUTS, at, hit.shape < 0 ? camera.miss : hit.depth, hit.shape, hit.face);
-                if (HAS_FINE)
-                    enqueue(list, rays, column, row, ray, camera.near, meshes, hit.depth);
+                if (HAS_MESH)
+                    enqueue<TYPES>(queue, list, column, row, ray, camera.near, meshes, hit.depth);
             }
-            if (HAS_FINE) {
+            if (HAS_MESH) {
                 block_barrier();
                 const auto ray_of = [&](int pixel) {
                     return ViewRay<LENS> { image_x(camera, float(region.left + pixel % 64)),
@@ -186,11 +181,11 @@ WARPCAM_FN void draw(const Shapes& shapes, const Materials& materials, const Mes
                     const unsigned row = unsigned(world) * target.height + region.top + pixel / 64;
                     put(target, OUTPUTS, row * target.width + region.left + pixel % 64, depth, shape, face);
                 };
-                if (rays.count > 0)
-                    trace_queue(rays, list, meshes, camera.near, ray_of, store);
+                if (queue.count > 0)
+                    trace_queue(queue, list, meshes, camera.near, ray_of, store);
                 block_barrier();
             }
-        } while (HAS_FINE && list.next_tile < tiles);
+        } while (HAS_MESH && list.next_tile < tiles);
 #else
         TileRow<CAPACITY> row;
         for (int tile = 0; tile < tiles; ++tile) {

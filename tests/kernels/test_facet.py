@@ -3,68 +3,79 @@
 import numpy as np
 import pytest
 import warp as wp
-from warpcam.kernels.facet import (
-    Facet,
-    box_facet,
-    endless_cell,
-    facet_corner,
-    height_field_facet,
-    in_quad,
-    plane_cell,
-)
-from warpcam.kernels.surface import box_surface
-from warpcam.kernels.types import HeightFields
+from native import native_kernel
+from warpcam.kernels.types import BOX, HEIGHT_FIELD, PLANE, HeightFields, Meshes
 
 DEVICES = [str(device) for device in wp.get_devices()]
 
 
-@wp.func
-def write_facet(facet: Facet, i: wp.int32, corners: wp.array2d(dtype=wp.vec3), found: wp.array(dtype=Facet)):
-    for k in range(3):
-        corners[i, k] = facet_corner(facet, k)
-    found[i] = facet
-
-
-@wp.kernel(enable_backward=False)
-def cut_box(
-    local: wp.array(dtype=wp.vec3),
-    ray: wp.array(dtype=wp.vec3),
-    half: wp.vec3,
-    corners: wp.array2d(dtype=wp.vec3),
-    found: wp.array(dtype=Facet),
-):
-    i = wp.tid()
-    surface = box_surface(local[i], half, ray[i])
-    surface.local = local[i]
-    write_facet(box_facet(surface, half), i, corners, found)
-
-
-@wp.kernel(enable_backward=False)
-def cut_height_field(
+@wp.func_native("""
+    using namespace warpcam;
+    const Vec from = to_vec(eye);
+    Look<255, Wanted<RGB, 0>> look;
+    look.pose = { { 1.0f, 0.0f, 0.0f, as_int(from.x) }, { 0.0f, 1.0f, 0.0f, as_int(from.y) },
+                  { 0.0f, 0.0f, 1.0f, as_int(from.z) }, to_row(to_vec(size), kind + 8) };
+    const float repeats[2] = { 0.0f, 0.0f };
+    look.cells = plane_cells(look.pose, repeats, 0.0f);
+    const Surface surface = surface_at<255>(look.pose, meshes, fields, face, to_vec(local), to_vec(ray));
+    Facet facet;
+    facet_at<255>(look, meshes, surface, to_vec(local) - from, facet);
+    for (int k = 0; k < 3; ++k) {
+        const Vec corner = facet.place[k] + from;
+        wp::index(corners, i, k) = wp::vec3(corner.x, corner.y, corner.z);
+    }
+    wp::index(weights, i) = wp::vec3(1.0f - facet.weight1 - facet.weight2, facet.weight1, facet.weight2);
+    wp::index(three, i) = facet.three;
+""")
+def find_facet(
+    meshes: Meshes,
     fields: HeightFields,
+    kind: wp.int32,
+    size: wp.vec3,
+    eye: wp.vec3,
+    face: wp.int32,
+    local: wp.vec3,
+    ray: wp.vec3,
+    i: wp.int32,
+    corners: wp.array2d(dtype=wp.vec3),
+    weights: wp.array(dtype=wp.vec3),
+    three: wp.array(dtype=wp.int32),
+): ...
+
+
+@native_kernel("facet.h")
+def cut(
+    meshes: Meshes,
+    fields: HeightFields,
+    kind: wp.int32,
+    size: wp.vec3,
+    eye: wp.vec3,
     face: wp.array(dtype=wp.int32),
     local: wp.array(dtype=wp.vec3),
+    ray: wp.array(dtype=wp.vec3),
     corners: wp.array2d(dtype=wp.vec3),
-    found: wp.array(dtype=Facet),
+    weights: wp.array(dtype=wp.vec3),
+    three: wp.array(dtype=wp.int32),
 ):
     i = wp.tid()
-    write_facet(height_field_facet(fields, 0, face[i], local[i]), i, corners, found)
+    find_facet(meshes, fields, kind, size, eye, face[i], local[i], ray[i], i, corners, weights, three)
 
 
-@wp.kernel(enable_backward=False)
-def cut_plane(
-    size: wp.vec3,
-    local: wp.array(dtype=wp.vec3),
-    corners: wp.array2d(dtype=wp.vec3),
-    found: wp.array(dtype=Facet),
-):
-    i = wp.tid()
-    u = plane_cell(local[i][0], size[0], size[2])
-    v = plane_cell(local[i][1], size[1], size[2])
-    write_facet(in_quad(local[i], 0, 1, u, v, False), i, corners, found)
+@wp.func_native("""
+    const warpcam::Span cell = warpcam::cell_around(warpcam::cells_around(eye, repeat, horizon), x);
+    wp::index(cells, i) = wp::vec2(cell.start, cell.length);
+""")
+def find_cell(
+    eye: wp.float32,
+    repeat: wp.float32,
+    horizon: wp.float32,
+    x: wp.float32,
+    i: wp.int32,
+    cells: wp.array(dtype=wp.vec2),
+): ...
 
 
-@wp.kernel(enable_backward=False)
+@native_kernel("facet.h")
 def cut_endless(
     eye: wp.float32,
     repeat: wp.float32,
@@ -73,26 +84,37 @@ def cut_endless(
     cells: wp.array(dtype=wp.vec2),
 ):
     i = wp.tid()
-    cells[i] = endless_cell(x[i], eye, repeat, horizon)
+    find_cell(eye, repeat, horizon, x[i], i, cells)
 
 
-def check(local, corners, found):
+def corners_of(kind, local, device, *, size=(0, 0, 0), ray=(0, 0, -1), face=0, fields=None):
+    """Corners, (n, 3, 3), of the facets that places on a shape lie in; the weights must give back the places."""
+    count = len(local)
+    corners = wp.zeros((count, 3), dtype=wp.vec3, device=device)
+    weights, three = wp.zeros(count, dtype=wp.vec3, device=device), wp.zeros(count, dtype=wp.int32, device=device)
+    inputs = [
+        put(np.broadcast_to(face, count).astype(np.int32), wp.int32, device),
+        put(local, wp.vec3, device),
+        put(np.broadcast_to(np.asarray(ray, np.float32), (count, 3)), wp.vec3, device),
+    ]
+    eye = wp.vec3(0.25, -0.5, 1.5)
+    arguments = [Meshes(), fields or HeightFields(), kind, wp.vec3(*size), eye, *inputs, corners, weights, three]
+    wp.launch(cut, count, arguments, device=device)
+    check(local, corners.numpy(), weights.numpy())
+    np.testing.assert_array_equal(three.numpy(), 1)
+    return corners.numpy()
+
+
+def check(local, corners, weights):
     """The weights are barycentric and give back the place."""
-    weights = found.numpy()["weights"]
     assert (weights >= -1e-5).all()
     np.testing.assert_allclose(weights.sum(1), 1, atol=1e-6)
-    np.testing.assert_allclose(np.einsum("ik,ikd->id", weights, corners.numpy()), local, atol=2e-6)
-    np.testing.assert_array_equal(found.numpy()["corners"], 3)
+    np.testing.assert_allclose(np.einsum("ik,ikd->id", weights, corners), local, atol=2e-6)
 
 
 def put(values, dtype, device):
     """A Warp array of ``values``."""
     return wp.array(np.asarray(values), dtype=dtype, device=device)
-
-
-def outputs(count, device):
-    """Arrays for corners and facets."""
-    return wp.zeros((count, 3), dtype=wp.vec3, device=device), wp.zeros(count, dtype=Facet, device=device)
 
 
 @pytest.mark.parametrize("device", DEVICES)
@@ -105,11 +127,7 @@ def test_boxes_are_cut_into_four_by_four_quads_a_side(device):
     local *= half
     ray = rng.normal(size=(200, 3)).astype(np.float32)
     ray[np.arange(200), axis] = -20 * sign
-    corners, found = outputs(200, device)
-    arguments = [put(local, wp.vec3, device), put(ray, wp.vec3, device), wp.vec3(*half), corners, found]
-    wp.launch(cut_box, 200, arguments, device=device)
-    check(local, corners, found)
-    steps = 2 * corners.numpy() / half
+    steps = 2 * corners_of(BOX, local, device, size=half, ray=ray) / half
     np.testing.assert_allclose(steps, np.rint(steps), atol=1e-5)
 
 
@@ -125,10 +143,7 @@ def test_boxes_are_cut_into_four_by_four_quads_a_side(device):
 def test_planes_are_cut_as_their_spacing_says(size, edges, device):
     rng = np.random.default_rng(1)
     local = rng.uniform(-1, 1, (300, 3)).astype(np.float32) * [1, 1, 0]
-    corners, found = outputs(300, device)
-    wp.launch(cut_plane, 300, [wp.vec3(*size), put(local, wp.vec3, device), corners, found], device=device)
-    check(local, corners, found)
-    got = np.unique(corners.numpy()[..., :2].round(4))
+    got = np.unique(corners_of(PLANE, local, device, size=size)[..., :2].round(4))
     np.testing.assert_allclose(got, edges, atol=1e-4)
 
 
@@ -164,9 +179,6 @@ def test_height_fields_are_cut_at_their_samples(device):
             faces += [2 * cell + upper] * 5
             places += list(rng.dirichlet(np.ones(3), 5) @ points)
     local = np.array(places, np.float32)
-    corners, found = outputs(len(local), device)
-    arguments = [fields, put(faces, wp.int32, device), put(local, wp.vec3, device), corners, found]
-    wp.launch(cut_height_field, len(local), arguments, device=device)
-    check(local, corners, found)
-    off = np.abs(corners.numpy()[..., 2].reshape(-1, 1) - heights.ravel())
+    corners = corners_of(HEIGHT_FIELD, local, device, face=faces, fields=fields)
+    off = np.abs(corners[..., 2].reshape(-1, 1) - heights.ravel())
     np.testing.assert_allclose(off.min(axis=1), 0, atol=1e-6)

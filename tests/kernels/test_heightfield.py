@@ -184,3 +184,24 @@ def test_every_ray_meets_the_nearest(rows: int, columns: int, seed: int, roughne
         meets = truth.tops(rays[0][top], rays[1][top], slack=1e-3)[np.arange(top.sum()), found[top, 1]]
         assert (np.abs(meets - depth[top]) < 1e-4 * (1 + depth[top])).all(), device
         assert (np.abs(truth.box(rays[0][side], rays[1][side]) - depth[side]) < 1e-4 * (1 + depth[side])).all(), device
+
+
+def test_no_ray_slips_through() -> None:
+    """Rays steeper than the ground, at its samples and the edges between them: each meets it there and only there."""
+    random = np.random.default_rng(11)
+    rows, columns, count = 34, 21, 200_000
+    field = HeightField("any", np.float32(random.uniform(0.1, 0.2, (rows, columns))), (4.0, 7.0), 1.0, 0.1)
+    # from an inner sample to a neighbour, among them across the cell's diagonal; a quarter stays at the sample
+    place = np.stack((random.integers(1, columns - 2, count), random.integers(1, rows - 2, count)), 1).astype(float)
+    place += np.array([(1, 0), (0, 1), (1, 1), (0, 0)])[np.arange(count) % 4] * random.uniform(size=(count, 1))
+    place = (place / (columns - 1, rows - 1) * 2 - 1) * field.half_size
+    aim = np.concatenate((place, Truth(field).ground(place)[:, None]), axis=1)
+    back = random.uniform(-1.0, 1.0, (count, 3)) + np.array((0.0, 0.0, 2.0))
+    back[::5, :2] *= 1e-7  # nearly upright
+    back[::7, 0] = 0.0
+    back *= np.where(np.arange(count) % 3 == 0, 20.0, 0.2)[:, None]  # from far, and from just above
+    rays = aim + back, -back, np.tile((0.0, FAR_AWAY), (count, 1))
+    for device in devices():
+        depth, found = walk(field, rays, device)
+        assert (found[:, 0] == SHAPE).all() and (found[:, 1] >= 0).all(), device
+        assert np.abs(depth - 1.0).max() < 1e-4, device

@@ -1,11 +1,12 @@
 """Lighting against closed forms, and the images that resolve writes."""
 
+import functools
+
 import numpy as np
 import pytest
 import warp as wp
+from native import native_kernel
 from warpcam.kernels import resolve, types
-from warpcam.kernels.shade import Lit, make_illuminate
-from warpcam.kernels.surface import Finish
 from warpcam.kernels.tables import Tables
 
 DEVICES = [str(device) for device in wp.get_devices()]
@@ -57,34 +58,80 @@ def make_lights(lights, device, headlight=(0, 0, 0), everywhere=0.3):
     return table
 
 
-def shine(
-    lights, device, *, headlight=(0, 0, 0), position=(0, 0, 0), eye=(0, 0, 5), shadow=None, everywhere=0.3, **finish
-):
-    """(linear, display) colour of a patch that faces +z."""
-    illuminate = make_illuminate(len(lights), shadow is not None)
+@functools.cache
+def light_patch(shadows):
+    """Kernel of one block: (linear, display) of a patch that faces +z, lit at its place and as a facet."""
+    flag = "true" if shadows else "false"
 
-    @wp.kernel(module="unique", enable_backward=False)
-    def light_patch(
+    @wp.func_native(f"""
+        using namespace warpcam;
+        WARPCAM_SHARED LightList list;
+        Camera camera {{}};
+        camera.origin = to_vec(eye);
+        for (int k = 0; k < 3; ++k)
+            camera.rotation.at[k][k] = 1.0f;
+        gather_lights<{flag}>(lights, camera, 0, thread, list);
+        Finish finish {{ to_row(to_vec(color), -1), {{ emission, specular, exponent, 0 }} }};
+        Facet facet {{}};
+        for (int k = 0; k < 3; ++k) {{
+            facet.place[k] = to_vec(position) - to_vec(eye);
+            facet.normal[k] = {{ 0.0f, 0.0f, 1.0f }};
+        }}
+        const Lit one = illuminate<1, {flag}>(list, facet, finish, shadow);
+        facet.weight1 = 0.25f;
+        facet.weight2 = 0.5f;
+        const Lit three = illuminate<3, {flag}>(list, facet, finish, shadow);
+        if (thread == 0) {{
+            wp::index(lit, 0) = wp::vec3(one.linear.x, one.linear.y, one.linear.z);
+            wp::index(lit, 1) = wp::vec3(one.display.x, one.display.y, one.display.z);
+            wp::index(lit, 2) = wp::vec3(three.linear.x, three.linear.y, three.linear.z);
+            wp::index(lit, 3) = wp::vec3(three.display.x, three.display.y, three.display.z);
+        }}
+    """)
+    def illuminate(
         lights: types.Lights,
         position: wp.vec3,
         eye: wp.vec3,
-        finish: Finish,
+        color: wp.vec3,
+        emission: wp.float32,
+        specular: wp.float32,
+        exponent: wp.float32,
         shadow: wp.int32,
-        lit: wp.array(dtype=Lit),
-    ):
-        up = wp.vec3(0.0, 0.0, 1.0)
-        lit[0] = illuminate(lights, 0, position, up, eye, wp.vec3(0.0, 0.0, -1.0), finish, shadow)
+        thread: wp.int32,
+        lit: wp.array(dtype=wp.vec3),
+    ): ...
 
-    how = Finish()
-    how.color = wp.vec4(*COLOR, 1.0)
-    for name, value in finish.items():
-        setattr(how, name, value)
+    @native_kernel("resolve.h")
+    def light(
+        lights: types.Lights,
+        position: wp.vec3,
+        eye: wp.vec3,
+        color: wp.vec3,
+        emission: wp.float32,
+        specular: wp.float32,
+        exponent: wp.float32,
+        shadow: wp.int32,
+        lit: wp.array(dtype=wp.vec3),
+    ):
+        illuminate(lights, position, eye, color, emission, specular, exponent, shadow, wp.tid(), lit)
+
+    return light
+
+
+def shine(
+    lights, device, *, headlight=(0, 0, 0), position=(0, 0, 0), eye=(0, 0, 5), shadow=None, everywhere=0.3,
+    emission=0.0, specular=0.0, shininess=0.0,
+):  # fmt: skip
+    """(linear, display) colour of a patch that faces +z."""
     table = make_lights(lights, device, headlight, everywhere)
-    lit = wp.zeros(1, dtype=Lit, device=device)
-    arguments = [table, wp.vec3(*position), wp.vec3(*eye), how, shadow or 0, lit]
-    wp.launch(light_patch, 1, arguments, device=device)
-    values = lit.numpy()[0]
-    return values["linear"], values["display"]
+    lit = wp.zeros(4, dtype=wp.vec3, device=device)
+    look = [wp.vec3(*COLOR), emission, specular, 128 * shininess]
+    arguments = [table, wp.vec3(*position), wp.vec3(*eye), *look, shadow or 0, lit]
+    threads = resolve.THREADS if wp.get_device(device).is_cuda else 1
+    wp.launch(light_patch(shadow is not None), threads, arguments, device=device, block_dim=threads)
+    values = lit.numpy()
+    np.testing.assert_allclose(values[2:], values[:2], rtol=1e-5)
+    return values[0], values[1]
 
 
 @pytest.mark.parametrize("device", DEVICES)
@@ -155,21 +202,24 @@ def test_eight_lights_at_most(device):
     np.testing.assert_allclose(shine([light(POINT)] * 3 + lamps, device)[0], 0.5 * COLOR, rtol=1e-5)
 
 
-WIDTH, HEIGHT, EYE = 8, 6, np.array([0.5, -1.0, 3.0])
+EYE = np.array([0.5, -1.0, 3.0])
 
 
-def ball_tables(device, worlds):
-    """A red ball of radius 1 around the origin, on body 7, in a grey haze."""
+def ball_tables(device, worlds, count):
+    """A red ball of radius 1 around the origin, on body 7, in a grey haze: the last of ``count`` shapes."""
     shapes = types.Shapes()
-    shapes.types = wp.array([0, types.SPHERE], dtype=wp.int32, device=device)
-    shapes.bodies = wp.array([0, 7], dtype=wp.int32, device=device)
-    shapes.positions = wp.zeros((worlds, 2), dtype=wp.vec3, device=device)
+    shapes.drawn = wp.array([count - 1], dtype=wp.int32, device=device)
+    shapes.types = wp.array([0] * (count - 1) + [types.SPHERE], dtype=wp.int32, device=device)
+    shapes.bodies = wp.array([0] * (count - 1) + [7], dtype=wp.int32, device=device)
+    shapes.positions = wp.zeros((worlds, count), dtype=wp.vec3, device=device)
     turn = np.array([[0, -1, 0], [1, 0, 0], [0, 0, 1]], np.float32)
-    shapes.rotations = wp.array(np.tile(turn, (worlds, 2, 1, 1)), dtype=wp.mat33, device=device)
-    shapes.sizes = wp.array(np.ones((1, 2, 3), np.float32), dtype=wp.vec3, device=device)
-    shapes.assets = wp.array(np.full((1, 2), -1, np.int32), dtype=wp.int32, device=device)
-    shapes.materials = wp.array(np.full((1, 2), -1, np.int32), dtype=wp.int32, device=device)
-    shapes.colors = wp.array(np.array([[(0, 0, 0, 1), (1, 0.2, 0, 1)]], np.float32), dtype=wp.vec4, device=device)
+    shapes.rotations = wp.array(np.tile(turn, (worlds, count, 1, 1)), dtype=wp.mat33, device=device)
+    shapes.sizes = wp.array(np.ones((1, count, 3), np.float32), dtype=wp.vec3, device=device)
+    shapes.assets = wp.array(np.full((1, count), -1, np.int32), dtype=wp.int32, device=device)
+    shapes.materials = wp.array(np.full((1, count), -1, np.int32), dtype=wp.int32, device=device)
+    shapes.colors = wp.array(
+        np.tile([[[1, 0.2, 0, 1]]], (1, count, 1)).astype(np.float32), dtype=wp.vec4, device=device
+    )
     background = types.Background()
     background.color = wp.vec3(0.5, 0.25, 1.0)
     background.skybox = -1
@@ -183,16 +233,19 @@ def ball_tables(device, worlds):
 
 @pytest.mark.parametrize("device", DEVICES)
 @pytest.mark.parametrize("lens", ["pinhole", "orthographic"])
-def test_images_of_a_ball(lens, device):
+@pytest.mark.parametrize(
+    ("width", "height", "count"), [(8, 6, 2), (20, 10, 2), (22, 9, 2), (24, 17, resolve.MAX_KEPT + 1)]
+)
+def test_images_of_a_ball(lens, width, height, count, device):
     """Two of three worlds are drawn; of all that is written the closed form is known."""
     worlds = 3
-    scale = 0.15 if lens == "pinhole" else 0.4
-    column, row = np.meshgrid(np.arange(WIDTH), np.arange(HEIGHT))
-    x, y = (column + 0.5 - WIDTH / 2) * scale, (HEIGHT / 2 - row - 0.5) * scale
+    scale = (1.2 if lens == "pinhole" else 3.2) / width
+    column, row = np.meshgrid(np.arange(width), np.arange(height))
+    x, y = (column + 0.5 - width / 2) * scale, (height / 2 - row - 0.5) * scale
     if lens == "pinhole":
-        rays, origins = np.stack([x, y, -np.ones_like(x)], -1), np.broadcast_to(EYE, (HEIGHT, WIDTH, 3))
+        rays, origins = np.stack([x, y, -np.ones_like(x)], -1), np.broadcast_to(EYE, (height, width, 3))
     else:
-        rays, origins = np.broadcast_to([0.0, 0.0, -1.0], (HEIGHT, WIDTH, 3)), EYE + np.stack([x, y, 0 * x], -1)
+        rays, origins = np.broadcast_to([0.0, 0.0, -1.0], (height, width, 3)), EYE + np.stack([x, y, 0 * x], -1)
     a, b, c = (rays**2).sum(-1), (rays * origins).sum(-1), (origins**2).sum(-1) - 1
     inside = b * b - a * c
     hit = inside > 0
@@ -202,20 +255,20 @@ def test_images_of_a_ball(lens, device):
 
     view = types.View()
     view.origin, view.rotation = wp.vec3(*EYE), wp.mat33(1, 0, 0, 0, 1, 0, 0, 0, 1)
-    view.scale, view.center = wp.vec2(scale, scale), wp.vec2(WIDTH / 2, HEIGHT / 2)
-    shape = np.where(hit, 1, -1)
+    view.scale, view.center = wp.vec2(scale, scale), wp.vec2(width / 2, height / 2)
+    shape = np.where(hit, count - 1, -1)
 
     def repeated(values, dtype):
         return wp.array(np.broadcast_to(values, (worlds, *values.shape)), dtype=dtype, device=device)
 
     images = {
-        name: wp.full((worlds, HEIGHT, WIDTH, channels), 9, dtype=dtype, device=device)
+        name: wp.full((worlds, height, width, channels), 9, dtype=dtype, device=device)
         for name, (dtype, channels) in resolve.OUTPUTS.items()
     }
     resolve.record(
-        images, lens, ball_tables(device, worlds), wp.array([view] * worlds, dtype=types.View, device=device),
+        images, lens, ball_tables(device, worlds, count), wp.array([view] * worlds, dtype=types.View, device=device),
         wp.array([1, 0, 1], dtype=wp.uint8, device=device), repeated(depth, wp.float32), repeated(shape, wp.int32),
-        repeated(shape, wp.int32), None, WIDTH, HEIGHT, wp.get_device(device),
+        repeated(shape, wp.int32), None, width, height, wp.get_device(device),
     ).launch()  # fmt: skip
 
     images = {name: image.numpy() for name, image in images.items()}
@@ -238,11 +291,3 @@ def test_images_of_a_ball(lens, device):
 def test_an_output_made_elsewhere_is_named():
     with pytest.raises(ValueError, match=r"\['flow'\] are not made here"):
         resolve.record({"flow": None}, "pinhole", None, None, None, None, None, None, None, 1, 1, None)
-
-
-@pytest.mark.parametrize("outputs", [("rgb",), ("distance", "bodies"), ("normals",), ("points",), ("albedo", "hdr")])
-def test_each_set_of_outputs_has_its_own_kernel(outputs):
-    facts = (frozenset(range(8)), 2, True, True, True)
-    kernel = resolve.make_kernel(frozenset(outputs), "pinhole", facts, False)
-    assert kernel is resolve.make_kernel(frozenset(outputs), "pinhole", facts, False)
-    assert kernel is not resolve.make_kernel(frozenset(outputs), "orthographic", facts, False)

@@ -3,47 +3,117 @@
 import numpy as np
 import pytest
 import warp as wp
+from native import native_kernel
 from warpcam.kernels import types
-from warpcam.kernels.mapping import CubeMapping, Mapping, make_mapping
-from warpcam.kernels.surface import Finish, make_finish, make_surface
 from warpcam.kernels.types import BOX, CAPSULE, CYLINDER, ELLIPSOID, HEIGHT_FIELD, MESH, PLANE, SPHERE
 
 DEVICES = [str(device) for device in wp.get_devices()]
-ALL_TYPES = frozenset(range(8))
-
-surface_at = make_surface(ALL_TYPES)
-map_2d, map_cube, has_own_uvs = make_mapping(ALL_TYPES)
-finish_of = make_finish(True)
 
 
-@wp.kernel(module="unique", enable_backward=False)
+@wp.struct
+class Found:
+    """What is known of one hit."""
+
+    normal: wp.vec3
+    weights: wp.vec3  # of the corners of its facet
+    shading: wp.mat33  # rows: the normals there
+    uv: wp.vec2
+    along: wp.vec2  # change of uv over a step
+    direction: wp.vec3  # into a cube texture
+
+
+@wp.func_native("""
+    using namespace warpcam;
+    Camera camera {};
+    for (int k = 0; k < 3; ++k)
+        camera.rotation.at[k][k] = 1.0f;
+    const auto look = load_look<255, Wanted<RGB | NORMALS, HAS_MATERIALS | HAS_TEXTURES>>(
+        shapes, materials, textures, meshes, fields, camera, 0.0f, 0, shape);
+    const Vec sight = to_vec(ray);
+    const Surface surface = surface_at<255>(look.pose, meshes, fields, face, to_vec(local), sight);
+    Facet facet;
+    facet_at<255>(look, meshes, surface, to_vec(local), facet);
+    const Footprint at = footprint_2d<255>(look.pose, look.layout, meshes, surface, sight, to_vec(step), to_vec(step));
+    const Vec direction = map_cube<255>(look.pose, look.layout, surface).direction;
+    auto& one = wp::index(found, i);
+    one.normal = wp::vec3(surface.normal.x, surface.normal.y, surface.normal.z);
+    one.weights = wp::vec3(1.0f - facet.weight1 - facet.weight2, facet.weight1, facet.weight2);
+    for (int k = 0; k < 3; ++k) {
+        one.shading.data[k][0] = facet.normal[k].x;
+        one.shading.data[k][1] = facet.normal[k].y;
+        one.shading.data[k][2] = facet.normal[k].z;
+    }
+    one.uv = wp::vec2(at.u, at.v);
+    one.along = wp::vec2(at.right.x, at.right.y);
+    one.direction = wp::vec3(direction.x, direction.y, direction.z);
+""")
+def examine_hit(
+    shapes: types.Shapes,
+    meshes: types.Meshes,
+    fields: types.HeightFields,
+    materials: types.Materials,
+    textures: types.Textures,
+    shape: wp.int32,
+    face: wp.int32,
+    local: wp.vec3,
+    ray: wp.vec3,
+    step: wp.vec3,
+    i: wp.int32,
+    found: wp.array(dtype=Found),
+): ...
+
+
+@native_kernel("resolve.h")
 def examine(
     shapes: types.Shapes,
     meshes: types.Meshes,
     fields: types.HeightFields,
     materials: types.Materials,
+    textures: types.Textures,
     shape: wp.int32,
     face: wp.array(dtype=wp.int32),
     local: wp.array(dtype=wp.vec3),
     ray: wp.array(dtype=wp.vec3),
-    normals: wp.array(dtype=wp.vec3),
-    shading: wp.array(dtype=wp.vec3),
-    mapped: wp.array(dtype=Mapping),
-    cube: wp.array(dtype=CubeMapping),
+    step: wp.array(dtype=wp.vec3),
+    found: wp.array(dtype=Found),
 ):
     i = wp.tid()
-    surface = surface_at(shapes, meshes, fields, 0, shape, face[i], local[i], ray[i])
-    finish = finish_of(shapes, materials, 0, shape)
-    normals[i] = surface.normal
-    shading[i] = surface.shading
-    mapped[i] = map_2d(shapes, meshes, fields, 0, shape, surface, finish)
-    cube[i] = map_cube(shapes, meshes, fields, 0, shape, surface, finish)
+    examine_hit(shapes, meshes, fields, materials, textures, shape, face[i], local[i], ray[i], step[i], i, found)
 
 
-@wp.kernel(module="unique", enable_backward=False)
+@wp.struct
+class Finish:
+    """How a shape looks."""
+
+    color: wp.vec3
+    texture: wp.int32
+    emission: wp.float32
+    specular: wp.float32
+    exponent: wp.float32
+
+
+@wp.func_native("""
+    const auto finish = warpcam::load_finish<true>(shapes, materials, world, shape);
+    auto& one = wp::index(finishes, world, shape);
+    one.color = wp::vec3(finish.color.x, finish.color.y, finish.color.z);
+    one.texture = finish.color.w;
+    one.emission = finish.gloss.x;
+    one.specular = finish.gloss.y;
+    one.exponent = finish.gloss.z;
+""")
+def find_finish(
+    shapes: types.Shapes,
+    materials: types.Materials,
+    world: wp.int32,
+    shape: wp.int32,
+    finishes: wp.array2d(dtype=Finish),
+): ...
+
+
+@native_kernel("resolve.h")
 def finish_shapes(shapes: types.Shapes, materials: types.Materials, finishes: wp.array2d(dtype=Finish)):
     world, shape = wp.tid()
-    finishes[world, shape] = finish_of(shapes, materials, world, shape)
+    find_finish(shapes, materials, world, shape, finishes)
 
 
 HALF = (0.8, 0.5, 0.3)
@@ -62,12 +132,16 @@ HEIGHTS = np.array([[0.0, 0.3, 0.9], [0.2, 0.7, 0.1], [1.0, 0.4, 0.6]], np.float
 
 
 class Examined:
-    def __init__(self, kind, local, ray, device, face=0, repeat=(1, 1), uniform=False, size=None):
+    def __init__(
+        self, kind, local, ray, device, face=0, repeat=(1, 1), uniform=False, size=None, step=(0, 0, 0), cube=False
+    ):
         def put(values, dtype):
             return wp.array(values, dtype=dtype, device=device)
 
         shapes = types.Shapes()
         shapes.types = put([kind], wp.int32)
+        shapes.positions = put(np.zeros((1, 1, 3), np.float32), wp.vec3)
+        shapes.rotations = put(np.eye(3, dtype=np.float32)[None, None], wp.mat33)
         shapes.sizes = put(np.array([[size or SIZES[kind]]], np.float32), wp.vec3)
         shapes.assets = put(np.array([[0]], np.int32), wp.int32)
         shapes.materials = put(np.array([[0]], np.int32), wp.int32)
@@ -79,6 +153,10 @@ class Examined:
         materials.texture = put(np.zeros((1, 1, 2), np.int32), wp.int32)
         materials.texture_repeat = put(np.array([[repeat]], np.float32), wp.vec2)
         materials.texture_uniform = put(np.array([[uniform]]), wp.bool)
+        textures = types.Textures()
+        textures.kind = put([types.TEXTURE_CUBE if cube else types.TEXTURE_2D], wp.int32)
+        for name in ("width", "height", "levels", "start"):
+            setattr(textures, name, put([1], wp.int32))
         # Two faces; in leaf order the second as given comes first.
         meshes = types.Meshes()
         rows = np.zeros((6, 4), np.float32)
@@ -102,17 +180,18 @@ class Examined:
 
         local = np.atleast_2d(np.asarray(local, np.float32))
         count = len(local)
-        outputs = [wp.zeros(count, dtype=t, device=device) for t in (wp.vec3, wp.vec3, Mapping, CubeMapping)]
+        found = wp.zeros(count, dtype=Found, device=device)
         inputs = [
             put(np.broadcast_to(face, count).astype(np.int32), wp.int32),
             put(local, wp.vec3),
             put(np.broadcast_to(np.asarray(ray, np.float32), local.shape), wp.vec3),
+            put(np.broadcast_to(np.asarray(step, np.float32), local.shape), wp.vec3),
         ]
-        wp.launch(examine, count, [shapes, meshes, fields, materials, 0, *inputs, *outputs], device=device)
-        self.normals, self.shading = outputs[0].numpy(), outputs[1].numpy()
-        mapped, cube = outputs[2].numpy(), outputs[3].numpy()
-        self.uv, self.du, self.dv = mapped["uv"], mapped["du"], mapped["dv"]
-        self.direction, self.scale = cube["direction"], cube["scale"]
+        arguments = [shapes, meshes, fields, materials, textures, 0, *inputs, found]
+        wp.launch(examine, count, arguments, device=device)
+        values = found.numpy()
+        self.normals, self.weights, self.shading = values["normal"], values["weights"], values["shading"]
+        self.uv, self.along, self.direction = values["uv"], values["along"], values["direction"]
 
 
 def points_on(kind, count=60):
@@ -162,7 +241,7 @@ def test_normals_of_solids(kind, device):
     local, normal, seen = points_on(kind)
     examined = Examined(kind, local, seen, device)
     np.testing.assert_allclose(examined.normals, normal, atol=2e-6)
-    np.testing.assert_allclose(examined.shading, normal, atol=2e-6)
+    np.testing.assert_allclose(examined.shading, np.repeat(normal[:, None], 3, axis=1), atol=2e-6)
 
 
 @pytest.mark.parametrize("device", DEVICES)
@@ -204,7 +283,8 @@ def test_mesh_normals_and_coordinates(device):
     steep = Examined(MESH, weights @ CORNERS[3:], [0, 0, -1], device, face=0)
     geometric = np.cross(CORNERS[4] - CORNERS[3], CORNERS[5] - CORNERS[3])
     np.testing.assert_allclose(steep.normals, [geometric / np.linalg.norm(geometric)], atol=1e-6)
-    np.testing.assert_allclose(steep.shading, [weights / np.linalg.norm(weights)], atol=1e-6)
+    np.testing.assert_allclose(steep.shading, [np.eye(3)], atol=1e-6)
+    np.testing.assert_allclose(steep.weights, [weights], atol=1e-6)
 
 
 @pytest.mark.parametrize("device", DEVICES)
@@ -228,12 +308,12 @@ def test_gradients_are_those_of_the_mapping(kind, uniform, device):
     step = np.cross(normal, np.random.default_rng(3).normal(size=local.shape))
     step *= 1e-3 / np.linalg.norm(step, axis=1, keepdims=True)
     options = {"face": 0, "repeat": (3.0, 0.5), "uniform": uniform}
-    here = Examined(kind, local, seen, device, **options)
+    here = Examined(kind, local, seen, device, step=step, **options)
     there = Examined(kind, local + step, seen, device, **options)
     back = Examined(kind, local - step, seen, device, **options)
     change = (there.uv - back.uv) / 2
     change[np.abs(change) > 0.1] = np.nan  # across the seam at +x
-    expected = np.stack([np.sum(here.du * step, 1), np.sum(here.dv * step, 1)], 1)
+    expected = here.along
     good = ~np.isnan(change)
     assert good.mean() > 0.9
     np.testing.assert_allclose(expected[good], change[good], atol=4e-5, rtol=0.02)
@@ -276,11 +356,11 @@ def test_textures_lie_where_mujoco_lays_them(kind, size, place, repeat, uniform,
 
 @pytest.mark.parametrize("device", DEVICES)
 def test_cube_directions(device):
-    cap = Examined(CAPSULE, [[0.0, 0.2, 0.8]], [0, 0, -1], device)
+    cap = Examined(CAPSULE, [[0.0, 0.2, 0.8]], [0, 0, -1], device, cube=True)
     np.testing.assert_allclose(cap.direction, [[0, 0.5, 1 + 0.3 / 0.4]], atol=1e-6)
-    side = Examined(CAPSULE, [[0.4, 0.0, 0.25]], [-1, 0, 0], device)
+    side = Examined(CAPSULE, [[0.4, 0.0, 0.25]], [-1, 0, 0], device, cube=True)
     np.testing.assert_allclose(side.direction, [[1, 0, 0.5]], atol=1e-6)
-    box = Examined(BOX, [[0.4, 0.25, 0.3]], [0, 0, -1], device, uniform=True)
+    box = Examined(BOX, [[0.4, 0.25, 0.3]], [0, 0, -1], device, uniform=True, cube=True)
     np.testing.assert_allclose(box.direction, [[0.4, 0.25, 0.3]], atol=1e-6)
 
 
@@ -300,9 +380,9 @@ def test_a_shapes_own_colour_hides_its_materials(device):
     finishes = wp.zeros((2, 4), dtype=Finish, device=device)
     wp.launch(finish_shapes, (2, 4), [shapes, materials, finishes], device=device)
     got = finishes.numpy()
-    np.testing.assert_array_equal(got["color"][0], [(0, 0, 1, 1), red, grey, grey])
-    np.testing.assert_array_equal(got["color"][1, 0], (0, 1, 1, 1))
+    np.testing.assert_array_equal(got["color"][0], [(0, 0, 1), red[:3], grey[:3], grey[:3]])
+    np.testing.assert_array_equal(got["color"][1, 0], (0, 1, 1))
     np.testing.assert_array_equal(got["texture"][0], [4, 4, -1, -1])  # 7 is no material
     np.testing.assert_allclose(got["specular"][0], [0.2, 0.2, 0.5, 0.5])
-    np.testing.assert_allclose(got["shininess"][0], [0.3, 0.3, 0.5, 0.5])
+    np.testing.assert_allclose(got["exponent"][0], [38.4, 38.4, 64, 64], rtol=1e-6)
     np.testing.assert_allclose(got["emission"][0], [0.1, 0.1, 0.0, 0.0])

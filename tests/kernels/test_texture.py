@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 import warp as wp
-from warpcam.kernels.texture import sample_2d, sample_cube
+from native import native_kernel
 from warpcam.kernels.types import Textures
 
 from warpcam import errors
@@ -12,7 +12,29 @@ from warpcam.accel.textures import TextureImage, pack_textures
 DEVICES = [str(device) for device in wp.get_devices()]
 
 
-@wp.kernel(enable_backward=False)
+@wp.func_native("""
+    using namespace warpcam;
+    const Vec color = sample_2d(textures.texels.data, load_image(textures, 0), uv[0], uv[1], Pair { ddx[0], ddx[1] },
+                                Pair { ddy[0], ddy[1] });
+    wp::index(colors, i) = wp::vec3(color.x, color.y, color.z);
+""")
+def at_place(
+    textures: Textures, uv: wp.vec2, ddx: wp.vec2, ddy: wp.vec2, i: wp.int32, colors: wp.array(dtype=wp.vec3)
+): ...
+
+
+@wp.func_native("""
+    using namespace warpcam;
+    const Vec color = sample_cube(textures.texels.data, load_image(textures, 0), to_vec(direction), to_vec(ddx),
+                                  to_vec(ddy));
+    wp::index(colors, i) = wp::vec3(color.x, color.y, color.z);
+""")
+def in_direction(
+    textures: Textures, direction: wp.vec3, ddx: wp.vec3, ddy: wp.vec3, i: wp.int32, colors: wp.array(dtype=wp.vec3)
+): ...
+
+
+@native_kernel("texels.h")
 def look_up_2d(
     textures: Textures,
     uv: wp.array(dtype=wp.vec2),
@@ -21,10 +43,10 @@ def look_up_2d(
     colors: wp.array(dtype=wp.vec3),
 ):
     i = wp.tid()
-    colors[i] = sample_2d(textures, 0, uv[i], ddx[i], ddy[i])
+    at_place(textures, uv[i], ddx[i], ddy[i], i, colors)
 
 
-@wp.kernel(enable_backward=False)
+@native_kernel("texels.h")
 def look_up_cube(
     textures: Textures,
     direction: wp.array(dtype=wp.vec3),
@@ -33,7 +55,7 @@ def look_up_cube(
     colors: wp.array(dtype=wp.vec3),
 ):
     i = wp.tid()
-    colors[i] = sample_cube(textures, 0, direction[i], ddx[i], ddy[i])
+    in_direction(textures, direction[i], ddx[i], ddy[i], i, colors)
 
 
 def look_up(pixels, places, device, step=0.0):
@@ -131,6 +153,29 @@ def test_between_texels_is_between_their_colours(device):
     places = [[0.5, 0.25], [0.25, 0.5], [0.5, 0.5], [0.0, 0.25], [0.375, 0.25]]
     expected = [50, 20, 85, 50, 25]
     np.testing.assert_allclose(look_up(image, places, device)[:, 0], expected, atol=0.02)
+
+
+@pytest.mark.parametrize("device", DEVICES)
+@pytest.mark.parametrize(("width", "height"), [(64, 64), (64, 16), (60, 36), (300, 300), (7, 33)])
+def test_each_level_is_found(width, height, device):
+    """Each mipmap level gets a colour of its own; a footprint of 2^k texels shows level k."""
+    textures = pack_textures([TextureImage("2d", np.zeros((height, width, 3), np.uint8))], device)
+    texels = textures.texels.numpy()
+    levels = int(textures.levels.numpy()[0])
+    start, w, h = 0, width, height
+    for level in range(levels):
+        texels[start : start + w * h] = 10 * level + 5
+        start, w, h = start + w * h, max(w // 2, 1), max(h // 2, 1)
+    textures.texels.assign(texels)
+    size = np.array([width, height])
+    steps = np.array([[2.0**level / size.max(), 0.0] for level in range(levels)]).astype(np.float32)
+    if height > width:
+        steps = steps[:, ::-1].copy()
+    arrays = [np.full((levels, 2), 0.4), steps, np.zeros((levels, 2))]
+    arrays = [wp.array(values.astype(np.float32), dtype=wp.vec2, device=device) for values in arrays]
+    colors = wp.empty(levels, dtype=wp.vec3, device=device)
+    wp.launch(look_up_2d, levels, [textures, *arrays, colors], device=device)
+    np.testing.assert_allclose(255 * colors.numpy()[:, 0], 10 * np.arange(levels) + 5, atol=0.05)
 
 
 @pytest.mark.parametrize("device", DEVICES)

@@ -1,0 +1,1 @@
+"""The benchmark suite: warpcam beside its peers, on the same scenes, poses, cameras and outputs."""

@@ -1,0 +1,151 @@
+"""Results: how they are kept as JSON, brought together from several runs, and shown as a table.
+
+A report is {"format": 1, "kind": "cases" | "sweep" | "host", "runs": [...], "results": [...]}: a run says with what
+command, when and on what it was measured, a result is one renderer on one problem with one set of outputs.
+"""
+
+import datetime
+import json
+import shlex
+import sys
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import Any
+
+import warp as wp
+from rich import box
+from rich.console import Console
+from rich.table import Table
+from warpcam.benchmarks import machine
+
+from warpcam.errors import WarpcamError
+
+FORMAT = 1
+Row = dict[str, Any]
+Report = dict[str, Any]
+# What makes a result the same measurement as another, of which the later one counts.
+PROBLEM = ("case", "setting", "worlds", "width", "height", "outputs", "sweep", "x")
+OURS = "warpcam"
+
+
+def new(kind: str, device: wp.Device, **more: Any) -> Report:
+    run = {
+        "command": shlex.join(["warpcam", "bench", *arguments(sys.argv)]),
+        "date": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
+        "machine": machine.describe(device),
+        **more,
+    }
+    return {"format": FORMAT, "kind": kind, "runs": [run], "results": []}
+
+
+def arguments(argv: Sequence[str]) -> list[str]:
+    """What came after the command, whichever way it was called."""
+    return list(argv[2:] if argv[1:2] == ["bench"] else argv[1:])
+
+
+def write(report: Report, path: Path) -> None:
+    rank(report["results"])
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(json.dumps(report, indent=1) + "\n")
+    except OSError as error:
+        raise WarpcamError(f"--out: {str(path)!r} cannot be written: {error.strerror}") from None
+
+
+def merge(paths: Iterable[Path]) -> Report:
+    """One report of several of a kind; where two have measured the same, the one named later counts."""
+    merged: Report = {}
+    for path in paths:
+        try:
+            report = json.loads(path.read_text())
+        except (OSError, ValueError) as error:
+            raise WarpcamError(f"--merge: {str(path)!r} cannot be read: {error}") from None
+        if not isinstance(report, dict) or report.get("format") != FORMAT:
+            raise WarpcamError(f"--merge: {str(path)!r} is not a report of this suite")
+        if not merged:
+            merged = report
+            continue
+        if report["kind"] != merged["kind"]:
+            raise WarpcamError(f"--merge: {str(path)!r} is of kind {report['kind']}, those before of {merged['kind']}")
+        merged["runs"] += report["runs"]
+        merged["results"] += report["results"]
+    latest = {(problem(row), row["renderer"]): row for row in merged["results"]}
+    merged["results"] = list(latest.values())
+    rank(merged["results"])
+    return merged
+
+
+def problem(row: Row) -> tuple[Any, ...]:
+    return tuple(row.get(key) for key in PROBLEM)
+
+
+def rank(rows: list[Row]) -> None:
+    """Say how many times longer the peers took, the best of them, and what one more output costs."""
+    timed = [row for row in rows if "ms" in row]
+    for ours in (row for row in timed if row["renderer"] == OURS):
+        peers = [row for row in timed if row["renderer"] != OURS and problem(row) == problem(ours)]
+        for row in peers:
+            row["times_warpcam"] = row["ms"]["median"] / ours["ms"]["median"]
+        if peers:
+            best = min(peers, key=lambda row: row["ms"]["median"])
+            ours["best_peer"] = {"renderer": best["renderer"], "ratio": best["times_warpcam"]}
+        if ours["outputs"].startswith("ds+"):
+            for row in timed:
+                if row["renderer"] == OURS and problem(row) == problem({**ours, "outputs": "ds"}):
+                    ours["times_ds"] = ours["ms"]["median"] / row["ms"]["median"]
+
+
+def console() -> Console:
+    """As wide as the table needs where the output is not a terminal."""
+    terminal = Console()
+    return terminal if terminal.is_terminal else Console(width=200)
+
+
+def show(report: Report) -> None:
+    columns = ["case", "worlds", "size", "outputs", "renderer", "ms", "p10 - p90", "G rays/s", "ratio", "ids", "depth"]
+    table = Table(*columns, "rgb", "PSNR", "set-up + first (s)", "peak MB", box=box.HORIZONTALS, header_style="bold")
+    problems: dict[tuple[Any, ...], list[Row]] = {}
+    for row in report["results"]:
+        problems.setdefault(problem(row), []).append(row)
+    for rows in problems.values():
+        for row in rows:
+            table.add_row(*cells(row))
+        table.add_section()
+    screen = console()
+    screen.print(table)
+    screen.print(
+        "ratio: how many times longer than warpcam (what one more output costs, of ds). ids, depth: fraction of pixels "
+        "that differ from the first renderer's; rgb: mean difference of 255, PSNR in dB.",
+        style="dim",
+    )
+    for row in report["results"]:
+        if "error" in row:
+            line = row["error"].strip().splitlines()[-1]
+            screen.print(f"failed: {name_of(row)}: {row['renderer']}: {line}", style="red", markup=False)
+
+
+def name_of(row: Row) -> str:
+    return f"{row['case']} {row['worlds']} x {row['width']}x{row['height']} {row['outputs']}"
+
+
+def cells(row: Row) -> list[str]:
+    start = [row["case"], str(row["worlds"]), f"{row['width']}x{row['height']}", row["outputs"], row["renderer"]]
+    if "ms" not in row:
+        return [*start, "failed"]
+    ms, gap = row["ms"], row.get("difference", {})
+    ratio = ""
+    if "times_ds" in row:
+        ratio = f"{row['times_ds']:.2f} of ds"
+    elif "times_warpcam" in row:
+        ratio = f"{row['times_warpcam']:.2f}x"
+    return [
+        *start,
+        f"{ms['median']:.3f}",
+        f"{ms['p10']:.3f} - {ms['p90']:.3f}",
+        f"{row['grays_per_s']:.3f}",
+        ratio,
+        *(f"{gap[key]:.1e}" if key in gap else "" for key in ("ids_mismatch", "depth_mismatch")),
+        *(f"{gap[key]:.1f}" if key in gap else "" for key in ("rgb_mean_difference", "rgb_psnr_db")),
+        f"{row['setup_s'] + row['first_frame_s']:.1f}",
+        f"{row['peak_memory_mb']:.0f}" if "peak_memory_mb" in row else "",
+    ]

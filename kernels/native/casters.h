@@ -1,0 +1,162 @@
+// The shapes that may stand in a light's way, and the rays that ask whether they do.
+#pragma once
+#include "light_space.h"
+#include "visibility.h"
+
+namespace warpcam {
+
+// The ray from a point along a direction, both along the world's axes and from the view's camera. Records for such
+// rays hold the camera's place in the shape's frame in `origin`, and take world directions to the shape's frame.
+struct WorldRay {
+    Vec point, direction;
+
+    WARPCAM_FN static Vec turned(const Record& record, Vec v, Vec start)
+    {
+        const Row ax = record.axis_x, ay = record.axis_y, az = record.axis_z;
+        return { ax.x * v.x + ax.y * v.y + ax.z * v.z + start.x, ay.x * v.x + ay.y * v.y + ay.z * v.z + start.y,
+                 az.x * v.x + az.y * v.y + az.z * v.z + start.z };
+    }
+
+    WARPCAM_FN Ray local(const Record& record) const
+    {
+        const Row o = record.origin;
+        return { turned(record, point, { o.x, o.y, o.z }), turned(record, direction, { 0.0f, 0.0f, 0.0f }) };
+    }
+
+    WARPCAM_FN RayFrame frame(const Record& record) const
+    {
+        const Vec d = direction, none { 0.0f, 0.0f, 0.0f };
+        // any vector that is not along d, made perpendicular to it
+        const bool steep = magnitude(d.z) > magnitude(d.x);
+        const Vec across = steep ? Vec { 0.0f, d.z, -d.y } : Vec { d.y, -d.x, 0.0f };
+        return { local(record).origin, turned(record, across, none), turned(record, cross(across, d), none),
+                 turned(record, scaled(d, 1.0f / dot(d, d)), none) };
+    }
+};
+
+// Shapes and what one light sees of them.
+template <int CAPACITY> struct CasterList {
+    static constexpr int WORDS = (CAPACITY + 31) / 32;
+
+    Record records[CAPACITY];
+    // In the shape's frame: the light's position, or the direction to it if it is distant. w: first row of a mesh's
+    // faces; that of its nodes is with the record's origin.
+    Row aims[CAPACITY];
+    Window windows[WORDS * 32];  // from `count` on to the end of its 32: empty
+    float heights[WORDS * 32];
+    unsigned char order[CAPACITY];  // each its own slot: shadows need no sorting
+    int count;
+    int next_tile;
+};
+
+// A shape as a caster; false if it casts no shadow in this light.
+template <int TYPES, class Meshes, class HeightFields>
+WARPCAM_FN bool prepare_caster(const Shape& shape, const Light& light, const Camera& camera, const Meshes& meshes,
+                               const HeightFields& fields, Record& record, Row& aim, Window& window, float& height)
+{
+    Extent extent {};
+    Vec scale;
+    record.size = { 0.0f, 0.0f, 0.0f, 0 };
+    if (!describe<TYPES>(shape, meshes, fields, extent, scale, record))
+        return false;
+    const Matrix& r = shape.rotation;
+    const Vec c { shape.position.x - camera.origin.x, shape.position.y - camera.origin.y,
+                  shape.position.z - camera.origin.z };
+    const Vec a = light.distant ? light.aim : Vec { light.aim.x - c.x, light.aim.y - c.y, light.aim.z - c.z };
+    const Vec towards = turned_back(r, a), here = turned_back(r, c);
+    aim = { towards.x * scale.x, towards.y * scale.y, towards.z * scale.z, 0 };
+    if (shape.type == PLANE && !(aim.z < 0.0f))
+        return false;  // its front sees the light
+    record.axis_x = { r.at[0][0] * scale.x, r.at[1][0] * scale.x, r.at[2][0] * scale.x, shape.type };
+    record.axis_y = { r.at[0][1] * scale.y, r.at[1][1] * scale.y, r.at[2][1] * scale.y, shape.id };
+    record.axis_z = { r.at[0][2] * scale.z, r.at[1][2] * scale.z, r.at[2][2] * scale.z, shape.asset };
+    record.origin = { -here.x * scale.x, -here.y * scale.y, -here.z * scale.z, 0 };
+    if ((TYPES >> MESH & 1) && shape.type == MESH) {
+        record.origin.w = wp::index(meshes.node_start, shape.asset);
+        aim.w = wp::index(meshes.face_start, shape.asset);
+    }
+    window = { -FAR_AWAY, FAR_AWAY, -FAR_AWAY, FAR_AWAY };
+    height = FAR_AWAY;
+    if (extent.half.x >= 0.0f)  // not an endless plane
+        window = window_of(light, shape.type, c, r, extent, height);
+    return true;
+}
+
+// Fills the list with shapes from `begin` on until it is full; returns where to go on.
+template <int TYPES, int CAPACITY, class Shapes, class Materials, class Meshes, class HeightFields>
+WARPCAM_FN int gather_casters(CasterList<CAPACITY>& list, int begin, const Shapes& shapes, const Materials& materials,
+                              const Meshes& meshes, const HeightFields& fields, const Light& light,
+                              const Camera& camera, int world, int thread)
+{
+    const int total = shapes.drawn.shape[0];
+    while (begin < total) {
+        const int i = begin + thread;
+        begin += THREADS;
+        if (i < total) {
+            Record record;
+            Row aim;
+            Window window;
+            float height;
+            const int id = wp::index(shapes.drawn, i);
+            if (prepare_caster<TYPES>(load_shape(shapes, world, id), light, camera, meshes, fields, record, aim, window,
+                                      height)
+                && !transparent(shapes, materials, world, id)) {
+#if defined(__CUDA_ARCH__)
+                const int slot = atomicAdd(&list.count, 1);
+#else
+                const int slot = list.count++;
+#endif
+                list.records[slot] = record;
+                list.aims[slot] = aim;
+                list.windows[slot] = window;
+                list.heights[slot] = height;
+                list.order[slot] = static_cast<unsigned char>(slot);
+            }
+        }
+        if (total > CAPACITY) {  // the next round may overflow the list
+            block_barrier();
+            const bool full = list.count + THREADS > CAPACITY;
+            block_barrier();
+            if (full)
+                break;
+        }
+    }
+    block_barrier();
+    const int count = list.count;
+    for (int slot = count + thread; slot < (count + 31) / 32 * 32; slot += THREADS) {
+        list.windows[slot] = { FAR_AWAY, -FAR_AWAY, FAR_AWAY, -FAR_AWAY };
+        list.heights[slot] = -FAR_AWAY;
+    }
+    block_barrier();
+    return begin;
+}
+
+// Does the light shine on the front of what the pixel shows, anywhere on the face whose corners are lit? True where
+// that is not known. Light that shines on backs only adds nothing, so that its shadow does not matter.
+template <class Shapes, class Meshes>
+WARPCAM_FN bool faces_light(const Shapes& shapes, const Meshes& meshes, int world, int id, int face, const Light& light,
+                            Vec origin)
+{
+    if (wp::index(shapes.types, id) != MESH)
+        return true;
+    const Shape shape = load_shape(shapes, world, id);
+    const Vec c { shape.position.x - origin.x, shape.position.y - origin.y,
+                  shape.position.z - origin.z };
+    const Vec aim = turned_back(shape.rotation, light.distant ? light.aim
+                                                              : Vec { light.aim.x - c.x, light.aim.y - c.y,
+                                                                      light.aim.z - c.z });
+    const unsigned row = unsigned(wp::index(meshes.face_start, shape.asset)) + unsigned(face * FACE_ROWS);
+    const int given = load(meshes.faces.data, row).w;
+    const int corner = 3 * (wp::index(meshes.corner_start, shape.asset) + given);
+    bool faces = false;
+    for (int k = 0; k < 3; ++k) {
+        const Row at = load(meshes.faces.data, row + k);
+        const auto n = wp::index(meshes.normals, corner + k);
+        const Vec to = light.distant ? aim : Vec { aim.x - at.x, aim.y - at.y, aim.z - at.z };
+        const float slack = 1.0e-5f * (magnitude(to.x) + magnitude(to.y) + magnitude(to.z));
+        faces |= n[0] * to.x + n[1] * to.y + n[2] * to.z > -slack;
+    }
+    return faces;
+}
+
+}  // namespace warpcam

@@ -1,0 +1,65 @@
+// The cells that MuJoCo's renderer cuts planes into; see facet.h.
+#pragma once
+#include "surface.h"
+
+namespace warpcam {
+
+constexpr int PLANE_CELLS = 200;  // at most, along a side
+
+// The cells along one side of a plane. Those in the middle are all as long as `step`.
+struct Cells {
+    float start;    // where one of them begins [m]
+    float step;     // [m]; 0 where the plane is lit at each pixel
+    float inverse;  // of `step`
+    float rest;     // length of the first and last cell, which lie outside of +-`start`; -1 on an endless side
+};
+
+struct PlaneCells {
+    Cells u, v;
+};
+
+struct Span {
+    float start, length;
+};
+
+// Cells of a side from `-half` to `half`: an even number of cells twice `spacing` long lies in the middle; the first and
+// last cell take what is left.
+WARPCAM_FN Cells cells_between(float half, float spacing)
+{
+    const float step = upper(spacing, half * (1.0f / float(PLANE_CELLS - 2)));
+    const float rest = half - 2.0f * step * round_down(0.5f * round_down(half / step));
+    return { rest - half, 2.0f * step, 0.5f * inverse(step), rest };
+}
+
+// Cells of an endless side, which is drawn around the eye in whole tiles of the texture.
+WARPCAM_FN Cells cells_around(float eye, float repeat, float horizon)
+{
+    float tile = 2.1f * horizon * (1.0f / float(PLANE_CELLS - 2)), pairs = 0.5f * eye * inverse(tile);
+    if (repeat > 0.0f) {
+        tile = 2.0f * inverse(repeat);
+        pairs = 0.25f * eye * repeat;
+    }
+    const float step = (2.1f * horizon + 2.0f * tile) * (1.0f / float(PLANE_CELLS));
+    return { 2.0f * tile * round_down(pairs + 0.5f), step, inverse(step), -1.0f };
+}
+
+// `horizon` is how far the camera of MuJoCo's renderer sees [m]; 0 lights endless planes at each pixel.
+WARPCAM_FN PlaneCells plane_cells(const Pose& pose, const float* repeat, float horizon)
+{
+    const Vec size = to_vec(pose.size), eye = pose.eye();
+    if (!(size.x > 0.0f && size.y > 0.0f) && !(horizon > 0.0f))
+        return {};
+    return { size.x > 0.0f ? cells_between(size.x, size.z) : cells_around(eye.x, repeat[0], horizon),
+             size.y > 0.0f ? cells_between(size.y, size.z) : cells_around(eye.y, repeat[1], horizon) };
+}
+
+// The cell around `x`.
+WARPCAM_FN Span cell_around(const Cells& cells, float x)
+{
+    const float start = cells.start + cells.step * round_down((x - cells.start) * cells.inverse);
+    if (cells.rest < 0.0f || (x > cells.start && x <= -cells.start))
+        return { start, cells.step };
+    return { x > -cells.start ? -cells.start : cells.start - cells.rest, cells.rest };
+}
+
+}  // namespace warpcam

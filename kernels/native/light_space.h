@@ -1,0 +1,171 @@
+// A light as a camera: where points and shapes lie as it sees them, and so which shapes may stand in its way.
+#pragma once
+#include "prepare.h"
+
+namespace warpcam {
+
+// A light and the frame it sees the scene in. All is relative to the camera of the view, along the world's axes.
+struct Light {
+    bool distant;  // directional: its rays are parallel
+    Vec aim;       // distant: the direction towards it; else its position
+    Vec u, v;      // across its direction
+    Vec w;         // distant: towards it; else the way it shines
+};
+
+// A point in that frame. Two points on one ray have equal u and v.
+struct Place {
+    float u, v;
+    float height;  // greater is nearer to the light
+    bool beside;   // behind a light that shines forwards: u and v mean nothing
+};
+
+// What a shape, or the points of a tile, cover.
+struct alignas(16) Window {
+    float left, right, bottom, top;
+};
+
+WARPCAM_FN Vec scaled(Vec v, float s) { return { v.x * s, v.y * s, v.z * s }; }
+
+WARPCAM_FN Vec cross(Vec a, Vec b)
+{
+    return { a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x };
+}
+
+WARPCAM_FN Light make_light(bool distant, Vec position, Vec direction, const Camera& camera)
+{
+    Light light;
+    light.distant = distant;
+    light.aim = distant ? Vec { -direction.x, -direction.y, -direction.z }
+                        : Vec { position.x - camera.origin.x, position.y - camera.origin.y,
+                                position.z - camera.origin.z };
+    const Vec along = distant ? light.aim : direction;
+    light.w = scaled(along, 1.0f / root(upper(dot(along, along), 1.0e-30f)));
+    // rows of the image run along u where they can, so that tiles on a floor fill their windows
+    const Matrix& r = camera.rotation;
+    Vec across { r.at[0][0], r.at[1][0], r.at[2][0] };
+    if (magnitude(dot(across, light.w)) > 0.9f)
+        across = { r.at[0][1], r.at[1][1], r.at[2][1] };
+    const Vec v = cross(light.w, across);
+    light.v = scaled(v, 1.0f / root(upper(dot(v, v), 1.0e-30f)));
+    light.u = cross(light.v, light.w);
+    return light;
+}
+
+// From pixels and their depths to points, in a frame of one's choice.
+template <int LENS> struct Sight {
+    Vec start, across, down;  // the ray through column i and row j: start + i * across + j * down
+    Vec along;                // pinhole: where all rays begin; orthographic: the way they all run
+
+    WARPCAM_FN Vec point(float i, float j, float depth) const
+    {
+        const Vec r { start.x + i * across.x + j * down.x, start.y + i * across.y + j * down.y,
+                      start.z + i * across.z + j * down.z };
+        if (LENS == ORTHOGRAPHIC)
+            return { r.x + depth * along.x, r.y + depth * along.y, r.z + depth * along.z };
+        return { depth * r.x + along.x, depth * r.y + along.y, depth * r.z + along.z };
+    }
+};
+
+// Points from the camera, along the world's axes.
+template <int LENS> WARPCAM_FN Sight<LENS> sight_of(const Camera& camera)
+{
+    const Matrix& r = camera.rotation;
+    const Vec right { r.at[0][0], r.at[1][0], r.at[2][0] }, up { r.at[0][1], r.at[1][1], r.at[2][1] };
+    const Vec forward { -r.at[0][2], -r.at[1][2], -r.at[2][2] };
+    const float x = image_x(camera, 0.0f), y = image_y(camera, 0.0f);
+    const bool parallel = LENS == ORTHOGRAPHIC;
+    const float ahead = parallel ? 0.0f : 1.0f;
+    return { { x * right.x + y * up.x + ahead * forward.x, x * right.y + y * up.y + ahead * forward.y,
+               x * right.z + y * up.z + ahead * forward.z },
+             scaled(right, camera.scale_x), scaled(up, -camera.scale_y), parallel ? forward : Vec { 0.0f, 0.0f, 0.0f } };
+}
+
+// Points along the light's axes; from the light, if it is not distant.
+template <int LENS> WARPCAM_FN Sight<LENS> lit_sight(const Light& light, const Sight<LENS>& sight)
+{
+    const auto turned = [&](Vec a) { return Vec { dot(light.u, a), dot(light.v, a), dot(light.w, a) }; };
+    Sight<LENS> s { turned(sight.start), turned(sight.across), turned(sight.down), turned(sight.along) };
+    if (!light.distant) {
+        const Vec aim = turned(light.aim);
+        Vec& origin = LENS == ORTHOGRAPHIC ? s.start : s.along;
+        origin = { origin.x - aim.x, origin.y - aim.y, origin.z - aim.z };
+    }
+    return s;
+}
+
+// The place of a point that is given along the light's axes.
+WARPCAM_FN Place place_of(bool distant, Vec p)
+{
+    if (distant)
+        return { p.x, p.y, p.z, false };
+    const bool beside = !(p.z > 1.0e-4f * (magnitude(p.x) + magnitude(p.y)));
+    const float scale = reciprocal(beside ? 1.0f : p.z);
+    return { p.x * scale, p.y * scale, beside ? -FAR_AWAY : -p.z, beside };
+}
+
+// How far a shape reaches from its centre along a unit direction given in the shape's frame.
+WARPCAM_FN float reach_along(int type, Vec half, Vec n)
+{
+    const Vec a { magnitude(n.x) * half.x, magnitude(n.y) * half.y, magnitude(n.z) * half.z };
+    if (type == SPHERE || type == ELLIPSOID)
+        return root(dot(a, a));
+    if (type == CAPSULE)
+        return a.z + half.x * (1.0f - magnitude(n.z));
+    if (type == CYLINDER)
+        return a.z + root(a.x * a.x + a.y * a.y);
+    return a.x + a.y + a.z;
+}
+
+// The window of a shape whose box has `extent` in its own frame, `position` from the camera; `height` is that of its
+// point nearest to the light. Both are widened by more than the rounding of the shape's and of any point's place.
+WARPCAM_FN Window window_of(const Light& light, int type, Vec position, const Matrix& rotation, const Extent& extent,
+                            float& height)
+{
+    const Vec u = turned_back(rotation, light.u), v = turned_back(rotation, light.v), w = turned_back(rotation, light.w);
+    const Vec from = light.distant ? position
+                                   : Vec { position.x - light.aim.x, position.y - light.aim.y, position.z - light.aim.z };
+    const float pad = 1.0e-5f
+        * (magnitude(position.x) + magnitude(position.y) + magnitude(position.z)
+           + (light.distant ? 0.0f : magnitude(light.aim.x) + magnitude(light.aim.y) + magnitude(light.aim.z))
+           + extent.half.x + extent.half.y + extent.half.z);
+    const float at_u = dot(light.u, from) + dot(u, extent.center), at_v = dot(light.v, from) + dot(v, extent.center);
+    const float at_w = dot(light.w, from) + dot(w, extent.center);
+    const float half_u = reach_along(type, extent.half, u) + pad, half_v = reach_along(type, extent.half, v) + pad;
+    const float half_w = reach_along(type, extent.half, w) + pad;
+    const Window flat { at_u - half_u, at_u + half_u, at_v - half_v, at_v + half_v };
+    height = at_w + half_w;
+    if (light.distant)
+        return flat;
+    const float near = at_w - half_w, far = at_w + half_w;
+    height = -near;
+    if (far < 0.0f)  // only in the way of points behind the light, whose window is everything
+        return { FAR_AWAY, FAR_AWAY, FAR_AWAY, FAR_AWAY };
+    if (!(near > 1.0e-3f * half_w)) {
+        height = FAR_AWAY;
+        return { -FAR_AWAY, FAR_AWAY, -FAR_AWAY, FAR_AWAY };
+    }
+    const float at_near = 1.0f / near, at_far = 1.0f / far, slack = 1.0e-5f;
+    const Window seen { flat.left * (flat.left < 0.0f ? at_near : at_far),
+                        flat.right * (flat.right > 0.0f ? at_near : at_far),
+                        flat.bottom * (flat.bottom < 0.0f ? at_near : at_far),
+                        flat.top * (flat.top > 0.0f ? at_near : at_far) };
+    return { seen.left - slack * magnitude(seen.left), seen.right + slack * magnitude(seen.right),
+             seen.bottom - slack * magnitude(seen.bottom), seen.top + slack * magnitude(seen.top) };
+}
+
+// May a shape with this window stand between the light and a point of a tile with that one? `height` is the shape's
+// highest, `floor` the tile's lowest. Without branches, as is the next.
+WARPCAM_FN bool may_shade(const Window& shape, float height, const Window& tile, float floor)
+{
+    return (shape.left <= tile.right) & (shape.right >= tile.left) & (shape.bottom <= tile.top)
+        & (shape.top >= tile.bottom) & (height > floor);
+}
+
+WARPCAM_FN bool may_shade(const Window& shape, float height, const Place& point)
+{
+    const bool within = (shape.left <= point.u) & (shape.right >= point.u) & (shape.bottom <= point.v)
+        & (shape.top >= point.v);
+    return (within | point.beside) & (height > point.height);
+}
+
+}  // namespace warpcam

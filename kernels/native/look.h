@@ -1,0 +1,220 @@
+// What a block keeps of each shape of its world to draw its pixels: pose as the view has it, size, material.
+#pragma once
+#include "cells.h"
+#include "texels.h"
+
+namespace warpcam {
+
+// Bits of a set of images: what resolve.h writes. Values of resolve.py.
+enum ImageBit { RGB = 1, RGBA = 2, HDR = 4, DISTANCE = 8, NORMALS = 16, POINTS = 32, BODIES = 64, ALBEDO = 128 };
+// Facts of a scene and of an image.
+enum Fact { HAS_MATERIALS = 1, HAS_TEXTURES = 2, HAS_SKYBOX = 4, HAS_SHADOWS = 8, QUADS = 16 };
+
+// What follows from a set of images and facts.
+template <int IMAGES, int FACTS> struct Wanted {
+    static constexpr bool DISPLAY = (IMAGES & (RGB | RGBA)) != 0;
+    static constexpr bool LIT = DISPLAY || (IMAGES & HDR);
+    static constexpr bool COLORED = LIT || (IMAGES & ALBEDO);
+    static constexpr bool MATERIAL = FACTS & HAS_MATERIALS;
+    static constexpr bool TEXTURED = COLORED && MATERIAL && (FACTS & HAS_TEXTURES);
+    static constexpr bool TURNED = IMAGES & NORMALS;
+    static constexpr bool SURFACE = LIT || TEXTURED || TURNED;
+};
+
+// How a shape looks, its material and its own colour resolved.
+struct Finish {
+    Row color;  // RGB; w: texture or -1
+    Row gloss;  // x: emission, y: specular, z: exponent of the highlight; w unused
+};
+
+// How a texture lies on a shape.
+struct Layout {
+    Row extent;       // the half extents that MuJoCo gives its renderer; w: 1 if a cube texture repeats by the metre
+    Image image;      // none where a texture of the kind does not show
+    float repeat[2];  // of a 2-D texture on the shape; on a plane the rates of u and v along x and y [1/m]
+    float start[2];   // u and v in a plane's middle
+    int cube;         // 1: a cube texture
+    int own;          // 1: a mesh with texture coordinates of its own
+};
+
+// The shape's axes in the world.
+struct Turn {
+    Row axis_x, axis_y, axis_z;
+
+    WARPCAM_FN Vec world(Vec v) const
+    {
+        return { axis_x.x * v.x + axis_x.y * v.y + axis_x.z * v.z, axis_y.x * v.x + axis_y.y * v.y + axis_y.z * v.z,
+                 axis_z.x * v.x + axis_z.y * v.y + axis_z.z * v.z };
+    }
+};
+
+struct None {
+};
+template <bool WANTED, class Value> struct Kept {
+    using type = Value;
+};
+template <class Value> struct Kept<false, Value> {
+    using type = None;
+};
+
+// Only what the images need.
+template <int TYPES, class Wants> struct Look {
+    typename Kept<Wants::SURFACE, Pose>::type pose;
+    typename Kept<Wants::COLORED, Finish>::type finish;
+    typename Kept<Wants::TURNED, Turn>::type turn;
+    typename Kept<Wants::TEXTURED, Layout>::type layout;
+    typename Kept<Wants::LIT && (TYPES >> PLANE & 1), PlaneCells>::type cells;
+};
+
+template <int TYPES, class Shapes, class Meshes>
+WARPCAM_FN Pose load_pose(const Shapes& shapes, const Meshes& meshes, const Camera& camera, int world, int id)
+{
+    const auto r = wp::index(shapes.rotations, world, id);
+    const Vec away = camera.origin - to_vec(wp::index(shapes.positions, world, id));
+    Matrix turn, view;
+    float eye[3];
+    for (int i = 0; i < 3; ++i)
+        for (int j = 0; j < 3; ++j)
+            turn.at[i][j] = r.data[i][j];
+    for (int i = 0; i < 3; ++i) {
+        eye[i] = turn.at[0][i] * away.x + turn.at[1][i] * away.y + turn.at[2][i] * away.z;
+        for (int j = 0; j < 3; ++j)
+            view.at[i][j] = turn.at[0][i] * camera.rotation.at[0][j] + turn.at[1][i] * camera.rotation.at[1][j]
+                + turn.at[2][i] * camera.rotation.at[2][j];
+    }
+    const int type = wp::index(shapes.types, id), asset = row_of(shapes.assets, world, id);
+    Vec size = to_vec(row_of(shapes.sizes, world, id));
+    if ((TYPES >> MESH & 1) && type == MESH && asset >= 0) {
+        size.x = as_float(wp::index(meshes.face_start, asset));
+        size.y = as_float(wp::index(meshes.corner_start, asset));
+    }
+    return { { view.at[0][0], view.at[0][1], view.at[0][2], as_int(eye[0]) },
+             { view.at[1][0], view.at[1][1], view.at[1][2], as_int(eye[1]) },
+             { view.at[2][0], view.at[2][1], view.at[2][2], as_int(eye[2]) },
+             to_row(size, type + 8 * (asset + 1)) };
+}
+
+template <class Shapes> WARPCAM_FN Turn load_turn(const Shapes& shapes, int world, int id)
+{
+    const auto r = wp::index(shapes.rotations, world, id);
+    return { { r.data[0][0], r.data[0][1], r.data[0][2], 0 },
+             { r.data[1][0], r.data[1][1], r.data[1][2], 0 },
+             { r.data[2][0], r.data[2][1], r.data[2][2], 0 } };
+}
+
+// The index of a shape's material, or -1: indices can be written by the user at any time.
+template <class Shapes, class Materials>
+WARPCAM_FN int material_of(const Shapes& shapes, const Materials& materials, int world, int id)
+{
+    const int index = row_of(shapes.materials, world, id);
+    return index < materials.color.shape[1] ? index : -1;
+}
+
+template <class Materials> WARPCAM_FN int texture_of(const Materials& materials, int world, int material)
+{
+    const int rows = materials.texture.shape[0];
+    return *wp::address(materials.texture, world < rows ? world : remainder(world, rows), material, 1);
+}
+
+// A shape's own colour counts where it has been set: where it differs from the default, (0.5, 0.5, 0.5, 1). The
+// material of a shape without one is MuJoCo's: half specular, half shininess.
+template <bool MATERIAL, class Shapes, class Materials>
+WARPCAM_FN Finish load_finish(const Shapes& shapes, const Materials& materials, int world, int id)
+{
+    auto color = row_of(shapes.colors, world, id);
+    Finish finish { { 0.0f, 0.0f, 0.0f, -1 }, { 0.0f, 0.5f, 64.0f, 0 } };
+    const int index = MATERIAL ? material_of(shapes, materials, world, id) : -1;
+    if (MATERIAL && index >= 0) {
+        if (color[0] == 0.5f && color[1] == 0.5f && color[2] == 0.5f && color[3] == 1.0f)
+            color = row_of(materials.color, world, index);
+        finish.color.w = texture_of(materials, world, index);
+        finish.gloss.x = row_of(materials.emission, world, index);
+        finish.gloss.y = row_of(materials.specular, world, index);
+        finish.gloss.z = 128.0f * row_of(materials.shininess, world, index);
+    }
+    finish.color.x = color[0];
+    finish.color.y = color[1];
+    finish.color.z = color[2];
+    return finish;
+}
+
+// The half extents of a shape as MuJoCo gives them to its renderer.
+template <int TYPES, class Meshes, class HeightFields>
+WARPCAM_FN Vec extent_of(const Pose& pose, const Meshes& meshes, const HeightFields& fields)
+{
+    const Vec size = to_vec(pose.size);
+    const int type = pose.type(), asset = pose.asset();
+    if (type == SPHERE)
+        return { size.x, size.x, size.x };
+    if (type == CAPSULE || type == CYLINDER)
+        return { size.x, size.x, size.y };
+    if ((TYPES >> MESH & 1) && type == MESH && asset >= 0) {
+        const auto lo = wp::index(meshes.lower, asset), hi = wp::index(meshes.upper, asset);
+        return { upper(magnitude(lo[0]), magnitude(hi[0])), upper(magnitude(lo[1]), magnitude(hi[1])),
+                 upper(magnitude(lo[2]), magnitude(hi[2])) };
+    }
+    if ((TYPES >> HEIGHT_FIELD & 1) && type == HEIGHT_FIELD && asset >= 0) {
+        const auto field = wp::index(fields.size, asset);
+        return { field[0], field[1], 0.25f * field[2] + 0.5f * field[3] };
+    }
+    return size;
+}
+
+template <int TYPES, class Shapes, class Materials, class Textures, class Meshes, class HeightFields>
+WARPCAM_FN Layout load_layout(const Shapes& shapes, const Materials& materials, const Textures& textures,
+                              const Meshes& meshes, const HeightFields& fields, const Pose& pose, int texture, int world,
+                              int id)
+{
+    Layout layout { { 0.0f, 0.0f, 0.0f, 0 }, load_image(textures, texture), { 1.0f, 1.0f }, {}, 0, 0 };
+    const int index = material_of(shapes, materials, world, id);
+    if (index < 0)
+        return layout;
+    layout.cube = layout.image.levels > 0 && wp::index(textures.kind, texture) == TEXTURE_CUBE;
+    const bool uniform = row_of(materials.texture_uniform, world, index);
+    const auto repeat = row_of(materials.texture_repeat, world, index);
+    const Vec extent = extent_of<TYPES>(pose, meshes, fields);
+    layout.extent = to_row(extent, uniform);
+    layout.repeat[0] = repeat[0] * (uniform && extent.x > 0.0f ? extent.x : 1.0f);
+    layout.repeat[1] = repeat[1] * (uniform && extent.y > 0.0f ? extent.y : 1.0f);
+    if ((TYPES >> PLANE & 1) && pose.type() == PLANE) {  // a side of length 0 is endless, two metres an image
+        const float offset = extent.x <= 0.0f || extent.y <= 0.0f ? -0.5f : 0.0f;
+        const float half[2] = { extent.x, extent.y };
+        for (int axis = 0; axis < 2; ++axis) {
+            layout.start[axis] = (half[axis] > 0.0f ? 0.5f * layout.repeat[axis] : 0.0f) + offset;
+            layout.repeat[axis] *= (axis == 0 ? 0.5f : -0.5f) * (half[axis] > 0.0f ? inverse(half[axis]) : 1.0f);
+        }
+    }
+    if ((TYPES >> MESH & 1) && pose.type() == MESH && pose.asset() >= 0)
+        layout.own = wp::index(meshes.has_uvs, pose.asset());
+    if (layout.cube && layout.own)  // on such a mesh a cube texture does not show
+        layout.image.levels = 0;
+    return layout;
+}
+
+template <int TYPES, class Wants, class Shapes, class Materials, class Textures, class Meshes, class HeightFields>
+WARPCAM_FN Look<TYPES, Wants> load_look(const Shapes& shapes, const Materials& materials, const Textures& textures,
+                                        const Meshes& meshes, const HeightFields& fields, const Camera& camera,
+                                        float horizon, int world, int id)
+{
+    Look<TYPES, Wants> look;
+    if constexpr (Wants::SURFACE)
+        look.pose = load_pose<TYPES>(shapes, meshes, camera, world, id);
+    if constexpr (Wants::TURNED)
+        look.turn = load_turn(shapes, world, id);
+    if constexpr (Wants::COLORED)
+        look.finish = load_finish<Wants::MATERIAL>(shapes, materials, world, id);
+    if constexpr (Wants::TEXTURED)
+        look.layout = load_layout<TYPES>(shapes, materials, textures, meshes, fields, look.pose,
+                                         look.finish.color.w, world, id);
+    if constexpr (Wants::LIT && (TYPES >> PLANE & 1)) {
+        const int index = Wants::MATERIAL ? material_of(shapes, materials, world, id) : -1;
+        float repeat[2] = { 0.0f, 0.0f };
+        if (Wants::MATERIAL && index >= 0)
+            for (int axis = 0; axis < 2; ++axis)
+                repeat[axis] = row_of(materials.texture_repeat, world, index)[axis];
+        look.cells = plane_cells(look.pose, repeat, horizon);
+    }
+    return look;
+}
+
+}  // namespace warpcam

@@ -1,0 +1,183 @@
+// Triangle meshes behind a region's pixels, on CUDA. Rays that meet a mesh's box wait in a queue of the block until there
+// are enough of them to fill its lanes; then each lane walks a ray, and takes another when it is done.
+#pragma once
+#include "tiles.h"
+
+#if defined(__CUDA_ARCH__)
+namespace warpcam {
+
+constexpr unsigned ALL = 0xffffffffu;
+constexpr int FEW = 8;  // lanes; fewer wait for company before they do what the others do not need
+
+// WORDS: 32 shapes of the list each.
+template <int WORDS> struct MeshQueue {
+    static constexpr int SIZE = WORDS > 2 ? 256 : 512;
+    int count, next;               // rays in the queue; the first that nobody has taken
+    float depth[SIZE];             // of the nearest hit so far
+    unsigned meshes[WORDS][SIZE];  // bits by rank: meshes whose boxes the ray meets
+    unsigned short pixel[SIZE];    // row * 64 + column in the region
+
+    // Is there room for one more tile of each warp?
+    WARPCAM_FN bool has_room() const { return *const_cast<const volatile int*>(&count) <= SIZE - THREADS; }
+};
+
+// Puts the rays of a tile that meet meshes before their hits into the queue, which has room for them.
+template <int TYPES, int LENS, int CAPACITY, int WORDS, class Meshes>
+WARPCAM_FN void enqueue(MeshQueue<WORDS>& queue, const ShapeList<CAPACITY>& list, int column, int row,
+                        const ViewRay<LENS>& ray, float near, const Meshes& meshes, float depth)
+{
+    const int lane = threadIdx.x % LANES, words = (list.count + LANES - 1) / LANES;
+    unsigned met[WORDS];
+    bool any = false;
+    for (int word = 0; word < words; ++word) {
+        const int rank = word * LANES + lane;
+        const bool mine = rank < list.count && touches(list.tiles[rank], column, row)
+            && is_mesh<TYPES>(list.records[list.order[rank]]);
+        met[word] = find_meshes(__ballot_sync(ALL, mine), list.records, list.order + word * LANES, ray, near, meshes,
+                                depth);
+        any |= met[word] != 0;
+    }
+    const unsigned waiting = __ballot_sync(ALL, any);
+    if (waiting == 0)
+        return;
+    int at = 0;
+    if (lane == 0)
+        at = atomicAdd(&queue.count, __popc(waiting));
+    at = __shfl_sync(ALL, at, 0) + __popc(waiting & ((1u << lane) - 1));
+    if (any) {
+        queue.depth[at] = depth;
+        queue.pixel[at] = static_cast<unsigned short>((row * TILE_HEIGHT + lane / TILE_WIDTH) * 64
+                                                      + column * TILE_WIDTH + lane % TILE_WIDTH);
+        for (int word = 0; word < words; ++word)
+            queue.meshes[word][at] = met[word];
+    }
+}
+
+// Traces the rays of the queue and stores what they hit: store(pixel, depth, shape, face). `ray_of(pixel)` is a pixel's
+// ray. All warps of the block come here together.
+template <int CAPACITY, int WORDS, class Meshes, class RayOf, class Store>
+WARPCAM_FN void trace_queue(MeshQueue<WORDS>& queue, const ShapeList<CAPACITY>& list, const Meshes& meshes, float near,
+                            const RayOf& ray_of, const Store& store)
+{
+    const int lane = threadIdx.x % LANES, words = (list.count + LANES - 1) / LANES, count = queue.count;
+    int stack[STACK];
+    float entries[STACK];
+    int at_ray = 0, word = 0, slot = 0, node = NO_NODE, height = 0, shape = -1, face = -1;
+    unsigned left = 0, nodes = 0;
+    float depth = 0.0f;
+    auto ray = ray_of(0);
+    Slabs s {};
+    bool more = true;  // rays in the queue
+    while (true) {
+        const unsigned idles = __ballot_sync(ALL, node == NO_NODE && left == 0);
+        if (more && (__popc(idles) >= FEW || idles == ALL)) {
+            int next = 0;
+            if (lane == 0)
+                next = atomicAdd(&queue.next, __popc(idles));
+            next = __shfl_sync(ALL, next, 0);
+            more = next + __popc(idles) < count;
+            const int mine = next + __popc(idles & ((1u << lane) - 1));
+            if (idles >> lane & 1) {
+                if (shape >= 0)
+                    store(queue.pixel[at_ray], depth, shape, face);
+                shape = -1;
+                if (mine < count) {
+                    at_ray = mine;
+                    ray = ray_of(queue.pixel[mine]);
+                    depth = queue.depth[mine];
+                    word = 0;
+                    left = queue.meshes[0][mine];
+                    while (left == 0 && word + 1 < words)
+                        left = queue.meshes[++word][mine];
+                }
+            }
+        } else if (idles == ALL) {
+            if (shape >= 0)
+                store(queue.pixel[at_ray], depth, shape, face);
+            return;
+        }
+
+        const unsigned between = __ballot_sync(ALL, node == NO_NODE && left != 0);  // on to their next meshes
+        if (between && (__popc(between) >= FEW || !__any_sync(ALL, node != NO_NODE))) {
+            if (between >> lane & 1) {
+                slot = list.order[word * LANES + lowest_bit(left)];
+                left &= left - 1;
+                while (left == 0 && word + 1 < words)
+                    left = queue.meshes[++word][at_ray];
+                const Record& record = list.records[slot];
+                if (as_float(record.size.w) < depth) {
+                    const Ray local = ray.local(record);
+                    s = slabs(local.origin, local.direction, record.size.x);
+                    nodes = wp::index(meshes.node_start, record.axis_z.w);
+                    node = 0;
+                } else {
+                    left = 0;  // what follows is farther still
+                }
+            }
+        }
+
+        bool inner = node >= 0 && node != NO_NODE;
+        unsigned stepping = __ballot_sync(ALL, inner);
+        while (stepping) {
+            if (inner) {
+                const unsigned at = nodes + unsigned(node * NODE_ROWS);
+                float best = FAR_AWAY;
+                node = NO_NODE;
+#pragma unroll
+                for (int k = 0; k < 4; ++k) {
+                    const Row low = load(meshes.nodes.data, at + 2 * k), high = load(meshes.nodes.data, at + 2 * k + 1);
+                    const float x0 = low.x * s.scale.x + s.down.x, x1 = high.x * s.scale.x + s.up.x;
+                    const float y0 = low.y * s.scale.y + s.down.y, y1 = high.y * s.scale.y + s.up.y;
+                    const float z0 = low.z * s.scale.z + s.down.z, z1 = high.z * s.scale.z + s.up.z;
+                    const float enter = upper(upper(lower(x0, x1), lower(y0, y1)), upper(lower(z0, z1), near));
+                    const float leave = lower(lower(upper(x0, x1), upper(y0, y1)), lower(upper(z0, z1), depth));
+                    if (enter <= leave) {
+                        const bool nearer = enter < best;
+                        if (node != NO_NODE) {
+                            stack[height] = nearer ? node : low.w;
+                            entries[height++] = nearer ? best : enter;
+                        }
+                        node = nearer ? low.w : node;
+                        best = nearer ? enter : best;
+                    }
+                }
+                while (node == NO_NODE && height > 0)
+                    if (entries[--height] < depth)
+                        node = stack[height];
+            }
+            inner = node >= 0 && node != NO_NODE;
+            stepping = __ballot_sync(ALL, inner);
+            if (__popc(stepping) < 2 * FEW)
+                break;
+        }
+
+        const unsigned leaves = __ballot_sync(ALL, node < 0);
+        if (leaves && (__popc(leaves) >= FEW || !stepping)) {
+            if (node < 0) {
+                const int code = -node - 1, first = code >> 4, end = first + (code & 15);
+                const Record& record = list.records[slot];
+                const RayFrame frame = ray.frame(record);
+                const unsigned faces = wp::index(meshes.face_start, record.axis_z.w);
+                for (int f = first; f < end; ++f) {
+                    const unsigned at = faces + unsigned(f * FACE_ROWS);
+                    const Row a = load(meshes.faces.data, at), b = load(meshes.faces.data, at + 1);
+                    const Row c = load(meshes.faces.data, at + 2);
+                    const float t = enter_triangle(frame, project(frame, a.x, a.y, a.z), project(frame, b.x, b.y, b.z),
+                                                   project(frame, c.x, c.y, c.z));
+                    if (t < depth && t > near) {
+                        depth = t;
+                        shape = record.axis_y.w;
+                        face = f;
+                    }
+                }
+                node = NO_NODE;
+                while (node == NO_NODE && height > 0)
+                    if (entries[--height] < depth)
+                        node = stack[height];
+            }
+        }
+    }
+}
+
+}  // namespace warpcam
+#endif

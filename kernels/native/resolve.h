@@ -1,0 +1,290 @@
+// From the visibility buffer to images: a block draws one region of one view.
+#pragma once
+#include "mapping.h"
+#include "pixels.h"
+#include "shade.h"
+#include "texels.h"
+
+namespace warpcam {
+
+// The structs of types.py that a pixel needs.
+template <class Frame_, class Images_, class Shapes_, class Meshes_, class Fields_, class Materials_, class Textures_,
+          class Background_>
+struct Scene {
+    const Frame_& frame;
+    const Images_& images;
+    const Shapes_& shapes;
+    const Meshes_& meshes;
+    const Fields_& fields;
+    const Materials_& materials;
+    const Textures_& textures;
+    const Background_& background;
+};
+template <class... Structs> Scene(const Structs&...) -> Scene<Structs...>;
+
+// What the trace found at a pixel.
+struct Found {
+    int shape, face;
+    float depth;
+};
+
+// Where a warp sees anything at all, its pixels that see nothing do as one of the others does, so that all its threads
+// go the same way; what they find is not used.
+WARPCAM_FN void follow(bool hit, Found& found)
+{
+#if defined(__CUDA_ARCH__)
+    const int leader = lowest_bit(__ballot_sync(0xffffffffu, hit)) & 31;
+    const int shape = __shfl_sync(0xffffffffu, found.shape, leader), face = __shfl_sync(0xffffffffu, found.face, leader);
+    const float depth = __shfl_sync(0xffffffffu, found.depth, leader);
+    if (!hit)
+        found = { shape, face, depth };
+#endif
+}
+
+WARPCAM_FN Vec turned(const Matrix& m, Vec v)
+{
+    return { m.at[0][0] * v.x + m.at[0][1] * v.y + m.at[0][2] * v.z,
+             m.at[1][0] * v.x + m.at[1][1] * v.y + m.at[1][2] * v.z,
+             m.at[2][0] * v.x + m.at[2][1] * v.y + m.at[2][2] * v.z };
+}
+
+// Colour where nothing is hit. The skybox lies on its side: its y axis is the world's z.
+template <int LENS, int FACTS, class Textures, class Background>
+WARPCAM_FN Vec background_color(const Textures& textures, const Background& background, const Camera& camera, float x,
+                                float y)
+{
+    const Image image = FACTS & HAS_SKYBOX ? load_image(textures, background.skybox) : Image { 0, 0, 0, 0 };
+    if ((FACTS & HAS_SKYBOX) && image.levels > 0) {
+        const bool pinhole = LENS == PINHOLE;
+        const Vec ray = turned(camera.rotation, { pinhole ? x : 0.0f, pinhole ? y : 0.0f, -1.0f });
+        const Vec right = turned(camera.rotation, { pinhole ? camera.scale_x : 0.0f, 0.0f, 0.0f });
+        const Vec down = turned(camera.rotation, { 0.0f, pinhole ? -camera.scale_y : 0.0f, 0.0f });
+        return sample_cube(textures.texels.data, image, { ray.x, ray.z, -ray.y }, { right.x, right.z, -right.y },
+                           { down.x, down.z, -down.y });
+    }
+    return to_vec(background.color);
+}
+
+// The texture's colour at a hit; white where there is none.
+template <int TYPES, int LENS, class Looks, class Meshes, class Textures>
+WARPCAM_FN Vec texture_color(const Looks& look, const Meshes& meshes, const Textures& textures, const Camera& camera,
+                             const Surface& surface, Vec ray, float depth)
+{
+    const Layout& layout = look.layout;
+    if (layout.image.levels <= 0)
+        return { 1.0f, 1.0f, 1.0f };
+    const Pose& pose = look.pose;
+    const float stretch = LENS == PINHOLE ? depth : 1.0f;
+    const Vec right = pose.local({ stretch * camera.scale_x, 0.0f, 0.0f });
+    const Vec down = pose.local({ 0.0f, -stretch * camera.scale_y, 0.0f });
+    if (layout.cube) {
+        const CubeMapping mapping = map_cube<TYPES>(pose, layout, surface);
+        return sample_cube(textures.texels.data, layout.image, mapping.direction,
+                           times(mapping.scale, slide(right, ray, surface.normal)),
+                           times(mapping.scale, slide(down, ray, surface.normal)));
+    }
+    const Footprint at = footprint_2d<TYPES>(pose, layout, meshes, surface, ray, right, down);
+    return sample_2d(textures.texels.data, layout.image, at.u, at.v, at.right, at.down);
+}
+
+// The images that need only what the trace found.
+template <int LENS, int IMAGES, int FACTS, class Images, class Shapes>
+WARPCAM_FN void resolve_hit(const Images& images, const Shapes& shapes, const Camera& camera, const Pixel& pixel,
+                            float x, float y, const Found& found)
+{
+    constexpr bool IN_QUADS = FACTS & QUADS;
+    const bool hit = found.shape >= 0;
+    if (IMAGES & DISTANCE) {
+        const float length = LENS == PINHOLE ? root(x * x + y * y + 1.0f) : 1.0f;
+        put_one(images.distance, pixel, hit ? found.depth * length : infinity());
+    }
+    if (IMAGES & BODIES)
+        put_one(images.bodies, pixel, hit ? wp::index(shapes.bodies, found.shape) : -1);
+    if (IMAGES & POINTS) {
+        const float depth = hit ? found.depth : 0.0f, near = LENS == PINHOLE ? depth : 1.0f;
+        const Vec place = camera.origin + turned(camera.rotation, { near * x, near * y, -depth });
+        put_vec<IN_QUADS>(images.points, pixel, hit ? place : Vec { infinity(), infinity(), infinity() });
+    }
+}
+
+// What a surface shows.
+struct Shown {
+    Vec normal;
+    Vec albedo, linear, display;
+};
+
+template <int TYPES, int LENS, int IMAGES, int FACTS, class Looks, class Scene_>
+WARPCAM_FN void resolve_surface(const Looks& look, const LightList& lights, const Scene_& scene, const Camera& camera,
+                                float x, float y, const Found& found, int shadow, Shown& shown)
+{
+    using Wants = Wanted<IMAGES, FACTS>;
+    const float depth = found.depth;
+    Surface surface;
+    Vec place, ray;  // in the camera's frame; in the shape's
+    if constexpr (Wants::SURFACE) {
+        const Pose& pose = look.pose;
+        place = LENS == PINHOLE ? Vec { depth * x, depth * y, -depth } : Vec { x, y, -depth };
+        ray = LENS == PINHOLE ? pose.local({ x, y, -1.0f }) : pose.local({ 0.0f, 0.0f, -1.0f });
+        const Vec local = pose.eye() + (LENS == PINHOLE ? depth * ray : pose.local(place));
+        surface = surface_at<TYPES>(pose, scene.meshes, scene.fields, found.face, local, ray);
+    }
+    if constexpr (Wants::TURNED) {
+        shown.normal = look.turn.world(surface.normal);
+        if (dot(surface.normal, ray) > 0.0f)
+            shown.normal = -shown.normal;
+    }
+    Vec texture { 1.0f, 1.0f, 1.0f };
+    if constexpr (Wants::TEXTURED)
+        texture = texture_color<TYPES, LENS>(look, scene.meshes, scene.textures, camera, surface, ray, depth);
+    if constexpr ((IMAGES & ALBEDO) != 0)
+        shown.albedo = times(clip(to_vec(look.finish.color)), texture);
+    if constexpr (Wants::LIT) {
+        Facet facet;
+        facet_at<TYPES>(look, scene.meshes, surface, place, facet);
+        const bool three = (TYPES & (1 << PLANE | 1 << HEIGHT_FIELD | 1 << BOX | 1 << MESH)) && any_lane(facet.three);
+        const Lit lit = three ? illuminate<3, (FACTS & HAS_SHADOWS) != 0>(lights, facet, look.finish, shadow)
+                              : illuminate<1, (FACTS & HAS_SHADOWS) != 0>(lights, facet, look.finish, shadow);
+        shown.linear = times(lit.linear, texture);
+        shown.display = times(lit.display, texture);
+    }
+}
+
+// What the trace found at a pixel.
+template <int TYPES, int IMAGES, int FACTS, class Frame_> WARPCAM_FN Found find(const Frame_& frame, const Pixel& pixel)
+{
+    Found found { -1, 0, 0.0f };
+    if (pixel.inside) {
+        found.shape = frame.shape.data[pixel.at];
+        if ((IMAGES & (DISTANCE | POINTS)) || Wanted<IMAGES, FACTS>::SURFACE)
+            found.depth = frame.depth.data[pixel.at];
+        if (Wanted<IMAGES, FACTS>::SURFACE && (TYPES & (1 << MESH | 1 << HEIGHT_FIELD)))
+            found.face = frame.face.data[pixel.at];
+    }
+    return found;
+}
+
+// CAPACITY: the looks a block keeps, more than any shape's id; 0 if they are made anew for each pixel.
+template <int TYPES, int LENS, int CAPACITY, int IMAGES, int FACTS, class Looks, class Scene_>
+WARPCAM_FN void resolve_pixel(const Looks* looks, const LightList& lights, const Scene_& scene, const Camera& camera,
+                              int world, const Pixel& pixel, Found found)
+{
+    using Wants = Wanted<IMAGES, FACTS>;
+    constexpr bool IN_QUADS = FACTS & QUADS;
+    const auto& frame = scene.frame;
+    const auto& images = scene.images;
+    const float x = image_x(camera, float(pixel.column)), y = image_y(camera, float(pixel.row));
+    const bool hit = found.shape >= 0;
+    resolve_hit<LENS, IMAGES, FACTS>(images, scene.shapes, camera, pixel, x, y, found);
+    Shown shown;
+    if ((Wants::SURFACE || Wants::COLORED) && any_lane(hit)) {
+        const int shadow = (FACTS & HAS_SHADOWS) && Wants::LIT && hit ? frame.shadow.data[pixel.at] : 0;
+        follow(hit, found);
+        if constexpr (CAPACITY > 0)
+            resolve_surface<TYPES, LENS, IMAGES, FACTS>(looks[found.shape], lights, scene, camera, x, y, found, shadow,
+                                                        shown);
+        else
+            resolve_surface<TYPES, LENS, IMAGES, FACTS>(
+                load_look<TYPES, Wants>(scene.shapes, scene.materials, scene.textures, scene.meshes, scene.fields,
+                                        camera, frame.horizon, world, found.shape),
+                lights, scene, camera, x, y, found, shadow, shown);
+    }
+    const Vec black { 0.0f, 0.0f, 0.0f };
+    if (IMAGES & NORMALS)
+        put_vec<IN_QUADS>(images.normals, pixel, hit ? shown.normal : black);
+    if (IMAGES & ALBEDO)
+        put_bytes<IN_QUADS>(images.albedo, pixel, hit ? to_bytes(shown.albedo) : 0u);
+    if (Wants::LIT) {
+        if (!hit)
+            shown.linear = shown.display
+                = background_color<LENS, FACTS>(scene.textures, scene.background, camera, x, y);
+        const unsigned word = to_bytes(shown.display);
+        if (IMAGES & HDR)
+            put_vec<IN_QUADS>(images.hdr, pixel, shown.linear);
+        if (IMAGES & RGB)
+            put_bytes<IN_QUADS>(images.rgb, pixel, word);
+        if (IMAGES & RGBA)
+            put_word(images.rgba, pixel, hit ? word | 0xff000000u : word);
+    }
+}
+
+#if defined(__CUDA_ARCH__)
+// The pixel of a thread in one of a region's tiles, row after row.
+template <int WIDTH, class Frame_>
+WARPCAM_FN void go_to(Pixel& pixel, const Frame_& frame, unsigned first, int left, int top, unsigned tile)
+{
+    left += tile % (WIDTH / TILE_WIDTH) * TILE_WIDTH;
+    top += tile / (WIDTH / TILE_WIDTH) * TILE_HEIGHT;
+    pixel.column = left + unsigned(pixel.lane) % TILE_WIDTH;
+    pixel.row = top + unsigned(pixel.lane) / TILE_WIDTH;
+    pixel.width = frame.width - left;
+    pixel.height = frame.height - top;
+    pixel.stride = frame.width;
+    pixel.corner = first + top * frame.width + left;
+    pixel.at = first + pixel.row * frame.width + pixel.column;
+    pixel.inside = pixel.column < frame.width && pixel.row < frame.height;
+}
+#endif
+
+// Draws one region of one view; `index` counts worlds, then regions, then (CUDA) threads of the block.
+template <int TYPES, int LENS, int CAPACITY, int WIDTH, int HEIGHT, int IMAGES, int FACTS, class Scene_, class Lights>
+WARPCAM_FN void resolve(const Scene_& scene, const Lights& lights, int index)
+{
+    using Wants = Wanted<IMAGES, FACTS>;
+    using Looks = Look<TYPES, Wants>;
+    constexpr int KEPT = CAPACITY * int(sizeof(Looks)) <= 40960 && (Wants::SURFACE || Wants::COLORED) ? CAPACITY : 0;
+    WARPCAM_SHARED Looks looks[KEPT > 0 ? KEPT : 1];
+    WARPCAM_SHARED LightList list;
+    WARPCAM_SHARED Camera camera;
+    const auto& frame = scene.frame;
+    const int thread = index % THREADS, block = index / THREADS;
+    const int columns = (frame.width + WIDTH - 1) / WIDTH, rows = (frame.height + HEIGHT - 1) / HEIGHT;
+    const int world = block / (columns * rows), part = block % (columns * rows);
+    if (!wp::index(frame.mask, world))
+        return;
+    const int left = part % columns * WIDTH, top = part / columns * HEIGHT;
+    const unsigned first = unsigned(world) * frame.width * frame.height;
+    if (thread == 0)
+        camera = load_camera(wp::index(frame.views, world));
+    block_barrier();
+    if (KEPT > 0)
+        for (int i = thread; i < scene.shapes.drawn.shape[0]; i += THREADS) {
+            const int id = wp::index(scene.shapes.drawn, i);
+            looks[id] = load_look<TYPES, Wants>(scene.shapes, scene.materials, scene.textures, scene.meshes,
+                                                scene.fields, camera, frame.horizon, world, id);
+        }
+    if (Wants::LIT)
+        gather_lights<(FACTS & HAS_SHADOWS) != 0>(lights, camera, world, thread, list);
+    else
+        block_barrier();
+    Pixel pixel;
+#if defined(__CUDA_ARCH__)
+    WARPCAM_SHARED float4 lanes[THREADS / LANES][3 * LANES / 4];
+    constexpr unsigned TILES = WIDTH / TILE_WIDTH * (HEIGHT / TILE_HEIGHT), STEP = THREADS / LANES;
+    const unsigned warp = unsigned(thread) / LANES;
+    pixel.lane = unsigned(thread) % LANES;
+    pixel.row_of_lanes = reinterpret_cast<float*>(lanes[warp]);
+    go_to<WIDTH>(pixel, frame, first, left, top, warp);
+    Found next = find<TYPES, IMAGES, FACTS>(frame, pixel);
+#pragma unroll 1
+    for (unsigned tile = warp; tile < TILES; tile += STEP) {
+        const Found found = next;
+        if (tile + STEP < TILES) {  // ask for the next tile's pixels before this one's are drawn
+            go_to<WIDTH>(pixel, frame, first, left, top, tile + STEP);
+            next = find<TYPES, IMAGES, FACTS>(frame, pixel);
+        }
+        go_to<WIDTH>(pixel, frame, first, left, top, tile);
+        if (pixel.width > 0 && pixel.height > 0)
+            resolve_pixel<TYPES, LENS, KEPT, IMAGES, FACTS>(looks, list, scene, camera, world, pixel, found);
+    }
+#else
+    pixel.inside = true;
+    for (pixel.row = top; pixel.row < lower_int(top + HEIGHT, frame.height); ++pixel.row)
+        for (pixel.column = left; pixel.column < lower_int(left + WIDTH, frame.width); ++pixel.column) {
+            pixel.at = first + pixel.row * frame.width + pixel.column;
+            resolve_pixel<TYPES, LENS, KEPT, IMAGES, FACTS>(looks, list, scene, camera, world, pixel,
+                                                            find<TYPES, IMAGES, FACTS>(frame, pixel));
+        }
+#endif
+}
+
+}  // namespace warpcam

@@ -1,0 +1,274 @@
+// Light on a surface: the fixed-function lighting that MuJoCo's renderer uses.
+//
+// A light gives `attenuation * spot * (ambient * colour + max(n.l, 0) * diffuse * colour + [n.l > 0] * max(n.h, 0)^e *
+// specular)`; h is halfway between the directions to the light and to the centre of projection. Emission and the
+// light that is everywhere come on top. A textured surface multiplies all of it, highlights included, by its texture.
+#pragma once
+#include "facet.h"
+
+namespace warpcam {
+
+enum LightType { LIGHT_SPOT, LIGHT_DIRECTIONAL };  // values of types.py
+
+// OpenGL has this many lights, and so has MuJoCo's renderer: the headlight, where it shines, and the first active ones.
+constexpr int MAX_LIGHTS = 8;
+
+// One light in the camera's frame.
+struct Light {
+    Row place;     // position of a spot [m], direction to a directional light; w: the light's bit of a shadow mask
+    Row axis;      // direction that a spot shines in; w: bits of the cosine of its cutoff, -2 where it has none
+    Row falloff;   // constant, linear, quadratic; w: bits of a spot's exponent
+    Row ambient;   // w: Nature
+    Row diffuse;   // w: bits of 1 + the squared length of a directional light's `place`
+    Row specular;
+};
+
+enum Nature { SPOT = 1, FADES = 2, CASTS = 4, AMBIENT = 8 };
+
+// The lights of a world that count, and what does not depend on where a surface is.
+struct LightList {
+    Light lights[MAX_LIGHTS];
+    Vec ambient;  // all of it but that of spots and of lights that shadows may take
+    int count;
+    int used;     // 1: some light is on, so that none is everywhere
+    int colored;  // 1: some light has a hue
+};
+
+WARPCAM_FN bool has_hue(const Row& color) { return color.x != color.y || color.x != color.z; }
+
+template <class Lights> WARPCAM_FN bool gives_light(const Lights& lights, int world, int light)
+{
+    const int type = row_of(lights.types, world, light);
+    return type == LIGHT_SPOT || type == LIGHT_DIRECTIONAL;
+}
+
+template <class Lights> WARPCAM_FN bool shines(const Lights& lights, int world, int light)
+{
+    return row_of(lights.active, world, light);
+}
+
+template <bool SHADOWS, class Lights>
+WARPCAM_FN Light load_light(const Lights& lights, const Camera& camera, int world, int index)
+{
+    const Vec direction = turned_back(camera.rotation, to_vec(row_of(lights.directions, world, index)));
+    const Vec position = to_vec(row_of(lights.positions, world, index));
+    const bool spot = row_of(lights.types, world, index) == LIGHT_SPOT;
+    const float cutoff = row_of(lights.cutoff, world, index);
+    const Vec falloff = to_vec(row_of(lights.attenuation, world, index));
+    const bool fades = spot && (falloff.y != 0.0f || falloff.z != 0.0f);
+    const bool wide = !(cutoff < 180.0f);
+    const float strength = spot && !fades ? 1.0f / upper(falloff.x, 1.0e-12f) : 1.0f;
+    const Vec ambient = strength * to_vec(row_of(lights.ambient, world, index));
+    int nature = (spot ? SPOT : 0) | (fades ? FADES : 0);
+    if (SHADOWS && row_of(lights.casts_shadow, world, index))
+        nature |= CASTS;
+    if ((SHADOWS || spot) && (ambient.x != 0.0f || ambient.y != 0.0f || ambient.z != 0.0f))
+        nature |= AMBIENT;
+    Light light;
+    light.place = to_row(spot ? turned_back(camera.rotation, position - camera.origin) : -direction,
+                         SHADOWS && index < 32 ? 1 << index : 0);
+    light.axis = to_row(direction, as_int(wide ? -2.0f : cosine(0.017453292519943295f * cutoff)));
+    light.falloff = to_row(falloff, as_int(wide ? 0.0f : row_of(lights.exponent, world, index)));
+    light.ambient = to_row(ambient, nature);
+    light.diffuse = to_row(strength * to_vec(row_of(lights.diffuse, world, index)),
+                           as_int(1.0f + dot(direction, direction)));
+    light.specular = to_row(strength * to_vec(row_of(lights.specular, world, index)), 0);
+    return light;
+}
+
+// Fills the list; all threads of the block take part.
+template <bool SHADOWS, class Lights>
+WARPCAM_FN void gather_lights(const Lights& lights, const Camera& camera, int world, int thread, LightList& list)
+{
+    const int total = lights.types.shape[1];
+    const Vec ambient = to_vec(wp::index(lights.headlight, 0)), diffuse = to_vec(wp::index(lights.headlight, 1)),
+              specular = to_vec(wp::index(lights.headlight, 2));
+    const Vec sum = ambient + diffuse + specular;
+    const bool headlight = dot(sum, sum) > 0.0f;
+    const int slots = headlight ? MAX_LIGHTS - 1 : MAX_LIGHTS;
+    if (thread == 0) {
+        list.lights[0].place = { 0.0f, 0.0f, 1.0f, 0 };
+        list.lights[0].ambient = to_row(ambient, 0);
+        list.lights[0].diffuse = to_row(diffuse, as_int(2.0f));
+        list.lights[0].specular = to_row(specular, 0);
+        list.count = list.used = headlight;
+    }
+    block_barrier();
+    for (int light = thread; light < total; light += THREADS) {
+        if (!shines(lights, world, light) || !gives_light(lights, world, light))
+            continue;
+        list.used = 1;
+        int before = 0, kept = 0;  // lights that take a slot, and those of them that give light
+        for (int other = 0; other < light; ++other)
+            if (shines(lights, world, other)) {
+                kept += before < slots && gives_light(lights, world, other);
+                ++before;
+            }
+        if (before < slots) {
+            list.lights[headlight + kept] = load_light<SHADOWS>(lights, camera, world, light);
+#if defined(__CUDA_ARCH__)
+            atomicAdd(&list.count, 1);
+#else
+            ++list.count;
+#endif
+        }
+    }
+    block_barrier();
+    if (thread == 0) {
+        const float everywhere = list.used ? 0.0f : lights.global_ambient;
+        list.ambient = { everywhere, everywhere, everywhere };
+        list.colored = 0;
+        for (int n = 0; n < list.count; ++n) {
+            const Light& light = list.lights[n];
+            if (!(light.ambient.w & AMBIENT))
+                list.ambient = list.ambient + to_vec(light.ambient);
+            if (has_hue(light.ambient) || has_hue(light.diffuse) || has_hue(light.specular))
+                list.colored = 1;
+        }
+    }
+    block_barrier();
+}
+
+// What a facet's corner is to all lights: the unit direction to the centre of projection and its length [m], and the
+// product of that direction with the normal.
+struct Vertex {
+    Vec to_eye, normal;
+    float reach, slant;
+};
+
+// A spot's strength at a corner, before its cone.
+WARPCAM_FN float faded(const Light& light, const Vertex& vertex)
+{
+    const Vec offset = to_vec(light.place) + vertex.reach * vertex.to_eye;
+    const float distance = root(dot(offset, offset));
+    return inverse(upper(light.falloff.x + distance * (light.falloff.y + distance * light.falloff.z), 1.0e-12f));
+}
+
+// How much a light adds to a corner: of its ambient, diffuse and specular colours.
+struct Share {
+    float ambient, diffuse, specular;
+};
+
+template <bool IS_SPOT> WARPCAM_FN Share share_of(const Light& light, const Vertex& vertex, float strength, float exponent)
+{
+    Vec to_light = to_vec(light.place);
+    float squares = as_float(light.diffuse.w);
+    if (IS_SPOT) {
+        const Vec offset = to_light + vertex.reach * vertex.to_eye;
+        to_light = inverse_root(dot(offset, offset)) * offset;
+        squares = 2.0f;
+        const float along = -dot(to_light, to_vec(light.axis));
+        strength *= power(upper(along, TINY), as_float(light.falloff.w));
+        strength = along >= as_float(light.axis.w) ? strength : 0.0f;
+    }
+    const float facing = dot(vertex.normal, to_light);
+    const float halfway = squares + 2.0f * dot(to_light, vertex.to_eye);  // squared length of their sum
+    const float highlight = saturated((facing + vertex.slant) * inverse_root(halfway));
+    const float shine = power(upper(highlight, TINY), exponent);
+    return { strength, strength * upper(facing, 0.0f), facing > 0.0f ? strength * shine : 0.0f };
+}
+
+// What a surface sends to the camera, before its texture: all of it, and what a display has of it, which is clipped to
+// [0, 1]. With shadows each light that casts one is drawn on its own: it is clipped, textured and then added to the
+// rest, so that the sum can pass 1 where the texture is dark.
+struct Lit {
+    Vec linear, display;
+};
+
+WARPCAM_FN Vec clip(Vec color) { return { saturated(color.x), saturated(color.y), saturated(color.z) }; }
+
+// A sum of light: in three channels, or in one where no light has a hue.
+WARPCAM_FN void add(Vec& sum, float share, const Row& color) { sum = sum + share * to_vec(color); }
+WARPCAM_FN void add(float& sum, float share, const Row& color) { sum += share * color.x; }
+WARPCAM_FN Vec in_channels(Vec sum) { return sum; }
+WARPCAM_FN Vec in_channels(float sum) { return { sum, sum, sum }; }
+
+// The light at a corner: what the surface reflects in its own colour, and its highlights.
+template <class Sum> struct Glow {
+    Sum matt, gloss;
+};
+
+template <class Sum> WARPCAM_FN void add_share(Glow<Sum>& glow, const Share& share, const Light& light)
+{
+    add(glow.matt, share.diffuse, light.diffuse);
+    add(glow.gloss, share.specular, light.specular);
+    if (light.ambient.w & AMBIENT)
+        add(glow.matt, share.ambient, light.ambient);
+}
+
+template <class Sum> WARPCAM_FN Vec reflected(const Glow<Sum>& glow, Vec base, const Finish& finish)
+{
+    return base + times(in_channels(glow.matt), to_vec(finish.color)) + finish.gloss.y * in_channels(glow.gloss);
+}
+
+template <bool IS_SPOT, int CORNERS, bool SHADOWS, class Sum>
+WARPCAM_FN void add_light(const Light& light, const Vertex* corners, const float* weights, const Finish& finish,
+                          Glow<Sum>* glows, Lit& casting)
+{
+    float strengths[CORNERS];
+    for (int k = 0; k < CORNERS; ++k)
+        strengths[k] = 1.0f;
+    if (IS_SPOT && (light.ambient.w & FADES))
+        for (int k = 0; k < CORNERS; ++k)
+            strengths[k] = faded(light, corners[k]);
+#pragma unroll
+    for (int k = 0; k < CORNERS; ++k) {
+        const Share share = share_of<IS_SPOT>(light, corners[k], strengths[k], finish.gloss.z);
+        if (!SHADOWS || !(light.ambient.w & CASTS)) {
+            add_share(glows[k], share, light);
+        } else {
+            Glow<Sum> own {};
+            add_share(own, share, light);
+            const Vec added = reflected(own, Vec { 0.0f, 0.0f, 0.0f }, finish);
+            casting.linear = casting.linear + weights[k] * added;
+            casting.display = casting.display + weights[k] * clip(added);
+        }
+    }
+}
+
+template <int CORNERS, bool SHADOWS, class Sum>
+WARPCAM_FN Lit illuminate_as(const LightList& list, const Facet& facet, const Finish& finish, int shadow)
+{
+    const float weights[3] = { 1.0f - facet.weight1 - facet.weight2, facet.weight1, facet.weight2 };
+    Vertex corners[CORNERS];
+    Glow<Sum> glows[CORNERS];
+#pragma unroll
+    for (int k = 0; k < CORNERS; ++k) {
+        const float square = dot(facet.place[k], facet.place[k]), rate = inverse_root(square);
+        corners[k] = { -(rate * facet.place[k]), facet.normal[k], square * rate, 0.0f };
+        corners[k].slant = dot(corners[k].to_eye, corners[k].normal);
+        glows[k] = {};
+    }
+    Lit lit { { 0.0f, 0.0f, 0.0f }, { 0.0f, 0.0f, 0.0f } };
+#pragma unroll 1
+    for (int n = 0; n < list.count; ++n) {
+        const Light& light = list.lights[n];
+        if (SHADOWS && (light.place.w & shadow))
+            continue;
+        if (light.ambient.w & SPOT)
+            add_light<true, CORNERS, SHADOWS>(light, corners, weights, finish, glows, lit);
+        else
+            add_light<false, CORNERS, SHADOWS>(light, corners, weights, finish, glows, lit);
+    }
+    const Vec base = times(to_vec(finish.color), Vec { finish.gloss.x + list.ambient.x, finish.gloss.x + list.ambient.y,
+                                                       finish.gloss.x + list.ambient.z });
+#pragma unroll
+    for (int k = 0; k < CORNERS; ++k) {
+        const Vec steady = reflected(glows[k], base, finish);
+        lit.linear = lit.linear + weights[k] * steady;
+        lit.display = lit.display + weights[k] * clip(steady);
+    }
+    return lit;
+}
+
+// The light of a facet's corners, or with CORNERS == 1 of its place. Bit l of `shadow` says that light l, of the first
+// 32, does not reach it.
+template <int CORNERS, bool SHADOWS>
+WARPCAM_FN Lit illuminate(const LightList& list, const Facet& facet, const Finish& finish, int shadow)
+{
+    if (list.colored)
+        return illuminate_as<CORNERS, SHADOWS, Vec>(list, facet, finish, shadow);
+    return illuminate_as<CORNERS, SHADOWS, float>(list, facet, finish, shadow);
+}
+
+}  // namespace warpcam

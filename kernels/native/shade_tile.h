@@ -1,0 +1,229 @@
+// The points of one tile against the casters that may stand between them and a light.
+#pragma once
+#include "casters.h"
+
+namespace warpcam {
+
+// One light in one view.
+template <int LENS> struct LitView {
+    Light light;
+    Sight<LENS> sight;   // points from the camera, along the world's axes
+    Vec origin;          // the camera, world frame
+    bool counts_behind;  // whether the light counts on surfaces that are turned away from it, too: its ambient part does
+};
+
+// A ray from a hit point to the light runs from t = 0 to 1, or to infinity if the light is distant. It counts from
+// `near` on, past the rounding of its own starting point, to `reach`.
+struct Span {
+    float near, reach;
+};
+
+WARPCAM_FN Vec ray_to(const Light& light, Vec p)
+{
+    return light.distant ? light.aim : Vec { light.aim.x - p.x, light.aim.y - p.y, light.aim.z - p.z };
+}
+
+WARPCAM_FN Span span_of(const Light& light, Vec origin, Vec p, float depth)
+{
+    const Vec d = ray_to(light, p);
+    const float rounding = 2.0e-6f
+        * (magnitude(origin.x + p.x) + magnitude(origin.y + p.y) + magnitude(origin.z + p.z) + depth);
+    const float near = rounding * reciprocal(root(upper(dot(d, d), 1.0e-30f)));
+    return { near, light.distant ? FAR_AWAY : 1.0f - near };
+}
+
+// The ray of an analytic shape's test, in the shape's frame.
+WARPCAM_FN Ray look_back(const Record& record, const Row& aim, Vec p, bool distant)
+{
+    const Row o = record.origin;
+    const Vec origin = WorldRay::turned(record, p, { o.x, o.y, o.z });
+    const float s = distant ? 0.0f : 1.0f;
+    return { origin, { aim.x - s * origin.x, aim.y - s * origin.y, aim.z - s * origin.z } };
+}
+
+#if defined(__CUDA_ARCH__)
+
+// Draws the next number of a counter in shared memory, for one lane.
+WARPCAM_FN unsigned draw_number(int& counter)
+{
+    unsigned number;  // `inc`, because compilers gather the lanes of an `add` first
+    asm volatile("atom.shared.inc.u32 %0, [%1], 0x7fffffff;"
+                 : "=r"(number)
+                 : "r"(static_cast<unsigned>(__cvta_generic_to_shared(&counter)))
+                 : "memory");
+    return number;
+}
+
+// Smallest of the values that the lanes of a warp have.
+WARPCAM_FN float warp_min(float value)
+{
+#if __CUDA_ARCH__ >= 800
+    const int bits = __float_as_int(value);  // turned so that integers order as the floats do
+    const int least = __reduce_min_sync(0xffffffffu, bits ^ (bits >> 31 & 0x7fffffff));
+    return __int_as_float(least ^ (least >> 31 & 0x7fffffff));
+#else
+    for (int step = LANES / 2; step > 0; step /= 2)
+        value = lower(value, __shfl_xor_sync(0xffffffffu, value, step));
+    return value;
+#endif
+}
+
+// What all casters of a list cover together, and how high they reach.
+template <int CAPACITY> WARPCAM_FN Window bounds_of(const CasterList<CAPACITY>& list, float& height)
+{
+    Window all { FAR_AWAY, -FAR_AWAY, FAR_AWAY, -FAR_AWAY };
+    height = -FAR_AWAY;
+#pragma unroll 1
+    for (int slot = threadIdx.x % LANES; slot < list.count; slot += LANES) {
+        const Window w = list.windows[slot];
+        all = { lower(all.left, w.left), upper(all.right, w.right), lower(all.bottom, w.bottom),
+                upper(all.top, w.top) };
+        height = upper(height, list.heights[slot]);
+    }
+    height = -warp_min(-height);
+    return { warp_min(all.left), -warp_min(-all.right), warp_min(all.bottom), -warp_min(-all.top) };
+}
+
+// Is the lane's point, which the light sees at `place`, in the shadow of a caster? `open` is false in lanes that do not
+// ask; afterwards it is true in those that still do. Meshes are not tried but named in `met`, bits by slot, if the point
+// lies in their windows; true if there are any.
+template <int TYPES, int LENS, int CAPACITY, class HeightFields>
+WARPCAM_FN bool shade_tile(const CasterList<CAPACITY>& list, const LitView<LENS>& view, Vec p, const Span& span,
+                           const Place& place, bool& open, const HeightFields& fields, unsigned* met)
+{
+    constexpr bool HAS_MESH = TYPES >> MESH & 1, HAS_FIELD = TYPES >> HEIGHT_FIELD & 1;
+    const int lane = threadIdx.x % LANES, words = (list.count + 31) / 32;
+    const bool distant = view.light.distant;
+    const float u = place.beside ? -FAR_AWAY : place.u, v = place.beside ? -FAR_AWAY : place.v;
+    const Window tile { warp_min(open ? u : FAR_AWAY), -warp_min(open ? place.beside ? u : -u : FAR_AWAY),
+                        warp_min(open ? v : FAR_AWAY), -warp_min(open ? place.beside ? v : -v : FAR_AWAY) };
+    const float floor = warp_min(open ? place.height : FAR_AWAY);
+    bool met_any = false;
+    for (int word = 0; word < words; ++word) {
+        const bool mine = may_shade(list.windows[word * 32 + lane], list.heights[word * 32 + lane], tile, floor);
+        unsigned word_met = 0;
+        for (unsigned mask = __ballot_sync(0xffffffffu, mine); mask; mask &= mask - 1) {
+            const int bit = lowest_bit(mask), slot = word * 32 + bit;
+            const bool meets = open & may_shade(list.windows[slot], list.heights[slot], place);
+            if (!__any_sync(0xffffffffu, meets))
+                continue;
+            const Record& record = list.records[slot];
+            const int type = record.axis_x.w;
+            if (HAS_MESH && type == MESH) {
+                word_met |= meets ? 1u << bit : 0u;
+            } else if (HAS_FIELD && type == HEIGHT_FIELD) {
+                if (meets) {
+                    Hit hit { span.reach, -1, -1 };
+                    walk_height_field(fields, record, WorldRay { p, ray_to(view.light, p) }, span.near, hit);
+                    open = hit.shape < 0;
+                }
+                __syncwarp();
+            } else {
+                const float t = enter_any<analytic_types(TYPES)>(record, look_back(record, list.aims[slot], p, distant));
+                open = open & !((t > span.near) & (t < span.reach));
+            }
+        }
+        if (HAS_MESH) {
+            met[word] = word_met;
+            met_any |= word_met != 0;
+        }
+    }
+    return met_any;
+}
+
+#else
+
+// The points of a tile that ask.
+struct Points {
+    Vec at[LANES];
+    Place places[LANES];
+    float near[LANES], reach[LANES];
+    int open[LANES];  // 1: asks and is not shaded yet
+    int ids[LANES], faces[LANES];
+};
+
+template <int TYPE> inline void shade_points(const Record& record, const Row& aim, bool distant, Points& points)
+{
+    const Record r = record;
+    const Row a = aim;
+    for (int lane = 0; lane < LANES; ++lane) {
+        const float t = enter<TYPE>(r, look_back(r, a, points.at[lane], distant));
+        points.open[lane] &= !((t > points.near[lane]) & (t < points.reach[lane]));
+    }
+}
+
+// Clears `open` of the points that lie in the shadow of a caster in the list.
+template <int TYPES, int LENS, int CAPACITY, class Shapes, class Meshes, class HeightFields>
+inline void shade_tile(const CasterList<CAPACITY>& list, const LitView<LENS>& view, int world, const Shapes& shapes,
+                       const Meshes& meshes, const HeightFields& fields, Points& points)
+{
+    constexpr bool HAS_MESH = TYPES >> MESH & 1, HAS_FIELD = TYPES >> HEIGHT_FIELD & 1;
+    constexpr int WORDS = CasterList<CAPACITY>::WORDS;
+    const int words = (list.count + 31) / 32;
+    Window tile { FAR_AWAY, -FAR_AWAY, FAR_AWAY, -FAR_AWAY };
+    float floor = FAR_AWAY;
+    for (int lane = 0; lane < LANES; ++lane) {
+        if (!points.open[lane])
+            continue;
+        const Place place = points.places[lane];
+        tile.left = lower(tile.left, place.beside ? -FAR_AWAY : place.u);
+        tile.right = upper(tile.right, place.beside ? FAR_AWAY : place.u);
+        tile.bottom = lower(tile.bottom, place.beside ? -FAR_AWAY : place.v);
+        tile.top = upper(tile.top, place.beside ? FAR_AWAY : place.v);
+        floor = lower(floor, place.height);
+    }
+    unsigned behind[WORDS] = {};  // casters that are walked, point by point
+    bool any = false;
+    for (int slot = 0; slot < list.count; ++slot) {
+        if (!may_shade(list.windows[slot], list.heights[slot], tile, floor))
+            continue;
+        const Record& record = list.records[slot];
+        switch (record.axis_x.w) {
+#define WARPCAM_CASE(TYPE) \
+    case TYPE: \
+        if (TYPES >> TYPE & 1) \
+            shade_points<TYPE>(record, list.aims[slot], view.light.distant, points); \
+        break;
+            WARPCAM_CASE(PLANE)
+            WARPCAM_CASE(SPHERE)
+            WARPCAM_CASE(CAPSULE)
+            WARPCAM_CASE(ELLIPSOID)
+            WARPCAM_CASE(CYLINDER)
+            WARPCAM_CASE(BOX)
+#undef WARPCAM_CASE
+        default:
+            behind[slot / 32] |= 1u << slot % 32;
+            any = true;
+        }
+    }
+    for (int lane = 0; (HAS_MESH || HAS_FIELD) && any && lane < LANES; ++lane) {
+        if (!points.open[lane])
+            continue;
+        const WorldRay ray { points.at[lane], ray_to(view.light, points.at[lane]) };
+        unsigned met[WORDS];
+        bool walk = false;
+        Hit hit { points.reach[lane], -1, -1 };
+        for (int word = 0; word < words; ++word) {
+            met[word] = 0;
+            for (unsigned left = behind[word]; left; left &= left - 1) {
+                const int slot = word * 32 + lowest_bit(left);
+                if (!may_shade(list.windows[slot], list.heights[slot], points.places[lane]))
+                    continue;
+                if (HAS_FIELD && list.records[slot].axis_x.w == HEIGHT_FIELD)
+                    walk_height_field(fields, list.records[slot], ray, points.near[lane], hit);
+                else
+                    met[word] |= 1u << slot % 32;
+            }
+            walk |= met[word] != 0;
+        }
+        if (HAS_MESH && walk && hit.shape < 0
+            && (view.counts_behind
+                || faces_light(shapes, meshes, world, points.ids[lane], points.faces[lane], view.light, view.origin)))
+            walk_meshes<true>(meshes, list.records, list.order, met, words, 1, ray, points.near[lane], hit);
+        points.open[lane] = hit.shape < 0;
+    }
+}
+
+#endif
+
+}  // namespace warpcam

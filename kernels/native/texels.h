@@ -1,0 +1,245 @@
+// Looking up textures: a colour at a place, filtered over the footprint of a pixel.
+//
+// Filtering is trilinear: bilinear in the two mipmap levels around log2 of the footprint's longer side, as OpenGL's
+// LINEAR_MIPMAP_LINEAR. 2-D textures repeat; a cube's faces are joined along their edges.
+#pragma once
+#include "vectors.h"
+
+namespace warpcam {
+
+enum TextureKind { TEXTURE_2D, TEXTURE_CUBE };  // values of types.py
+
+// Does `texture` name a texture? Indices can be written by the user at any time.
+template <class Textures> WARPCAM_FN bool is_texture(const Textures& textures, int texture)
+{
+    return texture >= 0 && texture < textures.kind.shape[0];
+}
+
+// Where a texture lies among the texels.
+struct Image {
+    int start, width, height;
+    int levels;  // 0: no texture
+};
+
+template <class Textures> WARPCAM_FN Image load_image(const Textures& textures, int texture)
+{
+    if (!is_texture(textures, texture))
+        return { 0, 0, 0, 0 };
+    return { wp::index(textures.start, texture), wp::index(textures.width, texture),
+             wp::index(textures.height, texture), wp::index(textures.levels, texture) };
+}
+
+// A sum of texels, each channel 0 to 255, with whole numbers as weights that make WHOLE together.
+struct Blend {
+    unsigned red, green, blue;
+};
+
+constexpr int WHOLE = 65535;
+
+// Adds two texels; their weights are the halves of a word, the first one's the lower.
+WARPCAM_FN void add_texels(const unsigned* texels, int first, int second, unsigned weights, Blend& blend)
+{
+#if defined(__CUDA_ARCH__)
+    const unsigned a = __ldg(texels + first), b = __ldg(texels + second);
+    const unsigned red_green = __byte_perm(a, b, 0x5140), blue_alpha = __byte_perm(a, b, 0x7362);
+    blend.red = __dp2a_lo(weights, red_green, blend.red);
+    blend.green = __dp2a_hi(weights, red_green, blend.green);
+    blend.blue = __dp2a_lo(weights, blue_alpha, blend.blue);
+#else
+    const unsigned a = texels[first], b = texels[second], low = weights & 0xffffu, high = weights >> 16;
+    blend.red += low * (a & 0xffu) + high * (b & 0xffu);
+    blend.green += low * (a >> 8 & 0xffu) + high * (b >> 8 & 0xffu);
+    blend.blue += low * (a >> 16 & 0xffu) + high * (b >> 16 & 0xffu);
+#endif
+}
+
+WARPCAM_FN Vec to_color(const Blend& blend)
+{
+    return (1.0f / (255.0f * WHOLE)) * Vec { float(blend.red), float(blend.green), float(blend.blue) };
+}
+
+// A float of this size has no places after the point: its last bits are a whole number.
+constexpr float WHOLE_NUMBERS = 8388608.0f;
+
+// The nearest whole number to `part` of `total`, which is not negative, below 2^22.
+WARPCAM_FN int part_of(int total, float part)
+{
+    return as_int(muladd(float(total), part, WHOLE_NUMBERS)) - as_int(WHOLE_NUMBERS);
+}
+
+// Mipmap level, 0 to `levels - 1`, for squares of the steps in texels to the next pixel right and down.
+WARPCAM_FN float level_of_detail(float right, float down, int levels)
+{
+    const float longer = upper(right, down);
+    if (!(longer > 1.0f))  // NaN too
+        return 0.0f;
+    return lower(0.5f * logarithm2(lower(longer, 1.0e30f)), float(levels - 1));
+}
+
+// One level of a texture; of a cube, its faces' side.
+struct Level {
+    int start, width, height;
+
+    WARPCAM_FN Level next(int images) const
+    {
+        return { start + images * width * height, width > 1 ? width >> 1 : 1, height > 1 ? height >> 1 : 1 };
+    }
+
+    // The level some steps on. While sides halve without a rest their areas are a geometric series.
+    WARPCAM_FN Level after(int steps, int images) const
+    {
+        const int low_width = width >> steps, low_height = height >> steps;
+        if (low_width << steps == width && low_height << steps == height)
+            return { start + images * ((width * height - low_width * low_height) / 3 * 4), low_width, low_height };
+        Level level = *this;
+#pragma unroll 1
+        for (int step = 0; step < steps; ++step)
+            level = level.next(images);
+        return level;
+    }
+};
+
+// A place between two texels along one axis: the first of them, -1 to `size - 1`, and how far on.
+struct Between {
+    int first;
+    float on;
+};
+
+WARPCAM_FN Between between_texels(float unit, int size)
+{
+    constexpr float BASE = 1.5f * WHOLE_NUMBERS;  // of whole numbers of either sign
+    const float place = unit * float(size) - 0.5f, base = (place - 0.5f) + BASE;
+    return { as_int(base) - as_int(BASE), place - (base - BASE) };
+}
+
+// Adds four neighbours, the upper two first, which together weigh `total`.
+WARPCAM_FN void add_quad(const unsigned* texels, const int* quad, const Between& x, const Between& y, int total,
+                         Blend& blend)
+{
+    const int low = part_of(total, y.on), high = total - low;
+    const int high_right = part_of(high, x.on), low_right = part_of(low, x.on);
+    add_texels(texels, quad[0], quad[1], unsigned(high - high_right) | unsigned(high_right) << 16, blend);
+    add_texels(texels, quad[2], quad[3], unsigned(low - low_right) | unsigned(low_right) << 16, blend);
+}
+
+// Adds the colour at (u, v) in [0, 1].
+WARPCAM_FN void add_bilinear(const unsigned* texels, const Level& level, float u, float v, int total, Blend& blend)
+{
+    const Between x = between_texels(u, level.width), y = between_texels(v, level.height);
+    const int left = x.first < 0 ? level.width - 1 : x.first, right = x.first + 1 >= level.width ? 0 : x.first + 1;
+    const int top = y.first < 0 ? level.height - 1 : y.first, bottom = y.first + 1 >= level.height ? 0 : y.first + 1;
+    const int above = level.start + top * level.width, below = level.start + bottom * level.width;
+    const int quad[4] = { above + left, above + right, below + left, below + right };
+    add_quad(texels, quad, x, y, total, blend);
+}
+
+// The part of `unit` after the point; 0 of what has none.
+WARPCAM_FN float fraction(float unit) { return saturated(unit - round_down(unit)); }
+
+// Colour in [0, 1] of a 2-D texture at (u, v), in images: (0, 0) is the top left corner, and images repeat. The steps
+// are the changes of u and v from this pixel to the next on the right and to the next below.
+WARPCAM_FN Vec sample_2d(const unsigned* texels, const Image& image, float u, float v, Pair right, Pair down)
+{
+    const float width = float(image.width), height = float(image.height);
+    const float square_right = right.x * right.x * width * width + right.y * right.y * height * height;
+    const float square_down = down.x * down.x * width * width + down.y * down.y * height * height;
+    const float detail = level_of_detail(square_right, square_down, image.levels);
+    const int steps = int(detail), coarse = part_of(WHOLE, detail - float(steps));
+    const Level level = Level { image.start, image.width, image.height }.after(steps, 1);
+    u = fraction(u);
+    v = fraction(v);
+    Blend blend { 0u, 0u, 0u };
+    add_bilinear(texels, level, u, v, WHOLE - coarse, blend);
+    if (coarse > 0)  // then there is a next level: detail is at most levels - 1
+        add_bilinear(texels, level.next(1), u, v, coarse, blend);
+    return to_color(blend);
+}
+
+// The face of the cube that `v` points at: 0 to 5 for +x -x +y -y +z -z.
+WARPCAM_FN int cube_face(Vec v)
+{
+    const float x = magnitude(v.x), y = magnitude(v.y), z = magnitude(v.z);
+    if (x >= y && x >= z)
+        return v.x < 0.0f ? 1 : 0;
+    if (y >= z)
+        return v.y < 0.0f ? 3 : 2;
+    return v.z < 0.0f ? 5 : 4;
+}
+
+// `v` in a face's own axes: right and down in its image, and outwards. The faces' axes are OpenGL's.
+WARPCAM_FN Vec to_face(int face, Vec v)
+{
+    const float turn = face & 1 ? -1.0f : 1.0f;
+    if (face < 2)
+        return { -turn * v.z, -v.y, turn * v.x };
+    if (face < 4)
+        return { v.x, turn * v.z, turn * v.y };
+    return { turn * v.x, -v.y, turn * v.z };
+}
+
+// The inverse of `to_face`.
+WARPCAM_FN Vec from_face(int face, Vec v)
+{
+    const float turn = face & 1 ? -1.0f : 1.0f;
+    if (face < 2)
+        return { turn * v.z, -v.y, -turn * v.x };
+    if (face < 4)
+        return { v.x, turn * v.z, turn * v.y };
+    return { turn * v.x, -v.y, turn * v.z };
+}
+
+// A texel of a cube, up to one beyond the face's edge: then the one there on the neighbouring face.
+static WARPCAM_COLD int cube_texel(int start, int size, int face, int i, int j)
+{
+    if (i < 0 || j < 0 || i >= size || j >= size) {
+        const float half = 0.5f * float(size), rate = inverse(half);
+        const Vec direction = from_face(face, { (float(i) + 0.5f) * rate - 1.0f, (float(j) + 0.5f) * rate - 1.0f, 1.0f });
+        face = cube_face(direction);
+        const Vec place = to_face(face, direction);
+        const float outwards = inverse(place.z);
+        i = int((place.x * outwards + 1.0f) * half);
+        j = int((place.y * outwards + 1.0f) * half);
+    }
+    return start + (face * size + between(j, 0, size - 1)) * size + between(i, 0, size - 1);
+}
+
+// Adds the colour at (s, t) in [0, 1] of a face.
+WARPCAM_FN void add_bilinear_cube(const unsigned* texels, const Level& level, int face, float s, float t, int total,
+                                  Blend& blend)
+{
+    const int size = level.width;
+    const Between x = between_texels(s, size), y = between_texels(t, size);
+    const int corner = level.start + (face * size + y.first) * size + x.first;
+    int quad[4] = { corner, corner + 1, corner + size, corner + size + 1 };
+    if (x.first < 0 || y.first < 0 || x.first + 1 >= size || y.first + 1 >= size) {
+        quad[0] = cube_texel(level.start, size, face, x.first, y.first);
+        quad[1] = cube_texel(level.start, size, face, x.first + 1, y.first);
+        quad[2] = cube_texel(level.start, size, face, x.first, y.first + 1);
+        quad[3] = cube_texel(level.start, size, face, x.first + 1, y.first + 1);
+    }
+    add_quad(texels, quad, x, y, total, blend);
+}
+
+// Colour in [0, 1] of a cube texture in a direction of any length from its middle. The steps are the changes of
+// `direction` from this pixel to the next on the right and to the next below.
+static WARPCAM_COLD Vec sample_cube(const unsigned* texels, const Image& image, Vec direction, Vec right, Vec down)
+{
+    const int face = cube_face(direction), size = image.width;
+    const Vec place = to_face(face, direction), step_right = to_face(face, right), step_down = to_face(face, down);
+    const float rate = inverse(upper(place.z, 1.0e-20f)), scale = 0.5f * float(size) * rate;
+    const float x = place.x * rate, y = place.y * rate;
+    const float right_x = scale * (step_right.x - x * step_right.z), right_y = scale * (step_right.y - y * step_right.z);
+    const float down_x = scale * (step_down.x - x * step_down.z), down_y = scale * (step_down.y - y * step_down.z);
+    const float detail = level_of_detail(right_x * right_x + right_y * right_y, down_x * down_x + down_y * down_y,
+                                         image.levels);
+    const int steps = int(detail), coarse = part_of(WHOLE, detail - float(steps));
+    const float s = saturated(0.5f * x + 0.5f), t = saturated(0.5f * y + 0.5f);
+    const Level level = Level { image.start, size, size }.after(steps, 6);
+    Blend blend { 0u, 0u, 0u };
+    add_bilinear_cube(texels, level, face, s, t, WHOLE - coarse, blend);
+    if (coarse > 0)
+        add_bilinear_cube(texels, level.next(6), face, s, t, coarse, blend);
+    return to_color(blend);
+}
+
+}  // namespace warpcam
