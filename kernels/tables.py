@@ -25,7 +25,6 @@ class Tables:
     has_materials: bool
     has_textures: bool  # some material can show a texture
     has_skybox: bool
-    max_faces: int = 0  # of the meshes
     horizon: float = 0.0  # how far the source's own renderer draws endless planes [m]; 0 if it has none
 
     def facts(self) -> tuple[Any, ...]:

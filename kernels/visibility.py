@@ -12,8 +12,6 @@ from .types import HEIGHT_FIELD, MESH, HeightFields, Materials, Meshes, Shapes, 
 LENSES = {"pinhole": 0, "orthographic": 1}
 THREADS = 128  # of a CUDA block; lanes.h has the same number
 MAX_LISTED = 256  # shapes that one pass draws
-FINE_MESH = 8  # bit beside those of the shape types; record.h has the same
-FINE_FACES = 4096  # with a mesh of more, a scene is compiled for fine meshes too
 BLOCKS = 10  # on a multiprocessor: bounds the registers of a thread
 MESH_BLOCKS = 8  # the same for scenes with meshes or height fields
 
@@ -115,8 +113,6 @@ def record(
             setattr(target, name, buffer.flatten())
             outputs |= 1 << bit
     types = sum(1 << t for t in tables.shape_types)
-    if device.is_cuda and tables.max_faces > FINE_FACES:
-        types |= 1 << FINE_MESH
     region = region_size(group.at_once, width, height, device)
     kernel = _kernel(types, LENSES[lens], capacity, several, *region, outputs)
     unit = -(-width // region[0]) * -(-height // region[1]) * (THREADS if device.is_cuda else 1)  # threads a world

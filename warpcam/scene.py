@@ -271,7 +271,6 @@ class Scene:
             has_materials=parts.num_materials > 0,
             has_textures=parts.num_materials > 0 and any(i != parts.skybox for i in range(len(parts.textures))),
             has_skybox=parts.skybox >= 0,
-            max_faces=max((len(mesh.faces) for mesh in parts.meshes), default=0),
             horizon=parts.horizon,
         )
 

@@ -7,10 +7,11 @@ namespace warpcam {
 
 // The walk's levels are CELLS, 1, 3, 5, ...; on the others it meets blocks of 2^level cells a side.
 constexpr int CELLS = -1, LEVEL_STEP = 2, FIRST_LEVEL = 5;
-// Cells met before the walk looks for larger steps again: it leaves a block of 2^3 a side.
+// From cell to cell the walk stays among cells until it leaves a block of 8 a side: next to the ground more cells are.
 constexpr int CELL_BLOCK = ~7;
 
-// A cell's index along an axis as the bits of the float WHOLE + index: no instruction is needed between the two.
+// A cell's index along an axis is kept as the bits of the float WHOLE + index, which costs no conversion either way: the
+// integer pipe is the narrow one here.
 constexpr float WHOLE = 12582912.0f;  // 1.5 * 2^23
 constexpr int INDEX = 0x3fffff;       // the bits of an index, also of a negative one that was inverted
 

@@ -5,7 +5,6 @@
 namespace warpcam {
 
 constexpr int TILE_WIDTH = 8, TILE_HEIGHT = 4;  // pixels; one warp
-constexpr int FINE = 2;  // a mesh with more faces for each pixel of its tiles is fine
 
 struct Matrix {
     float at[3][3];
@@ -218,12 +217,7 @@ WARPCAM_FN Visible prepare(const Shape& shape, const Camera& camera, const Regio
     record.axis_x = { m.at[0][0] * scale.x, m.at[0][1] * scale.x, m.at[0][2] * scale.x, shape.type };
     record.axis_y = { m.at[1][0] * scale.y, m.at[1][1] * scale.y, m.at[1][2] * scale.y, shape.id };
     record.axis_z = { m.at[2][0] * scale.z, m.at[2][1] * scale.z, m.at[2][2] * scale.z, shape.asset };
-    int fine = 0;
-    if ((TYPES >> FINE_MESH & 1) && shape.type == MESH) {
-        const int pixels = (tiles.right - tiles.left + 1) * (tiles.bottom - tiles.top + 1) * LANES;
-        fine = wp::index(meshes.num_faces, shape.asset) > FINE * pixels;
-    }
-    record.origin = { o.x * scale.x, o.y * scale.y, o.z * scale.z, fine };
+    record.origin = { o.x * scale.x, o.y * scale.y, o.z * scale.z, 0 };
     record.size.w = as_int(nearest);
     return SEEN;
 }

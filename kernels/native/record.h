@@ -6,7 +6,6 @@ namespace warpcam {
 
 // Values of types.py.
 enum ShapeType { PLANE, HEIGHT_FIELD, SPHERE, CAPSULE, ELLIPSOID, CYLINDER, BOX, MESH };
-constexpr int FINE_MESH = MESH + 1;  // among the types that a scene has: some meshes may be fine, see mesh_rays.h
 enum Lens { PINHOLE, ORTHOGRAPHIC };
 
 // The rows take camera coordinates to the shape's own, in which spheres and ellipsoids are the unit sphere, boxes
@@ -16,7 +15,7 @@ struct Record {
     Row axis_x;  // w: shape type
     Row axis_y;  // w: shape id
     Row axis_z;  // w: asset, the index of a mesh or height field
-    Row origin;  // the camera's centre in the shape's frame; w: 1 for a mesh that is fine, see prepare()
+    Row origin;  // the camera's centre in the shape's frame; w unused
     Row size;    // plane: half widths, 0 infinite; capsule: x = half length / radius; height field: half widths, base
                  // depth. w: bits of `nearest`, a lower bound of the planar depth of every point of the shape
 };
@@ -24,11 +23,6 @@ struct Record {
 template <int TYPES> WARPCAM_FN bool is_mesh(const Record& record)
 {
     return (TYPES >> MESH & 1) && record.axis_x.w == MESH;
-}
-
-template <int TYPES> WARPCAM_FN bool is_fine(const Record& record)
-{
-    return (TYPES >> FINE_MESH & 1) && record.axis_x.w == MESH && record.origin.w != 0;
 }
 
 struct Ray {

@@ -120,31 +120,6 @@ WARPCAM_FN void trace_tile(const ShapeList<CAPACITY>& list, int column, int row,
     }
 }
 
-// The nearest of the meshes that are not fine; each lane walks those that its ray meets. `words` is the warp's room for
-// them: bits by rank, a row of all lanes' for 32 shapes.
-template <int TYPES, int LENS, int CAPACITY, class Meshes>
-WARPCAM_FN void trace_meshes(const ShapeList<CAPACITY>& list, unsigned (*words)[LANES], int column, int row,
-                             const ViewRay<LENS>& ray, float near, const Meshes& meshes, Hit& hit)
-{
-    const int lane = threadIdx.x % LANES, num_words = (list.count + LANES - 1) / LANES;
-    bool any = false;
-    for (int word = 0; word < num_words; ++word) {
-        const int rank = word * LANES + lane;
-        bool mine = false;
-        if (rank < list.count) {
-            const Record& record = list.records[list.order[rank]];
-            mine = touches(list.tiles[rank], column, row) && is_mesh<TYPES>(record) && !is_fine<TYPES>(record);
-        }
-        const unsigned met = find_meshes(__ballot_sync(0xffffffffu, mine), list.records, list.order + word * LANES, ray,
-                                         near, meshes, hit.depth);
-        words[word][lane] = met;
-        any |= met != 0;
-    }
-    if (any)
-        walk_meshes<false>(meshes, list.records, list.order, &words[0][lane], num_words, LANES, ray, near, hit);
-    __syncwarp();
-}
-
 #else
 
 struct Rays {

@@ -1,1 +1,1 @@
-"""Host-side building of what the kernels read: mesh trees, height pyramids, packed textures."""
+"""Host-side building of what the kernels read: mesh trees, cells and peaks of terrain, packed textures."""

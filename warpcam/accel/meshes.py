@@ -71,7 +71,6 @@ def pack_meshes(meshes: Sequence[Mesh], device: wp.Device) -> Meshes:
     packed.upper = wp.array(upper, dtype=wp.vec3, device=device)
     packed.node_start = _integers(node_start, device)
     packed.face_start = _integers(face_start, device)
-    packed.num_faces = _integers([len(mesh.faces) for mesh in meshes], device)
     packed.corner_start = _integers(corner_start, device)
     packed.nodes = wp.array(_joined([tree[0] for tree in trees], 4), dtype=wp.vec4, device=device)
     packed.faces = wp.array(_joined([tree[1] for tree in trees], 4), dtype=wp.vec4, device=device)
