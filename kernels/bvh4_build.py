@@ -6,17 +6,17 @@ import warp as wp
 from .launch import NATIVE
 
 MAX_DEPTH = 16  # levels of 4-wide nodes, as kMaxDepth
-MAX_LEAF = 8  # faces in a leaf, as kMaxLeaf
-MAX_FACES = MAX_LEAF << 24  # in a mesh, as kMaxFaces
+MAX_LEAF = 12  # faces in a leaf, as kMaxLeaf
+MAX_FACES = 67_000_000  # in a mesh, as kMaxFaces
 ABSENT = np.float32(1e30)  # all the bounds of a child that is not there, as kAbsent
-HEADER = NATIVE / "bvh4_build.h"
+HEADERS = tuple(NATIVE / f"bvh4_{part}.h" for part in ("items", "split", "cut", "build"))
 
-_SCRATCH = 160  # bytes a face
+_SCRATCH = 320  # bytes a face, as kScratch
 
 _OPTIONS = wp.ModuleBuildOptions(  # for the CPU alone: a build for CUDA, which nothing launches, is of an empty kernel
     extra_cpu_include_dirs=[str(NATIVE)],
-    extra_cpu_preamble=f'#include "{HEADER.name}"',
-    extra_build_dependencies=[str(HEADER)],
+    extra_cpu_preamble='#include "bvh4_build.h"',
+    extra_build_dependencies=[str(header) for header in HEADERS],
 )
 
 
@@ -26,6 +26,7 @@ _OPTIONS = wp.ModuleBuildOptions(  # for the CPU alone: a build for CUDA, which 
         warpcam::bvh4_build::build(vertices.data, faces.data, num_faces, scratch.data, nodes.data, rows.data);
     counts.data[0] = size.nodes;
     counts.data[1] = size.depth;
+    counts.data[2] = size.faces;
 #endif
 """)
 def _build(
@@ -52,6 +53,11 @@ def _build_kernel(
     _build(vertices, faces, num_faces, scratch, nodes, rows, counts)
 
 
+def max_listed(num_faces: int) -> int:
+    """How many faces the leaves of a mesh list at most, as room_for(): those that are cut stand in several."""
+    return 2 * num_faces
+
+
 def build(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray, int]:
     """Build the tree of one mesh, on one core.
 
@@ -61,12 +67,14 @@ def build(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarr
 
     Returns:
         Node rows (7 * node, 4) float32, face rows (3 * face, 4) float32, both as ``Meshes`` in ``types.py`` has
-        them, and the number of levels of nodes, at most ``MAX_DEPTH``.
+        them, and the number of levels of nodes, at most ``MAX_DEPTH``. A face may stand in several leaves: there
+        are at most ``max_listed(len(faces))`` in all.
     """
     count = len(faces)
-    nodes = np.empty((7 * count, 4), np.float32)
-    rows = np.empty((3 * count, 4), np.float32)
-    counts = np.zeros(2, np.int32)
+    room = max_listed(count)
+    nodes = np.empty((7 * room, 4), np.float32)
+    rows = np.empty((3 * room, 4), np.float32)
+    counts = np.zeros(3, np.int32)
     scratch = np.empty(count * _SCRATCH // 4, np.int32)
 
     def flat(values: np.ndarray, dtype: type) -> wp.array:
@@ -75,4 +83,4 @@ def build(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarr
     inputs = [flat(vertices, wp.float32), flat(faces, wp.int32), count, flat(scratch, wp.int32)]
     outputs = [flat(nodes, wp.float32), flat(rows, wp.float32), flat(counts, wp.int32)]
     wp.launch(_build_kernel, dim=1, inputs=inputs, outputs=outputs, device="cpu")
-    return nodes[: 7 * counts[0]].copy(), rows, int(counts[1])
+    return nodes[: 7 * counts[0]].copy(), rows[: 3 * counts[2]].copy(), int(counts[1])

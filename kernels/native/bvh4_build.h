@@ -10,16 +10,16 @@
 namespace warpcam {
 namespace bvh4_build {
 
-constexpr int kMaxFaces = 88000000;    // in a mesh: 3/2 of them stand in leaves, and a leaf's code must fit in an int
-constexpr int kWhole = 32;             // no node of at most this many items is cut ...
-constexpr double kOverlap = 0.01;      // ... nor one whose children's boxes share less than this part of the root's surface
-constexpr float kLeafCost = 54.f / 86;   // a ray's work for a leaf, in units of its work for a node ...
-constexpr float kRoundCost = 54.f / 86;  // ... and for each four faces in it, which four lanes test at a time
-constexpr float kAbsent = 1e30f;       // all the bounds of a child that is not there
-constexpr int kScratch = 256;          // bytes a face
+constexpr int kMaxFaces = 67000000;      // in a mesh: with their cuts they must fit in the code of a leaf, an int
+constexpr double kOverlap = 0.01;        // a node is cut only where else its halves' boxes share this part of the root's surface
+constexpr float kLeafCost = 54.f / 86;   // a ray's work for a leaf, in units of that for a node ...
+constexpr float kRoundCost = 54.f / 86;  // ... for each four faces in it, which four lanes test at a time ...
+constexpr float kFaceCost = 0.06f;       // ... and for each face, which lanes on their own and CPUs test one after another
+constexpr float kAbsent = 1e30f;         // all the bounds of a child that is not there
+constexpr int kScratch = 320;            // bytes a face
 
-// Places for items, for the shares that cut faces add.
-inline int room_for(int num_faces) { return num_faces + num_faces / 2; }
+// Places for items: faces, and what cutting them adds.
+constexpr int room_for(int num_faces) { return 2 * num_faces; }
 
 inline void read_items(const Faces& mesh, int num_faces, Item* items)
 {
@@ -30,8 +30,8 @@ inline void read_items(const Faces& mesh, int num_faces, Item* items)
 }
 
 // Gives a node's items to two children. Returns where in its `room` places the second's start; `sizes` become the children's.
-inline int divide(const Faces& mesh, Item* items, int count, int room, int limit, const Box& box, const Box& centers, double root_area,
-                  int* sizes)
+inline int divide(const Faces& mesh, Item* items, int count, int room, int limit, const Box& box, const Box& centers,
+                  double root_area, int* sizes)
 {
     int first = 0;
     if (count <= kSweep) {
@@ -39,7 +39,7 @@ inline int divide(const Faces& mesh, Item* items, int count, int room, int limit
     } else {
         Split split = find_split(items, count, limit, centers);
         bool worse = split.first == 0 || split.overlap > kOverlap * root_area;
-        if (worse && count > kWhole && room > count) {
+        if (worse && room > count) {
             Cut cut = find_cut(mesh, items, count, limit, room - count, box);
             Parts parts = {};
             if (cut.cost < split.cost) parts = part(mesh, items, count, room, limit, cut);
@@ -55,8 +55,8 @@ inline int divide(const Faces& mesh, Item* items, int count, int room, int limit
     if (first == 0) first = split_halves(items, count, centers);
     sizes[0] = first;
     sizes[1] = count - first;
-    if (room == count) return first;
-    double areas[2] = {0., 0.};  // large boxes have the most to gain from a cut
+    if (room == count || count <= kSweep) return first;  // no room is needed where nothing more is cut
+    double areas[2] = {0., 0.};                          // large boxes have the most to gain from a cut
     for (int i = 0; i < count; ++i) areas[i >= first] += items[i].box.area();
     double sum = areas[0] + areas[1];
     int second = first + (int)((room - count) * (sum > 0. ? areas[0] / sum : 0.5));
@@ -106,30 +106,14 @@ inline int grow(const Faces& mesh, Item* items, int num_items, int room, Branch*
     return used;
 }
 
-// The faces below a binary node of at most 2 * kMaxLeaf items, each once, in ascending order. Returns how many.
-inline int gather(const Branch* branches, const Item* items, int root, int* faces)
+inline float leaf_cost(int faces)
 {
-    int stack[2 * kMaxLeaf + 1], top = 0, count = 0;
-    stack[top++] = root;
-    while (top > 0) {
-        const Branch& branch = branches[stack[--top]];
-        if (branch.child > 0) {
-            stack[top++] = branch.child + 1;
-            stack[top++] = branch.child;
-            continue;
-        }
-        int face = items[branch.first].face, at = count;
-        while (at > 0 && faces[at - 1] > face) --at;
-        if (at > 0 && faces[at - 1] == face) continue;
-        for (int i = count++; i > at; --i) faces[i] = faces[i - 1];
-        faces[at] = face;
-    }
-    return count;
+    return kLeafCost + kRoundCost * (float)((faces + 3) / 4) + kFaceCost * (float)faces;
 }
 
 // Finds for each binary node, from the bottom up, the cheapest forest of 1, 2 and 3 wide nodes or leaves over its faces. The cost of a
 // node or a face is its chance to be met by a ray that meets the root (the ratio of areas) times the work it then makes.
-inline void plan(Branch* branches, int num_branches, const Item* items)
+inline void plan(Branch* branches, int num_branches)
 {
     double whole = branches[0].box.area();
     double scale = whole > 0. ? 1. / whole : 0.;
@@ -139,17 +123,15 @@ inline void plan(Branch* branches, int num_branches, const Item* items)
             branch.box = branches[branch.child].box;
             branch.box.grow(branches[branch.child + 1].box);
         }
-        int faces[2 * kMaxLeaf];
-        branch.faces = branch.count <= 2 * kMaxLeaf ? gather(branches, items, i, faces) : branch.count;
         float area = (float)(branch.box.area() * scale);
-        float as_leaf = branch.faces <= kMaxLeaf ? area * (kLeafCost + kRoundCost * (float)((branch.faces + 3) / 4)) : 3e38f;
+        float as_leaf = branch.count <= kMaxLeaf ? area * leaf_cost(branch.count) : 3e38f;
         branch.leaf = branch.count == 1;
         branch.height = 0;
         branch.left[2] = branch.left[3] = branch.left[4] = 0;
         branch.cost[0] = branch.cost[1] = branch.cost[2] = as_leaf;
         if (branch.count == 1) continue;
         const Branch &a = branches[branch.child], &b = branches[branch.child + 1];
-        if (branch.faces > kMaxLeaf) branch.height = (short)(1 + larger(a.height, b.height));
+        if (branch.count > kMaxLeaf) branch.height = (short)(1 + larger(a.height, b.height));
         float two = a.cost[0] + b.cost[0];
         bool near = a.cost[0] + b.cost[1] < a.cost[1] + b.cost[0];
         float three = near ? a.cost[0] + b.cost[1] : a.cost[1] + b.cost[0];
@@ -194,7 +176,7 @@ inline int open_two_levels(const Branch* branches, int root, int* children)
     int count = 0;
     for (int side = 0; side < 2; ++side) {
         int child = branches[root].child + side;
-        if (branches[child].faces > kMaxLeaf) {
+        if (branches[child].count > kMaxLeaf) {
             children[count++] = branches[child].child;
             children[count++] = branches[child].child + 1;
         } else {
@@ -211,8 +193,9 @@ struct Size {
     int nodes, depth, faces;
 };
 
-// Writes the wide tree, parents before children, and the faces of its leaves to `order`. `levels` is how many levels a node and what is below it may take: a node that its plan
-// would make deeper is opened two binary levels instead, which always fits, since its height is never more than 2 * levels.
+// Writes the wide tree, parents before children, and the faces of its leaves to `order`. `levels` is how many levels a node and what is
+// below it may take: a node that its plan would make deeper is opened two binary levels instead, which always fits, since its height is
+// never more than 2 * levels.
 inline Size flatten(const Branch* branches, const Item* items, float* rows, int* order)
 {
     struct Todo { int branch, node, levels; } stack[3 * kMaxDepth + 1];
@@ -223,7 +206,7 @@ inline Size flatten(const Branch* branches, const Item* items, float* rows, int*
         Todo todo = stack[--top];
         const Branch& branch = branches[todo.branch];
         int below = todo.levels - 1;
-        auto is_leaf = [&](int child) { return branches[child].leaf || (below == 0 && branches[child].faces <= kMaxLeaf); };
+        auto is_leaf = [&](int child) { return branches[child].leaf || (below == 0 && branches[child].count <= kMaxLeaf); };
         int children[4], inner[4], count = 1, num_inner = 0;
         children[0] = todo.branch;
         if (!branch.leaf) {
@@ -241,9 +224,8 @@ inline Size flatten(const Branch* branches, const Item* items, float* rows, int*
             }
             int code = 0;
             if (child && is_leaf(children[k])) {
-                int count_in = gather(branches, items, children[k], order + size.faces);
-                code = -(size.faces * 16 + count_in) - 1;
-                size.faces += count_in;
+                code = -(size.faces * 16 + child->count) - 1;
+                for (int i = 0; i < child->count; ++i) order[size.faces++] = items[child->first + i].face;
             } else if (child) {
                 code = size.nodes + num_inner;
                 inner[num_inner++] = children[k];
@@ -269,8 +251,9 @@ inline void write_faces(const Faces& mesh, const int* order, int count, float* r
 // kScratch bytes a face, aligned to 4. The face indices are in range and the vertices' magnitude is below 1e18.
 inline Size build(const float* vertices, const int* faces, int num_faces, void* scratch, float* node_rows, float* face_rows)
 {
-    static_assert(3 * sizeof(Item) / 2 + 3 * sizeof(Branch) + 3 * sizeof(int) / 2 <= kScratch, "scratch is too small");
-    static_assert(3ll * kMaxFaces / 2 <= 0x7fffffff >> 4, "a leaf's code must fit in an int");
+    static_assert(2 * sizeof(Item) + 4 * sizeof(Branch) + 2 * sizeof(int) <= kScratch, "scratch is too small");
+    static_assert(kMaxLeaf <= kSweep, "the items of a leaf must lie in a row, and be of different faces");
+    static_assert(room_for(kMaxFaces) <= 0x7fffffff >> 4, "a leaf's code must fit in an int");
     Faces mesh = {vertices, faces};
     int room = room_for(num_faces);
     Item* items = (Item*)scratch;
@@ -278,7 +261,7 @@ inline Size build(const float* vertices, const int* faces, int num_faces, void* 
     int* order = (int*)(branches + 2 * room);
     read_items(mesh, num_faces, items);
     int num_branches = grow(mesh, items, num_faces, room, branches);
-    plan(branches, num_branches, items);
+    plan(branches, num_branches);
     Size size = flatten(branches, items, node_rows, order);
     write_faces(mesh, order, size.faces, face_rows);
     return size;

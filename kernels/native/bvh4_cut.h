@@ -1,64 +1,77 @@
-// Parting a node in two by a plane: faces on both sides of it are cut, and each side gets its share. Long thin faces, whose
-// boxes are mostly empty and overlap their neighbours', then end in several small boxes (the idea of Stich et al., HPG 2009).
+// Parting the items of a node by a plane: a face on both sides of it is cut, and each side gets its share. Long thin faces, whose boxes
+// are mostly empty and overlap their neighbours', then end in several small boxes (the idea of Stich et al., HPG 2009).
 #pragma once
 #include "bvh4_items.h"
 
 namespace warpcam {
 namespace bvh4_build {
 
-constexpr int kPlanes = 16;  // a cut is sought at the borders of so many slices along each axis
+constexpr int kPlanes = 16;  // a cut is sought at the borders of so many slabs along each axis
 
+// A plane to part a node by, and what that costs.
 struct Cut {
     double cost = 1e300;
     int axis = 0;
     float plane = 0.f;
 };
 
-// The slices that a node's box is cut into along one axis.
+// The equal slabs that a node's box falls into along one axis.
 struct Slices {
     float lower, step, inverse;
 
-    Slices(const Box& box, int axis) : lower(box.lower[axis]), step(box.extent(axis) / kPlanes), inverse(kPlanes / box.extent(axis)) {}
+    Slices(const Box& box, int axis)
+        : lower(box.lower[axis]), step(box.extent(axis) / kPlanes), inverse(kPlanes / box.extent(axis)) {}
 
     int slab(float x) const { return larger(smaller((int)((x - lower) * inverse), kPlanes - 1), 0); }
     float plane(int slab) const { return lower + step * (float)(slab + 1); }  // its upper end
 };
 
-// Grows the boxes of the slices first..last by an item's shares. Not to the last bit: it only serves to compare cuts.
+// Grows the boxes of the slabs first..last by an item's shares. Not to the last bit: it only serves to compare cuts.
 inline void slice(const Faces& mesh, const Item& item, int axis, const Slices& slices, int first, int last, Box* boxes)
 {
+    struct Edge { float x, v[2], slope[2]; };  // v + slope * (distance from x) across the axis
+    const int across[2] = {axis == 0 ? 1 : 0, axis == 2 ? 1 : 2};
     const float* corner[3] = {mesh.corner(item.face, 0), mesh.corner(item.face, 1), mesh.corner(item.face, 2)};
     if (corner[1][axis] < corner[0][axis]) swap(corner[0], corner[1]);
     if (corner[2][axis] < corner[1][axis]) swap(corner[1], corner[2]);
     if (corner[1][axis] < corner[0][axis]) swap(corner[0], corner[1]);
-    auto cross = [&](float x, Box& box) {  // the section of the face at x: from its long edge to one of the others
-        int k = x < corner[1][axis] ? 0 : 1;
-        const float* ends[2][2] = {{corner[0], corner[2]}, {corner[k], corner[k + 1]}};
-        for (auto& edge : ends) {
-            const float *a = edge[0], *b = edge[1];
-            float t = (x - a[axis]) / (b[axis] - a[axis]);
-            t = t > 0.f ? smaller(t, 1.f) : 0.f;
-            float point[3] = {a[0] + t * (b[0] - a[0]), a[1] + t * (b[1] - a[1]), a[2] + t * (b[2] - a[2])};
-            point[axis] = x;
-            box.grow(point, point);
+    auto edge = [&](const float* a, const float* b) {
+        float length = b[axis] - a[axis], inverse = length > kMinExtent ? 1.f / length : 0.f;
+        float u = a[across[0]], v = a[across[1]];
+        return Edge{a[axis], {u, v}, {(b[across[0]] - u) * inverse, (b[across[1]] - v) * inverse}};
+    };
+    const Edge whole = edge(corner[0], corner[2]), parts[2] = {edge(corner[0], corner[1]), edge(corner[1], corner[2])};
+    float middle = corner[1][axis], from = item.box.lower[axis], low[2], high[2];  // low, high: the section of the face at `from`
+    auto cross = [&](float x, float* lower, float* upper) {
+        const Edge& part = parts[x >= middle];
+        for (int k = 0; k < 2; ++k) {
+            float a = whole.v[k] + whole.slope[k] * (x - whole.x), b = part.v[k] + part.slope[k] * (x - part.x);
+            lower[k] = smaller(a, b);
+            upper[k] = larger(a, b);
         }
     };
-    Box section = Box::empty();
-    float from = item.box.lower[axis];
-    cross(from, section);
+    cross(from, low, high);
     for (int slab = first; slab <= last; ++slab) {
-        float to = slab < last ? slices.plane(slab) : item.box.upper[axis];
-        Box share = section;
-        section = Box::empty();
-        cross(to, section);
-        share.grow(section);
-        if (corner[1][axis] >= from && corner[1][axis] <= to) share.grow(corner[1], corner[1]);
+        float to = slab < last ? slices.plane(slab) : item.box.upper[axis], next_low[2], next_high[2];
+        cross(to, next_low, next_high);
+        Box share;
+        share.lower[axis] = from;
+        share.upper[axis] = to;
+        bool bend = middle >= from && middle <= to;
+        for (int k = 0; k < 2; ++k) {
+            float v = bend ? parts[1].v[k] : low[k];
+            share.lower[across[k]] = smaller(smaller(low[k], next_low[k]), v);
+            share.upper[across[k]] = larger(larger(high[k], next_high[k]), v);
+            low[k] = next_low[k];
+            high[k] = next_high[k];
+        }
         if (share.clip(item.box)) boxes[slab].grow(share);
         from = to;
     }
 }
 
-// The best cut of a node's items into two parts of at most `limit`, with at most `spare` cut faces.
+// The best cut of a node's items into two parts of at most `limit`, through at most `spare` of them. Both parts may have as many items as
+// the node: what a cut gains is smaller boxes.
 inline Cut find_cut(const Faces& mesh, const Item* items, int count, int limit, int spare, const Box& box)
 {
     Cut best;
@@ -90,7 +103,7 @@ inline Cut find_cut(const Faces& mesh, const Item* items, int count, int limit, 
             side.grow(boxes[slab]);
             n += enter[slab];
             int m = num_after[slab + 1];
-            if (n == 0 || m == 0 || larger(n, m) > smaller(limit, count - 1) || n + m - count > spare) continue;
+            if (n == 0 || m == 0 || larger(n, m) > limit || n + m - count > spare) continue;
             double cost = side.area() * n + after[slab + 1];
             if (cost < best.cost) best = {cost, axis, slices.plane(slab)};
         }
@@ -128,7 +141,7 @@ inline void cut_item(const Faces& mesh, const Item& item, const Cut& cut, Box& l
     if (!high.clip(sides[1])) high = whole[1];
 }
 
-// How cut() left the items: two runs with room behind each.
+// How a cut left the items: two runs with room behind each.
 struct Parts {
     int first, first_room;    // items in the first run, and where the second starts
     int second, second_room;  // 0 items: the cut was not made, and all is as it was but for the order
@@ -151,7 +164,7 @@ inline Parts part(const Faces& mesh, Item* items, int count, int room, int limit
         else ++i;
     }
     int both = high - low, above = count - high, spare = room - count - both;
-    if (spare < 0 || high == 0 || low == count || larger(high, count - low) > smaller(limit, count - 1)) return {};
+    if (spare < 0 || high == 0 || low == count || larger(high, count - low) > limit) return {};
     double sum = weights[0] + weights[1];
     Parts parts;
     parts.first_room = high + (int)(spare * (sum > 0. ? weights[0] / sum : 0.5));

@@ -72,16 +72,15 @@ struct Faces {
     const float* corner(int face, int k) const { return vertices + 3ll * indices[3ll * face + k]; }
 };
 
-// A node of the binary tree. Children come after their parents.
+// A node of the binary tree. Children come after their parents. In one of at most kSweep items, these are [first, first + count).
 struct Branch {
     Box box;
-    int first, count;       // where its items start while the tree grows; how many there are
-    int faces;              // to put into one leaf, where that is possible
+    int first, count;       // where its items start, and how many there are
     int child;              // the first of two in a row; 0 where count is 1
     float cost[3];          // of the cheapest 1, 2, 3 wide nodes or leaves that stand for it
     unsigned char left[5];  // left[n], n = 2..4: of n nodes the first child's share; 0: n - 1 do as well
     bool leaf;              // one node is best: a leaf
-    short height;           // levels from here down of nodes that are too large for a leaf
+    short height;           // levels from here down of nodes with more than kMaxLeaf items
 };
 
 }  // namespace bvh4_build

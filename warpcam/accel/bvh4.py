@@ -18,7 +18,7 @@ MAX_MAGNITUDE = 1e18  # of a coordinate [m]; beyond it a float32 ray test overfl
 CACHED_ABOVE = 2000  # faces; smaller meshes build faster than a file opens
 
 _MAGIC = b"warpcam bvh4\n"
-_LAYOUT = 1  # part of every key: raise it when the rows' meaning changes
+_LAYOUT = 2  # part of every key: raise it when the rows' meaning changes
 _SIZES = struct.Struct("<qqq")  # node rows, face rows, depth
 _DIGEST_BYTES = hashlib.sha256().digest_size
 
@@ -29,7 +29,8 @@ class Bvh4:
 
     Attributes:
         nodes: (7 * node, 4) float32. The root is node 0.
-        faces: (3 * face, 4) float32, in leaf order, each face once.
+        faces: (3 * face, 4) float32, in leaf order. Every face once, and again for each further leaf that a long face
+            was cut into.
         depth: Levels of nodes, 1 to ``MAX_DEPTH``. A traversal that pushes at most three children a level needs a
             stack of ``3 * depth`` entries.
     """
@@ -110,7 +111,8 @@ def _key(vertices: np.ndarray, faces: np.ndarray) -> bytes:
     """Digest of all that decides what a tree is: the mesh, the builder's source, the layout."""
     digest = hashlib.sha256(_MAGIC)
     digest.update(f"{_LAYOUT} {sys.byteorder} {len(vertices)} {len(faces)}\n".encode())
-    digest.update(bvh4_build.HEADER.read_bytes())
+    for header in bvh4_build.HEADERS:
+        digest.update(header.read_bytes())
     digest.update(vertices.data)
     digest.update(faces.data)
     return digest.digest()
@@ -140,7 +142,12 @@ def _read(path: Path, key: bytes, num_faces: int) -> Bvh4 | None:
             if len(head) < head_bytes or not head.startswith(_MAGIC + key):
                 return None
             node_rows, face_rows, depth = _SIZES.unpack(head[-_SIZES.size :])
-            if face_rows != 3 * num_faces or not 0 < node_rows <= 7 * num_faces or not 0 < depth <= MAX_DEPTH:
+            most = bvh4_build.max_listed(num_faces)
+            if (
+                not 3 * num_faces <= face_rows <= 3 * most
+                or not 0 < node_rows <= 7 * most
+                or not 0 < depth <= MAX_DEPTH
+            ):
                 return None
             body_bytes = 16 * (node_rows + face_rows)
             if os.fstat(file.fileno()).st_size != head_bytes + body_bytes + _DIGEST_BYTES:
