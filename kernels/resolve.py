@@ -176,7 +176,7 @@ def record(
 
 def _blocks(images: int) -> int:
     """Blocks that a multiprocessor is to hold, for a set of images: bounds the registers of a thread."""
-    return 6 if images & 0b10000111 else 8
+    return 5 if images & 0b10000111 else 8
 
 
 def _capacity(tables: Tables) -> int:

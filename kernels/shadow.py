@@ -11,6 +11,7 @@ from .types import HeightFields, Lights, Materials, Meshes, Shapes, View
 from .visibility import BLOCKS, LENSES, THREADS, region_size
 
 MAX_LIGHTS = 32  # bits of a mask
+FEW_BLOCKS = 5  # on a multiprocessor, as many as its shared memory holds of the longest lists
 CAPACITIES = (16, 32, 64, 128, 192)  # how many shapes a pass lists: few sizes, so that scenes share kernels
 
 
@@ -48,7 +49,7 @@ def _kernel(types: int, lens: int, capacity: int, width: int, height: int) -> wp
         module="unique",
         enable_backward=False,
         grid_stride=False,
-        launch_bounds=(THREADS, BLOCKS),
+        launch_bounds=(THREADS, BLOCKS if capacity < CAPACITIES[-1] else FEW_BLOCKS),
         module_options={"extra_build_options": native_options("shadow.h")},
     )
     def shadow(

@@ -34,14 +34,20 @@ struct WorldRay {
     }
 };
 
-// Shapes and what one light sees of them.
-template <int CAPACITY> struct CasterList {
-    static constexpr int WORDS = (CAPACITY + 31) / 32;
+// A mesh's box in its own frame.
+struct Box {
+    Vec center, half;
+};
+
+// Shapes and what one light sees of them. MESHES: whether some are meshes.
+template <int SIZE, bool MESHES> struct CasterList {
+    static constexpr int CAPACITY = SIZE, WORDS = (SIZE + 31) / 32;
 
     Record records[CAPACITY];
     // In the shape's frame: the light's position, or the direction to it if it is distant. w: first row of a mesh's
     // faces; that of its nodes is with the record's origin.
     Row aims[CAPACITY];
+    Box boxes[MESHES ? CAPACITY : 1];
     Window windows[WORDS * 32];  // from `count` on to the end of its 32: empty
     float heights[WORDS * 32];
     unsigned char order[CAPACITY];  // each its own slot: shadows need no sorting
@@ -52,7 +58,7 @@ template <int CAPACITY> struct CasterList {
 // A shape as a caster; false if it casts no shadow in this light.
 template <int TYPES, class Meshes, class HeightFields>
 WARPCAM_FN bool prepare_caster(const Shape& shape, const Light& light, const Camera& camera, const Meshes& meshes,
-                               const HeightFields& fields, Record& record, Row& aim, Window& window, float& height)
+                               const HeightFields& fields, Record& record, Row& aim, Box& box, Window& window, float& height)
 {
     Extent extent {};
     Vec scale;
@@ -74,6 +80,7 @@ WARPCAM_FN bool prepare_caster(const Shape& shape, const Light& light, const Cam
     if ((TYPES >> MESH & 1) && shape.type == MESH) {
         record.origin.w = wp::index(meshes.node_start, shape.asset);
         aim.w = wp::index(meshes.face_start, shape.asset);
+        box = { extent.center, extent.half };
     }
     window = { -FAR_AWAY, FAR_AWAY, -FAR_AWAY, FAR_AWAY };
     height = FAR_AWAY;
@@ -83,8 +90,8 @@ WARPCAM_FN bool prepare_caster(const Shape& shape, const Light& light, const Cam
 }
 
 // Fills the list with shapes from `begin` on until it is full; returns where to go on.
-template <int TYPES, int CAPACITY, class Shapes, class Materials, class Meshes, class HeightFields>
-WARPCAM_FN int gather_casters(CasterList<CAPACITY>& list, int begin, const Shapes& shapes, const Materials& materials,
+template <int TYPES, class List, class Shapes, class Materials, class Meshes, class HeightFields>
+WARPCAM_FN int gather_casters(List& list, int begin, const Shapes& shapes, const Materials& materials,
                               const Meshes& meshes, const HeightFields& fields, const Light& light,
                               const Camera& camera, int world, int thread)
 {
@@ -95,10 +102,11 @@ WARPCAM_FN int gather_casters(CasterList<CAPACITY>& list, int begin, const Shape
         if (i < total) {
             Record record;
             Row aim;
+            Box box {};
             Window window;
             float height;
             const int id = wp::index(shapes.drawn, i);
-            if (prepare_caster<TYPES>(load_shape(shapes, world, id), light, camera, meshes, fields, record, aim, window,
+            if (prepare_caster<TYPES>(load_shape(shapes, world, id), light, camera, meshes, fields, record, aim, box, window,
                                       height)
                 && !transparent(shapes, materials, world, id)) {
 #if defined(__CUDA_ARCH__)
@@ -108,14 +116,16 @@ WARPCAM_FN int gather_casters(CasterList<CAPACITY>& list, int begin, const Shape
 #endif
                 list.records[slot] = record;
                 list.aims[slot] = aim;
+                if (TYPES >> MESH & 1)
+                    list.boxes[slot] = box;
                 list.windows[slot] = window;
                 list.heights[slot] = height;
                 list.order[slot] = static_cast<unsigned char>(slot);
             }
         }
-        if (total > CAPACITY) {  // the next round may overflow the list
+        if (total > List::CAPACITY) {  // the next round may overflow the list
             block_barrier();
-            const bool full = list.count + THREADS > CAPACITY;
+            const bool full = list.count + THREADS > List::CAPACITY;
             block_barrier();
             if (full)
                 break;

@@ -1,6 +1,5 @@
-// Shadow rays at triangle meshes, on CUDA. Rays wait in a queue of the block until there are enough of them to fill its
-// lanes; then each lane walks a ray, and takes another when it is done. Any face in the way will do, so nothing is sorted
-// and nothing remembered but where to go on.
+// Shadow rays at triangle meshes, on CUDA. As in mesh_rays.h rays wait in a queue of the block and four lanes share a ray.
+// But any face in the way will do, so that nothing is sorted and nothing remembered but where to go on.
 #pragma once
 #include "shade_tile.h"
 
@@ -12,8 +11,9 @@ template <int WORDS> struct ShadowRays {
     static constexpr int SIZE = WORDS > 2 ? 256 : 512;
 
     int count, next;               // rays in the queue; the first that nobody has taken
-    unsigned meshes[WORDS][SIZE];  // bits by slot: meshes whose windows the point lies in
+    unsigned meshes[WORDS][SIZE];  // bits by slot: meshes whose boxes the ray meets
     unsigned short pixel[SIZE];    // row * 64 + column in the region
+    int stacks[THREADS / LANES][STACK][GROUPS];
 
     // Is there room for one more tile of each warp?
     WARPCAM_FN bool has_room() const { return *const_cast<const volatile int*>(&count) <= SIZE - THREADS; }
@@ -38,33 +38,76 @@ WARPCAM_FN void enqueue(ShadowRays<WORDS>& rays, int words, bool keep, const uns
     }
 }
 
-// Calls shade(pixel) for each ray of the queue that meets a front face on its way to the light; point_of(pixel) is where
-// it begins. All warps of the block come here together.
-template <int CAPACITY, int WORDS, class Meshes, class Start, class Shade>
-WARPCAM_FN void cast_queue(ShadowRays<WORDS>& rays, const CasterList<CAPACITY>& list, const Meshes& meshes,
-                           const Start& start, const Shade& shade)
+// Tests the faces of a leaf, one a lane of eight: the leaves of up to four rays at once. All the same in the four lanes
+// of a ray: where it begins, the slot of its mesh, and its leaf, if `node` is one. Says of which rays' leaves the result
+// is known, and which of these rays meet a face.
+struct LeafTest {
+    bool done, met;
+};
+
+template <class List, class Meshes>
+WARPCAM_FN LeafTest test_leaves(const List& list, const Light& light, const Meshes& meshes, Vec point,
+                                float near, int slot, int node)
 {
-    constexpr int FEW = 8;  // lanes; fewer wait for company before they do what the others do not need
-    const int lane = threadIdx.x % LANES, words = (list.count + 31) / 32, count = rays.count;
-    int stack[STACK];
+    constexpr int EIGHT = 8;
+    const int lane = threadIdx.x % LANES;
+    const unsigned leaders = __ballot_sync(ALL, node < 0 && lane % GROUP == 0);
+    unsigned left = leaders;
+    int source = -1;  // the lane whose ray's leaf this lane helps with
+    for (int eighth = 0; eighth < LANES / EIGHT && left; ++eighth, left &= left - 1)
+        if (lane / EIGHT == eighth)
+            source = lowest_bit(left);
+    const int from = source < 0 ? 0 : source;
+    const WorldRay ray { { __shfl_sync(ALL, point.x, from), __shfl_sync(ALL, point.y, from),
+                           __shfl_sync(ALL, point.z, from) }, {} };
+    const float start = __shfl_sync(ALL, near, from);
+    const int caster = __shfl_sync(ALL, slot, from), code = -__shfl_sync(ALL, node, from) - 1;
+    bool met = false;
+    if (source >= 0 && lane % EIGHT < (code & 15)) {
+        const unsigned at = list.aims[caster].w + unsigned(((code >> 4) + lane % EIGHT) * FACE_ROWS);
+        const Row a = load(meshes.faces.data, at), b = load(meshes.faces.data, at + 1), c = load(meshes.faces.data, at + 2);
+        const RayFrame frame = WorldRay { ray.point, ray_to(light, ray.point) }.frame(list.records[caster]);
+        const float t = enter_triangle(frame, project(frame, a.x, a.y, a.z), project(frame, b.x, b.y, b.z),
+                                       project(frame, c.x, c.y, c.z));
+        met = (t > start) & (t < reach_of(light, start));
+    }
+    const unsigned all_met = __ballot_sync(ALL, met);
+    const int mine = __popc(leaders & ((1u << (lane & ~(GROUP - 1))) - 1));  // of the eights
+    const bool done = node < 0 && mine < LANES / EIGHT;
+    return { done, done && (all_met >> mine * EIGHT & 255u) };
+}
+
+// Calls shade(pixel) for each ray of the queue that meets a front face on its way to the light; start(pixel, span) is
+// where it begins. All warps of the block come here together.
+template <int WORDS, class List, class Meshes, class Start, class Shade>
+WARPCAM_FN void cast_queue(ShadowRays<WORDS>& rays, const List& list, const Light& light,
+                           const Meshes& meshes, const Start& start, const Shade& shade)
+{
+    constexpr int FEW = 3 * GROUP;  // lanes; while rays can still step, fewer wait for others
+    const int lane = threadIdx.x % LANES, member = lane % GROUP, first_lane = lane - member;
+    const int words = (list.count + 31) / 32, count = rays.count;
+    int(*stack)[GROUPS] = reinterpret_cast<int(*)[GROUPS]>(&rays.stacks[threadIdx.x / LANES][0][lane / GROUP]);
+    // the same in all lanes of a group
     int entry = 0, word = 0, slot = 0, node = NO_NODE, height = 0;
     unsigned left = 0, nodes = 0;
     Span span {};
-    WorldRay ray {};
+    Vec point {};
     Slabs s {};
     bool more = true;  // rays in the queue
     while (true) {
-        const unsigned idles = __ballot_sync(ALL, node == NO_NODE && left == 0);
-        if (more && (__popc(idles) >= FEW || idles == ALL)) {
+        const bool idle = node == NO_NODE && left == 0;
+        const unsigned idles = __ballot_sync(ALL, idle);
+        const bool stuck = !__any_sync(ALL, node >= 0 && node != NO_NODE);  // no ray can step
+        if (more && (__popc(idles) >= FEW || (idles && stuck))) {
             int next = 0;
             if (lane == 0)
-                next = atomicAdd(&rays.next, __popc(idles));
+                next = atomicAdd(&rays.next, __popc(idles) / GROUP);
             next = __shfl_sync(ALL, next, 0);
-            more = next + __popc(idles) < count;
-            const int mine = next + __popc(idles & ((1u << lane) - 1));
-            if ((idles >> lane & 1) && mine < count) {
+            more = next + __popc(idles) / GROUP < count;
+            const int mine = next + __popc(idles & ((1u << first_lane) - 1)) / GROUP;
+            if (idle && mine < count) {
                 entry = mine;
-                start(rays.pixel[entry], ray, span);
+                point = start(rays.pixel[entry], span);
                 word = 0;
                 left = rays.meshes[0][entry];
                 while (left == 0 && word + 1 < words)
@@ -73,73 +116,62 @@ WARPCAM_FN void cast_queue(ShadowRays<WORDS>& rays, const CasterList<CAPACITY>& 
         } else if (idles == ALL) {
             return;
         }
-
-        const unsigned between = __ballot_sync(ALL, node == NO_NODE && left != 0);  // on to their next meshes
-        if (between && (__popc(between) >= FEW || !__any_sync(ALL, node != NO_NODE))) {
-            if (between >> lane & 1) {
-                slot = word * 32 + lowest_bit(left);
-                left &= left - 1;
-                while (left == 0 && word + 1 < words)
-                    left = rays.meshes[++word][entry];
-                const Record& record = list.records[slot];
-                const Ray local = ray.local(record);
-                s = slabs(local.origin, local.direction, record.size.x);
-                nodes = record.origin.w;
-                node = 0;
-            }
+        const bool between = node == NO_NODE && left != 0;
+        const unsigned all_between = __ballot_sync(ALL, between);
+        if (between && (stuck || __popc(all_between) >= FEW)) {  // on to the ray's next mesh
+            slot = word * 32 + lowest_bit(left);
+            left &= left - 1;
+            while (left == 0 && word + 1 < words)
+                left = rays.meshes[++word][entry];
+            const Record& record = list.records[slot];
+            const Ray local = WorldRay { point, ray_to(light, point) }.local(record);
+            s = slabs(local.origin, local.direction, record.size.x);
+            nodes = record.origin.w;
+            node = 0;
         }
 
         bool inner = node >= 0 && node != NO_NODE;
         unsigned stepping = __ballot_sync(ALL, inner);
         while (stepping) {
+            int child = 0;
+            bool met = false;
             if (inner) {
-                const unsigned at = nodes + unsigned(node * NODE_ROWS);
-                node = NO_NODE;
-#pragma unroll
-                for (int k = 0; k < 4; ++k) {
-                    const Row low = load(meshes.nodes.data, at + 2 * k), high = load(meshes.nodes.data, at + 2 * k + 1);
-                    const float x0 = low.x * s.scale.x + s.down.x, x1 = high.x * s.scale.x + s.up.x;
-                    const float y0 = low.y * s.scale.y + s.down.y, y1 = high.y * s.scale.y + s.up.y;
-                    const float z0 = low.z * s.scale.z + s.down.z, z1 = high.z * s.scale.z + s.up.z;
-                    const float enter = upper(upper(lower(x0, x1), lower(y0, y1)), upper(lower(z0, z1), span.near));
-                    const float leave = lower(lower(upper(x0, x1), upper(y0, y1)), lower(upper(z0, z1), span.reach));
-                    if (enter <= leave) {
-                        if (node != NO_NODE)
-                            stack[height++] = node;
-                        node = low.w;
-                    }
-                }
-                if (node == NO_NODE && height > 0)
-                    node = stack[--height];
+                const unsigned at = nodes + unsigned(node * NODE_ROWS + member * 2);
+                const Row low = load(meshes.nodes.data, at), high = load(meshes.nodes.data, at + 1);
+                const float x0 = low.x * s.scale.x + s.down.x, x1 = high.x * s.scale.x + s.up.x;
+                const float y0 = low.y * s.scale.y + s.down.y, y1 = high.y * s.scale.y + s.up.y;
+                const float z0 = low.z * s.scale.z + s.down.z, z1 = high.z * s.scale.z + s.up.z;
+                const float enter = upper(upper(lower(x0, x1), lower(y0, y1)), upper(lower(z0, z1), span.near));
+                met = enter <= lower(lower(upper(x0, x1), upper(y0, y1)), lower(upper(z0, z1), span.reach));
+                child = low.w;
+            }
+            const unsigned group_met = __ballot_sync(ALL, met) >> first_lane & 15u;
+            const unsigned others = group_met & (group_met - 1);
+            const int chosen = __shfl_sync(ALL, child, lowest_bit(group_met | 8u), GROUP);
+            if (others >> member & 1)
+                stack[height + __popc(others & ((1u << member) - 1))][0] = child;
+            __syncwarp();
+            if (inner) {
+                height += __popc(others);
+                node = group_met ? chosen : height > 0 ? stack[--height][0] : NO_NODE;
             }
             inner = node >= 0 && node != NO_NODE;
             stepping = __ballot_sync(ALL, inner);
-            if (__popc(stepping) < 2 * FEW)
+            if (__popc(stepping) < MIN_LANES)
                 break;
         }
 
         const unsigned leaves = __ballot_sync(ALL, node < 0);
         if (leaves && (__popc(leaves) >= FEW || !stepping)) {
-            bool blocked = false;
-            if (node < 0) {
-                const int code = -node - 1, first = code >> 4, end = first + (code & 15);
-                const RayFrame frame = ray.frame(list.records[slot]);
-                const unsigned faces = list.aims[slot].w;
-                for (int face = first; face < end && !blocked; ++face) {
-                    const unsigned at = faces + unsigned(face * FACE_ROWS);
-                    const Row a = load(meshes.faces.data, at), b = load(meshes.faces.data, at + 1);
-                    const Row c = load(meshes.faces.data, at + 2);
-                    const float t = enter_triangle(frame, project(frame, a.x, a.y, a.z), project(frame, b.x, b.y, b.z),
-                                                   project(frame, c.x, c.y, c.z));
-                    blocked = (t > span.near) & (t < span.reach);
-                }
-                node = height > 0 ? stack[--height] : NO_NODE;
-                if (blocked) {
+            const LeafTest leaf = test_leaves(list, light, meshes, point, span.near, slot, node);
+            if (leaf.met) {
+                if (member == 0)
                     shade(rays.pixel[entry]);
-                    left = 0;
-                    height = 0;
-                    node = NO_NODE;
-                }
+                left = 0;
+                height = 0;
+                node = NO_NODE;
+            } else if (leaf.done) {
+                node = height > 0 ? stack[--height][0] : NO_NODE;
             }
         }
     }

@@ -29,15 +29,22 @@ struct Found {
 };
 
 // Where a warp sees anything at all, its pixels that see nothing do as one of the others does, so that all its threads
-// go the same way; what they find is not used.
-WARPCAM_FN void follow(bool hit, Found& found)
+// go the same way; what they find is not used. False where it sees nothing.
+WARPCAM_FN bool follow(bool hit, Found& found)
 {
 #if defined(__CUDA_ARCH__)
-    const int leader = lowest_bit(__ballot_sync(0xffffffffu, hit)) & 31;
-    const int shape = __shfl_sync(0xffffffffu, found.shape, leader), face = __shfl_sync(0xffffffffu, found.face, leader);
-    const float depth = __shfl_sync(0xffffffffu, found.depth, leader);
-    if (!hit)
-        found = { shape, face, depth };
+    const unsigned hits = __ballot_sync(0xffffffffu, hit);
+    if (hits != 0xffffffffu && hits != 0u) {
+        const int leader = lowest_bit(hits);
+        const int shape = __shfl_sync(0xffffffffu, found.shape, leader);
+        const int face = __shfl_sync(0xffffffffu, found.face, leader);
+        const float depth = __shfl_sync(0xffffffffu, found.depth, leader);
+        if (!hit)
+            found = { shape, face, depth };
+    }
+    return hits != 0u;
+#else
+    return hit;
 #endif
 }
 
@@ -163,6 +170,13 @@ template <int TYPES, int IMAGES, int FACTS, class Frame_> WARPCAM_FN Found find(
     return found;
 }
 
+template <int TYPES, class Wants, class Scene_>
+WARPCAM_FN Look<TYPES, Wants> look_of(const Scene_& scene, const Camera& camera, int world, int id)
+{
+    return load_look<TYPES, Wants>(scene.shapes, scene.materials, scene.textures, scene.meshes, scene.fields, camera,
+                                   scene.frame.horizon, world, id);
+}
+
 // CAPACITY: the looks a block keeps, more than any shape's id; 0 if they are made anew for each pixel.
 template <int TYPES, int LENS, int CAPACITY, int IMAGES, int FACTS, class Looks, class Scene_>
 WARPCAM_FN void resolve_pixel(const Looks* looks, const LightList& lights, const Scene_& scene, const Camera& camera,
@@ -176,17 +190,14 @@ WARPCAM_FN void resolve_pixel(const Looks* looks, const LightList& lights, const
     const bool hit = found.shape >= 0;
     resolve_hit<LENS, IMAGES, FACTS>(images, scene.shapes, camera, pixel, x, y, found);
     Shown shown;
-    if ((Wants::SURFACE || Wants::COLORED) && any_lane(hit)) {
+    if ((Wants::SURFACE || Wants::COLORED) && follow(hit, found)) {
         const int shadow = (FACTS & HAS_SHADOWS) && Wants::LIT && hit ? frame.shadow.data[pixel.at] : 0;
-        follow(hit, found);
         if constexpr (CAPACITY > 0)
             resolve_surface<TYPES, LENS, IMAGES, FACTS>(looks[found.shape], lights, scene, camera, x, y, found, shadow,
                                                         shown);
         else
-            resolve_surface<TYPES, LENS, IMAGES, FACTS>(
-                load_look<TYPES, Wants>(scene.shapes, scene.materials, scene.textures, scene.meshes, scene.fields,
-                                        camera, frame.horizon, world, found.shape),
-                lights, scene, camera, x, y, found, shadow, shown);
+            resolve_surface<TYPES, LENS, IMAGES, FACTS>(look_of<TYPES, Wants>(scene, camera, world, found.shape),
+                                                        lights, scene, camera, x, y, found, shadow, shown);
     }
     const Vec black { 0.0f, 0.0f, 0.0f };
     if (IMAGES & NORMALS)
@@ -234,7 +245,7 @@ WARPCAM_FN void resolve(const Scene_& scene, const Lights& lights, int index)
     constexpr int KEPT = CAPACITY * int(sizeof(Looks)) <= 40960 && (Wants::SURFACE || Wants::COLORED) ? CAPACITY : 0;
     WARPCAM_SHARED Looks looks[KEPT > 0 ? KEPT : 1];
     WARPCAM_SHARED LightList list;
-    WARPCAM_SHARED Camera camera;
+    WARPCAM_SHARED Camera kept_camera;
     const auto& frame = scene.frame;
     const int thread = index % THREADS, block = index / THREADS;
     const int columns = (frame.width + WIDTH - 1) / WIDTH, rows = (frame.height + HEIGHT - 1) / HEIGHT;
@@ -243,19 +254,21 @@ WARPCAM_FN void resolve(const Scene_& scene, const Lights& lights, int index)
         return;
     const int left = part % columns * WIDTH, top = part / columns * HEIGHT;
     const unsigned first = unsigned(world) * frame.width * frame.height;
+    const Camera camera = load_camera(wp::index(frame.views, world));
     if (thread == 0)
-        camera = load_camera(wp::index(frame.views, world));
-    block_barrier();
+        kept_camera = camera;
+    if (Wants::LIT && thread >= THREADS - TEAM)
+        gather_lights<(FACTS & HAS_SHADOWS) != 0>(lights, camera, world, thread - (THREADS - TEAM), list);
+#if defined(__CUDA_ARCH__)
     if (KEPT > 0)
         for (int i = thread; i < scene.shapes.drawn.shape[0]; i += THREADS) {
             const int id = wp::index(scene.shapes.drawn, i);
-            looks[id] = load_look<TYPES, Wants>(scene.shapes, scene.materials, scene.textures, scene.meshes,
-                                                scene.fields, camera, frame.horizon, world, id);
+            looks[id] = look_of<TYPES, Wants>(scene, camera, world, id);
         }
-    if (Wants::LIT)
-        gather_lights<(FACTS & HAS_SHADOWS) != 0>(lights, camera, world, thread, list);
-    else
-        block_barrier();
+    block_barrier();
+#else
+    bool made[KEPT > 0 ? KEPT : 1] = {};
+#endif
     Pixel pixel;
 #if defined(__CUDA_ARCH__)
     WARPCAM_SHARED float4 lanes[THREADS / LANES][3 * LANES / 4];
@@ -274,15 +287,19 @@ WARPCAM_FN void resolve(const Scene_& scene, const Lights& lights, int index)
         }
         go_to<WIDTH>(pixel, frame, first, left, top, tile);
         if (pixel.width > 0 && pixel.height > 0)
-            resolve_pixel<TYPES, LENS, KEPT, IMAGES, FACTS>(looks, list, scene, camera, world, pixel, found);
+            resolve_pixel<TYPES, LENS, KEPT, IMAGES, FACTS>(looks, list, scene, kept_camera, world, pixel, found);
     }
 #else
     pixel.inside = true;
     for (pixel.row = top; pixel.row < lower_int(top + HEIGHT, frame.height); ++pixel.row)
         for (pixel.column = left; pixel.column < lower_int(left + WIDTH, frame.width); ++pixel.column) {
             pixel.at = first + pixel.row * frame.width + pixel.column;
-            resolve_pixel<TYPES, LENS, KEPT, IMAGES, FACTS>(looks, list, scene, camera, world, pixel,
-                                                            find<TYPES, IMAGES, FACTS>(frame, pixel));
+            const Found found = find<TYPES, IMAGES, FACTS>(frame, pixel);
+            if (KEPT > 0 && found.shape >= 0 && !made[found.shape]) {
+                looks[found.shape] = look_of<TYPES, Wants>(scene, camera, world, found.shape);
+                made[found.shape] = true;
+            }
+            resolve_pixel<TYPES, LENS, KEPT, IMAGES, FACTS>(looks, list, scene, kept_camera, world, pixel, found);
         }
 #endif
 }

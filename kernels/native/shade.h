@@ -76,9 +76,18 @@ WARPCAM_FN Light load_light(const Lights& lights, const Camera& camera, int worl
     return light;
 }
 
-// Fills the list; all threads of the block take part.
+constexpr int TEAM = THREADS < LANES ? THREADS : LANES;  // threads that fill a list of lights: one warp
+
+WARPCAM_FN void team_barrier()
+{
+#if defined(__CUDA_ARCH__)
+    __syncwarp();
+#endif
+}
+
+// Fills the list; all lanes of one warp take part.
 template <bool SHADOWS, class Lights>
-WARPCAM_FN void gather_lights(const Lights& lights, const Camera& camera, int world, int thread, LightList& list)
+WARPCAM_FN void gather_lights(const Lights& lights, const Camera& camera, int world, int lane, LightList& list)
 {
     const int total = lights.types.shape[1];
     const Vec ambient = to_vec(wp::index(lights.headlight, 0)), diffuse = to_vec(wp::index(lights.headlight, 1)),
@@ -86,15 +95,15 @@ WARPCAM_FN void gather_lights(const Lights& lights, const Camera& camera, int wo
     const Vec sum = ambient + diffuse + specular;
     const bool headlight = dot(sum, sum) > 0.0f;
     const int slots = headlight ? MAX_LIGHTS - 1 : MAX_LIGHTS;
-    if (thread == 0) {
+    if (lane == 0) {
         list.lights[0].place = { 0.0f, 0.0f, 1.0f, 0 };
         list.lights[0].ambient = to_row(ambient, 0);
         list.lights[0].diffuse = to_row(diffuse, as_int(2.0f));
         list.lights[0].specular = to_row(specular, 0);
         list.count = list.used = headlight;
     }
-    block_barrier();
-    for (int light = thread; light < total; light += THREADS) {
+    team_barrier();
+    for (int light = lane; light < total; light += TEAM) {
         if (!shines(lights, world, light) || !gives_light(lights, world, light))
             continue;
         list.used = 1;
@@ -113,8 +122,8 @@ WARPCAM_FN void gather_lights(const Lights& lights, const Camera& camera, int wo
 #endif
         }
     }
-    block_barrier();
-    if (thread == 0) {
+    team_barrier();
+    if (lane == 0) {
         const float everywhere = list.used ? 0.0f : lights.global_ambient;
         list.ambient = { everywhere, everywhere, everywhere };
         list.colored = 0;
@@ -126,7 +135,7 @@ WARPCAM_FN void gather_lights(const Lights& lights, const Camera& camera, int wo
                 list.colored = 1;
         }
     }
-    block_barrier();
+    team_barrier();
 }
 
 // What a facet's corner is to all lights: the unit direction to the centre of projection and its length [m], and the
@@ -149,23 +158,36 @@ struct Share {
     float ambient, diffuse, specular;
 };
 
-template <bool IS_SPOT> WARPCAM_FN Share share_of(const Light& light, const Vertex& vertex, float strength, float exponent)
+// Where a light is from a corner, and how it falls on it.
+struct Arrival {
+    Vec to_light;  // unit but for directional lights, whose length is theirs
+    float strength, facing;
+};
+
+template <bool IS_SPOT> WARPCAM_FN Arrival arrival_of(const Light& light, const Vertex& vertex, float strength)
 {
-    Vec to_light = to_vec(light.place);
-    float squares = as_float(light.diffuse.w);
+    Arrival arrival { to_vec(light.place), strength, 0.0f };
     if (IS_SPOT) {
-        const Vec offset = to_light + vertex.reach * vertex.to_eye;
-        to_light = inverse_root(dot(offset, offset)) * offset;
-        squares = 2.0f;
-        const float along = -dot(to_light, to_vec(light.axis));
-        strength *= power(upper(along, TINY), as_float(light.falloff.w));
-        strength = along >= as_float(light.axis.w) ? strength : 0.0f;
+        const Vec offset = arrival.to_light + vertex.reach * vertex.to_eye;
+        arrival.to_light = inverse_root(dot(offset, offset)) * offset;
+        const float along = -dot(arrival.to_light, to_vec(light.axis));
+        arrival.strength = along >= as_float(light.axis.w)
+            ? strength * power(upper(along, TINY), as_float(light.falloff.w))
+            : 0.0f;
     }
-    const float facing = dot(vertex.normal, to_light);
-    const float halfway = squares + 2.0f * dot(to_light, vertex.to_eye);  // squared length of their sum
-    const float highlight = saturated((facing + vertex.slant) * inverse_root(halfway));
+    arrival.facing = dot(vertex.normal, arrival.to_light);
+    return arrival;
+}
+
+template <bool IS_SPOT>
+WARPCAM_FN Share share_of(const Light& light, const Vertex& vertex, const Arrival& arrival, float exponent)
+{
+    // Squared length of the sum of the directions to the light and the eye.
+    const float halfway = (IS_SPOT ? 2.0f : as_float(light.diffuse.w)) + 2.0f * dot(arrival.to_light, vertex.to_eye);
+    const float highlight = saturated((arrival.facing + vertex.slant) * inverse_root(halfway));
     const float shine = power(upper(highlight, TINY), exponent);
-    return { strength, strength * upper(facing, 0.0f), facing > 0.0f ? strength * shine : 0.0f };
+    return { arrival.strength, arrival.strength * upper(arrival.facing, 0.0f),
+             arrival.facing > 0.0f ? arrival.strength * shine : 0.0f };
 }
 
 // What a surface sends to the camera, before its texture: all of it, and what a display has of it, which is clipped to
@@ -202,18 +224,24 @@ template <class Sum> WARPCAM_FN Vec reflected(const Glow<Sum>& glow, Vec base, c
 }
 
 template <bool IS_SPOT, int CORNERS, bool SHADOWS, class Sum>
-WARPCAM_FN void add_light(const Light& light, const Vertex* corners, const float* weights, const Finish& finish,
-                          Glow<Sum>* glows, Lit& casting)
+WARPCAM_FN void add_light(const Light& light, float strength, const Vertex* corners, const float* weights,
+                          const Finish& finish, Glow<Sum>* glows, Lit& casting)
 {
-    float strengths[CORNERS];
-    for (int k = 0; k < CORNERS; ++k)
-        strengths[k] = 1.0f;
-    if (IS_SPOT && (light.ambient.w & FADES))
-        for (int k = 0; k < CORNERS; ++k)
-            strengths[k] = faded(light, corners[k]);
+    Arrival arrivals[CORNERS];
+    bool lit = false;
 #pragma unroll
     for (int k = 0; k < CORNERS; ++k) {
-        const Share share = share_of<IS_SPOT>(light, corners[k], strengths[k], finish.gloss.z);
+        arrivals[k] = arrival_of<IS_SPOT>(light, corners[k], strength);
+        lit |= arrivals[k].strength > 0.0f && (arrivals[k].facing > 0.0f || (light.ambient.w & AMBIENT));
+    }
+    if (!any_lane(lit))
+        return;
+    if (IS_SPOT && (light.ambient.w & FADES))
+        for (int k = 0; k < CORNERS; ++k)
+            arrivals[k].strength *= faded(light, corners[k]);
+#pragma unroll
+    for (int k = 0; k < CORNERS; ++k) {
+        const Share share = share_of<IS_SPOT>(light, corners[k], arrivals[k], finish.gloss.z);
         if (!SHADOWS || !(light.ambient.w & CASTS)) {
             add_share(glows[k], share, light);
         } else {
@@ -243,12 +271,11 @@ WARPCAM_FN Lit illuminate_as(const LightList& list, const Facet& facet, const Fi
 #pragma unroll 1
     for (int n = 0; n < list.count; ++n) {
         const Light& light = list.lights[n];
-        if (SHADOWS && (light.place.w & shadow))
-            continue;
+        const float strength = SHADOWS && (light.place.w & shadow) ? 0.0f : 1.0f;
         if (light.ambient.w & SPOT)
-            add_light<true, CORNERS, SHADOWS>(light, corners, weights, finish, glows, lit);
+            add_light<true, CORNERS, SHADOWS>(light, strength, corners, weights, finish, glows, lit);
         else
-            add_light<false, CORNERS, SHADOWS>(light, corners, weights, finish, glows, lit);
+            add_light<false, CORNERS, SHADOWS>(light, strength, corners, weights, finish, glows, lit);
     }
     const Vec base = times(to_vec(finish.color), Vec { finish.gloss.x + list.ambient.x, finish.gloss.x + list.ambient.y,
                                                        finish.gloss.x + list.ambient.z });

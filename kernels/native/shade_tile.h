@@ -23,13 +23,15 @@ WARPCAM_FN Vec ray_to(const Light& light, Vec p)
     return light.distant ? light.aim : Vec { light.aim.x - p.x, light.aim.y - p.y, light.aim.z - p.z };
 }
 
+WARPCAM_FN float reach_of(const Light& light, float near) { return light.distant ? FAR_AWAY : 1.0f - near; }
+
 WARPCAM_FN Span span_of(const Light& light, Vec origin, Vec p, float depth)
 {
     const Vec d = ray_to(light, p);
     const float rounding = 2.0e-6f
         * (magnitude(origin.x + p.x) + magnitude(origin.y + p.y) + magnitude(origin.z + p.z) + depth);
     const float near = rounding * reciprocal(root(upper(dot(d, d), 1.0e-30f)));
-    return { near, light.distant ? FAR_AWAY : 1.0f - near };
+    return { near, reach_of(light, near) };
 }
 
 // The ray of an analytic shape's test, in the shape's frame.
@@ -41,18 +43,23 @@ WARPCAM_FN Ray look_back(const Record& record, const Row& aim, Vec p, bool dista
     return { origin, { aim.x - s * origin.x, aim.y - s * origin.y, aim.z - s * origin.z } };
 }
 
-#if defined(__CUDA_ARCH__)
-
-// Draws the next number of a counter in shared memory, for one lane.
-WARPCAM_FN unsigned draw_number(int& counter)
+// Does the way from p to the light lead through the box of a mesh? Widened by more than all rounding.
+WARPCAM_FN bool meets_box(const Record& record, const Row& aim, const Box& box, Vec p, const Span& span, bool distant)
 {
-    unsigned number;  // `inc`, because compilers gather the lanes of an `add` first
-    asm volatile("atom.shared.inc.u32 %0, [%1], 0x7fffffff;"
-                 : "=r"(number)
-                 : "r"(static_cast<unsigned>(__cvta_generic_to_shared(&counter)))
-                 : "memory");
-    return number;
+    const Ray ray = look_back(record, aim, p, distant);
+    const Vec o = ray.origin, d = ray.direction;
+    const Vec inverse { reciprocal(nonzero(d.x)), reciprocal(nonzero(d.y)), reciprocal(nonzero(d.z)) };
+    const float pad = 2.0e-6f * (magnitude(o.x) + magnitude(o.y) + magnitude(o.z));
+    const Vec middle { (box.center.x - o.x) * inverse.x, (box.center.y - o.y) * inverse.y,
+                       (box.center.z - o.z) * inverse.z };
+    const Vec half { (box.half.x + pad) * magnitude(inverse.x), (box.half.y + pad) * magnitude(inverse.y),
+                     (box.half.z + pad) * magnitude(inverse.z) };
+    const float enter = upper(upper(middle.x - half.x, middle.y - half.y), upper(middle.z - half.z, span.near));
+    const float leave = lower(lower(middle.x + half.x, middle.y + half.y), lower(middle.z + half.z, span.reach));
+    return enter <= leave;
 }
+
+#if defined(__CUDA_ARCH__)
 
 // Smallest of the values that the lanes of a warp have.
 WARPCAM_FN float warp_min(float value)
@@ -69,7 +76,7 @@ WARPCAM_FN float warp_min(float value)
 }
 
 // What all casters of a list cover together, and how high they reach.
-template <int CAPACITY> WARPCAM_FN Window bounds_of(const CasterList<CAPACITY>& list, float& height)
+template <class List> WARPCAM_FN Window bounds_of(const List& list, float& height)
 {
     Window all { FAR_AWAY, -FAR_AWAY, FAR_AWAY, -FAR_AWAY };
     height = -FAR_AWAY;
@@ -85,10 +92,10 @@ template <int CAPACITY> WARPCAM_FN Window bounds_of(const CasterList<CAPACITY>& 
 }
 
 // Is the lane's point, which the light sees at `place`, in the shadow of a caster? `open` is false in lanes that do not
-// ask; afterwards it is true in those that still do. Meshes are not tried but named in `met`, bits by slot, if the point
-// lies in their windows; true if there are any.
-template <int TYPES, int LENS, int CAPACITY, class HeightFields>
-WARPCAM_FN bool shade_tile(const CasterList<CAPACITY>& list, const LitView<LENS>& view, Vec p, const Span& span,
+// ask; afterwards it is true in those that still do. Meshes are not tried but named in `met`, bits by slot, if the way to
+// the light leads through their boxes; true if there are any.
+template <int TYPES, int LENS, class List, class HeightFields>
+WARPCAM_FN bool shade_tile(const List& list, const LitView<LENS>& view, Vec p, const Span& span,
                            const Place& place, bool& open, const HeightFields& fields, unsigned* met)
 {
     constexpr bool HAS_MESH = TYPES >> MESH & 1, HAS_FIELD = TYPES >> HEIGHT_FIELD & 1;
@@ -104,12 +111,13 @@ WARPCAM_FN bool shade_tile(const CasterList<CAPACITY>& list, const LitView<LENS>
         unsigned word_met = 0;
         for (unsigned mask = __ballot_sync(0xffffffffu, mine); mask; mask &= mask - 1) {
             const int bit = lowest_bit(mask), slot = word * 32 + bit;
-            const bool meets = open & may_shade(list.windows[slot], list.heights[slot], place);
+            bool meets = open & may_shade(list.windows[slot], list.heights[slot], place);
             if (!__any_sync(0xffffffffu, meets))
                 continue;
             const Record& record = list.records[slot];
             const int type = record.axis_x.w;
             if (HAS_MESH && type == MESH) {
+                meets = meets & meets_box(record, list.aims[slot], list.boxes[slot], p, span, distant);
                 word_met |= meets ? 1u << bit : 0u;
             } else if (HAS_FIELD && type == HEIGHT_FIELD) {
                 if (meets) {
@@ -153,12 +161,12 @@ template <int TYPE> inline void shade_points(const Record& record, const Row& ai
 }
 
 // Clears `open` of the points that lie in the shadow of a caster in the list.
-template <int TYPES, int LENS, int CAPACITY, class Shapes, class Meshes, class HeightFields>
-inline void shade_tile(const CasterList<CAPACITY>& list, const LitView<LENS>& view, int world, const Shapes& shapes,
+template <int TYPES, int LENS, class List, class Shapes, class Meshes, class HeightFields>
+inline void shade_tile(const List& list, const LitView<LENS>& view, int world, const Shapes& shapes,
                        const Meshes& meshes, const HeightFields& fields, Points& points)
 {
     constexpr bool HAS_MESH = TYPES >> MESH & 1, HAS_FIELD = TYPES >> HEIGHT_FIELD & 1;
-    constexpr int WORDS = CasterList<CAPACITY>::WORDS;
+    constexpr int WORDS = List::WORDS;
     const int words = (list.count + 31) / 32;
     Window tile { FAR_AWAY, -FAR_AWAY, FAR_AWAY, -FAR_AWAY };
     float floor = FAR_AWAY;
@@ -211,7 +219,9 @@ inline void shade_tile(const CasterList<CAPACITY>& list, const LitView<LENS>& vi
                     continue;
                 if (HAS_FIELD && list.records[slot].axis_x.w == HEIGHT_FIELD)
                     walk_height_field(fields, list.records[slot], ray, points.near[lane], hit);
-                else
+                else if (HAS_MESH
+                         && meets_box(list.records[slot], list.aims[slot], list.boxes[slot], points.at[lane],
+                                      { points.near[lane], points.reach[lane] }, view.light.distant))
                     met[word] |= 1u << slot % 32;
             }
             walk |= met[word] != 0;

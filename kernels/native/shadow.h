@@ -20,43 +20,109 @@ WARPCAM_FN LitView<LENS> light_view(const Lights& lights, const Camera& camera, 
              camera.origin, ambient[0] != 0.0f || ambient[1] != 0.0f || ambient[2] != 0.0f };
 }
 
-// A tile's first pixel, counted from its region's corner.
-template <int WIDTH> WARPCAM_FN int tile_column(unsigned tile) { return tile % (WIDTH / TILE_WIDTH) * TILE_WIDTH; }
-template <int WIDTH> WARPCAM_FN int tile_row(unsigned tile) { return tile / (WIDTH / TILE_WIDTH) * TILE_HEIGHT; }
+#if defined(__CUDA_ARCH__)
 
-// Casts the shadows of one light, as far as they come from the list's shapes, in one region. With `fresh` the masks are
-// written; else they gain what is in shadow.
-template <int TYPES, int LENS, int CAPACITY, int WIDTH, int HEIGHT, class Shapes, class Meshes, class HeightFields,
+// A strip of four tiles, which a warp looks through before it works on one of them: each lane has four pixels of a row.
+template <int WIDTH, int HEIGHT> struct Strip {
+    static constexpr int COLUMNS = WIDTH < 32 ? WIDTH : 32, ROWS = 4 * LANES / COLUMNS, ACROSS = WIDTH / COLUMNS;
+    static constexpr unsigned COUNT = ACROSS * (HEIGHT / ROWS);
+
+    // Where the strip, a lane's first pixel in it, and the tile that a lane's pixels belong to begin.
+    WARPCAM_FN static int column(unsigned strip) { return strip % ACROSS * COLUMNS; }
+    WARPCAM_FN static int row(unsigned strip) { return strip / ACROSS * ROWS; }
+    WARPCAM_FN static int lane_column(int lane) { return lane % (COLUMNS / 4) * 4; }
+    WARPCAM_FN static int lane_row(int lane) { return lane / (COLUMNS / 4); }
+    WARPCAM_FN static int tile_column(int lane) { return lane_column(lane) & ~(TILE_WIDTH - 1); }
+    WARPCAM_FN static int tile_row(int lane) { return lane_row(lane) & ~(TILE_HEIGHT - 1); }
+
+    // The lanes whose pixels belong to the same tile as those of a lane which comes first in its tile.
+    WARPCAM_FN static unsigned lanes_of(int lane)
+    {
+        return (COLUMNS == 32 ? 0x03030303u : 0x3333u) << (tile_column(lane) / 4 + tile_row(lane) * (COLUMNS / 4));
+    }
+};
+
+// Whether any of the lane's four pixels in a strip shows a point below what the list's casters cover together. With
+// `fresh` their masks are cleared.
+template <int LENS, class Target>
+WARPCAM_FN bool find_asking(const Target& target, size_t at, int inside, float i, float j, const Sight<LENS>& lit,
+                            bool distant, const Window& bounds, float ceiling, bool fresh)
+{
+    int id[4] = { -1, -1, -1, -1 };
+    float depth[4] = {};
+    if (inside >= 4 && target.width % 4 == 0) {
+        const int4 ids = *reinterpret_cast<const int4*>(target.shape.data + at);
+        const float4 depths = *reinterpret_cast<const float4*>(target.depth.data + at);
+        id[0] = ids.x, id[1] = ids.y, id[2] = ids.z, id[3] = ids.w;
+        depth[0] = depths.x, depth[1] = depths.y, depth[2] = depths.z, depth[3] = depths.w;
+        if (fresh)
+            *reinterpret_cast<int4*>(target.shadow.data + at) = make_int4(0, 0, 0, 0);
+    } else {
+#pragma unroll
+        for (int k = 0; k < 4; ++k)
+            if (k < inside) {
+                id[k] = target.shape.data[at + k];
+                depth[k] = target.depth.data[at + k];
+                if (fresh)
+                    target.shadow.data[at + k] = 0;
+            }
+    }
+    bool asks = false;
+#pragma unroll
+    for (int k = 0; k < 4; ++k)
+        asks |= id[k] >= 0 && may_shade(bounds, ceiling, place_of(distant, lit.point(i + float(k), j, depth[k])));
+    return asks;
+}
+
+#endif
+
+// Casts the shadows of one light, as far as they come from the list's shapes, in one region: adds its bit to the masks
+// of the pixels that lie in shadow. With `fresh` these are cleared first.
+template <int TYPES, int LENS, int WIDTH, int HEIGHT, class List, class Shapes, class Meshes, class HeightFields,
           class Target>
-WARPCAM_FN void cast_light(CasterList<CAPACITY>& list, const LitView<LENS>& view, unsigned bit, bool fresh,
+WARPCAM_FN void cast_light(List& list, const LitView<LENS>& view, unsigned bit, bool fresh,
                            const Region& region, int world, const Shapes& shapes, const Meshes& meshes,
                            const HeightFields& fields, const Target& target)
 {
-    constexpr unsigned tiles = WIDTH / TILE_WIDTH * (HEIGHT / TILE_HEIGHT);
     constexpr bool HAS_MESH = TYPES >> MESH & 1;
     const Sight<LENS> lit = lit_sight(view.light, view.sight);
     const bool distant = view.light.distant;
     const size_t corner = (size_t(world) * target.height + region.top) * target.width + region.left;
 #if defined(__CUDA_ARCH__)
-    constexpr int WORDS = CasterList<CAPACITY>::WORDS;
+    constexpr int WORDS = List::WORDS;
+    using Strips = Strip<WIDTH, HEIGHT>;
     WARPCAM_SHARED ShadowRays<HAS_MESH ? WORDS : 1> rays;
     const int lane = threadIdx.x % LANES;
-    const int wide = lower_int(target.width - region.left, WIDTH), high = lower_int(target.height - region.top, HEIGHT);
+    const int wide = target.width - region.left, high = target.height - region.top;
     float ceiling;
     const Window bounds = bounds_of(list, ceiling);
-    bool more = true;  // tiles
+    unsigned strip = 0, asking = 0;  // lanes that have found pixels in a strip's tiles, as far as these are to be done
+    bool more = true;
     while (more) {
         if (HAS_MESH) {
             if (threadIdx.x == 0)
                 rays.count = rays.next = 0;
             block_barrier();
         }
-        while (!HAS_MESH || __all_sync(ALL, rays.has_room())) {
-            const unsigned tile = __shfl_sync(ALL, lane == 0 ? draw_number(list.next_tile) : 0u, 0);
-            if (tile >= tiles)
+        while (true) {
+            if (!asking) {
+                strip = __shfl_sync(ALL, lane == 0 ? draw_next(list.next_tile) : 0, 0);
+                if (strip >= Strips::COUNT)
+                    break;
+                const int column = Strips::column(strip) + Strips::lane_column(lane);
+                const int row = Strips::row(strip) + Strips::lane_row(lane);
+                asking = __ballot_sync(ALL, find_asking(target, corner + unsigned(row * target.width + column),
+                                                        row < high ? wide - column : 0, float(region.left + column),
+                                                        float(region.top + row), lit, distant, bounds, ceiling, fresh));
+                __syncwarp();  // masks that one lane clears another may write
+                continue;
+            }
+            if (HAS_MESH && !__all_sync(ALL, rays.has_room()))
                 break;
-            const int column = tile_column<WIDTH>(tile) + lane % TILE_WIDTH;
-            const int row = tile_row<WIDTH>(tile) + lane / TILE_WIDTH;
+            const int first_lane = lowest_bit(asking);
+            asking &= ~Strips::lanes_of(first_lane);
+            const int column = Strips::column(strip) + Strips::tile_column(first_lane) + lane % TILE_WIDTH;
+            const int row = Strips::row(strip) + Strips::tile_row(first_lane) + lane / TILE_WIDTH;
             const size_t at = corner + unsigned(row * target.width + column);
             const bool inside = (column < wide) & (row < high);
             const int id = inside ? target.shape.data[at] : -1;
@@ -65,50 +131,45 @@ WARPCAM_FN void cast_light(CasterList<CAPACITY>& list, const LitView<LENS>& view
             const Place place = place_of(distant, lit.point(i, j, depth));
             const bool asks = id >= 0 && may_shade(bounds, ceiling, place);
             bool open = asks;
-            if (__any_sync(ALL, asks)) {
-                const Vec p = view.sight.point(i, j, depth);
-                const Span span = span_of(view.light, view.origin, p, depth);
-                unsigned met[WORDS];
-                const bool met_any = shade_tile<TYPES>(list, view, p, span, place, open, fields, met);
-                if (HAS_MESH) {
-                    const bool keep = open && met_any
-                        && (view.counts_behind
-                            || faces_light(shapes, meshes, world, id, target.face.data[at], view.light, view.origin));
-                    enqueue(rays, (list.count + 31) / 32, keep, met, row * 64 + column);
-                }
+            const Vec p = view.sight.point(i, j, depth);
+            const Span span = span_of(view.light, view.origin, p, depth);
+            unsigned met[WORDS];
+            const bool met_any = shade_tile<TYPES>(list, view, p, span, place, open, fields, met);
+            if (HAS_MESH) {
+                const bool keep = open && met_any
+                    && (view.counts_behind
+                        || faces_light(shapes, meshes, world, id, target.face.data[at], view.light, view.origin));
+                enqueue(rays, (list.count + 31) / 32, keep, met, row * 64 + column);
             }
-            const bool shaded = asks & !open;
-            if (fresh && inside)
-                target.shadow.data[at] = shaded ? static_cast<int>(bit) : 0;
-            else if (shaded)
+            if (asks && !open)
                 target.shadow.data[at] |= static_cast<int>(bit);
         }
         more = false;
         if (HAS_MESH) {
-            block_barrier();
-            more = list.next_tile < int(tiles);
-            const auto start = [&](int pixel, WorldRay& ray, Span& span) {
+            more = __syncthreads_or(asking != 0);
+            const auto start = [&](int pixel, Span& span) {
                 const float depth = target.depth.data[corner + unsigned(pixel / 64 * target.width + pixel % 64)];
                 const Vec p = view.sight.point(float(region.left + pixel % 64), float(region.top + pixel / 64), depth);
                 span = span_of(view.light, view.origin, p, depth);
-                ray = { p, ray_to(view.light, p) };
+                return p;
             };
             const auto shade = [&](int pixel) {
                 target.shadow.data[corner + unsigned(pixel / 64 * target.width + pixel % 64)] |= static_cast<int>(bit);
             };
             if (rays.count > 0)
-                cast_queue(rays, list, meshes, start, shade);
+                cast_queue(rays, list, view.light, meshes, start, shade);
             block_barrier();
         }
     }
 #else
     Points points;
-    for (unsigned tile = 0; tile < tiles; ++tile) {
+    constexpr int across = WIDTH / TILE_WIDTH, tiles = across * (HEIGHT / TILE_HEIGHT);
+    for (int tile = 0; tile < tiles; ++tile) {
         size_t at[LANES];
         bool asks[LANES], any = false;
         for (int lane = 0; lane < LANES; ++lane) {
-            const int column = tile_column<WIDTH>(tile) + lane % TILE_WIDTH;
-            const int row = tile_row<WIDTH>(tile) + lane / TILE_WIDTH;
+            const int column = tile % across * TILE_WIDTH + lane % TILE_WIDTH;
+            const int row = tile / across * TILE_HEIGHT + lane / TILE_WIDTH;
             const int i = region.left + column, j = region.top + row;
             const bool inside = i < target.width && j < target.height;
             at[lane] = corner + size_t(row) * target.width + column;
@@ -145,7 +206,7 @@ WARPCAM_FN void cast(const Shapes& shapes, const Materials& materials, const Mes
                      const HeightFields& fields, const Lights& lights, const Views& views, const Target& target,
                      int index)
 {
-    WARPCAM_SHARED CasterList<CAPACITY> list;
+    WARPCAM_SHARED CasterList<CAPACITY, (TYPES >> MESH & 1) != 0> list;
     WARPCAM_SHARED LitView<LENS> view;
     const int thread = index % THREADS, block = index / THREADS;
     const int columns = (target.width + WIDTH - 1) / WIDTH, rows = (target.height + HEIGHT - 1) / HEIGHT;
@@ -174,7 +235,7 @@ WARPCAM_FN void cast(const Shapes& shapes, const Materials& materials, const Mes
                                               thread);
             }
             if (list.count > 0)
-                cast_light<TYPES, LENS, CAPACITY, WIDTH, HEIGHT>(list, view, 1u << number, fresh, region, world, shapes,
+                cast_light<TYPES, LENS, WIDTH, HEIGHT>(list, view, 1u << number, fresh, region, world, shapes,
                                                                  meshes, fields, target);
             fresh = fresh && list.count == 0;
         } while (begin < total);

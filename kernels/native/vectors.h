@@ -94,10 +94,11 @@ WARPCAM_FN Vec normalized(Vec a) { return inverse_root(upper(dot(a, a), TINY)) *
 // The nearest of 255 steps of [0, 1]; what lies outside is clipped, NaN is 0.
 WARPCAM_FN unsigned to_byte(float value)
 {
-#if defined(__CUDA_ARCH__)
-    return static_cast<unsigned>(as_int(__fmaf_rn(saturated(value), 255.0f, 8388608.0f))) & 0xffu;
+    const float steps = saturated(value) * 255.0f + 0.5f;
+#if defined(__CUDA_ARCH__)  // no number of this size has places after the point, and adding rounds down
+    return static_cast<unsigned>(as_int(__fadd_rd(steps, 8388608.0f))) & 0xffu;
 #else
-    return static_cast<unsigned>(value > 0.0f ? lower(value, 1.0f) * 255.0f + 0.5f : 0.0f);
+    return static_cast<unsigned>(steps);
 #endif
 }
 

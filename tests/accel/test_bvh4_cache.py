@@ -66,6 +66,28 @@ def test_cache_tells_meshes_apart(folder: Path, builds: list[int]) -> None:
     assert len(builds) == 4
 
 
+def test_cache_keeps_faces_that_stand_in_several_leaves(folder: Path, builds: list[int]) -> None:
+    vertices, faces = soup(3000)
+    vertices[:600, 0] += 10 * np.tile(np.float32([0, 0, 1]), 200)  # some of them long
+    first = build_bvh4(vertices, faces)
+    assert len(first.faces) > 3 * len(faces)
+    assert same(first, build_bvh4(vertices, faces)) and builds == [3000]
+
+
+@pytest.mark.parametrize("changed", range(len(bvh4.bvh4_build.HEADERS)))
+def test_cache_is_of_one_builder(
+    folder: Path, builds: list[int], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, changed: int
+) -> None:
+    build_bvh4(*LARGE)
+    headers = list(bvh4.bvh4_build.HEADERS)
+    edited = tmp_path / "edited.h"
+    edited.write_bytes(headers[changed].read_bytes() + b"\n")
+    headers[changed] = edited
+    monkeypatch.setattr(bvh4.bvh4_build, "HEADERS", tuple(headers))
+    build_bvh4(*LARGE)
+    assert builds == [3000, 3000]
+
+
 def test_cache_is_for_large_meshes_and_for_who_wants_it(folder: Path, builds: list[int]) -> None:
     build_bvh4(*SMALL)
     build_bvh4(*LARGE, cache=False)
