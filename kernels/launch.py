@@ -5,10 +5,13 @@ import itertools
 import os
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import warp as wp
+
+from .streams import quiet_stream
 
 NATIVE = Path(__file__).resolve().parent / "native"
 
@@ -24,51 +27,142 @@ def native_options(header: str) -> wp.ModuleBuildOptions:
     )
 
 
+@dataclass(frozen=True)
+class Group:
+    """Worlds that a camera's stages draw together.
+
+    Attributes:
+        worlds: Which.
+        at_once: How many worlds are under way on the device at the same time, in this and in other groups: it takes
+            that many to fill it.
+    """
+
+    worlds: range
+    at_once: int
+
+    @classmethod
+    def of_all(cls, num_worlds: int) -> "Group":
+        return cls(range(num_worlds), num_worlds)
+
+
 class Stage:
-    """One launch of a kernel, recorded with its arguments. ``launch()`` neither allocates nor syncs.
+    """One launch of a kernel with its arguments. ``launch()`` neither allocates nor syncs, but for the first time.
 
     On a CPU device the launch is split over threads; Warp runs each part without holding the GIL. While a graph
     is being captured the parts run one after another on the calling thread, which is the one that records.
     """
 
-    def __init__(self, parts: Sequence[wp.Launch], device: wp.Device):
-        self._parts = tuple(parts)
-        self._device = device
+    def __init__(
+        self, kernel: wp.Kernel, dim: int, inputs: Sequence[Any], device: wp.Device, start: int, block_dim: int
+    ):
+        self.module, self.block_dim, self.device = kernel.module, block_dim, device
+        self._kernel, self._dim, self._inputs, self._start = kernel, dim, inputs, start
+        self._parts: tuple[wp.Launch, ...] = ()
 
-    def launch(self) -> None:
-        """Enqueue the work on the device's current stream (CUDA) or finish it (CPU)."""
-        if len(self._parts) == 1 or self._device.is_capturing:
+    def bind(self) -> None:
+        """Make ready for launches; compiles and loads the kernel if nobody did."""
+        count = min(self._dim, 1 if self.device.is_cuda else cpu_parts())
+        bounds = [self._dim * i // max(count, 1) for i in range(count + 1)]
+        block_dim = {"block_dim": self.block_dim} if self.device.is_cuda else {}
+        self._parts = tuple(
+            wp.launch(
+                self._kernel,
+                end - first,
+                [*self._inputs, self._start + first],
+                device=self.device,
+                record_cmd=True,
+                **block_dim,
+            )
+            for first, end in itertools.pairwise(bounds)
+        )
+
+    def launch(self, stream: wp.Stream | None = None) -> None:
+        """Enqueue the work on a stream, the device's current one unless given (CUDA), or finish it (CPU)."""
+        if not self._parts:
+            self.bind()
+        if len(self._parts) == 1 or self.device.is_capturing:
             for part in self._parts:
-                part.launch()
+                part.launch(stream)
         else:
             for _ in _pool().map(wp.Launch.launch, self._parts):
                 pass
 
 
+class Frame:
+    """Stages in their order: first those that open the frame, then chains that may run side by side.
+
+    ``launch()`` neither allocates nor syncs. It may be part of a capture.
+    """
+
+    def __init__(self, opening: Sequence[Stage], chains: Sequence[Sequence[Stage]], device: wp.Device):
+        self._opening, self._chains, self._device = tuple(opening), tuple(tuple(chain) for chain in chains), device
+        beside = self._chains[1:] if device.is_cuda else ()
+        self._streams = [quiet_stream(device) for _ in beside]
+        self._opened = wp.Event(device) if beside else None
+        self._done = [wp.Event(device) for _ in beside]
+
+    def launch(self) -> None:
+        """Enqueue the frame on the device's current stream (CUDA) or finish it (CPU)."""
+        for stage in self._opening:
+            stage.launch()
+        if not self._streams:
+            for stage in itertools.chain(*self._chains):
+                stage.launch()
+            return
+        stream = self._device.stream
+        stream.record_event(self._opened)
+        for side in self._streams:
+            side.wait_event(self._opened)
+        # One stage of each chain in turn, so that none waits for the host.
+        for stages in itertools.zip_longest(*self._chains):
+            for stage, where in zip(stages, (stream, *self._streams), strict=True):
+                if stage is not None:
+                    stage.launch(where)
+        for side, done in zip(self._streams, self._done, strict=True):
+            side.record_event(done)
+            stream.wait_event(done)
+
+
+def bind(stages: Sequence[Stage]) -> None:
+    """Make stages of one device ready for launches, compiling kernels for CUDA side by side.
+
+    Not so on a CPU, where the headers are precompiled once for a thread, which takes longer than most kernels.
+    """
+    modules: dict[int, dict[wp.Module, None]] = {}
+    for stage in stages:
+        modules.setdefault(stage.block_dim if stage.device.is_cuda else 1, {})[stage.module] = None
+    for block_dim, together in modules.items():
+        device = stages[0].device
+        wp.force_load(device, list(together), block_dim=block_dim, max_workers=_threads() if device.is_cuda else 0)
+    for stage in stages:
+        stage.bind()
+
+
 def record(
-    kernel: wp.Kernel, dim: int, inputs: Sequence[Any], device: wp.Device, *, block_dim: int = 256, parts: int = 4
+    kernel: wp.Kernel,
+    dim: int,
+    inputs: Sequence[Any],
+    device: wp.Device,
+    *,
+    start: int = 0,
+    block_dim: int = 128,
 ) -> Stage:
-    """Bind a 1-D kernel to its arguments.
+    """A 1-D kernel with its arguments.
 
     Args:
         kernel: Its last parameter is ``first: wp.int32``; its index is ``first + wp.tid()``.
         dim: Number of threads, below 2^31.
         inputs: All arguments but ``first``.
         device: Where the arguments lie.
+        start: The index of the first thread; ``start + dim`` is below 2^31.
         block_dim: Threads in a CUDA block.
-        parts: On CPU, how many parts each thread gets: more even out uneven work.
     """
-    count = min(dim, 1 if device.is_cuda else _threads() * parts if _threads() > 1 else 1)
-    bounds = [dim * i // max(count, 1) for i in range(count + 1)]
-    launches = []
-    for first, end in itertools.pairwise(bounds):
-        arguments = [*inputs, first]
-        if device.is_cuda:
-            command = wp.launch(kernel, end - first, arguments, device=device, block_dim=block_dim, record_cmd=True)
-        else:
-            command = wp.launch(kernel, end - first, arguments, device=device, record_cmd=True)
-        launches.append(command)
-    return Stage(launches, device)
+    return Stage(kernel, dim, inputs, device, start, block_dim)
+
+
+def cpu_parts() -> int:
+    """How many parts a CPU launch is split into: some for each thread, to even out uneven work."""
+    return 4 * _threads() if _threads() > 1 else 1
 
 
 @functools.cache

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 
 import warp as wp
 
-from .launch import Stage, native_options
+from .launch import Group, Stage, native_options
 from .launch import record as record_stage
 from .tables import Tables
 from .types import Background, HeightFields, Lights, Materials, Meshes, Shapes, Textures, View
@@ -112,6 +112,7 @@ def record(
     width: int,
     height: int,
     device: wp.Device,
+    group: Group | None = None,
 ) -> Stage:
     """Bind the kernel that writes ``outputs`` to one camera's buffers.
 
@@ -129,6 +130,7 @@ def record(
         width: Of the image [pixels].
         height: Of the image [pixels].
         device: Where everything lies.
+        group: Which worlds are drawn; None is all.
     """
     unknown = sorted(set(outputs) - set(OUTPUTS))
     if unknown:
@@ -151,7 +153,8 @@ def record(
             wanted |= 1 << bit
         else:
             setattr(images, name, wp.empty(0, dtype=dtype, device=device))
-    region = region_size(tables.num_worlds, width, height, device)
+    group = group or Group.of_all(tables.num_worlds)
+    region = region_size(group.at_once, width, height, device)
     types = sum(1 << t for t in tables.shape_types)
     kernel = _kernel(types, LENSES[lens], _capacity(tables), *region, wanted, _facts(tables, shadow is not None, width))
     inputs = [
@@ -165,9 +168,10 @@ def record(
         tables.lights,
         tables.background,
     ]
-    blocks = tables.num_worlds * -(-width // region[0]) * -(-height // region[1])
-    dim = blocks * THREADS if device.is_cuda else blocks
-    return record_stage(kernel, dim, inputs, device, block_dim=THREADS)
+    unit = -(-width // region[0]) * -(-height // region[1]) * (THREADS if device.is_cuda else 1)  # threads a world
+    return record_stage(
+        kernel, len(group.worlds) * unit, inputs, device, start=group.worlds.start * unit, block_dim=THREADS
+    )
 
 
 def _blocks(images: int) -> int:

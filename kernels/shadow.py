@@ -4,7 +4,7 @@ import functools
 
 import warp as wp
 
-from .launch import Stage, native_options
+from .launch import Group, Stage, native_options
 from .launch import record as record_launch
 from .tables import Tables
 from .types import MESH, HeightFields, Lights, Materials, Meshes, Shapes, View
@@ -80,6 +80,7 @@ def record(
     height: int,
     shadow: wp.array,
     device: wp.Device,
+    group: Group | None = None,
 ) -> Stage:
     """Bind the shadow pass of one camera; it runs after the camera's trace.
 
@@ -95,6 +96,7 @@ def record(
         height: Image height [pixels].
         shadow: int32, likewise; written.
         device: Where all of these lie.
+        group: Which worlds are shaded; None is all.
     """
     target = Shaded()
     target.mask, target.width, target.height = mask, width, height
@@ -103,10 +105,11 @@ def record(
         target.face = face.flatten()
     types = sum(1 << t for t in tables.shape_types)
     capacity = next(size for size in CAPACITIES if size >= min(tables.num_drawn, CAPACITIES[-1]))
-    worlds = views.shape[0]
-    region = region_size(worlds, width, height, device)
+    group = group or Group.of_all(views.shape[0])
+    region = region_size(group.at_once, width, height, device)
     kernel = _kernel(types, LENSES[lens], capacity, *region)
-    blocks = worlds * -(-width // region[0]) * -(-height // region[1])
+    unit = -(-width // region[0]) * -(-height // region[1]) * (THREADS if device.is_cuda else 1)  # threads a world
     arguments = [tables.shapes, tables.materials, tables.meshes, tables.height_fields, tables.lights, views, target]
-    dim = blocks * THREADS if device.is_cuda else blocks
-    return record_launch(kernel, dim, arguments, device, block_dim=THREADS)
+    return record_launch(
+        kernel, len(group.worlds) * unit, arguments, device, start=group.worlds.start * unit, block_dim=THREADS
+    )

@@ -4,7 +4,7 @@ import functools
 
 import warp as wp
 
-from .launch import Stage, native_options
+from .launch import Group, Stage, cpu_parts, native_options
 from .launch import record as record_launch
 from .tables import Tables
 from .types import HEIGHT_FIELD, MESH, HeightFields, Materials, Meshes, Shapes, View
@@ -82,6 +82,7 @@ def record(
     shape: wp.array | None,
     face: wp.array | None,
     device: wp.Device,
+    group: Group | None = None,
 ) -> Stage:
     """Bind the trace of one camera.
 
@@ -98,8 +99,9 @@ def record(
         shape: int32, likewise.
         face: int32, likewise; see Target.
         device: Where all of these lie.
+        group: Which worlds are traced; None is all.
     """
-    worlds = views.shape[0]
+    group = group or Group.of_all(views.shape[0])
     capacity = list_capacity(tables.num_drawn)
     several = tables.num_drawn > capacity
     target = Target()
@@ -111,12 +113,13 @@ def record(
             setattr(target, name, buffer.flatten())
             outputs |= 1 << bit
     types = sum(1 << t for t in tables.shape_types)
-    region = region_size(worlds, width, height, device)
+    region = region_size(group.at_once, width, height, device)
     kernel = _kernel(types, LENSES[lens], capacity, several, *region, outputs)
-    blocks = worlds * -(-width // region[0]) * -(-height // region[1])
+    unit = -(-width // region[0]) * -(-height // region[1]) * (THREADS if device.is_cuda else 1)  # threads a world
     arguments = [tables.shapes, tables.materials, tables.meshes, tables.height_fields, views, target]
-    dim = blocks * THREADS if device.is_cuda else blocks
-    return record_launch(kernel, dim, arguments, device, block_dim=THREADS)
+    return record_launch(
+        kernel, len(group.worlds) * unit, arguments, device, start=group.worlds.start * unit, block_dim=THREADS
+    )
 
 
 def list_capacity(num_drawn: int) -> int:
@@ -124,10 +127,10 @@ def list_capacity(num_drawn: int) -> int:
     return next(size for size in (16, 32, 64, 96, 128, 192, MAX_LISTED) if size >= min(num_drawn, MAX_LISTED))
 
 
-def region_size(worlds: int, width: int, height: int, device: wp.Device) -> tuple[int, int]:
+def region_size(at_once: int, width: int, height: int, device: wp.Device) -> tuple[int, int]:
     """Pixels that one thread block draws: as many as leave enough blocks to fill the device."""
-    wanted = device.sm_count * 24 if device.is_cuda else 32
+    wanted = device.sm_count * 24 if device.is_cuda else 2 * cpu_parts()
     for size in ((64, 64), (64, 32), (32, 32), (32, 16), (16, 16)):
-        if worlds * -(-width // size[0]) * -(-height // size[1]) >= wanted:
+        if at_once * -(-width // size[0]) * -(-height // size[1]) >= wanted:
             return size
     return (16, 8)

@@ -46,6 +46,12 @@ def test_ci_on_cpu(tmp_path: Path) -> None:
     assert "3 passed" in printed
 
 
+def test_every_gpu(tmp_path: Path) -> None:
+    printed = run(str(EXAMPLES / "every_gpu.py"), folder=tmp_path)
+    assert printed.splitlines()[-2].startswith("cpu: ")
+    assert "contexts on GPUs []" in printed
+
+
 def test_every_example_is_run() -> None:
     tested = Path(__file__).read_text()
     names = [path.name for path in EXAMPLES.glob("*.py")]

@@ -310,6 +310,31 @@ def test_frames_are_in_order_with_torch_streams() -> None:
             assert torch.equal(renderer.render()["top"]["depth"], expected[float(step % 2)])
 
 
+@on_cuda
+def test_recording_does_not_disturb_other_threads() -> None:
+    """Torch's copies to the host go by the default stream, which must not meet a capture."""
+    stop, wrong = threading.Event(), []
+    tensor = torch.zeros(1 << 16, device="cuda:0")
+
+    def copy() -> None:
+        try:
+            while not stop.is_set():
+                tensor.cpu()
+        except RuntimeError as error:
+            wrong.append(error)
+
+    thread = threading.Thread(target=copy)
+    thread.start()
+    simulation = Simulation("cuda:0")
+    for _ in range(30):
+        renderer = simulation.renderer(("rgb", "depth"))
+        renderer.render()
+        renderer.render(worlds=[1])
+    stop.set()
+    thread.join()
+    assert not wrong
+
+
 @every_device
 def test_threads_do_not_disturb_each_other(device: str) -> None:
     simulations = [Simulation(device) for _ in range(4)]

@@ -9,6 +9,7 @@ from typing import Any as _Any
 from warpcam.camera import Camera
 from warpcam.errors import WarpcamError
 from warpcam.lens import Lens, Orthographic, Pinhole
+from warpcam.memory import Memory, estimate_memory
 from warpcam.renderer import Renderer
 from warpcam.scene import Scene
 
@@ -20,11 +21,13 @@ except _PackageNotFoundError:  # run from its sources
 __all__ = [
     "Camera",
     "Lens",
+    "Memory",
     "Orthographic",
     "Pinhole",
     "Renderer",
     "Scene",
     "WarpcamError",
+    "estimate_memory",
     "from_mujoco",
     "from_mujoco_warp",
 ]

@@ -8,6 +8,7 @@ a device decides it; only a source on the host lets the user choose. Devices are
 import functools
 import logging
 import os
+from pathlib import Path
 from typing import Any
 
 import warp as wp
@@ -52,6 +53,21 @@ def require_same(expected: wp.Device, whose: str, found: wp.Device, what: str) -
     """Raise if ``what`` does not lie where ``whose`` arrays lie."""
     if found != expected:
         raise WarpcamError(f"device: {what} is on {found.alias}, but {whose} on {expected.alias}; both must be on one")
+
+
+def free_bytes(device: wp.Device) -> int | None:
+    """Memory that can still be allocated there, None if nobody knows."""
+    if device.is_cuda:
+        kept = 0  # memory that was freed but is kept by Warp's pool, at most
+        if device.is_mempool_enabled:
+            threshold = wp.get_mempool_release_threshold(device)
+            kept = max(threshold - wp.get_mempool_used_mem_current(device), 0)
+        return int(device.free_memory + kept)
+    try:
+        lines = Path("/proc/meminfo").read_text().splitlines()
+    except OSError:
+        return None
+    return next((1024 * int(line.split()[1]) for line in lines if line.startswith("MemAvailable:")), None)
 
 
 @functools.cache

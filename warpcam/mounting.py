@@ -152,6 +152,16 @@ class Mounted:
             raise WarpcamError(f'{where}: depth_clipping="max" needs a finite far, got {self._camera.far!r}')
 
 
+def pose_bytes(camera: Camera) -> int:
+    """Bytes of a camera's own arrays in each world."""
+    numbers = 2  # near and far
+    if camera.is_own:
+        numbers += 3 + 4  # position, rotation
+    if camera.lens is not None:
+        numbers += sum(len(values) for values in camera.lens.values(camera.width, camera.height).values())
+    return 4 * numbers
+
+
 def per_world(
     value: Any, where: str, num_worlds: int, width: tuple[int, ...], *, may_be_infinite: bool = False
 ) -> np.ndarray:

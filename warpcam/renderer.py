@@ -1,8 +1,9 @@
 """The renderer: which stages make a frame, in what order, and their capture as a graph."""
 
+import itertools
 import threading
 from collections import defaultdict
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import warp as wp
@@ -10,11 +11,14 @@ import warp as wp
 from warpcam import interop
 from warpcam.camera import Camera
 from warpcam.errors import WarpcamError
-from warpcam.kernels.launch import Stage
+from warpcam.kernels.launch import Frame, bind
+from warpcam.kernels.streams import quiet_stream
 from warpcam.kernels.tables import Tables
 from warpcam.kernels.views import record_begin
+from warpcam.memory import check_cameras, estimate_memory, require_free
 from warpcam.mounting import CameraArrays, Mounted
 from warpcam.scene import Scene
+from warpcam.scratch import Scratch
 from warpcam.selection import Selection
 from warpcam.targets import Target
 
@@ -39,16 +43,21 @@ class Renderer:
             scene's device. The same tensors in every frame; they stay valid when the renderer is gone.
         faulty: uint8 tensor, (world,): 1 where, in the last frame that drew the world, a pose, size or lens was not a
             number or made no image. Such a world's images show the background; no other world is touched.
+        memory: What was allocated for it all; ``estimate_memory`` tells before.
     """
 
     def __init__(self, scene: Scene, cameras: Sequence[Camera], *, graph: bool = True):
-        self._cameras = _check_cameras(scene, cameras)
+        self._cameras = check_cameras(scene, cameras)
         self._scene, self._device = scene, scene.device
+        self.memory = estimate_memory(scene, cameras)
+        require_free(self.memory, scene.device)
         self._graph = graph and scene.device.is_cuda
         self._turn = _turns[scene.device.alias] if scene.device.is_cuda else threading.Lock()
         tables = scene.tables()
         self._mounted = {key: Mounted(camera, scene) for key, camera in self._cameras.items()}
-        self._targets = {key: Target(camera, tables, scene.device) for key, camera in self._cameras.items()}
+        self._targets = {key: Target(camera, scene.num_worlds, scene.device) for key, camera in self._cameras.items()}
+        self._scratch = Scratch(self._cameras.values(), tables, scene.device)
+        self._scratch.allocate()
         self._selection = Selection(scene.num_worlds, scene.device)
         self._faults = wp.zeros(scene.num_worlds, dtype=wp.uint8, device=scene.device)
         self.faulty = interop.to_torch(self._faults)
@@ -60,7 +69,7 @@ class Renderer:
             key: CameraArrays(self._cameras[key].where, mounted.arrays) for key, mounted in self._mounted.items()
         }
         self._tables: Tables | None = None
-        self._frames: dict[bool, list[Stage]] = {}
+        self._frames: dict[bool, Frame] = {}
         self._graphs: dict[bool, wp.Graph] = {}
         self._record(tables)
 
@@ -119,44 +128,32 @@ class Renderer:
 
     def _record(self, tables: Tables) -> None:
         """Bind every stage to the tables' arrays; loads and compiles whatever kernels that takes."""
-        mask, stages = self._selection.mask, []
+        mask, views, groups = self._selection.mask, [], []
         for key, target in self._targets.items():
-            mounted = self._mounted[key]
-            seen = self._scene.tables_with(tables, self._cameras[key].background)
-            stages.append(mounted.record(mask, self._faults, target.views))
-            stages += target.record(seen, mounted.projection, mask, self._faults)
-        self._frames = {
-            everything: [record_begin(everything, mask, self._faults, self._device), *stages]
-            for everything in (True, False)
-        }
+            mounted, camera = self._mounted[key], self._cameras[key]
+            seen = self._scene.tables_with(tables, camera.background)
+            views.append(mounted.record(mask, self._faults, target.views))
+            groups += [
+                target.record(seen, mounted.projection, group, buffers, mask, self._faults)
+                for group, buffers in self._scratch.groups(camera, len(groups))
+            ]
+        slots = self._scratch.slots
+        chains = [list(itertools.chain(*groups[slot::slots])) for slot in range(slots)]
+        begin = {everything: record_begin(everything, mask, self._faults, self._device) for everything in (True, False)}
+        bind([*begin.values(), *views, *itertools.chain(*groups)])
+        self._frames = {everything: Frame([stage, *views], chains, self._device) for everything, stage in begin.items()}
         self._graphs = {}
         self._tables = tables
 
     def _run(self, everything: bool, capturing: bool) -> None:
-        stages = self._frames[everything]
+        frame = self._frames[everything]
         if not self._graph or capturing:
-            for stage in stages:
-                stage.launch()
+            frame.launch()
             return
         if everything in self._graphs:
             wp.capture_launch(self._graphs[everything], stream=self._device.stream)
             return
-        for stage in stages:  # the first time by themselves: the driver may still have to load the kernels
-            stage.launch()
-        with wp.ScopedStream(wp.Stream(self._device)), wp.ScopedCapture(self._device) as capture:
-            for stage in stages:
-                stage.launch()
+        frame.launch()  # the first time by itself: the driver may still have to load the kernels
+        with wp.ScopedStream(quiet_stream(self._device)), wp.ScopedCapture(self._device) as capture:
+            frame.launch()
         self._graphs[everything] = capture.graph
-
-
-def _check_cameras(scene: Any, cameras: Any) -> Mapping[str | int, Camera]:
-    if not isinstance(scene, Scene):
-        raise WarpcamError(f"Renderer: scene must be made by from_mujoco_warp or the like, got {type(scene).__name__}")
-    if not isinstance(cameras, Sequence) or not all(isinstance(camera, Camera) for camera in cameras):
-        raise WarpcamError(f"Renderer: cameras must be a sequence of Camera, got {cameras!r}")
-    by_key: dict[str | int, Camera] = {}
-    for camera in cameras:
-        if camera.name in by_key:
-            raise WarpcamError(f"Renderer: cameras has two called {camera.name!r}; each needs a name of its own")
-        by_key[camera.name] = camera
-    return by_key

@@ -1,5 +1,6 @@
 """The scene: what can be seen, on one device, checked here and nowhere else."""
 
+import operator
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Protocol
@@ -17,7 +18,6 @@ from warpcam.kernels.tables import Tables
 from warpcam.kernels.types import HEIGHT_FIELD, MESH, Background, Lights, Materials, Shapes
 from warpcam.lens import Projection
 
-MAX_SHADOW_LIGHTS = 32
 NUM_SHAPE_TYPES = MESH + 1
 
 
@@ -159,6 +159,7 @@ class Scene:
         self._check_parts()
         self._arrays: Mapping[str, wp.array] = {}
         self._key: tuple[Any, ...] = ()
+        self._ambient, self._last = -1.0, ()
         self._meshes = pack_meshes(parts.meshes, self.device)
         self._height_fields = pack_height_fields(parts.height_fields, self.device)
         self._textures = pack_textures(parts.textures, self.device)
@@ -218,6 +219,8 @@ class Scene:
         """The scene for the kernels: the same object until the source's arrays are others."""
         arrays = self._source.arrays()
         ambient = self._source.global_ambient()
+        if ambient == self._ambient and all(map(operator.is_, arrays.values(), self._last)):
+            return self._tables
         key = (ambient, *map(_identity, arrays.values()))
         if key != self._key:
             for name, field in FIELDS.items():
@@ -225,6 +228,7 @@ class Scene:
             self._arrays = arrays
             self._tables = self._build(arrays, ambient)
             self._key = key
+        self._ambient, self._last = ambient, tuple(arrays.values())
         return self._tables
 
     def background(self, color: tuple[float, float, float]) -> Background:

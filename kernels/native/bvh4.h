@@ -45,9 +45,9 @@ WARPCAM_FN Slabs slabs(Vec o, Vec d, float extent)
              { -(o.x - pad) * s.x, -(o.y - pad) * s.y, -(o.z - pad) * s.z } };
 }
 
+#if defined(__CUDA_ARCH__)
 // Nearest front face of any mesh among some records, nearer than `hit`; with ANY, the first one found. `words` are these
-// records as bits by rank, `stride` apart; `order` leads from a rank to
-// its record.
+// records as bits by rank, `stride` apart; `order` leads from a rank to its record. (For a CPU: see bvh4_cpu.h.)
 template <bool ANY, class Meshes, class RayOf>
 WARPCAM_FN void walk_meshes(const Meshes& meshes, const Record* records, const unsigned char* order,
                             const unsigned* words, int num_words, int stride, const RayOf& source, float near, Hit& hit)
@@ -86,17 +86,10 @@ WARPCAM_FN void walk_meshes(const Meshes& meshes, const Record* records, const u
         }
         while (node >= 0 && node != NO_NODE) {
             const unsigned at = nodes + unsigned(node * NODE_ROWS);
-#if defined(__CUDA_ARCH__)
             const Row l0 = load(meshes.nodes.data, at), u0 = load(meshes.nodes.data, at + 1);
             const Row l1 = load(meshes.nodes.data, at + 2), u1 = load(meshes.nodes.data, at + 3);
             const Row l2 = load(meshes.nodes.data, at + 4), u2 = load(meshes.nodes.data, at + 5);
             const Row l3 = load(meshes.nodes.data, at + 6), u3 = load(meshes.nodes.data, at + 7);
-#else
-            const Row lx = load(meshes.nodes.data, at), ly = load(meshes.nodes.data, at + 1);
-            const Row lz = load(meshes.nodes.data, at + 2), ux = load(meshes.nodes.data, at + 3);
-            const Row uy = load(meshes.nodes.data, at + 4), uz = load(meshes.nodes.data, at + 5);
-            const Row children = load(meshes.nodes.data, at + 6);
-#endif
             float best = FAR_AWAY;
             int next = NO_NODE;
 #define WARPCAM_CHILD(LX, LY, LZ, UX, UY, UZ, CHILD) \
@@ -121,18 +114,10 @@ WARPCAM_FN void walk_meshes(const Meshes& meshes, const Record* records, const u
             } \
         } \
     }
-#if defined(__CUDA_ARCH__)
             WARPCAM_CHILD(l0.x, l0.y, l0.z, u0.x, u0.y, u0.z, l0.w)
             WARPCAM_CHILD(l1.x, l1.y, l1.z, u1.x, u1.y, u1.z, l1.w)
             WARPCAM_CHILD(l2.x, l2.y, l2.z, u2.x, u2.y, u2.z, l2.w)
             WARPCAM_CHILD(l3.x, l3.y, l3.z, u3.x, u3.y, u3.z, l3.w)
-#else
-            WARPCAM_CHILD(lx.x, ly.x, lz.x, ux.x, uy.x, uz.x, as_int(children.x))
-            WARPCAM_CHILD(lx.y, ly.y, lz.y, ux.y, uy.y, uz.y, as_int(children.y))
-            WARPCAM_CHILD(lx.z, ly.z, lz.z, ux.z, uy.z, uz.z, as_int(children.z))
-            WARPCAM_CHILD(as_float(lx.w), as_float(ly.w), as_float(lz.w), as_float(ux.w), as_float(uy.w),
-                          as_float(uz.w), children.w)
-#endif
 #undef WARPCAM_CHILD
             node = next;
             while (node == NO_NODE && height > 0) {
@@ -163,5 +148,7 @@ WARPCAM_FN void walk_meshes(const Meshes& meshes, const Record* records, const u
         node = NO_NODE;
     }
 }
+
+#endif
 
 }  // namespace warpcam

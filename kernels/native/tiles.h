@@ -3,6 +3,9 @@
 #include "heightfield.h"
 #include "prepare.h"
 #include "shapes.h"
+#if !defined(__CUDA_ARCH__)
+#include "bvh4_cpu.h"
+#endif
 
 namespace warpcam {
 
@@ -165,13 +168,11 @@ template <int TYPE, int LENS> inline void trace_shape(const Record& record, floa
 }
 
 template <int TYPES, int LENS, int CAPACITY, class Meshes, class HeightFields>
-inline void trace_tile(const ShapeList<CAPACITY>& list, const TileRow<CAPACITY>& row, unsigned* mesh_words, int column,
-                       float near, const Meshes& meshes, const HeightFields& fields, Rays& rays)
+inline void trace_tile(const ShapeList<CAPACITY>& list, const TileRow<CAPACITY>& row, int column, float near,
+                       const Meshes& meshes, const HeightFields& fields, Rays& rays)
 {
-    const int words = (list.count + 31) / 32;
-    for (int word = 0; word < words; ++word)
-        mesh_words[word] = 0;
-    bool any_mesh = false;
+    unsigned char behind[CAPACITY];  // slots of meshes, nearest first
+    int meshes_behind = 0;
     float farthest = FAR_AWAY;
     for (int i = 0; i < row.count; ++i) {
         if (column < row.left[i] || column > row.right[i])
@@ -182,8 +183,7 @@ inline void trace_tile(const ShapeList<CAPACITY>& list, const TileRow<CAPACITY>&
             break;
         const int type = record.axis_x.w;
         if (type == MESH) {
-            mesh_words[rank / 32] |= 1u << rank % 32;
-            any_mesh = true;
+            behind[meshes_behind++] = list.order[rank];
             continue;
         }
         switch (type) {
@@ -212,14 +212,12 @@ inline void trace_tile(const ShapeList<CAPACITY>& list, const TileRow<CAPACITY>&
         }
         farthest = farthest_of(rays);
     }
-    if ((TYPES >> MESH & 1) && any_mesh)
-        for (int lane = 0; lane < LANES; ++lane) {
-            Hit hit { rays.depth[lane], rays.shape[lane], rays.face[lane] };
-            walk_meshes<false>(meshes, list.records, list.order, mesh_words, words, 1,
-                               ViewRay<LENS> { rays.x[lane], rays.y[lane] }, near, hit);
-            rays.depth[lane] = hit.depth;
-            rays.shape[lane] = hit.shape;
-            rays.face[lane] = hit.face;
+    if (TYPES >> MESH & 1)
+        for (int i = 0; i < meshes_behind; ++i) {
+            const Record& record = list.records[behind[i]];
+            if (as_float(record.size.w) >= farthest_of(rays))
+                break;
+            trace_mesh<LENS>(meshes, record, near, rays);
         }
 }
 

@@ -187,7 +187,6 @@ WARPCAM_FN void draw(const Shapes& shapes, const Materials& materials, const Mes
             }
         } while (HAS_MESH && list.next_tile < tiles);
 #else
-        unsigned words[(CAPACITY + 31) / 32];
         TileRow<CAPACITY> row;
         for (int tile = 0; tile < tiles; ++tile) {
             const int left = region.left + tile % across * TILE_WIDTH, top = region.top + tile / across * TILE_HEIGHT;
@@ -210,7 +209,7 @@ WARPCAM_FN void draw(const Shapes& shapes, const Materials& materials, const Mes
                         rays.depth[lane] = target.depth.data[at];
                 }
             }
-            trace_tile<TYPES, LENS>(list, row, words, tile % across, camera.near, meshes, fields, rays);
+            trace_tile<TYPES, LENS>(list, row, tile % across, camera.near, meshes, fields, rays);
             for (int lane = 0; lane < LANES; ++lane) {
                 const int i = left + lane % TILE_WIDTH, j = top + lane / TILE_WIDTH;
                 if (i < target.width && j < target.height)

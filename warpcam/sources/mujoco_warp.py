@@ -1,6 +1,7 @@
 """MuJoCo-Warp: worlds whose state already lies in Warp arrays. They are read where they are."""
 
 from collections.abc import Collection, Mapping
+from operator import attrgetter
 from typing import Any
 
 import mujoco
@@ -11,6 +12,10 @@ from warpcam import device as device_rule
 from warpcam.errors import WarpcamError
 from warpcam.scene import Scene
 from warpcam.sources import mujoco_model as model
+
+NAMES = (*model.DATA_NAMES, *model.MODEL_NAMES, "headlight")
+# Asked every frame: one call for all.
+of_data, of_model = attrgetter(*model.DATA_NAMES.values()), attrgetter(*model.MODEL_NAMES.values())
 
 
 class MujocoWarpSource:
@@ -38,11 +43,7 @@ class MujocoWarpSource:
         self._ambient = model.global_ambient(mjm)
 
     def arrays(self) -> Mapping[str, wp.array]:
-        m, d = self._m, self._d
-        arrays = {field: getattr(d, name) for field, name in model.DATA_NAMES.items()}
-        arrays.update((field, getattr(m, name)) for field, name in model.MODEL_NAMES.items())
-        arrays["headlight"] = self._headlight
-        return arrays
+        return dict(zip(NAMES, (*of_data(self._d), *of_model(self._m), self._headlight), strict=True))
 
     def label(self, field: str) -> str:
         return f"d.{model.DATA_NAMES[field]}" if field in model.DATA_NAMES else f"m.{model.MODEL_NAMES[field]}"

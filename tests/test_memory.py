@@ -1,0 +1,221 @@
+"""Memory: only for what was asked for, told before it is taken, and shared between cameras and groups of worlds."""
+
+import functools
+import gc
+from typing import Any
+
+import mujoco
+import mujoco_warp as mjw
+import numpy as np
+import pytest
+import warp as wp
+
+import warpcam as wc
+from warpcam import memory, scratch
+from warpcam.outputs import OUTPUTS
+
+MODEL = """
+<mujoco>
+  <asset><mesh name="wedge" vertex="0 0 0  1 0 0  0 1 0  0 0 1  1 1 0"/></asset>
+  <worldbody>
+    <light pos="1 1 4" dir="-1 -1 -4"/>
+    <camera name="top" pos="0 0 5" fovy="60"/>
+    <camera name="side" pos="0 -4 1" xyaxes="1 0 0 0 0 1"/>
+    <body pos="0 0 1"><freejoint/><geom size=".6" rgba="1 0 0 1"/></body>
+    <body pos="-1 1 1"><freejoint/><geom type="mesh" mesh="wedge"/></body>
+    <geom type="box" size="3 3 .1" pos="0 0 -.5"/>
+  </worldbody>
+</mujoco>
+"""
+LIT = {"rgb", "rgba", "hdr"}
+FACED = {*LIT, "normals", "albedo"}
+
+
+def scene_of(device: Any, num_worlds: int, more: str = "") -> wc.Scene:
+    """The model in worlds whose ball is each at another place."""
+    mjm = mujoco.MjModel.from_xml_string(MODEL.replace("</worldbody>", more + "</worldbody>"))
+    mjd = mujoco.MjData(mjm)
+    mujoco.mj_forward(mjm, mjd)
+    with wp.ScopedDevice(device):
+        m, d = mjw.put_model(mjm), mjw.put_data(mjm, mjd, nworld=num_worlds)
+    positions = d.geom_xpos.numpy()
+    positions[:, mjm.geom_bodyid.tolist().index(1), 0] += np.linspace(-1.0, 1.0, num_worlds)
+    d.geom_xpos.assign(positions)
+    return wc.from_mujoco_warp(mjm, m, d)
+
+
+one_scene_of = functools.cache(scene_of)  # for tests that only ask what it would take
+
+
+def camera(name: str = "top", width: int = 24, height: int = 20, **options: Any) -> wc.Camera:
+    return wc.Camera(name, width=width, height=height, **options)
+
+
+def scratch_by_the_docs(num_worlds: int, cameras: list[wc.Camera], most_slots: int) -> int:
+    """The formula of docs/memory.md, for a scene of meshes and lights with at most 256 shapes."""
+    images, largest, all_groups = 0, 0, 0
+    for each in cameras:
+        for name in each.outputs:
+            bytes_a_pixel = OUTPUTS[name].channels * (1 if OUTPUTS[name].dtype is wp.uint8 else 4)
+            images += num_worlds * each.width * each.height * bytes_a_pixel
+    allowed = max(images / 2, 32 * 2**20) // most_slots
+    for each in cameras:
+        outputs, buffers = set(each.outputs), 0
+        if outputs - {"depth", "segmentation"}:
+            buffers += ("depth" not in outputs) + ("segmentation" not in outputs)
+            buffers += bool(outputs & FACED) + (each.shadows and bool(outputs & LIT))
+        world = each.width * each.height * 4 * buffers
+        groups = int(np.ceil(num_worlds / max(allowed // world, 1))) if world else 1
+        all_groups += groups
+        largest = max(largest, int(np.ceil(num_worlds / groups)) * world)
+    return min(most_slots, all_groups) * (-(-largest // 256) * 256)
+
+
+SETS = (("depth", "segmentation"), ("rgb",), ("rgb", "depth"), ("normals",), ("distance",), ("bodies",), tuple(OUTPUTS))
+
+
+@pytest.mark.parametrize("shadows", [False, True])
+@pytest.mark.parametrize("outputs", SETS, ids="+".join)
+@pytest.mark.parametrize(("num_worlds", "width"), [(2, 24), (1000, 64), (8192, 64), (301, 512)])
+def test_scratch_follows_the_formula(
+    num_worlds: int, width: int, outputs: tuple[str, ...], shadows: bool, device: wp.Device
+) -> None:
+    scene = one_scene_of(device.alias, num_worlds)
+    cameras = [
+        camera(width=width, height=width, outputs=outputs, shadows=shadows),
+        camera("side", width=width, height=48, outputs=("segmentation",)),
+    ]
+    told = wc.estimate_memory(scene, cameras)
+    assert told.scratch == scratch_by_the_docs(num_worlds, cameras, 4 if device.is_cuda else 1)
+    images = sum(sum(each.values()) for each in told.images.values())
+    if images > 2 * scratch.ALWAYS_ALLOWED:
+        assert told.total <= 1.5 * images + num_worlds * 1000
+
+
+def test_images_take_their_shape_times_their_type() -> None:
+    scene = scene_of("cpu", 3)
+    told = wc.estimate_memory(scene, [camera(outputs=tuple(OUTPUTS))])
+    tensors = wc.Renderer(scene, [camera(outputs=tuple(OUTPUTS))]).images["top"]
+    assert told.images == {"top": {name: tensor.nbytes for name, tensor in tensors.items()}}
+
+
+class Ledger:
+    """Stands in for a Warp allocator and counts the bytes that are held."""
+
+    def __init__(self, allocator: Any):
+        self._allocator = allocator
+        self.held = 0
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._allocator, name)
+
+    def allocate(self, size: int) -> int:
+        self.held += size
+        return int(self._allocator.allocate(size))
+
+    def deallocate(self, pointer: int, size: int) -> None:
+        self.held -= size
+        self._allocator.deallocate(pointer, size)
+
+
+CAMERAS = {
+    "depth": [{"outputs": ("depth",)}],
+    "rgb": [{"outputs": ("rgb",), "shadows": True}],
+    "two": [
+        {"outputs": ("rgb", "segmentation"), "lens": wc.Pinhole(fx=30.0)},
+        {"name": "side", "outputs": ("normals", "albedo"), "width": 50},
+    ],
+    "own": [
+        {"outputs": tuple(OUTPUTS), "position": (0, 0, 4), "lens": wc.Orthographic(height=3.0), "parent": 1},
+        {"name": "plain", "lens": wc.Pinhole(fovy=50.0), "position": (0, 0, 4)},
+    ],
+}
+
+
+@pytest.mark.parametrize("which", CAMERAS)
+def test_what_is_told_is_what_is_allocated(which: str, device: wp.Device, monkeypatch: pytest.MonkeyPatch) -> None:
+    scene = scene_of(device, 40)
+    cameras = [camera(**options) for options in CAMERAS[which]]
+    told = wc.estimate_memory(scene, cameras)
+    wc.Renderer(scene, cameras).render()  # what Warp loads once is loaded
+    gc.collect()
+    slot = "current_allocator" if device.is_cuda else "default_allocator"
+    ledger = Ledger(getattr(device, slot))
+    monkeypatch.setattr(device, slot, ledger)
+    renderer = wc.Renderer(scene, cameras)
+    gc.collect()
+    assert ledger.held == told.total == renderer.memory.total
+    renderer.render()
+    renderer.render(worlds=[1])
+    gc.collect()
+    assert ledger.held == told.total
+
+
+def test_the_table_names_every_image_and_the_total() -> None:
+    told = wc.estimate_memory(scene_of("cpu", 2), [camera(outputs=("rgb", "depth"))])
+    text = str(told)
+    assert "'top' rgb" in text
+    assert "'top' depth" in text
+    assert f"{told.total / 1e6:,.3f} MB" in text.splitlines()[-1]
+
+
+def test_more_than_is_free_is_an_error_before_anything_is_taken(monkeypatch: pytest.MonkeyPatch) -> None:
+    scene = scene_of("cpu", 2)
+    needed = wc.estimate_memory(scene, [camera()]).total
+    monkeypatch.setattr(memory, "free_bytes", lambda device: needed - 1)
+    ledger = Ledger(scene.device.default_allocator)
+    monkeypatch.setattr(scene.device, "default_allocator", ledger)
+    with pytest.raises(wc.WarpcamError, match=f"{needed:,} bytes are needed, {needed - 1:,} are free on cpu"):
+        wc.Renderer(scene, [camera()])
+    assert ledger.held == 0
+    monkeypatch.setattr(memory, "free_bytes", lambda device: needed)
+    wc.Renderer(scene, [camera()])
+
+
+def test_free_memory_is_known(device: wp.Device) -> None:
+    free = memory.free_bytes(device)
+    assert free is None or free > 2**20
+
+
+# More shapes than one pass of the trace lists.
+CROWD = "".join(f'<geom size=".1" pos="{i % 20 * 0.2 - 1.9} {i // 20 * 0.2 - 1.4} 0"/>' for i in range(280))
+
+
+@pytest.mark.parametrize("crowd", ["", CROWD], ids=["few", "crowd"])
+@pytest.mark.parametrize("outputs", [("rgb",), ("normals", "depth"), ("segmentation",), tuple(OUTPUTS)], ids="+".join)
+def test_groups_of_worlds_make_the_same_images(
+    outputs: tuple[str, ...], crowd: str, device: wp.Device, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    num_worlds = 11
+    scene = scene_of(device, num_worlds, crowd)
+    cameras = [camera(outputs=outputs, shadows=True), camera("side", width=17, height=9, outputs=("rgba",))]
+    whole = wc.Renderer(scene, cameras)
+    expected = {key: {n: t.clone() for n, t in images.items()} for key, images in whole.render().items()}
+    monkeypatch.setattr(scratch, "ALWAYS_ALLOWED", 24 * 20 * 4 * 3)
+    grouped = wc.Renderer(scene, cameras)
+    assert grouped.memory.scratch <= whole.memory.scratch
+    if outputs == ("rgb",):
+        assert grouped.memory.scratch < whole.memory.scratch / 3
+    for _ in range(2):
+        for key, images in grouped.render().items():
+            for name, tensor in images.items():
+                np.testing.assert_array_equal(tensor.cpu().numpy(), expected[key][name].cpu().numpy(), err_msg=name)
+    for tensor in grouped.images["top"].values():
+        tensor.fill_(7)
+    grouped.render(worlds=[0, 7])
+    for name, tensor in grouped.images["top"].items():
+        assert (tensor[1:7] == 7).all()
+        np.testing.assert_array_equal(tensor[[0, 7]].cpu().numpy(), expected["top"][name][[0, 7]].cpu().numpy())
+
+
+def test_groups_of_worlds_may_be_captured(device: wp.Device, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(scratch, "ALWAYS_ALLOWED", 1)
+    renderer = wc.Renderer(scene_of(device, 5), [camera(outputs=("rgb", "normals"), shadows=True)])
+    expected = {name: tensor.clone() for name, tensor in renderer.render()["top"].items()}
+    with wp.ScopedCapture(device) as capture:
+        renderer.render()
+    for tensor in renderer.images["top"].values():
+        tensor.zero_()
+    wp.capture_launch(capture.graph)
+    for name, tensor in renderer.images["top"].items():
+        np.testing.assert_array_equal(tensor.cpu().numpy(), expected[name].cpu().numpy())

@@ -1,0 +1,86 @@
+"""What a renderer takes of its device's memory, known before any of it is taken."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import warp as wp
+
+from warpcam.camera import Camera
+from warpcam.device import free_bytes
+from warpcam.errors import WarpcamError
+from warpcam.kernels.types import View
+from warpcam.mounting import pose_bytes
+from warpcam.scene import Scene
+from warpcam.scratch import Scratch, image_bytes
+from warpcam.targets import check_size
+
+
+@dataclass(frozen=True)
+class Memory:
+    """Bytes that a renderer allocates on the scene's device; the scene's own are not among them.
+
+    Attributes:
+        images: Of each image, by camera and output.
+        scratch: What the cameras use between the stages of a frame, one after the other.
+        worlds: Each camera's poses, lenses and views, and which worlds are drawn or faulty.
+    """
+
+    images: Mapping[str | int, Mapping[str, int]]
+    scratch: int
+    worlds: int
+
+    @property
+    def total(self) -> int:
+        return sum(sum(images.values()) for images in self.images.values()) + self.scratch + self.worlds
+
+    def __str__(self) -> str:
+        rows = [
+            (f"{camera!r} {output}", count)
+            for camera, images in self.images.items()
+            for output, count in images.items()
+        ]
+        rows += [("scratch", self.scratch), ("poses and views", self.worlds), ("total", self.total)]
+        wide = max(len(name) for name, _ in rows)
+        return "\n".join(f"{name:<{wide}} {count / 1e6:>12,.3f} MB" for name, count in rows)
+
+
+def estimate_memory(scene: Scene, cameras: Sequence[Camera]) -> Memory:
+    """What ``Renderer(scene, cameras)`` would allocate. Allocates nothing.
+
+    Beside this a process needs what CUDA takes for itself: a context, the code of the kernels, a graph.
+    """
+    by_key = check_cameras(scene, cameras)
+    tables = scene.tables()
+    for camera in by_key.values():
+        check_size(camera, scene.num_worlds)
+    return Memory(
+        images={key: image_bytes(camera, tables) for key, camera in by_key.items()},
+        scratch=Scratch(by_key.values(), tables, scene.device).size,
+        worlds=scene.num_worlds
+        * (2 + sum(wp.types.type_size_in_bytes(View) + pose_bytes(camera) for camera in by_key.values())),
+    )
+
+
+def check_cameras(scene: Any, cameras: Any) -> Mapping[str | int, Camera]:
+    """The cameras by their keys, or the error that says what is wrong with them."""
+    if not isinstance(scene, Scene):
+        raise WarpcamError(f"Renderer: scene must be made by from_mujoco_warp or the like, got {type(scene).__name__}")
+    if not isinstance(cameras, Sequence) or not all(isinstance(camera, Camera) for camera in cameras):
+        raise WarpcamError(f"Renderer: cameras must be a sequence of Camera, got {cameras!r}")
+    by_key: dict[str | int, Camera] = {}
+    for camera in cameras:
+        if camera.name in by_key:
+            raise WarpcamError(f"Renderer: cameras has two called {camera.name!r}; each needs a name of its own")
+        by_key[camera.name] = camera
+    return by_key
+
+
+def require_free(memory: Memory, device: wp.Device) -> None:
+    """Raise if the device has less than that."""
+    free = free_bytes(device)
+    if free is not None and memory.total > free:
+        raise WarpcamError(
+            f"Renderer: {memory.total:,} bytes are needed, {free:,} are free on {device.alias}; ask for fewer worlds, "
+            f"pixels or outputs:\n{memory}"
+        )
