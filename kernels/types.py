@@ -56,7 +56,8 @@ class Meshes:
     # On CUDA 8 rows: of each child lower x, y, z and the child; upper x, y, z and nothing. An absent child has all its
     # bounds at 1e30.
     nodes: wp.array(dtype=wp.vec4)
-    # (row,) a face is 3 rows, its corners, counterclockwise seen from the front; in leaf order. The fourth
+    # (row,) a face is 3 rows, its corners, counterclockwise seen from the front; in leaf order, and
+    # once for each leaf that it stands in. The fourth
     # component of the first row holds, as int bits, the face's index among the mesh's faces as they were given.
     faces: wp.array(dtype=wp.vec4)
     # Shading data, by corner of the faces as given: corner 3 * (corner_start + face) + k.

@@ -8,8 +8,6 @@ namespace warpcam {
 typedef float Float4 __attribute__((ext_vector_type(4)));
 typedef int Int4 __attribute__((ext_vector_type(4)));
 
-constexpr float ENDLESS = 1.0e25f;  // farther than any face, nearer than the boxes of absent children
-
 inline Float4 lower4(Float4 a, Float4 b) { return a < b ? a : b; }
 inline Float4 upper4(Float4 a, Float4 b) { return a > b ? a : b; }
 
@@ -173,7 +171,6 @@ inline bool walk_mesh(const float* nodes, const float* faces, const Slabs& slabs
     const BoxRay ray { slabs };
     int height = 0, node = 0;
     bool any = false;
-    hit.depth = lower(hit.depth, ENDLESS);
     while (true) {
         while (node >= 0 && node != NO_NODE)
             node = test_node(nodes, node, ray, near, hit.depth, stack, height);
@@ -202,30 +199,27 @@ template <class Meshes> inline const float* face_rows(const Meshes& meshes, int 
     return reinterpret_cast<const float*>(meshes.faces.data) + 4 * size_t(wp::index(meshes.face_start, mesh));
 }
 
-// As walk_mesh, for all meshes among some records. `words` are these records as bits by rank, `stride` apart; `order`
+// Some front face of any mesh among some records, nearer than `hit`. `words` are these records as bits by rank, `order`
 // leads from a rank to its record.
-template <bool ANY, class Meshes, class RayOf>
+template <class Meshes, class RayOf>
 inline void walk_meshes(const Meshes& meshes, const Record* records, const unsigned char* order, const unsigned* words,
-                        int num_words, int stride, const RayOf& source, float near, Hit& hit)
+                        int num_words, const RayOf& source, float near, Hit& hit)
 {
     for (int word = 0; word < num_words; ++word)
-        for (unsigned left = words[word * stride]; left; left &= left - 1) {
+        for (unsigned left = words[word]; left; left &= left - 1) {
             const Record& record = records[order[word * 32 + lowest_bit(left)]];
-            if (as_float(record.size.w) >= hit.depth)
-                return;
             const int mesh = record.axis_z.w;
             const Ray ray = source.local(record);
             MeshHit found { hit.depth, 0 };
-            if (!walk_mesh<ANY>(node_rows(meshes, mesh), face_rows(meshes, mesh),
-                                slabs(ray.origin, ray.direction, record.size.x), source.frame(record), near, found))
-                continue;
-            hit = { found.depth, record.axis_y.w, found.face };
-            if (ANY)
+            if (walk_mesh<true>(node_rows(meshes, mesh), face_rows(meshes, mesh),
+                                slabs(ray.origin, ray.direction, record.size.x), source.frame(record), near, found)) {
+                hit = { found.depth, record.axis_y.w, found.face };
                 return;
+            }
         }
 }
 
-// The same for a tile's rays, mesh by mesh: rays that miss a mesh's box, most of them, are found together.
+// The nearest faces of a mesh for a tile's rays: those that miss its box, most of them, are found together.
 template <int LENS, class Meshes, class Rays>
 inline void trace_mesh(const Meshes& meshes, const Record& record, float near, Rays& rays)
 {

@@ -15,6 +15,9 @@ constexpr int THREADS = 1;
 
 constexpr int LANES = 32;
 constexpr float FAR_AWAY = 3.0e38f;  // stands for infinity where infinities would breed NaNs
+// No ray goes farther. It is nearer than the boxes that stand for absent children of a node: a ray may run through all
+// three of their planes at once.
+constexpr float ENDLESS = 1.0e25f;
 
 // Four words that are loaded with one instruction.
 struct alignas(16) Row {

@@ -47,7 +47,7 @@ template <class View> WARPCAM_FN Camera load_camera(const View& view)
     c.center_x = view.center[0];
     c.center_y = view.center[1];
     c.near = view.near;
-    c.far = lower(view.far, FAR_AWAY);
+    c.far = lower(view.far, ENDLESS);
     c.miss = view.miss;
     return c;
 }

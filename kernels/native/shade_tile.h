@@ -18,7 +18,7 @@ struct Span {
     float near, reach;
 };
 
-WARPCAM_FN float reach_of(const Light& light, float near) { return light.distant ? FAR_AWAY : 1.0f - near; }
+WARPCAM_FN float reach_of(const Light& light, float near) { return light.distant ? ENDLESS : 1.0f - near; }
 
 WARPCAM_FN Span span_of(const Light& light, Vec origin, Vec p, float depth)
 {
@@ -225,7 +225,7 @@ inline void shade_tile(const List& list, const LitView<LENS>& view, int world, c
         if (HAS_MESH && walk && hit.shape < 0
             && (view.counts_behind
                 || faces_light(shapes, meshes, world, points.ids[lane], points.faces[lane], view.light, view.origin)))
-            walk_meshes<true>(meshes, list.records, list.order, met, words, 1, ray, points.near[lane], hit);
+            walk_meshes(meshes, list.records, list.order, met, words, ray, points.near[lane], hit);
         points.open[lane] = hit.shape < 0;
     }
 }

@@ -6,7 +6,7 @@ namespace warpcam {
 
 enum Output { DEPTH = 1, SHAPE = 2, FACE = 4 };
 
-// Does the shape's colour let it be seen at all? MuJoCo's rule of which colour counts (see surface.py).
+// Does the shape's colour let it be seen at all? MuJoCo's rule of which colour counts (see look.h).
 template <class Shapes, class Materials>
 WARPCAM_FN bool transparent(const Shapes& shapes, const Materials& materials, int world, int id)
 {
