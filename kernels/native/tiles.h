@@ -5,6 +5,7 @@
 #include "shapes.h"
 #if !defined(__CUDA_ARCH__)
 #include "bvh4_cpu.h"
+#include "heightfield_cpu.h"
 #endif
 
 namespace warpcam {
@@ -201,13 +202,7 @@ inline void trace_tile(const ShapeList<CAPACITY>& list, const TileRow<CAPACITY>&
 #undef WARPCAM_CASE
         case HEIGHT_FIELD:
             if (TYPES >> HEIGHT_FIELD & 1)
-                for (int lane = 0; lane < LANES; ++lane) {
-                    Hit hit { rays.depth[lane], rays.shape[lane], rays.face[lane] };
-                    walk_height_field(fields, record, ViewRay<LENS> { rays.x[lane], rays.y[lane] }, near, hit);
-                    rays.depth[lane] = hit.depth;
-                    rays.shape[lane] = hit.shape;
-                    rays.face[lane] = hit.face;
-                }
+                trace_height_field<LENS>(fields, record, near, rays);
             break;
         }
         farthest = farthest_of(rays);

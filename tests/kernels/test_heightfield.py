@@ -1,6 +1,7 @@
 """The walk over a height field against every one of its triangles, in float64."""
 
 import functools
+from dataclasses import dataclass
 
 import numpy as np
 import warp as wp
@@ -12,6 +13,7 @@ from warpcam.kernels.types import HeightFields
 from warpcam.accel.heightfields import HeightField, pack_height_fields
 
 RAYS = 400
+PACKET = wp.constant(8)  # rays that a CPU thread walks at once; heightfield_cpu.h has the same number
 SHAPE = 5
 FAR_AWAY = 3.0e38
 TOLERANCE = 2e-5  # of depth, for rays of unit length that start a few metres away
@@ -54,14 +56,68 @@ def walk_all(
     walk_one(fields, origins, directions, limits, depth, found, wp.tid())
 
 
-def walk(field: HeightField, rays: tuple, device: wp.Device) -> tuple[np.ndarray, np.ndarray]:
+@wp.func_native("""
+    warpcam::Record record {};
+    record.axis_z.w = 1;
+    record.size.z = wp::index(fields.size, 1)[3];
+    warpcam::RayPacket ray;
+    warpcam::Floats near;
+    warpcam::PacketHit hit { {}, 0, 0 };
+    for (int k = 0; k < warpcam::PACKET; ++k) {
+        const auto o = wp::index(origins, first + k), d = wp::index(directions, first + k);
+        ray.ox[k] = o[0], ray.oy[k] = o[1], ray.oz[k] = o[2];
+        ray.dx[k] = d[0], ray.dy[k] = d[1], ray.dz[k] = d[2];
+        near[k] = wp::index(limits, first + k)[0];
+        hit.depth[k] = wp::index(limits, first + k)[1];
+    }
+    warpcam::walk_packet(fields, record, ray, near, hit);
+    for (int k = 0; k < warpcam::PACKET; ++k) {
+        depth.data[first + k] = hit.depth[k];
+        wp::address(found, first + k)[0] = wp::vec2i(hit.met[k] ? 5 : -1, hit.face[k]);
+    }
+""")
+def walk_eight(
+    fields: HeightFields,
+    origins: wp.array(dtype=wp.vec3),
+    directions: wp.array(dtype=wp.vec3),
+    limits: wp.array(dtype=wp.vec2),
+    depth: wp.array(dtype=wp.float32),
+    found: wp.array(dtype=wp.vec2i),
+    first: int,
+): ...
+
+
+@wp.kernel(module="unique", enable_backward=False, module_options={"extra_build_options": native_options("tiles.h")})
+def walk_all_on_cpu(
+    fields: HeightFields,
+    origins: wp.array(dtype=wp.vec3),
+    directions: wp.array(dtype=wp.vec3),
+    limits: wp.array(dtype=wp.vec2),
+    depth: wp.array(dtype=wp.float32),
+    found: wp.array(dtype=wp.vec2i),
+):
+    walk_eight(fields, origins, directions, limits, depth, found, PACKET * wp.tid())
+
+
+@dataclass(frozen=True)
+class Walker:
+    """One of the walks that are tested, and where."""
+
+    kernel: wp.Kernel
+    device: wp.Device
+    rays: int  # of a thread
+
+
+def walk(field: HeightField, rays: tuple, walker: Walker) -> tuple[np.ndarray, np.ndarray]:
     """Depth (ray,) and shape and face (ray, 2) of rays (origin, direction, near and far)."""
+    device = walker.device
     other = HeightField("other", np.ones((4, 3), np.float32), (1.0, 1.0), 1.0, 0.1)
     count = len(rays[0])
     depth, found = wp.zeros(count, dtype=wp.float32, device=device), wp.zeros(count, dtype=wp.vec2i, device=device)
     types = (wp.vec3, wp.vec3, wp.vec2)
     arrays = [wp.array(np.float32(part), dtype=kind, device=device) for part, kind in zip(rays, types, strict=True)]
-    wp.launch(walk_all, count, [pack_height_fields([other, field], device), *arrays, depth, found], device=device)
+    inputs = [pack_height_fields([other, field], device), *arrays, depth, found]
+    wp.launch(walker.kernel, count // walker.rays, inputs, device=device)
     return depth.numpy(), found.numpy()
 
 
@@ -147,8 +203,9 @@ def rays_at(field: HeightField, random: np.random.Generator) -> tuple[np.ndarray
 
 
 @functools.cache
-def devices() -> list[wp.Device]:
-    return wp.get_devices()
+def walkers() -> list[Walker]:
+    single = [Walker(walk_all, device, 1) for device in wp.get_devices()]
+    return [*single, Walker(walk_all_on_cpu, wp.get_device("cpu"), PACKET)]
 
 
 @settings(max_examples=60, deadline=None)
@@ -169,21 +226,21 @@ def test_every_ray_meets_the_nearest(rows: int, columns: int, seed: int, roughne
     # What rays close by meet: near an edge, in the plane of a side, or along the ground any of it is right.
     close = np.stack([truth.cast(rays[0] + nudge, rays[1], rays[2]) for nudge in NUDGES] + [true])
     nearest, farthest = close.min(axis=0), close.max(axis=0)
-    for device in devices():
-        depth, found = walk(field, rays, device)
+    for walker in walkers():
+        depth, found = walk(field, rays, walker)
         hit = found[:, 0] == SHAPE
         assert (depth[~hit] == np.float32(rays[2][~hit, 1])).all()
         seen = np.where(hit, depth, np.inf)
         slack = TOLERANCE * (1 + np.where(np.isfinite(seen), seen, 0))
         wrong = ~((seen >= nearest - slack) & (seen <= farthest + slack))
         at = np.flatnonzero(wrong)
-        assert not wrong.any(), (device, at[:5], seen[at[:5]], true[at[:5]], [part[at[:5]] for part in rays])
+        assert not wrong.any(), (walker, at[:5], seen[at[:5]], true[at[:5]], [part[at[:5]] for part in rays])
         # The face is one whose plane the ray meets there, within or just beside it; sides and base have none.
         clear = hit & (farthest < nearest + 1e-3)
         top, side = clear & (found[:, 1] >= 0), clear & (found[:, 1] < 0)
         meets = truth.tops(rays[0][top], rays[1][top], slack=1e-3)[np.arange(top.sum()), found[top, 1]]
-        assert (np.abs(meets - depth[top]) < 1e-4 * (1 + depth[top])).all(), device
-        assert (np.abs(truth.box(rays[0][side], rays[1][side]) - depth[side]) < 1e-4 * (1 + depth[side])).all(), device
+        assert (np.abs(meets - depth[top]) < 1e-4 * (1 + depth[top])).all(), walker
+        assert (np.abs(truth.box(rays[0][side], rays[1][side]) - depth[side]) < 1e-4 * (1 + depth[side])).all(), walker
 
 
 def test_no_ray_slips_through() -> None:
@@ -201,7 +258,7 @@ def test_no_ray_slips_through() -> None:
     back[::7, 0] = 0.0
     back *= np.where(np.arange(count) % 3 == 0, 20.0, 0.2)[:, None]  # from far, and from just above
     rays = aim + back, -back, np.tile((0.0, FAR_AWAY), (count, 1))
-    for device in devices():
-        depth, found = walk(field, rays, device)
-        assert (found[:, 0] == SHAPE).all() and (found[:, 1] >= 0).all(), device
-        assert np.abs(depth - 1.0).max() < 1e-4, device
+    for walker in walkers():
+        depth, found = walk(field, rays, walker)
+        assert (found[:, 0] == SHAPE).all() and (found[:, 1] >= 0).all(), walker
+        assert np.abs(depth - 1.0).max() < 1e-4, walker
