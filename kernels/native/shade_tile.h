@@ -156,12 +156,33 @@ template <int TYPE> inline void shade_points(const Record& record, const Row& ai
     }
 }
 
+template <class HeightFields>
+inline void shade_points_by_field(const HeightFields& fields, const Record& record, const Light& light, Points& points)
+{
+    for (int first = 0; first < LANES; first += PACKET) {
+        RayPacket rays;
+        PacketHit hit { {}, 0, 0 };
+        Floats near;
+        for (int k = 0; k < PACKET; ++k) {
+            const int lane = first + k;
+            const Ray ray = WorldRay { points.at[lane], ray_to(light, points.at[lane]) }.local(record);
+            rays.ox[k] = ray.origin.x, rays.oy[k] = ray.origin.y, rays.oz[k] = ray.origin.z;
+            rays.dx[k] = ray.direction.x, rays.dy[k] = ray.direction.y, rays.dz[k] = ray.direction.z;
+            near[k] = points.near[lane];
+            hit.depth[k] = points.open[lane] ? points.reach[lane] : -1.0f;
+        }
+        walk_packet(fields, record, rays, near, hit);
+        for (int k = 0; k < PACKET; ++k)
+            points.open[first + k] &= ~hit.met[k];
+    }
+}
+
 // Clears `open` of the points that lie in the shadow of a caster in the list.
 template <int TYPES, int LENS, class List, class Shapes, class Meshes, class HeightFields>
 inline void shade_tile(const List& list, const LitView<LENS>& view, int world, const Shapes& shapes,
                        const Meshes& meshes, const HeightFields& fields, Points& points)
 {
-    constexpr bool HAS_MESH = TYPES >> MESH & 1, HAS_FIELD = TYPES >> HEIGHT_FIELD & 1;
+    constexpr bool HAS_MESH = TYPES >> MESH & 1;
     constexpr int WORDS = List::WORDS;
     const int words = (list.count + 31) / 32;
     Window tile { FAR_AWAY, -FAR_AWAY, FAR_AWAY, -FAR_AWAY };
@@ -176,7 +197,7 @@ inline void shade_tile(const List& list, const LitView<LENS>& view, int world, c
         tile.top = upper(tile.top, place.beside ? FAR_AWAY : place.v);
         floor = lower(floor, place.height);
     }
-    unsigned behind[WORDS] = {};  // casters that are walked, point by point
+    unsigned behind[WORDS] = {};  // meshes
     bool any = false;
     for (int slot = 0; slot < list.count; ++slot) {
         if (!may_shade(list.windows[slot], list.heights[slot], tile, floor))
@@ -195,12 +216,16 @@ inline void shade_tile(const List& list, const LitView<LENS>& view, int world, c
             WARPCAM_CASE(CYLINDER)
             WARPCAM_CASE(BOX)
 #undef WARPCAM_CASE
+        case HEIGHT_FIELD:
+            if (TYPES >> HEIGHT_FIELD & 1)
+                shade_points_by_field(fields, record, view.light, points);
+            break;
         default:
             behind[slot / 32] |= 1u << slot % 32;
             any = true;
         }
     }
-    for (int lane = 0; (HAS_MESH || HAS_FIELD) && any && lane < LANES; ++lane) {
+    for (int lane = 0; HAS_MESH && any && lane < LANES; ++lane) {
         if (!points.open[lane])
             continue;
         const WorldRay ray { points.at[lane], ray_to(view.light, points.at[lane]) };
@@ -213,16 +238,13 @@ inline void shade_tile(const List& list, const LitView<LENS>& view, int world, c
                 const int slot = word * 32 + lowest_bit(left);
                 if (!may_shade(list.windows[slot], list.heights[slot], points.places[lane]))
                     continue;
-                if (HAS_FIELD && list.records[slot].axis_x.w == HEIGHT_FIELD)
-                    walk_height_field(fields, list.records[slot], ray, points.near[lane], hit);
-                else if (HAS_MESH
-                         && meets_box(list.records[slot], list.aims[slot], list.boxes[slot], points.at[lane],
-                                      { points.near[lane], points.reach[lane] }, view.light.distant))
+                if (meets_box(list.records[slot], list.aims[slot], list.boxes[slot], points.at[lane],
+                              { points.near[lane], points.reach[lane] }, view.light.distant))
                     met[word] |= 1u << slot % 32;
             }
             walk |= met[word] != 0;
         }
-        if (HAS_MESH && walk && hit.shape < 0
+        if (walk
             && (view.counts_behind
                 || faces_light(shapes, meshes, world, points.ids[lane], points.faces[lane], view.light, view.origin)))
             walk_meshes(meshes, list.records, list.order, met, words, ray, points.near[lane], hit);
