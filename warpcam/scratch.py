@@ -70,7 +70,7 @@ class Scratch:
 
     def __init__(self, cameras: Iterable[Camera], tables: Tables, device: wp.Device):
         self._tables, self._device = tables, device
-        self._block: wp.array | None = None
+        self._block = wp.empty(0, dtype=wp.uint8, device=device)
         cameras = list(cameras)
         allowed = max(sum(sum(image_bytes(c, tables).values()) for c in cameras) // 2, ALWAYS_ALLOWED)
         most = SLOTS if device.is_cuda else 1

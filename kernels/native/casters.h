@@ -30,7 +30,7 @@ struct WorldRay {
         const bool steep = magnitude(d.z) > magnitude(d.x);
         const Vec across = steep ? Vec { 0.0f, d.z, -d.y } : Vec { d.y, -d.x, 0.0f };
         return { local(record).origin, turned(record, across, none), turned(record, cross(across, d), none),
-                 turned(record, scaled(d, 1.0f / dot(d, d)), none) };
+                 turned(record, 1.0f / dot(d, d) * d, none) };
     }
 };
 

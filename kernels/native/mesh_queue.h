@@ -53,7 +53,7 @@ WARPCAM_FN void enqueue(MeshQueue<WORDS>& queue, const ShapeList<CAPACITY>& list
     }
 }
 
-// Traces the rays of the queue and stores what they hit: store(pixel, depth, shape, face). `ray_of(pixel)` is a pixel's
+// Traces the rays of the queue and stores what they hit: store(pixel, hit). `ray_of(pixel)` is a pixel's
 // ray. All warps of the block come here together.
 template <int CAPACITY, int WORDS, class Meshes, class RayOf, class Store>
 WARPCAM_FN void trace_queue(MeshQueue<WORDS>& queue, const ShapeList<CAPACITY>& list, const Meshes& meshes, float near,
@@ -79,7 +79,7 @@ WARPCAM_FN void trace_queue(MeshQueue<WORDS>& queue, const ShapeList<CAPACITY>& 
             const int mine = next + __popc(idles & ((1u << lane) - 1));
             if (idles >> lane & 1) {
                 if (shape >= 0)
-                    store(queue.pixel[at_ray], depth, shape, face);
+                    store(queue.pixel[at_ray], Hit { depth, shape, face });
                 shape = -1;
                 if (mine < count) {
                     at_ray = mine;
@@ -93,7 +93,7 @@ WARPCAM_FN void trace_queue(MeshQueue<WORDS>& queue, const ShapeList<CAPACITY>& 
             }
         } else if (idles == ALL) {
             if (shape >= 0)
-                store(queue.pixel[at_ray], depth, shape, face);
+                store(queue.pixel[at_ray], Hit { depth, shape, face });
             return;
         }
 

@@ -129,7 +129,7 @@ template <int TYPES, int IMAGES, int FACTS, class Frame_> WARPCAM_FN Found find(
     Found found { -1, 0, 0.0f };
     if (pixel.inside) {
         found.shape = frame.shape.data[pixel.at];
-        if ((IMAGES & (DISTANCE | POINTS)) || Wanted<IMAGES, FACTS>::SURFACE)
+        if (Wanted<IMAGES, FACTS>::SURFACE)
             found.depth = frame.depth.data[pixel.at];
         if (Wanted<IMAGES, FACTS>::SURFACE && (TYPES & (1 << MESH | 1 << HEIGHT_FIELD)))
             found.face = frame.face.data[pixel.at];
@@ -155,7 +155,6 @@ WARPCAM_FN void resolve_pixel(const Looks* looks, const LightList& lights, const
     const auto& images = scene.images;
     const float x = image_x(camera, float(pixel.column)), y = image_y(camera, float(pixel.row));
     const bool hit = found.shape >= 0;
-    resolve_hit<LENS, IMAGES, FACTS>(images, scene.shapes, camera, pixel, x, y, found);
     Shown shown;
     if ((Wants::SURFACE || Wants::COLORED) && follow(hit, found)) {
         const int shadow = (FACTS & HAS_SHADOWS) && Wants::LIT && hit ? frame.shadow.data[pixel.at] : 0;
@@ -238,11 +237,6 @@ WARPCAM_FN void resolve(const Scene_& scene, const Lights& lights, int index)
 #endif
     Pixel pixel;
 #if defined(__CUDA_ARCH__)
-    if (!Wants::SURFACE && !Wants::COLORED && (FACTS & QUADS)) {
-        resolve_quads<LENS, WIDTH, HEIGHT, IMAGES>(frame, scene.images, scene.shapes, kept_camera, first, left, top,
-                                                   thread);
-        return;
-    }
     WARPCAM_SHARED float4 lanes[THREADS / LANES][3 * LANES / 4];
     constexpr unsigned TILES = WIDTH / TILE_WIDTH * (HEIGHT / TILE_HEIGHT), STEP = THREADS / LANES;
     const unsigned warp = unsigned(thread) / LANES;
