@@ -40,7 +40,9 @@ class Shapes:
     sizes: wp.array2d(dtype=wp.vec3)
     assets: wp.array2d(dtype=wp.int32)  # (world*, shape) index of the mesh or height field; -1 draws nothing
     materials: wp.array2d(dtype=wp.int32)  # (world*, shape) index into Materials, or -1
-    colors: wp.array2d(dtype=wp.vec4)  # (world*, shape) RGBA; see shape_color() for how it meets the material
+    colors: wp.array2d(
+        dtype=wp.vec4
+    )  # (world*, shape) RGBA; native/look.h, load_finish() says how it meets the material
 
 
 @wp.struct

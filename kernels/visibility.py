@@ -15,6 +15,8 @@ LENSES = {"pinhole": 0, "orthographic": 1}
 THREADS = 128  # of a CUDA block; lanes.h has the same number
 MAX_LISTED = 256  # shapes that one pass draws
 BLOCKS = 10  # on a multiprocessor: bounds the registers of a thread
+SHARED_MEMORY = 228 * 1024  # of a multiprocessor [bytes]
+LISTED_BYTES = 97  # of it for each shape that a block lists: tiles.h, ShapeList
 MESH_BLOCKS = 8  # the same for scenes with meshes or height fields
 
 
@@ -58,7 +60,7 @@ def _kernel(types: int, lens: int, capacity: int, several: bool, width: int, hei
         module="unique",
         enable_backward=False,
         grid_stride=False,
-        launch_bounds=(THREADS, MESH_BLOCKS if types >> MESH & 1 or types >> HEIGHT_FIELD & 1 else BLOCKS),
+        launch_bounds=(THREADS, _blocks(types, capacity)),
         module_options={"extra_build_options": native_options("visibility.h")},
     )
     def visibility(
@@ -120,7 +122,8 @@ def record(
         if arrays.get(name) is not None:
             setattr(target, name, arrays[name].flatten())
             outputs |= 1 << bit
-    outputs |= QUADS if width % 4 == 0 else 0
+    if "points" in images and width % 4 == 0:
+        outputs |= QUADS
     types = sum(1 << t for t in tables.shape_types)
     region = region_size(group.at_once, width, height, device)
     kernel = _kernel(types, LENSES[lens], capacity, several, *region, outputs)
@@ -129,6 +132,16 @@ def record(
     return record_launch(
         kernel, len(group.worlds) * unit, arguments, device, start=group.worlds.start * unit, block_dim=THREADS
     )
+
+
+def _blocks(types: int, capacity: int) -> int:
+    """Blocks that a multiprocessor is to hold: no more than its shared memory has room for."""
+    words = -(-capacity // 32)
+    shared = LISTED_BYTES * capacity + 1024
+    if types >> MESH & 1:
+        shared += (256 if words > 2 else 512) * (4 * words + 6)
+    bound = MESH_BLOCKS if types >> MESH & 1 or types >> HEIGHT_FIELD & 1 else BLOCKS
+    return min(bound, SHARED_MEMORY // shared)
 
 
 def list_capacity(num_drawn: int) -> int:

@@ -77,7 +77,7 @@ class Renderer:
         """Render the state as it is now.
 
         On CUDA the work is queued, in order with what torch's and Warp's current streams hold, and nothing waits for
-        it. Inside a capture it becomes part of the captured graph.
+        it. Inside a capture it becomes part of the captured graph, for whose replays the renderer must be kept alive.
 
         Args:
             worlds: Which worlds to render; the others' images stay. Ids as a sequence or an integer tensor, or a mask

@@ -59,7 +59,6 @@ template <int SIZE, bool MESHES> struct CasterList {
     Box boxes[MESHES ? CAPACITY : 1];
     Window windows[WORDS * 32];  // from `count` on to the end of its 32: empty
     float heights[WORDS * 32];
-    unsigned char order[CAPACITY];  // each its own slot: shadows need no sorting
     int count;
     int next_tile;  // of those that are drawn with the list
 };
@@ -124,7 +123,6 @@ WARPCAM_FN int gather_casters(List& list, int begin, const Shapes& shapes, const
                     list.boxes[slot] = caster.box;
                 list.windows[slot] = caster.window;
                 list.heights[slot] = caster.height;
-                list.order[slot] = static_cast<unsigned char>(slot);
             }
         }
         if (total > List::CAPACITY) {  // the next round may overflow the list

@@ -6,7 +6,6 @@
 #if defined(__CUDA_ARCH__)
 namespace warpcam {
 
-constexpr unsigned ALL = 0xffffffffu;
 constexpr int FEW = 8;  // lanes; fewer wait for company before they do what the others do not need
 
 // WORDS: 32 shapes of the list each.

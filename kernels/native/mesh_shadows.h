@@ -49,7 +49,6 @@ struct LeafTest {
 
 // Tests the faces of leaves, those of up to four rays at once, each with eight lanes. The same in the four lanes of a
 // ray are the point where it begins, the slot of its mesh, and its leaf, if `node` is one.
-
 template <class List, class Meshes>
 WARPCAM_FN LeafTest test_leaves(const List& list, const Light& light, const Meshes& meshes, Vec point,
                                 float near, int slot, int node)

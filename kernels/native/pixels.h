@@ -58,7 +58,7 @@ template <bool IN_QUADS, class Array> WARPCAM_FN void put_bytes(const Array& ima
 {
 #if defined(__CUDA_ARCH__)
     if (IN_QUADS) {
-        const unsigned next = __shfl_down_sync(0xffffffffu, word, 1);
+        const unsigned next = __shfl_down_sync(ALL, word, 1);
         const int place = pixel.lane & 3;
         const unsigned joined = word >> 8 * place | next << (24 - 8 * place);
         if (pixel.inside && place < 3)

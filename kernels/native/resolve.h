@@ -27,12 +27,12 @@ template <class... Structs> Scene(const Structs&...) -> Scene<Structs...>;
 WARPCAM_FN bool follow(bool hit, Found& found)
 {
 #if defined(__CUDA_ARCH__)
-    const unsigned hits = __ballot_sync(0xffffffffu, hit);
-    if (hits != 0xffffffffu && hits != 0u) {
+    const unsigned hits = __ballot_sync(ALL, hit);
+    if (hits != ALL && hits != 0u) {
         const int leader = lowest_bit(hits);
-        const int shape = __shfl_sync(0xffffffffu, found.shape, leader);
-        const int face = __shfl_sync(0xffffffffu, found.face, leader);
-        const float depth = __shfl_sync(0xffffffffu, found.depth, leader);
+        const int shape = __shfl_sync(ALL, found.shape, leader);
+        const int face = __shfl_sync(ALL, found.face, leader);
+        const float depth = __shfl_sync(ALL, found.depth, leader);
         if (!hit)
             found = { shape, face, depth };
     }

@@ -111,7 +111,7 @@ template <class Array> WARPCAM_FN auto row_of(const Array& table, int world, int
 WARPCAM_FN bool any_lane(bool mine)
 {
 #if defined(__CUDA_ARCH__)
-    return __any_sync(0xffffffffu, mine);
+    return __any_sync(ALL, mine);
 #else
     return mine;
 #endif

@@ -15,7 +15,7 @@ WARPCAM_FN bool transparent(const Shapes& shapes, const Materials& materials, in
     const auto color = shared_row(shapes.colors, world, id);
     const int material = shared_row(shapes.materials, world, id);
     const bool plain = color[0] == 0.5f && color[1] == 0.5f && color[2] == 0.5f && color[3] == 1.0f;
-    if (material >= 0 && plain)
+    if (material >= 0 && material < materials.color.shape[1] && plain)
         return shared_row(materials.color, world, material)[3] == 0.0f;
     return color[3] == 0.0f;
 }
@@ -162,7 +162,7 @@ WARPCAM_FN void draw(const Shapes& shapes, const Materials& materials, const Mes
                 int tile = tiles;
                 if (lane == 0 && (!HAS_MESH || queue.has_room()))
                     tile = draw_next(list.next_tile);
-                tile = __shfl_sync(0xffffffffu, tile, 0);
+                tile = __shfl_sync(ALL, tile, 0);
                 if (tile >= tiles)
                     break;
                 const int row = int((float(tile) + 0.5f) * per_row), column = tile - row * across;
