@@ -101,7 +101,7 @@ WARPCAM_FN void cast_light(List& list, const LitView<LENS>& view, unsigned bit, 
     while (more) {
         if (HAS_MESH) {
             if (threadIdx.x == 0)
-                rays.count = rays.next = 0;
+                rays.clear();
             block_barrier();
         }
         while (true) {
@@ -139,7 +139,7 @@ WARPCAM_FN void cast_light(List& list, const LitView<LENS>& view, unsigned bit, 
                 const bool keep = open && met_any
                     && (view.counts_behind
                         || faces_light(shapes, meshes, world, id, target.face.data[at], view.light, view.origin));
-                enqueue(rays, (list.count + 31) / 32, keep, met, row * 64 + column);
+                rays.put(keep, met, (list.count + 31) / 32, row * 64 + column);
             }
             if (asks && !open)
                 target.shadow.data[at] |= static_cast<int>(bit);

@@ -155,7 +155,7 @@ WARPCAM_FN void draw(const Shapes& shapes, const Materials& materials, const Mes
         do {
             if (HAS_MESH) {
                 if (thread == 0)
-                    queue.count = queue.next = 0;
+                    queue.clear();
                 block_barrier();
             }
             while (true) {
