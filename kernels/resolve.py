@@ -175,9 +175,8 @@ def _blocks(images: int) -> int:
 
 
 def _capacity(tables: Tables) -> int:
-    """Looks that a block keeps: room for every shape's id, in few sizes; 0 for scenes that are too large for it."""
-    shapes = tables.shapes.types.shape[0]
-    return -(-shapes // 32) * 32 if shapes <= MAX_KEPT else 0
+    """Looks that a block keeps: one for each drawn shape, in few sizes; 0 for scenes that are too large for it."""
+    return -(-tables.num_drawn // 16) * 16 if tables.num_drawn <= MAX_KEPT else 0
 
 
 def _facts(tables: Tables, shadows: bool, width: int) -> int:

@@ -31,6 +31,7 @@ class Shapes:
     """What can be seen: a table over worlds and shapes. ``shape`` is the source's own id (a MuJoCo geom id)."""
 
     drawn: wp.array(dtype=wp.int32)  # (drawn,) ids of the shapes that may be visible, ascending
+    places: wp.array(dtype=wp.int32)  # (shape,) where the shape stands in `drawn`, or -1
     types: wp.array(dtype=wp.int32)  # (shape,) one of the shape types above
     bodies: wp.array(dtype=wp.int32)  # (shape,) id of the body the shape is fixed to
     positions: wp.array2d(dtype=wp.vec3)  # (world, shape) world frame [m]; NaN hides the shape's world
