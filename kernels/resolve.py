@@ -17,10 +17,7 @@ OUTPUTS: Mapping[str, tuple[type, int]] = {
     "rgb": (wp.uint8, 3),
     "rgba": (wp.uint8, 4),
     "hdr": (wp.float32, 3),
-    "distance": (wp.float32, 1),
     "normals": (wp.float32, 3),
-    "points": (wp.float32, 3),
-    "bodies": (wp.int32, 1),
     "albedo": (wp.uint8, 3),
 }
 
@@ -49,10 +46,7 @@ class Images:
     rgb: wp.array(dtype=wp.uint8)
     rgba: wp.array(dtype=wp.uint8)
     hdr: wp.array(dtype=wp.float32)
-    distance: wp.array(dtype=wp.float32)
     normals: wp.array(dtype=wp.float32)
-    points: wp.array(dtype=wp.float32)
-    bodies: wp.array(dtype=wp.int32)
     albedo: wp.array(dtype=wp.uint8)
 
 
@@ -176,14 +170,13 @@ def record(
 
 def _blocks(images: int) -> int:
     """Blocks that a multiprocessor is to hold, for a set of images: bounds the registers of a thread."""
-    lit, albedo = images & 0b00000111, images & 0b10000000
+    lit, albedo = images & 0b00111, images & 0b10000
     return 5 if lit else 7 if albedo else 8
 
 
 def _capacity(tables: Tables) -> int:
-    """Looks that a block keeps: room for every shape's id, in few sizes; 0 for scenes that are too large for it."""
-    shapes = tables.shapes.types.shape[0]
-    return -(-shapes // 32) * 32 if shapes <= MAX_KEPT else 0
+    """Looks that a block keeps: one for each drawn shape, in few sizes; 0 for scenes that are too large for it."""
+    return -(-tables.num_drawn // 16) * 16 if tables.num_drawn <= MAX_KEPT else 0
 
 
 def _facts(tables: Tables, shadows: bool, width: int) -> int:

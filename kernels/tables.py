@@ -8,7 +8,7 @@ from typing import Any
 class Tables:
     """Warp structs of one scene (see types.py) and the host facts that choose what is compiled.
 
-    The struct fields are instances of the structs in types.py. Two tables with equal ``facts()`` use the same kernels.
+    The struct fields are instances of the structs in types.py.
     """
 
     shapes: Any
@@ -26,13 +26,3 @@ class Tables:
     has_textures: bool  # some material can show a texture
     has_skybox: bool
     horizon: float = 0.0  # how far the source's own renderer draws endless planes [m]; 0 if it has none
-
-    def facts(self) -> tuple[Any, ...]:
-        """Everything a kernel may be specialised on; hashable."""
-        return (
-            self.shape_types,
-            self.num_lights,
-            self.has_materials,
-            self.has_textures,
-            self.has_skybox,
-        )

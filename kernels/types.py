@@ -31,6 +31,7 @@ class Shapes:
     """What can be seen: a table over worlds and shapes. ``shape`` is the source's own id (a MuJoCo geom id)."""
 
     drawn: wp.array(dtype=wp.int32)  # (drawn,) ids of the shapes that may be visible, ascending
+    places: wp.array(dtype=wp.int32)  # (shape,) where the shape stands in `drawn`, or -1
     types: wp.array(dtype=wp.int32)  # (shape,) one of the shape types above
     bodies: wp.array(dtype=wp.int32)  # (shape,) id of the body the shape is fixed to
     positions: wp.array2d(dtype=wp.vec3)  # (world, shape) world frame [m]; NaN hides the shape's world
@@ -40,7 +41,9 @@ class Shapes:
     sizes: wp.array2d(dtype=wp.vec3)
     assets: wp.array2d(dtype=wp.int32)  # (world*, shape) index of the mesh or height field; -1 draws nothing
     materials: wp.array2d(dtype=wp.int32)  # (world*, shape) index into Materials, or -1
-    colors: wp.array2d(dtype=wp.vec4)  # (world*, shape) RGBA; see shape_color() for how it meets the material
+    colors: wp.array2d(
+        dtype=wp.vec4
+    )  # (world*, shape) RGBA; native/look.h, load_finish() says how it meets the material
 
 
 @wp.struct

@@ -1,6 +1,7 @@
 """The trace: for each pixel of a camera's views the nearest shape, its face and its depth."""
 
 import functools
+from collections.abc import Mapping
 
 import warp as wp
 
@@ -9,10 +10,13 @@ from .launch import record as record_launch
 from .tables import Tables
 from .types import HEIGHT_FIELD, MESH, HeightFields, Materials, Meshes, Shapes, View
 
+QUADS = 64  # bit of an image's width that is a multiple of four pixels, beside those of the outputs: visibility.h
 LENSES = {"pinhole": 0, "orthographic": 1}
 THREADS = 128  # of a CUDA block; lanes.h has the same number
 MAX_LISTED = 256  # shapes that one pass draws
 BLOCKS = 10  # on a multiprocessor: bounds the registers of a thread
+SHARED_MEMORY = 228 * 1024  # of a multiprocessor [bytes]
+LISTED_BYTES = 99  # of it for each shape that a block lists: tiles.h, ShapeList
 MESH_BLOCKS = 8  # the same for scenes with meshes or height fields
 
 
@@ -27,6 +31,9 @@ class Target:
     # (world * height * width,) mesh: row / 3 of the face in the mesh's part of Meshes.faces; height field:
     # 2 * cell + k, where k = 0 is the triangle below the cell's diagonal, -1 on sides and base; else undefined
     face: wp.array(dtype=wp.int32)
+    distance: wp.array(dtype=wp.float32)  # (world * height * width,) along the ray [m]; inf where nothing is hit
+    points: wp.array(dtype=wp.float32)  # (world * height * width * 3,) world frame [m]; inf where nothing is hit
+    bodies: wp.array(dtype=wp.int32)  # (world * height * width,) body id, or -1
     width: wp.int32
     height: wp.int32
 
@@ -53,7 +60,7 @@ def _kernel(types: int, lens: int, capacity: int, several: bool, width: int, hei
         module="unique",
         enable_backward=False,
         grid_stride=False,
-        launch_bounds=(THREADS, MESH_BLOCKS if types >> MESH & 1 or types >> HEIGHT_FIELD & 1 else BLOCKS),
+        launch_bounds=(THREADS, _blocks(types, capacity)),
         module_options={"extra_build_options": native_options("visibility.h")},
     )
     def visibility(
@@ -81,6 +88,7 @@ def record(
     depth: wp.array | None,
     shape: wp.array | None,
     face: wp.array | None,
+    images: Mapping[str, wp.array],
     device: wp.Device,
     group: Group | None = None,
 ) -> Stage:
@@ -98,6 +106,7 @@ def record(
             shapes is drawn in passes, which go on from each other's depth and shape: then both are needed.
         shape: int32, likewise.
         face: int32, likewise; see Target.
+        images: "distance", "points" and "bodies", those that are wanted, (world, height, width, channels).
         device: Where all of these lie.
         group: Which worlds are traced; None is all.
     """
@@ -108,10 +117,13 @@ def record(
     target.mask, target.faults = mask, faults
     target.width, target.height = width, height
     outputs = 0
-    for bit, (name, buffer) in enumerate({"depth": depth, "shape": shape, "face": face}.items()):
-        if buffer is not None:
-            setattr(target, name, buffer.flatten())
+    arrays = {"depth": depth, "shape": shape, "face": face, **images}
+    for bit, name in enumerate(("depth", "shape", "face", "distance", "points", "bodies")):
+        if arrays.get(name) is not None:
+            setattr(target, name, arrays[name].flatten())
             outputs |= 1 << bit
+    if "points" in images and width % 4 == 0:
+        outputs |= QUADS
     types = sum(1 << t for t in tables.shape_types)
     region = region_size(group.at_once, width, height, device)
     kernel = _kernel(types, LENSES[lens], capacity, several, *region, outputs)
@@ -120,6 +132,16 @@ def record(
     return record_launch(
         kernel, len(group.worlds) * unit, arguments, device, start=group.worlds.start * unit, block_dim=THREADS
     )
+
+
+def _blocks(types: int, capacity: int) -> int:
+    """Blocks that a multiprocessor is to hold: no more than its shared memory has room for."""
+    words = -(-capacity // 32)
+    shared = LISTED_BYTES * capacity + 1024
+    if types >> MESH & 1:
+        shared += (256 if words > 2 else 512) * (4 * words + 6)
+    bound = MESH_BLOCKS if types >> MESH & 1 or types >> HEIGHT_FIELD & 1 else BLOCKS
+    return min(bound, SHARED_MEMORY // shared)
 
 
 def list_capacity(num_drawn: int) -> int:

@@ -29,6 +29,7 @@ MODEL = """
 """
 LIT = {"rgb", "rgba", "hdr"}
 FACED = {*LIT, "normals", "albedo"}
+TRACED = {"depth", "segmentation", "distance", "points", "bodies"}
 
 
 def scene_of(device: Any, num_worlds: int, more: str = "") -> wc.Scene:
@@ -61,7 +62,7 @@ def scratch_by_the_docs(num_worlds: int, cameras: list[wc.Camera], most_slots: i
     allowed = max(images / 2, 32 * 2**20) // most_slots
     for each in cameras:
         outputs, buffers = set(each.outputs), 0
-        if outputs - {"depth", "segmentation"}:
+        if outputs - TRACED:
             buffers += ("depth" not in outputs) + ("segmentation" not in outputs)
             buffers += bool(outputs & FACED) + (each.shadows and bool(outputs & LIT))
         world = each.width * each.height * 4 * buffers

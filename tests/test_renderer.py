@@ -325,13 +325,15 @@ def test_recording_does_not_disturb_other_threads() -> None:
 
     thread = threading.Thread(target=copy)
     thread.start()
-    simulation = Simulation("cuda:0")
-    for _ in range(30):
-        renderer = simulation.renderer(("rgb", "depth"))
-        renderer.render()
-        renderer.render(worlds=[1])
-    stop.set()
-    thread.join()
+    try:
+        simulation = Simulation("cuda:0")
+        for _ in range(30):
+            renderer = simulation.renderer(("rgb", "depth"))
+            renderer.render()
+            renderer.render(worlds=[1])
+    finally:
+        stop.set()
+        thread.join()
     assert not wrong
 
 

@@ -62,7 +62,8 @@ def free_bytes(device: wp.Device) -> int | None:
         if device.is_mempool_enabled:
             threshold = wp.get_mempool_release_threshold(device)
             kept = max(threshold - wp.get_mempool_used_mem_current(device), 0)
-        return int(device.free_memory + kept)
+        taken = device.total_memory - device.free_memory
+        return int(device.free_memory + min(kept, taken))
     try:
         lines = Path("/proc/meminfo").read_text().splitlines()
     except OSError:

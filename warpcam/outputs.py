@@ -17,7 +17,7 @@ class Output:
         dtype: Of its array.
         channels: Length of the last dimension.
         miss: What a pixel shows where nothing is hit, in words.
-        trace: The buffer of the trace it is ("depth" or "shape"), or None where it is derived from them.
+        trace: The array of the trace it is, or None where it is made of depth and shape in a second pass.
         face: Whether it is derived from the face that was hit, too.
         lit: Whether shadows change it.
     """
@@ -35,11 +35,11 @@ OUTPUTS: Mapping[str, Output] = {
     "rgba": Output(wp.uint8, 4, "background with alpha 0", face=True, lit=True),
     "hdr": Output(wp.float32, 3, "background", face=True, lit=True),
     "depth": Output(wp.float32, 1, "inf, or what depth_clipping says", trace="depth"),
-    "distance": Output(wp.float32, 1, "inf"),
+    "distance": Output(wp.float32, 1, "inf", trace="distance"),
     "normals": Output(wp.float32, 3, "0", face=True),
-    "points": Output(wp.float32, 3, "inf"),
+    "points": Output(wp.float32, 3, "inf", trace="points"),
     "segmentation": Output(wp.int32, 1, "-1", trace="shape"),
-    "bodies": Output(wp.int32, 1, "-1"),
+    "bodies": Output(wp.int32, 1, "-1", trace="bodies"),
     "albedo": Output(wp.uint8, 3, "0", face=True),
 }
 

@@ -11,7 +11,7 @@ import warp as wp
 from warpcam import interop
 from warpcam.camera import Camera
 from warpcam.errors import WarpcamError
-from warpcam.kernels.launch import Frame, bind
+from warpcam.kernels.launch import Frame, Stage, bind
 from warpcam.kernels.streams import quiet_stream
 from warpcam.kernels.tables import Tables
 from warpcam.kernels.views import record_begin
@@ -77,7 +77,7 @@ class Renderer:
         """Render the state as it is now.
 
         On CUDA the work is queued, in order with what torch's and Warp's current streams hold, and nothing waits for
-        it. Inside a capture it becomes part of the captured graph.
+        it. Inside a capture it becomes part of the captured graph, for whose replays the renderer must be kept alive.
 
         Args:
             worlds: Which worlds to render; the others' images stay. Ids as a sequence or an integer tensor, or a mask
@@ -128,7 +128,8 @@ class Renderer:
 
     def _record(self, tables: Tables) -> None:
         """Bind every stage to the tables' arrays; loads and compiles whatever kernels that takes."""
-        mask, views, groups = self._selection.mask, [], []
+        mask, views = self._selection.mask, []
+        groups: list[list[Stage]] = []
         for key, target in self._targets.items():
             mounted, camera = self._mounted[key], self._cameras[key]
             seen = self._scene.tables_with(tables, camera.background)

@@ -164,6 +164,9 @@ class Scene:
         self._height_fields = pack_height_fields(parts.height_fields, self.device)
         self._textures = pack_textures(parts.textures, self.device)
         self._drawn = wp.array(np.asarray(parts.drawn, np.int32), dtype=wp.int32, device=self.device)
+        places = np.full(len(parts.shape_types), -1, np.int32)
+        places[np.asarray(parts.drawn, np.int64)] = np.arange(len(parts.drawn))
+        self._places = wp.array(places, dtype=wp.int32, device=self.device)
         self._types = wp.array(parts.shape_types.astype(np.int32), dtype=wp.int32, device=self.device)
         self._bodies = wp.array(parts.shape_bodies.astype(np.int32), dtype=wp.int32, device=self.device)
         source.refresh()
@@ -247,7 +250,8 @@ class Scene:
     def _build(self, arrays: Mapping[str, wp.array], ambient: float) -> Tables:
         parts = self._parts
         shapes, materials, lights = Shapes(), Materials(), Lights()
-        shapes.drawn, shapes.types, shapes.bodies = self._drawn, self._types, self._bodies
+        shapes.drawn, shapes.places = self._drawn, self._places
+        shapes.types, shapes.bodies = self._types, self._bodies
         for prefix, struct in (("shape_", shapes), ("material_", materials), ("light_", lights)):
             for name in FIELDS:
                 if name.startswith(prefix):

@@ -13,7 +13,7 @@ import warp as wp
 
 from warpcam.camera import Camera
 from warpcam.errors import WarpcamError
-from warpcam.kernels import visibility
+from warpcam.kernels import shadow, visibility
 from warpcam.kernels.launch import Group
 from warpcam.kernels.tables import Tables
 from warpcam.kernels.types import HEIGHT_FIELD, MESH
@@ -24,7 +24,6 @@ ALWAYS_ALLOWED = 32 * 2**20
 SLOTS = 4
 ALIGNMENT = 256  # of a slot [bytes]
 VALUE = 4  # bytes a pixel of each buffer
-MAX_SHADOW_LIGHTS = 32
 
 DTYPES: Mapping[str, Any] = {"depth": wp.float32, "shape": wp.int32, "face": wp.int32, "shadow": wp.int32}
 
@@ -33,9 +32,9 @@ def buffers_of(camera: Camera, tables: Tables) -> tuple[str, ...]:
     """Names of the buffers between the stages that this camera's outputs need, those aside that are outputs."""
     asked = [OUTPUTS[name] for name in camera.outputs]
     lit = camera.shadows and tables.num_lights > 0 and any(output.lit for output in asked)
-    if lit and tables.num_lights > MAX_SHADOW_LIGHTS:
+    if lit and tables.num_lights > shadow.MAX_LIGHTS:
         raise WarpcamError(
-            f"{camera.where}: shadows of {tables.num_lights} lights came; at most {MAX_SHADOW_LIGHTS} lights can "
+            f"{camera.where}: shadows of {tables.num_lights} lights came; at most {shadow.MAX_LIGHTS} lights can "
             "cast shadows"
         )
     passes = tables.num_drawn > visibility.MAX_LISTED  # they go on from each other's depth and shape
@@ -70,10 +69,11 @@ class Scratch:
 
     def __init__(self, cameras: Iterable[Camera], tables: Tables, device: wp.Device):
         self._tables, self._device = tables, device
-        self._block: wp.array | None = None
+        self._block = wp.empty(0, dtype=wp.uint8, device=device)
         cameras = list(cameras)
         allowed = max(sum(sum(image_bytes(c, tables).values()) for c in cameras) // 2, ALWAYS_ALLOWED)
-        most = SLOTS if device.is_cuda else 1
+        largest_world = max((self._world_bytes(camera) for camera in cameras), default=0)
+        most = max(1, min(SLOTS, allowed // largest_world if largest_world else 1)) if device.is_cuda else 1
         self._counts = {camera.name: self._count_groups(camera, allowed // most) for camera in cameras}
         largest = max((self._group_size(c) * self._world_bytes(c) for c in cameras), default=0)
         self._slot = -(-largest // ALIGNMENT) * ALIGNMENT

@@ -57,8 +57,13 @@ class Target:
         depth, shape, face, shadows = (
             self._traced.get(name, buffers.get(name)) for name in ("depth", "shape", "face", "shadow")
         )
+        hits: dict[str, wp.array] = {
+            name: self._traced[name] for name in ("distance", "points", "bodies") if name in self._traced
+        }
         stages = [
-            visibility.record(tables, projection, views, mask, faults, width, height, depth, shape, face, device, group)
+            visibility.record(
+                tables, projection, views, mask, faults, width, height, depth, shape, face, hits, device, group
+            )
         ]
         if shadows is not None:
             stages.append(

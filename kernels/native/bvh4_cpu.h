@@ -199,15 +199,14 @@ template <class Meshes> inline const float* face_rows(const Meshes& meshes, int 
     return reinterpret_cast<const float*>(meshes.faces.data) + 4 * size_t(wp::index(meshes.face_start, mesh));
 }
 
-// Some front face of any mesh among some records, nearer than `hit`. `words` are these records as bits by rank, `order`
-// leads from a rank to its record.
+// Some front face of any mesh among some records, nearer than `hit`. `words` are these records as bits by slot.
 template <class Meshes, class RayOf>
-inline void walk_meshes(const Meshes& meshes, const Record* records, const unsigned char* order, const unsigned* words,
-                        int num_words, const RayOf& source, float near, Hit& hit)
+inline void walk_meshes(const Meshes& meshes, const Record* records, const unsigned* words, int num_words,
+                        const RayOf& source, float near, Hit& hit)
 {
     for (int word = 0; word < num_words; ++word)
         for (unsigned left = words[word]; left; left &= left - 1) {
-            const Record& record = records[order[word * 32 + lowest_bit(left)]];
+            const Record& record = records[word * 32 + lowest_bit(left)];
             const int mesh = record.axis_z.w;
             const Ray ray = source.local(record);
             MeshHit found { hit.depth, 0 };

@@ -30,7 +30,7 @@ struct WorldRay {
         const bool steep = magnitude(d.z) > magnitude(d.x);
         const Vec across = steep ? Vec { 0.0f, d.z, -d.y } : Vec { d.y, -d.x, 0.0f };
         return { local(record).origin, turned(record, across, none), turned(record, cross(across, d), none),
-                 turned(record, scaled(d, 1.0f / dot(d, d)), none) };
+                 turned(record, 1.0f / dot(d, d) * d, none) };
     }
 };
 
@@ -59,7 +59,6 @@ template <int SIZE, bool MESHES> struct CasterList {
     Box boxes[MESHES ? CAPACITY : 1];
     Window windows[WORDS * 32];  // from `count` on to the end of its 32: empty
     float heights[WORDS * 32];
-    unsigned char order[CAPACITY];  // each its own slot: shadows need no sorting
     int count;
     int next_tile;  // of those that are drawn with the list
 };
@@ -124,7 +123,6 @@ WARPCAM_FN int gather_casters(List& list, int begin, const Shapes& shapes, const
                     list.boxes[slot] = caster.box;
                 list.windows[slot] = caster.window;
                 list.heights[slot] = caster.height;
-                list.order[slot] = static_cast<unsigned char>(slot);
             }
         }
         if (total > List::CAPACITY) {  // the next round may overflow the list

@@ -28,19 +28,19 @@ WARPCAM_FN Cells cells_between(float half, float spacing)
 {
     const float step = upper(spacing, half * (1.0f / float(PLANE_CELLS - 2)));
     const float rest = half - 2.0f * step * round_down(0.5f * round_down(half / step));
-    return { rest - half, 2.0f * step, 0.5f * inverse(step), rest };
+    return { rest - half, 2.0f * step, 0.5f * reciprocal(step), rest };
 }
 
 // Cells of an endless side, which is drawn around the eye in whole tiles of the texture.
 WARPCAM_FN Cells cells_around(float eye, float repeat, float horizon)
 {
-    float tile = 2.1f * horizon * (1.0f / float(PLANE_CELLS - 2)), pairs = 0.5f * eye * inverse(tile);
+    float tile = 2.1f * horizon * (1.0f / float(PLANE_CELLS - 2)), pairs = 0.5f * eye * reciprocal(tile);
     if (repeat > 0.0f) {
-        tile = 2.0f * inverse(repeat);
+        tile = 2.0f * reciprocal(repeat);
         pairs = 0.25f * eye * repeat;
     }
     const float step = (2.1f * horizon + 2.0f * tile) * (1.0f / float(PLANE_CELLS));
-    return { 2.0f * tile * round_down(pairs + 0.5f), step, inverse(step), -1.0f };
+    return { 2.0f * tile * round_down(pairs + 0.5f), step, reciprocal(step), -1.0f };
 }
 
 // `horizon` is how far the camera of MuJoCo's renderer sees [m]; 0 lights endless planes at each pixel.

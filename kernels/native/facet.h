@@ -23,8 +23,8 @@ struct Facet {
 // there, `a` and `b` the hit's coordinates on them.
 WARPCAM_FN void in_quad(Vec place, Vec along, Vec across, float a, float b, Span u, Span v, bool mirrored, Facet& facet)
 {
-    float weight1 = between((a - u.start) * inverse(upper(u.length, 1.0e-20f)), 0.0f, 1.0f);
-    float weight2 = between((b - v.start) * inverse(upper(v.length, 1.0e-20f)), 0.0f, 1.0f);
+    float weight1 = between((a - u.start) * reciprocal(upper(u.length, 1.0e-20f)), 0.0f, 1.0f);
+    float weight2 = between((b - v.start) * reciprocal(upper(v.length, 1.0e-20f)), 0.0f, 1.0f);
     if (mirrored) {
         v = { v.start + v.length, -v.length };
         weight2 = 1.0f - weight2;
@@ -47,7 +47,7 @@ WARPCAM_FN void in_quad(Vec place, Vec along, Vec across, float a, float b, Span
 WARPCAM_FN Span box_cell(float x, float half)
 {
     const float length = 2.0f / BOX_CELLS * half;
-    const float i = between(round_down((x + half) * inverse(length)), 0.0f, float(BOX_CELLS - 1));
+    const float i = between(round_down((x + half) * reciprocal(length)), 0.0f, float(BOX_CELLS - 1));
     return { i * length - half, length };
 }
 

@@ -14,6 +14,7 @@ constexpr int THREADS = 1;
 #endif
 
 constexpr int LANES = 32;
+constexpr unsigned ALL = 0xffffffffu;  // lanes of a warp
 constexpr float FAR_AWAY = 3.0e38f;  // stands for infinity where infinities would breed NaNs
 // No ray goes farther. It is nearer than the boxes that stand for absent children of a node: a ray may run through all
 // three of their planes at once.

@@ -1,6 +1,7 @@
 // A light as a camera: where points and shapes lie as it sees them, and so which shapes may stand in its way.
 #pragma once
 #include "prepare.h"
+#include "vectors.h"
 
 namespace warpcam {
 
@@ -24,13 +25,6 @@ struct alignas(16) Window {
     float left, right, bottom, top;
 };
 
-WARPCAM_FN Vec scaled(Vec v, float s) { return { v.x * s, v.y * s, v.z * s }; }
-
-WARPCAM_FN Vec cross(Vec a, Vec b)
-{
-    return { a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x };
-}
-
 WARPCAM_FN Light make_light(bool distant, Vec position, Vec direction, const Camera& camera)
 {
     Light light;
@@ -39,14 +33,14 @@ WARPCAM_FN Light make_light(bool distant, Vec position, Vec direction, const Cam
                         : Vec { position.x - camera.origin.x, position.y - camera.origin.y,
                                 position.z - camera.origin.z };
     const Vec along = distant ? light.aim : direction;
-    light.w = scaled(along, 1.0f / root(upper(dot(along, along), 1.0e-30f)));
+    light.w = 1.0f / root(upper(dot(along, along), 1.0e-30f)) * along;
     // rows of the image run along u where they can, so that tiles on a floor fill their windows
     const Matrix& r = camera.rotation;
     Vec across { r.at[0][0], r.at[1][0], r.at[2][0] };
     if (magnitude(dot(across, light.w)) > 0.9f)
         across = { r.at[0][1], r.at[1][1], r.at[2][1] };
     const Vec v = cross(light.w, across);
-    light.v = scaled(v, 1.0f / root(upper(dot(v, v), 1.0e-30f)));
+    light.v = 1.0f / root(upper(dot(v, v), 1.0e-30f)) * v;
     light.u = cross(light.v, light.w);
     return light;
 }
@@ -83,7 +77,7 @@ template <int LENS> WARPCAM_FN Sight<LENS> sight_of(const Camera& camera)
     const float ahead = parallel ? 0.0f : 1.0f;
     return { { x * right.x + y * up.x + ahead * forward.x, x * right.y + y * up.y + ahead * forward.y,
                x * right.z + y * up.z + ahead * forward.z },
-             scaled(right, camera.scale_x), scaled(up, -camera.scale_y), scaled(forward, 1.0f - ahead) };
+             camera.scale_x * right, -camera.scale_y * up, (1.0f - ahead) * forward };
 }
 
 // Points along the light's axes; from the light, if it is not distant.
@@ -129,7 +123,7 @@ WARPCAM_FN Window window_of(const Light& light, int type, Vec position, const Ma
 {
     const Vec u = turned_back(rotation, light.u), v = turned_back(rotation, light.v);
     const Vec w = turned_back(rotation, light.w), back = ray_to(light, position);
-    const Vec from = light.distant ? position : scaled(back, -1.0f);
+    const Vec from = light.distant ? position : -back;
     const float pad = 1.0e-5f
         * (magnitude(position.x) + magnitude(position.y) + magnitude(position.z)
            + (light.distant ? 0.0f : magnitude(light.aim.x) + magnitude(light.aim.y) + magnitude(light.aim.z))

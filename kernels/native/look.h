@@ -6,7 +6,7 @@
 namespace warpcam {
 
 // Bits of a set of images: what resolve.h writes. Values of resolve.py.
-enum ImageBit { RGB = 1, RGBA = 2, HDR = 4, DISTANCE = 8, NORMALS = 16, POINTS = 32, BODIES = 64, ALBEDO = 128 };
+enum ImageBit { RGB = 1, RGBA = 2, HDR = 4, NORMALS = 8, ALBEDO = 16 };
 // Facts of a scene and of an image.
 enum Fact { HAS_MATERIALS = 1, HAS_TEXTURES = 2, HAS_SKYBOX = 4, HAS_SHADOWS = 8, QUADS = 16 };
 
@@ -181,7 +181,7 @@ WARPCAM_FN Layout load_layout(const Shapes& shapes, const Materials& materials, 
         const float half[2] = { extent.x, extent.y };
         for (int axis = 0; axis < 2; ++axis) {
             layout.start[axis] = (half[axis] > 0.0f ? 0.5f * layout.repeat[axis] : 0.0f) + offset;
-            layout.repeat[axis] *= (axis == 0 ? 0.5f : -0.5f) * (half[axis] > 0.0f ? inverse(half[axis]) : 1.0f);
+            layout.repeat[axis] *= (axis == 0 ? 0.5f : -0.5f) * (half[axis] > 0.0f ? reciprocal(half[axis]) : 1.0f);
         }
     }
     if ((TYPES >> MESH & 1) && pose.type() == MESH && pose.asset() >= 0)

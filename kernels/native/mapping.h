@@ -25,25 +25,25 @@ struct CubeMapping {
 // a scale of 0 v runs along the axis, from `half.z` to its mirror image.
 WARPCAM_FN void map_round(Vec q, Vec half, float top, float scale, Mapping& mapping)
 {
-    const Vec rate { inverse(half.x), inverse(half.y), inverse(half.z) }, unit = times(q, rate);
+    const Vec rate { reciprocal(half.x), reciprocal(half.y), reciprocal(half.z) }, unit = times(q, rate);
     const float square = unit.x * unit.x + unit.y * unit.y;
     const float turn = wp::atan2(unit.y, unit.x) * (1.0f / TURN);
     mapping.u = turn < 0.0f ? turn + 1.0f : turn;
-    const float rate_u = inverse(upper(square, 1.0e-12f) * TURN);
+    const float rate_u = reciprocal(upper(square, 1.0e-12f) * TURN);
     mapping.du = { -unit.y * rate_u * rate.x, unit.x * rate_u * rate.y, 0.0f };
     mapping.v = top - 0.5f * unit.z;
     mapping.dv = { 0.0f, 0.0f, -0.5f * rate.z };
     if (scale > 0.0f) {
-        const float flat = upper(root(square), 1.0e-6f), slope = -unit.z * inverse(flat);
+        const float flat = upper(root(square), 1.0e-6f), slope = -unit.z * reciprocal(flat);
         mapping.v = top - wp::atan2(unit.z, flat) * scale;
-        mapping.dv = -scale * inverse(dot(unit, unit)) * times(rate, { slope * unit.x, slope * unit.y, flat });
+        mapping.dv = -scale * reciprocal(dot(unit, unit)) * times(rate, { slope * unit.x, slope * unit.y, flat });
     }
 }
 
 // Maps u and v over a rectangle.
 WARPCAM_FN void map_flat(Vec local, Vec half, int u_axis, int v_axis, Mapping& mapping)
 {
-    const float rate_u = 0.5f * inverse(component(half, u_axis)), rate_v = 0.5f * inverse(component(half, v_axis));
+    const float rate_u = 0.5f * reciprocal(component(half, u_axis)), rate_v = 0.5f * reciprocal(component(half, v_axis));
     mapping.u = 0.5f + component(local, u_axis) * rate_u;
     mapping.v = 0.5f - component(local, v_axis) * rate_v;
     mapping.du = axis_vector(u_axis, rate_u);
@@ -53,8 +53,8 @@ WARPCAM_FN void map_flat(Vec local, Vec half, int u_axis, int v_axis, Mapping& m
 // The image laid on from above, for shapes without texture coordinates of their own.
 WARPCAM_FN void map_from_above(Vec local, Vec half, Mapping& mapping)
 {
-    mapping.du = { 0.5f * inverse(upper(half.x, 1.0e-12f)), 0.0f, 0.0f };
-    mapping.dv = { 0.0f, -0.5f * inverse(upper(half.y, 1.0e-12f)), 0.0f };
+    mapping.du = { 0.5f * reciprocal(upper(half.x, 1.0e-12f)), 0.0f, 0.0f };
+    mapping.dv = { 0.0f, -0.5f * reciprocal(upper(half.y, 1.0e-12f)), 0.0f };
     mapping.u = mapping.du.x * local.x;
     mapping.v = mapping.dv.y * local.y;
 }
@@ -71,7 +71,7 @@ WARPCAM_FN void map_by_corners(const Meshes& meshes, const Surface& surface, Map
     mapping.v = 1.0f - (start[1] + surface.weight1 * v1 + surface.weight2 * v2);
     const Triangle& triangle = surface.triangle;
     const Vec normal = cross(triangle.edge1, triangle.edge2);
-    const float rate = inverse(upper(dot(normal, normal), TINY));
+    const float rate = reciprocal(upper(dot(normal, normal), TINY));
     // Gradients of the barycentric weights.
     const Vec weight1 = rate * cross(triangle.edge2, normal), weight2 = rate * cross(normal, triangle.edge1);
     mapping.du = u1 * weight1 + u2 * weight2;
@@ -133,7 +133,7 @@ WARPCAM_FN Vec slide(Vec step, Vec ray, Vec normal)
     const float slope = dot(normal, ray);
     if (slope * slope < 1.0e-24f * dot(ray, ray))
         return 1.0e6f * step;
-    return step - dot(normal, step) * inverse(slope) * ray;
+    return step - dot(normal, step) * reciprocal(slope) * ray;
 }
 
 // `right` and `down` are the changes of the ray at the depth of the hit, from pixel to pixel; all in the shape's frame.
@@ -142,7 +142,7 @@ WARPCAM_FN Footprint footprint_2d(const Pose& pose, const Layout& layout, const 
                                   Vec ray, Vec right, Vec down)
 {
     if ((TYPES >> PLANE & 1) && pose.type() == PLANE) {  // floors fill images
-        const float rate_u = layout.repeat[0], rate_v = layout.repeat[1], slope = inverse(ray.z);
+        const float rate_u = layout.repeat[0], rate_v = layout.repeat[1], slope = reciprocal(ray.z);
         const float rise_right = right.z * slope, rise_down = down.z * slope;
         return { surface.local.x * rate_u + layout.start[0],
                  surface.local.y * rate_v + layout.start[1],
@@ -163,7 +163,7 @@ WARPCAM_FN CubeMapping map_cube(const Pose& pose, const Layout& layout, const Su
     const Vec half = to_vec(layout.extent);
     Vec place = surface.local, scale { 1.0f, 1.0f, 1.0f };  // planes, height fields and meshes: metres
     if (type != PLANE && type != HEIGHT_FIELD && type != MESH)
-        scale = { inverse(half.x), inverse(half.y), inverse(half.z) };
+        scale = { reciprocal(half.x), reciprocal(half.y), reciprocal(half.z) };
     if ((TYPES >> CAPSULE & 1) && type == CAPSULE && surface.part != SIDE) {
         // Each cap is a unit sphere whose middle is one above or below the origin.
         scale = { scale.x, scale.x, scale.x };

@@ -1,24 +1,16 @@
 // Triangle meshes behind a region's pixels, on CUDA. Rays that meet a mesh's box wait in a queue of the block until there
 // are enough of them to fill its lanes; then each lane walks a ray, and takes another when it is done.
 #pragma once
+#include "ray_queue.h"
 #include "tiles.h"
 
 #if defined(__CUDA_ARCH__)
 namespace warpcam {
 
-constexpr unsigned ALL = 0xffffffffu;
 constexpr int FEW = 8;  // lanes; fewer wait for company before they do what the others do not need
 
-// WORDS: 32 shapes of the list each.
-template <int WORDS> struct MeshQueue {
-    static constexpr int SIZE = WORDS > 2 ? 256 : 512;
-    int count, next;               // rays in the queue; the first that nobody has taken
-    float depth[SIZE];             // of the nearest hit so far
-    unsigned meshes[WORDS][SIZE];  // bits by rank: meshes whose boxes the ray meets
-    unsigned short pixel[SIZE];    // row * 64 + column in the region
-
-    // Is there room for one more tile of each warp?
-    WARPCAM_FN bool has_room() const { return *const_cast<const volatile int*>(&count) <= SIZE - THREADS; }
+template <int WORDS> struct MeshQueue: RayQueue<WORDS> {
+    float depth[RayQueue<WORDS>::SIZE];  // of the ray's nearest hit so far
 };
 
 // Puts the rays of a tile that meet meshes before their hits into the queue, which has room for them.
@@ -37,24 +29,14 @@ WARPCAM_FN void enqueue(MeshQueue<WORDS>& queue, const ShapeList<CAPACITY>& list
                                 depth);
         any |= met[word] != 0;
     }
-    const unsigned waiting = __ballot_sync(ALL, any);
-    if (waiting == 0)
-        return;
-    int at = 0;
-    if (lane == 0)
-        at = atomicAdd(&queue.count, __popc(waiting));
-    at = __shfl_sync(ALL, at, 0) + __popc(waiting & ((1u << lane) - 1));
-    if (any) {
+    const int pixel = (row * TILE_HEIGHT + lane / TILE_WIDTH) * 64 + column * TILE_WIDTH + lane % TILE_WIDTH;
+    const int at = queue.put(any, met, words, pixel);
+    if (any)
         queue.depth[at] = depth;
-        queue.pixel[at] = static_cast<unsigned short>((row * TILE_HEIGHT + lane / TILE_WIDTH) * 64
-                                                      + column * TILE_WIDTH + lane % TILE_WIDTH);
-        for (int word = 0; word < words; ++word)
-            queue.meshes[word][at] = met[word];
-    }
 }
 
-// Traces the rays of the queue and stores what they hit: store(pixel, depth, shape, face). `ray_of(pixel)` is a pixel's
-// ray. All warps of the block come here together.
+// Traces the rays of the queue and stores what they hit: store(pixel, hit). `ray_of(pixel)` is a pixel's ray.
+// All warps of the block come here together.
 template <int CAPACITY, int WORDS, class Meshes, class RayOf, class Store>
 WARPCAM_FN void trace_queue(MeshQueue<WORDS>& queue, const ShapeList<CAPACITY>& list, const Meshes& meshes, float near,
                             const RayOf& ray_of, const Store& store)
@@ -71,15 +53,12 @@ WARPCAM_FN void trace_queue(MeshQueue<WORDS>& queue, const ShapeList<CAPACITY>& 
     while (true) {
         const unsigned idles = __ballot_sync(ALL, node == NO_NODE && left == 0);
         if (more && (__popc(idles) >= FEW || idles == ALL)) {
-            int next = 0;
-            if (lane == 0)
-                next = atomicAdd(&queue.next, __popc(idles));
-            next = __shfl_sync(ALL, next, 0);
+            const int next = queue.take(__popc(idles));
             more = next + __popc(idles) < count;
             const int mine = next + __popc(idles & ((1u << lane) - 1));
             if (idles >> lane & 1) {
                 if (shape >= 0)
-                    store(queue.pixel[at_ray], depth, shape, face);
+                    store(queue.pixel[at_ray], Hit { depth, shape, face });
                 shape = -1;
                 if (mine < count) {
                     at_ray = mine;
@@ -87,13 +66,12 @@ WARPCAM_FN void trace_queue(MeshQueue<WORDS>& queue, const ShapeList<CAPACITY>& 
                     depth = queue.depth[mine];
                     word = 0;
                     left = queue.meshes[0][mine];
-                    while (left == 0 && word + 1 < words)
-                        left = queue.meshes[++word][mine];
+                    queue.go_on(mine, words, word, left);
                 }
             }
         } else if (idles == ALL) {
             if (shape >= 0)
-                store(queue.pixel[at_ray], depth, shape, face);
+                store(queue.pixel[at_ray], Hit { depth, shape, face });
             return;
         }
 
@@ -102,8 +80,7 @@ WARPCAM_FN void trace_queue(MeshQueue<WORDS>& queue, const ShapeList<CAPACITY>& 
             if (between >> lane & 1) {
                 slot = list.order[word * LANES + lowest_bit(left)];
                 left &= left - 1;
-                while (left == 0 && word + 1 < words)
-                    left = queue.meshes[++word][at_ray];
+                queue.go_on(at_ray, words, word, left);
                 const Record& record = list.records[slot];
                 if (as_float(record.size.w) < depth) {
                     const Ray local = ray.local(record);

@@ -2,6 +2,7 @@
 // ray: each tests one child of a node. Any face in the way will do, so that nothing is sorted and nothing remembered
 // but where to go on.
 #pragma once
+#include "ray_queue.h"
 #include "shade_tile.h"
 
 namespace warpcam {
@@ -10,37 +11,9 @@ namespace warpcam {
 constexpr int GROUP = 4;  // lanes that share a ray, as many as a node has children
 constexpr int GROUPS = LANES / GROUP;
 
-// WORDS: 32 casters of the list each.
-template <int WORDS> struct ShadowRays {
-    static constexpr int SIZE = WORDS > 2 ? 256 : 512;
-
-    int count, next;               // rays in the queue; the first that nobody has taken
-    unsigned meshes[WORDS][SIZE];  // bits by slot: meshes whose boxes the ray meets
-    unsigned short pixel[SIZE];    // row * 64 + column in the region
+template <int WORDS> struct ShadowRays: RayQueue<WORDS> {
     int stacks[THREADS / LANES][STACK][GROUPS];
-
-    // Is there room for one more tile of each warp?
-    WARPCAM_FN bool has_room() const { return *const_cast<const volatile int*>(&count) <= SIZE - THREADS; }
 };
-
-// Puts the rays of a tile for which `keep` holds into the queue.
-template <int WORDS>
-WARPCAM_FN void enqueue(ShadowRays<WORDS>& rays, int words, bool keep, const unsigned* met, int pixel)
-{
-    const int lane = threadIdx.x % LANES;
-    const unsigned kept = __ballot_sync(ALL, keep);
-    if (!kept)
-        return;
-    int at = 0;
-    if (lane == 0)
-        at = atomicAdd(&rays.count, __popc(kept));
-    at = __shfl_sync(ALL, at, 0) + __popc(kept & ((1u << lane) - 1));
-    if (keep) {
-        for (int word = 0; word < words; ++word)
-            rays.meshes[word][at] = met[word];
-        rays.pixel[at] = static_cast<unsigned short>(pixel);
-    }
-}
 
 struct LeafTest {
     bool done;  // the ray's leaf has been tested
@@ -49,7 +22,6 @@ struct LeafTest {
 
 // Tests the faces of leaves, those of up to four rays at once, each with eight lanes. The same in the four lanes of a
 // ray are the point where it begins, the slot of its mesh, and its leaf, if `node` is one.
-
 template <class List, class Meshes>
 WARPCAM_FN LeafTest test_leaves(const List& list, const Light& light, const Meshes& meshes, Vec point,
                                 float near, int slot, int node)
@@ -108,10 +80,7 @@ WARPCAM_FN void cast_queue(ShadowRays<WORDS>& rays, const List& list, const Ligh
         const unsigned idles = __ballot_sync(ALL, idle);
         const bool stuck = !__any_sync(ALL, node >= 0 && node != NO_NODE);  // no ray can step
         if (more && (__popc(idles) >= FEW || (idles && stuck))) {
-            int next = 0;
-            if (lane == 0)
-                next = atomicAdd(&rays.next, __popc(idles) / GROUP);
-            next = __shfl_sync(ALL, next, 0);
+            const int next = rays.take(__popc(idles) / GROUP);
             more = next + __popc(idles) / GROUP < count;
             const int mine = next + __popc(idles & ((1u << first_lane) - 1)) / GROUP;
             if (idle && mine < count) {
@@ -119,8 +88,7 @@ WARPCAM_FN void cast_queue(ShadowRays<WORDS>& rays, const List& list, const Ligh
                 point = start(rays.pixel[entry], span);
                 word = 0;
                 left = rays.meshes[0][entry];
-                while (left == 0 && word + 1 < words)
-                    left = rays.meshes[++word][entry];
+                rays.go_on(entry, words, word, left);
             }
         } else if (idles == ALL) {
             return;
@@ -130,8 +98,7 @@ WARPCAM_FN void cast_queue(ShadowRays<WORDS>& rays, const List& list, const Ligh
         if (between && (stuck || __popc(all_between) >= FEW)) {  // on to the ray's next mesh
             slot = word * 32 + lowest_bit(left);
             left &= left - 1;
-            while (left == 0 && word + 1 < words)
-                left = rays.meshes[++word][entry];
+            rays.go_on(entry, words, word, left);
             const Record& record = list.records[slot];
             const Ray local = WorldRay { point, ray_to(light, point) }.local(record);
             s = slabs(local.origin, local.direction, record.size.x);

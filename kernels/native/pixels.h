@@ -21,15 +21,9 @@ struct Pixel {
 #endif
 };
 
-template <class Array, class Value> WARPCAM_FN void put_one(const Array& image, const Pixel& pixel, Value value)
+WARPCAM_FN void put_three(float* image, unsigned at, Vec value)
 {
-    if (pixel.inside)
-        image.data[pixel.at] = value;
-}
-
-WARPCAM_FN void put_three(float* image, const Pixel& pixel, Vec value)
-{
-    float* channels = image + 3 * size_t(pixel.at);
+    float* channels = image + 3 * size_t(at);
     channels[0] = value.x;
     channels[1] = value.y;
     channels[2] = value.z;
@@ -56,7 +50,7 @@ template <bool IN_QUADS, class Array> WARPCAM_FN void put_vec(const Array& image
     }
 #endif
     if (pixel.inside)
-        put_three(image.data, pixel, value);
+        put_three(image.data, pixel.at, value);
 }
 
 // The bytes R, G, B of a word. Four neighbouring threads store their twelve bytes as three words.
@@ -64,7 +58,7 @@ template <bool IN_QUADS, class Array> WARPCAM_FN void put_bytes(const Array& ima
 {
 #if defined(__CUDA_ARCH__)
     if (IN_QUADS) {
-        const unsigned next = __shfl_down_sync(0xffffffffu, word, 1);
+        const unsigned next = __shfl_down_sync(ALL, word, 1);
         const int place = pixel.lane & 3;
         const unsigned joined = word >> 8 * place | next << (24 - 8 * place);
         if (pixel.inside && place < 3)

@@ -15,7 +15,7 @@ struct Record {
     Row axis_x;  // w: shape type
     Row axis_y;  // w: shape id
     Row axis_z;  // w: asset, the index of a mesh or height field
-    Row origin;  // the camera's centre in the shape's frame; w unused
+    Row origin;  // the camera's centre in the shape's frame; w: see casters.h, else unused
     Row size;    // plane: half widths, 0 infinite; capsule: x = half length / radius; height field: half widths, base
                  // depth. w: bits of `nearest`, a lower bound of the planar depth of every point of the shape
 };

@@ -27,12 +27,12 @@ template <class... Structs> Scene(const Structs&...) -> Scene<Structs...>;
 WARPCAM_FN bool follow(bool hit, Found& found)
 {
 #if defined(__CUDA_ARCH__)
-    const unsigned hits = __ballot_sync(0xffffffffu, hit);
-    if (hits != 0xffffffffu && hits != 0u) {
+    const unsigned hits = __ballot_sync(ALL, hit);
+    if (hits != ALL && hits != 0u) {
         const int leader = lowest_bit(hits);
-        const int shape = __shfl_sync(0xffffffffu, found.shape, leader);
-        const int face = __shfl_sync(0xffffffffu, found.face, leader);
-        const float depth = __shfl_sync(0xffffffffu, found.depth, leader);
+        const int shape = __shfl_sync(ALL, found.shape, leader);
+        const int face = __shfl_sync(ALL, found.face, leader);
+        const float depth = __shfl_sync(ALL, found.depth, leader);
         if (!hit)
             found = { shape, face, depth };
     }
@@ -129,7 +129,7 @@ template <int TYPES, int IMAGES, int FACTS, class Frame_> WARPCAM_FN Found find(
     Found found { -1, 0, 0.0f };
     if (pixel.inside) {
         found.shape = frame.shape.data[pixel.at];
-        if ((IMAGES & (DISTANCE | POINTS)) || Wanted<IMAGES, FACTS>::SURFACE)
+        if (Wanted<IMAGES, FACTS>::SURFACE)
             found.depth = frame.depth.data[pixel.at];
         if (Wanted<IMAGES, FACTS>::SURFACE && (TYPES & (1 << MESH | 1 << HEIGHT_FIELD)))
             found.face = frame.face.data[pixel.at];
@@ -144,7 +144,7 @@ WARPCAM_FN Look<TYPES, Wants> look_of(const Scene_& scene, const Camera& camera,
                                    scene.frame.horizon, world, id);
 }
 
-// CAPACITY: the looks a block keeps, more than any shape's id; 0 if they are made anew for each pixel.
+// CAPACITY: the looks a block keeps, one for each shape that may be visible; 0 if they are made anew for each pixel.
 template <int TYPES, int LENS, int CAPACITY, int IMAGES, int FACTS, class Looks, class Scene_>
 WARPCAM_FN void resolve_pixel(const Looks* looks, const LightList& lights, const Scene_& scene, const Camera& camera,
                               int world, const Pixel& pixel, Found found)
@@ -155,12 +155,11 @@ WARPCAM_FN void resolve_pixel(const Looks* looks, const LightList& lights, const
     const auto& images = scene.images;
     const float x = image_x(camera, float(pixel.column)), y = image_y(camera, float(pixel.row));
     const bool hit = found.shape >= 0;
-    resolve_hit<LENS, IMAGES, FACTS>(images, scene.shapes, camera, pixel, x, y, found);
     Shown shown;
     if ((Wants::SURFACE || Wants::COLORED) && follow(hit, found)) {
         const int shadow = (FACTS & HAS_SHADOWS) && Wants::LIT && hit ? frame.shadow.data[pixel.at] : 0;
         if constexpr (CAPACITY > 0)
-            resolve_surface<TYPES, LENS, IMAGES, FACTS>(looks[found.shape], lights, scene, camera, x, y, found, shadow,
+            resolve_surface<TYPES, LENS, IMAGES, FACTS>(looks[wp::index(scene.shapes.places, found.shape)], lights, scene, camera, x, y, found, shadow,
                                                         shown);
         else
             resolve_surface<TYPES, LENS, IMAGES, FACTS>(look_of<TYPES, Wants>(scene, camera, world, found.shape),
@@ -209,7 +208,7 @@ WARPCAM_FN void resolve(const Scene_& scene, const Lights& lights, int index)
 {
     using Wants = Wanted<IMAGES, FACTS>;
     using Looks = Look<TYPES, Wants>;
-    constexpr int KEPT = CAPACITY * int(sizeof(Looks)) <= 40960 && (Wants::SURFACE || Wants::COLORED) ? CAPACITY : 0;
+    constexpr int KEPT = CAPACITY * int(sizeof(Looks)) <= 44032 && (Wants::SURFACE || Wants::COLORED) ? CAPACITY : 0;
     WARPCAM_SHARED Looks looks[KEPT > 0 ? KEPT : 1];
     WARPCAM_SHARED LightList list;
     WARPCAM_SHARED Camera kept_camera;
@@ -230,7 +229,7 @@ WARPCAM_FN void resolve(const Scene_& scene, const Lights& lights, int index)
     if (KEPT > 0)
         for (int i = thread; i < scene.shapes.drawn.shape[0]; i += THREADS) {
             const int id = wp::index(scene.shapes.drawn, i);
-            looks[id] = look_of<TYPES, Wants>(scene, camera, world, id);
+            looks[i] = look_of<TYPES, Wants>(scene, camera, world, id);
         }
     block_barrier();
 #else
@@ -238,11 +237,6 @@ WARPCAM_FN void resolve(const Scene_& scene, const Lights& lights, int index)
 #endif
     Pixel pixel;
 #if defined(__CUDA_ARCH__)
-    if (!Wants::SURFACE && !Wants::COLORED && (FACTS & QUADS)) {
-        resolve_quads<LENS, WIDTH, HEIGHT, IMAGES>(frame, scene.images, scene.shapes, kept_camera, first, left, top,
-                                                   thread);
-        return;
-    }
     WARPCAM_SHARED float4 lanes[THREADS / LANES][3 * LANES / 4];
     constexpr unsigned TILES = WIDTH / TILE_WIDTH * (HEIGHT / TILE_HEIGHT), STEP = THREADS / LANES;
     const unsigned warp = unsigned(thread) / LANES;
@@ -267,9 +261,10 @@ WARPCAM_FN void resolve(const Scene_& scene, const Lights& lights, int index)
         for (pixel.column = left; pixel.column < lower_int(left + WIDTH, frame.width); ++pixel.column) {
             pixel.at = first + pixel.row * frame.width + pixel.column;
             const Found found = find<TYPES, IMAGES, FACTS>(frame, pixel);
-            if (KEPT > 0 && found.shape >= 0 && !made[found.shape]) {
-                looks[found.shape] = look_of<TYPES, Wants>(scene, camera, world, found.shape);
-                made[found.shape] = true;
+            const int place = KEPT > 0 && found.shape >= 0 ? wp::index(scene.shapes.places, found.shape) : 0;
+            if (KEPT > 0 && found.shape >= 0 && !made[place]) {
+                looks[place] = look_of<TYPES, Wants>(scene, camera, world, found.shape);
+                made[place] = true;
             }
             resolve_pixel<TYPES, LENS, KEPT, IMAGES, FACTS>(looks, list, scene, kept_camera, world, pixel, found);
         }

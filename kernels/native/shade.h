@@ -150,7 +150,7 @@ WARPCAM_FN float faded(const Light& light, const Vertex& vertex)
 {
     const Vec offset = to_vec(light.place) + vertex.reach * vertex.to_eye;
     const float distance = root(dot(offset, offset));
-    return inverse(upper(light.falloff.x + distance * (light.falloff.y + distance * light.falloff.z), 1.0e-12f));
+    return reciprocal(upper(light.falloff.x + distance * (light.falloff.y + distance * light.falloff.z), 1.0e-12f));
 }
 
 // How much a light adds to a corner: of its ambient, diffuse and specular colours.

@@ -61,11 +61,11 @@ WARPCAM_FN float warp_min(float value)
 {
 #if __CUDA_ARCH__ >= 800
     const int bits = __float_as_int(value);  // turned so that integers order as the floats do
-    const int least = __reduce_min_sync(0xffffffffu, bits ^ (bits >> 31 & 0x7fffffff));
+    const int least = __reduce_min_sync(ALL, bits ^ (bits >> 31 & 0x7fffffff));
     return __int_as_float(least ^ (least >> 31 & 0x7fffffff));
 #else
     for (int step = LANES / 2; step > 0; step /= 2)
-        value = lower(value, __shfl_xor_sync(0xffffffffu, value, step));
+        value = lower(value, __shfl_xor_sync(ALL, value, step));
     return value;
 #endif
 }
@@ -104,10 +104,10 @@ WARPCAM_FN bool shade_tile(const List& list, const LitView<LENS>& view, Vec p, c
     for (int word = 0; word < words; ++word) {
         const bool mine = may_shade(list.windows[word * 32 + lane], list.heights[word * 32 + lane], tile, floor);
         unsigned word_met = 0;
-        for (unsigned mask = __ballot_sync(0xffffffffu, mine); mask; mask &= mask - 1) {
+        for (unsigned mask = __ballot_sync(ALL, mine); mask; mask &= mask - 1) {
             const int bit = lowest_bit(mask), slot = word * 32 + bit;
             bool meets = open & may_shade(list.windows[slot], list.heights[slot], place);
-            if (!__any_sync(0xffffffffu, meets))
+            if (!__any_sync(ALL, meets))
                 continue;
             const Record& record = list.records[slot];
             const int type = record.axis_x.w;
@@ -247,7 +247,7 @@ inline void shade_tile(const List& list, const LitView<LENS>& view, int world, c
         if (walk
             && (view.counts_behind
                 || faces_light(shapes, meshes, world, points.ids[lane], points.faces[lane], view.light, view.origin)))
-            walk_meshes(meshes, list.records, list.order, met, words, ray, points.near[lane], hit);
+            walk_meshes(meshes, list.records, met, words, ray, points.near[lane], hit);
         points.open[lane] = hit.shape < 0;
     }
 }

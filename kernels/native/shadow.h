@@ -35,7 +35,7 @@ template <int WIDTH, int HEIGHT> struct Strip {
     WARPCAM_FN static int tile_column(int lane) { return lane_column(lane) & ~(TILE_WIDTH - 1); }
     WARPCAM_FN static int tile_row(int lane) { return lane_row(lane) & ~(TILE_HEIGHT - 1); }
 
-    // The lanes whose pixels belong to the same tile as those of a lane which comes first in its tile.
+    // The lanes whose pixels belong to the same tile as a lane's.
     WARPCAM_FN static unsigned lanes_of(int lane)
     {
         return (COLUMNS == 32 ? 0x03030303u : 0x3333u) << (tile_column(lane) / 4 + tile_row(lane) * (COLUMNS / 4));
@@ -101,7 +101,7 @@ WARPCAM_FN void cast_light(List& list, const LitView<LENS>& view, unsigned bit, 
     while (more) {
         if (HAS_MESH) {
             if (threadIdx.x == 0)
-                rays.count = rays.next = 0;
+                rays.clear();
             block_barrier();
         }
         while (true) {
@@ -139,7 +139,7 @@ WARPCAM_FN void cast_light(List& list, const LitView<LENS>& view, unsigned bit, 
                 const bool keep = open && met_any
                     && (view.counts_behind
                         || faces_light(shapes, meshes, world, id, target.face.data[at], view.light, view.origin));
-                enqueue(rays, (list.count + 31) / 32, keep, met, row * 64 + column);
+                rays.put(keep, met, (list.count + 31) / 32, row * 64 + column);
             }
             if (asks && !open)
                 target.shadow.data[at] |= static_cast<int>(bit);
@@ -235,8 +235,8 @@ WARPCAM_FN void cast(const Shapes& shapes, const Materials& materials, const Mes
                                               thread);
             }
             if (list.count > 0)
-                cast_light<TYPES, LENS, WIDTH, HEIGHT>(list, view, 1u << number, fresh, region, world, shapes,
-                                                                 meshes, fields, target);
+                cast_light<TYPES, LENS, WIDTH, HEIGHT>(list, view, 1u << number, fresh, region, world, shapes, meshes,
+                                                       fields, target);
             fresh = fresh && list.count == 0;
         } while (begin < total);
     }

@@ -79,7 +79,7 @@ WARPCAM_FN void capsule_surface(float half_length, Surface& surface)
 // The normal is the gradient of the sum of (x / half)^2.
 WARPCAM_FN void ellipsoid_surface(Vec half, Surface& surface)
 {
-    const Vec rate { inverse(half.x), inverse(half.y), inverse(half.z) };
+    const Vec rate { reciprocal(half.x), reciprocal(half.y), reciprocal(half.z) };
     surface.normal = normalized(times(times(surface.local, rate), rate));
 }
 
@@ -101,8 +101,8 @@ WARPCAM_FN void height_field_surface(const HeightFields& fields, int field, int 
     }
     const unsigned cell = unsigned(face) >> 1, row = cell / unsigned(columns - 1), column = cell - row * (columns - 1);
     const bool high = face & 1;
-    const float rate_x = float(columns - 1) * inverse(2.0f * size[0]), step_x = inverse(rate_x);
-    const float rate_y = float(rows - 1) * inverse(2.0f * size[1]), step_y = inverse(rate_y);
+    const float rate_x = float(columns - 1) * reciprocal(2.0f * size[0]), step_x = reciprocal(rate_x);
+    const float rate_y = float(rows - 1) * reciprocal(2.0f * size[1]), step_y = reciprocal(rate_y);
     const int first = wp::index(fields.height_start, field) + int(row) * columns + int(column);
     const float* heights = fields.heights.data + first;
     const float height = heights[0], diagonal = heights[columns + 1] - height;
@@ -142,7 +142,7 @@ template <class Meshes> WARPCAM_FN void mesh_surface(const Meshes& meshes, const
     int given;
     const Triangle triangle = load_triangle(meshes, as_int(pose.size.x) + 3 * face, given);
     const Vec normal = cross(triangle.edge1, triangle.edge2), place = surface.local - triangle.origin;
-    const float rate = inverse(upper(dot(normal, normal), TINY));
+    const float rate = reciprocal(upper(dot(normal, normal), TINY));
     surface.corner = 3 * (as_int(pose.size.y) + given);
     surface.triangle = triangle;
     surface.normal = normalized(normal);

@@ -192,12 +192,12 @@ WARPCAM_FN Vec from_face(int face, Vec v)
 static WARPCAM_COLD int cube_texel(int start, int size, int face, int i, int j)
 {
     if (i < 0 || j < 0 || i >= size || j >= size) {
-        const float half = 0.5f * float(size), rate = inverse(half);
+        const float half = 0.5f * float(size), rate = reciprocal(half);
         const float right = (float(i) + 0.5f) * rate - 1.0f, down = (float(j) + 0.5f) * rate - 1.0f;
         const Vec direction = from_face(face, { right, down, 1.0f });
         face = cube_face(direction);
         const Vec place = to_face(face, direction);
-        const float outwards = inverse(place.z);
+        const float outwards = reciprocal(place.z);
         i = int((place.x * outwards + 1.0f) * half);
         j = int((place.y * outwards + 1.0f) * half);
     }
@@ -227,7 +227,7 @@ static WARPCAM_COLD Vec sample_cube(const unsigned* texels, const Image& image, 
 {
     const int face = cube_face(direction), size = image.width;
     const Vec place = to_face(face, direction), step_right = to_face(face, right), step_down = to_face(face, down);
-    const float rate = inverse(upper(place.z, 1.0e-20f)), scale = 0.5f * float(size) * rate;
+    const float rate = reciprocal(upper(place.z, 1.0e-20f)), scale = 0.5f * float(size) * rate;
     const float x = place.x * rate, y = place.y * rate;
     const float right_x = scale * (step_right.x - x * step_right.z);
     const float right_y = scale * (step_right.y - y * step_right.z);

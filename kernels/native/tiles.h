@@ -85,7 +85,7 @@ WARPCAM_FN unsigned find_meshes(unsigned mask, const Record* records, const unsi
         const int bit = lowest_bit(mask);
         const Record& record = records[slots[bit]];
         const bool before = as_float(record.size.w) < depth;
-        if (!__any_sync(0xffffffffu, before))
+        if (!__any_sync(ALL, before))
             break;
         if (before && meets_mesh(meshes, record, ray.local(record), near, depth))
             met |= 1u << bit;
@@ -103,9 +103,9 @@ WARPCAM_FN void trace_tile(const ShapeList<CAPACITY>& list, int column, int row,
         const int rank = begin + threadIdx.x % LANES;
         if (rank < list.count)
             mine = touches(list.tiles[rank], column, row) && !is_mesh<TYPES>(list.records[list.order[rank]]);
-        for (unsigned mask = __ballot_sync(0xffffffffu, mine); mask; mask &= mask - 1) {
+        for (unsigned mask = __ballot_sync(ALL, mine); mask; mask &= mask - 1) {
             const Record& record = list.records[list.order[begin + lowest_bit(mask)]];
-            if (!__any_sync(0xffffffffu, as_float(record.size.w) < hit.depth))
+            if (!__any_sync(ALL, as_float(record.size.w) < hit.depth))
                 return;  // every lane has a hit nearer than all that follows
             if ((TYPES >> HEIGHT_FIELD & 1) && record.axis_x.w == HEIGHT_FIELD) {
                 walk_height_field(fields, record, ray, near, hit);

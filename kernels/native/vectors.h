@@ -43,13 +43,6 @@ WARPCAM_FN int between(int a, int low, int high) { return a < low ? low : a > hi
 
 WARPCAM_FN float saturated(float a) { return __saturatef(a); }
 
-WARPCAM_FN float inverse(float a)
-{
-    float r;
-    asm("rcp.approx.ftz.f32 %0, %1;" : "=f"(r) : "f"(a));
-    return r;
-}
-
 WARPCAM_FN float inverse_root(float a)  // of a normal number above zero
 {
     float r;
@@ -77,7 +70,6 @@ WARPCAM_FN float round_down(float a) { return floorf(a); }
 #else
 
 WARPCAM_FN float saturated(float a) { return between(a, 0.0f, 1.0f); }
-WARPCAM_FN float inverse(float a) { return 1.0f / a; }
 WARPCAM_FN float inverse_root(float a) { return 1.0f / __builtin_sqrtf(a); }
 WARPCAM_FN float logarithm2(float a) { return wp::log2(a); }
 WARPCAM_FN float power(float base, float exponent) { return wp::pow(base, exponent); }
@@ -119,7 +111,7 @@ template <class Array> WARPCAM_FN auto row_of(const Array& table, int world, int
 WARPCAM_FN bool any_lane(bool mine)
 {
 #if defined(__CUDA_ARCH__)
-    return __any_sync(0xffffffffu, mine);
+    return __any_sync(ALL, mine);
 #else
     return mine;
 #endif

@@ -1,10 +1,12 @@
-// The trace: for every pixel of a view the nearest shape, its face and planar depth.
+// The trace: for every pixel of a view the nearest shape, its face and depth, and what follows from these alone.
 #pragma once
+#include "hits.h"
 #include "mesh_queue.h"
 
 namespace warpcam {
 
-enum Output { DEPTH = 1, SHAPE = 2, FACE = 4 };
+// What the trace writes. QUADS: the image's width is a multiple of four pixels.
+enum Output { DEPTH = 1, SHAPE = 2, FACE = 4, DISTANCE = 8, POINTS = 16, BODIES = 32, QUADS = 64 };
 
 // Does the shape's colour let it be seen at all? MuJoCo's rule of which colour counts (see look.h).
 template <class Shapes, class Materials>
@@ -13,7 +15,7 @@ WARPCAM_FN bool transparent(const Shapes& shapes, const Materials& materials, in
     const auto color = shared_row(shapes.colors, world, id);
     const int material = shared_row(shapes.materials, world, id);
     const bool plain = color[0] == 0.5f && color[1] == 0.5f && color[2] == 0.5f && color[3] == 1.0f;
-    if (material >= 0 && plain)
+    if (material >= 0 && material < materials.color.shape[1] && plain)
         return shared_row(materials.color, world, material)[3] == 0.0f;
     return color[3] == 0.0f;
 }
@@ -77,14 +79,24 @@ WARPCAM_FN int gather(ShapeList<CAPACITY>& list, int begin, const Shapes& shapes
     return begin;
 }
 
-template <class Target> WARPCAM_FN void put(const Target& target, int outputs, unsigned at, float depth, int shape, int face)
+// Writes one pixel of what is wanted.
+template <int OUTPUTS, int LENS, class Target, class Shapes>
+WARPCAM_FN void put(const Target& target, const Shapes& shapes, const Camera& camera, unsigned at,
+                    const ViewRay<LENS>& ray, const Hit& hit)
 {
-    if (outputs & DEPTH)
-        target.depth.data[at] = depth;
-    if (outputs & SHAPE)
-        target.shape.data[at] = shape;
-    if (outputs & FACE)
-        target.face.data[at] = face;
+    const Found found { hit.shape, hit.face, hit.depth };
+    if (OUTPUTS & DEPTH)
+        target.depth.data[at] = hit.shape < 0 ? camera.miss : hit.depth;
+    if (OUTPUTS & SHAPE)
+        target.shape.data[at] = hit.shape;
+    if (OUTPUTS & FACE)
+        target.face.data[at] = hit.face;
+    if (OUTPUTS & DISTANCE)
+        target.distance.data[at] = distance_of<LENS>(found, ray.x, ray.y);
+    if (OUTPUTS & BODIES)
+        target.bodies.data[at] = body_of(found, shapes);
+    if (OUTPUTS & POINTS)
+        put_three(target.points.data, at, point_of<LENS>(found, camera, ray.x, ray.y));
 }
 
 // Draws one region of one view; `index` counts worlds, then regions, then (CUDA) threads of the block.
@@ -138,17 +150,19 @@ WARPCAM_FN void draw(const Shapes& shapes, const Materials& materials, const Mes
         WARPCAM_SHARED MeshQueue<HAS_MESH ? (CAPACITY + LANES - 1) / LANES : 1> queue;
         const int lane = thread % LANES;
         const float per_row = 1.0f / float(across);
+        constexpr bool POINTS_IN_QUADS = (OUTPUTS & POINTS) && (OUTPUTS & QUADS);
+        WARPCAM_SHARED float4 lanes[POINTS_IN_QUADS ? THREADS / LANES : 1][3 * LANES / 4];
         do {
             if (HAS_MESH) {
                 if (thread == 0)
-                    queue.count = queue.next = 0;
+                    queue.clear();
                 block_barrier();
             }
             while (true) {
                 int tile = tiles;
                 if (lane == 0 && (!HAS_MESH || queue.has_room()))
                     tile = draw_next(list.next_tile);
-                tile = __shfl_sync(0xffffffffu, tile, 0);
+                tile = __shfl_sync(ALL, tile, 0);
                 if (tile >= tiles)
                     break;
                 const int row = int((float(tile) + 0.5f) * per_row), column = tile - row * across;
@@ -167,7 +181,16 @@ WARPCAM_FN void draw(const Shapes& shapes, const Materials& materials, const Mes
                 const ViewRay<LENS> ray { image_x(camera, float(i)), image_y(camera, float(j)) };
                 trace_tile<TYPES>(list, column, row, ray, camera.near, fields, hit);
                 if (inside)
-                    put(target, OUTPUTS, at, hit.shape < 0 ? camera.miss : hit.depth, hit.shape, hit.face);
+                    put<POINTS_IN_QUADS ? OUTPUTS & ~POINTS : OUTPUTS>(target, shapes, camera, at, ray, hit);
+                if (POINTS_IN_QUADS) {
+                    Pixel pixel { i, j, at, inside, reinterpret_cast<float*>(lanes[thread / LANES]), lane };
+                    pixel.width = target.width - (i - lane % TILE_WIDTH);
+                    pixel.height = target.height - (j - lane / TILE_WIDTH);
+                    pixel.stride = target.width;
+                    pixel.corner = at - lane / TILE_WIDTH * target.width - lane % TILE_WIDTH;
+                    const Found found { hit.shape, hit.face, hit.depth };
+                    put_vec<true>(target.points, pixel, point_of<LENS>(found, camera, ray.x, ray.y));
+                }
                 if (HAS_MESH)
                     enqueue<TYPES>(queue, list, column, row, ray, camera.near, meshes, hit.depth);
             }
@@ -177,9 +200,10 @@ WARPCAM_FN void draw(const Shapes& shapes, const Materials& materials, const Mes
                     return ViewRay<LENS> { image_x(camera, float(region.left + pixel % 64)),
                                            image_y(camera, float(region.top + pixel / 64)) };
                 };
-                const auto store = [&](int pixel, float depth, int shape, int face) {
+                const auto store = [&](int pixel, const Hit& hit) {
                     const unsigned row = unsigned(world) * target.height + region.top + pixel / 64;
-                    put(target, OUTPUTS, row * target.width + region.left + pixel % 64, depth, shape, face);
+                    put<OUTPUTS>(target, shapes, camera, row * target.width + region.left + pixel % 64, ray_of(pixel),
+                                 hit);
                 };
                 if (queue.count > 0)
                     trace_queue(queue, list, meshes, camera.near, ray_of, store);
@@ -213,8 +237,9 @@ WARPCAM_FN void draw(const Shapes& shapes, const Materials& materials, const Mes
             for (int lane = 0; lane < LANES; ++lane) {
                 const int i = left + lane % TILE_WIDTH, j = top + lane / TILE_WIDTH;
                 if (i < target.width && j < target.height)
-                    put(target, OUTPUTS, (unsigned(world) * target.height + j) * target.width + i,
-                        rays.shape[lane] < 0 ? camera.miss : rays.depth[lane], rays.shape[lane], rays.face[lane]);
+                    put<OUTPUTS>(target, shapes, camera, (unsigned(world) * target.height + j) * target.width + i,
+                                 ViewRay<LENS> { rays.x[lane], rays.y[lane] },
+                                 { rays.depth[lane], rays.shape[lane], rays.face[lane] });
             }
         }
 #endif
