@@ -1,14 +1,9 @@
 // What follows from a hit alone, without its surface: distance, point, body.
 #pragma once
+#include "bvh4.h"
 #include "pixels.h"
 
 namespace warpcam {
-
-// What the trace found at a pixel.
-struct Found {
-    int shape, face;
-    float depth;
-};
 
 WARPCAM_FN Vec turned(const Matrix& m, Vec v)
 {
@@ -17,23 +12,23 @@ WARPCAM_FN Vec turned(const Matrix& m, Vec v)
              m.at[2][0] * v.x + m.at[2][1] * v.y + m.at[2][2] * v.z };
 }
 
-template <int LENS> WARPCAM_FN float distance_of(const Found& found, float x, float y)
+template <int LENS> WARPCAM_FN float distance_of(const Hit& hit, float x, float y)
 {
     const float length = LENS == PINHOLE ? root(x * x + y * y + 1.0f) : 1.0f;
-    return found.shape >= 0 ? found.depth * length : infinity();
+    return hit.shape >= 0 ? hit.depth * length : infinity();
 }
 
-template <int LENS> WARPCAM_FN Vec point_of(const Found& found, const Camera& camera, float x, float y)
+template <int LENS> WARPCAM_FN Vec point_of(const Hit& hit, const Camera& camera, float x, float y)
 {
-    if (found.shape < 0)
+    if (hit.shape < 0)
         return { infinity(), infinity(), infinity() };
-    const float near = LENS == PINHOLE ? found.depth : 1.0f;
-    return camera.origin + turned(camera.rotation, { near * x, near * y, -found.depth });
+    const float near = LENS == PINHOLE ? hit.depth : 1.0f;
+    return camera.origin + turned(camera.rotation, { near * x, near * y, -hit.depth });
 }
 
-template <class Shapes> WARPCAM_FN int body_of(const Found& found, const Shapes& shapes)
+template <class Shapes> WARPCAM_FN int body_of(const Hit& hit, const Shapes& shapes)
 {
-    return found.shape >= 0 ? wp::index(shapes.bodies, found.shape) : -1;
+    return hit.shape >= 0 ? wp::index(shapes.bodies, hit.shape) : -1;
 }
 
 }  // namespace warpcam

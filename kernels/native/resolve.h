@@ -24,7 +24,7 @@ template <class... Structs> Scene(const Structs&...) -> Scene<Structs...>;
 
 // Where a warp sees anything at all, its pixels that see nothing do as one of the others does, so that all its threads
 // go the same way; what they find is not used. False where it sees nothing.
-WARPCAM_FN bool follow(bool hit, Found& found)
+WARPCAM_FN bool follow(bool hit, Hit& found)
 {
 #if defined(__CUDA_ARCH__)
     const unsigned hits = __ballot_sync(ALL, hit);
@@ -34,7 +34,7 @@ WARPCAM_FN bool follow(bool hit, Found& found)
         const int face = __shfl_sync(ALL, found.face, leader);
         const float depth = __shfl_sync(ALL, found.depth, leader);
         if (!hit)
-            found = { shape, face, depth };
+            found = { depth, shape, face };
     }
     return hits != 0u;
 #else
@@ -89,7 +89,7 @@ struct Shown {
 
 template <int TYPES, int LENS, int IMAGES, int FACTS, class Looks, class Scene_>
 WARPCAM_FN void resolve_surface(const Looks& look, const LightList& lights, const Scene_& scene, const Camera& camera,
-                                float x, float y, const Found& found, int shadow, Shown& shown)
+                                float x, float y, const Hit& found, int shadow, Shown& shown)
 {
     using Wants = Wanted<IMAGES, FACTS>;
     const float depth = found.depth;
@@ -124,9 +124,9 @@ WARPCAM_FN void resolve_surface(const Looks& look, const LightList& lights, cons
 }
 
 // What the trace found at a pixel.
-template <int TYPES, int IMAGES, int FACTS, class Frame_> WARPCAM_FN Found find(const Frame_& frame, const Pixel& pixel)
+template <int TYPES, int IMAGES, int FACTS, class Frame_> WARPCAM_FN Hit find(const Frame_& frame, const Pixel& pixel)
 {
-    Found found { -1, 0, 0.0f };
+    Hit found { 0.0f, -1, 0 };
     if (pixel.inside) {
         found.shape = frame.shape.data[pixel.at];
         if (Wanted<IMAGES, FACTS>::SURFACE)
@@ -147,7 +147,7 @@ WARPCAM_FN Look<TYPES, Wants> look_of(const Scene_& scene, const Camera& camera,
 // CAPACITY: the looks a block keeps, one for each shape that may be visible; 0 if they are made anew for each pixel.
 template <int TYPES, int LENS, int CAPACITY, int IMAGES, int FACTS, class Looks, class Scene_>
 WARPCAM_FN void resolve_pixel(const Looks* looks, const LightList& lights, const Scene_& scene, const Camera& camera,
-                              int world, const Pixel& pixel, Found found)
+                              int world, const Pixel& pixel, Hit found)
 {
     using Wants = Wanted<IMAGES, FACTS>;
     constexpr bool IN_QUADS = FACTS & QUADS;
@@ -243,10 +243,10 @@ WARPCAM_FN void resolve(const Scene_& scene, const Lights& lights, int index)
     pixel.lane = unsigned(thread) % LANES;
     pixel.row_of_lanes = reinterpret_cast<float*>(lanes[warp]);
     go_to<WIDTH>(pixel, frame, first, left, top, warp);
-    Found next = find<TYPES, IMAGES, FACTS>(frame, pixel);
+    Hit next = find<TYPES, IMAGES, FACTS>(frame, pixel);
 #pragma unroll 1
     for (unsigned tile = warp; tile < TILES; tile += STEP) {
-        const Found found = next;
+        const Hit found = next;
         if (tile + STEP < TILES) {  // ask for the next tile's pixels before this one's are drawn
             go_to<WIDTH>(pixel, frame, first, left, top, tile + STEP);
             next = find<TYPES, IMAGES, FACTS>(frame, pixel);
@@ -260,7 +260,7 @@ WARPCAM_FN void resolve(const Scene_& scene, const Lights& lights, int index)
     for (pixel.row = top; pixel.row < lower_int(top + HEIGHT, frame.height); ++pixel.row)
         for (pixel.column = left; pixel.column < lower_int(left + WIDTH, frame.width); ++pixel.column) {
             pixel.at = first + pixel.row * frame.width + pixel.column;
-            const Found found = find<TYPES, IMAGES, FACTS>(frame, pixel);
+            const Hit found = find<TYPES, IMAGES, FACTS>(frame, pixel);
             const int place = KEPT > 0 && found.shape >= 0 ? wp::index(scene.shapes.places, found.shape) : 0;
             if (KEPT > 0 && found.shape >= 0 && !made[place]) {
                 looks[place] = look_of<TYPES, Wants>(scene, camera, world, found.shape);

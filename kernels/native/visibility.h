@@ -1,12 +1,9 @@
 // The trace: for every pixel of a view the nearest shape, its face and depth, and what follows from these alone.
 #pragma once
-#include "hits.h"
+#include "canvas.h"
 #include "mesh_queue.h"
 
 namespace warpcam {
-
-// What the trace writes. QUADS: the image's width is a multiple of four pixels.
-enum Output { DEPTH = 1, SHAPE = 2, FACE = 4, DISTANCE = 8, POINTS = 16, BODIES = 32, QUADS = 64 };
 
 // Does the shape's colour let it be seen at all? MuJoCo's rule of which colour counts (see look.h).
 template <class Shapes, class Materials>
@@ -79,25 +76,93 @@ WARPCAM_FN int gather(ShapeList<CAPACITY>& list, int begin, const Shapes& shapes
     return begin;
 }
 
-// Writes one pixel of what is wanted.
-template <int OUTPUTS, int LENS, class Target, class Shapes>
-WARPCAM_FN void put(const Target& target, const Shapes& shapes, const Camera& camera, unsigned at,
-                    const ViewRay<LENS>& ray, const Hit& hit)
+#if defined(__CUDA_ARCH__)
+
+// Draws the tiles of a region against the list. All warps of the block come here together; a warp draws one tile after
+// another, and where rays wait for meshes all walk them when there are enough.
+template <int TYPES, int LENS, int CAPACITY, int OUTPUTS, class Target, class Shapes, class Meshes, class HeightFields>
+WARPCAM_FN void draw_tiles(ShapeList<CAPACITY>& list, const Canvas<LENS, OUTPUTS, Target, Shapes>& canvas,
+                           const Meshes& meshes, const HeightFields& fields, bool first_pass)
 {
-    const Found found { hit.shape, hit.face, hit.depth };
-    if (OUTPUTS & DEPTH)
-        target.depth.data[at] = hit.shape < 0 ? camera.miss : hit.depth;
-    if (OUTPUTS & SHAPE)
-        target.shape.data[at] = hit.shape;
-    if (OUTPUTS & FACE)
-        target.face.data[at] = hit.face;
-    if (OUTPUTS & DISTANCE)
-        target.distance.data[at] = distance_of<LENS>(found, ray.x, ray.y);
-    if (OUTPUTS & BODIES)
-        target.bodies.data[at] = body_of(found, shapes);
-    if (OUTPUTS & POINTS)
-        put_three(target.points.data, at, point_of<LENS>(found, camera, ray.x, ray.y));
+    constexpr bool HAS_MESH = TYPES >> MESH & 1, HAS_POINTS = OUTPUTS & POINTS;
+    WARPCAM_SHARED MeshQueue<HAS_MESH ? (CAPACITY + LANES - 1) / LANES : 1> queue;
+    WARPCAM_SHARED float4 lanes[HAS_POINTS ? THREADS / LANES : 1][3 * LANES / 4];
+    const int lane = threadIdx.x % LANES;
+    const Region region = canvas.region;
+    const float near = canvas.camera.near;
+    const int across = region.width / TILE_WIDTH, tiles = across * (region.height / TILE_HEIGHT);
+    const float per_row = 1.0f / float(across);
+    do {
+        if (HAS_MESH) {
+            if (threadIdx.x == 0)
+                queue.clear();
+            block_barrier();
+        }
+        while (true) {
+            int tile = tiles;
+            if (lane == 0 && (!HAS_MESH || queue.has_room()))
+                tile = draw_next(list.next_tile);
+            tile = __shfl_sync(ALL, tile, 0);
+            if (tile >= tiles)
+                break;
+            const int row = int((float(tile) + 0.5f) * per_row), column = tile - row * across;
+            const int i = region.left + column * TILE_WIDTH + lane % TILE_WIDTH;
+            const int j = region.top + row * TILE_HEIGHT + lane / TILE_WIDTH;
+            const ViewRay<LENS> ray = canvas.ray(i, j);
+            Hit hit = canvas.start(i, j, first_pass);
+            trace_tile<TYPES>(list, column, row, ray, near, fields, hit);
+            canvas.put_tile(i, j, hit, reinterpret_cast<float*>(lanes[HAS_POINTS ? threadIdx.x / LANES : 0]));
+            if (HAS_MESH)
+                enqueue<TYPES>(queue, list, column, row, ray, near, meshes, hit.depth);
+        }
+        if (HAS_MESH) {
+            block_barrier();
+            const auto ray_of = [&](int pixel) { return canvas.ray(region.left + pixel % 64, region.top + pixel / 64); };
+            const auto store = [&](int pixel, const Hit& hit) {
+                canvas.template put<OUTPUTS>(region.left + pixel % 64, region.top + pixel / 64, hit);
+            };
+            if (queue.count > 0)
+                trace_queue(queue, list, meshes, near, ray_of, store);
+            block_barrier();
+        }
+    } while (HAS_MESH && list.next_tile < tiles);
 }
+
+#else
+
+// Draws the tiles of a region against the list.
+template <int TYPES, int LENS, int CAPACITY, int OUTPUTS, class Target, class Shapes, class Meshes, class HeightFields>
+inline void draw_tiles(ShapeList<CAPACITY>& list, const Canvas<LENS, OUTPUTS, Target, Shapes>& canvas,
+                       const Meshes& meshes, const HeightFields& fields, bool first_pass)
+{
+    const Region region = canvas.region;
+    TileRow<CAPACITY> picked;
+    for (int row = 0; row < region.height / TILE_HEIGHT; ++row) {
+        pick_row(list, row, picked);
+        for (int column = 0; column < region.width / TILE_WIDTH; ++column) {
+            const int left = region.left + column * TILE_WIDTH, top = region.top + row * TILE_HEIGHT;
+            Rays rays;
+            for (int lane = 0; lane < LANES; ++lane) {
+                const int i = left + lane % TILE_WIDTH, j = top + lane / TILE_WIDTH;
+                const ViewRay<LENS> ray = canvas.ray(i, j);
+                const Hit hit = canvas.start(i, j, first_pass);
+                rays.x[lane] = ray.x;
+                rays.y[lane] = ray.y;
+                rays.depth[lane] = hit.depth;
+                rays.shape[lane] = hit.shape;
+                rays.face[lane] = hit.face;
+            }
+            trace_tile<TYPES, LENS>(list, picked, column, canvas.camera.near, meshes, fields, rays);
+            for (int lane = 0; lane < LANES; ++lane) {
+                const int i = left + lane % TILE_WIDTH, j = top + lane / TILE_WIDTH;
+                if (canvas.inside(i, j))
+                    canvas.template put<OUTPUTS>(i, j, { rays.depth[lane], rays.shape[lane], rays.face[lane] });
+            }
+        }
+    }
+}
+
+#endif
 
 // Draws one region of one view; `index` counts worlds, then regions, then (CUDA) threads of the block.
 // SEVERAL: the scene may have more shapes than the list holds; then the region is drawn in several passes, each
@@ -118,7 +183,7 @@ WARPCAM_FN void draw(const Shapes& shapes, const Materials& materials, const Mes
     region.height = lower_int(HEIGHT, (target.height - region.top + TILE_HEIGHT - 1) / TILE_HEIGHT * TILE_HEIGHT);
     const Camera camera = load_camera(wp::index(views, world));
     const bool blind = !(magnitude(camera.origin.x) < FAR_AWAY);
-    const int across = region.width / TILE_WIDTH, tiles = across * (region.height / TILE_HEIGHT);
+    const Canvas<LENS, OUTPUTS, Target, Shapes> canvas { target, shapes, camera, region, world };
     const int total = blind ? 0 : shapes.drawn.shape[0];
 
     int begin = 0;
@@ -145,104 +210,7 @@ WARPCAM_FN void draw(const Shapes& shapes, const Materials& materials, const Mes
         }
         sort_by_depth(list, thread);
         block_barrier();
-#if defined(__CUDA_ARCH__)
-        constexpr bool HAS_MESH = TYPES >> MESH & 1;
-        WARPCAM_SHARED MeshQueue<HAS_MESH ? (CAPACITY + LANES - 1) / LANES : 1> queue;
-        const int lane = thread % LANES;
-        const float per_row = 1.0f / float(across);
-        constexpr bool POINTS_IN_QUADS = (OUTPUTS & POINTS) && (OUTPUTS & QUADS);
-        WARPCAM_SHARED float4 lanes[POINTS_IN_QUADS ? THREADS / LANES : 1][3 * LANES / 4];
-        do {
-            if (HAS_MESH) {
-                if (thread == 0)
-                    queue.clear();
-                block_barrier();
-            }
-            while (true) {
-                int tile = tiles;
-                if (lane == 0 && (!HAS_MESH || queue.has_room()))
-                    tile = draw_next(list.next_tile);
-                tile = __shfl_sync(ALL, tile, 0);
-                if (tile >= tiles)
-                    break;
-                const int row = int((float(tile) + 0.5f) * per_row), column = tile - row * across;
-                const int i = region.left + column * TILE_WIDTH + lane % TILE_WIDTH;
-                const int j = region.top + row * TILE_HEIGHT + lane / TILE_WIDTH;
-                const bool inside = i < target.width && j < target.height;
-                const unsigned at = (unsigned(world) * target.height + j) * target.width + i;
-                Hit hit { inside ? camera.far : -1.0f, -1, -1 };
-                if (SEVERAL && !first && inside) {
-                    hit.shape = target.shape.data[at];
-                    if (OUTPUTS & FACE)
-                        hit.face = target.face.data[at];
-                    if (hit.shape >= 0)
-                        hit.depth = target.depth.data[at];
-                }
-                const ViewRay<LENS> ray { image_x(camera, float(i)), image_y(camera, float(j)) };
-                trace_tile<TYPES>(list, column, row, ray, camera.near, fields, hit);
-                if (inside)
-                    put<POINTS_IN_QUADS ? OUTPUTS & ~POINTS : OUTPUTS>(target, shapes, camera, at, ray, hit);
-                if (POINTS_IN_QUADS) {
-                    Pixel pixel { i, j, at, inside, reinterpret_cast<float*>(lanes[thread / LANES]), lane };
-                    pixel.width = target.width - (i - lane % TILE_WIDTH);
-                    pixel.height = target.height - (j - lane / TILE_WIDTH);
-                    pixel.stride = target.width;
-                    pixel.corner = at - lane / TILE_WIDTH * target.width - lane % TILE_WIDTH;
-                    const Found found { hit.shape, hit.face, hit.depth };
-                    put_vec<true>(target.points, pixel, point_of<LENS>(found, camera, ray.x, ray.y));
-                }
-                if (HAS_MESH)
-                    enqueue<TYPES>(queue, list, column, row, ray, camera.near, meshes, hit.depth);
-            }
-            if (HAS_MESH) {
-                block_barrier();
-                const auto ray_of = [&](int pixel) {
-                    return ViewRay<LENS> { image_x(camera, float(region.left + pixel % 64)),
-                                           image_y(camera, float(region.top + pixel / 64)) };
-                };
-                const auto store = [&](int pixel, const Hit& hit) {
-                    const unsigned row = unsigned(world) * target.height + region.top + pixel / 64;
-                    put<OUTPUTS>(target, shapes, camera, row * target.width + region.left + pixel % 64, ray_of(pixel),
-                                 hit);
-                };
-                if (queue.count > 0)
-                    trace_queue(queue, list, meshes, camera.near, ray_of, store);
-                block_barrier();
-            }
-        } while (HAS_MESH && list.next_tile < tiles);
-#else
-        TileRow<CAPACITY> row;
-        for (int tile = 0; tile < tiles; ++tile) {
-            const int left = region.left + tile % across * TILE_WIDTH, top = region.top + tile / across * TILE_HEIGHT;
-            if (tile % across == 0)
-                pick_row(list, tile / across, row);
-            Rays rays;
-            for (int lane = 0; lane < LANES; ++lane) {
-                const int i = left + lane % TILE_WIDTH, j = top + lane / TILE_WIDTH;
-                const bool inside = i < target.width && j < target.height;
-                rays.x[lane] = image_x(camera, float(i));
-                rays.y[lane] = image_y(camera, float(j));
-                rays.depth[lane] = inside ? camera.far : -1.0f;
-                rays.shape[lane] = rays.face[lane] = -1;
-                if (SEVERAL && !first && inside) {
-                    const unsigned at = (unsigned(world) * target.height + j) * target.width + i;
-                    rays.shape[lane] = target.shape.data[at];
-                    if (OUTPUTS & FACE)
-                        rays.face[lane] = target.face.data[at];
-                    if (rays.shape[lane] >= 0)
-                        rays.depth[lane] = target.depth.data[at];
-                }
-            }
-            trace_tile<TYPES, LENS>(list, row, tile % across, camera.near, meshes, fields, rays);
-            for (int lane = 0; lane < LANES; ++lane) {
-                const int i = left + lane % TILE_WIDTH, j = top + lane / TILE_WIDTH;
-                if (i < target.width && j < target.height)
-                    put<OUTPUTS>(target, shapes, camera, (unsigned(world) * target.height + j) * target.width + i,
-                                 ViewRay<LENS> { rays.x[lane], rays.y[lane] },
-                                 { rays.depth[lane], rays.shape[lane], rays.face[lane] });
-            }
-        }
-#endif
+        draw_tiles<TYPES>(list, canvas, meshes, fields, !SEVERAL || first);
         first = false;
         block_barrier();
     } while (SEVERAL && begin < total);
