@@ -1,12 +1,15 @@
 """Cameras for thousands of robot-simulation worlds at once, with no graphics stack."""
 
 from collections.abc import Collection as _Collection
+from collections.abc import Mapping as _Mapping
+from collections.abc import Sequence as _Sequence
 from importlib import import_module as _import_module
 from importlib.metadata import PackageNotFoundError as _PackageNotFoundError
 from importlib.metadata import version as _version
 from typing import Any as _Any
 
 from warpcam.camera import Camera
+from warpcam.driven import DrivenScene
 from warpcam.errors import WarpcamError
 from warpcam.lens import Lens, Orthographic, Pinhole
 from warpcam.memory import Memory, estimate_memory
@@ -20,6 +23,7 @@ except _PackageNotFoundError:  # run from its sources
 
 __all__ = [
     "Camera",
+    "DrivenScene",
     "Lens",
     "Memory",
     "Orthographic",
@@ -30,6 +34,7 @@ __all__ = [
     "estimate_memory",
     "from_mujoco",
     "from_mujoco_warp",
+    "from_usd",
 ]
 
 
@@ -63,11 +68,59 @@ def from_mujoco(mjm: _Any, mjd: _Any, *, groups: _Collection[int] = (0, 1, 2), d
     return scene
 
 
-def _source(name: str) -> _Any:
+def from_usd(
+    path_or_stage: _Any,
+    num_worlds: int = 1,
+    *,
+    device: _Any = None,
+    time: float | None = None,
+    purposes: _Sequence[str] = ("default", "render"),
+    up_axis: str | None = "Z",
+    meters_per_unit: float | None = None,
+    double_sided: bool | None = None,
+    semantics: _Mapping[str, int] | None = None,
+    textures: _Mapping[str, _Any] | None = None,
+    exposure: float | None = None,
+) -> DrivenScene:
+    """A USD stage in many worlds, which share its meshes and textures.
+
+    The scene is in metres and, unless asked otherwise, its z is up, whatever the stage's own units and axes are.
+
+    Args:
+        path_or_stage: A .usd, .usda, .usdc or .usdz file, or a ``pxr.Usd.Stage``, which is only read.
+        num_worlds: How many.
+        device: Where to render: a name, a Warp or torch device, a CUDA ordinal; None is Warp's current device.
+        time: Time code to begin with; None is the stage's first.
+        purposes: Of the prims that are drawn: "default", "render", "proxy", "guide".
+        up_axis: "Z" turns a stage that has another axis up; None keeps the stage's own axes.
+        meters_per_unit: In place of the stage's own.
+        double_sided: Whether faces are seen from behind, in place of what each mesh says itself.
+        semantics: Number of each label in the output ``semantics``; None numbers all there are from 1 on, by name.
+        textures: More images for ``DrivenScene.set_textures``, by names of yours: paths, or arrays
+            (height, width, 3) uint8.
+        exposure: All light is multiplied by 2 to this; None exposes the middle of the scene.
+    """
+    scene: DrivenScene = _source("usd", "usd").load(
+        path_or_stage,
+        num_worlds,
+        device=device,
+        time=time,
+        purposes=purposes,
+        up_axis=up_axis,
+        meters_per_unit=meters_per_unit,
+        double_sided=double_sided,
+        semantics=semantics,
+        textures=textures or {},
+        exposure=exposure,
+    )
+    return scene
+
+
+def _source(name: str, extra: str = "mujoco") -> _Any:
     """The module that reads one simulator, imported only now: the simulator need not be installed otherwise."""
     try:
         return _import_module(f"warpcam.sources.{name}")
     except ModuleNotFoundError as error:
         raise WarpcamError(
-            f"{error.name} is not installed, and this scene needs it: pip install 'warpcam[mujoco]'"
+            f"{error.name} is not installed, and this scene needs it: pip install 'warpcam[{extra}]'"
         ) from error

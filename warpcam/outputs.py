@@ -20,6 +20,7 @@ class Output:
         trace: The array of the trace it is, or None where it is made of depth and shape in a second pass.
         face: Whether it is derived from the face that was hit, too.
         lit: Whether shadows change it.
+        label: Its value where nothing is hit, for an output that is looked up by shape; else None.
     """
 
     dtype: Any
@@ -28,6 +29,7 @@ class Output:
     trace: str | None = None
     face: bool = False
     lit: bool = False
+    label: int | None = None
 
 
 OUTPUTS: Mapping[str, Output] = {
@@ -40,6 +42,8 @@ OUTPUTS: Mapping[str, Output] = {
     "points": Output(wp.float32, 3, "inf", trace="points"),
     "segmentation": Output(wp.int32, 1, "-1", trace="shape"),
     "bodies": Output(wp.int32, 1, "-1", trace="bodies"),
+    "instances": Output(wp.int32, 1, "-1", label=-1),
+    "semantics": Output(wp.int32, 1, "0", label=0),
     "albedo": Output(wp.uint8, 3, "0", face=True),
 }
 

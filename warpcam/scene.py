@@ -30,11 +30,15 @@ class SceneCamera:
         projection: "pinhole" or "orthographic".
         sensor: Width and height of the sensor, in the unit of the camera's intrinsics. None: the camera has a field
             of view instead.
+        square: Pixels are square: the sensor's height follows from its width and the image's shape.
+        clipping: Nearest and farthest planar depth that it sees [m]; None: all.
     """
 
     name: str
     projection: Projection = "pinhole"
     sensor: tuple[float, float] | None = None
+    square: bool = False
+    clipping: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,6 +59,8 @@ class Parts:
         textures: What ``material_textures`` counts.
         skybox: Index of the texture behind everything, or -1.
         horizon: How far the source's own renderer draws endless planes [m]; 0 if it has none.
+        shape_instances: (shape,) int32, which replicated thing each is part of, or -1; None if nobody knows.
+        shape_semantics: (shape,) int32, its label's number, 0 for none; None if nobody knows.
     """
 
     num_worlds: int
@@ -70,6 +76,8 @@ class Parts:
     textures: Sequence[TextureImage]
     skybox: int = -1
     horizon: float = 0.0
+    shape_instances: np.ndarray | None = None
+    shape_semantics: np.ndarray | None = None
 
 
 @dataclass(frozen=True)
@@ -169,6 +177,11 @@ class Scene:
         self._places = wp.array(places, dtype=wp.int32, device=self.device)
         self._types = wp.array(parts.shape_types.astype(np.int32), dtype=wp.int32, device=self.device)
         self._bodies = wp.array(parts.shape_bodies.astype(np.int32), dtype=wp.int32, device=self.device)
+        self._labels = {
+            name: wp.array(values.astype(np.int32), dtype=wp.int32, device=self.device)
+            for name, values in (("instances", parts.shape_instances), ("semantics", parts.shape_semantics))
+            if values is not None
+        }
         source.refresh()
         self._tables = self.tables()
         self._check_indices()
@@ -276,6 +289,7 @@ class Scene:
             has_textures=parts.num_materials > 0 and any(i != parts.skybox for i in range(len(parts.textures))),
             has_skybox=parts.skybox >= 0,
             horizon=parts.horizon,
+            labels=self._labels,
         )
 
     def _check_parts(self) -> None:

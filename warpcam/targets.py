@@ -6,7 +6,7 @@ import warp as wp
 
 from warpcam.camera import Camera
 from warpcam.errors import WarpcamError
-from warpcam.kernels import resolve, shadow, visibility
+from warpcam.kernels import labels, resolve, shadow, visibility
 from warpcam.kernels.launch import Group, Stage
 from warpcam.kernels.tables import Tables
 from warpcam.kernels.types import View
@@ -41,7 +41,12 @@ class Target:
             for name in camera.outputs
         }
         self._traced = {OUTPUTS[name].trace: array for name, array in self.images.items() if OUTPUTS[name].trace}
-        self._derived = {name: array for name, array in self.images.items() if OUTPUTS[name].trace is None}
+        self._labels = {name: array for name, array in self.images.items() if OUTPUTS[name].label is not None}
+        self._derived = {
+            name: array
+            for name, array in self.images.items()
+            if OUTPUTS[name].trace is None and name not in self._labels
+        }
 
     def record(
         self,
@@ -70,6 +75,12 @@ class Target:
                 shadow.record(
                     tables, projection, views, mask, depth, shape, face, width, height, shadows, device, group
                 )
+            )
+        for name, image in self._labels.items():
+            if name not in tables.labels:
+                raise WarpcamError(f"{self._camera.where}: outputs has {name!r}, of which this scene knows nothing")
+            stages.append(
+                labels.record(tables.labels[name], OUTPUTS[name].label or 0, mask, shape, image, device, group)
             )
         if self._derived:
             images = self._derived
