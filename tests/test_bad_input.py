@@ -61,7 +61,7 @@ def test_the_error_is_a_value_error() -> None:
     assert issubclass(wc.WarpcamError, ValueError)
 
 
-OUTPUT_NAMES = "rgb, rgba, hdr, depth, distance, normals, points, segmentation, bodies, albedo"
+OUTPUT_NAMES = "rgb, rgba, hdr, depth, distance, normals, points, segmentation, bodies, instances, semantics, albedo"
 
 CAMERAS = {
     "Camera: name must be a camera's name or index, got True": {"name": True},

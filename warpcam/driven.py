@@ -219,8 +219,7 @@ class DrivenScene(Scene):
                 raise TypeError
         except (TypeError, ValueError):
             raise WarpcamError(f"{what} must be an array of {dtype.__name__}, got {value!r}") from None
-        kind = wp.types.warp_type_to_np_dtype[dtype]
-        return wp.array(np.ascontiguousarray(numbers.astype(kind)), dtype=dtype, device=self.device)
+        return wp.array(np.ascontiguousarray(numbers.astype(wp.dtype_to_numpy(dtype))), dtype=dtype, device=self.device)
 
 
 def _some(names: Sequence[str]) -> str:

@@ -86,7 +86,8 @@ class Surface:
 
     def _bake(self, stretch: np.ndarray) -> Mesh:
         scale = np.abs(stretch).max()
-        key = (np.rint(stretch / (scale * SAME)) + 0.0).tobytes() + np.rint(np.log(scale) / SAME).tobytes()
+        # Rounded, so that what differs by rounding is one; + 0.0, so that -0.0 is 0.0.
+        key = (np.rint(np.append(stretch / scale, np.log(scale)) / SAME) + 0.0).tobytes()
         if key not in self._baked:
             vertices, faces, normals, uvs = self.vertices @ stretch.T, self.faces, self.normals, self.uvs
             if normals is not None and not np.allclose(stretch, stretch[0, 0] * np.eye(3), rtol=SAME, atol=0.0):

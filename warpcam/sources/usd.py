@@ -50,8 +50,6 @@ def load(
     root = np.diag((unit, unit, unit, 1.0))
     if up_axis == "Z" and UsdGeom.GetStageUpAxis(stage) == UsdGeom.Tokens.y:
         root = root @ np.array(((1, 0, 0, 0), (0, 0, -1, 0), (0, 1, 0, 0), (0, 0, 0, 1)), np.float64)
-    elif up_axis == "Z" and UsdGeom.GetStageUpAxis(stage) == UsdGeom.Tokens.x:
-        root = root @ np.array(((0, 0, -1, 0), (0, 1, 0, 0), (1, 0, 0, 0), (0, 0, 0, 1)), np.float64)
     graph = Graph(name, [Node("/", -1, root)])
     start = _time(stage, time)
     try:

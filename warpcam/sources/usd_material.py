@@ -208,8 +208,8 @@ class MaterialReader:
 
     @staticmethod
     def _surface(material: UsdShade.Material) -> tuple[UsdShade.Shader | None, Mapping[str, tuple[str, str]]]:
-        for contexts in ((UsdShade.Tokens.universalRenderContext,), ("mtlx",), ("mdl",)):
-            shader = material.ComputeSurfaceSource(list(contexts))[0]
+        for context in (UsdShade.Tokens.universalRenderContext, "mtlx", "mdl"):
+            shader = material.ComputeSurfaceSource(context)[0]
             if not shader:
                 continue
             identifier = str(shader.GetShaderId() or "")

@@ -224,10 +224,11 @@ class MeshReader:
         if not triangles.smooth:
             return None
         corners = triangles.points[triangles.vertices]
-        cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
         sums = np.zeros_like(triangles.points)
-        for k in range(3):
-            np.add.at(sums, triangles.vertices[:, k], cross)
+        for k in range(3):  # by their angles: how faces were cut does not matter
+            one, other = unit(corners[:, k - 1] - corners[:, k]), unit(corners[:, k - 2] - corners[:, k])
+            angle = np.arccos(np.clip((one * other).sum(axis=-1), -1.0, 1.0))
+            np.add.at(sums, triangles.vertices[:, k], angle[:, None] * flat[:, 0])
         normals = unit(sums)[triangles.vertices]
         return np.where((normals * flat).sum(-1, keepdims=True) >= SMOOTH_BELOW, normals, flat)
 

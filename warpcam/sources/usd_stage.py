@@ -215,13 +215,41 @@ class StageReader:
 
             self._updates.append(update)
 
-    @staticmethod
-    def _instance_matrices(instancer: UsdGeom.PointInstancer, time: Usd.TimeCode) -> np.ndarray | None:
-        """Of each instance, with its prototype's own, (instance, 4, 4), in the instancer's frame."""
-        matrices = instancer.ComputeInstanceTransformsAtTime(
-            time, time, UsdGeom.PointInstancer.IncludeProtoXform, UsdGeom.PointInstancer.IgnoreMask
-        )
-        return None if not matrices else np.array(matrices, np.float64).reshape(-1, 4, 4).transpose(0, 2, 1)
+    def _instance_matrices(self, instancer: UsdGeom.PointInstancer, time: Usd.TimeCode) -> np.ndarray | None:
+        """Of each instance, with its prototype's own, (instance, 4, 4), in the instancer's frame; None if they differ.
+
+        USD's own function leaves quaternions of half precision as long as they are, which is a stretch.
+        """
+        indices = np.array(instancer.GetProtoIndicesAttr().Get(time) or [], np.int64)
+        positions = np.array(instancer.GetPositionsAttr().Get(time) or [], np.float64).reshape(-1, 3)
+        count = len(indices)
+        turns = instancer.GetPrim().GetAttribute("orientationsf")
+        given = (turns.Get(time) if turns else None) or instancer.GetOrientationsAttr().Get(time) or []
+        quaternions = np.array([(q.GetReal(), *q.GetImaginary()) for q in given] or [(1.0, 0.0, 0.0, 0.0)] * count)
+        scales = np.array(instancer.GetScalesAttr().Get(time) or np.ones((count, 3)), np.float64)
+        if len(positions) != count or len(quaternions) != count or len(scales) != count:
+            return None
+        matrices = np.tile(np.eye(4), (count, 1, 1))
+        matrices[:, :3, :3] = _rotations(quaternions.reshape(-1, 4)) * scales[:, None, :]
+        matrices[:, :3, 3] = positions
+        own = [np.eye(4)]
+        for target in instancer.GetPrototypesRel().GetForwardedTargets():
+            root = UsdGeom.Xformable(self._stage.GetPrimAtPath(target))
+            own.append(_matrix(root.GetLocalTransformation(time)) if root else np.eye(4))
+        return matrices @ np.array(own[1:])[indices]
+
+
+def _rotations(quaternions: np.ndarray) -> np.ndarray:
+    """Of w x y z of any length, (n, 4); those of length 0 do not turn."""
+    length = np.linalg.norm(quaternions, axis=1, keepdims=True)
+    unit = np.where(length > 0.0, quaternions / np.where(length > 0.0, length, 1.0), (1.0, 0.0, 0.0, 0.0))
+    w, x, y, z = unit.T
+    rows = (
+        (1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)),
+        (2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)),
+        (2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)),
+    )
+    return np.array(rows).transpose(2, 0, 1)
 
 
 def _matrix(matrix: Any) -> np.ndarray:

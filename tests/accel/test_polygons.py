@@ -11,8 +11,10 @@ COMB = [(0, 0), (5, 0), (5, 3), (4, 3), (4, 1), (3, 1), (3, 3), (2, 3), (2, 1), 
 # A square with a square hole, joined by a bridge that is passed twice.
 FRAME = [(0, 0), (4, 0), (4, 4), (0, 4), (0, 0), (1, 1), (1, 3), (3, 3), (3, 1), (1, 1)]
 SPIRAL = [(np.cos(a) * r, np.sin(a) * r) for a, r in zip(np.linspace(0, 11, 60), np.linspace(1, 4, 60), strict=True)]
-SPIRAL += [(np.cos(a) * (r - 0.4), np.sin(a) * (r - 0.4)) for a, r in
-           zip(np.linspace(11, 0, 60), np.linspace(4, 1, 60), strict=True)]
+SPIRAL += [
+    (np.cos(a) * (r - 0.4), np.sin(a) * (r - 0.4))
+    for a, r in zip(np.linspace(11, 0, 60), np.linspace(4, 1, 60), strict=True)
+]
 
 
 def area(points: np.ndarray) -> float:
@@ -40,7 +42,9 @@ def covered(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     return count
 
 
-@pytest.mark.parametrize("polygon", [L_SHAPE, ARROW, COMB, FRAME, SPIRAL], ids=["L", "arrow", "comb", "frame", "spiral"])
+@pytest.mark.parametrize(
+    "polygon", [L_SHAPE, ARROW, COMB, FRAME, SPIRAL], ids=["L", "arrow", "comb", "frame", "spiral"]
+)
 @pytest.mark.parametrize("shift", [0, 1, 3])
 @pytest.mark.parametrize("axis", [0, 1, 2])
 @pytest.mark.parametrize("flip", [False, True])
