@@ -35,6 +35,7 @@ __all__ = [
     "from_mujoco",
     "from_mujoco_warp",
     "from_usd",
+    "load",
 ]
 
 
@@ -114,6 +115,33 @@ def from_usd(
         exposure=exposure,
     )
     return scene
+
+
+def load(
+    path: _Any,
+    num_worlds: int = 1,
+    *,
+    device: _Any = None,
+    meters_per_unit: float | None = None,
+    up_axis: str | None = "Z",
+    textures: _Mapping[str, _Any] | None = None,
+) -> Scene:
+    """The scene of a file in many worlds, read by what its name ends in.
+
+    .usd, .usda, .usdc and .usdz are read by ``from_usd``; .glb, .gltf, .obj, .stl and .ply by trimesh. Both give a
+    ``DrivenScene``. .xml, .mjb and .urdf are read by MuJoCo, and simulated by nobody: a scene as the file has it.
+
+    Args:
+        path: The file.
+        num_worlds: How many worlds.
+        device: Where to render; None is Warp's current device.
+        meters_per_unit: In place of what the file says; .obj, .stl and .ply say nothing and are taken to be in metres.
+        up_axis: "Z" turns USD and glTF scenes so that z is up; None keeps their own axes. Others are as they are.
+        textures: More images for ``DrivenScene.set_textures``.
+    """
+    from warpcam import files
+
+    return files.load(path, num_worlds, device, meters_per_unit, up_axis, textures or {})
 
 
 def _source(name: str, extra: str = "mujoco") -> _Any:

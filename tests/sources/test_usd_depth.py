@@ -14,7 +14,7 @@ import warpcam as wc
 Usd = pytest.importorskip("pxr.Usd")
 trimesh = pytest.importorskip("trimesh")
 pytest.importorskip("embreex")
-from pxr import UsdGeom
+from pxr import UsdGeom  # noqa: E402
 
 ROOTS = {name: Path(find_spec(name).origin).parent for name in ("warp", "newton", "mujoco") if find_spec(name)}
 FILES = {

@@ -121,9 +121,14 @@ def corner_colors(colors: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Colours of triangles' corners, (triangle, 3, 3) uint8, as an image and texture coordinates, (triangle, 3, 2).
 
     Each different triangle gets 2 x 2 texels, three of them its corners; between their centres the kernels blend just
-    as they do between corners, and the first mipmap is the triangles' means.
+    as they do between corners, as long as the fourth, which the other three make, is a colour at all.
     """
-    blocks, which = np.unique(colors.reshape(-1, 9), axis=0, return_inverse=True)
+    wide = colors.astype(np.int16)
+    fourth = wide.sum(axis=1, keepdims=True) - 2 * wide  # with each of the corners across from it
+    beyond = (np.maximum(-fourth, 0) + np.maximum(fourth - 255, 0)).sum(axis=-1)
+    order = (np.argmin(beyond, axis=1)[:, None] + np.arange(3)) % 3
+    turned = np.take_along_axis(colors, order[..., None], axis=1)
+    blocks, which = np.unique(turned.reshape(-1, 9), axis=0, return_inverse=True)
     corners = blocks.reshape(-1, 3, 3).astype(np.int16)
     columns = max(int(np.ceil(np.sqrt(len(blocks)))), 1)
     rows = max(-(-len(blocks) // columns), 1)
@@ -134,8 +139,9 @@ def corner_colors(colors: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     left, top = 2 * x[which.reshape(-1)], 2 * y[which.reshape(-1)]
     u = np.stack((left, left + 1, left), axis=1) + 0.5
     v = np.stack((top, top, top + 1), axis=1) + 0.5
-    uvs = np.stack((u / (2 * columns), 1.0 - v / (2 * rows)), axis=-1)
-    return image.reshape(2 * rows, 2 * columns, 3), uvs.astype(np.float32)
+    uvs = np.empty((len(colors), 3, 2), np.float32)
+    np.put_along_axis(uvs, order[..., None], np.stack((u / (2 * columns), 1.0 - v / (2 * rows)), axis=-1), axis=1)
+    return image.reshape(2 * rows, 2 * columns, 3), uvs
 
 
 def cube_of_panorama(pixels: np.ndarray, turn: np.ndarray) -> TextureImage:
@@ -153,7 +159,8 @@ def cube_of_panorama(pixels: np.ndarray, turn: np.ndarray) -> TextureImage:
     faces = ((one, -v, -u), (-one, -v, u), (u, one, v), (u, -one, -v), (u, -v, one), (-u, -v, -one))
     cube = np.empty((6, side, side, pixels.shape[2]), np.uint8)
     for face, axes in enumerate(faces):
-        direction = np.stack(axes, axis=-1)
+        x, y, z = axes
+        direction = np.stack((x, -z, y), axis=-1)  # in the world: the kernels' skybox lies on its side
         direction = (direction / np.linalg.norm(direction, axis=-1, keepdims=True)) @ turn
         longitude = np.arctan2(direction[..., 0], direction[..., 2])
         latitude = np.arcsin(np.clip(direction[..., 1], -1.0, 1.0))

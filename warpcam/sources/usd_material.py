@@ -176,6 +176,8 @@ class MaterialReader:
                 value, reader, primvar = self._value(given)
                 if reader is not None:
                     textures[what] = reader
+                    if what == "color" and source == constant:  # the base colour, where its texture is missing
+                        values[what] = given.GetAttr().Get()
                 elif primvar:
                     by_color |= what == "color" and primvar == "displayColor"
                 elif value is not None and not isinstance(value, Sdf.AssetPath):
