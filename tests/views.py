@@ -1,8 +1,14 @@
 """A camera around a scene, and its rays: for tests that compare images with other tracers."""
 
+from typing import Any
+
 import numpy as np
+import pytest
 
 import warpcam as wc
+
+# Cut solids lie inside of round ones: relative to the scene's radius.
+ROUGH = 2e-3
 
 
 def look_at(eye: np.ndarray, target: np.ndarray) -> np.ndarray:
@@ -60,3 +66,30 @@ class Around:
 def depth(scene: wc.Scene, around: Around, world: int = 0) -> np.ndarray:
     image = wc.Renderer(scene, [around.camera("depth")]).render()["around"]["depth"]
     return image[world, ..., 0].cpu().numpy()
+
+
+def cast(mesh: Any, around: Around) -> np.ndarray:
+    """Planar depth of a trimesh by Embree."""
+    trimesh = pytest.importorskip("trimesh")
+    pytest.importorskip("embreex")
+    rays = around.rays()
+    tracer = trimesh.ray.ray_pyembree.RayMeshIntersector(mesh, scale_to_box=True)
+    origins = np.broadcast_to(around.eye, rays.shape)
+    places, index, _ = tracer.intersects_location(origins, rays, multiple_hits=False)
+    planar = np.full(len(rays), np.inf)
+    planar[index] = (around.eye - places) @ around.rotation[:, 2]
+    return planar.reshape(around.size, around.size)
+
+
+def compare(scene: wc.Scene, mesh: Any, directions: tuple = ((0.6, -0.8, 0.5), (-0.7, 0.3, -0.4))) -> None:
+    """Hold a scene's depth against Embree's."""
+    low, high = mesh.bounds
+    for direction in directions:
+        around = Around(low, high, direction)
+        ours, theirs = depth(scene, around), cast(mesh, around)
+        hit = np.isfinite(ours) & np.isfinite(theirs)
+        near = np.where(hit, np.abs(np.where(hit, ours, 0.0) - np.where(hit, theirs, 0.0)), 0.0)
+        wrong = (np.isfinite(ours) != np.isfinite(theirs)) | (near > ROUGH * around.radius)
+        assert np.isfinite(theirs).mean() > 0.003
+        assert wrong.mean() < 0.006, f"{wrong.mean():.4f} of the pixels differ"
+        assert np.median(near[hit]) < 2e-4 * around.radius

@@ -32,7 +32,7 @@ def load(
     file = Path(path)
     kind = file.suffix.lower()
     if kind not in (*USD, *MESHES, *MUJOCO):
-        raise WarpcamError(f"load: {str(path)!r} came; known are {', '.join((*USD, *MESHES, *MUJOCO))}")
+        raise WarpcamError(f"load: {str(path)!r} came; known are {', '.join((*MUJOCO, *USD, *MESHES))}")
     if not file.is_file():
         raise WarpcamError(f"load: there is no file {str(path)!r}")
     if isinstance(num_worlds, bool) or not isinstance(num_worlds, int | np.integer) or num_worlds < 1:

@@ -18,12 +18,12 @@ from warpcam.sources import looks
 from warpcam.sources.forms import Surface, unit
 from warpcam.sources.graph import Graph, Item, Look, Node
 from warpcam.sources.graph_source import GraphSource
-from warpcam.sources.images import ENCODED, LINEAR, corner_colors, named_images, pixels_of
+from warpcam.sources.images import ENCODED, LINEAR, UnreadableError, corner_colors, decoded, named_images, pixels_of
 from warpcam.sources.notes import Notes
 
 Y_UP = np.array(((1, 0, 0, 0), (0, 0, -1, 0), (0, 1, 0, 0), (0, 0, 0, 1)), np.float64)
 GLTF = (".glb", ".gltf")
-SUFFIXES = (*GLTF, ".obj", ".stl", ".ply")
+PICTURES = (".png", ".jpg", ".jpeg", ".bmp", ".tga", ".gif", ".webp", ".ktx2", ".dds")
 
 
 def load(
@@ -40,7 +40,7 @@ def load(
     is_gltf = path.suffix.lower() in GLTF
     with _heard(notes) as heard:
         try:
-            scene = trimesh.load_scene(str(path), process=False)
+            scene = trimesh.load_scene(str(path), process=False, resolver=_Resolver(path, notes))
         except MemoryError:
             raise WarpcamError(f"{path}: does not fit into memory") from None
         except Exception as error:  # whatever a broken file makes a parser raise
@@ -60,6 +60,28 @@ def load(
         graph.textures.append(image)
     notes.say()
     return DrivenScene(GraphSource(graph, num_worlds, where))
+
+
+class _Resolver(trimesh.resolvers.FilePathResolver):  # type: ignore[misc]
+    """Finds what a file names, and tells of what is not there: trimesh goes on without."""
+
+    def __init__(self, path: Path, notes: Notes):
+        super().__init__(str(path), allow_anywhere=True)
+        self._notes = notes
+
+    def get(self, name: str) -> bytes:
+        try:
+            data: bytes = super().get(name)
+        except OSError:
+            self._notes.warn("a file is not found; if it is a texture, its material is drawn in its base colour", name)
+            raise
+        if Path(name).suffix.lower() in PICTURES:
+            try:
+                decoded(data)
+            except UnreadableError as error:
+                what = f"a texture cannot be read ({error}), and its material is drawn in its base colour"
+                self._notes.warn(what, name)
+        return data
 
 
 class _Reader:
