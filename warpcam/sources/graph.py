@@ -161,7 +161,8 @@ class Graph:
         matrices = np.empty((len(self.nodes), 4, 4))
         for index, node in enumerate(self.nodes):
             above = 0 if node.resets else node.parent
-            matrices[index] = node.local if node.parent < 0 else matrices[above] @ node.local
+            with np.errstate(invalid="ignore", over="ignore"):  # what is not finite stays so, all the way down
+                matrices[index] = node.local if node.parent < 0 else matrices[above] @ node.local
         return matrices
 
     def worlds_of(self, node: int) -> np.ndarray:
