@@ -348,3 +348,22 @@ def test_lights_are_exposed_together(stage: Usd.Stage, device: wp.Device) -> Non
         UsdGeom.Xformable(light).AddTranslateOp().Set((x, 0, 5))
     seen = image(wc.from_usd(stage, device=device), "hdr", above(3.0, 3, 0.01, "hdr"))[1, 1]
     np.testing.assert_allclose(seen, 1.0, atol=0.02)
+
+
+def test_the_brightest_lights_shine(stage: Usd.Stage, caplog: pytest.LogCaptureFixture, device: wp.Device) -> None:
+    """However many there are, and wherever in the file: and what is invisible does not."""
+    for number in range(40):
+        light = UsdLux.DistantLight.Define(stage, f"/l{number}")
+        light.CreateNormalizeAttr(True)
+        light.CreateIntensityAttr(np.pi if number == 39 else 1e-4)
+        light.CreateColorAttr((1.0, 0.0, 0.0) if number == 39 else (0.0, 1.0, 0.0))
+    hidden = UsdLux.DistantLight.Define(stage, "/hidden")
+    hidden.CreateIntensityAttr(1e6)
+    UsdGeom.Imageable(hidden).MakeInvisible()
+    square = add_square(stage, "/floor", half=0.01)
+    add_material(stage, "/Looks/white", diffuseColor=(1.0, 1.0, 1.0), roughness=1.0)
+    bind(square, stage, "/Looks/white")
+    scene = wc.from_usd(stage, device=device, exposure=0.0)
+    camera = above(3.0, 3, 0.01, "hdr", shadows=True)
+    np.testing.assert_allclose(image(scene, "hdr", camera)[1, 1], (1.0, 0.0, 0.0), atol=1e-3)
+    assert "has 40 lights, of which the 8 that give the most light here shine" in caplog.text

@@ -1,6 +1,7 @@
 """A graph on a device: its shapes in many worlds, with poses, colours and textures that a user drives."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -13,10 +14,12 @@ from warpcam.kernels.types import MESH
 from warpcam.scene import FIELDS, Parts, SceneCamera
 from warpcam.sources import looks
 from warpcam.sources.forms import Fitted, polar
-from warpcam.sources.graph import Eye, Graph
+from warpcam.sources.graph import Eye, Graph, Lamp
 from warpcam.sources.notes import Notes
 
 KINDS = ("shape", "body", "light", "camera")
+MAX_LIGHTS = 32  # that are kept; more cannot cast shadows
+MAX_SHINING = 8  # at once: shade.h
 HIDDEN = -1e30  # where nothing is left of a shape for a while [m]
 
 
@@ -61,6 +64,7 @@ class GraphSource:
         self.body_nodes = [index for index, node in enumerate(graph.nodes) if index == 0 or node.body]
         body_of = self._bodies_of_nodes()
         self.labels = _numbered(graph, labels)
+        self._lamp_order = self._brightest(worlds, seen)
         self._types = np.array([self._type(graph.items[place], fits[place]) for place in kept], np.int32)
         self.parts = Parts(
             num_worlds=num_worlds,
@@ -70,7 +74,7 @@ class GraphSource:
             bodies=[graph.nodes[index].name for index in self.body_nodes],
             cameras=[_scene_camera(eye) for eye in graph.eyes],
             num_materials=len(graph.looks),
-            num_lights=len(graph.lamps),
+            num_lights=len(self._lamp_order),
             meshes=meshes,
             height_fields=[],
             textures=graph.textures,
@@ -103,6 +107,13 @@ class GraphSource:
 
     def forward(self) -> None:
         pass
+
+    def stages(self, meshes: Any) -> tuple[Any, ...]:
+        """Nothing moves by itself."""
+        return ()
+
+    def bind(self, state: Any) -> None:
+        raise WarpcamError("bind: this scene reads no state; set_poses places its things")
 
     # What a user drives.
 
@@ -182,7 +193,7 @@ class GraphSource:
         counts = {
             "shapes": len(self.items),
             "materials": len(self.graph.looks),
-            "lights": len(self.graph.lamps),
+            "lights": len(self._lamp_order),
             "bodies": len(self.body_nodes),
             "cameras": len(self.graph.eyes),
         }
@@ -260,7 +271,7 @@ class GraphSource:
             self.finish_colors()
         self._place_followers(worlds)
         self._follow(KINDS)
-        self._light(worlds)
+        self._light(seen)
         cameras = self.graph.eyes
         self._put("camera_fovy", [eye.height for eye in cameras])
         self._put("camera_intrinsics", [(eye.focal, eye.focal, eye.offset[0], -eye.offset[1]) for eye in cameras])
@@ -269,25 +280,41 @@ class GraphSource:
         size = self._first[0][place] if self._first is not None else np.zeros(3)
         return Fitted(int(self._types[place]), fit.rotation, size)
 
-    def _light(self, worlds: np.ndarray) -> None:
-        lamps = self.graph.lamps
+    def _brightest(self, worlds: np.ndarray, seen: np.ndarray) -> list[int]:
+        """The lights that there is room for, those before others that light the middle of the scene more."""
+        lamps = self._lit(range(len(self.graph.lamps)), seen)
+        middle = self._middle(worlds)
+        arriving = [looks.arriving(lamp, worlds[lamp.node, :3, 3], middle) for lamp in lamps]
+        order = sorted(range(len(lamps)), key=lambda place: -arriving[place])
+        shining = sum(light > 0.0 for light in arriving)
+        if shining > MAX_SHINING:
+            self._notes.warn(f"has {shining} lights, of which the {MAX_SHINING} that give the most light here shine")
         if self._gain is None:  # once: lights that are dimmed later are to be seen dimmer
-            places = np.array([worlds[lamp.node, :3, 3] for lamp in lamps]).reshape(-1, 3)
-            self._gain = looks.gain_of(lamps, places, self._middle(worlds))
-        for name, rows in looks.light_rows(lamps, self._gain).items():
+            total = sum(arriving[place] for place in order[:MAX_SHINING])
+            self._gain = 1.0 / total if 0.0 < total < np.inf else 1.0
+        return order[:MAX_LIGHTS]
+
+    def _lit(self, order: Sequence[int], seen: np.ndarray) -> list[Lamp]:
+        """Lights as they are, those off that are not visible."""
+        lamps = [self.graph.lamps[place] for place in order]
+        return [replace(lamp, active=bool(lamp.active and seen[lamp.node])) for lamp in lamps]
+
+    def _light(self, seen: np.ndarray) -> None:
+        for name, rows in looks.light_rows(self._lit(self._lamp_order, seen), self._gain or 1.0).items():
             self._put(f"light_{name}", rows)
 
     def _middle(self, worlds: np.ndarray) -> np.ndarray:
         """Of what is drawn, endless things aside, (3,) [m]."""
         corners = [np.zeros((0, 3))]
-        assets = self._first[1] if self._first is not None else np.full(len(self.items), -1)
-        for item, turn, asset in zip(self.items, self._turns, assets, strict=True):
-            place = worlds[item.node, :3, 3]
-            if asset >= 0 and np.isfinite(place).all():
-                vertices = self.parts.meshes[asset].vertices
-                corners.append(place + np.stack((vertices.min(axis=0), vertices.max(axis=0))) @ turn.T)
-            elif np.isfinite(place).all():
-                corners.append(place[None])
+        for item in self.items:
+            matrix = worlds[item.node]
+            fit = item.form.fitted(matrix[:3, :3]) if np.isfinite(matrix).all() else None
+            if fit is not None and fit.mesh is not None:
+                vertices = fit.mesh.vertices
+                box = np.stack((vertices.min(axis=0), vertices.max(axis=0)))
+                corners.append(matrix[:3, 3] + box @ fit.rotation.T)
+            elif fit is not None:
+                corners.append(matrix[None, :3, 3])
         points = np.concatenate(corners)
         return 0.5 * (points.min(axis=0) + points.max(axis=0)) if len(points) else np.zeros(3)
 
@@ -297,11 +324,12 @@ class GraphSource:
         driver = np.full(len(graph.nodes), -1, np.int64)
         for index, node in enumerate(graph.nodes):
             driver[index] = index if index in self._driven else driver[node.parent] if node.parent >= 0 else -1
+        lamps = [graph.lamps[place] for place in self._lamp_order]
         down = np.eye(4)  # a dome's light comes from above
         things: dict[str, list[tuple[int, np.ndarray, np.ndarray | None]]] = {
             "shape": [(item.node, worlds[item.node], self._turns[k]) for k, item in enumerate(self.items)],
             "body": [(node, worlds[node], None) for node in self.body_nodes],
-            "light": [(lamp.node, down if lamp.kind == "dome" else worlds[lamp.node], None) for lamp in graph.lamps],
+            "light": [(lamp.node, down if lamp.kind == "dome" else worlds[lamp.node], None) for lamp in lamps],
             "camera": [(eye.node, worlds[eye.node], None) for eye in graph.eyes],
         }
         self._driven_kinds = []

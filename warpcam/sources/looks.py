@@ -67,14 +67,13 @@ def color_of(look: Look | None, color: tuple[float, float, float, float] | None)
     return red, green, blue, float(alpha)
 
 
-def gain_of(lamps: Sequence[Lamp], places: np.ndarray, middle: np.ndarray) -> float:
-    """What exposes the middle of a scene, (3,) [m], as a white surface that sees all lights; ``places`` are theirs."""
-    total = 0.0
-    for lamp, place in zip(lamps, places, strict=True):
-        if lamp.active:
-            square = float(((place - middle) ** 2).sum()) + lamp.near if lamp.kind == "local" else 1.0
-            total += max(lamp.strength) / max(square, 1e-12)
-    return 1.0 / total if 0.0 < total < np.inf else 1.0
+def arriving(lamp: Lamp, place: np.ndarray, middle: np.ndarray) -> float:
+    """What a light at ``place`` sends to the middle of a scene, if that faces it; (3,) each [m]."""
+    if not lamp.active:
+        return 0.0
+    square = float(((place - middle) ** 2).sum()) + lamp.near if lamp.kind == "local" else 1.0
+    light = max(lamp.strength) / max(square, 1e-12)
+    return light if 0.0 < light < np.inf else 0.0
 
 
 def light_rows(lamps: Sequence[Lamp], gain: float) -> dict[str, np.ndarray]:
