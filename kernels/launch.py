@@ -11,8 +11,6 @@ from typing import Any
 
 import warp as wp
 
-from .streams import quiet_stream
-
 NATIVE = Path(__file__).resolve().parent / "native"
 
 
@@ -33,8 +31,7 @@ class Group:
 
     Attributes:
         worlds: Which.
-        at_once: How many worlds are under way on the device at the same time, in this and in other groups: it takes
-            that many to fill it.
+        at_once: How many worlds the largest group has: regions are as large as leaves that many enough to do.
     """
 
     worlds: range
@@ -76,51 +73,28 @@ class Stage:
             for first, end in itertools.pairwise(bounds)
         )
 
-    def launch(self, stream: wp.Stream | None = None) -> None:
-        """Enqueue the work on a stream, the device's current one unless given (CUDA), or finish it (CPU)."""
+    def launch(self) -> None:
+        """Enqueue the work on the device's current stream (CUDA) or finish it (CPU)."""
         if not self._parts:
             self.bind()
         if len(self._parts) == 1 or self.device.is_capturing:
             for part in self._parts:
-                part.launch(stream)
+                part.launch()
         else:
             for _ in _pool().map(wp.Launch.launch, self._parts):
                 pass
 
 
 class Frame:
-    """Stages in their order: first those that open the frame, then chains that may run side by side.
+    """Stages in their order. ``launch()`` neither allocates nor syncs. It may be part of a capture."""
 
-    ``launch()`` neither allocates nor syncs. It may be part of a capture.
-    """
-
-    def __init__(self, opening: Sequence[Stage], chains: Sequence[Sequence[Stage]], device: wp.Device):
-        self._opening, self._chains, self._device = tuple(opening), tuple(tuple(chain) for chain in chains), device
-        beside = self._chains[1:] if device.is_cuda else ()
-        self._streams = [quiet_stream(device) for _ in beside]
-        self._opened = wp.Event(device) if beside else None
-        self._done = [wp.Event(device) for _ in beside]
+    def __init__(self, stages: Sequence[Stage]):
+        self.stages = tuple(stages)
 
     def launch(self) -> None:
         """Enqueue the frame on the device's current stream (CUDA) or finish it (CPU)."""
-        for stage in self._opening:
+        for stage in self.stages:
             stage.launch()
-        if not self._streams:
-            for stage in itertools.chain(*self._chains):
-                stage.launch()
-            return
-        stream = self._device.stream
-        stream.record_event(self._opened)
-        for side in self._streams:
-            side.wait_event(self._opened)
-        # One stage of each chain in turn, so that none waits for the host.
-        for stages in itertools.zip_longest(*self._chains):
-            for stage, where in zip(stages, (stream, *self._streams), strict=True):
-                if stage is not None:
-                    stage.launch(where)
-        for side, done in zip(self._streams, self._done, strict=True):
-            side.record_event(done)
-            stream.wait_event(done)
 
 
 def bind(stages: Sequence[Stage]) -> None:

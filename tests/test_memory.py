@@ -52,27 +52,26 @@ def camera(name: str = "top", width: int = 24, height: int = 20, **options: Any)
     return wc.Camera(name, width=width, height=height, **options)
 
 
-def scratch_by_the_docs(num_worlds: int, cameras: list[wc.Camera], most_slots: int) -> int:
+def scratch_by_the_docs(num_worlds: int, cameras: list[wc.Camera]) -> int:
     """The formula of docs/memory.md, for a scene of meshes and lights with at most 256 shapes."""
-    images, largest, all_groups = 0, 0, 0
+    images, largest = 0, 0
     for each in cameras:
         for name in each.outputs:
             bytes_a_pixel = OUTPUTS[name].channels * (1 if OUTPUTS[name].dtype is wp.uint8 else 4)
             images += num_worlds * each.width * each.height * bytes_a_pixel
     bound = max(images / 2, 32 * 2**20)
-    worlds = []
     for each in cameras:
         outputs, buffers = set(each.outputs), 0
         if outputs - TRACED:
             buffers += ("depth" not in outputs) + ("segmentation" not in outputs)
             buffers += bool(outputs & FACED) + (each.shadows and bool(outputs & LIT))
-        worlds.append(each.width * each.height * 4 * buffers)
-    slots = int(max(1, min(most_slots, bound // max(*worlds, 1))))
-    for world in worlds:
-        groups = int(np.ceil(num_worlds / max(bound // slots // world, 1))) if world else 1
-        all_groups += groups
-        largest = max(largest, int(np.ceil(num_worlds / groups)) * world)
-    return min(slots, all_groups) * (-(-largest // 256) * 256)
+        for groups in range(1, num_worlds + 1):
+            group = int(np.ceil(num_worlds / groups))
+            taken = buffers * (-(-group * each.width * each.height * 4 // 256) * 256)
+            if taken <= bound or groups == num_worlds:
+                largest = max(largest, taken)
+                break
+    return largest
 
 
 SETS = (("depth", "segmentation"), ("rgb",), ("rgb", "depth"), ("normals",), ("distance",), ("bodies",), tuple(OUTPUTS))
@@ -90,7 +89,7 @@ def test_scratch_follows_the_formula(
         camera("side", width=width, height=48, outputs=("segmentation",)),
     ]
     told = wc.estimate_memory(scene, cameras)
-    assert told.scratch == scratch_by_the_docs(num_worlds, cameras, 4 if device.is_cuda else 1)
+    assert told.scratch == scratch_by_the_docs(num_worlds, cameras)
     images = sum(sum(each.values()) for each in told.images.values())
     if images > 2 * scratch.ALWAYS_ALLOWED:
         one_world = 4 * 4 * width * width  # which has room whatever the images take
