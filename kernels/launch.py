@@ -3,13 +3,15 @@
 import functools
 import itertools
 import os
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import warp as wp
+
+from .streams import quiet_stream
 
 NATIVE = Path(__file__).resolve().parent / "native"
 
@@ -73,28 +75,60 @@ class Stage:
             for first, end in itertools.pairwise(bounds)
         )
 
-    def launch(self) -> None:
-        """Enqueue the work on the device's current stream (CUDA) or finish it (CPU)."""
+    def launch(self, stream: wp.Stream | None = None) -> None:
+        """Enqueue the work on a stream, the device's current one unless given (CUDA), or finish it (CPU)."""
         if not self._parts:
             self.bind()
         if len(self._parts) == 1 or self.device.is_capturing:
             for part in self._parts:
-                part.launch()
+                part.launch(stream)
         else:
             for _ in _pool().map(wp.Launch.launch, self._parts):
                 pass
 
 
 class Frame:
-    """Stages in their order. ``launch()`` neither allocates nor syncs. It may be part of a capture."""
+    """Stages in their order: phase after phase, each of chains that may run side by side.
 
-    def __init__(self, stages: Sequence[Stage]):
-        self.stages = tuple(stages)
+    ``launch()`` neither allocates nor syncs. It may be part of a capture.
+    """
+
+    def __init__(self, phases: Sequence[Sequence[Sequence[Stage]]], device: wp.Device):
+        self.phases = tuple(tuple(map(tuple, chains)) for chains in phases)
+        self._device = device
+        beside = max(map(len, self.phases), default=1) - 1 if device.is_cuda else 0
+        self._streams = [quiet_stream(device) for _ in range(beside)]
+        self._begun = wp.Event(device) if beside else None
+        self._done = [wp.Event(device) for _ in range(beside)]
+
+    @property
+    def stages(self) -> Iterator[Stage]:
+        for chains in self.phases:
+            yield from itertools.chain(*chains)
 
     def launch(self) -> None:
         """Enqueue the frame on the device's current stream (CUDA) or finish it (CPU)."""
-        for stage in self.stages:
-            stage.launch()
+        for chains in self.phases:
+            if len(chains) > 1 and self._streams:
+                self._launch_together(chains)
+            else:
+                for stage in itertools.chain(*chains):
+                    stage.launch()
+
+    def _launch_together(self, chains: Sequence[Sequence[Stage]]) -> None:
+        stream = self._device.stream
+        beside = list(zip(self._streams, self._done, strict=True))[: len(chains) - 1]
+        stream.record_event(self._begun)
+        for side, _ in beside:
+            side.wait_event(self._begun)
+        # One stage of each chain in turn, so that none waits for the host.
+        for stages in itertools.zip_longest(*chains):
+            for stage, where in zip(stages, (stream, *(side for side, _ in beside)), strict=True):
+                if stage is not None:
+                    stage.launch(where)
+        for side, done in beside:
+            side.record_event(done)
+            stream.wait_event(done)
 
 
 def bind(stages: Sequence[Stage]) -> None:

@@ -130,20 +130,25 @@ class Renderer:
         mask, faults, scratch = self._selection.mask, self._faults, self._scratch
         views = [mounted.record(mask, faults, self._targets[key].views) for key, mounted in self._mounted.items()]
         images = {key: target.images.values() for key, target in self._targets.items()}
-        stages: dict[bool, list[Stage]] = {
-            everything: [record_begin(everything, mask, faults, self._device), *views] for everything in (True, False)
+        phases: dict[bool, list[list[list[Stage]]]] = {
+            everything: [[[record_begin(everything, mask, faults, self._device), *views]]]
+            for everything in (True, False)
         }
         for key, target in self._targets.items():
             projection = self._mounted[key].projection
             seen = self._scene.tables_with(tables, self._cameras[key].background)
             groups = {True: list(scratch.groups_of_all(key, images)), False: list(scratch.groups(key))}
-            at_once = max(len(worlds) for worlds, _ in groups[True])
+            at_once = max(len(group) for group, _ in groups[True])
             for everything, placed in groups.items():
-                for worlds, buffers in placed:
-                    group = Group(worlds, at_once)
-                    stages[everything] += target.record(seen, projection, group, buffers, mask, faults)
-        bind([*stages[True], *stages[False]])
-        self._frames = {everything: Frame(of_all) for everything, of_all in stages.items()}
+                phases[everything] += [
+                    [
+                        target.record(seen, projection, Group(worlds, at_once), buffers, mask, faults)
+                        for worlds in target.side_by_side(group)
+                    ]
+                    for group, buffers in placed
+                ]
+        self._frames = {everything: Frame(of_all, self._device) for everything, of_all in phases.items()}
+        bind([stage for frame in self._frames.values() for stage in frame.stages])
         self._graphs = {}
         self._tables = tables
 
