@@ -1,9 +1,9 @@
 """What is written between the stages of a frame and is nobody's image.
 
-A camera goes through it with one group of worlds after another, so that a frame takes little more memory than its images.
-All cameras use one block. While all worlds are drawn, images that are not drawn yet lend their memory, too, which makes
-groups large: the larger, the better they fill the device. Where only some worlds are drawn the others' images must stay,
-and there is only the block.
+A camera goes through it with one group of worlds after another, so that a frame takes little more memory than its
+images. All cameras use one block. While all worlds are drawn, images that are not drawn yet lend their memory, too,
+which makes groups large: the larger, the better they fill the device. Where only some worlds are drawn the others'
+images must stay, and there is only the block.
 """
 
 import itertools
@@ -24,11 +24,9 @@ from warpcam.outputs import OUTPUTS
 ALWAYS_ALLOWED = 32 * 2**20
 ALIGNMENT = 256  # of a buffer [bytes]
 
-DTYPES: Mapping[str, Any] = {"depth": wp.float32, "shape": wp.int32, "face": wp.int32, "shadow": wp.int32}
 
-
-def buffers_of(camera: Camera, tables: Tables) -> tuple[str, ...]:
-    """Names of the buffers between the stages that this camera's outputs need, those aside that are outputs."""
+def buffers_of(camera: Camera, tables: Tables) -> dict[str, Any]:
+    """The buffers between the stages that this camera's outputs need, those aside that are outputs: dtypes by name."""
     asked = [OUTPUTS[name] for name in camera.outputs]
     lit = camera.shadows and tables.num_lights > 0 and any(output.lit for output in asked)
     if lit and tables.num_lights > shadow.MAX_LIGHTS:
@@ -46,7 +44,13 @@ def buffers_of(camera: Camera, tables: Tables) -> tuple[str, ...]:
         "face": faces,
         "shadow": lit,
     }
-    return tuple(name for name, there in wanted.items() if there)
+    dtypes = {
+        "depth": wp.float32,
+        "shape": wp.int16 if tables.num_shapes <= 2**15 else wp.int32,
+        "face": wp.uint16 if tables.num_faces <= 2**16 and HEIGHT_FIELD not in tables.shape_types else wp.int32,
+        "shadow": wp.uint8 if tables.num_lights <= 8 else wp.int32,
+    }
+    return {name: dtypes[name] for name, there in wanted.items() if there}
 
 
 def image_bytes(camera: Camera, tables: Tables) -> dict[str, int]:
@@ -89,8 +93,13 @@ class Scratch:
         self._block = wp.empty(0, dtype=wp.uint8, device=device)
         images = sum(sum(image_bytes(camera, tables).values()) for camera in cameras.values())
         allowed = max(images // 2, ALWAYS_ALLOWED)
-        self._sizes = {key: self._group_size(camera, allowed) for key, camera in cameras.items()}
-        self.size = max((self._bytes(camera, self._sizes[key]) for key, camera in cameras.items()), default=0)
+        self.size = max(
+            (
+                min(self._bytes(camera, tables.num_worlds), max(allowed, self._bytes(camera, 1)))
+                for camera in cameras.values()
+            ),
+            default=0,
+        )
 
     def allocate(self) -> None:
         self._block = wp.empty(self.size, dtype=wp.uint8, device=self._device)
@@ -102,7 +111,7 @@ class Scratch:
         there: the others must not be touched.
         """
         worlds = self._tables.num_worlds
-        count = -(-worlds // self._sizes[key])
+        count = self._count_groups(self._cameras[key])
         for first, end in itertools.pairwise(worlds * i // count for i in range(count + 1)):
             yield self._placed(key, range(first, end), [self._piece(self._block)])
 
@@ -135,31 +144,30 @@ class Scratch:
             raise AssertionError(f"scratch: {len(worlds)} worlds of {camera.where} do not fit")
         shape = (self._tables.num_worlds, camera.height, camera.width, 1)
         buffers = {}
-        for name, start in places.items():
-            stride = camera.height * camera.width * wp.types.type_size_in_bytes(DTYPES[name])
-            buffers[name] = wp.array(
-                ptr=start - worlds.start * stride, shape=shape, dtype=DTYPES[name], device=self._device
-            )
+        for name, dtype in buffers_of(camera, self._tables).items():
+            stride = camera.height * camera.width * wp.types.type_size_in_bytes(dtype)
+            start = places[name] - worlds.start * stride
+            buffers[name] = wp.array(ptr=start, shape=shape, dtype=dtype, device=self._device)
         return worlds, buffers
 
     def _needed(self, camera: Camera, worlds: int) -> dict[str, int]:
         """Bytes of each buffer of a group."""
         pixels = worlds * camera.width * camera.height
         return {
-            name: _aligned(pixels * wp.types.type_size_in_bytes(DTYPES[name]))
-            for name in buffers_of(camera, self._tables)
+            name: _aligned(pixels * wp.types.type_size_in_bytes(dtype))
+            for name, dtype in buffers_of(camera, self._tables).items()
         }
 
     def _bytes(self, camera: Camera, worlds: int) -> int:
         return sum(self._needed(camera, worlds).values())
 
-    def _group_size(self, camera: Camera, allowed: int) -> int:
-        """Worlds in the largest group that the block has room for; the smallest has at most one less."""
+    def _count_groups(self, camera: Camera) -> int:
+        """The fewest groups that the block has room for, as equal as they can be."""
         worlds = self._tables.num_worlds
-        count = max(1, self._bytes(camera, worlds) // allowed)
-        while count < worlds and self._bytes(camera, -(-worlds // count)) > allowed:
+        count = max(1, self._bytes(camera, worlds) // max(self.size, 1))
+        while self._bytes(camera, -(-worlds // count)) > self.size:
             count += 1
-        return -(-worlds // count)
+        return count
 
     def _piece(self, array: wp.array) -> Piece:
         start = array.ptr or 0

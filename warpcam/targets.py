@@ -16,7 +16,7 @@ from warpcam.outputs import OUTPUTS
 
 MAX_PIXELS = 2**31
 PARTS = 3
-WORTH_PARTING = 512  # worlds
+WORTH_PARTING = 2**22  # pixels of a group
 
 
 def check_size(camera: Camera, num_worlds: int) -> None:
@@ -47,8 +47,9 @@ class Target:
         self._derived = {name: array for name, array in self.images.items() if OUTPUTS[name].trace is None}
 
     def side_by_side(self, worlds: range) -> list[range]:
-        """Parts of a group whose stages may run at the same time, one's next while another's last pixels are waited for."""
-        parts = PARTS if self._derived and self._device.is_cuda and len(worlds) >= WORTH_PARTING else 1
+        """Parts of a group that are drawn at the same time: one goes on while another's last pixels are waited for."""
+        large = len(worlds) * self._camera.width * self._camera.height >= WORTH_PARTING
+        parts = PARTS if large and self._derived and self._device.is_cuda else 1
         bounds = [worlds.start + len(worlds) * i // parts for i in range(parts + 1)]
         return [range(first, end) for first, end in itertools.pairwise(bounds)]
 
