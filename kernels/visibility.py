@@ -151,7 +151,7 @@ def _blocks(types: int, capacity: int) -> int:
     words = -(-capacity // 32)
     shared = LISTED_BYTES * capacity + 1024
     if types >> MESH & 1:
-        shared += (256 if words > 2 else 512) * (4 * words + 6)
+        shared += THREADS * (8 * words + 6)
     bound = MESH_BLOCKS if types >> MESH & 1 or types >> HEIGHT_FIELD & 1 else BLOCKS
     return min(bound, SHARED_MEMORY // shared)
 

@@ -78,54 +78,44 @@ WARPCAM_FN int gather(ShapeList<CAPACITY>& list, int begin, const Shapes& shapes
 
 #if defined(__CUDA_ARCH__)
 
-// Draws the tiles of a region against the list. All warps of the block come here together; a warp draws one tile after
-// another, and where rays wait for meshes all walk them when there are enough.
+// Draws the tiles of a region against the list, a warp one after another.
 template <int TYPES, int LENS, int CAPACITY, int OUTPUTS, class Target, class Shapes, class Meshes, class HeightFields>
 WARPCAM_FN void draw_tiles(ShapeList<CAPACITY>& list, const Canvas<LENS, OUTPUTS, Target, Shapes>& canvas,
                            const Meshes& meshes, const HeightFields& fields, bool first_pass)
 {
     constexpr bool HAS_MESH = TYPES >> MESH & 1, HAS_POINTS = OUTPUTS & POINTS;
-    WARPCAM_SHARED MeshQueue<HAS_MESH ? (CAPACITY + LANES - 1) / LANES : 1> queue;
+    WARPCAM_SHARED MeshRays<HAS_MESH ? (CAPACITY + LANES - 1) / LANES : 1> rays[HAS_MESH ? THREADS / LANES : 1];
     WARPCAM_SHARED float4 lanes[HAS_POINTS ? THREADS / LANES : 1][3 * LANES / 4];
-    const int lane = threadIdx.x % LANES;
+    const int lane = threadIdx.x % LANES, warp = threadIdx.x / LANES;
     const Region region = canvas.region;
     const float near = canvas.camera.near;
     const int across = region.width / TILE_WIDTH, tiles = across * (region.height / TILE_HEIGHT);
     const float per_row = 1.0f / float(across);
-    do {
-        if (HAS_MESH) {
-            if (threadIdx.x == 0)
-                queue.clear();
-            block_barrier();
-        }
-        while (true) {
-            int tile = tiles;
-            if (lane == 0 && (!HAS_MESH || queue.has_room()))
-                tile = draw_next(list.next_tile);
-            tile = __shfl_sync(ALL, tile, 0);
-            if (tile >= tiles)
-                break;
-            const int row = int((float(tile) + 0.5f) * per_row), column = tile - row * across;
-            const int i = region.left + column * TILE_WIDTH + lane % TILE_WIDTH;
-            const int j = region.top + row * TILE_HEIGHT + lane / TILE_WIDTH;
-            const ViewRay<LENS> ray = canvas.ray(i, j);
-            Hit hit = canvas.start(i, j, first_pass);
-            trace_tile<TYPES>(list, column, row, ray, near, fields, hit);
-            canvas.put_tile(i, j, hit, reinterpret_cast<float*>(lanes[HAS_POINTS ? threadIdx.x / LANES : 0]));
-            if (HAS_MESH)
-                enqueue<TYPES>(queue, list, column, row, ray, near, meshes, hit.depth);
-        }
-        if (HAS_MESH) {
-            block_barrier();
-            const auto ray_of = [&](int pixel) { return canvas.ray(region.left + pixel % 64, region.top + pixel / 64); };
-            const auto store = [&](int pixel, const Hit& hit) {
-                canvas.template put<OUTPUTS>(region.left + pixel % 64, region.top + pixel / 64, hit);
-            };
-            if (queue.count > 0)
-                trace_queue(queue, list, meshes, near, ray_of, store);
-            block_barrier();
-        }
-    } while (HAS_MESH && list.next_tile < tiles);
+    const auto next_tile = [&](int& found) {
+        const int tile = __shfl_sync(ALL, lane == 0 ? draw_next(list.next_tile) : 0, 0);
+        if (tile >= tiles)
+            return false;
+        const int row = int((float(tile) + 0.5f) * per_row), column = tile - row * across;
+        const int i = region.left + column * TILE_WIDTH + lane % TILE_WIDTH;
+        const int j = region.top + row * TILE_HEIGHT + lane / TILE_WIDTH;
+        const ViewRay<LENS> ray = canvas.ray(i, j);
+        Hit hit = canvas.start(i, j, first_pass);
+        trace_tile<TYPES>(list, column, row, ray, near, fields, hit);
+        canvas.put_tile(i, j, hit, reinterpret_cast<float*>(lanes[HAS_POINTS ? warp : 0]));
+        if (HAS_MESH)
+            found = find_rays<TYPES>(rays[HAS_MESH ? warp : 0], list, column, row, ray, near, meshes, hit.depth);
+        return true;
+    };
+    if (HAS_MESH) {
+        const auto ray_of = [&](int pixel) { return canvas.ray(region.left + pixel % 64, region.top + pixel / 64); };
+        const auto store = [&](int pixel, const Hit& hit) {
+            canvas.template put<OUTPUTS>(region.left + pixel % 64, region.top + pixel / 64, hit);
+        };
+        trace_rays(rays[HAS_MESH ? warp : 0], list, meshes, near, next_tile, ray_of, store);
+    } else {
+        int none;
+        while (next_tile(none)) { }
+    }
 }
 
 #else
