@@ -34,12 +34,14 @@ template <bool IN_QUADS, class Array> WARPCAM_FN void put_vec(const Array& image
     if (IN_QUADS) {
         const int piece = pixel.lane % TILE_WIDTH;  // of 16 bytes of a row of the tile; the last two threads have none
         float* lanes = pixel.row_of_lanes + 3 * pixel.lane;
+        size_t bytes = 12 * size_t(pixel.at);
+        asm("" : "+l"(bytes));  // or the compiler adds `piece`, which is the same for all tiles, to it
         lanes[0] = value.x;
         lanes[1] = value.y;
         lanes[2] = value.z;
         __syncwarp();
         if (4 * piece < 3 * lower_int(pixel.width, TILE_WIDTH) && pixel.lane / TILE_WIDTH < pixel.height)
-            *reinterpret_cast<float4*>(image.data + 3 * size_t(pixel.at) + piece)
+            *reinterpret_cast<float4*>(reinterpret_cast<char*>(image.data + piece) + bytes)
                 = *reinterpret_cast<const float4*>(lanes + piece);
         __syncwarp();
         return;

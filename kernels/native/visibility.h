@@ -176,7 +176,7 @@ WARPCAM_FN void draw(const Shapes& shapes, const Materials& materials, const Mes
 {
     static_assert(!names_slots(OUTPUTS) || analytic_types(TYPES) == TYPES);
     WARPCAM_SHARED ShapeList<CAPACITY> list;
-    WARPCAM_SHARED alignas(16) Camera camera;
+    alignas(16) WARPCAM_SHARED Camera camera;
     const int thread = index % THREADS, block = index / THREADS;
     const int columns = (target.width + WIDTH - 1) / WIDTH, rows = (target.height + HEIGHT - 1) / HEIGHT;
     const int world = block / (columns * rows), part = block % (columns * rows);
