@@ -71,7 +71,7 @@ template <int TYPES, int LENS, int OUTPUTS, int CAPACITY, class Target, class Sh
         if (WHAT & POINTS)
             put_three(target.points.data, pixel, point_of(hit, camera, seen));
         if (WHAT & NORMALS)
-            put_three(target.normals.data, pixel, normal_of(hit, camera, seen));
+            put_three(target.normals.data, pixel, normal_of(hit, seen));
     }
 
     // Writes what a pass has found.
@@ -81,7 +81,7 @@ template <int TYPES, int LENS, int OUTPUTS, int CAPACITY, class Target, class Sh
             put<OUTPUTS>(i, j, hit);
     }
 
-    WARPCAM_FN Vec normal_of(const Hit& hit, const Camera& camera, const ViewRay<LENS>& seen) const
+    WARPCAM_FN Vec normal_of(const Hit& hit, const ViewRay<LENS>& seen) const
     {
         if (hit.shape < 0)
             return { 0.0f, 0.0f, 0.0f };
@@ -107,7 +107,7 @@ template <int TYPES, int LENS, int OUTPUTS, int CAPACITY, class Target, class Sh
         if (THREES & POINTS)
             put_vec<true>(target.points, pixel, point_of(hit, camera, seen));
         if (THREES & NORMALS)
-            put_vec<true>(target.normals, pixel, normal_of(hit, camera, seen));
+            put_vec<true>(target.normals, pixel, normal_of(hit, seen));
     }
 #endif
 };

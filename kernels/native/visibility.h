@@ -34,9 +34,10 @@ template <class Shapes> WARPCAM_FN Shape load_shape(const Shapes& shapes, int wo
     return s;
 }
 
-// Fills the list with shapes from `begin` on until it is full; returns where to go on. SLOTS: the records name their own
+// Fills the list with shapes from `begin` on until it is full; returns where to go on. SLOTS: records name their own
 // slots in place of their shapes.
-template <int TYPES, int LENS, bool SLOTS, int CAPACITY, class Shapes, class Materials, class Meshes, class HeightFields>
+template <int TYPES, int LENS, bool SLOTS, int CAPACITY, class Shapes, class Materials, class Meshes,
+          class HeightFields>
 WARPCAM_FN int gather(ShapeList<CAPACITY>& list, int begin, const Shapes& shapes, const Materials& materials,
                       const Meshes& meshes, const HeightFields& fields, const Camera& camera, const Region& region,
                       int world, int thread)
@@ -83,14 +84,15 @@ WARPCAM_FN int gather(ShapeList<CAPACITY>& list, int begin, const Shapes& shapes
 
 // Draws the tiles of a region against the list. All warps of the block come here together; a warp draws one tile after
 // another, and where rays wait for meshes all walk them when there are enough.
-template <int TYPES, int LENS, int CAPACITY, class Canvas, class Meshes, class HeightFields>
-WARPCAM_FN void draw_tiles(ShapeList<CAPACITY>& list, const Canvas& canvas, const Meshes& meshes,
+template <int TYPES, int LENS, int CAPACITY, class Canvas_, class Meshes, class HeightFields>
+WARPCAM_FN void draw_tiles(ShapeList<CAPACITY>& list, const Canvas_& canvas, const Meshes& meshes,
                            const HeightFields& fields, bool first_pass)
 {
-    constexpr bool HAS_MESH = TYPES >> MESH & 1, HAS_THREES = Canvas::THREES != 0;
+    constexpr bool HAS_MESH = TYPES >> MESH & 1, HAS_THREES = Canvas_::THREES != 0;
     WARPCAM_SHARED MeshQueue<HAS_MESH ? (CAPACITY + LANES - 1) / LANES : 1> queue;
     WARPCAM_SHARED float4 lanes[HAS_THREES ? THREADS / LANES : 1][3 * LANES / 4];
     const int lane = threadIdx.x % LANES;
+    float* row_of_lanes = reinterpret_cast<float*>(lanes[HAS_THREES ? threadIdx.x / LANES : 0]);
     const Region region = canvas.region;
     const float near = canvas.camera.near;
     const int across = region.width / TILE_WIDTH, tiles = across * (region.height / TILE_HEIGHT);
@@ -114,13 +116,15 @@ WARPCAM_FN void draw_tiles(ShapeList<CAPACITY>& list, const Canvas& canvas, cons
             const ViewRay<LENS> ray = canvas.ray(i, j);
             Hit hit = canvas.start(i, j, first_pass);
             trace_tile<TYPES>(list, column, row, ray, near, fields, hit);
-            canvas.put_tile(i, j, hit, first_pass, reinterpret_cast<float*>(lanes[HAS_THREES ? threadIdx.x / LANES : 0]));
+            canvas.put_tile(i, j, hit, first_pass, row_of_lanes);
             if (HAS_MESH)
                 enqueue<TYPES>(queue, list, column, row, ray, near, meshes, hit.depth);
         }
         if (HAS_MESH) {
             block_barrier();
-            const auto ray_of = [&](int pixel) { return canvas.ray(region.left + pixel % 64, region.top + pixel / 64); };
+            const auto ray_of = [&](int pixel) {
+                return canvas.ray(region.left + pixel % 64, region.top + pixel / 64);
+            };
             const auto store = [&](int pixel, const Hit& hit) {
                 canvas.put_new(region.left + pixel % 64, region.top + pixel / 64, hit, false);
             };
@@ -134,8 +138,8 @@ WARPCAM_FN void draw_tiles(ShapeList<CAPACITY>& list, const Canvas& canvas, cons
 #else
 
 // Draws the tiles of a region against the list.
-template <int TYPES, int LENS, int CAPACITY, class Canvas, class Meshes, class HeightFields>
-inline void draw_tiles(ShapeList<CAPACITY>& list, const Canvas& canvas, const Meshes& meshes,
+template <int TYPES, int LENS, int CAPACITY, class Canvas_, class Meshes, class HeightFields>
+inline void draw_tiles(ShapeList<CAPACITY>& list, const Canvas_& canvas, const Meshes& meshes,
                        const HeightFields& fields, bool first_pass)
 {
     const Region region = canvas.region;
@@ -176,7 +180,7 @@ WARPCAM_FN void draw(const Shapes& shapes, const Materials& materials, const Mes
 {
     static_assert(!names_slots(OUTPUTS) || analytic_types(TYPES) == TYPES);
     WARPCAM_SHARED ShapeList<CAPACITY> list;
-    alignas(16) WARPCAM_SHARED Camera camera;
+    alignas(16) WARPCAM_SHARED Camera camera;  // kept in registers it would be spilled
     const int thread = index % THREADS, block = index / THREADS;
     const int columns = (target.width + WIDTH - 1) / WIDTH, rows = (target.height + HEIGHT - 1) / HEIGHT;
     const int world = block / (columns * rows), part = block % (columns * rows);
@@ -189,7 +193,9 @@ WARPCAM_FN void draw(const Shapes& shapes, const Materials& materials, const Mes
         camera = load_camera(wp::index(views, world));
     block_barrier();
     const bool blind = !(magnitude(camera.origin.x) < FAR_AWAY);
-    const Canvas<TYPES, LENS, OUTPUTS, CAPACITY, Target, Shapes> canvas { target, shapes, list, camera, region, world };
+    const Canvas<TYPES, LENS, OUTPUTS, CAPACITY, Target, Shapes> canvas {
+        target, shapes, list, camera, region, world
+    };
     const int total = blind ? 0 : shapes.drawn.shape[0];
 
     int begin = 0;
@@ -203,7 +209,8 @@ WARPCAM_FN void draw(const Shapes& shapes, const Materials& materials, const Mes
         }
         block_barrier();
         if (!blind)
-            begin = gather<TYPES, LENS, names_slots(OUTPUTS)>(list, begin, shapes, materials, meshes, fields, camera, region, world, thread);
+            begin = gather<TYPES, LENS, names_slots(OUTPUTS)>(list, begin, shapes, materials, meshes, fields, camera,
+                                                              region, world, thread);
         if (list.broken) {  // nothing of this world can be trusted
             block_barrier();
             if (thread == 0) {
