@@ -11,7 +11,9 @@ from .launch import record as record_launch
 from .tables import Tables
 from .types import HEIGHT_FIELD, MESH, HeightFields, Materials, Meshes, Shapes, View
 
-QUADS = 64  # bit of an image's width that is a multiple of four pixels, beside those of the outputs: visibility.h
+# What the trace can write, in the order of the bits in native/canvas.h; then the bits of two facts of the image's size.
+OUTPUTS = ("depth", "shape", "face", "distance", "points", "bodies", "normals")
+QUADS, TILED = 128, 256
 LENSES = {"pinhole": 0, "orthographic": 1}
 THREADS = 128  # of a CUDA block; lanes.h has the same number
 MAX_LISTED = 256  # shapes that one pass draws
@@ -37,6 +39,9 @@ def target_struct(shape_dtype: Any, face_dtype: Any) -> Any:
         distance: wp.array(dtype=wp.float32)  # (world * height * width,) along the ray [m]; inf where nothing is hit
         points: wp.array(dtype=wp.float32)  # (world * height * width * 3,) world frame [m]; inf where nothing is hit
         bodies: wp.array(dtype=wp.int32)  # (world * height * width,) body id, or -1
+        # (world * height * width * 3,) unit, world frame, towards the camera; 0 where nothing is hit. Only for scenes
+        # without meshes and height fields
+        normals: wp.array(dtype=wp.float32)
         width: wp.int32
         height: wp.int32
 
@@ -113,7 +118,8 @@ def record(
             shapes is drawn in passes, which go on from each other's depth and shape: then both are needed.
         shape: An integer type that holds every shape id and -1, likewise.
         face: An integer type that holds every face, likewise; see ``target_struct``.
-        images: "distance", "points" and "bodies", those that are wanted, (world, height, width, channels).
+        images: "distance", "points", "bodies" and "normals", those that are wanted, (world, height, width, channels);
+            normals only for scenes without meshes and height fields.
         device: Where all of these lie.
         group: Which worlds are traced; None is all.
     """
@@ -126,12 +132,14 @@ def record(
     target.width, target.height = width, height
     outputs = 0
     arrays = {"depth": depth, "shape": shape, "face": face, **images}
-    for bit, name in enumerate(("depth", "shape", "face", "distance", "points", "bodies")):
+    for bit, name in enumerate(OUTPUTS):
         if arrays.get(name) is not None:
             setattr(target, name, arrays[name].flatten())
             outputs |= 1 << bit
-    if "points" in images and width % 4 == 0:
+    if width % 4 == 0 and not images.keys().isdisjoint(("points", "normals")):
         outputs |= QUADS
+    if width % 8 == 0 and height % 4 == 0:
+        outputs |= TILED
     types = sum(1 << t for t in tables.shape_types)
     region = region_size(group.at_once, width, height, device)
     kernel = _kernel(types, LENSES[lens], capacity, several, *region, outputs, target_type)

@@ -17,7 +17,7 @@ from warpcam.errors import WarpcamError
 from warpcam.kernels import shadow, visibility
 from warpcam.kernels.tables import Tables
 from warpcam.kernels.types import HEIGHT_FIELD, MESH
-from warpcam.outputs import OUTPUTS
+from warpcam.outputs import OUTPUTS, traced_as
 
 # The block is at most half as large as the images, or this where they are small: a group must fill the device [bytes].
 ALWAYS_ALLOWED = 32 * 2**20
@@ -36,7 +36,7 @@ def buffers_of(camera: Camera, tables: Tables) -> dict[str, Any]:
             "cast shadows"
         )
     passes = tables.num_drawn > visibility.MAX_LISTED  # they go on from each other's depth and shape
-    needed = passes or any(output.trace is None for output in asked)
+    needed = passes or any(traced_as(name, tables.shape_types) is None for name in camera.outputs)
     images = {output.trace for output in asked}
     faces = bool(tables.shape_types & {MESH, HEIGHT_FIELD}) and any(output.face for output in asked)
     wanted = {

@@ -195,8 +195,6 @@ WARPCAM_FN void go_to(Pixel& pixel, const Frame_& frame, unsigned first, int lef
     pixel.row = top + unsigned(pixel.lane) / TILE_WIDTH;
     pixel.width = frame.width - left;
     pixel.height = frame.height - top;
-    pixel.stride = frame.width;
-    pixel.corner = first + top * frame.width + left;
     pixel.at = first + pixel.row * frame.width + pixel.column;
     pixel.inside = pixel.column < frame.width && pixel.row < frame.height;
 }
