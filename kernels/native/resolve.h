@@ -1,8 +1,8 @@
 // From the visibility buffer to images: a block draws one region of one view.
 #pragma once
 #include "hits.h"
+#include "light_tile.h"
 #include "mapping.h"
-#include "shade.h"
 #include "texels.h"
 
 namespace warpcam {
@@ -87,9 +87,11 @@ struct Shown {
     Vec albedo, linear, display;
 };
 
-template <int TYPES, int LENS, int IMAGES, int FACTS, class Looks, class Scene_>
-WARPCAM_FN void resolve_surface(const Looks& look, const LightList& lights, const Scene_& scene, const Camera& camera,
-                                float x, float y, const Hit& found, int shadow, Shown& shown)
+// KEPT: `looks` has the looks of all shapes, and `kept` is which one of them `look` is.
+template <int TYPES, int LENS, bool KEPT, int IMAGES, int FACTS, class Looks, class Scene_>
+WARPCAM_FN void resolve_surface(const Looks* looks, int kept, const Looks& look, const LightList& lights,
+                                const Scene_& scene, const Camera& camera, const Pixel& pixel, float x, float y,
+                                const Hit& found, bool hit, Shown& shown)
 {
     using Wants = Wanted<IMAGES, FACTS>;
     const float depth = found.depth;
@@ -113,11 +115,16 @@ WARPCAM_FN void resolve_surface(const Looks& look, const LightList& lights, cons
     if constexpr ((IMAGES & ALBEDO) != 0)
         shown.albedo = times(clip(to_vec(look.finish.color)), texture);
     if constexpr (Wants::LIT) {
-        Facet facet;
-        facet_at<TYPES>(look, scene.meshes, surface, place, facet);
-        const bool three = (TYPES & (1 << PLANE | 1 << HEIGHT_FIELD | 1 << BOX | 1 << MESH)) && any_lane(facet.three);
-        const Lit lit = three ? illuminate<3, (FACTS & HAS_SHADOWS) != 0>(lights, facet, look.finish, shadow)
-                              : illuminate<1, (FACTS & HAS_SHADOWS) != 0>(lights, facet, look.finish, shadow);
+        constexpr bool SHADOWS = FACTS & HAS_SHADOWS;
+        const Facet facet = facet_at<TYPES>(look, surface);
+        const LitPixel at { place, hit, SHADOWS && hit ? int(scene.frame.shadow.data[pixel.at]) : 0, kept };
+#if defined(__CUDA_ARCH__)
+        const Lit lit = light_tile<TYPES, KEPT, SHADOWS, (IMAGES & HDR) != 0, Wants::DISPLAY>(
+            lights, looks, look, scene.meshes, surface, facet, at, reinterpret_cast<Row*>(pixel.row_of_lanes),
+            pixel.lane);
+#else
+        const Lit lit = light_pixel<TYPES, SHADOWS>(lights, look, scene.meshes, surface, facet, at);
+#endif
         shown.linear = times(lit.linear, texture);
         shown.display = times(lit.display, texture);
     }
@@ -157,13 +164,15 @@ WARPCAM_FN void resolve_pixel(const Looks* looks, const LightList& lights, const
     const bool hit = found.shape >= 0;
     Shown shown;
     if ((Wants::SURFACE || Wants::COLORED) && follow(hit, found)) {
-        const int shadow = (FACTS & HAS_SHADOWS) && Wants::LIT && hit ? frame.shadow.data[pixel.at] : 0;
-        if constexpr (CAPACITY > 0)
-            resolve_surface<TYPES, LENS, IMAGES, FACTS>(looks[wp::index(scene.shapes.places, found.shape)], lights, scene, camera, x, y, found, shadow,
-                                                        shown);
-        else
-            resolve_surface<TYPES, LENS, IMAGES, FACTS>(look_of<TYPES, Wants>(scene, camera, world, found.shape),
-                                                        lights, scene, camera, x, y, found, shadow, shown);
+        if constexpr (CAPACITY > 0) {
+            const int kept = wp::index(scene.shapes.places, found.shape);
+            resolve_surface<TYPES, LENS, true, IMAGES, FACTS>(looks, kept, looks[kept], lights, scene, camera, pixel, x, y,
+                                                              found, hit, shown);
+        } else {
+            const auto look = look_of<TYPES, Wants>(scene, camera, world, found.shape);
+            resolve_surface<TYPES, LENS, false, IMAGES, FACTS>(looks, 0, look, lights, scene, camera, pixel, x, y, found,
+                                                               hit, shown);
+        }
     }
     const Vec black { 0.0f, 0.0f, 0.0f };
     if (IMAGES & NORMALS)
@@ -237,7 +246,8 @@ WARPCAM_FN void resolve(const Scene_& scene, const Lights& lights, int index)
 #endif
     Pixel pixel;
 #if defined(__CUDA_ARCH__)
-    WARPCAM_SHARED float4 lanes[THREADS / LANES][3 * LANES / 4];
+    constexpr int ROWS = Wants::LIT ? MOST_CORNERS * (1 + (Wants::DISPLAY && (IMAGES & HDR))) : 3 * LANES / 4;
+    WARPCAM_SHARED float4 lanes[THREADS / LANES][ROWS];
     constexpr unsigned TILES = WIDTH / TILE_WIDTH * (HEIGHT / TILE_HEIGHT), STEP = THREADS / LANES;
     const unsigned warp = unsigned(thread) / LANES;
     pixel.lane = unsigned(thread) % LANES;

@@ -58,9 +58,6 @@ WARPCAM_FN Vec to_color(const Blend& blend)
     return (1.0f / (255.0f * WHOLE)) * Vec { float(blend.red), float(blend.green), float(blend.blue) };
 }
 
-// A float of this size has no places after the point: its last bits are a whole number.
-constexpr float WHOLE_NUMBERS = 8388608.0f;
-
 // The nearest whole number to `part` of `total`, which is not negative, below 2^22.
 WARPCAM_FN int part_of(int total, float part)
 {

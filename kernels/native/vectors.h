@@ -32,6 +32,9 @@ WARPCAM_FN Vec axis_vector(int axis, float value)
     return { axis == 0 ? value : 0.0f, axis == 1 ? value : 0.0f, axis == 2 ? value : 0.0f };
 }
 
+// A float of this size has no places after the point: its last bits are a whole number.
+constexpr float WHOLE_NUMBERS = 8388608.0f;
+
 // 0 and the sign that Warp gives it count as positive.
 WARPCAM_FN float sign(float a) { return a < 0.0f ? -1.0f : 1.0f; }
 
@@ -88,7 +91,7 @@ WARPCAM_FN unsigned to_byte(float value)
 {
     const float steps = saturated(value) * 255.0f + 0.5f;
 #if defined(__CUDA_ARCH__)  // no number of this size has places after the point, and adding rounds down
-    return static_cast<unsigned>(as_int(__fadd_rd(steps, 8388608.0f))) & 0xffu;
+    return static_cast<unsigned>(as_int(__fadd_rd(steps, WHOLE_NUMBERS))) & 0xffu;
 #else
     return static_cast<unsigned>(steps);
 #endif
