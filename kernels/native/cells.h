@@ -68,14 +68,11 @@ struct Cell {
 // The cell around `x`; on a border it can be either.
 WARPCAM_FN Cell cell_around(const Cells& cells, float x)
 {
-    constexpr float BASE = 1.5f * WHOLE_NUMBERS;
-    const float place = between((x - cells.start) * cells.inverse, -MOST_CELLS, MOST_CELLS);
-    const float base = (place - 0.5f) + BASE;
-    const int at = as_int(base) - as_int(BASE);
+    const Parts place = parts_of(between((x - cells.start) * cells.inverse, -MOST_CELLS, MOST_CELLS));
     if (cells.rest < 0.0f)
-        return { at, saturated(place - (base - BASE)) };
-    const float low = border(cells, at);
-    return { at, saturated((x - low) * reciprocal(upper(border(cells, at + 1) - low, 1.0e-20f))) };
+        return { place.whole, saturated(place.rest) };
+    const float low = border(cells, place.whole), length = border(cells, place.whole + 1) - low;
+    return { place.whole, saturated((x - low) * reciprocal(upper(length, 1.0e-20f))) };
 }
 
 }  // namespace warpcam

@@ -12,7 +12,8 @@ namespace warpcam {
 constexpr int BOX_CELLS = 4;  // along a side of a box
 
 // How the surface around a hit is cut: finely, into cells of two triangles, into the faces of a mesh or height field.
-enum Cut { FINE, CELL, FACE };
+// UNSEEN: there is no hit, and what comes out does not matter.
+enum Cut { FINE, CELL, FACE, UNSEEN };
 
 // A triangle, and a hit on it. A cell's has two sides along the cell's, u and v, and starts where they meet.
 struct Facet {

@@ -10,11 +10,11 @@
 namespace warpcam {
 
 constexpr int MOST_CORNERS = 48;  // that a warp lights together, up to two to a thread
+constexpr int PANE_COLUMNS = 5, PANE_ROWS = 6;  // of corners in a pane; all fit a warp
 
 // What light_tile() has to know of a pixel.
 struct LitPixel {
     Vec place;   // the hit, in the camera's frame [m]
-    bool hit;    // false: nothing is to be seen, and what comes out does not matter
     int shadow;  // bit l: light l does not reach it
     int kept;    // where the look of its shape is kept
 };
@@ -35,6 +35,18 @@ WARPCAM_FN float own_weight(const Facet& facet, int step)
     return step == 0 ? first : step == 1 ? facet.weight1 : facet.weight2;
 }
 
+// Corners of one side of a shape, as the same lights reach it, that a warp has lit: rows of PANE_COLUMNS of them.
+struct alignas(16) Pane {
+    int group, shadow;  // `group`: see number_corners(); -1: there is none
+    int column, row;    // the first corner
+};
+
+// Shared memory of a warp.
+template <int EACH> struct Corkboard {
+    Pane pane;
+    Row corners[EACH > 0 ? EACH * MOST_CORNERS : 1];
+};
+
 #if defined(__CUDA_ARCH__)
 
 WARPCAM_FN int warp_least(int value)
@@ -51,13 +63,7 @@ WARPCAM_FN int warp_least(int value)
 }
 
 // a / b of whole numbers from 0 to a few thousand.
-WARPCAM_FN int quotient(int a, int b)
-{
-    constexpr float BASE = 1.5f * WHOLE_NUMBERS;
-    const float dividend = as_float(as_int(WHOLE_NUMBERS) + a) - (WHOLE_NUMBERS - 0.5f);
-    const float divisor = as_float(as_int(WHOLE_NUMBERS) + b) - WHOLE_NUMBERS;
-    return as_int((dividend * reciprocal(divisor) - 0.5f) + BASE) - as_int(BASE);
-}
+WARPCAM_FN int quotient(int a, int b) { return parts_of((to_float(a) + 0.5f) * reciprocal(to_float(b))).whole; }
 
 // A corner of cells that a thread lights for its warp.
 struct Task {
@@ -78,7 +84,7 @@ template <bool SHADOWS>
 WARPCAM_FN int number_corners(const Facet& facet, const LitPixel& pixel, int wanted, Task& task, Corners& corners)
 {
     constexpr int MANY = 0x7fffffff;
-    const bool asks = pixel.hit && facet.cut == CELL;
+    const bool asks = facet.cut == CELL;
     const int key = pixel.kept << 3 | facet.side;
     unsigned rest = __ballot_sync(ALL, asks);
     int total = 0;
@@ -104,6 +110,30 @@ WARPCAM_FN int number_corners(const Facet& facet, const LitPixel& pixel, int wan
     return total;
 }
 
+// Does a pane hold all that the warp's pixels ask for? Then `pane` is the one at hand, if that does (`ready`), or else a
+// new one that the threads are to light.
+template <bool SHADOWS>
+WARPCAM_FN bool find_pane(const Facet& facet, const LitPixel& pixel, Pane& pane, bool& ready)
+{
+    constexpr int MANY = 0x7fffffff;
+    const bool asks = facet.cut == CELL;
+    const int key = pixel.kept << 3 | facet.side, leader = lowest_bit(__ballot_sync(ALL, asks));
+    const int group = __shfl_sync(ALL, key, leader), shadow = SHADOWS ? __shfl_sync(ALL, pixel.shadow, leader) : 0;
+    if (any_lane(asks && (key != group || (SHADOWS && pixel.shadow != shadow))))
+        return false;
+    const int column = warp_least(asks ? facet.column : MANY), row = warp_least(asks ? facet.row : MANY);
+    // Corners to spare.
+    const int across = PANE_COLUMNS - 2 + warp_least(asks ? -facet.column : MANY) + column;
+    const int down = PANE_ROWS - 2 + warp_least(asks ? -facet.row : MANY) + row;
+    if (across < 0 || down < 0)
+        return false;
+    ready = pane.group == group && (!SHADOWS || pane.shadow == shadow) && column >= pane.column && row >= pane.row
+        && column <= pane.column + across && row <= pane.row + down;
+    if (!ready)
+        pane = { group, shadow, column - across / 2, row - down / 2 };
+    return true;
+}
+
 // Light in shared memory: what is shown of it, LINEAR, DISPLAY or both.
 template <bool LINEAR, bool DISPLAY> WARPCAM_FN void put_lit(Row* rows, int at, const Lit& lit)
 {
@@ -125,30 +155,49 @@ template <bool LINEAR, bool DISPLAY> WARPCAM_FN Lit get_lit(const Row* rows, int
     return lit;
 }
 
-// KEPT: `looks` has the looks of all shapes. `rows` is shared memory of the warp.
+// KEPT: `looks` has the looks of all shapes.
 template <int TYPES, bool KEPT, bool SHADOWS, bool LINEAR, bool DISPLAY, class Looks, class Meshes>
 WARPCAM_FN Lit light_tile(const LightList& list, const Looks* looks, const Looks& look, const Meshes& meshes,
-                          const Surface& surface, const Facet& facet, const LitPixel& pixel, Row* rows, int lane)
+                          const Surface& surface, const Facet& facet, const LitPixel& pixel,
+                          Corkboard<LINEAR + DISPLAY>& board, int lane)
 {
     constexpr bool CELLS = (TYPES & (1 << PLANE | 1 << BOX)) != 0;
     constexpr bool FACES = (TYPES & (1 << MESH | 1 << HEIGHT_FIELD)) != 0;
-    const bool alone = pixel.hit && facet.cut == FINE;
+    const bool alone = facet.cut == FINE;
     const unsigned others = CELLS || FACES ? ~__ballot_sync(ALL, alone) : 0u;
-    const int helpers = __popc(others), number = __popc(others & ((1u << lane) - 1u));
-    bool together = KEPT && CELLS && any_lane(pixel.hit && facet.cut == CELL)
-        && !(FACES && any_lane(pixel.hit && facet.cut == FACE));
+    bool together = KEPT && CELLS && any_lane(facet.cut == CELL) && !(FACES && any_lane(facet.cut == FACE));
+    bool paned = false, ready = false;
     Lit sum { { 0.0f, 0.0f, 0.0f }, { 0.0f, 0.0f, 0.0f } };
     Corners corners { 0, 0 };
+    Pane pane = board.pane;
+    if (KEPT && CELLS && together) {
+        paned = others == ALL && find_pane<SHADOWS>(facet, pixel, pane, ready);
+        if (!paned)
+            pane.group = -1;
+        else if (facet.cut == CELL)
+            corners = { (facet.row - pane.row) * PANE_COLUMNS + facet.column - pane.column, PANE_COLUMNS };
+        __syncwarp();
+        board.pane = pane;
+    }
 #pragma unroll 1
-    for (int step = 0;; ++step) {
+    for (int step = 0; !ready; ++step) {
         Vertex vertex;
         int shadow = pixel.shadow, total = 0, at = 0;
         const Looks* shown = &look;
         bool helps = false;
         if (KEPT && CELLS && together) {
             Task task;
-            total = number_corners<SHADOWS>(facet, pixel, number + step * helpers, task, corners);
-            together = total <= lower_int(2 * helpers, MOST_CORNERS);
+            if (paned) {
+                at = lower_int(lane, PANE_COLUMNS * PANE_ROWS - 1);
+                const int down = at / PANE_COLUMNS;
+                task = { pane.group >> 3, pane.group & 7, pane.column + at - down * PANE_COLUMNS, pane.row + down,
+                         pane.shadow, at };
+            } else {
+                const int helpers = __popc(others), number = __popc(others & ((1u << lane) - 1u)) + step * helpers;
+                total = number_corners<SHADOWS>(facet, pixel, number, task, corners);
+                together = total <= lower_int(2 * helpers, MOST_CORNERS);
+                total -= (step + 1) * helpers;
+            }
             helps = together && !alone;
             if (helps) {
                 shown = looks + task.kept;
@@ -162,17 +211,17 @@ WARPCAM_FN Lit light_tile(const LightList& list, const Looks* looks, const Looks
         const Lit lit = illuminate<SHADOWS>(list, vertex, shown->finish, shadow);
         if (KEPT && CELLS && together) {
             if (helps)
-                put_lit<LINEAR, DISPLAY>(rows, at, lit);
+                put_lit<LINEAR, DISPLAY>(board.corners, at, lit);
             else
                 sum = lit;
-            if ((step + 1) * helpers >= total)
+            if (total <= 0)
                 break;
         } else {
-            if (facet.cut != FINE)
+            if (!alone)
                 add(sum, own_weight(facet, step), lit);
             else if (step == 0)
                 sum = lit;
-            if (step == 2 || !(CELLS || FACES) || !any_lane(facet.cut != FINE))
+            if (step == 2 || !(CELLS || FACES) || !any_lane(facet.cut == CELL || facet.cut == FACE))
                 break;
         }
     }
@@ -182,9 +231,9 @@ WARPCAM_FN Lit light_tile(const LightList& list, const Looks* looks, const Looks
             const int start = corners.first + (facet.start & 1) + (facet.start & 2 ? corners.stride : 0);
             const int second = start + (facet.start & 1 ? -1 : 1);
             const int third = start + (facet.start & 2 ? -corners.stride : corners.stride);
-            add(sum, own_weight(facet, 0), get_lit<LINEAR, DISPLAY>(rows, start));
-            add(sum, facet.weight1, get_lit<LINEAR, DISPLAY>(rows, second));
-            add(sum, facet.weight2, get_lit<LINEAR, DISPLAY>(rows, third));
+            add(sum, own_weight(facet, 0), get_lit<LINEAR, DISPLAY>(board.corners, start));
+            add(sum, facet.weight1, get_lit<LINEAR, DISPLAY>(board.corners, second));
+            add(sum, facet.weight2, get_lit<LINEAR, DISPLAY>(board.corners, third));
         }
         __syncwarp();
     }
