@@ -6,8 +6,8 @@ namespace warpcam {
 
 constexpr int PLANE_CELLS = 200;  // at most, along a side
 
-// The cells along one side of a plane. Those in the middle are all as long as `step`. Cells and the borders between them
-// are counted from `start`, which is border 0 and begins cell 0.
+// The cells along one side of a plane. Those in the middle are all as long as `step`. Cells and the borders between
+// them are counted from `start`, which is border 0 and begins cell 0.
 struct Cells {
     float start;    // where one of them begins [m]
     float step;     // [m]; 0 where the plane is lit at each pixel

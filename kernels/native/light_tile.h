@@ -110,8 +110,8 @@ WARPCAM_FN int number_corners(const Facet& facet, const LitPixel& pixel, int wan
     return total;
 }
 
-// Does a pane hold all that the warp's pixels ask for? Then `pane` is the one at hand, if that does (`ready`), or else a
-// new one that the threads are to light.
+// Can a pane hold all that the warp's pixels ask for? Then `pane` stays the one at hand, if that does (`ready`), or
+// becomes a new one, which the threads are to light.
 template <bool SHADOWS>
 WARPCAM_FN bool find_pane(const Facet& facet, const LitPixel& pixel, Pane& pane, bool& ready)
 {

@@ -176,8 +176,8 @@ WARPCAM_FN void resolve_pixel(const Looks* looks, const LightList& lights, const
                                                               x, y, found, hit, board, shown);
         } else {
             const auto look = look_of<TYPES, Wants>(scene, camera, world, found.shape);
-            resolve_surface<TYPES, LENS, false, IMAGES, FACTS>(looks, 0, look, lights, scene, camera, pixel, x, y, found,
-                                                               hit, board, shown);
+            resolve_surface<TYPES, LENS, false, IMAGES, FACTS>(looks, 0, look, lights, scene, camera, pixel, x, y,
+                                                               found, hit, board, shown);
         }
     }
     const Vec black { 0.0f, 0.0f, 0.0f };
@@ -284,7 +284,8 @@ WARPCAM_FN void resolve(const Scene_& scene, const Lights& lights, int index)
         }
         go_to<WIDTH>(pixel, frame, first, left, top, nth_tile<WIDTH>(warp, i));
         if (pixel.width > 0 && pixel.height > 0)
-            resolve_pixel<TYPES, LENS, KEPT, IMAGES, FACTS>(looks, list, scene, kept_camera, world, pixel, found, board);
+            resolve_pixel<TYPES, LENS, KEPT, IMAGES, FACTS>(looks, list, scene, kept_camera, world, pixel, found,
+                                                            board);
     }
 #else
     Board<IMAGES> board;
@@ -298,7 +299,8 @@ WARPCAM_FN void resolve(const Scene_& scene, const Lights& lights, int index)
                 looks[place] = look_of<TYPES, Wants>(scene, camera, world, found.shape);
                 made[place] = true;
             }
-            resolve_pixel<TYPES, LENS, KEPT, IMAGES, FACTS>(looks, list, scene, kept_camera, world, pixel, found, board);
+            resolve_pixel<TYPES, LENS, KEPT, IMAGES, FACTS>(looks, list, scene, kept_camera, world, pixel, found,
+                                                            board);
         }
 #endif
 }

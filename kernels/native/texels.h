@@ -120,7 +120,8 @@ WARPCAM_FN void add_quad(const unsigned* texels, const int* quad, const Parts& x
 }
 
 // Adds the colour at (u, v) in [0, 1].
-WARPCAM_FN void add_bilinear(const unsigned* texels, const Level& level, float u, float v, const Weight& total, Blend& blend)
+WARPCAM_FN void add_bilinear(const unsigned* texels, const Level& level, float u, float v, const Weight& total,
+                             Blend& blend)
 {
     const Parts x = between_texels(u, level.width), y = between_texels(v, level.height);
     const int left = x.whole < 0 ? level.width - 1 : x.whole, right = x.whole + 1 >= level.width ? 0 : x.whole + 1;
