@@ -3,7 +3,7 @@
 import itertools
 import threading
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import warp as wp
@@ -11,16 +11,21 @@ import warp as wp
 from warpcam import interop
 from warpcam.camera import Camera
 from warpcam.errors import WarpcamError
-from warpcam.kernels.launch import Frame, Stage, bind
+from warpcam.kernels.launch import Frame, Group, Stage, bind
 from warpcam.kernels.streams import quiet_stream
 from warpcam.kernels.tables import Tables
 from warpcam.kernels.views import record_begin
 from warpcam.memory import check_cameras, estimate_memory, require_free
 from warpcam.mounting import CameraArrays, Mounted
 from warpcam.scene import Scene
-from warpcam.scratch import Scratch
+from warpcam.scratch import Portion, Scratch
 from warpcam.selection import Selection
 from warpcam.targets import Target
+
+# A portion of so many pixels is drawn in so many parts side by side: one goes on while another's last pixels are waited
+# for.
+WORTH_PARTING = 2**22
+PARTS = 3
 
 # While one thread records a graph, Warp counts its device as capturing: the others wait their turn.
 _turns: defaultdict[str, threading.Lock] = defaultdict(threading.Lock)
@@ -56,7 +61,7 @@ class Renderer:
         tables = scene.tables()
         self._mounted = {key: Mounted(camera, scene) for key, camera in self._cameras.items()}
         self._targets = {key: Target(camera, scene.num_worlds, scene.device) for key, camera in self._cameras.items()}
-        self._scratch = Scratch(self._cameras.values(), tables, scene.device)
+        self._scratch = Scratch(self._cameras, tables, scene.device)
         self._scratch.allocate()
         self._selection = Selection(scene.num_worlds, scene.device)
         self._faults = wp.zeros(scene.num_worlds, dtype=wp.uint8, device=scene.device)
@@ -128,23 +133,48 @@ class Renderer:
 
     def _record(self, tables: Tables) -> None:
         """Bind every stage to the tables' arrays; loads and compiles whatever kernels that takes."""
-        mask, views = self._selection.mask, []
-        groups: list[list[Stage]] = []
-        for key, target in self._targets.items():
-            mounted, camera = self._mounted[key], self._cameras[key]
-            seen = self._scene.tables_with(tables, camera.background)
-            views.append(mounted.record(mask, self._faults, target.views))
-            groups += [
-                target.record(seen, mounted.projection, group, buffers, mask, self._faults)
-                for group, buffers in self._scratch.groups(camera, len(groups))
-            ]
-        slots = self._scratch.slots
-        chains = [list(itertools.chain(*groups[slot::slots])) for slot in range(slots)]
-        begin = {everything: record_begin(everything, mask, self._faults, self._device) for everything in (True, False)}
-        bind([*begin.values(), *views, *itertools.chain(*groups)])
-        self._frames = {everything: Frame([stage, *views], chains, self._device) for everything, stage in begin.items()}
+        mask, faults, scratch = self._selection.mask, self._faults, self._scratch
+        views = [mounted.record(mask, faults, self._targets[key].views) for key, mounted in self._mounted.items()]
+        images = {key: target.images.values() for key, target in self._targets.items()}
+        frames: dict[bool, list[list[list[Stage]]]] = {}
+        for everything in (True, False):
+            frames[everything] = [[[record_begin(everything, mask, faults, self._device), *views]]]
+            phases = list(scratch.phases(images if everything else None))
+            if everything:
+                busiest = max(sum(self._pixels(portion) for portion in phase) for phase in phases)
+            for phase in phases:
+                frames[everything].append(
+                    [chain for portion in phase for chain in self._record_portion(tables, portion, len(phase), busiest)]
+                )
+        self._frames = {everything: Frame(of_all, self._device) for everything, of_all in frames.items()}
+        bind([stage for frame in self._frames.values() for stage in frame.stages])
         self._graphs = {}
         self._tables = tables
+
+    def _pixels(self, portion: Portion) -> int:
+        camera = self._cameras[portion.camera]
+        return len(portion.worlds) * camera.width * camera.height
+
+    def _record_portion(self, tables: Tables, portion: Portion, beside: int, busiest: int) -> Iterator[list[Stage]]:
+        """Chains of stages that may run side by side.
+
+        Args:
+            tables: The scene.
+            portion: What they draw.
+            beside: How many portions are drawn at the same time.
+            busiest: Pixels of the phase that has most.
+        """
+        key, camera = portion.camera, self._cameras[portion.camera]
+        seen, projection = self._scene.tables_with(tables, camera.background), self._mounted[key].projection
+        at_once = busiest // (camera.width * camera.height)
+        large = self._device.is_cuda and self._pixels(portion) >= WORTH_PARTING and portion.buffers
+        parts = -(-PARTS // beside) if large else 1
+        bounds = [portion.worlds.start + len(portion.worlds) * i // parts for i in range(parts + 1)]
+        for first, end in itertools.pairwise(bounds):
+            group = Group(range(first, end), at_once)
+            yield self._targets[key].record(
+                seen, projection, group, portion.buffers, self._selection.mask, self._faults
+            )
 
     def _run(self, everything: bool, capturing: bool) -> None:
         frame = self._frames[everything]

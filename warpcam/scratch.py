@@ -1,35 +1,33 @@
 """What is written between the stages of a frame and is nobody's image.
 
-All cameras use one block of memory, and a camera that needs more than there is goes through it with one group of
-worlds at a time. So a frame takes little more memory than its images. The block has a few slots: while the last pixels
-of one group are waited for, others are under way.
+A camera goes through it with one group of worlds after another, so that a frame takes little more memory than its
+images. All cameras use one block. While all worlds are drawn, images that are not drawn yet lend their memory, too,
+which makes groups large: the larger, the better they fill the device. Where only some worlds are drawn the others'
+images must stay, and there is only the block.
 """
 
-import itertools
-from collections.abc import Iterable, Mapping
-from typing import Any
+from collections.abc import Hashable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, TypeVar
 
 import warp as wp
 
 from warpcam.camera import Camera
 from warpcam.errors import WarpcamError
 from warpcam.kernels import shadow, visibility
-from warpcam.kernels.launch import Group
 from warpcam.kernels.tables import Tables
 from warpcam.kernels.types import HEIGHT_FIELD, MESH
-from warpcam.outputs import OUTPUTS
+from warpcam.outputs import OUTPUTS, traced_as
 
 # The block is at most half as large as the images, or this where they are small: a group must fill the device [bytes].
 ALWAYS_ALLOWED = 32 * 2**20
-SLOTS = 4
-ALIGNMENT = 256  # of a slot [bytes]
-VALUE = 4  # bytes a pixel of each buffer
+ALIGNMENT = 256  # of a buffer [bytes]
 
-DTYPES: Mapping[str, Any] = {"depth": wp.float32, "shape": wp.int32, "face": wp.int32, "shadow": wp.int32}
+Name = TypeVar("Name", bound=Hashable)
 
 
-def buffers_of(camera: Camera, tables: Tables) -> tuple[str, ...]:
-    """Names of the buffers between the stages that this camera's outputs need, those aside that are outputs."""
+def buffers_of(camera: Camera, tables: Tables) -> dict[str, Any]:
+    """The buffers between the stages that this camera's outputs need, those aside that are outputs: dtypes by name."""
     asked = [OUTPUTS[name] for name in camera.outputs]
     lit = camera.shadows and tables.num_lights > 0 and any(output.lit for output in asked)
     if lit and tables.num_lights > shadow.MAX_LIGHTS:
@@ -38,7 +36,7 @@ def buffers_of(camera: Camera, tables: Tables) -> tuple[str, ...]:
             "cast shadows"
         )
     passes = tables.num_drawn > visibility.MAX_LISTED  # they go on from each other's depth and shape
-    needed = passes or any(output.trace is None for output in asked)
+    needed = passes or any(traced_as(name, tables.shape_types) is None for name in camera.outputs)
     images = {output.trace for output in asked}
     faces = bool(tables.shape_types & {MESH, HEIGHT_FIELD}) and any(output.face for output in asked)
     wanted = {
@@ -47,74 +45,161 @@ def buffers_of(camera: Camera, tables: Tables) -> tuple[str, ...]:
         "face": faces,
         "shadow": lit,
     }
-    return tuple(name for name, there in wanted.items() if there)
+    dtypes = {
+        "depth": wp.float32,
+        "shape": wp.int16 if tables.num_shapes <= 2**15 else wp.int32,
+        "face": wp.uint16 if tables.num_faces <= 2**16 and HEIGHT_FIELD not in tables.shape_types else wp.int32,
+        "shadow": wp.uint8 if tables.num_lights <= 8 else wp.int32,
+    }
+    return {name: dtypes[name] for name, there in wanted.items() if there}
 
 
 def image_bytes(camera: Camera, tables: Tables) -> dict[str, int]:
     """Bytes of each image."""
-    pixels = tables.num_worlds * camera.width * camera.height
+    return {name: tables.num_worlds * count for name, count in _world_bytes(camera).items()}
+
+
+def _world_bytes(camera: Camera) -> dict[str, int]:
+    pixels = camera.width * camera.height
     return {
         name: pixels * OUTPUTS[name].channels * wp.types.type_size_in_bytes(OUTPUTS[name].dtype)
         for name in camera.outputs
     }
 
 
+@dataclass(frozen=True)
+class Piece:
+    """Memory from one address to another."""
+
+    start: int
+    end: int
+
+
+@dataclass(frozen=True)
+class Portion:
+    """Worlds that one camera draws together.
+
+    With them come the camera's buffers, arrays (world, height, width, 1) by name, of which only the rows of these
+    worlds are there: the others must not be touched.
+    """
+
+    camera: str | int
+    worlds: range
+    buffers: Mapping[str, wp.array]
+
+
 class Scratch:
-    """The block, and how it is shared out.
+    """The block, and the portions that the cameras are drawn in.
 
     Attributes:
-        slots: Groups that have room side by side, and may be drawn at once.
         size: Of the block [bytes].
     """
 
-    def __init__(self, cameras: Iterable[Camera], tables: Tables, device: wp.Device):
-        self._tables, self._device = tables, device
+    def __init__(self, cameras: Mapping[str | int, Camera], tables: Tables, device: wp.Device):
+        self._cameras, self._tables, self._device = cameras, tables, device
         self._block = wp.empty(0, dtype=wp.uint8, device=device)
-        cameras = list(cameras)
-        allowed = max(sum(sum(image_bytes(c, tables).values()) for c in cameras) // 2, ALWAYS_ALLOWED)
-        largest_world = max((self._world_bytes(camera) for camera in cameras), default=0)
-        most = max(1, min(SLOTS, allowed // largest_world if largest_world else 1)) if device.is_cuda else 1
-        self._counts = {camera.name: self._count_groups(camera, allowed // most) for camera in cameras}
-        largest = max((self._group_size(c) * self._world_bytes(c) for c in cameras), default=0)
-        self._slot = -(-largest // ALIGNMENT) * ALIGNMENT
-        self.slots = min(most, max(sum(self._counts.values()), 1))
-        self.size = self.slots * self._slot
+        images = sum(sum(image_bytes(camera, tables).values()) for camera in cameras.values())
+        allowed = max(images // 2, ALWAYS_ALLOWED)
+        self.size = max(
+            (
+                min(self._bytes(camera, tables.num_worlds), max(allowed, self._bytes(camera, 1)))
+                for camera in cameras.values()
+            ),
+            default=0,
+        )
 
     def allocate(self) -> None:
         self._block = wp.empty(self.size, dtype=wp.uint8, device=self._device)
 
-    def groups(self, camera: Camera, slot: int) -> list[tuple[Group, dict[str, wp.array]]]:
-        """The camera's groups, the first in that slot, the others in those that follow, round and round.
+    def phases(self, images: Mapping[str | int, Iterable[wp.array]] | None) -> Iterator[list[Portion]]:
+        """What is drawn together, phase after phase, as much in each as there is room for.
 
-        With each come its buffers, arrays (world, height, width, 1) by name. Only the rows of the group's worlds are
-        there: the others must not be touched.
+        Args:
+            images: Of all cameras, in the order of drawing, where all worlds are drawn; None where other worlds' images
+                must stay.
         """
-        worlds, count, pixels = self._tables.num_worlds, self._counts[camera.name], camera.width * camera.height
-        size, names = self._group_size(camera), buffers_of(camera, self._tables)
-        shape = (worlds, camera.height, camera.width, 1)
-        at_once = min(self.slots * size, worlds * len(self._counts))
-        groups: list[tuple[Group, dict[str, wp.array]]] = []
-        for first, end in itertools.pairwise(worlds * i // count for i in range(count + 1)):
-            start = (self._block.ptr or 0) + (slot + len(groups)) % self.slots * self._slot
-            buffers = {
-                name: wp.array(
-                    ptr=start + (place * size - first) * pixels * VALUE,
-                    shape=shape,
-                    dtype=DTYPES[name],
-                    device=self._device,
-                )
-                for place, name in enumerate(names)
-            }
-            groups.append((Group(range(first, end), at_once), buffers))
-        return groups
+        first, total = 0, len(self._cameras) * self._tables.num_worlds
+        while first < total:
+            fits, too_far = first + 1, total + 1  # the block has room for one world
+            while too_far - fits > 1:
+                end = (fits + too_far) // 2
+                if self._places(first, end, images) is None:
+                    too_far = end
+                else:
+                    fits = end
+            places = self._places(first, fits, images)
+            if places is None:
+                raise AssertionError(f"scratch: {self.size} bytes have no room for one world")
+            yield [Portion(key, worlds, self._buffers(key, worlds, places)) for key, worlds in self._share(first, fits)]
+            first = fits
 
-    def _world_bytes(self, camera: Camera) -> int:
-        return len(buffers_of(camera, self._tables)) * camera.width * camera.height * VALUE
+    def _share(self, first: int, end: int) -> Iterator[tuple[str | int, range]]:
+        """The cameras and worlds from one place to another, counted in worlds of one camera after another."""
+        num_worlds = self._tables.num_worlds
+        for place, key in enumerate(self._cameras):
+            begin, stop = (min(max(at - place * num_worlds, 0), num_worlds) for at in (first, end))
+            if begin < stop:
+                yield key, range(begin, stop)
 
-    def _count_groups(self, camera: Camera, allowed: int) -> int:
-        each = self._world_bytes(camera)
-        return -(-self._tables.num_worlds // max(allowed // each, 1)) if each else 1
+    def _places(
+        self, first: int, end: int, images: Mapping[str | int, Iterable[wp.array]] | None
+    ) -> dict[tuple[str | int, str], int] | None:
+        """Addresses of all buffers of a phase, by camera and name; None if there is no room for them."""
+        num_worlds, start = self._tables.num_worlds, self._block.ptr or 0
+        pieces = [Piece(start, start + self.size)]
+        if images is not None:
+            for key, worlds in self._share(end, len(self._cameras) * num_worlds):
+                pieces += [_rows(image, worlds.start) for image in images[key]]
+        sizes = {
+            (key, name): size
+            for key, worlds in self._share(first, end)
+            for name, size in self._needed(self._cameras[key], len(worlds)).items()
+        }
+        return _place(sizes, pieces)
 
-    def _group_size(self, camera: Camera) -> int:
-        """Worlds in the largest; the smallest has at most one less."""
-        return -(-self._tables.num_worlds // self._counts[camera.name])
+    def _buffers(
+        self, key: str | int, worlds: range, places: Mapping[tuple[str | int, str], int]
+    ) -> dict[str, wp.array]:
+        camera = self._cameras[key]
+        shape = (self._tables.num_worlds, camera.height, camera.width, 1)
+        buffers = {}
+        for name, dtype in buffers_of(camera, self._tables).items():
+            stride = camera.height * camera.width * wp.types.type_size_in_bytes(dtype)
+            start = places[key, name] - worlds.start * stride
+            buffers[name] = wp.array(ptr=start, shape=shape, dtype=dtype, device=self._device)
+        return buffers
+
+    def _needed(self, camera: Camera, worlds: int) -> dict[str, int]:
+        """Bytes of each buffer of a group."""
+        pixels = worlds * camera.width * camera.height
+        return {
+            name: _aligned(pixels * wp.types.type_size_in_bytes(dtype))
+            for name, dtype in buffers_of(camera, self._tables).items()
+        }
+
+    def _bytes(self, camera: Camera, worlds: int) -> int:
+        return sum(self._needed(camera, worlds).values())
+
+
+def _rows(image: wp.array, first: int) -> Piece:
+    """The memory of an image's worlds from one on."""
+    start = image.ptr or 0
+    end = start + image.size * wp.types.type_size_in_bytes(image.dtype)
+    return Piece(min(_aligned(start + first * image.strides[0]), end), end)
+
+
+def _aligned(count: int) -> int:
+    return -(-count // ALIGNMENT) * ALIGNMENT
+
+
+def _place(sizes: Mapping[Name, int], pieces: Sequence[Piece]) -> dict[Name, int] | None:
+    """Addresses of buffers of these sizes, the largest first where the least is left; None if they do not fit."""
+    free, places = list(pieces), {}
+    for name in sorted(sizes, key=lambda name: -sizes[name]):
+        fitting = [i for i, piece in enumerate(free) if piece.end - piece.start >= sizes[name]]
+        if not fitting:
+            return None
+        best = min(fitting, key=lambda i: free[i].end - free[i].start)
+        places[name] = free[best].start
+        free[best] = Piece(free[best].start + sizes[name], free[best].end)
+    return places

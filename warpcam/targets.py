@@ -11,7 +11,7 @@ from warpcam.kernels.launch import Group, Stage
 from warpcam.kernels.tables import Tables
 from warpcam.kernels.types import View
 from warpcam.lens import Projection
-from warpcam.outputs import OUTPUTS
+from warpcam.outputs import OUTPUTS, traced_as
 
 MAX_PIXELS = 2**31
 
@@ -40,13 +40,6 @@ class Target:
             name: wp.zeros((*size, OUTPUTS[name].channels), dtype=OUTPUTS[name].dtype, device=device)
             for name in camera.outputs
         }
-        self._traced = {OUTPUTS[name].trace: array for name, array in self.images.items() if OUTPUTS[name].trace}
-        self._labels = {name: array for name, array in self.images.items() if OUTPUTS[name].label is not None}
-        self._derived = {
-            name: array
-            for name, array in self.images.items()
-            if OUTPUTS[name].trace is None and name not in self._labels
-        }
 
     def record(
         self,
@@ -59,15 +52,15 @@ class Target:
     ) -> list[Stage]:
         """The stages that make the images of a group of worlds from their views, by way of ``buffers``."""
         device, views, width, height = self._device, self.views, self._camera.width, self._camera.height
+        names = {name: traced_as(name, tables.shape_types) for name in self.images}
+        traced = {trace: self.images[name] for name, trace in names.items() if trace is not None}
+        derived = {name: self.images[name] for name, trace in names.items() if trace is None}
         depth, shape, face, shadows = (
-            self._traced.get(name, buffers.get(name)) for name in ("depth", "shape", "face", "shadow")
+            traced.pop(name, buffers.get(name)) for name in ("depth", "shape", "face", "shadow")
         )
-        hits: dict[str, wp.array] = {
-            name: self._traced[name] for name in ("distance", "points", "bodies") if name in self._traced
-        }
         stages = [
             visibility.record(
-                tables, projection, views, mask, faults, width, height, depth, shape, face, hits, device, group
+                tables, projection, views, mask, faults, width, height, depth, shape, face, traced, device, group
             )
         ]
         if shadows is not None:
@@ -76,19 +69,19 @@ class Target:
                     tables, projection, views, mask, depth, shape, face, width, height, shadows, device, group
                 )
             )
-        for name, image in self._labels.items():
+        for name in [name for name in derived if OUTPUTS[name].label is not None]:
+            image = derived.pop(name)
             if name not in tables.labels:
                 raise WarpcamError(f"{self._camera.where}: outputs has {name!r}, of which this scene knows nothing")
             stages.append(
                 labels.record(tables.labels[name], OUTPUTS[name].label or 0, mask, shape, image, device, group)
             )
-        if self._derived:
-            images = self._derived
+        if derived:
             if face is None:
                 face = wp.empty(0, dtype=wp.int32, device=device)
             stages.append(
                 resolve.record(
-                    images, projection, tables, views, mask, depth, shape, face, shadows, width, height, device, group
+                    derived, projection, tables, views, mask, depth, shape, face, shadows, width, height, device, group
                 )
             )
         return stages
