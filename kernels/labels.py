@@ -1,5 +1,7 @@
 """Labels of what was hit: a table looked up by shape id."""
 
+from typing import Any
+
 import warp as wp
 
 from .launch import Group, Stage
@@ -9,7 +11,7 @@ from .launch import record as record_stage
 @wp.kernel(enable_backward=False)
 def write_labels(
     mask: wp.array(dtype=wp.uint8),
-    shape: wp.array(dtype=wp.int32),
+    shape: wp.array(dtype=Any),
     labels: wp.array(dtype=wp.int32),
     miss: wp.int32,
     pixels: wp.int32,
@@ -19,11 +21,18 @@ def write_labels(
     index = first + wp.tid()
     if mask[index // pixels] == wp.uint8(0):
         return
-    hit = shape[index]
+    hit = wp.int32(shape[index])
     label = miss
     if hit >= 0:
         label = labels[hit]
     image[index] = label
+
+
+for _dtype in (wp.int16, wp.int32):  # compiled with the module, whichever a scene has
+    wp.overload(
+        write_labels,
+        {"shape": wp.array(dtype=_dtype)},
+    )
 
 
 def record(
@@ -35,7 +44,7 @@ def record(
         labels: int32, (shape,).
         miss: The label where nothing is hit.
         mask: uint8, (world,); worlds with 0 are left alone.
-        shape: Shape ids, int32 (world, height, width, 1), -1 where nothing is hit.
+        shape: Shape ids, int16 or int32 (world, height, width, 1), -1 where nothing is hit.
         image: int32 (world, height, width, 1); written.
         device: Where all of these lie.
         group: Which worlds are drawn.

@@ -29,4 +29,4 @@ class Tables:
     has_textures: bool  # some material can show a texture
     has_skybox: bool
     horizon: float = 0.0  # how far the source's own renderer draws endless planes [m]; 0 if it has none
-    labels: Mapping[str, Any] = field(default_factory=dict)  # (shape,) int32 of "instances" and "semantics", if known
+    labels: Mapping[str, Any] = field(default_factory=dict)  # (shape,) int32 of "instances" and "semantics"

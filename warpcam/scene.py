@@ -178,9 +178,13 @@ class Scene:
         self._types = wp.array(parts.shape_types.astype(np.int32), dtype=wp.int32, device=self.device)
         self._bodies = wp.array(parts.shape_bodies.astype(np.int32), dtype=wp.int32, device=self.device)
         self._labels = {
-            name: wp.array(values.astype(np.int32), dtype=wp.int32, device=self.device)
-            for name, values in (("instances", parts.shape_instances), ("semantics", parts.shape_semantics))
-            if values is not None
+            name: wp.array(
+                np.full(len(parts.shape_types), none) if values is None else values, dtype=wp.int32, device=self.device
+            )
+            for name, values, none in (
+                ("instances", parts.shape_instances, -1),
+                ("semantics", parts.shape_semantics, 0),
+            )
         }
         source.refresh()
         self._tables = self.tables()

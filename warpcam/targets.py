@@ -71,8 +71,6 @@ class Target:
             )
         for name in [name for name in derived if OUTPUTS[name].label is not None]:
             image = derived.pop(name)
-            if name not in tables.labels:
-                raise WarpcamError(f"{self._camera.where}: outputs has {name!r}, of which this scene knows nothing")
             stages.append(
                 labels.record(tables.labels[name], OUTPUTS[name].label or 0, mask, shape, image, device, group)
             )

@@ -155,9 +155,16 @@ def test_endless_planes(stage: Usd.Stage, device: wp.Device) -> None:
     plane = UsdGeom.Plane.Define(stage, "/it")
     plane.CreateWidthAttr(0.0)
     plane.CreateLengthAttr(0.0)
-    plane.CreateDoubleSidedAttr(False)
-    scene = wc.from_usd(stage, device=device)
-    assert image(scene, "depth", above(3.0, 8, 1000.0)) == pytest.approx(3.0)
+    for sides in (False, True):
+        plane.CreateDoubleSidedAttr(sides)
+        scene = wc.from_usd(stage, device=device)
+        assert scene.shapes == ("/it", "/it/back")[: 1 + sides]
+        assert image(scene, "depth", above(3.0, 8, 1000.0)) == pytest.approx(3.0)
+        below = wc.Camera(
+            "c", width=8, height=8, lens=wc.Pinhole(fovy=20.0), position=(0, 0, -3), outputs=("depth",),
+            rotation=(0.0, 1.0, 0.0, 0.0),
+        )  # fmt: skip
+        assert np.isfinite(image(scene, "depth", below)).all() == sides
 
 
 def test_polygons_that_are_not_convex(stage: Usd.Stage, device: wp.Device) -> None:
@@ -430,14 +437,14 @@ def test_semantics(stage: Usd.Stage, device: wp.Device) -> None:
     assert (seen[16, 8], seen[16, 24], seen[0, 0]) == (3, 1, 0)
 
 
-def test_labels_are_not_made_up(device: wp.Device) -> None:
+def test_what_nobody_labels_has_no_label(device: wp.Device) -> None:
     mujoco = pytest.importorskip("mujoco")
     model = mujoco.MjModel.from_xml_string("<mujoco><worldbody><geom size='1'/></worldbody></mujoco>")
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
     scene = wc.from_mujoco(model, data, device=device)
-    with pytest.raises(wc.WarpcamError, match="outputs has 'semantics', of which this scene knows nothing"):
-        wc.Renderer(scene, [above(3.0, 8, 4.0, "semantics")])
+    for output, none in (("semantics", 0), ("instances", -1), ("segmentation", 0)):
+        assert image(scene, output)[16, 16] == none
 
 
 def test_time_samples(stage: Usd.Stage, device: wp.Device) -> None:

@@ -177,8 +177,8 @@ def test_a_corpus_run_sees_what_goes_wrong(tmp_path: Path, monkeypatch: pytest.M
         def render(path: Path) -> str:
             if kind == "hung":
                 time.sleep(30)
-            if kind == "crashed (-11)":
-                os.kill(os.getpid(), 11)
+            if kind == "crashed (-9)":
+                os.kill(os.getpid(), 9)
             if kind == "took too much memory":
                 block = np.ones(1_300_000_000, np.uint8)
                 time.sleep(5)
@@ -187,6 +187,6 @@ def test_a_corpus_run_sees_what_goes_wrong(tmp_path: Path, monkeypatch: pytest.M
 
         return render
 
-    for kind in ("hung", "crashed (-11)", "took too much memory", "raised something else"):
+    for kind in ("hung", "crashed (-9)", "took too much memory", "raised something else"):
         monkeypatch.setattr(corpus, "render", fails(kind))
         assert corpus.attempt(tmp_path, 0.5 if kind == "hung" else 20.0, 1.1).what == kind

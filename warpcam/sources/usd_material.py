@@ -13,6 +13,7 @@ from warpcam.sources.forms import polar
 from warpcam.sources.graph import Graph, Look
 from warpcam.sources.images import ENCODED, LINEAR, UnreadableError, cube_of_panorama, decoded, wrapped
 from warpcam.sources.notes import Notes
+from warpcam.sources.usd_texture import TextureInput, file_bytes, input_value, plain_texture, texture_input
 
 # Inputs by what they say. A texture of its own stands in an input beside the constant in OmniPBR.
 PREVIEW: Mapping[str, tuple[str, str]] = {
@@ -31,7 +32,6 @@ OMNI: Mapping[str, tuple[str, str]] = {
     "emission": ("emissive_color", ""),
     "normal": ("", "normalmap_texture"),
 }
-WRAPS = {"clamp": "clamp", "mirror": "mirror", "black": "black"}  # all else repeats
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,22 +49,6 @@ class Bound:
     uv: str = ""
     uv_turn: np.ndarray | None = None
     by_color: bool = True
-
-
-@dataclass(frozen=True, eq=False)
-class TextureInput:
-    """A texture reader that an input is connected to."""
-
-    asset: Sdf.AssetPath
-    layer: str
-    channel: str
-    color_space: str
-    wrap: tuple[str, str]
-    uv: str
-    uv_turn: np.ndarray | None
-    scale: np.ndarray
-    bias: np.ndarray
-    fallback: np.ndarray
 
 
 class MaterialReader:
@@ -241,14 +225,14 @@ class MaterialReader:
             output = attribute.GetName().removeprefix("outputs:")
             if attribute.GetName().startswith("outputs:"):
                 if identifier == "UsdUVTexture":
-                    return None, _texture_input(shader, output), ""
+                    return None, texture_input(shader, output), ""
                 if identifier.startswith("UsdPrimvarReader"):
-                    return None, None, str(_get(shader, "varname", ""))
+                    return None, None, str(input_value(shader, "varname", ""))
                 self._notes.remark(f"uses {identifier or 'a shader'}, which is not known here", str(prim.GetPath()))
                 continue
             value = attribute.Get()
             if isinstance(value, Sdf.AssetPath) and value.path:
-                return None, _plain_texture(value, attribute), ""
+                return None, plain_texture(value, attribute), ""
             return value, None, ""
         return None, None, ""
 
@@ -314,88 +298,13 @@ class MaterialReader:
                 )
                 return None
             try:
-                self._pixels[key] = decoded(_bytes(path))
+                self._pixels[key] = decoded(file_bytes(path))
             except UnreadableError as error:
                 self._notes.warn(
                     f"a texture cannot be read ({error}), and its material is drawn in its base colour",
                     f"{asset.path} of {where}",
                 )
         return self._pixels[key]
-
-
-def _bytes(path: str) -> bytes:
-    asset = Ar.GetResolver().OpenAsset(Ar.ResolvedPath(path))
-    if not asset:
-        raise UnreadableError("it cannot be opened")
-    buffer = asset.GetBuffer()
-    if buffer is None:
-        raise UnreadableError("it cannot be opened")
-    return bytes(buffer)
-
-
-def _texture_input(shader: UsdShade.Shader, channel: str) -> TextureInput:
-    file = shader.GetInput("file")
-    attribute = next(iter(UsdShade.Utils.GetValueProducingAttributes(file)), None) if file else None
-    asset = attribute.Get() if attribute else None
-    uv, turn = "", None
-    st = shader.GetInput("st")
-    for source in UsdShade.Utils.GetValueProducingAttributes(st) if st else ():
-        reader = UsdShade.Shader(source.GetPrim())
-        if reader and reader.GetShaderId() == "UsdTransform2d":
-            turn = _uv_turn(reader)
-            inner = reader.GetInput("in")
-            producing = UsdShade.Utils.GetValueProducingAttributes(inner) if inner else []
-            reader = UsdShade.Shader(producing[0].GetPrim()) if producing else None
-        if reader and str(reader.GetShaderId() or "").startswith("UsdPrimvarReader"):
-            uv = str(_get(reader, "varname", ""))
-    return TextureInput(
-        asset=asset if isinstance(asset, Sdf.AssetPath) else Sdf.AssetPath(""),
-        layer=_layer_of(attribute),
-        channel=channel,
-        color_space=str(_get(shader, "sourceColorSpace", "auto")),
-        wrap=(WRAPS.get(str(_get(shader, "wrapS", "")), "repeat"), WRAPS.get(str(_get(shader, "wrapT", "")), "repeat")),
-        uv=uv,
-        uv_turn=turn,
-        scale=np.array(_get(shader, "scale", (1.0, 1.0, 1.0, 1.0)), np.float64),
-        bias=np.array(_get(shader, "bias", (0.0, 0.0, 0.0, 0.0)), np.float64),
-        fallback=np.array(_get(shader, "fallback", (0.0, 0.0, 0.0, 1.0)), np.float64),
-    )
-
-
-def _plain_texture(asset: Sdf.AssetPath, attribute: Usd.Attribute) -> TextureInput:
-    space = attribute.GetColorSpace() if hasattr(attribute, "GetColorSpace") else ""
-    return TextureInput(
-        asset,
-        _layer_of(attribute),
-        "rgb",
-        "raw" if str(space) == "raw" else "auto",
-        ("repeat", "repeat"),
-        "",
-        None,
-        np.ones(4),
-        np.zeros(4),
-        np.zeros(4),
-    )
-
-
-def _layer_of(attribute: Usd.Attribute | None) -> str:
-    specs = attribute.GetPropertyStack(Usd.TimeCode.Default()) if attribute else []
-    return specs[0].layer.identifier if specs else ""
-
-
-def _uv_turn(shader: UsdShade.Shader) -> np.ndarray:
-    """UsdTransform2d: scale, then turn, then shift; (2, 3)."""
-    angle = np.radians(float(_get(shader, "rotation", 0.0)))
-    scale, shift = _get(shader, "scale", (1.0, 1.0)), _get(shader, "translation", (0.0, 0.0))
-    c, s = np.cos(angle), np.sin(angle)
-    return np.array(((c * scale[0], -s * scale[1], shift[0]), (s * scale[0], c * scale[1], shift[1])))
-
-
-def _get(shader: UsdShade.Shader, name: str, default: Any) -> Any:
-    given = shader.GetInput(name)
-    attributes = UsdShade.Utils.GetValueProducingAttributes(given) if given else []
-    value = attributes[0].Get() if attributes else None
-    return default if value is None else value
 
 
 def _rgb(pixels: np.ndarray) -> np.ndarray:

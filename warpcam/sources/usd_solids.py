@@ -32,14 +32,23 @@ def read_solid(prim: Usd.Prim, time: Usd.TimeCode, double_sided: bool | None) ->
         sides = prim.GetAttribute("doubleSided").Get(time) if double_sided is None else double_sided
         if not sides:
             return Solid(name, PLANE, sizes, turn)
-        half = [size if size > 0.0 else lathe.FAR for size in sizes]
-        vertices, faces, normals = lathe.rectangle(*half)
+        if min(sizes) <= 0.0:
+            return Solid(name, PLANE, sizes, turn)  # its back is another
+        vertices, faces, normals = lathe.rectangle(sizes[0], sizes[1])
         return Surface(name, vertices @ turn.T, faces, normals @ turn.T, two_sided=True)
     if len(sizes) == 3:  # of two radii
         cut = lathe.cylinder if kind.startswith("Cylinder") else lathe.capsule
         vertices, faces, normals = cut(*sizes)
         return Surface(name, vertices @ turn.T, faces, normals @ turn.T)
     return Solid(name, CYLINDER if kind.startswith("Cylinder") else CAPSULE, sizes, turn)
+
+
+def back_of(form: Form, prim: Usd.Prim, double_sided: bool | None) -> Solid | None:
+    """The other side of an endless plane that has two; all else has its back in itself."""
+    sides = prim.GetAttribute("doubleSided").Get() if double_sided is None else double_sided
+    if not (isinstance(form, Solid) and form.type == PLANE and sides):
+        return None
+    return Solid(form.name, PLANE, tuple(form.size), form.turn @ np.diag((1.0, -1.0, -1.0)))
 
 
 def update_solid(form: Form, prim: Usd.Prim, time: Usd.TimeCode) -> None:

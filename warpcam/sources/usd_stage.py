@@ -14,7 +14,7 @@ from warpcam.sources.usd_camera import read_camera
 from warpcam.sources.usd_light import is_light, read_light
 from warpcam.sources.usd_material import MaterialReader
 from warpcam.sources.usd_mesh import MeshReader
-from warpcam.sources.usd_solids import SOLIDS, read_solid, update_solid
+from warpcam.sources.usd_solids import SOLIDS, back_of, read_solid, update_solid
 
 MAX_DEPTH = 64  # of point instancers in each other
 NOT_DRAWN = ("BasisCurves", "NurbsCurves", "HermiteCurves", "NurbsPatch", "Points", "Volume", "ParticleField")
@@ -131,6 +131,9 @@ class StageReader:
             form = self._solids.setdefault(key, read_solid(prim, self._time, self._meshes.double_sided))
             color, look = self._materials.of_solid(prim, self._time)
             graph.items.append(Item(name, node, form, look, color))
+            back = back_of(form, prim, self._meshes.double_sided)
+            if back is not None:
+                graph.items.append(Item(f"{name}/back", node, back, look, color))
             if any(attribute.ValueMightBeTimeVarying() for attribute in prim.GetAuthoredAttributes()):
                 graph.nodes[node].moves = True
                 self._updates.append(lambda time: update_solid(form, prim, time))
