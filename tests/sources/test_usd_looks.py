@@ -218,6 +218,17 @@ def test_what_emits_shines_by_itself(stage: Usd.Stage, device: wp.Device) -> Non
     assert seen[4, 4].tolist() == [255, 188, 0]
 
 
+def test_what_emits_is_lit_as_well_as_what_it_reflects(stage: Usd.Stage, device: wp.Device) -> None:
+    add_material(stage, "/Looks/m", diffuseColor=(0.1, 0.1, 0.1), emissiveColor=(0.05, 0.05, 0.05), roughness=1.0)
+    bind(add_square(stage, "/it", half=0.01), stage, "/Looks/m")
+    light = UsdLux.DistantLight.Define(stage, "/sun")
+    light.CreateIntensityAttr(0.5 * np.pi)
+    light.CreateNormalizeAttr(True)
+    seen = image(wc.from_usd(stage, device=device, exposure=0.0), "hdr", above(3.0, 3, 0.01, "hdr"))[1, 1]
+    reflected, emitted = (1.055 * x ** (1 / 2.4) - 0.055 for x in (0.1, 0.05))
+    np.testing.assert_allclose(seen, 0.5 * reflected + emitted, rtol=1e-4)
+
+
 def test_images_by_the_world(stage: Usd.Stage, tmp_path: Path, device: wp.Device) -> None:
     save_image(tmp_path / "tex.png")
     textured_square(stage, "./tex.png")

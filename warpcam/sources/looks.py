@@ -19,6 +19,7 @@ WHITE = (1.0, 1.0, 1.0)
 FROM_ABOVE = 0.4  # share of a dome's light that comes from above instead of from everywhere
 HEADLIGHT = ((0.2, 0.2, 0.2), (0.8, 0.8, 0.8), (0.3, 0.3, 0.3))  # in a scene without lights
 MAX_EXPONENT = 128.0
+DARKEST = 0.1  # of what shines: its own colour, to what it emits
 
 
 def encoded(linear: np.ndarray | Sequence[float]) -> np.ndarray:
@@ -45,11 +46,10 @@ def material_of(look: Look) -> Material:
     glow = np.ones(3) if look.emits else encoded(emission)
     strength = 0.0
     if glow.max() > 0.0:
-        # One colour and one texture for both: of what glows, if that is more.
-        if glow.max() >= base.max() or look.emits:
-            base, strength = glow, 1.0
-        else:
-            strength = float(glow.max() / base.max())
+        # One colour for what it reflects and what it emits: the hue of both, as bright as what it reflects.
+        both = (0.0 if look.emits else base) + glow
+        bright = max(0.0 if look.emits else float(base.max()), DARKEST * float(glow.max()))
+        base, strength = both / both.max() * bright, float(glow.max()) / bright
     roughness = float(np.clip(look.roughness, 0.0, 1.0))
     alpha = max(roughness, 0.05) ** 2
     exponent = min(2.0 / alpha**2 - 2.0, MAX_EXPONENT)  # Blinn-Phong's that is as wide as GGX
