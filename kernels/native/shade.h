@@ -5,13 +5,9 @@
 // light that is everywhere come on top. A textured surface multiplies all of it, highlights included, by its texture.
 #pragma once
 #include "facet.h"
+#include "kept_lights.h"
 
 namespace warpcam {
-
-enum LightType { LIGHT_SPOT, LIGHT_DIRECTIONAL };  // values of types.py
-
-// OpenGL has this many lights, and so has MuJoCo's renderer: the headlight, where it shines, and the first active ones.
-constexpr int MAX_LIGHTS = 8;
 
 // One light in the camera's frame.
 struct Light {
@@ -36,19 +32,8 @@ struct LightList {
 
 WARPCAM_FN bool has_hue(const Row& color) { return color.x != color.y || color.x != color.z; }
 
-template <class Lights> WARPCAM_FN bool gives_light(const Lights& lights, int world, int light)
-{
-    const int type = row_of(lights.types, world, light);
-    return type == LIGHT_SPOT || type == LIGHT_DIRECTIONAL;
-}
-
-template <class Lights> WARPCAM_FN bool shines(const Lights& lights, int world, int light)
-{
-    return row_of(lights.active, world, light);
-}
-
 template <bool SHADOWS, class Lights>
-WARPCAM_FN Light load_light(const Lights& lights, const Camera& camera, int world, int index)
+WARPCAM_FN Light load_light(const Lights& lights, const Camera& camera, int world, int index, int place)
 {
     const Vec direction = turned_back(camera.rotation, to_vec(row_of(lights.directions, world, index)));
     const Vec position = to_vec(row_of(lights.positions, world, index));
@@ -66,7 +51,7 @@ WARPCAM_FN Light load_light(const Lights& lights, const Camera& camera, int worl
         nature |= AMBIENT;
     Light light;
     light.place = to_row(spot ? turned_back(camera.rotation, position - camera.origin) : -direction,
-                         SHADOWS && index < 32 ? 1 << index : 0);
+                         SHADOWS ? 1 << place : 0);
     light.axis = to_row(direction, as_int(wide ? -2.0f : cosine(0.017453292519943295f * cutoff)));
     light.falloff = to_row(falloff, as_int(wide ? 0.0f : row_of(lights.exponent, world, index)));
     light.ambient = to_row(ambient, nature);
@@ -92,9 +77,7 @@ WARPCAM_FN void gather_lights(const Lights& lights, const Camera& camera, int wo
     const int total = lights.types.shape[1];
     const Vec ambient = to_vec(wp::index(lights.headlight, 0)), diffuse = to_vec(wp::index(lights.headlight, 1)),
               specular = to_vec(wp::index(lights.headlight, 2));
-    const Vec sum = ambient + diffuse + specular;
-    const bool headlight = dot(sum, sum) > 0.0f;
-    const int slots = headlight ? MAX_LIGHTS - 1 : MAX_LIGHTS;
+    const bool headlight = headlight_shines(lights);
     if (lane == 0) {
         list.lights[0].place = { 0.0f, 0.0f, 1.0f, 0 };
         list.lights[0].ambient = to_row(ambient, 0);
@@ -104,17 +87,14 @@ WARPCAM_FN void gather_lights(const Lights& lights, const Camera& camera, int wo
     }
     team_barrier();
     for (int light = lane; light < total; light += TEAM) {
-        if (!shines(lights, world, light) || !gives_light(lights, world, light))
-            continue;
-        list.used = 1;
-        int before = 0, kept = 0;  // lights that take a slot, and those of them that give light
+        KeptLights lights_before = kept_lights(lights);
         for (int other = 0; other < light; ++other)
-            if (shines(lights, world, other)) {
-                kept += gives_light(lights, world, other);
-                ++before;
-            }
-        if (before < slots) {
-            list.lights[headlight + kept] = load_light<SHADOWS>(lights, camera, world, light);
+            lights_before.next(lights, world, other);
+        const int place = lights_before.next(lights, world, light);
+        if (lights_before.given > 0)
+            list.used = 1;
+        if (place >= 0) {
+            list.lights[headlight + place] = load_light<SHADOWS>(lights, camera, world, light, place);
 #if defined(__CUDA_ARCH__)
             atomicAdd(&list.count, 1);
 #else
@@ -288,8 +268,8 @@ WARPCAM_FN Lit illuminate_as(const LightList& list, const Facet& facet, const Fi
     return lit;
 }
 
-// The light of a facet's corners, or with CORNERS == 1 of its place. Bit l of `shadow` says that light l, of the first
-// 32, does not reach it.
+// The light of a facet's corners, or with CORNERS == 1 of its place. Bit l of `shadow` says that light l, of
+// those that are kept, does not reach it.
 template <int CORNERS, bool SHADOWS>
 WARPCAM_FN Lit illuminate(const LightList& list, const Facet& facet, const Finish& finish, int shadow)
 {
