@@ -10,6 +10,7 @@ from .launch import record as record_launch
 from .tables import Tables
 from .types import HEIGHT_FIELD, MESH, HeightFields, Materials, Meshes, Shapes, View
 
+IDS, BY_WORLD = 1 << 16, 1 << 17  # visibility.h
 QUADS = 64  # bit of an image's width that is a multiple of four pixels, beside those of the outputs: visibility.h
 LENSES = {"pinhole": 0, "orthographic": 1}
 THREADS = 128  # of a CUDA block; lanes.h has the same number
@@ -34,6 +35,7 @@ class Target:
     distance: wp.array(dtype=wp.float32)  # (world * height * width,) along the ray [m]; inf where nothing is hit
     points: wp.array(dtype=wp.float32)  # (world * height * width * 3,) world frame [m]; inf where nothing is hit
     bodies: wp.array(dtype=wp.int32)  # (world * height * width,) body id, or -1
+    ids: wp.array(dtype=wp.int32)  # (world * height * width,) as Shapes.ids has it, or -1
     width: wp.int32
     height: wp.int32
 
@@ -106,7 +108,7 @@ def record(
             shapes is drawn in passes, which go on from each other's depth and shape: then both are needed.
         shape: int32, likewise.
         face: int32, likewise; see Target.
-        images: "distance", "points" and "bodies", those that are wanted, (world, height, width, channels).
+        images: "distance", "points", "bodies" and "ids", those that are wanted, (world, height, width, channels).
         device: Where all of these lie.
         group: Which worlds are traced; None is all.
     """
@@ -122,6 +124,11 @@ def record(
         if arrays.get(name) is not None:
             setattr(target, name, arrays[name].flatten())
             outputs |= 1 << bit
+    if "ids" in images:
+        target.ids = images["ids"].flatten()
+        outputs |= IDS
+    if tables.ids_by_world and "bodies" in images:
+        outputs |= BY_WORLD
     if "points" in images and width % 4 == 0:
         outputs |= QUADS
     types = sum(1 << t for t in tables.shape_types)

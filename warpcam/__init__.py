@@ -1,6 +1,7 @@
 """Cameras for thousands of robot-simulation worlds at once, with no graphics stack."""
 
 from collections.abc import Collection as _Collection
+from collections.abc import Sequence as _Sequence
 from importlib import import_module as _import_module
 from importlib.metadata import PackageNotFoundError as _PackageNotFoundError
 from importlib.metadata import version as _version
@@ -9,6 +10,7 @@ from typing import Any as _Any
 from warpcam.camera import Camera
 from warpcam.errors import WarpcamError
 from warpcam.lens import Lens, Orthographic, Pinhole
+from warpcam.light import Light
 from warpcam.memory import Memory, estimate_memory
 from warpcam.renderer import Renderer
 from warpcam.scene import Scene
@@ -21,6 +23,7 @@ except _PackageNotFoundError:  # run from its sources
 __all__ = [
     "Camera",
     "Lens",
+    "Light",
     "Memory",
     "Orthographic",
     "Pinhole",
@@ -30,6 +33,7 @@ __all__ = [
     "estimate_memory",
     "from_mujoco",
     "from_mujoco_warp",
+    "from_newton",
 ]
 
 
@@ -63,11 +67,35 @@ def from_mujoco(mjm: _Any, mjd: _Any, *, groups: _Collection[int] = (0, 1, 2), d
     return scene
 
 
+def from_newton(
+    model: _Any, state: _Any, *, lights: _Sequence[Light] | None = None, ambient: _Any = (0.2, 0.2, 0.2)
+) -> Scene:
+    """The worlds of a Newton simulation, whichever solver moves it, read where they lie.
+
+    What changes in the state and in the model's ``shape_transform``, ``shape_scale``, ``shape_color``,
+    ``shape_opacity`` and ``shape_flags`` is seen at the next render; types, meshes, height fields and textures are read
+    once. A solver that goes back and forth between two states needs ``scene.bind(state)`` before the next render.
+
+    ``segmentation`` gives Newton's shape index, ``bodies`` its body index. A camera's parent is a body's label or
+    index; in every world the camera rides on the body of that name.
+
+    Args:
+        model: A ``newton.Model``; its device is the scene's.
+        state: A ``newton.State`` of it.
+        lights: Newton has none of its own. None is one from above, as in Newton's own renderer. What a world may change
+            lies in ``scene.array("light_directions")`` and the like, (world, light).
+        ambient: (3,) light that is everywhere.
+    """
+    scene: Scene = _source("newton").load(model, state, lights, ambient)
+    return scene
+
+
 def _source(name: str) -> _Any:
     """The module that reads one simulator, imported only now: the simulator need not be installed otherwise."""
     try:
         return _import_module(f"warpcam.sources.{name}")
     except ModuleNotFoundError as error:
+        extra = "newton" if name == "newton" else "mujoco"
         raise WarpcamError(
-            f"{error.name} is not installed, and this scene needs it: pip install 'warpcam[mujoco]'"
+            f"{error.name} is not installed, and this scene needs it: pip install 'warpcam[{extra}]'"
         ) from error

@@ -6,12 +6,18 @@ import numpy as np
 
 from warpcam.accel.heightfields import HeightField
 from warpcam.accel.meshes import Mesh
-from warpcam.kernels.types import CAPSULE, CYLINDER, HEIGHT_FIELD, MESH, PLANE, SPHERE
+from warpcam.kernels.types import BARREL, CAPSULE, CONE, CYLINDER, HEIGHT_FIELD, MESH, PLANE, SPHERE
 
 Bounds = tuple[np.ndarray, np.ndarray]
 
 # How the half extents of a box are made of the three sizes: their indices, and the one added to the third.
-EXTENTS = {SPHERE: ((0, 0, 0), None), CAPSULE: ((0, 0, 0), 1), CYLINDER: ((0, 0, 1), None)}
+EXTENTS = {
+    SPHERE: ((0, 0, 0), None),
+    CAPSULE: ((0, 0, 0), 1),
+    CYLINDER: ((0, 0, 1), None),
+    CONE: ((0, 0, 1), None),
+    BARREL: ((0, 0, 1), None),
+}
 DEFAULT_COLOR = np.array((0.5, 0.5, 0.5, 1.0), np.float32)  # a shape's colour that leaves the say to its material
 
 
@@ -21,6 +27,7 @@ def bounds_of(
     drawn: Sequence[int],
     meshes: Sequence[Mesh],
     height_fields: Sequence[HeightField],
+    scaled: bool = False,
 ) -> Bounds:
     """Lowest and highest corner, (3,) float32 each [m]; zeros where there is nothing.
 
@@ -31,6 +38,7 @@ def bounds_of(
             pose is not a number do not count.
         meshes: What ``shape_assets`` counts for meshes.
         height_fields: What ``shape_assets`` counts for height fields.
+        scaled: Whether the sizes of meshes and height fields are scales along their axes.
     """
     boxes = {
         MESH: _stacked([_mesh_box(mesh) for mesh in meshes]),
@@ -44,6 +52,9 @@ def bounds_of(
             low, high = boxes[kind]
             assets = _by_world(arrays["shape_assets"], worlds, shape)  # -1 takes the last row, which is nothing
             low, high = low[assets], high[assets]
+            if scaled:
+                scales = _by_world(arrays["shape_sizes"], worlds, shape)
+                low, high = np.minimum(low * scales, high * scales), np.maximum(low * scales, high * scales)
         else:
             high = _half_extents(kind, _by_world(arrays["shape_sizes"], worlds, shape))
             low = -high
@@ -84,6 +95,10 @@ def _half_extents(kind: int, sizes: np.ndarray) -> np.ndarray:
     half = sizes[:, order]
     if added is not None:
         half[:, 2] += sizes[:, added]
+    if kind == BARREL:
+        arc, along = np.maximum(sizes[:, 2], sizes[:, 1]), sizes[:, 1]
+        belly = along**2 / np.maximum(arc + np.sqrt(arc**2 - along**2), 1e-30)
+        half[:, :2] += np.where(sizes[:, 2] > 0.0, belly, 0.0)[:, None]
     return half
 
 

@@ -4,6 +4,7 @@ import itertools
 import threading
 from collections import defaultdict
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import warp as wp
@@ -26,6 +27,16 @@ from warpcam.targets import Target
 _turns: defaultdict[str, threading.Lock] = defaultdict(threading.Lock)
 
 Images = dict[str | int, dict[str, interop.Tensor]]
+
+MAX_RECORDINGS = 4  # states that a renderer goes to and fro between without recording anew
+
+
+@dataclass(frozen=True, eq=False)
+class Recording:
+    """Frames and their graphs, each of all worlds (True) or of those that were chosen."""
+
+    frames: dict[bool, Frame]
+    graphs: dict[bool, wp.Graph]
 
 
 class Renderer:
@@ -69,8 +80,8 @@ class Renderer:
             key: CameraArrays(self._cameras[key].where, mounted.arrays) for key, mounted in self._mounted.items()
         }
         self._tables: Tables | None = None
-        self._frames: dict[bool, Frame] = {}
-        self._graphs: dict[bool, wp.Graph] = {}
+        # What is drawn by the scene's stages, the last used at the end.
+        self._recordings: dict[tuple[Stage, ...], Recording] = {}
         self._record(tables)
 
     def render(self, worlds: Any = None, forward: bool = False) -> Images:
@@ -141,20 +152,36 @@ class Renderer:
         slots = self._scratch.slots
         chains = [list(itertools.chain(*groups[slot::slots])) for slot in range(slots)]
         begin = {everything: record_begin(everything, mask, self._faults, self._device) for everything in (True, False)}
-        bind([*begin.values(), *views, *itertools.chain(*groups)])
-        self._frames = {everything: Frame([stage, *views], chains, self._device) for everything, stage in begin.items()}
-        self._graphs = {}
+        bind([*begin.values(), *self._scene.stages(), *views, *itertools.chain(*groups)])
+        self._begin, self._views, self._chains = begin, views, chains
+        self._recordings = {}
         self._tables = tables
 
+    def _recording(self) -> "Recording":
+        """The frames for what the scene is bound to now."""
+        stages = self._scene.stages()
+        recording = self._recordings.pop(stages, None)
+        if recording is None:
+            if len(self._recordings) >= MAX_RECORDINGS:
+                self._recordings.pop(next(iter(self._recordings)))
+            frames = {
+                everything: Frame([begin, *stages, *self._views], self._chains, self._device)
+                for everything, begin in self._begin.items()
+            }
+            recording = Recording(frames, {})
+        self._recordings[stages] = recording
+        return recording
+
     def _run(self, everything: bool, capturing: bool) -> None:
-        frame = self._frames[everything]
+        recording = self._recording()
+        frame, graphs = recording.frames[everything], recording.graphs
         if not self._graph or capturing:
             frame.launch()
             return
-        if everything in self._graphs:
-            wp.capture_launch(self._graphs[everything], stream=self._device.stream)
+        if everything in graphs:
+            wp.capture_launch(graphs[everything], stream=self._device.stream)
             return
         frame.launch()  # the first time by itself: the driver may still have to load the kernels
         with wp.ScopedStream(quiet_stream(self._device)), wp.ScopedCapture(self._device) as capture:
             frame.launch()
-        self._graphs[everything] = capture.graph
+        graphs[everything] = capture.graph

@@ -39,7 +39,7 @@ def buffers_of(camera: Camera, tables: Tables) -> tuple[str, ...]:
         )
     passes = tables.num_drawn > visibility.MAX_LISTED  # they go on from each other's depth and shape
     needed = passes or any(output.trace is None for output in asked)
-    images = {output.trace for output in asked}
+    images = {output.trace for output in asked} - ({"shape"} if tables.ids_by_world else set())
     faces = bool(tables.shape_types & {MESH, HEIGHT_FIELD}) and any(output.face for output in asked)
     wanted = {
         "depth": needed and "depth" not in images,

@@ -60,6 +60,8 @@ class Target:
         hits: dict[str, wp.array] = {
             name: self._traced[name] for name in ("distance", "points", "bodies") if name in self._traced
         }
+        if tables.ids_by_world and "shape" in self._traced:  # what is asked for are ids; the stages pass on columns
+            shape, hits["ids"] = buffers.get("shape"), self._traced["shape"]
         stages = [
             visibility.record(
                 tables, projection, views, mask, faults, width, height, depth, shape, face, hits, device, group

@@ -4,8 +4,10 @@
 
 namespace warpcam {
 
-// What the trace writes. QUADS: the image's width is a multiple of four pixels.
+// What the trace writes. QUADS: the image's width is a multiple of four pixels. IDS: the ids that shapes have in each
+// world; BY_WORLD: bodies have such ids too.
 enum Output { DEPTH = 1, SHAPE = 2, FACE = 4, DISTANCE = 8, POINTS = 16, BODIES = 32, QUADS = 64 };
+enum { IDS = 1 << 16, BY_WORLD = 1 << 17 };
 
 // Pixel (i, j) is column i and row j of the image.
 template <int LENS, int OUTPUTS, class Target, class Shapes> struct Canvas {
@@ -52,7 +54,9 @@ template <int LENS, int OUTPUTS, class Target, class Shapes> struct Canvas {
         if (WHAT & DISTANCE)
             target.distance.data[pixel] = distance_of<LENS>(hit, seen.x, seen.y);
         if (WHAT & BODIES)
-            target.bodies.data[pixel] = body_of(hit, shapes);
+            target.bodies.data[pixel] = body_of<(OUTPUTS & BY_WORLD) != 0>(hit, shapes, world);
+        if (WHAT & IDS)
+            target.ids.data[pixel] = id_of(hit, shapes, world);
         if (WHAT & POINTS)
             put_three(target.points.data, pixel, point_of<LENS>(hit, camera, seen.x, seen.y));
     }

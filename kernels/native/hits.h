@@ -26,9 +26,17 @@ template <int LENS> WARPCAM_FN Vec point_of(const Hit& hit, const Camera& camera
     return camera.origin + turned(camera.rotation, { near * x, near * y, -hit.depth });
 }
 
-template <class Shapes> WARPCAM_FN int body_of(const Hit& hit, const Shapes& shapes)
+// With BY_WORLD ids differ from world to world: types.py, Shapes.
+template <bool BY_WORLD, class Shapes> WARPCAM_FN int body_of(const Hit& hit, const Shapes& shapes, int world)
 {
+    if (BY_WORLD)
+        return hit.shape >= 0 ? wp::index(shapes.body_ids, world, hit.shape) : -1;
     return hit.shape >= 0 ? wp::index(shapes.bodies, hit.shape) : -1;
+}
+
+template <class Shapes> WARPCAM_FN int id_of(const Hit& hit, const Shapes& shapes, int world)
+{
+    return hit.shape >= 0 ? wp::index(shapes.ids, world, hit.shape) : -1;
 }
 
 }  // namespace warpcam

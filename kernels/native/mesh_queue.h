@@ -37,7 +37,7 @@ WARPCAM_FN void enqueue(MeshQueue<WORDS>& queue, const ShapeList<CAPACITY>& list
 
 // Traces the rays of the queue and stores what they hit: store(pixel, hit). `ray_of(pixel)` is a pixel's ray.
 // All warps of the block come here together.
-template <int CAPACITY, int WORDS, class Meshes, class RayOf, class Store>
+template <int TYPES, int CAPACITY, int WORDS, class Meshes, class RayOf, class Store>
 WARPCAM_FN void trace_queue(MeshQueue<WORDS>& queue, const ShapeList<CAPACITY>& list, const Meshes& meshes, float near,
                             const RayOf& ray_of, const Store& store)
 {
@@ -133,7 +133,7 @@ WARPCAM_FN void trace_queue(MeshQueue<WORDS>& queue, const ShapeList<CAPACITY>& 
             if (node < 0) {
                 const int code = -node - 1, first = code >> 4, end = first + (code & 15);
                 const Record& record = list.records[slot];
-                const RayFrame frame = ray.frame(record);
+                const RayFrame frame = ray.template frame<TYPES>(record);
                 const unsigned faces = wp::index(meshes.face_start, record.axis_z.w);
                 for (int f = first; f < end; ++f) {
                     const unsigned at = faces + unsigned(f * FACE_ROWS);

@@ -122,7 +122,7 @@ WARPCAM_FN void draw_tiles(ShapeList<CAPACITY>& list, const Canvas<LENS, OUTPUTS
                 canvas.template put<OUTPUTS>(region.left + pixel % 64, region.top + pixel / 64, hit);
             };
             if (queue.count > 0)
-                trace_queue(queue, list, meshes, near, ray_of, store);
+                trace_queue<TYPES>(queue, list, meshes, near, ray_of, store);
             block_barrier();
         }
     } while (HAS_MESH && list.next_tile < tiles);

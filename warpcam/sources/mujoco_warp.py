@@ -10,6 +10,7 @@ import warp as wp
 
 from warpcam import device as device_rule
 from warpcam.errors import WarpcamError
+from warpcam.kernels.launch import Stage
 from warpcam.scene import Scene
 from warpcam.sources import mujoco_model as model
 
@@ -53,6 +54,12 @@ class MujocoWarpSource:
 
     def refresh(self) -> None:
         pass
+
+    def stages(self) -> tuple[Stage, ...]:
+        return ()
+
+    def bind(self, state: Any) -> None:
+        raise WarpcamError("bind: this scene reads the data that it was made from; make another scene for another")
 
     def forward(self) -> None:
         with wp.ScopedDevice(self.device):  # MuJoCo-Warp launches on Warp's current device
