@@ -94,8 +94,8 @@ WARPCAM_FN float enter_cone(Vec o, Vec d)
 }
 
 // End radius 1, half length `half`; the side is the arc of a circle of radius `arc`, turned about the axis. How far a
-// point is outside of the side grows along a ray at a rate that never falls: Newton's steps come from before the entry
-// and never pass it, or the rate turns positive, and there is none.
+// point is outside of the side, by the squares of distances, is convex along a ray: Newton's steps from before the entry
+// never pass it, or the rate turns positive, and there is none.
 WARPCAM_FN float enter_barrel(Vec o, Vec d, float half, float arc)
 {
     const float end = root(upper(arc * arc - half * half, 0.0f)), belly = 1.0f + half * half * reciprocal(arc + end);
@@ -104,18 +104,17 @@ WARPCAM_FN float enter_barrel(Vec o, Vec d, float half, float arc)
     const float fx = o.x + middle * d.x, fy = o.y + middle * d.y;
     const float gap = belly * belly - (fx * fx + fy * fy), reach = root(upper(gap, 0.0f) * inverse);
     const float rate = reciprocal(nonzero(d.z)), level = -o.z * rate, wide = half * magnitude(rate);
+    const float leave = lower(middle + reach, level + wide), size = reciprocal(end + 1.0f);
     float t = upper(middle - reach, level - wide);
-    const float leave = lower(middle + reach, level + wide);
     bool meets = (gap >= 0.0f) & (t <= leave);
-    float left = 1.0f;
 #pragma unroll 1
     for (int step = 0; step < BARREL_STEPS; ++step) {
         const float x = o.x + t * d.x, y = o.y + t * d.y, z = o.z + t * d.z;
-        const float inside = root(upper(arc * arc - z * z, 1.0e-12f)), around = root(upper(x * x + y * y, 1.0e-30f));
-        left = around - 1.0f - (half * half - z * z) * reciprocal(inside + end);
-        const float speed = (x * d.x + y * d.y) * reciprocal(around) + z * d.z * reciprocal(inside);
+        const float around = root(upper(x * x + y * y, 1.0e-30f)), past = upper(around - 1.0f, -end);
+        const float left = size * (past * (past + 2.0f * end) + (z - half) * (z + half));
+        const float speed = size * ((past + end) * (x * d.x + y * d.y) * reciprocal(around) + z * d.z);
         meets &= (left <= 1.0e-6f) | (speed < 0.0f);
-        t = left > 0.0f ? t - left * reciprocal(lower(speed, -1.0e-20f)) : t;
+        t = left > 0.0f ? t - 0.5f * left * reciprocal(lower(speed, -1.0e-20f)) : t;
     }
     meets &= t <= leave + 1.0e-6f * (magnitude(leave) + 1.0f);
     return meets ? t : FAR_AWAY;

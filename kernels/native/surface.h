@@ -98,16 +98,16 @@ WARPCAM_FN void cone_surface(float radius, float half_length, Vec ray, Surface& 
     }
 }
 
-// As a cylinder, but for the normals of its side.
+// As a cylinder, but for the normals of its side, which point away from the middle of the arc.
 WARPCAM_FN void barrel_surface(Vec size, Vec ray, Surface& surface)
 {
     const Vec p = surface.local;
     const float axial = root(p.x * p.x + p.y * p.y), arc = size.z > 0.0f ? upper(size.z, size.y) : STRAIGHT;
-    const float inside = root(upper(arc * arc - p.z * p.z, TINY)), end = root(upper(arc * arc - size.y * size.y, 0.0f));
-    const float rate = reciprocal(upper(axial, TINY));
+    const float end = root(upper(arc * arc - size.y * size.y, 0.0f)), past = axial - size.x;
+    const float rate = (past + end) * reciprocal(upper(axial, TINY));
     surface.part = SIDE;
-    surface.normal = normalized({ rate * p.x, rate * p.y, p.z * reciprocal(inside) });
-    const float gap = axial - size.x - (size.y * size.y - p.z * p.z) * reciprocal(inside + end);
+    surface.normal = normalized({ rate * p.x, rate * p.y, p.z });
+    const float gap = (past * (past + 2.0f * end) + p.z * p.z - size.y * size.y) * reciprocal(2.0f * arc);
     if (magnitude(size.y + sign(ray.z) * p.z) < magnitude(gap)) {
         surface.part = ray.z < 0.0f ? TOP : BOTTOM;
         surface.normal = { 0.0f, 0.0f, -sign(ray.z) };

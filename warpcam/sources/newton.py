@@ -82,6 +82,7 @@ class NewtonSource:
         self._state = state
         self._stages: dict[tuple[Any, ...], tuple[Stage, ...]] = {}
         self._read: tuple[Any, ...] = ()
+        self._bound: tuple[Stage, ...] = ()
         for stage in self.stages():
             stage.launch()
 
