@@ -3,7 +3,7 @@
 import functools
 import itertools
 import os
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
@@ -33,8 +33,7 @@ class Group:
 
     Attributes:
         worlds: Which.
-        at_once: How many worlds are under way on the device at the same time, in this and in other groups: it takes
-            that many to fill it.
+        at_once: How many worlds the largest group has: regions are as large as leaves that many enough to do.
     """
 
     worlds: range
@@ -89,36 +88,45 @@ class Stage:
 
 
 class Frame:
-    """Stages in their order: first those that open the frame, then chains that may run side by side.
+    """Stages in their order: phase after phase, each of chains that may run side by side.
 
     ``launch()`` neither allocates nor syncs. It may be part of a capture.
     """
 
-    def __init__(self, opening: Sequence[Stage], chains: Sequence[Sequence[Stage]], device: wp.Device):
-        self._opening, self._chains, self._device = tuple(opening), tuple(tuple(chain) for chain in chains), device
-        beside = self._chains[1:] if device.is_cuda else ()
-        self._streams = [quiet_stream(device) for _ in beside]
-        self._opened = wp.Event(device) if beside else None
-        self._done = [wp.Event(device) for _ in beside]
+    def __init__(self, phases: Sequence[Sequence[Sequence[Stage]]], device: wp.Device):
+        self.phases = tuple(tuple(map(tuple, chains)) for chains in phases)
+        self._device = device
+        beside = max(map(len, self.phases), default=1) - 1 if device.is_cuda else 0
+        self._streams = [quiet_stream(device) for _ in range(beside)]
+        self._begun = wp.Event(device) if beside else None
+        self._done = [wp.Event(device) for _ in range(beside)]
+
+    @property
+    def stages(self) -> Iterator[Stage]:
+        for chains in self.phases:
+            yield from itertools.chain(*chains)
 
     def launch(self) -> None:
         """Enqueue the frame on the device's current stream (CUDA) or finish it (CPU)."""
-        for stage in self._opening:
-            stage.launch()
-        if not self._streams:
-            for stage in itertools.chain(*self._chains):
-                stage.launch()
-            return
+        for chains in self.phases:
+            if len(chains) > 1 and self._streams:
+                self._launch_together(chains)
+            else:
+                for stage in itertools.chain(*chains):
+                    stage.launch()
+
+    def _launch_together(self, chains: Sequence[Sequence[Stage]]) -> None:
         stream = self._device.stream
-        stream.record_event(self._opened)
-        for side in self._streams:
-            side.wait_event(self._opened)
+        beside = list(zip(self._streams, self._done, strict=True))[: len(chains) - 1]
+        stream.record_event(self._begun)
+        for side, _ in beside:
+            side.wait_event(self._begun)
         # One stage of each chain in turn, so that none waits for the host.
-        for stages in itertools.zip_longest(*self._chains):
-            for stage, where in zip(stages, (stream, *self._streams), strict=True):
+        for stages in itertools.zip_longest(*chains):
+            for stage, where in zip(stages, (stream, *(side for side, _ in beside)), strict=True):
                 if stage is not None:
                     stage.launch(where)
-        for side, done in zip(self._streams, self._done, strict=True):
+        for side, done in beside:
             side.record_event(done)
             stream.wait_event(done)
 

@@ -2,6 +2,7 @@
 
 import functools
 from collections.abc import Mapping
+from typing import Any
 
 import warp as wp
 
@@ -24,19 +25,23 @@ OUTPUTS: Mapping[str, tuple[type, int]] = {
 MAX_KEPT = 256  # shapes whose looks a block can keep
 
 
-@wp.struct
-class Frame:
+@functools.cache
+def frame_struct(shape_dtype: Any, face_dtype: Any, shadow_dtype: Any) -> Any:
     """One camera's visibility in all worlds: what the kernel reads."""
 
-    views: wp.array(dtype=View)  # (world,)
-    mask: wp.array(dtype=wp.uint8)  # (world,) 0 leaves the world's images alone
-    depth: wp.array(dtype=wp.float32)  # (pixel,) planar depth [m]
-    shape: wp.array(dtype=wp.int32)  # (pixel,) or -1 where nothing was hit
-    face: wp.array(dtype=wp.int32)  # (pixel,) as the trace wrote it: see visibility.py
-    shadow: wp.array(dtype=wp.int32)  # (pixel,) bit l: light l does not reach the pixel; empty without shadows
-    width: wp.int32
-    height: wp.int32
-    horizon: wp.float32  # how far the camera of MuJoCo's renderer sees [m]; see native/cells.h
+    @wp.struct
+    class Frame:
+        views: wp.array(dtype=View)  # (world,)
+        mask: wp.array(dtype=wp.uint8)  # (world,) 0 leaves the world's images alone
+        depth: wp.array(dtype=wp.float32)  # (pixel,) planar depth [m]
+        shape: wp.array(dtype=shape_dtype)  # (pixel,) or -1 where nothing was hit
+        face: wp.array(dtype=face_dtype)  # (pixel,) as the trace wrote it: see visibility.py
+        shadow: wp.array(dtype=shadow_dtype)  # (pixel,) bit l: light l does not reach the pixel; empty without shadows
+        width: wp.int32
+        height: wp.int32
+        horizon: wp.float32  # how far the camera of MuJoCo's renderer sees [m]; see native/cells.h
+
+    return Frame
 
 
 @wp.struct
@@ -51,13 +56,15 @@ class Images:
 
 
 @functools.cache
-def _kernel(types: int, lens: int, capacity: int, width: int, height: int, images: int, facts: int) -> wp.Kernel:
+def _kernel(
+    types: int, lens: int, capacity: int, width: int, height: int, images: int, facts: int, frame_type: Any
+) -> wp.Kernel:
     @wp.func_native(
         f"warpcam::resolve<{types}, {lens}, {capacity}, {width}, {height}, {images}, {facts}>(warpcam::Scene {{ "
         "frame, images, shapes, meshes, fields, materials, textures, background }, lights, index);"
     )
     def resolve(
-        frame: Frame,
+        frame: frame_type,
         images: Images,
         shapes: Shapes,
         meshes: Meshes,
@@ -77,7 +84,7 @@ def _kernel(types: int, lens: int, capacity: int, width: int, height: int, image
         module_options={"extra_build_options": native_options("resolve.h")},
     )
     def write_images(
-        frame: Frame,
+        frame: frame_type,
         images: Images,
         shapes: Shapes,
         meshes: Meshes,
@@ -117,10 +124,10 @@ def record(
         views: (world,) of ``View``.
         mask: uint8 (world,); 0 leaves the world's images alone.
         depth: Planar depth [m], float32 (world, height, width).
-        shape: Shape ids, int32 (world, height, width), -1 where nothing is hit.
-        face: Faces, int32 (world, height, width): of a mesh counted in leaf order, of a height field twice the cell
+        shape: Shape ids, an integer type that holds them (world, height, width), -1 where nothing is hit.
+        face: Faces, likewise (world, height, width): of a mesh counted in leaf order, of a height field twice the cell
             plus the triangle (0 below, 1 above the diagonal from low to high row and column), -1 for its sides.
-        shadow: int32 (world, height, width); bit l is set where light l is hidden. None: nothing casts shadows.
+        shadow: Integers (world, height, width); bit l is set where light l is hidden. None: nothing casts shadows.
         width: Of the image [pixels].
         height: Of the image [pixels].
         device: Where everything lies.
@@ -129,13 +136,15 @@ def record(
     unknown = sorted(set(outputs) - set(OUTPUTS))
     if unknown:
         raise ValueError(f"outputs: {unknown} are not made here; these are: {sorted(OUTPUTS)}")
-    frame = Frame()
+    masks = wp.empty(0, dtype=wp.uint8, device=device) if shadow is None else shadow
+    frame_type = frame_struct(shape.dtype, face.dtype, masks.dtype)
+    frame = frame_type()
     frame.views = views
     frame.mask = mask
     frame.depth = depth.flatten()
     frame.shape = shape.flatten()
     frame.face = face.flatten()
-    frame.shadow = shadow.flatten() if shadow is not None else wp.empty(0, dtype=wp.int32, device=device)
+    frame.shadow = masks.flatten()
     frame.width = width
     frame.height = height
     frame.horizon = tables.horizon
@@ -150,7 +159,8 @@ def record(
     group = group or Group.of_all(tables.num_worlds)
     region = region_size(group.at_once, width, height, device)
     types = sum(1 << t for t in tables.shape_types)
-    kernel = _kernel(types, LENSES[lens], _capacity(tables), *region, wanted, _facts(tables, shadow is not None, width))
+    facts = _facts(tables, shadow is not None, width)
+    kernel = _kernel(types, LENSES[lens], _capacity(tables), *region, wanted, facts, frame_type)
     inputs = [
         frame,
         images,

@@ -1,6 +1,7 @@
 """Shadows: for each pixel the lights that do not reach what it sees."""
 
 import functools
+from typing import Any
 
 import warp as wp
 
@@ -16,21 +17,25 @@ FEW_BLOCKS = 5  # as many as its shared memory holds of the longest lists with m
 CAPACITIES = (16, 32, 64, 128, 192)  # how many shapes a pass lists: few sizes, so that scenes share kernels
 
 
-@wp.struct
-class Shaded:
+@functools.cache
+def shaded_struct(shape_dtype: Any, face_dtype: Any, shadow_dtype: Any) -> Any:
     """What the shadow kernel reads and writes, each (world * height * width,)."""
 
-    mask: wp.array(dtype=wp.uint8)  # (world,) 0 leaves the world's images alone
-    depth: wp.array(dtype=wp.float32)  # planar depth [m]
-    shape: wp.array(dtype=wp.int32)  # shape id, or -1
-    face: wp.array(dtype=wp.int32)  # see visibility.Target; empty for a scene without meshes
-    shadow: wp.array(dtype=wp.int32)  # bit l is set where light l does not reach the point
-    width: wp.int32
-    height: wp.int32
+    @wp.struct
+    class Shaded:
+        mask: wp.array(dtype=wp.uint8)  # (world,) 0 leaves the world's images alone
+        depth: wp.array(dtype=wp.float32)  # planar depth [m]
+        shape: wp.array(dtype=shape_dtype)  # shape id, or -1
+        face: wp.array(dtype=face_dtype)  # see visibility.target_struct; empty for a scene without meshes
+        shadow: wp.array(dtype=shadow_dtype)  # bit l is set where light l does not reach the point
+        width: wp.int32
+        height: wp.int32
+
+    return Shaded
 
 
 @functools.cache
-def _kernel(types: int, lens: int, capacity: int, width: int, height: int) -> wp.Kernel:
+def _kernel(types: int, lens: int, capacity: int, width: int, height: int, target_type: Any) -> wp.Kernel:
     @wp.func_native(
         f"warpcam::cast<{types}, {lens}, {capacity}, {width}, {height}>"
         "(shapes, materials, meshes, fields, lights, views, target, index);"
@@ -42,7 +47,7 @@ def _kernel(types: int, lens: int, capacity: int, width: int, height: int) -> wp
         fields: HeightFields,
         lights: Lights,
         views: wp.array(dtype=View),
-        target: Shaded,
+        target: target_type,
         index: int,
     ): ...
 
@@ -60,7 +65,7 @@ def _kernel(types: int, lens: int, capacity: int, width: int, height: int) -> wp
         fields: HeightFields,
         lights: Lights,
         views: wp.array(dtype=View),
-        target: Shaded,
+        target: target_type,
         first: wp.int32,
     ):
         cast(shapes, materials, meshes, fields, lights, views, target, first + wp.tid())
@@ -90,15 +95,16 @@ def record(
         views: View, (world,).
         mask: uint8, (world,); worlds with 0 are left alone.
         depth: float32, (world, height, width, ...), as the trace wrote it.
-        shape: int32, likewise.
-        face: int32, likewise; only needed for scenes with meshes.
+        shape: Shape ids, likewise.
+        face: Faces, likewise; only needed for scenes with meshes.
         width: Image width [pixels].
         height: Image height [pixels].
-        shadow: int32, likewise; written.
+        shadow: An integer type with a bit for each light, likewise; written.
         device: Where all of these lie.
         group: Which worlds are shaded; None is all.
     """
-    target = Shaded()
+    target_type = shaded_struct(shape.dtype, wp.int32 if face is None else face.dtype, shadow.dtype)
+    target = target_type()
     target.mask, target.width, target.height = mask, width, height
     target.depth, target.shape, target.shadow = depth.flatten(), shape.flatten(), shadow.flatten()
     if face is not None:
@@ -107,7 +113,7 @@ def record(
     capacity = next(size for size in CAPACITIES if size >= min(tables.num_drawn, CAPACITIES[-1]))
     group = group or Group.of_all(views.shape[0])
     region = region_size(group.at_once, width, height, device)
-    kernel = _kernel(types, LENSES[lens], capacity, *region)
+    kernel = _kernel(types, LENSES[lens], capacity, *region, target_type)
     unit = -(-width // region[0]) * -(-height // region[1]) * (THREADS if device.is_cuda else 1)  # threads a world
     arguments = [tables.shapes, tables.materials, tables.meshes, tables.height_fields, tables.lights, views, target]
     return record_launch(

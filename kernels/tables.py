@@ -22,6 +22,8 @@ class Tables:
     num_drawn: int  # length of shapes.drawn
     num_lights: int
     shape_types: frozenset[int]  # types among the drawn shapes
+    num_shapes: int  # ids are below this
+    num_faces: int  # of the largest mesh, as it is stored
     has_materials: bool
     has_textures: bool  # some material can show a texture
     has_skybox: bool

@@ -2,6 +2,7 @@
 
 import functools
 from collections.abc import Mapping
+from typing import Any
 
 import warp as wp
 
@@ -21,27 +22,33 @@ LISTED_BYTES = 99  # of it for each shape that a block lists: tiles.h, ShapeList
 MESH_BLOCKS = 8  # the same for scenes with meshes or height fields
 
 
-@wp.struct
-class Target:
+@functools.cache
+def target_struct(shape_dtype: Any, face_dtype: Any) -> Any:
     """Where the trace writes. Arrays that were not asked for are empty."""
 
-    mask: wp.array(dtype=wp.uint8)  # (world,) 0 leaves the world's images alone
-    faults: wp.array(dtype=wp.uint8)  # (world,) set to 1 where a pose or size is not a number
-    depth: wp.array(dtype=wp.float32)  # (world * height * width,) planar depth [m]; View.miss where nothing is hit
-    shape: wp.array(dtype=wp.int32)  # (world * height * width,) shape id, or -1
-    # (world * height * width,) mesh: row / 3 of the face in the mesh's part of Meshes.faces; height field:
-    # 2 * cell + k, where k = 0 is the triangle below the cell's diagonal, -1 on sides and base; else undefined
-    face: wp.array(dtype=wp.int32)
-    distance: wp.array(dtype=wp.float32)  # (world * height * width,) along the ray [m]; inf where nothing is hit
-    points: wp.array(dtype=wp.float32)  # (world * height * width * 3,) world frame [m]; inf where nothing is hit
-    bodies: wp.array(dtype=wp.int32)  # (world * height * width,) body id, or -1
-    ids: wp.array(dtype=wp.int32)  # (world * height * width,) as Shapes.ids has it, or -1
-    width: wp.int32
-    height: wp.int32
+    @wp.struct
+    class Target:
+        mask: wp.array(dtype=wp.uint8)  # (world,) 0 leaves the world's images alone
+        faults: wp.array(dtype=wp.uint8)  # (world,) set to 1 where a pose or size is not a number
+        depth: wp.array(dtype=wp.float32)  # (world * height * width,) planar depth [m]; View.miss where nothing is hit
+        shape: wp.array(dtype=shape_dtype)  # (world * height * width,) shape id, or -1
+        # (world * height * width,) mesh: row / 3 of the face in the mesh's part of Meshes.faces; height field:
+        # 2 * cell + k, where k = 0 is the triangle below the cell's diagonal, -1 on sides and base; else undefined
+        face: wp.array(dtype=face_dtype)
+        distance: wp.array(dtype=wp.float32)  # (world * height * width,) along the ray [m]; inf where nothing is hit
+        points: wp.array(dtype=wp.float32)  # (world * height * width * 3,) world frame [m]; inf where nothing is hit
+        bodies: wp.array(dtype=wp.int32)  # (world * height * width,) body id, or -1
+        ids: wp.array(dtype=wp.int32)  # (world * height * width,) as Shapes.ids has it, or -1
+        width: wp.int32
+        height: wp.int32
+
+    return Target
 
 
 @functools.cache
-def _kernel(types: int, lens: int, capacity: int, several: bool, width: int, height: int, outputs: int) -> wp.Kernel:
+def _kernel(
+    types: int, lens: int, capacity: int, several: bool, width: int, height: int, outputs: int, target_type: Any
+) -> wp.Kernel:
     flag = "true" if several else "false"
 
     @wp.func_native(
@@ -54,7 +61,7 @@ def _kernel(types: int, lens: int, capacity: int, several: bool, width: int, hei
         meshes: Meshes,
         fields: HeightFields,
         views: wp.array(dtype=View),
-        target: Target,
+        target: target_type,
         index: int,
     ): ...
 
@@ -71,7 +78,7 @@ def _kernel(types: int, lens: int, capacity: int, several: bool, width: int, hei
         meshes: Meshes,
         fields: HeightFields,
         views: wp.array(dtype=View),
-        target: Target,
+        target: target_type,
         first: wp.int32,
     ):
         draw(shapes, materials, meshes, fields, views, target, first + wp.tid())
@@ -106,8 +113,8 @@ def record(
         height: Image height [pixels].
         depth: float32, (world, height, width, ...), or None if it is not wanted. A scene of more than MAX_LISTED
             shapes is drawn in passes, which go on from each other's depth and shape: then both are needed.
-        shape: int32, likewise.
-        face: int32, likewise; see Target.
+        shape: An integer type that holds every shape id and -1, likewise.
+        face: An integer type that holds every face, likewise; see ``target_struct``.
         images: "distance", "points", "bodies" and "ids", those that are wanted, (world, height, width, channels).
         device: Where all of these lie.
         group: Which worlds are traced; None is all.
@@ -115,7 +122,8 @@ def record(
     group = group or Group.of_all(views.shape[0])
     capacity = list_capacity(tables.num_drawn)
     several = tables.num_drawn > capacity
-    target = Target()
+    target_type = target_struct(_dtype(shape), _dtype(face))
+    target = target_type()
     target.mask, target.faults = mask, faults
     target.width, target.height = width, height
     outputs = 0
@@ -133,12 +141,16 @@ def record(
         outputs |= QUADS
     types = sum(1 << t for t in tables.shape_types)
     region = region_size(group.at_once, width, height, device)
-    kernel = _kernel(types, LENSES[lens], capacity, several, *region, outputs)
+    kernel = _kernel(types, LENSES[lens], capacity, several, *region, outputs, target_type)
     unit = -(-width // region[0]) * -(-height // region[1]) * (THREADS if device.is_cuda else 1)  # threads a world
     arguments = [tables.shapes, tables.materials, tables.meshes, tables.height_fields, views, target]
     return record_launch(
         kernel, len(group.worlds) * unit, arguments, device, start=group.worlds.start * unit, block_dim=THREADS
     )
+
+
+def _dtype(array: wp.array | None) -> Any:
+    return wp.int32 if array is None else array.dtype
 
 
 def _blocks(types: int, capacity: int) -> int:
@@ -158,7 +170,7 @@ def list_capacity(num_drawn: int) -> int:
 
 def region_size(at_once: int, width: int, height: int, device: wp.Device) -> tuple[int, int]:
     """Pixels that one thread block draws: as many as leave enough blocks to fill the device."""
-    wanted = device.sm_count * 24 if device.is_cuda else 2 * cpu_parts()
+    wanted = device.sm_count * 10 if device.is_cuda else 2 * cpu_parts()
     for size in ((64, 64), (64, 32), (32, 32), (32, 16), (16, 16)):
         if at_once * -(-width // size[0]) * -(-height // size[1]) >= wanted:
             return size

@@ -52,27 +52,25 @@ def camera(name: str = "top", width: int = 24, height: int = 20, **options: Any)
     return wc.Camera(name, width=width, height=height, **options)
 
 
-def scratch_by_the_docs(num_worlds: int, cameras: list[wc.Camera], most_slots: int) -> int:
+def scratch_by_the_docs(num_worlds: int, cameras: list[wc.Camera]) -> float:
     """The formula of docs/memory.md, for a scene of meshes and lights with at most 256 shapes."""
-    images, largest, all_groups = 0, 0, 0
+    images, largest = 0, 0.0
     for each in cameras:
         for name in each.outputs:
             bytes_a_pixel = OUTPUTS[name].channels * (1 if OUTPUTS[name].dtype is wp.uint8 else 4)
             images += num_worlds * each.width * each.height * bytes_a_pixel
-    bound = max(images / 2, 32 * 2**20)
-    worlds = []
+    bound = max(images // 2, 32 * 2**20)
     for each in cameras:
-        outputs, buffers = set(each.outputs), 0
+        outputs, buffers = set(each.outputs), []  # bytes a pixel of each
         if outputs - TRACED:
-            buffers += ("depth" not in outputs) + ("segmentation" not in outputs)
-            buffers += bool(outputs & FACED) + (each.shadows and bool(outputs & LIT))
-        worlds.append(each.width * each.height * 4 * buffers)
-    slots = int(max(1, min(most_slots, bound // max(*worlds, 1))))
-    for world in worlds:
-        groups = int(np.ceil(num_worlds / max(bound // slots // world, 1))) if world else 1
-        all_groups += groups
-        largest = max(largest, int(np.ceil(num_worlds / groups)) * world)
-    return min(slots, all_groups) * (-(-largest // 256) * 256)
+            buffers += [4] * ("depth" not in outputs) + [2] * ("segmentation" not in outputs)
+            buffers += [2] * bool(outputs & FACED) + [1] * (each.shadows and bool(outputs & LIT))
+        one, every = (
+            sum(-(-worlds * each.width * each.height * size // 256) * 256 for size in buffers)
+            for worlds in (1, num_worlds)
+        )
+        largest = max(largest, min(every, max(bound, one)))
+    return largest
 
 
 SETS = (("depth", "segmentation"), ("rgb",), ("rgb", "depth"), ("normals",), ("distance",), ("bodies",), tuple(OUTPUTS))
@@ -90,10 +88,10 @@ def test_scratch_follows_the_formula(
         camera("side", width=width, height=48, outputs=("segmentation",)),
     ]
     told = wc.estimate_memory(scene, cameras)
-    assert told.scratch == scratch_by_the_docs(num_worlds, cameras, 4 if device.is_cuda else 1)
+    assert told.scratch == scratch_by_the_docs(num_worlds, cameras)
     images = sum(sum(each.values()) for each in told.images.values())
     if images > 2 * scratch.ALWAYS_ALLOWED:
-        one_world = 4 * 4 * width * width  # which has room whatever the images take
+        one_world = 9 * width * width  # which has room whatever the images take
         assert told.total <= images + max(0.5 * images, one_world) + num_worlds * 1000
 
 

@@ -56,7 +56,7 @@ def estimate_memory(scene: Scene, cameras: Sequence[Camera]) -> Memory:
         check_size(camera, scene.num_worlds)
     return Memory(
         images={key: image_bytes(camera, tables) for key, camera in by_key.items()},
-        scratch=Scratch(by_key.values(), tables, scene.device).size,
+        scratch=Scratch(by_key, tables, scene.device).size,
         worlds=scene.num_worlds
         * (2 + sum(wp.types.type_size_in_bytes(View) + pose_bytes(camera) for camera in by_key.values())),
     )

@@ -1,6 +1,5 @@
 """The renderer: which stages make a frame, in what order, and their capture as a graph."""
 
-import itertools
 import threading
 from collections import defaultdict
 from collections.abc import Sequence
@@ -12,7 +11,7 @@ import warp as wp
 from warpcam import interop
 from warpcam.camera import Camera
 from warpcam.errors import WarpcamError
-from warpcam.kernels.launch import Frame, Stage, bind
+from warpcam.kernels.launch import Frame, Group, Stage, bind
 from warpcam.kernels.streams import quiet_stream
 from warpcam.kernels.tables import Tables
 from warpcam.kernels.views import record_begin
@@ -67,7 +66,7 @@ class Renderer:
         tables = scene.tables()
         self._mounted = {key: Mounted(camera, scene) for key, camera in self._cameras.items()}
         self._targets = {key: Target(camera, scene.num_worlds, scene.device) for key, camera in self._cameras.items()}
-        self._scratch = Scratch(self._cameras.values(), tables, scene.device)
+        self._scratch = Scratch(self._cameras, tables, scene.device)
         self._scratch.allocate()
         self._selection = Selection(scene.num_worlds, scene.device)
         self._faults = wp.zeros(scene.num_worlds, dtype=wp.uint8, device=scene.device)
@@ -139,25 +138,31 @@ class Renderer:
 
     def _record(self, tables: Tables) -> None:
         """Bind every stage to the tables' arrays; loads and compiles whatever kernels that takes."""
-        mask, views = self._selection.mask, []
-        groups: list[list[Stage]] = []
+        mask, faults, scratch = self._selection.mask, self._faults, self._scratch
+        views = [mounted.record(mask, faults, self._targets[key].views) for key, mounted in self._mounted.items()]
+        images = {key: target.images.values() for key, target in self._targets.items()}
+        phases: dict[bool, list[list[list[Stage]]]] = {
+            everything: [[[record_begin(everything, mask, faults, self._device)]], [views]]
+            for everything in (True, False)
+        }
         for key, target in self._targets.items():
-            mounted, camera = self._mounted[key], self._cameras[key]
-            seen = self._scene.tables_with(tables, camera.background)
-            views.append(mounted.record(mask, self._faults, target.views))
-            groups += [
-                target.record(seen, mounted.projection, group, buffers, mask, self._faults)
-                for group, buffers in self._scratch.groups(camera, len(groups))
-            ]
-        slots = self._scratch.slots
-        chains = [list(itertools.chain(*groups[slot::slots])) for slot in range(slots)]
-        begin = {everything: record_begin(everything, mask, self._faults, self._device) for everything in (True, False)}
-        bind([*begin.values(), *self._scene.stages(), *views, *itertools.chain(*groups)])
-        self._begin, self._views, self._chains = begin, views, chains
-        self._recordings = {}
+            projection = self._mounted[key].projection
+            seen = self._scene.tables_with(tables, self._cameras[key].background)
+            groups = {True: list(scratch.groups_of_all(key, images)), False: list(scratch.groups(key))}
+            at_once = max(len(group) for group, _ in groups[True])
+            for everything, placed in groups.items():
+                phases[everything] += [
+                    [
+                        target.record(seen, projection, Group(worlds, at_once), buffers, mask, faults)
+                        for worlds in target.side_by_side(group)
+                    ]
+                    for group, buffers in placed
+                ]
+        self._phases, self._recordings = phases, {}
+        bind([stage for frame in self._recording().frames.values() for stage in frame.stages])
         self._tables = tables
 
-    def _recording(self) -> "Recording":
+    def _recording(self) -> Recording:
         """The frames for what the scene is bound to now."""
         stages = self._scene.stages()
         recording = self._recordings.pop(stages, None)
@@ -165,8 +170,8 @@ class Renderer:
             if len(self._recordings) >= MAX_RECORDINGS:
                 self._recordings.pop(next(iter(self._recordings)))
             frames = {
-                everything: Frame([begin, *stages, *self._views], self._chains, self._device)
-                for everything, begin in self._begin.items()
+                everything: Frame([phases[0], [stages], *phases[1:]], self._device)
+                for everything, phases in self._phases.items()
             }
             recording = Recording(frames, {})
         self._recordings[stages] = recording

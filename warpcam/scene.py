@@ -189,7 +189,7 @@ class Scene:
         self._arrays: Mapping[str, wp.array] = {}
         self._key: tuple[Any, ...] = ()
         self._ambient, self._last = -1.0, ()
-        self._meshes = pack_meshes(parts.meshes, self.device)
+        self._meshes, self._num_faces = pack_meshes(parts.meshes, self.device)
         self._height_fields = pack_height_fields(parts.height_fields, self.device)
         self._textures = pack_textures(parts.textures, self.device)
         self._drawn = wp.array(np.asarray(parts.drawn, np.int32), dtype=wp.int32, device=self.device)
@@ -328,6 +328,8 @@ class Scene:
             num_worlds=self.num_worlds,
             num_drawn=len(parts.drawn),
             num_lights=parts.num_lights,
+            num_shapes=self._counts["shapes"],
+            num_faces=self._num_faces,
             shape_types=self._shape_types(),
             has_materials=parts.num_materials > 0,
             has_textures=parts.num_materials > 0 and any(i != parts.skybox for i in range(len(parts.textures))),

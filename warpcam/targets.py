@@ -1,5 +1,6 @@
 """The images of one camera, and the stages that make them."""
 
+import itertools
 from collections.abc import Mapping
 
 import warp as wp
@@ -14,6 +15,8 @@ from warpcam.lens import Projection
 from warpcam.outputs import OUTPUTS
 
 MAX_PIXELS = 2**31
+PARTS = 3
+WORTH_PARTING = 2**22  # pixels of a group
 
 
 def check_size(camera: Camera, num_worlds: int) -> None:
@@ -42,6 +45,13 @@ class Target:
         }
         self._traced = {OUTPUTS[name].trace: array for name, array in self.images.items() if OUTPUTS[name].trace}
         self._derived = {name: array for name, array in self.images.items() if OUTPUTS[name].trace is None}
+
+    def side_by_side(self, worlds: range) -> list[range]:
+        """Parts of a group that are drawn at the same time: one goes on while another's last pixels are waited for."""
+        large = len(worlds) * self._camera.width * self._camera.height >= WORTH_PARTING
+        parts = PARTS if large and self._derived and self._device.is_cuda else 1
+        bounds = [worlds.start + len(worlds) * i // parts for i in range(parts + 1)]
+        return [range(first, end) for first, end in itertools.pairwise(bounds)]
 
     def record(
         self,

@@ -42,6 +42,20 @@ template <int WIDTH, int HEIGHT> struct Strip {
     }
 };
 
+template <class Value> struct alignas(4 * sizeof(Value)) Four {
+    Value at[4];
+};
+
+template <class Value, class Result> WARPCAM_FN void load_four(const Value* from, Result* to)
+{
+    const Four<Value> four = *reinterpret_cast<const Four<Value>*>(from);
+#pragma unroll
+    for (int k = 0; k < 4; ++k)
+        to[k] = four.at[k];
+}
+
+template <class Value> WARPCAM_FN void clear_four(Value* to) { *reinterpret_cast<Four<Value>*>(to) = {}; }
+
 // Whether any of the lane's four pixels in a strip shows a point below what the list's casters cover together. With
 // `fresh` their masks are cleared.
 template <int LENS, class Target>
@@ -51,12 +65,10 @@ WARPCAM_FN bool find_asking(const Target& target, size_t at, int inside, float i
     int id[4] = { -1, -1, -1, -1 };
     float depth[4] = {};
     if (inside >= 4 && target.width % 4 == 0) {
-        const int4 ids = *reinterpret_cast<const int4*>(target.shape.data + at);
-        const float4 depths = *reinterpret_cast<const float4*>(target.depth.data + at);
-        id[0] = ids.x, id[1] = ids.y, id[2] = ids.z, id[3] = ids.w;
-        depth[0] = depths.x, depth[1] = depths.y, depth[2] = depths.z, depth[3] = depths.w;
+        load_four(target.shape.data + at, id);
+        load_four(target.depth.data + at, depth);
         if (fresh)
-            *reinterpret_cast<int4*>(target.shadow.data + at) = make_int4(0, 0, 0, 0);
+            clear_four(target.shadow.data + at);
     } else {
 #pragma unroll
         for (int k = 0; k < 4; ++k)

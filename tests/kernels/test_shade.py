@@ -228,7 +228,8 @@ def ball_tables(device, worlds, count):
     lights = make_lights([], device, everywhere=2.0)
     return Tables(
         shapes, *empty, lights, background, num_worlds=worlds, num_drawn=count, num_lights=0,
-        shape_types=frozenset([types.SPHERE]), has_materials=False, has_textures=False, has_skybox=False,
+        num_shapes=count, num_faces=0, shape_types=frozenset([types.SPHERE]), has_materials=False, has_textures=False,
+        has_skybox=False,
     )  # fmt: skip
 
 

@@ -32,8 +32,11 @@ class Mesh:
     uvs: np.ndarray | None = None
 
 
-def pack_meshes(meshes: Sequence[Mesh], device: wp.Device) -> Meshes:
+def pack_meshes(meshes: Sequence[Mesh], device: wp.Device) -> tuple[Meshes, int]:
     """Build the tree of every mesh and put all of them on ``device``. Equal meshes share their rows.
+
+    Returns:
+        The meshes, and how many faces the largest of them has in its leaves.
 
     Raises:
         WarpcamError: A mesh cannot be used; the message names it.
@@ -77,7 +80,7 @@ def pack_meshes(meshes: Sequence[Mesh], device: wp.Device) -> Meshes:
     packed.normals = wp.array(_joined(normals, 3), dtype=wp.vec3, device=device)
     packed.uvs = wp.array(_joined(uvs, 2), dtype=wp.vec2, device=device)
     packed.has_uvs = _integers([mesh.uvs is not None for mesh in meshes], device)
-    return packed
+    return packed, max((len(tree[1]) // 3 for tree in trees), default=0)
 
 
 def face_normals(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
