@@ -46,6 +46,7 @@ def zoo(seed: int = 0) -> newton.ModelBuilder:
     builder.add_shape_mesh(-1, mesh=round_mesh, scale=(-1.0, 1.0, 2.0), xform=at(1.4, 0.7), label="mirrored")
     builder.add_shape_mesh(-1, mesh=tetrahedron(), scale=(-1.0, 1.3, 0.7), xform=at(1.4, 1.7), label="tetrahedron")
     builder.add_shape_convex_hull(-1, mesh=tetrahedron(), scale=(1.0, 1.3, -0.7), xform=at(0.7, 1.5), label="convex")
+    builder.add_shape_plane(None, width=0.8, length=0.4, xform=pose(0.0, 0.6, 0.2, (0.5, 0.0, 0.0, 1.0)), label="plane")
     return builder
 
 

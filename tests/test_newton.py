@@ -242,11 +242,11 @@ def test_replicated_worlds_keep_each_mesh_once(device: wp.Device) -> None:
     model, state = finalize(builder, device)
     scene = wc.from_newton(model, state)
     assert scene.tables().meshes.lower.shape == (2,)  # the tetrahedron is there twice, once as a hull
-    assert scene.tables().num_drawn == 10
+    assert scene.tables().num_drawn == 11
     assert scene.array("shape_assets").shape[0] == 1
     images = scenes.look(scene, eye())
     for world in range(1, 5):
-        shift = np.where(images["segmentation"][0] >= 0, world * 10, 0)
+        shift = np.where(images["segmentation"][0] >= 0, world * 11, 0)
         assert (images["segmentation"][world] == images["segmentation"][0] + shift).all()
         assert (images["depth"][world] == images["depth"][0]).all()
 
@@ -465,7 +465,7 @@ def test_splats_are_named_and_left_out(device: wp.Device, caplog: pytest.LogCapt
     with caplog.at_level("WARNING", logger="warpcam"):
         scene = wc.from_newton(model, state)
     assert "Gaussian splats are not drawn: shapes 'garden'" in caplog.text
-    assert scene.tables().num_drawn == 10
+    assert scene.tables().num_drawn == 11
 
 
 @pytest.mark.parametrize(
