@@ -96,3 +96,19 @@ def newtons_own(model: newton.Model, state: newton.State, camera: wc.Camera) -> 
         "depth": np.where(missed, np.inf, depth.numpy()),
         "normals": np.where(missed[..., None], 0.0, normals.numpy()),
     }
+
+
+def cloth(cells: int = 12, height: float = 1.2) -> newton.ModelBuilder:
+    """A cloth that lies flat, a cube of jelly beside it, and three loose particles, the last of them inactive."""
+    builder = newton.ModelBuilder()
+    builder.add_cloth_grid(
+        pos=wp.vec3(-0.6, -0.6, height), rot=wp.quat_identity(), vel=wp.vec3(), dim_x=cells, dim_y=cells,
+        cell_x=1.2 / cells, cell_y=1.2 / cells, mass=0.1,
+    )  # fmt: skip
+    builder.add_soft_grid(
+        pos=wp.vec3(0.9, -0.2, 0.4), rot=wp.quat_identity(), vel=wp.vec3(), dim_x=3, dim_y=3, dim_z=3,
+        cell_x=0.15, cell_y=0.15, cell_z=0.15, density=1.0, k_mu=1.0, k_lambda=1.0, k_damp=0.0,
+    )  # fmt: skip
+    for x, flags in ((-1.0, 1), (-1.3, 1), (-1.6, 0)):
+        builder.add_particle(wp.vec3(x, 0.0, 0.8), wp.vec3(), 0.1, radius=0.12, flags=flags)
+    return builder

@@ -374,6 +374,7 @@ def test_textures_lie_as_newton_lays_them(device: wp.Device) -> None:
     assert quadrants() == [red, green, blue, white]
     assert quadrants(texture_transform=((1, 0, 0.5), (0, 1, 0))) == [green, red, white, blue]
     assert quadrants(texture_transform=((0, 1, 0), (1, 0, 0))) == [white, green, blue, red]
+    assert quadrants(texture_transform=((0, 1, 0), (-1, 0, 0))) == [green, white, red, blue]
 
 
 def test_lights_shine_where_they_are_put(device: wp.Device) -> None:

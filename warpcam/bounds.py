@@ -5,7 +5,6 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from warpcam.accel.heightfields import HeightField
-from warpcam.accel.meshes import Mesh
 from warpcam.kernels.types import BARREL, CAPSULE, CONE, CYLINDER, HEIGHT_FIELD, MESH, PLANE, SPHERE
 
 Bounds = tuple[np.ndarray, np.ndarray]
@@ -25,7 +24,7 @@ def bounds_of(
     arrays: Mapping[str, np.ndarray],
     types: np.ndarray,
     drawn: Sequence[int],
-    meshes: Sequence[Mesh],
+    meshes: Bounds,
     height_fields: Sequence[HeightField],
     scaled: bool = False,
 ) -> Bounds:
@@ -36,12 +35,12 @@ def bounds_of(
         types: (shape,) int32.
         drawn: ids of the shapes that may be seen. Of those, infinite planes, transparent shapes and shapes whose
             pose is not a number do not count.
-        meshes: What ``shape_assets`` counts for meshes.
+        meshes: Lowest and highest corner, (mesh, 3), of what ``shape_assets`` counts for meshes.
         height_fields: What ``shape_assets`` counts for height fields.
         scaled: Whether the sizes of meshes and height fields are scales along their axes.
     """
     boxes = {
-        MESH: _stacked([_mesh_box(mesh) for mesh in meshes]),
+        MESH: _stacked([_mesh_box(low, high) for low, high in zip(*meshes, strict=True)]),
         HEIGHT_FIELD: _stacked([_field_box(field) for field in height_fields]),
     }
     worlds = np.arange(len(arrays["shape_positions"]))
@@ -108,11 +107,10 @@ def _stacked(boxes: Sequence[Bounds]) -> Bounds:
     return np.stack([*(box[0] for box in boxes), nothing]), np.stack([*(box[1] for box in boxes), nothing])
 
 
-def _mesh_box(mesh: Mesh) -> Bounds:
-    if len(mesh.faces) == 0:
+def _mesh_box(low: np.ndarray, high: np.ndarray) -> Bounds:
+    if not (high >= low).all():  # without faces
         return np.full(3, np.nan, np.float32), np.full(3, np.nan, np.float32)
-    used = mesh.vertices[mesh.faces.reshape(-1)]
-    return used.min(axis=0), used.max(axis=0)
+    return low, high
 
 
 def _field_box(field: HeightField) -> Bounds:

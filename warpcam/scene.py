@@ -24,6 +24,7 @@ from warpcam.kernels.types import (
     Background,
     Lights,
     Materials,
+    Meshes,
     Shapes,
 )
 from warpcam.lens import Projection
@@ -156,8 +157,8 @@ class Source(Protocol):
     def refresh(self) -> None:
         """Bring the arrays up to date with a state on the host."""
 
-    def stages(self) -> tuple[Stage, ...]:
-        """What brings the arrays up to date on the device, at the head of each frame.
+    def stages(self, meshes: Meshes) -> tuple[Stage, ...]:
+        """What brings the arrays up to date on the device, at the head of each frame, and those meshes that move.
 
         The same tuple as long as it is to do the same. The state that is read may be another one from call to call.
         """
@@ -203,6 +204,8 @@ class Scene:
             for ids in (parts.shape_ids, parts.body_ids)
         )
         source.refresh()
+        for stage in self.stages():
+            stage.launch()
         self._tables = self.tables()
         self._check_indices()
 
@@ -222,7 +225,8 @@ class Scene:
         self.tables()
         host = {name: array.numpy() for name, array in self._arrays.items() if name.startswith(("shape", "material_c"))}
         parts = self._parts
-        return bounds_of(host, parts.shape_types, parts.drawn, parts.meshes, parts.height_fields, parts.scaled)
+        corners = self._meshes.lower.numpy(), self._meshes.upper.numpy()
+        return bounds_of(host, parts.shape_types, parts.drawn, corners, parts.height_fields, parts.scaled)
 
     @property
     def live_on_device(self) -> bool:
@@ -235,7 +239,7 @@ class Scene:
 
     def stages(self) -> tuple[Stage, ...]:
         """What brings the device's arrays up to date there: the same tuple as long as it does the same."""
-        return self._source.stages()
+        return self._source.stages(self._meshes)
 
     def bind(self, state: Any) -> None:
         """Look at another state of the same simulation from the next render on; nothing is built again.

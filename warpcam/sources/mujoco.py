@@ -10,6 +10,7 @@ import warp as wp
 from warpcam import device as device_rule
 from warpcam.errors import WarpcamError
 from warpcam.kernels.launch import Stage
+from warpcam.kernels.types import Meshes
 from warpcam.scene import FIELDS, Scene
 from warpcam.sources import mujoco_model as model
 
@@ -68,7 +69,7 @@ class MujocoSource:
         if self._copied is not None:
             self.device.stream.record_event(self._copied)
 
-    def stages(self) -> tuple[Stage, ...]:
+    def stages(self, meshes: Meshes) -> tuple[Stage, ...]:
         return ()
 
     def bind(self, state: Any) -> None:

@@ -11,6 +11,7 @@ import warp as wp
 from warpcam import device as device_rule
 from warpcam.errors import WarpcamError
 from warpcam.kernels.launch import Stage
+from warpcam.kernels.types import Meshes
 from warpcam.scene import Scene
 from warpcam.sources import mujoco_model as model
 
@@ -55,7 +56,7 @@ class MujocoWarpSource:
     def refresh(self) -> None:
         pass
 
-    def stages(self) -> tuple[Stage, ...]:
+    def stages(self, meshes: Meshes) -> tuple[Stage, ...]:
         return ()
 
     def bind(self, state: Any) -> None:
