@@ -236,6 +236,22 @@ def test_worlds_of_all_kinds_lie_on_one_place(device: wp.Device) -> None:
     assert (alone["segmentation"] == images["segmentation"]).all()
 
 
+def test_more_shapes_than_one_pass_draws(device: wp.Device) -> None:
+    builder = newton.ModelBuilder()
+    random = np.random.default_rng(0)
+    for _ in range(2):
+        builder.begin_world()
+        for place in random.uniform((-2.0, 0.0, -0.5), (2.0, 3.0, 2.0), (300, 3)):
+            builder.add_shape_sphere(-1, radius=0.1, xform=pose(*place))
+        builder.end_world()
+    model, state = finalize(builder, device)
+    expected = newton_scenes.newtons_own(model, state, eye())
+    for outputs in (("depth", "segmentation"), ("depth", "segmentation", "rgb"), ("segmentation",)):
+        seen = scenes.look(wc.from_newton(model, state), eye(outputs=outputs))
+        assert (seen["segmentation"] == expected["segmentation"]).mean() > 0.999
+    assert len(np.unique(expected["segmentation"][1])) > 100
+
+
 def test_replicated_worlds_keep_each_mesh_once(device: wp.Device) -> None:
     builder = newton.ModelBuilder()
     builder.replicate(newton_scenes.zoo(), 5)
@@ -396,10 +412,28 @@ def test_lights_shine_where_they_are_put(device: wp.Device) -> None:
     )
     assert (spot <= lamp).all() and 0 < (spot.max(-1) > 0).sum() < (lamp.max(-1) > 0).sum()
     scene = wc.from_newton(model, state)
+    assert scene.array("light_directions").numpy()[0, 0] == pytest.approx(np.array((-1, 1, -1)) / np.sqrt(3.0))
     renderer = wc.Renderer(scene, [camera])
     before = renderer.render()["eye"]["rgb"].clone()
     scene.array("light_directions").fill_(wp.vec3(0.0, 1.0, 0.0))
     assert (renderer.render()["eye"]["rgb"] != before).any()
+
+
+def test_lights_may_differ_between_worlds(device: wp.Device) -> None:
+    builder = newton.ModelBuilder()
+    builder.replicate(newton_scenes.zoo(), 2)
+    model, state = finalize(builder, device)
+    light = wc.Light(color=((1.0, 0.0, 0.0), (0.0, 0.0, 1.0)), direction=(0.0, 1.0, -0.5), intensity=(0.5, 1.0))
+    seen = scenes.look(wc.from_newton(model, state, lights=[light], ambient=(0, 0, 0)), eye(outputs=("rgb",)))["rgb"]
+    assert (seen[0, ..., 1:] == 0).all() and (seen[1, ..., :2] == 0).all()
+    assert seen[0, ..., 0].max() > 20 and seen[1, ..., 2].max() > 20
+
+
+def test_the_light_is_above_whichever_way_is_up(device: wp.Device) -> None:
+    builder = newton.ModelBuilder(up_axis=newton.Axis.Y)
+    builder.add_ground_plane()
+    scene = wc.from_newton(*finalize(builder, device))
+    assert scene.array("light_directions").numpy()[0, 0] == pytest.approx(-np.ones(3) / np.sqrt(3.0), abs=1e-6)
 
 
 @pytest.mark.parametrize("prefix", ["", "env"])

@@ -69,7 +69,7 @@ def light_arrays(lights: Any, num_worlds: int, device: wp.Device) -> Mapping[str
     }
     arrays = {}
     for name, (dtype, width, kind) in dtypes.items():
-        values = np.zeros((num_worlds, len(rows), *width), kind)
+        values: np.ndarray = np.zeros((num_worlds, len(rows), *width), kind)
         for index, row in enumerate(rows):
             values[:, index] = row[name]
         arrays[f"light_{name}"] = wp.array(values, dtype=dtype, device=device)

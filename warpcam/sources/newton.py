@@ -189,10 +189,8 @@ class NewtonSource:
 
 def default_light(model: newton.Model) -> Light:
     """The one light that Newton's own renderer has: from behind, the left and above."""
-    x, y, z = DOWN
-    axis = int(model.up_axis)
-    turned = {0: (z, x, y), 1: (y, z, x), 2: (x, y, z)}[axis]
-    return Light(kind="directional", direction=turned)
+    turn = newton.Axis.Z.quat_between_axes(newton.Axis.from_any(model.up_axis))
+    return Light(kind="directional", direction=tuple(wp.quat_rotate(turn, wp.vec3(*DOWN))))
 
 
 class Columns:
