@@ -212,6 +212,8 @@ def _note_undrawn(model: newton.Model, geo: np.ndarray) -> None:
         names = ", ".join(f"'{model.shape_label[shape]}'" for shape in undrawn[:NAMED])
         more = f" and {len(undrawn) - NAMED} more" if len(undrawn) > NAMED else ""
         _warn("Gaussian splats are not drawn: shapes %s%s", names, more)
+    if model.body_variant is not None and (model.body_variant.numpy() >= 0).any():
+        _warn("body variants are drawn as they are now; others that are selected later are not seen")
 
 
 def _warn(message: str, *values: Any) -> None:

@@ -60,6 +60,11 @@ class Soft:
 
 def read_soft(model: newton.Model) -> Soft:
     num_worlds = model.world_count
+    if model.deformable_visual_meshes:
+        logging.getLogger("warpcam").warning(
+            "from_newton: %d deformable visual meshes are not drawn; the surfaces that are simulated are",
+            len(model.deformable_visual_meshes),
+        )
     nothing = np.full((num_worlds, 0), -1, np.int32)
     if not model.particle_count:
         return Soft((), 0, nothing)
