@@ -523,6 +523,14 @@ def test_bad_arguments(device: wp.Device, arguments: Any, message: str) -> None:
         scene.bind(3)
 
 
+@pytest.mark.skipif(len(wp.get_devices()) < 2, reason="there is one device")
+def test_a_model_and_a_state_on_two_devices() -> None:
+    model, _ = finalize(newton_scenes.zoo(), wp.get_device("cpu"))
+    _, state = finalize(newton_scenes.zoo(), wp.get_device("cuda:0"))
+    with pytest.raises(wc.WarpcamError, match="device: state is on cuda:0, but model is on cpu; both must be on one"):
+        wc.from_newton(model, state)
+
+
 @pytest.mark.parametrize(
     ("light", "message"),
     [

@@ -120,19 +120,26 @@ def test_particles_and_colours_change_in_place(device: wp.Device) -> None:
     assert (after["albedo"][after["segmentation"] == SOFT] == (0, 0, 255)).all()
 
 
-def test_a_cloth_of_all_worlds_is_kept_once(device: wp.Device) -> None:
-    builder = newton.ModelBuilder()
+def sheet(builder: "newton.ModelBuilder", x: float) -> None:
+    """A small cloth in front of the camera."""
     builder.add_cloth_grid(
-        pos=wp.vec3(-0.6, -0.6, 1.0), rot=wp.quat_identity(), vel=wp.vec3(), dim_x=4, dim_y=4, cell_x=0.3,
-        cell_y=0.3, mass=0.1,
+        pos=wp.vec3(x, -0.6, 1.0), rot=wp.quat_identity(), vel=wp.vec3(), dim_x=4, dim_y=4, cell_x=0.2, cell_y=0.2,
+        mass=0.1,
     )  # fmt: skip
-    part = newton.ModelBuilder()
-    part.add_shape_sphere(part.add_body(xform=pose(1.2, 0.0, 1.0)), radius=0.2)
+
+
+def test_a_cloth_of_all_worlds_is_kept_once(device: wp.Device) -> None:
+    builder, part = newton.ModelBuilder(), newton.ModelBuilder()
+    sheet(builder, -1.2)
+    sheet(part, 0.2)
+    part.add_shape_sphere(part.add_body(xform=pose(0.0, 0.0, 0.5)), radius=0.2)
     builder.replicate(part, 3)
     scene = wc.from_newton(*finalize(builder, device))
-    assert scene.tables().meshes.lower.shape == (1,)
+    assert scene.tables().meshes.lower.shape == (1 + 3,)
     seen = scenes.look(scene, eye())
-    assert ((seen["segmentation"] == SOFT) == (seen["segmentation"][0] == SOFT)).all()
+    soft = seen["segmentation"] == SOFT
+    assert (soft == soft[0]).all()
+    assert soft[:, :, :48].any() and soft[:, :, 48:].any()
     assert [set(np.unique(image)) for image in seen["segmentation"]] == [{-1, SOFT, world} for world in range(3)]
 
 
