@@ -13,6 +13,8 @@ import warp as wp
 
 from .streams import quiet_stream
 
+STREAMS = 4  # chains of stages that really run side by side
+
 NATIVE = Path(__file__).resolve().parent / "native"
 
 
@@ -33,7 +35,8 @@ class Group:
 
     Attributes:
         worlds: Which.
-        at_once: How many worlds the largest group has: regions are as large as leaves that many enough to do.
+        at_once: How many worlds are under way on the device at the same time, in this and in other groups: regions
+            are as large as leaves that many enough of them to fill it.
     """
 
     worlds: range
@@ -94,7 +97,10 @@ class Frame:
     """
 
     def __init__(self, phases: Sequence[Sequence[Sequence[Stage]]], device: wp.Device):
-        self.phases = tuple(tuple(map(tuple, chains)) for chains in phases)
+        self.phases = tuple(
+            tuple(tuple(itertools.chain(*chains[k::STREAMS])) for k in range(min(STREAMS, len(chains))))
+            for chains in phases
+        )
         self._device = device
         beside = max(map(len, self.phases), default=1) - 1 if device.is_cuda else 0
         self._streams = [quiet_stream(device) for _ in range(beside)]

@@ -11,8 +11,10 @@ from .launch import record as record_launch
 from .tables import Tables
 from .types import HEIGHT_FIELD, MESH, HeightFields, Materials, Meshes, Shapes, View
 
-IDS, BY_WORLD = 1 << 16, 1 << 17  # visibility.h
-QUADS = 64  # bit of an image's width that is a multiple of four pixels, beside those of the outputs: visibility.h
+# What the trace can write, in the order of the bits in native/canvas.h; then the bits of two facts of the image's size.
+OUTPUTS = ("depth", "shape", "face", "distance", "points", "bodies", "normals")
+QUADS, TILED = 128, 256
+IDS, BY_WORLD = 1 << 16, 1 << 17  # ids by world: canvas.h
 LENSES = {"pinhole": 0, "orthographic": 1}
 THREADS = 128  # of a CUDA block; lanes.h has the same number
 MAX_LISTED = 256  # shapes that one pass draws
@@ -39,6 +41,9 @@ def target_struct(shape_dtype: Any, face_dtype: Any) -> Any:
         points: wp.array(dtype=wp.float32)  # (world * height * width * 3,) world frame [m]; inf where nothing is hit
         bodies: wp.array(dtype=wp.int32)  # (world * height * width,) body id, or -1
         ids: wp.array(dtype=wp.int32)  # (world * height * width,) as Shapes.ids has it, or -1
+        # (world * height * width * 3,) unit, world frame, towards the camera; 0 where nothing is hit. Only for scenes
+        # without meshes and height fields
+        normals: wp.array(dtype=wp.float32)
         width: wp.int32
         height: wp.int32
 
@@ -115,7 +120,8 @@ def record(
             shapes is drawn in passes, which go on from each other's depth and shape: then both are needed.
         shape: An integer type that holds every shape id and -1, likewise.
         face: An integer type that holds every face, likewise; see ``target_struct``.
-        images: "distance", "points", "bodies" and "ids", those that are wanted, (world, height, width, channels).
+        images: "distance", "points", "bodies", "ids" and "normals", those that are wanted, (world, height, width,
+            channels); normals only for scenes without meshes and height fields.
         device: Where all of these lie.
         group: Which worlds are traced; None is all.
     """
@@ -128,7 +134,7 @@ def record(
     target.width, target.height = width, height
     outputs = 0
     arrays = {"depth": depth, "shape": shape, "face": face, **images}
-    for bit, name in enumerate(("depth", "shape", "face", "distance", "points", "bodies")):
+    for bit, name in enumerate(OUTPUTS):
         if arrays.get(name) is not None:
             setattr(target, name, arrays[name].flatten())
             outputs |= 1 << bit
@@ -137,8 +143,10 @@ def record(
         outputs |= IDS
     if tables.ids_by_world and "bodies" in images:
         outputs |= BY_WORLD
-    if "points" in images and width % 4 == 0:
+    if width % 4 == 0 and not images.keys().isdisjoint(("points", "normals")):
         outputs |= QUADS
+    if width % 8 == 0 and height % 4 == 0:
+        outputs |= TILED
     types = sum(1 << t for t in tables.shape_types)
     region = region_size(group.at_once, width, height, device)
     kernel = _kernel(types, LENSES[lens], capacity, several, *region, outputs, target_type)
@@ -158,7 +166,7 @@ def _blocks(types: int, capacity: int) -> int:
     words = -(-capacity // 32)
     shared = LISTED_BYTES * capacity + 1024
     if types >> MESH & 1:
-        shared += (256 if words > 2 else 512) * (4 * words + 6)
+        shared += THREADS * (8 * words + 6)
     bound = MESH_BLOCKS if types >> MESH & 1 or types >> HEIGHT_FIELD & 1 else BLOCKS
     return min(bound, SHARED_MEMORY // shared)
 

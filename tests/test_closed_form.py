@@ -27,10 +27,19 @@ ENTRIES = {
 }
 
 
+ANALYTIC = tuple(kind for kind in scenes.TYPES if kind not in ("hfield", "mesh"))
+
+
 @pytest.fixture(scope="module")
 def zoo() -> mujoco.MjModel:
     """One shape of each type."""
     return scenes.compile_xml("".join(map(scenes.geom_xml, scenes.TYPES)), assets=scenes.ASSETS)
+
+
+@pytest.fixture(scope="module")
+def analytic_zoo() -> mujoco.MjModel:
+    """One shape of each type that is no mesh and no height field: the trace writes their normals itself."""
+    return scenes.compile_xml("".join(map(scenes.geom_xml, ANALYTIC)))
 
 
 def alone(mjm: mujoco.MjModel, kind: str, position: np.ndarray, rotation: np.ndarray) -> mujoco.MjData:
@@ -62,12 +71,21 @@ def float32(values: np.ndarray) -> np.ndarray:
 
 
 def test_every_type(device: wp.Device, zoo: mujoco.MjModel) -> None:
-    cases = [(kind, *placement) for kind in scenes.TYPES for placement in placements(kind)]
+    check_types(device, zoo, scenes.TYPES, SIZE, SIZE)
+
+
+@pytest.mark.parametrize(("width", "height"), [(48, 48), (44, 46), (47, 45)])
+def test_every_analytic_type(device: wp.Device, analytic_zoo: mujoco.MjModel, width: int, height: int) -> None:
+    check_types(device, analytic_zoo, ANALYTIC, width, height)
+
+
+def check_types(device: wp.Device, zoo: mujoco.MjModel, types: tuple[str, ...], width: int, height: int) -> None:
+    cases = [(kind, *placement) for kind in types for placement in placements(kind)]
     scene = wc.from_mujoco(zoo, [alone(zoo, *case) for case in cases], device=device)
     eye = scenes.looking((0, 0, 0), (0, 1, 0))
-    camera = scenes.own_camera(width=SIZE, height=SIZE, outputs=OUTPUTS, lens=wc.Pinhole(fovy=FOVY), rotation=eye)
+    camera = scenes.own_camera(width=width, height=height, outputs=OUTPUTS, lens=wc.Pinhole(fovy=FOVY), rotation=eye)
     images = scenes.look(scene, camera)
-    rays = scenes.pixel_rays(SIZE, SIZE, FOVY)
+    rays = scenes.pixel_rays(width, height, FOVY)
     directions = rays @ scenes.matrix(float32(eye)).T
     for world, (kind, position, rotation) in enumerate(cases):
         turn, shift = float32(rotation), float32(position)
@@ -95,6 +113,51 @@ def test_every_type(device: wp.Device, zoo: mujoco.MjModel) -> None:
         assert np.abs(seen["points"][hit] - t[hit, None] * directions[hit]).max() <= 4e-5, (kind, world)
         assert np.abs(seen["normals"][hit] - normal[hit]).max() <= 2e-3, (kind, world)
         assert (seen["normals"][~np.isfinite(t) & ~near_edge] == 0.0).all()
+
+
+def test_two_ways_to_normals_agree(device: wp.Device, zoo: mujoco.MjModel, analytic_zoo: mujoco.MjModel) -> None:
+    eye = scenes.looking((0, 0, 0), (0, 1, 0))
+    camera = scenes.own_camera(width=SIZE, height=SIZE, outputs=("normals",), lens=wc.Pinhole(fovy=FOVY), rotation=eye)
+    cases = [(kind, *placement) for kind in ANALYTIC for placement in placements(kind)]
+    by_trace, by_second_pass = (
+        scenes.look(wc.from_mujoco(mjm, [alone(mjm, *case) for case in cases], device=device), camera)["normals"]
+        for mjm in (analytic_zoo, zoo)
+    )
+    # all but where a ray meets an edge, or grazes
+    assert (np.abs(by_trace - by_second_pass).max(axis=-1) > 1e-3).mean() < 2e-4
+
+
+@pytest.mark.parametrize(("width", "height"), [(8, 8), (12, 10), (7, 5)])
+def test_passes_over_many_balls(device: wp.Device, width: int, height: int) -> None:
+    random = np.random.default_rng(0)
+    count, radius, fovy = 400, 0.1, 8.0
+    centers = np.stack((*random.uniform(-0.3, 0.3, (2, count)), random.uniform(-6.0, -3.0, count)), axis=-1)
+    centers = centers[np.argsort(centers[:, 2])]  # the nearest come with the last pass
+    bodies = "".join(f'<body pos="{" ".join(map(str, center))}"><geom size="{radius}"/></body>' for center in centers)
+    mjm = scenes.compile_xml(bodies)
+    camera = scenes.own_camera(width=width, height=height, outputs=(*OUTPUTS, "bodies"), lens=wc.Pinhole(fovy=fovy))
+    seen = {
+        name: image[0]
+        for name, image in scenes.look(wc.from_mujoco(mjm, scenes.forward(mjm), device=device), camera).items()
+    }
+    rays = scenes.pixel_rays(width, height, fovy)
+    square = np.sum(rays**2, axis=-1)[..., None]
+    along = rays @ centers.T / square
+    gap = radius**2 - np.sum(centers**2, axis=-1) + along**2 * square
+    t = np.where(gap > 0.0, along - np.sqrt(np.maximum(gap, 0.0) / square), np.inf)
+    first, second = np.sort(t, axis=-1)[..., :2].transpose(2, 0, 1)
+    sure = (np.abs(gap).min(axis=-1) > 1e-6) & (~np.isfinite(first) | (second > first + 1e-3))
+    hit = sure & np.isfinite(first)
+    nearest = t.argmin(axis=-1)
+    assert hit.mean() > 0.5
+    assert nearest[hit].max() >= 256
+    assert (seen["segmentation"][sure] == np.where(np.isfinite(first), nearest, -1)[sure]).all()
+    assert (seen["bodies"][sure] == np.where(np.isfinite(first), nearest + 1, -1)[sure]).all()
+    points = first[..., None] * rays
+    assert np.abs(seen["depth"][hit] - first[hit]).max() <= 1e-4
+    assert np.abs(seen["distance"][hit] - (first * np.sqrt(square[..., 0]))[hit]).max() <= 1e-4
+    assert np.abs(seen["points"][hit] - points[hit]).max() <= 1e-4
+    assert np.abs(seen["normals"][hit] - ((points - centers[nearest]) / radius)[hit]).max() <= 5e-3
 
 
 @pytest.mark.parametrize(

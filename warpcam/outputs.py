@@ -1,12 +1,13 @@
 """What can be asked of a camera, as data."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import warp as wp
 
 from warpcam.errors import WarpcamError
+from warpcam.kernels.types import HEIGHT_FIELD, MESH
 
 
 @dataclass(frozen=True)
@@ -20,6 +21,8 @@ class Output:
         trace: The array of the trace it is, or None where it is made of depth and shape in a second pass.
         face: Whether it is derived from the face that was hit, too.
         lit: Whether shadows change it.
+        analytic: Whether the trace writes it nevertheless where a scene has neither meshes nor height fields: then it
+            is the trace's array of the same name.
     """
 
     dtype: Any
@@ -28,6 +31,7 @@ class Output:
     trace: str | None = None
     face: bool = False
     lit: bool = False
+    analytic: bool = False
 
 
 OUTPUTS: Mapping[str, Output] = {
@@ -36,12 +40,20 @@ OUTPUTS: Mapping[str, Output] = {
     "hdr": Output(wp.float32, 3, "background", face=True, lit=True),
     "depth": Output(wp.float32, 1, "inf, or what depth_clipping says", trace="depth"),
     "distance": Output(wp.float32, 1, "inf", trace="distance"),
-    "normals": Output(wp.float32, 3, "0", face=True),
+    "normals": Output(wp.float32, 3, "0", face=True, analytic=True),
     "points": Output(wp.float32, 3, "inf", trace="points"),
     "segmentation": Output(wp.int32, 1, "-1", trace="shape"),
     "bodies": Output(wp.int32, 1, "-1", trace="bodies"),
     "albedo": Output(wp.uint8, 3, "0", face=True),
 }
+
+
+def traced_as(name: str, shape_types: Collection[int]) -> str | None:
+    """The array of the trace that an output is in a scene of these types of shapes; None if a second pass makes it."""
+    output = OUTPUTS[name]
+    if output.analytic and not {MESH, HEIGHT_FIELD} & set(shape_types):
+        return name
+    return output.trace
 
 
 def check_outputs(names: Any, where: str) -> tuple[str, ...]:

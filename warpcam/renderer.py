@@ -1,8 +1,9 @@
 """The renderer: which stages make a frame, in what order, and their capture as a graph."""
 
+import itertools
 import threading
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -18,9 +19,14 @@ from warpcam.kernels.views import record_begin
 from warpcam.memory import check_cameras, estimate_memory, require_free
 from warpcam.mounting import CameraArrays, Mounted
 from warpcam.scene import Scene
-from warpcam.scratch import Scratch
+from warpcam.scratch import Portion, Scratch
 from warpcam.selection import Selection
 from warpcam.targets import Target
+
+# A portion of so many pixels is drawn in so many parts side by side: one goes on while another's last pixels are waited
+# for.
+WORTH_PARTING = 2**22
+PARTS = 3
 
 # While one thread records a graph, Warp counts its device as capturing: the others wait their turn.
 _turns: defaultdict[str, threading.Lock] = defaultdict(threading.Lock)
@@ -141,24 +147,17 @@ class Renderer:
         mask, faults, scratch = self._selection.mask, self._faults, self._scratch
         views = [mounted.record(mask, faults, self._targets[key].views) for key, mounted in self._mounted.items()]
         images = {key: target.images.values() for key, target in self._targets.items()}
-        phases: dict[bool, list[list[list[Stage]]]] = {
-            everything: [[[record_begin(everything, mask, faults, self._device)]], [views]]
-            for everything in (True, False)
-        }
-        for key, target in self._targets.items():
-            projection = self._mounted[key].projection
-            seen = self._scene.tables_with(tables, self._cameras[key].background)
-            groups = {True: list(scratch.groups_of_all(key, images)), False: list(scratch.groups(key))}
-            at_once = max(len(group) for group, _ in groups[True])
-            for everything, placed in groups.items():
-                phases[everything] += [
-                    [
-                        target.record(seen, projection, Group(worlds, at_once), buffers, mask, faults)
-                        for worlds in target.side_by_side(group)
-                    ]
-                    for group, buffers in placed
-                ]
-        self._phases, self._recordings = phases, {}
+        frames: dict[bool, list[list[list[Stage]]]] = {}
+        for everything in (True, False):
+            frames[everything] = [[[record_begin(everything, mask, faults, self._device)]], [views]]
+            phases = list(scratch.phases(images if everything else None))
+            if everything:
+                busiest = max(sum(self._pixels(portion) for portion in phase) for phase in phases)
+            for phase in phases:
+                frames[everything].append(
+                    [chain for portion in phase for chain in self._record_portion(tables, portion, len(phase), busiest)]
+                )
+        self._phases, self._recordings = frames, {}
         bind([stage for frame in self._recording().frames.values() for stage in frame.stages])
         self._tables = tables
 
@@ -176,6 +175,31 @@ class Renderer:
             recording = Recording(frames, {})
         self._recordings[stages] = recording
         return recording
+
+    def _pixels(self, portion: Portion) -> int:
+        camera = self._cameras[portion.camera]
+        return len(portion.worlds) * camera.width * camera.height
+
+    def _record_portion(self, tables: Tables, portion: Portion, beside: int, busiest: int) -> Iterator[list[Stage]]:
+        """Chains of stages that may run side by side.
+
+        Args:
+            tables: The scene.
+            portion: What they draw.
+            beside: How many portions are drawn at the same time.
+            busiest: Pixels of the phase that has most.
+        """
+        key, camera = portion.camera, self._cameras[portion.camera]
+        seen, projection = self._scene.tables_with(tables, camera.background), self._mounted[key].projection
+        at_once = busiest // (camera.width * camera.height)
+        large = self._device.is_cuda and self._pixels(portion) >= WORTH_PARTING and portion.buffers
+        parts = -(-PARTS // beside) if large else 1
+        bounds = [portion.worlds.start + len(portion.worlds) * i // parts for i in range(parts + 1)]
+        for first, end in itertools.pairwise(bounds):
+            group = Group(range(first, end), at_once)
+            yield self._targets[key].record(
+                seen, projection, group, portion.buffers, self._selection.mask, self._faults
+            )
 
     def _run(self, everything: bool, capturing: bool) -> None:
         recording = self._recording()

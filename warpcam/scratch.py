@@ -6,10 +6,9 @@ which makes groups large: the larger, the better they fill the device. Where onl
 images must stay, and there is only the block.
 """
 
-import itertools
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Hashable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeVar
 
 import warp as wp
 
@@ -18,11 +17,13 @@ from warpcam.errors import WarpcamError
 from warpcam.kernels import shadow, visibility
 from warpcam.kernels.tables import Tables
 from warpcam.kernels.types import HEIGHT_FIELD, MESH
-from warpcam.outputs import OUTPUTS
+from warpcam.outputs import OUTPUTS, traced_as
 
 # The block is at most half as large as the images, or this where they are small: a group must fill the device [bytes].
 ALWAYS_ALLOWED = 32 * 2**20
 ALIGNMENT = 256  # of a buffer [bytes]
+
+Name = TypeVar("Name", bound=Hashable)
 
 
 def buffers_of(camera: Camera, tables: Tables) -> dict[str, Any]:
@@ -35,7 +36,7 @@ def buffers_of(camera: Camera, tables: Tables) -> dict[str, Any]:
             "cast shadows"
         )
     passes = tables.num_drawn > visibility.MAX_LISTED  # they go on from each other's depth and shape
-    needed = passes or any(output.trace is None for output in asked)
+    needed = passes or any(traced_as(name, tables.shape_types) is None for name in camera.outputs)
     images = {output.trace for output in asked} - ({"shape"} if tables.ids_by_world else set())
     faces = bool(tables.shape_types & {MESH, HEIGHT_FIELD}) and any(output.face for output in asked)
     wanted = {
@@ -73,16 +74,22 @@ class Piece:
     start: int
     end: int
 
-    def from_(self, address: int) -> "Piece":
-        """What is left of it from the first aligned address on that is not below this one."""
-        return Piece(min(_aligned(address), self.end), self.end)
 
+@dataclass(frozen=True)
+class Portion:
+    """Worlds that one camera draws together.
 
-Placed = tuple[range, dict[str, wp.array]]
+    With them come the camera's buffers, arrays (world, height, width, 1) by name, of which only the rows of these
+    worlds are there: the others must not be touched.
+    """
+
+    camera: str | int
+    worlds: range
+    buffers: Mapping[str, wp.array]
 
 
 class Scratch:
-    """The block, and the groups of worlds that each camera is drawn in.
+    """The block, and the portions that the cameras are drawn in.
 
     Attributes:
         size: Of the block [bytes].
@@ -104,51 +111,63 @@ class Scratch:
     def allocate(self) -> None:
         self._block = wp.empty(self.size, dtype=wp.uint8, device=self._device)
 
-    def groups(self, key: str | int) -> Iterator[Placed]:
-        """The camera's groups while other images must stay.
+    def phases(self, images: Mapping[str | int, Iterable[wp.array]] | None) -> Iterator[list[Portion]]:
+        """What is drawn together, phase after phase, as much in each as there is room for.
 
-        With each come its buffers, arrays (world, height, width, 1) by name. Only the rows of the group's worlds are
-        there: the others must not be touched.
+        Args:
+            images: Of all cameras, in the order of drawing, where all worlds are drawn; None where other worlds' images
+                must stay.
         """
-        worlds = self._tables.num_worlds
-        count = self._count_groups(self._cameras[key])
-        for first, end in itertools.pairwise(worlds * i // count for i in range(count + 1)):
-            yield self._placed(key, range(first, end), [self._piece(self._block)])
-
-    def groups_of_all(self, key: str | int, images: Mapping[str | int, Iterable[wp.array]]) -> Iterator[Placed]:
-        """The same while the images of all cameras are drawn, in this order."""
-        worlds, first = self._tables.num_worlds, 0
-        later = list(itertools.dropwhile(lambda other: other != key, images))[1:]
-        whole = [self._piece(self._block), *(self._piece(image) for other in later for image in images[other])]
-        own = [(self._piece(image), image.strides[0]) for image in images[key]]
-
-        def lent(end: int) -> list[Piece]:
-            return whole + [piece.from_(piece.start + end * stride) for piece, stride in own]
-
-        while first < worlds:
-            fits = first + 1  # the block has room for one world
-            too_far = worlds + 1
+        first, total = 0, len(self._cameras) * self._tables.num_worlds
+        while first < total:
+            fits, too_far = first + 1, total + 1  # the block has room for one world
             while too_far - fits > 1:
                 end = (fits + too_far) // 2
-                if _place(self._needed(self._cameras[key], end - first), lent(end)) is not None:
-                    fits = end
-                else:
+                if self._places(first, end, images) is None:
                     too_far = end
-            yield self._placed(key, range(first, fits), lent(fits))
+                else:
+                    fits = end
+            places = self._places(first, fits, images)
+            if places is None:
+                raise AssertionError(f"scratch: {self.size} bytes have no room for one world")
+            yield [Portion(key, worlds, self._buffers(key, worlds, places)) for key, worlds in self._share(first, fits)]
             first = fits
 
-    def _placed(self, key: str | int, worlds: range, pieces: Sequence[Piece]) -> Placed:
+    def _share(self, first: int, end: int) -> Iterator[tuple[str | int, range]]:
+        """The cameras and worlds from one place to another, counted in worlds of one camera after another."""
+        num_worlds = self._tables.num_worlds
+        for place, key in enumerate(self._cameras):
+            begin, stop = (min(max(at - place * num_worlds, 0), num_worlds) for at in (first, end))
+            if begin < stop:
+                yield key, range(begin, stop)
+
+    def _places(
+        self, first: int, end: int, images: Mapping[str | int, Iterable[wp.array]] | None
+    ) -> dict[tuple[str | int, str], int] | None:
+        """Addresses of all buffers of a phase, by camera and name; None if there is no room for them."""
+        num_worlds, start = self._tables.num_worlds, self._block.ptr or 0
+        pieces = [Piece(start, start + self.size)]
+        if images is not None:
+            for key, worlds in self._share(end, len(self._cameras) * num_worlds):
+                pieces += [_rows(image, worlds.start) for image in images[key]]
+        sizes = {
+            (key, name): size
+            for key, worlds in self._share(first, end)
+            for name, size in self._needed(self._cameras[key], len(worlds)).items()
+        }
+        return _place(sizes, pieces)
+
+    def _buffers(
+        self, key: str | int, worlds: range, places: Mapping[tuple[str | int, str], int]
+    ) -> dict[str, wp.array]:
         camera = self._cameras[key]
-        places = _place(self._needed(camera, len(worlds)), pieces)
-        if places is None:
-            raise AssertionError(f"scratch: {len(worlds)} worlds of {camera.where} do not fit")
         shape = (self._tables.num_worlds, camera.height, camera.width, 1)
         buffers = {}
         for name, dtype in buffers_of(camera, self._tables).items():
             stride = camera.height * camera.width * wp.types.type_size_in_bytes(dtype)
-            start = places[name] - worlds.start * stride
+            start = places[key, name] - worlds.start * stride
             buffers[name] = wp.array(ptr=start, shape=shape, dtype=dtype, device=self._device)
-        return worlds, buffers
+        return buffers
 
     def _needed(self, camera: Camera, worlds: int) -> dict[str, int]:
         """Bytes of each buffer of a group."""
@@ -161,24 +180,19 @@ class Scratch:
     def _bytes(self, camera: Camera, worlds: int) -> int:
         return sum(self._needed(camera, worlds).values())
 
-    def _count_groups(self, camera: Camera) -> int:
-        """The fewest groups that the block has room for, as equal as they can be."""
-        worlds = self._tables.num_worlds
-        count = max(1, self._bytes(camera, worlds) // max(self.size, 1))
-        while self._bytes(camera, -(-worlds // count)) > self.size:
-            count += 1
-        return count
 
-    def _piece(self, array: wp.array) -> Piece:
-        start = array.ptr or 0
-        return Piece(start, start + array.size * wp.types.type_size_in_bytes(array.dtype))
+def _rows(image: wp.array, first: int) -> Piece:
+    """The memory of an image's worlds from one on."""
+    start = image.ptr or 0
+    end = start + image.size * wp.types.type_size_in_bytes(image.dtype)
+    return Piece(min(_aligned(start + first * image.strides[0]), end), end)
 
 
 def _aligned(count: int) -> int:
     return -(-count // ALIGNMENT) * ALIGNMENT
 
 
-def _place(sizes: Mapping[str, int], pieces: Sequence[Piece]) -> dict[str, int] | None:
+def _place(sizes: Mapping[Name, int], pieces: Sequence[Piece]) -> dict[Name, int] | None:
     """Addresses of buffers of these sizes, the largest first where the least is left; None if they do not fit."""
     free, places = list(pieces), {}
     for name in sorted(sizes, key=lambda name: -sizes[name]):

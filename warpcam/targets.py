@@ -1,6 +1,5 @@
 """The images of one camera, and the stages that make them."""
 
-import itertools
 from collections.abc import Mapping
 
 import warp as wp
@@ -12,11 +11,9 @@ from warpcam.kernels.launch import Group, Stage
 from warpcam.kernels.tables import Tables
 from warpcam.kernels.types import View
 from warpcam.lens import Projection
-from warpcam.outputs import OUTPUTS
+from warpcam.outputs import OUTPUTS, traced_as
 
 MAX_PIXELS = 2**31
-PARTS = 3
-WORTH_PARTING = 2**22  # pixels of a group
 
 
 def check_size(camera: Camera, num_worlds: int) -> None:
@@ -43,15 +40,6 @@ class Target:
             name: wp.zeros((*size, OUTPUTS[name].channels), dtype=OUTPUTS[name].dtype, device=device)
             for name in camera.outputs
         }
-        self._traced = {OUTPUTS[name].trace: array for name, array in self.images.items() if OUTPUTS[name].trace}
-        self._derived = {name: array for name, array in self.images.items() if OUTPUTS[name].trace is None}
-
-    def side_by_side(self, worlds: range) -> list[range]:
-        """Parts of a group that are drawn at the same time: one goes on while another's last pixels are waited for."""
-        large = len(worlds) * self._camera.width * self._camera.height >= WORTH_PARTING
-        parts = PARTS if large and self._derived and self._device.is_cuda else 1
-        bounds = [worlds.start + len(worlds) * i // parts for i in range(parts + 1)]
-        return [range(first, end) for first, end in itertools.pairwise(bounds)]
 
     def record(
         self,
@@ -64,17 +52,17 @@ class Target:
     ) -> list[Stage]:
         """The stages that make the images of a group of worlds from their views, by way of ``buffers``."""
         device, views, width, height = self._device, self.views, self._camera.width, self._camera.height
+        names = {name: traced_as(name, tables.shape_types) for name in self.images}
+        traced = {trace: self.images[name] for name, trace in names.items() if trace is not None}
+        derived = {name: self.images[name] for name, trace in names.items() if trace is None}
+        if tables.ids_by_world and "shape" in traced:  # what is asked for are ids; the stages pass on columns
+            traced["ids"] = traced.pop("shape")
         depth, shape, face, shadows = (
-            self._traced.get(name, buffers.get(name)) for name in ("depth", "shape", "face", "shadow")
+            traced.pop(name, buffers.get(name)) for name in ("depth", "shape", "face", "shadow")
         )
-        hits: dict[str, wp.array] = {
-            name: self._traced[name] for name in ("distance", "points", "bodies") if name in self._traced
-        }
-        if tables.ids_by_world and "shape" in self._traced:  # what is asked for are ids; the stages pass on columns
-            shape, hits["ids"] = buffers.get("shape"), self._traced["shape"]
         stages = [
             visibility.record(
-                tables, projection, views, mask, faults, width, height, depth, shape, face, hits, device, group
+                tables, projection, views, mask, faults, width, height, depth, shape, face, traced, device, group
             )
         ]
         if shadows is not None:
@@ -83,13 +71,12 @@ class Target:
                     tables, projection, views, mask, depth, shape, face, width, height, shadows, device, group
                 )
             )
-        if self._derived:
-            images = self._derived
+        if derived:
             if face is None:
                 face = wp.empty(0, dtype=wp.int32, device=device)
             stages.append(
                 resolve.record(
-                    images, projection, tables, views, mask, depth, shape, face, shadows, width, height, device, group
+                    derived, projection, tables, views, mask, depth, shape, face, shadows, width, height, device, group
                 )
             )
         return stages

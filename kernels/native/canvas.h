@@ -1,23 +1,43 @@
 // Where a block draws: one region of one view, and what the trace writes there.
 #pragma once
+#include "gradient.h"
 #include "hits.h"
+#include "tiles.h"
 
 namespace warpcam {
 
-// What the trace writes. QUADS: the image's width is a multiple of four pixels. IDS: the ids that shapes have in each
-// world; BY_WORLD: bodies have such ids too.
-enum Output { DEPTH = 1, SHAPE = 2, FACE = 4, DISTANCE = 8, POINTS = 16, BODIES = 32, QUADS = 64 };
-enum { IDS = 1 << 16, BY_WORLD = 1 << 17 };
+// What the trace writes. QUADS: the image's width is a multiple of four pixels; TILED: no tile reaches over its edges.
+// IDS: the ids that shapes have in each world; BY_WORLD: bodies have such ids too.
+enum Output {
+    DEPTH = 1,
+    SHAPE = 2,
+    FACE = 4,
+    DISTANCE = 8,
+    POINTS = 16,
+    BODIES = 32,
+    NORMALS = 64,
+    QUADS = 128,
+    TILED = 256,
+    IDS = 1 << 16,
+    BY_WORLD = 1 << 17
+};
+
+// Where the normals are written, hits name the slot of their shape's record instead of the shape: see gather().
+constexpr bool names_slots(int outputs) { return outputs & NORMALS; }
 
 // Pixel (i, j) is column i and row j of the image.
-template <int LENS, int OUTPUTS, class Target, class Shapes> struct Canvas {
+template <int TYPES, int LENS, int OUTPUTS, int CAPACITY, class Target, class Shapes> struct Canvas {
     const Target& target;
     const Shapes& shapes;
-    Camera camera;
+    const ShapeList<CAPACITY>& list;
+    const Camera& camera;
     Region region;
     int world;
 
-    WARPCAM_FN bool inside(int i, int j) const { return i < target.width && j < target.height; }
+    WARPCAM_FN bool inside(int i, int j) const
+    {
+        return (OUTPUTS & TILED) || (i < target.width && j < target.height);
+    }
 
     WARPCAM_FN unsigned at(int i, int j) const { return (unsigned(world) * target.height + j) * target.width + i; }
 
@@ -26,17 +46,12 @@ template <int LENS, int OUTPUTS, class Target, class Shapes> struct Canvas {
         return { image_x(camera, float(i)), image_y(camera, float(j)) };
     }
 
-    // What a pixel shows before a pass. No ray outside of the image meets anything.
+    // What a ray has met before a pass: nothing that is new. No ray outside of the image meets anything.
     WARPCAM_FN Hit start(int i, int j, bool first_pass) const
     {
         Hit hit { inside(i, j) ? camera.far : -1.0f, -1, -1 };
-        if (!first_pass && inside(i, j)) {
-            hit.shape = target.shape.data[at(i, j)];
-            if (OUTPUTS & FACE)
-                hit.face = target.face.data[at(i, j)];
-            if (hit.shape >= 0)
-                hit.depth = target.depth.data[at(i, j)];
-        }
+        if (!first_pass && inside(i, j) && target.shape.data[at(i, j)] >= 0)
+            hit.depth = target.depth.data[at(i, j)];
         return hit;
     }
 
@@ -45,40 +60,59 @@ template <int LENS, int OUTPUTS, class Target, class Shapes> struct Canvas {
     {
         const unsigned pixel = at(i, j);
         const ViewRay<LENS> seen = ray(i, j);
+        const int shape = names_slots(OUTPUTS) && hit.shape >= 0 ? list.ids[hit.shape] : hit.shape;
         if (WHAT & DEPTH)
             target.depth.data[pixel] = hit.shape < 0 ? camera.miss : hit.depth;
         if (WHAT & SHAPE)
-            target.shape.data[pixel] = hit.shape;
+            target.shape.data[pixel] = shape;
         if (WHAT & FACE)
             target.face.data[pixel] = hit.face;
         if (WHAT & DISTANCE)
-            target.distance.data[pixel] = distance_of<LENS>(hit, seen.x, seen.y);
+            target.distance.data[pixel] = distance_of(hit, seen);
         if (WHAT & BODIES)
-            target.bodies.data[pixel] = body_of<(OUTPUTS & BY_WORLD) != 0>(hit, shapes, world);
+            target.bodies.data[pixel] = body_of<(OUTPUTS & BY_WORLD) != 0>(shapes, world, shape);
         if (WHAT & IDS)
-            target.ids.data[pixel] = id_of(hit, shapes, world);
+            target.ids.data[pixel] = id_of(shapes, world, shape);
         if (WHAT & POINTS)
-            put_three(target.points.data, pixel, point_of<LENS>(hit, camera, seen.x, seen.y));
+            put_three(target.points.data, pixel, point_of(hit, camera, seen));
+        if (WHAT & NORMALS)
+            put_three(target.normals.data, pixel, normal_of(hit, seen));
+    }
+
+    // Writes what a pass has found.
+    WARPCAM_FN void put_new(int i, int j, const Hit& hit, bool first_pass) const
+    {
+        if (inside(i, j) && (first_pass || hit.shape >= 0))
+            put<OUTPUTS>(i, j, hit);
+    }
+
+    WARPCAM_FN Vec normal_of(const Hit& hit, const ViewRay<LENS>& seen) const
+    {
+        if (hit.shape < 0)
+            return { 0.0f, 0.0f, 0.0f };
+        return turned(camera.rotation, normalized(gradient<TYPES>(list.records[hit.shape], seen, hit.depth)));
     }
 
 #if defined(__CUDA_ARCH__)
-    // Writes the pixels of a warp's tile, each lane's; `row_of_lanes` is room for 3 * LANES numbers where POINTS are
-    // written in QUADS.
-    WARPCAM_FN void put_tile(int i, int j, const Hit& hit, float* row_of_lanes) const
+    static constexpr int THREES = OUTPUTS & QUADS ? OUTPUTS & (POINTS | NORMALS) : 0;  // stored by 16 bytes
+
+    // The same for the pixels of a warp's tile, each lane's; `row_of_lanes` is room for 3 * LANES numbers where there
+    // are THREES.
+    WARPCAM_FN void put_tile(int i, int j, const Hit& hit, bool first_pass, float* row_of_lanes) const
     {
-        constexpr bool TOGETHER = (OUTPUTS & POINTS) && (OUTPUTS & QUADS);
+        if (THREES == 0 || !first_pass)
+            return put_new(i, j, hit, first_pass);
         if (inside(i, j))
-            put<TOGETHER ? OUTPUTS & ~POINTS : OUTPUTS>(i, j, hit);
-        if (TOGETHER) {
-            const int lane = threadIdx.x % LANES, left = i - lane % TILE_WIDTH, top = j - lane / TILE_WIDTH;
-            Pixel pixel { i, j, at(i, j), inside(i, j), row_of_lanes, lane };
-            pixel.width = target.width - left;
-            pixel.height = target.height - top;
-            pixel.stride = target.width;
-            pixel.corner = at(left, top);
-            const ViewRay<LENS> seen = ray(i, j);
-            put_vec<true>(target.points, pixel, point_of<LENS>(hit, camera, seen.x, seen.y));
-        }
+            put<OUTPUTS & ~THREES>(i, j, hit);
+        const int lane = threadIdx.x % LANES, left = i - lane % TILE_WIDTH, top = j - lane / TILE_WIDTH;
+        Pixel pixel { i, j, at(i, j), inside(i, j), row_of_lanes, lane };
+        pixel.width = OUTPUTS & TILED ? TILE_WIDTH : target.width - left;
+        pixel.height = OUTPUTS & TILED ? TILE_HEIGHT : target.height - top;
+        const ViewRay<LENS> seen = ray(i, j);
+        if (THREES & POINTS)
+            put_vec<true>(target.points, pixel, point_of(hit, camera, seen));
+        if (THREES & NORMALS)
+            put_vec<true>(target.normals, pixel, normal_of(hit, seen));
     }
 #endif
 };

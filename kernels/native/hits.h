@@ -12,31 +12,31 @@ WARPCAM_FN Vec turned(const Matrix& m, Vec v)
              m.at[2][0] * v.x + m.at[2][1] * v.y + m.at[2][2] * v.z };
 }
 
-template <int LENS> WARPCAM_FN float distance_of(const Hit& hit, float x, float y)
+template <int LENS> WARPCAM_FN float distance_of(const Hit& hit, const ViewRay<LENS>& seen)
 {
-    const float length = LENS == PINHOLE ? root(x * x + y * y + 1.0f) : 1.0f;
+    const float length = LENS == PINHOLE ? root(seen.x * seen.x + seen.y * seen.y + 1.0f) : 1.0f;
     return hit.shape >= 0 ? hit.depth * length : infinity();
 }
 
-template <int LENS> WARPCAM_FN Vec point_of(const Hit& hit, const Camera& camera, float x, float y)
+template <int LENS> WARPCAM_FN Vec point_of(const Hit& hit, const Camera& camera, const ViewRay<LENS>& seen)
 {
     if (hit.shape < 0)
         return { infinity(), infinity(), infinity() };
     const float near = LENS == PINHOLE ? hit.depth : 1.0f;
-    return camera.origin + turned(camera.rotation, { near * x, near * y, -hit.depth });
+    return camera.origin + turned(camera.rotation, { near * seen.x, near * seen.y, -hit.depth });
 }
 
 // With BY_WORLD ids differ from world to world: types.py, Shapes.
-template <bool BY_WORLD, class Shapes> WARPCAM_FN int body_of(const Hit& hit, const Shapes& shapes, int world)
+template <bool BY_WORLD, class Shapes> WARPCAM_FN int body_of(const Shapes& shapes, int world, int shape)
 {
     if (BY_WORLD)
-        return hit.shape >= 0 ? wp::index(shapes.body_ids, world, hit.shape) : -1;
-    return hit.shape >= 0 ? wp::index(shapes.bodies, hit.shape) : -1;
+        return shape >= 0 ? wp::index(shapes.body_ids, world, shape) : -1;
+    return shape >= 0 ? wp::index(shapes.bodies, shape) : -1;
 }
 
-template <class Shapes> WARPCAM_FN int id_of(const Hit& hit, const Shapes& shapes, int world)
+template <class Shapes> WARPCAM_FN int id_of(const Shapes& shapes, int world, int shape)
 {
-    return hit.shape >= 0 ? wp::index(shapes.ids, world, hit.shape) : -1;
+    return shape >= 0 ? wp::index(shapes.ids, world, shape) : -1;
 }
 
 }  // namespace warpcam

@@ -1,7 +1,7 @@
-// Triangle meshes behind a region's pixels, on CUDA. Rays that meet a mesh's box wait in a queue of the block until there
-// are enough of them to fill its lanes; then each lane walks a ray, and takes another when it is done.
+// Triangle meshes behind a region's pixels, on CUDA. A warp draws tile after tile and gathers the rays that meet boxes of
+// meshes; each of its lanes walks one of them, and takes another when it is done, so that lanes are never without a ray
+// while there are tiles. Warps do not wait for each other.
 #pragma once
-#include "ray_queue.h"
 #include "tiles.h"
 
 #if defined(__CUDA_ARCH__)
@@ -9,14 +9,19 @@ namespace warpcam {
 
 constexpr int FEW = 8;  // lanes; fewer wait for company before they do what the others do not need
 
-template <int WORDS> struct MeshQueue: RayQueue<WORDS> {
-    float depth[RayQueue<WORDS>::SIZE];  // of the ray's nearest hit so far
+// The rays of one warp. WORDS: 32 shapes of the block's list each.
+template <int WORDS> struct MeshRays {
+    // bits by place in the list: meshes whose boxes a ray meets
+    unsigned waiting[WORDS][LANES];                // of the rays of one tile that no lane has taken yet
+    unsigned taken[WORDS > 1 ? WORDS : 1][LANES];  // of the lanes' own; the first word is in a register
+    float depth[LANES];                            // of the waiting rays' nearest hits so far
+    unsigned short pixel[LANES];                   // row * 64 + column in the region
 };
 
-// Puts the rays of a tile that meet meshes before their hits into the queue, which has room for them.
+// Finds the rays of a tile that meet meshes before their hits and lets them wait; nobody waits yet. Returns how many.
 template <int TYPES, int LENS, int CAPACITY, int WORDS, class Meshes>
-WARPCAM_FN void enqueue(MeshQueue<WORDS>& queue, const ShapeList<CAPACITY>& list, int column, int row,
-                        const ViewRay<LENS>& ray, float near, const Meshes& meshes, float depth)
+WARPCAM_FN int find_rays(MeshRays<WORDS>& rays, const ShapeList<CAPACITY>& list, int column, int row,
+                         const ViewRay<LENS>& ray, float near, const Meshes& meshes, float depth)
 {
     const int lane = threadIdx.x % LANES, words = (list.count + LANES - 1) / LANES;
     unsigned met[WORDS];
@@ -29,49 +34,72 @@ WARPCAM_FN void enqueue(MeshQueue<WORDS>& queue, const ShapeList<CAPACITY>& list
                                 depth);
         any |= met[word] != 0;
     }
-    const int pixel = (row * TILE_HEIGHT + lane / TILE_WIDTH) * 64 + column * TILE_WIDTH + lane % TILE_WIDTH;
-    const int at = queue.put(any, met, words, pixel);
-    if (any)
-        queue.depth[at] = depth;
+    const unsigned found = __ballot_sync(ALL, any);
+    if (any) {
+        const int at = __popc(found & ((1u << lane) - 1));
+        for (int word = 0; word < words; ++word)
+            rays.waiting[word][at] = met[word];
+        rays.pixel[at] = static_cast<unsigned short>((row * TILE_HEIGHT + lane / TILE_WIDTH) * 64 + column * TILE_WIDTH
+                                                     + lane % TILE_WIDTH);
+        rays.depth[at] = depth;
+    }
+    __syncwarp();
+    return __popc(found);
 }
 
-// Traces the rays of the queue and stores what they hit: store(pixel, hit). `ray_of(pixel)` is a pixel's ray.
-// All warps of the block come here together.
-template <int TYPES, int CAPACITY, int WORDS, class Meshes, class RayOf, class Store>
-WARPCAM_FN void trace_queue(MeshQueue<WORDS>& queue, const ShapeList<CAPACITY>& list, const Meshes& meshes, float near,
-                            const RayOf& ray_of, const Store& store)
+// Traces all rays that `next_tile` finds and stores what they hit: store(pixel, hit). `next_tile(found)` draws another
+// tile as far as it goes without meshes and says how many rays wait then; false if there is none left. `ray_of(pixel)` is
+// a pixel's ray.
+template <int TYPES, int CAPACITY, int WORDS, class Meshes, class NextTile, class RayOf, class Store>
+WARPCAM_FN void trace_rays(MeshRays<WORDS>& rays, const ShapeList<CAPACITY>& list, const Meshes& meshes, float near,
+                           const NextTile& next_tile, const RayOf& ray_of, const Store& store)
 {
-    const int lane = threadIdx.x % LANES, words = (list.count + LANES - 1) / LANES, count = queue.count;
+    const int lane = threadIdx.x % LANES, words = (list.count + LANES - 1) / LANES;
     int stack[STACK];
     float entries[STACK];
-    int at_ray = 0, word = 0, slot = 0, node = NO_NODE, height = 0, shape = -1, face = -1;
+    int pixel = 0, word = 0, slot = 0, node = NO_NODE, height = 0, shape = -1, face = -1;
     unsigned left = 0, nodes = 0;
     float depth = 0.0f;
     auto ray = ray_of(0);
     Slabs s {};
-    bool more = true;  // rays in the queue
+    int first = 0, end = 0;  // of the rays that wait
+    bool more = true;        // tiles
+    const auto go_on = [&] {  // to the ray's next word with a mesh, if this one has none left
+        while (left == 0 && word + 1 < words)
+            left = rays.taken[++word][lane];
+    };
     while (true) {
-        const unsigned idles = __ballot_sync(ALL, node == NO_NODE && left == 0);
-        if (more && (__popc(idles) >= FEW || idles == ALL)) {
-            const int next = queue.take(__popc(idles));
-            more = next + __popc(idles) < count;
-            const int mine = next + __popc(idles & ((1u << lane) - 1));
-            if (idles >> lane & 1) {
-                if (shape >= 0)
-                    store(queue.pixel[at_ray], Hit { depth, shape, face });
+        unsigned idles = __ballot_sync(ALL, node == NO_NODE && left == 0);
+        if ((more || first < end) && (__popc(idles) >= FEW || idles == ALL)) {
+            if ((idles >> lane & 1) && shape >= 0) {
+                store(pixel, Hit { depth, shape, face });
                 shape = -1;
-                if (mine < count) {
-                    at_ray = mine;
-                    ray = ray_of(queue.pixel[mine]);
-                    depth = queue.depth[mine];
-                    word = 0;
-                    left = queue.meshes[0][mine];
-                    queue.go_on(mine, words, word, left);
+            }
+            while (idles && (more || first < end)) {
+                if (first == end) {
+                    first = end = 0;
+                    more = next_tile(end);
+                    continue;
                 }
+                const int mine = first + __popc(idles & ((1u << lane) - 1));
+                const bool takes = (idles >> lane & 1) && mine < end;
+                if (takes) {
+                    pixel = rays.pixel[mine];
+                    ray = ray_of(pixel);
+                    depth = rays.depth[mine];
+                    word = 0;
+                    left = rays.waiting[0][mine];
+                    for (int k = 1; k < words; ++k)
+                        rays.taken[k][lane] = rays.waiting[k][mine];
+                    go_on();
+                }
+                first = lower_int(first + __popc(idles), end);
+                idles &= ~__ballot_sync(ALL, takes);
+                __syncwarp();  // the next tile's rays may now stand where these stood
             }
         } else if (idles == ALL) {
             if (shape >= 0)
-                store(queue.pixel[at_ray], Hit { depth, shape, face });
+                store(pixel, Hit { depth, shape, face });
             return;
         }
 
@@ -80,7 +108,7 @@ WARPCAM_FN void trace_queue(MeshQueue<WORDS>& queue, const ShapeList<CAPACITY>& 
             if (between >> lane & 1) {
                 slot = list.order[word * LANES + lowest_bit(left)];
                 left &= left - 1;
-                queue.go_on(at_ray, words, word, left);
+                go_on();
                 const Record& record = list.records[slot];
                 if (as_float(record.size.w) < depth) {
                     const Ray local = ray.local(record);

@@ -13,11 +13,9 @@ struct Pixel {
     unsigned at;  // counted from the first world's first pixel; there are fewer than 2^31
     bool inside;  // of the image
 #if defined(__CUDA_ARCH__)
-    float* row_of_lanes;  // shared memory of the warp, 3 * LANES long, aligned to 16 bytes
+    float* row_of_lanes;  // shared memory of the warp, at least 3 * LANES long, aligned to 16 bytes
     int lane;
     int width, height;  // of the image, from the tile's corner on
-    unsigned corner;    // `at` of the tile's first pixel
-    int stride;         // width of the image
 #endif
 };
 
@@ -34,17 +32,17 @@ template <bool IN_QUADS, class Array> WARPCAM_FN void put_vec(const Array& image
 {
 #if defined(__CUDA_ARCH__)
     if (IN_QUADS) {
-        constexpr int ROW = 3 * TILE_WIDTH / 4;  // pieces of 16 bytes in a row of the tile
-        float* lanes = pixel.row_of_lanes;
-        lanes[3 * pixel.lane] = value.x;
-        lanes[3 * pixel.lane + 1] = value.y;
-        lanes[3 * pixel.lane + 2] = value.z;
+        const int piece = pixel.lane % TILE_WIDTH;  // of 16 bytes of a row of the tile; the last two threads have none
+        float* lanes = pixel.row_of_lanes + 3 * pixel.lane;
+        size_t bytes = 12 * size_t(pixel.at);
+        asm("" : "+l"(bytes));  // or the compiler adds `piece`, which is the same for all tiles, to it
+        lanes[0] = value.x;
+        lanes[1] = value.y;
+        lanes[2] = value.z;
         __syncwarp();
-        const int row = pixel.lane / ROW, piece = pixel.lane % ROW;
-        if (row < TILE_HEIGHT && row < pixel.height && 4 * piece < 3 * pixel.width) {
-            float* start = image.data + 3 * size_t(pixel.corner + row * pixel.stride);
-            reinterpret_cast<float4*>(start)[piece] = reinterpret_cast<const float4*>(lanes)[pixel.lane];
-        }
+        if (4 * piece < 3 * lower_int(pixel.width, TILE_WIDTH) && pixel.lane / TILE_WIDTH < pixel.height)
+            *reinterpret_cast<float4*>(reinterpret_cast<char*>(image.data + piece) + bytes)
+                = *reinterpret_cast<const float4*>(lanes + piece);
         __syncwarp();
         return;
     }

@@ -34,8 +34,10 @@ template <class Shapes> WARPCAM_FN Shape load_shape(const Shapes& shapes, int wo
     return s;
 }
 
-// Fills the list with shapes from `begin` on until it is full; returns where to go on.
-template <int TYPES, int LENS, int CAPACITY, class Shapes, class Materials, class Meshes, class HeightFields>
+// Fills the list with shapes from `begin` on until it is full; returns where to go on. SLOTS: records name their own
+// slots in place of their shapes.
+template <int TYPES, int LENS, bool SLOTS, int CAPACITY, class Shapes, class Materials, class Meshes,
+          class HeightFields>
 WARPCAM_FN int gather(ShapeList<CAPACITY>& list, int begin, const Shapes& shapes, const Materials& materials,
                       const Meshes& meshes, const HeightFields& fields, const Camera& camera, const Region& region,
                       int world, int thread)
@@ -58,6 +60,8 @@ WARPCAM_FN int gather(ShapeList<CAPACITY>& list, int begin, const Shapes& shapes
 #else
                 const int slot = list.count++;
 #endif
+                if (SLOTS)
+                    record.axis_y.w = slot;
                 list.records[slot] = record;
                 list.nearest[slot] = as_float(record.size.w);
                 list.ids[slot] = id;
@@ -66,7 +70,7 @@ WARPCAM_FN int gather(ShapeList<CAPACITY>& list, int begin, const Shapes& shapes
         }
         if (total > CAPACITY) {  // the next round may overflow the list
             block_barrier();
-            const bool full = list.count + THREADS > CAPACITY;
+            const bool full = list.count + lower_int(THREADS, total - begin) > CAPACITY;
             block_barrier();
             if (full)
                 break;
@@ -78,62 +82,53 @@ WARPCAM_FN int gather(ShapeList<CAPACITY>& list, int begin, const Shapes& shapes
 
 #if defined(__CUDA_ARCH__)
 
-// Draws the tiles of a region against the list. All warps of the block come here together; a warp draws one tile after
-// another, and where rays wait for meshes all walk them when there are enough.
-template <int TYPES, int LENS, int CAPACITY, int OUTPUTS, class Target, class Shapes, class Meshes, class HeightFields>
-WARPCAM_FN void draw_tiles(ShapeList<CAPACITY>& list, const Canvas<LENS, OUTPUTS, Target, Shapes>& canvas,
-                           const Meshes& meshes, const HeightFields& fields, bool first_pass)
+// Draws the tiles of a region against the list, a warp one after another.
+template <int TYPES, int LENS, int CAPACITY, class Canvas_, class Meshes, class HeightFields>
+WARPCAM_FN void draw_tiles(ShapeList<CAPACITY>& list, const Canvas_& canvas, const Meshes& meshes,
+                           const HeightFields& fields, bool first_pass)
 {
-    constexpr bool HAS_MESH = TYPES >> MESH & 1, HAS_POINTS = OUTPUTS & POINTS;
-    WARPCAM_SHARED MeshQueue<HAS_MESH ? (CAPACITY + LANES - 1) / LANES : 1> queue;
-    WARPCAM_SHARED float4 lanes[HAS_POINTS ? THREADS / LANES : 1][3 * LANES / 4];
-    const int lane = threadIdx.x % LANES;
+    constexpr bool HAS_MESH = TYPES >> MESH & 1, HAS_THREES = Canvas_::THREES != 0;
+    WARPCAM_SHARED MeshRays<HAS_MESH ? (CAPACITY + LANES - 1) / LANES : 1> rays[HAS_MESH ? THREADS / LANES : 1];
+    WARPCAM_SHARED float4 lanes[HAS_THREES ? THREADS / LANES : 1][3 * LANES / 4];
+    const int lane = threadIdx.x % LANES, warp = threadIdx.x / LANES;
+    float* row_of_lanes = reinterpret_cast<float*>(lanes[HAS_THREES ? warp : 0]);
     const Region region = canvas.region;
     const float near = canvas.camera.near;
     const int across = region.width / TILE_WIDTH, tiles = across * (region.height / TILE_HEIGHT);
     const float per_row = 1.0f / float(across);
-    do {
-        if (HAS_MESH) {
-            if (threadIdx.x == 0)
-                queue.clear();
-            block_barrier();
-        }
-        while (true) {
-            int tile = tiles;
-            if (lane == 0 && (!HAS_MESH || queue.has_room()))
-                tile = draw_next(list.next_tile);
-            tile = __shfl_sync(ALL, tile, 0);
-            if (tile >= tiles)
-                break;
-            const int row = int((float(tile) + 0.5f) * per_row), column = tile - row * across;
-            const int i = region.left + column * TILE_WIDTH + lane % TILE_WIDTH;
-            const int j = region.top + row * TILE_HEIGHT + lane / TILE_WIDTH;
-            const ViewRay<LENS> ray = canvas.ray(i, j);
-            Hit hit = canvas.start(i, j, first_pass);
-            trace_tile<TYPES>(list, column, row, ray, near, fields, hit);
-            canvas.put_tile(i, j, hit, reinterpret_cast<float*>(lanes[HAS_POINTS ? threadIdx.x / LANES : 0]));
-            if (HAS_MESH)
-                enqueue<TYPES>(queue, list, column, row, ray, near, meshes, hit.depth);
-        }
-        if (HAS_MESH) {
-            block_barrier();
-            const auto ray_of = [&](int pixel) { return canvas.ray(region.left + pixel % 64, region.top + pixel / 64); };
-            const auto store = [&](int pixel, const Hit& hit) {
-                canvas.template put<OUTPUTS>(region.left + pixel % 64, region.top + pixel / 64, hit);
-            };
-            if (queue.count > 0)
-                trace_queue<TYPES>(queue, list, meshes, near, ray_of, store);
-            block_barrier();
-        }
-    } while (HAS_MESH && list.next_tile < tiles);
+    const auto next_tile = [&](int& found) {
+        const int tile = __shfl_sync(ALL, lane == 0 ? draw_next(list.next_tile) : 0, 0);
+        if (tile >= tiles)
+            return false;
+        const int row = int((float(tile) + 0.5f) * per_row), column = tile - row * across;
+        const int i = region.left + column * TILE_WIDTH + lane % TILE_WIDTH;
+        const int j = region.top + row * TILE_HEIGHT + lane / TILE_WIDTH;
+        const ViewRay<LENS> ray = canvas.ray(i, j);
+        Hit hit = canvas.start(i, j, first_pass);
+        trace_tile<TYPES>(list, column, row, ray, near, fields, hit);
+        canvas.put_tile(i, j, hit, first_pass, row_of_lanes);
+        if (HAS_MESH)
+            found = find_rays<TYPES>(rays[HAS_MESH ? warp : 0], list, column, row, ray, near, meshes, hit.depth);
+        return true;
+    };
+    if (HAS_MESH) {
+        const auto ray_of = [&](int pixel) { return canvas.ray(region.left + pixel % 64, region.top + pixel / 64); };
+        const auto store = [&](int pixel, const Hit& hit) {
+            canvas.put_new(region.left + pixel % 64, region.top + pixel / 64, hit, false);
+        };
+        trace_rays<TYPES>(rays[HAS_MESH ? warp : 0], list, meshes, near, next_tile, ray_of, store);
+    } else {
+        int none;
+        while (next_tile(none)) { }
+    }
 }
 
 #else
 
 // Draws the tiles of a region against the list.
-template <int TYPES, int LENS, int CAPACITY, int OUTPUTS, class Target, class Shapes, class Meshes, class HeightFields>
-inline void draw_tiles(ShapeList<CAPACITY>& list, const Canvas<LENS, OUTPUTS, Target, Shapes>& canvas,
-                       const Meshes& meshes, const HeightFields& fields, bool first_pass)
+template <int TYPES, int LENS, int CAPACITY, class Canvas_, class Meshes, class HeightFields>
+inline void draw_tiles(ShapeList<CAPACITY>& list, const Canvas_& canvas, const Meshes& meshes,
+                       const HeightFields& fields, bool first_pass)
 {
     const Region region = canvas.region;
     TileRow<CAPACITY> picked;
@@ -155,8 +150,7 @@ inline void draw_tiles(ShapeList<CAPACITY>& list, const Canvas<LENS, OUTPUTS, Ta
             trace_tile<TYPES, LENS>(list, picked, column, canvas.camera.near, meshes, fields, rays);
             for (int lane = 0; lane < LANES; ++lane) {
                 const int i = left + lane % TILE_WIDTH, j = top + lane / TILE_WIDTH;
-                if (canvas.inside(i, j))
-                    canvas.template put<OUTPUTS>(i, j, { rays.depth[lane], rays.shape[lane], rays.face[lane] });
+                canvas.put_new(i, j, { rays.depth[lane], rays.shape[lane], rays.face[lane] }, first_pass);
             }
         }
     }
@@ -172,7 +166,9 @@ template <int TYPES, int LENS, int CAPACITY, bool SEVERAL, int WIDTH, int HEIGHT
 WARPCAM_FN void draw(const Shapes& shapes, const Materials& materials, const Meshes& meshes,
                      const HeightFields& fields, const Views& views, const Target& target, int index)
 {
+    static_assert(!names_slots(OUTPUTS) || analytic_types(TYPES) == TYPES);
     WARPCAM_SHARED ShapeList<CAPACITY> list;
+    alignas(16) WARPCAM_SHARED Camera camera;  // kept in registers it would be spilled
     const int thread = index % THREADS, block = index / THREADS;
     const int columns = (target.width + WIDTH - 1) / WIDTH, rows = (target.height + HEIGHT - 1) / HEIGHT;
     const int world = block / (columns * rows), part = block % (columns * rows);
@@ -181,9 +177,13 @@ WARPCAM_FN void draw(const Shapes& shapes, const Materials& materials, const Mes
     Region region { part % columns * WIDTH, part / columns * HEIGHT, WIDTH, HEIGHT };
     region.width = lower_int(WIDTH, (target.width - region.left + TILE_WIDTH - 1) / TILE_WIDTH * TILE_WIDTH);
     region.height = lower_int(HEIGHT, (target.height - region.top + TILE_HEIGHT - 1) / TILE_HEIGHT * TILE_HEIGHT);
-    const Camera camera = load_camera(wp::index(views, world));
+    if (thread == 0)
+        camera = load_camera(wp::index(views, world));
+    block_barrier();
     const bool blind = !(magnitude(camera.origin.x) < FAR_AWAY);
-    const Canvas<LENS, OUTPUTS, Target, Shapes> canvas { target, shapes, camera, region, world };
+    const Canvas<TYPES, LENS, OUTPUTS, CAPACITY, Target, Shapes> canvas {
+        target, shapes, list, camera, region, world
+    };
     const int total = blind ? 0 : shapes.drawn.shape[0];
 
     int begin = 0;
@@ -197,7 +197,8 @@ WARPCAM_FN void draw(const Shapes& shapes, const Materials& materials, const Mes
         }
         block_barrier();
         if (!blind)
-            begin = gather<TYPES, LENS>(list, begin, shapes, materials, meshes, fields, camera, region, world, thread);
+            begin = gather<TYPES, LENS, names_slots(OUTPUTS)>(list, begin, shapes, materials, meshes, fields, camera,
+                                                              region, world, thread);
         if (list.broken) {  // nothing of this world can be trusted
             block_barrier();
             if (thread == 0) {
@@ -210,7 +211,7 @@ WARPCAM_FN void draw(const Shapes& shapes, const Materials& materials, const Mes
         }
         sort_by_depth(list, thread);
         block_barrier();
-        draw_tiles<TYPES>(list, canvas, meshes, fields, !SEVERAL || first);
+        draw_tiles<TYPES, LENS>(list, canvas, meshes, fields, !SEVERAL || first);
         first = false;
         block_barrier();
     } while (SEVERAL && begin < total);
