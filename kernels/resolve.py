@@ -26,7 +26,7 @@ MAX_KEPT = 256  # shapes whose looks a block can keep
 
 
 @functools.cache
-def frame_struct(shape_dtype: Any, face_dtype: Any, shadow_dtype: Any) -> Any:
+def frame_struct(shape_dtype: Any, face_dtype: Any) -> Any:
     """One camera's visibility in all worlds: what the kernel reads."""
 
     @wp.struct
@@ -36,7 +36,7 @@ def frame_struct(shape_dtype: Any, face_dtype: Any, shadow_dtype: Any) -> Any:
         depth: wp.array(dtype=wp.float32)  # (pixel,) planar depth [m]
         shape: wp.array(dtype=shape_dtype)  # (pixel,) or -1 where nothing was hit
         face: wp.array(dtype=face_dtype)  # (pixel,) as the trace wrote it: see visibility.py
-        shadow: wp.array(dtype=shadow_dtype)  # (pixel,) bit l: light l does not reach the pixel; empty without shadows
+        shadow: wp.array(dtype=wp.uint8)  # (pixel,) as the shadow pass wrote it; empty without shadows
         width: wp.int32
         height: wp.int32
         horizon: wp.float32  # how far the camera of MuJoCo's renderer sees [m]; see native/cells.h
@@ -127,7 +127,7 @@ def record(
         shape: Shape ids, an integer type that holds them (world, height, width), -1 where nothing is hit.
         face: Faces, likewise (world, height, width): of a mesh counted in leaf order, of a height field twice the cell
             plus the triangle (0 below, 1 above the diagonal from low to high row and column), -1 for its sides.
-        shadow: Integers (world, height, width); bit l is set where light l is hidden. None: nothing casts shadows.
+        shadow: uint8 (world, height, width), as shadow.py writes it. None: nothing casts shadows.
         width: Of the image [pixels].
         height: Of the image [pixels].
         device: Where everything lies.
@@ -136,15 +136,14 @@ def record(
     unknown = sorted(set(outputs) - set(OUTPUTS))
     if unknown:
         raise ValueError(f"outputs: {unknown} are not made here; these are: {sorted(OUTPUTS)}")
-    masks = wp.empty(0, dtype=wp.uint8, device=device) if shadow is None else shadow
-    frame_type = frame_struct(shape.dtype, face.dtype, masks.dtype)
+    frame_type = frame_struct(shape.dtype, face.dtype)
     frame = frame_type()
     frame.views = views
     frame.mask = mask
     frame.depth = depth.flatten()
     frame.shape = shape.flatten()
     frame.face = face.flatten()
-    frame.shadow = masks.flatten()
+    frame.shadow = wp.empty(0, dtype=wp.uint8, device=device) if shadow is None else shadow.flatten()
     frame.width = width
     frame.height = height
     frame.horizon = tables.horizon
@@ -157,7 +156,7 @@ def record(
         else:
             setattr(images, name, wp.empty(0, dtype=dtype, device=device))
     group = group or Group.of_all(tables.num_worlds)
-    region = region_size(group.at_once, width, height, device)
+    region = region_size(tables, group.at_once, width, height, device)
     types = sum(1 << t for t in tables.shape_types)
     facts = _facts(tables, shadow is not None, width)
     kernel = _kernel(types, LENSES[lens], _capacity(tables), *region, wanted, facts, frame_type)

@@ -11,14 +11,13 @@ from .tables import Tables
 from .types import MESH, HeightFields, Lights, Materials, Meshes, Shapes, View
 from .visibility import LENSES, THREADS, region_size
 
-MAX_LIGHTS = 32  # bits of a mask
 BLOCKS = 8  # on a multiprocessor: bounds the registers of a thread
 FEW_BLOCKS = 5  # as many as its shared memory holds of the longest lists with meshes
 CAPACITIES = (16, 32, 64, 128, 192)  # how many shapes a pass lists: few sizes, so that scenes share kernels
 
 
 @functools.cache
-def shaded_struct(shape_dtype: Any, face_dtype: Any, shadow_dtype: Any) -> Any:
+def shaded_struct(shape_dtype: Any, face_dtype: Any) -> Any:
     """What the shadow kernel reads and writes, each (world * height * width,)."""
 
     @wp.struct
@@ -27,7 +26,8 @@ def shaded_struct(shape_dtype: Any, face_dtype: Any, shadow_dtype: Any) -> Any:
         depth: wp.array(dtype=wp.float32)  # planar depth [m]
         shape: wp.array(dtype=shape_dtype)  # shape id, or -1
         face: wp.array(dtype=face_dtype)  # see visibility.target_struct; empty for a scene without meshes
-        shadow: wp.array(dtype=shadow_dtype)  # bit l is set where light l does not reach the point
+        # bit k is set where light k does not reach the point, of those that are kept: native/kept_lights.h
+        shadow: wp.array(dtype=wp.uint8)
         width: wp.int32
         height: wp.int32
 
@@ -90,7 +90,7 @@ def record(
     """Bind the shadow pass of one camera; it runs after the camera's trace.
 
     Args:
-        tables: The scene; at most MAX_LIGHTS lights.
+        tables: The scene.
         lens: "pinhole" or "orthographic".
         views: View, (world,).
         mask: uint8, (world,); worlds with 0 are left alone.
@@ -99,11 +99,11 @@ def record(
         face: Faces, likewise; only needed for scenes with meshes.
         width: Image width [pixels].
         height: Image height [pixels].
-        shadow: An integer type with a bit for each light, likewise; written.
+        shadow: uint8, likewise; written.
         device: Where all of these lie.
         group: Which worlds are shaded; None is all.
     """
-    target_type = shaded_struct(shape.dtype, wp.int32 if face is None else face.dtype, shadow.dtype)
+    target_type = shaded_struct(shape.dtype, wp.int32 if face is None else face.dtype)
     target = target_type()
     target.mask, target.width, target.height = mask, width, height
     target.depth, target.shape, target.shadow = depth.flatten(), shape.flatten(), shadow.flatten()
@@ -112,7 +112,7 @@ def record(
     types = sum(1 << t for t in tables.shape_types)
     capacity = next(size for size in CAPACITIES if size >= min(tables.num_drawn, CAPACITIES[-1]))
     group = group or Group.of_all(views.shape[0])
-    region = region_size(group.at_once, width, height, device)
+    region = region_size(tables, group.at_once, width, height, device)
     kernel = _kernel(types, LENSES[lens], capacity, *region, target_type)
     unit = -(-width // region[0]) * -(-height // region[1]) * (THREADS if device.is_cuda else 1)  # threads a world
     arguments = [tables.shapes, tables.materials, tables.meshes, tables.height_fields, tables.lights, views, target]

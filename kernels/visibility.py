@@ -17,6 +17,8 @@ QUADS, TILED = 128, 256
 IDS, BY_WORLD = 1 << 16, 1 << 17  # ids by world: canvas.h
 LENSES = {"pinhole": 0, "orthographic": 1}
 THREADS = 128  # of a CUDA block; lanes.h has the same number
+REGIONS = ((64, 64), (64, 32), (32, 32), (32, 16), (16, 16), (16, 8))
+MANY = 64  # shapes
 MAX_LISTED = 256  # shapes that one pass draws
 BLOCKS = 10  # on a multiprocessor: bounds the registers of a thread
 SHARED_MEMORY = 228 * 1024  # of a multiprocessor [bytes]
@@ -148,7 +150,7 @@ def record(
     if width % 8 == 0 and height % 4 == 0:
         outputs |= TILED
     types = sum(1 << t for t in tables.shape_types)
-    region = region_size(group.at_once, width, height, device)
+    region = region_size(tables, group.at_once, width, height, device)
     kernel = _kernel(types, LENSES[lens], capacity, several, *region, outputs, target_type)
     unit = -(-width // region[0]) * -(-height // region[1]) * (THREADS if device.is_cuda else 1)  # threads a world
     arguments = [tables.shapes, tables.materials, tables.meshes, tables.height_fields, views, target]
@@ -176,10 +178,14 @@ def list_capacity(num_drawn: int) -> int:
     return next(size for size in (16, 32, 64, 96, 128, 192, MAX_LISTED) if size >= min(num_drawn, MAX_LISTED))
 
 
-def region_size(at_once: int, width: int, height: int, device: wp.Device) -> tuple[int, int]:
-    """Pixels that one thread block draws: as many as leave enough blocks to fill the device."""
+def region_size(tables: Tables, at_once: int, width: int, height: int, device: wp.Device) -> tuple[int, int]:
+    """Pixels that one thread block draws: as many as leave enough blocks to fill the device.
+
+    Fewer in scenes of many meshes, whose blocks take long: at the end of a launch the last ones are waited for.
+    """
     wanted = device.sm_count * 10 if device.is_cuda else 2 * cpu_parts()
-    for size in ((64, 64), (64, 32), (32, 32), (32, 16), (16, 16)):
+    slow = device.is_cuda and MESH in tables.shape_types and tables.num_drawn > MANY
+    for size in REGIONS[2 if slow else 0 : -1]:
         if at_once * -(-width // size[0]) * -(-height // size[1]) >= wanted:
             return size
-    return (16, 8)
+    return REGIONS[-1]

@@ -95,3 +95,39 @@ def test_backs_lose_a_lights_ambient_part(device: wp.Device, ambient: float) -> 
     assert (x > 0.01).sum() > 100
     assert (red[x > 0.01] == 0.0).all()
     np.testing.assert_allclose(red[x < -0.01], ambient, rtol=1e-5)
+
+
+@pytest.mark.parametrize("headlight", [False, True])
+def test_lights_cast_that_give_light(device: wp.Device, headlight: bool) -> None:
+    """Of any number of lights the first eight count that are on, the headlight included, with the shadows of these."""
+    balls = "".join(f'<geom size="0.2" pos="{0.7 * i - 1.4} {0.4 * i - 1.0} 0.6"/>' for i in range(5))
+    on = [1, 4, 5, 9, 12, 13, 20, 33, 36, 39]
+
+    def drawn(lights: list[int]) -> np.ndarray:
+        xml = "".join(
+            f'<light type="directional" pos="0 0 5" dir="{0.05 * i - 1} {0.4 - 0.02 * i} -1" diffuse="0.1 0.1 0.1" '
+            f'active="{"true" if i in on else "false"}"/>'
+            for i in lights
+        )
+        mjm = scenes.compile_xml(xml + FLOOR + balls, more="" if headlight else DARK)
+        camera = scenes.own_camera(outputs=("hdr",), shadows=True, **EYE)
+        return scenes.look(wc.from_mujoco_warp(mjm, *scenes.put(mjm, 1)), camera)["hdr"][0]
+
+    kept = on[: 7 if headlight else 8]
+    np.testing.assert_array_equal(drawn(list(range(40))), drawn(kept))
+    assert (drawn(kept) != drawn(kept[:-1])).any()
+
+
+@pytest.mark.parametrize("light", LIGHTS)
+def test_turned_away_surfaces_keep_their_colors(device: wp.Device, light: str) -> None:
+    """Alone in the world a convex shape looks the same with and without shadows: it has none on its lit side."""
+    for kind in ("sphere", "capsule", "ellipsoid", "cylinder", "box"):
+        body = f'<body pos="0 0 1" euler="20 10 30">{scenes.geom_xml(kind)}</body>'
+        mjm = scenes.compile_xml(LIGHTS[light] + body, assets=scenes.ASSETS, more=DARK)
+        scene = wc.from_mujoco_warp(mjm, *scenes.put(mjm, 1))
+        with_shadows, without = (
+            scenes.look(scene, scenes.own_camera(outputs=("hdr",), shadows=shadows, **EYE))["hdr"][0]
+            for shadows in (True, False)
+        )
+        assert without.max() > 0.0
+        np.testing.assert_allclose(with_shadows, without, rtol=1e-5, atol=1e-6)

@@ -152,7 +152,7 @@ class Renderer:
             frames[everything] = [[[record_begin(everything, mask, faults, self._device)]], [views]]
             phases = list(scratch.phases(images if everything else None))
             if everything:
-                busiest = max(sum(self._pixels(portion) for portion in phase) for phase in phases)
+                busiest = max((sum(map(self._pixels, phase)) for phase in phases), default=0)
             for phase in phases:
                 frames[everything].append(
                     [chain for portion in phase for chain in self._record_portion(tables, portion, len(phase), busiest)]

@@ -13,8 +13,7 @@ from typing import Any, TypeVar
 import warp as wp
 
 from warpcam.camera import Camera
-from warpcam.errors import WarpcamError
-from warpcam.kernels import shadow, visibility
+from warpcam.kernels import visibility
 from warpcam.kernels.tables import Tables
 from warpcam.kernels.types import HEIGHT_FIELD, MESH
 from warpcam.outputs import OUTPUTS, traced_as
@@ -30,11 +29,6 @@ def buffers_of(camera: Camera, tables: Tables) -> dict[str, Any]:
     """The buffers between the stages that this camera's outputs need, those aside that are outputs: dtypes by name."""
     asked = [OUTPUTS[name] for name in camera.outputs]
     lit = camera.shadows and tables.num_lights > 0 and any(output.lit for output in asked)
-    if lit and tables.num_lights > shadow.MAX_LIGHTS:
-        raise WarpcamError(
-            f"{camera.where}: shadows of {tables.num_lights} lights came; at most {shadow.MAX_LIGHTS} lights can "
-            "cast shadows"
-        )
     passes = tables.num_drawn > visibility.MAX_LISTED  # they go on from each other's depth and shape
     needed = passes or any(traced_as(name, tables.shape_types) is None for name in camera.outputs)
     images = {output.trace for output in asked} - ({"shape"} if tables.ids_by_world else set())
@@ -49,7 +43,7 @@ def buffers_of(camera: Camera, tables: Tables) -> dict[str, Any]:
         "depth": wp.float32,
         "shape": wp.int16 if tables.num_shapes <= 2**15 else wp.int32,
         "face": wp.uint16 if tables.num_faces <= 2**16 and HEIGHT_FIELD not in tables.shape_types else wp.int32,
-        "shadow": wp.uint8 if tables.num_lights <= 8 else wp.int32,
+        "shadow": wp.uint8,
     }
     return {name: dtypes[name] for name, there in wanted.items() if there}
 

@@ -6,8 +6,7 @@ namespace warpcam {
 
 constexpr int PLANE_CELLS = 200;  // at most, along a side
 
-// The cells along one side of a plane. Those in the middle are all as long as `step`. Cells and the borders between
-// them are counted from `start`, which is border 0 and begins cell 0.
+// The cells along one side of a plane. Those in the middle are all as long as `step`.
 struct Cells {
     float start;    // where one of them begins [m]
     float step;     // [m]; 0 where the plane is lit at each pixel
@@ -17,6 +16,10 @@ struct Cells {
 
 struct PlaneCells {
     Cells u, v;
+};
+
+struct Span {
+    float start, length;
 };
 
 // Cells of a side from `-half` to `half`: an even number of cells twice `spacing` long lies in the middle; the first
@@ -50,29 +53,13 @@ WARPCAM_FN PlaneCells plane_cells(const Pose& pose, const float* repeat, float h
              size.y > 0.0f ? cells_between(size.y, size.z) : cells_around(eye.y, repeat[1], horizon) };
 }
 
-constexpr float MOST_CELLS = 4.0e6f;  // there is no light to be seen on endless planes farther away than this
-
-// Where a border lies; those beyond the last one lie on it [m].
-WARPCAM_FN float border(const Cells& cells, int i)
+// The cell around `x`.
+WARPCAM_FN Span cell_around(const Cells& cells, float x)
 {
-    const float x = cells.start + float(i) * cells.step, end = cells.rest - cells.start;
-    return cells.rest < 0.0f ? x : between(x, -end, end);
-}
-
-// A cell, and how far on in it, in [0, 1], a place is.
-struct Cell {
-    int at;
-    float on;
-};
-
-// The cell around `x`; on a border it can be either.
-WARPCAM_FN Cell cell_around(const Cells& cells, float x)
-{
-    const Parts place = parts_of(between((x - cells.start) * cells.inverse, -MOST_CELLS, MOST_CELLS));
-    if (cells.rest < 0.0f)
-        return { place.whole, saturated(place.rest) };
-    const float low = border(cells, place.whole), length = border(cells, place.whole + 1) - low;
-    return { place.whole, saturated((x - low) * reciprocal(upper(length, 1.0e-20f))) };
+    const float start = cells.start + cells.step * round_down((x - cells.start) * cells.inverse);
+    if (cells.rest < 0.0f || (x > cells.start && x <= -cells.start))
+        return { start, cells.step };
+    return { x > -cells.start ? -cells.start : cells.start - cells.rest, cells.rest };
 }
 
 }  // namespace warpcam

@@ -11,123 +11,107 @@ namespace warpcam {
 
 constexpr int BOX_CELLS = 4;  // along a side of a box
 
-// How the surface around a hit is cut: finely, into cells of two triangles, into the faces of a mesh or height field.
-// UNSEEN: there is no hit, and what comes out does not matter.
-enum Cut { FINE, CELL, FACE, UNSEEN };
-
-// A triangle, and a hit on it. A cell's has two sides along the cell's, u and v, and starts where they meet.
+// A triangle in the camera's frame, and a place on it.
 struct Facet {
-    int cut;
-    float weight1, weight2;  // of the second and third corner
-    // Of a cell:
-    int side;         // the axis it is normal to; + 4 where it faces the other way
-    int column, row;  // borders along u and v that the cell begins at
-    int start;        // bit 0: the triangle starts at the cell's end along u, bit 1: along v
+    Vec place[3], normal[3];  // of its corners [m]
+    float weight1, weight2;   // of the second and third corner, for the place
+    bool three;               // else only the first corner counts, which is the place itself
 };
 
-// A corner, or any place of a surface, in the camera's frame.
-struct Vertex {
-    Vec place;   // [m]
-    Vec normal;  // unit
-};
+// The half of an axis-aligned quad that a hit lies in. The quad is cut from its second to its fourth corner; mirrored,
+// from its first to its third. `place` is the hit in the camera's frame, `along` and `across` are the quad's axes
+// there, `a` and `b` the hit's coordinates on them.
+WARPCAM_FN void in_quad(Vec place, Vec along, Vec across, float a, float b, Span u, Span v, bool mirrored, Facet& facet)
+{
+    float weight1 = between((a - u.start) * reciprocal(upper(u.length, 1.0e-20f)), 0.0f, 1.0f);
+    float weight2 = between((b - v.start) * reciprocal(upper(v.length, 1.0e-20f)), 0.0f, 1.0f);
+    if (mirrored) {
+        v = { v.start + v.length, -v.length };
+        weight2 = 1.0f - weight2;
+    }
+    if (weight1 + weight2 > 1.0f) {
+        u = { u.start + u.length, -u.length };
+        v = { v.start + v.length, -v.length };
+        weight1 = 1.0f - weight1;
+        weight2 = 1.0f - weight2;
+    }
+    facet.place[0] = place + (u.start - a) * along + (v.start - b) * across;
+    facet.place[1] = facet.place[0] + u.length * along;
+    facet.place[2] = facet.place[0] + v.length * across;
+    facet.weight1 = weight1;
+    facet.weight2 = weight2;
+    facet.three = true;
+}
 
-// In the shape's frame.
+// One of the equal cells of a box's side.
+WARPCAM_FN Span box_cell(float x, float half)
+{
+    const float length = 2.0f / BOX_CELLS * half;
+    const float i = between(round_down((x + half) * reciprocal(length)), 0.0f, float(BOX_CELLS - 1));
+    return { i * length - half, length };
+}
+
 template <int TYPES, class Meshes> WARPCAM_FN Vec corner_normal(const Meshes& meshes, const Pose& pose, int corner)
 {
     const Vec normal = to_vec(wp::index(meshes.normals, corner));
-    return TYPES >> SCALED & 1 ? normalized(divided(normal, to_vec(pose.size))) : normal;
+    if (TYPES >> SCALED & 1)
+        return pose.seen(normalized(divided(normal, to_vec(pose.size))));
+    return pose.seen(normal);
 }
 
-// The cells along both sides of a plane or of a side of a box.
-template <int TYPES, class Looks> WARPCAM_FN PlaneCells cells_of(const Looks& look, int axis)
-{
-    if constexpr (TYPES >> BOX & 1) {
-        if (!(TYPES >> PLANE & 1) || look.pose.type() == BOX) {
-            const Vec size = to_vec(look.pose.size);
-            const float u = axis == 0 ? size.y : size.x, v = axis == 2 ? size.y : size.z;
-            constexpr float PART = 2.0f / BOX_CELLS;
-            return { { -u, PART * u, 1.0f / PART * reciprocal(upper(u, 1.0e-20f)), 0.0f },
-                     { -v, PART * v, 1.0f / PART * reciprocal(upper(v, 1.0e-20f)), 0.0f } };
-        }
-    }
-    if constexpr (TYPES >> PLANE & 1)
-        return look.cells;
-    return {};
-}
-
-// Cells are cut from the second to the fourth of their corners; mirrored, from the first to the third.
-WARPCAM_FN void in_cell(Cell u, Cell v, bool mirrored, Facet& facet)
-{
-    float weight1 = u.on, weight2 = mirrored ? 1.0f - v.on : v.on;
-    const bool beyond = weight1 + weight2 > 1.0f;
-    facet.cut = CELL;
-    facet.column = u.at;
-    facet.row = v.at;
-    facet.start = (beyond ? 3 : 0) ^ (mirrored ? 2 : 0);
-    facet.weight1 = beyond ? 1.0f - weight1 : weight1;
-    facet.weight2 = beyond ? 1.0f - weight2 : weight2;
-}
-
-template <int TYPES, class Looks> WARPCAM_FN Facet facet_at(const Looks& look, const Surface& surface)
+// `place` is the hit in the camera's frame.
+template <int TYPES, class Looks, class Meshes>
+WARPCAM_FN void facet_at(const Looks& look, const Meshes& meshes, const Surface& surface, Vec place, Facet& facet)
 {
     constexpr bool HAS_PLANE = TYPES >> PLANE & 1, HAS_BOX = TYPES >> BOX & 1;
-    const int type = look.pose.type();
-    Facet facet { FINE, 0.0f, 0.0f, 2, 0, 0, 0 };
+    const Pose& pose = look.pose;
+    const int type = pose.type();
+    facet.place[0] = facet.place[1] = facet.place[2] = place;
+    facet.weight1 = facet.weight2 = 0.0f;
+    facet.three = false;
     if ((TYPES & (1 << MESH | 1 << HEIGHT_FIELD)) && (type == MESH || (type == HEIGHT_FIELD && surface.part == TOP))) {
-        facet.cut = FACE;
+        const Triangle& triangle = surface.triangle;
         facet.weight1 = surface.weight1;
         facet.weight2 = surface.weight2;
+        facet.place[0] = pose.seen(triangle.origin - pose.eye());
+        facet.place[1] = facet.place[0] + pose.seen(triangle.edge1);
+        facet.place[2] = facet.place[0] + pose.seen(triangle.edge2);
+        facet.three = true;
     }
-    if constexpr (HAS_PLANE || HAS_BOX) {
-        const bool box = HAS_BOX && type == BOX, plane = HAS_PLANE && type == PLANE;
-        if (box || plane) {
-            const int axis = box ? surface.part : 2;
-            const bool away = box && component(surface.normal, axis) < 0.0f;
-            const PlaneCells cells = cells_of<TYPES>(look, axis);
-            facet.side = axis + (away ? 4 : 0);
-            const float u = axis == 0 ? surface.local.y : surface.local.x;
-            const float v = axis == 2 ? surface.local.y : surface.local.z;
-            if (cells.u.step != 0.0f)
-                in_cell(cell_around(cells.u, u), cell_around(cells.v, v), box && (axis == 1) != away, facet);
+    if ((TYPES >> MESH & 1) && type == MESH) {
+        for (int k = 0; k < 3; ++k)
+            facet.normal[k] = corner_normal<TYPES>(meshes, pose, surface.corner + k);
+        return;
+    }
+    facet.normal[0] = facet.normal[1] = facet.normal[2] = pose.seen(surface.normal);
+    bool quad = false, mirrored = false;
+    int u_axis = 0, v_axis = 1;
+    Span u, v;
+    float a, b;
+    if constexpr (HAS_PLANE) {
+        if (type == PLANE && look.cells.u.step != 0.0f) {
+            quad = true;
+            a = surface.local.x;
+            b = surface.local.y;
+            u = cell_around(look.cells.u, a);
+            v = cell_around(look.cells.v, b);
         }
     }
-    return facet;
-}
-
-// Where two borders meet on a plane or on a side of a box.
-template <int TYPES, class Looks> WARPCAM_FN Vertex cell_vertex(const Looks& look, int side, int column, int row)
-{
-    const Pose& pose = look.pose;
-    const int axis = side & 3;
-    const PlaneCells cells = cells_of<TYPES>(look, axis);
-    const float u = border(cells.u, column), v = border(cells.v, row), sign = side & 4 ? -1.0f : 1.0f;
-    if (!(TYPES >> BOX & 1))
-        return { pose.seen(Vec { u, v, 0.0f } - pose.eye()), to_vec(pose.axis_z) };
-    const bool box = !(TYPES >> PLANE & 1) || pose.type() == BOX;
-    const float w = box ? sign * component(to_vec(pose.size), axis) : 0.0f;
-    const Vec local { axis == 0 ? w : u, axis == 0 ? u : axis == 1 ? w : v, axis == 2 ? w : v };
-    return { pose.seen(local - pose.eye()),
-             sign * to_vec(axis == 0 ? pose.axis_x : axis == 1 ? pose.axis_y : pose.axis_z) };
-}
-
-// A corner, 0 to 2, of a facet.
-template <int TYPES, class Looks, class Meshes>
-WARPCAM_FN Vertex vertex_of(const Looks& look, const Meshes& meshes, const Surface& surface, const Facet& facet, int k)
-{
-    const Pose& pose = look.pose;
-    if ((TYPES & (1 << MESH | 1 << HEIGHT_FIELD)) && facet.cut == FACE) {
-        const Triangle& triangle = surface.triangle;
-        const Vec edge = k == 1 ? triangle.edge1 : triangle.edge2;
-        Vec normal = surface.normal;
-        if ((TYPES >> MESH & 1) && pose.type() == MESH)
-            normal = corner_normal<TYPES>(meshes, pose, surface.corner + k);
-        return { pose.seen(triangle.origin + (k > 0 ? 1.0f : 0.0f) * edge - pose.eye()), pose.seen(normal) };
+    if (HAS_BOX && type == BOX) {
+        quad = true;
+        u_axis = surface.part == 0 ? 1 : 0;
+        v_axis = surface.part == 2 ? 1 : 2;
+        a = component(surface.local, u_axis);
+        b = component(surface.local, v_axis);
+        u = box_cell(a, component(to_vec(pose.size), u_axis));
+        v = box_cell(b, component(to_vec(pose.size), v_axis));
+        mirrored = (surface.part == 1) == (component(surface.normal, surface.part) > 0.0f);
     }
-    if constexpr ((TYPES & (1 << PLANE | 1 << BOX)) != 0) {
-        const int start = facet.start ^ (k == 1 ? 1 : k == 2 ? 2 : 0);
-        return cell_vertex<TYPES>(look, facet.side, facet.column + (start & 1), facet.row + (start >> 1));
+    if ((HAS_PLANE || HAS_BOX) && quad) {
+        const Vec along = to_vec(u_axis == 0 ? pose.axis_x : pose.axis_y);
+        const Vec across = to_vec(v_axis == 1 ? pose.axis_y : pose.axis_z);
+        in_quad(place, along, across, a, b, u, v, mirrored, facet);
     }
-    return {};
 }
 
 }  // namespace warpcam

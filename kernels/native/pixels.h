@@ -13,7 +13,7 @@ struct Pixel {
     unsigned at;  // counted from the first world's first pixel; there are fewer than 2^31
     bool inside;  // of the image
 #if defined(__CUDA_ARCH__)
-    float* row_of_lanes;  // shared memory of the warp, at least 3 * LANES long, aligned to 16 bytes
+    float* row_of_lanes;  // shared memory of the warp, 3 * LANES long, aligned to 16 bytes
     int lane;
     int width, height;  // of the image, from the tile's corner on
 #endif

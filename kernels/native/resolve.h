@@ -1,8 +1,8 @@
 // From the visibility buffer to images: a block draws one region of one view.
 #pragma once
 #include "hits.h"
-#include "light_tile.h"
 #include "mapping.h"
+#include "shade.h"
 #include "texels.h"
 
 namespace warpcam {
@@ -69,8 +69,8 @@ WARPCAM_FN Vec texture_color(const Looks& look, const Meshes& meshes, const Text
         return { 1.0f, 1.0f, 1.0f };
     const Pose& pose = look.pose;
     const float stretch = LENS == PINHOLE ? depth : 1.0f;
-    const Vec right = stretch * camera.scale_x * Vec { pose.axis_x.x, pose.axis_y.x, pose.axis_z.x };
-    const Vec down = -stretch * camera.scale_y * Vec { pose.axis_x.y, pose.axis_y.y, pose.axis_z.y };
+    const Vec right = pose.local({ stretch * camera.scale_x, 0.0f, 0.0f });
+    const Vec down = pose.local({ 0.0f, -stretch * camera.scale_y, 0.0f });
     if (layout.cube) {
         const CubeMapping mapping = map_cube<TYPES>(pose, layout, surface);
         return sample_cube(textures.texels.data, layout.image, mapping.direction,
@@ -81,20 +81,15 @@ WARPCAM_FN Vec texture_color(const Looks& look, const Meshes& meshes, const Text
     return sample_2d(textures.texels.data, layout.image, at.u, at.v, at.right, at.down);
 }
 
-// The light that a warp keeps of corners.
-template <int IMAGES> using Board = Corkboard<int((IMAGES & HDR) != 0) + int(Wanted<IMAGES, 0>::DISPLAY)>;
-
 // What a surface shows.
 struct Shown {
     Vec normal;
     Vec albedo, linear, display;
 };
 
-// KEPT: `looks` has the looks of all shapes, and `kept` is which one of them `look` is.
-template <int TYPES, int LENS, bool KEPT, int IMAGES, int FACTS, class Looks, class Scene_>
-WARPCAM_FN void resolve_surface(const Looks* looks, int kept, const Looks& look, const LightList& lights,
-                                const Scene_& scene, const Camera& camera, const Pixel& pixel, float x, float y,
-                                const Hit& found, bool hit, Board<IMAGES>& board, Shown& shown)
+template <int TYPES, int LENS, int IMAGES, int FACTS, class Looks, class Scene_>
+WARPCAM_FN void resolve_surface(const Looks& look, const LightList& lights, const Scene_& scene, const Camera& camera,
+                                float x, float y, const Hit& found, int shadow, Shown& shown)
 {
     using Wants = Wanted<IMAGES, FACTS>;
     const float depth = found.depth;
@@ -118,19 +113,11 @@ WARPCAM_FN void resolve_surface(const Looks* looks, int kept, const Looks& look,
     if constexpr ((IMAGES & ALBEDO) != 0)
         shown.albedo = times(clip(to_vec(look.finish.color)), texture);
     if constexpr (Wants::LIT) {
-        constexpr bool SHADOWS = FACTS & HAS_SHADOWS;
-        Facet facet = facet_at<TYPES>(look, surface);
-        const LitPixel at { place, SHADOWS && hit ? int(scene.frame.shadow.data[pixel.at]) : 0, kept };
-#if defined(__CUDA_ARCH__)
-        if (!hit) {
-            facet.cut = UNSEEN;
-            facet.column = facet.row = facet.start = 0;
-        }
-        const Lit lit = light_tile<TYPES, KEPT, SHADOWS, (IMAGES & HDR) != 0, Wants::DISPLAY>(
-            lights, looks, look, scene.meshes, surface, facet, at, board, pixel.lane);
-#else
-        const Lit lit = light_pixel<TYPES, SHADOWS>(lights, look, scene.meshes, surface, facet, at);
-#endif
+        Facet facet;
+        facet_at<TYPES>(look, scene.meshes, surface, place, facet);
+        const bool three = (TYPES & (1 << PLANE | 1 << HEIGHT_FIELD | 1 << BOX | 1 << MESH)) && any_lane(facet.three);
+        const Lit lit = three ? illuminate<3, (FACTS & HAS_SHADOWS) != 0>(lights, facet, look.finish, shadow)
+                              : illuminate<1, (FACTS & HAS_SHADOWS) != 0>(lights, facet, look.finish, shadow);
         shown.linear = times(lit.linear, texture);
         shown.display = times(lit.display, texture);
     }
@@ -160,7 +147,7 @@ WARPCAM_FN Look<TYPES, Wants> look_of(const Scene_& scene, const Camera& camera,
 // CAPACITY: the looks a block keeps, one for each shape that may be visible; 0 if they are made anew for each pixel.
 template <int TYPES, int LENS, int CAPACITY, int IMAGES, int FACTS, class Looks, class Scene_>
 WARPCAM_FN void resolve_pixel(const Looks* looks, const LightList& lights, const Scene_& scene, const Camera& camera,
-                              int world, const Pixel& pixel, Hit found, Board<IMAGES>& board)
+                              int world, const Pixel& pixel, Hit found)
 {
     using Wants = Wanted<IMAGES, FACTS>;
     constexpr bool IN_QUADS = FACTS & QUADS;
@@ -170,15 +157,13 @@ WARPCAM_FN void resolve_pixel(const Looks* looks, const LightList& lights, const
     const bool hit = found.shape >= 0;
     Shown shown;
     if ((Wants::SURFACE || Wants::COLORED) && follow(hit, found)) {
-        if constexpr (CAPACITY > 0) {
-            const int kept = wp::index(scene.shapes.places, found.shape);
-            resolve_surface<TYPES, LENS, true, IMAGES, FACTS>(looks, kept, looks[kept], lights, scene, camera, pixel,
-                                                              x, y, found, hit, board, shown);
-        } else {
-            const auto look = look_of<TYPES, Wants>(scene, camera, world, found.shape);
-            resolve_surface<TYPES, LENS, false, IMAGES, FACTS>(looks, 0, look, lights, scene, camera, pixel, x, y,
-                                                               found, hit, board, shown);
-        }
+        const int shadow = (FACTS & HAS_SHADOWS) && Wants::LIT && hit ? frame.shadow.data[pixel.at] : 0;
+        if constexpr (CAPACITY > 0)
+            resolve_surface<TYPES, LENS, IMAGES, FACTS>(looks[wp::index(scene.shapes.places, found.shape)], lights, scene, camera, x, y, found, shadow,
+                                                        shown);
+        else
+            resolve_surface<TYPES, LENS, IMAGES, FACTS>(look_of<TYPES, Wants>(scene, camera, world, found.shape),
+                                                        lights, scene, camera, x, y, found, shadow, shown);
     }
     const Vec black { 0.0f, 0.0f, 0.0f };
     if (IMAGES & NORMALS)
@@ -212,16 +197,6 @@ WARPCAM_FN void go_to(Pixel& pixel, const Frame_& frame, unsigned first, int lef
     pixel.height = frame.height - top;
     pixel.at = first + pixel.row * frame.width + pixel.column;
     pixel.inside = pixel.column < frame.width && pixel.row < frame.height;
-}
-
-// The tile that a warp draws as its number `i`. Wide regions are dealt out in columns, so that tiles that follow each
-// other are neighbours and need much the same light.
-template <int WIDTH> WARPCAM_FN unsigned nth_tile(unsigned warp, unsigned i)
-{
-    constexpr unsigned ACROSS = WIDTH / TILE_WIDTH, WARPS = THREADS / LANES, COLUMNS = ACROSS / WARPS;
-    if constexpr (COLUMNS > 0 && ACROSS % WARPS == 0)
-        return i / COLUMNS * ACROSS + warp * COLUMNS + i % COLUMNS;
-    return warp + i * WARPS;
 }
 #endif
 
@@ -260,33 +235,25 @@ WARPCAM_FN void resolve(const Scene_& scene, const Lights& lights, int index)
 #endif
     Pixel pixel;
 #if defined(__CUDA_ARCH__)
-    constexpr int STAGED = IMAGES & (HDR | NORMALS) ? 3 * LANES / 4 : 1;
-    WARPCAM_SHARED float4 lanes[THREADS / LANES][STAGED];
-    WARPCAM_SHARED Board<IMAGES> boards[THREADS / LANES];
+    WARPCAM_SHARED float4 lanes[THREADS / LANES][3 * LANES / 4];
     constexpr unsigned TILES = WIDTH / TILE_WIDTH * (HEIGHT / TILE_HEIGHT), STEP = THREADS / LANES;
-    static_assert(TILES % STEP == 0, "every warp has as many tiles");
     const unsigned warp = unsigned(thread) / LANES;
     pixel.lane = unsigned(thread) % LANES;
     pixel.row_of_lanes = reinterpret_cast<float*>(lanes[warp]);
-    Board<IMAGES>& board = boards[warp];
-    board.pane.group = -1;
-    __syncwarp();
-    go_to<WIDTH>(pixel, frame, first, left, top, nth_tile<WIDTH>(warp, 0));
+    go_to<WIDTH>(pixel, frame, first, left, top, warp);
     Hit next = find<TYPES, IMAGES, FACTS>(frame, pixel);
 #pragma unroll 1
-    for (unsigned i = 0; i < TILES / STEP; ++i) {
+    for (unsigned tile = warp; tile < TILES; tile += STEP) {
         const Hit found = next;
-        if (i + 1 < TILES / STEP) {  // ask for the next tile's pixels before this one's are drawn
-            go_to<WIDTH>(pixel, frame, first, left, top, nth_tile<WIDTH>(warp, i + 1));
+        if (tile + STEP < TILES) {  // ask for the next tile's pixels before this one's are drawn
+            go_to<WIDTH>(pixel, frame, first, left, top, tile + STEP);
             next = find<TYPES, IMAGES, FACTS>(frame, pixel);
         }
-        go_to<WIDTH>(pixel, frame, first, left, top, nth_tile<WIDTH>(warp, i));
+        go_to<WIDTH>(pixel, frame, first, left, top, tile);
         if (pixel.width > 0 && pixel.height > 0)
-            resolve_pixel<TYPES, LENS, KEPT, IMAGES, FACTS>(looks, list, scene, kept_camera, world, pixel, found,
-                                                            board);
+            resolve_pixel<TYPES, LENS, KEPT, IMAGES, FACTS>(looks, list, scene, kept_camera, world, pixel, found);
     }
 #else
-    Board<IMAGES> board;
     pixel.inside = true;
     for (pixel.row = top; pixel.row < lower_int(top + HEIGHT, frame.height); ++pixel.row)
         for (pixel.column = left; pixel.column < lower_int(left + WIDTH, frame.width); ++pixel.column) {
@@ -297,8 +264,7 @@ WARPCAM_FN void resolve(const Scene_& scene, const Lights& lights, int index)
                 looks[place] = look_of<TYPES, Wants>(scene, camera, world, found.shape);
                 made[place] = true;
             }
-            resolve_pixel<TYPES, LENS, KEPT, IMAGES, FACTS>(looks, list, scene, kept_camera, world, pixel, found,
-                                                            board);
+            resolve_pixel<TYPES, LENS, KEPT, IMAGES, FACTS>(looks, list, scene, kept_camera, world, pixel, found);
         }
 #endif
 }

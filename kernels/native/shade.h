@@ -5,21 +5,18 @@
 // light that is everywhere come on top. A textured surface multiplies all of it, highlights included, by its texture.
 #pragma once
 #include "facet.h"
+#include "kept_lights.h"
 
 namespace warpcam {
 
-enum LightType { LIGHT_SPOT, LIGHT_DIRECTIONAL };  // values of types.py
-
-// OpenGL has this many lights, and so has MuJoCo's renderer: the headlight, where it shines, and the first active ones.
-constexpr int MAX_LIGHTS = 8;
-
-// One light in the camera's frame. The first three rows are all that light without a hue needs.
+// One light in the camera's frame.
 struct Light {
-    Row place;  // position of a spot [m], direction to a directional light; w: the light's bit of a shadow mask
-    Row glow;   // diffuse, specular in red; a spot's exponent, else 1 + the squared length of `place`; w: Nature
-    Row axis;   // direction that a spot shines in; w: bits of the cosine of its cutoff, -2 where it has none
-    Row falloff;  // constant, linear, quadratic; w unused
-    Row ambient, diffuse, specular;  // w unused
+    Row place;     // position of a spot [m], direction to a directional light; w: the light's bit of a shadow mask
+    Row axis;      // direction that a spot shines in; w: bits of the cosine of its cutoff, -2 where it has none
+    Row falloff;   // constant, linear, quadratic; w: bits of a spot's exponent
+    Row ambient;   // w: Nature
+    Row diffuse;   // w: bits of 1 + the squared length of a directional light's `place`
+    Row specular;
 };
 
 enum Nature { SPOT = 1, FADES = 2, CASTS = 4, AMBIENT = 8 };
@@ -29,26 +26,14 @@ struct LightList {
     Light lights[MAX_LIGHTS];
     Vec ambient;  // all of it but that of spots and of lights that shadows may take
     int count;
-    int headlight;  // 1: it shines, and is the first of the lights
     int used;     // 1: some light is on, so that none is everywhere
     int colored;  // 1: some light has a hue
 };
 
 WARPCAM_FN bool has_hue(const Row& color) { return color.x != color.y || color.x != color.z; }
 
-template <class Lights> WARPCAM_FN bool gives_light(const Lights& lights, int world, int light)
-{
-    const int type = row_of(lights.types, world, light);
-    return type == LIGHT_SPOT || type == LIGHT_DIRECTIONAL;
-}
-
-template <class Lights> WARPCAM_FN bool shines(const Lights& lights, int world, int light)
-{
-    return row_of(lights.active, world, light);
-}
-
 template <bool SHADOWS, class Lights>
-WARPCAM_FN Light load_light(const Lights& lights, const Camera& camera, int world, int index)
+WARPCAM_FN Light load_light(const Lights& lights, const Camera& camera, int world, int index, int place)
 {
     const Vec direction = turned_back(camera.rotation, to_vec(row_of(lights.directions, world, index)));
     const Vec position = to_vec(row_of(lights.positions, world, index));
@@ -64,18 +49,15 @@ WARPCAM_FN Light load_light(const Lights& lights, const Camera& camera, int worl
         nature |= CASTS;
     if ((SHADOWS || spot) && (ambient.x != 0.0f || ambient.y != 0.0f || ambient.z != 0.0f))
         nature |= AMBIENT;
-    const Vec diffuse = strength * to_vec(row_of(lights.diffuse, world, index));
-    const Vec specular = strength * to_vec(row_of(lights.specular, world, index));
-    const float exponent = wide ? 0.0f : row_of(lights.exponent, world, index);
     Light light;
     light.place = to_row(spot ? turned_back(camera.rotation, position - camera.origin) : -direction,
-                         SHADOWS && index < 32 ? 1 << index : 0);
-    light.glow = { diffuse.x, specular.x, spot ? exponent : 1.0f + dot(direction, direction), nature };
+                         SHADOWS ? 1 << place : 0);
     light.axis = to_row(direction, as_int(wide ? -2.0f : cosine(0.017453292519943295f * cutoff)));
-    light.falloff = to_row(falloff, 0);
-    light.ambient = to_row(ambient, 0);
-    light.diffuse = to_row(diffuse, 0);
-    light.specular = to_row(specular, 0);
+    light.falloff = to_row(falloff, as_int(wide ? 0.0f : row_of(lights.exponent, world, index)));
+    light.ambient = to_row(ambient, nature);
+    light.diffuse = to_row(strength * to_vec(row_of(lights.diffuse, world, index)),
+                           as_int(1.0f + dot(direction, direction)));
+    light.specular = to_row(strength * to_vec(row_of(lights.specular, world, index)), 0);
     return light;
 }
 
@@ -95,30 +77,24 @@ WARPCAM_FN void gather_lights(const Lights& lights, const Camera& camera, int wo
     const int total = lights.types.shape[1];
     const Vec ambient = to_vec(wp::index(lights.headlight, 0)), diffuse = to_vec(wp::index(lights.headlight, 1)),
               specular = to_vec(wp::index(lights.headlight, 2));
-    const Vec sum = ambient + diffuse + specular;
-    const bool headlight = dot(sum, sum) > 0.0f;
-    const int slots = headlight ? MAX_LIGHTS - 1 : MAX_LIGHTS;
+    const bool headlight = headlight_shines(lights);
     if (lane == 0) {
         list.lights[0].place = { 0.0f, 0.0f, 1.0f, 0 };
-        list.lights[0].glow = { diffuse.x, specular.x, 2.0f, 0 };
         list.lights[0].ambient = to_row(ambient, 0);
-        list.lights[0].diffuse = to_row(diffuse, 0);
+        list.lights[0].diffuse = to_row(diffuse, as_int(2.0f));
         list.lights[0].specular = to_row(specular, 0);
-        list.count = list.headlight = list.used = headlight;
+        list.count = list.used = headlight;
     }
     team_barrier();
     for (int light = lane; light < total; light += TEAM) {
-        if (!shines(lights, world, light) || !gives_light(lights, world, light))
-            continue;
-        list.used = 1;
-        int before = 0, kept = 0;  // lights that take a slot, and those of them that give light
+        KeptLights lights_before = kept_lights(lights);
         for (int other = 0; other < light; ++other)
-            if (shines(lights, world, other)) {
-                kept += gives_light(lights, world, other);
-                ++before;
-            }
-        if (before < slots) {
-            list.lights[headlight + kept] = load_light<SHADOWS>(lights, camera, world, light);
+            lights_before.next(lights, world, other);
+        const int place = lights_before.next(lights, world, light);
+        if (lights_before.given > 0)
+            list.used = 1;
+        if (place >= 0) {
+            list.lights[headlight + place] = load_light<SHADOWS>(lights, camera, world, light, place);
 #if defined(__CUDA_ARCH__)
             atomicAdd(&list.count, 1);
 #else
@@ -133,13 +109,65 @@ WARPCAM_FN void gather_lights(const Lights& lights, const Camera& camera, int wo
         list.colored = 0;
         for (int n = 0; n < list.count; ++n) {
             const Light& light = list.lights[n];
-            if (!(light.glow.w & AMBIENT))
+            if (!(light.ambient.w & AMBIENT))
                 list.ambient = list.ambient + to_vec(light.ambient);
             if (has_hue(light.ambient) || has_hue(light.diffuse) || has_hue(light.specular))
                 list.colored = 1;
         }
     }
     team_barrier();
+}
+
+// What a facet's corner is to all lights: the unit direction to the centre of projection and its length [m], and the
+// product of that direction with the normal.
+struct Vertex {
+    Vec to_eye, normal;
+    float reach, slant;
+};
+
+// A spot's strength at a corner, before its cone.
+WARPCAM_FN float faded(const Light& light, const Vertex& vertex)
+{
+    const Vec offset = to_vec(light.place) + vertex.reach * vertex.to_eye;
+    const float distance = root(dot(offset, offset));
+    return reciprocal(upper(light.falloff.x + distance * (light.falloff.y + distance * light.falloff.z), 1.0e-12f));
+}
+
+// How much a light adds to a corner: of its ambient, diffuse and specular colours.
+struct Share {
+    float ambient, diffuse, specular;
+};
+
+// Where a light is from a corner, and how it falls on it.
+struct Arrival {
+    Vec to_light;  // unit but for directional lights, whose length is theirs
+    float strength, facing;
+};
+
+template <bool IS_SPOT> WARPCAM_FN Arrival arrival_of(const Light& light, const Vertex& vertex, float strength)
+{
+    Arrival arrival { to_vec(light.place), strength, 0.0f };
+    if (IS_SPOT) {
+        const Vec offset = arrival.to_light + vertex.reach * vertex.to_eye;
+        arrival.to_light = inverse_root(dot(offset, offset)) * offset;
+        const float along = -dot(arrival.to_light, to_vec(light.axis));
+        arrival.strength = along >= as_float(light.axis.w)
+            ? strength * power(upper(along, TINY), as_float(light.falloff.w))
+            : 0.0f;
+    }
+    arrival.facing = dot(vertex.normal, arrival.to_light);
+    return arrival;
+}
+
+template <bool IS_SPOT>
+WARPCAM_FN Share share_of(const Light& light, const Vertex& vertex, const Arrival& arrival, float exponent)
+{
+    // Squared length of the sum of the directions to the light and the eye.
+    const float halfway = (IS_SPOT ? 2.0f : as_float(light.diffuse.w)) + 2.0f * dot(arrival.to_light, vertex.to_eye);
+    const float highlight = saturated((arrival.facing + vertex.slant) * inverse_root(halfway));
+    const float shine = power(upper(highlight, TINY), exponent);
+    return { arrival.strength, arrival.strength * upper(arrival.facing, 0.0f),
+             arrival.facing > 0.0f ? arrival.strength * shine : 0.0f };
 }
 
 // What a surface sends to the camera, before its texture: all of it, and what a display has of it, which is clipped to
@@ -151,120 +179,103 @@ struct Lit {
 
 WARPCAM_FN Vec clip(Vec color) { return { saturated(color.x), saturated(color.y), saturated(color.z) }; }
 
-WARPCAM_FN void add(Lit& sum, float weight, const Lit& lit)
-{
-    sum.linear = sum.linear + weight * lit.linear;
-    sum.display = sum.display + weight * lit.display;
-}
-
 // A sum of light: in three channels, or in one where no light has a hue.
-WARPCAM_FN void add(Vec& sum, float share, const Row& color, float) { sum = sum + share * to_vec(color); }
-WARPCAM_FN void add(float& sum, float share, const Row&, float red) { sum += share * red; }
+WARPCAM_FN void add(Vec& sum, float share, const Row& color) { sum = sum + share * to_vec(color); }
+WARPCAM_FN void add(float& sum, float share, const Row& color) { sum += share * color.x; }
 WARPCAM_FN Vec in_channels(Vec sum) { return sum; }
 WARPCAM_FN Vec in_channels(float sum) { return { sum, sum, sum }; }
 
-// The light at a vertex: what the surface reflects in its own colour, and its highlights.
+// The light at a corner: what the surface reflects in its own colour, and its highlights.
 template <class Sum> struct Glow {
     Sum matt, gloss;
 };
+
+template <class Sum> WARPCAM_FN void add_share(Glow<Sum>& glow, const Share& share, const Light& light)
+{
+    add(glow.matt, share.diffuse, light.diffuse);
+    add(glow.gloss, share.specular, light.specular);
+    if (light.ambient.w & AMBIENT)
+        add(glow.matt, share.ambient, light.ambient);
+}
 
 template <class Sum> WARPCAM_FN Vec reflected(const Glow<Sum>& glow, Vec base, const Finish& finish)
 {
     return base + times(in_channels(glow.matt), to_vec(finish.color)) + finish.gloss.y * in_channels(glow.gloss);
 }
 
-// How a light falls on a vertex: the cosine of its angle to the normal, that to the eye, and how strong it is.
-struct Arrival {
-    float facing, eyewards, strength;
-};
-
-WARPCAM_FN Arrival arrival_of(const Light& light, const Row& glow, const Vertex& vertex, Vec to_eye)
+template <bool IS_SPOT, int CORNERS, bool SHADOWS, class Sum>
+WARPCAM_FN void add_light(const Light& light, float strength, const Vertex* corners, const float* weights,
+                          const Finish& finish, Glow<Sum>* glows, Lit& casting)
 {
-    const Vec place = to_vec(light.place);
-    if (!(glow.w & SPOT))
-        return { dot(vertex.normal, place), dot(to_eye, place), 1.0f };
-    const Vec offset = place - vertex.place;
-    const float square = dot(offset, offset), rate = inverse_root(square);
-    const Row axis = light.axis;
-    const float along = -rate * dot(offset, to_vec(axis));
-    float strength = along >= as_float(axis.w) ? power(upper(along, TINY), glow.z) : 0.0f;
-    if (glow.w & FADES) {
-        const float distance = square * rate;
-        const Row falloff = light.falloff;
-        strength *= reciprocal(upper(falloff.x + distance * (falloff.y + distance * falloff.z), 1.0e-12f));
+    Arrival arrivals[CORNERS];
+    bool lit = false;
+#pragma unroll
+    for (int k = 0; k < CORNERS; ++k) {
+        arrivals[k] = arrival_of<IS_SPOT>(light, corners[k], strength);
+        lit |= arrivals[k].strength > 0.0f && (arrivals[k].facing > 0.0f || (light.ambient.w & AMBIENT));
     }
-    return { rate * dot(vertex.normal, offset), rate * dot(to_eye, offset), strength };
-}
-
-template <class Sum>
-WARPCAM_FN void add_shares(Glow<Sum>& sum, const Light& light, const Row& glow, float ambient, float diffuse,
-                           float specular)
-{
-    add(sum.matt, diffuse, light.diffuse, glow.x);
-    add(sum.gloss, specular, light.specular, glow.y);
-    if (glow.w & AMBIENT)
-        add(sum.matt, ambient, light.ambient, light.ambient.x);
-}
-
-// `slant` is the cosine of the angle between the normal and the direction to the eye.
-template <bool SHADOWS, class Sum>
-WARPCAM_FN void add_light(const Light& light, int shadow, const Vertex& vertex, Vec to_eye, float slant,
-                          const Finish& finish, Glow<Sum>& steady, Lit& casting)
-{
-    const Row glow = light.glow;
-    Arrival arrival = arrival_of(light, glow, vertex, to_eye);
-    if (SHADOWS && (light.place.w & shadow))
-        arrival.strength = 0.0f;
-    if (!any_lane(arrival.strength > 0.0f && (arrival.facing > 0.0f || (glow.w & AMBIENT))))
+    if (!any_lane(lit))
         return;
-    // Squared length of the sum of the directions to the light and the eye.
-    const float halfway = (glow.w & SPOT ? 2.0f : glow.z) + 2.0f * arrival.eyewards;
-    const float highlight = saturated((arrival.facing + slant) * inverse_root(halfway));
-    const float shine = power(upper(highlight, TINY), finish.gloss.z);
-    const float diffuse = arrival.strength * upper(arrival.facing, 0.0f);
-    const float specular = arrival.facing > 0.0f ? arrival.strength * shine : 0.0f;
-    if (SHADOWS && (glow.w & CASTS)) {
-        Glow<Sum> own {};
-        add_shares(own, light, glow, arrival.strength, diffuse, specular);
-        const Vec added = reflected(own, Vec { 0.0f, 0.0f, 0.0f }, finish);
-        add(casting, 1.0f, { added, clip(added) });
-    } else {
-        add_shares(steady, light, glow, arrival.strength, diffuse, specular);
+    if (IS_SPOT && (light.ambient.w & FADES))
+        for (int k = 0; k < CORNERS; ++k)
+            arrivals[k].strength *= faded(light, corners[k]);
+#pragma unroll
+    for (int k = 0; k < CORNERS; ++k) {
+        const Share share = share_of<IS_SPOT>(light, corners[k], arrivals[k], finish.gloss.z);
+        if (!SHADOWS || !(light.ambient.w & CASTS)) {
+            add_share(glows[k], share, light);
+        } else {
+            Glow<Sum> own {};
+            add_share(own, share, light);
+            const Vec added = reflected(own, Vec { 0.0f, 0.0f, 0.0f }, finish);
+            casting.linear = casting.linear + weights[k] * added;
+            casting.display = casting.display + weights[k] * clip(added);
+        }
     }
 }
 
-template <bool SHADOWS, class Sum>
-WARPCAM_FN Lit illuminate_as(const LightList& list, const Vertex& vertex, const Finish& finish, int shadow)
+template <int CORNERS, bool SHADOWS, class Sum>
+WARPCAM_FN Lit illuminate_as(const LightList& list, const Facet& facet, const Finish& finish, int shadow)
 {
-    const Vec to_eye = -(inverse_root(dot(vertex.place, vertex.place)) * vertex.place);
-    const float slant = dot(to_eye, vertex.normal);
-    Glow<Sum> steady {};
-    Lit lit { { 0.0f, 0.0f, 0.0f }, { 0.0f, 0.0f, 0.0f } };
-    if (list.headlight) {  // from the camera's middle: along its z axis
-        const Light& light = list.lights[0];
-        const Row glow = light.glow;
-        const float facing = vertex.normal.z;
-        const float highlight = saturated((facing + slant) * inverse_root(2.0f + 2.0f * to_eye.z));
-        const float shine = power(upper(highlight, TINY), finish.gloss.z);
-        add_shares(steady, light, { glow.x, glow.y, 0.0f, 0 }, 0.0f, upper(facing, 0.0f), facing > 0.0f ? shine : 0.0f);
+    const float weights[3] = { 1.0f - facet.weight1 - facet.weight2, facet.weight1, facet.weight2 };
+    Vertex corners[CORNERS];
+    Glow<Sum> glows[CORNERS];
+#pragma unroll
+    for (int k = 0; k < CORNERS; ++k) {
+        const float square = dot(facet.place[k], facet.place[k]), rate = inverse_root(square);
+        corners[k] = { -(rate * facet.place[k]), facet.normal[k], square * rate, 0.0f };
+        corners[k].slant = dot(corners[k].to_eye, corners[k].normal);
+        glows[k] = {};
     }
+    Lit lit { { 0.0f, 0.0f, 0.0f }, { 0.0f, 0.0f, 0.0f } };
 #pragma unroll 1
-    for (int n = list.headlight; n < list.count; ++n)
-        add_light<SHADOWS>(list.lights[n], shadow, vertex, to_eye, slant, finish, steady, lit);
+    for (int n = 0; n < list.count; ++n) {
+        const Light& light = list.lights[n];
+        const float strength = SHADOWS && (light.place.w & shadow) ? 0.0f : 1.0f;
+        if (light.ambient.w & SPOT)
+            add_light<true, CORNERS, SHADOWS>(light, strength, corners, weights, finish, glows, lit);
+        else
+            add_light<false, CORNERS, SHADOWS>(light, strength, corners, weights, finish, glows, lit);
+    }
     const Vec base = times(to_vec(finish.color), Vec { finish.gloss.x + list.ambient.x, finish.gloss.x + list.ambient.y,
                                                        finish.gloss.x + list.ambient.z });
-    const Vec rest = reflected(steady, base, finish);
-    add(lit, 1.0f, { rest, clip(rest) });
+#pragma unroll
+    for (int k = 0; k < CORNERS; ++k) {
+        const Vec steady = reflected(glows[k], base, finish);
+        lit.linear = lit.linear + weights[k] * steady;
+        lit.display = lit.display + weights[k] * clip(steady);
+    }
     return lit;
 }
 
-// The light that a vertex sends to the camera. Bit l of `shadow` says that light l, of the first 32, does not reach it.
-template <bool SHADOWS>
-WARPCAM_FN Lit illuminate(const LightList& list, const Vertex& vertex, const Finish& finish, int shadow)
+// The light of a facet's corners, or with CORNERS == 1 of its place. Bit l of `shadow` says that light l, of
+// those that are kept, does not reach it.
+template <int CORNERS, bool SHADOWS>
+WARPCAM_FN Lit illuminate(const LightList& list, const Facet& facet, const Finish& finish, int shadow)
 {
     if (list.colored)
-        return illuminate_as<SHADOWS, Vec>(list, vertex, finish, shadow);
-    return illuminate_as<SHADOWS, float>(list, vertex, finish, shadow);
+        return illuminate_as<CORNERS, SHADOWS, Vec>(list, facet, finish, shadow);
+    return illuminate_as<CORNERS, SHADOWS, float>(list, facet, finish, shadow);
 }
 
 }  // namespace warpcam

@@ -1,19 +1,23 @@
 // Which lights reach what a view sees. Each pixel's hit point looks back at each light; the shapes that may stand
 // between a tile's points and the light are picked once for the whole tile.
 #pragma once
+#include "kept_lights.h"
 #include "mesh_shadows.h"
 
 namespace warpcam {
 
+// Does a light that is kept cast shadows? One without colour has none to take away.
 template <class Lights> WARPCAM_FN bool casts(const Lights& lights, int world, int light)
 {
-    return shared_row(lights.active, world, light) && shared_row(lights.casts_shadow, world, light);
+    const Vec sum = to_vec(row_of(lights.ambient, world, light)) + to_vec(row_of(lights.diffuse, world, light))
+        + to_vec(row_of(lights.specular, world, light));
+    return row_of(lights.casts_shadow, world, light) && dot(sum, sum) > 0.0f;
 }
 
 template <int LENS, class Lights>
 WARPCAM_FN LitView<LENS> light_view(const Lights& lights, const Camera& camera, int world, int light)
 {
-    const bool distant = shared_row(lights.types, world, light) == 1;  // types.py, LIGHT_DIRECTIONAL
+    const bool distant = shared_row(lights.types, world, light) == LIGHT_DIRECTIONAL;
     const auto p = wp::index(lights.positions, world, light), d = wp::index(lights.directions, world, light);
     const auto ambient = shared_row(lights.ambient, world, light);
     return { make_light(distant, { p[0], p[1], p[2] }, { d[0], d[1], d[2] }, camera), sight_of<LENS>(camera),
@@ -226,11 +230,13 @@ WARPCAM_FN void cast(const Shapes& shapes, const Materials& materials, const Mes
     if (!wp::index(target.mask, world))
         return;
     const Region region { part % columns * WIDTH, part / columns * HEIGHT, WIDTH, HEIGHT };
-    const int total = shapes.drawn.shape[0], num_lights = lights.positions.shape[1];
+    const int total = shapes.drawn.shape[0], num_lights = lights.types.shape[1];
 
+    KeptLights kept = kept_lights(lights);
     bool fresh = true;
     for (int number = 0; number < num_lights; ++number) {
-        if (!casts(lights, world, number))
+        const int place = kept.next(lights, world, number);
+        if (place < 0 || !casts(lights, world, number))
             continue;
         int begin = 0;
         do {
@@ -247,7 +253,7 @@ WARPCAM_FN void cast(const Shapes& shapes, const Materials& materials, const Mes
                                               thread);
             }
             if (list.count > 0)
-                cast_light<TYPES, LENS, WIDTH, HEIGHT>(list, view, 1u << number, fresh, region, world, shapes, meshes,
+                cast_light<TYPES, LENS, WIDTH, HEIGHT>(list, view, 1u << place, fresh, region, world, shapes, meshes,
                                                        fields, target);
             fresh = fresh && list.count == 0;
         } while (begin < total);

@@ -34,7 +34,7 @@ struct Blend {
     unsigned red, green, blue;
 };
 
-constexpr int WHOLE = 32767;  // so that a sum is below 2^23
+constexpr int WHOLE = 65535;
 
 // Adds two texels; their weights are the halves of a word, the first one's the lower.
 WARPCAM_FN void add_texels(const unsigned* texels, int first, int second, unsigned weights, Blend& blend)
@@ -55,23 +55,17 @@ WARPCAM_FN void add_texels(const unsigned* texels, int first, int second, unsign
 
 WARPCAM_FN Vec to_color(const Blend& blend)
 {
-    return (1.0f / (255.0f * WHOLE)) * Vec { to_float(blend.red), to_float(blend.green), to_float(blend.blue) };
+    return (1.0f / (255.0f * WHOLE)) * Vec { float(blend.red), float(blend.green), float(blend.blue) };
 }
 
-// A whole number from 0 to WHOLE, as both.
-struct Weight {
-    int bits;
-    float value;
-};
+// A float of this size has no places after the point: its last bits are a whole number.
+constexpr float WHOLE_NUMBERS = 8388608.0f;
 
-// The nearest whole number to `part` of `total`.
-WARPCAM_FN Weight part_of(float total, float part)
+// The nearest whole number to `part` of `total`, which is not negative, below 2^22.
+WARPCAM_FN int part_of(int total, float part)
 {
-    const float sum = muladd(total, part, WHOLE_NUMBERS);
-    return { as_int(sum) - as_int(WHOLE_NUMBERS), sum - WHOLE_NUMBERS };
+    return as_int(muladd(float(total), part, WHOLE_NUMBERS)) - as_int(WHOLE_NUMBERS);
 }
-
-WARPCAM_FN Weight all_but(const Weight& weight) { return { WHOLE - weight.bits, float(WHOLE) - weight.value }; }
 
 // Mipmap level, 0 to `levels - 1`, for squares of the steps in texels to the next pixel right and down.
 WARPCAM_FN float level_of_detail(float right, float down, int levels)
@@ -106,49 +100,57 @@ struct Level {
 };
 
 // A place between two texels along one axis: the first of them, -1 to `size - 1`, and how far on.
-WARPCAM_FN Parts between_texels(float unit, int size) { return parts_of(muladd(unit, to_float(size), -0.5f)); }
+struct Between {
+    int first;
+    float on;
+};
+
+WARPCAM_FN Between between_texels(float unit, int size)
+{
+    constexpr float BASE = 1.5f * WHOLE_NUMBERS;  // of whole numbers of either sign
+    const float place = unit * float(size) - 0.5f, base = (place - 0.5f) + BASE;
+    return { as_int(base) - as_int(BASE), place - (base - BASE) };
+}
 
 // Adds four neighbours, the upper two first, which together weigh `total`.
-WARPCAM_FN void add_quad(const unsigned* texels, const int* quad, const Parts& x, const Parts& y, const Weight& total,
+WARPCAM_FN void add_quad(const unsigned* texels, const int* quad, const Between& x, const Between& y, int total,
                          Blend& blend)
 {
-    const Weight low = part_of(total.value, y.rest);
-    const Weight high_right = part_of(total.value - low.value, x.rest), low_right = part_of(low.value, x.rest);
-    // Moves a part of the first texel's weight to the second.
-    add_texels(texels, quad[0], quad[1], unsigned(total.bits - low.bits + 0xffff * high_right.bits), blend);
-    add_texels(texels, quad[2], quad[3], unsigned(low.bits + 0xffff * low_right.bits), blend);
+    const int low = part_of(total, y.on), high = total - low;
+    const int high_right = part_of(high, x.on), low_right = part_of(low, x.on);
+    add_texels(texels, quad[0], quad[1], unsigned(high - high_right) | unsigned(high_right) << 16, blend);
+    add_texels(texels, quad[2], quad[3], unsigned(low - low_right) | unsigned(low_right) << 16, blend);
 }
 
 // Adds the colour at (u, v) in [0, 1].
-WARPCAM_FN void add_bilinear(const unsigned* texels, const Level& level, float u, float v, const Weight& total,
-                             Blend& blend)
+WARPCAM_FN void add_bilinear(const unsigned* texels, const Level& level, float u, float v, int total, Blend& blend)
 {
-    const Parts x = between_texels(u, level.width), y = between_texels(v, level.height);
-    const int left = x.whole < 0 ? level.width - 1 : x.whole, right = x.whole + 1 >= level.width ? 0 : x.whole + 1;
-    const int top = y.whole < 0 ? level.height - 1 : y.whole, bottom = y.whole + 1 >= level.height ? 0 : y.whole + 1;
+    const Between x = between_texels(u, level.width), y = between_texels(v, level.height);
+    const int left = x.first < 0 ? level.width - 1 : x.first, right = x.first + 1 >= level.width ? 0 : x.first + 1;
+    const int top = y.first < 0 ? level.height - 1 : y.first, bottom = y.first + 1 >= level.height ? 0 : y.first + 1;
     const int above = level.start + top * level.width, below = level.start + bottom * level.width;
     const int quad[4] = { above + left, above + right, below + left, below + right };
     add_quad(texels, quad, x, y, total, blend);
 }
 
 // The part of `unit` after the point; 0 of what has none.
-WARPCAM_FN float fraction(float unit) { return saturated(parts_of(unit).rest); }
+WARPCAM_FN float fraction(float unit) { return saturated(unit - round_down(unit)); }
 
 // Colour in [0, 1] of a 2-D texture at (u, v), in images: (0, 0) is the top left corner, and images repeat. The steps
 // are the changes of u and v from this pixel to the next on the right and to the next below.
 WARPCAM_FN Vec sample_2d(const unsigned* texels, const Image& image, float u, float v, Pair right, Pair down)
 {
-    const float width = to_float(image.width), height = to_float(image.height);
+    const float width = float(image.width), height = float(image.height);
     const float square_right = right.x * right.x * width * width + right.y * right.y * height * height;
     const float square_down = down.x * down.x * width * width + down.y * down.y * height * height;
-    const Parts detail = parts_of(level_of_detail(square_right, square_down, image.levels));
-    const Weight coarse = part_of(float(WHOLE), detail.rest);
-    const Level level = Level { image.start, image.width, image.height }.after(detail.whole, 1);
+    const float detail = level_of_detail(square_right, square_down, image.levels);
+    const int steps = int(detail), coarse = part_of(WHOLE, detail - float(steps));
+    const Level level = Level { image.start, image.width, image.height }.after(steps, 1);
     u = fraction(u);
     v = fraction(v);
     Blend blend { 0u, 0u, 0u };
-    add_bilinear(texels, level, u, v, all_but(coarse), blend);
-    if (coarse.bits > 0)  // then there is a next level: detail is at most levels - 1
+    add_bilinear(texels, level, u, v, WHOLE - coarse, blend);
+    if (coarse > 0)  // then there is a next level: detail is at most levels - 1
         add_bilinear(texels, level.next(1), u, v, coarse, blend);
     return to_color(blend);
 }
@@ -203,18 +205,18 @@ static WARPCAM_COLD int cube_texel(int start, int size, int face, int i, int j)
 }
 
 // Adds the colour at (s, t) in [0, 1] of a face.
-WARPCAM_FN void add_bilinear_cube(const unsigned* texels, const Level& level, int face, float s, float t,
-                                  const Weight& total, Blend& blend)
+WARPCAM_FN void add_bilinear_cube(const unsigned* texels, const Level& level, int face, float s, float t, int total,
+                                  Blend& blend)
 {
     const int size = level.width;
-    const Parts x = between_texels(s, size), y = between_texels(t, size);
-    const int corner = level.start + (face * size + y.whole) * size + x.whole;
+    const Between x = between_texels(s, size), y = between_texels(t, size);
+    const int corner = level.start + (face * size + y.first) * size + x.first;
     int quad[4] = { corner, corner + 1, corner + size, corner + size + 1 };
-    if (x.whole < 0 || y.whole < 0 || x.whole + 1 >= size || y.whole + 1 >= size) {
-        quad[0] = cube_texel(level.start, size, face, x.whole, y.whole);
-        quad[1] = cube_texel(level.start, size, face, x.whole + 1, y.whole);
-        quad[2] = cube_texel(level.start, size, face, x.whole, y.whole + 1);
-        quad[3] = cube_texel(level.start, size, face, x.whole + 1, y.whole + 1);
+    if (x.first < 0 || y.first < 0 || x.first + 1 >= size || y.first + 1 >= size) {
+        quad[0] = cube_texel(level.start, size, face, x.first, y.first);
+        quad[1] = cube_texel(level.start, size, face, x.first + 1, y.first);
+        quad[2] = cube_texel(level.start, size, face, x.first, y.first + 1);
+        quad[3] = cube_texel(level.start, size, face, x.first + 1, y.first + 1);
     }
     add_quad(texels, quad, x, y, total, blend);
 }
@@ -230,14 +232,14 @@ static WARPCAM_COLD Vec sample_cube(const unsigned* texels, const Image& image, 
     const float right_x = scale * (step_right.x - x * step_right.z);
     const float right_y = scale * (step_right.y - y * step_right.z);
     const float down_x = scale * (step_down.x - x * step_down.z), down_y = scale * (step_down.y - y * step_down.z);
-    const float square_right = right_x * right_x + right_y * right_y, square_down = down_x * down_x + down_y * down_y;
-    const Parts detail = parts_of(level_of_detail(square_right, square_down, image.levels));
-    const Weight coarse = part_of(float(WHOLE), detail.rest);
+    const float detail = level_of_detail(right_x * right_x + right_y * right_y, down_x * down_x + down_y * down_y,
+                                         image.levels);
+    const int steps = int(detail), coarse = part_of(WHOLE, detail - float(steps));
     const float s = saturated(0.5f * x + 0.5f), t = saturated(0.5f * y + 0.5f);
-    const Level level = Level { image.start, size, size }.after(detail.whole, 6);
+    const Level level = Level { image.start, size, size }.after(steps, 6);
     Blend blend { 0u, 0u, 0u };
-    add_bilinear_cube(texels, level, face, s, t, all_but(coarse), blend);
-    if (coarse.bits > 0)
+    add_bilinear_cube(texels, level, face, s, t, WHOLE - coarse, blend);
+    if (coarse > 0)
         add_bilinear_cube(texels, level.next(6), face, s, t, coarse, blend);
     return to_color(blend);
 }

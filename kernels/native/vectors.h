@@ -32,29 +32,6 @@ WARPCAM_FN Vec axis_vector(int axis, float value)
     return { axis == 0 ? value : 0.0f, axis == 1 ? value : 0.0f, axis == 2 ? value : 0.0f };
 }
 
-// A float of this size has no places after the point: its last bits are a whole number.
-constexpr float WHOLE_NUMBERS = 8388608.0f;
-
-// A number below 2^22 in size as the whole number below it and what is left, 0 to 1; of a whole number that may be 1.
-struct Parts {
-    int whole;
-    float rest;
-};
-
-WARPCAM_FN Parts parts_of(float a)
-{
-    constexpr float BASE = 1.5f * WHOLE_NUMBERS;  // of whole numbers of either sign
-#if defined(__CUDA_ARCH__)
-    const float base = __fadd_rd(a, BASE);
-#else
-    const float base = (a - 0.5f) + BASE;
-#endif
-    return { as_int(base) - as_int(BASE), a - (base - BASE) };
-}
-
-// A whole number from 0 to 2^23 as a float, without the slow conversion.
-WARPCAM_FN float to_float(int a) { return as_float(as_int(WHOLE_NUMBERS) + a) - WHOLE_NUMBERS; }
-
 // 0 and the sign that Warp gives it count as positive.
 WARPCAM_FN float sign(float a) { return a < 0.0f ? -1.0f : 1.0f; }
 
@@ -111,7 +88,7 @@ WARPCAM_FN unsigned to_byte(float value)
 {
     const float steps = saturated(value) * 255.0f + 0.5f;
 #if defined(__CUDA_ARCH__)  // no number of this size has places after the point, and adding rounds down
-    return static_cast<unsigned>(as_int(__fadd_rd(steps, WHOLE_NUMBERS))) & 0xffu;
+    return static_cast<unsigned>(as_int(__fadd_rd(steps, 8388608.0f))) & 0xffu;
 #else
     return static_cast<unsigned>(steps);
 #endif

@@ -60,7 +60,7 @@ def make_lights(lights, device, headlight=(0, 0, 0), everywhere=0.3):
 
 @functools.cache
 def light_patch(shadows):
-    """Kernel of one warp: (linear, display) of a patch that faces +z."""
+    """Kernel of one warp: (linear, display) of a patch that faces +z, lit at its place and as a facet."""
     flag = "true" if shadows else "false"
 
     @wp.func_native(f"""
@@ -72,11 +72,20 @@ def light_patch(shadows):
             camera.rotation.at[k][k] = 1.0f;
         gather_lights<{flag}>(lights, camera, 0, thread, list);
         Finish finish {{ to_row(to_vec(color), -1), {{ emission, specular, exponent, 0 }} }};
-        const Vertex vertex {{ to_vec(position) - to_vec(eye), {{ 0.0f, 0.0f, 1.0f }} }};
-        const Lit one = illuminate<{flag}>(list, vertex, finish, shadow);
+        Facet facet {{}};
+        for (int k = 0; k < 3; ++k) {{
+            facet.place[k] = to_vec(position) - to_vec(eye);
+            facet.normal[k] = {{ 0.0f, 0.0f, 1.0f }};
+        }}
+        const Lit one = illuminate<1, {flag}>(list, facet, finish, shadow);
+        facet.weight1 = 0.25f;
+        facet.weight2 = 0.5f;
+        const Lit three = illuminate<3, {flag}>(list, facet, finish, shadow);
         if (thread == 0) {{
             wp::index(lit, 0) = wp::vec3(one.linear.x, one.linear.y, one.linear.z);
             wp::index(lit, 1) = wp::vec3(one.display.x, one.display.y, one.display.z);
+            wp::index(lit, 2) = wp::vec3(three.linear.x, three.linear.y, three.linear.z);
+            wp::index(lit, 3) = wp::vec3(three.display.x, three.display.y, three.display.z);
         }}
     """)
     def illuminate(
@@ -115,13 +124,14 @@ def shine(
 ):  # fmt: skip
     """(linear, display) colour of a patch that faces +z."""
     table = make_lights(lights, device, headlight, everywhere)
-    lit = wp.zeros(2, dtype=wp.vec3, device=device)
+    lit = wp.zeros(4, dtype=wp.vec3, device=device)
     look = [wp.vec3(*COLOR), emission, specular, 128 * shininess]
     arguments = [table, wp.vec3(*position), wp.vec3(*eye), *look, shadow or 0, lit]
     threads = 32 if wp.get_device(device).is_cuda else 1
     wp.launch(light_patch(shadow is not None), threads, arguments, device=device, block_dim=threads)
-    linear, display = lit.numpy()
-    return linear, display
+    values = lit.numpy()
+    np.testing.assert_allclose(values[2:], values[:2], rtol=1e-5)
+    return values[0], values[1]
 
 
 @pytest.mark.parametrize("device", DEVICES)

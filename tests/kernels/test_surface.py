@@ -31,18 +31,17 @@ class Found:
         shapes, materials, textures, meshes, fields, camera, 0.0f, 0, shape);
     const Vec sight = to_vec(ray);
     const Surface surface = surface_at<255>(look.pose, meshes, fields, face, to_vec(local), sight);
-    const Facet facet = facet_at<255>(look, surface);
+    Facet facet;
+    facet_at<255>(look, meshes, surface, to_vec(local), facet);
     const Footprint at = footprint_2d<255>(look.pose, look.layout, meshes, surface, sight, to_vec(step), to_vec(step));
     const Vec direction = map_cube<255>(look.pose, look.layout, surface).direction;
     auto& one = wp::index(found, i);
     one.normal = wp::vec3(surface.normal.x, surface.normal.y, surface.normal.z);
     one.weights = wp::vec3(1.0f - facet.weight1 - facet.weight2, facet.weight1, facet.weight2);
     for (int k = 0; k < 3; ++k) {
-        const bool fine = facet.cut == FINE;
-        const Vec normal = fine ? surface.normal : vertex_of<255>(look, meshes, surface, facet, k).normal;
-        one.shading.data[k][0] = normal.x;
-        one.shading.data[k][1] = normal.y;
-        one.shading.data[k][2] = normal.z;
+        one.shading.data[k][0] = facet.normal[k].x;
+        one.shading.data[k][1] = facet.normal[k].y;
+        one.shading.data[k][2] = facet.normal[k].z;
     }
     one.uv = wp::vec2(at.u, at.v);
     one.along = wp::vec2(at.right.x, at.right.y);

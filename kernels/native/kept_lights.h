@@ -1,0 +1,46 @@
+// Which of a world's lights count: what the colour of a pixel and its shadows must agree on.
+#pragma once
+#include "vectors.h"
+
+namespace warpcam {
+
+enum LightType { LIGHT_SPOT, LIGHT_DIRECTIONAL };  // values of types.py
+
+// OpenGL has this many lights, and so has MuJoCo's renderer: the headlight, where it shines, and the first active ones.
+constexpr int MAX_LIGHTS = 8;
+
+template <class Lights> WARPCAM_FN bool headlight_shines(const Lights& lights)
+{
+    Vec sum { 0.0f, 0.0f, 0.0f };
+    for (int part = 0; part < 3; ++part)
+        sum = sum + to_vec(wp::index(lights.headlight, part));
+    return dot(sum, sum) > 0.0f;
+}
+
+// Goes through the lights of a world in their order.
+struct KeptLights {
+    int slots;      // that the headlight leaves
+    int taken = 0;  // by lights that are on, whether they give light or not
+    int given = 0;  // lights that are on and give light
+    int kept = 0;   // those of them that have a slot
+
+    // The place of the next light among those that are kept, which is its bit of a shadow mask; -1 if it is not kept.
+    template <class Lights> WARPCAM_FN int next(const Lights& lights, int world, int light)
+    {
+        if (!row_of(lights.active, world, light))
+            return -1;
+        const bool has_slot = taken++ < slots;
+        const int type = row_of(lights.types, world, light);
+        if (type != LIGHT_SPOT && type != LIGHT_DIRECTIONAL)
+            return -1;
+        ++given;
+        return has_slot ? kept++ : -1;
+    }
+};
+
+template <class Lights> WARPCAM_FN KeptLights kept_lights(const Lights& lights)
+{
+    return { headlight_shines(lights) ? MAX_LIGHTS - 1 : MAX_LIGHTS };
+}
+
+}  // namespace warpcam
