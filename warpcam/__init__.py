@@ -12,6 +12,7 @@ from warpcam.camera import Camera
 from warpcam.driven import DrivenScene
 from warpcam.errors import WarpcamError
 from warpcam.lens import Lens, Orthographic, Pinhole
+from warpcam.light import Light
 from warpcam.memory import Memory, estimate_memory
 from warpcam.renderer import Renderer
 from warpcam.scene import Scene
@@ -25,6 +26,7 @@ __all__ = [
     "Camera",
     "DrivenScene",
     "Lens",
+    "Light",
     "Memory",
     "Orthographic",
     "Pinhole",
@@ -34,6 +36,7 @@ __all__ = [
     "estimate_memory",
     "from_mujoco",
     "from_mujoco_warp",
+    "from_newton",
     "from_usd",
     "load",
 ]
@@ -66,6 +69,29 @@ def from_mujoco(mjm: _Any, mjd: _Any, *, groups: _Collection[int] = (0, 1, 2), d
         device: Where to render: a name, a Warp or torch device, a CUDA ordinal; None is Warp's current device.
     """
     scene: Scene = _source("mujoco").load(mjm, mjd, groups, device)
+    return scene
+
+
+def from_newton(
+    model: _Any, state: _Any, *, lights: _Sequence[Light] | None = None, ambient: _Any = (0.2, 0.2, 0.2)
+) -> Scene:
+    """The worlds of a Newton simulation, whichever solver moves it, read where they lie.
+
+    What changes in the state and in the model's ``shape_transform``, ``shape_scale``, ``shape_color``,
+    ``shape_opacity`` and ``shape_flags`` is seen at the next render; types, meshes, height fields and textures are read
+    once. A solver that goes back and forth between two states needs ``scene.bind(state)`` before the next render.
+
+    ``segmentation`` gives Newton's shape index, ``bodies`` its body index. A camera's parent is a body's label or
+    index; in every world the camera rides on the body of that name.
+
+    Args:
+        model: A ``newton.Model``; its device is the scene's.
+        state: A ``newton.State`` of it.
+        lights: Newton has none of its own. None is one from above, as in Newton's own renderer. What a world may change
+            lies in ``scene.array("light_directions")`` and the like, (world, light).
+        ambient: (3,) light that is everywhere.
+    """
+    scene: Scene = _source("newton", "newton").load(model, state, lights, ambient)
     return scene
 
 

@@ -55,6 +55,8 @@ class Target:
         names = {name: traced_as(name, tables.shape_types) for name in self.images}
         traced = {trace: self.images[name] for name, trace in names.items() if trace is not None}
         derived = {name: self.images[name] for name, trace in names.items() if trace is None}
+        if tables.ids_by_world and "shape" in traced:  # what is asked for are ids; the stages pass on columns
+            traced["ids"] = traced.pop("shape")
         depth, shape, face, shadows = (
             traced.pop(name, buffers.get(name)) for name in ("depth", "shape", "face", "shadow")
         )

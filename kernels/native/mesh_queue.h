@@ -50,7 +50,7 @@ WARPCAM_FN int find_rays(MeshRays<WORDS>& rays, const ShapeList<CAPACITY>& list,
 // Traces all rays that `next_tile` finds and stores what they hit: store(pixel, hit). `next_tile(found)` draws another
 // tile as far as it goes without meshes and says how many rays wait then; false if there is none left. `ray_of(pixel)` is
 // a pixel's ray.
-template <int CAPACITY, int WORDS, class Meshes, class NextTile, class RayOf, class Store>
+template <int TYPES, int CAPACITY, int WORDS, class Meshes, class NextTile, class RayOf, class Store>
 WARPCAM_FN void trace_rays(MeshRays<WORDS>& rays, const ShapeList<CAPACITY>& list, const Meshes& meshes, float near,
                            const NextTile& next_tile, const RayOf& ray_of, const Store& store)
 {
@@ -161,7 +161,7 @@ WARPCAM_FN void trace_rays(MeshRays<WORDS>& rays, const ShapeList<CAPACITY>& lis
             if (node < 0) {
                 const int code = -node - 1, first = code >> 4, end = first + (code & 15);
                 const Record& record = list.records[slot];
-                const RayFrame frame = ray.frame(record);
+                const RayFrame frame = ray.template frame<TYPES>(record);
                 const unsigned faces = wp::index(meshes.face_start, record.axis_z.w);
                 for (int f = first; f < end; ++f) {
                     const unsigned at = faces + unsigned(f * FACE_ROWS);

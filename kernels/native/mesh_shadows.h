@@ -22,7 +22,7 @@ struct LeafTest {
 
 // Tests the faces of leaves, those of up to four rays at once, each with eight lanes. The same in the four lanes of a
 // ray are the point where it begins, the slot of its mesh, and its leaf, if `node` is one.
-template <class List, class Meshes>
+template <int TYPES, class List, class Meshes>
 WARPCAM_FN LeafTest test_leaves(const List& list, const Light& light, const Meshes& meshes, Vec point,
                                 float near, int slot, int node)
 {
@@ -41,7 +41,7 @@ WARPCAM_FN LeafTest test_leaves(const List& list, const Light& light, const Mesh
     const int caster = __shfl_sync(ALL, slot, from), code = -__shfl_sync(ALL, node, from) - 1;
     bool met = false;
     if (source >= 0 && lane % EIGHT < (code & 15)) {
-        const RayFrame frame = WorldRay { ray.point, ray_to(light, ray.point) }.frame(list.records[caster]);
+        const RayFrame frame = WorldRay { ray.point, ray_to(light, ray.point) }.template frame<TYPES>(list.records[caster]);
         for (int face = lane % EIGHT; face < (code & 15); face += EIGHT) {
             const unsigned at = list.aims[caster].w + unsigned(((code >> 4) + face) * FACE_ROWS);
             const Row a = load(meshes.faces.data, at), b = load(meshes.faces.data, at + 1);
@@ -59,7 +59,7 @@ WARPCAM_FN LeafTest test_leaves(const List& list, const Light& light, const Mesh
 
 // Calls shade(pixel) for each ray of the queue that meets a front face on its way to the light; start(pixel, span) is
 // where it begins. All warps of the block come here together.
-template <int WORDS, class List, class Meshes, class Start, class Shade>
+template <int TYPES, int WORDS, class List, class Meshes, class Start, class Shade>
 WARPCAM_FN void cast_queue(ShadowRays<WORDS>& rays, const List& list, const Light& light,
                            const Meshes& meshes, const Start& start, const Shade& shade)
 {
@@ -139,7 +139,7 @@ WARPCAM_FN void cast_queue(ShadowRays<WORDS>& rays, const List& list, const Ligh
 
         const unsigned leaves = __ballot_sync(ALL, node < 0);
         if (leaves && (__popc(leaves) >= FEW || !stepping)) {
-            const LeafTest leaf = test_leaves(list, light, meshes, point, span.near, slot, node);
+            const LeafTest leaf = test_leaves<TYPES>(list, light, meshes, point, span.near, slot, node);
             if (leaf.met) {
                 if (member == 0)
                     shade(rays.pixel[entry]);

@@ -154,7 +154,7 @@ WARPCAM_FN void cast_light(List& list, const LitView<LENS>& view, unsigned bit, 
             if (HAS_MESH) {
                 const bool keep = open && met_any
                     && (view.counts_behind
-                        || faces_light(shapes, meshes, world, id, target.face.data[at], view.light, view.origin));
+                        || faces_light<TYPES>(shapes, meshes, world, id, target.face.data[at], view.light, view.origin));
                 rays.put(keep, met, (list.count + 31) / 32, row * 64 + column);
             }
             if (asks && !open)
@@ -173,7 +173,7 @@ WARPCAM_FN void cast_light(List& list, const LitView<LENS>& view, unsigned bit, 
                 target.shadow.data[corner + unsigned(pixel / 64 * target.width + pixel % 64)] |= static_cast<int>(bit);
             };
             if (rays.count > 0)
-                cast_queue(rays, list, view.light, meshes, start, shade);
+                cast_queue<TYPES>(rays, list, view.light, meshes, start, shade);
             block_barrier();
         }
     }
