@@ -211,6 +211,8 @@ class Renderer:
             wp.capture_launch(graphs[everything], stream=self._device.stream)
             return
         frame.launch()  # the first time by itself: the driver may still have to load the kernels
-        with wp.ScopedStream(quiet_stream(self._device)), wp.ScopedCapture(self._device) as capture:
-            frame.launch()
+        # On a stream that nobody else knows: what other threads launch meanwhile is none of this graph.
+        stream = quiet_stream(self._device)
+        with wp.ScopedCapture(stream=stream) as capture:
+            frame.launch(stream)
         graphs[everything] = capture.graph
