@@ -88,11 +88,11 @@ WARPCAM_FN void cast_rays(ShadowRays<WORDS>& rays, const List& list, const Light
         unsigned stepping = __ballot_sync(ALL, inner);
         while (stepping) {
             if (inner) {
-                const unsigned at = nodes + unsigned(node * NODE_ROWS);
+                const Row* rows = reinterpret_cast<const Row*>(meshes.nodes.data) + (nodes + unsigned(node * NODE_ROWS));
                 node = NO_NODE;
 #pragma unroll
                 for (int k = 0; k < 4; ++k) {
-                    const Row low = load(meshes.nodes.data, at + 2 * k), high = load(meshes.nodes.data, at + 2 * k + 1);
+                    const Row low = load(rows, 2 * k), high = load(rows, 2 * k + 1);
                     const float x0 = low.x * s.scale.x + s.down.x, x1 = high.x * s.scale.x + s.up.x;
                     const float y0 = low.y * s.scale.y + s.down.y, y1 = high.y * s.scale.y + s.up.y;
                     const float z0 = low.z * s.scale.z + s.down.z, z1 = high.z * s.scale.z + s.up.z;
