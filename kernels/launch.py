@@ -112,17 +112,18 @@ class Frame:
         for chains in self.phases:
             yield from itertools.chain(*chains)
 
-    def launch(self) -> None:
-        """Enqueue the frame on the device's current stream (CUDA) or finish it (CPU)."""
+    def launch(self, stream: wp.Stream | None = None) -> None:
+        """Enqueue the frame on a stream, the device's current one unless given (CUDA), or finish it (CPU)."""
+        if stream is None and self._device.is_cuda:
+            stream = self._device.stream
         for chains in self.phases:
-            if len(chains) > 1 and self._streams:
-                self._launch_together(chains)
+            if len(chains) > 1 and stream is not None and self._streams:
+                self._launch_together(chains, stream)
             else:
                 for stage in itertools.chain(*chains):
-                    stage.launch()
+                    stage.launch(stream)
 
-    def _launch_together(self, chains: Sequence[Sequence[Stage]]) -> None:
-        stream = self._device.stream
+    def _launch_together(self, chains: Sequence[Sequence[Stage]], stream: wp.Stream) -> None:
         beside = list(zip(self._streams, self._done, strict=True))[: len(chains) - 1]
         stream.record_event(self._begun)
         for side, _ in beside:

@@ -1,6 +1,7 @@
 """The scene as the kernels see it, and the facts they are specialised on."""
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import Any
 
 
@@ -27,4 +28,6 @@ class Tables:
     has_materials: bool
     has_textures: bool  # some material can show a texture
     has_skybox: bool
+    ids_by_world: bool = False  # shapes and bodies have ids of their own in each world: Shapes.ids
     horizon: float = 0.0  # how far the source's own renderer draws endless planes [m]; 0 if it has none
+    labels: Mapping[str, Any] = field(default_factory=dict)  # (shape,) int32 of "instances" and "semantics"

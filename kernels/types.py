@@ -16,6 +16,11 @@ ELLIPSOID = 4
 CYLINDER = 5
 BOX = 6
 MESH = 7
+# Beyond MuJoCo's.
+CONE = 8  # tip at +z
+BARREL = 9  # a cylinder whose side is bent outwards in an arc
+NUM_TYPES = 10
+SCALED = 10  # no type: stands among a scene's types where the sizes of meshes and height fields are scales
 
 # Light types.
 LIGHT_SPOT = 0
@@ -28,16 +33,23 @@ TEXTURE_CUBE = 1
 
 @wp.struct
 class Shapes:
-    """What can be seen: a table over worlds and shapes. ``shape`` is the source's own id (a MuJoCo geom id)."""
+    """What can be seen: a table over worlds and shapes.
+
+    ``shape`` is the source's own id (a MuJoCo geom id), or a column whose ids in each world are in ``ids``.
+    """
 
     drawn: wp.array(dtype=wp.int32)  # (drawn,) ids of the shapes that may be visible, ascending
     places: wp.array(dtype=wp.int32)  # (shape,) where the shape stands in `drawn`, or -1
     types: wp.array(dtype=wp.int32)  # (shape,) one of the shape types above
     bodies: wp.array(dtype=wp.int32)  # (shape,) id of the body the shape is fixed to
+    ids: wp.array2d(dtype=wp.int32)  # (world, shape) the source's id, -1 where a world has none; empty: as `shape`
+    body_ids: wp.array2d(dtype=wp.int32)  # (world, shape) likewise, instead of `bodies`
     positions: wp.array2d(dtype=wp.vec3)  # (world, shape) world frame [m]; NaN hides the shape's world
     rotations: wp.array2d(dtype=wp.mat33)  # (world, shape) columns are the shape's axes in the world frame
-    # (world*, shape) sphere r; capsule and cylinder (r, half length along z); ellipsoid and box half extents;
-    # plane half widths in x and y, 0 = infinite; not read for meshes and height fields [m]
+    # (world*, shape) sphere r; capsule, cylinder and cone (r, half length along z); barrel (r of its ends, half
+    # length, r of its arc or 0 for a straight side); ellipsoid and box half extents; plane half widths
+    # in x and y, 0 = infinite; meshes and height fields: scales along their axes if SCALED is among the scene's types,
+    # else not read [m]
     sizes: wp.array2d(dtype=wp.vec3)
     assets: wp.array2d(dtype=wp.int32)  # (world*, shape) index of the mesh or height field; -1 draws nothing
     materials: wp.array2d(dtype=wp.int32)  # (world*, shape) index into Materials, or -1

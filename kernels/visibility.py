@@ -14,6 +14,7 @@ from .types import HEIGHT_FIELD, MESH, HeightFields, Materials, Meshes, Shapes, 
 # What the trace can write, in the order of the bits in native/canvas.h; then the bits of two facts of the image's size.
 OUTPUTS = ("depth", "shape", "face", "distance", "points", "bodies", "normals")
 QUADS, TILED = 128, 256
+IDS, BY_WORLD = 1 << 16, 1 << 17  # ids by world: canvas.h
 LENSES = {"pinhole": 0, "orthographic": 1}
 THREADS = 128  # of a CUDA block; lanes.h has the same number
 REGIONS = ((64, 64), (64, 32), (32, 32), (32, 16), (16, 16), (16, 8))
@@ -41,6 +42,7 @@ def target_struct(shape_dtype: Any, face_dtype: Any) -> Any:
         distance: wp.array(dtype=wp.float32)  # (world * height * width,) along the ray [m]; inf where nothing is hit
         points: wp.array(dtype=wp.float32)  # (world * height * width * 3,) world frame [m]; inf where nothing is hit
         bodies: wp.array(dtype=wp.int32)  # (world * height * width,) body id, or -1
+        ids: wp.array(dtype=wp.int32)  # (world * height * width,) as Shapes.ids has it, or -1
         # (world * height * width * 3,) unit, world frame, towards the camera; 0 where nothing is hit. Only for scenes
         # without meshes and height fields
         normals: wp.array(dtype=wp.float32)
@@ -120,8 +122,8 @@ def record(
             shapes is drawn in passes, which go on from each other's depth and shape: then both are needed.
         shape: An integer type that holds every shape id and -1, likewise.
         face: An integer type that holds every face, likewise; see ``target_struct``.
-        images: "distance", "points", "bodies" and "normals", those that are wanted, (world, height, width, channels);
-            normals only for scenes without meshes and height fields.
+        images: "distance", "points", "bodies", "ids" and "normals", those that are wanted, (world, height, width,
+            channels); normals only for scenes without meshes and height fields.
         device: Where all of these lie.
         group: Which worlds are traced; None is all.
     """
@@ -138,6 +140,11 @@ def record(
         if arrays.get(name) is not None:
             setattr(target, name, arrays[name].flatten())
             outputs |= 1 << bit
+    if "ids" in images:
+        target.ids = images["ids"].flatten()
+        outputs |= IDS
+    if tables.ids_by_world and "bodies" in images:
+        outputs |= BY_WORLD
     if width % 4 == 0 and not images.keys().isdisjoint(("points", "normals")):
         outputs |= QUADS
     if width % 8 == 0 and height % 4 == 0:

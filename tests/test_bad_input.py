@@ -61,7 +61,7 @@ def test_the_error_is_a_value_error() -> None:
     assert issubclass(wc.WarpcamError, ValueError)
 
 
-OUTPUT_NAMES = "rgb, rgba, hdr, depth, distance, normals, points, segmentation, bodies, albedo"
+OUTPUT_NAMES = "rgb, rgba, hdr, depth, distance, normals, points, segmentation, bodies, instances, semantics, albedo"
 
 CAMERAS = {
     "Camera: name must be a camera's name or index, got True": {"name": True},
@@ -73,7 +73,7 @@ CAMERAS = {
     "Camera('front'): height must be a whole number of pixels, at least 1, got '4'": {"height": "4"},
     f"Camera('front'): outputs has 'color'; allowed are {OUTPUT_NAMES}": {"outputs": ("depth", "color")},
     f"Camera('front'): outputs has 'flow'; allowed are {OUTPUT_NAMES}": {"outputs": ("flow",)},
-    f"Camera('front'): outputs has 'semantics'; allowed are {OUTPUT_NAMES}": {"outputs": ["semantics"]},
+    f"Camera('front'): outputs has 'labels'; allowed are {OUTPUT_NAMES}": {"outputs": ["labels"]},
     f"Camera('front'): outputs has None; allowed are {OUTPUT_NAMES}": {"outputs": [None]},
     f"Camera('front'): outputs is empty; allowed are {OUTPUT_NAMES}": {"outputs": ()},
     "Camera('front'): outputs must be a sequence of names like (\"rgb\", \"depth\"), got 'depth'": {"outputs": "depth"},

@@ -93,14 +93,15 @@ def test_changes_in_place_are_seen_and_cost_nothing(what: str, device: wp.Device
     change, camera, output = CHANGES[what]
     before = renderer.render()[camera][output].clone()
     loads.clear()
-    recorded, graphs = dict(renderer._frames), dict(renderer._graphs)
+    (recording,) = renderer._recordings.values()
+    graphs = dict(recording.graphs)
     change(simulation, renderer.camera("mine"))
     after = renderer.render()[camera][output]
     assert (before != after).any()
     assert loads == []
-    assert all(renderer._frames[key] is frame for key, frame in recorded.items())
-    assert list(renderer._graphs) == list(graphs)
-    assert all(renderer._graphs[key] is graph for key, graph in graphs.items())
+    assert list(renderer._recordings.values()) == [recording]
+    assert list(recording.graphs) == list(graphs)
+    assert all(recording.graphs[key] is graph for key, graph in graphs.items())
 
 
 @pytest.mark.parametrize(

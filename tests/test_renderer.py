@@ -59,7 +59,9 @@ def host(images: Any, camera: str = "top") -> dict[str, np.ndarray]:
 
 
 def test_outputs_agree_with_the_kernel_that_makes_them() -> None:
-    derived = {name: (output.dtype, output.channels) for name, output in OUTPUTS.items() if output.trace is None}
+    derived = {
+        name: (output.dtype, output.channels) for name, output in OUTPUTS.items() if output.trace is output.label
+    }
     assert derived == dict(resolve.OUTPUTS)
 
 
@@ -335,6 +337,37 @@ def test_recording_does_not_disturb_other_threads() -> None:
         stop.set()
         thread.join()
     assert not wrong
+
+
+@wp.kernel
+def count_up(counter: wp.array(dtype=wp.int32)):
+    counter[0] = counter[0] + 1
+
+
+@on_cuda
+def test_what_other_threads_launch_is_not_recorded() -> None:
+    stop, launches = threading.Event(), []
+    counter = wp.zeros(1, dtype=wp.int32, device="cuda:0")
+    wp.launch(count_up, 1, inputs=[counter], device="cuda:0")
+
+    def launch() -> None:
+        while not stop.is_set():
+            wp.launch(count_up, 1, inputs=[counter], device="cuda:0")
+            launches.append(1)
+
+    thread = threading.Thread(target=launch)
+    simulation, renderers = Simulation("cuda:0"), []
+    thread.start()
+    try:
+        for _ in range(30):
+            renderers.append(simulation.renderer(("rgb", "depth")))
+            renderers[-1].render()
+    finally:
+        stop.set()
+        thread.join()
+    for renderer in renderers:
+        renderer.render()
+    assert counter.numpy()[0] == 1 + len(launches)
 
 
 @every_device

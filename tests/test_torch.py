@@ -42,7 +42,7 @@ def test_dtypes_and_shapes(device: wp.Device) -> None:
     assert list(images) == list(OUTPUTS)
     channels = {"rgb": 3, "rgba": 4, "hdr": 3, "normals": 3, "points": 3, "albedo": 3}
     dtypes = dict.fromkeys(("rgb", "rgba", "albedo"), torch.uint8) | dict.fromkeys(
-        ("segmentation", "bodies"), torch.int32
+        ("segmentation", "bodies", "instances", "semantics"), torch.int32
     )
     for name, image in images.items():
         assert image.shape == (3, 4, 6, channels.get(name, 1)), name

@@ -1,14 +1,18 @@
 """Cameras for thousands of robot-simulation worlds at once, with no graphics stack."""
 
 from collections.abc import Collection as _Collection
+from collections.abc import Mapping as _Mapping
+from collections.abc import Sequence as _Sequence
 from importlib import import_module as _import_module
 from importlib.metadata import PackageNotFoundError as _PackageNotFoundError
 from importlib.metadata import version as _version
 from typing import Any as _Any
 
 from warpcam.camera import Camera
+from warpcam.driven import DrivenScene
 from warpcam.errors import WarpcamError
 from warpcam.lens import Lens, Orthographic, Pinhole
+from warpcam.light import Light
 from warpcam.memory import Memory, estimate_memory
 from warpcam.renderer import Renderer
 from warpcam.scene import Scene
@@ -20,7 +24,9 @@ except _PackageNotFoundError:  # run from its sources
 
 __all__ = [
     "Camera",
+    "DrivenScene",
     "Lens",
+    "Light",
     "Memory",
     "Orthographic",
     "Pinhole",
@@ -30,6 +36,9 @@ __all__ = [
     "estimate_memory",
     "from_mujoco",
     "from_mujoco_warp",
+    "from_newton",
+    "from_usd",
+    "load",
 ]
 
 
@@ -63,11 +72,109 @@ def from_mujoco(mjm: _Any, mjd: _Any, *, groups: _Collection[int] = (0, 1, 2), d
     return scene
 
 
-def _source(name: str) -> _Any:
+def from_newton(
+    model: _Any, state: _Any, *, lights: _Sequence[Light] | None = None, ambient: _Any = (0.2, 0.2, 0.2)
+) -> Scene:
+    """The worlds of a Newton simulation, whichever solver moves it, read where they lie.
+
+    What changes in the state and in the model's ``shape_transform``, ``shape_scale``, ``shape_color``,
+    ``shape_opacity`` and ``shape_flags`` is seen at the next render; types, meshes, height fields and textures are read
+    once. A solver that goes back and forth between two states needs ``scene.bind(state)`` before the next render.
+
+    ``segmentation`` gives Newton's shape index, ``bodies`` its body index. A camera's parent is a body's label or
+    index; in every world the camera rides on the body of that name.
+
+    Args:
+        model: A ``newton.Model``; its device is the scene's.
+        state: A ``newton.State`` of it.
+        lights: Newton has none of its own. None is one from above, as in Newton's own renderer. What a world may change
+            lies in ``scene.array("light_directions")`` and the like, (world, light).
+        ambient: (3,) light that is everywhere.
+    """
+    scene: Scene = _source("newton", "newton").load(model, state, lights, ambient)
+    return scene
+
+
+def from_usd(
+    path_or_stage: _Any,
+    num_worlds: int = 1,
+    *,
+    device: _Any = None,
+    time: float | None = None,
+    purposes: _Sequence[str] = ("default", "render"),
+    up_axis: str | None = "Z",
+    meters_per_unit: float | None = None,
+    double_sided: bool | None = None,
+    semantics: _Mapping[str, int] | None = None,
+    textures: _Mapping[str, _Any] | None = None,
+    exposure: float | None = None,
+) -> DrivenScene:
+    """A USD stage in many worlds, which share its meshes and textures.
+
+    The scene is in metres and, unless asked otherwise, its z is up, whatever the stage's own units and axes are.
+
+    Args:
+        path_or_stage: A .usd, .usda, .usdc or .usdz file, or a ``pxr.Usd.Stage``, which is only read.
+        num_worlds: How many.
+        device: Where to render: a name, a Warp or torch device, a CUDA ordinal; None is Warp's current device.
+        time: Time code to begin with; None is the stage's first.
+        purposes: Of the prims that are drawn: "default", "render", "proxy", "guide".
+        up_axis: "Z" turns a stage that has another axis up; None keeps the stage's own axes.
+        meters_per_unit: In place of the stage's own.
+        double_sided: Whether faces are seen from behind, in place of what each mesh says itself.
+        semantics: Number of each label in the output ``semantics``; None numbers all there are from 1 on, by name.
+        textures: More images for ``DrivenScene.set_textures``, by names of yours: paths, or arrays
+            (height, width, 3) uint8.
+        exposure: All light is multiplied by 2 to this; None exposes the middle of the scene.
+    """
+    scene: DrivenScene = _source("usd", "usd").load(
+        path_or_stage,
+        num_worlds,
+        device=device,
+        time=time,
+        purposes=purposes,
+        up_axis=up_axis,
+        meters_per_unit=meters_per_unit,
+        double_sided=double_sided,
+        semantics=semantics,
+        textures=textures or {},
+        exposure=exposure,
+    )
+    return scene
+
+
+def load(
+    path: _Any,
+    num_worlds: int = 1,
+    *,
+    device: _Any = None,
+    meters_per_unit: float | None = None,
+    up_axis: str | None = "Z",
+    textures: _Mapping[str, _Any] | None = None,
+) -> Scene:
+    """The scene of a file in many worlds, read by what its name ends in.
+
+    .usd, .usda, .usdc and .usdz are read by ``from_usd``; .glb, .gltf, .obj, .stl and .ply by trimesh. Both give a
+    ``DrivenScene``. .xml, .mjb and .urdf are read by MuJoCo, and simulated by nobody: a scene as the file has it.
+
+    Args:
+        path: The file.
+        num_worlds: How many worlds.
+        device: Where to render; None is Warp's current device.
+        meters_per_unit: In place of what the file says; .obj, .stl and .ply say nothing and are taken to be in metres.
+        up_axis: "Z" turns USD and glTF scenes so that z is up; None keeps their own axes. Others are as they are.
+        textures: More images for ``DrivenScene.set_textures``.
+    """
+    from warpcam import files
+
+    return files.load(path, num_worlds, device, meters_per_unit, up_axis, textures or {})
+
+
+def _source(name: str, extra: str = "mujoco") -> _Any:
     """The module that reads one simulator, imported only now: the simulator need not be installed otherwise."""
     try:
         return _import_module(f"warpcam.sources.{name}")
     except ModuleNotFoundError as error:
         raise WarpcamError(
-            f"{error.name} is not installed, and this scene needs it: pip install 'warpcam[mujoco]'"
+            f"{error.name} is not installed, and this scene needs it: pip install 'warpcam[{extra}]'"
         ) from error

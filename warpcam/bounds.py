@@ -5,13 +5,18 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from warpcam.accel.heightfields import HeightField
-from warpcam.accel.meshes import Mesh
-from warpcam.kernels.types import CAPSULE, CYLINDER, HEIGHT_FIELD, MESH, PLANE, SPHERE
+from warpcam.kernels.types import BARREL, CAPSULE, CONE, CYLINDER, HEIGHT_FIELD, MESH, PLANE, SPHERE
 
 Bounds = tuple[np.ndarray, np.ndarray]
 
 # How the half extents of a box are made of the three sizes: their indices, and the one added to the third.
-EXTENTS = {SPHERE: ((0, 0, 0), None), CAPSULE: ((0, 0, 0), 1), CYLINDER: ((0, 0, 1), None)}
+EXTENTS = {
+    SPHERE: ((0, 0, 0), None),
+    CAPSULE: ((0, 0, 0), 1),
+    CYLINDER: ((0, 0, 1), None),
+    CONE: ((0, 0, 1), None),
+    BARREL: ((0, 0, 1), None),
+}
 DEFAULT_COLOR = np.array((0.5, 0.5, 0.5, 1.0), np.float32)  # a shape's colour that leaves the say to its material
 
 
@@ -19,8 +24,9 @@ def bounds_of(
     arrays: Mapping[str, np.ndarray],
     types: np.ndarray,
     drawn: Sequence[int],
-    meshes: Sequence[Mesh],
+    meshes: Bounds,
     height_fields: Sequence[HeightField],
+    scaled: bool = False,
 ) -> Bounds:
     """Lowest and highest corner, (3,) float32 each [m]; zeros where there is nothing.
 
@@ -29,11 +35,12 @@ def bounds_of(
         types: (shape,) int32.
         drawn: ids of the shapes that may be seen. Of those, infinite planes, transparent shapes and shapes whose
             pose is not a number do not count.
-        meshes: What ``shape_assets`` counts for meshes.
+        meshes: Lowest and highest corner, (mesh, 3), of what ``shape_assets`` counts for meshes.
         height_fields: What ``shape_assets`` counts for height fields.
+        scaled: Whether the sizes of meshes and height fields are scales along their axes.
     """
     boxes = {
-        MESH: _stacked([_mesh_box(mesh) for mesh in meshes]),
+        MESH: _stacked([_mesh_box(low, high) for low, high in zip(*meshes, strict=True)]),
         HEIGHT_FIELD: _stacked([_field_box(field) for field in height_fields]),
     }
     worlds = np.arange(len(arrays["shape_positions"]))
@@ -44,6 +51,9 @@ def bounds_of(
             low, high = boxes[kind]
             assets = _by_world(arrays["shape_assets"], worlds, shape)  # -1 takes the last row, which is nothing
             low, high = low[assets], high[assets]
+            if scaled:
+                scales = _by_world(arrays["shape_sizes"], worlds, shape)
+                low, high = np.minimum(low * scales, high * scales), np.maximum(low * scales, high * scales)
         else:
             high = _half_extents(kind, _by_world(arrays["shape_sizes"], worlds, shape))
             low = -high
@@ -84,6 +94,10 @@ def _half_extents(kind: int, sizes: np.ndarray) -> np.ndarray:
     half = sizes[:, order]
     if added is not None:
         half[:, 2] += sizes[:, added]
+    if kind == BARREL:
+        arc, along = np.maximum(sizes[:, 2], sizes[:, 1]), sizes[:, 1]
+        belly = along**2 / np.maximum(arc + np.sqrt(arc**2 - along**2), 1e-30)
+        half[:, :2] += np.where(sizes[:, 2] > 0.0, belly, 0.0)[:, None]
     return half
 
 
@@ -93,11 +107,10 @@ def _stacked(boxes: Sequence[Bounds]) -> Bounds:
     return np.stack([*(box[0] for box in boxes), nothing]), np.stack([*(box[1] for box in boxes), nothing])
 
 
-def _mesh_box(mesh: Mesh) -> Bounds:
-    if len(mesh.faces) == 0:
+def _mesh_box(low: np.ndarray, high: np.ndarray) -> Bounds:
+    if not (high >= low).all():  # without faces
         return np.full(3, np.nan, np.float32), np.full(3, np.nan, np.float32)
-    used = mesh.vertices[mesh.faces.reshape(-1)]
-    return used.min(axis=0), used.max(axis=0)
+    return low, high
 
 
 def _field_box(field: HeightField) -> Bounds:

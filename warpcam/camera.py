@@ -1,6 +1,5 @@
 """Cameras: what the user asks for."""
 
-import math
 from collections.abc import Sequence
 from dataclasses import KW_ONLY, dataclass
 from typing import Any, Literal, get_args
@@ -32,8 +31,10 @@ class Camera:
         position: (3,) or (world, 3), in the parent's frame [m]; the parent's origin unless given.
         rotation: Quaternion, w x y z, (4,) or (world, 4), in the parent's frame; of any length but 0.
         parent: Name or index of the body to which a camera of your own is fixed; None is the world.
-        near: Nothing nearer than this is seen: planar depth, at least 0 [m]; a number or (world,).
-        far: Nothing farther than this is seen: planar depth, beyond ``near`` [m]; a number or (world,).
+        near: Nothing nearer than this is seen: planar depth, at least 0 [m]; a number or (world,). None is the scene
+            camera's, or 0.
+        far: Nothing farther than this is seen: planar depth, beyond ``near`` [m]; a number or (world,). None is the
+            scene camera's, or infinity.
         depth_clipping: What ``depth`` shows where nothing is hit: inf ("none"), ``far`` ("max") or 0 ("zero").
         shadows: Whether the scene's lights cast shadows in ``rgb``, ``rgba`` and ``hdr``.
         background: Display colour in [0, 1] where nothing is hit; None is the scene's own: its skybox, else black.
@@ -48,8 +49,8 @@ class Camera:
     position: Any = None
     rotation: Any = None
     parent: str | int | None = None
-    near: Any = 0.0
-    far: Any = math.inf
+    near: Any = None
+    far: Any = None
     depth_clipping: DepthClipping = "none"
     shadows: bool = False
     background: tuple[float, float, float] | None = None

@@ -18,7 +18,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
 import warpcam
-from warpcam import pictures, worlds
+from warpcam import files, pictures, worlds
 from warpcam.benchmarks import options as benchmarks
 from warpcam.benchmarks import run
 from warpcam.device import resolve
@@ -53,9 +53,15 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--version", action="version", version=f"warpcam {warpcam.__version__}")
     commands = parser.add_subparsers(required=True, metavar="COMMAND", parser_class=_Parser)
 
-    render = commands.add_parser("render", help="render an MJCF scene in many worlds and save pictures")
+    render = commands.add_parser("render", help="render a scene in many worlds and save pictures")
     render.set_defaults(command=_render)
-    render.add_argument("scene", nargs="?", type=Path, metavar="SCENE.xml", help="an MJCF file (default: a demo scene)")
+    render.add_argument(
+        "scene",
+        nargs="?",
+        type=Path,
+        metavar="SCENE",
+        help=f"a file: {', '.join((*files.MUJOCO, *files.USD, *files.MESHES))} (default: a demo scene)",
+    )
     render.add_argument(
         "--camera",
         action="extend",
@@ -93,12 +99,17 @@ def _render(options: argparse.Namespace) -> int:
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
     with Progress(*columns, console=screen, transient=True, disable=not screen.is_terminal) as progress:
         steps = progress.add_task("reading the scene", total=4)
-        put = worlds.load(options.scene or worlds.DEMO, num_worlds=options.worlds, seed=options.seed, device=device)
-        progress.update(steps, description="building and compiling", advance=1)
-        scene = warpcam.from_mujoco_warp(put.host, put.model, put.data)
+        path, host = options.scene or worlds.DEMO, None
+        if path.suffix.lower() in (*files.USD, *files.MESHES):
+            scene = warpcam.load(path, options.worlds, device=device)
+            progress.update(steps, description="building and compiling", advance=1)
+        else:
+            put = worlds.load(path, num_worlds=options.worlds, seed=options.seed, device=device)
+            progress.update(steps, description="building and compiling", advance=1)
+            scene, host = warpcam.from_mujoco_warp(put.host, put.model, put.data), put.host
         cameras = [
             warpcam.Camera(name, width=width, height=height, outputs=outputs, shadows=True, **pose)
-            for name, pose in _cameras(options.camera, scene, put.host, width / height).items()
+            for name, pose in _cameras(options.camera, scene, host, width / height).items()
         ]
         renderer = warpcam.Renderer(scene, cameras)
         progress.update(steps, description="first frame", advance=1)

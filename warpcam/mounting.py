@@ -1,5 +1,6 @@
 """A camera bound to a scene: its own arrays, and the stage that turns them into views."""
 
+import math
 from typing import Any
 
 import numpy as np
@@ -56,8 +57,10 @@ class Mounted:
                 raise WarpcamError(f"{camera.where}: rotation must not be of length 0, got {camera.rotation!r}")
         if camera.lens is not None:
             self._make_lens(camera.lens)
-        self._own("near", camera.near, wp.float32)
-        self._own("far", camera.far, wp.float32, may_be_infinite=True)
+        clipping = None if camera.is_own else scene.camera_kind(self._index).clipping
+        near, far = clipping or (0.0, math.inf)
+        self._own("near", near if camera.near is None else camera.near, wp.float32)
+        self._own("far", far if camera.far is None else camera.far, wp.float32, may_be_infinite=True)
         self._check_range()
 
     @property
@@ -99,7 +102,10 @@ class Mounted:
                 lens.kind = views_stage.HEIGHT
             elif kind.sensor is not None:
                 lens.kind = views_stage.SENSOR
-                lens.sensor = wp.vec2(*kind.sensor)
+                width, height = kind.sensor
+                if kind.square:
+                    height = width * camera.height / camera.width
+                lens.sensor = wp.vec2(width, height)
             else:
                 lens.kind = views_stage.FOVY
             return lens
@@ -149,7 +155,7 @@ class Mounted:
             world = int(np.argmin(far > near))
             raise WarpcamError(f"{where}: far must be beyond near, got near {near[world]} and far {far[world]}")
         if self._camera.depth_clipping == "max" and not np.isfinite(far).all():
-            raise WarpcamError(f'{where}: depth_clipping="max" needs a finite far, got {self._camera.far!r}')
+            raise WarpcamError(f'{where}: depth_clipping="max" needs a finite far, got {far[~np.isfinite(far)][0]}')
 
 
 def pose_bytes(camera: Camera) -> int:

@@ -4,6 +4,7 @@ import itertools
 import threading
 from collections import defaultdict
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import warp as wp
@@ -31,6 +32,16 @@ PARTS = 3
 _turns: defaultdict[str, threading.Lock] = defaultdict(threading.Lock)
 
 Images = dict[str | int, dict[str, interop.Tensor]]
+
+MAX_RECORDINGS = 4  # states that a renderer goes to and fro between without recording anew
+
+
+@dataclass(frozen=True, eq=False)
+class Recording:
+    """Frames and their graphs, each of all worlds (True) or of those that were chosen."""
+
+    frames: dict[bool, Frame]
+    graphs: dict[bool, wp.Graph]
 
 
 class Renderer:
@@ -74,8 +85,8 @@ class Renderer:
             key: CameraArrays(self._cameras[key].where, mounted.arrays) for key, mounted in self._mounted.items()
         }
         self._tables: Tables | None = None
-        self._frames: dict[bool, Frame] = {}
-        self._graphs: dict[bool, wp.Graph] = {}
+        # What is drawn by the scene's stages, the last used at the end.
+        self._recordings: dict[tuple[Stage, ...], Recording] = {}
         self._record(tables)
 
     def render(self, worlds: Any = None, forward: bool = False) -> Images:
@@ -138,7 +149,7 @@ class Renderer:
         images = {key: target.images.values() for key, target in self._targets.items()}
         frames: dict[bool, list[list[list[Stage]]]] = {}
         for everything in (True, False):
-            frames[everything] = [[[record_begin(everything, mask, faults, self._device), *views]]]
+            frames[everything] = [[[record_begin(everything, mask, faults, self._device)]], [views]]
             phases = list(scratch.phases(images if everything else None))
             if everything:
                 busiest = max((sum(map(self._pixels, phase)) for phase in phases), default=0)
@@ -146,10 +157,24 @@ class Renderer:
                 frames[everything].append(
                     [chain for portion in phase for chain in self._record_portion(tables, portion, len(phase), busiest)]
                 )
-        self._frames = {everything: Frame(of_all, self._device) for everything, of_all in frames.items()}
-        bind([stage for frame in self._frames.values() for stage in frame.stages])
-        self._graphs = {}
+        self._phases, self._recordings = frames, {}
+        bind([stage for frame in self._recording().frames.values() for stage in frame.stages])
         self._tables = tables
+
+    def _recording(self) -> Recording:
+        """The frames for what the scene is bound to now."""
+        stages = self._scene.stages()
+        recording = self._recordings.pop(stages, None)
+        if recording is None:
+            if len(self._recordings) >= MAX_RECORDINGS:
+                self._recordings.pop(next(iter(self._recordings)))
+            frames = {
+                everything: Frame([phases[0], [stages], *phases[1:]], self._device)
+                for everything, phases in self._phases.items()
+            }
+            recording = Recording(frames, {})
+        self._recordings[stages] = recording
+        return recording
 
     def _pixels(self, portion: Portion) -> int:
         camera = self._cameras[portion.camera]
@@ -177,14 +202,17 @@ class Renderer:
             )
 
     def _run(self, everything: bool, capturing: bool) -> None:
-        frame = self._frames[everything]
+        recording = self._recording()
+        frame, graphs = recording.frames[everything], recording.graphs
         if not self._graph or capturing:
             frame.launch()
             return
-        if everything in self._graphs:
-            wp.capture_launch(self._graphs[everything], stream=self._device.stream)
+        if everything in graphs:
+            wp.capture_launch(graphs[everything], stream=self._device.stream)
             return
         frame.launch()  # the first time by itself: the driver may still have to load the kernels
-        with wp.ScopedStream(quiet_stream(self._device)), wp.ScopedCapture(self._device) as capture:
-            frame.launch()
-        self._graphs[everything] = capture.graph
+        # On a stream that nobody else knows: what other threads launch meanwhile is none of this graph.
+        stream = quiet_stream(self._device)
+        with wp.ScopedCapture(stream=stream) as capture:
+            frame.launch(stream)
+        graphs[everything] = capture.graph

@@ -14,11 +14,20 @@ from warpcam.accel.meshes import Mesh, pack_meshes
 from warpcam.accel.textures import TextureImage, pack_textures
 from warpcam.bounds import Bounds, bounds_of
 from warpcam.errors import WarpcamError
+from warpcam.kernels.launch import Stage
 from warpcam.kernels.tables import Tables
-from warpcam.kernels.types import HEIGHT_FIELD, MESH, Background, Lights, Materials, Shapes
+from warpcam.kernels.types import (
+    HEIGHT_FIELD,
+    MESH,
+    NUM_TYPES,
+    SCALED,
+    Background,
+    Lights,
+    Materials,
+    Meshes,
+    Shapes,
+)
 from warpcam.lens import Projection
-
-NUM_SHAPE_TYPES = MESH + 1
 
 
 @dataclass(frozen=True)
@@ -30,11 +39,15 @@ class SceneCamera:
         projection: "pinhole" or "orthographic".
         sensor: Width and height of the sensor, in the unit of the camera's intrinsics. None: the camera has a field
             of view instead.
+        square: Pixels are square: the sensor's height follows from its width and the image's shape.
+        clipping: Nearest and farthest planar depth that it sees [m]; None: all.
     """
 
     name: str
     projection: Projection = "pinhole"
     sensor: tuple[float, float] | None = None
+    square: bool = False
+    clipping: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,6 +68,15 @@ class Parts:
         textures: What ``material_textures`` counts.
         skybox: Index of the texture behind everything, or -1.
         horizon: How far the source's own renderer draws endless planes [m]; 0 if it has none.
+        shape_instances: (shape,) int32, which replicated thing each is part of, or -1; None if nobody knows.
+        shape_semantics: (shape,) int32, its label's number, 0 for none; None if nobody knows.
+        shape_ids: (world, shape) int32, what the source calls a shape in each world, -1 where a world lacks it; None
+            where it is called the same in all: by its place here.
+        body_ids: (world, shape) int32, with ``shape_ids``: the same of its body, instead of ``shape_bodies``.
+        body_labels: What the user may call a body beside its name in ``bodies``; ``body_places`` says which of these
+            it is. None: nothing else.
+        body_places: (label,) int32.
+        scaled: Whether the sizes of meshes and height fields are scales along their axes.
     """
 
     num_worlds: int
@@ -70,6 +92,13 @@ class Parts:
     textures: Sequence[TextureImage]
     skybox: int = -1
     horizon: float = 0.0
+    shape_instances: np.ndarray | None = None
+    shape_semantics: np.ndarray | None = None
+    shape_ids: np.ndarray | None = None
+    body_ids: np.ndarray | None = None
+    body_labels: Sequence[str] | None = None
+    body_places: np.ndarray | None = None
+    scaled: bool = False
 
 
 @dataclass(frozen=True)
@@ -136,6 +165,15 @@ class Source(Protocol):
     def refresh(self) -> None:
         """Bring the arrays up to date with a state on the host."""
 
+    def stages(self, meshes: Meshes) -> tuple[Stage, ...]:
+        """What brings the arrays up to date on the device, at the head of each frame, and those meshes that move.
+
+        The same tuple as long as it is to do the same. The state that is read may be another one from call to call.
+        """
+
+    def bind(self, state: Any) -> None:
+        """Read another state of the same simulation from now on."""
+
     def forward(self) -> None:
         """Have the simulator compute poses from its state."""
 
@@ -169,7 +207,22 @@ class Scene:
         self._places = wp.array(places, dtype=wp.int32, device=self.device)
         self._types = wp.array(parts.shape_types.astype(np.int32), dtype=wp.int32, device=self.device)
         self._bodies = wp.array(parts.shape_bodies.astype(np.int32), dtype=wp.int32, device=self.device)
+        self._labels = {
+            name: wp.array(
+                np.full(len(parts.shape_types), none) if values is None else values, dtype=wp.int32, device=self.device
+            )
+            for name, values, none in (
+                ("instances", parts.shape_instances, -1),
+                ("semantics", parts.shape_semantics, 0),
+            )
+        }
+        self._ids, self._body_ids = (
+            wp.array(np.zeros((0, 0), np.int32) if ids is None else ids, dtype=wp.int32, ndim=2, device=self.device)
+            for ids in (parts.shape_ids, parts.body_ids)
+        )
         source.refresh()
+        for stage in self.stages():
+            stage.launch()
         self._tables = self.tables()
         self._check_indices()
 
@@ -184,11 +237,13 @@ class Scene:
         Two (3,) float32 arrays in the world frame [m]; zeros where there is nothing. Waits for the device.
         """
         self.refresh()
+        for stage in self.stages():
+            stage.launch()
         self.tables()
         host = {name: array.numpy() for name, array in self._arrays.items() if name.startswith(("shape", "material_c"))}
-        return bounds_of(
-            host, self._parts.shape_types, self._parts.drawn, self._parts.meshes, self._parts.height_fields
-        )
+        parts = self._parts
+        corners = self._meshes.lower.numpy(), self._meshes.upper.numpy()
+        return bounds_of(host, parts.shape_types, parts.drawn, corners, parts.height_fields, parts.scaled)
 
     @property
     def live_on_device(self) -> bool:
@@ -198,6 +253,18 @@ class Scene:
     def refresh(self) -> None:
         """Bring the device's arrays up to date, where the simulator keeps its own on the host."""
         self._source.refresh()
+
+    def stages(self) -> tuple[Stage, ...]:
+        """What brings the device's arrays up to date there: the same tuple as long as it does the same."""
+        return self._source.stages(self._meshes)
+
+    def bind(self, state: Any) -> None:
+        """Look at another state of the same simulation from the next render on; nothing is built again.
+
+        Swapping states back and forth costs nothing once each has been rendered. Only scenes that read a state object
+        have this: those of ``from_newton``.
+        """
+        self._source.bind(state)
 
     def forward(self) -> None:
         """Have the simulator compute poses from its state."""
@@ -216,7 +283,17 @@ class Scene:
 
     def body(self, key: str | int, where: str) -> int:
         """Index of the source's body of that name or index."""
-        return _find(key, tuple(self._parts.bodies), where, "body")
+        parts = self._parts
+        if parts.body_labels is not None and parts.body_places is not None:
+            if isinstance(key, str) and key in parts.body_labels:
+                return int(parts.body_places[parts.body_labels.index(key)])
+            if isinstance(key, int | np.integer) and not isinstance(key, bool) and 0 <= key < len(parts.body_places):
+                return int(parts.body_places[key])
+            if not isinstance(key, str):
+                raise WarpcamError(
+                    f"{where}: the scene has no body {key!r}; it has indices 0 to {len(parts.body_places) - 1}"
+                )
+        return _find(key, tuple(parts.bodies), where, "body")
 
     def tables(self) -> Tables:
         """The scene for the kernels: the same object until the source's arrays are others."""
@@ -252,6 +329,7 @@ class Scene:
         shapes, materials, lights = Shapes(), Materials(), Lights()
         shapes.drawn, shapes.places = self._drawn, self._places
         shapes.types, shapes.bodies = self._types, self._bodies
+        shapes.ids, shapes.body_ids = self._ids, self._body_ids
         for prefix, struct in (("shape_", shapes), ("material_", materials), ("light_", lights)):
             for name in FIELDS:
                 if name.startswith(prefix):
@@ -273,12 +351,20 @@ class Scene:
             num_lights=parts.num_lights,
             num_shapes=self._counts["shapes"],
             num_faces=self._num_faces,
-            shape_types=frozenset(int(parts.shape_types[shape]) for shape in parts.drawn),
+            shape_types=self._shape_types(),
             has_materials=parts.num_materials > 0,
             has_textures=parts.num_materials > 0 and any(i != parts.skybox for i in range(len(parts.textures))),
             has_skybox=parts.skybox >= 0,
+            ids_by_world=parts.shape_ids is not None,
             horizon=parts.horizon,
+            labels=self._labels,
         )
+
+    def _shape_types(self) -> frozenset[int]:
+        types = {int(self._parts.shape_types[shape]) for shape in self._parts.drawn}
+        if self._parts.scaled and types & {MESH, HEIGHT_FIELD}:
+            types.add(SCALED)
+        return frozenset(types)
 
     def _check_parts(self) -> None:
         parts = self._parts
@@ -288,8 +374,10 @@ class Scene:
             if rows >= 2**31 // parts.num_worlds:
                 raise WarpcamError(f"{name}: {rows} in {parts.num_worlds} worlds are 2^31 or more; fewer are allowed")
         for shape in parts.drawn:
-            if not 0 <= parts.shape_types[shape] < NUM_SHAPE_TYPES:
-                raise WarpcamError(f"shape {shape}: its type is {parts.shape_types[shape]}; allowed are 0 to {MESH}")
+            if not 0 <= parts.shape_types[shape] < NUM_TYPES:
+                raise WarpcamError(
+                    f"shape {shape}: its type is {parts.shape_types[shape]}; allowed are 0 to {NUM_TYPES - 1}"
+                )
         if not -1 <= parts.skybox < len(parts.textures):
             raise WarpcamError(
                 f"skybox: texture {parts.skybox} of {len(parts.textures)}; allowed are -1 for none and those"

@@ -6,7 +6,7 @@ import warp as wp
 
 from warpcam.camera import Camera
 from warpcam.errors import WarpcamError
-from warpcam.kernels import resolve, shadow, visibility
+from warpcam.kernels import labels, resolve, shadow, visibility
 from warpcam.kernels.launch import Group, Stage
 from warpcam.kernels.tables import Tables
 from warpcam.kernels.types import View
@@ -55,6 +55,8 @@ class Target:
         names = {name: traced_as(name, tables.shape_types) for name in self.images}
         traced = {trace: self.images[name] for name, trace in names.items() if trace is not None}
         derived = {name: self.images[name] for name, trace in names.items() if trace is None}
+        if tables.ids_by_world and "shape" in traced:  # what is asked for are ids; the stages pass on columns
+            traced["ids"] = traced.pop("shape")
         depth, shape, face, shadows = (
             traced.pop(name, buffers.get(name)) for name in ("depth", "shape", "face", "shadow")
         )
@@ -68,6 +70,11 @@ class Target:
                 shadow.record(
                     tables, projection, views, mask, depth, shape, face, width, height, shadows, device, group
                 )
+            )
+        for name in [name for name in derived if OUTPUTS[name].label is not None]:
+            image = derived.pop(name)
+            stages.append(
+                labels.record(tables.labels[name], OUTPUTS[name].label or 0, mask, shape, image, device, group)
             )
         if derived:
             if face is None:

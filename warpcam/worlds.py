@@ -28,11 +28,11 @@ class Worlds:
     data: Any
 
 
-def load(path: Path, *, num_worlds: int, seed: int, device: wp.Device) -> Worlds:
+def load(path: Path, *, num_worlds: int, seed: int | None, device: wp.Device) -> Worlds:
     """Read an MJCF file (or .mjb) and put `num_worlds` worlds of it on the device, posed and ready to be seen.
 
     World 0 is the scene as the file has it, with its first keyframe if there is one; the joints of the others
-    are random within their ranges.
+    are random within their ranges, or the same without a seed.
     """
     try:
         import mujoco
@@ -56,7 +56,8 @@ def load(path: Path, *, num_worlds: int, seed: int, device: wp.Device) -> Worlds
         with wp.ScopedDevice(device):
             model = mjw.put_model(host)
             data = mjw.put_data(host, state, nworld=num_worlds)
-            data.qpos.assign(joint_positions(host, state.qpos, num_worlds=num_worlds, seed=seed))
+            if seed is not None:
+                data.qpos.assign(joint_positions(host, state.qpos, num_worlds=num_worlds, seed=seed))
             mjw.kinematics(model, data)
             mjw.com_pos(model, data)
             mjw.camlight(model, data)
@@ -103,18 +104,19 @@ def rotated(quaternions: np.ndarray, turns: np.ndarray) -> np.ndarray:
     return np.hstack([w * qw - np.sum(v * qv, axis=1, keepdims=True), w * qv + qw * v + np.cross(v, qv)])
 
 
-def free_camera(host: Any, lower: np.ndarray, upper: np.ndarray, aspect: float) -> dict[str, Any]:
+def free_camera(host: Any | None, lower: np.ndarray, upper: np.ndarray, aspect: float) -> dict[str, Any]:
     """Where MuJoCo's default free camera would look from, moved back until the box fits: arguments of a Camera.
 
     Args:
-        host: the model, for the free camera's angles and field of view.
+        host: the model, for the free camera's angles and field of view; None for what MuJoCo has by itself.
         lower, upper: corners of what is to be seen [m], (3,).
         aspect: width of the image over its height.
     """
     from warpcam.lens import Pinhole
 
-    azimuth, elevation = np.radians([host.vis.global_.azimuth, host.vis.global_.elevation])
-    fovy = float(host.vis.global_.fovy)
+    view = host.vis.global_ if host is not None else None
+    azimuth, elevation = np.radians((90.0, -45.0) if view is None else (view.azimuth, view.elevation))
+    fovy = 45.0 if view is None else float(view.fovy)
     center = 0.5 * (lower + upper)
     radius = max(0.5 * float(np.linalg.norm(upper - lower)), 1e-3)
     half = np.radians(0.5 * fovy)

@@ -200,7 +200,7 @@ template <class Meshes> inline const float* face_rows(const Meshes& meshes, int 
 }
 
 // Some front face of any mesh among some records, nearer than `hit`. `words` are these records as bits by slot.
-template <class Meshes, class RayOf>
+template <int TYPES, class Meshes, class RayOf>
 inline void walk_meshes(const Meshes& meshes, const Record* records, const unsigned* words, int num_words,
                         const RayOf& source, float near, Hit& hit)
 {
@@ -211,7 +211,7 @@ inline void walk_meshes(const Meshes& meshes, const Record* records, const unsig
             const Ray ray = source.local(record);
             MeshHit found { hit.depth, 0 };
             if (walk_mesh<true>(node_rows(meshes, mesh), face_rows(meshes, mesh),
-                                slabs(ray.origin, ray.direction, record.size.x), source.frame(record), near, found)) {
+                                slabs(ray.origin, ray.direction, record.size.x), source.template frame<TYPES>(record), near, found)) {
                 hit = { found.depth, record.axis_y.w, found.face };
                 return;
             }
@@ -219,7 +219,7 @@ inline void walk_meshes(const Meshes& meshes, const Record* records, const unsig
 }
 
 // The nearest faces of a mesh for a tile's rays: those that miss its box, most of them, are found together.
-template <int LENS, class Meshes, class Rays>
+template <int TYPES, int LENS, class Meshes, class Rays>
 inline void trace_mesh(const Meshes& meshes, const Record& record, float near, Rays& rays)
 {
     const Record r = record;
@@ -244,7 +244,8 @@ inline void trace_mesh(const Meshes& meshes, const Record& record, float near, R
         const Ray ray = source.local(r);
         MeshHit found { rays.depth[lane], 0 };
         if (!walk_mesh<false>(node_rows(meshes, mesh), face_rows(meshes, mesh),
-                              slabs(ray.origin, ray.direction, r.size.x), source.frame(r), near, found))
+                              slabs(ray.origin, ray.direction, r.size.x), source.template frame<TYPES>(r), near,
+                              found))
             continue;
         rays.depth[lane] = found.depth;
         rays.shape[lane] = r.axis_y.w;

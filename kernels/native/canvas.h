@@ -7,6 +7,7 @@
 namespace warpcam {
 
 // What the trace writes. QUADS: the image's width is a multiple of four pixels; TILED: no tile reaches over its edges.
+// IDS: the ids that shapes have in each world; BY_WORLD: bodies have such ids too.
 enum Output {
     DEPTH = 1,
     SHAPE = 2,
@@ -16,7 +17,9 @@ enum Output {
     BODIES = 32,
     NORMALS = 64,
     QUADS = 128,
-    TILED = 256
+    TILED = 256,
+    IDS = 1 << 16,
+    BY_WORLD = 1 << 17
 };
 
 // Where the normals are written, hits name the slot of their shape's record instead of the shape: see gather().
@@ -67,7 +70,9 @@ template <int TYPES, int LENS, int OUTPUTS, int CAPACITY, class Target, class Sh
         if (WHAT & DISTANCE)
             target.distance.data[pixel] = distance_of(hit, seen);
         if (WHAT & BODIES)
-            target.bodies.data[pixel] = body_of(shapes, shape);
+            target.bodies.data[pixel] = body_of<(OUTPUTS & BY_WORLD) != 0>(shapes, world, shape);
+        if (WHAT & IDS)
+            target.ids.data[pixel] = id_of(shapes, world, shape);
         if (WHAT & POINTS)
             put_three(target.points.data, pixel, point_of(hit, camera, seen));
         if (WHAT & NORMALS)

@@ -23,8 +23,10 @@ struct WorldRay {
         return { turned(record, point, { o.x, o.y, o.z }), turned(record, direction, { 0.0f, 0.0f, 0.0f }) };
     }
 
-    WARPCAM_FN RayFrame frame(const Record& record) const
+    template <int TYPES> WARPCAM_FN RayFrame frame(const Record& record) const
     {
+        if constexpr ((TYPES >> SCALED & 1) != 0)
+            return frame_along(local(record));
         const Vec d = direction, none { 0.0f, 0.0f, 0.0f };
         // any vector that is not along d, made perpendicular to it
         const bool steep = magnitude(d.z) > magnitude(d.x);
@@ -125,6 +127,10 @@ WARPCAM_FN bool prepare_caster(const Shape& shape, const Light& light, const Cam
         record.origin.w = wp::index(meshes.node_start, shape.asset);
         caster.aim.w = wp::index(meshes.face_start, shape.asset);
         caster.box = { extent.center, extent.half };
+        if (TYPES >> SCALED & 1) {
+            const Extent own = stretched_by(extent, scale);
+            caster.box = { own.center, own.half };
+        }
     }
     caster.window = { -FAR_AWAY, FAR_AWAY, -FAR_AWAY, FAR_AWAY };
     caster.height = FAR_AWAY;
@@ -185,7 +191,7 @@ WARPCAM_FN int gather_casters(List& list, int begin, const Shapes& shapes, const
 
 // Does the light shine on the front of what the pixel shows, anywhere on the face whose corners are lit? True where
 // that is not known. Light that shines on backs only adds nothing, so that its shadow does not matter.
-template <class Shapes, class Meshes>
+template <int TYPES, class Shapes, class Meshes>
 WARPCAM_FN bool faces_light(const Shapes& shapes, const Meshes& meshes, int world, int id, int face, const Light& light,
                             Vec origin)
 {
@@ -194,7 +200,9 @@ WARPCAM_FN bool faces_light(const Shapes& shapes, const Meshes& meshes, int worl
     const Shape shape = load_shape(shapes, world, id);
     const Vec c { shape.position.x - origin.x, shape.position.y - origin.y,
                   shape.position.z - origin.z };
-    const Vec aim = turned_back(shape.rotation, ray_to(light, c));
+    Vec aim = turned_back(shape.rotation, ray_to(light, c));
+    if (TYPES >> SCALED & 1)
+        aim = { aim.x / shape.size.x, aim.y / shape.size.y, aim.z / shape.size.z };
     const unsigned row = unsigned(wp::index(meshes.face_start, shape.asset)) + unsigned(face * FACE_ROWS);
     const int given = load(meshes.faces.data, row).w;
     const int corner = 3 * (wp::index(meshes.corner_start, shape.asset) + given);

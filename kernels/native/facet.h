@@ -51,9 +51,12 @@ WARPCAM_FN Span box_cell(float x, float half)
     return { i * length - half, length };
 }
 
-template <class Meshes> WARPCAM_FN Vec corner_normal(const Meshes& meshes, const Pose& pose, int corner)
+template <int TYPES, class Meshes> WARPCAM_FN Vec corner_normal(const Meshes& meshes, const Pose& pose, int corner)
 {
-    return pose.seen(to_vec(wp::index(meshes.normals, corner)));
+    const Vec normal = to_vec(wp::index(meshes.normals, corner));
+    if (TYPES >> SCALED & 1)
+        return pose.seen(normalized(divided(normal, to_vec(pose.size))));
+    return pose.seen(normal);
 }
 
 // `place` is the hit in the camera's frame.
@@ -77,7 +80,7 @@ WARPCAM_FN void facet_at(const Looks& look, const Meshes& meshes, const Surface&
     }
     if ((TYPES >> MESH & 1) && type == MESH) {
         for (int k = 0; k < 3; ++k)
-            facet.normal[k] = corner_normal(meshes, pose, surface.corner + k);
+            facet.normal[k] = corner_normal<TYPES>(meshes, pose, surface.corner + k);
         return;
     }
     facet.normal[0] = facet.normal[1] = facet.normal[2] = pose.seen(surface.normal);

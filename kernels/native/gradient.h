@@ -25,6 +25,26 @@ WARPCAM_FN Vec cylinder_gradient(Vec at, Vec ray)
     return { cap ? 0.0f : at.x, cap ? 0.0f : at.y, cap ? -sign(ray.z) : 0.0f };
 }
 
+// In a cone's own frame, where its tip is at z = 1 and its base of radius 1 at z = -1.
+WARPCAM_FN Vec cone_gradient(Vec at, Vec ray)
+{
+    const float w = 0.5f * (1.0f - at.z), gap = w * w - at.x * at.x - at.y * at.y;
+    if (ray.z > 0.0f && magnitude(1.0f + at.z) < 0.5f * magnitude(gap))
+        return { 0.0f, 0.0f, -1.0f };
+    return { at.x, at.y, 0.5f * w };
+}
+
+// In a barrel's own frame, where the radius of its ends is 1: see enter_barrel().
+WARPCAM_FN Vec barrel_gradient(Vec at, Vec ray, float half, float arc)
+{
+    const float axial = root(upper(at.x * at.x + at.y * at.y, TINY)), past = axial - 1.0f;
+    const float end = root(upper(arc * arc - half * half, 0.0f)), rate = (past + end) / axial;
+    const float gap = (past * (past + 2.0f * end) + at.z * at.z - half * half) / (2.0f * arc);
+    if (magnitude(half + sign(ray.z) * at.z) < magnitude(gap))
+        return { 0.0f, 0.0f, -sign(ray.z) };
+    return { rate * at.x, rate * at.y, at.z };
+}
+
 // Outwards, in the camera's frame, of any length. The rows take a place to the shape's own frame, so their transpose
 // takes back the gradient of a function of that place.
 template <int TYPES, int LENS>
@@ -36,10 +56,15 @@ WARPCAM_FN Vec gradient(const Record& record, const ViewRay<LENS>& seen, float d
         return to_vec(az);
     const Ray ray = seen.local(record);
     Vec g = ray.origin + depth * ray.direction;
-    if (TYPES >> CAPSULE & 1)  // from the nearest point of its axis; of the other shapes size.x is 0
+    // from the nearest point of its axis; of the other shapes but barrels size.x is 0
+    if ((TYPES >> CAPSULE & 1) && (!(TYPES >> BARREL & 1) || type != BARREL))
         g.z -= between(g.z, -record.size.x, record.size.x);
     if ((TYPES >> CYLINDER & 1) && type == CYLINDER)
         g = cylinder_gradient(g, ray.direction);
+    if ((TYPES >> CONE & 1) && type == CONE)
+        g = cone_gradient(g, ray.direction);
+    if ((TYPES >> BARREL & 1) && type == BARREL)
+        g = barrel_gradient(g, ray.direction, record.size.x, record.size.y);
     if ((TYPES >> BOX & 1) && type == BOX)
         g = box_gradient(g, ray.direction);
     return { ax.x * g.x + ay.x * g.y + az.x * g.z, ax.y * g.x + ay.y * g.y + az.y * g.z,

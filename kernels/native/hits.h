@@ -26,9 +26,17 @@ template <int LENS> WARPCAM_FN Vec point_of(const Hit& hit, const Camera& camera
     return camera.origin + turned(camera.rotation, { near * seen.x, near * seen.y, -hit.depth });
 }
 
-template <class Shapes> WARPCAM_FN int body_of(const Shapes& shapes, int shape)
+// With BY_WORLD ids differ from world to world: types.py, Shapes.
+template <bool BY_WORLD, class Shapes> WARPCAM_FN int body_of(const Shapes& shapes, int world, int shape)
 {
+    if (BY_WORLD)
+        return shape >= 0 ? wp::index(shapes.body_ids, world, shape) : -1;
     return shape >= 0 ? wp::index(shapes.bodies, shape) : -1;
+}
+
+template <class Shapes> WARPCAM_FN int id_of(const Shapes& shapes, int world, int shape)
+{
+    return shape >= 0 ? wp::index(shapes.ids, world, shape) : -1;
 }
 
 }  // namespace warpcam

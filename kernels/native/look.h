@@ -84,14 +84,14 @@ WARPCAM_FN Pose load_pose(const Shapes& shapes, const Meshes& meshes, const Came
     }
     const int type = wp::index(shapes.types, id), asset = row_of(shapes.assets, world, id);
     Vec size = to_vec(row_of(shapes.sizes, world, id));
-    if ((TYPES >> MESH & 1) && type == MESH && asset >= 0) {
+    if ((TYPES >> MESH & 1) && !(TYPES >> SCALED & 1) && type == MESH && asset >= 0) {
         size.x = as_float(wp::index(meshes.face_start, asset));
         size.y = as_float(wp::index(meshes.corner_start, asset));
     }
     return { { view.at[0][0], view.at[0][1], view.at[0][2], as_int(eye[0]) },
              { view.at[1][0], view.at[1][1], view.at[1][2], as_int(eye[1]) },
              { view.at[2][0], view.at[2][1], view.at[2][2], as_int(eye[2]) },
-             to_row(size, type + 8 * (asset + 1)) };
+             to_row(size, type + 16 * (asset + 1)) };
 }
 
 template <class Shapes> WARPCAM_FN Turn load_turn(const Shapes& shapes, int world, int id)
@@ -146,7 +146,7 @@ WARPCAM_FN Vec extent_of(const Pose& pose, const Meshes& meshes, const HeightFie
     const int type = pose.type(), asset = pose.asset();
     if (type == SPHERE)
         return { size.x, size.x, size.x };
-    if (type == CAPSULE || type == CYLINDER)
+    if (type == CAPSULE || type == CYLINDER || ((TYPES & (1 << CONE | 1 << BARREL)) && (type == CONE || type == BARREL)))
         return { size.x, size.x, size.y };
     if ((TYPES >> MESH & 1) && type == MESH && asset >= 0) {
         const auto lo = wp::index(meshes.lower, asset), hi = wp::index(meshes.upper, asset);

@@ -88,15 +88,17 @@ WARPCAM_FN Mapping map_2d(const Pose& pose, const Layout& layout, const Meshes& 
     float offset = 0.0f;
     if ((TYPES >> BOX & 1) && type == BOX)
         map_flat(local, half, part == 0 ? 1 : 0, part == 2 ? 1 : 2, mapping);
-    if ((TYPES >> CYLINDER & 1) && type == CYLINDER && part != SIDE) {
+    const bool round = (TYPES & (1 << CYLINDER | 1 << CONE | 1 << BARREL))
+        && (type == CYLINDER || ((TYPES & (1 << CONE | 1 << BARREL)) && (type == CONE || type == BARREL)));
+    if (round && part != SIDE) {
         map_flat(local, half, 0, 1, mapping);
         mapping.v = 1.0f - mapping.v;
         mapping.dv = -mapping.dv;
-    } else if ((TYPES & (1 << SPHERE | 1 << ELLIPSOID | 1 << CAPSULE | 1 << CYLINDER)) && type >= SPHERE
-               && type <= CYLINDER) {
+    } else if ((TYPES & (1 << SPHERE | 1 << ELLIPSOID | 1 << CAPSULE | 1 << CYLINDER | 1 << CONE | 1 << BARREL))
+               && ((type >= SPHERE && type <= CYLINDER) || round)) {
         Vec ball = local, radii = half;
         float top = 0.5f, scale = 2.0f / TURN;
-        if (type == CAPSULE || type == CYLINDER) {
+        if (type == CAPSULE || round) {
             scale = 0.0f;
             if (part != SIDE) {  // each cap has the image's top or bottom half to itself
                 ball.z -= part == TOP ? half.z : -half.z;

@@ -38,7 +38,7 @@ WARPCAM_FN int find_rays(MeshRays<WORDS>& rays, const ShapeList<CAPACITY>& list,
 
 // Traces all rays that `next_tile` finds (see Supply) and stores what they hit: store(pixel, hit). `ray_of(pixel)` is a
 // pixel's ray.
-template <int CAPACITY, int WORDS, class Meshes, class NextTile, class RayOf, class Store>
+template <int TYPES, int CAPACITY, int WORDS, class Meshes, class NextTile, class RayOf, class Store>
 WARPCAM_FN void trace_rays(MeshRays<WORDS>& rays, const ShapeList<CAPACITY>& list, const Meshes& meshes, float near,
                            const NextTile& next_tile, const RayOf& ray_of, const Store& store)
 {
@@ -131,7 +131,7 @@ WARPCAM_FN void trace_rays(MeshRays<WORDS>& rays, const ShapeList<CAPACITY>& lis
             if (node < 0) {
                 const int code = -node - 1, first = code >> 4, end = first + (code & 15);
                 const Record& record = list.records[slot];
-                const RayFrame frame = ray.frame(record);
+                const RayFrame frame = ray.template frame<TYPES>(record);
                 const unsigned faces = wp::index(meshes.face_start, record.axis_z.w);
                 for (int f = first; f < end; ++f) {
                     const unsigned at = faces + unsigned(f * FACE_ROWS);

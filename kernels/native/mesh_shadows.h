@@ -20,12 +20,12 @@ template <int WORDS> struct ShadowRays: WaitingRays<WORDS> {
 };
 
 // Is one of a leaf's faces in the way of the ray that runs from a point to the light?
-template <class Meshes>
+template <int TYPES, class Meshes>
 WARPCAM_FN bool meets_leaf(const Meshes& meshes, const Record& record, unsigned faces, int leaf, const Light& light,
                            Vec point, const Span& span)
 {
     const int code = -leaf - 1, first = code >> 4, end = first + (code & 15);
-    const RayFrame frame = WorldRay { point, ray_to(light, point) }.frame(record);
+    const RayFrame frame = WorldRay { point, ray_to(light, point) }.template frame<TYPES>(record);
     bool met = false;
     for (int face = first; face < end && !met; ++face) {
         const unsigned at = faces + unsigned(face * FACE_ROWS);
@@ -40,7 +40,7 @@ WARPCAM_FN bool meets_leaf(const Meshes& meshes, const Record& record, unsigned 
 
 // Calls shade(pixel) for each ray that `next_tile` finds (see Supply) and that meets a front face on its way to the light;
 // start(pixel, span) is where it begins.
-template <int WORDS, class List, class Meshes, class NextTile, class Start, class Shade>
+template <int TYPES, int WORDS, class List, class Meshes, class NextTile, class Start, class Shade>
 WARPCAM_FN void cast_rays(ShadowRays<WORDS>& rays, const List& list, const Light& light, const Meshes& meshes,
                           const NextTile& next_tile, const Start& start, const Shade& shade)
 {
@@ -116,7 +116,7 @@ WARPCAM_FN void cast_rays(ShadowRays<WORDS>& rays, const List& list, const Light
         const unsigned leaves = __ballot_sync(ALL, node < 0);
         if (leaves && (__popc(leaves) >= FEW || !stepping)) {
             if (node < 0) {
-                if (meets_leaf(meshes, list.records[slot], list.aims[slot].w, node, light, rays.point(), span)) {
+                if (meets_leaf<TYPES>(meshes, list.records[slot], list.aims[slot].w, node, light, rays.point(), span)) {
                     shade(rays.own[lane]);
                     left = 0;
                     height = 0;

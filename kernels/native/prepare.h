@@ -74,7 +74,7 @@ struct Shape {
 
 // The half widths of an analytic shape's box, and the scale that makes it a unit shape. False for sizes that are
 // not positive: such a shape is not drawn.
-WARPCAM_FN bool unit_shape(const Shape& shape, Extent& extent, Vec& scale)
+template <int TYPES> WARPCAM_FN bool unit_shape(const Shape& shape, Extent& extent, Vec& scale)
 {
     const Vec s = shape.size;
     Vec e = s;
@@ -82,14 +82,29 @@ WARPCAM_FN bool unit_shape(const Shape& shape, Extent& extent, Vec& scale)
         e = { s.x, s.x, s.x };
     else if (shape.type == CAPSULE)
         e = { s.x, s.x, s.x + s.y };
-    else if (shape.type == CYLINDER)
+    else if (shape.type == CYLINDER || ((TYPES >> CONE & 1) && shape.type == CONE))
         e = { s.x, s.x, s.y };
+    if ((TYPES >> BARREL & 1) && shape.type == BARREL) {  // half a length of the arc lies outside of the ends' radius
+        const float arc = upper(s.z, s.y), belly = s.x + (s.z > 0.0f ? s.y * s.y / (arc + root(arc * arc - s.y * s.y)) : 0.0f);
+        extent = { { 0.0f, 0.0f, 0.0f }, { belly, belly, s.y } };
+        const float rate = 1.0f / s.x;
+        scale = { rate, rate, rate };
+        return s.x > 0.0f && s.y > 0.0f;
+    }
     extent = { { 0.0f, 0.0f, 0.0f }, e };
     if (!(e.x > 0.0f && e.y > 0.0f && e.z > 0.0f))
         return false;
     const float sx = 1.0f / e.x;
     scale = { sx, shape.type == CAPSULE ? sx : 1.0f / e.y, shape.type == CAPSULE ? sx : 1.0f / e.z };
     return true;
+}
+
+constexpr float STRAIGHT = 1.0e9f;  // radius of an arc that is a line
+
+WARPCAM_FN Extent stretched_by(const Extent& e, Vec s)
+{
+    return { { e.center.x * s.x, e.center.y * s.y, e.center.z * s.z },
+             { e.half.x * magnitude(s.x), e.half.y * magnitude(s.y), e.half.z * magnitude(s.z) } };
 }
 
 // Type-specific part: box, scale and size row. False if the shape draws nothing.
@@ -99,6 +114,14 @@ WARPCAM_FN bool describe(const Shape& shape, const Meshes& meshes, const HeightF
 {
     scale = { 1.0f, 1.0f, 1.0f };
     const int asset = shape.asset;
+    const bool stretched = (TYPES >> SCALED & 1) && (shape.type == MESH || shape.type == HEIGHT_FIELD);
+    Vec stretch { 1.0f, 1.0f, 1.0f };
+    if (stretched) {
+        stretch = shape.size;
+        if (stretch.x == 0.0f || stretch.y == 0.0f || stretch.z == 0.0f)
+            return false;
+        scale = { 1.0f / stretch.x, 1.0f / stretch.y, 1.0f / stretch.z };
+    }
     if ((TYPES >> MESH & 1) && shape.type == MESH) {
         if (asset < 0)
             return false;
@@ -107,6 +130,8 @@ WARPCAM_FN bool describe(const Shape& shape, const Meshes& meshes, const HeightF
         extent.half = { 0.5f * (hi[0] - lo[0]), 0.5f * (hi[1] - lo[1]), 0.5f * (hi[2] - lo[2]) };
         record.size.x = upper(upper(magnitude(lo[0]), magnitude(hi[0])),
                               upper(upper(magnitude(lo[1]), magnitude(hi[1])), upper(magnitude(lo[2]), magnitude(hi[2]))));
+        if (stretched)
+            extent = stretched_by(extent, stretch);
         return hi[0] >= lo[0];
     }
     if ((TYPES >> HEIGHT_FIELD & 1) && shape.type == HEIGHT_FIELD) {
@@ -119,6 +144,8 @@ WARPCAM_FN bool describe(const Shape& shape, const Meshes& meshes, const HeightF
         record.size.x = size[0];
         record.size.y = size[1];
         record.size.z = size[3];
+        if (stretched)
+            extent = stretched_by(extent, stretch);
         return true;
     }
     if ((TYPES >> PLANE & 1) && shape.type == PLANE) {
@@ -128,9 +155,13 @@ WARPCAM_FN bool describe(const Shape& shape, const Meshes& meshes, const HeightF
         extent = { { 0.0f, 0.0f, 0.0f }, { finite ? record.size.x : -1.0f, record.size.y, 0.0f } };
         return true;
     }
-    if (!unit_shape(shape, extent, scale))
+    if (!unit_shape<TYPES>(shape, extent, scale))
         return false;
     record.size.x = shape.type == CAPSULE ? shape.size.y * scale.x : 0.0f;
+    if ((TYPES >> BARREL & 1) && shape.type == BARREL) {
+        record.size.x = shape.size.y * scale.x;
+        record.size.y = shape.size.z > 0.0f ? upper(shape.size.z, shape.size.y) * scale.x : STRAIGHT;
+    }
     return true;
 }
 

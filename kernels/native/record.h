@@ -5,19 +5,20 @@
 namespace warpcam {
 
 // Values of types.py.
-enum ShapeType { PLANE, HEIGHT_FIELD, SPHERE, CAPSULE, ELLIPSOID, CYLINDER, BOX, MESH };
+enum ShapeType { PLANE, HEIGHT_FIELD, SPHERE, CAPSULE, ELLIPSOID, CYLINDER, BOX, MESH, CONE, BARREL, SCALED };
 enum Lens { PINHOLE, ORTHOGRAPHIC };
 
 // The rows take camera coordinates to the shape's own, in which spheres and ellipsoids are the unit sphere, boxes
-// the cube of half width 1, cylinders have radius and half length 1, capsules radius 1; the rest is unscaled.
+// the cube of half width 1, cylinders and cones have radius and half length 1, capsules radius 1, barrels end radius 1;
+// meshes and height fields have their own coordinates; the rest is unscaled.
 // A ray of the view is then origin + t * row . (x, y, -1), and its t is planar depth.
 struct Record {
     Row axis_x;  // w: shape type
     Row axis_y;  // w: shape id
     Row axis_z;  // w: asset, the index of a mesh or height field
     Row origin;  // the camera's centre in the shape's frame; w: see casters.h, else unused
-    Row size;    // plane: half widths, 0 infinite; capsule: x = half length / radius; height field: half widths, base
-                 // depth. w: bits of `nearest`, a lower bound of the planar depth of every point of the shape
+    Row size;    // plane: half widths, 0 infinite; capsule: x = half length / radius; barrel: x = half length, y = radius of
+                 // its side's arc, both / end radius; height field: half widths, base depth. w: bits of `nearest`, a lower bound of the planar depth of every point of the shape
 };
 
 template <int TYPES> WARPCAM_FN bool is_mesh(const Record& record)
@@ -35,6 +36,19 @@ struct RayFrame {
     Vec across, up, depth;  // rows; across x up points against the ray, depth . (t * direction) is t
 };
 
+// For a frame that may be scaled. It depends on the ray only, and is never mirrored.
+WARPCAM_FN RayFrame frame_along(const Ray& ray)
+{
+    const Vec d = ray.direction;
+    const bool steep = magnitude(d.z) > magnitude(d.x);
+    const Vec across = steep ? Vec { 0.0f, d.z, -d.y } : Vec { d.y, -d.x, 0.0f };
+    const float rate = reciprocal(dot(d, d));
+    return { ray.origin,
+             across,
+             { across.y * d.z - across.z * d.y, across.z * d.x - across.x * d.z, across.x * d.y - across.y * d.x },
+             { rate * d.x, rate * d.y, rate * d.z } };
+}
+
 // The ray of a view through (x, y) of its image.
 template <int LENS> struct ViewRay {
     float x, y;
@@ -49,8 +63,10 @@ template <int LENS> struct ViewRay {
                  { ax.x * x + ax.y * y - ax.z, ay.x * x + ay.y * y - ay.z, az.x * x + az.y * y - az.z } };
     }
 
-    WARPCAM_FN RayFrame frame(const Record& record) const
+    template <int TYPES> WARPCAM_FN RayFrame frame(const Record& record) const
     {
+        if constexpr ((TYPES >> SCALED & 1) != 0)
+            return frame_along(local(record));
         const Row ax = record.axis_x, ay = record.axis_y, az = record.axis_z;
         const Vec origin = local(record).origin;
         const Vec depth { -ax.z, -ay.z, -az.z };

@@ -186,6 +186,8 @@ inline void shade_tile(const List& list, const LitView<LENS>& view, int world, c
             WARPCAM_CASE(ELLIPSOID)
             WARPCAM_CASE(CYLINDER)
             WARPCAM_CASE(BOX)
+            WARPCAM_CASE(CONE)
+            WARPCAM_CASE(BARREL)
 #undef WARPCAM_CASE
         case HEIGHT_FIELD:
             if (TYPES >> HEIGHT_FIELD & 1)
@@ -217,8 +219,8 @@ inline void shade_tile(const List& list, const LitView<LENS>& view, int world, c
         }
         if (walk
             && (view.counts_behind
-                || faces_light(shapes, meshes, world, points.ids[lane], points.faces[lane], view.light, view.origin)))
-            walk_meshes(meshes, list.records, met, words, ray, points.near[lane], hit);
+                || faces_light<TYPES>(shapes, meshes, world, points.ids[lane], points.faces[lane], view.light, view.origin)))
+            walk_meshes<TYPES>(meshes, list.records, met, words, ray, points.near[lane], hit);
         points.open[lane] = hit.shape < 0;
     }
 }

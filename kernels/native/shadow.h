@@ -154,7 +154,7 @@ WARPCAM_FN void cast_light(List& list, const Task<LENS>& task, const Shapes& sha
         if (HAS_MESH) {
             const bool keep = open && met_any
                 && (view.counts_behind
-                    || faces_light(shapes, meshes, task.world, id, target.face.data[at], view.light,
+                    || faces_light<TYPES>(shapes, meshes, task.world, id, target.face.data[at], view.light,
                                    view.origin));
             const unsigned kept = __ballot_sync(ALL, keep);
             rays[warp].put(kept, met, (list.count + 31) / 32, row * 64 + column);
@@ -177,7 +177,7 @@ WARPCAM_FN void cast_light(List& list, const Task<LENS>& task, const Shapes& sha
             const size_t at = task.corner + unsigned(pixel / 64 * target.width + pixel % 64);
             target.shadow.data[at] |= static_cast<int>(task.bit);
         };
-        cast_rays(rays[warp], list, view.light, meshes, next_tile, start, shade);
+        cast_rays<TYPES>(rays[warp], list, view.light, meshes, next_tile, start, shade);
     } else {
         int none;
         while (next_tile(none)) { }

@@ -5,6 +5,8 @@
 
 namespace warpcam {
 
+constexpr int BARREL_STEPS = 7;
+
 // Unit sphere. The discriminant is taken from the ray's nearest point to the centre, which keeps its digits when
 // the sphere is far away and small (Haines et al., Ray Tracing Gems, chapter 7).
 WARPCAM_FN float enter_sphere(Vec o, Vec d)
@@ -73,6 +75,51 @@ WARPCAM_FN float enter_capsule(Vec o, Vec d, float half)
     return !side.hit ? FAR_AWAY : magnitude(z) <= half ? side.t : end;
 }
 
+// Tip at z = 1, base of radius 1 at z = -1. The side is where |xy| = w / 2 for w = 1 - z from 0 to 2; of the two roots the
+// one by which a ray comes into it is the same for both halves of the double cone.
+WARPCAM_FN float enter_cone(Vec o, Vec d)
+{
+    const float middle = -dot(o, d) * reciprocal(dot(d, d));  // from the point nearest to the centre numbers are small
+    const float x = o.x + middle * d.x, y = o.y + middle * d.y, z = o.z + middle * d.z;
+    const float w = 0.5f * (1.0f - z), dw = -0.5f * d.z;
+    const float a = d.x * d.x + d.y * d.y - dw * dw, b = x * d.x + y * d.y - w * dw, c = x * x + y * y - w * w;
+    const float square = b * b - a * c, r = root(upper(square, 0.0f));
+    const float near = b > 0.0f ? -(b + r) * reciprocal(nonzero(a)) : c * reciprocal(nonzero(r - b));
+    const float at = w + near * dw;
+    const bool on_side = (square >= 0.0f) & (at >= 0.0f) & (at <= 1.0f);
+    const float cap = (-1.0f - o.z) * reciprocal(nonzero(d.z));
+    const float cx = o.x + cap * d.x, cy = o.y + cap * d.y;
+    const bool on_cap = (d.z > 0.0f) & (cx * cx + cy * cy <= 1.0f);
+    return on_side ? middle + near : on_cap ? cap : FAR_AWAY;
+}
+
+// End radius 1, half length `half`; the side is the arc of a circle of radius `arc`, turned about the axis. How far a
+// point is outside of the side, by the squares of distances, is convex along a ray: Newton's steps from before the entry
+// never pass it, or the rate turns positive, and there is none.
+WARPCAM_FN float enter_barrel(Vec o, Vec d, float half, float arc)
+{
+    const float end = root(upper(arc * arc - half * half, 0.0f)), belly = 1.0f + half * half * reciprocal(arc + end);
+    const float inverse = reciprocal(upper(d.x * d.x + d.y * d.y, 1.0e-30f));
+    const float middle = -(o.x * d.x + o.y * d.y) * inverse;
+    const float fx = o.x + middle * d.x, fy = o.y + middle * d.y;
+    const float gap = belly * belly - (fx * fx + fy * fy), reach = root(upper(gap, 0.0f) * inverse);
+    const float rate = reciprocal(nonzero(d.z)), level = -o.z * rate, wide = half * magnitude(rate);
+    const float leave = lower(middle + reach, level + wide), size = reciprocal(end + 1.0f);
+    float t = upper(middle - reach, level - wide);
+    bool meets = (gap >= 0.0f) & (t <= leave);
+#pragma unroll 1
+    for (int step = 0; step < BARREL_STEPS; ++step) {
+        const float x = o.x + t * d.x, y = o.y + t * d.y, z = o.z + t * d.z;
+        const float around = root(upper(x * x + y * y, 1.0e-30f)), past = upper(around - 1.0f, -end);
+        const float left = size * (past * (past + 2.0f * end) + (z - half) * (z + half));
+        const float speed = size * ((past + end) * (x * d.x + y * d.y) * reciprocal(around) + z * d.z);
+        meets &= (left <= 1.0e-6f) | (speed < 0.0f);
+        t = left > 0.0f ? t - 0.5f * left * reciprocal(lower(speed, -1.0e-20f)) : t;
+    }
+    meets &= t <= leave + 1.0e-6f * (magnitude(leave) + 1.0f);
+    return meets ? t : FAR_AWAY;
+}
+
 // Entry of a ray, given in the shape's frame, into a shape of one type; FAR_AWAY where it misses.
 template <int TYPE> WARPCAM_FN float enter(const Record& record, Ray ray)
 {
@@ -83,6 +130,8 @@ template <int TYPE> WARPCAM_FN float enter(const Record& record, Ray ray)
     case ELLIPSOID: return enter_sphere(o, d);
     case CAPSULE: return enter_capsule(o, d, record.size.x);
     case CYLINDER: return enter_cylinder(o, d);
+    case CONE: return enter_cone(o, d);
+    case BARREL: return enter_barrel(o, d, record.size.x, record.size.y);
     default: return enter_box(o, d);
     }
 }
@@ -100,6 +149,8 @@ template <int TYPES> WARPCAM_FN float enter_any(const Record& record, Ray ray)
     WARPCAM_TRY(CAPSULE)
     WARPCAM_TRY(CYLINDER)
     WARPCAM_TRY(BOX)
+    WARPCAM_TRY(CONE)
+    WARPCAM_TRY(BARREL)
 #undef WARPCAM_TRY
     return FAR_AWAY;
 }

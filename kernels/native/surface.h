@@ -8,11 +8,12 @@ namespace warpcam {
 // The rows take camera coordinates to the shape's own.
 struct Pose {
     Row axis_x, axis_y, axis_z;  // w: bits of the centre of projection, x, y, z, in the shape's frame [m]
-    // As in types.py; of a mesh bits of Meshes.face_start and Meshes.corner_start. w: shape type + 8 * (asset + 1).
+    // As in types.py; of a mesh that is not SCALED bits of Meshes.face_start and Meshes.corner_start.
+    // w: shape type + 16 * (asset + 1).
     Row size;
 
-    WARPCAM_FN int type() const { return size.w & 7; }
-    WARPCAM_FN int asset() const { return (size.w >> 3) - 1; }
+    WARPCAM_FN int type() const { return size.w & 15; }
+    WARPCAM_FN int asset() const { return (size.w >> 4) - 1; }
     WARPCAM_FN Vec eye() const { return { as_float(axis_x.w), as_float(axis_y.w), as_float(axis_z.w) }; }
     WARPCAM_FN Vec local(Vec v) const  // of a direction in the camera's frame
     {
@@ -83,6 +84,36 @@ WARPCAM_FN void ellipsoid_surface(Vec half, Surface& surface)
     surface.normal = normalized(times(times(surface.local, rate), rate));
 }
 
+WARPCAM_FN void cone_surface(float radius, float half_length, Vec ray, Surface& surface)
+{
+    const Vec p = surface.local;
+    const float axial = root(p.x * p.x + p.y * p.y), length = 2.0f * half_length, rate = reciprocal(upper(axial, TINY));
+    surface.part = SIDE;
+    surface.normal = normalized({ length * rate * p.x, length * rate * p.y, radius });
+    // how far the hit is from the base, and from the side along the radius
+    const float gap = magnitude(radius * (half_length - p.z) - length * axial) * reciprocal(length);
+    if (ray.z > 0.0f && magnitude(p.z + half_length) < gap) {
+        surface.part = BOTTOM;
+        surface.normal = { 0.0f, 0.0f, -1.0f };
+    }
+}
+
+// As a cylinder, but for the normals of its side, which point away from the middle of the arc.
+WARPCAM_FN void barrel_surface(Vec size, Vec ray, Surface& surface)
+{
+    const Vec p = surface.local;
+    const float axial = root(p.x * p.x + p.y * p.y), arc = size.z > 0.0f ? upper(size.z, size.y) : STRAIGHT;
+    const float end = root(upper(arc * arc - size.y * size.y, 0.0f)), past = axial - size.x;
+    const float rate = (past + end) * reciprocal(upper(axial, TINY));
+    surface.part = SIDE;
+    surface.normal = normalized({ rate * p.x, rate * p.y, p.z });
+    const float gap = (past * (past + 2.0f * end) + p.z * p.z - size.y * size.y) * reciprocal(2.0f * arc);
+    if (magnitude(size.y + sign(ray.z) * p.z) < magnitude(gap)) {
+        surface.part = ray.z < 0.0f ? TOP : BOTTOM;
+        surface.normal = { 0.0f, 0.0f, -sign(ray.z) };
+    }
+}
+
 // One cell of a height field has two triangles: 0 lies below its diagonal from (row, column) to (row + 1, column + 1),
 // 1 above.
 template <class HeightFields>
@@ -137,18 +168,24 @@ template <class Meshes> WARPCAM_FN Triangle load_triangle(const Meshes& meshes, 
 }
 
 // `face` counts the mesh's faces in leaf order.
-template <class Meshes> WARPCAM_FN void mesh_surface(const Meshes& meshes, const Pose& pose, int face, Surface& surface)
+template <int TYPES, class Meshes>
+WARPCAM_FN void mesh_surface(const Meshes& meshes, const Pose& pose, int face, Surface& surface)
 {
+    constexpr bool STRETCHED = TYPES >> SCALED & 1;
+    const int faces = STRETCHED ? wp::index(meshes.face_start, pose.asset()) : as_int(pose.size.x);
+    const int corners = STRETCHED ? wp::index(meshes.corner_start, pose.asset()) : as_int(pose.size.y);
     int given;
-    const Triangle triangle = load_triangle(meshes, as_int(pose.size.x) + 3 * face, given);
+    const Triangle triangle = load_triangle(meshes, faces + 3 * face, given);
     const Vec normal = cross(triangle.edge1, triangle.edge2), place = surface.local - triangle.origin;
     const float rate = reciprocal(upper(dot(normal, normal), TINY));
-    surface.corner = 3 * (as_int(pose.size.y) + given);
+    surface.corner = 3 * (corners + given);
     surface.triangle = triangle;
     surface.normal = normalized(normal);
     surface.weight1 = between(dot(cross(place, triangle.edge2), normal) * rate, 0.0f, 1.0f);
     surface.weight2 = between(dot(cross(triangle.edge1, place), normal) * rate, 0.0f, 1.0f - surface.weight1);
 }
+
+WARPCAM_FN Vec divided(Vec a, Vec b) { return { a.x / b.x, a.y / b.y, a.z / b.z }; }
 
 // `local` is the hit and `ray` the direction it was seen along, of any length, in the shape's frame; `face` is what the
 // trace found there.
@@ -171,10 +208,23 @@ WARPCAM_FN Surface surface_at(const Pose& pose, const Meshes& meshes, const Heig
         cylinder_surface(size.x, size.y, ray, surface);
     if ((TYPES >> BOX & 1) && type == BOX)
         box_surface(size, ray, surface);
+    if ((TYPES >> CONE & 1) && type == CONE)
+        cone_surface(size.x, size.y, ray, surface);
+    if ((TYPES >> BARREL & 1) && type == BARREL)
+        barrel_surface(size, ray, surface);
+    const bool stretched = (TYPES >> SCALED & 1) && (type == MESH || type == HEIGHT_FIELD);
+    if (stretched)
+        surface.local = divided(local, size);
     if ((TYPES >> HEIGHT_FIELD & 1) && type == HEIGHT_FIELD)
         height_field_surface(fields, pose.asset(), face, surface);
     if ((TYPES >> MESH & 1) && type == MESH)
-        mesh_surface(meshes, pose, face, surface);
+        mesh_surface<TYPES>(meshes, pose, face, surface);
+    if (stretched) {
+        Triangle& triangle = surface.triangle;
+        surface.local = local;
+        surface.normal = normalized(divided(surface.normal, size));
+        triangle = { times(triangle.origin, size), times(triangle.edge1, size), times(triangle.edge2, size) };
+    }
     return surface;
 }
 

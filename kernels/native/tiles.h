@@ -10,7 +10,7 @@
 
 namespace warpcam {
 
-constexpr int analytic_types(int types) { return types & ~(1 << HEIGHT_FIELD) & (1 << MESH) - 1; }
+constexpr int analytic_types(int types) { return types & ~(1 << HEIGHT_FIELD | 1 << MESH | 1 << SCALED); }
 
 // What a region's rays are tested against. Ranks run from near to far.
 template <int CAPACITY> struct ShapeList {
@@ -199,6 +199,8 @@ inline void trace_tile(const ShapeList<CAPACITY>& list, const TileRow<CAPACITY>&
             WARPCAM_CASE(ELLIPSOID)
             WARPCAM_CASE(CYLINDER)
             WARPCAM_CASE(BOX)
+            WARPCAM_CASE(CONE)
+            WARPCAM_CASE(BARREL)
 #undef WARPCAM_CASE
         case HEIGHT_FIELD:
             if (TYPES >> HEIGHT_FIELD & 1)
@@ -212,7 +214,7 @@ inline void trace_tile(const ShapeList<CAPACITY>& list, const TileRow<CAPACITY>&
             const Record& record = list.records[behind[i]];
             if (as_float(record.size.w) >= farthest_of(rays))
                 break;
-            trace_mesh<LENS>(meshes, record, near, rays);
+            trace_mesh<TYPES, LENS>(meshes, record, near, rays);
         }
 }
 

@@ -116,7 +116,7 @@ WARPCAM_FN void draw_tiles(ShapeList<CAPACITY>& list, const Canvas_& canvas, con
         const auto store = [&](int pixel, const Hit& hit) {
             canvas.put_new(region.left + pixel % 64, region.top + pixel / 64, hit, false);
         };
-        trace_rays(rays[HAS_MESH ? warp : 0], list, meshes, near, next_tile, ray_of, store);
+        trace_rays<TYPES>(rays[HAS_MESH ? warp : 0], list, meshes, near, next_tile, ray_of, store);
     } else {
         int none;
         while (next_tile(none)) { }

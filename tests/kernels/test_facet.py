@@ -14,7 +14,7 @@ DEVICES = [str(device) for device in wp.get_devices()]
     const Vec from = to_vec(eye);
     Look<255, Wanted<RGB, 0>> look;
     look.pose = { { 1.0f, 0.0f, 0.0f, as_int(from.x) }, { 0.0f, 1.0f, 0.0f, as_int(from.y) },
-                  { 0.0f, 0.0f, 1.0f, as_int(from.z) }, to_row(to_vec(size), kind + 8) };
+                  { 0.0f, 0.0f, 1.0f, as_int(from.z) }, to_row(to_vec(size), kind + 16) };
     const float repeats[2] = { 0.0f, 0.0f };
     look.cells = plane_cells(look.pose, repeats, 0.0f);
     const Surface surface = surface_at<255>(look.pose, meshes, fields, face, to_vec(local), to_vec(ray));

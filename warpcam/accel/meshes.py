@@ -23,6 +23,7 @@ class Mesh:
         faces: (face, 3) int32, indices of vertices, counterclockwise seen from the front.
         normals: (face, 3, 3) float32, a unit normal for each corner; None for flat faces.
         uvs: (face, 3, 2) float32, a texture coordinate for each corner, v up; None if there are none.
+        moves: Whether its corners will be moved: then it has rows of its own, with the tree of where they are now.
     """
 
     name: str
@@ -30,6 +31,7 @@ class Mesh:
     faces: np.ndarray
     normals: np.ndarray | None = None
     uvs: np.ndarray | None = None
+    moves: bool = False
 
 
 def pack_meshes(meshes: Sequence[Mesh], device: wp.Device) -> tuple[Meshes, int]:
@@ -42,6 +44,7 @@ def pack_meshes(meshes: Sequence[Mesh], device: wp.Device) -> tuple[Meshes, int]
         WarpcamError: A mesh cannot be used; the message names it.
     """
     places: dict[tuple[bytes, bytes], tuple[int, int]] = {}  # by content: first rows of nodes and faces
+    built: dict[tuple[bytes, bytes], int] = {}  # by content: place among the trees
     trees: list[tuple[np.ndarray, np.ndarray]] = []
     node_start, face_start, corner_start = [], [], []
     lower = np.zeros((len(meshes), 3), np.float32)
@@ -50,15 +53,22 @@ def pack_meshes(meshes: Sequence[Mesh], device: wp.Device) -> tuple[Meshes, int]
     node_rows = face_rows = corners = 0
     for index, mesh in enumerate(meshes):
         key = (mesh.vertices.tobytes(), mesh.faces.tobytes())
-        if key not in places:
+        if key not in built:
             tree = build_bvh4(mesh.vertices, mesh.faces, name=mesh.name)
             nodes = _child_by_child(tree.nodes) if device.is_cuda else tree.nodes
-            places[key] = (node_rows, face_rows)
+            built[key] = len(trees)
             trees.append((nodes, tree.faces))
-            node_rows += len(nodes)
-            face_rows += len(tree.faces)
-        node_start.append(places[key][0])
-        face_start.append(places[key][1])
+        elif mesh.moves or key not in places:
+            trees.append(trees[built[key]])
+        place = places.get(key)
+        if mesh.moves or place is None:
+            place = (node_rows, face_rows)
+            node_rows += len(trees[-1][0])
+            face_rows += len(trees[-1][1])
+        if not mesh.moves:
+            places[key] = place
+        node_start.append(place[0])
+        face_start.append(place[1])
         corner_start.append(corners)
         corners += len(mesh.faces)
         if len(mesh.faces):
@@ -102,6 +112,8 @@ def _child_by_child(nodes: np.ndarray) -> np.ndarray:
 
 
 def _normals(mesh: Mesh) -> np.ndarray:
+    if mesh.moves:
+        return np.zeros((3 * len(mesh.faces), 3), np.float32)
     if mesh.normals is None:
         return np.repeat(face_normals(mesh.vertices, mesh.faces), 3, axis=0)
     return _corner_values(mesh, "normals", mesh.normals, 3)

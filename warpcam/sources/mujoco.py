@@ -9,6 +9,8 @@ import warp as wp
 
 from warpcam import device as device_rule
 from warpcam.errors import WarpcamError
+from warpcam.kernels.launch import Stage
+from warpcam.kernels.types import Meshes
 from warpcam.scene import FIELDS, Scene
 from warpcam.sources import mujoco_model as model
 
@@ -66,6 +68,12 @@ class MujocoSource:
         wp.copy(self._block, self._host)
         if self._copied is not None:
             self.device.stream.record_event(self._copied)
+
+    def stages(self, meshes: Meshes) -> tuple[Stage, ...]:
+        return ()
+
+    def bind(self, state: Any) -> None:
+        raise WarpcamError("bind: this scene reads the data that it was made from; make another scene for another")
 
     def forward(self) -> None:
         for mjd in self._mjds:

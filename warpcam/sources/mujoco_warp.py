@@ -10,6 +10,8 @@ import warp as wp
 
 from warpcam import device as device_rule
 from warpcam.errors import WarpcamError
+from warpcam.kernels.launch import Stage
+from warpcam.kernels.types import Meshes
 from warpcam.scene import Scene
 from warpcam.sources import mujoco_model as model
 
@@ -53,6 +55,12 @@ class MujocoWarpSource:
 
     def refresh(self) -> None:
         pass
+
+    def stages(self, meshes: Meshes) -> tuple[Stage, ...]:
+        return ()
+
+    def bind(self, state: Any) -> None:
+        raise WarpcamError("bind: this scene reads the data that it was made from; make another scene for another")
 
     def forward(self) -> None:
         with wp.ScopedDevice(self.device):  # MuJoCo-Warp launches on Warp's current device

@@ -1,0 +1,192 @@
+"""Stages that are broken: an error or a warning that says so, and nothing half-built."""
+
+import os
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import warp as wp
+
+import warpcam as wc
+
+pytest.importorskip("pxr.Usd")
+from pxr import Gf, Usd, UsdGeom, UsdLux
+from stages import above, add_mesh, add_square, image, metric
+from warpcam.benchmarks import corpus
+
+SQUARE = """def Mesh "it" {
+    point3f[] points = [(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)]
+    int[] faceVertexCounts = [4]
+    int[] faceVertexIndices = [0, 1, 2, 3]
+    uniform token subdivisionScheme = "none"
+}"""
+
+
+def written(path: Path, body: str) -> Path:
+    path.write_text(f'#usda 1.0\n(\n    metersPerUnit = 1\n    upAxis = "Z"\n)\n{body}\n')
+    return path
+
+
+BROKEN: dict[str, str] = {
+    "USD cannot open it": 'def Xform "a" { garbage',
+    "the stage has nothing that can be drawn": 'def Xform "a" {}',
+    "faceVertexIndices has 7; allowed are 0 to 3": SQUARE.replace("0, 1, 2, 3", "0, 1, 2, 7"),
+    "faceVertexIndices has -1; allowed are 0 to 3": SQUARE.replace("0, 1, 2, 3", "0, 1, 2, -1"),
+    "faceVertexCounts sum up to 5, but there are 4 faceVertexIndices": SQUARE.replace("[4]", "[5]"),
+    "points must be finite, got": SQUARE.replace("(1, 1, 0)", "(1, nan, 0)"),
+    "protoIndices has 2; there are 1 prototypes": 'def PointInstancer "a" { rel prototypes = [</a/b>]\n'
+    "int[] protoIndices = [0, 2]\npoint3f[] positions = [(0, 0, 0), (1, 0, 0)]\n" + '\ndef Cube "b" {}\n}',
+    "2 protoIndices came, with positions, orientations or scales of another number": (
+        'def PointInstancer "a" { rel prototypes = [</a/b>]\n'
+        "int[] protoIndices = [0, 0]\npoint3f[] positions = [(0, 0, 0)]\n" + '\ndef Cube "b" {}\n}'
+    ),
+    "has nothing to draw; 1 shapes came, none is visible": 'def Cube "a" {\ntoken visibility = "invisible"\n}',
+}
+
+
+@pytest.mark.parametrize("text", BROKEN)
+def test_errors(text: str, tmp_path: Path) -> None:
+    path = written(tmp_path / "it.usda", BROKEN[text])
+    with pytest.raises(wc.WarpcamError) as caught:
+        wc.from_usd(path, device="cpu")
+    assert text in str(caught.value)
+
+
+WARNINGS: dict[str, str] = {
+    "is incomplete, USD left something out": (
+        'def Xform "a" (references = </b>) {}\ndef Xform "b" (references = </a>) {}'
+    ),
+    "is of type Points, which is not drawn: /a": 'def Points "a" {}',
+    "has a transform that is not finite, and is left out: /a": (
+        'def Cube "a" {\ndouble3 xformOp:translate = (inf, 0, 0)\n'
+        'uniform token[] xformOpOrder = ["xformOp:translate"]\n}'
+    ),
+    "has st of another number than its interpolation needs, which are left out: /a": SQUARE.replace("it", "a").replace(
+        "int[] faceVertexCounts",
+        'texCoord2f[] primvars:st = [(0, 0)] (interpolation = "vertex")\nint[] faceVertexCounts',
+    ),
+    "is a light of type GeometryLight, which gives no light here: /a": 'def GeometryLight "a" {}',
+    "has faces of less than three corners, which are left out: /a": SQUARE.replace("it", "a")
+    .replace("[4]", "[4, 2]")
+    .replace("0, 1, 2, 3]", "0, 1, 2, 3, 0, 1]"),
+    "has no surface that is known here, and shows the shapes' display colours: /m": (
+        'def Cube "a" (prepend apiSchemas = ["MaterialBindingAPI"]) {\nrel material:binding = </m>\n}\n'
+        'def Material "m" {\ntoken outputs:surface.connect = </m/s.outputs:surface>\n'
+        'def Shader "s" {\nuniform token info:id = "Strange"\ntoken outputs:surface\n}\n}'
+    ),
+}
+
+
+@pytest.mark.parametrize("text", WARNINGS)
+def test_warnings(text: str, tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    """What can be drawn is."""
+    path = written(tmp_path / "it.usda", SQUARE + "\n" + WARNINGS[text])
+    scene = wc.from_usd(path, device="cpu")
+    assert "/it" in scene.shapes
+    assert text in caplog.text
+    assert np.isfinite(scene.bounds()).all()
+
+
+@pytest.mark.parametrize(
+    ("text", "arguments"),
+    [
+        ("from_usd: there is no file 'gone.usda'", {"path_or_stage": "gone.usda"}),
+        ("path_or_stage must be a path or a pxr.Usd.Stage, got int", {"path_or_stage": 3}),
+        ("num_worlds must be a whole number, at least 1, got 0", {"num_worlds": 0}),
+        ("purposes must be a sequence of 'default', 'render', 'proxy', 'guide', got ['all']", {"purposes": ["all"]}),
+        ('up_axis must be "Z", or None for the stage\'s own axes, got \'Y\'', {"up_axis": "Y"}),
+        ("meters_per_unit must be a positive number, got 0", {"meters_per_unit": 0}),
+        ("semantics: must map labels to whole numbers, got 'cup': 'one'", {"semantics": {"cup": "one"}}),
+        ("time must be a finite number, got 'now'", {"time": "now"}),
+        ("textures: 'a': 'gone.png' cannot be read: No such file or directory", {"textures": {"a": "gone.png"}}),
+        ("textures: 'a' must be a path or (height, width, 1, 3 or 4) uint8, got float64 (2, 2)",
+         {"textures": {"a": np.zeros((2, 2))}}),
+        ("device: 'cuda:99' came", {"device": "cuda:99"}),
+    ],
+)  # fmt: skip
+def test_arguments(text: str, arguments: dict[str, Any]) -> None:
+    stage = metric(Usd.Stage.CreateInMemory())
+    UsdGeom.Cube.Define(stage, "/it")
+    with pytest.raises(wc.WarpcamError) as caught:
+        wc.from_usd(**{"path_or_stage": stage, "device": "cpu", **arguments})
+    assert text in str(caught.value)
+
+
+def test_scales_of_nothing(device: wp.Device) -> None:
+    """A flat mesh is a mesh; what has no area or no volume is left out."""
+    stage = metric(Usd.Stage.CreateInMemory())
+    add_square(stage, "/line")
+    UsdGeom.Xformable(stage.GetPrimAtPath("/line")).AddScaleOp().Set((1, 0, 0))
+    UsdGeom.Sphere.Define(stage, "/flat").AddScaleOp().Set((1, 1, 0))
+    tube = [(-1, -1, 0), (1, -1, 0), (1, 1, 3), (-1, 1, 3)]
+    add_mesh(stage, "/pressed", tube, [(0, 1, 2, 3)])
+    UsdGeom.Xformable(stage.GetPrimAtPath("/pressed")).AddScaleOp().Set((1, 1, 0))
+    scene = wc.from_usd(stage, device=device)
+    assert scene.shapes == ("/pressed",)
+    assert image(scene)[16, 16] == pytest.approx(3.0)
+
+
+def test_a_pose_that_is_no_number_is_its_own_worlds(device: wp.Device) -> None:
+    stage = metric(Usd.Stage.CreateInMemory())
+    UsdGeom.Cube.Define(stage, "/it")
+    scene = wc.from_usd(stage, 3, device=device)
+    poses = np.tile(np.array((0, 0, 0, 1, 0, 0, 0), np.float32), (3, 1, 1))
+    poses[1, 0, 3] = 0.0  # no quaternion
+    scene.set_poses(["/it"], poses)
+    renderer = wc.Renderer(scene, [above(5.0, 8)])
+    depth = renderer.render()["above"]["depth"][..., 0]
+    assert renderer.faulty.tolist() == [0, 1, 0]
+    assert np.isfinite(depth[:, 4, 4].cpu().numpy()).tolist() == [True, False, True]
+
+
+def test_many_lights_and_deep_trees(device: wp.Device) -> None:
+    stage = metric(Usd.Stage.CreateInMemory())
+    path = ""
+    for depth in range(300):
+        path += f"/d{depth}"
+        UsdGeom.Xform.Define(stage, path)
+    UsdGeom.Cube.Define(stage, path + "/cube")
+    for number in range(40):
+        UsdLux.DistantLight.Define(stage, f"/l{number}").CreateColorAttr(Gf.Vec3f(0.5, 1, 1))
+    scene = wc.from_usd(stage, device=device)
+    assert np.isfinite(image(scene, "rgb")).all()
+
+
+@pytest.mark.skipif(
+    not hasattr(sys, "getswitchinterval") or not Path("/proc/self/statm").exists(), reason="needs Linux"
+)
+def test_a_corpus_run_tells_what_became_of_each_file(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    """In a process of its own, as it forks."""
+    written(tmp_path / "good.usda", SQUARE)
+    written(tmp_path / "empty.usda", "")
+    (tmp_path / "bad.obj").write_text("f 1 2 3\n")
+    command = [sys.executable, "-m", "warpcam.benchmarks.corpus", str(tmp_path)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "| .usda | 1 | 1 |" in done.stdout
+    assert "| .obj | 1 | 0 |" in done.stdout
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="it forks, and looks into /proc")
+def test_a_corpus_run_sees_what_goes_wrong(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fails(kind: str) -> Any:
+        def render(path: Path) -> str:
+            if kind == "hung":
+                time.sleep(30)
+            if kind == "crashed (-9)":
+                os.kill(os.getpid(), 9)
+            if kind == "took too much memory":
+                block = np.ones(1_300_000_000, np.uint8)
+                time.sleep(5)
+                return str(block.sum())
+            raise KeyError(path)
+
+        return render
+
+    for kind in ("hung", "crashed (-9)", "took too much memory", "raised something else"):
+        monkeypatch.setattr(corpus, "render", fails(kind))
+        assert corpus.attempt(tmp_path, 0.5 if kind == "hung" else 20.0, 1.1).what == kind

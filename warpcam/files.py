@@ -1,0 +1,72 @@
+"""Which reader a file is for."""
+
+from collections.abc import Mapping
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from warpcam.device import resolve
+from warpcam.errors import WarpcamError
+from warpcam.scene import Scene
+
+USD = (".usd", ".usda", ".usdc", ".usdz")
+MESHES = (".glb", ".gltf", ".obj", ".stl", ".ply")
+MUJOCO = (".xml", ".mjb", ".urdf")
+
+
+def load(
+    path: Any,
+    num_worlds: int,
+    device: Any,
+    meters_per_unit: float | None,
+    up_axis: str | None,
+    textures: Mapping[str, Any],
+) -> Scene:
+    """See ``warpcam.load``."""
+    import warpcam
+
+    if not isinstance(path, str | Path):
+        raise WarpcamError(f"load: path must be a path, got {type(path).__name__}")
+    file = Path(path)
+    kind = file.suffix.lower()
+    if kind not in (*USD, *MESHES, *MUJOCO):
+        raise WarpcamError(f"load: {str(path)!r} came; known are {', '.join((*MUJOCO, *USD, *MESHES))}")
+    if not file.is_file():
+        raise WarpcamError(f"load: there is no file {str(path)!r}")
+    if isinstance(num_worlds, bool) or not isinstance(num_worlds, int | np.integer) or num_worlds < 1:
+        raise WarpcamError(f"num_worlds must be a whole number, at least 1, got {num_worlds!r}")
+    if up_axis not in ("Z", None):
+        raise WarpcamError(f'up_axis must be "Z", or None for the file\'s own axes, got {up_axis!r}')
+    if meters_per_unit is not None and not (
+        isinstance(meters_per_unit, int | float) and 0.0 < meters_per_unit < np.inf
+    ):
+        raise WarpcamError(f"meters_per_unit must be a positive number, got {meters_per_unit!r}")
+    if kind in USD:
+        return warpcam.from_usd(
+            file, num_worlds, device=device, meters_per_unit=meters_per_unit, up_axis=up_axis, textures=textures
+        )
+    if kind in MUJOCO:
+        for name, value in (("meters_per_unit", meters_per_unit), ("textures", textures)):
+            if value:
+                raise WarpcamError(f"load: {name} is not for {kind} files")
+        from warpcam import worlds
+
+        put = worlds.load(file, num_worlds=int(num_worlds), seed=None, device=resolve(device))
+        return warpcam.from_mujoco_warp(put.host, put.model, put.data)
+    try:
+        reader = import_module("warpcam.sources.mesh_file")
+    except ModuleNotFoundError as error:
+        raise WarpcamError(
+            f"{error.name} is not installed, and {kind} files need it: pip install 'warpcam[meshes]'"
+        ) from None
+    scene: Scene = reader.load(
+        file,
+        int(num_worlds),
+        device=device,
+        meters_per_unit=meters_per_unit,
+        up_axis=up_axis,
+        textures=textures,
+    )
+    return scene

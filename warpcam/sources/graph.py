@@ -1,0 +1,180 @@
+"""A scene as a file tells it: a tree of frames, and what hangs on it. Readers make it, ``graph_source.py`` renders it.
+
+Everything is in the file's own units and axes but for what the root's frame does to it: below it are metres.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from warpcam.accel.textures import TextureImage
+from warpcam.lens import Projection
+from warpcam.sources.forms import Form
+
+
+@dataclass(eq=False)
+class Node:
+    """A frame.
+
+    Attributes:
+        name: Its path: unique.
+        parent: Index of the frame above, less than its own; -1 for the root.
+        local: (4, 4) float64, to the parent's frame.
+        resets: ``local`` leads to the root's frame instead.
+        visible: Whether what is here and below is seen, as far as this frame has a say.
+        moves: ``local`` or ``visible`` may change with time.
+        body: It is a body of its own.
+        instance: Index of the replicated thing that it is part of, or -1.
+        labels: Semantic labels, the frame's own or those of a frame above.
+    """
+
+    name: str
+    parent: int
+    local: np.ndarray
+    resets: bool = False
+    visible: bool = True
+    moves: bool = False
+    body: bool = False
+    instance: int = -1
+    labels: tuple[str, ...] = ()
+
+
+@dataclass(eq=False)
+class Item:
+    """A shape.
+
+    Attributes:
+        name: Its path; unique.
+        node: Its frame.
+        form: Its geometry there; things that look alike share it.
+        look: Index of its look, or -1.
+        color: RGBA, linear; None for its look's.
+    """
+
+    name: str
+    node: int
+    form: Form
+    look: int = -1
+    color: tuple[float, float, float, float] | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Look:
+    """A metallic-roughness material. Colours are linear.
+
+    Attributes:
+        name: Its path.
+        color: RGB under its texture, or without one.
+        opacity: 1 is opaque.
+        roughness: In [0, 1].
+        metallic: In [0, 1].
+        emission: RGB.
+        texture: Index of the image of its colour, or -1.
+        emits: ``texture`` is what it emits.
+        wrap: Of the texture, along u and v.
+    """
+
+    name: str
+    color: tuple[float, float, float] = (0.18, 0.18, 0.18)
+    opacity: float = 1.0
+    roughness: float = 0.5
+    metallic: float = 0.0
+    emission: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    texture: int = -1
+    emits: bool = False
+    wrap: tuple[str, str] = ("repeat", "repeat")
+
+
+@dataclass(frozen=True, eq=False)
+class Lamp:
+    """A light. It shines along its frame's -z.
+
+    Attributes:
+        name: Its path.
+        node: Its frame.
+        kind: "distant", "dome", or "local".
+        strength: RGB, linear: for each square unit of irradiance a white surface sends back 1 / pi of it, and that is
+            what is counted here: of a distant light anywhere, of a dome on a surface that sees all of it, of a local
+            one a metre away on its axis.
+        near: A local light's square size [m^2]: its strength is strength / (distance^2 + near).
+        one_sided: A local light's strength goes with the cosine to its axis.
+        cone: Half angle of its cone [degrees], 180 for none.
+        active: Whether it is on.
+        casts_shadow: Whether it casts shadows.
+    """
+
+    name: str
+    node: int
+    kind: str
+    strength: tuple[float, float, float]
+    near: float = 0.0
+    one_sided: bool = False
+    cone: float = 180.0
+    active: bool = True
+    casts_shadow: bool = True
+
+
+@dataclass(frozen=True, eq=False)
+class Eye:
+    """A camera, looking along its frame's -z.
+
+    Attributes:
+        name: Its path.
+        node: Its frame.
+        projection: "pinhole" or "orthographic".
+        aperture: Width and height of its sensor, in the unit of ``focal``.
+        focal: Its focal length.
+        offset: Of its sensor's middle to the right and up, in the unit of ``focal``.
+        height: Of an orthographic image [m].
+        clipping: Nearest and farthest planar depth [m], or None.
+    """
+
+    name: str
+    node: int
+    projection: Projection
+    aperture: tuple[float, float]
+    focal: float
+    offset: tuple[float, float] = (0.0, 0.0)
+    height: float = 0.0
+    clipping: tuple[float, float] | None = None
+
+
+@dataclass(eq=False)
+class Graph:
+    """All of a file."""
+
+    source: str  # for messages
+    nodes: list[Node]
+    items: list[Item] = field(default_factory=list)
+    looks: list[Look] = field(default_factory=list)
+    textures: list[TextureImage] = field(default_factory=list)
+    texture_names: list[str] = field(default_factory=list)
+    lamps: list[Lamp] = field(default_factory=list)
+    eyes: list[Eye] = field(default_factory=list)
+    instances: list[str] = field(default_factory=list)
+    skybox: int = -1
+    at_time: Callable[[float], None] | None = None  # brings all of it to a time of the file
+
+    def worlds(self) -> np.ndarray:
+        """The frames in the world, (node, 4, 4) float64 [m]."""
+        matrices = np.empty((len(self.nodes), 4, 4))
+        for index, node in enumerate(self.nodes):
+            above = 0 if node.resets else node.parent
+            with np.errstate(invalid="ignore", over="ignore"):  # what is not finite stays so, all the way down
+                matrices[index] = node.local if node.parent < 0 else matrices[above] @ node.local
+        return matrices
+
+    def worlds_of(self, node: int) -> np.ndarray:
+        """One frame in the world, (4, 4) float64 [m]."""
+        entry = self.nodes[node]
+        if entry.parent < 0:
+            return entry.local
+        return self.worlds_of(0 if entry.resets else entry.parent) @ entry.local
+
+    def seen(self) -> np.ndarray:
+        """Which frames are visible, with all above them, (node,) bool."""
+        visible = np.empty(len(self.nodes), bool)
+        for index, node in enumerate(self.nodes):
+            visible[index] = node.visible and (node.parent < 0 or visible[node.parent])
+        return visible

@@ -1,0 +1,382 @@
+"""A graph on a device: its shapes in many worlds, with poses, colours and textures that a user drives."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import warp as wp
+
+from warpcam.accel.meshes import Mesh
+from warpcam.errors import WarpcamError
+from warpcam.kernels import driving
+from warpcam.kernels.types import MESH
+from warpcam.scene import FIELDS, Parts, SceneCamera
+from warpcam.sources import looks
+from warpcam.sources.forms import Fitted, polar
+from warpcam.sources.graph import Eye, Graph, Lamp
+from warpcam.sources.notes import Notes
+
+KINDS = ("shape", "body", "light", "camera")
+MAX_LIGHTS = 32  # that are kept; more cannot cast shadows
+MAX_SHINING = 8  # at once: shade.h
+HIDDEN = -1e30  # where nothing is left of a shape for a while [m]
+
+
+class GraphSource:
+    """The arrays of a graph. All but poses have one row for all worlds until they are driven."""
+
+    live_on_device = True
+
+    def __init__(
+        self,
+        graph: Graph,
+        num_worlds: int,
+        device: wp.Device,
+        labels: Mapping[str, int] | None = None,
+        exposure: float | None = None,
+    ):
+        self.device, self.graph, self.num_worlds = device, graph, num_worlds
+        self._gain = None if exposure is None else 2.0**exposure
+        self._notes = Notes(graph.source)
+        worlds, seen = graph.worlds(), graph.seen()
+        self._moving = self._nodes_that_move()
+        fits = [
+            item.form.fitted(worlds[item.node, :3, :3]) if np.isfinite(worlds[item.node]).all() else None
+            for item in graph.items
+        ]
+        kept = [
+            place
+            for place, (item, fit) in enumerate(zip(graph.items, fits, strict=True))
+            if self._moving[item.node] or (fit is not None and seen[item.node])
+        ]
+        self.items = [graph.items[place] for place in kept]
+        if not self.items:
+            raise WarpcamError(f"{graph.source}: has nothing to draw; {len(graph.items)} shapes came, none is visible")
+        self._meshes: dict[int, int] = {}  # by identity: what has been baked is kept by its form
+        meshes: list[Mesh] = []
+        for place in kept:
+            fit = fits[place]
+            mesh = fit.mesh if fit is not None else None
+            if mesh is not None and id(mesh) not in self._meshes:
+                self._meshes[id(mesh)] = len(meshes)
+                meshes.append(mesh)
+        self.body_nodes = [index for index, node in enumerate(graph.nodes) if index == 0 or node.body]
+        body_of = self._bodies_of_nodes()
+        self.labels = _numbered(graph, labels)
+        self._lamp_order = self._brightest(worlds, seen)
+        self._types = np.array([self._type(graph.items[place], fits[place]) for place in kept], np.int32)
+        self.parts = Parts(
+            num_worlds=num_worlds,
+            shape_types=self._types,
+            shape_bodies=np.array([body_of[item.node] for item in self.items], np.int32),
+            drawn=range(len(self.items)),
+            bodies=[graph.nodes[index].name for index in self.body_nodes],
+            cameras=[_scene_camera(eye) for eye in graph.eyes],
+            num_materials=len(graph.looks),
+            num_lights=len(self._lamp_order),
+            meshes=meshes,
+            height_fields=[],
+            textures=graph.textures,
+            skybox=graph.skybox,
+            shape_instances=np.array([graph.nodes[item.node].instance for item in self.items], np.int32),
+            shape_semantics=np.array([self._label(item.node) for item in self.items], np.int32),
+        )
+        self._arrays: Mapping[str, wp.array] = {}
+        self._own: dict[str, wp.array] = {}
+        self._frames: tuple[wp.array, ...] = ()
+        self._first: tuple[np.ndarray, np.ndarray] | None = None  # sizes and assets that shapes had at first
+        self._turns = np.zeros((0, 3, 3))
+        self._make_arrays()
+        self._fill(worlds, seen)
+        self._notes.say()
+
+    # The protocol.
+
+    def arrays(self) -> Mapping[str, wp.array]:
+        return self._arrays
+
+    def label(self, field: str) -> str:
+        return f"{self.graph.source}: {field}"
+
+    def global_ambient(self) -> float:
+        return 0.0
+
+    def refresh(self) -> None:
+        pass
+
+    def forward(self) -> None:
+        pass
+
+    def stages(self, meshes: Any) -> tuple[Any, ...]:
+        """Nothing moves by itself."""
+        return ()
+
+    def bind(self, state: Any) -> None:
+        raise WarpcamError("bind: this scene reads no state; set_poses places its things")
+
+    # What a user drives.
+
+    def drive(self, nodes: Sequence[int], poses: wp.array, columns: wp.array) -> None:
+        """Take poses (world*, path, 7) of driven frames; ``columns`` are theirs, see ``columns_of``."""
+        wp.launch(driving.drive, (self.num_worlds, len(nodes)), [poses, columns], [*self._frames], device=self.device)
+        self._follow(self._driven_kinds)
+
+    def columns_of(self, nodes: Sequence[int]) -> wp.array:
+        """Where the poses of frames are kept, which are driven from now on."""
+        new = [node for node in nodes if node not in self._driven]
+        if new:
+            for node in new:
+                self._driven[node] = len(self._driven)
+            frames = tuple(
+                wp.zeros((self.num_worlds, len(self._driven)), dtype=dtype, device=self.device)
+                for dtype in (wp.vec3, wp.mat33)
+            )
+            for old, frame in zip(self._frames, frames, strict=True):
+                host = frame.numpy()
+                host[:, : old.shape[1]] = old.numpy()
+                frame.assign(host)
+            self._frames = frames
+            self._place_followers(self.graph.worlds())
+        return wp.array([self._driven[node] for node in nodes], dtype=wp.int32, device=self.device)
+
+    def make_room(self, name: str) -> wp.array:
+        """An array of which each world has a row of its own from now on: "visible", "colors" or "textures"."""
+        if self._own[name].shape[0] < self.num_worlds:
+            host = self._own[name].numpy()
+            host = np.ascontiguousarray(np.broadcast_to(host, (self.num_worlds, *host.shape[1:])))
+            self._own[name] = wp.array(host, dtype=self._own[name].dtype, device=self.device)
+            if name == "textures":
+                self._arrays = {**self._arrays, "material_texture": self._own["textures"]}
+            elif self._arrays["shape_colors"].shape[0] < self.num_worlds:
+                colors = wp.zeros((self.num_worlds, len(self.items)), dtype=wp.vec4, device=self.device)
+                self._arrays = {**self._arrays, "shape_colors": colors}
+        return self._own[name]
+
+    def finish_colors(self) -> None:
+        inputs = [self._own["colors"], self._own["visible"]]
+        colors = self._arrays["shape_colors"]
+        wp.launch(driving.finish_colors, colors.shape, inputs, [colors], device=self.device)
+
+    def set_time(self, time: float) -> None:
+        if self.graph.at_time is None:
+            raise WarpcamError(f"{self.graph.source}: has no time samples")
+        self.graph.at_time(time)
+        self._fill(self.graph.worlds(), self.graph.seen())
+        self._notes.say()
+
+    # How the arrays are made.
+
+    def _nodes_that_move(self) -> np.ndarray:
+        moving = np.zeros(len(self.graph.nodes), bool)
+        for index, node in enumerate(self.graph.nodes):
+            moving[index] = node.moves or (node.parent >= 0 and moving[node.parent])
+        return moving
+
+    def _bodies_of_nodes(self) -> list[int]:
+        number = {node: body for body, node in enumerate(self.body_nodes)}
+        bodies: list[int] = []
+        for index, node in enumerate(self.graph.nodes):
+            bodies.append(number.get(index, bodies[node.parent] if node.parent >= 0 else 0))
+        return bodies
+
+    def _type(self, item: Any, fit: Fitted | None) -> int:
+        if fit is not None:
+            return fit.type
+        upright = item.form.fitted(np.eye(3))
+        return upright.type if upright is not None else MESH
+
+    def _label(self, node: int) -> int:
+        return next((self.labels[label] for label in self.graph.nodes[node].labels if label in self.labels), 0)
+
+    def _make_arrays(self) -> None:
+        counts = {
+            "shapes": len(self.items),
+            "materials": len(self.graph.looks),
+            "lights": len(self._lamp_order),
+            "bodies": len(self.body_nodes),
+            "cameras": len(self.graph.eyes),
+        }
+        self._arrays = arrays = {
+            name: wp.zeros(
+                (self.num_worlds if field.every_world else 1, counts[field.rows], *field.more),
+                dtype=field.dtype,
+                device=self.device,
+            )
+            for name, field in FIELDS.items()
+        }
+        headlight = np.zeros((3, 3)) if self.graph.lamps else np.array(looks.HEADLIGHT)
+        arrays["headlight"] = wp.array(headlight, dtype=wp.vec3, device=self.device)
+        materials = [looks.material_of(look) for look in self.graph.looks]
+        self._put("material_color", [looks.UNSET] * len(materials))
+        for name in ("emission", "specular", "shininess"):
+            self._put(f"material_{name}", [getattr(material, name) for material in materials])
+        self._put("material_texture", [(-1, material.texture) for material in materials])
+        self._put("material_texture_repeat", [(1.0, 1.0)] * len(materials))
+        self._put("shape_materials", [item.look for item in self.items])
+        colors = [
+            looks.color_of(self.graph.looks[item.look] if item.look >= 0 else None, item.color) for item in self.items
+        ]
+        self._own = {
+            "colors": wp.array(np.array([colors], np.float32), dtype=wp.vec4, device=self.device),
+            "visible": wp.full((1, len(self.items)), 1, dtype=wp.uint8, device=self.device),
+            "textures": self._arrays["material_texture"],
+        }
+        self._hidden = np.zeros(len(self.items), bool)
+        self._driven: dict[int, int] = {}
+        self._frames = tuple(
+            wp.zeros((self.num_worlds, 0), dtype=dtype, device=self.device) for dtype in (wp.vec3, wp.mat33)
+        )
+        self._followers: dict[str, Any] = {}
+        self._driven_kinds: list[str] = []
+        self.finish_colors()
+
+    def _put(self, name: str, rows: Any) -> None:
+        """The one row of all worlds."""
+        array = self._arrays[name]
+        if array.size:
+            values = np.asarray(rows).reshape(1, *array.shape[1:], -1)
+            array.assign(values if values.shape[-1] > 1 else values[..., 0])
+
+    def _fill(self, worlds: np.ndarray, seen: np.ndarray) -> None:
+        """Write all that may change with time."""
+        fits = [
+            item.form.fitted(worlds[item.node, :3, :3]) if np.isfinite(worlds[item.node]).all() else None
+            for item in self.items
+        ]
+        sizes, assets, hidden = np.zeros((len(fits), 3)), np.full(len(fits), -1), np.zeros(len(fits), bool)
+        self._turns = np.tile(np.eye(3), (len(fits), 1, 1))
+        for place, (item, fit) in enumerate(zip(self.items, fits, strict=True)):
+            hidden[place] = fit is None or not seen[item.node]
+            if fit is None:
+                continue
+            if fit.type != self._types[place] or (fit.mesh is not None and id(fit.mesh) not in self._meshes):
+                self._notes.warn("changes its stretch with time, and is drawn with the one it had at first", item.name)
+                fit = self._as_before(place, fit)
+            self._turns[place] = fit.rotation
+            sizes[place] = fit.size
+            if fit.mesh is not None:
+                assets[place] = self._meshes[id(fit.mesh)]
+        if self._first is None:
+            self._first = sizes, assets
+        assets = np.where(assets < 0, self._first[1], assets)
+        self._put("shape_sizes", sizes)
+        self._put("shape_assets", assets)
+        if (hidden != self._hidden).any():
+            changed = np.flatnonzero(hidden != self._hidden)
+            visible = self._own["visible"].numpy()
+            visible[:, changed] = ~hidden[changed]
+            self._own["visible"].assign(visible)
+            self._hidden = hidden
+            self.finish_colors()
+        self._place_followers(worlds)
+        self._follow(KINDS)
+        self._light(seen)
+        cameras = self.graph.eyes
+        self._put("camera_fovy", [eye.height for eye in cameras])
+        self._put("camera_intrinsics", [(eye.focal, eye.focal, eye.offset[0], -eye.offset[1]) for eye in cameras])
+
+    def _as_before(self, place: int, fit: Fitted) -> Fitted:
+        size = self._first[0][place] if self._first is not None else np.zeros(3)
+        return Fitted(int(self._types[place]), fit.rotation, size)
+
+    def _brightest(self, worlds: np.ndarray, seen: np.ndarray) -> list[int]:
+        """The lights that there is room for, those before others that light the middle of the scene more."""
+        lamps = self._lit(range(len(self.graph.lamps)), seen)
+        middle = self._middle(worlds)
+        arriving = [looks.arriving(lamp, worlds[lamp.node, :3, 3], middle) for lamp in lamps]
+        order = sorted(range(len(lamps)), key=lambda place: -arriving[place])
+        shining = sum(light > 0.0 for light in arriving)
+        if shining > MAX_SHINING:
+            self._notes.warn(f"has {shining} lights, of which the {MAX_SHINING} that give the most light here shine")
+        if self._gain is None:  # once: lights that are dimmed later are to be seen dimmer
+            total = sum(arriving[place] for place in order[:MAX_SHINING])
+            self._gain = 1.0 / total if 0.0 < total < np.inf else 1.0
+        return order[:MAX_LIGHTS]
+
+    def _lit(self, order: Sequence[int], seen: np.ndarray) -> list[Lamp]:
+        """Lights as they are, those off that are not visible."""
+        lamps = [self.graph.lamps[place] for place in order]
+        return [replace(lamp, active=bool(lamp.active and seen[lamp.node])) for lamp in lamps]
+
+    def _light(self, seen: np.ndarray) -> None:
+        for name, rows in looks.light_rows(self._lit(self._lamp_order, seen), self._gain or 1.0).items():
+            self._put(f"light_{name}", rows)
+
+    def _middle(self, worlds: np.ndarray) -> np.ndarray:
+        """Of what is drawn, endless things aside, (3,) [m]."""
+        corners = [np.zeros((0, 3))]
+        for item in self.items:
+            matrix = worlds[item.node]
+            fit = item.form.fitted(matrix[:3, :3]) if np.isfinite(matrix).all() else None
+            if fit is not None and fit.mesh is not None:
+                vertices = fit.mesh.vertices
+                box = np.stack((vertices.min(axis=0), vertices.max(axis=0)))
+                corners.append(matrix[:3, 3] + box @ fit.rotation.T)
+            elif fit is not None:
+                corners.append(matrix[None, :3, 3])
+        points = np.concatenate(corners)
+        return 0.5 * (points.min(axis=0) + points.max(axis=0)) if len(points) else np.zeros(3)
+
+    def _place_followers(self, worlds: np.ndarray) -> None:
+        """Where each thing stands: in the world, or in the frame of the nearest driven node above it."""
+        graph = self.graph
+        driver = np.full(len(graph.nodes), -1, np.int64)
+        for index, node in enumerate(graph.nodes):
+            driver[index] = index if index in self._driven else driver[node.parent] if node.parent >= 0 else -1
+        lamps = [graph.lamps[place] for place in self._lamp_order]
+        down = np.eye(4)  # a dome's light comes from above
+        things: dict[str, list[tuple[int, np.ndarray, np.ndarray | None]]] = {
+            "shape": [(item.node, worlds[item.node], self._turns[k]) for k, item in enumerate(self.items)],
+            "body": [(node, worlds[node], None) for node in self.body_nodes],
+            "light": [(lamp.node, down if lamp.kind == "dome" else worlds[lamp.node], None) for lamp in lamps],
+            "camera": [(eye.node, worlds[eye.node], None) for eye in graph.eyes],
+        }
+        self._driven_kinds = []
+        for kind, rows in things.items():
+            drivers, positions, rotations = [], np.zeros((len(rows), 3)), np.zeros((len(rows), 3, 3))
+            for place, (index, matrix, turn) in enumerate(rows):
+                matrix = matrix if np.isfinite(matrix).all() else _nowhere()
+                position, rotation = matrix[:3, 3], polar(matrix[:3, :3])[0] if turn is None else turn
+                if driver[index] >= 0:
+                    frame = worlds[driver[index]]
+                    back = polar(frame[:3, :3])[0].T
+                    position, rotation = back @ (position - frame[:3, 3]), back @ rotation
+                drivers.append(self._driven.get(int(driver[index]), -1))
+                positions[place], rotations[place] = position, rotation
+            if any(column >= 0 for column in drivers):
+                self._driven_kinds.append(kind)
+            followers = self._followers.setdefault(kind, driving.Followers())
+            followers.drivers = wp.array(np.array(drivers, np.int32), dtype=wp.int32, device=self.device)
+            followers.positions = wp.array(positions.astype(np.float32), dtype=wp.vec3, device=self.device)
+            followers.rotations = wp.array(rotations.astype(np.float32), dtype=wp.mat33, device=self.device)
+
+    def _follow(self, kinds: Sequence[str]) -> None:
+        for kind in kinds:
+            second = "directions" if kind == "light" else "rotations"
+            out = [self._arrays[f"{kind}_positions"], self._arrays[f"{kind}_{second}"]]
+            kernel = driving.follow_lights if kind == "light" else driving.follow
+            if out[0].size:
+                wp.launch(kernel, out[0].shape, [self._followers[kind], *self._frames], out, device=self.device)
+
+
+def _nowhere() -> np.ndarray:
+    matrix = np.eye(4)
+    matrix[:3, 3] = HIDDEN
+    return matrix
+
+
+def _scene_camera(eye: Eye) -> SceneCamera:
+    if eye.projection == "orthographic":
+        return SceneCamera(eye.name, "orthographic", clipping=eye.clipping)
+    return SceneCamera(eye.name, "pinhole", sensor=eye.aperture, square=True, clipping=eye.clipping)
+
+
+def _numbered(graph: Graph, labels: Mapping[str, int] | None) -> dict[str, int]:
+    """The user's label map, or all labels there are from 1 on, in alphabetical order."""
+    if labels is None:
+        return {name: 1 + place for place, name in enumerate(sorted({x for node in graph.nodes for x in node.labels}))}
+    for name, number in labels.items():
+        if not isinstance(name, str) or isinstance(number, bool) or not isinstance(number, int | np.integer):
+            raise WarpcamError(f"semantics: must map labels to whole numbers, got {name!r}: {number!r}")
+    return {name: int(number) for name, number in labels.items()}

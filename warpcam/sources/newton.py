@@ -1,0 +1,248 @@
+"""Newton: worlds whose state already lies in Warp arrays, one list over all worlds."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import newton
+import numpy as np
+import warp as wp
+
+from warpcam import device as device_rule
+from warpcam.errors import WarpcamError
+from warpcam.kernels import types
+from warpcam.kernels.gather import FlatShapes, WorldShapes, record_gather
+from warpcam.kernels.launch import Stage
+from warpcam.kernels.refit import Tree
+from warpcam.light import Light, light_arrays
+from warpcam.mounting import per_world
+from warpcam.scene import FIELDS, Parts, Scene
+from warpcam.sources.newton_model import Layout, read_layout
+from warpcam.sources.newton_soft import Soft, read_soft
+
+MAX_BOUND = 8  # states whose stages are kept
+# The arrays of a model that are read each frame: field of FlatShapes, dtype.
+LIVE: Mapping[str, tuple[str, Any]] = {
+    "shape_transform": ("transforms", wp.transform),
+    "shape_body": ("bodies", wp.int32),
+    "shape_scale": ("scales", wp.vec3),
+    "shape_color": ("colors", wp.vec3),
+    "shape_opacity": ("opacities", wp.float32),
+    "shape_flags": ("flags", wp.int32),
+}
+LIVE_SOFT: Mapping[str, tuple[str, Any]] = {
+    "tri_color": ("face_colors", wp.vec3),
+    "tri_opacity": ("face_opacities", wp.float32),
+    "particle_radius": ("radii", wp.float32),
+    "particle_flags": ("point_flags", wp.int32),
+}
+# What Newton's own camera calls what is no shape, as signed numbers.
+SOFT_ID, PARTICLE_ID = -3, -2
+DOWN = (-0.57735026, 0.57735026, -0.57735026)  # where Newton's own light shines where z is up
+AMBIENT = (0.2, 0.2, 0.2)
+
+
+class NewtonSource:
+    """A Newton model, its tables by world, and the state that is looked at."""
+
+    live_on_device = True
+
+    def __init__(self, model: newton.Model, state: newton.State, lights: Sequence[Light] | None, ambient: Any):
+        self.device: wp.Device = model.device
+        self._model = model
+        self._check_state(state)
+        layout = read_layout(model)
+        soft = read_soft(model)
+        num_worlds = model.world_count
+        if lights is None:
+            lights = (default_light(model),)
+        tables = Columns(layout, soft)
+        self._arrays = _tables(layout, tables, num_worlds, self.device)
+        self._arrays.update(light_arrays(lights, num_worlds, self.device))
+        headlight = np.zeros((3, 3), np.float32)
+        headlight[0] = per_world(ambient, "ambient", 1, (3,))[0]
+        self._arrays["headlight"] = wp.array(headlight, dtype=wp.vec3, device=self.device)
+        self.parts = Parts(
+            num_worlds=num_worlds,
+            shape_types=tables.kinds,
+            shape_bodies=np.full(len(tables.kinds), -1, np.int32),
+            drawn=range(len(tables.kinds)),
+            bodies=layout.body_names,
+            cameras=(),
+            num_materials=1 + len(layout.textures),
+            num_lights=len(lights),
+            meshes=[*layout.meshes, *soft.meshes()],
+            height_fields=layout.height_fields,
+            textures=layout.textures,
+            shape_ids=tables.ids,
+            body_ids=tables.bodies,
+            body_labels=model.body_label,
+            body_places=layout.body_places,
+            scaled=True,
+        )
+        self._out = WorldShapes()
+        self._out.ids = wp.array(layout.ids, dtype=wp.int32, ndim=2, device=self.device)
+        self._out.faces = wp.array(tables.faces, dtype=wp.int32, ndim=2, device=self.device)
+        self._out.particles = wp.array(soft.particles, dtype=wp.int32, ndim=2, device=self.device)
+        self._out.types = wp.array(tables.kinds, dtype=wp.int32, device=self.device)
+        self._out.bodies = wp.array(layout.bodies, dtype=wp.int32, ndim=2, device=self.device)
+        for ours, theirs in (
+            ("positions", "shape_positions"),
+            ("rotations", "shape_rotations"),
+            ("sizes", "shape_sizes"),
+            ("colors", "shape_colors"),
+            ("body_positions", "body_positions"),
+            ("body_rotations", "body_rotations"),
+        ):
+            setattr(self._out, ours, self._arrays[theirs])
+        self._state = state
+        self._stages: dict[tuple[Any, ...], tuple[Stage, ...]] = {}
+        self._read: tuple[Any, ...] = ()
+        self._bound: tuple[Stage, ...] = ()
+        self._soft, self._first_soft = soft, len(layout.meshes)
+        self._trees: list[Tree] | None = None
+
+    def arrays(self) -> Mapping[str, wp.array]:
+        return self._arrays
+
+    def label(self, field: str) -> str:
+        return f"scene.array({field!r})"
+
+    def global_ambient(self) -> float:
+        return 0.0
+
+    def refresh(self) -> None:
+        pass
+
+    def stages(self, meshes: types.Meshes) -> tuple[Stage, ...]:
+        model = self._model
+        read = (self._state.body_q, self._state.particle_q, *(getattr(model, name) for name in (*LIVE, *LIVE_SOFT)))
+        if len(read) == len(self._read) and all(a is b for a, b in zip(read, self._read, strict=True)):
+            return self._bound
+        key = tuple(None if array is None else (array.ptr, array.shape, array.strides) for array in read)
+        stages = self._stages.pop(key, None)
+        if stages is None:
+            if len(self._stages) >= MAX_BOUND:
+                self._stages.pop(next(iter(self._stages)))
+            moved = [stage for tree in self._move(meshes) for stage in tree.record(self._state.particle_q)]
+            stages = (record_gather(self._flat(), self._out, self.device), *moved)
+        self._stages[key] = stages
+        self._read, self._bound = read, stages
+        return stages
+
+    def bind(self, state: Any) -> None:
+        self._check_state(state)
+        self._state = state
+
+    def forward(self) -> None:
+        newton.eval_fk(self._model, self._state.joint_q, self._state.joint_qd, self._state)
+
+    def _move(self, meshes: types.Meshes) -> list[Tree]:
+        """The trees of the surfaces that move, made when the scene's meshes are there."""
+        if self._trees is None:
+            self._trees, first = [], self._first_soft
+            for part in self._soft.parts:
+                assets = np.arange(first, first + len(part.worlds))
+                bases, by_child = np.asarray(part.bases), self.device.is_cuda
+                self._trees.append(Tree(meshes, assets, bases, part.faces, self.device, by_child))
+                first += len(part.worlds)
+        return self._trees
+
+    def _flat(self) -> FlatShapes:
+        flat = FlatShapes()
+        for name, (field, dtype) in LIVE.items():
+            array = getattr(self._model, name)
+            rows = 0 if array is None else array.shape[0]
+            if rows != self._model.shape_count and not (name == "shape_opacity" and rows == 0):
+                raise WarpcamError(f"model.{name}: {self._model.shape_count} rows are needed, got {rows}")
+            self._set(flat, field, array, dtype, f"model.{name}")
+        for name, (field, dtype) in LIVE_SOFT.items():
+            self._set(flat, field, getattr(self._model, name), dtype, f"model.{name}")
+        self._set(flat, "body_transforms", self._state.body_q, wp.transform, "state.body_q")
+        self._set(flat, "points", self._state.particle_q, wp.vec3, "state.particle_q")
+        return flat
+
+    def _set(self, flat: FlatShapes, field: str, array: Any, dtype: Any, what: str) -> None:
+        if array is None:
+            array = wp.empty(0, dtype=dtype, device=self.device)
+        device_rule.require_same(self.device, "model is", array.device, what)
+        setattr(flat, field, array)
+
+    def _check_state(self, state: Any) -> None:
+        if not isinstance(state, newton.State):
+            raise WarpcamError(f"state must be a newton.State, got {type(state).__name__}")
+        count = self._model.body_count
+        found = 0 if state.body_q is None else state.body_q.shape[0]
+        if found != count:
+            raise WarpcamError(
+                f"state was made from another model: it has {found} bodies, model has {count}; model.state() makes one"
+            )
+        if state.body_q is not None:
+            device_rule.require_same(self.device, "model is", state.body_q.device, "state")
+        count = self._model.particle_count
+        found = 0 if state.particle_q is None else state.particle_q.shape[0]
+        if found != count:
+            raise WarpcamError(
+                f"state was made from another model: it has {found} particles, model has {count}; model.state() makes "
+                "one"
+            )
+
+
+def default_light(model: newton.Model) -> Light:
+    """The one light that Newton's own renderer has: from behind, the left and above."""
+    turn = newton.Axis.Z.quat_between_axes(newton.Axis.from_any(model.up_axis))
+    return Light(kind="directional", direction=tuple(wp.quat_rotate(turn, wp.vec3(*DOWN))))
+
+
+class Columns:
+    """The columns of all that is drawn: shapes, soft surfaces, particles."""
+
+    def __init__(self, layout: Layout, soft: Soft):
+        num_worlds, shapes = layout.ids.shape
+        width, loose = soft.num_columns, soft.particles
+        self.faces = np.full((num_worlds, width), -1, np.int32)
+        assets = np.full((num_worlds, width), -1, np.int32)
+        first = len(layout.meshes)
+        for part in soft.parts:
+            for number, (world, triangle) in enumerate(zip(part.worlds, part.triangles, strict=True)):
+                rows = slice(None) if world < 0 else world
+                self.faces[rows, part.column], assets[rows, part.column] = triangle, first + number
+            first += len(part.worlds)
+        self.kinds = np.concatenate(
+            (layout.kinds, np.full(width, types.MESH), np.full(loose.shape[1], types.SPHERE))
+        ).astype(np.int32)
+        soft_ids = np.where(self.faces >= 0, SOFT_ID, -1)
+        self.ids = np.hstack((layout.ids, soft_ids, np.where(loose >= 0, PARTICLE_ID, -1))).astype(np.int32)
+        none = np.full((num_worlds, len(self.kinds) - shapes), -1, np.int32)
+        self.bodies = np.hstack((layout.shape_bodies, none)).astype(np.int32)
+        rows = num_worlds if width else len(layout.assets)
+        beside = np.full((rows, loose.shape[1]), -1, np.int32)
+        own = np.broadcast_to(layout.assets, (rows, shapes))
+        self.assets = np.hstack((own, assets[:rows], beside)).astype(np.int32)
+        plain = np.zeros((len(layout.materials), len(self.kinds) - shapes), np.int32)
+        self.materials = np.hstack((layout.materials, plain)).astype(np.int32)
+
+
+def _tables(layout: Layout, tables: Columns, num_worlds: int, device: wp.Device) -> dict[str, wp.array]:
+    """The live arrays but those of lights, with what the gathering does not write."""
+    columns, places, materials = len(tables.kinds), len(layout.body_names), 1 + len(layout.textures)
+    widths = {"shapes": columns, "bodies": places, "cameras": 0, "materials": materials}
+    arrays = {
+        name: wp.zeros((num_worlds, widths[field.rows], *field.more), dtype=field.dtype, device=device)
+        for name, field in FIELDS.items()
+        if field.rows in widths and name not in ("shape_assets", "shape_materials")
+    }
+    arrays["shape_assets"] = wp.array(tables.assets, dtype=wp.int32, ndim=2, device=device)
+    arrays["shape_materials"] = wp.array(tables.materials, dtype=wp.int32, ndim=2, device=device)
+    # A colour of exactly this is what a material's own may stand in for; so it says the same.
+    arrays["material_color"].fill_(wp.vec4(0.5, 0.5, 0.5, 1.0))
+    arrays["material_texture_repeat"].fill_(wp.vec2(1.0, 1.0))
+    textures = np.full((num_worlds, materials, 2), -1, np.int32)
+    textures[:, 1:, 1] = np.arange(len(layout.textures))
+    arrays["material_texture"].assign(textures)
+    return arrays
+
+
+def load(model: Any, state: Any, lights: Any, ambient: Any) -> Scene:
+    if not isinstance(model, newton.Model):
+        raise WarpcamError(f"model must be a newton.Model, got {type(model).__name__}")
+    return Scene(NewtonSource(model, state, lights, ambient))

@@ -1,0 +1,220 @@
+"""What of a Newton model never changes."""
+
+import logging
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import newton
+import numpy as np
+
+from warpcam.accel.heightfields import HeightField
+from warpcam.accel.meshes import Mesh, face_normals
+from warpcam.accel.textures import TextureImage
+from warpcam.errors import WarpcamError
+from warpcam.kernels import types
+from warpcam.sources.columns import columns_of, places_of
+
+GEO = newton.GeoType
+# Newton's shapes in our words; the others are not drawn.
+KINDS = {
+    GEO.PLANE: types.PLANE,
+    GEO.HFIELD: types.HEIGHT_FIELD,
+    GEO.SPHERE: types.SPHERE,
+    GEO.CAPSULE: types.CAPSULE,
+    GEO.ELLIPSOID: types.ELLIPSOID,
+    GEO.CYLINDER: types.CYLINDER,
+    GEO.BOX: types.BOX,
+    GEO.MESH: types.MESH,
+    GEO.CONE: types.CONE,
+    GEO.CONVEX_MESH: types.MESH,
+}
+NAMED = 5  # shapes that a note names at most
+CAP_GAP = 1e-3  # how far the base of a height field is below its lowest place, of its size: Newton's own renderer's
+
+
+@dataclass(frozen=True, eq=False)
+class Layout:
+    """Where the model's shapes and bodies stand in the worlds' tables, and what they look like.
+
+    Attributes:
+        ids: (world, column) int32, shapes; -1 where a world has none.
+        kinds: (column,) int32.
+        shape_bodies: (world, column) int32, the shapes' bodies.
+        assets: (world or 1, column) int32, index of the mesh or height field, or -1.
+        materials: (world or 1, column) int32; 0 is plain, the others have ``textures``, one each.
+        bodies: (world, place) int32, bodies; -1 where a world has none.
+        body_names: Of the places.
+        body_places: (body,) int32.
+    """
+
+    ids: np.ndarray
+    kinds: np.ndarray
+    shape_bodies: np.ndarray
+    assets: np.ndarray
+    materials: np.ndarray
+    meshes: Sequence[Mesh]
+    height_fields: Sequence[HeightField]
+    textures: Sequence[TextureImage]
+    bodies: np.ndarray
+    body_names: Sequence[str]
+    body_places: np.ndarray
+
+
+def read_layout(model: newton.Model) -> Layout:
+    """Read what never changes."""
+    num_worlds, count = model.world_count, model.shape_count
+    kinds = np.full(count, -1, np.int32)
+    worlds = np.zeros(count, np.int32)
+    if count:
+        geo, worlds = model.shape_type.numpy(), model.shape_world.numpy()
+        for theirs, ours in KINDS.items():
+            kinds[geo == int(theirs)] = ours
+        kinds[(kinds == types.CYLINDER) & (model.shape_scale.numpy()[:, 2] > 0.0)] = types.BARREL
+        _note_undrawn(model, geo)
+    ids, of_column = columns_of(worlds, kinds, num_worlds)
+
+    assets, materials = np.full(count + 1, -1, np.int32), np.zeros(count + 1, np.int32)
+    sources = Sources()
+    for shape in np.flatnonzero(np.isin(kinds, (types.MESH, types.HEIGHT_FIELD))):
+        source = model.shape_source[shape]
+        if source is not None:
+            convex = geo[shape] == int(GEO.CONVEX_MESH)
+            assets[shape], materials[shape] = sources.add(source, convex, model.shape_label[shape])
+    bodies = np.concatenate((model.shape_body.numpy() if count else np.zeros(0, np.int32), [-1])).astype(np.int32)
+    body_worlds = model.body_world.numpy() if model.body_count else np.zeros(0, np.int32)
+    places, names, place_of_body = places_of(body_worlds, model.body_label, num_worlds)
+    return Layout(
+        ids=ids,
+        kinds=of_column,
+        shape_bodies=bodies[ids],
+        assets=_rows(assets[ids]),
+        materials=_rows(materials[ids]),
+        meshes=sources.meshes,
+        height_fields=sources.height_fields,
+        textures=sources.textures,
+        bodies=places,
+        body_names=names,
+        body_places=place_of_body,
+    )
+
+
+class Sources:
+    """Meshes, height fields and textures, each kept once."""
+
+    def __init__(self) -> None:
+        self.meshes: list[Mesh] = []
+        self.height_fields: list[HeightField] = []
+        self.textures: list[TextureImage] = []
+        self._known: dict[tuple[int, bool], tuple[int, int]] = {}
+        self._meshes: dict[tuple[bytes, ...], int] = {}
+        self._materials: dict[Any, int] = {}
+
+    def add(self, source: Any, convex: bool, label: str) -> tuple[int, int]:
+        """Index of a mesh or a height field among its kind, and its material."""
+        key = (id(source), convex)
+        if key not in self._known:
+            if isinstance(source, newton.Heightfield):
+                self.height_fields.append(_height_field(source, label))
+                self._known[key] = len(self.height_fields) - 1, 0
+            elif isinstance(source, newton.Mesh):
+                self._known[key] = self._mesh(source, convex, label), self._material(source, convex, label)
+            else:
+                raise WarpcamError(
+                    f"model: the source of shape '{label}' must be a newton.Mesh or Heightfield, got "
+                    f"{type(source).__name__}"
+                )
+        return self._known[key]
+
+    def _mesh(self, source: newton.Mesh, convex: bool, label: str) -> int:
+        mesh = _mesh(source, convex, label)
+        arrays = (mesh.vertices, mesh.faces, mesh.normals, mesh.uvs)
+        key = tuple(b"" if array is None else array.tobytes() for array in arrays)
+        if key not in self._meshes:
+            self._meshes[key] = len(self.meshes)
+            self.meshes.append(mesh)
+        return self._meshes[key]
+
+    def _material(self, source: newton.Mesh, convex: bool, label: str) -> int:
+        texture = source.texture
+        if texture is None:
+            return 0
+        if source.uvs is None or convex:
+            _warn("shape '%s': its texture is not drawn, as its mesh has no texture coordinates", label)
+            return 0
+        key = str(texture) if isinstance(texture, str | Path) else id(texture)
+        if key not in self._materials:
+            pixels = None
+            try:
+                pixels = newton.utils.normalize_texture(newton.utils.load_texture(texture), require_channels=True)
+            except (OSError, ValueError, IndexError) as error:
+                _warn("shape '%s': %s", label, error)
+            if pixels is None:
+                what = texture if isinstance(texture, str | Path) else "image"
+                _warn("shape '%s': its texture %s cannot be read; its colour is drawn", label, what)
+                self._materials[key] = 0
+            else:
+                self.textures.append(TextureImage("2d", pixels))
+                self._materials[key] = len(self.textures)
+        return self._materials[key]
+
+
+def _mesh(source: newton.Mesh, convex: bool, label: str) -> Mesh:
+    vertices = np.ascontiguousarray(source.vertices, np.float32)
+    faces = np.ascontiguousarray(np.asarray(source.indices).reshape(-1, 3), np.int32)
+    if faces.size and not (0 <= faces.min() and faces.max() < len(vertices)):
+        face = int(np.argmax(((faces < 0) | (faces >= len(vertices))).any(axis=1)))
+        raise WarpcamError(
+            f"model: the mesh of shape '{label}': indices must be from 0 to {len(vertices) - 1}, got "
+            f"{faces[face].tolist()} at face {face}"
+        )
+    normals = uvs = None
+    if source.normals is not None and not convex:
+        given = np.asarray(source.normals, np.float32)
+        _require_rows(given, len(vertices), "normals", label)
+        length = np.linalg.norm(given, axis=1, keepdims=True)
+        normals = (given / np.where(length > 0.0, length, 1.0))[faces]
+        flat = face_normals(vertices, faces)[:, None, :]
+        usable = np.isfinite(normals).all(-1, keepdims=True) & (np.abs(normals).sum(-1, keepdims=True) > 0.0)
+        normals = np.where(usable, normals, flat).astype(np.float32)
+    if source.uvs is not None and not convex:
+        given = np.asarray(source.uvs, np.float32)
+        _require_rows(given, len(vertices), "uvs", label)
+        transform = np.asarray(source.texture_transform, np.float32)
+        uvs = np.ascontiguousarray((given @ transform[:, :2].T + transform[:, 2])[faces], np.float32)
+    return Mesh(label, vertices, faces, normals, uvs)
+
+
+def _require_rows(values: np.ndarray, rows: int, what: str, label: str) -> None:
+    if len(values) != rows:
+        raise WarpcamError(
+            f"model: the mesh of shape '{label}': {what} must be {rows}, one a vertex, got {len(values)}"
+        )
+
+
+def _height_field(source: newton.Heightfield, label: str) -> HeightField:
+    rise = source.max_z - source.min_z
+    heights = np.asarray(source.min_z + np.asarray(source.data, np.float32) * rise, np.float32)
+    gap = CAP_GAP * max(1.0, source.hx, source.hy, abs(rise))
+    lowest = min(source.min_z, source.max_z) - gap
+    return HeightField(label, heights, (float(source.hx), float(source.hy)), float(source.max_z), float(-lowest))
+
+
+def _rows(table: np.ndarray) -> np.ndarray:
+    """One row where all worlds are alike."""
+    return table[:1] if (table == table[:1]).all() else table
+
+
+def _note_undrawn(model: newton.Model, geo: np.ndarray) -> None:
+    undrawn = np.flatnonzero(geo == int(GEO.GAUSSIAN))
+    if len(undrawn):
+        names = ", ".join(f"'{model.shape_label[shape]}'" for shape in undrawn[:NAMED])
+        more = f" and {len(undrawn) - NAMED} more" if len(undrawn) > NAMED else ""
+        _warn("Gaussian splats are not drawn: shapes %s%s", names, more)
+    if model.body_variant is not None and (model.body_variant.numpy() >= 0).any():
+        _warn("body variants are drawn as they are now; others that are selected later are not seen")
+
+
+def _warn(message: str, *values: Any) -> None:
+    logging.getLogger("warpcam").warning("from_newton: " + message, *values)

@@ -1,0 +1,158 @@
+"""What of a Newton model is soft: cloth and the surfaces of soft bodies as meshes that move, and loose particles."""
+
+import logging
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import newton
+import numpy as np
+
+from warpcam.accel.meshes import Mesh
+from warpcam.errors import WarpcamError
+
+MAX_PARTS = 32  # of one world; more are drawn as one, in one colour
+MAX_PARTICLES = 1024  # in one world
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """A connected surface, which some worlds have one after another of.
+
+    Attributes:
+        faces: (face, 3) int32, particles counted from the first; both ways round where the surface is open.
+        vertices: (vertex, 3) float32, where they were in the first of the worlds [m].
+        column: Which of the soft columns it stands in.
+        worlds: Where it is, -1 for all worlds.
+        bases: Its first particle in each of these.
+        triangles: One of its triangles in each, for the colour.
+    """
+
+    faces: np.ndarray
+    vertices: np.ndarray
+    column: int
+    worlds: list[int] = field(default_factory=list)
+    bases: list[int] = field(default_factory=list)
+    triangles: list[int] = field(default_factory=list)
+
+
+@dataclass(frozen=True, eq=False)
+class Soft:
+    """All of it.
+
+    Attributes:
+        parts: The surfaces.
+        num_columns: Soft columns of the table.
+        particles: (world, column) int32, loose particles; -1 where a world has none.
+    """
+
+    parts: Sequence[Part]
+    num_columns: int
+    particles: np.ndarray
+
+    def meshes(self) -> list[Mesh]:
+        """Part by part, one for each world that has it."""
+        return [
+            Mesh(f"soft part {part.column}", part.vertices, part.faces, moves=True)
+            for part in self.parts
+            for _ in part.worlds
+        ]
+
+
+def read_soft(model: newton.Model) -> Soft:
+    num_worlds = model.world_count
+    if model.deformable_visual_meshes:
+        logging.getLogger("warpcam").warning(
+            "from_newton: %d deformable visual meshes are not drawn; the surfaces that are simulated are",
+            len(model.deformable_visual_meshes),
+        )
+    nothing = np.full((num_worlds, 0), -1, np.int32)
+    if not model.particle_count:
+        return Soft((), 0, nothing)
+    worlds = model.particle_world.numpy()
+    positions = model.particle_q.numpy()
+    bound = np.zeros(model.particle_count, bool)
+    parts: list[Part] = []
+    if model.tri_count:
+        triangles = model.tri_indices.numpy().reshape(-1, 3)
+        if triangles.min() < 0 or triangles.max() >= model.particle_count:
+            raise WarpcamError(
+                f"model.tri_indices: must be from 0 to {model.particle_count - 1}, got {triangles.min()} to "
+                f"{triangles.max()}"
+            )
+        bound[triangles.reshape(-1)] = True
+        if model.tet_count:
+            bound[model.tet_indices.numpy().reshape(-1)] = True
+        parts = _parts(triangles, worlds, positions)
+    loose = np.flatnonzero(~bound)
+    return Soft(parts, 1 + max((part.column for part in parts), default=-1), _particles(loose, worlds, num_worlds))
+
+
+def _parts(triangles: np.ndarray, worlds: np.ndarray, positions: np.ndarray) -> list[Part]:
+    of_triangle = worlds[triangles[:, 0]]
+    order = np.argsort(of_triangle, kind="stable")
+    known: dict[bytes, list[Part]] = {}
+    starts: dict[bytes, list[int]] = {}
+    shared = 0
+    for block in np.split(order, np.flatnonzero(np.diff(of_triangle[order])) + 1):
+        base, world = int(triangles[block].min()), int(of_triangle[block[0]])
+        own = triangles[block] - base
+        key = own.tobytes() + (b"all" if world < 0 else b"")
+        if key not in known:
+            labels = _components(own)
+            known[key], starts[key] = [], []
+            for number, label in enumerate(np.unique(labels)):
+                faces = own[labels == label]
+                if not _is_closed(faces):
+                    faces = np.concatenate((faces, faces[:, ::-1]))
+                vertices = positions[base : base + int(own.max()) + 1].astype(np.float32)
+                known[key].append(Part(np.ascontiguousarray(faces, np.int32), vertices, shared + number))
+                starts[key].append(int(np.flatnonzero(labels == label)[0]))
+            if world < 0:  # what is in all worlds has columns before the worlds' own
+                shared = len(known[key])
+        for part, start in zip(known[key], starts[key], strict=True):
+            part.worlds.append(world)
+            part.bases.append(base)
+            part.triangles.append(int(block[start]))
+    return [part for parts in known.values() for part in parts]
+
+
+def _components(faces: np.ndarray) -> np.ndarray:
+    """A number for each face, equal for those that hang together; all equal if there are too many."""
+    labels = np.arange(int(faces.max()) + 1)
+    while True:
+        least = labels[faces].min(axis=1)
+        new = labels.copy()
+        for corner in range(3):
+            np.minimum.at(new, faces[:, corner], least)
+        new = new[new]
+        if (new == labels).all():
+            break
+        labels = new
+    found = labels[faces[:, 0]]
+    return found if len(np.unique(found)) <= MAX_PARTS else np.zeros(len(faces), np.int64)
+
+
+def _is_closed(faces: np.ndarray) -> bool:
+    """Whether each edge is there once each way round."""
+    edges = np.concatenate((faces[:, (0, 1)], faces[:, (1, 2)], faces[:, (2, 0)])).astype(np.int64)
+    width = int(faces.max()) + 1
+    there, back = edges[:, 0] * width + edges[:, 1], edges[:, 1] * width + edges[:, 0]
+    return len(np.unique(there)) == len(there) and np.array_equal(np.sort(there), np.sort(back))
+
+
+def _particles(loose: np.ndarray, worlds: np.ndarray, num_worlds: int) -> np.ndarray:
+    shared = loose[worlds[loose] < 0]
+    own = loose[worlds[loose] >= 0]
+    own = own[np.argsort(worlds[own], kind="stable")]
+    counts = np.bincount(worlds[own], minlength=num_worlds)
+    most = int(counts.max()) + len(shared)
+    if most > MAX_PARTICLES:
+        logging.getLogger("warpcam").warning(
+            "from_newton: particles are not drawn: a world has %d, at most %d are", most, MAX_PARTICLES
+        )
+        return np.full((num_worlds, 0), -1, np.int32)
+    table = np.full((num_worlds, most), -1, np.int32)
+    table[:, : len(shared)] = shared
+    rank = np.arange(len(own)) - np.repeat(np.cumsum(counts) - counts, counts)
+    table[worlds[own], len(shared) + rank] = own
+    return table

@@ -1,0 +1,33 @@
+"""Cameras of a stage."""
+
+from pxr import Usd, UsdGeom
+
+from warpcam.sources.graph import Eye
+
+
+def read_camera(camera: UsdGeom.Camera, node: int, name: str, time: Usd.TimeCode, unit: float) -> Eye:
+    """The camera at a time.
+
+    Focal length, apertures and offsets are all in tenths of a stage unit, so that only their ratios matter, but for an
+    orthographic camera, whose aperture is what it sees.
+    """
+    near, far = (float(depth) * unit for depth in camera.GetClippingRangeAttr().Get(time))
+    clipping = None
+    if camera.GetClippingRangeAttr().HasAuthoredValue() and 0.0 <= near < far:
+        clipping = (near, far)
+    width = float(camera.GetHorizontalApertureAttr().Get(time))
+    height = float(camera.GetVerticalApertureAttr().Get(time))
+    orthographic = camera.GetProjectionAttr().Get(time) == UsdGeom.Tokens.orthographic
+    return Eye(
+        name=name,
+        node=node,
+        projection="orthographic" if orthographic else "pinhole",
+        aperture=(width, height),
+        focal=float(camera.GetFocalLengthAttr().Get(time)),
+        offset=(
+            float(camera.GetHorizontalApertureOffsetAttr().Get(time)),
+            float(camera.GetVerticalApertureOffsetAttr().Get(time)),
+        ),
+        height=0.1 * unit * height,
+        clipping=clipping,
+    )

@@ -1,0 +1,323 @@
+"""Materials of a stage: UsdPreviewSurface, and Omniverse's OmniPBR by the inputs that say the same."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from pxr import Ar, Sdf, Usd, UsdGeom, UsdShade
+
+from warpcam.accel.textures import TextureImage
+from warpcam.sources import looks
+from warpcam.sources.forms import polar
+from warpcam.sources.graph import Graph, Look
+from warpcam.sources.images import ENCODED, LINEAR, UnreadableError, cube_of_panorama, decoded, wrapped
+from warpcam.sources.notes import Notes
+from warpcam.sources.usd_texture import TextureInput, file_bytes, input_value, plain_texture, texture_input
+
+# Inputs by what they say. A texture of its own stands in an input beside the constant in OmniPBR.
+PREVIEW: Mapping[str, tuple[str, str]] = {
+    "color": ("diffuseColor", ""),
+    "opacity": ("opacity", ""),
+    "roughness": ("roughness", ""),
+    "metallic": ("metallic", ""),
+    "emission": ("emissiveColor", ""),
+    "normal": ("normal", ""),
+}
+OMNI: Mapping[str, tuple[str, str]] = {
+    "color": ("diffuse_color_constant", "diffuse_texture"),
+    "opacity": ("opacity_constant", ""),
+    "roughness": ("reflection_roughness_constant", "reflectionroughness_texture"),
+    "metallic": ("metallic_constant", "metallic_texture"),
+    "emission": ("emissive_color", ""),
+    "normal": ("", "normalmap_texture"),
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Bound:
+    """A material as a prim has it.
+
+    Attributes:
+        look: Index of its look, or -1.
+        uv: Name of the primvar that its texture is laid on by; "" if any will do.
+        uv_turn: (2, 3), what is done to texture coordinates.
+        by_color: The shape's display colour is the material's.
+    """
+
+    look: int = -1
+    uv: str = ""
+    uv_turn: np.ndarray | None = None
+    by_color: bool = True
+
+
+class MaterialReader:
+    """Reads each material once, and keeps what they show in a graph."""
+
+    def __init__(self, graph: Graph, notes: Notes):
+        self._graph, self._notes = graph, notes
+        self._bound: dict[Sdf.Path, Bound] = {}
+        self._pixels: dict[str, np.ndarray | None] = {}
+        self._textures: dict[tuple[Any, ...], int] = {}
+        self._wrapped: dict[tuple[Any, ...], tuple[int, np.ndarray, np.ndarray]] = {}
+        self._painted: dict[tuple[int, int], int] = {}
+
+    def bound_to(self, prim: Usd.Prim) -> Bound:
+        """The material of a prim or a subset of one."""
+        api = UsdShade.MaterialBindingAPI(prim)
+        material = api.ComputeBoundMaterial(UsdShade.Tokens.preview)[0]
+        if not material:
+            material = api.ComputeBoundMaterial(UsdShade.Tokens.full)[0]
+        if not material:
+            return Bound()
+        prim = material.GetPrim()
+        path = prim.GetPrimInPrototype().GetPath() if prim.IsInstanceProxy() else prim.GetPath()
+        if path not in self._bound:
+            self._bound[path] = self._read(material)
+        return self._bound[path]
+
+    def of_solid(self, prim: Usd.Prim, time: Usd.TimeCode) -> tuple[tuple[float, float, float, float] | None, int]:
+        """Colour and look of a shape of one colour."""
+        bound = self.bound_to(prim)
+        return (self.display_color(prim, time) if bound.by_color else None), bound.look
+
+    def display_color(self, prim: Usd.Prim, time: Usd.TimeCode) -> tuple[float, float, float, float]:
+        """The one display colour and opacity of a prim, the mean if it has several, linear."""
+        found = []
+        for name, default in (("displayColor", looks.BARE), ("displayOpacity", (1.0,))):
+            primvar = UsdGeom.PrimvarsAPI(prim).FindPrimvarWithInheritance(name)
+            values = primvar.Get(time) if primvar and primvar.HasValue() else None
+            values = (
+                np.asarray(values, np.float64).reshape(-1, len(default)) if values is not None else np.zeros((0, 1))
+            )
+            found += [float(x) for x in (values.mean(axis=0) if len(values) else default)]
+        return found[0], found[1], found[2], found[3]
+
+    def painted(self, look: int, pixels: np.ndarray, name: str) -> int:
+        """A look like that one, with colours of its own, (height, width, 3) uint8 display values."""
+        texture = self._add_texture(name, pixels)
+        base = self._graph.looks[look] if look >= 0 else Look(name)
+        self._graph.looks.append(replace(base, name=f"{name}/displayColor", color=looks.WHITE, texture=texture))
+        return len(self._graph.looks) - 1
+
+    def laid_on(self, look: int, uvs: np.ndarray) -> tuple[int, np.ndarray]:
+        """Look and texture coordinates (face, 3, 2) for an image that does not simply repeat."""
+        base = self._graph.looks[look]
+        if base.texture < 0 or base.wrap == ("repeat", "repeat"):
+            return look, uvs
+        flat = uvs.reshape(-1, 2)
+        low, high = flat.min(axis=0), flat.max(axis=0)
+        key = (look, *np.floor(low + 1e-3), *np.ceil(high - 1e-3))
+        if key not in self._wrapped:
+            done = wrapped(self._graph.textures[base.texture].pixels, base.wrap, low, high)
+            if done is None:
+                self._wrapped[key] = look, np.ones(2), np.zeros(2)
+            else:
+                texture = self._add_texture(f"{self._graph.texture_names[base.texture]} {base.wrap}", done[0])
+                self._graph.looks.append(replace(base, texture=texture, wrap=("repeat", "repeat")))
+                self._wrapped[key] = len(self._graph.looks) - 1, done[1], done[2]
+        index, scale, offset = self._wrapped[key]
+        if base.wrap != ("repeat", "repeat") and index != look:
+            limits = [(0.5e-3 * s, 1.0 - 0.5e-3 * s) for s in scale]
+            moved = uvs * scale + offset
+            for axis in (0, 1):
+                if base.wrap[axis] in ("clamp", "black"):
+                    moved[..., axis] = np.clip(moved[..., axis], *limits[axis])
+            return index, moved
+        return index, uvs
+
+    def mean_of(self, asset: Sdf.AssetPath, where: str) -> np.ndarray | None:
+        """The mean linear colour of an image, (3,); None if it cannot be read."""
+        pixels = self._load(asset, "", where)
+        return None if pixels is None else LINEAR[_rgb(pixels)].mean(axis=(0, 1))
+
+    def add_skybox(self, prim: Usd.Prim, time: Usd.TimeCode) -> None:
+        """Show a dome's image behind everything."""
+        asset = prim.GetAttribute("inputs:texture:file").Get(time)
+        if asset is None or not asset.path or self._graph.skybox >= 0:
+            return
+        pixels = self._load(asset, "", str(prim.GetPath()))
+        if pixels is not None:
+            turn = polar(self._graph.worlds_of(len(self._graph.nodes) - 1)[:3, :3])[0]
+            self._graph.skybox = len(self._graph.textures)
+            self._graph.textures.append(cube_of_panorama(_rgb(pixels), turn))
+            self._graph.texture_names.append(asset.path)
+
+    def _read(self, material: UsdShade.Material) -> Bound:
+        name = str(material.GetPath())
+        surface, inputs = self._surface(material)
+        if surface is None:
+            self._notes.warn("has no surface that is known here, and shows the shapes' display colours", name)
+            return Bound()
+        values: dict[str, Any] = {}
+        textures: dict[str, TextureInput] = {}
+        by_color = False
+        for what, (constant, texture) in inputs.items():
+            for source in (constant, texture):
+                given = surface.GetInput(source) if source else None
+                if not given:
+                    continue
+                value, reader, primvar = self._value(given)
+                if reader is not None:
+                    textures[what] = reader
+                    if what == "color" and source == constant:  # the base colour, where its texture is missing
+                        values[what] = given.GetAttr().Get()
+                elif primvar:
+                    by_color |= what == "color" and primvar == "displayColor"
+                elif value is not None and not isinstance(value, Sdf.AssetPath):
+                    values[what] = value
+        look = Look(
+            name,
+            color=_color(values.get("color"), (0.18, 0.18, 0.18) if inputs is PREVIEW else (0.2, 0.2, 0.2)),
+            opacity=_number(values.get("opacity"), 1.0),
+            roughness=self._mean(textures.get("roughness"), _number(values.get("roughness"), 0.5), name),
+            metallic=self._mean(textures.get("metallic"), _number(values.get("metallic"), 0.0), name),
+            emission=self._emission(surface, inputs, values),
+        )
+        for what in ("normal", "opacity"):
+            if what in textures:
+                self._notes.remark(f"has a texture of its {what}, which is not drawn", name)
+        shown = textures.get("color")
+        emits = False
+        if shown is None and "emission" in textures and not any(look.color):
+            shown, emits = textures["emission"], True
+        uv, turn = "", None
+        if shown is not None:
+            index = self._texture(shown, name)
+            if index >= 0:
+                look = replace(look, texture=index, emits=emits, wrap=shown.wrap)
+            else:
+                look = replace(look, color=_color(shown.fallback[:3] if shown.fallback[:3].any() else None, look.color))
+            uv, turn = shown.uv, shown.uv_turn
+        self._graph.looks.append(look)
+        return Bound(len(self._graph.looks) - 1, uv, turn, by_color)
+
+    @staticmethod
+    def _surface(material: UsdShade.Material) -> tuple[UsdShade.Shader | None, Mapping[str, tuple[str, str]]]:
+        for context in (UsdShade.Tokens.universalRenderContext, "mtlx", "mdl"):
+            shader = material.ComputeSurfaceSource(context)[0]
+            if not shader:
+                continue
+            identifier = str(shader.GetShaderId() or "")
+            if identifier in ("UsdPreviewSurface", "ND_UsdPreviewSurface_surfaceshader"):
+                return shader, PREVIEW
+            module = shader.GetSourceAsset("mdl")
+            if module and "OmniPBR" in module.path:
+                return shader, OMNI
+        return None, PREVIEW
+
+    def _emission(
+        self, surface: Any, inputs: Mapping[str, Any], values: Mapping[str, Any]
+    ) -> tuple[float, float, float]:
+        if inputs is OMNI:
+            switch = surface.GetInput("enable_emission")
+            if not switch or not switch.Get():
+                return 0.0, 0.0, 0.0
+            return _color(values.get("emission"), (1.0, 0.1, 0.1))
+        return _color(values.get("emission"), (0.0, 0.0, 0.0))
+
+    def _value(self, given: UsdShade.Input) -> tuple[Any, TextureInput | None, str]:
+        """Of an input its constant, or the texture reader it is connected to, or the primvar."""
+        for attribute in UsdShade.Utils.GetValueProducingAttributes(given):
+            prim = attribute.GetPrim()
+            shader = UsdShade.Shader(prim)
+            identifier = str(shader.GetShaderId() or "") if shader else ""
+            output = attribute.GetName().removeprefix("outputs:")
+            if attribute.GetName().startswith("outputs:"):
+                if identifier == "UsdUVTexture":
+                    return None, texture_input(shader, output), ""
+                if identifier.startswith("UsdPrimvarReader"):
+                    return None, None, str(input_value(shader, "varname", ""))
+                self._notes.remark(f"uses {identifier or 'a shader'}, which is not known here", str(prim.GetPath()))
+                continue
+            value = attribute.Get()
+            if isinstance(value, Sdf.AssetPath) and value.path:
+                return None, plain_texture(value, attribute), ""
+            return value, None, ""
+        return None, None, ""
+
+    def _mean(self, reader: TextureInput | None, default: float, where: str) -> float:
+        if reader is None:
+            return default
+        pixels = self._load(reader.asset, reader.layer, where)
+        if pixels is None:
+            return float(reader.fallback[0])
+        channel = min({"r": 0, "g": 1, "b": 2, "a": 3}.get(reader.channel, 0), pixels.shape[2] - 1)
+        place = {"r": 0, "g": 1, "b": 2, "a": 3}.get(reader.channel, 0)
+        return float(np.clip(pixels[..., channel].mean() / 255.0 * reader.scale[place] + reader.bias[place], 0.0, 1.0))
+
+    def _texture(self, reader: TextureInput, where: str) -> int:
+        """Index of the reader's image in display values, or -1."""
+        key = (
+            reader.asset.resolvedPath or reader.asset.path,
+            reader.layer,
+            reader.channel,
+            reader.color_space,
+            reader.scale.tobytes(),
+            reader.bias.tobytes(),
+        )
+        if key not in self._textures:
+            pixels = self._load(reader.asset, reader.layer, where)
+            if pixels is None:
+                return -1
+            shown = _rgb(pixels)
+            if reader.channel in ("r", "g", "b", "a"):
+                channel = min("rgba".index(reader.channel), pixels.shape[2] - 1)
+                shown = np.repeat(pixels[..., channel : channel + 1], 3, axis=-1)
+            raw = reader.color_space == "raw" or (reader.color_space == "auto" and pixels.shape[2] == 1)
+            if (reader.scale[:3] != 1.0).any() or (reader.bias[:3] != 0.0).any():
+                linear = shown / 255.0 if raw else LINEAR[shown]
+                shown = np.rint(255.0 * looks.encoded(linear * reader.scale[:3] + reader.bias[:3])).astype(np.uint8)
+            elif raw:
+                shown = ENCODED[shown]
+            self._textures[key] = self._add_texture(reader.asset.path, shown)
+        return self._textures[key]
+
+    def _add_texture(self, name: str, pixels: np.ndarray) -> int:
+        self._graph.textures.append(TextureImage("2d", np.ascontiguousarray(pixels)))
+        self._graph.texture_names.append(name)
+        return len(self._graph.textures) - 1
+
+    def _load(self, asset: Sdf.AssetPath, layer: str, where: str) -> np.ndarray | None:
+        """Pixels of an image by the stage's own resolver, also from inside .usdz; None if there are none."""
+        path = asset.resolvedPath
+        if not path and "<UDIM>" in asset.path:
+            first = asset.path.replace("<UDIM>", "1001")
+            path = (
+                str(Ar.GetResolver().Resolve(Sdf.ComputeAssetPathRelativeToLayer(Sdf.Layer.Find(layer), first)))
+                if layer and Sdf.Layer.Find(layer)
+                else str(Ar.GetResolver().Resolve(first))
+            )
+            self._notes.remark("is a texture in tiles, of which only the first is drawn", asset.path)
+        key = path or asset.path
+        if key not in self._pixels:
+            self._pixels[key] = None
+            if not path:
+                self._notes.warn(
+                    "a texture is not found, and its material is drawn in its base colour", f"{asset.path} of {where}"
+                )
+                return None
+            try:
+                self._pixels[key] = decoded(file_bytes(path))
+            except UnreadableError as error:
+                self._notes.warn(
+                    f"a texture cannot be read ({error}), and its material is drawn in its base colour",
+                    f"{asset.path} of {where}",
+                )
+        return self._pixels[key]
+
+
+def _rgb(pixels: np.ndarray) -> np.ndarray:
+    return np.repeat(pixels, 3, axis=-1) if pixels.shape[2] == 1 else pixels[..., :3]
+
+
+def _color(value: Any, default: tuple[float, float, float]) -> tuple[float, float, float]:
+    try:
+        red, green, blue = (float(channel) for channel in value)
+    except (TypeError, ValueError):
+        return default
+    return red, green, blue
+
+
+def _number(value: Any, default: float) -> float:
+    return float(value) if isinstance(value, int | float) and np.isfinite(value) else default
