@@ -19,11 +19,18 @@ class Moving:
     bases: wp.array(dtype=wp.int32)  # (instance,) point that its corners count from
     corners: wp.array(dtype=wp.vec3i)  # (row,) points of a face, in leaf order, counted from the instance's base
     given: wp.array(dtype=wp.int32)  # (row,) the face among those of the mesh as they were given
+    num_smooth: wp.int32  # so many faces, the first as they were given, have the normals of their points; the others are flat
     entries: wp.array(dtype=wp.vec3i)  # (entry,) from the deepest level up: a node, a child's number, and the child
 
 
 @wp.kernel(enable_backward=False)
-def move_faces(moving: Moving, meshes: Meshes, points: wp.array(dtype=wp.vec3), first: wp.int32):
+def move_faces(
+    moving: Moving,
+    meshes: Meshes,
+    points: wp.array(dtype=wp.vec3),
+    normals: wp.array(dtype=wp.vec3),
+    first: wp.int32,
+):
     index = first + wp.tid()
     rows = moving.corners.shape[0]
     instance = index // rows
@@ -39,8 +46,13 @@ def move_faces(moving: Moving, meshes: Meshes, points: wp.array(dtype=wp.vec3), 
     meshes.faces[at] = wp.vec4(a[0], a[1], a[2], mark[3])
     meshes.faces[at + 1] = wp.vec4(b[0], b[1], b[2], 0.0)
     meshes.faces[at + 2] = wp.vec4(c[0], c[1], c[2], 0.0)
-    normal = wp.normalize(wp.cross(b - a, c - a))
     corner = 3 * (meshes.corner_start[asset] + moving.given[row])
+    if moving.given[row] < moving.num_smooth:
+        meshes.normals[corner] = normals[base + corners[0]]
+        meshes.normals[corner + 1] = normals[base + corners[1]]
+        meshes.normals[corner + 2] = normals[base + corners[2]]
+        return
+    normal = wp.normalize(wp.cross(b - a, c - a))
     meshes.normals[corner] = normal
     meshes.normals[corner + 1] = normal
     meshes.normals[corner + 2] = normal
@@ -140,6 +152,7 @@ class Tree:
         faces: (face, 3) int32, the mesh's faces as they were given.
         device: Where all of it lies.
         by_child: Whether nodes lie as they do on CUDA, child by child.
+        num_smooth: How many faces, the first, are shaded with the normals of their points.
     """
 
     def __init__(
@@ -150,6 +163,7 @@ class Tree:
         faces: np.ndarray,
         device: wp.Device,
         by_child: bool,
+        num_smooth: int = 0,
     ):
         self._meshes, self._device, self._by_child = meshes, device, int(by_child)
         asset, wide = int(assets[0]), 8 if by_child else 7
@@ -162,15 +176,23 @@ class Tree:
         self._moving.bases = wp.array(bases.astype(np.int32), dtype=wp.int32, device=device)
         self._moving.corners = wp.array(faces[given].astype(np.int32), dtype=wp.vec3i, device=device)
         self._moving.given = wp.array(given, dtype=wp.int32, device=device)
+        self._moving.num_smooth = num_smooth
         entries = np.concatenate(levels[::-1]).astype(np.int32)
         self._moving.entries = wp.array(entries, dtype=wp.vec3i, device=device)
         self._counts = [len(level) for level in levels[::-1]]
         self._instances, self._rows = len(assets), rows
 
-    def record(self, points: wp.array) -> list[Stage]:
-        """Bind the stages that move all instances to ``points``, (point,) vec3, world frame [m]."""
+    def record(self, points: wp.array, normals: wp.array | None = None) -> list[Stage]:
+        """Bind the stages that move all instances.
+
+        Args:
+            points: (point,) vec3, world frame [m].
+            normals: (point,) vec3, unit, for faces that are smooth.
+        """
         moving, meshes, device = self._moving, self._meshes, self._device
-        stages = [record(move_faces, self._instances * self._rows, [moving, meshes, points], device)]
+        if normals is None:
+            normals = wp.empty(0, dtype=wp.vec3, device=device)
+        stages = [record(move_faces, self._instances * self._rows, [moving, meshes, points, normals], device)]
         begin = 0
         for count in self._counts:
             threads = self._instances * (count if self._by_child else 1)
