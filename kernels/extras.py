@@ -14,8 +14,8 @@ COPY, MARK, SEGMENT, EDGE = 0, 1, 2, 3
 class Entries:
     """The columns that are written each frame, and what the simulator has for them."""
 
-    # (entry,) COPY: a shape of its own, third component; MARK: something with a pose, third; SEGMENT: of a path, third, the
-    # segment's number, fourth; EDGE: between two vertices, third and fourth
+    # (entry,) COPY: a shape of its own, third component; MARK: something with a pose, third; SEGMENT: of a path,
+    # third, the segment's number, fourth; EDGE: between two vertices, third and fourth
     what: wp.array(dtype=wp.vec4i)
     radii: wp.array(dtype=wp.float32)  # (entry,) of segments and edges [m]
     positions: wp.array2d(dtype=wp.vec3)  # (world, shape) and so on: see Shapes
@@ -28,7 +28,7 @@ class Entries:
     mark_rotations: wp.array2d(dtype=wp.mat33)  # (world, mark)
     vertices: wp.array2d(dtype=wp.vec3)  # (world, vertex) world frame [m]
     stops: wp.array2d(dtype=wp.vec3)  # (world, stop) of paths, world frame [m]
-    stop_objects: wp.array2d(dtype=wp.int32)  # (world, stop) what a path lies on: from 0 a shape, -2: the path is broken
+    stop_objects: wp.array2d(dtype=wp.int32)  # (world, stop) what a path lies on: from 0 a shape; -2: a gap
     path_starts: wp.array2d(dtype=wp.int32)  # (world, path) first stop
     path_counts: wp.array2d(dtype=wp.int32)  # (world, path) stops
 

@@ -1,5 +1,6 @@
 """The stages that follow meshes whose corners move: their faces, and the boxes of their trees, level by level."""
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -19,7 +20,9 @@ class Moving:
     bases: wp.array(dtype=wp.int32)  # (instance,) point that its corners count from
     corners: wp.array(dtype=wp.vec3i)  # (row,) points of a face, in leaf order, counted from the instance's base
     given: wp.array(dtype=wp.int32)  # (row,) the face among those of the mesh as they were given
-    num_smooth: wp.int32  # so many faces, the first as they were given, have the normals of their points; the others are flat
+    offset: wp.float32  # how far points lie beside what they were made of, along their normals [m]
+    num_smooth: wp.int32  # so many faces, the first as they were given, have the normals of their points
+    num_flat: wp.int32  # the first that are flat as what they were made of; all others are as flat as they lie
     entries: wp.array(dtype=wp.vec3i)  # (entry,) from the deepest level up: a node, a child's number, and the child
 
 
@@ -52,6 +55,10 @@ def move_faces(
         meshes.normals[corner + 1] = normals[base + corners[1]]
         meshes.normals[corner + 2] = normals[base + corners[2]]
         return
+    if moving.given[row] < moving.num_flat:
+        a -= moving.offset * normals[base + corners[0]]
+        b -= moving.offset * normals[base + corners[1]]
+        c -= moving.offset * normals[base + corners[2]]
     normal = wp.normalize(wp.cross(b - a, c - a))
     meshes.normals[corner] = normal
     meshes.normals[corner + 1] = normal
@@ -142,6 +149,15 @@ def move_bounds(moving: Moving, meshes: Meshes, by_child: wp.int32, first: wp.in
     meshes.upper[asset] = high
 
 
+@dataclass(frozen=True)
+class Shading:
+    """How the faces of a moving mesh are shaded: see ``Moving``."""
+
+    offset: float = 0.0
+    num_smooth: int = 0
+    num_flat: int = 0
+
+
 class Tree:
     """What the instances of one moving mesh have in common, and the stages that move them.
 
@@ -152,7 +168,7 @@ class Tree:
         faces: (face, 3) int32, the mesh's faces as they were given.
         device: Where all of it lies.
         by_child: Whether nodes lie as they do on CUDA, child by child.
-        num_smooth: How many faces, the first, are shaded with the normals of their points.
+        shading: How faces are shaded: None is as they lie.
     """
 
     def __init__(
@@ -163,7 +179,7 @@ class Tree:
         faces: np.ndarray,
         device: wp.Device,
         by_child: bool,
-        num_smooth: int = 0,
+        shading: Shading | None = None,
     ):
         self._meshes, self._device, self._by_child = meshes, device, int(by_child)
         asset, wide = int(assets[0]), 8 if by_child else 7
@@ -176,7 +192,9 @@ class Tree:
         self._moving.bases = wp.array(bases.astype(np.int32), dtype=wp.int32, device=device)
         self._moving.corners = wp.array(faces[given].astype(np.int32), dtype=wp.vec3i, device=device)
         self._moving.given = wp.array(given, dtype=wp.int32, device=device)
-        self._moving.num_smooth = num_smooth
+        shading = shading or Shading()
+        self._moving.offset = shading.offset
+        self._moving.num_smooth, self._moving.num_flat = shading.num_smooth, shading.num_flat
         entries = np.concatenate(levels[::-1]).astype(np.int32)
         self._moving.entries = wp.array(entries, dtype=wp.vec3i, device=device)
         self._counts = [len(level) for level in levels[::-1]]
@@ -187,7 +205,7 @@ class Tree:
 
         Args:
             points: (point,) vec3, world frame [m].
-            normals: (point,) vec3, unit, for faces that are smooth.
+            normals: (point,) vec3, unit, for faces that are not shaded as they lie.
         """
         moving, meshes, device = self._moving, self._meshes, self._device
         if normals is None:

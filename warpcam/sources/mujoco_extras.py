@@ -14,6 +14,7 @@ import numpy as np
 from warpcam.accel.meshes import Mesh
 from warpcam.errors import WarpcamError
 from warpcam.kernels.extras import COPY, EDGE, MARK, SEGMENT
+from warpcam.kernels.refit import Shading
 from warpcam.kernels.swell import Hull
 from warpcam.kernels.types import CAPSULE, CYLINDER, MESH, SPHERE
 from warpcam.scene import Parts
@@ -47,14 +48,14 @@ class Moved:
         mesh: Where the model starts.
         hull: How its points are made.
         of_skin: Of the skins' vertices, else of the flexes'.
-        num_smooth: How many faces, the first, are shaded smoothly.
+        shading: Of its faces.
     """
 
     column: int
     mesh: Mesh
     hull: Hull
     of_skin: bool
-    num_smooth: int
+    shading: Shading
 
 
 @dataclass(frozen=True, eq=False)
@@ -252,11 +253,11 @@ class _Reader:
             if row >= 0:
                 self._move(row, *_skin_surface(mjm, skin), of_skin=True)
 
-    def _move(self, row: int, mesh: Mesh, hull: Hull, num_smooth: int, of_skin: bool) -> None:
+    def _move(self, row: int, mesh: Mesh, hull: Hull, shading: Shading, of_skin: bool) -> None:
         hull = replace(hull, first_point=self._points)
         self._points += hull.num_vertices * (2 if hull.both else 1)
         self._types[row] = MESH
-        self._moved.append(Moved(row, mesh, hull, of_skin, num_smooth))
+        self._moved.append(Moved(row, mesh, hull, of_skin, shading))
         self.drawn.append(row)
 
     def _column(self, kind: int, index: int, group: np.ndarray, rgba: np.ndarray, material: np.ndarray) -> int:
@@ -281,7 +282,7 @@ class _Reader:
         self.drawn.append(column)
 
 
-def _flex_surface(mjm: mujoco.MjModel, start: mujoco.MjData, flex: int) -> tuple[Mesh, Hull, int]:
+def _flex_surface(mjm: mujoco.MjModel, start: mujoco.MjData, flex: int) -> tuple[Mesh, Hull, Shading]:
     """As MuJoCo draws it: sheets on both sides with their rims closed, or the shell of what is solid."""
     dim, vertex, count = int(mjm.flex_dim[flex]), int(mjm.flex_vertadr[flex]), int(mjm.flex_vertnum[flex])
     radius = float(mjm.flex_radius[flex])
@@ -290,13 +291,17 @@ def _flex_surface(mjm: mujoco.MjModel, start: mujoco.MjData, flex: int) -> tuple
     vertices = start.flexvert_xpos[vertex : vertex + count]
     where = {"num_vertices": count, "offset": radius, "by_area": False, "first_vertex": vertex, "first_point": 0}
     name = f"flex {mujoco.mj_id2name(mjm, mujoco.mjtObj.mjOBJ_FLEX, flex) or flex}"
+
+    def shading(count: int) -> Shading:
+        return Shading(num_flat=count, offset=radius) if mjm.flex_flatskin[flex] else Shading(num_smooth=count)
+
     texture = None
     if mjm.flex_texcoordadr[flex] >= 0:
         texture = mjm.flex_texcoord[mjm.flex_texcoordadr[flex] :]
     if dim == 3:
         hull = Hull(faces=shell, both=False, **where)
         mesh = _mesh(name, vertices + radius * _normals(vertices, shell), shell, texture, shell)
-        return mesh, hull, 0 if mjm.flex_flatskin[flex] else len(shell)
+        return mesh, hull, shading(len(shell))
     first, number = int(mjm.flex_elemdataadr[flex]), int(mjm.flex_elemnum[flex])
     sheet = mjm.flex_elem[first : first + 3 * number].reshape(-1, 3)
     mapped = mjm.flex_elemtexcoord[first : first + 3 * number].reshape(-1, 3)
@@ -313,10 +318,10 @@ def _flex_surface(mjm: mujoco.MjModel, start: mujoco.MjData, flex: int) -> tuple
     corners = np.concatenate((mapped, mapped[:, back], np.stack((a, b, b), axis=1), np.stack((b, a, a), axis=1)))
     normals = radius * _normals(vertices, sheet)
     mesh = _mesh(name, np.concatenate((vertices + normals, vertices - normals)), faces, texture, corners)
-    return mesh, Hull(faces=sheet, both=True, **where), 0 if mjm.flex_flatskin[flex] else 2 * number
+    return mesh, Hull(faces=sheet, both=True, **where), shading(2 * number)
 
 
-def _skin_surface(mjm: mujoco.MjModel, skin: int) -> tuple[Mesh, Hull, int]:
+def _skin_surface(mjm: mujoco.MjModel, skin: int) -> tuple[Mesh, Hull, Shading]:
     first, count = int(mjm.skin_vertadr[skin]), int(mjm.skin_vertnum[skin])
     start = int(mjm.skin_faceadr[skin])
     faces = mjm.skin_face[start : start + mjm.skin_facenum[skin]]
@@ -328,12 +333,14 @@ def _skin_surface(mjm: mujoco.MjModel, skin: int) -> tuple[Mesh, Hull, int]:
         first_point=0, both=False,
     )  # fmt: skip
     name = f"skin {mjm.skin(skin).name or skin}"
-    return _mesh(name, mjm.skin_vert[first : first + count], faces, texture, faces), hull, len(faces)
+    return (
+        _mesh(name, mjm.skin_vert[first : first + count], faces, texture, faces),
+        hull,
+        Shading(num_smooth=len(faces)),
+    )
 
 
-def _mesh(
-    name: str, vertices: np.ndarray, faces: np.ndarray, texture: np.ndarray | None, corners: np.ndarray
-) -> Mesh:
+def _mesh(name: str, vertices: np.ndarray, faces: np.ndarray, texture: np.ndarray | None, corners: np.ndarray) -> Mesh:
     uvs = None
     if texture is not None:
         uvs = texture[corners].astype(np.float32)

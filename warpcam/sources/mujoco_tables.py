@@ -150,7 +150,7 @@ class ExtraTables:
                 assets = self._first_mesh + number * self._num_worlds + worlds
                 bases = worlds * self._extras.num_points + part.hull.first_point
                 faces, by_child = part.mesh.faces, self._device.is_cuda
-                self._trees.append(Tree(meshes, assets, bases, faces, self._device, by_child, part.num_smooth))
+                self._trees.append(Tree(meshes, assets, bases, faces, self._device, by_child, part.shading))
         return self._trees
 
 
