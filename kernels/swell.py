@@ -129,3 +129,40 @@ def record_swell(surface: Any, vertices: wp.array, points: wp.array, normals: wp
     """Bind the stage that writes the points and normals, (world, point), of one surface from (world, vertex)."""
     threads = points.shape[0] * (surface.starts.shape[0] - 1)
     return record(swell, threads, [surface, vertices, points, normals], device)
+
+
+@wp.kernel(enable_backward=False)
+def bind_vertices(
+    bonds: wp.array2d(dtype=wp.vec4i),
+    weights: wp.array2d(dtype=wp.vec4),
+    particles: wp.array(dtype=wp.vec3),
+    bodies: wp.array(dtype=wp.transform),
+    vertices: wp.array2d(dtype=wp.vec3),
+    first: wp.int32,
+):
+    """(mesh, vertex): the sum of particles, -1 is none, by weights; or where the first is -1 a place on a body.
+
+    The second is the body then, -1 for the world, and the weights are the place in its frame [m].
+    """
+    index = first + wp.tid()
+    width = vertices.shape[1]
+    mesh = index // width
+    vertex = index - mesh * width
+    bond = bonds[mesh, vertex]
+    weight = weights[mesh, vertex]
+    place = wp.vec3(weight[0], weight[1], weight[2])
+    if bond[0] >= 0:
+        place = wp.vec3(0.0, 0.0, 0.0)
+        for k in range(4):
+            if bond[k] >= 0:
+                place += weight[k] * particles[bond[k]]
+    elif bond[1] >= 0:
+        place = wp.transform_point(bodies[bond[1]], place)
+    vertices[mesh, vertex] = place
+
+
+def record_bind(
+    bonds: wp.array, weights: wp.array, particles: wp.array, bodies: wp.array, vertices: wp.array, device: wp.Device
+) -> Stage:
+    """Bind the stage that writes ``vertices`` (mesh, vertex): see ``bind_vertices``."""
+    return record(bind_vertices, vertices.size, [bonds, weights, particles, bodies, vertices], device)
