@@ -77,6 +77,8 @@ class Parts:
             it is. None: nothing else.
         body_places: (label,) int32.
         scaled: Whether the sizes of meshes and height fields are scales along their axes.
+        objects: (id + 1, 2) int32, what the source calls each id of ``segmentation``; the last row is for -1. None: the
+            ids say all.
     """
 
     num_worlds: int
@@ -99,6 +101,7 @@ class Parts:
     body_labels: Sequence[str] | None = None
     body_places: np.ndarray | None = None
     scaled: bool = False
+    objects: np.ndarray | None = None
 
 
 @dataclass(frozen=True)
@@ -230,6 +233,17 @@ class Scene:
     def cameras(self) -> tuple[str, ...]:
         """Names of the source's cameras in their order, "" for one without a name."""
         return tuple(camera.name for camera in self._parts.cameras)
+
+    @property
+    def objects(self) -> np.ndarray:
+        """What has each id of ``segmentation``, (id + 1, 2) int32: ``objects[image]`` are ``mujoco.Renderer``'s pairs.
+
+        The first number is the id that MuJoCo knows it by, the second its ``mjtObj``: a geom, site, tendon, flex or
+        skin. The last row, which -1 finds, is (-1, -1). Only scenes of MuJoCo have this.
+        """
+        if self._parts.objects is None:
+            raise WarpcamError("objects: only scenes of from_mujoco and from_mujoco_warp have objects of several kinds")
+        return self._parts.objects
 
     def bounds(self) -> Bounds:
         """Lowest and highest corner of what can be seen now, over all worlds, infinite planes aside.
