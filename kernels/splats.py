@@ -72,7 +72,8 @@ def _frame_struct(shape_dtype: Any) -> Any:
 @functools.cache
 def _kernel(lens: int, capacity: int, wanted: int, frame_type: Any) -> wp.Kernel:
     @wp.func_native(
-        f"warpcam::draw_splats<{lens}, {capacity}, {wanted}>(warpcam::SplatScene{{frame, images, shapes, splats}}, index);"
+        f"warpcam::draw_splats<{lens}, {capacity}, {wanted}>"
+        "(warpcam::SplatScene{frame, images, shapes, splats}, index);"
     )
     def draw(frame: frame_type, images: Images, shapes: Shapes, splats: Splats, index: int): ...
 
