@@ -30,7 +30,7 @@ OUTPUTS: Mapping[str, type] = {
 BY_WORLD = 1 << len(OUTPUTS)
 REGION = 16  # side of what a block draws [pixels], SPLAT_REGION
 BLOCKS = 6  # on a multiprocessor: bounds the registers of a thread
-CAPACITIES = (4, 16, 64, 256)  # clouds that a block keeps: few sizes, so that scenes share kernels
+CAPACITIES = (4, 16, 64, 128)  # clouds that a block keeps: few sizes, so that scenes share kernels
 
 
 @wp.struct

@@ -29,7 +29,7 @@ enum SplatOutput {
 };
 constexpr int SPLAT_COLORS = SPLAT_RGB | SPLAT_RGBA | SPLAT_HDR | SPLAT_ALBEDO;
 
-constexpr int KEPT = 16;  // hits that a ray orders at once
+constexpr int KEPT = 32;  // hits that a ray orders at once: more cost shared memory, fewer cost walks
 constexpr int SPLAT_REGION = 16;  // side of what a block draws [pixels]
 constexpr float LEAST_LIGHT = 0.001f;  // with less of it coming through a ray ends: a quarter of a step of 255
 constexpr float HALF_LIGHT = 0.5f;  // where no more comes through is the surface: depth, ids and the rest

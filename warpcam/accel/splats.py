@@ -12,7 +12,7 @@ from warpcam.kernels import splat_build
 from warpcam.kernels.types import Splats
 
 LEAST_ALPHA = 1.0 / 255.0  # what adds less is not drawn
-MAX_CLOUDS = 256  # shapes of this type in a world
+MAX_CLOUDS = 128  # shapes of this type in a world
 MAX_ROWS = 2**31 - 1
 
 
