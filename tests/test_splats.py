@@ -8,6 +8,7 @@ import scenes
 import warp as wp
 
 import warpcam as wc
+from warpcam.accel.splats import Cloud, pack_splats
 
 newton = pytest.importorskip("newton")
 import splat_scenes  # noqa: E402, newton may be missing
@@ -252,3 +253,62 @@ def test_against_newtons_own_camera(device: wp.Device) -> None:
     assert dense.sum() > 50
     rgb = np.stack([color.numpy()[0] >> shift & 255 for shift in (0, 8, 16)], axis=-1).astype(int)
     assert np.abs(seen["rgb"].astype(int) - rgb)[dense].max() <= 2
+
+
+def test_linear_colours_are_shown_encoded(device: wp.Device) -> None:
+    linear = np.array((0.5, 0.1, 0.001))
+    source = newton.Gaussian(
+        np.zeros((1, 3)),
+        sh_coeffs=((linear - 0.5) / splat_scenes.BASE)[None],
+        sh_color_space=newton.utils.ColorSpace.LINEAR,
+    )
+    seen = see(Placed(source), device=device)
+    assert seen["rgb"][12, 16] == pytest.approx((188, 89, 3), abs=1)
+
+
+def test_hardly_any_gaussian_can_be_seen(device: wp.Device) -> None:
+    """Transparent ones and flat ones."""
+    source = gaussians(
+        np.zeros((3, 3)), [RED] * 3, opacities=(0.003, 1.0, 0.0), scales=[(1, 1, 1), (1, 0, 1), (1, 1, 1)]
+    )
+    seen = see(Placed(source), device=device)
+    assert (seen["rgb"] == (51, 102, 153)).all()
+    assert (seen["segmentation"] == -1).all()
+
+
+def test_bounds_and_memory(device: wp.Device) -> None:
+    source = gaussians([(1.0, 0.0, 0.0)], [RED], scales=0.1, opacities=1.0, least=float(np.exp(-2.0)))
+    scene = wc.from_newton(*model_of(Placed(source, (0.0, 0.0, 1.0), scale=(1.0, 2.0, 1.0)), device=device))
+    low, high = scene.bounds()
+    assert low == pytest.approx((0.8, -0.4, 0.8), abs=1e-4)
+    assert high == pytest.approx((1.2, 0.4, 1.2), abs=1e-4)
+    memory = wc.estimate_memory(scene, [eye(outputs=("rgb",))])
+    assert memory.scratch >= 33 * 25 * (4 + 2)  # depth and shape, which the trace leaves for the clouds
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"positions": [(0.0, np.nan, 0.0)]}, "positions must be finite, got .* at Gaussian 0"),
+        ({"opacities": [np.inf]}, "opacities must be finite, got inf at Gaussian 0"),
+        ({"rotations": [(0.0, 0.0, 0.0, 0.0)]}, "rotations must be quaternions of any length but 0"),
+    ],
+)
+def test_bad_gaussians_are_named(device: wp.Device, changes: dict[str, Any], message: str) -> None:
+    values = {"positions": np.zeros((1, 3)), **changes}
+    cloud = Cloud(
+        name="garden",
+        positions=np.asarray(values["positions"], np.float32),
+        rotations=np.asarray(values.get("rotations", [(1.0, 0.0, 0.0, 0.0)]), np.float32),
+        scales=np.ones((1, 3), np.float32),
+        opacities=np.asarray(values.get("opacities", [1.0]), np.float32),
+        colors=np.ones((1, 3), np.float32),
+        least_response=0.1,
+    )
+    with pytest.raises(wc.WarpcamError, match="splats 'garden': " + message):
+        pack_splats([cloud], [0], device)
+
+
+def test_too_many_clouds_are_counted(device: wp.Device) -> None:
+    with pytest.raises(wc.WarpcamError, match="splats: 129 shapes came, at most 128 are allowed"):
+        pack_splats([], range(129), device)
