@@ -70,7 +70,7 @@ class NewtonSource:
             num_worlds=num_worlds,
             shape_types=tables.kinds,
             shape_bodies=np.full(len(tables.kinds), -1, np.int32),
-            drawn=range(len(tables.kinds)),
+            drawn=np.flatnonzero(tables.kinds != types.SPLATS).tolist(),
             bodies=layout.body_names,
             cameras=(),
             num_materials=1 + len(layout.textures),
@@ -83,6 +83,7 @@ class NewtonSource:
             body_labels=model.body_label,
             body_places=layout.body_places,
             scaled=True,
+            clouds=layout.clouds,
         )
         self._out = WorldShapes()
         self._out.ids = wp.array(layout.ids, dtype=wp.int32, ndim=2, device=self.device)
