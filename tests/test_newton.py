@@ -492,17 +492,6 @@ def test_an_empty_model_shows_nothing(device: wp.Device) -> None:
     assert np.isinf(seen["depth"]).all()
 
 
-def test_splats_are_named_and_left_out(device: wp.Device, caplog: pytest.LogCaptureFixture) -> None:
-    builder = newton_scenes.zoo()
-    splats = newton.Gaussian(np.zeros((3, 3), np.float32))
-    builder.add_shape_gaussian(-1, gaussian=splats, label="garden")
-    model, state = finalize(builder, device)
-    with caplog.at_level("WARNING", logger="warpcam"):
-        scene = wc.from_newton(model, state)
-    assert "Gaussian splats are not drawn: shapes 'garden'" in caplog.text
-    assert scene.tables().num_drawn == 11
-
-
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [

@@ -42,7 +42,14 @@ __all__ = [
 ]
 
 
-def from_mujoco_warp(mjm: _Any, m: _Any, d: _Any, *, groups: _Collection[int] = (0, 1, 2)) -> Scene:
+def from_mujoco_warp(
+    mjm: _Any,
+    m: _Any,
+    d: _Any,
+    *,
+    groups: _Collection[int] = (0, 1, 2),
+    draw: _Collection[str] = ("geoms", "sites", "tendons", "flexes", "skins"),
+) -> Scene:
     """The worlds of a MuJoCo-Warp simulation, read where they lie: nothing that changes is copied.
 
     What a world may change in ``m`` and ``d`` is seen at the next render: poses, sizes, colours, materials, lights,
@@ -52,23 +59,33 @@ def from_mujoco_warp(mjm: _Any, m: _Any, d: _Any, *, groups: _Collection[int] = 
         mjm: The host's ``mujoco.MjModel``.
         m: The ``mujoco_warp.Model`` put from it.
         d: The ``mujoco_warp.Data``; its device is the scene's.
-        groups: Geom groups that are drawn.
+        groups: Groups that are drawn, of geoms and of all else.
+        draw: What is drawn, as MuJoCo's own renderer does unless told. ``segmentation`` gives geoms their ids; sites,
+            tendons, flexes and skins count on from there: see ``Scene.objects``.
     """
-    scene: Scene = _source("mujoco_warp").load(mjm, m, d, groups)
+    scene: Scene = _source("mujoco_warp").load(mjm, m, d, groups, draw)
     return scene
 
 
-def from_mujoco(mjm: _Any, mjd: _Any, *, groups: _Collection[int] = (0, 1, 2), device: _Any = None) -> Scene:
+def from_mujoco(
+    mjm: _Any,
+    mjd: _Any,
+    *,
+    groups: _Collection[int] = (0, 1, 2),
+    draw: _Collection[str] = ("geoms", "sites", "tendons", "flexes", "skins"),
+    device: _Any = None,
+) -> Scene:
     """Worlds of classic MuJoCo, copied to the device before each frame.
 
     Args:
         mjm: The ``mujoco.MjModel``. What changes in it is seen at the next render, but for meshes, height fields and
             textures, which are read once.
         mjd: A ``mujoco.MjData``, or a list with one for each world.
-        groups: Geom groups that are drawn.
+        groups: Groups that are drawn, of geoms and of all else.
+        draw: What is drawn: see ``from_mujoco_warp``.
         device: Where to render: a name, a Warp or torch device, a CUDA ordinal; None is Warp's current device.
     """
-    scene: Scene = _source("mujoco").load(mjm, mjd, groups, device)
+    scene: Scene = _source("mujoco").load(mjm, mjd, groups, device, draw)
     return scene
 
 

@@ -10,6 +10,7 @@ from typing import Protocol
 import numpy as np
 
 from warpcam.accel.meshes import Mesh
+from warpcam.accel.splats import Cloud
 from warpcam.kernels.types import BOX, CAPSULE, CONE, CYLINDER, ELLIPSOID, MESH, PLANE, SPHERE
 from warpcam.sources import lathe
 
@@ -25,12 +26,14 @@ class Fitted:
         rotation: (3, 3), proper.
         size: (3,) [m].
         mesh: For type MESH.
+        cloud: For type SPLATS.
     """
 
     type: int
     rotation: np.ndarray
     size: np.ndarray
     mesh: Mesh | None = None
+    cloud: Cloud | None = None
 
 
 class Form(Protocol):
