@@ -70,8 +70,9 @@ class Parts:
         textures: What ``material_textures`` counts.
         skybox: Index of the texture behind everything, or -1.
         horizon: How far the source's own renderer draws endless planes [m]; 0 if it has none.
-        shape_instances: (shape,) int32, which replicated thing each is part of, or -1; None if nobody knows.
-        shape_semantics: (shape,) int32, its label's number, 0 for none; None if nobody knows.
+        shape_instances: (shape,) or (world or 1, shape) int32, which replicated thing each is part of, or -1; None if
+            nobody knows.
+        shape_semantics: Likewise its label's number, 0 for none.
         shape_ids: (world, shape) int32, what the source calls a shape in each world, -1 where a world lacks it; None
             where it is called the same in all: by its place here.
         body_ids: (world, shape) int32, with ``shape_ids``: the same of its body, instead of ``shape_bodies``.
@@ -217,7 +218,10 @@ class Scene:
         self._bodies = wp.array(parts.shape_bodies.astype(np.int32), dtype=wp.int32, device=self.device)
         self._labels = {
             name: wp.array(
-                np.full(len(parts.shape_types), none) if values is None else values, dtype=wp.int32, device=self.device
+                np.atleast_2d(np.full(len(parts.shape_types), none) if values is None else values),
+                dtype=wp.int32,
+                ndim=2,
+                device=self.device,
             )
             for name, values, none in (
                 ("instances", parts.shape_instances, -1),

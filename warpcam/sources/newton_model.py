@@ -155,7 +155,10 @@ class Sources:
         if key not in self._materials:
             pixels = None
             try:
-                pixels = newton.utils.normalize_texture(newton.utils.load_texture(texture), require_channels=True)
+                image = newton.utils.load_texture(texture)
+                if image is not None and image.ndim == 3 and image.shape[2] == 1:
+                    image = image[..., 0]
+                pixels = newton.utils.normalize_texture(image, require_channels=True)
             except (OSError, ValueError, IndexError) as error:
                 _warn("shape '%s': %s", label, error)
             if pixels is None:

@@ -16,9 +16,10 @@ from warpcam.sources.usd_material import MaterialReader
 from warpcam.sources.usd_mesh import MeshReader
 from warpcam.sources.usd_solids import SOLIDS, back_of, read_solid, update_solid
 from warpcam.sources.usd_splats import KIND, read_splats
+from warpcam.sources.usd_strands import STRANDS, StrandReader
 
 MAX_DEPTH = 64  # of point instancers in each other
-NOT_DRAWN = ("BasisCurves", "NurbsCurves", "HermiteCurves", "NurbsPatch", "Points", "Volume", "ParticleField")
+NOT_DRAWN = ("NurbsCurves", "HermiteCurves", "NurbsPatch", "Volume", "ParticleField")
 RIGID_BODY = "PhysicsRigidBodyAPI"
 
 
@@ -39,6 +40,7 @@ class StageReader:
         self._unit = unit
         self._materials = MaterialReader(graph, notes)
         self._meshes = MeshReader(self._materials, double_sided, notes)
+        self._strands = StrandReader(self._materials, notes)
         self._solids: dict[Sdf.Path, Form] = {}
         self._clouds: dict[Sdf.Path, Form | None] = {}
         self._updates: list[Callable[[Usd.TimeCode], None]] = []
@@ -128,6 +130,8 @@ class StageReader:
             graph.items += self._meshes.read(prim, node, name, self._time)
             if prim.HasAPI(UsdLux.MeshLightAPI):
                 self._notes.remark("shines, which meshes do not here", name)
+        elif kind in STRANDS:
+            graph.items += self._strands.read(prim, node, name, self._time)
         elif kind in SOLIDS:
             key = prim.GetPrimInPrototype().GetPath() if prim.IsInstanceProxy() else prim.GetPath()
             form = self._solids.setdefault(key, read_solid(prim, self._time, self._meshes.double_sided))
