@@ -167,26 +167,24 @@ class _Reader:
             self._read_skins(start)
 
     def parts(self) -> Parts:
-        parts, mjm = self._parts, self._mjm
+        parts = self._parts
         types = np.r_[self._types, [kind for kind, _, _ in self._more]].astype(np.int32)
         ids = np.r_[self._ids, [number for _, number, _ in self._more]].astype(np.int32)
         bodies = np.r_[self._bodies, np.full(len(self._more), -1)].astype(np.int32)
-        by_world = {}
         if self._more:
             worlds = (parts.num_worlds, len(ids))
-            by_world = {
-                "shape_ids": np.ascontiguousarray(np.broadcast_to(ids, worlds)),
-                "body_ids": np.ascontiguousarray(np.broadcast_to(bodies, worlds)),
-            }
+            parts = replace(
+                parts,
+                shape_ids=np.ascontiguousarray(np.broadcast_to(ids, worlds)),
+                body_ids=np.ascontiguousarray(np.broadcast_to(bodies, worlds)),
+            )
         meshes = [*parts.meshes, *(part.mesh for part in self._moved for _ in range(parts.num_worlds))]
-        assert len(self._types) == sum(_counts(mjm))
         return replace(
             parts,
             shape_types=types,
             shape_bodies=bodies,
             drawn=sorted([*parts.drawn, *self.drawn]),
             meshes=meshes,
-            **by_world,
         )
 
     def extras(self) -> Extras:
@@ -289,7 +287,6 @@ def _flex_surface(mjm: mujoco.MjModel, start: mujoco.MjData, flex: int) -> tuple
     first, number = int(mjm.flex_shelldataadr[flex]), int(mjm.flex_shellnum[flex])
     shell = mjm.flex_shell[first : first + number * dim].reshape(-1, dim)
     vertices = start.flexvert_xpos[vertex : vertex + count]
-    where = {"num_vertices": count, "offset": radius, "by_area": False, "first_vertex": vertex, "first_point": 0}
     name = f"flex {mujoco.mj_id2name(mjm, mujoco.mjtObj.mjOBJ_FLEX, flex) or flex}"
 
     def shading(count: int) -> Shading:
@@ -299,7 +296,7 @@ def _flex_surface(mjm: mujoco.MjModel, start: mujoco.MjData, flex: int) -> tuple
     if mjm.flex_texcoordadr[flex] >= 0:
         texture = mjm.flex_texcoord[mjm.flex_texcoordadr[flex] :]
     if dim == 3:
-        hull = Hull(faces=shell, both=False, **where)
+        hull = Hull(shell, count, radius, by_area=False, first_vertex=vertex, first_point=0, both=False)
         mesh = _mesh(name, vertices + radius * _normals(vertices, shell), shell, texture, shell)
         return mesh, hull, shading(len(shell))
     first, number = int(mjm.flex_elemdataadr[flex]), int(mjm.flex_elemnum[flex])
@@ -318,7 +315,8 @@ def _flex_surface(mjm: mujoco.MjModel, start: mujoco.MjData, flex: int) -> tuple
     corners = np.concatenate((mapped, mapped[:, back], np.stack((a, b, b), axis=1), np.stack((b, a, a), axis=1)))
     normals = radius * _normals(vertices, sheet)
     mesh = _mesh(name, np.concatenate((vertices + normals, vertices - normals)), faces, texture, corners)
-    return mesh, Hull(faces=sheet, both=True, **where), shading(2 * number)
+    hull = Hull(sheet, count, radius, by_area=False, first_vertex=vertex, first_point=0, both=True)
+    return mesh, hull, shading(2 * number)
 
 
 def _skin_surface(mjm: mujoco.MjModel, skin: int) -> tuple[Mesh, Hull, Shading]:
