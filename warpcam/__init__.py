@@ -90,7 +90,12 @@ def from_mujoco(
 
 
 def from_newton(
-    model: _Any, state: _Any, *, lights: _Sequence[Light] | None = None, ambient: _Any = (0.2, 0.2, 0.2)
+    model: _Any,
+    state: _Any,
+    *,
+    lights: _Sequence[Light] | None = None,
+    ambient: _Any = (0.2, 0.2, 0.2),
+    semantics: _Mapping[str, int] | None = None,
 ) -> Scene:
     """The worlds of a Newton simulation, whichever solver moves it, read where they lie.
 
@@ -98,8 +103,8 @@ def from_newton(
     ``shape_opacity`` and ``shape_flags`` is seen at the next render; types, meshes, height fields and textures are read
     once. A solver that goes back and forth between two states needs ``scene.bind(state)`` before the next render.
 
-    ``segmentation`` gives Newton's shape index, ``bodies`` its body index. A camera's parent is a body's label or
-    index; in every world the camera rides on the body of that name.
+    ``segmentation`` gives Newton's shape index, ``bodies`` its body index, ``instances`` its articulation index. A
+    camera's parent is a body's label or index; in every world the camera rides on the body of that name.
 
     Args:
         model: A ``newton.Model``; its device is the scene's.
@@ -107,8 +112,10 @@ def from_newton(
         lights: Newton has none of its own. None is one from above, as in Newton's own renderer. What a world may change
             lies in ``scene.array("light_directions")`` and the like, (world, light).
         ambient: (3,) light that is everywhere.
+        semantics: Number of each label in the output ``semantics``: of a shape, a body or an articulation, or some of
+            the parts of its path.
     """
-    scene: Scene = _source("newton", "newton").load(model, state, lights, ambient)
+    scene: Scene = _source("newton", "newton").load(model, state, lights, ambient, semantics)
     return scene
 
 

@@ -17,6 +17,7 @@ from warpcam.kernels.refit import Tree
 from warpcam.light import Light, light_arrays
 from warpcam.mounting import per_world
 from warpcam.scene import FIELDS, Parts, Scene
+from warpcam.sources.newton_labels import read_labels
 from warpcam.sources.newton_model import Layout, read_layout
 from warpcam.sources.newton_soft import Soft, read_soft
 from warpcam.sources.newton_visual import Moves, Visual, read_visuals, with_visuals
@@ -48,7 +49,14 @@ class NewtonSource:
 
     live_on_device = True
 
-    def __init__(self, model: newton.Model, state: newton.State, lights: Sequence[Light] | None, ambient: Any):
+    def __init__(
+        self,
+        model: newton.Model,
+        state: newton.State,
+        lights: Sequence[Light] | None,
+        ambient: Any,
+        semantics: Mapping[str, int] | None,
+    ):
         self.device: wp.Device = model.device
         self._model = model
         self._check_state(state)
@@ -61,6 +69,7 @@ class NewtonSource:
         if lights is None:
             lights = (default_light(model),)
         tables = Columns(layout, soft, first_texture)
+        instances, marks = read_labels(model, tables.ids, tables.bodies, semantics)
         self._arrays = _tables(layout, tables, num_worlds, self.device)
         self._arrays.update(light_arrays(lights, num_worlds, self.device))
         headlight = np.zeros((3, 3), np.float32)
@@ -70,7 +79,7 @@ class NewtonSource:
             num_worlds=num_worlds,
             shape_types=tables.kinds,
             shape_bodies=np.full(len(tables.kinds), -1, np.int32),
-            drawn=range(len(tables.kinds)),
+            drawn=np.flatnonzero(tables.kinds != types.SPLATS).tolist(),
             bodies=layout.body_names,
             cameras=(),
             num_materials=1 + len(layout.textures),
@@ -78,11 +87,14 @@ class NewtonSource:
             meshes=[*layout.meshes, *soft.meshes()],
             height_fields=layout.height_fields,
             textures=layout.textures,
+            shape_instances=instances,
+            shape_semantics=marks,
             shape_ids=tables.ids,
             body_ids=tables.bodies,
             body_labels=model.body_label,
             body_places=layout.body_places,
             scaled=True,
+            clouds=layout.clouds,
         )
         self._out = WorldShapes()
         self._out.ids = wp.array(layout.ids, dtype=wp.int32, ndim=2, device=self.device)
@@ -262,7 +274,7 @@ def _tables(layout: Layout, tables: Columns, num_worlds: int, device: wp.Device)
     return arrays
 
 
-def load(model: Any, state: Any, lights: Any, ambient: Any) -> Scene:
+def load(model: Any, state: Any, lights: Any, ambient: Any, semantics: Any) -> Scene:
     if not isinstance(model, newton.Model):
         raise WarpcamError(f"model must be a newton.Model, got {type(model).__name__}")
-    return Scene(NewtonSource(model, state, lights, ambient))
+    return Scene(NewtonSource(model, state, lights, ambient, semantics))
