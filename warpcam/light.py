@@ -8,7 +8,7 @@ import numpy as np
 import warp as wp
 
 from warpcam.errors import WarpcamError
-from warpcam.kernels.types import LIGHT_DIRECTIONAL, LIGHT_SPOT
+from warpcam.kernels.types import FORM_POINT, LIGHT_DIRECTIONAL, LIGHT_SPOT
 from warpcam.mounting import per_world
 
 NO_CUTOFF = 180.0  # [degrees]: shines all around
@@ -46,7 +46,7 @@ class Light:
 
 
 def light_arrays(lights: Any, num_worlds: int, device: wp.Device) -> Mapping[str, wp.array]:
-    """The fields of ``scene.FIELDS`` that begin with "light_", each (world, light), to be written in place.
+    """The fields of ``scene.FIELDS`` and ``PHYSICAL_FIELDS`` that begin with "light_", each (world, light), to be written in place.
 
     Raises:
         WarpcamError: A light cannot be used; the message names it.
@@ -73,6 +73,10 @@ def light_arrays(lights: Any, num_worlds: int, device: wp.Device) -> Mapping[str
         for index, row in enumerate(rows):
             values[:, index] = row[name]
         arrays[f"light_{name}"] = wp.array(values, dtype=dtype, device=device)
+    arrays["light_forms"] = wp.full((1, len(rows)), FORM_POINT, dtype=wp.int32, device=device)
+    arrays["light_sizes"] = wp.zeros((1, len(rows)), dtype=wp.vec3, device=device)
+    upright = np.tile(np.eye(3, dtype=np.float32), (num_worlds, len(rows), 1, 1))
+    arrays["light_rotations"] = wp.array(upright, dtype=wp.mat33, ndim=2, device=device)
     return arrays
 
 

@@ -15,7 +15,7 @@ from warpcam.kernels.launch import Stage
 from warpcam.kernels.refit import Tree
 from warpcam.light import Light, light_arrays
 from warpcam.mounting import per_world
-from warpcam.scene import FIELDS, Parts, Scene
+from warpcam.scene import FIELDS, PHYSICAL_FIELDS, Parts, Scene
 from warpcam.sources.newton_model import Layout, read_layout
 from warpcam.sources.newton_soft import Soft, read_soft
 
@@ -39,6 +39,7 @@ LIVE_SOFT: Mapping[str, tuple[str, Any]] = {
 SOFT_ID, PARTICLE_ID = -3, -2
 DOWN = (-0.57735026, 0.57735026, -0.57735026)  # where Newton's own light shines where z is up
 AMBIENT = (0.2, 0.2, 0.2)
+REFLECTANCE = 0.04  # of what is no metal, where light falls straight
 
 
 class NewtonSource:
@@ -68,7 +69,7 @@ class NewtonSource:
             drawn=range(len(tables.kinds)),
             bodies=layout.body_names,
             cameras=(),
-            num_materials=1 + len(layout.textures),
+            num_materials=len(layout.finishes),
             num_lights=len(lights),
             meshes=[*layout.meshes, *soft.meshes()],
             height_fields=layout.height_fields,
@@ -78,6 +79,7 @@ class NewtonSource:
             body_labels=model.body_label,
             body_places=layout.body_places,
             scaled=True,
+            physical=True,
         )
         self._out = WorldShapes()
         self._out.ids = wp.array(layout.ids, dtype=wp.int32, ndim=2, device=self.device)
@@ -224,11 +226,11 @@ class Columns:
 
 def _tables(layout: Layout, tables: Columns, num_worlds: int, device: wp.Device) -> dict[str, wp.array]:
     """The live arrays but those of lights, with what the gathering does not write."""
-    columns, places, materials = len(tables.kinds), len(layout.body_names), 1 + len(layout.textures)
+    columns, places, materials = len(tables.kinds), len(layout.body_names), len(layout.finishes)
     widths = {"shapes": columns, "bodies": places, "cameras": 0, "materials": materials}
     arrays = {
         name: wp.zeros((num_worlds, widths[field.rows], *field.more), dtype=field.dtype, device=device)
-        for name, field in FIELDS.items()
+        for name, field in (FIELDS | PHYSICAL_FIELDS).items()
         if field.rows in widths and name not in ("shape_assets", "shape_materials")
     }
     arrays["shape_assets"] = wp.array(tables.assets, dtype=wp.int32, ndim=2, device=device)
@@ -237,8 +239,13 @@ def _tables(layout: Layout, tables: Columns, num_worlds: int, device: wp.Device)
     arrays["material_color"].fill_(wp.vec4(0.5, 0.5, 0.5, 1.0))
     arrays["material_texture_repeat"].fill_(wp.vec2(1.0, 1.0))
     textures = np.full((num_worlds, materials, 2), -1, np.int32)
-    textures[:, 1:, 1] = np.arange(len(layout.textures))
+    rough, metal, images = zip(*layout.finishes, strict=True)
+    textures[:, :, types.ROLE_COLOR] = images
     arrays["material_texture"].assign(textures)
+    for name, values in (("roughness", rough), ("metallic", metal)):
+        arrays[f"material_{name}"].assign(np.tile(np.float32(values), (num_worlds, 1)))
+    arrays["material_reflectance"].fill_(REFLECTANCE)
+    arrays["sky"] = wp.zeros((1, types.SKY_TERMS + 1), dtype=wp.vec3, device=device)
     return arrays
 
 
