@@ -170,8 +170,8 @@ class Lights:
 class Physical:
     """What physically based scenes have beside Materials and Lights, whose colours mean another thing here.
 
-    A light's diffuse and specular colours are what a white surface that faces it shows: of a directional light anywhere,
-    of a point 1 m away, if its attenuation says so; of lights of a size they are its radiance. All of it linear.
+    A light's diffuse and specular colours are what a white surface that faces it shows: of a directional light
+    anywhere, of a point as its attenuation has it; of lights of a size they are its radiance. All of it linear.
     """
 
     plain: Lights

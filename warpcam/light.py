@@ -46,7 +46,7 @@ class Light:
 
 
 def light_arrays(lights: Any, num_worlds: int, device: wp.Device) -> Mapping[str, wp.array]:
-    """The fields of ``scene.FIELDS`` and ``PHYSICAL_FIELDS`` that begin with "light_", each (world, light), to be written in place.
+    """The scene's fields that begin with "light_", each (world, light), to be written in place.
 
     Raises:
         WarpcamError: A light cannot be used; the message names it.

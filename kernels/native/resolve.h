@@ -234,7 +234,7 @@ WARPCAM_FN void resolve(const Scene_& scene, const Lights& lights, int index)
     using Looks = Look<TYPES, Wants>;
     constexpr int KEPT = CAPACITY * int(sizeof(Looks)) <= 44032 && (Wants::SURFACE || Wants::COLORED) ? CAPACITY : 0;
     WARPCAM_SHARED Looks looks[KEPT > 0 ? KEPT : 1];
-    WARPCAM_SHARED typename Either<Wants::COATED, LampList, LightList>::type list;
+    WARPCAM_SHARED typename Either<(FACTS & PHYSICAL) != 0, LampList, LightList>::type list;
     WARPCAM_SHARED Camera kept_camera;
     const auto& frame = scene.frame;
     const int thread = index % THREADS, block = index / THREADS;

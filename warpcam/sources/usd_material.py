@@ -159,7 +159,7 @@ class MaterialReader:
         key = (asset.resolvedPath or asset.path, turn.tobytes())
         if key not in self._skies:
             pixels = self._load(asset, "", where)
-            self._skies[key] = None if pixels is None else looks.sky_of_panorama(LINEAR[_rgb(pixels)], turn)
+            self._skies[key] = None if pixels is None else looks.sky_of_panorama(_rgb(pixels), turn)
         return self._skies[key]
 
     def add_skybox(self, prim: Usd.Prim, time: Usd.TimeCode) -> None:
