@@ -42,7 +42,14 @@ __all__ = [
 ]
 
 
-def from_mujoco_warp(mjm: _Any, m: _Any, d: _Any, *, groups: _Collection[int] = (0, 1, 2)) -> Scene:
+def from_mujoco_warp(
+    mjm: _Any,
+    m: _Any,
+    d: _Any,
+    *,
+    groups: _Collection[int] = (0, 1, 2),
+    draw: _Collection[str] = ("geoms", "sites", "tendons", "flexes", "skins"),
+) -> Scene:
     """The worlds of a MuJoCo-Warp simulation, read where they lie: nothing that changes is copied.
 
     What a world may change in ``m`` and ``d`` is seen at the next render: poses, sizes, colours, materials, lights,
@@ -52,28 +59,43 @@ def from_mujoco_warp(mjm: _Any, m: _Any, d: _Any, *, groups: _Collection[int] = 
         mjm: The host's ``mujoco.MjModel``.
         m: The ``mujoco_warp.Model`` put from it.
         d: The ``mujoco_warp.Data``; its device is the scene's.
-        groups: Geom groups that are drawn.
+        groups: Groups that are drawn, of geoms and of all else.
+        draw: What is drawn, as MuJoCo's own renderer does unless told. ``segmentation`` gives geoms their ids; sites,
+            tendons, flexes and skins count on from there: see ``Scene.objects``.
     """
-    scene: Scene = _source("mujoco_warp").load(mjm, m, d, groups)
+    scene: Scene = _source("mujoco_warp").load(mjm, m, d, groups, draw)
     return scene
 
 
-def from_mujoco(mjm: _Any, mjd: _Any, *, groups: _Collection[int] = (0, 1, 2), device: _Any = None) -> Scene:
+def from_mujoco(
+    mjm: _Any,
+    mjd: _Any,
+    *,
+    groups: _Collection[int] = (0, 1, 2),
+    draw: _Collection[str] = ("geoms", "sites", "tendons", "flexes", "skins"),
+    device: _Any = None,
+) -> Scene:
     """Worlds of classic MuJoCo, copied to the device before each frame.
 
     Args:
         mjm: The ``mujoco.MjModel``. What changes in it is seen at the next render, but for meshes, height fields and
             textures, which are read once.
         mjd: A ``mujoco.MjData``, or a list with one for each world.
-        groups: Geom groups that are drawn.
+        groups: Groups that are drawn, of geoms and of all else.
+        draw: What is drawn: see ``from_mujoco_warp``.
         device: Where to render: a name, a Warp or torch device, a CUDA ordinal; None is Warp's current device.
     """
-    scene: Scene = _source("mujoco").load(mjm, mjd, groups, device)
+    scene: Scene = _source("mujoco").load(mjm, mjd, groups, device, draw)
     return scene
 
 
 def from_newton(
-    model: _Any, state: _Any, *, lights: _Sequence[Light] | None = None, ambient: _Any = (0.2, 0.2, 0.2)
+    model: _Any,
+    state: _Any,
+    *,
+    lights: _Sequence[Light] | None = None,
+    ambient: _Any = (0.2, 0.2, 0.2),
+    semantics: _Mapping[str, int] | None = None,
 ) -> Scene:
     """The worlds of a Newton simulation, whichever solver moves it, read where they lie.
 
@@ -81,8 +103,8 @@ def from_newton(
     ``shape_opacity`` and ``shape_flags`` is seen at the next render; types, meshes, height fields and textures are read
     once. A solver that goes back and forth between two states needs ``scene.bind(state)`` before the next render.
 
-    ``segmentation`` gives Newton's shape index, ``bodies`` its body index. A camera's parent is a body's label or
-    index; in every world the camera rides on the body of that name.
+    ``segmentation`` gives Newton's shape index, ``bodies`` its body index, ``instances`` its articulation index. A
+    camera's parent is a body's label or index; in every world the camera rides on the body of that name.
 
     Args:
         model: A ``newton.Model``; its device is the scene's.
@@ -90,8 +112,10 @@ def from_newton(
         lights: Newton has none of its own. None is one from above, as in Newton's own renderer. What a world may change
             lies in ``scene.array("light_directions")`` and the like, (world, light).
         ambient: (3,) light that is everywhere.
+        semantics: Number of each label in the output ``semantics``: of a shape, a body or an articulation, or some of
+            the parts of its path.
     """
-    scene: Scene = _source("newton", "newton").load(model, state, lights, ambient)
+    scene: Scene = _source("newton", "newton").load(model, state, lights, ambient, semantics)
     return scene
 
 

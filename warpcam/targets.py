@@ -6,7 +6,7 @@ import warp as wp
 
 from warpcam.camera import Camera
 from warpcam.errors import WarpcamError
-from warpcam.kernels import labels, resolve, shadow, visibility
+from warpcam.kernels import labels, resolve, shadow, splats, visibility
 from warpcam.kernels.launch import Group, Stage
 from warpcam.kernels.tables import Tables
 from warpcam.kernels.types import View
@@ -83,5 +83,10 @@ class Target:
                 resolve.record(
                     derived, projection, tables, views, mask, depth, shape, face, shadows, width, height, device, group
                 )
+            )
+        if tables.splats is not None:
+            stages.insert(0, splats.record_check(tables, views, mask, faults, device, group))
+            stages.append(
+                splats.record(self.images, projection, tables, views, mask, depth, shape, width, height, device, group)
             )
         return stages

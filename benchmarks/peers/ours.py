@@ -3,6 +3,7 @@
 import numpy as np
 from warpcam.benchmarks.cases import Wanted
 from warpcam.benchmarks.compare import Images
+from warpcam.benchmarks.peers import Peer
 from warpcam.benchmarks.problem import Problem
 
 import warpcam as wc
@@ -59,4 +60,10 @@ class WarpcamPeer:
         return self.renderer
 
 
-create = WarpcamPeer
+def create(problem: Problem) -> Peer:
+    """Through the simulator that the case is about."""
+    if not problem.case.newton:
+        return WarpcamPeer(problem)
+    from warpcam.benchmarks.peers.ours_newton import WarpcamOnNewton  # only where Newton is installed
+
+    return WarpcamOnNewton(problem)
