@@ -22,7 +22,7 @@ class Light:
         kind: "directional" is as far away as the sun; "point" shines all around; "spot" shines in a cone.
         direction: (3,) or (world, 3): the way it shines, world frame, of any length but 0. Not read for "point".
         position: (3,) or (world, 3) [m], world frame. Not read for "directional".
-        color: (3,) or (world, 3): what a white surface that faces it shows.
+        color: (3,) or (world, 3): what a white surface that faces it shows, linear.
         intensity: A factor of ``color``.
         ambient: (3,) or (world, 3): what every surface shows of it, whichever way it faces; not in its shadows.
         attenuation: (3,) or (world, 3): a, b, c of the strength 1 / (a + b d + c d^2) at a distance d [m].
