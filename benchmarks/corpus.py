@@ -2,8 +2,8 @@
 
     python -m warpcam.benchmarks.corpus FOLDER... [--seconds 20] [--memory 2] [--out FILE.csv]
 
-Prints a line for each file and a table at the end; the CSV has the lines. Exit code 1: some file crashed, hung, took too much memory, or
-raised something else than a WarpcamError.
+Prints a line for each file and a table at the end; the CSV has the lines. Exit code 1: some file crashed, hung, took
+too much memory, or raised something else than a WarpcamError.
 """
 
 import argparse

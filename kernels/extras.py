@@ -4,10 +4,11 @@ from typing import Any
 
 import warp as wp
 
+from .catenary import hanging_point
 from .launch import Stage, record
 
 # What stands in a column that is written each frame: Entries.what, first component. The second is the column.
-COPY, MARK, SEGMENT, EDGE = 0, 1, 2, 3
+COPY, MARK, SEGMENT, EDGE, STRING = 0, 1, 2, 3, 4
 
 
 @wp.struct
@@ -15,9 +16,13 @@ class Entries:
     """The columns that are written each frame, and what the simulator has for them."""
 
     # (entry,) COPY: a shape of its own, third component; MARK: something with a pose, third; SEGMENT: of a path,
-    # third, the segment's number, fourth; EDGE: between two vertices, third and fourth
+    # third, the segment's number, fourth; EDGE: between two vertices, third and fourth; STRING: as SEGMENT, of a path
+    # between two stops that may hang slack
     what: wp.array(dtype=wp.vec4i)
     radii: wp.array(dtype=wp.float32)  # (entry,) of segments and edges [m]
+    lengths: wp.array(dtype=wp.float32)  # (entry,) of strings [m]
+    up: wp.vec3  # where strings do not hang, unit
+    num_points: wp.int32  # of a string
     positions: wp.array2d(dtype=wp.vec3)  # (world, shape) and so on: see Shapes
     rotations: wp.array2d(dtype=wp.mat33)
     sizes: wp.array2d(dtype=wp.vec3)
@@ -88,6 +93,14 @@ def write_table(live: Entries, out: Table, first: wp.int32):
     if kind == EDGE:
         start = live.vertices[world, a]
         end = live.vertices[world, b]
+    elif kind == STRING:
+        stop = live.path_starts[world, a]
+        first_end = live.stops[world, stop]
+        second_end = live.stops[world, stop + 1]
+        start = hanging_point(first_end, second_end, live.up, live.lengths[entry], b, live.num_points)
+        end = hanging_point(first_end, second_end, live.up, live.lengths[entry], b + 1, live.num_points)
+        if start == end:
+            radius = 0.0
     else:
         stop = live.path_starts[world, a] + b
         shown = b + 1 < live.path_counts[world, a]

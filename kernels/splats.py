@@ -49,8 +49,8 @@ class Images:
     bodies: wp.array(dtype=wp.int32)
     instances: wp.array(dtype=wp.int32)
     semantics: wp.array(dtype=wp.int32)
-    instance_of: wp.array(dtype=wp.int32)  # (shape,) labels
-    semantic_of: wp.array(dtype=wp.int32)  # (shape,)
+    instance_of: wp.array2d(dtype=wp.int32)  # (world or 1, shape) labels
+    semantic_of: wp.array2d(dtype=wp.int32)  # (world or 1, shape)
 
 
 @functools.cache

@@ -34,6 +34,21 @@ PATHS = """
   </tendon>
 """
 
+STRINGS = """
+  <site name="a" pos="-.9 0 .6"/><site name="b" pos=".5 .3 .2"/><site name="c" pos="-.88 0 -.4"/><site name="e"/>
+  <body pos=".9 0 -.2"><joint type="slide" axis="0 0 1"/><geom size=".1"/><site name="d"/></body>
+"""
+HANGING = """
+  <tendon>
+    <spatial width=".03" limited="true" range="0 2.2" rgba="1 .5 0 1"><site site="a"/><site site="b"/></spatial>
+    <spatial width=".03" limited="true" range="0 2.4"><site site="c"/><site site="a"/></spatial>
+    <spatial width=".02" stiffness="10" springlength="0 1.1"><site site="e"/><site site="d"/></spatial>
+    <spatial width=".02" limited="true" range="0 .5"><site site="b"/><site site="e"/></spatial>
+    <spatial width=".02" limited="true" range=".1 3"><site site="c"/><site site="e"/></spatial>
+    <spatial width=".02" limited="true" range="0 3" damping="1"><site site="c"/><site site="b"/></spatial>
+  </tendon>
+"""
+
 
 def flexcomp(dim: int, more: str = "", **changes: str) -> str:
     """One that hangs free, of any dimension."""
@@ -87,6 +102,7 @@ def with_skin(inflate: float = 0.05, more: str = 'material="checks"') -> mujoco.
 MODELS = {
     "sites": lambda: scenes.compile_xml(SITES, assets=PICTURE),
     "tendons": lambda: scenes.compile_xml(TENDONS, assets=PICTURE, more=PATHS),
+    "strings": lambda: scenes.compile_xml(STRINGS, assets=PICTURE, more=HANGING),
     "line": lambda: with_flex(1),
     "cloth": lambda: with_flex(2),
     "flat cloth": lambda: with_flex(2, flatskin="true", material="gold"),

@@ -207,3 +207,25 @@ def test_bounds_hold_what_is_soft(device: wp.Device) -> None:
     low, high = wc.from_mujoco(mjm, mjd, device=device, draw=("flexes",)).bounds()
     assert (low <= mjd.flexvert_xpos.min(axis=0) + 1e-6).all() and (low >= mjd.flexvert_xpos.min(axis=0) - 0.06).all()
     assert (high >= mjd.flexvert_xpos.max(axis=0) - 1e-6).all() and (high <= mjd.flexvert_xpos.max(axis=0) + 0.06).all()
+
+
+def test_a_slack_string_hangs_in_a_catenary(device: wp.Device) -> None:
+    """y = a cosh(x / a), whose length between -1 and 1 is 2 a sinh(1 / a)."""
+    flatness = 0.7
+    ends = '<site pos="-1 0 0" name="a" size=".001"/><site pos="1 0 0" name="b" size=".001"/>'
+    string = f'<spatial width=".01" limited="true" range="0 {2.0 * flatness * np.sinh(1.0 / flatness)}">'
+    path = f'<tendon>{string}<site site="a"/><site site="b"/></spatial></tendon>'
+    mjm = scenes.compile_xml(ends, more=path)
+    mjm.vis.quality.numslices = 99
+    camera = scenes.own_camera(
+        position=(0.0, -3.0, -0.5), rotation=(0.70710678, 0.70710678, 0.0, 0.0), lens=wc.Orthographic(height=3.0),
+        width=300, height=300, outputs=("segmentation",),
+    )  # fmt: skip
+    seen = scenes.look(wc.from_mujoco(mjm, scenes.forward(mjm), device=device), camera)["segmentation"][0]
+    row, column = np.nonzero(seen == 2)
+    x, z = (column + 0.5) * 0.01 - 1.5, 1.0 - (row + 0.5) * 0.01
+    inside = np.abs(x) < 0.95
+    assert inside.sum() > 100
+    lowest = flatness * np.cosh(1.0 / flatness)
+    assert np.abs(z - (flatness * np.cosh(x / flatness) - lowest))[inside].max() < 0.02
+    assert np.abs(z[np.abs(x) < 0.05].mean() - (flatness - lowest)) < 0.005

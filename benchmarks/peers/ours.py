@@ -17,7 +17,7 @@ class WarpcamPeer:
 
     def __init__(self, problem: Problem) -> None:
         self.problem = problem
-        self.scene = wc.from_mujoco_warp(problem.mjm, problem.m, problem.d)
+        self.scene = wc.from_mujoco_warp(problem.mjm, problem.m, problem.d, draw=("geoms",))  # as peers do
         self.renderer: wc.Renderer | None = None
 
     def release(self) -> None:

@@ -313,9 +313,9 @@ WARPCAM_FN void draw_splat_pixel(const Scene& scene, const Cloud* clouds, int nu
     if (WANTED & SPLAT_BODIES)
         images.bodies.data[at] = body_of<(WANTED & SPLAT_BY_WORLD) != 0>(scene.shapes, world, hit.shape);
     if (WANTED & SPLAT_INSTANCES)
-        images.instances.data[at] = wp::index(images.instance_of, hit.shape);
+        images.instances.data[at] = row_of(images.instance_of, world, hit.shape);
     if (WANTED & SPLAT_SEMANTICS)
-        images.semantics.data[at] = wp::index(images.semantic_of, hit.shape);
+        images.semantics.data[at] = row_of(images.semantic_of, world, hit.shape);
 }
 
 // Draws one region of one view; `index` counts worlds, then regions, then (CUDA) threads of the block. CAPACITY: clouds.

@@ -13,7 +13,7 @@ import numpy as np
 
 from warpcam.accel.meshes import Mesh
 from warpcam.errors import WarpcamError
-from warpcam.kernels.extras import COPY, EDGE, MARK, SEGMENT
+from warpcam.kernels.extras import COPY, EDGE, MARK, SEGMENT, STRING
 from warpcam.kernels.refit import Shading
 from warpcam.kernels.swell import Hull
 from warpcam.kernels.types import CAPSULE, CYLINDER, MESH, SPHERE
@@ -27,6 +27,7 @@ OBJECTS = (
     mujoco.mjtObj.mjOBJ_FLEX,
     mujoco.mjtObj.mjOBJ_SKIN,
 )
+MAX_STRING = 100  # points of a tendon that hangs slack
 DEFAULT_COLOR = (0.5, 0.5, 0.5, 1.0)
 
 
@@ -66,6 +67,9 @@ class Extras:
         num_columns: Of the table, with those of the geoms.
         entries: (entry, 4) int32, what is written each frame: see ``kernels.extras.Entries``.
         radii: (entry,) float32.
+        lengths: (entry,) float32, of strings [m].
+        up: (3,) against gravity, unit.
+        num_points_of_string: How many.
         sizes: (column, 3) float32, and so on: of the columns beside the geoms' what never changes.
         materials: (column,) int32.
         colors: (column, 4) float32.
@@ -79,6 +83,9 @@ class Extras:
     num_columns: int
     entries: np.ndarray
     radii: np.ndarray
+    lengths: np.ndarray
+    up: np.ndarray
+    num_points_of_string: int
     sizes: np.ndarray
     materials: np.ndarray
     colors: np.ndarray
@@ -91,7 +98,7 @@ class Extras:
     @property
     def lines(self) -> bool:
         """Whether sizes are written each frame."""
-        return bool(np.isin(self.entries[:, 0], (SEGMENT, EDGE)).any())
+        return bool(np.isin(self.entries[:, 0], (SEGMENT, EDGE, STRING)).any())
 
     def reads(self, kind: int) -> bool:
         return bool((self.entries[:, 0] == kind).any())
@@ -145,6 +152,8 @@ class _Reader:
         self._materials, self._assets = np.full(total, -1, np.int32), np.full(total, -1, np.int32)
         self._entries = [(COPY, geom, geom, 0) for geom in parts.drawn]
         self._radii = [0.0] * len(self._entries)
+        self._lengths: dict[int, float] = {}
+        self._string_points = min(int(mjm.vis.quality.numslices) + 1, MAX_STRING)
         self._more: list[tuple[int, int, int]] = []  # columns beyond: type, id, row of what is static
         self._moved: list[Moved] = []
         self._points = 0
@@ -167,26 +176,24 @@ class _Reader:
             self._read_skins(start)
 
     def parts(self) -> Parts:
-        parts, mjm = self._parts, self._mjm
+        parts = self._parts
         types = np.r_[self._types, [kind for kind, _, _ in self._more]].astype(np.int32)
         ids = np.r_[self._ids, [number for _, number, _ in self._more]].astype(np.int32)
         bodies = np.r_[self._bodies, np.full(len(self._more), -1)].astype(np.int32)
-        by_world = {}
         if self._more:
             worlds = (parts.num_worlds, len(ids))
-            by_world = {
-                "shape_ids": np.ascontiguousarray(np.broadcast_to(ids, worlds)),
-                "body_ids": np.ascontiguousarray(np.broadcast_to(bodies, worlds)),
-            }
+            parts = replace(
+                parts,
+                shape_ids=np.ascontiguousarray(np.broadcast_to(ids, worlds)),
+                body_ids=np.ascontiguousarray(np.broadcast_to(bodies, worlds)),
+            )
         meshes = [*parts.meshes, *(part.mesh for part in self._moved for _ in range(parts.num_worlds))]
-        assert len(self._types) == sum(_counts(mjm))
         return replace(
             parts,
             shape_types=types,
             shape_bodies=bodies,
             drawn=sorted([*parts.drawn, *self.drawn]),
             meshes=meshes,
-            **by_world,
         )
 
     def extras(self) -> Extras:
@@ -195,6 +202,9 @@ class _Reader:
             num_columns=len(rows),
             entries=np.array(self._entries, np.int32).reshape(-1, 4),
             radii=np.array(self._radii, np.float32),
+            lengths=np.array([self._lengths.get(entry, 0.0) for entry in range(len(self._entries))], np.float32),
+            up=_up(self._mjm),
+            num_points_of_string=self._string_points,
             sizes=self._sizes[rows],
             materials=self._materials[rows],
             colors=self._colors[rows],
@@ -225,6 +235,13 @@ class _Reader:
                 continue
             row = self._column(2, tendon, mjm.tendon_group, mjm.tendon_rgba, mjm.tendon_matid)
             if row < 0:
+                continue
+            length = _string_length(mjm, tendon)
+            if length > 0.0:
+                for segment in range(self._string_points - 1):
+                    column = self._beyond(CAPSULE, row)
+                    self._lengths[len(self._entries)] = length
+                    self._add((STRING, column, tendon, segment), column, float(mjm.tendon_width[tendon]))
                 continue
             around = np.isin(path, (wrap.mjWRAP_SPHERE, wrap.mjWRAP_CYLINDER))  # touched at two points
             for segment in range(len(path) + int(around.sum()) - 1):
@@ -282,6 +299,33 @@ class _Reader:
         self.drawn.append(column)
 
 
+def _up(mjm: mujoco.MjModel) -> np.ndarray:
+    gravity = np.array(mjm.opt.gravity)
+    return -gravity / max(float(np.linalg.norm(gravity)), 1e-15)
+
+
+def _string_length(mjm: mujoco.MjModel, tendon: int) -> float:
+    """How long a tendon is that hangs slack between two sites, as MuJoCo draws it; 0 for one that never does.
+
+    It is one that nothing but an upper bound of its length holds: a limit, or a spring that is free below.
+    """
+
+    def any_of(*names: str) -> bool:
+        values = [getattr(mjm, f"tendon_{name}")[tendon] for name in names if hasattr(mjm, f"tendon_{name}")]
+        return any(np.any(value) for value in values)
+
+    stiff = any_of("stiffness", "stiffnesspoly")
+    spring, limit = mjm.tendon_lengthspring[tendon], mjm.tendon_range[tendon]
+    by_spring = stiff and spring[0] == 0.0 and spring[1] > 0.0
+    by_limit = not stiff and bool(mjm.tendon_limited[tendon]) and limit[0] == 0.0
+    driven = (mjm.actuator_trntype == mujoco.mjtTrn.mjTRN_TENDON) & (mjm.actuator_trnid[:, 0] == tendon)
+    falls = not mjm.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_GRAVITY and np.any(mjm.opt.gravity)
+    held = any_of("damping", "dampingpoly", "frictionloss") or driven.any()
+    if not falls or held or mjm.tendon_num[tendon] != 2 or by_spring == by_limit:
+        return 0.0
+    return float(limit[1] if by_limit else spring[1])
+
+
 def _flex_surface(mjm: mujoco.MjModel, start: mujoco.MjData, flex: int) -> tuple[Mesh, Hull, Shading]:
     """As MuJoCo draws it: sheets on both sides with their rims closed, or the shell of what is solid."""
     dim, vertex, count = int(mjm.flex_dim[flex]), int(mjm.flex_vertadr[flex]), int(mjm.flex_vertnum[flex])
@@ -289,7 +333,6 @@ def _flex_surface(mjm: mujoco.MjModel, start: mujoco.MjData, flex: int) -> tuple
     first, number = int(mjm.flex_shelldataadr[flex]), int(mjm.flex_shellnum[flex])
     shell = mjm.flex_shell[first : first + number * dim].reshape(-1, dim)
     vertices = start.flexvert_xpos[vertex : vertex + count]
-    where = {"num_vertices": count, "offset": radius, "by_area": False, "first_vertex": vertex, "first_point": 0}
     name = f"flex {mujoco.mj_id2name(mjm, mujoco.mjtObj.mjOBJ_FLEX, flex) or flex}"
 
     def shading(count: int) -> Shading:
@@ -299,7 +342,7 @@ def _flex_surface(mjm: mujoco.MjModel, start: mujoco.MjData, flex: int) -> tuple
     if mjm.flex_texcoordadr[flex] >= 0:
         texture = mjm.flex_texcoord[mjm.flex_texcoordadr[flex] :]
     if dim == 3:
-        hull = Hull(faces=shell, both=False, **where)
+        hull = Hull(shell, count, radius, by_area=False, first_vertex=vertex, first_point=0, both=False)
         mesh = _mesh(name, vertices + radius * _normals(vertices, shell), shell, texture, shell)
         return mesh, hull, shading(len(shell))
     first, number = int(mjm.flex_elemdataadr[flex]), int(mjm.flex_elemnum[flex])
@@ -318,7 +361,8 @@ def _flex_surface(mjm: mujoco.MjModel, start: mujoco.MjData, flex: int) -> tuple
     corners = np.concatenate((mapped, mapped[:, back], np.stack((a, b, b), axis=1), np.stack((b, a, a), axis=1)))
     normals = radius * _normals(vertices, sheet)
     mesh = _mesh(name, np.concatenate((vertices + normals, vertices - normals)), faces, texture, corners)
-    return mesh, Hull(faces=sheet, both=True, **where), shading(2 * number)
+    hull = Hull(sheet, count, radius, by_area=False, first_vertex=vertex, first_point=0, both=True)
+    return mesh, hull, shading(2 * number)
 
 
 def _skin_surface(mjm: mujoco.MjModel, skin: int) -> tuple[Mesh, Hull, Shading]:

@@ -9,7 +9,7 @@ import warp as wp
 
 from warpcam import device as device_rule
 from warpcam.errors import WarpcamError
-from warpcam.kernels.extras import EDGE, MARK, SEGMENT, Entries, Table, record_table
+from warpcam.kernels.extras import EDGE, MARK, SEGMENT, STRING, Entries, Table, record_table
 from warpcam.kernels.launch import Stage
 from warpcam.kernels.refit import Tree
 from warpcam.kernels.swell import Bones, record_pose, record_swell
@@ -44,7 +44,7 @@ def names_of(extras: Extras | None) -> dict[str, str]:
     if extras is not None:
         if extras.reads(MARK):
             names.update(MARKS)
-        if extras.reads(SEGMENT):
+        if extras.reads(SEGMENT) or extras.reads(STRING):
             names.update(PATHS)
         if extras.reads(EDGE) or any(not part.of_skin for part in extras.moved):
             names.update(VERTICES)
@@ -57,6 +57,7 @@ class ExtraTables:
     def __init__(self, extras: Extras, num_worlds: int, num_meshes: int, device: wp.Device):
         self._extras, self._num_worlds, self._first_mesh, self._device = extras, num_worlds, num_meshes, device
         self._what = wp.array(extras.entries, dtype=wp.vec4i, device=device)
+        self._lengths = wp.array(extras.lengths, dtype=wp.float32, device=device)
         self._radii = wp.array(extras.radii, dtype=wp.float32, device=device)
         self._table: dict[str, wp.array] = {}
         self._arrays: dict[str, wp.array] = {}
@@ -120,7 +121,8 @@ class ExtraTables:
     def _record(self, meshes: Meshes) -> list[Stage]:
         device, live = self._device, self._live
         entries, table = Entries(), Table()
-        entries.what, entries.radii = self._what, self._radii
+        entries.what, entries.radii, entries.lengths = self._what, self._radii, self._lengths
+        entries.up, entries.num_points = wp.vec3(*self._extras.up), self._extras.num_points_of_string
         for name in TABLE:
             setattr(entries, name, live[f"shape_{name}"])
             setattr(table, name, self._table[name])

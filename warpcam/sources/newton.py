@@ -166,10 +166,10 @@ class NewtonSource:
     def _record_soft(self, meshes: types.Meshes, flat: FlatShapes) -> list[Stage]:
         stages = []
         for part, tree in zip(self._soft.parts, self._move(meshes), strict=True):
-            moves = self._visual.get(part)
-            if moves is None:
+            if not isinstance(part, Visual):
                 stages += tree.record(flat.points)
             else:
+                moves = self._visual[part]
                 stages += [*moves.record(flat.points, flat.body_transforms), *tree.record(moves.points, moves.normals)]
         return stages
 
