@@ -9,7 +9,7 @@ import warp as wp
 from .launch import Group, Stage, native_options
 from .launch import record as record_stage
 from .tables import Tables
-from .types import Background, HeightFields, Lights, Materials, Meshes, Shapes, Textures, View
+from .types import Background, HeightFields, Lights, Materials, Meshes, Physical, Shapes, Textures, View
 from .visibility import LENSES, THREADS, region_size
 
 # The outputs made here, with the dtype and the number of channels of their arrays (world, height, width, channels), in
@@ -22,6 +22,7 @@ OUTPUTS: Mapping[str, tuple[type, int]] = {
     "albedo": (wp.uint8, 3),
 }
 
+PHYSICAL, HAS_MAPS = 1 << 8, 1 << 9  # facts beside those of _facts(): bits of native/look.h
 MAX_KEPT = 256  # shapes whose looks a block can keep
 
 
@@ -59,9 +60,14 @@ class Images:
 def _kernel(
     types: int, lens: int, capacity: int, width: int, height: int, images: int, facts: int, frame_type: Any
 ) -> wp.Kernel:
+    lights_type: Any = Lights
+    scene = "warpcam::Scene { frame, images, shapes, meshes, fields, materials, textures, background }"
+    if facts & PHYSICAL:
+        lights_type = Physical
+        scene = f"warpcam::PhysicalScene {{ {scene}, lights }}"
+
     @wp.func_native(
-        f"warpcam::resolve<{types}, {lens}, {capacity}, {width}, {height}, {images}, {facts}>(warpcam::Scene {{ "
-        "frame, images, shapes, meshes, fields, materials, textures, background }, lights, index);"
+        f"warpcam::resolve<{types}, {lens}, {capacity}, {width}, {height}, {images}, {facts}>({scene}, lights, index);"
     )
     def resolve(
         frame: frame_type,
@@ -71,7 +77,7 @@ def _kernel(
         fields: HeightFields,
         materials: Materials,
         textures: Textures,
-        lights: Lights,
+        lights: lights_type,
         background: Background,
         index: int,
     ): ...
@@ -80,7 +86,7 @@ def _kernel(
         module="unique",
         enable_backward=False,
         grid_stride=False,
-        launch_bounds=(THREADS, _blocks(images)),
+        launch_bounds=(THREADS, _blocks(images, facts)),
         module_options={"extra_build_options": native_options("resolve.h")},
     )
     def write_images(
@@ -91,7 +97,7 @@ def _kernel(
         fields: HeightFields,
         materials: Materials,
         textures: Textures,
-        lights: Lights,
+        lights: lights_type,
         background: Background,
         first: wp.int32,
     ):
@@ -168,7 +174,7 @@ def record(
         tables.height_fields,
         tables.materials,
         tables.textures,
-        tables.lights,
+        tables.physical or tables.lights,
         tables.background,
     ]
     unit = -(-width // region[0]) * -(-height // region[1]) * (THREADS if device.is_cuda else 1)  # threads a world
@@ -177,10 +183,10 @@ def record(
     )
 
 
-def _blocks(images: int) -> int:
+def _blocks(images: int, facts: int) -> int:
     """Blocks that a multiprocessor is to hold, for a set of images: bounds the registers of a thread."""
     lit, albedo = images & 0b00111, images & 0b10000
-    return 5 if lit else 7 if albedo else 8
+    return 4 if lit and facts & PHYSICAL else 5 if lit else 7 if albedo else 8
 
 
 def _capacity(tables: Tables) -> int:
@@ -191,4 +197,5 @@ def _capacity(tables: Tables) -> int:
 def _facts(tables: Tables, shadows: bool, width: int) -> int:
     """Bits of native/look.h."""
     facts = (tables.has_materials, tables.has_textures, tables.has_skybox, shadows, width % 4 == 0)
-    return sum(1 << bit for bit, fact in enumerate(facts) if fact)
+    physical = PHYSICAL * (tables.physical is not None) + HAS_MAPS * (tables.has_maps and tables.has_textures)
+    return sum(1 << bit for bit, fact in enumerate(facts) if fact) + physical

@@ -111,7 +111,7 @@ def from_newton(
         state: A ``newton.State`` of it.
         lights: Newton has none of its own. None is one from above, as in Newton's own renderer. What a world may change
             lies in ``scene.array("light_directions")`` and the like, (world, light).
-        ambient: (3,) light that is everywhere.
+        ambient: (3,) linear radiance from everywhere.
         semantics: Number of each label in the output ``semantics``: of a shape, a body or an articulation, or some of
             the parts of its path.
     """

@@ -2,6 +2,7 @@
 #pragma once
 #include "hits.h"
 #include "mapping.h"
+#include "physical.h"
 #include "shade.h"
 #include "texels.h"
 
@@ -21,6 +22,14 @@ struct Scene {
     const Background_& background;
 };
 template <class... Structs> Scene(const Structs&...) -> Scene<Structs...>;
+
+// What physical.h reads beside.
+template <class Scene_> WARPCAM_FN None physical_of(const Scene_&) { return {}; }
+template <class Scene_, class Physical_>
+WARPCAM_FN const Physical_& physical_of(const PhysicalScene<Scene_, Physical_>& scene)
+{
+    return scene.physical;
+}
 
 // Where a warp sees anything at all, its pixels that see nothing do as one of the others does, so that all its threads
 // go the same way; what they find is not used. False where it sees nothing.
@@ -87,8 +96,8 @@ struct Shown {
     Vec albedo, linear, display;
 };
 
-template <int TYPES, int LENS, int IMAGES, int FACTS, class Looks, class Scene_>
-WARPCAM_FN void resolve_surface(const Looks& look, const LightList& lights, const Scene_& scene, const Camera& camera,
+template <int TYPES, int LENS, int IMAGES, int FACTS, class Looks, class List, class Scene_>
+WARPCAM_FN void resolve_surface(const Looks& look, const List& lights, const Scene_& scene, const Camera& camera,
                                 float x, float y, const Hit& found, int shadow, Shown& shown)
 {
     using Wants = Wanted<IMAGES, FACTS>;
@@ -110,9 +119,18 @@ WARPCAM_FN void resolve_surface(const Looks& look, const LightList& lights, cons
     Vec texture { 1.0f, 1.0f, 1.0f };
     if constexpr (Wants::TEXTURED)
         texture = texture_color<TYPES, LENS>(look, scene.meshes, scene.textures, camera, surface, ray, depth);
-    if constexpr ((IMAGES & ALBEDO) != 0)
+    if constexpr (Wants::COATED)
+        texture = decoded(texture);
+    if constexpr ((IMAGES & ALBEDO) != 0) {
         shown.albedo = times(clip(to_vec(look.finish.color)), texture);
-    if constexpr (Wants::LIT) {
+        if constexpr (Wants::COATED)
+            shown.albedo = encoded(shown.albedo);
+    }
+    if constexpr (Wants::LIT && Wants::COATED) {
+        shown.linear = shade_physically<TYPES, LENS, FACTS>(look, lights, scene, camera, surface, place, ray, depth,
+                                                            texture, shadow);
+        shown.display = encoded(shown.linear);
+    } else if constexpr (Wants::LIT) {
         Facet facet;
         facet_at<TYPES>(look, scene.meshes, surface, place, facet);
         const bool three = (TYPES & (1 << PLANE | 1 << HEIGHT_FIELD | 1 << BOX | 1 << MESH)) && any_lane(facet.three);
@@ -140,13 +158,13 @@ template <int TYPES, int IMAGES, int FACTS, class Frame_> WARPCAM_FN Hit find(co
 template <int TYPES, class Wants, class Scene_>
 WARPCAM_FN Look<TYPES, Wants> look_of(const Scene_& scene, const Camera& camera, int world, int id)
 {
-    return load_look<TYPES, Wants>(scene.shapes, scene.materials, scene.textures, scene.meshes, scene.fields, camera,
-                                   scene.frame.horizon, world, id);
+    return load_look<TYPES, Wants>(scene.shapes, scene.materials, physical_of(scene), scene.textures, scene.meshes,
+                                   scene.fields, camera, scene.frame.horizon, world, id);
 }
 
 // CAPACITY: the looks a block keeps, one for each shape that may be visible; 0 if they are made anew for each pixel.
-template <int TYPES, int LENS, int CAPACITY, int IMAGES, int FACTS, class Looks, class Scene_>
-WARPCAM_FN void resolve_pixel(const Looks* looks, const LightList& lights, const Scene_& scene, const Camera& camera,
+template <int TYPES, int LENS, int CAPACITY, int IMAGES, int FACTS, class Looks, class List, class Scene_>
+WARPCAM_FN void resolve_pixel(const Looks* looks, const List& lights, const Scene_& scene, const Camera& camera,
                               int world, const Pixel& pixel, Hit found)
 {
     using Wants = Wanted<IMAGES, FACTS>;
@@ -171,9 +189,17 @@ WARPCAM_FN void resolve_pixel(const Looks* looks, const LightList& lights, const
     if (IMAGES & ALBEDO)
         put_bytes<IN_QUADS>(images.albedo, pixel, hit ? to_bytes(shown.albedo) : 0u);
     if (Wants::LIT) {
-        if (!hit)
+        if (!hit) {
             shown.linear = shown.display
                 = background_color<LENS, FACTS>(scene.textures, scene.background, camera, x, y);
+            if constexpr (Wants::COATED) {
+                shown.linear = decoded(shown.linear);
+                if constexpr ((FACTS & HAS_SKYBOX) != 0) {
+                    shown.linear = times(lights.sky.gain, shown.linear);
+                    shown.display = encoded(shown.linear);
+                }
+            }
+        }
         const unsigned word = to_bytes(shown.display);
         if (IMAGES & HDR)
             put_vec<IN_QUADS>(images.hdr, pixel, shown.linear);
@@ -208,7 +234,7 @@ WARPCAM_FN void resolve(const Scene_& scene, const Lights& lights, int index)
     using Looks = Look<TYPES, Wants>;
     constexpr int KEPT = CAPACITY * int(sizeof(Looks)) <= 44032 && (Wants::SURFACE || Wants::COLORED) ? CAPACITY : 0;
     WARPCAM_SHARED Looks looks[KEPT > 0 ? KEPT : 1];
-    WARPCAM_SHARED LightList list;
+    WARPCAM_SHARED typename Either<(FACTS & PHYSICAL) != 0, LampList, LightList>::type list;
     WARPCAM_SHARED Camera kept_camera;
     const auto& frame = scene.frame;
     const int thread = index % THREADS, block = index / THREADS;
