@@ -42,7 +42,15 @@ __all__ = [
 ]
 
 
-def from_mujoco_warp(mjm: _Any, m: _Any, d: _Any, *, groups: _Collection[int] = (0, 1, 2)) -> Scene:
+def from_mujoco_warp(
+    mjm: _Any,
+    m: _Any,
+    d: _Any,
+    *,
+    groups: _Collection[int] = (0, 1, 2),
+    reflections: bool | None = None,
+    transparency: bool | None = None,
+) -> Scene:
     """The worlds of a MuJoCo-Warp simulation, read where they lie: nothing that changes is copied.
 
     What a world may change in ``m`` and ``d`` is seen at the next render: poses, sizes, colours, materials, lights,
@@ -53,12 +61,25 @@ def from_mujoco_warp(mjm: _Any, m: _Any, d: _Any, *, groups: _Collection[int] = 
         m: The ``mujoco_warp.Model`` put from it.
         d: The ``mujoco_warp.Data``; its device is the scene's.
         groups: Geom groups that are drawn.
+        reflections: Whether planes and boxes reflect where their materials have reflectance. None is True for those that
+            do now. True is for all, whatever material they are given later; False takes no time for any.
+        transparency: Whether geoms are seen through where their colours are partly transparent. None is True for those
+            that are so now, and for planes seen from behind where there are some. True is for all geoms, whatever colour
+            is written later; False draws them solid.
     """
-    scene: Scene = _source("mujoco_warp").load(mjm, m, d, groups)
+    scene: Scene = _source("mujoco_warp").load(mjm, m, d, groups, reflections, transparency)
     return scene
 
 
-def from_mujoco(mjm: _Any, mjd: _Any, *, groups: _Collection[int] = (0, 1, 2), device: _Any = None) -> Scene:
+def from_mujoco(
+    mjm: _Any,
+    mjd: _Any,
+    *,
+    groups: _Collection[int] = (0, 1, 2),
+    device: _Any = None,
+    reflections: bool | None = None,
+    transparency: bool | None = None,
+) -> Scene:
     """Worlds of classic MuJoCo, copied to the device before each frame.
 
     Args:
@@ -67,8 +88,10 @@ def from_mujoco(mjm: _Any, mjd: _Any, *, groups: _Collection[int] = (0, 1, 2), d
         mjd: A ``mujoco.MjData``, or a list with one for each world.
         groups: Geom groups that are drawn.
         device: Where to render: a name, a Warp or torch device, a CUDA ordinal; None is Warp's current device.
+        reflections: As ``from_mujoco_warp`` has it.
+        transparency: As ``from_mujoco_warp`` has it.
     """
-    scene: Scene = _source("mujoco").load(mjm, mjd, groups, device)
+    scene: Scene = _source("mujoco").load(mjm, mjd, groups, device, reflections, transparency)
     return scene
 
 

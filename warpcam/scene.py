@@ -2,7 +2,7 @@
 
 import operator
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any, Protocol
 
 import numpy as np
@@ -27,6 +27,7 @@ from warpcam.kernels.types import (
     Meshes,
     Shapes,
 )
+from warpcam.layers import Layers
 from warpcam.lens import Projection
 
 
@@ -77,6 +78,7 @@ class Parts:
             it is. None: nothing else.
         body_places: (label,) int32.
         scaled: Whether the sizes of meshes and height fields are scales along their axes.
+        layers: What needs more than one layer: mirrors, transparent shapes, haze.
     """
 
     num_worlds: int
@@ -99,6 +101,7 @@ class Parts:
     body_labels: Sequence[str] | None = None
     body_places: np.ndarray | None = None
     scaled: bool = False
+    layers: Layers = field(default_factory=Layers)
 
 
 @dataclass(frozen=True)
@@ -220,6 +223,7 @@ class Scene:
             wp.array(np.zeros((0, 0), np.int32) if ids is None else ids, dtype=wp.int32, ndim=2, device=self.device)
             for ids in (parts.shape_ids, parts.body_ids)
         )
+        self._layers = parts.layers.tables(len(parts.shape_types), self.device)
         source.refresh()
         for stage in self.stages():
             stage.launch()
@@ -357,6 +361,7 @@ class Scene:
             has_skybox=parts.skybox >= 0,
             ids_by_world=parts.shape_ids is not None,
             horizon=parts.horizon,
+            layers=self._layers,
             labels=self._labels,
         )
 

@@ -9,6 +9,9 @@ namespace warpcam {
 enum ImageBit { RGB = 1, RGBA = 2, HDR = 4, NORMALS = 8, ALBEDO = 16 };
 // Facts of a scene and of an image.
 enum Fact { HAS_MATERIALS = 1, HAS_TEXTURES = 2, HAS_SKYBOX = 4, HAS_SHADOWS = 8, QUADS = 16 };
+// Of what one layer cannot show. MIRRORED: the view is the one from behind the mirror; REFLECTS: the images hold what is
+// seen from there; VEILED: some shapes may be transparent; HAZY: an endless plane has a haze over its horizon.
+enum LayerFact { MIRRORED = 1 << 8, REFLECTS = 1 << 9, VEILED = 1 << 10, HAZY = 1 << 11 };
 
 // What follows from a set of images and facts.
 template <int IMAGES, int FACTS> struct Wanted {
@@ -19,6 +22,7 @@ template <int IMAGES, int FACTS> struct Wanted {
     static constexpr bool TEXTURED = COLORED && MATERIAL && (FACTS & HAS_TEXTURES);
     static constexpr bool TURNED = IMAGES & NORMALS;
     static constexpr bool SURFACE = LIT || TEXTURED || TURNED;
+    static constexpr bool DIMMED = FACTS & MIRRORED;  // colours are those that the mirror shows
 };
 
 // How a shape looks, its material and its own colour resolved.

@@ -86,6 +86,7 @@ WARPCAM_FN void trace_rays(MeshRays<WORDS>& rays, const ShapeList<CAPACITY>& lis
                 if (takes) {
                     pixel = rays.pixel[mine];
                     ray = ray_of(pixel);
+                    near = near_of(ray, near);
                     depth = rays.depth[mine];
                     word = 0;
                     left = rays.waiting[0][mine];

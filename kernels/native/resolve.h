@@ -2,6 +2,7 @@
 #pragma once
 #include "hits.h"
 #include "mapping.h"
+#include "reflected.h"
 #include "shade.h"
 #include "texels.h"
 
@@ -140,8 +141,11 @@ template <int TYPES, int IMAGES, int FACTS, class Frame_> WARPCAM_FN Hit find(co
 template <int TYPES, class Wants, class Scene_>
 WARPCAM_FN Look<TYPES, Wants> look_of(const Scene_& scene, const Camera& camera, int world, int id)
 {
-    return load_look<TYPES, Wants>(scene.shapes, scene.materials, scene.textures, scene.meshes, scene.fields, camera,
-                                   scene.frame.horizon, world, id);
+    auto look = load_look<TYPES, Wants>(scene.shapes, scene.materials, scene.textures, scene.meshes, scene.fields,
+                                        camera, scene.frame.horizon, world, id);
+    if constexpr (Wants::DIMMED)
+        dim(look.finish, wp::index(scene.frame.mirrors, world).strength);
+    return look;
 }
 
 // CAPACITY: the looks a block keeps, one for each shape that may be visible; 0 if they are made anew for each pixel.
@@ -153,7 +157,8 @@ WARPCAM_FN void resolve_pixel(const Looks* looks, const LightList& lights, const
     constexpr bool IN_QUADS = FACTS & QUADS;
     const auto& frame = scene.frame;
     const auto& images = scene.images;
-    const float x = image_x(camera, float(pixel.column)), y = image_y(camera, float(pixel.row));
+    const int column = FACTS & MIRRORED ? frame.width - 1 - pixel.column : pixel.column;
+    const float x = image_x(camera, float(column)), y = image_y(camera, float(pixel.row));
     const bool hit = found.shape >= 0;
     Shown shown;
     if ((Wants::SURFACE || Wants::COLORED) && follow(hit, found)) {
@@ -172,8 +177,12 @@ WARPCAM_FN void resolve_pixel(const Looks* looks, const LightList& lights, const
         put_bytes<IN_QUADS>(images.albedo, pixel, hit ? to_bytes(shown.albedo) : 0u);
     if (Wants::LIT) {
         if (!hit)
-            shown.linear = shown.display
-                = background_color<LENS, FACTS>(scene.textures, scene.background, camera, x, y);
+            shown.linear = shown.display = FACTS & MIRRORED
+                ? black
+                : background_color<LENS, FACTS>(scene.textures, scene.background, camera, x, y);
+        if constexpr ((FACTS & REFLECTS) != 0)
+            if (hit && found.shape == wp::index(frame.mirrors, world).shape)
+                add_mirrored<IMAGES>(images, pixel.at, shown.linear, shown.display);
         const unsigned word = to_bytes(shown.display);
         if (IMAGES & HDR)
             put_vec<IN_QUADS>(images.hdr, pixel, shown.linear);
@@ -223,6 +232,13 @@ WARPCAM_FN void resolve(const Scene_& scene, const Lights& lights, int index)
         kept_camera = camera;
     if (Wants::LIT && thread >= THREADS - TEAM)
         gather_lights<(FACTS & HAS_SHADOWS) != 0>(lights, camera, world, thread - (THREADS - TEAM), list);
+    if constexpr ((FACTS & MIRRORED) != 0) {
+        const auto mirror = wp::index(frame.mirrors, world);
+        if (mirror.shape < 0)
+            return;
+        if (thread == THREADS - TEAM && headlight_shines(lights))
+            list.lights[0].place = to_row(to_vec(mirror.headlight), 0);
+    }
 #if defined(__CUDA_ARCH__)
     if (KEPT > 0)
         for (int i = thread; i < scene.shapes.drawn.shape[0]; i += THREADS) {

@@ -25,10 +25,18 @@ class MujocoSource:
 
     live_on_device = False
 
-    def __init__(self, mjm: mujoco.MjModel, mjds: Sequence[mujoco.MjData], groups: Collection[int], device: wp.Device):
+    def __init__(
+        self,
+        mjm: mujoco.MjModel,
+        mjds: Sequence[mujoco.MjData],
+        groups: Collection[int],
+        device: wp.Device,
+        reflections: bool | None = None,
+        transparency: bool | None = None,
+    ):
         self.device = device
         self._mjm, self._mjds = mjm, mjds
-        self.parts = model.read_parts(mjm, len(mjds), groups)
+        self.parts = model.read_parts(mjm, len(mjds), groups, reflections, transparency)
         shapes = {name: self._shape(name) for name in FIELDS}
         dtypes = {name: FIELDS[name].dtype for name in FIELDS}
         shapes["headlight"], dtypes["headlight"] = (3,), wp.vec3
@@ -96,7 +104,14 @@ class MujocoSource:
         return wp.array(ptr=block.ptr + start, shape=shape, dtype=dtype, device=block.device, deleter=keep)
 
 
-def load(mjm: Any, mjd: Any, groups: Collection[int], device: Any) -> Scene:
+def load(
+    mjm: Any,
+    mjd: Any,
+    groups: Collection[int],
+    device: Any,
+    reflections: bool | None = None,
+    transparency: bool | None = None,
+) -> Scene:
     model.check_model(mjm, "mjm")
     several = isinstance(mjd, list | tuple)
     mjds = list(mjd) if several else [mjd]
@@ -111,4 +126,4 @@ def load(mjm: Any, mjd: Any, groups: Collection[int], device: Any) -> Scene:
                 f"{which} was made from another model than mjm: it has {data.geom_xpos.shape[0]} geoms and "
                 f"{data.xpos.shape[0]} bodies, mjm has {mjm.ngeom} and {mjm.nbody}"
             )
-    return Scene(MujocoSource(mjm, mjds, groups, device_rule.resolve(device)))
+    return Scene(MujocoSource(mjm, mjds, groups, device_rule.resolve(device), reflections, transparency))

@@ -25,7 +25,15 @@ class MujocoWarpSource:
 
     live_on_device = True
 
-    def __init__(self, mjm: mujoco.MjModel, m: mjw.Model, d: mjw.Data, groups: Collection[int]):
+    def __init__(
+        self,
+        mjm: mujoco.MjModel,
+        m: mjw.Model,
+        d: mjw.Data,
+        groups: Collection[int],
+        reflections: bool | None = None,
+        transparency: bool | None = None,
+    ):
         model.check_model(mjm, "mjm")
         if not isinstance(m, mjw.Model):
             raise WarpcamError(f"m must be a mujoco_warp.Model, got {type(m).__name__}")
@@ -40,7 +48,10 @@ class MujocoWarpSource:
         self.device: wp.Device = d.geom_xpos.device
         device_rule.require_same(self.device, "d is", m.geom_size.device, "m")
         self._m, self._d = m, d
-        self.parts = model.read_parts(mjm, d.nworld, groups)
+        live = {"colors": m.geom_rgba, "materials": m.geom_matid, "material_colors": m.mat_rgba}
+        self.parts = model.read_parts(
+            mjm, d.nworld, groups, reflections, transparency, **{name: array.numpy() for name, array in live.items()}
+        )
         self._headlight = wp.array(model.headlight(mjm), dtype=wp.vec3, device=self.device)
         self._ambient = model.global_ambient(mjm)
 
@@ -69,5 +80,12 @@ class MujocoWarpSource:
             mjw.camlight(self._m, self._d)
 
 
-def load(mjm: Any, m: Any, d: Any, groups: Collection[int]) -> Scene:
-    return Scene(MujocoWarpSource(mjm, m, d, groups))
+def load(
+    mjm: Any,
+    m: Any,
+    d: Any,
+    groups: Collection[int],
+    reflections: bool | None = None,
+    transparency: bool | None = None,
+) -> Scene:
+    return Scene(MujocoWarpSource(mjm, m, d, groups, reflections, transparency))
