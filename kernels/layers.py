@@ -1,4 +1,4 @@
-"""Tables of what one layer of visibility cannot show, mirrors, transparent shapes and haze: only some scenes have them."""
+"""Tables of what one layer of visibility cannot show: mirrors, transparent shapes, haze. Only some scenes have them."""
 
 from dataclasses import dataclass
 from typing import Any

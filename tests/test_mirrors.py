@@ -1,7 +1,6 @@
 """Reflections: as ``mujoco.Renderer`` draws them, in every world."""
 
 import colour_reference
-import mujoco_warp as mjw
 import numpy as np
 import pytest
 import scenes
@@ -96,8 +95,6 @@ def frame(renderer: wc.Renderer, **options: object) -> np.ndarray:
 
 def test_worlds_have_mirrors_of_their_own(device: wp.Device) -> None:
     m, d, renderer = scene_of_three(device)
-    floor = mjw.GeomType  # the plane is the last geom
-    del floor
     before = frame(renderer)
     plane = m.ngeom - 1
     scenes.write(m.geom_matid, (1, plane), 2)

@@ -61,11 +61,11 @@ def from_mujoco_warp(
         m: The ``mujoco_warp.Model`` put from it.
         d: The ``mujoco_warp.Data``; its device is the scene's.
         groups: Geom groups that are drawn.
-        reflections: Whether planes and boxes reflect where their materials have reflectance. None is True for those that
-            do now. True is for all, whatever material they are given later; False takes no time for any.
-        transparency: Whether geoms are seen through where their colours are partly transparent. None is True for those
-            that are so now, and for planes seen from behind where there are some. True is for all geoms, whatever colour
-            is written later; False draws them solid.
+        reflections: Whether planes and boxes reflect where their materials have reflectance. None: those that do now.
+            True: all, whatever material they are given later. False: none, which saves their time.
+        transparency: Whether geoms are seen through where their colours are partly transparent. None: those that are so
+            now, and if there are some planes seen from behind. True: all, whatever colour is written later. False: all
+            are drawn solid.
     """
     scene: Scene = _source("mujoco_warp").load(mjm, m, d, groups, reflections, transparency)
     return scene

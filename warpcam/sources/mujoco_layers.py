@@ -22,15 +22,17 @@ def read_layers(
     materials: np.ndarray | None = None,
     material_colors: np.ndarray | None = None,
 ) -> Layers:
-    """Args:
-    mjm: The host's model.
-    types: (geom,) shape types.
-    drawn: ids of the geoms that are drawn.
-    reflections: Whether planes and boxes reflect; None looks for materials with reflectance.
-    transparency: Whether geoms are transparent; None looks for colours that are.
-    colors: (n, geom, 4), where worlds have their own; None is the model's.
-    materials: (n, geom), likewise.
-    material_colors: (n, material, 4), likewise.
+    """Find them.
+
+    Args:
+        mjm: The host's model.
+        types: (geom,) shape types.
+        drawn: ids of the geoms that are drawn.
+        reflections: Whether planes and boxes reflect; None looks for materials with reflectance.
+        transparency: Whether geoms are transparent; None looks for colours that are.
+        colors: (n, geom, 4), where worlds have their own; None is the model's.
+        materials: (n, geom), likewise.
+        material_colors: (n, material, 4), likewise.
     """
     colors = mjm.geom_rgba[None] if colors is None else colors
     materials = mjm.geom_matid[None] if materials is None else materials
