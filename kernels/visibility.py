@@ -39,6 +39,11 @@ def opaque_target_struct(shape_dtype: Any, face_dtype: Any) -> Any:
         depth: wp.array(dtype=wp.float32)
         shape: wp.array(dtype=shape_dtype)
         face: wp.array(dtype=face_dtype)
+        distance: wp.array(dtype=wp.float32)  # this and what follows: empty
+        points: wp.array(dtype=wp.float32)
+        bodies: wp.array(dtype=wp.int32)
+        ids: wp.array(dtype=wp.int32)
+        normals: wp.array(dtype=wp.float32)
         width: wp.int32
         height: wp.int32
 

@@ -68,7 +68,7 @@ inline Planes gather_rows(const float* rows, Ints at)
              __builtin_shufflevector(high01, high23, 2, 3, 10, 11, 6, 7, 14, 15) };
 }
 
-inline Floats line_of(Ints code) { return (Floats)code - WHOLE; }
+inline Floats line_of(Ints code) { return (Floats)code - INDEX_BASE; }
 
 // As Axis.
 struct Axes {
@@ -79,7 +79,7 @@ struct Axes {
     {
         flip = direction < 0.0f;
         first = flip ? (Floats)-cells : (Floats)0.0f;
-        last = (Ints)(first + (cells - 1.0f + WHOLE));
+        last = (Ints)(first + (cells - 1.0f + INDEX_BASE));
         start = flip ? -origin : origin;
         speed = upper(magnitude(direction), (Floats)1.0e-18f);
         wait = 1.0f / speed;
@@ -89,7 +89,7 @@ struct Axes {
     Floats leaves(Floats line) const { return muladd(line, wait, offset); }
     Ints cell(Floats t) const
     {
-        const Ints code = (Ints)(__builtin_elementwise_floor(muladd(t, speed, ahead)) + WHOLE);
+        const Ints code = (Ints)(__builtin_elementwise_floor(muladd(t, speed, ahead)) + INDEX_BASE);
         return code < last ? code : last;
     }
     Floats place(Floats t, Ints code) const

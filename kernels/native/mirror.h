@@ -2,28 +2,10 @@
 //
 // The mirrored view has left and right exchanged; images are written as the view itself has them.
 #pragma once
+#include "mirror_plane.h"
 #include "visibility.h"
 
 namespace warpcam {
-
-// A plane in a view's frame: see layers.py, Mirror.
-struct MirrorPlane {
-    Vec normal;
-    float distance;
-
-    // Where a ray of the mirrored view comes out of the mirror; infinity for one that does not.
-    template <int LENS> WARPCAM_FN float depth(const ViewRay<LENS>& ray) const
-    {
-        const float start = LENS == PINHOLE ? 0.0f : normal.x * ray.x + normal.y * ray.y;
-        const float rate = LENS == PINHOLE ? normal.x * ray.x + normal.y * ray.y - normal.z : -normal.z;
-        return rate > 0.0f ? (distance - start) / rate : ENDLESS;
-    }
-};
-
-template <class Mirror> WARPCAM_FN MirrorPlane plane_of(const Mirror& mirror)
-{
-    return { to_vec(mirror.normal), mirror.distance };
-}
 
 constexpr float ON_MIRROR = 1.0e-3f;  // of a depth: a box shows other sides beside the one that reflects
 

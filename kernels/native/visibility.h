@@ -2,54 +2,9 @@
 #pragma once
 #include "canvas.h"
 #include "mesh_queue.h"
+#include "opacity.h"
 
 namespace warpcam {
-
-// The opacity of a shape's colour. MuJoCo's rule of which colour counts (see look.h).
-template <class Shapes, class Materials>
-WARPCAM_FN float opacity(const Shapes& shapes, const Materials& materials, int world, int id)
-{
-    const auto color = shared_row(shapes.colors, world, id);
-    const int material = shared_row(shapes.materials, world, id);
-    const bool plain = color[0] == 0.5f && color[1] == 0.5f && color[2] == 0.5f && color[3] == 1.0f;
-    if (material >= 0 && material < materials.color.shape[1] && plain)
-        return shared_row(materials.color, world, material)[3];
-    return color[3];
-}
-
-// Does the shape's colour keep it from being seen at all?
-template <class Shapes, class Materials>
-WARPCAM_FN bool transparent(const Shapes& shapes, const Materials& materials, int world, int id)
-{
-    return opacity(shapes, materials, world, id) == 0.0f;
-}
-
-constexpr float SOLID = 0.995f;  // opacity from which MuJoCo draws a shape solid
-
-// Is the shape one that hides what lies behind it? `places` is not -1 for those that may be transparent.
-template <class Shapes, class Materials, class Places>
-WARPCAM_FN bool solid(const Shapes& shapes, const Materials& materials, const Places& places, int world, int id)
-{
-    const float alpha = opacity(shapes, materials, world, id);
-    return alpha != 0.0f && (alpha >= SOLID || wp::index(places, id) < 0);
-}
-
-template <class Shapes> WARPCAM_FN Shape load_shape(const Shapes& shapes, int world, int id)
-{
-    Shape s;
-    s.type = wp::index(shapes.types, id);
-    s.id = id;
-    s.asset = shared_row(shapes.assets, world, id);
-    const auto p = wp::index(shapes.positions, world, id);
-    const auto r = wp::index(shapes.rotations, world, id);
-    const auto size = shared_row(shapes.sizes, world, id);
-    s.position = { p[0], p[1], p[2] };
-    s.size = { size[0], size[1], size[2] };
-    for (int i = 0; i < 3; ++i)
-        for (int j = 0; j < 3; ++j)
-            s.rotation.at[i][j] = r.data[i][j];
-    return s;
-}
 
 // Fills the list with shapes from `begin` on until it is full; returns where to go on. SLOTS: records name their own
 // slots in place of their shapes. hidden(id): the shape is left out.
@@ -176,18 +131,6 @@ inline void draw_tiles(ShapeList<CAPACITY>& list, const Canvas_& canvas, const M
 }
 
 #endif
-
-// The block of an image that a thread block draws; `block` counts worlds, then regions.
-template <int WIDTH, int HEIGHT, class Target> WARPCAM_FN Region region_of(const Target& target, int block, int& world)
-{
-    const int columns = (target.width + WIDTH - 1) / WIDTH, rows = (target.height + HEIGHT - 1) / HEIGHT;
-    const int part = block % (columns * rows);
-    world = block / (columns * rows);
-    Region region { part % columns * WIDTH, part / columns * HEIGHT, WIDTH, HEIGHT };
-    region.width = lower_int(WIDTH, (target.width - region.left + TILE_WIDTH - 1) / TILE_WIDTH * TILE_WIDTH);
-    region.height = lower_int(HEIGHT, (target.height - region.top + TILE_HEIGHT - 1) / TILE_HEIGHT * TILE_HEIGHT);
-    return region;
-}
 
 // Draws the shapes that are not hidden into the canvas's region. SEVERAL: the scene may have more shapes than the list
 // holds; then the region is drawn in several passes, each going on from the depth of the last.
