@@ -1,5 +1,6 @@
 // From the visibility buffer to images: a block draws one region of one view.
 #pragma once
+#include "haze.h"
 #include "hits.h"
 #include "mapping.h"
 #include "mirror_plane.h"
@@ -218,13 +219,26 @@ WARPCAM_FN void resolve_pixel(const Looks* looks, const LightList& lights, const
     if (IMAGES & ALBEDO)
         put_bytes<IN_QUADS>(images.albedo, pixel, hit ? to_bytes(shown.albedo) : 0u);
     if (Wants::LIT) {
-        if (!hit)
+        bool seen = hit;
+        Mist mist { 0.0f, 0.0f };
+        if constexpr ((FACTS & HAZY) != 0 && LENS == PINHOLE) {
+            const Vec ray = turned(camera.rotation, { x, y, -1.0f });
+            seen = hit && solid.depth < skybox_depth(ray, frame.haze.radius);
+            mist = haze_of(scene, camera, world, ray);
+        }
+        if (!seen)
             shown.linear = shown.display = FACTS & MIRRORED
                 ? black
                 : background_color<LENS, FACTS>(scene.textures, scene.background, camera, x, y);
         if constexpr ((FACTS & REFLECTS) != 0)
-            if (hit && found.shape == wp::index(frame.mirrors, world).shape)
+            if (seen && found.shape == wp::index(frame.mirrors, world).shape)
                 add_mirrored<IMAGES>(images, pixel.at, shown.linear, shown.display);
+        if constexpr ((FACTS & HAZY) != 0)
+            if (mist.density > 0.0f && !(seen && solid.depth < mist.depth)) {
+                const Vec haze = mist.density * to_vec(frame.haze.color);
+                shown.linear = (1.0f - mist.density) * shown.linear + haze;
+                shown.display = (1.0f - mist.density) * clip(shown.display) + haze;
+            }
         unsigned alpha = hit ? 0xff000000u : 0u;
         if constexpr ((FACTS & VEILED) != 0) {
             const float left = resolve_veils<TYPES, LENS, CAPACITY, IMAGES, FACTS>(looks, lights, scene, camera, veils,

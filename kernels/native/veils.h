@@ -204,7 +204,7 @@ WARPCAM_FN void cover(const Veils_& veils, const Scene_& scene, const RayOf& ray
             shade(met, hit, linear, display);
             if (met)
                 covered.add(veils.opacity[slot], linear, display);
-            from = hit.depth;
+            from = type == HEIGHT_FIELD ? 1.00001f * hit.depth : hit.depth;  // not the same ground once more
             to = met ? limit : -1.0f;
         }
     };
