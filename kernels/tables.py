@@ -32,5 +32,6 @@ class Tables:
     has_skybox: bool
     ids_by_world: bool = False  # shapes and bodies have ids of their own in each world: Shapes.ids
     horizon: float = 0.0  # how far the source's own renderer draws endless planes [m]; 0 if it has none
+    splats: Any = None  # clouds of Gaussians, if shapes are such
     layers: LayerTables | None = None  # of what one layer cannot show: mirrors, transparent shapes, haze
-    labels: Mapping[str, Any] = field(default_factory=dict)  # (shape,) int32 of "instances" and "semantics"
+    labels: Mapping[str, Any] = field(default_factory=dict)  # (world or 1, shape) int32 of "instances" and "semantics"

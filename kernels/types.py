@@ -21,6 +21,7 @@ CONE = 8  # tip at +z
 BARREL = 9  # a cylinder whose side is bent outwards in an arc
 NUM_TYPES = 10
 SCALED = 10  # no type: stands among a scene's types where the sizes of meshes and height fields are scales
+SPLATS = 11  # a cloud of Gaussians: never among the drawn shapes, which the trace sees; see Splats
 
 # Light types.
 LIGHT_SPOT = 0
@@ -171,3 +172,19 @@ class Background:
 
     color: wp.vec3  # display colour
     skybox: wp.int32  # index of a cube texture, or -1
+
+
+@wp.struct
+class Splats:
+    """Clouds of Gaussians in their own frames, shared by all worlds, and which shapes are such clouds."""
+
+    columns: wp.array(dtype=wp.int32)  # (n,) shapes whose `assets` count clouds and whose `sizes` are scales along axes
+    # (cloud,) as int bits its first node and its first Gaussian; greatest coordinate of its box [m]; squared distance
+    # from a Gaussian's centre where the least response is reached [standard deviations]
+    clouds: wp.array(dtype=wp.vec4)
+    # (row,) a node of the tree over Gaussians is 8 rows, as Meshes.nodes has them on CUDA, here on every device
+    nodes: wp.array(dtype=wp.vec4)
+    # (row,) a Gaussian is 4 rows, in leaf order: three rows of the matrix that takes its ellipsoid, outside of which it
+    # is not seen, to the unit sphere, each with one coordinate of the centre; display colour, opacity
+    gaussians: wp.array(dtype=wp.vec4)
+    bits: wp.int32  # of 32: what is below names a Gaussian within its cloud, what is above the place in `columns`

@@ -211,11 +211,15 @@ def list_capacity(num_drawn: int) -> int:
 def region_size(tables: Tables, at_once: int, width: int, height: int, device: wp.Device) -> tuple[int, int]:
     """Pixels that one thread block draws: as many as leave enough blocks to fill the device.
 
-    Fewer in scenes of many meshes, whose blocks take long: at the end of a launch the last ones are waited for.
+    Fewer in scenes with meshes, whose blocks take long, if an image has several regions or there are many shapes: at
+    the end of a launch the last blocks are waited for.
     """
     wanted = device.sm_count * 10 if device.is_cuda else 2 * cpu_parts()
-    slow = device.is_cuda and MESH in tables.shape_types and tables.num_drawn > MANY
-    for size in REGIONS[2 if slow else 0 : -1]:
+    largest = 0
+    if device.is_cuda and MESH in tables.shape_types:
+        several = width > REGIONS[0][0] or height > REGIONS[0][1]
+        largest = 2 if tables.num_drawn > MANY else 1 if several else 0
+    for size in REGIONS[largest:-1]:
         if at_once * -(-width // size[0]) * -(-height // size[1]) >= wanted:
             return size
     return REGIONS[-1]

@@ -7,7 +7,6 @@ import numpy as np
 import warp as wp
 
 from warpcam.camera import Camera
-from warpcam.errors import WarpcamError
 from warpcam.kernels.layers import Haze, LayerTables, Mirror
 from warpcam.kernels.tables import Tables
 from warpcam.kernels.types import BOX, PLANE, View
@@ -81,30 +80,24 @@ def find_mirrors(
     return [shape for shape in able if reflects[materials[:, shape]].any()]
 
 
-def find_veils(
-    types: np.ndarray, drawn: Sequence[int], opacity: np.ndarray, wanted: bool | None, where: str
-) -> list[int]:
-    """Shapes that are transparent in some world, or with ``wanted`` all; and then planes, which are so from behind.
+def find_veils(types: np.ndarray, drawn: Sequence[int], opacity: np.ndarray, wanted: bool | None) -> list[int]:
+    """Shapes that are transparent in some world and planes, which are so from behind, or with ``wanted`` all.
+
+    Of more than ``MAX_VEILS`` those that are transparent now come first; what is left over is drawn solid.
 
     Args:
         types: (shape,).
         drawn: ids.
         opacity: (n, shape).
         wanted: None looks; True and False are the user's word.
-        where: How an error message begins.
     """
     veils = [shape for shape in drawn if ((opacity[:, shape] > 0.0) & (opacity[:, shape] < SOLID)).any()]
     if wanted is False or (wanted is None and not veils):
         return []
+    veils += [shape for shape in drawn if types[shape] == PLANE]
     if wanted:
-        veils = list(drawn)
-    veils = sorted({*veils, *(shape for shape in drawn if types[shape] == PLANE)})
-    if len(veils) > MAX_VEILS:
-        raise WarpcamError(
-            f"{where}: transparency: {len(veils)} shapes may be transparent, at most {MAX_VEILS} are allowed; "
-            "transparency=False draws them solid"
-        )
-    return veils
+        veils += drawn
+    return sorted(list(dict.fromkeys(veils))[:MAX_VEILS])
 
 
 def has_lit(camera: Camera) -> bool:

@@ -11,6 +11,7 @@ import warp as wp
 from warpcam import device as device_rule
 from warpcam.accel.heightfields import HeightField, pack_height_fields
 from warpcam.accel.meshes import Mesh, pack_meshes
+from warpcam.accel.splats import Cloud, Packed, pack_splats
 from warpcam.accel.textures import TextureImage, pack_textures
 from warpcam.bounds import Bounds, bounds_of
 from warpcam.errors import WarpcamError
@@ -21,6 +22,7 @@ from warpcam.kernels.types import (
     MESH,
     NUM_TYPES,
     SCALED,
+    SPLATS,
     Background,
     Lights,
     Materials,
@@ -69,8 +71,9 @@ class Parts:
         textures: What ``material_textures`` counts.
         skybox: Index of the texture behind everything, or -1.
         horizon: How far the source's own renderer draws endless planes [m]; 0 if it has none.
-        shape_instances: (shape,) int32, which replicated thing each is part of, or -1; None if nobody knows.
-        shape_semantics: (shape,) int32, its label's number, 0 for none; None if nobody knows.
+        shape_instances: (shape,) or (world or 1, shape) int32, which replicated thing each is part of, or -1; None if
+            nobody knows.
+        shape_semantics: Likewise its label's number, 0 for none.
         shape_ids: (world, shape) int32, what the source calls a shape in each world, -1 where a world lacks it; None
             where it is called the same in all: by its place here.
         body_ids: (world, shape) int32, with ``shape_ids``: the same of its body, instead of ``shape_bodies``.
@@ -79,6 +82,9 @@ class Parts:
         body_places: (label,) int32.
         scaled: Whether the sizes of meshes and height fields are scales along their axes.
         layers: What needs more than one layer: mirrors, transparent shapes, haze.
+        objects: (id + 1, 2) int32, what the source calls each id of ``segmentation``; the last row is for -1. None: the
+            ids say all.
+        clouds: What ``shape_assets`` counts for shapes of type SPLATS, none of which is in ``drawn``.
     """
 
     num_worlds: int
@@ -102,6 +108,8 @@ class Parts:
     body_places: np.ndarray | None = None
     scaled: bool = False
     layers: Layers = field(default_factory=Layers)
+    objects: np.ndarray | None = None
+    clouds: Sequence[Cloud] = ()
 
 
 @dataclass(frozen=True)
@@ -204,6 +212,7 @@ class Scene:
         self._meshes, self._num_faces = pack_meshes(parts.meshes, self.device)
         self._height_fields = pack_height_fields(parts.height_fields, self.device)
         self._textures = pack_textures(parts.textures, self.device)
+        self._splats = self._pack_splats()
         self._drawn = wp.array(np.asarray(parts.drawn, np.int32), dtype=wp.int32, device=self.device)
         places = np.full(len(parts.shape_types), -1, np.int32)
         places[np.asarray(parts.drawn, np.int64)] = np.arange(len(parts.drawn))
@@ -212,7 +221,10 @@ class Scene:
         self._bodies = wp.array(parts.shape_bodies.astype(np.int32), dtype=wp.int32, device=self.device)
         self._labels = {
             name: wp.array(
-                np.full(len(parts.shape_types), none) if values is None else values, dtype=wp.int32, device=self.device
+                np.atleast_2d(np.full(len(parts.shape_types), none) if values is None else values),
+                dtype=wp.int32,
+                ndim=2,
+                device=self.device,
             )
             for name, values, none in (
                 ("instances", parts.shape_instances, -1),
@@ -235,6 +247,17 @@ class Scene:
         """Names of the source's cameras in their order, "" for one without a name."""
         return tuple(camera.name for camera in self._parts.cameras)
 
+    @property
+    def objects(self) -> np.ndarray:
+        """What has each id of ``segmentation``, (id + 1, 2) int32: ``objects[image]`` are ``mujoco.Renderer``'s pairs.
+
+        The first number is the id that MuJoCo knows it by, the second its ``mjtObj``: a geom, site, tendon, flex or
+        skin. The last row, which -1 finds, is (-1, -1). Only scenes of MuJoCo have this.
+        """
+        if self._parts.objects is None:
+            raise WarpcamError("objects: only scenes of from_mujoco and from_mujoco_warp have objects of several kinds")
+        return self._parts.objects
+
     def bounds(self) -> Bounds:
         """Lowest and highest corner of what can be seen now, over all worlds, infinite planes aside.
 
@@ -245,9 +268,10 @@ class Scene:
             stage.launch()
         self.tables()
         host = {name: array.numpy() for name, array in self._arrays.items() if name.startswith(("shape", "material_c"))}
-        parts = self._parts
+        parts, clouds = self._parts, self._splats
         corners = self._meshes.lower.numpy(), self._meshes.upper.numpy()
-        return bounds_of(host, parts.shape_types, parts.drawn, corners, parts.height_fields, parts.scaled)
+        splats = None if clouds is None else (clouds.lower, clouds.upper)
+        return bounds_of(host, parts.shape_types, self._seen(), corners, parts.height_fields, parts.scaled, splats)
 
     @property
     def live_on_device(self) -> bool:
@@ -362,8 +386,19 @@ class Scene:
             ids_by_world=parts.shape_ids is not None,
             horizon=parts.horizon,
             layers=self._layers,
+            splats=None if self._splats is None else self._splats.table,
             labels=self._labels,
         )
+
+    def _pack_splats(self) -> Packed | None:
+        columns = self._clouds()
+        return pack_splats(self._parts.clouds, columns, self.device) if columns else None
+
+    def _clouds(self) -> list[int]:
+        return [int(shape) for shape in np.flatnonzero(np.asarray(self._parts.shape_types) == SPLATS)]
+
+    def _seen(self) -> list[int]:
+        return [*self._parts.drawn, *self._clouds()]
 
     def _shape_types(self) -> frozenset[int]:
         types = {int(self._parts.shape_types[shape]) for shape in self._parts.drawn}
@@ -414,8 +449,8 @@ class Scene:
         parts = self._parts
         self._check_range("shape_materials", parts.num_materials)
         self._check_range("material_texture", len(parts.textures))
-        for kind, assets in ((MESH, parts.meshes), (HEIGHT_FIELD, parts.height_fields)):
-            shapes = [shape for shape in parts.drawn if parts.shape_types[shape] == kind]
+        for kind, assets in ((MESH, parts.meshes), (HEIGHT_FIELD, parts.height_fields), (SPLATS, parts.clouds)):
+            shapes = [shape for shape in self._seen() if parts.shape_types[shape] == kind]
             if shapes:
                 self._check_range("shape_assets", len(assets), shapes)
 

@@ -31,7 +31,11 @@ def buffers_of(camera: Camera, tables: Tables) -> dict[str, Any]:
     asked = [OUTPUTS[name] for name in camera.outputs]
     lit = camera.shadows and tables.num_lights > 0 and any(output.lit for output in asked)
     passes = tables.num_drawn > visibility.MAX_LISTED  # they go on from each other's depth and shape
-    needed = passes or any(traced_as(name, tables.shape_types) is None for name in camera.outputs)
+    needed = (
+        passes
+        or tables.splats is not None
+        or any(traced_as(name, tables.shape_types) is None for name in camera.outputs)
+    )
     images = {output.trace for output in asked} - ({"shape"} if tables.ids_by_world else set())
     faces = bool(tables.shape_types & {MESH, HEIGHT_FIELD}) and any(output.face for output in asked)
     # What is seen without the transparent shapes is nobody's image. It is there when all other outputs are made.

@@ -6,7 +6,7 @@ import warp as wp
 
 from warpcam.camera import Camera
 from warpcam.errors import WarpcamError
-from warpcam.kernels import labels, mirrors, resolve, shadow, visibility
+from warpcam.kernels import labels, mirrors, resolve, shadow, splats, visibility
 from warpcam.kernels.launch import Group, Stage
 from warpcam.kernels.layers import Mirror
 from warpcam.kernels.tables import Tables
@@ -143,6 +143,11 @@ class Target:
                     layers,
                     self._mirrors if reflecting else None,
                 )
+            )
+        if tables.splats is not None:
+            stages.insert(0, splats.record_check(tables, views, mask, faults, device, group))
+            stages.append(
+                splats.record(self.images, projection, tables, views, mask, depth, shape, width, height, device, group)
             )
         return stages
 

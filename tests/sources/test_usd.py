@@ -90,9 +90,19 @@ def test_solids_about_an_axis(stage: Usd.Stage, kind: str, axis: str, even: bool
         "Cone": lambda o, d: cone(o, d, 0.4, 0.8),
     }
     scene = wc.from_usd(stage, device=device)
-    exact = even and kind != "Cone"
-    assert bool(scene._parts.meshes) != exact
-    check(scene, entries[kind], about(frame, axis), 2e-5 if exact else 2e-3, 0.002 if exact else 0.006)
+    assert bool(scene._parts.meshes) != even
+    check(scene, entries[kind], about(frame, axis), 2e-5 if even else 2e-3, 0.002 if even else 0.006)
+
+
+@pytest.mark.parametrize("scale", [(1.5, 1.5, -0.7), (-1.5, 1.5, 0.7), (-1.0, -1.0, -2.0), (1.2, -1.2, -1.2)])
+def test_cones_are_exact_when_mirrored(stage: Usd.Stage, scale: tuple, device: wp.Device) -> None:
+    solid = UsdGeom.Cone.Define(stage, "/it")
+    solid.CreateRadiusAttr(0.4)
+    solid.CreateHeightAttr(1.6)
+    frame = pose(solid, scale)
+    scene = wc.from_usd(stage, device=device)
+    assert not scene._parts.meshes
+    check(scene, lambda o, d: cone(o, d, 0.4, 0.8), frame)
 
 
 def cone(o: np.ndarray, d: np.ndarray, radius: float, half: float) -> tuple:

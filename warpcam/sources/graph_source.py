@@ -8,9 +8,10 @@ import numpy as np
 import warp as wp
 
 from warpcam.accel.meshes import Mesh
+from warpcam.accel.splats import Cloud
 from warpcam.errors import WarpcamError
 from warpcam.kernels import driving
-from warpcam.kernels.types import MESH
+from warpcam.kernels.types import MESH, SPLATS
 from warpcam.scene import FIELDS, Parts, SceneCamera
 from warpcam.sources import looks
 from warpcam.sources.forms import Fitted, polar
@@ -55,12 +56,17 @@ class GraphSource:
             raise WarpcamError(f"{graph.source}: has nothing to draw; {len(graph.items)} shapes came, none is visible")
         self._meshes: dict[int, int] = {}  # by identity: what has been baked is kept by its form
         meshes: list[Mesh] = []
+        clouds: list[Cloud] = []
         for place in kept:
             fit = fits[place]
             mesh = fit.mesh if fit is not None else None
             if mesh is not None and id(mesh) not in self._meshes:
                 self._meshes[id(mesh)] = len(meshes)
                 meshes.append(mesh)
+            cloud = fit.cloud if fit is not None else None
+            if cloud is not None and id(cloud) not in self._meshes:
+                self._meshes[id(cloud)] = len(clouds)
+                clouds.append(cloud)
         self.body_nodes = [index for index, node in enumerate(graph.nodes) if index == 0 or node.body]
         body_of = self._bodies_of_nodes()
         self.labels = _numbered(graph, labels)
@@ -70,7 +76,7 @@ class GraphSource:
             num_worlds=num_worlds,
             shape_types=self._types,
             shape_bodies=np.array([body_of[item.node] for item in self.items], np.int32),
-            drawn=range(len(self.items)),
+            drawn=np.flatnonzero(self._types != SPLATS).tolist(),
             bodies=[graph.nodes[index].name for index in self.body_nodes],
             cameras=[_scene_camera(eye) for eye in graph.eyes],
             num_materials=len(graph.looks),
@@ -79,6 +85,7 @@ class GraphSource:
             height_fields=[],
             textures=graph.textures,
             skybox=graph.skybox,
+            clouds=clouds,
             shape_instances=np.array([graph.nodes[item.node].instance for item in self.items], np.int32),
             shape_semantics=np.array([self._label(item.node) for item in self.items], np.int32),
         )
@@ -250,13 +257,14 @@ class GraphSource:
             hidden[place] = fit is None or not seen[item.node]
             if fit is None:
                 continue
-            if fit.type != self._types[place] or (fit.mesh is not None and id(fit.mesh) not in self._meshes):
+            asset = fit.mesh if fit.cloud is None else fit.cloud
+            if fit.type != self._types[place] or (asset is not None and id(asset) not in self._meshes):
                 self._notes.warn("changes its stretch with time, and is drawn with the one it had at first", item.name)
                 fit = self._as_before(place, fit)
             self._turns[place] = fit.rotation
             sizes[place] = fit.size
-            if fit.mesh is not None:
-                assets[place] = self._meshes[id(fit.mesh)]
+            if asset is not None and id(asset) in self._meshes:
+                assets[place] = self._meshes[id(asset)]
         if self._first is None:
             self._first = sizes, assets
         assets = np.where(assets < 0, self._first[1], assets)

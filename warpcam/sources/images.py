@@ -139,6 +139,9 @@ def corner_colors(colors: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     left, top = 2 * x[which.reshape(-1)], 2 * y[which.reshape(-1)]
     u = np.stack((left, left + 1, left), axis=1) + 0.5
     v = np.stack((top, top, top + 1), axis=1) + 0.5
+    # One colour has one place: from far away nothing of the colours beside it is mixed in.
+    plain = (colors == colors[:, :1]).all(axis=(1, 2))
+    u[plain], v[plain] = left[plain, None] + 1.0, top[plain, None] + 1.0
     uvs = np.empty((len(colors), 3, 2), np.float32)
     np.put_along_axis(uvs, order[..., None], np.stack((u / (2 * columns), 1.0 - v / (2 * rows)), axis=-1), axis=1)
     return image.reshape(2 * rows, 2 * columns, 3), uvs

@@ -15,11 +15,12 @@ from warpcam.accel.textures import TextureImage
 from warpcam.driven import DrivenScene
 from warpcam.errors import WarpcamError
 from warpcam.sources import looks
-from warpcam.sources.forms import Surface, unit
+from warpcam.sources.forms import Form, Surface, unit
 from warpcam.sources.graph import Graph, Item, Look, Node
 from warpcam.sources.graph_source import GraphSource
 from warpcam.sources.images import ENCODED, LINEAR, UnreadableError, corner_colors, decoded, named_images, pixels_of
 from warpcam.sources.notes import Notes
+from warpcam.sources.splat_form import CloudForm, cloud_of_ply
 
 Y_UP = np.array(((1, 0, 0, 0), (0, 0, -1, 0), (0, 1, 0, 0), (0, 0, 0, 1)), np.float64)
 GLTF = (".glb", ".gltf")
@@ -88,7 +89,7 @@ class _Reader:
     def __init__(self, scene: Any, graph: Graph, is_gltf: bool, notes: Notes):
         self._scene, self._graph, self._is_gltf, self._notes = scene, graph, is_gltf, notes
         self._nodes: dict[Any, int] = {scene.graph.base_frame: 0}
-        self._read: dict[Any, tuple[Surface, int, Any] | None] = {}
+        self._read: dict[Any, tuple[Form, int, Any] | None] = {}
         self._looks: dict[int, int] = {}
         self._images: dict[int, int] = {}
 
@@ -121,7 +122,13 @@ class _Reader:
             above = self._nodes[child] = len(self._graph.nodes) - 1
         return above
 
-    def _geometry(self, name: str, mesh: Any) -> tuple[Surface, int, Any] | None:
+    def _geometry(self, name: str, mesh: Any) -> tuple[Form, int, Any] | None:
+        raw = mesh.metadata.get("_ply_raw", {}).get("vertex", {}).get("data")
+        cloud = (
+            cloud_of_ply(name, raw) if isinstance(raw, np.ndarray) and isinstance(mesh, trimesh.PointCloud) else None
+        )
+        if cloud is not None:
+            return CloudForm(cloud), -1, None
         if not isinstance(mesh, trimesh.Trimesh):
             self._notes.warn(f"is a {type(mesh).__name__}, which is not drawn", name)
             return None

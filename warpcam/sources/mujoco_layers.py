@@ -1,35 +1,37 @@
 """What of a MuJoCo model needs more than one layer: mirrors, transparent geoms, haze."""
 
-from collections.abc import Sequence
+from dataclasses import replace
 
 import mujoco
 import numpy as np
 
 from warpcam.kernels.types import PLANE
 from warpcam.layers import Layers, find_mirrors, find_veils
+from warpcam.scene import Parts
+from warpcam.sources.mujoco_extras import Extras
 
 PLAIN = (0.5, 0.5, 0.5, 1.0)  # a geom's colour that lets its material's count
 SKYBOX = 0.7  # its distance as a part of how far MuJoCo's camera sees
 
 
-def read_layers(
+def with_layers(
+    parts: Parts,
     mjm: mujoco.MjModel,
-    types: np.ndarray,
-    drawn: Sequence[int],
+    extras: Extras | None,
     reflections: bool | None,
     transparency: bool | None,
     colors: np.ndarray | None = None,
     materials: np.ndarray | None = None,
     material_colors: np.ndarray | None = None,
-) -> Layers:
-    """Find them.
+) -> Parts:
+    """The scene's parts with what of them needs more than one layer.
 
     Args:
+        parts: Of what is drawn, geoms first.
         mjm: The host's model.
-        types: (geom,) shape types.
-        drawn: ids of the geoms that are drawn.
+        extras: What is drawn beside geoms.
         reflections: Whether planes and boxes reflect; None looks for materials with reflectance.
-        transparency: Whether geoms are transparent; None looks for colours that are.
+        transparency: Whether shapes are transparent; None looks for colours that are.
         colors: (n, geom, 4), where worlds have their own; None is the model's.
         materials: (n, geom), likewise.
         material_colors: (n, material, 4), likewise.
@@ -37,18 +39,28 @@ def read_layers(
     colors = mjm.geom_rgba[None] if colors is None else colors
     materials = mjm.geom_matid[None] if materials is None else materials
     material_colors = mjm.mat_rgba[None] if material_colors is None else material_colors
-    haze = [g for g in drawn if types[g] == PLANE and mjm.geom_size[g, 0] == 0.0 == mjm.geom_size[g, 1]]
-    reach = np.where(types == PLANE, np.inf, mjm.geom_rbound).astype(np.float32)
-    return Layers(
+    types, drawn, reach = parts.shape_types, parts.drawn, mjm.geom_rbound
+    if extras is not None:
+        colors, materials = _extended(colors, extras.colors), _extended(materials, extras.materials)
+        reach = np.r_[reach, np.linalg.norm(extras.sizes[mjm.ngeom :], axis=-1)]
+    haze = [g for g in drawn if g < mjm.ngeom and types[g] == PLANE and (mjm.geom_size[g, :2] == 0.0).all()]
+    layers = Layers(
         mirrors=find_mirrors(types, drawn, materials, mjm.mat_reflectance, reflections),
         reflectance=mjm.mat_reflectance.astype(np.float32),
-        veils=find_veils(types, drawn, _opacity(colors, materials, material_colors), transparency, "scene"),
-        reach=reach,
+        veils=find_veils(types, drawn, _opacity(colors, materials, material_colors), transparency),
+        reach=np.where(types == PLANE, np.inf, reach).astype(np.float32),
         haze_plane=haze[0] if haze else -1,
         haze_color=tuple(float(channel) for channel in mjm.vis.rgba.haze[:3]),
         haze_width=float(mjm.vis.map.haze),
         haze_radius=float(SKYBOX * mjm.vis.map.zfar * mjm.stat.extent),
     )
+    return replace(parts, layers=layers)
+
+
+def _extended(geoms: np.ndarray, columns: np.ndarray) -> np.ndarray:
+    """(n, column, ...): the geoms' own values, and those of the columns beside them."""
+    more = np.broadcast_to(columns[geoms.shape[1] :], (len(geoms), *columns[geoms.shape[1] :].shape))
+    return np.concatenate((geoms, more), axis=1)
 
 
 def _opacity(colors: np.ndarray, materials: np.ndarray, material_colors: np.ndarray) -> np.ndarray:

@@ -12,7 +12,6 @@ from warpcam.accel.textures import TextureImage
 from warpcam.errors import WarpcamError
 from warpcam.kernels.types import MESH
 from warpcam.scene import Parts, SceneCamera
-from warpcam.sources.mujoco_layers import read_layers
 
 NUM_GROUPS = 6
 SMOOTH_BELOW = 0.8  # cosine to the face's normal under which MuJoCo takes that instead of the vertex's
@@ -59,35 +58,24 @@ def check_model(mjm: Any, name: str) -> None:
         raise WarpcamError(f"{name} must be a mujoco.MjModel, got {type(mjm).__name__}")
 
 
-def read_parts(
-    mjm: mujoco.MjModel,
-    num_worlds: int,
-    groups: Collection[int],
-    reflections: bool | None = None,
-    transparency: bool | None = None,
-    **live: np.ndarray,
-) -> Parts:
+def read_parts(mjm: mujoco.MjModel, num_worlds: int, groups: Collection[int]) -> Parts:
     """The static parts of a model.
 
     Args:
         mjm: The host's model.
         num_worlds: How many worlds of it there are.
         groups: Geom groups that are drawn, 0 to 5.
-        reflections: Whether planes and boxes reflect; None looks.
-        transparency: Whether geoms are transparent; None looks.
-        live: Colours and materials as worlds have them: see ``read_layers``.
     """
     drawn_groups = _check_groups(groups)
     types = mjm.geom_type.astype(np.int32)
     types[types == mujoco.mjtGeom.mjGEOM_SDF] = MESH  # drawn as the mesh it was made from
     textures = [_texture(mjm, index) for index in range(mjm.ntex)]
     skyboxes = np.flatnonzero(mjm.tex_type == mujoco.mjtTexture.mjTEXTURE_SKYBOX)
-    drawn = [int(geom) for geom in np.flatnonzero(np.isin(mjm.geom_group, drawn_groups))]
     return Parts(
         num_worlds=num_worlds,
         shape_types=types,
         shape_bodies=mjm.geom_bodyid.astype(np.int32),
-        drawn=drawn,
+        drawn=[int(geom) for geom in np.flatnonzero(np.isin(mjm.geom_group, drawn_groups))],
         bodies=[mjm.body(index).name for index in range(mjm.nbody)],
         cameras=[_camera(mjm, index) for index in range(mjm.ncam)],
         num_materials=mjm.nmat,
@@ -97,7 +85,6 @@ def read_parts(
         textures=textures,
         skybox=int(skyboxes[0]) if len(skyboxes) else -1,
         horizon=float(mjm.vis.map.zfar * mjm.stat.extent),
-        layers=read_layers(mjm, types, drawn, reflections, transparency, **live),
     )
 
 

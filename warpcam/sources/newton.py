@@ -1,6 +1,7 @@
 """Newton: worlds whose state already lies in Warp arrays, one list over all worlds."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import newton
@@ -16,8 +17,10 @@ from warpcam.kernels.refit import Tree
 from warpcam.light import Light, light_arrays
 from warpcam.mounting import per_world
 from warpcam.scene import FIELDS, Parts, Scene
+from warpcam.sources.newton_labels import read_labels
 from warpcam.sources.newton_model import Layout, read_layout
 from warpcam.sources.newton_soft import Soft, read_soft
+from warpcam.sources.newton_visual import Moves, Visual, read_visuals, with_visuals
 
 MAX_BOUND = 8  # states whose stages are kept
 # The arrays of a model that are read each frame: field of FlatShapes, dtype.
@@ -46,16 +49,27 @@ class NewtonSource:
 
     live_on_device = True
 
-    def __init__(self, model: newton.Model, state: newton.State, lights: Sequence[Light] | None, ambient: Any):
+    def __init__(
+        self,
+        model: newton.Model,
+        state: newton.State,
+        lights: Sequence[Light] | None,
+        ambient: Any,
+        semantics: Mapping[str, int] | None,
+    ):
         self.device: wp.Device = model.device
         self._model = model
         self._check_state(state)
         layout = read_layout(model)
-        soft = read_soft(model)
+        visuals = read_visuals(model)
+        soft = with_visuals(read_soft(model, visuals.particles), visuals)
+        first_texture = len(layout.textures)
+        layout = replace(layout, textures=[*layout.textures, *visuals.textures])
         num_worlds = model.world_count
         if lights is None:
             lights = (default_light(model),)
-        tables = Columns(layout, soft)
+        tables = Columns(layout, soft, first_texture)
+        instances, marks = read_labels(model, tables.ids, tables.bodies, semantics)
         self._arrays = _tables(layout, tables, num_worlds, self.device)
         self._arrays.update(light_arrays(lights, num_worlds, self.device))
         headlight = np.zeros((3, 3), np.float32)
@@ -65,7 +79,7 @@ class NewtonSource:
             num_worlds=num_worlds,
             shape_types=tables.kinds,
             shape_bodies=np.full(len(tables.kinds), -1, np.int32),
-            drawn=range(len(tables.kinds)),
+            drawn=np.flatnonzero(tables.kinds != types.SPLATS).tolist(),
             bodies=layout.body_names,
             cameras=(),
             num_materials=1 + len(layout.textures),
@@ -73,11 +87,14 @@ class NewtonSource:
             meshes=[*layout.meshes, *soft.meshes()],
             height_fields=layout.height_fields,
             textures=layout.textures,
+            shape_instances=instances,
+            shape_semantics=marks,
             shape_ids=tables.ids,
             body_ids=tables.bodies,
             body_labels=model.body_label,
             body_places=layout.body_places,
             scaled=True,
+            clouds=layout.clouds,
         )
         self._out = WorldShapes()
         self._out.ids = wp.array(layout.ids, dtype=wp.int32, ndim=2, device=self.device)
@@ -99,6 +116,7 @@ class NewtonSource:
         self._read: tuple[Any, ...] = ()
         self._bound: tuple[Stage, ...] = ()
         self._soft, self._first_soft = soft, len(layout.meshes)
+        self._visual = {part: Moves(part, self.device) for part in soft.parts if isinstance(part, Visual)}
         self._trees: list[Tree] | None = None
 
     def arrays(self) -> Mapping[str, wp.array]:
@@ -123,8 +141,8 @@ class NewtonSource:
         if stages is None:
             if len(self._stages) >= MAX_BOUND:
                 self._stages.pop(next(iter(self._stages)))
-            moved = [stage for tree in self._move(meshes) for stage in tree.record(self._state.particle_q)]
-            stages = (record_gather(self._flat(), self._out, self.device), *moved)
+            flat = self._flat()
+            stages = (record_gather(flat, self._out, self.device), *self._record_soft(meshes, flat))
         self._stages[key] = stages
         self._read, self._bound = read, stages
         return stages
@@ -136,6 +154,16 @@ class NewtonSource:
     def forward(self) -> None:
         newton.eval_fk(self._model, self._state.joint_q, self._state.joint_qd, self._state)
 
+    def _record_soft(self, meshes: types.Meshes, flat: FlatShapes) -> list[Stage]:
+        stages = []
+        for part, tree in zip(self._soft.parts, self._move(meshes), strict=True):
+            moves = self._visual.get(part)
+            if moves is None:
+                stages += tree.record(flat.points)
+            else:
+                stages += [*moves.record(flat.points, flat.body_transforms), *tree.record(moves.points, moves.normals)]
+        return stages
+
     def _move(self, meshes: types.Meshes) -> list[Tree]:
         """The trees of the surfaces that move, made when the scene's meshes are there."""
         if self._trees is None:
@@ -143,7 +171,8 @@ class NewtonSource:
             for part in self._soft.parts:
                 assets = np.arange(first, first + len(part.worlds))
                 bases, by_child = np.asarray(part.bases), self.device.is_cuda
-                self._trees.append(Tree(meshes, assets, bases, part.faces, self.device, by_child))
+                shading = part.shading if isinstance(part, Visual) else None
+                self._trees.append(Tree(meshes, assets, bases, part.faces, self.device, by_child, shading))
                 first += len(part.worlds)
         return self._trees
 
@@ -196,7 +225,7 @@ def default_light(model: newton.Model) -> Light:
 class Columns:
     """The columns of all that is drawn: shapes, soft surfaces, particles."""
 
-    def __init__(self, layout: Layout, soft: Soft):
+    def __init__(self, layout: Layout, soft: Soft, first_texture: int):
         num_worlds, shapes = layout.ids.shape
         width, loose = soft.num_columns, soft.particles
         self.faces = np.full((num_worlds, width), -1, np.int32)
@@ -210,7 +239,7 @@ class Columns:
         self.kinds = np.concatenate(
             (layout.kinds, np.full(width, types.MESH), np.full(loose.shape[1], types.SPHERE))
         ).astype(np.int32)
-        soft_ids = np.where(self.faces >= 0, SOFT_ID, -1)
+        soft_ids = np.where(self.faces != -1, SOFT_ID, -1)
         self.ids = np.hstack((layout.ids, soft_ids, np.where(loose >= 0, PARTICLE_ID, -1))).astype(np.int32)
         none = np.full((num_worlds, len(self.kinds) - shapes), -1, np.int32)
         self.bodies = np.hstack((layout.shape_bodies, none)).astype(np.int32)
@@ -219,6 +248,9 @@ class Columns:
         own = np.broadcast_to(layout.assets, (rows, shapes))
         self.assets = np.hstack((own, assets[:rows], beside)).astype(np.int32)
         plain = np.zeros((len(layout.materials), len(self.kinds) - shapes), np.int32)
+        for part in soft.parts:
+            if isinstance(part, Visual) and part.texture >= 0:
+                plain[:, part.column] = 1 + first_texture + part.texture
         self.materials = np.hstack((layout.materials, plain)).astype(np.int32)
 
 
@@ -242,7 +274,7 @@ def _tables(layout: Layout, tables: Columns, num_worlds: int, device: wp.Device)
     return arrays
 
 
-def load(model: Any, state: Any, lights: Any, ambient: Any) -> Scene:
+def load(model: Any, state: Any, lights: Any, ambient: Any, semantics: Any) -> Scene:
     if not isinstance(model, newton.Model):
         raise WarpcamError(f"model must be a newton.Model, got {type(model).__name__}")
-    return Scene(NewtonSource(model, state, lights, ambient))
+    return Scene(NewtonSource(model, state, lights, ambient, semantics))

@@ -15,9 +15,11 @@ from warpcam.sources.usd_light import is_light, read_light
 from warpcam.sources.usd_material import MaterialReader
 from warpcam.sources.usd_mesh import MeshReader
 from warpcam.sources.usd_solids import SOLIDS, back_of, read_solid, update_solid
+from warpcam.sources.usd_splats import KIND, read_splats
+from warpcam.sources.usd_strands import STRANDS, StrandReader
 
 MAX_DEPTH = 64  # of point instancers in each other
-NOT_DRAWN = ("BasisCurves", "NurbsCurves", "HermiteCurves", "NurbsPatch", "Points", "Volume", "ParticleField")
+NOT_DRAWN = ("NurbsCurves", "HermiteCurves", "NurbsPatch", "Volume", "ParticleField")
 RIGID_BODY = "PhysicsRigidBodyAPI"
 
 
@@ -38,7 +40,9 @@ class StageReader:
         self._unit = unit
         self._materials = MaterialReader(graph, notes)
         self._meshes = MeshReader(self._materials, double_sided, notes)
+        self._strands = StrandReader(self._materials, notes)
         self._solids: dict[Sdf.Path, Form] = {}
+        self._clouds: dict[Sdf.Path, Form | None] = {}
         self._updates: list[Callable[[Usd.TimeCode], None]] = []
 
     def read(self) -> None:
@@ -126,6 +130,8 @@ class StageReader:
             graph.items += self._meshes.read(prim, node, name, self._time)
             if prim.HasAPI(UsdLux.MeshLightAPI):
                 self._notes.remark("shines, which meshes do not here", name)
+        elif kind in STRANDS:
+            graph.items += self._strands.read(prim, node, name, self._time)
         elif kind in SOLIDS:
             key = prim.GetPrimInPrototype().GetPath() if prim.IsInstanceProxy() else prim.GetPath()
             form = self._solids.setdefault(key, read_solid(prim, self._time, self._meshes.double_sided))
@@ -143,8 +149,22 @@ class StageReader:
             self._add_live(graph.lamps, lambda t: self._light(prim, node, name, t), prim)
             if kind == "DomeLight":
                 self._materials.add_skybox(prim, self._time)
+        elif kind == KIND:
+            self._add_splats(prim, node, name)
         elif kind in NOT_DRAWN or kind.startswith("ParticleField"):
             self._notes.warn(f"is of type {kind}, which is not drawn", name)
+
+    def _add_splats(self, prim: Usd.Prim, node: int, name: str) -> None:
+        key = prim.GetPrimInPrototype().GetPath() if prim.IsInstanceProxy() else prim.GetPath()
+        if key not in self._clouds:
+            self._clouds[key] = read_splats(prim, self._time)
+        form = self._clouds[key]
+        if form is None:
+            self._notes.warn("has splats whose arrays are empty or differ in length, and is left out", name)
+            return
+        self._graph.items.append(Item(name, node, form))
+        if prim.GetAttribute("positions").ValueMightBeTimeVarying():
+            self._notes.warn("has splats that change with time, and is drawn as it is at first", name)
 
     def _light(self, prim: Usd.Prim, node: int, name: str, time: Usd.TimeCode) -> Any:
         scale = abs(np.linalg.det(self._graph.worlds_of(node)[:3, :3])) ** (1.0 / 3.0)
