@@ -38,7 +38,8 @@ class LayerTables:
         reflectance: float32, (material,).
         veils: int32, ids of the shapes that may be transparent, ascending.
         veil_places: int32, (shape,) where it stands in ``veils``, or -1.
-        reach: float32, (shape,) radius of a sphere around its position that holds it [m]; infinite for planes.
+        reach: float32, (shape,) radius of a sphere around its position that holds it [m]; infinite for planes,
+            negative where it follows from type and size.
         haze: Haze, or None.
     """
 

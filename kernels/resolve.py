@@ -65,7 +65,7 @@ def layered_frame_struct(shape_dtype: Any, face_dtype: Any) -> Any:
         horizon: wp.float32
         mirrors: wp.array(dtype=Mirror)  # (world,)
         veils: wp.array(dtype=wp.int32)  # ids of the shapes that may be transparent
-        reach: wp.array(dtype=wp.float32)  # (shape,) radius of a sphere around its position that holds it [m]
+        reach: wp.array(dtype=wp.float32)  # (shape,) see layers.py
         haze: Haze
 
     return LayeredFrame

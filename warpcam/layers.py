@@ -24,7 +24,8 @@ class Layers:
         mirrors: ids of the shapes that may reflect, ascending.
         reflectance: (material,) float32.
         veils: ids of the shapes that may be transparent, ascending.
-        reach: (shape,) float32, radius of a sphere around the shape's position that holds it; infinite for planes [m].
+        reach: (shape,) float32, radius of a sphere around the shape's position that holds it; infinite for planes,
+            negative where it follows from type and size [m].
         haze_plane: id of the endless plane that has a haze over its horizon, or -1.
         haze_color: Display colour of it.
         haze_width: How far it reaches in from the skybox, as a part of its distance.

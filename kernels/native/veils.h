@@ -25,6 +25,19 @@ template <int CAPACITY> struct Veils {
     int count;
 };
 
+// Radius of a sphere around a shape that holds it, for shapes that are not geoms.
+WARPCAM_FN float reach_of(const Shape& shape)
+{
+    const Vec s = shape.size;
+    if (shape.type == SPHERE)
+        return s.x;
+    if (shape.type == CAPSULE)
+        return s.x + s.y;
+    if (shape.type == CYLINDER)
+        return root(s.x * s.x + s.y * s.y);
+    return shape.type == ELLIPSOID ? upper(upper(s.x, s.y), s.z) : root(dot(s, s));
+}
+
 // Fills the list. `eye` is where MuJoCo's camera is: distances and backs count from there, in mirrors too. A `mirror` does
 // not show itself.
 template <int TYPES, int LENS, int CAPACITY, class Scene_>
@@ -62,7 +75,9 @@ WARPCAM_FN void gather_veils(Veils<CAPACITY>& list, const Scene_& scene, const C
         const int slot = list.count++;
 #endif
         list.records[slot] = record;
-        list.distance[slot] = plane ? PLANES_LAST : root(dot(away, away)) - wp::index(scene.frame.reach, id);
+        const float reach = wp::index(scene.frame.reach, id);
+        list.distance[slot]
+            = plane ? PLANES_LAST : root(dot(away, away)) - (reach < 0.0f ? reach_of(shape) : reach);
         list.opacity[slot] = alpha;
         list.ids[slot] = id;
         list.touched[slot] = tiles;

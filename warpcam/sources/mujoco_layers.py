@@ -42,7 +42,7 @@ def with_layers(
     types, drawn, reach = parts.shape_types, parts.drawn, mjm.geom_rbound
     if extras is not None:
         colors, materials = _extended(colors, extras.colors), _extended(materials, extras.materials)
-        reach = np.r_[reach, np.linalg.norm(extras.sizes[mjm.ngeom :], axis=-1)]
+        reach = np.r_[reach, np.full(len(types) - mjm.ngeom, -1.0)]
     haze = [g for g in drawn if g < mjm.ngeom and types[g] == PLANE and (mjm.geom_size[g, :2] == 0.0).all()]
     layers = Layers(
         mirrors=find_mirrors(types, drawn, materials, mjm.mat_reflectance, reflections),
