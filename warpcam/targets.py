@@ -8,7 +8,7 @@ from warpcam.camera import Camera
 from warpcam.errors import WarpcamError
 from warpcam.kernels import labels, mirrors, resolve, shadow, splats, visibility
 from warpcam.kernels.launch import Group, Stage
-from warpcam.kernels.layers import Mirror
+from warpcam.kernels.layers import LayerTables, Mirror
 from warpcam.kernels.tables import Tables
 from warpcam.kernels.types import View
 from warpcam.layers import mirrors_of, veils_of
@@ -84,11 +84,8 @@ class Target:
         if tables.ids_by_world and "shape" in traced:  # what is asked for are ids; the stages pass on columns
             traced["ids"] = traced.pop("shape")
         lit = {name: image for name, image in derived.items() if OUTPUTS[name].lit}
-        needed = ("depth", "shape", "face", "shadow") if lit else ("depth", "shape", "face")
-        depth, shape, face, shadows = (
-            *(traced.pop(name, buffers.get(name)) for name in needed),
-            *((None,) if not lit else ()),
-        )
+        depth, shape, face = (traced.pop(name, buffers.get(name)) for name in ("depth", "shape", "face"))
+        shadows = buffers.get("shadow") if lit else None
         veil_places = layers.veil_places if opaque and layers is not None else None
         stages = [
             visibility.record(
@@ -120,9 +117,11 @@ class Target:
                 labels.record(tables.labels[name], OUTPUTS[name].label or 0, mask, shape, image, device, group)
             )
         if derived:
-            reflecting = bool(lit) and self._mirrors.size > 0
-            if reflecting:
-                stages += self._record_mirrors(lit, tables, projection, group, buffers, mask, faults, depth, shape)
+            reflecting = layers is not None and bool(lit) and self._mirrors.size > 0
+            if layers is not None and reflecting:
+                stages += self._record_mirrors(
+                    lit, tables, layers, projection, group, buffers, mask, faults, depth, shape
+                )
             if face is None:
                 face = wp.empty(0, dtype=wp.int32, device=device)
             stages.append(
@@ -155,6 +154,7 @@ class Target:
         self,
         outputs: Mapping[str, wp.array],
         tables: Tables,
+        layers: LayerTables,
         projection: Projection,
         group: Group,
         buffers: Mapping[str, wp.array],
@@ -164,7 +164,7 @@ class Target:
         seen_shape: wp.array,
     ) -> list[Stage]:
         """The stages that draw into the images what mirrors show; the mirrors' own colour comes on top."""
-        device, width, height, layers = self._device, self._camera.width, self._camera.height, tables.layers
+        device, width, height = self._device, self._camera.width, self._camera.height
         depth, shape, face = (buffers.get(f"mirror {name}") for name in ("depth", "shape", "face"))
         return [
             mirrors.record_mirrors(
