@@ -48,7 +48,7 @@ WARPCAM_FN LeafTest test_leaves(const List& list, const Light& light, const Mesh
             const Row c = load(meshes.faces.data, at + 2);
             const float t = enter_triangle(frame, project(frame, a.x, a.y, a.z), project(frame, b.x, b.y, b.z),
                                            project(frame, c.x, c.y, c.z));
-            met |= (t > start) & (t < reach_of(light, start));
+            met |= (t > start) & (t < reach_of(light, ray.point, start));
         }
     }
     const unsigned all_met = __ballot_sync(ALL, met);

@@ -85,6 +85,11 @@ def read_parts(mjm: mujoco.MjModel, num_worlds: int, groups: Collection[int]) ->
         textures=textures,
         skybox=int(skyboxes[0]) if len(skyboxes) else -1,
         horizon=float(mjm.vis.map.zfar * mjm.stat.extent),
+        shadow_map=(
+            float(mjm.vis.map.shadowclip * mjm.stat.extent),
+            float(mjm.vis.map.znear * mjm.stat.extent),
+            float(mjm.vis.map.shadowscale),
+        ),
     )
 
 
