@@ -181,4 +181,4 @@ def _texture(mjm: mujoco.MjModel, index: int) -> TextureImage:
     if mjm.tex_type[index] == mujoco.mjtTexture.mjTEXTURE_2D:
         return TextureImage("2d", pixels, bool(srgb))
     faces = pixels.reshape(6, width, width, -1) if height == 6 * width else pixels
-    return TextureImage("cube", faces, bool(srgb))
+    return TextureImage("cube", faces)  # of these MuJoCo's renderer does not ask how they are coded
