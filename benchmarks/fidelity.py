@@ -17,6 +17,8 @@ from pathlib import Path
 from typing import Any
 
 os.environ.setdefault("MUJOCO_GL", "osmesa")
+# Mesa's software renderer is to look textures up as precisely as a GPU does, without its short cuts of eight bits.
+os.environ.setdefault("GALLIVM_PERF", "no_filter_hacks,no_aos_sampling")
 
 import mujoco
 import numpy as np
@@ -37,14 +39,18 @@ Draw = Callable[[mujoco.MjModel, mujoco.MjData, int, int], np.ndarray]
 
 def draw_judge(mjm: mujoco.MjModel, mjd: mujoco.MjData, camera: int, samples: int) -> np.ndarray:
     mjm.vis.quality.offsamples = samples if samples > 1 else 0
+    option = mujoco.MjvOption()
+    option.flags[mujoco.mjtVisFlag.mjVIS_RANGEFINDER] = False  # the rays of sensors are no part of a scene
     with mujoco.Renderer(mjm, SIZE, SIZE) as renderer:
-        renderer.update_scene(mjd, camera=camera)
+        renderer.update_scene(mjd, camera=camera, scene_option=option)
         return renderer.render().copy()
 
 
 def draw_ours(mjm: mujoco.MjModel, mjd: mujoco.MjData, camera: int, samples: int) -> np.ndarray:
     scene = wc.from_mujoco(mjm, mjd, device="cpu")
-    view = wc.Camera(camera, width=SIZE, height=SIZE, outputs=("rgb",), shadows=True)
+    view = wc.Camera(
+        camera, width=SIZE, height=SIZE, outputs=("rgb",), shadows=True, antialiasing=4 if samples > 1 else 1
+    )
     return wc.Renderer(scene, [view]).render()[camera]["rgb"][0].numpy().copy()
 
 
@@ -73,7 +79,12 @@ def draw_mujoco_warp(mjm: mujoco.MjModel, mjd: mujoco.MjData, camera: int, sampl
         return np.rint(255.0 * np.clip(rgb.numpy()[0], 0.0, 1.0)).astype(np.uint8)
 
 
-DRAWN: dict[str, Draw] = {"warpcam": draw_ours, "mujoco_warp": draw_mujoco_warp}
+def draw_ours_plain(mjm: mujoco.MjModel, mjd: mujoco.MjData, camera: int, samples: int) -> np.ndarray:
+    return draw_ours(mjm, mjd, camera, 1)
+
+
+OURS, PLAIN, PEER = "warpcam", "warpcam, one sample", "mujoco_warp"
+DRAWN: dict[str, Draw] = {OURS: draw_ours, PLAIN: draw_ours_plain, PEER: draw_mujoco_warp}
 
 
 def compare(shot: Shot, renderers: Sequence[str], samples: int, folder: Path | None) -> dict[str, Any]:
@@ -87,7 +98,7 @@ def compare(shot: Shot, renderers: Sequence[str], samples: int, folder: Path | N
             began = time.perf_counter()
             images[name] = DRAWN[name](mjm, mjd, camera, samples)
         except Exception as error:
-            if name == "warpcam":
+            if name == OURS:
                 raise
             row[name] = {"error": f"{type(error).__name__}: {error}"[:200]}
             continue
@@ -98,7 +109,7 @@ def compare(shot: Shot, renderers: Sequence[str], samples: int, folder: Path | N
             "seconds": round(time.perf_counter() - began, 2),
         }
     if folder is not None:
-        gallery.save(folder / f"{shot.name}.png", judge, images)
+        gallery.save(folder / f"{shot.name}.png", judge, images[OURS])
     return row
 
 
@@ -122,7 +133,9 @@ def report_of(rows: Sequence[dict[str, Any]], renderers: Sequence[str], samples:
         "judge": f"mujoco.Renderer {mujoco.__version__}, {samples} samples a pixel, {os.environ['MUJOCO_GL']}",
         "size": [SIZE, SIZE],
         "machine": machine.describe(wp.get_device("cpu")),
-        "summary": {name: summary(rows, name) for name in renderers if any("psnr" in row.get(name, {}) for row in rows)},
+        "summary": {
+            name: summary(rows, name) for name in renderers if any("psnr" in row.get(name, {}) for row in rows)
+        },
         "results": list(rows),
     }
 
@@ -145,7 +158,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--out", type=Path, metavar="FILE", help="write JSON here")
     parser.add_argument("--gallery", type=Path, metavar="FOLDER", help="write gallery.md and its pictures here")
     options = parser.parse_args(arguments)
-    renderers = ["warpcam", "mujoco_warp"] if options.peer else ["warpcam"]
+    renderers = [OURS, PLAIN, PEER] if options.peer else [OURS, PLAIN]
     folder = options.gallery / "images" / "gallery" if options.gallery else None
     rows = []
     try:

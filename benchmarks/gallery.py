@@ -26,13 +26,11 @@ def beside(pictures: Sequence[np.ndarray]) -> np.ndarray:
     return paper
 
 
-def save(path: Path, judge: np.ndarray, images: Mapping[str, np.ndarray]) -> None:
-    """The judge's picture, then each image and its difference."""
-    row = [judge]
-    for image in images.values():
-        row += [image, difference(judge, image)]
+def save(path: Path, judge: np.ndarray, image: np.ndarray) -> None:
+    """The judge's picture, ours, and what differs."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    Image.fromarray(beside(row)).quantize(COLORS, dither=Image.Dither.NONE).save(path, optimize=True)
+    row = Image.fromarray(beside([judge, image, difference(judge, image)]))
+    row.quantize(COLORS, dither=Image.Dither.NONE).save(path, optimize=True)
 
 
 def write_page(path: Path, report: Mapping[str, Any], wanted: Mapping[str, float]) -> None:
@@ -73,8 +71,7 @@ def write_page(path: Path, report: Mapping[str, Any], wanted: Mapping[str, float
             cells += [f"{one['psnr']:.1f}", f"{one['flip']:.3f}"] if "psnr" in one else ["-", "-"]
         where = f"{row['package']}, {row['file']}, camera {row['camera']}"
         lines.append(f"| [{row['shot']}](#{row['shot']}) | {where} | {' | '.join(cells)} |")
-    order = "; ".join(f"{name}, its difference times {STRETCH}" for name in names)
-    lines += ["", f"In each row: mujoco.Renderer; {order}."]
+    lines += ["", f"In each row: mujoco.Renderer; warpcam; the difference of each channel, times {STRETCH}."]
     for row in rows:
         lines += ["", f"## {row['shot']}", "", f"![{row['shot']}](images/gallery/{row['shot']}.png)"]
     path.write_text("\n".join(lines) + "\n")

@@ -107,9 +107,7 @@ def add_free_camera(spec: mujoco.MjSpec, mjm: mujoco.MjModel) -> None:
     view = mujoco.MjvCamera()
     mujoco.mjv_defaultFreeCamera(mjm, view)
     azimuth, elevation = np.radians((view.azimuth, view.elevation))
-    forward = np.array(
-        (np.cos(elevation) * np.cos(azimuth), np.cos(elevation) * np.sin(azimuth), np.sin(elevation))
-    )
+    forward = np.array((np.cos(elevation) * np.cos(azimuth), np.cos(elevation) * np.sin(azimuth), np.sin(elevation)))
     position = view.lookat - view.distance * forward
     rotation = scenes.facing(tuple(position), tuple(view.lookat))
     spec.worldbody.add_camera(name=FREE, pos=position, quat=rotation, fovy=float(mjm.vis.global_.fovy))
