@@ -2,8 +2,8 @@
 
     python -m warpcam.benchmarks.fidelity [--shot NAME ...] [--peer] [--out FILE.json] [--gallery FOLDER]
 
-The judge draws as it does by default, with its antialiasing and its shadows. Scenes whose packages are not installed are
-left out; ``pip install --no-deps dm-control gymnasium gymnasium-robotics robosuite mjlab`` brings them all.
+The judge draws as it does by default, with its antialiasing and its shadows. Scenes whose packages are not installed
+are left out; ``pip install --no-deps dm-control gymnasium gymnasium-robotics robosuite mjlab`` brings them all.
 """
 
 import argparse

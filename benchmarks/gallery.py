@@ -39,8 +39,8 @@ def write_page(path: Path, report: Mapping[str, Any], wanted: Mapping[str, float
     lines = [
         "# warpcam beside mujoco.Renderer",
         "",
-        f"{len(rows)} scenes of other packages, {report['size'][0]}x{report['size'][1]}, as {report['judge']} draws them "
-        "and as warpcam does. Made by",
+        f"{len(rows)} scenes of other packages, {report['size'][0]}x{report['size'][1]}, as {report['judge']} "
+        "draws them and as warpcam does. Made by",
         "",
         "```sh",
         "pip install --no-deps dm-control gymnasium gymnasium-robotics robosuite mjlab",

@@ -1,4 +1,4 @@
-"""What the pictures of a fidelity run show: scenes whose files come with other packages, a camera and a pose for each."""
+"""What the pictures of a fidelity run show: scenes whose files come with other packages, and a camera for each."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""Smooth edges: a pixel that an edge runs through shows the mean of what its samples hit, as OpenGL's multisampling does.
+"""Smooth edges: a pixel that an edge runs through shows the mean of what its samples hit, as in OpenGL.
 
 What the trace has found in the pixels' centres says where edges are. These pixels are traced once more for each sample,
 with the view moved by a part of a pixel. A sample has the colour of the nearest pixel whose centre shows the same
@@ -20,8 +20,8 @@ SAMPLES: Mapping[int, Sequence[tuple[float, float]]] = {
 }
 # A surface has an edge where its slope, of depth over width, changes by more than this from pixel to pixel.
 CREASE = wp.constant(0.5)
-# Of the pixels that may show a sample's surface one whose plane lies apart from it by so many pixels' widths in depth is
-# as bad as one that lies a pixel's width aside.
+# Of the pixels that may show a sample's surface one whose plane lies apart from it by so many pixels' widths in depth
+# is as bad as one that lies a pixel's width aside.
 STEEP = wp.constant(1.0)
 CENTRE = wp.constant(4)  # of the nine pixels, in their rows
 MAX_DISTANCE = wp.constant(1.0e30)
@@ -183,7 +183,7 @@ def _blend(dtype: Any, channels: int) -> wp.Kernel:
             return
         chosen = int(choices[pixel])
         for channel in range(channels):
-            total = float(0.0)
+            total = float(0.0)  # noqa: UP018 - a variable of Warp's, not a constant
             for sample in range(wp.static(4)):
                 k = chosen >> 4 * sample & 15
                 total += wp.float32(image[pixel + (k // 3 - 1) * width + k % 3 - 1, channel])

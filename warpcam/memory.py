@@ -52,19 +52,13 @@ def estimate_memory(scene: Scene, cameras: Sequence[Camera]) -> Memory:
     Beside this a process needs what CUDA takes for itself: a context, the code of the kernels, a graph.
     """
     by_key = check_cameras(scene, cameras)
-    tables = scene.tables()
+    tables, view = scene.tables(), wp.types.type_size_in_bytes(View)
     for camera in by_key.values():
         check_size(camera, scene.num_worlds)
     return Memory(
         images={key: image_bytes(camera, tables) for key, camera in by_key.items()},
         scratch=Scratch(by_key, tables, scene.device).size,
-        worlds=scene.num_worlds
-        * (
-            2
-            + sum(
-                wp.types.type_size_in_bytes(View) * views_of(camera) + pose_bytes(camera) for camera in by_key.values()
-            )
-        ),
+        worlds=scene.num_worlds * (2 + sum(views_of(one) * view + pose_bytes(one) for one in by_key.values())),
     )
 
 
