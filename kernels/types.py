@@ -165,6 +165,10 @@ class Lights:
     specular: wp.array2d(dtype=wp.vec3)  # (world*, light)
     headlight: wp.array(dtype=wp.vec3)  # (3,) ambient, diffuse, specular of the headlight; zeros when it is off
     global_ambient: wp.float32  # light that is everywhere
+    # How far shadows reach: native/light_space.h, MapSize.
+    shadow_width: wp.float32  # half the width of what a directional light sees [m]; 0: shadows reach everywhere
+    shadow_near: wp.float32  # nothing nearer to a light casts a shadow [m]
+    shadow_scale: wp.float32  # half the angle of what a spot sees, as part of its cutoff
 
 
 @wp.struct

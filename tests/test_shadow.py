@@ -23,6 +23,7 @@ EYE = {"width": 64, "height": 64, "position": (0.0, -3.0, 3.0), "rotation": scen
 
 def check(mjm: mujoco.MjModel, device: wp.Device) -> None:
     """The floor is black just where a ray to the light meets a caster; pixels on a shadow's edge may differ."""
+    mjm.vis.map.shadowclip = 0.0  # as far as light goes
     mjd = scenes.forward(mjm)
     scene = wc.from_mujoco_warp(mjm, *scenes.put(mjm, 1, mjd=mjd))
     camera = scenes.own_camera(outputs=("hdr", "points", "segmentation"), shadows=True, **EYE)
@@ -131,3 +132,40 @@ def test_turned_away_surfaces_keep_their_colors(device: wp.Device, light: str) -
         )
         assert without.max() > 0.0
         np.testing.assert_allclose(with_shadows, without, rtol=1e-5, atol=1e-6)
+
+
+MAPPED = {
+    # light, and which of the boxes at x = -2, 0, 2 cast a shadow onto the floor beneath them
+    "all": ('type="directional" pos="0 0 5" dir="0 0 -1"', 4.0, (True, True, True)),
+    "narrow": ('type="directional" pos="0 0 5" dir="0 0 -1"', 1.0, (False, True, False)),
+    "aside": ('type="directional" pos="2 0 5" dir="0 0 -1"', 1.0, (False, False, True)),
+    "below": ('type="directional" pos="0 0 0.9" dir="0 0 -1"', 4.0, (False, False, False)),
+    "endless": ('type="directional" pos="0 0 0.9" dir="0 0 -1"', 0.0, (True, True, True)),
+    "spot": ('type="spot" pos="0 0 5" dir="0 0 -1" cutoff="60" exponent="0"', 1.0, (True, True, True)),
+    "narrow spot": ('type="spot" pos="0 0 5" dir="0 0 -1" cutoff="40" exponent="0"', 1.0, (False, True, False)),
+}
+
+
+@pytest.mark.parametrize("name", MAPPED)
+def test_shadows_end_where_the_renderers_maps_end(device: wp.Device, name: str) -> None:
+    light, clip, wanted = MAPPED[name]
+    boxes = "".join(f'<geom type="box" size="0.3 0.3 0.02" pos="{x} 0 1"/>' for x in (-2, 0, 2))
+    dim = f'<light {light} ambient="0 0 0" diffuse="1 1 1" specular="0 0 0"/>'
+    mjm = scenes.compile_xml(dim + FLOOR + boxes, more=DARK)
+    mjm.stat.extent, mjm.vis.map.shadowclip = 1.0, clip
+    mjm.vis.map.shadowscale = 0.75 if name == "spot" else 0.5
+    scene = wc.from_mujoco(mjm, scenes.forward(mjm), device=device)
+    for x, shaded in zip((-2.0, 0.0, 2.0), wanted, strict=True):
+        middle = x * 1.25 if "spot" in name else x  # of the shadow: seen from under the boxes
+        camera = scenes.own_camera(
+            outputs=("hdr", "segmentation"),
+            shadows=True,
+            position=(middle, 0.0, 0.5),
+            rotation=(1, 0, 0, 0),
+            lens=wc.Pinhole(fovy=10.0),
+            width=5,
+            height=5,
+        )
+        images = scenes.look(scene, camera)
+        assert (images["segmentation"] == 0).all()
+        assert (images["hdr"].max() == 0.0) == shaded and (images["hdr"].min() > 0.0) == (not shaded), x

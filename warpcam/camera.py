@@ -8,6 +8,7 @@ import numpy as np
 
 from warpcam import interop
 from warpcam.errors import WarpcamError
+from warpcam.kernels.antialias import SAMPLES
 from warpcam.lens import Lens
 from warpcam.outputs import check_outputs
 
@@ -37,6 +38,8 @@ class Camera:
             scene camera's, or infinity.
         depth_clipping: What ``depth`` shows where nothing is hit: inf ("none"), ``far`` ("max") or 0 ("zero").
         shadows: Whether the scene's lights cast shadows in ``rgb``, ``rgba`` and ``hdr``.
+        antialiasing: Samples of a pixel that an edge runs through: 1, or 4 as ``mujoco.Renderer`` has it. It smooths
+            ``rgb``, ``rgba`` and ``hdr``; all other outputs are those of the pixel's centre.
         background: Display colour in [0, 1] where nothing is hit; None is the scene's own: its skybox, else black.
     """
 
@@ -53,6 +56,7 @@ class Camera:
     far: Any = None
     depth_clipping: DepthClipping = "none"
     shadows: bool = False
+    antialiasing: int = 1
     background: tuple[float, float, float] | None = None
 
     def __post_init__(self) -> None:
@@ -75,6 +79,9 @@ class Camera:
             raise WarpcamError(f"{self.where}: depth_clipping is {self.depth_clipping!r}; allowed are {allowed}")
         if not isinstance(self.shadows, bool | np.bool_):
             raise WarpcamError(f"{self.where}: shadows must be True or False, got {self.shadows!r}")
+        if isinstance(self.antialiasing, bool) or self.antialiasing not in (1, *SAMPLES):
+            allowed = ", ".join(map(str, (1, *SAMPLES)))
+            raise WarpcamError(f"{self.where}: antialiasing is {self.antialiasing!r}; allowed are {allowed}")
         self._check_background()
 
     @property

@@ -52,6 +52,11 @@ OUTPUTS: Mapping[str, Output] = {
 }
 
 
+def smooth_outputs(names: Sequence[str], antialiasing: int) -> list[str]:
+    """Those outputs whose edges are smoothed."""
+    return [name for name in names if OUTPUTS[name].lit] if antialiasing > 1 else []
+
+
 def traced_as(name: str, shape_types: Collection[int]) -> str | None:
     """The array of the trace that an output is in a scene of these types of shapes; None if a second pass makes it."""
     output = OUTPUTS[name]

@@ -74,6 +74,9 @@ class Parts:
         textures: What ``material_textures`` counts.
         skybox: Index of the texture behind everything, or -1.
         horizon: How far the source's own renderer draws endless planes [m]; 0 if it has none.
+        shadow_map: How far the source's own renderer draws shadows: half the width of what a directional light sees
+            [m], the distance from a light that they begin at [m], and half the angle of what a spot sees, as part of
+            its cutoff. Zeros: everywhere.
         shape_instances: (shape,) or (world or 1, shape) int32, which replicated thing each is part of, or -1; None if
             nobody knows.
         shape_semantics: Likewise its label's number, 0 for none.
@@ -105,6 +108,7 @@ class Parts:
     textures: Sequence[TextureImage]
     skybox: int = -1
     horizon: float = 0.0
+    shadow_map: tuple[float, float, float] = (0.0, 0.0, 0.0)
     shape_instances: np.ndarray | None = None
     shape_semantics: np.ndarray | None = None
     shape_ids: np.ndarray | None = None
@@ -393,6 +397,7 @@ class Scene:
                     setattr(struct, name.removeprefix(prefix), arrays[name])
         lights.headlight = arrays["headlight"]
         lights.global_ambient = ambient
+        lights.shadow_width, lights.shadow_near, lights.shadow_scale = parts.shadow_map
         physical = None
         if parts.physical:
             physical = Physical()

@@ -17,10 +17,11 @@ from warpcam.kernels import visibility
 from warpcam.kernels.tables import Tables
 from warpcam.kernels.types import HEIGHT_FIELD, MESH
 from warpcam.layers import mirrors_of, veils_of
-from warpcam.outputs import OUTPUTS, traced_as
+from warpcam.outputs import OUTPUTS, smooth_outputs, traced_as
 
 # The block is at most half as large as the images, or this where they are small: a group must fill the device [bytes].
 ALWAYS_ALLOWED = 32 * 2**20
+PIXELS = {"rgb": wp.vec3ub, "rgba": wp.vec4ub, "hdr": wp.vec3}  # of the images whose edges can be smooth
 ALIGNMENT = 256  # of a buffer [bytes]
 
 Name = TypeVar("Name", bound=Hashable)
@@ -49,13 +50,20 @@ def buffers_of(camera: Camera, tables: Tables) -> dict[str, Any]:
         "mirror shape": mirrors,
         "mirror face": mirrors and faces,
     }
+    smooth = smooth_outputs(camera.outputs, camera.antialiasing)
+    wanted |= dict.fromkeys(("edges", "choices", "sample depth", "sample shape"), bool(smooth))
     dtypes = {
         "depth": wp.float32,
         "shape": wp.int16 if tables.num_shapes <= 2**15 else wp.int32,
         "face": wp.uint16 if tables.num_faces <= 2**16 and HEIGHT_FIELD not in tables.shape_types else wp.int32,
         "shadow": wp.uint8,
+        "edges": wp.uint8,
+        "choices": wp.uint16,
     }
-    return {name: dtypes[name.removeprefix("mirror ")] for name, there in wanted.items() if there}
+    chosen = {
+        name: dtypes[name.removeprefix("sample ").removeprefix("mirror ")] for name, there in wanted.items() if there
+    }
+    return chosen | {f"smooth {name}": PIXELS[name] for name in smooth}
 
 
 def image_bytes(camera: Camera, tables: Tables) -> dict[str, int]:

@@ -5,12 +5,29 @@
 
 namespace warpcam {
 
+// How far the shadows of a light reach. MuJoCo's renderer draws what the light sees into a map: what lies outside of it
+// is lit, and what is nearer to the light than its near plane casts no shadow.
+struct MapSize {
+    float width;  // half of it: of a distant light [m], else at a distance of 1; 0 where shadows reach everywhere
+    float near;   // from the light's position along its direction [m]
+};
+
+// The map of one light, relative to the camera of the view, along the world's axes.
+struct ShadowMap {
+    Vec right, up;  // over half the map's width
+    Vec along;
+    Vec from;  // the light's position
+    float near;
+    bool bounded;  // else the rest means nothing
+};
+
 // A light and the frame it sees the scene in. All is relative to the camera of the view, along the world's axes.
 struct Light {
     bool distant;  // directional: its rays are parallel
     Vec aim;       // distant: the direction towards it; else its position
     Vec u, v;      // across its direction
     Vec w;         // distant: towards it; else the way it shines
+    ShadowMap map;
 };
 
 // A point in that frame. Two points on one ray have equal u and v.
@@ -25,7 +42,15 @@ struct alignas(16) Window {
     float left, right, bottom, top;
 };
 
-WARPCAM_FN Light make_light(bool distant, Vec position, Vec direction, const Camera& camera)
+WARPCAM_FN ShadowMap shadow_map(Vec position, Vec direction, const Camera& camera, const MapSize& size)
+{
+    const Vec along = 1.0f / root(upper(dot(direction, direction), 1.0e-30f)) * direction;
+    const Vec up { 0.0f, -along.z, along.y };  // across the world's x axis
+    const float rate = reciprocal(root(upper(dot(up, up), 1.0e-30f)) * upper(size.width, 1.0e-30f));
+    return { rate * cross(along, up), rate * up, along, position - camera.origin, size.near, size.width > 0.0f };
+}
+
+WARPCAM_FN Light make_light(bool distant, Vec position, Vec direction, const Camera& camera, const MapSize& size)
 {
     Light light;
     light.distant = distant;
@@ -42,6 +67,7 @@ WARPCAM_FN Light make_light(bool distant, Vec position, Vec direction, const Cam
     const Vec v = cross(light.w, across);
     light.v = 1.0f / root(upper(dot(v, v), 1.0e-30f)) * v;
     light.u = cross(light.v, light.w);
+    light.map = shadow_map(position, direction, camera, size);
     return light;
 }
 
@@ -49,6 +75,27 @@ WARPCAM_FN Light make_light(bool distant, Vec position, Vec direction, const Cam
 WARPCAM_FN Vec ray_to(const Light& light, Vec p)
 {
     return light.distant ? light.aim : Vec { light.aim.x - p.x, light.aim.y - p.y, light.aim.z - p.z };
+}
+
+template <class Lights> WARPCAM_FN MapSize map_size(const Lights& lights, bool distant, int world, int light)
+{
+    const float half = 0.017453292519943295f * lower(lights.shadow_scale * shared_row(lights.cutoff, world, light), 80.0f);
+    return { distant || !(lights.shadow_width > 0.0f) ? lights.shadow_width : wp::tan(half), lights.shadow_near };
+}
+
+// How far a ray from p to the light counts, in the units of ray_to(); `near` is where it begins to.
+WARPCAM_FN float reach_of(const Light& light, Vec p, float near)
+{
+    const float reach = light.distant ? ENDLESS : 1.0f - near;
+    const ShadowMap& map = light.map;
+    if (!map.bounded)
+        return reach;
+    const Vec offset = p - map.from;
+    const float along = dot(map.along, offset);
+    const float side = upper(magnitude(dot(map.right, offset)), magnitude(dot(map.up, offset)));
+    if (!(along > map.near) || side > (light.distant ? 1.0f : along))
+        return 0.0f;
+    return light.distant ? along - map.near : lower(reach, 1.0f - map.near * reciprocal(along));
 }
 
 // From pixels and their depths to points, in a frame of one's choice.

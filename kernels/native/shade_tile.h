@@ -19,15 +19,13 @@ struct Span {
     float near, reach;
 };
 
-WARPCAM_FN float reach_of(const Light& light, float near) { return light.distant ? ENDLESS : 1.0f - near; }
-
 WARPCAM_FN Span span_of(const Light& light, Vec origin, Vec p, float depth)
 {
     const Vec d = ray_to(light, p);
     const float rounding = 2.0e-6f
         * (magnitude(origin.x + p.x) + magnitude(origin.y + p.y) + magnitude(origin.z + p.z) + depth);
     const float near = rounding * reciprocal(root(upper(dot(d, d), 1.0e-30f)));
-    return { near, reach_of(light, near) };
+    return { near, reach_of(light, p, near) };
 }
 
 // The ray of an analytic shape's test, in the shape's frame.

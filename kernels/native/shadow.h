@@ -20,7 +20,8 @@ WARPCAM_FN LitView<LENS> light_view(const Lights& lights, const Camera& camera, 
     const bool distant = shared_row(lights.types, world, light) == LIGHT_DIRECTIONAL;
     const auto p = wp::index(lights.positions, world, light), d = wp::index(lights.directions, world, light);
     const auto ambient = shared_row(lights.ambient, world, light);
-    const Light made = make_light(distant, { p[0], p[1], p[2] }, { d[0], d[1], d[2] }, camera);
+    const Light made = make_light(distant, { p[0], p[1], p[2] }, { d[0], d[1], d[2] }, camera,
+                                  map_size(lights, distant, world, light));
     const Sight<LENS> sight = sight_of<LENS>(camera);
     return { made, sight, lit_sight(made, sight), camera.origin,
              ambient[0] != 0.0f || ambient[1] != 0.0f || ambient[2] != 0.0f };

@@ -152,7 +152,9 @@ def _halve_axis(image: npt.NDArray[np.float32], axis: int) -> npt.NDArray[np.flo
     if size % 2 == 0:
         result = 0.5 * (first + second)
     else:
-        # A texel of the half covers size / half = 2 + 1 / half texels: parts of three.
-        index = np.arange(half, dtype=np.float32).reshape(-1, *[1] * (image.ndim - 1))
-        result = ((half - index) * first + half * second + (index + 1) * image[2::2]) / size
+        # OpenGL does not say how; what it does in practice is to look the middle of the new texel up between two.
+        place = (np.arange(half, dtype=np.float32) + 0.5) * (size / half) - 0.5
+        before = np.floor(place).astype(np.int64)
+        weight = (place - before).reshape(-1, *[1] * (image.ndim - 1)).astype(np.float32)
+        result = (1.0 - weight) * image[before] + weight * image[before + 1]
     return np.moveaxis(result, 0, axis)

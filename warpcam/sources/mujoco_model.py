@@ -85,6 +85,11 @@ def read_parts(mjm: mujoco.MjModel, num_worlds: int, groups: Collection[int]) ->
         textures=textures,
         skybox=int(skyboxes[0]) if len(skyboxes) else -1,
         horizon=float(mjm.vis.map.zfar * mjm.stat.extent),
+        shadow_map=(
+            float(mjm.vis.map.shadowclip * mjm.stat.extent),
+            float(mjm.vis.map.znear * mjm.stat.extent),
+            float(mjm.vis.map.shadowscale),
+        ),
     )
 
 
@@ -176,4 +181,4 @@ def _texture(mjm: mujoco.MjModel, index: int) -> TextureImage:
     if mjm.tex_type[index] == mujoco.mjtTexture.mjTEXTURE_2D:
         return TextureImage("2d", pixels, bool(srgb))
     faces = pixels.reshape(6, width, width, -1) if height == 6 * width else pixels
-    return TextureImage("cube", faces, bool(srgb))
+    return TextureImage("cube", faces)  # of these MuJoCo's renderer does not ask how they are coded

@@ -1,0 +1,77 @@
+"""A page of pictures: the judge's, ours, and what differs, side by side."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from PIL import Image
+
+GAP = 2  # between pictures [pixels]
+STRETCH = 4  # of differences, so that they can be seen
+COLORS = 192  # of a palette: the files stay small
+
+
+def difference(judge: np.ndarray, image: np.ndarray) -> np.ndarray:
+    """The difference of each channel, times ``STRETCH``, on black."""
+    return np.minimum(STRETCH * np.abs(judge.astype(np.int16) - image.astype(np.int16)), 255).astype(np.uint8)
+
+
+def beside(pictures: Sequence[np.ndarray]) -> np.ndarray:
+    """Pictures of one size in a row."""
+    height, width, channels = pictures[0].shape
+    paper = np.full((height, len(pictures) * (width + GAP) - GAP, channels), 255, np.uint8)
+    for place, picture in enumerate(pictures):
+        paper[:, place * (width + GAP) : place * (width + GAP) + width] = picture
+    return paper
+
+
+def save(path: Path, judge: np.ndarray, image: np.ndarray) -> None:
+    """The judge's picture, ours, and what differs."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    row = Image.fromarray(beside([judge, image, difference(judge, image)]))
+    row.quantize(COLORS, dither=Image.Dither.NONE).save(path, optimize=True)
+
+
+def write_page(path: Path, report: Mapping[str, Any], wanted: Mapping[str, float]) -> None:
+    """The table and the pictures, in Markdown."""
+    names, rows = list(report["summary"]), report["results"]
+    lines = [
+        "# warpcam beside mujoco.Renderer",
+        "",
+        f"{len(rows)} scenes of other packages, {report['size'][0]}x{report['size'][1]}, as {report['judge']} "
+        "draws them and as warpcam does. Made by",
+        "",
+        "```sh",
+        "pip install --no-deps dm-control gymnasium gymnasium-robotics robosuite mjlab",
+        "pip install flip-evaluator",
+        "python -m warpcam.benchmarks.fidelity --peer --out benchmarks/results/fidelity.json --gallery docs",
+        "```",
+        "",
+        "PSNR is over all channels of all pixels; more is better. FLIP is what eyes see when two pictures are swapped, "
+        "0 to 1; less is better.",
+        "",
+        "| | shots | median PSNR [dB] | least PSNR [dB] | mean FLIP | largest FLIP |",
+        "|---|---:|---:|---:|---:|---:|",
+    ]
+    for name, figures in report["summary"].items():
+        lines.append(
+            f"| {name} | {figures['shots']} | {figures['median_psnr']:.1f} | {figures['least_psnr']:.1f} "
+            f"| {figures['mean_flip']:.3f} | {figures['largest_flip']:.3f} |"
+        )
+    lines.append(
+        f"| wanted | 30 | {wanted['median_psnr']:.1f} | {wanted['least_psnr']:.1f} | {wanted['mean_flip']:.3f} | |"
+    )
+    lines += ["", "| shot | scene | " + " | ".join(f"{name}: PSNR [dB] | FLIP" for name in names) + " |"]
+    lines += ["|---|---|" + "---:|---:|" * len(names)]
+    for row in sorted(rows, key=lambda row: row["warpcam"]["psnr"]):
+        cells = []
+        for name in names:
+            one = row.get(name, {})
+            cells += [f"{one['psnr']:.1f}", f"{one['flip']:.3f}"] if "psnr" in one else ["-", "-"]
+        where = f"{row['package']}, {row['file']}, camera {row['camera']}"
+        lines.append(f"| [{row['shot']}](#{row['shot']}) | {where} | {' | '.join(cells)} |")
+    lines += ["", f"In each row: mujoco.Renderer; warpcam; the difference of each channel, times {STRETCH}."]
+    for row in rows:
+        lines += ["", f"## {row['shot']}", "", f"![{row['shot']}](images/gallery/{row['shot']}.png)"]
+    path.write_text("\n".join(lines) + "\n")
