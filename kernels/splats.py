@@ -27,7 +27,7 @@ OUTPUTS: Mapping[str, type] = {
     "instances": wp.int32,
     "semantics": wp.int32,
 }
-BY_WORLD = 1 << len(OUTPUTS)
+BY_WORLD, LINEAR = 1 << len(OUTPUTS), 2 << len(OUTPUTS)  # native/splats.h
 REGION = 16  # side of what a block draws [pixels], SPLAT_REGION
 BLOCKS = 6  # on a multiprocessor: bounds the registers of a thread
 CAPACITIES = (4, 16, 64, 128)  # clouds that a block keeps: few sizes, so that scenes share kernels
@@ -172,6 +172,8 @@ def record(
     frame.width, frame.height = width, height
     changed = Images()
     wanted = BY_WORLD if tables.ids_by_world else 0
+    if tables.physical is not None and "hdr" in images:
+        wanted |= LINEAR
     for bit, (name, dtype) in enumerate(OUTPUTS.items()):
         if name in images:
             setattr(changed, name, images[name].flatten())

@@ -149,6 +149,13 @@ def reference(clouds: Sequence[Placed], camera: wc.Camera, behind: Mapping[str, 
     }
 
 
+def shown(images: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """With hdr, which is light, as the display values that splats are blended in."""
+    light = np.maximum(images["hdr"], 0.0) if "hdr" in images else np.zeros(3)
+    display = np.where(light <= 0.0031308, 12.92 * light, 1.055 * light ** (1.0 / 2.4) - 0.055)
+    return {**images, **({"hdr": display} if "hdr" in images else {})}
+
+
 def nothing(camera: wc.Camera) -> dict[str, np.ndarray]:
     """What is behind where there is nothing else."""
     size = (camera.height, camera.width)

@@ -14,7 +14,7 @@ newton = pytest.importorskip("newton")
 import splat_scenes  # noqa: E402, newton may be missing
 from newton.sensors import SensorCamera  # noqa: E402
 from newton_scenes import finalize, pose  # noqa: E402
-from splat_scenes import FOVY, Placed, eye, gaussians, nothing, random_gaussians, reference  # noqa: E402
+from splat_scenes import FOVY, Placed, eye, gaussians, nothing, random_gaussians, reference, shown  # noqa: E402
 
 pytestmark = pytest.mark.filterwarnings("ignore")  # Newton's own
 
@@ -36,7 +36,7 @@ def see(
     *clouds: Placed, device: wp.Device, camera: wc.Camera | None = None, builder: Any = None
 ) -> dict[str, np.ndarray]:
     scene = wc.from_newton(*model_of(*clouds, builder=builder, device=device))
-    return {name: image[0] for name, image in scenes.look(scene, camera or eye()).items()}
+    return {name: image[0] for name, image in shown(scenes.look(scene, camera or eye())).items()}
 
 
 def check(seen: dict[str, np.ndarray], expected: dict[str, np.ndarray], tolerance: float = 2.0 * STEP) -> None:
@@ -171,7 +171,7 @@ def test_worlds_have_their_own_poses_scales_and_opacities(device: wp.Device) -> 
     scales = [(1.0, 1.0, 1.0), (0.5, 0.8, 1.2), (1.3, 1.3, 1.3)]
     scenes.write(model.shape_scale, slice(None), scales)
     scenes.write(model.shape_opacity, slice(None), (1.0, 0.6, 1.0))
-    seen = scenes.on_host(renderer.render()["eye"])
+    seen = shown(scenes.on_host(renderer.render()["eye"]))
     for world, (position, turn) in enumerate(places):
         cloud = Placed(source, position, turn, scales[world], (1.0, 0.6, 1.0)[world], world)
         check({name: image[world] for name, image in seen.items()}, reference([cloud], eye(), nothing(eye())))
@@ -225,10 +225,10 @@ def test_against_newtons_own_camera(device: wp.Device) -> None:
     builder = newton.ModelBuilder()
     builder.add_shape_box(-1, hx=3.0, hy=0.1, hz=0.6, xform=pose(0.0, 0.2, 0.0))
     camera = eye(width=48, height=32)
-    box = scenes.look(wc.from_newton(*finalize(builder, device)), camera)
+    box = shown(scenes.look(wc.from_newton(*finalize(builder, device)), camera))
     expected = reference([Placed(source, shape=1)], camera, {name: image[0] for name, image in box.items()})
     model, state = model_of(Placed(source), builder=builder, device=device)
-    seen = {name: image[0] for name, image in scenes.look(wc.from_newton(model, state), camera).items()}
+    seen = {name: image[0] for name, image in shown(scenes.look(wc.from_newton(model, state), camera)).items()}
     check(seen, expected)
 
     sensor = SensorCamera(model)

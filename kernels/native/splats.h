@@ -8,10 +8,11 @@
 // left or little light comes through. t is the same in all frames, for which planar depth is taken.
 #pragma once
 #include "hits.h"
+#include "srgb.h"
 
 namespace warpcam {
 
-// What is wanted, in the order of OUTPUTS in splats.py; WITH_IDS and WITH_BODIES: ids by world.
+// What is wanted, in the order of OUTPUTS in splats.py; BY_WORLD: ids by world.
 enum SplatOutput {
     SPLAT_RGB = 1,
     SPLAT_RGBA = 2,
@@ -25,7 +26,8 @@ enum SplatOutput {
     SPLAT_BODIES = 512,
     SPLAT_INSTANCES = 1024,
     SPLAT_SEMANTICS = 2048,
-    SPLAT_BY_WORLD = 4096
+    SPLAT_BY_WORLD = 4096,
+    SPLAT_LINEAR = 8192  // hdr is light; else display values
 };
 constexpr int SPLAT_COLORS = SPLAT_RGB | SPLAT_RGBA | SPLAT_HDR | SPLAT_ALBEDO;
 
@@ -252,7 +254,11 @@ template <int WANTED, class Images> WARPCAM_FN void put_colors(const Images& ima
     }
     if (WANTED & SPLAT_HDR) {
         float* channels = images.hdr.data + 3 * size_t(at);
-        put_three(images.hdr.data, at, found.color + found.light * Vec { channels[0], channels[1], channels[2] });
+        const Vec behind { channels[0], channels[1], channels[2] };
+        if (WANTED & SPLAT_LINEAR)
+            put_three(images.hdr.data, at, decoded(found.color + found.light * encoded(behind)));
+        else
+            put_three(images.hdr.data, at, found.color + found.light * behind);
     }
 }
 
@@ -294,7 +300,7 @@ WARPCAM_FN void draw_splat_pixel(const Scene& scene, const Cloud* clouds, int nu
     if (found.light == 1.0f)
         return;
     put_colors<WANTED>(scene.images, at, found);
-    if ((WANTED & ~(SPLAT_COLORS | SPLAT_BY_WORLD)) == 0 || found.median == NO_KEY)
+    if ((WANTED & ~(SPLAT_COLORS | SPLAT_BY_WORLD | SPLAT_LINEAR)) == 0 || found.median == NO_KEY)
         return;
     const unsigned name = unsigned(found.median);
     const Cloud& cloud = clouds[scene.splats.bits < 32 ? name >> scene.splats.bits : 0];

@@ -64,7 +64,7 @@ def write_ply(path: Path, cloud: Any) -> None:
 
 
 def check(seen: dict[str, np.ndarray], expected: dict[str, np.ndarray], tolerance: float = 1e-3) -> None:
-    assert np.abs(seen["hdr"][0] - expected["hdr"]).max() < tolerance
+    assert np.abs(splat_scenes.shown(seen)["hdr"][0] - expected["hdr"]).max() < tolerance
     sure = expected["halves"] > 0.01
     assert (seen["segmentation"][0] == expected["segmentation"])[sure].all()
     finite = sure & np.isfinite(expected["depth"])
