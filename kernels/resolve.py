@@ -8,6 +8,7 @@ import warp as wp
 
 from .launch import Group, Stage, native_options
 from .launch import record as record_stage
+from .layers import Haze, LayerTables, Mirror
 from .tables import Tables
 from .types import Background, HeightFields, Lights, Materials, Meshes, Physical, Shapes, Textures, View
 from .visibility import LENSES, THREADS, region_size
@@ -22,8 +23,11 @@ OUTPUTS: Mapping[str, tuple[type, int]] = {
     "albedo": (wp.uint8, 3),
 }
 
-PHYSICAL, HAS_MAPS = 1 << 8, 1 << 9  # facts beside those of _facts(): bits of native/look.h
+VEILED_BLOCKS = 4  # blocks that a multiprocessor is to hold where some shapes may be transparent
+PHYSICAL, HAS_MAPS = 1 << 12, 1 << 13  # the same
 MAX_KEPT = 256  # shapes whose looks a block can keep
+MIRRORED, REFLECTS, VEILED, HAZY = 1 << 8, 1 << 9, 1 << 10, 1 << 11  # facts of native/look.h
+LIT = ("rgb", "rgba", "hdr")  # what mirrors, transparent shapes and haze change
 
 
 @functools.cache
@@ -45,6 +49,29 @@ def frame_struct(shape_dtype: Any, face_dtype: Any) -> Any:
     return Frame
 
 
+@functools.cache
+def layered_frame_struct(shape_dtype: Any, face_dtype: Any) -> Any:
+    """The same with what mirrors, transparent shapes and haze need."""
+
+    @wp.struct
+    class LayeredFrame:
+        views: wp.array(dtype=View)
+        mask: wp.array(dtype=wp.uint8)
+        depth: wp.array(dtype=wp.float32)
+        shape: wp.array(dtype=shape_dtype)
+        face: wp.array(dtype=face_dtype)
+        shadow: wp.array(dtype=wp.uint8)
+        width: wp.int32
+        height: wp.int32
+        horizon: wp.float32
+        mirrors: wp.array(dtype=Mirror)  # (world,)
+        veils: wp.array(dtype=wp.int32)  # ids of the shapes that may be transparent
+        reach: wp.array(dtype=wp.float32)  # (shape,) see layers.py
+        haze: Haze
+
+    return LayeredFrame
+
+
 @wp.struct
 class Images:
     """What the kernel writes, channel after channel of pixel after pixel; empty where it was not asked for."""
@@ -58,8 +85,9 @@ class Images:
 
 @functools.cache
 def _kernel(
-    types: int, lens: int, capacity: int, width: int, height: int, images: int, facts: int, frame_type: Any
+    types: int, lens: int, capacity: int, width: int, height: int, images: int, facts: int, frame_type: Any, veils: int
 ) -> wp.Kernel:
+    more = f", {veils}" if veils else ""
     lights_type: Any = Lights
     scene = "warpcam::Scene { frame, images, shapes, meshes, fields, materials, textures, background }"
     if facts & PHYSICAL:
@@ -67,7 +95,8 @@ def _kernel(
         scene = f"warpcam::PhysicalScene {{ {scene}, lights }}"
 
     @wp.func_native(
-        f"warpcam::resolve<{types}, {lens}, {capacity}, {width}, {height}, {images}, {facts}>({scene}, lights, index);"
+        f"warpcam::resolve<{types}, {lens}, {capacity}, {width}, {height}, {images}, {facts}{more}>"
+        f"({scene}, lights, index);"
     )
     def resolve(
         frame: frame_type,
@@ -86,7 +115,7 @@ def _kernel(
         module="unique",
         enable_backward=False,
         grid_stride=False,
-        launch_bounds=(THREADS, _blocks(images, facts)),
+        launch_bounds=(THREADS, VEILED_BLOCKS if veils else _blocks(images, facts)),
         module_options={"extra_build_options": native_options("resolve.h")},
     )
     def write_images(
@@ -120,6 +149,9 @@ def record(
     height: int,
     device: wp.Device,
     group: Group | None = None,
+    layers: LayerTables | None = None,
+    mirrors: wp.array | None = None,
+    mirrored: bool = False,
 ) -> Stage:
     """Bind the kernel that writes ``outputs`` to one camera's buffers.
 
@@ -138,12 +170,31 @@ def record(
         height: Of the image [pixels].
         device: Where everything lies.
         group: Which worlds are drawn; None is all.
+        layers: What of the scene one layer cannot show, where some of the outputs are ``LIT``.
+        mirrors: Mirror, (world,), where the scene reflects.
+        mirrored: The buffers are those of the view from behind the mirrors, ``views``: the outputs, all ``LIT``, are
+            what the mirrors show, black where they show nothing. Otherwise that lies in the outputs already where there
+            are ``mirrors``, and is added to.
     """
     unknown = sorted(set(outputs) - set(OUTPUTS))
     if unknown:
         raise ValueError(f"outputs: {unknown} are not made here; these are: {sorted(OUTPUTS)}")
-    frame_type = frame_struct(shape.dtype, face.dtype)
+    more, veils = 0, 0
+    if layers is not None and not set(LIT).isdisjoint(outputs):
+        more = (MIRRORED if mirrored else REFLECTS) if mirrors is not None else 0
+        if layers.veiled:
+            more |= VEILED
+            veils = -(-layers.veils.size // 8) * 8
+        if layers.haze is not None and tables.has_skybox and not mirrored:
+            more |= HAZY
+    frame_type = (layered_frame_struct if more else frame_struct)(shape.dtype, face.dtype)
     frame = frame_type()
+    if layers is not None and more:
+        frame.veils, frame.reach = layers.veils, layers.reach
+        if mirrors is not None:
+            frame.mirrors = mirrors
+        if layers.haze is not None:
+            frame.haze = layers.haze
     frame.views = views
     frame.mask = mask
     frame.depth = depth.flatten()
@@ -164,8 +215,8 @@ def record(
     group = group or Group.of_all(tables.num_worlds)
     region = region_size(tables, group.at_once, width, height, device)
     types = sum(1 << t for t in tables.shape_types)
-    facts = _facts(tables, shadow is not None, width)
-    kernel = _kernel(types, LENSES[lens], _capacity(tables), *region, wanted, facts, frame_type)
+    facts = _facts(tables, shadow is not None, width) | more
+    kernel = _kernel(types, LENSES[lens], _capacity(tables), *region, wanted, facts, frame_type, veils)
     inputs = [
         frame,
         images,

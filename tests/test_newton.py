@@ -1,6 +1,7 @@
 """Newton's models: against MuJoCo's view of the same file, against Newton's own camera, against closed forms."""
 
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import closed_form
@@ -518,6 +519,46 @@ def test_a_model_and_a_state_on_two_devices() -> None:
     _, state = finalize(newton_scenes.zoo(), wp.get_device("cuda:0"))
     with pytest.raises(wc.WarpcamError, match="device: state is on cuda:0, but model is on cpu; both must be on one"):
         wc.from_newton(model, state)
+
+
+@pytest.mark.parametrize("what", ["body_q", "particle_q"])
+def test_a_state_on_another_device_is_refused_and_the_old_one_kept(device: wp.Device, what: str) -> None:
+    """The other device is made up, so that one is enough."""
+    builder = newton_scenes.zoo()
+    builder.add_particle(wp.vec3(0.0, -1.0, 1.0), wp.vec3(), 0.1, radius=0.1)
+    model, state = finalize(builder, device)
+    scene = wc.from_newton(model, state)
+    renderer = wc.Renderer(scene, [eye()])
+    before = scenes.on_host(renderer.render()["eye"])["depth"]
+    other = model.state()
+    elsewhere = SimpleNamespace(alias="cuda:7")
+    setattr(other, what, SimpleNamespace(shape=getattr(state, what).shape, device=elsewhere))
+    message = f"device: state is on cuda:7, but model is on {device.alias}; both must be on one"
+    with pytest.raises(wc.WarpcamError, match=message):
+        scene.bind(other)
+    with pytest.raises(wc.WarpcamError, match=message):
+        wc.from_newton(model, other)
+    assert (scenes.on_host(renderer.render()["eye"])["depth"] == before).all()
+
+
+def test_a_missing_texture_is_named_and_its_colour_drawn(
+    device: wp.Device, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    (tmp_path / "broken.png").write_bytes(b"no picture")
+    corners = np.array(((-1, 0, -1), (1, 0, -1), (1, 0, 1), (-1, 0, 1)), np.float32)
+    uvs = np.array(((0, 0), (1, 0), (1, 1), (0, 1)), np.float32)
+    for name in ("gone.png", "broken.png"):
+        mesh = newton.Mesh(
+            corners, np.array((0, 1, 2, 0, 2, 3)), uvs=uvs, texture=str(tmp_path / name), compute_inertia=False
+        )
+        builder = newton.ModelBuilder()
+        builder.add_shape_mesh(-1, mesh=mesh, color=(1.0, 0.0, 0.0), label="wall")
+        model, state = finalize(builder, device)
+        caplog.clear()
+        scene = wc.from_newton(model, state)
+        assert "shape 'wall'" in caplog.text and name in caplog.text and "its colour is drawn" in caplog.text
+        seen = scenes.look(scene, eye(outputs=("albedo", "segmentation")))
+        assert (seen["albedo"][seen["segmentation"] == 0] == (255, 0, 0)).all()
 
 
 @pytest.mark.parametrize(

@@ -2,7 +2,7 @@
 
 import operator
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any, Protocol
 
 import numpy as np
@@ -32,6 +32,7 @@ from warpcam.kernels.types import (
     Physical,
     Shapes,
 )
+from warpcam.layers import Layers
 from warpcam.lens import Projection
 
 
@@ -85,6 +86,7 @@ class Parts:
         scaled: Whether the sizes of meshes and height fields are scales along their axes.
         physical: Whether it is lit as metallic-roughness materials are, in linear light, instead of as MuJoCo does it.
         maps: In such a scene, whether some material has more than the texture of its colour.
+        layers: What needs more than one layer: mirrors, transparent shapes, haze.
         objects: (id + 1, 2) int32, what the source calls each id of ``segmentation``; the last row is for -1. None: the
             ids say all.
         clouds: What ``shape_assets`` counts for shapes of type SPLATS, none of which is in ``drawn``.
@@ -112,6 +114,7 @@ class Parts:
     scaled: bool = False
     physical: bool = False
     maps: bool = False
+    layers: Layers = field(default_factory=Layers)
     objects: np.ndarray | None = None
     clouds: Sequence[Cloud] = ()
 
@@ -261,6 +264,7 @@ class Scene:
             wp.array(np.zeros((0, 0), np.int32) if ids is None else ids, dtype=wp.int32, ndim=2, device=self.device)
             for ids in (parts.shape_ids, parts.body_ids)
         )
+        self._layers = parts.layers.tables(len(parts.shape_types), self.device)
         source.refresh()
         for stage in self.stages():
             stage.launch()
@@ -418,6 +422,7 @@ class Scene:
             horizon=parts.horizon,
             physical=physical,
             has_maps=parts.maps,
+            layers=self._layers,
             splats=None if self._splats is None else self._splats.table,
             labels=self._labels,
         )

@@ -15,9 +15,12 @@ enum Fact {
     HAS_SKYBOX = 4,
     HAS_SHADOWS = 8,
     QUADS = 16,
-    PHYSICAL = 256,  // is lit as physical.h does it, else as shade.h does
-    HAS_MAPS = 512   // some material has more than the texture of its colour
+    PHYSICAL = 1 << 12,  // is lit as physical.h does it, else as shade.h does
+    HAS_MAPS = 1 << 13   // some material has more than the texture of its colour
 };
+// Of what one layer cannot show. MIRRORED: the view is the one from behind the mirror; REFLECTS: the images hold what is
+// seen from there; VEILED: some shapes may be transparent; HAZY: an endless plane has a haze over its horizon.
+enum LayerFact { MIRRORED = 1 << 8, REFLECTS = 1 << 9, VEILED = 1 << 10, HAZY = 1 << 11 };
 
 // What follows from a set of images and facts.
 template <int IMAGES, int FACTS> struct Wanted {
@@ -31,6 +34,7 @@ template <int IMAGES, int FACTS> struct Wanted {
     static constexpr bool COATED = COLORED && (FACTS & PHYSICAL);
     static constexpr bool MAPPED = COATED && (FACTS & HAS_MAPS);
     static constexpr bool FACETED = LIT && !(FACTS & PHYSICAL);
+    static constexpr bool DIMMED = FACTS & MIRRORED;  // colours are those that the mirror shows
 };
 
 // How a shape looks, its material and its own colour resolved.

@@ -4,6 +4,7 @@ The kernels know rigid shapes with sizes. A map is split into a rotation and a s
 axes becomes its size, any other is baked into vertices. A mesh is baked once for each stretch.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -62,6 +63,7 @@ class Surface:
         faces: (face, 3) int32.
         normals: (face, 3, 3), unit, or None.
         uvs: (face, 3, 2) float32, v up, or None.
+        moves: Whether ``vertices`` may be others later: then faces are shaded as they lie.
     """
 
     def __init__(
@@ -72,20 +74,27 @@ class Surface:
         normals: np.ndarray | None = None,
         uvs: np.ndarray | None = None,
         two_sided: bool = False,
+        moves: bool = False,
     ):
+        self.moves = moves
         self.name, self.vertices, self.faces, self.normals, self.uvs = name, vertices, faces, normals, uvs
         if two_sided:
             back = [0, 2, 1]
             self.faces = np.concatenate((faces, faces[:, back]))
             self.normals = None if normals is None else np.concatenate((normals, -normals[:, back]))
             self.uvs = None if uvs is None else np.concatenate((uvs, uvs[:, back]))
-        self._baked: dict[bytes, Mesh] = {}
+        self._baked: dict[bytes, tuple[Mesh, np.ndarray]] = {}
 
     def fitted(self, linear: np.ndarray) -> Fitted | None:
         if np.linalg.matrix_rank(linear) < 2:
             return None
         rotation, stretch = polar(linear)
         return Fitted(MESH, rotation, np.zeros(3), self._bake(stretch))
+
+    def now(self) -> Iterator[tuple[Mesh, np.ndarray]]:
+        """What has been baked, and where its vertices are now, (vertex, 3) float32."""
+        for mesh, stretch in self._baked.values():
+            yield mesh, np.ascontiguousarray(self.vertices @ stretch.T, np.float32)
 
     def _bake(self, stretch: np.ndarray) -> Mesh:
         scale = np.abs(stretch).max()
@@ -102,14 +111,16 @@ class Surface:
                 faces = faces[:, order]
                 normals = None if normals is None else normals[:, order]
                 uvs = None if uvs is None else uvs[:, order]
-            self._baked[key] = Mesh(
+            mesh = Mesh(
                 self.name,
                 np.ascontiguousarray(vertices, np.float32),
                 np.ascontiguousarray(faces, np.int32),
-                None if normals is None else np.ascontiguousarray(normals, np.float32),
+                None if normals is None or self.moves else np.ascontiguousarray(normals, np.float32),
                 None if uvs is None else np.ascontiguousarray(uvs, np.float32),
+                moves=self.moves,
             )
-        return self._baked[key]
+            self._baked[key] = mesh, stretch
+        return self._baked[key][0]
 
 
 class Solid:

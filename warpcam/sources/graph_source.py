@@ -11,10 +11,12 @@ from warpcam.accel.meshes import Mesh
 from warpcam.accel.splats import Cloud
 from warpcam.errors import WarpcamError
 from warpcam.kernels import driving
+from warpcam.kernels.launch import Stage
+from warpcam.kernels.refit import Tree
 from warpcam.kernels.types import MESH, SKY_TERMS, SPLATS
 from warpcam.scene import Parts, SceneCamera, fields_of
 from warpcam.sources import looks
-from warpcam.sources.forms import Fitted, polar
+from warpcam.sources.forms import Fitted, Surface, polar
 from warpcam.sources.graph import Eye, Graph, Lamp
 from warpcam.sources.notes import Notes
 
@@ -96,6 +98,8 @@ class GraphSource:
         self._frames: tuple[wp.array, ...] = ()
         self._first: tuple[np.ndarray, np.ndarray] | None = None  # sizes and assets that shapes had at first
         self._turns = np.zeros((0, 3, 3))
+        self._packed: Any = None  # the scene's meshes on the device
+        self._moved: dict[int, tuple[wp.array, Sequence[Stage]]] = {}
         self._make_arrays()
         self._fill(worlds, seen)
         self._notes.say()
@@ -119,6 +123,7 @@ class GraphSource:
 
     def stages(self, meshes: Any) -> tuple[Any, ...]:
         """Nothing moves by itself."""
+        self._packed = meshes
         return ()
 
     def bind(self, state: Any) -> None:
@@ -172,6 +177,7 @@ class GraphSource:
             raise WarpcamError(f"{self.graph.source}: has no time samples")
         self.graph.at_time(time)
         self._fill(self.graph.worlds(), self.graph.seen())
+        self._move_surfaces()
         self._notes.say()
 
     # How the arrays are made.
@@ -241,6 +247,23 @@ class GraphSource:
         self._followers: dict[str, Any] = {}
         self._driven_kinds: list[str] = []
         self.finish_colors()
+
+    def _move_surfaces(self) -> None:
+        """Bring the meshes whose points change with time to where they are now, with their trees."""
+        for form in {id(item.form): item.form for item in self.items}.values():
+            for mesh, points in form.now() if isinstance(form, Surface) and form.moves else ():
+                index = self._meshes.get(id(mesh))
+                if index is None:
+                    continue
+                if index not in self._moved:
+                    array = wp.array(points, dtype=wp.vec3, device=self.device)
+                    assets, bases, by_child = np.array([index]), np.zeros(1, np.int64), self.device.is_cuda
+                    tree = Tree(self._packed, assets, bases, mesh.faces, self.device, by_child)
+                    self._moved[index] = array, tree.record(array)
+                array, stages = self._moved[index]
+                array.assign(points)
+                for stage in stages:
+                    stage.launch()
 
     def _put(self, name: str, rows: Any) -> None:
         """The one row of all worlds."""

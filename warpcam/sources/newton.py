@@ -208,21 +208,19 @@ class NewtonSource:
     def _check_state(self, state: Any) -> None:
         if not isinstance(state, newton.State):
             raise WarpcamError(f"state must be a newton.State, got {type(state).__name__}")
-        count = self._model.body_count
-        found = 0 if state.body_q is None else state.body_q.shape[0]
-        if found != count:
-            raise WarpcamError(
-                f"state was made from another model: it has {found} bodies, model has {count}; model.state() makes one"
-            )
-        if state.body_q is not None:
-            device_rule.require_same(self.device, "model is", state.body_q.device, "state")
-        count = self._model.particle_count
-        found = 0 if state.particle_q is None else state.particle_q.shape[0]
-        if found != count:
-            raise WarpcamError(
-                f"state was made from another model: it has {found} particles, model has {count}; model.state() makes "
-                "one"
-            )
+        model = self._model
+        for what, count, array in (
+            ("bodies", model.body_count, state.body_q),
+            ("particles", model.particle_count, state.particle_q),
+        ):
+            found = 0 if array is None else array.shape[0]
+            if found != count:
+                raise WarpcamError(
+                    f"state was made from another model: it has {found} {what}, model has {count}; model.state() makes "
+                    "one"
+                )
+            if array is not None:
+                device_rule.require_same(self.device, "model is", array.device, "state")
 
 
 def default_light(model: newton.Model) -> Light:

@@ -52,8 +52,9 @@ class StageReader:
         self._graph.at_time = self._at_time
 
     def _at_time(self, time: float) -> None:
-        for update in self._updates:
+        for update in (*self._updates, *self._meshes.updates):
             update(Usd.TimeCode(time))
+        self._notes.say()
 
     @staticmethod
     def _children(prim: Usd.Prim) -> list[Usd.Prim]:
