@@ -9,7 +9,7 @@ DEEP, WIDE, TALL, PANEL = 0.4, 0.6, 0.8, 0.018  # of the cabinet [m]
 STAND = 0.3  # what the arm stands on [m]
 
 
-def add_panel(body: mujoco.MjsBody, center: tuple[float, ...], size: tuple[float, ...], rgba: tuple) -> None:
+def add_panel(body: mujoco.MjsBody, center: tuple[float, ...], size: tuple[float, ...], rgba: tuple[float, ...]) -> None:
     """Add a box by its full size."""
     body.add_geom(type=GEOM.mjGEOM_BOX, pos=center, size=0.5 * np.array(size), rgba=rgba)
 
