@@ -15,6 +15,7 @@ from .types import HEIGHT_FIELD, MESH, HeightFields, Materials, Meshes, Shapes, 
 OUTPUTS = ("depth", "shape", "face", "distance", "points", "bodies", "normals")
 QUADS, TILED = 128, 256
 IDS, BY_WORLD = 1 << 16, 1 << 17  # ids by world: canvas.h
+OPAQUE = 1 << 20  # what is transparent is left out
 LENSES = {"pinhole": 0, "orthographic": 1}
 THREADS = 128  # of a CUDA block; lanes.h has the same number
 REGIONS = ((64, 64), (64, 32), (32, 32), (32, 16), (16, 16), (16, 8))
@@ -24,6 +25,29 @@ BLOCKS = 10  # on a multiprocessor: bounds the registers of a thread
 SHARED_MEMORY = 228 * 1024  # of a multiprocessor [bytes]
 LISTED_BYTES = 99  # of it for each shape that a block lists: tiles.h, ShapeList
 MESH_BLOCKS = 8  # the same for scenes with meshes or height fields
+
+
+@functools.cache
+def opaque_target_struct(shape_dtype: Any, face_dtype: Any) -> Any:
+    """The same, of a trace that leaves out what is transparent."""
+
+    @wp.struct
+    class OpaqueTarget:
+        mask: wp.array(dtype=wp.uint8)
+        faults: wp.array(dtype=wp.uint8)
+        veil_places: wp.array(dtype=wp.int32)  # (shape,) not -1 for shapes that may be transparent
+        depth: wp.array(dtype=wp.float32)
+        shape: wp.array(dtype=shape_dtype)
+        face: wp.array(dtype=face_dtype)
+        distance: wp.array(dtype=wp.float32)  # this and what follows: empty
+        points: wp.array(dtype=wp.float32)
+        bodies: wp.array(dtype=wp.int32)
+        ids: wp.array(dtype=wp.int32)
+        normals: wp.array(dtype=wp.float32)
+        width: wp.int32
+        height: wp.int32
+
+    return OpaqueTarget
 
 
 @functools.cache
@@ -76,7 +100,7 @@ def _kernel(
         module="unique",
         enable_backward=False,
         grid_stride=False,
-        launch_bounds=(THREADS, _blocks(types, capacity)),
+        launch_bounds=(THREADS, blocks(types, capacity)),
         module_options={"extra_build_options": native_options("visibility.h")},
     )
     def visibility(
@@ -107,6 +131,7 @@ def record(
     images: Mapping[str, wp.array],
     device: wp.Device,
     group: Group | None = None,
+    veil_places: wp.array | None = None,
 ) -> Stage:
     """Bind the trace of one camera.
 
@@ -126,11 +151,13 @@ def record(
             channels); normals only for scenes without meshes and height fields.
         device: Where all of these lie.
         group: Which worlds are traced; None is all.
+        veil_places: int32, (shape,). With it shapes that are transparent are left out, of those where it is not -1;
+            there are no ``images`` then.
     """
     group = group or Group.of_all(views.shape[0])
     capacity = list_capacity(tables.num_drawn)
     several = tables.num_drawn > capacity
-    target_type = target_struct(_dtype(shape), _dtype(face))
+    target_type = (target_struct if veil_places is None else opaque_target_struct)(_dtype(shape), _dtype(face))
     target = target_type()
     target.mask, target.faults = mask, faults
     target.width, target.height = width, height
@@ -143,6 +170,9 @@ def record(
     if "ids" in images:
         target.ids = images["ids"].flatten()
         outputs |= IDS
+    if veil_places is not None:
+        target.veil_places = veil_places
+        outputs |= OPAQUE
     if tables.ids_by_world and "bodies" in images:
         outputs |= BY_WORLD
     if width % 4 == 0 and not images.keys().isdisjoint(("points", "normals")):
@@ -163,7 +193,7 @@ def _dtype(array: wp.array | None) -> Any:
     return wp.int32 if array is None else array.dtype
 
 
-def _blocks(types: int, capacity: int) -> int:
+def blocks(types: int, capacity: int) -> int:
     """Blocks that a multiprocessor is to hold: no more than its shared memory has room for."""
     words = -(-capacity // 32)
     shared = LISTED_BYTES * capacity + 1024

@@ -49,6 +49,8 @@ def from_mujoco_warp(
     *,
     groups: _Collection[int] = (0, 1, 2),
     draw: _Collection[str] = ("geoms", "sites", "tendons", "flexes", "skins"),
+    reflections: bool | None = None,
+    transparency: bool | None = None,
 ) -> Scene:
     """The worlds of a MuJoCo-Warp simulation, read where they lie: nothing that changes is copied.
 
@@ -62,8 +64,13 @@ def from_mujoco_warp(
         groups: Groups that are drawn, of geoms and of all else.
         draw: What is drawn, as MuJoCo's own renderer does unless told. ``segmentation`` gives geoms their ids; sites,
             tendons, flexes and skins count on from there: see ``Scene.objects``.
+        reflections: Whether planes and boxes reflect where their materials have reflectance. None: those that do now.
+            True: all, whatever material they are given later. False: none, which saves their time.
+        transparency: Whether what is drawn is seen through where its colour is partly transparent. None: what is so
+            now, and if there is such planes seen from behind. True: all, whatever colour is written later. False: all
+            is drawn solid.
     """
-    scene: Scene = _source("mujoco_warp").load(mjm, m, d, groups, draw)
+    scene: Scene = _source("mujoco_warp").load(mjm, m, d, groups, draw, reflections, transparency)
     return scene
 
 
@@ -74,6 +81,8 @@ def from_mujoco(
     groups: _Collection[int] = (0, 1, 2),
     draw: _Collection[str] = ("geoms", "sites", "tendons", "flexes", "skins"),
     device: _Any = None,
+    reflections: bool | None = None,
+    transparency: bool | None = None,
 ) -> Scene:
     """Worlds of classic MuJoCo, copied to the device before each frame.
 
@@ -84,8 +93,10 @@ def from_mujoco(
         groups: Groups that are drawn, of geoms and of all else.
         draw: What is drawn: see ``from_mujoco_warp``.
         device: Where to render: a name, a Warp or torch device, a CUDA ordinal; None is Warp's current device.
+        reflections: As ``from_mujoco_warp`` has it.
+        transparency: As ``from_mujoco_warp`` has it.
     """
-    scene: Scene = _source("mujoco").load(mjm, mjd, groups, device, draw)
+    scene: Scene = _source("mujoco").load(mjm, mjd, groups, device, draw, reflections, transparency)
     return scene
 
 
@@ -111,7 +122,7 @@ def from_newton(
         state: A ``newton.State`` of it.
         lights: Newton has none of its own. None is one from above, as in Newton's own renderer. What a world may change
             lies in ``scene.array("light_directions")`` and the like, (world, light).
-        ambient: (3,) light that is everywhere.
+        ambient: (3,) linear radiance from everywhere.
         semantics: Number of each label in the output ``semantics``: of a shape, a body or an articulation, or some of
             the parts of its path.
     """

@@ -10,6 +10,7 @@ from warpcam.camera import Camera
 from warpcam.device import free_bytes
 from warpcam.errors import WarpcamError
 from warpcam.kernels.types import View
+from warpcam.layers import world_bytes
 from warpcam.mounting import pose_bytes
 from warpcam.scene import Scene
 from warpcam.scratch import Scratch, image_bytes
@@ -58,7 +59,13 @@ def estimate_memory(scene: Scene, cameras: Sequence[Camera]) -> Memory:
         images={key: image_bytes(camera, tables) for key, camera in by_key.items()},
         scratch=Scratch(by_key, tables, scene.device).size,
         worlds=scene.num_worlds
-        * (2 + sum(wp.types.type_size_in_bytes(View) + pose_bytes(camera) for camera in by_key.values())),
+        * (
+            2
+            + sum(
+                wp.types.type_size_in_bytes(View) + pose_bytes(camera) + world_bytes(camera, tables)
+                for camera in by_key.values()
+            )
+        ),
     )
 
 

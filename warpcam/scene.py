@@ -2,7 +2,7 @@
 
 import operator
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any, Protocol
 
 import numpy as np
@@ -20,15 +20,19 @@ from warpcam.kernels.tables import Tables
 from warpcam.kernels.types import (
     HEIGHT_FIELD,
     MESH,
+    NUM_ROLES,
     NUM_TYPES,
     SCALED,
+    SKY_TERMS,
     SPLATS,
     Background,
     Lights,
     Materials,
     Meshes,
+    Physical,
     Shapes,
 )
+from warpcam.layers import Layers
 from warpcam.lens import Projection
 
 
@@ -80,6 +84,9 @@ class Parts:
             it is. None: nothing else.
         body_places: (label,) int32.
         scaled: Whether the sizes of meshes and height fields are scales along their axes.
+        physical: Whether it is lit as metallic-roughness materials are, in linear light, instead of as MuJoCo does it.
+        maps: In such a scene, whether some material has more than the texture of its colour.
+        layers: What needs more than one layer: mirrors, transparent shapes, haze.
         objects: (id + 1, 2) int32, what the source calls each id of ``segmentation``; the last row is for -1. None: the
             ids say all.
         clouds: What ``shape_assets`` counts for shapes of type SPLATS, none of which is in ``drawn``.
@@ -105,6 +112,9 @@ class Parts:
     body_labels: Sequence[str] | None = None
     body_places: np.ndarray | None = None
     scaled: bool = False
+    physical: bool = False
+    maps: bool = False
+    layers: Layers = field(default_factory=Layers)
     objects: np.ndarray | None = None
     clouds: Sequence[Cloud] = ()
 
@@ -152,6 +162,26 @@ FIELDS: Mapping[str, Field] = {
     "camera_fovy": Field(wp.float32, "cameras"),  # [degrees]; orthographic: vertical extent [m]
     "camera_intrinsics": Field(wp.vec4, "cameras"),  # focal lengths, principal point off the centre [sensor's unit]
 }
+
+# Those that physically based scenes have beside: of Physical in kernels/types.py.
+PHYSICAL_FIELDS: Mapping[str, Field] = {
+    "material_roughness": Field(wp.float32, "materials"),
+    "material_metallic": Field(wp.float32, "materials"),
+    "material_reflectance": Field(wp.float32, "materials"),
+    "material_emissive": Field(wp.vec3, "materials"),
+    "light_forms": Field(wp.int32, "lights"),
+    "light_sizes": Field(wp.vec3, "lights"),
+    "light_rotations": Field(wp.mat33, "lights", every_world=True),
+    "sky": Field(wp.vec3, "terms of the sky"),
+}
+
+
+def fields_of(parts: Parts) -> Mapping[str, Field]:
+    """The arrays that a source of such parts has."""
+    if not parts.physical:
+        return FIELDS
+    texture = replace(FIELDS["material_texture"], more=(NUM_ROLES,)) if parts.maps else FIELDS["material_texture"]
+    return {**FIELDS, **PHYSICAL_FIELDS, "material_texture": texture}
 
 
 class Source(Protocol):
@@ -201,7 +231,9 @@ class Scene:
             "lights": parts.num_lights,
             "bodies": len(parts.bodies),
             "cameras": len(parts.cameras),
+            "terms of the sky": SKY_TERMS + 1,
         }
+        self._fields = fields_of(parts)
         self._check_parts()
         self._arrays: Mapping[str, wp.array] = {}
         self._key: tuple[Any, ...] = ()
@@ -232,6 +264,7 @@ class Scene:
             wp.array(np.zeros((0, 0), np.int32) if ids is None else ids, dtype=wp.int32, ndim=2, device=self.device)
             for ids in (parts.shape_ids, parts.body_ids)
         )
+        self._layers = parts.layers.tables(len(parts.shape_types), self.device)
         source.refresh()
         for stage in self.stages():
             stage.launch()
@@ -295,7 +328,7 @@ class Scene:
         self._source.forward()
 
     def array(self, field: str) -> wp.array:
-        """The live array of that name in ``FIELDS``, as of the last call of ``tables()``."""
+        """The live array of that name in ``FIELDS`` or ``PHYSICAL_FIELDS``, as of the last call of ``tables()``."""
         return self._arrays[field]
 
     def camera(self, key: str | int, where: str) -> int:
@@ -327,7 +360,7 @@ class Scene:
             return self._tables
         key = (ambient, *map(_identity, arrays.values()))
         if key != self._key:
-            for name, field in FIELDS.items():
+            for name, field in self._fields.items():
                 self._check_array(name, field, arrays[name])
             self._arrays = arrays
             self._tables = self._build(arrays, ambient)
@@ -360,6 +393,12 @@ class Scene:
                     setattr(struct, name.removeprefix(prefix), arrays[name])
         lights.headlight = arrays["headlight"]
         lights.global_ambient = ambient
+        physical = None
+        if parts.physical:
+            physical = Physical()
+            physical.plain = lights
+            for name in PHYSICAL_FIELDS:
+                setattr(physical, name.removeprefix("material_").removeprefix("light_"), arrays[name])
         background = self.background((0.0, 0.0, 0.0))
         background.skybox = parts.skybox
         return Tables(
@@ -381,6 +420,9 @@ class Scene:
             has_skybox=parts.skybox >= 0,
             ids_by_world=parts.shape_ids is not None,
             horizon=parts.horizon,
+            physical=physical,
+            has_maps=parts.maps,
+            layers=self._layers,
             splats=None if self._splats is None else self._splats.table,
             labels=self._labels,
         )

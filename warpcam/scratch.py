@@ -16,6 +16,7 @@ from warpcam.camera import Camera
 from warpcam.kernels import visibility
 from warpcam.kernels.tables import Tables
 from warpcam.kernels.types import HEIGHT_FIELD, MESH
+from warpcam.layers import mirrors_of, veils_of
 from warpcam.outputs import OUTPUTS, traced_as
 
 # The block is at most half as large as the images, or this where they are small: a group must fill the device [bytes].
@@ -37,11 +38,16 @@ def buffers_of(camera: Camera, tables: Tables) -> dict[str, Any]:
     )
     images = {output.trace for output in asked} - ({"shape"} if tables.ids_by_world else set())
     faces = bool(tables.shape_types & {MESH, HEIGHT_FIELD}) and any(output.face for output in asked)
+    # What is seen without the transparent shapes is nobody's image. It is there when all other outputs are made.
+    apart, mirrors = veils_of(camera, tables), mirrors_of(camera, tables)
     wanted = {
-        "depth": needed and "depth" not in images,
-        "shape": needed and "shape" not in images,
+        "depth": apart or (needed and "depth" not in images),
+        "shape": apart or (needed and "shape" not in images),
         "face": faces,
         "shadow": lit,
+        "mirror depth": mirrors,
+        "mirror shape": mirrors,
+        "mirror face": mirrors and faces,
     }
     dtypes = {
         "depth": wp.float32,
@@ -49,7 +55,7 @@ def buffers_of(camera: Camera, tables: Tables) -> dict[str, Any]:
         "face": wp.uint16 if tables.num_faces <= 2**16 and HEIGHT_FIELD not in tables.shape_types else wp.int32,
         "shadow": wp.uint8,
     }
-    return {name: dtypes[name] for name, there in wanted.items() if there}
+    return {name: dtypes[name.removeprefix("mirror ")] for name, there in wanted.items() if there}
 
 
 def image_bytes(camera: Camera, tables: Tables) -> dict[str, int]:

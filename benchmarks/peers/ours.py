@@ -10,14 +10,16 @@ import warpcam as wc
 
 
 class WarpcamPeer:
-    """Textures are always drawn, there is no switch; skies are not, as the peers draw none here."""
+    """Textures are always drawn, there is no switch; skies and reflections are not, as the peers draw none here."""
 
     variants: tuple[str, ...] = ("",)
     lacks: tuple[str, ...] = ()
 
     def __init__(self, problem: Problem) -> None:
         self.problem = problem
-        self.scene = wc.from_mujoco_warp(problem.mjm, problem.m, problem.d, draw=("geoms",))  # as peers do
+        self.scene = wc.from_mujoco_warp(  # what peers draw
+            problem.mjm, problem.m, problem.d, draw=("geoms",), reflections=False, transparency=False
+        )
         self.renderer: wc.Renderer | None = None
 
     def release(self) -> None:

@@ -7,7 +7,8 @@
 namespace warpcam {
 
 // What the trace writes. QUADS: the image's width is a multiple of four pixels; TILED: no tile reaches over its edges.
-// IDS: the ids that shapes have in each world; BY_WORLD: bodies have such ids too.
+// IDS: the ids that shapes have in each world; BY_WORLD: bodies have such ids too. OPAQUE: transparent shapes are left
+// out.
 enum Output {
     DEPTH = 1,
     SHAPE = 2,
@@ -19,7 +20,8 @@ enum Output {
     QUADS = 128,
     TILED = 256,
     IDS = 1 << 16,
-    BY_WORLD = 1 << 17
+    BY_WORLD = 1 << 17,
+    OPAQUE = 1 << 20
 };
 
 // Where the normals are written, hits name the slot of their shape's record instead of the shape: see gather().

@@ -54,6 +54,7 @@ WARPCAM_FN void trace_rays(MeshRays<WORDS>& rays, const ShapeList<CAPACITY>& lis
     const auto take = [&](int waiting) {
         pixel = rays.pixel[waiting];
         ray = ray_of(pixel);
+        near = near_of(ray, near);
         depth = rays.depth[waiting];
         word = 0;
         left = rays.take(waiting, words);

@@ -13,8 +13,8 @@ from warpcam.errors import WarpcamError
 from warpcam.kernels import driving
 from warpcam.kernels.launch import Stage
 from warpcam.kernels.refit import Tree
-from warpcam.kernels.types import MESH, SPLATS
-from warpcam.scene import FIELDS, Parts, SceneCamera
+from warpcam.kernels.types import MESH, SKY_TERMS, SPLATS
+from warpcam.scene import Parts, SceneCamera, fields_of
 from warpcam.sources import looks
 from warpcam.sources.forms import Fitted, Surface, polar
 from warpcam.sources.graph import Eye, Graph, Lamp
@@ -90,6 +90,8 @@ class GraphSource:
             clouds=clouds,
             shape_instances=np.array([graph.nodes[item.node].instance for item in self.items], np.int32),
             shape_semantics=np.array([self._label(item.node) for item in self.items], np.int32),
+            physical=True,
+            maps=any(index >= 0 for look in graph.looks for index in look.maps),
         )
         self._arrays: Mapping[str, wp.array] = {}
         self._own: dict[str, wp.array] = {}
@@ -209,6 +211,7 @@ class GraphSource:
             "lights": len(self._lamp_order),
             "bodies": len(self.body_nodes),
             "cameras": len(self.graph.eyes),
+            "terms of the sky": SKY_TERMS + 1,
         }
         self._arrays = arrays = {
             name: wp.zeros(
@@ -216,15 +219,16 @@ class GraphSource:
                 dtype=field.dtype,
                 device=self.device,
             )
-            for name, field in FIELDS.items()
+            for name, field in fields_of(self.parts).items()
         }
         headlight = np.zeros((3, 3)) if self.graph.lamps else np.array(looks.HEADLIGHT)
         arrays["headlight"] = wp.array(headlight, dtype=wp.vec3, device=self.device)
         materials = [looks.material_of(look) for look in self.graph.looks]
         self._put("material_color", [looks.UNSET] * len(materials))
-        for name in ("emission", "specular", "shininess"):
+        for name in ("roughness", "metallic", "reflectance", "emissive"):
             self._put(f"material_{name}", [getattr(material, name) for material in materials])
-        self._put("material_texture", [(-1, material.texture) for material in materials])
+        roles = arrays["material_texture"].shape[2]
+        self._put("material_texture", [material.textures[:roles] for material in materials])
         self._put("material_texture_repeat", [(1.0, 1.0)] * len(materials))
         self._put("shape_materials", [item.look for item in self.items])
         colors = [
@@ -317,11 +321,12 @@ class GraphSource:
         middle = self._middle(worlds)
         arriving = [looks.arriving(lamp, worlds[lamp.node, :3, 3], middle) for lamp in lamps]
         order = sorted(range(len(lamps)), key=lambda place: -arriving[place])
-        shining = sum(light > 0.0 for light in arriving)
+        local = [place for place in order if lamps[place].kind != "dome"]
+        shining = sum(arriving[place] > 0.0 for place in local)
         if shining > MAX_SHINING:
             self._notes.warn(f"has {shining} lights, of which the {MAX_SHINING} that give the most light here shine")
         if self._gain is None:  # once: lights that are dimmed later are to be seen dimmer
-            total = sum(arriving[place] for place in order[:MAX_SHINING])
+            total = sum(arriving) - sum(arriving[place] for place in local[MAX_SHINING:])
             self._gain = 1.0 / total if 0.0 < total < np.inf else 1.0
         return order[:MAX_LIGHTS]
 
@@ -331,8 +336,10 @@ class GraphSource:
         return [replace(lamp, active=bool(lamp.active and seen[lamp.node])) for lamp in lamps]
 
     def _light(self, seen: np.ndarray) -> None:
-        for name, rows in looks.light_rows(self._lit(self._lamp_order, seen), self._gain or 1.0).items():
+        lamps = self._lit(self._lamp_order, seen)
+        for name, rows in looks.light_rows(lamps, self._gain or 1.0).items():
             self._put(f"light_{name}", rows)
+        self._put("sky", looks.sky_rows(lamps, self._gain or 1.0))
 
     def _middle(self, worlds: np.ndarray) -> np.ndarray:
         """Of what is drawn, endless things aside, (3,) [m]."""
@@ -356,11 +363,10 @@ class GraphSource:
         for index, node in enumerate(graph.nodes):
             driver[index] = index if index in self._driven else driver[node.parent] if node.parent >= 0 else -1
         lamps = [graph.lamps[place] for place in self._lamp_order]
-        down = np.eye(4)  # a dome's light comes from above
         things: dict[str, list[tuple[int, np.ndarray, np.ndarray | None]]] = {
             "shape": [(item.node, worlds[item.node], self._turns[k]) for k, item in enumerate(self.items)],
             "body": [(node, worlds[node], None) for node in self.body_nodes],
-            "light": [(lamp.node, down if lamp.kind == "dome" else worlds[lamp.node], None) for lamp in lamps],
+            "light": [(lamp.node, worlds[lamp.node], None) for lamp in lamps],
             "camera": [(eye.node, worlds[eye.node], None) for eye in graph.eyes],
         }
         self._driven_kinds = []
@@ -384,8 +390,9 @@ class GraphSource:
 
     def _follow(self, kinds: Sequence[str]) -> None:
         for kind in kinds:
-            second = "directions" if kind == "light" else "rotations"
-            out = [self._arrays[f"{kind}_positions"], self._arrays[f"{kind}_{second}"]]
+            out = [self._arrays[f"{kind}_positions"], self._arrays[f"{kind}_rotations"]]
+            if kind == "light":
+                out.append(self._arrays["light_directions"])
             kernel = driving.follow_lights if kind == "light" else driving.follow
             if out[0].size:
                 wp.launch(kernel, out[0].shape, [self._followers[kind], *self._frames], out, device=self.device)

@@ -14,6 +14,7 @@ from warpcam.kernels.types import Meshes
 from warpcam.scene import FIELDS, Scene
 from warpcam.sources import mujoco_model as model
 from warpcam.sources.mujoco_extras import KINDS, check_kinds, with_extras
+from warpcam.sources.mujoco_layers import with_layers
 from warpcam.sources.mujoco_tables import DTYPES, ExtraTables, names_of
 
 ALIGNMENT = 16  # of each array in the block [bytes]
@@ -34,11 +35,14 @@ class MujocoSource:
         groups: Collection[int],
         device: wp.Device,
         draw: Collection[str] = KINDS,
+        reflections: bool | None = None,
+        transparency: bool | None = None,
     ):
         self.device = device
         self._mjm, self._mjds = mjm, mjds
         parts = model.read_parts(mjm, len(mjds), groups)
         self.parts, extras = with_extras(parts, mjm, groups, check_kinds(draw))
+        self.parts = with_layers(self.parts, mjm, extras, reflections, transparency)
         self._tables = ExtraTables(extras, len(mjds), len(parts.meshes), device) if extras is not None else None
         self._data_names = {**model.DATA_NAMES, **names_of(extras)}
         shapes = {name: self._shape(name) for name in FIELDS}
@@ -118,7 +122,15 @@ class MujocoSource:
         return wp.array(ptr=block.ptr + start, shape=shape, dtype=dtype, device=block.device, deleter=keep)
 
 
-def load(mjm: Any, mjd: Any, groups: Collection[int], device: Any, draw: Collection[str] = KINDS) -> Scene:
+def load(
+    mjm: Any,
+    mjd: Any,
+    groups: Collection[int],
+    device: Any,
+    draw: Collection[str] = KINDS,
+    reflections: bool | None = None,
+    transparency: bool | None = None,
+) -> Scene:
     model.check_model(mjm, "mjm")
     several = isinstance(mjd, list | tuple)
     mjds = list(mjd) if several else [mjd]
@@ -133,4 +145,4 @@ def load(mjm: Any, mjd: Any, groups: Collection[int], device: Any, draw: Collect
                 f"{which} was made from another model than mjm: it has {data.geom_xpos.shape[0]} geoms and "
                 f"{data.xpos.shape[0]} bodies, mjm has {mjm.ngeom} and {mjm.nbody}"
             )
-    return Scene(MujocoSource(mjm, mjds, groups, device_rule.resolve(device), draw))
+    return Scene(MujocoSource(mjm, mjds, groups, device_rule.resolve(device), draw, reflections, transparency))

@@ -15,6 +15,7 @@ from warpcam.kernels.types import Meshes
 from warpcam.scene import Scene
 from warpcam.sources import mujoco_model as model
 from warpcam.sources.mujoco_extras import KINDS, check_kinds, with_extras
+from warpcam.sources.mujoco_layers import with_layers
 from warpcam.sources.mujoco_tables import ExtraTables, names_of
 
 NAMES = (*model.DATA_NAMES, *model.MODEL_NAMES, "headlight")
@@ -34,6 +35,8 @@ class MujocoWarpSource:
         d: mjw.Data,
         groups: Collection[int],
         draw: Collection[str] = KINDS,
+        reflections: bool | None = None,
+        transparency: bool | None = None,
     ):
         model.check_model(mjm, "mjm")
         if not isinstance(m, mjw.Model):
@@ -51,6 +54,8 @@ class MujocoWarpSource:
         self._m, self._d = m, d
         parts = model.read_parts(mjm, d.nworld, groups)
         self.parts, extras = with_extras(parts, mjm, groups, check_kinds(draw))
+        colors = (array.numpy() for array in (m.geom_rgba, m.geom_matid, m.mat_rgba))
+        self.parts = with_layers(self.parts, mjm, extras, reflections, transparency, *colors)
         self._tables = ExtraTables(extras, d.nworld, len(parts.meshes), self.device) if extras is not None else None
         names = names_of(extras)
         self._names = (*NAMES, *names)
@@ -97,5 +102,13 @@ class MujocoWarpSource:
                 mjw.tendon(self._m, self._d)
 
 
-def load(mjm: Any, m: Any, d: Any, groups: Collection[int], draw: Collection[str] = KINDS) -> Scene:
-    return Scene(MujocoWarpSource(mjm, m, d, groups, draw))
+def load(
+    mjm: Any,
+    m: Any,
+    d: Any,
+    groups: Collection[int],
+    draw: Collection[str] = KINDS,
+    reflections: bool | None = None,
+    transparency: bool | None = None,
+) -> Scene:
+    return Scene(MujocoWarpSource(mjm, m, d, groups, draw, reflections, transparency))

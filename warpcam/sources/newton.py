@@ -16,9 +16,9 @@ from warpcam.kernels.launch import Stage
 from warpcam.kernels.refit import Tree
 from warpcam.light import Light, light_arrays
 from warpcam.mounting import per_world
-from warpcam.scene import FIELDS, Parts, Scene
+from warpcam.scene import FIELDS, PHYSICAL_FIELDS, Parts, Scene
 from warpcam.sources.newton_labels import read_labels
-from warpcam.sources.newton_model import Layout, read_layout
+from warpcam.sources.newton_model import PLAIN, Layout, read_layout
 from warpcam.sources.newton_soft import Soft, read_soft
 from warpcam.sources.newton_visual import Moves, Visual, read_visuals, with_visuals
 
@@ -42,6 +42,7 @@ LIVE_SOFT: Mapping[str, tuple[str, Any]] = {
 SOFT_ID, PARTICLE_ID = -3, -2
 DOWN = (-0.57735026, 0.57735026, -0.57735026)  # where Newton's own light shines where z is up
 AMBIENT = (0.2, 0.2, 0.2)
+REFLECTANCE = 0.04  # of what is no metal, where light falls straight
 
 
 class NewtonSource:
@@ -63,12 +64,19 @@ class NewtonSource:
         layout = read_layout(model)
         visuals = read_visuals(model)
         soft = with_visuals(read_soft(model, visuals.particles), visuals)
-        first_texture = len(layout.textures)
-        layout = replace(layout, textures=[*layout.textures, *visuals.textures])
+        first_finish, first_texture = len(layout.finishes), len(layout.textures)
+        layout = replace(
+            layout,
+            textures=[*layout.textures, *visuals.textures],
+            finishes=[
+                *layout.finishes,
+                *((*PLAIN[:2], first_texture + texture) for texture in range(len(visuals.textures))),
+            ],
+        )
         num_worlds = model.world_count
         if lights is None:
             lights = (default_light(model),)
-        tables = Columns(layout, soft, first_texture)
+        tables = Columns(layout, soft, first_finish)
         instances, marks = read_labels(model, tables.ids, tables.bodies, semantics)
         self._arrays = _tables(layout, tables, num_worlds, self.device)
         self._arrays.update(light_arrays(lights, num_worlds, self.device))
@@ -82,7 +90,7 @@ class NewtonSource:
             drawn=np.flatnonzero(tables.kinds != types.SPLATS).tolist(),
             bodies=layout.body_names,
             cameras=(),
-            num_materials=1 + len(layout.textures),
+            num_materials=len(layout.finishes),
             num_lights=len(lights),
             meshes=[*layout.meshes, *soft.meshes()],
             height_fields=layout.height_fields,
@@ -94,6 +102,7 @@ class NewtonSource:
             body_labels=model.body_label,
             body_places=layout.body_places,
             scaled=True,
+            physical=True,
             clouds=layout.clouds,
         )
         self._out = WorldShapes()
@@ -223,7 +232,7 @@ def default_light(model: newton.Model) -> Light:
 class Columns:
     """The columns of all that is drawn: shapes, soft surfaces, particles."""
 
-    def __init__(self, layout: Layout, soft: Soft, first_texture: int):
+    def __init__(self, layout: Layout, soft: Soft, first_finish: int):
         num_worlds, shapes = layout.ids.shape
         width, loose = soft.num_columns, soft.particles
         self.faces = np.full((num_worlds, width), -1, np.int32)
@@ -248,17 +257,17 @@ class Columns:
         plain = np.zeros((len(layout.materials), len(self.kinds) - shapes), np.int32)
         for part in soft.parts:
             if isinstance(part, Visual) and part.texture >= 0:
-                plain[:, part.column] = 1 + first_texture + part.texture
+                plain[:, part.column] = first_finish + part.texture
         self.materials = np.hstack((layout.materials, plain)).astype(np.int32)
 
 
 def _tables(layout: Layout, tables: Columns, num_worlds: int, device: wp.Device) -> dict[str, wp.array]:
     """The live arrays but those of lights, with what the gathering does not write."""
-    columns, places, materials = len(tables.kinds), len(layout.body_names), 1 + len(layout.textures)
+    columns, places, materials = len(tables.kinds), len(layout.body_names), len(layout.finishes)
     widths = {"shapes": columns, "bodies": places, "cameras": 0, "materials": materials}
     arrays = {
         name: wp.zeros((num_worlds, widths[field.rows], *field.more), dtype=field.dtype, device=device)
-        for name, field in FIELDS.items()
+        for name, field in (FIELDS | PHYSICAL_FIELDS).items()
         if field.rows in widths and name not in ("shape_assets", "shape_materials")
     }
     arrays["shape_assets"] = wp.array(tables.assets, dtype=wp.int32, ndim=2, device=device)
@@ -267,8 +276,13 @@ def _tables(layout: Layout, tables: Columns, num_worlds: int, device: wp.Device)
     arrays["material_color"].fill_(wp.vec4(0.5, 0.5, 0.5, 1.0))
     arrays["material_texture_repeat"].fill_(wp.vec2(1.0, 1.0))
     textures = np.full((num_worlds, materials, 2), -1, np.int32)
-    textures[:, 1:, 1] = np.arange(len(layout.textures))
+    rough, metal, images = zip(*layout.finishes, strict=True)
+    textures[:, :, types.ROLE_COLOR] = images
     arrays["material_texture"].assign(textures)
+    for name, values in (("roughness", rough), ("metallic", metal)):
+        arrays[f"material_{name}"].assign(np.tile(np.float32(values), (num_worlds, 1)))
+    arrays["material_reflectance"].fill_(REFLECTANCE)
+    arrays["sky"] = wp.zeros((1, types.SKY_TERMS + 1), dtype=wp.vec3, device=device)
     return arrays
 
 

@@ -33,6 +33,7 @@ KINDS = {
     GEO.CONVEX_MESH: types.MESH,
     GEO.GAUSSIAN: types.SPLATS,
 }
+PLAIN = (0.5, 0.0, -1)  # roughness, metalness and texture of what says nothing of them
 CAP_GAP = 1e-3  # how far the base of a height field is below its lowest place, of its size: Newton's own renderer's
 
 
@@ -45,7 +46,8 @@ class Layout:
         kinds: (column,) int32.
         shape_bodies: (world, column) int32, the shapes' bodies.
         assets: (world or 1, column) int32, index of the mesh, height field or cloud, or -1.
-        materials: (world or 1, column) int32; 0 is plain, the others have ``textures``, one each.
+        materials: (world or 1, column) int32, places in ``finishes``; 0 is plain.
+        finishes: Roughness, metalness and texture, -1 for none, of each material.
         bodies: (world, place) int32, bodies; -1 where a world has none.
         body_names: Of the places.
         body_places: (body,) int32.
@@ -59,6 +61,7 @@ class Layout:
     meshes: Sequence[Mesh]
     height_fields: Sequence[HeightField]
     textures: Sequence[TextureImage]
+    finishes: Sequence[tuple[float, float, int]]
     clouds: Sequence[Cloud]
     bodies: np.ndarray
     body_names: Sequence[str]
@@ -97,6 +100,7 @@ def read_layout(model: newton.Model) -> Layout:
         meshes=sources.meshes,
         height_fields=sources.height_fields,
         textures=sources.textures,
+        finishes=list(sources.finishes),
         clouds=sources.clouds,
         bodies=places,
         body_names=names,
@@ -114,7 +118,8 @@ class Sources:
         self.clouds: list[Cloud] = []
         self._known: dict[tuple[int, bool], tuple[int, int]] = {}
         self._meshes: dict[tuple[bytes, ...], int] = {}
-        self._materials: dict[Any, int] = {}
+        self._images: dict[Any, int] = {}
+        self.finishes: dict[tuple[float, float, int], int] = {PLAIN: 0}
 
     def add(self, source: Any, convex: bool, label: str) -> tuple[int, int]:
         """Index of a mesh, a height field or a cloud among its kind, and its material."""
@@ -145,14 +150,23 @@ class Sources:
         return self._meshes[key]
 
     def _material(self, source: newton.Mesh, convex: bool, label: str) -> int:
+        rough, metal = source.roughness, source.metallic
+        finish = (
+            PLAIN[0] if rough is None else float(np.clip(rough, 0.0, 1.0)),
+            PLAIN[1] if metal is None else float(np.clip(metal, 0.0, 1.0)),
+            self._texture(source, convex, label),
+        )
+        return self.finishes.setdefault(finish, len(self.finishes))
+
+    def _texture(self, source: newton.Mesh, convex: bool, label: str) -> int:
         texture = source.texture
         if texture is None:
-            return 0
+            return -1
         if source.uvs is None or convex:
             _warn("shape '%s': its texture is not drawn, as its mesh has no texture coordinates", label)
-            return 0
+            return -1
         key = str(texture) if isinstance(texture, str | Path) else id(texture)
-        if key not in self._materials:
+        if key not in self._images:
             pixels = None
             try:
                 image = newton.utils.load_texture(texture)
@@ -164,11 +178,11 @@ class Sources:
             if pixels is None:
                 what = texture if isinstance(texture, str | Path) else "image"
                 _warn("shape '%s': its texture %s cannot be read; its colour is drawn", label, what)
-                self._materials[key] = 0
+                self._images[key] = -1
             else:
-                self.textures.append(TextureImage("2d", pixels))
-                self._materials[key] = len(self.textures)
-        return self._materials[key]
+                self._images[key] = len(self.textures)
+                self.textures.append(TextureImage("2d", pixels, blend_light=True))
+        return self._images[key]
 
 
 def _mesh(source: newton.Mesh, convex: bool, label: str) -> Mesh:

@@ -168,7 +168,7 @@ class _Reader:
                 pixels = None
             self._known[key] = -1 if pixels is None else len(self.textures)
             if pixels is not None:
-                self.textures.append(TextureImage("2d", pixels))
+                self.textures.append(TextureImage("2d", pixels, blend_light=True))
         return self._known[key]
 
 

@@ -7,7 +7,7 @@ import numpy as np
 from pxr import Sdf, Usd, UsdGeom, UsdLux, UsdSemantics, UsdShade
 
 from warpcam.errors import WarpcamError
-from warpcam.sources.forms import Form
+from warpcam.sources.forms import Form, polar
 from warpcam.sources.graph import Graph, Item, Node
 from warpcam.sources.notes import Notes
 from warpcam.sources.usd_camera import read_camera
@@ -169,7 +169,11 @@ class StageReader:
 
     def _light(self, prim: Usd.Prim, node: int, name: str, time: Usd.TimeCode) -> Any:
         scale = abs(np.linalg.det(self._graph.worlds_of(node)[:3, :3])) ** (1.0 / 3.0)
-        return read_light(prim, node, name, time, scale, self._notes, self._materials.mean_of)
+        turn = polar(self._graph.worlds_of(node)[:3, :3])[0]
+        materials = self._materials
+        return read_light(
+            prim, node, name, time, scale, self._notes, materials.mean_of, lambda a, w: materials.sky_of(a, w, turn)
+        )
 
     def _add_live(self, things: list[Any], read: Callable[[Usd.TimeCode], Any], prim: Usd.Prim) -> None:
         place = len(things)
