@@ -4,12 +4,15 @@ import mujoco
 import numpy as np
 from warpcam.benchmarks.scenes import GEOM, add_floor, add_sun, from_mjlab, look_at
 
+Floats = tuple[float, ...]
 WHITE, PALE, STEEL = (0.85, 0.84, 0.8, 1.0), (0.75, 0.66, 0.5, 1.0), (0.55, 0.56, 0.58, 1.0)
 DEEP, WIDE, TALL, PANEL = 0.4, 0.6, 0.8, 0.018  # of the cabinet [m]
 STAND = 0.3  # what the arm stands on [m]
 
 
-def add_panel(body: mujoco.MjsBody, center: tuple[float, ...], size: tuple[float, ...], rgba: tuple) -> None:
+def add_panel(
+    body: mujoco.MjsBody, center: tuple[float, ...], size: tuple[float, ...], rgba: tuple[float, ...]
+) -> None:
     """Add a box by its full size."""
     body.add_geom(type=GEOM.mjGEOM_BOX, pos=center, size=0.5 * np.array(size), rgba=rgba)
 

@@ -38,7 +38,8 @@ BROKEN: dict[str, str] = {
     "faceVertexIndices has -1; allowed are 0 to 3": SQUARE.replace("0, 1, 2, 3", "0, 1, 2, -1"),
     "faceVertexCounts sum up to 5, but there are 4 faceVertexIndices": SQUARE.replace("[4]", "[5]"),
     "curveVertexCounts sum up to 5, but there are 2 points": (
-        'def BasisCurves "a" {\npoint3f[] points = [(0, 0, 0), (1, 0, 0)]\nint[] curveVertexCounts = [5]\n}'
+        'def BasisCurves "a" {\npoint3f[] points = [(0, 0, 0), (1, 0, 0)]\n'
+        "int[] curveVertexCounts = [5]\nfloat[] widths = [1]\n}"
     ),
     "'/a': points must be finite, got": 'def Points "a" {\npoint3f[] points = [(0, inf, 0)]\n}',
     "points must be finite, got": SQUARE.replace("(1, 1, 0)", "(1, nan, 0)"),
@@ -66,11 +67,13 @@ WARNINGS: dict[str, str] = {
     ),
     "is of type Volume, which is not drawn: /a": 'def Volume "a" {}',
     "has no points: /a": 'def Points "a" {}',
+    "has no widths, and is not drawn: /a": 'def Points "a" {\npoint3f[] points = [(0, 0, 0)]\n}',
     "has widths of another number than its interpolation needs, which are left out: /a": (
         'def Points "a" {\npoint3f[] points = [(0, 0, 0), (1, 0, 0), (2, 0, 0)]\nfloat[] widths = [0.1, 0.2]\n}'
     ),
     "has curves of too few points, which are left out: /a": (
-        'def BasisCurves "a" {\npoint3f[] points = [(0, 0, 0), (1, 0, 0)]\nint[] curveVertexCounts = [2]\n}'
+        'def BasisCurves "a" {\npoint3f[] points = [(0, 0, 0), (1, 0, 0)]\n'
+        "int[] curveVertexCounts = [2]\nfloat[] widths = [1]\n}"
     ),
     "has a transform that is not finite, and is left out: /a": (
         'def Cube "a" {\ndouble3 xformOp:translate = (inf, 0, 0)\n'

@@ -141,6 +141,7 @@ def test_points_of_an_instance_are_kept_once(stage: Usd.Stage) -> None:
     UsdGeom.Xform.Define(stage, "/kind")
     points = UsdGeom.Points.Define(stage, "/kind/dots")
     points.CreatePointsAttr([(0.0, 0.0, 0.0)])
+    set_values(points, "constant", widths=[0.5])
     for name, x in (("/a", -1.0), ("/b", 1.0)):
         prim = UsdGeom.Xform.Define(stage, name)
         prim.AddTranslateOp().Set((x, 0.0, 0.0))

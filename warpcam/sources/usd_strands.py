@@ -59,6 +59,10 @@ class StrandReader:
         if len(points) == 0:
             self._notes.warn("has no points", name)
             return None
+        given = UsdGeom.PrimvarsAPI(prim).GetPrimvar("widths")
+        if not (given and given.HasValue()) and not prim.GetAttribute("widths").HasValue():
+            self._notes.warn("has no widths, and is not drawn", name)
+            return None
         cut = (self._balls if prim.IsA(UsdGeom.Points) else self._tubes)(prim, name, points, time)
         if cut is None or len(cut[1]) == 0:
             return None
