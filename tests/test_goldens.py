@@ -44,7 +44,7 @@ FEATURES: dict[str, tuple[str, str]] = {
     **{kind: (PLAIN + shape(kind), "") for kind in scenes.TYPES},
     "headlight": (shape("capsule"), ""),
     "spot": ('<light pos="0.5 -0.5 2" dir="-0.2 0.2 -1" cutoff="30" castshadow="false"/>' + FLOOR, ""),
-    "shadow": (SUN.format("true") + FLOOR + shape("box"), ""),
+    "shadow": (SUN.format("true").replace("-0.4 0.5", "0.9 0.3") + FLOOR + shape("box"), ""),
     "two_lights": (
         PLAIN + '<light pos="1 -1 2" dir="-0.4 0.4 -1" diffuse="0.1 0.6 0.2"/>' + FLOOR + shape("sphere"),
         "",
