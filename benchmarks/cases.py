@@ -6,10 +6,19 @@ from dataclasses import dataclass, replace
 from functools import partial
 
 import mujoco
-from warpcam.benchmarks import rooms, scenes
+from warpcam.benchmarks import cabinet, rooms, scenes
 
 from warpcam.errors import WarpcamError
 from warpcam.outputs import OUTPUTS
+
+
+@dataclass(frozen=True)
+class Cloth:
+    """A square cloth of particles: cells across and along, two triangles each, its side and height [m]."""
+
+    cells: tuple[int, int]
+    size: float
+    height: float
 
 
 @dataclass(frozen=True)
@@ -22,6 +31,8 @@ class Case:
         cpu_worlds: How many worlds are drawn on a CPU.
         scatter: How far free bodies are moved from where the scene has them: up to this along each axis [m], and
             turned up to this about each [rad].
+        newton: warpcam looks at it through `from_newton`, as at the model that Newton's own camera sees.
+        cloth: What hangs in each world; only Newton has it.
     """
 
     name: str
@@ -32,6 +43,11 @@ class Case:
     share: int = 1
     cpu_worlds: int = 64
     scatter: tuple[float, float] = (0.05, 0.5)
+    newton: bool = False
+    cloth: Cloth | None = None
+
+    def seen_by(self, renderer: str) -> bool:
+        return renderer in ("warpcam", "newton") or not self.newton
 
 
 @dataclass(frozen=True)
@@ -82,13 +98,29 @@ CASES = {
         Case("aloha_pot", "two arms, four cameras", ALOHA, ALOHA_CAMERAS, MUJOCO_WARP, share=4, cpu_worlds=4),
         Case("g1_terrain", "robot of 35 meshes on hills", scenes.g1_on_terrain, ("fixed",), MJLAB, cpu_worlds=16),
         Case("terrain_256", "hills of 256 x 256 cells", rooms.terrain, ("drone",), cpu_worlds=16, scatter=(3.0, 0.3)),
+        Case("franka_cabinet", "arm at a cabinet", cabinet.arm_at_cabinet, ("fixed",), MJLAB, cpu_worlds=16),
     )
 }
+# What Newton's own benchmark of its camera has, as models of Newton; and cloth, which only Newton has.
+CASES |= {
+    case.name: case
+    for case in (
+        *(
+            replace(CASES[name], name=f"newton_{name}", newton=True)
+            for name in ("shapes_256", "quadruped", "franka_cabinet")
+        ),
+        Case(
+            "newton_cloth", "a cloth of 10,000 triangles over a ball", cabinet.ball_under_cloth, ("fixed",),
+            share=16, cpu_worlds=4, newton=True, cloth=Cloth((50, 100), 1.2, 0.65),
+        ),
+    )
+}  # fmt: skip
 
 SETTINGS = {
     setting.name: setting
     for setting in (
         Setting("8192x64", 8192, 64, 64),
+        Setting("4096x64", 4096, 64, 64),
         Setting("1024x256", 1024, 256, 256),
         Setting("cpu", None, 64, 64),
     )
@@ -110,7 +142,9 @@ EXTRAS = {
     for name in OUTPUTS
     if name not in DEPTH_AND_IDS.outputs
 }
-WANTED = {**COMMON, **EXTRAS}
+# What Newton's own benchmark asks for.
+COLOR_AND_DEPTH = Wanted("rgb-d-shadows", ("rgb", "depth"), shadows=True, textures=True)
+WANTED = {**COMMON, COLOR_AND_DEPTH.name: COLOR_AND_DEPTH, **EXTRAS}
 
 
 def resized(setting: Setting, worlds: int | None, size: str | None) -> Setting:

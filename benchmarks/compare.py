@@ -17,9 +17,16 @@ def difference(images: Sequence[Images], reference: Sequence[Images]) -> dict[st
     found: dict[str, float] = {}
     if "segmentation" in reference[0]:
         found |= geometry(images, reference)
+    elif "depth" in reference[0]:
+        found |= geometry(*map(hits_as_ids, (images, reference)))
     if "rgb" in reference[0]:
         found |= colors(images, reference)
     return found
+
+
+def hits_as_ids(images: Sequence[Images]) -> list[Images]:
+    """Where there are no ids all that is hit is one thing."""
+    return [{**one, "segmentation": np.where(np.isfinite(one["depth"]), 0, -1)} for one in images]
 
 
 def geometry(images: Sequence[Images], reference: Sequence[Images]) -> dict[str, float]:
@@ -27,7 +34,7 @@ def geometry(images: Sequence[Images], reference: Sequence[Images]) -> dict[str,
     largest = largest_same = 0.0
     for ours, theirs in zip(images, reference, strict=True):
         depth, ids, depth_ref, ids_ref = ours["depth"], ours["segmentation"], theirs["depth"], theirs["segmentation"]
-        hit, hit_ref = ids >= 0, ids_ref >= 0
+        hit, hit_ref = ids != -1, ids_ref != -1
         both = hit & hit_ref
         gap = np.abs(np.where(both, depth, 0.0) - np.where(both, depth_ref, 0.0))
         tolerance = DEPTH_ABSOLUTE + DEPTH_RELATIVE * np.where(both, depth_ref, 0.0)

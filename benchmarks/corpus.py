@@ -1,12 +1,13 @@
 """Every file of a collection: rendered, or refused with a WarpcamError, each in a process of its own.
 
-    python -m warpcam.benchmarks.corpus FOLDER... [--seconds 20] [--memory 2] [--lines]
+    python -m warpcam.benchmarks.corpus FOLDER... [--seconds 20] [--memory 2] [--out FILE.csv]
 
-Prints a line for each file and a table at the end. Exit code 1: some file crashed, hung, took too much memory, or
-raised something else than a WarpcamError.
+Prints a line for each file and a table at the end; the CSV has the lines. Exit code 1: some file crashed, hung, took
+too much memory, or raised something else than a WarpcamError.
 """
 
 import argparse
+import csv
 import os
 import signal
 import sys
@@ -126,14 +127,21 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("folders", nargs="+", type=Path)
     parser.add_argument("--seconds", type=float, default=20.0, help="for each file (default: %(default)s)")
     parser.add_argument("--memory", type=float, default=2.0, help="for each file [GiB] (default: %(default)s)")
+    parser.add_argument("--out", type=Path, metavar="FILE.csv", help="write what became of each file, too")
     options = parser.parse_args(arguments)
     wp.config.log_level = wp.LOG_WARNING
     warm_up()
     counts: Counter[tuple[str, str]] = Counter()
+    rows = []
     for path in find(options.folders):
         outcome = attempt(path, options.seconds, options.memory)
+        name = next(str(path.relative_to(folder)) for folder in options.folders if path.is_relative_to(folder))
+        rows.append((name, outcome.what, outcome.detail.replace(str(path), name)[:160]))
         counts[path.suffix.lower(), outcome.what] += 1
         print(f"{outcome.what:22} {outcome.seconds:5.1f} s {outcome.peak:4.1f} GiB  {path}: {outcome.detail[:160]}")
+    if options.out is not None:
+        with options.out.open("w", newline="") as file:
+            csv.writer(file, lineterminator="\n").writerows([("file", "outcome", "detail"), *rows])
     kinds = sorted({kind for kind, _ in counts})
     outcomes = sorted({what for _, what in counts}, key=lambda what: (what not in FINE, what))
     print("\n| files | " + " | ".join(outcomes) + " |\n|---|" + "---:|" * len(outcomes))

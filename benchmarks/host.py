@@ -59,7 +59,7 @@ def renderer_of(case: Case, wanted: Wanted, device: wp.Device) -> tuple[wc.Rende
         m, d = mjw.put_model(mjm), mjw.put_data(mjm, mjd, nworld=1)
         wp.synchronize_device(device)
         started = time.perf_counter()
-        scene = wc.from_mujoco_warp(mjm, m, d)
+        scene = wc.from_mujoco_warp(mjm, m, d, reflections=False, transparency=False)
         looked = time.perf_counter()
         renderer = wc.Renderer(
             scene,

@@ -71,10 +71,11 @@ class Problem:
         return rgba
 
     def faces(self) -> int:
-        """Triangles of all meshes one world draws."""
+        """Triangles of all meshes and cloths one world draws."""
         drawn = self.drawn_geoms()
         meshes = self.mjm.geom_dataid[drawn[self.mjm.geom_type[drawn] == mujoco.mjtGeom.mjGEOM_MESH]]
-        return int(self.mjm.mesh_facenum[meshes].sum())
+        cloth = 0 if self.case.cloth is None else 2 * int(np.prod(self.case.cloth.cells))
+        return int(self.mjm.mesh_facenum[meshes].sum()) + cloth
 
     def facts(self, wanted: Wanted) -> dict[str, object]:
         """What a row of the results says about its problem."""

@@ -123,7 +123,8 @@ def all_cases() -> Mapping[str, Any]:
 
 
 def available(case: Any) -> bool:
-    return case.package is None or importlib.util.find_spec(case.package) is not None
+    packages = (case.package, "newton" if case.newton else None)
+    return all(package is None or importlib.util.find_spec(package) is not None for package in packages)
 
 
 def chosen(option: str, names: Sequence[str], known: Mapping[str, Any]) -> list[Any]:

@@ -39,7 +39,7 @@ def measure_case(
         return
     build_s = time.perf_counter() - start
     references: dict[str, Any] = {}
-    for renderer in renderers:
+    for renderer in filter(case.seen_by, renderers):
         asked = [one for one in wanted if one.by_peers or renderer == "warpcam"]
         memory = measure.Memory(device)
         shared.place(0)

@@ -67,12 +67,14 @@ def follow_lights(
     positions: wp.array2d(dtype=wp.vec3),
     rotations: wp.array2d(dtype=wp.mat33),
     out_positions: wp.array2d(dtype=wp.vec3),
+    out_rotations: wp.array2d(dtype=wp.mat33),
     out_directions: wp.array2d(dtype=wp.vec3),
 ):
     """A light shines along its frame's -z."""
     world, thing = wp.tid()
     position, rotation = placed(followers, positions, rotations, world, thing)
     out_positions[world, thing] = position
+    out_rotations[world, thing] = rotation
     out_directions[world, thing] = rotation * wp.vec3(0.0, 0.0, -1.0)
 
 

@@ -34,7 +34,7 @@ class WorldShapes:
     ids: wp.array2d(dtype=wp.int32)  # (world, column) the shape, or -1
     faces: wp.array2d(
         dtype=wp.int32
-    )  # (world, soft column) a triangle of the surface, or -1; these follow on the shapes
+    )  # (world, soft column) a triangle of the surface, -1 for none, or -2 for a white one; these follow on the shapes
     particles: wp.array2d(dtype=wp.int32)  # (world, particle's column) the particle, or -1; these follow on those
     types: wp.array(dtype=wp.int32)  # (column,)
     positions: wp.array2d(dtype=wp.vec3)  # (world, column) and so on: see Shapes
@@ -83,6 +83,8 @@ def write_worlds(flat: FlatShapes, out: WorldShapes, first: wp.int32):
         face = out.faces[world, column - shapes]
         tint = wp.vec3(1.0, 1.0, 1.0)
         shown = wp.float32(0.0)
+        if face < -1:
+            shown = 1.0
         if face >= 0:
             shown = 1.0
             if flat.face_colors.shape[0] > 0:

@@ -1,4 +1,4 @@
-"""Labels of what was hit: a table looked up by shape id."""
+"""Labels of what was hit: a table looked up by world and shape."""
 
 from typing import Any
 
@@ -12,19 +12,20 @@ from .launch import record as record_stage
 def write_labels(
     mask: wp.array(dtype=wp.uint8),
     shape: wp.array(dtype=Any),
-    labels: wp.array(dtype=wp.int32),
+    labels: wp.array2d(dtype=wp.int32),
     miss: wp.int32,
     pixels: wp.int32,
     image: wp.array(dtype=wp.int32),
     first: wp.int32,
 ):
     index = first + wp.tid()
-    if mask[index // pixels] == wp.uint8(0):
+    world = index // pixels
+    if mask[world] == wp.uint8(0):
         return
     hit = wp.int32(shape[index])
     label = miss
     if hit >= 0:
-        label = labels[hit]
+        label = labels[world % labels.shape[0], hit]
     image[index] = label
 
 
@@ -41,7 +42,7 @@ def record(
     """Bind the stage that writes one image of labels.
 
     Args:
-        labels: int32, (shape,).
+        labels: int32, (world or 1, shape).
         miss: The label where nothing is hit.
         mask: uint8, (world,); worlds with 0 are left alone.
         shape: Shape ids, int16 or int32 (world, height, width, 1), -1 where nothing is hit.

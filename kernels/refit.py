@@ -1,49 +1,89 @@
-"""The stages that follow meshes whose corners move: their faces, and the boxes of their trees, level by level."""
+"""The stages that follow meshes whose corners move: their faces, and the boxes of their trees, level by level.
 
+A tree whose boxes have grown gets its faces in a new order, in place: see native/reorder.h.
+"""
+
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import warp as wp
 
-from .launch import Stage, record
+from .launch import Stage, native_options, record
 from .types import Meshes
+from .visibility import THREADS
 
 FAR = 1.0e29  # bounds of children that are not there lie beyond it
 
 
 @wp.struct
 class Moving:
-    """Meshes that move, with one tree: the instances have their own boxes and corners, and the rest in common."""
+    """Meshes that move, with one tree: the instances have their own boxes, faces and order, and the rest in common."""
 
     assets: wp.array(dtype=wp.int32)  # (instance,) mesh
     bases: wp.array(dtype=wp.int32)  # (instance,) point that its corners count from
-    corners: wp.array(dtype=wp.vec3i)  # (row,) points of a face, in leaf order, counted from the instance's base
-    given: wp.array(dtype=wp.int32)  # (row,) the face among those of the mesh as they were given
+    triangles: wp.array(dtype=wp.vec3i)  # (face,) points, as they were given, counted from the instance's base
+    order: wp.array2d(dtype=wp.int32)  # (instance, row) the face that stands there, in leaf order
+    looseness: wp.array(dtype=wp.float32)  # (instance,) of the tree as it was ordered; below 0: not measured yet
+    ages: wp.array(dtype=wp.int32)  # (instance,) frames since it was measured
+    num_nodes: wp.int32
+    offset: wp.float32  # how far points lie beside what they were made of, along their normals [m]
+    num_smooth: wp.int32  # so many faces, the first as they were given, have the normals of their points
+    num_flat: wp.int32  # the first that are flat as what they were made of; all others are as flat as they lie
     entries: wp.array(dtype=wp.vec3i)  # (entry,) from the deepest level up: a node, a child's number, and the child
 
 
 @wp.kernel(enable_backward=False)
-def move_faces(moving: Moving, meshes: Meshes, points: wp.array(dtype=wp.vec3), first: wp.int32):
+def move_faces(
+    moving: Moving,
+    meshes: Meshes,
+    points: wp.array(dtype=wp.vec3),
+    normals: wp.array(dtype=wp.vec3),
+    first: wp.int32,
+):
     index = first + wp.tid()
-    rows = moving.corners.shape[0]
+    rows = moving.order.shape[1]
     instance = index // rows
     row = index - instance * rows
     asset = moving.assets[instance]
     base = moving.bases[instance]
-    corners = moving.corners[row]
+    face = moving.order[instance, row]
+    corners = moving.triangles[face]
     a = points[base + corners[0]]
     b = points[base + corners[1]]
     c = points[base + corners[2]]
     at = meshes.face_start[asset] + 3 * row
-    mark = meshes.faces[at]
-    meshes.faces[at] = wp.vec4(a[0], a[1], a[2], mark[3])
+    meshes.faces[at] = wp.vec4(a[0], a[1], a[2], wp.cast(face, wp.float32))
     meshes.faces[at + 1] = wp.vec4(b[0], b[1], b[2], 0.0)
     meshes.faces[at + 2] = wp.vec4(c[0], c[1], c[2], 0.0)
+    corner = 3 * (meshes.corner_start[asset] + face)
+    if face < moving.num_smooth:
+        meshes.normals[corner] = normals[base + corners[0]]
+        meshes.normals[corner + 1] = normals[base + corners[1]]
+        meshes.normals[corner + 2] = normals[base + corners[2]]
+        return
+    if face < moving.num_flat:
+        a -= moving.offset * normals[base + corners[0]]
+        b -= moving.offset * normals[base + corners[1]]
+        c -= moving.offset * normals[base + corners[2]]
     normal = wp.normalize(wp.cross(b - a, c - a))
-    corner = 3 * (meshes.corner_start[asset] + moving.given[row])
     meshes.normals[corner] = normal
     meshes.normals[corner + 1] = normal
     meshes.normals[corner + 2] = normal
+
+
+@wp.func_native("warpcam::reorder(moving, meshes, points, index);")
+def _reorder(moving: Moving, meshes: Meshes, points: wp.array(dtype=wp.vec3), index: wp.int32): ...
+
+
+@wp.kernel(
+    module="unique",
+    enable_backward=False,
+    grid_stride=False,
+    module_options={"extra_build_options": native_options("reorder.h")},
+)
+def keep_order(moving: Moving, meshes: Meshes, points: wp.array(dtype=wp.vec3), first: wp.int32):
+    _reorder(moving, meshes, points, first + wp.tid())
 
 
 @wp.func
@@ -130,6 +170,15 @@ def move_bounds(moving: Moving, meshes: Meshes, by_child: wp.int32, first: wp.in
     meshes.upper[asset] = high
 
 
+@dataclass(frozen=True)
+class Shading:
+    """How the faces of a moving mesh are shaded: see ``Moving``."""
+
+    offset: float = 0.0
+    num_smooth: int = 0
+    num_flat: int = 0
+
+
 class Tree:
     """What the instances of one moving mesh have in common, and the stages that move them.
 
@@ -140,6 +189,7 @@ class Tree:
         faces: (face, 3) int32, the mesh's faces as they were given.
         device: Where all of it lies.
         by_child: Whether nodes lie as they do on CUDA, child by child.
+        shading: How faces are shaded: None is as they lie.
     """
 
     def __init__(
@@ -150,6 +200,7 @@ class Tree:
         faces: np.ndarray,
         device: wp.Device,
         by_child: bool,
+        shading: Shading | None = None,
     ):
         self._meshes, self._device, self._by_child = meshes, device, int(by_child)
         asset, wide = int(assets[0]), 8 if by_child else 7
@@ -160,17 +211,33 @@ class Tree:
         self._moving = Moving()
         self._moving.assets = wp.array(assets.astype(np.int32), dtype=wp.int32, device=device)
         self._moving.bases = wp.array(bases.astype(np.int32), dtype=wp.int32, device=device)
-        self._moving.corners = wp.array(faces[given].astype(np.int32), dtype=wp.vec3i, device=device)
-        self._moving.given = wp.array(given, dtype=wp.int32, device=device)
+        self._moving.triangles = wp.array(faces.astype(np.int32), dtype=wp.vec3i, device=device)
+        order = np.broadcast_to(given, (len(assets), rows))
+        self._moving.order = wp.array(np.ascontiguousarray(order), dtype=wp.int32, ndim=2, device=device)
+        self._moving.looseness = wp.full(len(assets), -2.0, dtype=wp.float32, device=device)
+        self._moving.ages = wp.array(np.arange(len(assets)) % 8, dtype=wp.int32, device=device)  # not all at once
+        self._moving.num_nodes = 1 + sum(int((level[:, 2] >= 0).sum()) for level in levels)
+        shading = shading or Shading()
+        self._moving.offset = shading.offset
+        self._moving.num_smooth, self._moving.num_flat = shading.num_smooth, shading.num_flat
         entries = np.concatenate(levels[::-1]).astype(np.int32)
         self._moving.entries = wp.array(entries, dtype=wp.vec3i, device=device)
         self._counts = [len(level) for level in levels[::-1]]
         self._instances, self._rows = len(assets), rows
 
-    def record(self, points: wp.array) -> list[Stage]:
-        """Bind the stages that move all instances to ``points``, (point,) vec3, world frame [m]."""
+    def record(self, points: wp.array, normals: wp.array | None = None) -> list[Stage]:
+        """Bind the stages that move all instances.
+
+        Args:
+            points: (point,) vec3, world frame [m].
+            normals: (point,) vec3, unit, for faces that are not shaded as they lie.
+        """
         moving, meshes, device = self._moving, self._meshes, self._device
-        stages = [record(move_faces, self._instances * self._rows, [moving, meshes, points], device)]
+        if normals is None:
+            normals = wp.empty(0, dtype=wp.vec3, device=device)
+        whole = self._instances * (THREADS if device.is_cuda else 1)
+        stages = [record(keep_order, whole, [moving, meshes, points], device, block_dim=THREADS)]
+        stages += [record(move_faces, self._instances * self._rows, [moving, meshes, points, normals], device)]
         begin = 0
         for count in self._counts:
             threads = self._instances * (count if self._by_child else 1)

@@ -8,8 +8,9 @@ import warp as wp
 
 from .launch import Group, Stage, native_options
 from .launch import record as record_stage
+from .layers import Haze, LayerTables, Mirror
 from .tables import Tables
-from .types import Background, HeightFields, Lights, Materials, Meshes, Shapes, Textures, View
+from .types import Background, HeightFields, Lights, Materials, Meshes, Physical, Shapes, Textures, View
 from .visibility import LENSES, THREADS, region_size
 
 # The outputs made here, with the dtype and the number of channels of their arrays (world, height, width, channels), in
@@ -22,7 +23,11 @@ OUTPUTS: Mapping[str, tuple[type, int]] = {
     "albedo": (wp.uint8, 3),
 }
 
+VEILED_BLOCKS = 4  # blocks that a multiprocessor is to hold where some shapes may be transparent
+PHYSICAL, HAS_MAPS = 1 << 12, 1 << 13  # the same
 MAX_KEPT = 256  # shapes whose looks a block can keep
+MIRRORED, REFLECTS, VEILED, HAZY = 1 << 8, 1 << 9, 1 << 10, 1 << 11  # facts of native/look.h
+LIT = ("rgb", "rgba", "hdr")  # what mirrors, transparent shapes and haze change
 
 
 @functools.cache
@@ -44,6 +49,29 @@ def frame_struct(shape_dtype: Any, face_dtype: Any) -> Any:
     return Frame
 
 
+@functools.cache
+def layered_frame_struct(shape_dtype: Any, face_dtype: Any) -> Any:
+    """The same with what mirrors, transparent shapes and haze need."""
+
+    @wp.struct
+    class LayeredFrame:
+        views: wp.array(dtype=View)
+        mask: wp.array(dtype=wp.uint8)
+        depth: wp.array(dtype=wp.float32)
+        shape: wp.array(dtype=shape_dtype)
+        face: wp.array(dtype=face_dtype)
+        shadow: wp.array(dtype=wp.uint8)
+        width: wp.int32
+        height: wp.int32
+        horizon: wp.float32
+        mirrors: wp.array(dtype=Mirror)  # (world,)
+        veils: wp.array(dtype=wp.int32)  # ids of the shapes that may be transparent
+        reach: wp.array(dtype=wp.float32)  # (shape,) see layers.py
+        haze: Haze
+
+    return LayeredFrame
+
+
 @wp.struct
 class Images:
     """What the kernel writes, channel after channel of pixel after pixel; empty where it was not asked for."""
@@ -57,11 +85,18 @@ class Images:
 
 @functools.cache
 def _kernel(
-    types: int, lens: int, capacity: int, width: int, height: int, images: int, facts: int, frame_type: Any
+    types: int, lens: int, capacity: int, width: int, height: int, images: int, facts: int, frame_type: Any, veils: int
 ) -> wp.Kernel:
+    more = f", {veils}" if veils else ""
+    lights_type: Any = Lights
+    scene = "warpcam::Scene { frame, images, shapes, meshes, fields, materials, textures, background }"
+    if facts & PHYSICAL:
+        lights_type = Physical
+        scene = f"warpcam::PhysicalScene {{ {scene}, lights }}"
+
     @wp.func_native(
-        f"warpcam::resolve<{types}, {lens}, {capacity}, {width}, {height}, {images}, {facts}>(warpcam::Scene {{ "
-        "frame, images, shapes, meshes, fields, materials, textures, background }, lights, index);"
+        f"warpcam::resolve<{types}, {lens}, {capacity}, {width}, {height}, {images}, {facts}{more}>"
+        f"({scene}, lights, index);"
     )
     def resolve(
         frame: frame_type,
@@ -71,7 +106,7 @@ def _kernel(
         fields: HeightFields,
         materials: Materials,
         textures: Textures,
-        lights: Lights,
+        lights: lights_type,
         background: Background,
         index: int,
     ): ...
@@ -80,7 +115,7 @@ def _kernel(
         module="unique",
         enable_backward=False,
         grid_stride=False,
-        launch_bounds=(THREADS, _blocks(images)),
+        launch_bounds=(THREADS, VEILED_BLOCKS if veils else _blocks(images, facts)),
         module_options={"extra_build_options": native_options("resolve.h")},
     )
     def write_images(
@@ -91,7 +126,7 @@ def _kernel(
         fields: HeightFields,
         materials: Materials,
         textures: Textures,
-        lights: Lights,
+        lights: lights_type,
         background: Background,
         first: wp.int32,
     ):
@@ -114,6 +149,9 @@ def record(
     height: int,
     device: wp.Device,
     group: Group | None = None,
+    layers: LayerTables | None = None,
+    mirrors: wp.array | None = None,
+    mirrored: bool = False,
 ) -> Stage:
     """Bind the kernel that writes ``outputs`` to one camera's buffers.
 
@@ -132,12 +170,31 @@ def record(
         height: Of the image [pixels].
         device: Where everything lies.
         group: Which worlds are drawn; None is all.
+        layers: What of the scene one layer cannot show, where some of the outputs are ``LIT``.
+        mirrors: Mirror, (world,), where the scene reflects.
+        mirrored: The buffers are those of the view from behind the mirrors, ``views``: the outputs, all ``LIT``, are
+            what the mirrors show, black where they show nothing. Otherwise that lies in the outputs already where there
+            are ``mirrors``, and is added to.
     """
     unknown = sorted(set(outputs) - set(OUTPUTS))
     if unknown:
         raise ValueError(f"outputs: {unknown} are not made here; these are: {sorted(OUTPUTS)}")
-    frame_type = frame_struct(shape.dtype, face.dtype)
+    more, veils = 0, 0
+    if layers is not None and not set(LIT).isdisjoint(outputs):
+        more = (MIRRORED if mirrored else REFLECTS) if mirrors is not None else 0
+        if layers.veiled:
+            more |= VEILED
+            veils = -(-layers.veils.size // 8) * 8
+        if layers.haze is not None and tables.has_skybox and not mirrored:
+            more |= HAZY
+    frame_type = (layered_frame_struct if more else frame_struct)(shape.dtype, face.dtype)
     frame = frame_type()
+    if layers is not None and more:
+        frame.veils, frame.reach = layers.veils, layers.reach
+        if mirrors is not None:
+            frame.mirrors = mirrors
+        if layers.haze is not None:
+            frame.haze = layers.haze
     frame.views = views
     frame.mask = mask
     frame.depth = depth.flatten()
@@ -158,8 +215,8 @@ def record(
     group = group or Group.of_all(tables.num_worlds)
     region = region_size(tables, group.at_once, width, height, device)
     types = sum(1 << t for t in tables.shape_types)
-    facts = _facts(tables, shadow is not None, width)
-    kernel = _kernel(types, LENSES[lens], _capacity(tables), *region, wanted, facts, frame_type)
+    facts = _facts(tables, shadow is not None, width) | more
+    kernel = _kernel(types, LENSES[lens], _capacity(tables), *region, wanted, facts, frame_type, veils)
     inputs = [
         frame,
         images,
@@ -168,7 +225,7 @@ def record(
         tables.height_fields,
         tables.materials,
         tables.textures,
-        tables.lights,
+        tables.physical or tables.lights,
         tables.background,
     ]
     unit = -(-width // region[0]) * -(-height // region[1]) * (THREADS if device.is_cuda else 1)  # threads a world
@@ -177,10 +234,10 @@ def record(
     )
 
 
-def _blocks(images: int) -> int:
+def _blocks(images: int, facts: int) -> int:
     """Blocks that a multiprocessor is to hold, for a set of images: bounds the registers of a thread."""
     lit, albedo = images & 0b00111, images & 0b10000
-    return 5 if lit else 7 if albedo else 8
+    return 4 if lit and facts & PHYSICAL else 5 if lit else 7 if albedo else 8
 
 
 def _capacity(tables: Tables) -> int:
@@ -191,4 +248,5 @@ def _capacity(tables: Tables) -> int:
 def _facts(tables: Tables, shadows: bool, width: int) -> int:
     """Bits of native/look.h."""
     facts = (tables.has_materials, tables.has_textures, tables.has_skybox, shadows, width % 4 == 0)
-    return sum(1 << bit for bit, fact in enumerate(facts) if fact)
+    physical = PHYSICAL * (tables.physical is not None) + HAS_MAPS * (tables.has_maps and tables.has_textures)
+    return sum(1 << bit for bit, fact in enumerate(facts) if fact) + physical

@@ -12,7 +12,7 @@ from .types import MESH, HeightFields, Lights, Materials, Meshes, Shapes, View
 from .visibility import LENSES, THREADS, region_size
 
 BLOCKS = 8  # on a multiprocessor: bounds the registers of a thread
-FEW_BLOCKS = 5  # as many as its shared memory holds of the longest lists with meshes
+FEW_BLOCKS = 6  # as many as its shared memory holds of the longest lists with meshes
 CAPACITIES = (16, 32, 64, 128, 192)  # how many shapes a pass lists: few sizes, so that scenes share kernels
 
 

@@ -4,6 +4,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+from .layers import LayerTables
+
 
 @dataclass(frozen=True, eq=False)
 class Tables:
@@ -30,4 +32,8 @@ class Tables:
     has_skybox: bool
     ids_by_world: bool = False  # shapes and bodies have ids of their own in each world: Shapes.ids
     horizon: float = 0.0  # how far the source's own renderer draws endless planes [m]; 0 if it has none
-    labels: Mapping[str, Any] = field(default_factory=dict)  # (shape,) int32 of "instances" and "semantics"
+    physical: Any = None  # Physical, of scenes that are lit as native/physical.h does it
+    has_maps: bool = False  # some material of such a scene has more than the texture of its colour
+    splats: Any = None  # clouds of Gaussians, if shapes are such
+    layers: LayerTables | None = None  # of what one layer cannot show: mirrors, transparent shapes, haze
+    labels: Mapping[str, Any] = field(default_factory=dict)  # (world or 1, shape) int32 of "instances" and "semantics"

@@ -21,10 +21,27 @@ CONE = 8  # tip at +z
 BARREL = 9  # a cylinder whose side is bent outwards in an arc
 NUM_TYPES = 10
 SCALED = 10  # no type: stands among a scene's types where the sizes of meshes and height fields are scales
+SPLATS = 11  # a cloud of Gaussians: never among the drawn shapes, which the trace sees; see Splats
 
 # Light types.
 LIGHT_SPOT = 0
 LIGHT_DIRECTIONAL = 1
+
+# What lights of physically based scenes look like from afar; those that are directional are none of these.
+FORM_POINT = 0
+FORM_SPHERE = 1
+FORM_DISK = 2
+FORM_RECTANGLE = 3
+FORM_CYLINDER = 4
+
+# Roles of a material's textures: places in Materials.texture. The values are those of MuJoCo's mjtTextureRole.
+ROLE_COLOR = 1
+ROLE_NORMAL = 5  # x, y, z in [-1, 1] as 0 to 255; x along u, y along v, which is up
+ROLE_EMISSION = 7  # display values
+ROLE_PACKED = 9  # red: share of the light from all around that arrives, green: roughness, blue: metalness
+NUM_ROLES = 10
+
+SKY_TERMS = 9  # of spherical harmonics of order 2; see native/sky.h
 
 # Texture kinds.
 TEXTURE_2D = 0
@@ -111,7 +128,8 @@ class Materials:
     emission: wp.array2d(dtype=wp.float32)  # (world*, material)
     specular: wp.array2d(dtype=wp.float32)  # (world*, material)
     shininess: wp.array2d(dtype=wp.float32)  # (world*, material) in [0, 1]; the exponent is 128 times it
-    texture: wp.array3d(dtype=wp.int32)  # (world*, material, role) index into Textures or -1; role 1 is RGB
+    # (world*, material, role) index into Textures or -1; physically based scenes have NUM_ROLES, others 2
+    texture: wp.array3d(dtype=wp.int32)
     texture_repeat: wp.array2d(dtype=wp.vec2)  # (world*, material)
     texture_uniform: wp.array2d(dtype=wp.bool)  # (world*, material) repeat per metre instead of per shape
 
@@ -154,6 +172,28 @@ class Lights:
 
 
 @wp.struct
+class Physical:
+    """What physically based scenes have beside Materials and Lights, whose colours mean another thing here.
+
+    A light's diffuse and specular colours are what a white surface that faces it shows: of a directional light
+    anywhere, of a point as its attenuation has it; of lights of a size they are its radiance. All of it linear.
+    """
+
+    plain: Lights
+    roughness: wp.array2d(dtype=wp.float32)  # (world*, material) in [0, 1]
+    metallic: wp.array2d(dtype=wp.float32)  # (world*, material) in [0, 1]
+    reflectance: wp.array2d(dtype=wp.float32)  # (world*, material) of what is no metal, for light that falls straight
+    emissive: wp.array2d(dtype=wp.vec3)  # (world*, material) linear
+    forms: wp.array2d(dtype=wp.int32)  # (world*, light) one of the forms above
+    # (world*, light) sphere and disk (radius, -, -); rectangle (half width, half height, -); cylinder (radius, half
+    # length, -) [m]; directional lights (squared sine of the angle from the middle to the edge, -, -)
+    sizes: wp.array2d(dtype=wp.vec3)
+    rotations: wp.array2d(dtype=wp.mat33)  # (world, light) columns are its axes; widths and lengths are along x
+    # (world*, SKY_TERMS + 1) radiance from all around, linear: see native/sky.h; last the factor of the sky's image
+    sky: wp.array2d(dtype=wp.vec3)
+
+
+@wp.struct
 class View:
     """One camera in one world, as the trace wants it. Written by the views kernel each frame."""
 
@@ -175,3 +215,19 @@ class Background:
 
     color: wp.vec3  # display colour
     skybox: wp.int32  # index of a cube texture, or -1
+
+
+@wp.struct
+class Splats:
+    """Clouds of Gaussians in their own frames, shared by all worlds, and which shapes are such clouds."""
+
+    columns: wp.array(dtype=wp.int32)  # (n,) shapes whose `assets` count clouds and whose `sizes` are scales along axes
+    # (cloud,) as int bits its first node and its first Gaussian; greatest coordinate of its box [m]; squared distance
+    # from a Gaussian's centre where the least response is reached [standard deviations]
+    clouds: wp.array(dtype=wp.vec4)
+    # (row,) a node of the tree over Gaussians is 8 rows, as Meshes.nodes has them on CUDA, here on every device
+    nodes: wp.array(dtype=wp.vec4)
+    # (row,) a Gaussian is 4 rows, in leaf order: three rows of the matrix that takes its ellipsoid, outside of which it
+    # is not seen, to the unit sphere, each with one coordinate of the centre; display colour, opacity
+    gaussians: wp.array(dtype=wp.vec4)
+    bits: wp.int32  # of 32: what is below names a Gaussian within its cloud, what is above the place in `columns`

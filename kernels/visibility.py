@@ -16,6 +16,7 @@ OUTPUTS = ("depth", "shape", "face", "distance", "points", "bodies", "normals")
 QUADS, TILED = 128, 256
 IDS, BY_WORLD = 1 << 16, 1 << 17  # ids by world: canvas.h
 CHOSEN = 1 << 18  # only some pixels are traced
+OPAQUE = 1 << 20  # what is transparent is left out
 LENSES = {"pinhole": 0, "orthographic": 1}
 THREADS = 128  # of a CUDA block; lanes.h has the same number
 REGIONS = ((64, 64), (64, 32), (32, 32), (32, 16), (16, 16), (16, 8))
@@ -25,6 +26,30 @@ BLOCKS = 10  # on a multiprocessor: bounds the registers of a thread
 SHARED_MEMORY = 228 * 1024  # of a multiprocessor [bytes]
 LISTED_BYTES = 99  # of it for each shape that a block lists: tiles.h, ShapeList
 MESH_BLOCKS = 8  # the same for scenes with meshes or height fields
+
+
+@functools.cache
+def opaque_target_struct(shape_dtype: Any, face_dtype: Any) -> Any:
+    """The same, of a trace that leaves out what is transparent."""
+
+    @wp.struct
+    class OpaqueTarget:
+        mask: wp.array(dtype=wp.uint8)
+        faults: wp.array(dtype=wp.uint8)
+        veil_places: wp.array(dtype=wp.int32)  # (shape,) not -1 for shapes that may be transparent
+        depth: wp.array(dtype=wp.float32)
+        shape: wp.array(dtype=shape_dtype)
+        face: wp.array(dtype=face_dtype)
+        distance: wp.array(dtype=wp.float32)  # this and what follows: empty
+        points: wp.array(dtype=wp.float32)
+        bodies: wp.array(dtype=wp.int32)
+        ids: wp.array(dtype=wp.int32)
+        normals: wp.array(dtype=wp.float32)
+        width: wp.int32
+        height: wp.int32
+        chosen: wp.array(dtype=wp.uint8)
+
+    return OpaqueTarget
 
 
 @functools.cache
@@ -78,7 +103,7 @@ def _kernel(
         module="unique",
         enable_backward=False,
         grid_stride=False,
-        launch_bounds=(THREADS, _blocks(types, capacity)),
+        launch_bounds=(THREADS, blocks(types, capacity)),
         module_options={"extra_build_options": native_options("visibility.h")},
     )
     def visibility(
@@ -109,6 +134,7 @@ def record(
     images: Mapping[str, wp.array],
     device: wp.Device,
     group: Group | None = None,
+    veil_places: wp.array | None = None,
     chosen: wp.array | None = None,
 ) -> Stage:
     """Bind the trace of one camera.
@@ -129,12 +155,14 @@ def record(
             channels); normals only for scenes without meshes and height fields.
         device: Where all of these lie.
         group: Which worlds are traced; None is all.
+        veil_places: int32, (shape,). With it shapes that are transparent are left out, of those where it is not -1;
+            there are no ``images`` then.
         chosen: uint8, (world, height, width, ...): the pixels to trace; the shape of all others is -2. None: all.
     """
     group = group or Group.of_all(views.shape[0])
     capacity = list_capacity(tables.num_drawn)
     several = tables.num_drawn > capacity
-    target_type = target_struct(_dtype(shape), _dtype(face))
+    target_type = (target_struct if veil_places is None else opaque_target_struct)(_dtype(shape), _dtype(face))
     target = target_type()
     target.mask, target.faults = mask, faults
     target.width, target.height = width, height
@@ -147,6 +175,9 @@ def record(
     if "ids" in images:
         target.ids = images["ids"].flatten()
         outputs |= IDS
+    if veil_places is not None:
+        target.veil_places = veil_places
+        outputs |= OPAQUE
     if tables.ids_by_world and "bodies" in images:
         outputs |= BY_WORLD
     if chosen is not None:
@@ -170,7 +201,7 @@ def _dtype(array: wp.array | None) -> Any:
     return wp.int32 if array is None else array.dtype
 
 
-def _blocks(types: int, capacity: int) -> int:
+def blocks(types: int, capacity: int) -> int:
     """Blocks that a multiprocessor is to hold: no more than its shared memory has room for."""
     words = -(-capacity // 32)
     shared = LISTED_BYTES * capacity + 1024
@@ -188,11 +219,15 @@ def list_capacity(num_drawn: int) -> int:
 def region_size(tables: Tables, at_once: int, width: int, height: int, device: wp.Device) -> tuple[int, int]:
     """Pixels that one thread block draws: as many as leave enough blocks to fill the device.
 
-    Fewer in scenes of many meshes, whose blocks take long: at the end of a launch the last ones are waited for.
+    Fewer in scenes with meshes, whose blocks take long, if an image has several regions or there are many shapes: at
+    the end of a launch the last blocks are waited for.
     """
     wanted = device.sm_count * 10 if device.is_cuda else 2 * cpu_parts()
-    slow = device.is_cuda and MESH in tables.shape_types and tables.num_drawn > MANY
-    for size in REGIONS[2 if slow else 0 : -1]:
+    largest = 0
+    if device.is_cuda and MESH in tables.shape_types:
+        several = width > REGIONS[0][0] or height > REGIONS[0][1]
+        largest = 2 if tables.num_drawn > MANY else 1 if several else 0
+    for size in REGIONS[largest:-1]:
         if at_once * -(-width // size[0]) * -(-height // size[1]) >= wanted:
             return size
     return REGIONS[-1]

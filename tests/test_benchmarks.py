@@ -62,6 +62,23 @@ def test_renderers_agree_and_the_json_says_so(name: str, tmp_path: Path) -> None
             assert gap["rgb_mean_difference"] < 100.0
 
 
+@pytest.mark.parametrize("case", [case.name for case in cases.CASES.values() if case.newton])
+def test_newtons_camera_and_ours_agree_on_newtons_model(case: str, tmp_path: Path) -> None:
+    if not run.available(cases.CASES[case]):
+        pytest.skip("its files are not installed")
+    out = tmp_path / "newton.json"
+    arguments = ("--case", case, "--peer", "warpcam", "newton", "mujoco_warp", "--outputs", "ds", "rgb-d-shadows")
+    assert bench(*arguments, *TINY, "--size", "48x48", "--worlds", 32 if "cloth" in case else 2, "--out", out) == 0
+    rows = json.loads(out.read_text())["results"]
+    assert [row["renderer"] for row in rows] == ["warpcam"] * 2 + ["newton"] * 2
+    assert all("error" not in row for row in rows)
+    for row in rows[2:]:
+        assert row["worlds"] == 2 and row["compared_with"] == "warpcam"
+        assert row["difference"]["hit_fraction"] > 0.5
+        # Newton's camera does not see a cloth from below.
+        assert row["difference"]["ids_mismatch"] <= 0.01 and row["difference"]["depth_mismatch"] <= 0.01
+
+
 def test_ratios_merge_and_plot(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     pytest.importorskip("matplotlib")
     first, second, both = (tmp_path / name for name in ("a.json", "b.json", "both.json"))

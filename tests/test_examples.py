@@ -52,6 +52,30 @@ def test_every_gpu(tmp_path: Path) -> None:
     assert "contexts on GPUs []" in printed
 
 
+def test_formats_are_rendered_as_the_readme_shows(tmp_path: Path) -> None:
+    pytest.importorskip("pxr.Usd")
+    pytest.importorskip("trimesh")
+    run(str(EXAMPLES / "formats.py"), folder=tmp_path)
+    images = EXAMPLES.parent / "docs" / "images"
+    code = "import sys; from warpcam.cli import main; sys.exit(main(sys.argv[1:]))"
+    common = ("--worlds", "1", "--size", "320x240", "--outputs", "rgb", "--device", "cpu", "--out", ".")
+    scenes = {
+        "xml": ("overview", "--camera", "overview"),
+        "usd": ("_World_Camera", "breakfast.usda", "--camera", "/World/Camera"),
+        "urdf": ("free", "rover.urdf"),
+        "glb": ("free", "vases.glb"),
+    }
+    for kind, (camera, *scene) in scenes.items():
+        run("-c", code, "render", *scene, *common, folder=tmp_path)
+        made, kept = (
+            np.asarray(Image.open(path).convert("RGB")).astype(int)
+            for path in (tmp_path / f"{camera}-rgb.png", images / f"format-{kind}.png")
+        )
+        assert made.shape == kept.shape == (240, 320, 3)
+        # What may be drawn otherwise are edges, and colours a little: `warpcam render` makes them anew.
+        assert (np.abs(made - kept).max(axis=-1) > 40).mean() < 0.05, kind
+
+
 def test_every_example_is_run() -> None:
     tested = Path(__file__).read_text()
     names = [path.name for path in EXAMPLES.glob("*.py")]

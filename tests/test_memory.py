@@ -16,7 +16,10 @@ from warpcam.outputs import OUTPUTS
 
 MODEL = """
 <mujoco>
-  <asset><mesh name="wedge" vertex="0 0 0  1 0 0  0 1 0  0 0 1  1 1 0"/></asset>
+  <asset>
+    <material name="mirror" reflectance=".5"/>
+    <mesh name="wedge" vertex="0 0 0  1 0 0  0 1 0  0 0 1  1 1 0"/>
+  </asset>
   <worldbody>
     <light pos="1 1 4" dir="-1 -1 -4"/>
     <camera name="top" pos="0 0 5" fovy="60"/>
@@ -52,7 +55,11 @@ def camera(name: str = "top", width: int = 24, height: int = 20, **options: Any)
     return wc.Camera(name, width=width, height=height, **options)
 
 
-def scratch_by_the_docs(num_worlds: int, cameras: list[wc.Camera]) -> float:
+MIRROR = '<geom type="plane" size="9 9 .1" pos="0 0 -1" material="mirror"/>'
+GLASS = '<geom size=".2" pos="1 -1 1" rgba="1 1 1 .5"/>'
+
+
+def scratch_by_the_docs(num_worlds: int, cameras: list[wc.Camera], layers: str = "") -> float:
     """The formula of docs/memory.md, for a scene of meshes and lights with at most 256 shapes."""
     images, largest = 0, 0.0
     for each in cameras:
@@ -63,7 +70,9 @@ def scratch_by_the_docs(num_worlds: int, cameras: list[wc.Camera]) -> float:
     for each in cameras:
         outputs, buffers = set(each.outputs), []  # bytes a pixel of each
         if outputs - TRACED:
-            buffers += [4] * ("depth" not in outputs) + [2] * ("segmentation" not in outputs)
+            apart = GLASS in layers and bool(outputs & LIT)
+            buffers += [4] * (apart or "depth" not in outputs) + [2] * (apart or "segmentation" not in outputs)
+            buffers += [4, 2, 2] * (MIRROR in layers and bool(outputs & LIT))
             buffers += [2] * bool(outputs & FACED) + [1] * (each.shadows and bool(outputs & LIT))
         one, every = (
             sum(-(-worlds * each.width * each.height * size // 256) * 256 for size in buffers)
@@ -93,6 +102,18 @@ def test_scratch_follows_the_formula(
     if images > 2 * scratch.ALWAYS_ALLOWED:
         one_world = 9 * width * width  # which has room whatever the images take
         assert told.total <= images + max(0.5 * images, one_world) + num_worlds * 1000
+
+
+@pytest.mark.parametrize("layers", [MIRROR, GLASS, MIRROR + GLASS], ids=["mirror", "glass", "both"])
+@pytest.mark.parametrize("outputs", [("depth",), ("rgb",), ("rgb", "depth"), tuple(OUTPUTS)], ids="+".join)
+def test_scratch_of_layers_follows_the_formula(outputs: tuple[str, ...], layers: str, device: wp.Device) -> None:
+    for num_worlds, width in ((2, 24), (8192, 64)):
+        scene = one_scene_of(device.alias, num_worlds, layers)
+        cameras = [camera(width=width, height=width, outputs=outputs, shadows=True)]
+        told = wc.estimate_memory(scene, cameras)
+        assert told.scratch == scratch_by_the_docs(num_worlds, cameras, layers)
+        lit = bool(set(outputs) & LIT)
+        assert told.worlds == num_worlds * (2 + 84 + 124 * (MIRROR in layers and lit))
 
 
 def test_images_take_their_shape_times_their_type() -> None:
@@ -135,9 +156,12 @@ CAMERAS = {
 }
 
 
+@pytest.mark.parametrize("layers", ["", MIRROR + GLASS], ids=["one layer", "more"])
 @pytest.mark.parametrize("which", CAMERAS)
-def test_what_is_told_is_what_is_allocated(which: str, device: wp.Device, monkeypatch: pytest.MonkeyPatch) -> None:
-    scene = scene_of(device, 40)
+def test_what_is_told_is_what_is_allocated(
+    which: str, layers: str, device: wp.Device, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    scene = scene_of(device, 40, layers)
     cameras = [camera(**options) for options in CAMERAS[which]]
     told = wc.estimate_memory(scene, cameras)
     wc.Renderer(scene, cameras).render()  # what Warp loads once is loaded
@@ -184,7 +208,7 @@ def test_free_memory_is_known(device: wp.Device) -> None:
 CROWD = "".join(f'<geom size=".1" pos="{i % 20 * 0.2 - 1.9} {i // 20 * 0.2 - 1.4} 0"/>' for i in range(280))
 
 
-@pytest.mark.parametrize("crowd", ["", CROWD], ids=["few", "crowd"])
+@pytest.mark.parametrize("crowd", ["", CROWD, MIRROR + GLASS], ids=["few", "crowd", "layers"])
 @pytest.mark.parametrize("outputs", [("rgb",), ("normals", "depth"), ("segmentation",), tuple(OUTPUTS)], ids="+".join)
 def test_groups_of_worlds_make_the_same_images(
     outputs: tuple[str, ...], crowd: str, device: wp.Device, monkeypatch: pytest.MonkeyPatch

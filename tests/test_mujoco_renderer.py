@@ -42,18 +42,15 @@ FROM_MJLAB = (
 class Reference:
     """What MuJoCo draws: images (height, width), and the camera it drew them with."""
 
-    ids: np.ndarray  # int32, geom or -1
+    pairs: np.ndarray  # int32 (height, width, 2), id and mjtObj, or -1 twice
     depth: np.ndarray  # float32 [m]
     camera: wc.Camera
 
 
 def options() -> mujoco.MjvOption:
-    """Geoms and nothing else."""
+    """All that it draws, but for the lines of range finders."""
     chosen = mujoco.MjvOption()
-    for group in (chosen.sitegroup, chosen.tendongroup, chosen.skingroup, chosen.flexgroup):
-        group[:] = 0
-    for flag in ("TENDON", "SKIN", "RANGEFINDER", "ACTUATOR", "FLEXSKIN"):
-        chosen.flags[getattr(mujoco.mjtVisFlag, f"mjVIS_{flag}")] = False
+    chosen.flags[mujoco.mjtVisFlag.mjVIS_RANGEFINDER] = False
     return chosen
 
 
@@ -74,19 +71,18 @@ def draw(mjm: mujoco.MjModel, mjd: mujoco.MjData, camera: int) -> Reference:
     with renderer:
         renderer.update_scene(mjd, camera=camera, scene_option=options())
         renderer.enable_segmentation_rendering()
-        ids, types = np.moveaxis(renderer.render(), -1, 0).copy()
+        pairs = renderer.render().copy()
         renderer.disable_segmentation_rendering()
         renderer.enable_depth_rendering()
         depth = renderer.render().copy()
-        assert set(np.unique(types)) <= {-1, int(mujoco.mjtObj.mjOBJ_GEOM)}
         asked = {"width": SIZE, "height": SIZE, "outputs": ("depth", "segmentation"), **near_and_far(mjm)}
         if camera >= 0:
-            return Reference(ids, depth, wc.Camera(camera, **asked))
+            return Reference(pairs, depth, wc.Camera(camera, **asked))
         eyes = renderer.scene.camera
         position = 0.5 * (eyes[0].pos + eyes[1].pos)
         rotation = scenes.looking((0, 0, 0), eyes[0].forward, eyes[0].up)
         lens = wc.Pinhole(fovy=mjm.vis.global_.fovy)
-        return Reference(ids, depth, wc.Camera("free", lens=lens, position=position, rotation=rotation, **asked))
+        return Reference(pairs, depth, wc.Camera("free", lens=lens, position=position, rotation=rotation, **asked))
 
 
 def windows(image: np.ndarray) -> np.ndarray:
@@ -109,22 +105,28 @@ def edge_band(ids: np.ndarray, depth: np.ndarray) -> np.ndarray:
 
 def compare(mjm: mujoco.MjModel, mjd: mujoco.MjData, camera: int, device: wp.Device, name: str) -> None:
     reference = draw(mjm, mjd, camera)
-    seen = scenes.look(wc.from_mujoco(mjm, mjd, device=device), reference.camera)
-    ids, depth = seen["segmentation"][0], seen["depth"][0]
-    band = edge_band(reference.ids, reference.depth)
-    differ = (ids != reference.ids) & ~band
-    hit = (ids >= 0) & (ids == reference.ids) & ~band
+    scene = wc.from_mujoco(mjm, mjd, device=device)
+    compare_with(reference, scene, name)
+
+
+def compare_with(reference: Reference, scene: wc.Scene, name: str, world: int = 0, allowed: int = 0) -> None:
+    seen = scenes.look(scene, reference.camera)
+    ids, depth = seen["segmentation"][world], seen["depth"][world]
+    wrong = (scene.objects[ids] != reference.pairs).any(axis=-1)
+    band = edge_band(reference.pairs @ (1, 2**16), reference.depth)
+    differ = wrong & ~band
+    hit = (ids >= 0) & ~wrong & ~band
     off = np.abs(depth - reference.depth, where=hit, out=np.zeros_like(depth))
     limit = TOLERANCE * reference.depth
     print(
-        f"{name}, camera {camera}: {(ids >= 0).mean():.0%} hit, edge band {band.mean():.1%}, in it "
-        f"{(ids != reference.ids)[band].sum()} ids differ, outside {differ.sum()}; "
+        f"{name}, camera {reference.camera.name}: {(ids >= 0).mean():.0%} hit, edge band {band.mean():.1%}, in it "
+        f"{wrong[band].sum()} ids differ, outside {differ.sum()}; "
         f"depth off by {(off / reference.depth).max():.1e} at most"
     )
     assert (ids >= 0).sum() > 50
     assert band.mean() < 0.5
-    assert differ.sum() == 0
-    assert (off <= limit).all()
+    assert differ.sum() <= allowed
+    assert (off > limit).sum() <= allowed
 
 
 def cameras(mjm: mujoco.MjModel) -> list[int]:

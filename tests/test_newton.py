@@ -1,6 +1,7 @@
 """Newton's models: against MuJoCo's view of the same file, against Newton's own camera, against closed forms."""
 
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import closed_form
@@ -492,17 +493,6 @@ def test_an_empty_model_shows_nothing(device: wp.Device) -> None:
     assert np.isinf(seen["depth"]).all()
 
 
-def test_splats_are_named_and_left_out(device: wp.Device, caplog: pytest.LogCaptureFixture) -> None:
-    builder = newton_scenes.zoo()
-    splats = newton.Gaussian(np.zeros((3, 3), np.float32))
-    builder.add_shape_gaussian(-1, gaussian=splats, label="garden")
-    model, state = finalize(builder, device)
-    with caplog.at_level("WARNING", logger="warpcam"):
-        scene = wc.from_newton(model, state)
-    assert "Gaussian splats are not drawn: shapes 'garden'" in caplog.text
-    assert scene.tables().num_drawn == 11
-
-
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
@@ -531,6 +521,46 @@ def test_a_model_and_a_state_on_two_devices() -> None:
         wc.from_newton(model, state)
 
 
+@pytest.mark.parametrize("what", ["body_q", "particle_q"])
+def test_a_state_on_another_device_is_refused_and_the_old_one_kept(device: wp.Device, what: str) -> None:
+    """The other device is made up, so that one is enough."""
+    builder = newton_scenes.zoo()
+    builder.add_particle(wp.vec3(0.0, -1.0, 1.0), wp.vec3(), 0.1, radius=0.1)
+    model, state = finalize(builder, device)
+    scene = wc.from_newton(model, state)
+    renderer = wc.Renderer(scene, [eye()])
+    before = scenes.on_host(renderer.render()["eye"])["depth"]
+    other = model.state()
+    elsewhere = SimpleNamespace(alias="cuda:7")
+    setattr(other, what, SimpleNamespace(shape=getattr(state, what).shape, device=elsewhere))
+    message = f"device: state is on cuda:7, but model is on {device.alias}; both must be on one"
+    with pytest.raises(wc.WarpcamError, match=message):
+        scene.bind(other)
+    with pytest.raises(wc.WarpcamError, match=message):
+        wc.from_newton(model, other)
+    assert (scenes.on_host(renderer.render()["eye"])["depth"] == before).all()
+
+
+def test_a_missing_texture_is_named_and_its_colour_drawn(
+    device: wp.Device, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    (tmp_path / "broken.png").write_bytes(b"no picture")
+    corners = np.array(((-1, 0, -1), (1, 0, -1), (1, 0, 1), (-1, 0, 1)), np.float32)
+    uvs = np.array(((0, 0), (1, 0), (1, 1), (0, 1)), np.float32)
+    for name in ("gone.png", "broken.png"):
+        mesh = newton.Mesh(
+            corners, np.array((0, 1, 2, 0, 2, 3)), uvs=uvs, texture=str(tmp_path / name), compute_inertia=False
+        )
+        builder = newton.ModelBuilder()
+        builder.add_shape_mesh(-1, mesh=mesh, color=(1.0, 0.0, 0.0), label="wall")
+        model, state = finalize(builder, device)
+        caplog.clear()
+        scene = wc.from_newton(model, state)
+        assert "shape 'wall'" in caplog.text and name in caplog.text and "its colour is drawn" in caplog.text
+        seen = scenes.look(scene, eye(outputs=("albedo", "segmentation")))
+        assert (seen["albedo"][seen["segmentation"] == 0] == (255, 0, 0)).all()
+
+
 @pytest.mark.parametrize(
     ("light", "message"),
     [
@@ -557,3 +587,53 @@ def test_a_mesh_with_bad_indices_is_named(device: wp.Device) -> None:
     mesh.indices[4] = 77
     with pytest.raises(wc.WarpcamError, match=r"mesh of shape 'broken'.*from 0 to 3, got \[0, 77, 3\] at face 1"):
         wc.from_newton(model, state)
+
+
+def test_labels_of_articulations_bodies_and_paths(device: wp.Device) -> None:
+    robot = newton.ModelBuilder()
+    hand = robot.add_link(label="robot/arm/hand", xform=pose(0.0, 0.0, 1.0))
+    arm = robot.add_link(label="robot/arm", xform=pose(0.8, 0.0, 1.0))
+    joints = [robot.add_joint_fixed(-1, arm), robot.add_joint_fixed(arm, hand)]
+    robot.add_articulation(joints, label="robot")
+    robot.add_shape_sphere(arm, radius=0.2, label="robot/arm/upper")
+    robot.add_shape_sphere(hand, radius=0.2, label="robot/arm/hand/palm")
+    robot.add_shape_box(robot.add_body(label="mug", xform=pose(-0.8, 0.0, 1.0)), hx=0.1, hy=0.1, hz=0.1)
+    bare = newton.ModelBuilder()
+    bare.add_shape_box(bare.add_body(label="mug", xform=pose(0.0, 0.0, 1.0)), hx=0.1, hy=0.1, hz=0.1, label="lid")
+    builder = newton.ModelBuilder()
+    builder.add_world(robot)
+    builder.add_world(bare)
+    builder.add_world(robot)
+    builder.add_ground_plane()
+    model, state = finalize(builder, device)
+    numbers = {"arm": 1, "hand": 2, "arm/hand": 3, "mug": 4, "lid": 5, "ground_plane": 6, "tail": 7}
+    scene = wc.from_newton(model, state, semantics=numbers)
+    seen = scenes.look(scene, eye(outputs=("segmentation", "instances", "semantics")))
+    expected = {"upper": 1, "palm": 3, "mug": 4, "lid": 5, "ground_plane": 6}
+    for world in range(3):
+        for shape in np.unique(seen["segmentation"][world]):
+            there = seen["segmentation"][world] == shape
+            body = int(model.shape_body.numpy()[shape]) if shape >= 0 else -1
+            names = {model.shape_label[shape].split("/")[-1], model.body_label[body] if body >= 0 else ""}
+            of = [expected[name] for name in expected if shape >= 0 and name in names]
+            assert set(np.unique(seen["semantics"][world][there])) == {max(of) if of else 0}, (world, shape)
+            articulation = {"robot/arm": 0, "robot/arm/hand": 0, "mug": 1}.get(model.body_label[body], -1)
+            instance = -1 if body < 0 else (articulation, 2, 3 + articulation)[world]
+            assert set(np.unique(seen["instances"][world][there])) == {instance}, (world, shape)
+    assert set(np.unique(seen["semantics"])) == {0, 1, 3, 4, 5, 6}
+    assert set(np.unique(seen["instances"])) == {-1, 0, 1, 2, 3, 4}
+    plain = scenes.look(wc.from_newton(model, state), eye(outputs=("semantics",)))
+    assert (plain["semantics"] == 0).all()
+
+
+@pytest.mark.parametrize(
+    ("semantics", "message"),
+    [
+        (("mug",), "semantics must map labels to whole numbers, got tuple"),
+        ({"mug": "one"}, "semantics: must map labels to whole numbers, got 'mug': 'one'"),
+    ],
+)
+def test_bad_labels(device: wp.Device, semantics: Any, message: str) -> None:
+    model, state = finalize(newton_scenes.zoo(), device)
+    with pytest.raises(wc.WarpcamError, match=message):
+        wc.from_newton(model, state, semantics=semantics)

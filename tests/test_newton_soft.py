@@ -1,5 +1,7 @@
 """Cloth, soft bodies and particles of Newton."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import scenes
@@ -158,3 +160,73 @@ def test_a_state_with_other_particles_is_refused(device: wp.Device) -> None:
     other = finalize(newton_scenes.cloth(), device)[1]
     with pytest.raises(wc.WarpcamError, match="state was made from another model: it has 236 particles, model has 472"):
         wc.from_newton(model, state).bind(other)
+
+
+def test_an_opened_cloth_looks_as_one_that_was_made_open(device: wp.Device) -> None:
+    """Its tree is in another order by then: the image is the same, frame after frame."""
+
+    def one() -> tuple:
+        builder = newton.ModelBuilder()
+        builder.add_cloth_grid(
+            pos=wp.vec3(-1.0, -1.0, 1.0), rot=wp.quat_identity(), vel=wp.vec3(), dim_x=20, dim_y=20, cell_x=0.1,
+            cell_y=0.1, mass=0.1,
+        )  # fmt: skip
+        return finalize(builder, device)
+
+    model, state = one()
+    camera = eye(
+        outputs=("depth", "normals"), position=(0.0, -3.0, 3.0), rotation=scenes.looking((0, -3, 3), (0, 0, 1))
+    )
+    expected = scenes.look(wc.from_newton(model, state), camera)
+    flat = state.particle_q.numpy()
+    model.particle_q.assign(np.random.default_rng(0).normal(0.0, 1.0, flat.shape).astype(np.float32))
+    state = model.state()
+    scene = wc.from_newton(model, state)
+    renderer = wc.Renderer(scene, [camera])
+    for _ in range(3):
+        renderer.render()
+    order = scene._source._trees[0]._moving.order.numpy().copy()
+    state.particle_q.assign(flat)
+    for frame in range(20):
+        seen = scenes.on_host(renderer.render()["eye"])
+        close = np.isclose(seen["depth"], expected["depth"], rtol=1e-6)
+        assert (close | (seen["depth"] == expected["depth"])).all(), frame
+        assert (np.abs(seen["normals"] - expected["normals"]).max(axis=-1) < 1e-5).mean() > 0.999
+    assert (scene._source._trees[0]._moving.order.numpy() != order).any()
+
+
+def test_swapping_states_builds_and_allocates_nothing(device: wp.Device, monkeypatch: pytest.MonkeyPatch) -> None:
+    model, first = two_worlds(device)
+    second = waved(model.state(), 0, 0.4)
+    scene = wc.from_newton(model, first)
+    renderer = wc.Renderer(
+        scene,
+        [eye(), replace(eye(outputs=("rgb",), shadows=True), name="other")],
+    )
+    for state in (first, second):
+        scene.bind(state)
+        renderer.render()
+
+    counts = dict.fromkeys(("trees", "bound", "arrays"), 0)
+
+    def count(owner: object, name: str, what: str) -> None:
+        plain = getattr(owner, name)
+
+        def counted(*args: object, **options: object) -> object:
+            counts[what] += 1
+            return plain(*args, **options)
+
+        monkeypatch.setattr(owner, name, counted)
+
+    from warpcam.kernels import launch, refit
+
+    count(refit.Tree, "__init__", "trees")
+    count(launch.Stage, "bind", "bound")
+    for name in ("empty", "zeros", "full", "clone"):
+        count(wp, name, "arrays")
+    for _ in range(3):
+        for state in (first, second):
+            scene.bind(state)
+            renderer.render()
+    assert counts == {"trees": 0, "bound": 0, "arrays": 0}
+    assert len(renderer._recordings) == 2

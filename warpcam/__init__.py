@@ -42,7 +42,16 @@ __all__ = [
 ]
 
 
-def from_mujoco_warp(mjm: _Any, m: _Any, d: _Any, *, groups: _Collection[int] = (0, 1, 2)) -> Scene:
+def from_mujoco_warp(
+    mjm: _Any,
+    m: _Any,
+    d: _Any,
+    *,
+    groups: _Collection[int] = (0, 1, 2),
+    draw: _Collection[str] = ("geoms", "sites", "tendons", "flexes", "skins"),
+    reflections: bool | None = None,
+    transparency: bool | None = None,
+) -> Scene:
     """The worlds of a MuJoCo-Warp simulation, read where they lie: nothing that changes is copied.
 
     What a world may change in ``m`` and ``d`` is seen at the next render: poses, sizes, colours, materials, lights,
@@ -52,28 +61,52 @@ def from_mujoco_warp(mjm: _Any, m: _Any, d: _Any, *, groups: _Collection[int] = 
         mjm: The host's ``mujoco.MjModel``.
         m: The ``mujoco_warp.Model`` put from it.
         d: The ``mujoco_warp.Data``; its device is the scene's.
-        groups: Geom groups that are drawn.
+        groups: Groups that are drawn, of geoms and of all else.
+        draw: What is drawn, as MuJoCo's own renderer does unless told. ``segmentation`` gives geoms their ids; sites,
+            tendons, flexes and skins count on from there: see ``Scene.objects``.
+        reflections: Whether planes and boxes reflect where their materials have reflectance. None: those that do now.
+            True: all, whatever material they are given later. False: none, which saves their time.
+        transparency: Whether what is drawn is seen through where its colour is partly transparent. None: what is so
+            now, and if there is such planes seen from behind. True: all, whatever colour is written later. False: all
+            is drawn solid.
     """
-    scene: Scene = _source("mujoco_warp").load(mjm, m, d, groups)
+    scene: Scene = _source("mujoco_warp").load(mjm, m, d, groups, draw, reflections, transparency)
     return scene
 
 
-def from_mujoco(mjm: _Any, mjd: _Any, *, groups: _Collection[int] = (0, 1, 2), device: _Any = None) -> Scene:
+def from_mujoco(
+    mjm: _Any,
+    mjd: _Any,
+    *,
+    groups: _Collection[int] = (0, 1, 2),
+    draw: _Collection[str] = ("geoms", "sites", "tendons", "flexes", "skins"),
+    device: _Any = None,
+    reflections: bool | None = None,
+    transparency: bool | None = None,
+) -> Scene:
     """Worlds of classic MuJoCo, copied to the device before each frame.
 
     Args:
         mjm: The ``mujoco.MjModel``. What changes in it is seen at the next render, but for meshes, height fields and
             textures, which are read once.
         mjd: A ``mujoco.MjData``, or a list with one for each world.
-        groups: Geom groups that are drawn.
+        groups: Groups that are drawn, of geoms and of all else.
+        draw: What is drawn: see ``from_mujoco_warp``.
         device: Where to render: a name, a Warp or torch device, a CUDA ordinal; None is Warp's current device.
+        reflections: As ``from_mujoco_warp`` has it.
+        transparency: As ``from_mujoco_warp`` has it.
     """
-    scene: Scene = _source("mujoco").load(mjm, mjd, groups, device)
+    scene: Scene = _source("mujoco").load(mjm, mjd, groups, device, draw, reflections, transparency)
     return scene
 
 
 def from_newton(
-    model: _Any, state: _Any, *, lights: _Sequence[Light] | None = None, ambient: _Any = (0.2, 0.2, 0.2)
+    model: _Any,
+    state: _Any,
+    *,
+    lights: _Sequence[Light] | None = None,
+    ambient: _Any = (0.2, 0.2, 0.2),
+    semantics: _Mapping[str, int] | None = None,
 ) -> Scene:
     """The worlds of a Newton simulation, whichever solver moves it, read where they lie.
 
@@ -81,17 +114,19 @@ def from_newton(
     ``shape_opacity`` and ``shape_flags`` is seen at the next render; types, meshes, height fields and textures are read
     once. A solver that goes back and forth between two states needs ``scene.bind(state)`` before the next render.
 
-    ``segmentation`` gives Newton's shape index, ``bodies`` its body index. A camera's parent is a body's label or
-    index; in every world the camera rides on the body of that name.
+    ``segmentation`` gives Newton's shape index, ``bodies`` its body index, ``instances`` its articulation index. A
+    camera's parent is a body's label or index; in every world the camera rides on the body of that name.
 
     Args:
         model: A ``newton.Model``; its device is the scene's.
         state: A ``newton.State`` of it.
         lights: Newton has none of its own. None is one from above, as in Newton's own renderer. What a world may change
             lies in ``scene.array("light_directions")`` and the like, (world, light).
-        ambient: (3,) light that is everywhere.
+        ambient: (3,) linear radiance from everywhere.
+        semantics: Number of each label in the output ``semantics``: of a shape, a body or an articulation, or some of
+            the parts of its path.
     """
-    scene: Scene = _source("newton", "newton").load(model, state, lights, ambient)
+    scene: Scene = _source("newton", "newton").load(model, state, lights, ambient, semantics)
     return scene
 
 

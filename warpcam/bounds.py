@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from warpcam.accel.heightfields import HeightField
-from warpcam.kernels.types import BARREL, CAPSULE, CONE, CYLINDER, HEIGHT_FIELD, MESH, PLANE, SPHERE
+from warpcam.kernels.types import BARREL, CAPSULE, CONE, CYLINDER, HEIGHT_FIELD, MESH, PLANE, SPHERE, SPLATS
 
 Bounds = tuple[np.ndarray, np.ndarray]
 
@@ -27,6 +27,7 @@ def bounds_of(
     meshes: Bounds,
     height_fields: Sequence[HeightField],
     scaled: bool = False,
+    clouds: Bounds | None = None,
 ) -> Bounds:
     """Lowest and highest corner, (3,) float32 each [m]; zeros where there is nothing.
 
@@ -38,11 +39,14 @@ def bounds_of(
         meshes: Lowest and highest corner, (mesh, 3), of what ``shape_assets`` counts for meshes.
         height_fields: What ``shape_assets`` counts for height fields.
         scaled: Whether the sizes of meshes and height fields are scales along their axes.
+        clouds: Like ``meshes``, for splats, whose sizes always are.
     """
     boxes = {
         MESH: _stacked([_mesh_box(low, high) for low, high in zip(*meshes, strict=True)]),
         HEIGHT_FIELD: _stacked([_field_box(field) for field in height_fields]),
     }
+    if clouds is not None:
+        boxes[SPLATS] = _stacked([_mesh_box(low, high) for low, high in zip(*clouds, strict=True)])
     worlds = np.arange(len(arrays["shape_positions"]))
     lowest, highest = np.full(3, np.inf, np.float32), np.full(3, -np.inf, np.float32)
     for shape in drawn:
@@ -51,7 +55,7 @@ def bounds_of(
             low, high = boxes[kind]
             assets = _by_world(arrays["shape_assets"], worlds, shape)  # -1 takes the last row, which is nothing
             low, high = low[assets], high[assets]
-            if scaled:
+            if scaled or kind == SPLATS:
                 scales = _by_world(arrays["shape_sizes"], worlds, shape)
                 low, high = np.minimum(low * scales, high * scales), np.maximum(low * scales, high * scales)
         else:

@@ -8,7 +8,7 @@ import numpy as np
 import warp as wp
 
 from warpcam.errors import WarpcamError
-from warpcam.kernels.types import LIGHT_DIRECTIONAL, LIGHT_SPOT
+from warpcam.kernels.types import FORM_POINT, LIGHT_DIRECTIONAL, LIGHT_SPOT
 from warpcam.mounting import per_world
 
 NO_CUTOFF = 180.0  # [degrees]: shines all around
@@ -22,7 +22,7 @@ class Light:
         kind: "directional" is as far away as the sun; "point" shines all around; "spot" shines in a cone.
         direction: (3,) or (world, 3): the way it shines, world frame, of any length but 0. Not read for "point".
         position: (3,) or (world, 3) [m], world frame. Not read for "directional".
-        color: (3,) or (world, 3): what a white surface that faces it shows.
+        color: (3,) or (world, 3): what a white surface that faces it shows, linear.
         intensity: A factor of ``color``.
         ambient: (3,) or (world, 3): what every surface shows of it, whichever way it faces; not in its shadows.
         attenuation: (3,) or (world, 3): a, b, c of the strength 1 / (a + b d + c d^2) at a distance d [m].
@@ -46,7 +46,7 @@ class Light:
 
 
 def light_arrays(lights: Any, num_worlds: int, device: wp.Device) -> Mapping[str, wp.array]:
-    """The fields of ``scene.FIELDS`` that begin with "light_", each (world, light), to be written in place.
+    """The scene's fields that begin with "light_", each (world, light), to be written in place.
 
     Raises:
         WarpcamError: A light cannot be used; the message names it.
@@ -73,6 +73,10 @@ def light_arrays(lights: Any, num_worlds: int, device: wp.Device) -> Mapping[str
         for index, row in enumerate(rows):
             values[:, index] = row[name]
         arrays[f"light_{name}"] = wp.array(values, dtype=dtype, device=device)
+    arrays["light_forms"] = wp.full((1, len(rows)), FORM_POINT, dtype=wp.int32, device=device)
+    arrays["light_sizes"] = wp.zeros((1, len(rows)), dtype=wp.vec3, device=device)
+    upright = np.tile(np.eye(3, dtype=np.float32), (num_worlds, len(rows), 1, 1))
+    arrays["light_rotations"] = wp.array(upright, dtype=wp.mat33, ndim=2, device=device)
     return arrays
 
 

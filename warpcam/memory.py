@@ -10,6 +10,7 @@ from warpcam.camera import Camera
 from warpcam.device import free_bytes
 from warpcam.errors import WarpcamError
 from warpcam.kernels.types import View
+from warpcam.layers import world_bytes
 from warpcam.mounting import pose_bytes
 from warpcam.outputs import smooth_outputs
 from warpcam.scene import Scene
@@ -58,7 +59,8 @@ def estimate_memory(scene: Scene, cameras: Sequence[Camera]) -> Memory:
     return Memory(
         images={key: image_bytes(camera, tables) for key, camera in by_key.items()},
         scratch=Scratch(by_key, tables, scene.device).size,
-        worlds=scene.num_worlds * (2 + sum(views_of(one) * view + pose_bytes(one) for one in by_key.values())),
+        worlds=scene.num_worlds
+        * (2 + sum(views_of(one) * view + pose_bytes(one) + world_bytes(one, tables) for one in by_key.values())),
     )
 
 

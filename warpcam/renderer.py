@@ -71,7 +71,7 @@ class Renderer:
         self._turn = _turns[scene.device.alias] if scene.device.is_cuda else threading.Lock()
         tables = scene.tables()
         self._mounted = {key: Mounted(camera, scene) for key, camera in self._cameras.items()}
-        self._targets = {key: Target(camera, scene.num_worlds, scene.device) for key, camera in self._cameras.items()}
+        self._targets = {key: Target(camera, tables, scene.device) for key, camera in self._cameras.items()}
         self._scratch = Scratch(self._cameras, tables, scene.device)
         self._scratch.allocate()
         self._selection = Selection(scene.num_worlds, scene.device)

@@ -2,7 +2,7 @@
 
 import operator
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any, Protocol
 
 import numpy as np
@@ -11,6 +11,7 @@ import warp as wp
 from warpcam import device as device_rule
 from warpcam.accel.heightfields import HeightField, pack_height_fields
 from warpcam.accel.meshes import Mesh, pack_meshes
+from warpcam.accel.splats import Cloud, Packed, pack_splats
 from warpcam.accel.textures import TextureImage, pack_textures
 from warpcam.bounds import Bounds, bounds_of
 from warpcam.errors import WarpcamError
@@ -19,14 +20,19 @@ from warpcam.kernels.tables import Tables
 from warpcam.kernels.types import (
     HEIGHT_FIELD,
     MESH,
+    NUM_ROLES,
     NUM_TYPES,
     SCALED,
+    SKY_TERMS,
+    SPLATS,
     Background,
     Lights,
     Materials,
     Meshes,
+    Physical,
     Shapes,
 )
+from warpcam.layers import Layers
 from warpcam.lens import Projection
 
 
@@ -71,8 +77,9 @@ class Parts:
         shadow_map: How far the source's own renderer draws shadows: half the width of what a directional light sees
             [m], the distance from a light that they begin at [m], and half the angle of what a spot sees, as part of
             its cutoff. Zeros: everywhere.
-        shape_instances: (shape,) int32, which replicated thing each is part of, or -1; None if nobody knows.
-        shape_semantics: (shape,) int32, its label's number, 0 for none; None if nobody knows.
+        shape_instances: (shape,) or (world or 1, shape) int32, which replicated thing each is part of, or -1; None if
+            nobody knows.
+        shape_semantics: Likewise its label's number, 0 for none.
         shape_ids: (world, shape) int32, what the source calls a shape in each world, -1 where a world lacks it; None
             where it is called the same in all: by its place here.
         body_ids: (world, shape) int32, with ``shape_ids``: the same of its body, instead of ``shape_bodies``.
@@ -80,6 +87,12 @@ class Parts:
             it is. None: nothing else.
         body_places: (label,) int32.
         scaled: Whether the sizes of meshes and height fields are scales along their axes.
+        physical: Whether it is lit as metallic-roughness materials are, in linear light, instead of as MuJoCo does it.
+        maps: In such a scene, whether some material has more than the texture of its colour.
+        layers: What needs more than one layer: mirrors, transparent shapes, haze.
+        objects: (id + 1, 2) int32, what the source calls each id of ``segmentation``; the last row is for -1. None: the
+            ids say all.
+        clouds: What ``shape_assets`` counts for shapes of type SPLATS, none of which is in ``drawn``.
     """
 
     num_worlds: int
@@ -103,6 +116,11 @@ class Parts:
     body_labels: Sequence[str] | None = None
     body_places: np.ndarray | None = None
     scaled: bool = False
+    physical: bool = False
+    maps: bool = False
+    layers: Layers = field(default_factory=Layers)
+    objects: np.ndarray | None = None
+    clouds: Sequence[Cloud] = ()
 
 
 @dataclass(frozen=True)
@@ -148,6 +166,26 @@ FIELDS: Mapping[str, Field] = {
     "camera_fovy": Field(wp.float32, "cameras"),  # [degrees]; orthographic: vertical extent [m]
     "camera_intrinsics": Field(wp.vec4, "cameras"),  # focal lengths, principal point off the centre [sensor's unit]
 }
+
+# Those that physically based scenes have beside: of Physical in kernels/types.py.
+PHYSICAL_FIELDS: Mapping[str, Field] = {
+    "material_roughness": Field(wp.float32, "materials"),
+    "material_metallic": Field(wp.float32, "materials"),
+    "material_reflectance": Field(wp.float32, "materials"),
+    "material_emissive": Field(wp.vec3, "materials"),
+    "light_forms": Field(wp.int32, "lights"),
+    "light_sizes": Field(wp.vec3, "lights"),
+    "light_rotations": Field(wp.mat33, "lights", every_world=True),
+    "sky": Field(wp.vec3, "terms of the sky"),
+}
+
+
+def fields_of(parts: Parts) -> Mapping[str, Field]:
+    """The arrays that a source of such parts has."""
+    if not parts.physical:
+        return FIELDS
+    texture = replace(FIELDS["material_texture"], more=(NUM_ROLES,)) if parts.maps else FIELDS["material_texture"]
+    return {**FIELDS, **PHYSICAL_FIELDS, "material_texture": texture}
 
 
 class Source(Protocol):
@@ -197,7 +235,9 @@ class Scene:
             "lights": parts.num_lights,
             "bodies": len(parts.bodies),
             "cameras": len(parts.cameras),
+            "terms of the sky": SKY_TERMS + 1,
         }
+        self._fields = fields_of(parts)
         self._check_parts()
         self._arrays: Mapping[str, wp.array] = {}
         self._key: tuple[Any, ...] = ()
@@ -205,6 +245,7 @@ class Scene:
         self._meshes, self._num_faces = pack_meshes(parts.meshes, self.device)
         self._height_fields = pack_height_fields(parts.height_fields, self.device)
         self._textures = pack_textures(parts.textures, self.device)
+        self._splats = self._pack_splats()
         self._drawn = wp.array(np.asarray(parts.drawn, np.int32), dtype=wp.int32, device=self.device)
         places = np.full(len(parts.shape_types), -1, np.int32)
         places[np.asarray(parts.drawn, np.int64)] = np.arange(len(parts.drawn))
@@ -213,7 +254,10 @@ class Scene:
         self._bodies = wp.array(parts.shape_bodies.astype(np.int32), dtype=wp.int32, device=self.device)
         self._labels = {
             name: wp.array(
-                np.full(len(parts.shape_types), none) if values is None else values, dtype=wp.int32, device=self.device
+                np.atleast_2d(np.full(len(parts.shape_types), none) if values is None else values),
+                dtype=wp.int32,
+                ndim=2,
+                device=self.device,
             )
             for name, values, none in (
                 ("instances", parts.shape_instances, -1),
@@ -224,6 +268,7 @@ class Scene:
             wp.array(np.zeros((0, 0), np.int32) if ids is None else ids, dtype=wp.int32, ndim=2, device=self.device)
             for ids in (parts.shape_ids, parts.body_ids)
         )
+        self._layers = parts.layers.tables(len(parts.shape_types), self.device)
         source.refresh()
         for stage in self.stages():
             stage.launch()
@@ -235,6 +280,17 @@ class Scene:
         """Names of the source's cameras in their order, "" for one without a name."""
         return tuple(camera.name for camera in self._parts.cameras)
 
+    @property
+    def objects(self) -> np.ndarray:
+        """What has each id of ``segmentation``, (id + 1, 2) int32: ``objects[image]`` are ``mujoco.Renderer``'s pairs.
+
+        The first number is the id that MuJoCo knows it by, the second its ``mjtObj``: a geom, site, tendon, flex or
+        skin. The last row, which -1 finds, is (-1, -1). Only scenes of MuJoCo have this.
+        """
+        if self._parts.objects is None:
+            raise WarpcamError("objects: only scenes of from_mujoco and from_mujoco_warp have objects of several kinds")
+        return self._parts.objects
+
     def bounds(self) -> Bounds:
         """Lowest and highest corner of what can be seen now, over all worlds, infinite planes aside.
 
@@ -245,9 +301,10 @@ class Scene:
             stage.launch()
         self.tables()
         host = {name: array.numpy() for name, array in self._arrays.items() if name.startswith(("shape", "material_c"))}
-        parts = self._parts
+        parts, clouds = self._parts, self._splats
         corners = self._meshes.lower.numpy(), self._meshes.upper.numpy()
-        return bounds_of(host, parts.shape_types, parts.drawn, corners, parts.height_fields, parts.scaled)
+        splats = None if clouds is None else (clouds.lower, clouds.upper)
+        return bounds_of(host, parts.shape_types, self._seen(), corners, parts.height_fields, parts.scaled, splats)
 
     @property
     def live_on_device(self) -> bool:
@@ -275,7 +332,7 @@ class Scene:
         self._source.forward()
 
     def array(self, field: str) -> wp.array:
-        """The live array of that name in ``FIELDS``, as of the last call of ``tables()``."""
+        """The live array of that name in ``FIELDS`` or ``PHYSICAL_FIELDS``, as of the last call of ``tables()``."""
         return self._arrays[field]
 
     def camera(self, key: str | int, where: str) -> int:
@@ -307,7 +364,7 @@ class Scene:
             return self._tables
         key = (ambient, *map(_identity, arrays.values()))
         if key != self._key:
-            for name, field in FIELDS.items():
+            for name, field in self._fields.items():
                 self._check_array(name, field, arrays[name])
             self._arrays = arrays
             self._tables = self._build(arrays, ambient)
@@ -341,6 +398,12 @@ class Scene:
         lights.headlight = arrays["headlight"]
         lights.global_ambient = ambient
         lights.shadow_width, lights.shadow_near, lights.shadow_scale = parts.shadow_map
+        physical = None
+        if parts.physical:
+            physical = Physical()
+            physical.plain = lights
+            for name in PHYSICAL_FIELDS:
+                setattr(physical, name.removeprefix("material_").removeprefix("light_"), arrays[name])
         background = self.background((0.0, 0.0, 0.0))
         background.skybox = parts.skybox
         return Tables(
@@ -362,8 +425,22 @@ class Scene:
             has_skybox=parts.skybox >= 0,
             ids_by_world=parts.shape_ids is not None,
             horizon=parts.horizon,
+            physical=physical,
+            has_maps=parts.maps,
+            layers=self._layers,
+            splats=None if self._splats is None else self._splats.table,
             labels=self._labels,
         )
+
+    def _pack_splats(self) -> Packed | None:
+        columns = self._clouds()
+        return pack_splats(self._parts.clouds, columns, self.device) if columns else None
+
+    def _clouds(self) -> list[int]:
+        return [int(shape) for shape in np.flatnonzero(np.asarray(self._parts.shape_types) == SPLATS)]
+
+    def _seen(self) -> list[int]:
+        return [*self._parts.drawn, *self._clouds()]
 
     def _shape_types(self) -> frozenset[int]:
         types = {int(self._parts.shape_types[shape]) for shape in self._parts.drawn}
@@ -414,8 +491,8 @@ class Scene:
         parts = self._parts
         self._check_range("shape_materials", parts.num_materials)
         self._check_range("material_texture", len(parts.textures))
-        for kind, assets in ((MESH, parts.meshes), (HEIGHT_FIELD, parts.height_fields)):
-            shapes = [shape for shape in parts.drawn if parts.shape_types[shape] == kind]
+        for kind, assets in ((MESH, parts.meshes), (HEIGHT_FIELD, parts.height_fields), (SPLATS, parts.clouds)):
+            shapes = [shape for shape in self._seen() if parts.shape_types[shape] == kind]
             if shapes:
                 self._check_range("shape_assets", len(assets), shapes)
 

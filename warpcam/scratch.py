@@ -16,6 +16,7 @@ from warpcam.camera import Camera
 from warpcam.kernels import visibility
 from warpcam.kernels.tables import Tables
 from warpcam.kernels.types import HEIGHT_FIELD, MESH
+from warpcam.layers import mirrors_of, veils_of
 from warpcam.outputs import OUTPUTS, smooth_outputs, traced_as
 
 # The block is at most half as large as the images, or this where they are small: a group must fill the device [bytes].
@@ -31,14 +32,23 @@ def buffers_of(camera: Camera, tables: Tables) -> dict[str, Any]:
     asked = [OUTPUTS[name] for name in camera.outputs]
     lit = camera.shadows and tables.num_lights > 0 and any(output.lit for output in asked)
     passes = tables.num_drawn > visibility.MAX_LISTED  # they go on from each other's depth and shape
-    needed = passes or any(traced_as(name, tables.shape_types) is None for name in camera.outputs)
+    needed = (
+        passes
+        or tables.splats is not None
+        or any(traced_as(name, tables.shape_types) is None for name in camera.outputs)
+    )
     images = {output.trace for output in asked} - ({"shape"} if tables.ids_by_world else set())
     faces = bool(tables.shape_types & {MESH, HEIGHT_FIELD}) and any(output.face for output in asked)
+    # What is seen without the transparent shapes is nobody's image. It is there when all other outputs are made.
+    apart, mirrors = veils_of(camera, tables), mirrors_of(camera, tables)
     wanted = {
-        "depth": needed and "depth" not in images,
-        "shape": needed and "shape" not in images,
+        "depth": apart or (needed and "depth" not in images),
+        "shape": apart or (needed and "shape" not in images),
         "face": faces,
         "shadow": lit,
+        "mirror depth": mirrors,
+        "mirror shape": mirrors,
+        "mirror face": mirrors and faces,
     }
     smooth = smooth_outputs(camera.outputs, camera.antialiasing)
     wanted |= dict.fromkeys(("edges", "choices", "sample depth", "sample shape"), bool(smooth))
@@ -50,8 +60,10 @@ def buffers_of(camera: Camera, tables: Tables) -> dict[str, Any]:
         "edges": wp.uint8,
         "choices": wp.uint16,
     }
-    chosen = {name: dtypes[name.removeprefix("sample ")] for name, there in wanted.items() if there}
-    return chosen | {f"smooth {name}": PIXELS[name] for name in smooth}
+    chosen = {
+        name: dtypes[name.removeprefix("mirror ").removeprefix("sample ")] for name, there in wanted.items() if there
+    }
+    return kinds | {f"smooth {name}": PIXELS[name] for name in smooth}
 
 
 def image_bytes(camera: Camera, tables: Tables) -> dict[str, int]:

@@ -6,10 +6,12 @@ import warp as wp
 
 from warpcam.camera import Camera
 from warpcam.errors import WarpcamError
-from warpcam.kernels import antialias, labels, resolve, shadow, visibility
+from warpcam.kernels import antialias, labels, mirrors, resolve, shadow, splats, visibility
 from warpcam.kernels.launch import Group, Stage
+from warpcam.kernels.layers import LayerTables, Mirror
 from warpcam.kernels.tables import Tables
 from warpcam.kernels.types import View
+from warpcam.layers import mirrors_of, veils_of
 from warpcam.lens import Projection
 from warpcam.outputs import OUTPUTS, smooth_outputs, traced_as
 
@@ -32,12 +34,16 @@ class Target:
         images: Array of each output, (world, height, width, channels).
     """
 
-    def __init__(self, camera: Camera, num_worlds: int, device: wp.Device):
+    def __init__(self, camera: Camera, tables: Tables, device: wp.Device):
+        num_worlds = tables.num_worlds
         size = (num_worlds, camera.height, camera.width)
         self._camera, self._device = camera, device
         self.views = wp.zeros(num_worlds, dtype=View, device=device)
         samples = camera.antialiasing if smooth_outputs(camera.outputs, camera.antialiasing) else 0
         self._moved = [wp.zeros(num_worlds, dtype=View, device=device) for _ in range(samples)]
+        behind = num_worlds if mirrors_of(camera, tables) else 0
+        self._mirrored = wp.zeros(behind, dtype=View, device=device)  # views from behind the mirrors
+        self._mirrors = wp.zeros(behind, dtype=Mirror, device=device)
         self.images: dict[str, wp.array] = {
             name: wp.zeros((*size, OUTPUTS[name].channels), dtype=OUTPUTS[name].dtype, device=device)
             for name in camera.outputs
@@ -53,18 +59,52 @@ class Target:
         faults: wp.array,
     ) -> list[Stage]:
         """The stages that make the images of a group of worlds from their views, by way of ``buffers``."""
+        lit = [name for name in self.images if OUTPUTS[name].lit]
+        rest = [name for name in self.images if not OUTPUTS[name].lit]
+        if veils_of(self._camera, tables):  # what is seen through is not where the other outputs have it
+            stages = self._record(rest, False, tables, projection, group, buffers, mask, faults) if rest else []
+            return stages + self._record(lit, True, tables, projection, group, buffers, mask, faults)
+        return self._record([*lit, *rest], False, tables, projection, group, buffers, mask, faults)
+
+    def _record(
+        self,
+        outputs: list[str],
+        opaque: bool,
+        tables: Tables,
+        projection: Projection,
+        group: Group,
+        buffers: Mapping[str, wp.array],
+        mask: wp.array,
+        faults: wp.array,
+    ) -> list[Stage]:
+        """The stages of some of the outputs; ``opaque``: from what is seen without transparent shapes."""
         device, views, width, height = self._device, self.views, self._camera.width, self._camera.height
-        names = {name: traced_as(name, tables.shape_types) for name in self.images}
+        layers = tables.layers
+        names = {name: traced_as(name, tables.shape_types) for name in outputs}
         traced = {trace: self.images[name] for name, trace in names.items() if trace is not None}
         derived = {name: self.images[name] for name, trace in names.items() if trace is None}
         if tables.ids_by_world and "shape" in traced:  # what is asked for are ids; the stages pass on columns
             traced["ids"] = traced.pop("shape")
-        depth, shape, face, shadows = (
-            traced.pop(name, buffers.get(name)) for name in ("depth", "shape", "face", "shadow")
-        )
+        lit = {name: image for name, image in derived.items() if OUTPUTS[name].lit}
+        depth, shape, face = (traced.pop(name, buffers.get(name)) for name in ("depth", "shape", "face"))
+        shadows = buffers.get("shadow") if lit else None
+        veil_places = layers.veil_places if opaque and layers is not None else None
         stages = [
             visibility.record(
-                tables, projection, views, mask, faults, width, height, depth, shape, face, traced, device, group
+                tables,
+                projection,
+                views,
+                mask,
+                faults,
+                width,
+                height,
+                depth,
+                shape,
+                face,
+                traced,
+                device,
+                group,
+                veil_places,
             )
         ]
         if shadows is not None:
@@ -79,15 +119,39 @@ class Target:
                 labels.record(tables.labels[name], OUTPUTS[name].label or 0, mask, shape, image, device, group)
             )
         if derived:
+            reflecting = layers is not None and bool(lit) and self._mirrors.size > 0
+            if layers is not None and reflecting:
+                stages += self._record_mirrors(
+                    lit, tables, layers, projection, group, buffers, mask, faults, depth, shape
+                )
             if face is None:
                 face = wp.empty(0, dtype=wp.int32, device=device)
             stages.append(
                 resolve.record(
-                    derived, projection, tables, views, mask, depth, shape, face, shadows, width, height, device, group
+                    derived,
+                    projection,
+                    tables,
+                    views,
+                    mask,
+                    depth,
+                    shape,
+                    face,
+                    shadows,
+                    width,
+                    height,
+                    device,
+                    group,
+                    layers,
+                    self._mirrors if reflecting else None,
                 )
             )
-        if self._moved:
-            stages += self._smooth(tables, projection, group, buffers, mask, faults, depth, shape)
+        if tables.splats is not None:
+            stages.insert(0, splats.record_check(tables, views, mask, faults, device, group))
+            stages.append(
+                splats.record(self.images, projection, tables, views, mask, depth, shape, width, height, device, group)
+            )
+        if self._moved and lit:
+            stages += self._smooth(tables, projection, group, buffers, mask, faults, depth, shape, veil_places)
         return stages
 
     def _smooth(
@@ -100,6 +164,7 @@ class Target:
         faults: wp.array,
         depth: wp.array,
         shape: wp.array,
+        veil_places: wp.array | None,
     ) -> list[Stage]:
         """The stages that smooth the edges of images that are there, by what was found in the pixels' centres."""
         device, samples, pinhole = self._device, self._camera.antialiasing, projection == "pinhole"
@@ -110,7 +175,19 @@ class Target:
             stages += [
                 antialias.record_views(self.views, mask, antialias.SAMPLES[samples][number], moved, device, group),
                 visibility.record(
-                    tables, projection, moved, mask, faults, *size, *own, None, {}, device, group, chosen=edges
+                    tables,
+                    projection,
+                    moved,
+                    mask,
+                    faults,
+                    *size,
+                    *own,
+                    None,
+                    {},
+                    device,
+                    group,
+                    veil_places,
+                    edges,
                 ),
                 antialias.record_choice(
                     self.views, mask, edges, depth, shape, *own, samples, number, pinhole, choices, device, group
@@ -121,3 +198,61 @@ class Target:
             blended = wp.array(ptr=pixels.ptr, shape=image.shape, dtype=image.dtype, device=device)
             stages += antialias.record_blend(edges, choices, mask, image, blended, device, group)
         return stages
+
+    def _record_mirrors(
+        self,
+        outputs: Mapping[str, wp.array],
+        tables: Tables,
+        layers: LayerTables,
+        projection: Projection,
+        group: Group,
+        buffers: Mapping[str, wp.array],
+        mask: wp.array,
+        faults: wp.array,
+        seen_depth: wp.array,
+        seen_shape: wp.array,
+    ) -> list[Stage]:
+        """The stages that draw into the images what mirrors show; the mirrors' own colour comes on top."""
+        device, width, height = self._device, self._camera.width, self._camera.height
+        depth, shape, face = (buffers.get(f"mirror {name}") for name in ("depth", "shape", "face"))
+        return [
+            mirrors.record_mirrors(
+                tables, layers, self.views, mask, width, self._mirrors, self._mirrored, device, group
+            ),
+            mirrors.record_trace(
+                tables,
+                layers,
+                projection,
+                self._mirrored,
+                self._mirrors,
+                mask,
+                faults,
+                seen_depth,
+                seen_shape,
+                depth,
+                shape,
+                face,
+                width,
+                height,
+                device,
+                group,
+            ),
+            resolve.record(
+                outputs,
+                projection,
+                tables,
+                self._mirrored,
+                mask,
+                depth,
+                shape,
+                wp.empty(0, dtype=wp.int32, device=device) if face is None else face,
+                None,
+                width,
+                height,
+                device,
+                group,
+                layers,
+                self._mirrors,
+                True,
+            ),
+        ]

@@ -3,13 +3,13 @@
 from typing import Any
 
 import mujoco
-import newton
 import numpy as np
 import warp as wp
 from newton.sensors import SensorCamera
 from warpcam.benchmarks.cases import Wanted
 from warpcam.benchmarks.compare import Images
-from warpcam.benchmarks.peers.newton_model import build_model, light_scene
+from warpcam.benchmarks.peers.newton_model import light_scene
+from warpcam.benchmarks.peers.newton_worlds import MISSED, NewtonWorlds
 from warpcam.benchmarks.problem import POSE_SETS, Problem
 
 
@@ -20,12 +20,10 @@ class NewtonPeer:
 
     def __init__(self, problem: Problem) -> None:
         self.problem = problem
-        self.built = build_model(problem)
-        self.model: newton.Model = self.built.model
-        self.state = self.model.state()
+        self.worlds = NewtonWorlds(problem)
+        self.built, self.model, self.state = self.worlds.built, self.worlds.model, self.worlds.state
         self.lacks: tuple[str, ...] = ()
         self.sensor: Any = None
-        self.bodies = [self.body_poses(index) for index in range(POSE_SETS)]
         # Views that share a lens are rendered by one call.
         fovy = problem.mjm.cam_fovy[problem.camera_ids]
         self.batches = [Batch(problem, np.flatnonzero(fovy == value), float(value)) for value in np.unique(fovy)]
@@ -53,15 +51,8 @@ class NewtonPeer:
         for batch in self.batches:
             batch.allocate(self.sensor, wanted)
 
-    def body_poses(self, index: int) -> wp.array:
-        poses, moving = self.problem.poses[index], self.built.moving
-        positions, rotations = poses["xpos"].numpy()[:, moving], poses["xquat"].numpy()[:, moving]
-        both = np.concatenate([positions, rotations[..., [1, 2, 3, 0]]], axis=-1).reshape(-1, 7)
-        return wp.array(both.astype(np.float32), dtype=wp.transformf)
-
     def place(self, index: int) -> None:
-        if len(self.built.moving):
-            wp.copy(self.state.body_q, self.bodies[index])
+        self.worlds.place(index)
         for batch in self.batches:
             wp.copy(batch.transforms, batch.poses[index])
 
@@ -91,10 +82,10 @@ class NewtonPeer:
     def converted(self, raw: Images) -> Images:
         images: Images = {}
         if "segmentation" in raw:
-            shapes = raw["segmentation"].astype(np.int64)
-            missed = shapes >= len(self.built.geoms)
-            images["segmentation"] = np.where(missed, -1, self.built.geoms[np.where(missed, 0, shapes)])
-            images["depth"] = np.where(missed, np.inf, raw["depth"])
+            images["segmentation"] = self.worlds.ids(raw["segmentation"])
+            images["depth"] = np.where(raw["segmentation"] == MISSED, np.inf, raw["depth"])
+        elif "depth" in raw:
+            images["depth"] = np.where(raw["depth"] == 0.0, np.inf, raw["depth"])
         if "rgb" in raw:
             images["rgb"] = np.ascontiguousarray(raw["rgb"]).view(np.uint8).reshape(*raw["rgb"].shape, 4)[..., :3]
         return images

@@ -12,6 +12,7 @@ import newton
 import numpy as np
 import warp as wp
 from newton.sensors import SensorCamera
+from warpcam.benchmarks.cases import Cloth
 from warpcam.benchmarks.problem import Problem
 
 GEOM = mujoco.mjtGeom
@@ -68,6 +69,8 @@ def build_model(problem: Problem) -> Built:
         shared = share_all or int(mjm.geom_type[geom]) in (int(GEOM.mjGEOM_PLANE), int(GEOM.mjGEOM_HFIELD))
         shapes.add(scene if shared else world, geom, -1, transform(position, rotation))
         (for_all if shared else for_each).append(geom)
+    if problem.case.cloth is not None:
+        add_cloth(world, problem.case.cloth)
     scene.replicate(world, problem.worlds)
     model = scene.finalize(skip_all_validations=True)
     geoms = np.concatenate([for_all, np.tile(for_each, problem.worlds)]).astype(np.int64)
@@ -79,6 +82,20 @@ def build_model(problem: Problem) -> Built:
     if plain:
         lacks = ("the scene's own textures: a checkerboard stands in for them",)
     return Built(model, np.array(moving, dtype=np.int64), geoms, np.flatnonzero(np.isin(geoms, plain)), lacks)
+
+
+def add_cloth(builder: newton.ModelBuilder, cloth: Cloth) -> None:
+    """Add its triangles, without what a solver needs: the particles are moved by a kernel."""
+    across, along = cloth.cells
+    x, y = np.meshgrid(np.linspace(-0.5, 0.5, across + 1), np.linspace(-0.5, 0.5, along + 1), indexing="ij")
+    points = np.stack((cloth.size * x, cloth.size * y, np.full_like(x, cloth.height)), axis=-1).reshape(-1, 3)
+    count = len(points)
+    first = builder.particle_count
+    builder.add_particles(points.tolist(), [(0.0, 0.0, 0.0)] * count, [0.01] * count, radius=[0.01] * count)
+    corner = first + (np.arange(across)[:, None] * (along + 1) + np.arange(along)).ravel()
+    right, up = corner + along + 1, corner + 1
+    i, j, k = np.concatenate(((corner, right, right + 1), (corner, right + 1, up)), axis=1)
+    builder.add_triangles(i.tolist(), j.tolist(), k.tolist())
 
 
 def transform(position: np.ndarray, quaternion: np.ndarray) -> wp.transform:

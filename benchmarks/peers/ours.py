@@ -3,20 +3,23 @@
 import numpy as np
 from warpcam.benchmarks.cases import Wanted
 from warpcam.benchmarks.compare import Images
+from warpcam.benchmarks.peers import Peer
 from warpcam.benchmarks.problem import Problem
 
 import warpcam as wc
 
 
 class WarpcamPeer:
-    """Textures are always drawn, there is no switch; skies are not, as the peers draw none here."""
+    """Textures are always drawn, there is no switch; skies and reflections are not, as the peers draw none here."""
 
     variants: tuple[str, ...] = ("",)
     lacks: tuple[str, ...] = ()
 
     def __init__(self, problem: Problem) -> None:
         self.problem = problem
-        self.scene = wc.from_mujoco_warp(problem.mjm, problem.m, problem.d)
+        self.scene = wc.from_mujoco_warp(  # what peers draw
+            problem.mjm, problem.m, problem.d, draw=("geoms",), reflections=False, transparency=False
+        )
         self.renderer: wc.Renderer | None = None
 
     def release(self) -> None:
@@ -59,4 +62,10 @@ class WarpcamPeer:
         return self.renderer
 
 
-create = WarpcamPeer
+def create(problem: Problem) -> Peer:
+    """Through the simulator that the case is about."""
+    if not problem.case.newton:
+        return WarpcamPeer(problem)
+    from warpcam.benchmarks.peers.ours_newton import WarpcamOnNewton  # only where Newton is installed
+
+    return WarpcamOnNewton(problem)

@@ -113,7 +113,7 @@ inline float leaf_cost(int faces)
 
 // Finds for each binary node, from the bottom up, the cheapest forest of 1, 2 and 3 wide nodes or leaves over its faces. The cost of a
 // node or a face is its chance to be met by a ray that meets the root (the ratio of areas) times the work it then makes.
-inline void plan(Branch* branches, int num_branches)
+inline void plan(Branch* branches, int num_branches, float (*leaf_cost)(int) = bvh4_build::leaf_cost)
 {
     double whole = branches[0].box.area();
     double scale = whole > 0. ? 1. / whole : 0.;

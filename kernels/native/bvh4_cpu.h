@@ -219,8 +219,8 @@ inline void walk_meshes(const Meshes& meshes, const Record* records, const unsig
 }
 
 // The nearest faces of a mesh for a tile's rays: those that miss its box, most of them, are found together.
-template <int TYPES, int LENS, class Meshes, class Rays>
-inline void trace_mesh(const Meshes& meshes, const Record& record, float near, Rays& rays)
+template <int TYPES, int LENS, class Meshes, class Near, class Rays>
+inline void trace_mesh(const Meshes& meshes, const Record& record, const Near& near, Rays& rays)
 {
     const Record r = record;
     const int mesh = r.axis_z.w;
@@ -233,7 +233,7 @@ inline void trace_mesh(const Meshes& meshes, const Record& record, float near, R
         const float x0 = lx * s.scale.x + s.down.x, x1 = ux * s.scale.x + s.up.x;
         const float y0 = ly * s.scale.y + s.down.y, y1 = uy * s.scale.y + s.up.y;
         const float z0 = lz * s.scale.z + s.down.z, z1 = uz * s.scale.z + s.up.z;
-        const float enter = upper(upper(lower(x0, x1), lower(y0, y1)), upper(lower(z0, z1), near));
+        const float enter = upper(upper(lower(x0, x1), lower(y0, y1)), upper(lower(z0, z1), near.at(lane)));
         const float leave = lower(lower(upper(x0, x1), upper(y0, y1)), lower(upper(z0, z1), rays.depth[lane]));
         met[lane] = enter <= leave;
     }
@@ -244,8 +244,8 @@ inline void trace_mesh(const Meshes& meshes, const Record& record, float near, R
         const Ray ray = source.local(r);
         MeshHit found { rays.depth[lane], 0 };
         if (!walk_mesh<false>(node_rows(meshes, mesh), face_rows(meshes, mesh),
-                              slabs(ray.origin, ray.direction, r.size.x), source.template frame<TYPES>(r), near,
-                              found))
+                              slabs(ray.origin, ray.direction, r.size.x), source.template frame<TYPES>(r),
+                              near.at(lane), found))
             continue;
         rays.depth[lane] = found.depth;
         rays.shape[lane] = r.axis_y.w;

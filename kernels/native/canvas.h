@@ -7,8 +7,8 @@
 namespace warpcam {
 
 // What the trace writes. QUADS: the image's width is a multiple of four pixels; TILED: no tile reaches over its edges.
-// IDS: the ids that shapes have in each world; BY_WORLD: bodies have such ids too. CHOSEN: only some pixels are traced;
-// the shape of the others is SKIPPED.
+// IDS: the ids that shapes have in each world; BY_WORLD: bodies have such ids too. OPAQUE: transparent shapes are left
+// out. CHOSEN: only some pixels are traced; the shape of the others is SKIPPED.
 enum Output {
     DEPTH = 1,
     SHAPE = 2,
@@ -21,7 +21,8 @@ enum Output {
     TILED = 256,
     IDS = 1 << 16,
     BY_WORLD = 1 << 17,
-    CHOSEN = 1 << 18
+    CHOSEN = 1 << 18,
+    OPAQUE = 1 << 20
 };
 
 // Where the normals are written, hits name the slot of their shape's record instead of the shape: see gather().

@@ -61,9 +61,45 @@ template <int SIZE, bool MESHES> struct CasterList {
     Box boxes[MESHES ? CAPACITY : 1];
     Window windows[WORDS * 32];  // from `count` on to the end of its 32: empty
     float heights[WORDS * 32];
+    Window bounds;  // CUDA: what all cover together
+    float ceiling;  // CUDA: how high they reach
     int count;
     int next_tile;  // of those that are drawn with the list
 };
+
+#if defined(__CUDA_ARCH__)
+
+// Smallest of the values that the lanes of a warp have.
+WARPCAM_FN float warp_min(float value)
+{
+#if __CUDA_ARCH__ >= 800
+    const int bits = __float_as_int(value);  // turned so that integers order as the floats do
+    const int least = __reduce_min_sync(ALL, bits ^ (bits >> 31 & 0x7fffffff));
+    return __int_as_float(least ^ (least >> 31 & 0x7fffffff));
+#else
+    for (int step = LANES / 2; step > 0; step /= 2)
+        value = lower(value, __shfl_xor_sync(ALL, value, step));
+    return value;
+#endif
+}
+
+// Finds what all casters of a list cover together, and how high they reach. Called by one warp.
+template <class List> WARPCAM_FN void find_bounds(List& list)
+{
+    Window all { FAR_AWAY, -FAR_AWAY, FAR_AWAY, -FAR_AWAY };
+    float height = -FAR_AWAY;
+#pragma unroll 1
+    for (int slot = threadIdx.x % LANES; slot < list.count; slot += LANES) {
+        const Window w = list.windows[slot];
+        all = { lower(all.left, w.left), upper(all.right, w.right), lower(all.bottom, w.bottom),
+                upper(all.top, w.top) };
+        height = upper(height, list.heights[slot]);
+    }
+    list.bounds = { warp_min(all.left), -warp_min(-all.right), warp_min(all.bottom), -warp_min(-all.top) };
+    list.ceiling = -warp_min(-height);
+}
+
+#endif
 
 // False if the shape casts no shadow in this light.
 template <int TYPES, class Meshes, class HeightFields>
@@ -145,6 +181,10 @@ WARPCAM_FN int gather_casters(List& list, int begin, const Shapes& shapes, const
         list.windows[slot] = { FAR_AWAY, -FAR_AWAY, FAR_AWAY, -FAR_AWAY };
         list.heights[slot] = -FAR_AWAY;
     }
+#if defined(__CUDA_ARCH__)
+    if (thread < LANES)
+        find_bounds(list);
+#endif
     block_barrier();
     return begin;
 }

@@ -10,21 +10,21 @@ constexpr int CELLS = -1, LEVEL_STEP = 2, FIRST_LEVEL = 5;
 // From cell to cell the walk stays among cells until it leaves a block of 8 a side: next to the ground more cells are.
 constexpr int CELL_BLOCK = ~7;
 
-// A cell's index along an axis is kept as the bits of the float WHOLE + index, which costs no conversion either way: the
+// A cell's index along an axis is kept as the bits of the float INDEX_BASE + index, which costs no conversion either way: the
 // integer pipe is the narrow one here.
-constexpr float WHOLE = 12582912.0f;  // 1.5 * 2^23
+constexpr float INDEX_BASE = 12582912.0f;  // 1.5 * 2^23
 constexpr int INDEX = 0x3fffff;       // the bits of an index, also of a negative one that was inverted
 
 WARPCAM_FN int whole_below(float a)
 {
 #if defined(__CUDA_ARCH__)
-    return __float_as_int(__fadd_rd(a, WHOLE));
+    return __float_as_int(__fadd_rd(a, INDEX_BASE));
 #else
-    return as_int(WHOLE) + int(a) - (float(int(a)) > a ? 1 : 0);
+    return as_int(INDEX_BASE) + int(a) - (float(int(a)) > a ? 1 : 0);
 #endif
 }
 
-WARPCAM_FN float line_of(int code) { return as_float(code) - WHOLE; }
+WARPCAM_FN float line_of(int code) { return as_float(code) - INDEX_BASE; }
 
 // One axis of the grid as a ray meets it: mirrored where the ray runs against it, so that it goes through cells in
 // ascending order. Cell i is then cell i ^ flip of the grid.
@@ -48,7 +48,7 @@ struct Axis {
     }
     WARPCAM_FN float leaves(float line) const { return muladd(line, wait, offset); }
     // The cell at t; past every cell that the ray has left by then.
-    WARPCAM_FN int cell(float t) const { return lower_int(whole_below(muladd(t, speed, ahead)), as_int(WHOLE + last)); }
+    WARPCAM_FN int cell(float t) const { return lower_int(whole_below(muladd(t, speed, ahead)), as_int(INDEX_BASE + last)); }
     // Place at t in the unmirrored cell, from 0 to 1.
     WARPCAM_FN float place(float t, int code) const
     {

@@ -68,7 +68,7 @@ inline Planes gather_rows(const float* rows, Ints at)
              __builtin_shufflevector(high01, high23, 2, 3, 10, 11, 6, 7, 14, 15) };
 }
 
-inline Floats line_of(Ints code) { return (Floats)code - WHOLE; }
+inline Floats line_of(Ints code) { return (Floats)code - INDEX_BASE; }
 
 // As Axis.
 struct Axes {
@@ -79,7 +79,7 @@ struct Axes {
     {
         flip = direction < 0.0f;
         first = flip ? (Floats)-cells : (Floats)0.0f;
-        last = (Ints)(first + (cells - 1.0f + WHOLE));
+        last = (Ints)(first + (cells - 1.0f + INDEX_BASE));
         start = flip ? -origin : origin;
         speed = upper(magnitude(direction), (Floats)1.0e-18f);
         wait = 1.0f / speed;
@@ -89,7 +89,7 @@ struct Axes {
     Floats leaves(Floats line) const { return muladd(line, wait, offset); }
     Ints cell(Floats t) const
     {
-        const Ints code = (Ints)(__builtin_elementwise_floor(muladd(t, speed, ahead)) + WHOLE);
+        const Ints code = (Ints)(__builtin_elementwise_floor(muladd(t, speed, ahead)) + INDEX_BASE);
         return code < last ? code : last;
     }
     Floats place(Floats t, Ints code) const
@@ -213,14 +213,16 @@ inline void walk_packet(const HeightFields& fields, const Record& record, const 
     }
 }
 
-template <int LENS, class HeightFields, class Rays>
-inline void trace_height_field(const HeightFields& fields, const Record& record, float near, Rays& rays)
+template <int LENS, class HeightFields, class Near, class Rays>
+inline void trace_height_field(const HeightFields& fields, const Record& record, const Near& near, Rays& rays)
 {
     const Row ax = record.axis_x, ay = record.axis_y, az = record.axis_z, o = record.origin;
     for (int lane = 0; lane < LANES; lane += PACKET) {
-        Floats x, y;
+        Floats x, y, nears;
         PacketHit hit { {}, 0, 0 };
         Ints shape, face;
+        for (int k = 0; k < PACKET; ++k)
+            nears[k] = near.at(lane + k);
         __builtin_memcpy(&x, rays.x + lane, sizeof x);
         __builtin_memcpy(&y, rays.y + lane, sizeof y);
         __builtin_memcpy(&hit.depth, rays.depth + lane, sizeof hit.depth);
@@ -228,7 +230,7 @@ inline void trace_height_field(const HeightFields& fields, const Record& record,
         const RayPacket ray = LENS == ORTHOGRAPHIC
             ? RayPacket { o.x + across_x, o.y + across_y, o.z + across_z, -ax.z, -ay.z, -az.z }
             : RayPacket { o.x, o.y, o.z, across_x - ax.z, across_y - ay.z, across_z - az.z };
-        walk_packet(fields, record, ray, near, hit);
+        walk_packet(fields, record, ray, nears, hit);
         __builtin_memcpy(&shape, rays.shape + lane, sizeof shape);
         __builtin_memcpy(&face, rays.face + lane, sizeof face);
         shape = hit.met ? (Ints)record.axis_y.w : shape;

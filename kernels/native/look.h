@@ -1,6 +1,7 @@
 // What a block keeps of each shape of its world to draw its pixels: pose as the view has it, size, material.
 #pragma once
 #include "cells.h"
+#include "srgb.h"
 #include "texels.h"
 
 namespace warpcam {
@@ -8,7 +9,18 @@ namespace warpcam {
 // Bits of a set of images: what resolve.h writes. Values of resolve.py.
 enum ImageBit { RGB = 1, RGBA = 2, HDR = 4, NORMALS = 8, ALBEDO = 16 };
 // Facts of a scene and of an image.
-enum Fact { HAS_MATERIALS = 1, HAS_TEXTURES = 2, HAS_SKYBOX = 4, HAS_SHADOWS = 8, QUADS = 16 };
+enum Fact {
+    HAS_MATERIALS = 1,
+    HAS_TEXTURES = 2,
+    HAS_SKYBOX = 4,
+    HAS_SHADOWS = 8,
+    QUADS = 16,
+    PHYSICAL = 1 << 12,  // is lit as physical.h does it, else as shade.h does
+    HAS_MAPS = 1 << 13   // some material has more than the texture of its colour
+};
+// Of what one layer cannot show. MIRRORED: the view is the one from behind the mirror; REFLECTS: the images hold what is
+// seen from there; VEILED: some shapes may be transparent; HAZY: an endless plane has a haze over its horizon.
+enum LayerFact { MIRRORED = 1 << 8, REFLECTS = 1 << 9, VEILED = 1 << 10, HAZY = 1 << 11 };
 
 // What follows from a set of images and facts.
 template <int IMAGES, int FACTS> struct Wanted {
@@ -19,12 +31,24 @@ template <int IMAGES, int FACTS> struct Wanted {
     static constexpr bool TEXTURED = COLORED && MATERIAL && (FACTS & HAS_TEXTURES);
     static constexpr bool TURNED = IMAGES & NORMALS;
     static constexpr bool SURFACE = LIT || TEXTURED || TURNED;
+    static constexpr bool COATED = COLORED && (FACTS & PHYSICAL);
+    static constexpr bool MAPPED = COATED && (FACTS & HAS_MAPS);
+    static constexpr bool FACETED = LIT && !(FACTS & PHYSICAL);
+    static constexpr bool DIMMED = FACTS & MIRRORED;  // colours are those that the mirror shows
 };
 
 // How a shape looks, its material and its own colour resolved.
 struct Finish {
     Row color;  // RGB; w: texture or -1
     Row gloss;  // x: emission, y: specular, z: exponent of the highlight; w unused
+};
+
+// The same in a physically based scene: its material, the shape's own colour resolved.
+struct Coat {
+    Row color;  // RGB, linear; w: texture or -1
+    Row gloss;  // x: roughness, y: metallic, z: reflectance of what is no metal; w: packed texture or -1
+    Row glow;   // RGB, linear; w: texture or -1
+    int normals;  // texture or -1
 };
 
 // How a texture lies on a shape.
@@ -56,14 +80,20 @@ template <bool WANTED, class Value> struct Kept {
 template <class Value> struct Kept<false, Value> {
     using type = None;
 };
+template <bool FIRST, class One, class Other> struct Either {
+    using type = One;
+};
+template <class One, class Other> struct Either<false, One, Other> {
+    using type = Other;
+};
 
 // Only what the images need.
 template <int TYPES, class Wants> struct Look {
     typename Kept<Wants::SURFACE, Pose>::type pose;
-    typename Kept<Wants::COLORED, Finish>::type finish;
+    typename Kept<Wants::COLORED, typename Either<Wants::COATED, Coat, Finish>::type>::type finish;
     typename Kept<Wants::TURNED, Turn>::type turn;
     typename Kept<Wants::TEXTURED, Layout>::type layout;
-    typename Kept<Wants::LIT && (TYPES >> PLANE & 1), PlaneCells>::type cells;
+    typename Kept<Wants::FACETED && (TYPES >> PLANE & 1), PlaneCells>::type cells;
 };
 
 template <int TYPES, class Shapes, class Meshes>
@@ -110,10 +140,13 @@ WARPCAM_FN int material_of(const Shapes& shapes, const Materials& materials, int
     return index < materials.color.shape[1] ? index : -1;
 }
 
-template <class Materials> WARPCAM_FN int texture_of(const Materials& materials, int world, int material)
+enum Role { ROLE_COLOR = 1, ROLE_NORMAL = 5, ROLE_EMISSION = 7, ROLE_PACKED = 9 };  // values of types.py
+
+template <class Materials>
+WARPCAM_FN int texture_of(const Materials& materials, int world, int material, Role role = ROLE_COLOR)
 {
     const int rows = materials.texture.shape[0];
-    return *wp::address(materials.texture, world < rows ? world : remainder(world, rows), material, 1);
+    return *wp::address(materials.texture, world < rows ? world : remainder(world, rows), material, role);
 }
 
 // A shape's own colour counts where it has been set: where it differs from the default, (0.5, 0.5, 0.5, 1). The
@@ -136,6 +169,32 @@ WARPCAM_FN Finish load_finish(const Shapes& shapes, const Materials& materials, 
     finish.color.y = color[1];
     finish.color.z = color[2];
     return finish;
+}
+
+// What a physically based scene has instead.
+template <bool MATERIAL, bool MAPS, class Shapes, class Materials, class Physical>
+WARPCAM_FN Coat load_coat(const Shapes& shapes, const Materials& materials, const Physical& physical, int world,
+                          int id)
+{
+    const Finish finish = load_finish<MATERIAL>(shapes, materials, world, id);
+    Coat coat;
+    coat.color = to_row(decoded(to_vec(finish.color)), finish.color.w);
+    coat.gloss = { 0.5f, 0.0f, 0.04f, -1 };
+    coat.glow = { 0.0f, 0.0f, 0.0f, -1 };
+    coat.normals = -1;
+    const int index = MATERIAL ? material_of(shapes, materials, world, id) : -1;
+    if (index >= 0) {
+        coat.gloss.x = row_of(physical.roughness, world, index);
+        coat.gloss.y = row_of(physical.metallic, world, index);
+        coat.gloss.z = row_of(physical.reflectance, world, index);
+        coat.glow = to_row(to_vec(row_of(physical.emissive, world, index)), -1);
+        if (MAPS) {
+            coat.normals = texture_of(materials, world, index, ROLE_NORMAL);
+            coat.gloss.w = texture_of(materials, world, index, ROLE_PACKED);
+            coat.glow.w = texture_of(materials, world, index, ROLE_EMISSION);
+        }
+    }
+    return coat;
 }
 
 // The half extents of a shape as MuJoCo gives them to its renderer.
@@ -191,22 +250,25 @@ WARPCAM_FN Layout load_layout(const Shapes& shapes, const Materials& materials, 
     return layout;
 }
 
-template <int TYPES, class Wants, class Shapes, class Materials, class Textures, class Meshes, class HeightFields>
-WARPCAM_FN Look<TYPES, Wants> load_look(const Shapes& shapes, const Materials& materials, const Textures& textures,
-                                        const Meshes& meshes, const HeightFields& fields, const Camera& camera,
-                                        float horizon, int world, int id)
+template <int TYPES, class Wants, class Shapes, class Materials, class Physical, class Textures, class Meshes,
+          class HeightFields>
+WARPCAM_FN Look<TYPES, Wants> load_look(const Shapes& shapes, const Materials& materials, const Physical& physical,
+                                        const Textures& textures, const Meshes& meshes, const HeightFields& fields,
+                                        const Camera& camera, float horizon, int world, int id)
 {
     Look<TYPES, Wants> look;
     if constexpr (Wants::SURFACE)
         look.pose = load_pose<TYPES>(shapes, meshes, camera, world, id);
     if constexpr (Wants::TURNED)
         look.turn = load_turn(shapes, world, id);
-    if constexpr (Wants::COLORED)
+    if constexpr (Wants::COLORED && !Wants::COATED)
         look.finish = load_finish<Wants::MATERIAL>(shapes, materials, world, id);
+    if constexpr (Wants::COATED)
+        look.finish = load_coat<Wants::MATERIAL, Wants::MAPPED>(shapes, materials, physical, world, id);
     if constexpr (Wants::TEXTURED)
         look.layout = load_layout<TYPES>(shapes, materials, textures, meshes, fields, look.pose,
                                          look.finish.color.w, world, id);
-    if constexpr (Wants::LIT && (TYPES >> PLANE & 1)) {
+    if constexpr (Wants::FACETED && (TYPES >> PLANE & 1)) {
         const int index = Wants::MATERIAL ? material_of(shapes, materials, world, id) : -1;
         float repeat[2] = { 0.0f, 0.0f };
         if (Wants::MATERIAL && index >= 0)

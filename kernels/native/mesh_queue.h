@@ -1,21 +1,14 @@
-// Triangle meshes behind a region's pixels, on CUDA. A warp draws tile after tile and gathers the rays that meet boxes of
-// meshes; each of its lanes walks one of them, and takes another when it is done, so that lanes are never without a ray
-// while there are tiles. Warps do not wait for each other.
+// Triangle meshes behind a region's pixels, on CUDA.
 #pragma once
 #include "tiles.h"
+#include "waiting_rays.h"
 
 #if defined(__CUDA_ARCH__)
 namespace warpcam {
 
-constexpr int FEW = 8;  // lanes; fewer wait for company before they do what the others do not need
-
-// The rays of one warp. WORDS: 32 shapes of the block's list each.
-template <int WORDS> struct MeshRays {
-    // bits by place in the list: meshes whose boxes a ray meets
-    unsigned waiting[WORDS][LANES];                // of the rays of one tile that no lane has taken yet
-    unsigned taken[WORDS > 1 ? WORDS : 1][LANES];  // of the lanes' own; the first word is in a register
-    float depth[LANES];                            // of the waiting rays' nearest hits so far
-    unsigned short pixel[LANES];                   // row * 64 + column in the region
+// The rays of one warp.
+template <int WORDS> struct MeshRays: WaitingRays<WORDS> {
+    float depth[LANES];  // of the waiting rays' nearest hits so far
 };
 
 // Finds the rays of a tile that meet meshes before their hits and lets them wait; nobody waits yet. Returns how many.
@@ -35,21 +28,16 @@ WARPCAM_FN int find_rays(MeshRays<WORDS>& rays, const ShapeList<CAPACITY>& list,
         any |= met[word] != 0;
     }
     const unsigned found = __ballot_sync(ALL, any);
-    if (any) {
-        const int at = __popc(found & ((1u << lane) - 1));
-        for (int word = 0; word < words; ++word)
-            rays.waiting[word][at] = met[word];
-        rays.pixel[at] = static_cast<unsigned short>((row * TILE_HEIGHT + lane / TILE_WIDTH) * 64 + column * TILE_WIDTH
-                                                     + lane % TILE_WIDTH);
+    const int place = (row * TILE_HEIGHT + lane / TILE_WIDTH) * 64 + column * TILE_WIDTH + lane % TILE_WIDTH;
+    const int at = rays.put(found, met, words, place);
+    if (any)
         rays.depth[at] = depth;
-    }
     __syncwarp();
     return __popc(found);
 }
 
-// Traces all rays that `next_tile` finds and stores what they hit: store(pixel, hit). `next_tile(found)` draws another
-// tile as far as it goes without meshes and says how many rays wait then; false if there is none left. `ray_of(pixel)` is
-// a pixel's ray.
+// Traces all rays that `next_tile` finds (see Supply) and stores what they hit: store(pixel, hit). `ray_of(pixel)` is a
+// pixel's ray.
 template <int TYPES, int CAPACITY, int WORDS, class Meshes, class NextTile, class RayOf, class Store>
 WARPCAM_FN void trace_rays(MeshRays<WORDS>& rays, const ShapeList<CAPACITY>& list, const Meshes& meshes, float near,
                            const NextTile& next_tile, const RayOf& ray_of, const Store& store)
@@ -62,41 +50,24 @@ WARPCAM_FN void trace_rays(MeshRays<WORDS>& rays, const ShapeList<CAPACITY>& lis
     float depth = 0.0f;
     auto ray = ray_of(0);
     Slabs s {};
-    int first = 0, end = 0;  // of the rays that wait
-    bool more = true;        // tiles
-    const auto go_on = [&] {  // to the ray's next word with a mesh, if this one has none left
-        while (left == 0 && word + 1 < words)
-            left = rays.taken[++word][lane];
+    Supply supply { 0, 0, true };
+    const auto take = [&](int waiting) {
+        pixel = rays.pixel[waiting];
+        ray = ray_of(pixel);
+        near = near_of(ray, near);
+        depth = rays.depth[waiting];
+        word = 0;
+        left = rays.take(waiting, words);
+        rays.go_on(words, word, left);
     };
     while (true) {
-        unsigned idles = __ballot_sync(ALL, node == NO_NODE && left == 0);
-        if ((more || first < end) && (__popc(idles) >= FEW || idles == ALL)) {
+        const unsigned idles = __ballot_sync(ALL, node == NO_NODE && left == 0);
+        if (supply.any() && (__popc(idles) >= FEW || idles == ALL)) {
             if ((idles >> lane & 1) && shape >= 0) {
                 store(pixel, Hit { depth, shape, face });
                 shape = -1;
             }
-            while (idles && (more || first < end)) {
-                if (first == end) {
-                    first = end = 0;
-                    more = next_tile(end);
-                    continue;
-                }
-                const int mine = first + __popc(idles & ((1u << lane) - 1));
-                const bool takes = (idles >> lane & 1) && mine < end;
-                if (takes) {
-                    pixel = rays.pixel[mine];
-                    ray = ray_of(pixel);
-                    depth = rays.depth[mine];
-                    word = 0;
-                    left = rays.waiting[0][mine];
-                    for (int k = 1; k < words; ++k)
-                        rays.taken[k][lane] = rays.waiting[k][mine];
-                    go_on();
-                }
-                first = lower_int(first + __popc(idles), end);
-                idles &= ~__ballot_sync(ALL, takes);
-                __syncwarp();  // the next tile's rays may now stand where these stood
-            }
+            supply.hand_out(idles, next_tile, take);
         } else if (idles == ALL) {
             if (shape >= 0)
                 store(pixel, Hit { depth, shape, face });
@@ -108,7 +79,7 @@ WARPCAM_FN void trace_rays(MeshRays<WORDS>& rays, const ShapeList<CAPACITY>& lis
             if (between >> lane & 1) {
                 slot = list.order[word * LANES + lowest_bit(left)];
                 left &= left - 1;
-                go_on();
+                rays.go_on(words, word, left);
                 const Record& record = list.records[slot];
                 if (as_float(record.size.w) < depth) {
                     const Ray local = ray.local(record);

@@ -27,6 +27,18 @@ struct alignas(4) TileBox {
     signed char left, top, right, bottom;
 };
 
+// The block of an image that a thread block draws; `block` counts worlds, then regions.
+template <int WIDTH, int HEIGHT, class Target> WARPCAM_FN Region region_of(const Target& target, int block, int& world)
+{
+    const int columns = (target.width + WIDTH - 1) / WIDTH, rows = (target.height + HEIGHT - 1) / HEIGHT;
+    const int part = block % (columns * rows);
+    world = block / (columns * rows);
+    Region region { part % columns * WIDTH, part / columns * HEIGHT, WIDTH, HEIGHT };
+    region.width = lower_int(WIDTH, (target.width - region.left + TILE_WIDTH - 1) / TILE_WIDTH * TILE_WIDTH);
+    region.height = lower_int(HEIGHT, (target.height - region.top + TILE_HEIGHT - 1) / TILE_HEIGHT * TILE_HEIGHT);
+    return region;
+}
+
 WARPCAM_FN float image_x(const Camera& camera, float i) { return (i + 0.5f - camera.center_x) * camera.scale_x; }
 WARPCAM_FN float image_y(const Camera& camera, float j) { return (camera.center_y - j - 0.5f) * camera.scale_y; }
 

@@ -79,4 +79,13 @@ template <int LENS> struct ViewRay {
     }
 };
 
+// One that only sees what lies beyond `near`, its own planar depth.
+template <int LENS> struct ClippedRay : ViewRay<LENS> {
+    float near;
+};
+
+// From where on a ray sees, in a view that sees from `near` on.
+template <int LENS> WARPCAM_FN float near_of(const ViewRay<LENS>&, float near) { return near; }
+template <int LENS> WARPCAM_FN float near_of(const ClippedRay<LENS>& ray, float) { return ray.near; }
+
 }  // namespace warpcam

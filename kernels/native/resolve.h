@@ -1,9 +1,14 @@
 // From the visibility buffer to images: a block draws one region of one view.
 #pragma once
+#include "haze.h"
 #include "hits.h"
 #include "mapping.h"
+#include "physical.h"
+#include "mirror_plane.h"
+#include "reflected.h"
 #include "shade.h"
 #include "texels.h"
+#include "veils.h"
 
 namespace warpcam {
 
@@ -21,6 +26,14 @@ struct Scene {
     const Background_& background;
 };
 template <class... Structs> Scene(const Structs&...) -> Scene<Structs...>;
+
+// What physical.h reads beside.
+template <class Scene_> WARPCAM_FN None physical_of(const Scene_&) { return {}; }
+template <class Scene_, class Physical_>
+WARPCAM_FN const Physical_& physical_of(const PhysicalScene<Scene_, Physical_>& scene)
+{
+    return scene.physical;
+}
 
 // Where a warp sees anything at all, its pixels that see nothing do as one of the others does, so that all its threads
 // go the same way; what they find is not used. False where it sees nothing.
@@ -87,8 +100,8 @@ struct Shown {
     Vec albedo, linear, display;
 };
 
-template <int TYPES, int LENS, int IMAGES, int FACTS, class Looks, class Scene_>
-WARPCAM_FN void resolve_surface(const Looks& look, const LightList& lights, const Scene_& scene, const Camera& camera,
+template <int TYPES, int LENS, int IMAGES, int FACTS, class Looks, class List, class Scene_>
+WARPCAM_FN void resolve_surface(const Looks& look, const List& lights, const Scene_& scene, const Camera& camera,
                                 float x, float y, const Hit& found, int shadow, Shown& shown)
 {
     using Wants = Wanted<IMAGES, FACTS>;
@@ -110,9 +123,18 @@ WARPCAM_FN void resolve_surface(const Looks& look, const LightList& lights, cons
     Vec texture { 1.0f, 1.0f, 1.0f };
     if constexpr (Wants::TEXTURED)
         texture = texture_color<TYPES, LENS>(look, scene.meshes, scene.textures, camera, surface, ray, depth);
-    if constexpr ((IMAGES & ALBEDO) != 0)
+    if constexpr (Wants::COATED)
+        texture = decoded(texture);
+    if constexpr ((IMAGES & ALBEDO) != 0) {
         shown.albedo = times(clip(to_vec(look.finish.color)), texture);
-    if constexpr (Wants::LIT) {
+        if constexpr (Wants::COATED)
+            shown.albedo = encoded(shown.albedo);
+    }
+    if constexpr (Wants::LIT && Wants::COATED) {
+        shown.linear = shade_physically<TYPES, LENS, FACTS>(look, lights, scene, camera, surface, place, ray, depth,
+                                                            texture, shadow);
+        shown.display = encoded(shown.linear);
+    } else if constexpr (Wants::LIT) {
         Facet facet;
         facet_at<TYPES>(look, scene.meshes, surface, place, facet);
         const bool three = (TYPES & (1 << PLANE | 1 << HEIGHT_FIELD | 1 << BOX | 1 << MESH)) && any_lane(facet.three);
@@ -140,30 +162,76 @@ template <int TYPES, int IMAGES, int FACTS, class Frame_> WARPCAM_FN Hit find(co
 template <int TYPES, class Wants, class Scene_>
 WARPCAM_FN Look<TYPES, Wants> look_of(const Scene_& scene, const Camera& camera, int world, int id)
 {
-    return load_look<TYPES, Wants>(scene.shapes, scene.materials, scene.textures, scene.meshes, scene.fields, camera,
-                                   scene.frame.horizon, world, id);
+    auto look = load_look<TYPES, Wants>(scene.shapes, scene.materials, physical_of(scene), scene.textures,
+                                        scene.meshes, scene.fields, camera, scene.frame.horizon, world, id);
+    if constexpr (Wants::DIMMED)
+        dim(look.finish, wp::index(scene.frame.mirrors, world).strength);
+    return look;
 }
 
 // CAPACITY: the looks a block keeps, one for each shape that may be visible; 0 if they are made anew for each pixel.
-template <int TYPES, int LENS, int CAPACITY, int IMAGES, int FACTS, class Looks, class Scene_>
-WARPCAM_FN void resolve_pixel(const Looks* looks, const LightList& lights, const Scene_& scene, const Camera& camera,
-                              int world, const Pixel& pixel, Hit found)
+template <int TYPES, int LENS, int CAPACITY, int IMAGES, int FACTS, class Looks, class List, class Scene_>
+WARPCAM_FN void resolve_hit(const Looks* looks, const List& lights, const Scene_& scene, const Camera& camera,
+                            int world, float x, float y, const Hit& found, int shadow, Shown& shown)
+{
+    using Wants = Wanted<IMAGES, FACTS>;
+    if constexpr (CAPACITY > 0)
+        resolve_surface<TYPES, LENS, IMAGES, FACTS>(looks[wp::index(scene.shapes.places, found.shape)], lights, scene,
+                                                    camera, x, y, found, shadow, shown);
+    else
+        resolve_surface<TYPES, LENS, IMAGES, FACTS>(look_of<TYPES, Wants>(scene, camera, world, found.shape), lights,
+                                                    scene, camera, x, y, found, shadow, shown);
+}
+
+// Covers what is seen of a pixel with the transparent shapes before it. Returns how much is still seen of it.
+template <int TYPES, int LENS, int CAPACITY, int IMAGES, int FACTS, class Looks, class List, class Scene_,
+          class Veils_>
+WARPCAM_FN float resolve_veils(const Looks* looks, const List& lights, const Scene_& scene, const Camera& camera,
+                               const Veils_& veils, const Region& region, int world, const Pixel& pixel, float x,
+                               float y, const Hit& solid, Shown& shown)
+{
+    const float limit = solid.shape >= 0 ? solid.depth : camera.far;
+    const bool takes_part = pixel.inside && !((FACTS & MIRRORED) && solid.shape == -1);
+    const ViewRay<LENS> ray { x, y };
+    float near = camera.near;
+    int column = (pixel.column - region.left) / TILE_WIDTH;
+    const int row = (pixel.row - region.top) / TILE_HEIGHT;
+    if constexpr ((FACTS & MIRRORED) != 0) {
+        near = plane_of(wp::index(scene.frame.mirrors, world)).depth(ray);
+        column = region.width / TILE_WIDTH - 1 - column;
+    }
+    Covered covered(shown.linear, clip(shown.display));
+    const auto shade = [&](bool met, Hit hit, Vec& linear, Vec& display) {
+        Shown sheet;
+        follow(met, hit);
+        resolve_hit<TYPES, LENS, CAPACITY, IMAGES & (RGB | RGBA | HDR), FACTS & ~HAS_SHADOWS>(looks, lights, scene, camera, world, x,
+                                                                             y, hit, 0, sheet);
+        linear = sheet.linear;
+        display = sheet.display;
+    };
+    cover<TYPES>(veils, scene, ray, near, takes_part ? limit : -1.0f, column, row, shade, covered);
+    shown.linear = covered.final_linear();
+    shown.display = covered.final_display();
+    return covered.left * covered.left;
+}
+
+template <int TYPES, int LENS, int CAPACITY, int IMAGES, int FACTS, class Looks, class List, class Scene_,
+          class Veils_>
+WARPCAM_FN void resolve_pixel(const Looks* looks, const List& lights, const Scene_& scene, const Camera& camera,
+                              const Veils_& veils, const Region& region, int world, const Pixel& pixel, Hit found)
 {
     using Wants = Wanted<IMAGES, FACTS>;
     constexpr bool IN_QUADS = FACTS & QUADS;
     const auto& frame = scene.frame;
     const auto& images = scene.images;
-    const float x = image_x(camera, float(pixel.column)), y = image_y(camera, float(pixel.row));
+    const int column = FACTS & MIRRORED ? frame.width - 1 - pixel.column : pixel.column;
+    const float x = image_x(camera, float(column)), y = image_y(camera, float(pixel.row));
     const bool hit = found.shape >= 0;
+    const Hit solid = found;
     Shown shown;
     if ((Wants::SURFACE || Wants::COLORED) && follow(hit, found)) {
         const int shadow = (FACTS & HAS_SHADOWS) && Wants::LIT && hit ? frame.shadow.data[pixel.at] : 0;
-        if constexpr (CAPACITY > 0)
-            resolve_surface<TYPES, LENS, IMAGES, FACTS>(looks[wp::index(scene.shapes.places, found.shape)], lights, scene, camera, x, y, found, shadow,
-                                                        shown);
-        else
-            resolve_surface<TYPES, LENS, IMAGES, FACTS>(look_of<TYPES, Wants>(scene, camera, world, found.shape),
-                                                        lights, scene, camera, x, y, found, shadow, shown);
+        resolve_hit<TYPES, LENS, CAPACITY, IMAGES, FACTS>(looks, lights, scene, camera, world, x, y, found, shadow, shown);
     }
     const Vec black { 0.0f, 0.0f, 0.0f };
     if (IMAGES & NORMALS)
@@ -171,16 +239,48 @@ WARPCAM_FN void resolve_pixel(const Looks* looks, const LightList& lights, const
     if (IMAGES & ALBEDO)
         put_bytes<IN_QUADS>(images.albedo, pixel, hit ? to_bytes(shown.albedo) : 0u);
     if (Wants::LIT) {
-        if (!hit)
-            shown.linear = shown.display
-                = background_color<LENS, FACTS>(scene.textures, scene.background, camera, x, y);
+        bool seen = hit;
+        Mist mist { 0.0f, 0.0f };
+        if constexpr ((FACTS & HAZY) != 0 && LENS == PINHOLE) {
+            const Vec ray = turned(camera.rotation, { x, y, -1.0f });
+            seen = hit && solid.depth < skybox_depth(ray, frame.haze.radius);
+            mist = haze_of(scene, camera, world, ray);
+        }
+        if (!seen) {
+            shown.linear = shown.display = FACTS & MIRRORED
+                ? black
+                : background_color<LENS, FACTS>(scene.textures, scene.background, camera, x, y);
+            if constexpr (Wants::COATED) {
+                shown.linear = decoded(shown.linear);
+                if constexpr ((FACTS & HAS_SKYBOX) != 0) {
+                    shown.linear = times(lights.sky.gain, shown.linear);
+                    shown.display = encoded(shown.linear);
+                }
+            }
+        }
+        if constexpr ((FACTS & REFLECTS) != 0)
+            if (seen && found.shape == wp::index(frame.mirrors, world).shape)
+                add_mirrored<IMAGES>(images, pixel.at, shown.linear, shown.display);
+        if constexpr ((FACTS & HAZY) != 0)
+            if (mist.density > 0.0f && !(seen && solid.depth < mist.depth)) {
+                const Vec haze = mist.density * to_vec(frame.haze.color);
+                shown.linear = (1.0f - mist.density) * shown.linear + haze;
+                shown.display = (1.0f - mist.density) * clip(shown.display) + haze;
+            }
+        unsigned alpha = hit ? 0xff000000u : 0u;
+        if constexpr ((FACTS & VEILED) != 0) {
+            const float left = resolve_veils<TYPES, LENS, CAPACITY, IMAGES, FACTS>(looks, lights, scene, camera, veils,
+                                                                                   region, world, pixel, x, y, solid,
+                                                                                   shown);
+            alpha = hit ? alpha : to_byte(1.0f - left) << 24;
+        }
         const unsigned word = to_bytes(shown.display);
         if (IMAGES & HDR)
             put_vec<IN_QUADS>(images.hdr, pixel, shown.linear);
         if (IMAGES & RGB)
             put_bytes<IN_QUADS>(images.rgb, pixel, word);
         if (IMAGES & RGBA)
-            put_word(images.rgba, pixel, hit ? word | 0xff000000u : word);
+            put_word(images.rgba, pixel, word | alpha);
     }
 }
 
@@ -201,28 +301,50 @@ WARPCAM_FN void go_to(Pixel& pixel, const Frame_& frame, unsigned first, int lef
 #endif
 
 // Draws one region of one view; `index` counts worlds, then regions, then (CUDA) threads of the block.
-template <int TYPES, int LENS, int CAPACITY, int WIDTH, int HEIGHT, int IMAGES, int FACTS, class Scene_, class Lights>
+// VEILS: how many shapes may be transparent.
+template <int TYPES, int LENS, int CAPACITY, int WIDTH, int HEIGHT, int IMAGES, int FACTS, int VEILS = 0, class Scene_,
+          class Lights>
 WARPCAM_FN void resolve(const Scene_& scene, const Lights& lights, int index)
 {
     using Wants = Wanted<IMAGES, FACTS>;
     using Looks = Look<TYPES, Wants>;
     constexpr int KEPT = CAPACITY * int(sizeof(Looks)) <= 44032 && (Wants::SURFACE || Wants::COLORED) ? CAPACITY : 0;
     WARPCAM_SHARED Looks looks[KEPT > 0 ? KEPT : 1];
-    WARPCAM_SHARED LightList list;
+    WARPCAM_SHARED typename Either<(FACTS & PHYSICAL) != 0, LampList, LightList>::type list;
     WARPCAM_SHARED Camera kept_camera;
+    WARPCAM_SHARED typename Kept<VEILS != 0, Veils<VEILS != 0 ? VEILS : 1>>::type veils;
     const auto& frame = scene.frame;
-    const int thread = index % THREADS, block = index / THREADS;
-    const int columns = (frame.width + WIDTH - 1) / WIDTH, rows = (frame.height + HEIGHT - 1) / HEIGHT;
-    const int world = block / (columns * rows), part = block % (columns * rows);
+    const int thread = index % THREADS;
+    int world;
+    const Region region = region_of<WIDTH, HEIGHT>(frame, index / THREADS, world);
     if (!wp::index(frame.mask, world))
         return;
-    const int left = part % columns * WIDTH, top = part / columns * HEIGHT;
+    const int left = region.left, top = region.top;
     const unsigned first = unsigned(world) * frame.width * frame.height;
     const Camera camera = load_camera(wp::index(frame.views, world));
     if (thread == 0)
         kept_camera = camera;
     if (Wants::LIT && thread >= THREADS - TEAM)
         gather_lights<(FACTS & HAS_SHADOWS) != 0>(lights, camera, world, thread - (THREADS - TEAM), list);
+    if constexpr ((FACTS & MIRRORED) != 0) {
+        const auto mirror = wp::index(frame.mirrors, world);
+        if (mirror.shape < 0)
+            return;
+        if (thread == THREADS - TEAM && headlight_shines(lights))
+            list.lights[0].place = to_row(to_vec(mirror.headlight), 0);
+    }
+    if constexpr (VEILS != 0) {
+        Region seen = region;
+        Vec eye = camera.origin;
+        int mirror = -1;
+        if constexpr ((FACTS & MIRRORED) != 0) {  // its columns run the other way
+            const auto at = wp::index(frame.mirrors, world);
+            seen.left = frame.width - region.left - region.width;
+            eye = to_vec(at.eye);
+            mirror = at.shape;
+        }
+        gather_veils<TYPES, LENS>(veils, scene, camera, seen, eye, mirror, world, thread);
+    }
 #if defined(__CUDA_ARCH__)
     if (KEPT > 0)
         for (int i = thread; i < scene.shapes.drawn.shape[0]; i += THREADS) {
@@ -232,6 +354,12 @@ WARPCAM_FN void resolve(const Scene_& scene, const Lights& lights, int index)
     block_barrier();
 #else
     bool made[KEPT > 0 ? KEPT : 1] = {};
+    if constexpr (VEILS != 0 && KEPT > 0)
+        for (int slot = 0; slot < veils.count; ++slot) {
+            const int place = wp::index(scene.shapes.places, veils.ids[slot]);
+            looks[place] = look_of<TYPES, Wants>(scene, camera, world, veils.ids[slot]);
+            made[place] = true;
+        }
 #endif
     Pixel pixel;
 #if defined(__CUDA_ARCH__)
@@ -251,7 +379,7 @@ WARPCAM_FN void resolve(const Scene_& scene, const Lights& lights, int index)
         }
         go_to<WIDTH>(pixel, frame, first, left, top, tile);
         if (pixel.width > 0 && pixel.height > 0)
-            resolve_pixel<TYPES, LENS, KEPT, IMAGES, FACTS>(looks, list, scene, kept_camera, world, pixel, found);
+            resolve_pixel<TYPES, LENS, KEPT, IMAGES, FACTS>(looks, list, scene, kept_camera, veils, region, world, pixel, found);
     }
 #else
     pixel.inside = true;
@@ -264,7 +392,7 @@ WARPCAM_FN void resolve(const Scene_& scene, const Lights& lights, int index)
                 looks[place] = look_of<TYPES, Wants>(scene, camera, world, found.shape);
                 made[place] = true;
             }
-            resolve_pixel<TYPES, LENS, KEPT, IMAGES, FACTS>(looks, list, scene, kept_camera, world, pixel, found);
+            resolve_pixel<TYPES, LENS, KEPT, IMAGES, FACTS>(looks, list, scene, kept_camera, veils, region, world, pixel, found);
         }
 #endif
 }

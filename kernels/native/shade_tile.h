@@ -8,6 +8,7 @@ namespace warpcam {
 template <int LENS> struct LitView {
     Light light;
     Sight<LENS> sight;   // points from the camera, along the world's axes
+    Sight<LENS> lit;     // the same along the light's axes
     Vec origin;          // the camera, world frame
     bool counts_behind;  // whether the light counts on surfaces that are turned away from it: its ambient part does
 };
@@ -53,36 +54,6 @@ WARPCAM_FN bool meets_box(const Record& record, const Row& aim, const Box& box, 
 }
 
 #if defined(__CUDA_ARCH__)
-
-// Smallest of the values that the lanes of a warp have.
-WARPCAM_FN float warp_min(float value)
-{
-#if __CUDA_ARCH__ >= 800
-    const int bits = __float_as_int(value);  // turned so that integers order as the floats do
-    const int least = __reduce_min_sync(ALL, bits ^ (bits >> 31 & 0x7fffffff));
-    return __int_as_float(least ^ (least >> 31 & 0x7fffffff));
-#else
-    for (int step = LANES / 2; step > 0; step /= 2)
-        value = lower(value, __shfl_xor_sync(ALL, value, step));
-    return value;
-#endif
-}
-
-// What all casters of a list cover together, and how high they reach.
-template <class List> WARPCAM_FN Window bounds_of(const List& list, float& height)
-{
-    Window all { FAR_AWAY, -FAR_AWAY, FAR_AWAY, -FAR_AWAY };
-    height = -FAR_AWAY;
-#pragma unroll 1
-    for (int slot = threadIdx.x % LANES; slot < list.count; slot += LANES) {
-        const Window w = list.windows[slot];
-        all = { lower(all.left, w.left), upper(all.right, w.right), lower(all.bottom, w.bottom),
-                upper(all.top, w.top) };
-        height = upper(height, list.heights[slot]);
-    }
-    height = -warp_min(-height);
-    return { warp_min(all.left), -warp_min(-all.right), warp_min(all.bottom), -warp_min(-all.top) };
-}
 
 // Is the lane's point, which the light sees at `place`, in the shadow of a caster? `open` is false in lanes that do not
 // ask; afterwards it is true in those that still do. Meshes are not tried but named in `met`, bits by slot, if the way

@@ -20,10 +20,23 @@ WARPCAM_FN LitView<LENS> light_view(const Lights& lights, const Camera& camera, 
     const bool distant = shared_row(lights.types, world, light) == LIGHT_DIRECTIONAL;
     const auto p = wp::index(lights.positions, world, light), d = wp::index(lights.directions, world, light);
     const auto ambient = shared_row(lights.ambient, world, light);
-    return { make_light(distant, { p[0], p[1], p[2] }, { d[0], d[1], d[2] }, camera,
-                        map_size(lights, distant, world, light)),
-             sight_of<LENS>(camera), camera.origin, ambient[0] != 0.0f || ambient[1] != 0.0f || ambient[2] != 0.0f };
+    const Light made = make_light(distant, { p[0], p[1], p[2] }, { d[0], d[1], d[2] }, camera,
+                                  map_size(lights, distant, world, light));
+    const Sight<LENS> sight = sight_of<LENS>(camera);
+    return { made, sight, lit_sight(made, sight), camera.origin,
+             ambient[0] != 0.0f || ambient[1] != 0.0f || ambient[2] != 0.0f };
 }
+
+// What there is to do for one light in one region. In shared memory on CUDA: in registers it would crowd out what the
+// walks of meshes need.
+template <int LENS> struct Task {
+    LitView<LENS> view;
+    Region region;
+    size_t corner;  // the region's first pixel
+    int world;
+    unsigned bit;  // of the light
+    bool fresh;    // masks are to be cleared first
+};
 
 #if defined(__CUDA_ARCH__)
 
@@ -63,9 +76,9 @@ template <class Value> WARPCAM_FN void clear_four(Value* to) { *reinterpret_cast
 
 // Whether any of the lane's four pixels in a strip shows a point below what the list's casters cover together. With
 // `fresh` their masks are cleared.
-template <int LENS, class Target>
-WARPCAM_FN bool find_asking(const Target& target, size_t at, int inside, float i, float j, const Sight<LENS>& lit,
-                            bool distant, const Window& bounds, float ceiling, bool fresh)
+template <int LENS, class List, class Target>
+WARPCAM_FN bool find_asking(const Target& target, size_t at, int inside, float i, float j, const List& list,
+                            const LitView<LENS>& view, bool fresh)
 {
     int id[4] = { -1, -1, -1, -1 };
     float depth[4] = {};
@@ -87,98 +100,95 @@ WARPCAM_FN bool find_asking(const Target& target, size_t at, int inside, float i
     bool asks = false;
 #pragma unroll
     for (int k = 0; k < 4; ++k)
-        asks |= id[k] >= 0 && may_shade(bounds, ceiling, place_of(distant, lit.point(i + float(k), j, depth[k])));
+        asks |= id[k] >= 0 && may_shade(list.bounds, list.ceiling,
+                                      place_of(view.light.distant, view.lit.point(i + float(k), j, depth[k])));
     return asks;
 }
 
 #endif
 
 // Casts the shadows of one light, as far as they come from the list's shapes, in one region: adds its bit to the masks
-// of the pixels that lie in shadow. With `fresh` these are cleared first.
+// of the pixels that lie in shadow.
 template <int TYPES, int LENS, int WIDTH, int HEIGHT, class List, class Shapes, class Meshes, class HeightFields,
           class Target>
-WARPCAM_FN void cast_light(List& list, const LitView<LENS>& view, unsigned bit, bool fresh,
-                           const Region& region, int world, const Shapes& shapes, const Meshes& meshes,
+WARPCAM_FN void cast_light(List& list, const Task<LENS>& task, const Shapes& shapes, const Meshes& meshes,
                            const HeightFields& fields, const Target& target)
 {
     constexpr bool HAS_MESH = TYPES >> MESH & 1;
-    const Sight<LENS> lit = lit_sight(view.light, view.sight);
-    const bool distant = view.light.distant;
-    const size_t corner = (size_t(world) * target.height + region.top) * target.width + region.left;
+    const LitView<LENS>& view = task.view;
 #if defined(__CUDA_ARCH__)
     constexpr int WORDS = List::WORDS;
     using Strips = Strip<WIDTH, HEIGHT>;
-    WARPCAM_SHARED ShadowRays<HAS_MESH ? WORDS : 1> rays;
-    const int lane = threadIdx.x % LANES;
-    const int wide = target.width - region.left, high = target.height - region.top;
-    float ceiling;
-    const Window bounds = bounds_of(list, ceiling);
+    WARPCAM_SHARED ShadowRays<HAS_MESH ? WORDS : 1> rays[HAS_MESH ? THREADS / LANES : 1];
+    const int lane = threadIdx.x % LANES, warp = HAS_MESH ? threadIdx.x / LANES : 0;
     unsigned strip = 0, asking = 0;  // lanes that have found pixels in a strip's tiles, as far as these are to be done
-    bool more = true;
-    while (more) {
+    const auto next_tile = [&](int& found) {
+        while (!asking) {
+            strip = __shfl_sync(ALL, lane == 0 ? draw_next(list.next_tile) : 0, 0);
+            if (strip >= Strips::COUNT)
+                return false;
+            const int column = Strips::column(strip) + Strips::lane_column(lane);
+            const int row = Strips::row(strip) + Strips::lane_row(lane);
+            const int i = task.region.left + column, j = task.region.top + row;
+            asking = __ballot_sync(ALL, find_asking(target, task.corner + unsigned(row * target.width + column),
+                                                    j < target.height ? target.width - i : 0, float(i), float(j), list,
+                                                    view, task.fresh));
+            __syncwarp();  // masks that one lane clears another may write
+        }
+        const int first_lane = lowest_bit(asking);
+        asking &= ~Strips::lanes_of(first_lane);
+        const int column = Strips::column(strip) + Strips::tile_column(first_lane) + lane % TILE_WIDTH;
+        const int row = Strips::row(strip) + Strips::tile_row(first_lane) + lane / TILE_WIDTH;
+        const size_t at = task.corner + unsigned(row * target.width + column);
+        const int column_in_view = task.region.left + column, row_in_view = task.region.top + row;
+        const bool inside = (column_in_view < target.width) & (row_in_view < target.height);
+        const int id = inside ? target.shape.data[at] : -1;
+        const float depth = inside ? target.depth.data[at] : 0.0f;
+        const float i = float(column_in_view), j = float(row_in_view);
+        const Place place = place_of(view.light.distant, view.lit.point(i, j, depth));
+        const bool asks = id >= 0 && may_shade(list.bounds, list.ceiling, place);
+        bool open = asks;
+        const Vec p = view.sight.point(i, j, depth);
+        const Span span = span_of(view.light, view.origin, p, depth);
+        unsigned met[WORDS];
+        const bool met_any = shade_tile<TYPES>(list, view, p, span, place, open, fields, met);
         if (HAS_MESH) {
-            if (threadIdx.x == 0)
-                rays.clear();
-            block_barrier();
+            const bool keep = open && met_any
+                && (view.counts_behind
+                    || faces_light<TYPES>(shapes, meshes, task.world, id, target.face.data[at], view.light,
+                                   view.origin));
+            const unsigned kept = __ballot_sync(ALL, keep);
+            rays[warp].put(kept, met, (list.count + 31) / 32, row * 64 + column);
+            __syncwarp();
+            found = __popc(kept);
         }
-        while (true) {
-            if (!asking) {
-                strip = __shfl_sync(ALL, lane == 0 ? draw_next(list.next_tile) : 0, 0);
-                if (strip >= Strips::COUNT)
-                    break;
-                const int column = Strips::column(strip) + Strips::lane_column(lane);
-                const int row = Strips::row(strip) + Strips::lane_row(lane);
-                asking = __ballot_sync(ALL, find_asking(target, corner + unsigned(row * target.width + column),
-                                                        row < high ? wide - column : 0, float(region.left + column),
-                                                        float(region.top + row), lit, distant, bounds, ceiling, fresh));
-                __syncwarp();  // masks that one lane clears another may write
-                continue;
-            }
-            if (HAS_MESH && !__all_sync(ALL, rays.has_room()))
-                break;
-            const int first_lane = lowest_bit(asking);
-            asking &= ~Strips::lanes_of(first_lane);
-            const int column = Strips::column(strip) + Strips::tile_column(first_lane) + lane % TILE_WIDTH;
-            const int row = Strips::row(strip) + Strips::tile_row(first_lane) + lane / TILE_WIDTH;
-            const size_t at = corner + unsigned(row * target.width + column);
-            const bool inside = (column < wide) & (row < high);
-            const int id = inside ? target.shape.data[at] : -1;
-            const float depth = inside ? target.depth.data[at] : 0.0f;
-            const float i = float(region.left + column), j = float(region.top + row);
-            const Place place = place_of(distant, lit.point(i, j, depth));
-            const bool asks = id >= 0 && may_shade(bounds, ceiling, place);
-            bool open = asks;
-            const Vec p = view.sight.point(i, j, depth);
-            const Span span = span_of(view.light, view.origin, p, depth);
-            unsigned met[WORDS];
-            const bool met_any = shade_tile<TYPES>(list, view, p, span, place, open, fields, met);
-            if (HAS_MESH) {
-                const bool keep = open && met_any
-                    && (view.counts_behind
-                        || faces_light<TYPES>(shapes, meshes, world, id, target.face.data[at], view.light, view.origin));
-                rays.put(keep, met, (list.count + 31) / 32, row * 64 + column);
-            }
-            if (asks && !open)
-                target.shadow.data[at] |= static_cast<int>(bit);
-        }
-        more = false;
-        if (HAS_MESH) {
-            more = __syncthreads_or(asking != 0);
-            const auto start = [&](int pixel, Span& span) {
-                const float depth = target.depth.data[corner + unsigned(pixel / 64 * target.width + pixel % 64)];
-                const Vec p = view.sight.point(float(region.left + pixel % 64), float(region.top + pixel / 64), depth);
-                span = span_of(view.light, view.origin, p, depth);
-                return p;
-            };
-            const auto shade = [&](int pixel) {
-                target.shadow.data[corner + unsigned(pixel / 64 * target.width + pixel % 64)] |= static_cast<int>(bit);
-            };
-            if (rays.count > 0)
-                cast_queue<TYPES>(rays, list, view.light, meshes, start, shade);
-            block_barrier();
-        }
+        if (asks && !open)
+            target.shadow.data[at] |= static_cast<int>(task.bit);
+        return true;
+    };
+    if (HAS_MESH) {
+        const auto start = [&](int pixel, Span& span) {
+            const float depth = target.depth.data[task.corner + unsigned(pixel / 64 * target.width + pixel % 64)];
+            const Vec p = view.sight.point(float(task.region.left + pixel % 64), float(task.region.top + pixel / 64),
+                                           depth);
+            span = span_of(view.light, view.origin, p, depth);
+            return p;
+        };
+        const auto shade = [&](int pixel) {
+            const size_t at = task.corner + unsigned(pixel / 64 * target.width + pixel % 64);
+            target.shadow.data[at] |= static_cast<int>(task.bit);
+        };
+        cast_rays<TYPES>(rays[warp], list, view.light, meshes, next_tile, start, shade);
+    } else {
+        int none;
+        while (next_tile(none)) { }
     }
 #else
+    const Region region = task.region;
+    const size_t corner = task.corner;
+    const int world = task.world;
+    const unsigned bit = task.bit;
+    const bool fresh = task.fresh, distant = view.light.distant;
     Points points;
     constexpr int across = WIDTH / TILE_WIDTH, tiles = across * (HEIGHT / TILE_HEIGHT);
     for (int tile = 0; tile < tiles; ++tile) {
@@ -199,7 +209,7 @@ WARPCAM_FN void cast_light(List& list, const LitView<LENS>& view, unsigned bit, 
             const Vec p = view.sight.point(float(i), float(j), depth);
             const Span span = span_of(view.light, view.origin, p, depth);
             points.at[lane] = p;
-            points.places[lane] = place_of(distant, lit.point(float(i), float(j), depth));
+            points.places[lane] = place_of(distant, view.lit.point(float(i), float(j), depth));
             points.near[lane] = span.near;
             points.reach[lane] = span.reach;
             points.faces[lane] = HAS_MESH && asks[lane] ? target.face.data[at[lane]] : 0;
@@ -224,7 +234,7 @@ WARPCAM_FN void cast(const Shapes& shapes, const Materials& materials, const Mes
                      int index)
 {
     WARPCAM_SHARED CasterList<CAPACITY, (TYPES >> MESH & 1) != 0> list;
-    WARPCAM_SHARED LitView<LENS> view;
+    WARPCAM_SHARED Task<LENS> task;
     const int thread = index % THREADS, block = index / THREADS;
     const int columns = (target.width + WIDTH - 1) / WIDTH, rows = (target.height + HEIGHT - 1) / HEIGHT;
     const int world = block / (columns * rows), part = block % (columns * rows);
@@ -248,14 +258,14 @@ WARPCAM_FN void cast(const Shapes& shapes, const Materials& materials, const Mes
                 const Camera camera = load_camera(wp::index(views, world));
                 const LitView<LENS> own = light_view<LENS>(lights, camera, world, number);
                 if (thread == 0)
-                    view = own;
+                    task = { own, region, (size_t(world) * target.height + region.top) * target.width + region.left,
+                             world, 1u << place, fresh };
                 block_barrier();
                 begin = gather_casters<TYPES>(list, begin, shapes, materials, meshes, fields, own.light, camera, world,
                                               thread);
             }
             if (list.count > 0)
-                cast_light<TYPES, LENS, WIDTH, HEIGHT>(list, view, 1u << place, fresh, region, world, shapes, meshes,
-                                                       fields, target);
+                cast_light<TYPES, LENS, WIDTH, HEIGHT>(list, task, shapes, meshes, fields, target);
             fresh = fresh && list.count == 0;
         } while (begin < total);
     }

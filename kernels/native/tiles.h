@@ -128,6 +128,20 @@ struct Rays {
     int shape[LANES], face[LANES];
 };
 
+// From where on the rays see: all alike, or each its own.
+template <class Ray_> struct NearOf {
+    float all;
+
+    void set(int, const Ray_&) { }
+    float at(int) const { return all; }
+};
+template <int LENS> struct NearOf<ClippedRay<LENS>> {
+    float all, own[LANES];
+
+    void set(int lane, const ClippedRay<LENS>& ray) { own[lane] = ray.near; }
+    float at(int lane) const { return own[lane]; }
+};
+
 // Depths are not negative, but for -1 where a ray is outside the image; their bits then order as they do, and a
 // maximum of integers becomes vector code.
 inline float farthest_of(const Rays& rays)
@@ -157,19 +171,19 @@ template <int CAPACITY> inline void pick_row(const ShapeList<CAPACITY>& list, in
     }
 }
 
-template <int TYPE, int LENS> inline void trace_shape(const Record& record, float near, Rays& rays)
+template <int TYPE, int LENS, class Near> inline void trace_shape(const Record& record, const Near& near, Rays& rays)
 {
     const Record r = record;
     for (int lane = 0; lane < LANES; ++lane) {
         const float t = enter<TYPE>(r, ViewRay<LENS> { rays.x[lane], rays.y[lane] }.local(r));
-        const bool closer = (t < rays.depth[lane]) & (t > near);
+        const bool closer = (t < rays.depth[lane]) & (t > near.at(lane));
         rays.depth[lane] = closer ? t : rays.depth[lane];
         rays.shape[lane] = closer ? r.axis_y.w : rays.shape[lane];
     }
 }
 
-template <int TYPES, int LENS, int CAPACITY, class Meshes, class HeightFields>
-inline void trace_tile(const ShapeList<CAPACITY>& list, const TileRow<CAPACITY>& row, int column, float near,
+template <int TYPES, int LENS, int CAPACITY, class Near, class Meshes, class HeightFields>
+inline void trace_tile(const ShapeList<CAPACITY>& list, const TileRow<CAPACITY>& row, int column, const Near& near,
                        const Meshes& meshes, const HeightFields& fields, Rays& rays)
 {
     unsigned char behind[CAPACITY];  // slots of meshes, nearest first

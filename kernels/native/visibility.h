@@ -2,44 +2,15 @@
 #pragma once
 #include "canvas.h"
 #include "mesh_queue.h"
+#include "opacity.h"
 
 namespace warpcam {
 
-// Does the shape's colour let it be seen at all? MuJoCo's rule of which colour counts (see look.h).
-template <class Shapes, class Materials>
-WARPCAM_FN bool transparent(const Shapes& shapes, const Materials& materials, int world, int id)
-{
-    const auto color = shared_row(shapes.colors, world, id);
-    const int material = shared_row(shapes.materials, world, id);
-    const bool plain = color[0] == 0.5f && color[1] == 0.5f && color[2] == 0.5f && color[3] == 1.0f;
-    if (material >= 0 && material < materials.color.shape[1] && plain)
-        return shared_row(materials.color, world, material)[3] == 0.0f;
-    return color[3] == 0.0f;
-}
-
-template <class Shapes> WARPCAM_FN Shape load_shape(const Shapes& shapes, int world, int id)
-{
-    Shape s;
-    s.type = wp::index(shapes.types, id);
-    s.id = id;
-    s.asset = shared_row(shapes.assets, world, id);
-    const auto p = wp::index(shapes.positions, world, id);
-    const auto r = wp::index(shapes.rotations, world, id);
-    const auto size = shared_row(shapes.sizes, world, id);
-    s.position = { p[0], p[1], p[2] };
-    s.size = { size[0], size[1], size[2] };
-    for (int i = 0; i < 3; ++i)
-        for (int j = 0; j < 3; ++j)
-            s.rotation.at[i][j] = r.data[i][j];
-    return s;
-}
-
 // Fills the list with shapes from `begin` on until it is full; returns where to go on. SLOTS: records name their own
-// slots in place of their shapes.
-template <int TYPES, int LENS, bool SLOTS, int CAPACITY, class Shapes, class Materials, class Meshes,
-          class HeightFields>
-WARPCAM_FN int gather(ShapeList<CAPACITY>& list, int begin, const Shapes& shapes, const Materials& materials,
-                      const Meshes& meshes, const HeightFields& fields, const Camera& camera, const Region& region,
+// slots in place of their shapes. hidden(id): the shape is left out.
+template <int TYPES, int LENS, bool SLOTS, int CAPACITY, class Shapes, class Meshes, class HeightFields, class Hidden>
+WARPCAM_FN int gather(ShapeList<CAPACITY>& list, int begin, const Shapes& shapes, const Meshes& meshes,
+                      const HeightFields& fields, const Hidden& hidden, const Camera& camera, const Region& region,
                       int world, int thread)
 {
     const int total = shapes.drawn.shape[0];
@@ -54,7 +25,7 @@ WARPCAM_FN int gather(ShapeList<CAPACITY>& list, int begin, const Shapes& shapes
                                                       record, tiles);
             if (seen == BROKEN)
                 list.broken = 1;
-            if (seen == SEEN && !transparent(shapes, materials, world, id)) {
+            if (seen == SEEN && !hidden(id)) {
 #if defined(__CUDA_ARCH__)
                 const int slot = atomicAdd(&list.count, 1);
 #else
@@ -103,16 +74,17 @@ WARPCAM_FN void draw_tiles(ShapeList<CAPACITY>& list, const Canvas_& canvas, con
         const int row = int((float(tile) + 0.5f) * per_row), column = tile - row * across;
         const int i = region.left + column * TILE_WIDTH + lane % TILE_WIDTH;
         const int j = region.top + row * TILE_HEIGHT + lane / TILE_WIDTH;
-        const ViewRay<LENS> ray = canvas.ray(i, j);
+        const auto ray = canvas.ray(i, j);
         Hit hit = canvas.start(i, j, first_pass);
         if (Canvas_::SKIPS && !__any_sync(ALL, hit.shape != SKIPPED)) {
             canvas.put_tile(i, j, hit, first_pass, row_of_lanes);
             return true;
         }
-        trace_tile<TYPES>(list, column, row, ray, near, fields, hit);
+        trace_tile<TYPES>(list, column, row, ray, near_of(ray, near), fields, hit);
         canvas.put_tile(i, j, hit, first_pass, row_of_lanes);
         if (HAS_MESH)
-            found = find_rays<TYPES>(rays[HAS_MESH ? warp : 0], list, column, row, ray, near, meshes, hit.depth);
+            found = find_rays<TYPES>(rays[HAS_MESH ? warp : 0], list, column, row, ray, near_of(ray, near), meshes,
+                                     hit.depth);
         return true;
     };
     if (HAS_MESH) {
@@ -141,9 +113,11 @@ inline void draw_tiles(ShapeList<CAPACITY>& list, const Canvas_& canvas, const M
         for (int column = 0; column < region.width / TILE_WIDTH; ++column) {
             const int left = region.left + column * TILE_WIDTH, top = region.top + row * TILE_HEIGHT;
             Rays rays;
+            NearOf<decltype(canvas.ray(0, 0))> near { canvas.camera.near };
             for (int lane = 0; lane < LANES; ++lane) {
                 const int i = left + lane % TILE_WIDTH, j = top + lane / TILE_WIDTH;
-                const ViewRay<LENS> ray = canvas.ray(i, j);
+                const auto ray = canvas.ray(i, j);
+                near.set(lane, ray);
                 const Hit hit = canvas.start(i, j, first_pass);
                 rays.x[lane] = ray.x;
                 rays.y[lane] = ray.y;
@@ -155,7 +129,7 @@ inline void draw_tiles(ShapeList<CAPACITY>& list, const Canvas_& canvas, const M
             for (int lane = 0; lane < LANES; ++lane)
                 any |= rays.shape[lane] != SKIPPED;
             if (any)
-                trace_tile<TYPES, LENS>(list, picked, column, canvas.camera.near, meshes, fields, rays);
+                trace_tile<TYPES, LENS>(list, picked, column, near, meshes, fields, rays);
             for (int lane = 0; lane < LANES; ++lane) {
                 const int i = left + lane % TILE_WIDTH, j = top + lane / TILE_WIDTH;
                 canvas.put_new(i, j, { rays.depth[lane], rays.shape[lane], rays.face[lane] }, first_pass);
@@ -166,34 +140,16 @@ inline void draw_tiles(ShapeList<CAPACITY>& list, const Canvas_& canvas, const M
 
 #endif
 
-// Draws one region of one view; `index` counts worlds, then regions, then (CUDA) threads of the block.
-// SEVERAL: the scene may have more shapes than the list holds; then the region is drawn in several passes, each
-// going on from the depth of the last, and depth and shape are always written.
-template <int TYPES, int LENS, int CAPACITY, bool SEVERAL, int WIDTH, int HEIGHT, int OUTPUTS, class Shapes,
-          class Materials, class Meshes, class HeightFields, class Views, class Target>
-WARPCAM_FN void draw(const Shapes& shapes, const Materials& materials, const Meshes& meshes,
-                     const HeightFields& fields, const Views& views, const Target& target, int index)
+// Draws the shapes that are not hidden into the canvas's region. SEVERAL: the scene may have more shapes than the list
+// holds; then the region is drawn in several passes, each going on from the depth of the last.
+template <int TYPES, int LENS, bool SLOTS, bool SEVERAL, int CAPACITY, class Canvas_, class Shapes, class Meshes,
+          class HeightFields, class Hidden>
+WARPCAM_FN void draw_region(ShapeList<CAPACITY>& list, const Canvas_& canvas, const Shapes& shapes,
+                            const Meshes& meshes, const HeightFields& fields, const Hidden& hidden, int world,
+                            int thread)
 {
-    static_assert(!names_slots(OUTPUTS) || analytic_types(TYPES) == TYPES);
-    WARPCAM_SHARED ShapeList<CAPACITY> list;
-    alignas(16) WARPCAM_SHARED Camera camera;  // kept in registers it would be spilled
-    const int thread = index % THREADS, block = index / THREADS;
-    const int columns = (target.width + WIDTH - 1) / WIDTH, rows = (target.height + HEIGHT - 1) / HEIGHT;
-    const int world = block / (columns * rows), part = block % (columns * rows);
-    if (!wp::index(target.mask, world))
-        return;
-    Region region { part % columns * WIDTH, part / columns * HEIGHT, WIDTH, HEIGHT };
-    region.width = lower_int(WIDTH, (target.width - region.left + TILE_WIDTH - 1) / TILE_WIDTH * TILE_WIDTH);
-    region.height = lower_int(HEIGHT, (target.height - region.top + TILE_HEIGHT - 1) / TILE_HEIGHT * TILE_HEIGHT);
-    if (thread == 0)
-        camera = load_camera(wp::index(views, world));
-    block_barrier();
-    const bool blind = !(magnitude(camera.origin.x) < FAR_AWAY);
-    const Canvas<TYPES, LENS, OUTPUTS, CAPACITY, Target, Shapes> canvas {
-        target, shapes, list, camera, region, world
-    };
+    const bool blind = !(magnitude(canvas.camera.origin.x) < FAR_AWAY);
     const int total = blind ? 0 : shapes.drawn.shape[0];
-
     int begin = 0;
     bool first = true;
     if (thread == 0)
@@ -205,13 +161,13 @@ WARPCAM_FN void draw(const Shapes& shapes, const Materials& materials, const Mes
         }
         block_barrier();
         if (!blind)
-            begin = gather<TYPES, LENS, names_slots(OUTPUTS)>(list, begin, shapes, materials, meshes, fields, camera,
-                                                              region, world, thread);
+            begin = gather<TYPES, LENS, SLOTS>(list, begin, shapes, meshes, fields, hidden, canvas.camera,
+                                               canvas.region, world, thread);
         if (list.broken) {  // nothing of this world can be trusted
             block_barrier();
             if (thread == 0) {
                 list.count = 0;
-                target.faults.data[world] = 1;
+                canvas.target.faults.data[world] = 1;
             }
             begin = total;
             first = true;
@@ -223,6 +179,37 @@ WARPCAM_FN void draw(const Shapes& shapes, const Materials& materials, const Mes
         first = false;
         block_barrier();
     } while (SEVERAL && begin < total);
+}
+
+// Draws one region of one view; `index` counts worlds, then regions, then (CUDA) threads of the block.
+// SEVERAL: depth and shape are always written. With OPAQUE outputs shapes that are transparent are left out.
+template <int TYPES, int LENS, int CAPACITY, bool SEVERAL, int WIDTH, int HEIGHT, int OUTPUTS, class Shapes,
+          class Materials, class Meshes, class HeightFields, class Views, class Target>
+WARPCAM_FN void draw(const Shapes& shapes, const Materials& materials, const Meshes& meshes,
+                     const HeightFields& fields, const Views& views, const Target& target, int index)
+{
+    static_assert(!names_slots(OUTPUTS) || analytic_types(TYPES) == TYPES);
+    WARPCAM_SHARED ShapeList<CAPACITY> list;
+    alignas(16) WARPCAM_SHARED Camera camera;  // kept in registers it would be spilled
+    const int thread = index % THREADS;
+    int world;
+    const Region region = region_of<WIDTH, HEIGHT>(target, index / THREADS, world);
+    if (!wp::index(target.mask, world))
+        return;
+    if (thread == 0)
+        camera = load_camera(wp::index(views, world));
+    block_barrier();
+    const Canvas<TYPES, LENS, OUTPUTS, CAPACITY, Target, Shapes> canvas {
+        target, shapes, list, camera, region, world
+    };
+    const auto hidden = [&](int id) {
+        if constexpr ((OUTPUTS & OPAQUE) != 0)
+            return !solid(shapes, materials, target.veil_places, world, id);
+        else
+            return transparent(shapes, materials, world, id);
+    };
+    draw_region<TYPES, LENS, names_slots(OUTPUTS), SEVERAL>(list, canvas, shapes, meshes, fields, hidden, world,
+                                                            thread);
 }
 
 }  // namespace warpcam

@@ -90,9 +90,19 @@ def test_solids_about_an_axis(stage: Usd.Stage, kind: str, axis: str, even: bool
         "Cone": lambda o, d: cone(o, d, 0.4, 0.8),
     }
     scene = wc.from_usd(stage, device=device)
-    exact = even and kind != "Cone"
-    assert bool(scene._parts.meshes) != exact
-    check(scene, entries[kind], about(frame, axis), 2e-5 if exact else 2e-3, 0.002 if exact else 0.006)
+    assert bool(scene._parts.meshes) != even
+    check(scene, entries[kind], about(frame, axis), 2e-5 if even else 2e-3, 0.002 if even else 0.006)
+
+
+@pytest.mark.parametrize("scale", [(1.5, 1.5, -0.7), (-1.5, 1.5, 0.7), (-1.0, -1.0, -2.0), (1.2, -1.2, -1.2)])
+def test_cones_are_exact_when_mirrored(stage: Usd.Stage, scale: tuple, device: wp.Device) -> None:
+    solid = UsdGeom.Cone.Define(stage, "/it")
+    solid.CreateRadiusAttr(0.4)
+    solid.CreateHeightAttr(1.6)
+    frame = pose(solid, scale)
+    scene = wc.from_usd(stage, device=device)
+    assert not scene._parts.meshes
+    check(scene, lambda o, d: cone(o, d, 0.4, 0.8), frame)
 
 
 def cone(o: np.ndarray, d: np.ndarray, radius: float, half: float) -> tuple:
@@ -643,3 +653,61 @@ def test_driving_badly(text: str, stage: Usd.Stage) -> None:
     with pytest.raises(wc.WarpcamError) as caught:
         BAD_DRIVING[text](scene)
     assert text in str(caught.value)
+
+
+@pytest.mark.parametrize("sides", [False, True])
+def test_meshes_change_their_points_with_time(stage: Usd.Stage, sides: bool, device: wp.Device) -> None:
+    stage.SetStartTimeCode(0.0)
+    stage.SetEndTimeCode(8.0)
+    cells = 12
+    grid = np.linspace(-1.0, 1.0, cells + 1)
+    x, y = (part.ravel() for part in np.meshgrid(grid, grid))
+    corner = (np.arange(cells)[:, None] * (cells + 1) + np.arange(cells)).ravel()
+    faces = np.stack((corner, corner + 1, corner + cells + 2, corner + cells + 1), axis=1)
+
+    def points(time: float) -> np.ndarray:
+        return np.stack((x, y, 0.1 * time * np.sin(3.0 * x)), axis=1)
+
+    def add(to: Usd.Stage, times: tuple, path: str = "/sheet", **more: Any) -> None:
+        mesh = add_mesh(to, path, points(times[0]), faces.tolist(), doubleSided=sides, **more)
+        for time in times if len(times) > 1 else ():
+            mesh.GetPointsAttr().Set([tuple(map(float, point)) for point in points(time)], time)
+        UsdGeom.Xformable(mesh).AddTranslateOp().Set((0.2, 0.0, 0.3))
+        UsdGeom.Xformable(mesh).AddScaleOp().Set((1.0, 0.7, 2.0))
+
+    add(stage, (0.0, 4.0, 8.0))
+    add_square(stage, "/floor", z=-3.0, half=4.0)
+    scene = wc.from_usd(stage, num_worlds=2, device=device)
+    camera = above(5.0, 48, 4.0, "depth", "normals", "segmentation")
+    renderer = wc.Renderer(scene, [camera])
+    for time in (0.0, 8.0, 2.0, 4.0, 0.0):
+        scene.set_time(time)
+        images = renderer.render()["above"]
+        still = metric(Usd.Stage.CreateInMemory())
+        add(still, (time,))
+        add_square(still, "/floor", z=-3.0, half=4.0)
+        other = wc.from_usd(still, num_worlds=2, device=device)
+        expected = wc.Renderer(other, [camera]).render()["above"]
+        for name in ("depth", "normals"):
+            gap = (images[name] - expected[name]).abs().cpu().numpy()
+            assert (gap < 1e-4).mean() > 0.998, (time, name)
+        assert (images["segmentation"] == expected["segmentation"]).float().mean() > 0.998
+        for ours, theirs in zip(scene.bounds(), other.bounds(), strict=True):
+            assert ours == pytest.approx(theirs, abs=1e-5)
+
+
+def test_meshes_that_change_their_faces_stay(stage: Usd.Stage, caplog: pytest.LogCaptureFixture) -> None:
+    stage.SetStartTimeCode(0.0)
+    stage.SetEndTimeCode(1.0)
+    changing, losing = add_square(stage, "/changing"), add_square(stage, "/losing")
+    for mesh in (changing, losing):
+        mesh.GetPointsAttr().Set(mesh.GetPointsAttr().Get(), 0.0)
+    changing.GetFaceVertexIndicesAttr().Set([0, 1, 2, 3], 0.0)
+    changing.GetFaceVertexIndicesAttr().Set([0, 1, 3, 2], 1.0)
+    changing.GetPointsAttr().Set([(0, 0, 9)] * 4, 1.0)
+    losing.GetPointsAttr().Set([(0, 0, 0)] * 3, 1.0)
+    scene = wc.from_usd(stage, device="cpu")
+    assert "changes its faces with time, and is drawn as it was at first: /changing" in caplog.text
+    scene.set_time(1.0)
+    assert "has other points than at first, or none, at some times, and stays as it was: /losing" in caplog.text
+    assert image(scene)[16, 16] == pytest.approx(3.0)

@@ -37,6 +37,10 @@ BROKEN: dict[str, str] = {
     "faceVertexIndices has 7; allowed are 0 to 3": SQUARE.replace("0, 1, 2, 3", "0, 1, 2, 7"),
     "faceVertexIndices has -1; allowed are 0 to 3": SQUARE.replace("0, 1, 2, 3", "0, 1, 2, -1"),
     "faceVertexCounts sum up to 5, but there are 4 faceVertexIndices": SQUARE.replace("[4]", "[5]"),
+    "curveVertexCounts sum up to 5, but there are 2 points": (
+        'def BasisCurves "a" {\npoint3f[] points = [(0, 0, 0), (1, 0, 0)]\nint[] curveVertexCounts = [5]\n}'
+    ),
+    "'/a': points must be finite, got": 'def Points "a" {\npoint3f[] points = [(0, inf, 0)]\n}',
     "points must be finite, got": SQUARE.replace("(1, 1, 0)", "(1, nan, 0)"),
     "protoIndices has 2; there are 1 prototypes": 'def PointInstancer "a" { rel prototypes = [</a/b>]\n'
     "int[] protoIndices = [0, 2]\npoint3f[] positions = [(0, 0, 0), (1, 0, 0)]\n" + '\ndef Cube "b" {}\n}',
@@ -60,7 +64,14 @@ WARNINGS: dict[str, str] = {
     "is incomplete, USD left something out": (
         'def Xform "a" (references = </b>) {}\ndef Xform "b" (references = </a>) {}'
     ),
-    "is of type Points, which is not drawn: /a": 'def Points "a" {}',
+    "is of type Volume, which is not drawn: /a": 'def Volume "a" {}',
+    "has no points: /a": 'def Points "a" {}',
+    "has widths of another number than its interpolation needs, which are left out: /a": (
+        'def Points "a" {\npoint3f[] points = [(0, 0, 0), (1, 0, 0), (2, 0, 0)]\nfloat[] widths = [0.1, 0.2]\n}'
+    ),
+    "has curves of too few points, which are left out: /a": (
+        'def BasisCurves "a" {\npoint3f[] points = [(0, 0, 0), (1, 0, 0)]\nint[] curveVertexCounts = [2]\n}'
+    ),
     "has a transform that is not finite, and is left out: /a": (
         'def Cube "a" {\ndouble3 xformOp:translate = (inf, 0, 0)\n'
         'uniform token[] xformOpOrder = ["xformOp:translate"]\n}'

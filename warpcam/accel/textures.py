@@ -27,11 +27,13 @@ class TextureImage:
             3 (RGB) or 4 (RGBA).
         srgb: Whether the texels are sRGB-coded and are to be decoded to linear factors before they are filtered,
             as OpenGL does for a texture of MuJoCo's colour space "sRGB".
+        blend_light: Whether the texels are sRGB-coded and stay so, but for the mipmaps, where light is averaged.
     """
 
     kind: Literal["2d", "cube"]
     pixels: Bytes
     srgb: bool = False
+    blend_light: bool = False
 
 
 def pack_textures(images: Sequence[TextureImage], device: wp.DeviceLike = None) -> Textures:
@@ -50,7 +52,7 @@ def pack_textures(images: Sequence[TextureImage], device: wp.DeviceLike = None) 
     texels = np.empty(total, np.uint32)
     starts = np.concatenate(([0], np.cumsum(counts, dtype=np.int64)))[:-1]
     for start, image, pixels, levels in zip(starts, images, faces, sizes, strict=True):
-        _fill(texels, int(start), _rgba(pixels, image.srgb), len(levels))
+        _fill(texels, int(start), _rgba(pixels, image.srgb), len(levels), image.blend_light)
 
     def integers(values: Sequence[int]) -> wp.array:
         return wp.array(np.asarray(values, np.int32), dtype=wp.int32, device=device)
@@ -114,11 +116,11 @@ def _linear_from_srgb() -> Bytes:
     return np.rint(255.0 * linear).astype(np.uint8)
 
 
-def _fill(texels: npt.NDArray[np.uint32], start: int, image: Bytes, levels: int) -> None:
+def _fill(texels: npt.NDArray[np.uint32], start: int, image: Bytes, levels: int, blend_light: bool) -> None:
     """Write ``image`` and its mipmaps from ``start`` on."""
     for level in range(levels):
         if level:
-            image = _halve(image)
+            image = _halve_light(image) if blend_light else _halve(image)
         flat = np.ascontiguousarray(image).view("<u4").reshape(-1)
         texels[start : start + flat.size] = flat
         start += flat.size
@@ -128,6 +130,16 @@ def _halve(image: Bytes) -> Bytes:
     """The next mipmap level: each texel the mean of what it covers, odd sizes weighted by overlap."""
     rows = _halve_axis(image.astype(np.float32), 1)
     return np.rint(_halve_axis(rows, 2)).astype(np.uint8)
+
+
+def _halve_light(image: Bytes) -> Bytes:
+    """The same of sRGB-coded texels, which are decoded for it."""
+    coded = image[..., :3] / np.float32(255.0)
+    linear = np.where(coded <= 0.04045, coded / 12.92, ((coded + 0.055) / 1.055) ** 2.4).astype(np.float32)
+    light = _halve_axis(_halve_axis(linear, 1), 2)
+    shown = np.where(light <= 0.0031308, 12.92 * light, 1.055 * light ** (1.0 / 2.4) - 0.055)
+    alpha = _halve(np.ascontiguousarray(image))[..., 3:]
+    return np.ascontiguousarray(np.concatenate((np.rint(255.0 * shown).astype(np.uint8), alpha), axis=-1))
 
 
 def _halve_axis(image: npt.NDArray[np.float32], axis: int) -> npt.NDArray[np.float32]:

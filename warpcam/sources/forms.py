@@ -4,13 +4,15 @@ The kernels know rigid shapes with sizes. A map is split into a rotation and a s
 axes becomes its size, any other is baked into vertices. A mesh is baked once for each stretch.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
 
 from warpcam.accel.meshes import Mesh
-from warpcam.kernels.types import BOX, CAPSULE, CYLINDER, ELLIPSOID, MESH, PLANE, SPHERE
+from warpcam.accel.splats import Cloud
+from warpcam.kernels.types import BOX, CAPSULE, CONE, CYLINDER, ELLIPSOID, MESH, PLANE, SPHERE
 from warpcam.sources import lathe
 
 SAME = 1e-6  # stretches that differ by less, relatively, are one
@@ -25,12 +27,14 @@ class Fitted:
         rotation: (3, 3), proper.
         size: (3,) [m].
         mesh: For type MESH.
+        cloud: For type SPLATS.
     """
 
     type: int
     rotation: np.ndarray
     size: np.ndarray
     mesh: Mesh | None = None
+    cloud: Cloud | None = None
 
 
 class Form(Protocol):
@@ -59,6 +63,7 @@ class Surface:
         faces: (face, 3) int32.
         normals: (face, 3, 3), unit, or None.
         uvs: (face, 3, 2) float32, v up, or None.
+        moves: Whether ``vertices`` may be others later: then faces are shaded as they lie.
     """
 
     def __init__(
@@ -69,20 +74,27 @@ class Surface:
         normals: np.ndarray | None = None,
         uvs: np.ndarray | None = None,
         two_sided: bool = False,
+        moves: bool = False,
     ):
+        self.moves = moves
         self.name, self.vertices, self.faces, self.normals, self.uvs = name, vertices, faces, normals, uvs
         if two_sided:
             back = [0, 2, 1]
             self.faces = np.concatenate((faces, faces[:, back]))
             self.normals = None if normals is None else np.concatenate((normals, -normals[:, back]))
             self.uvs = None if uvs is None else np.concatenate((uvs, uvs[:, back]))
-        self._baked: dict[bytes, Mesh] = {}
+        self._baked: dict[bytes, tuple[Mesh, np.ndarray]] = {}
 
     def fitted(self, linear: np.ndarray) -> Fitted | None:
         if np.linalg.matrix_rank(linear) < 2:
             return None
         rotation, stretch = polar(linear)
         return Fitted(MESH, rotation, np.zeros(3), self._bake(stretch))
+
+    def now(self) -> Iterator[tuple[Mesh, np.ndarray]]:
+        """What has been baked, and where its vertices are now, (vertex, 3) float32."""
+        for mesh, stretch in self._baked.values():
+            yield mesh, np.ascontiguousarray(self.vertices @ stretch.T, np.float32)
 
     def _bake(self, stretch: np.ndarray) -> Mesh:
         scale = np.abs(stretch).max()
@@ -99,21 +111,23 @@ class Surface:
                 faces = faces[:, order]
                 normals = None if normals is None else normals[:, order]
                 uvs = None if uvs is None else uvs[:, order]
-            self._baked[key] = Mesh(
+            mesh = Mesh(
                 self.name,
                 np.ascontiguousarray(vertices, np.float32),
                 np.ascontiguousarray(faces, np.int32),
-                None if normals is None else np.ascontiguousarray(normals, np.float32),
+                None if normals is None or self.moves else np.ascontiguousarray(normals, np.float32),
                 None if uvs is None else np.ascontiguousarray(uvs, np.float32),
+                moves=self.moves,
             )
-        return self._baked[key]
+            self._baked[key] = mesh, stretch
+        return self._baked[key][0]
 
 
 class Solid:
     """A shape that the kernels have, as long as the map lets it be one.
 
     Attributes:
-        type: SPHERE, CAPSULE, CYLINDER, BOX or PLANE.
+        type: SPHERE, CAPSULE, CYLINDER, CONE, BOX or PLANE.
         size: (3,) as in ``kernels/types.py``.
         turn: (3, 3), the solid's axes in its own frame, where its axis is not z.
     """
@@ -143,11 +157,12 @@ class Solid:
             round_ = abs(along[0] - along[1]) <= SAME * along[0]
             if self.type == BOX:
                 return Fitted(BOX, rotation, self.size * along)
+            # What is not its own mirror image looks along the other way.
+            turn = rotation if np.linalg.det(stretch) > 0.0 else rotation @ np.diag((-1.0, 1.0, -1.0))
             if self.type == PLANE:
-                turn = rotation if np.linalg.det(stretch) > 0.0 else rotation @ np.diag((-1.0, 1.0, -1.0))
                 return Fitted(PLANE, turn, self.size * (along[0], along[1], 0.0))
-            if self.type == CYLINDER and round_:
-                return Fitted(CYLINDER, rotation, self.size * (along[0], along[2], 0.0))
+            if self.type in (CYLINDER, CONE) and round_:
+                return Fitted(self.type, turn, self.size * (along[0], along[2], 0.0))
             if self.type == CAPSULE and round_ and abs(along[0] - along[2]) <= SAME * along[0]:
                 return Fitted(CAPSULE, rotation, self.size * along[0])
         return self._as_surface().fitted(linear)
@@ -159,25 +174,7 @@ class Solid:
         return self._mesh[1]
 
 
-NEEDED = {SPHERE: 1, CAPSULE: 1, CYLINDER: 2, BOX: 3}  # sizes that must not be zero
-
-
-class Cone:
-    """A cone along z, its base at -half and its tip at +half."""
-
-    # Cut finely: the kernels have no cones. When they have, this is a Solid.
-    def __init__(self, name: str, radius: float, half: float, turn: np.ndarray):
-        self.name, self.turn = name, turn
-        self.radius, self.half = radius, half
-        self._surface: tuple[tuple[float, float], Surface] | None = None
-
-    def fitted(self, linear: np.ndarray) -> Fitted | None:
-        if self.radius <= 0.0 or self.half <= 0.0:
-            return None
-        key = (self.radius, self.half)
-        if self._surface is None or self._surface[0] != key:
-            self._surface = key, Surface(self.name, *lathe.cone(*key))
-        return self._surface[1].fitted(linear @ self.turn)
+NEEDED = {SPHERE: 1, CAPSULE: 1, CYLINDER: 2, CONE: 2, BOX: 3}  # sizes that must not be zero
 
 
 def unit(vectors: np.ndarray) -> np.ndarray:
@@ -192,6 +189,8 @@ def _cut(name: str, kind: int, size: np.ndarray) -> Surface:
         return Surface(name, *lathe.box(size))
     if kind == CYLINDER:
         return Surface(name, *lathe.cylinder(size[0], size[0], size[1]))
+    if kind == CONE:
+        return Surface(name, *lathe.cone(size[0], size[1]))
     if kind == CAPSULE:
         return Surface(name, *lathe.capsule(size[0], size[0], size[1]))
     far = np.where(size[:2] > 0.0, size[:2], lathe.FAR)

@@ -65,14 +65,17 @@ class Look:
 
     Attributes:
         name: Its path.
-        color: RGB under its texture, or without one.
+        color: RGB, a factor of its texture.
         opacity: 1 is opaque.
-        roughness: In [0, 1].
+        roughness: In [0, 1]; a factor of its map, as are the next two.
         metallic: In [0, 1].
+        reflectance: Where light falls straight, of what is no metal: 0.04 for an index of refraction of 1.5.
         emission: RGB.
         texture: Index of the image of its colour, or -1.
-        emits: ``texture`` is what it emits.
-        wrap: Of the texture, along u and v.
+        normals: Index of the map of its normals, or -1; see ``kernels/types.py``, ROLE_NORMAL.
+        packed: Index of the map of occlusion, roughness and metalness, or -1; ROLE_PACKED.
+        glow: Index of the image of what it emits, or -1.
+        wrap: Of the textures, along u and v.
     """
 
     name: str
@@ -80,10 +83,18 @@ class Look:
     opacity: float = 1.0
     roughness: float = 0.5
     metallic: float = 0.0
+    reflectance: float = 0.04
     emission: tuple[float, float, float] = (0.0, 0.0, 0.0)
     texture: int = -1
-    emits: bool = False
+    normals: int = -1
+    packed: int = -1
+    glow: int = -1
     wrap: tuple[str, str] = ("repeat", "repeat")
+
+    @property
+    def maps(self) -> tuple[int, ...]:
+        """Beside that of its colour."""
+        return self.normals, self.packed, self.glow
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,10 +109,17 @@ class Lamp:
             what is counted here: of a distant light anywhere, of a dome on a surface that sees all of it, of a local
             one a metre away on its axis.
         near: A local light's square size [m^2]: its strength is strength / (distance^2 + near).
-        one_sided: A local light's strength goes with the cosine to its axis.
+        one_sided: A local light shines to one side only.
         cone: Half angle of its cone [degrees], 180 for none.
         active: Whether it is on.
         casts_shadow: Whether it casts shadows.
+        form: What a local light is: "point", "sphere", "disk", "rectangle" or "cylinder".
+        size: As ``Physical.sizes`` in ``kernels/types.py``.
+        seen: Area that a local light shows [m^2].
+        diffuse: A factor of what it gives to matt surfaces.
+        specular: A factor of its highlights.
+        terms: (SKY_TERMS, 3) radiance of a dome; see ``native/sky.h``.
+        image_gain: From a dome's image to its radiance; zeros without one.
     """
 
     name: str
@@ -113,6 +131,13 @@ class Lamp:
     cone: float = 180.0
     active: bool = True
     casts_shadow: bool = True
+    form: str = "point"
+    size: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    seen: float = 0.0
+    diffuse: float = 1.0
+    specular: float = 1.0
+    terms: np.ndarray | None = None
+    image_gain: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,12 +8,15 @@ import numpy as np
 import warp as wp
 
 from warpcam.accel.meshes import Mesh
+from warpcam.accel.splats import Cloud
 from warpcam.errors import WarpcamError
 from warpcam.kernels import driving
-from warpcam.kernels.types import MESH
-from warpcam.scene import FIELDS, Parts, SceneCamera
+from warpcam.kernels.launch import Stage
+from warpcam.kernels.refit import Tree
+from warpcam.kernels.types import MESH, SKY_TERMS, SPLATS
+from warpcam.scene import Parts, SceneCamera, fields_of
 from warpcam.sources import looks
-from warpcam.sources.forms import Fitted, polar
+from warpcam.sources.forms import Fitted, Surface, polar
 from warpcam.sources.graph import Eye, Graph, Lamp
 from warpcam.sources.notes import Notes
 
@@ -55,12 +58,17 @@ class GraphSource:
             raise WarpcamError(f"{graph.source}: has nothing to draw; {len(graph.items)} shapes came, none is visible")
         self._meshes: dict[int, int] = {}  # by identity: what has been baked is kept by its form
         meshes: list[Mesh] = []
+        clouds: list[Cloud] = []
         for place in kept:
             fit = fits[place]
             mesh = fit.mesh if fit is not None else None
             if mesh is not None and id(mesh) not in self._meshes:
                 self._meshes[id(mesh)] = len(meshes)
                 meshes.append(mesh)
+            cloud = fit.cloud if fit is not None else None
+            if cloud is not None and id(cloud) not in self._meshes:
+                self._meshes[id(cloud)] = len(clouds)
+                clouds.append(cloud)
         self.body_nodes = [index for index, node in enumerate(graph.nodes) if index == 0 or node.body]
         body_of = self._bodies_of_nodes()
         self.labels = _numbered(graph, labels)
@@ -70,7 +78,7 @@ class GraphSource:
             num_worlds=num_worlds,
             shape_types=self._types,
             shape_bodies=np.array([body_of[item.node] for item in self.items], np.int32),
-            drawn=range(len(self.items)),
+            drawn=np.flatnonzero(self._types != SPLATS).tolist(),
             bodies=[graph.nodes[index].name for index in self.body_nodes],
             cameras=[_scene_camera(eye) for eye in graph.eyes],
             num_materials=len(graph.looks),
@@ -79,14 +87,19 @@ class GraphSource:
             height_fields=[],
             textures=graph.textures,
             skybox=graph.skybox,
+            clouds=clouds,
             shape_instances=np.array([graph.nodes[item.node].instance for item in self.items], np.int32),
             shape_semantics=np.array([self._label(item.node) for item in self.items], np.int32),
+            physical=True,
+            maps=any(index >= 0 for look in graph.looks for index in look.maps),
         )
         self._arrays: Mapping[str, wp.array] = {}
         self._own: dict[str, wp.array] = {}
         self._frames: tuple[wp.array, ...] = ()
         self._first: tuple[np.ndarray, np.ndarray] | None = None  # sizes and assets that shapes had at first
         self._turns = np.zeros((0, 3, 3))
+        self._packed: Any = None  # the scene's meshes on the device
+        self._moved: dict[int, tuple[wp.array, Sequence[Stage]]] = {}
         self._make_arrays()
         self._fill(worlds, seen)
         self._notes.say()
@@ -110,6 +123,7 @@ class GraphSource:
 
     def stages(self, meshes: Any) -> tuple[Any, ...]:
         """Nothing moves by itself."""
+        self._packed = meshes
         return ()
 
     def bind(self, state: Any) -> None:
@@ -163,6 +177,7 @@ class GraphSource:
             raise WarpcamError(f"{self.graph.source}: has no time samples")
         self.graph.at_time(time)
         self._fill(self.graph.worlds(), self.graph.seen())
+        self._move_surfaces()
         self._notes.say()
 
     # How the arrays are made.
@@ -196,6 +211,7 @@ class GraphSource:
             "lights": len(self._lamp_order),
             "bodies": len(self.body_nodes),
             "cameras": len(self.graph.eyes),
+            "terms of the sky": SKY_TERMS + 1,
         }
         self._arrays = arrays = {
             name: wp.zeros(
@@ -203,15 +219,16 @@ class GraphSource:
                 dtype=field.dtype,
                 device=self.device,
             )
-            for name, field in FIELDS.items()
+            for name, field in fields_of(self.parts).items()
         }
         headlight = np.zeros((3, 3)) if self.graph.lamps else np.array(looks.HEADLIGHT)
         arrays["headlight"] = wp.array(headlight, dtype=wp.vec3, device=self.device)
         materials = [looks.material_of(look) for look in self.graph.looks]
         self._put("material_color", [looks.UNSET] * len(materials))
-        for name in ("emission", "specular", "shininess"):
+        for name in ("roughness", "metallic", "reflectance", "emissive"):
             self._put(f"material_{name}", [getattr(material, name) for material in materials])
-        self._put("material_texture", [(-1, material.texture) for material in materials])
+        roles = arrays["material_texture"].shape[2]
+        self._put("material_texture", [material.textures[:roles] for material in materials])
         self._put("material_texture_repeat", [(1.0, 1.0)] * len(materials))
         self._put("shape_materials", [item.look for item in self.items])
         colors = [
@@ -230,6 +247,23 @@ class GraphSource:
         self._followers: dict[str, Any] = {}
         self._driven_kinds: list[str] = []
         self.finish_colors()
+
+    def _move_surfaces(self) -> None:
+        """Bring the meshes whose points change with time to where they are now, with their trees."""
+        for form in {id(item.form): item.form for item in self.items}.values():
+            for mesh, points in form.now() if isinstance(form, Surface) and form.moves else ():
+                index = self._meshes.get(id(mesh))
+                if index is None:
+                    continue
+                if index not in self._moved:
+                    array = wp.array(points, dtype=wp.vec3, device=self.device)
+                    assets, bases, by_child = np.array([index]), np.zeros(1, np.int64), self.device.is_cuda
+                    tree = Tree(self._packed, assets, bases, mesh.faces, self.device, by_child)
+                    self._moved[index] = array, tree.record(array)
+                array, stages = self._moved[index]
+                array.assign(points)
+                for stage in stages:
+                    stage.launch()
 
     def _put(self, name: str, rows: Any) -> None:
         """The one row of all worlds."""
@@ -250,13 +284,14 @@ class GraphSource:
             hidden[place] = fit is None or not seen[item.node]
             if fit is None:
                 continue
-            if fit.type != self._types[place] or (fit.mesh is not None and id(fit.mesh) not in self._meshes):
+            asset = fit.mesh if fit.cloud is None else fit.cloud
+            if fit.type != self._types[place] or (asset is not None and id(asset) not in self._meshes):
                 self._notes.warn("changes its stretch with time, and is drawn with the one it had at first", item.name)
                 fit = self._as_before(place, fit)
             self._turns[place] = fit.rotation
             sizes[place] = fit.size
-            if fit.mesh is not None:
-                assets[place] = self._meshes[id(fit.mesh)]
+            if asset is not None and id(asset) in self._meshes:
+                assets[place] = self._meshes[id(asset)]
         if self._first is None:
             self._first = sizes, assets
         assets = np.where(assets < 0, self._first[1], assets)
@@ -286,11 +321,12 @@ class GraphSource:
         middle = self._middle(worlds)
         arriving = [looks.arriving(lamp, worlds[lamp.node, :3, 3], middle) for lamp in lamps]
         order = sorted(range(len(lamps)), key=lambda place: -arriving[place])
-        shining = sum(light > 0.0 for light in arriving)
+        local = [place for place in order if lamps[place].kind != "dome"]
+        shining = sum(arriving[place] > 0.0 for place in local)
         if shining > MAX_SHINING:
             self._notes.warn(f"has {shining} lights, of which the {MAX_SHINING} that give the most light here shine")
         if self._gain is None:  # once: lights that are dimmed later are to be seen dimmer
-            total = sum(arriving[place] for place in order[:MAX_SHINING])
+            total = sum(arriving) - sum(arriving[place] for place in local[MAX_SHINING:])
             self._gain = 1.0 / total if 0.0 < total < np.inf else 1.0
         return order[:MAX_LIGHTS]
 
@@ -300,8 +336,10 @@ class GraphSource:
         return [replace(lamp, active=bool(lamp.active and seen[lamp.node])) for lamp in lamps]
 
     def _light(self, seen: np.ndarray) -> None:
-        for name, rows in looks.light_rows(self._lit(self._lamp_order, seen), self._gain or 1.0).items():
+        lamps = self._lit(self._lamp_order, seen)
+        for name, rows in looks.light_rows(lamps, self._gain or 1.0).items():
             self._put(f"light_{name}", rows)
+        self._put("sky", looks.sky_rows(lamps, self._gain or 1.0))
 
     def _middle(self, worlds: np.ndarray) -> np.ndarray:
         """Of what is drawn, endless things aside, (3,) [m]."""
@@ -325,11 +363,10 @@ class GraphSource:
         for index, node in enumerate(graph.nodes):
             driver[index] = index if index in self._driven else driver[node.parent] if node.parent >= 0 else -1
         lamps = [graph.lamps[place] for place in self._lamp_order]
-        down = np.eye(4)  # a dome's light comes from above
         things: dict[str, list[tuple[int, np.ndarray, np.ndarray | None]]] = {
             "shape": [(item.node, worlds[item.node], self._turns[k]) for k, item in enumerate(self.items)],
             "body": [(node, worlds[node], None) for node in self.body_nodes],
-            "light": [(lamp.node, down if lamp.kind == "dome" else worlds[lamp.node], None) for lamp in lamps],
+            "light": [(lamp.node, worlds[lamp.node], None) for lamp in lamps],
             "camera": [(eye.node, worlds[eye.node], None) for eye in graph.eyes],
         }
         self._driven_kinds = []
@@ -353,8 +390,9 @@ class GraphSource:
 
     def _follow(self, kinds: Sequence[str]) -> None:
         for kind in kinds:
-            second = "directions" if kind == "light" else "rotations"
-            out = [self._arrays[f"{kind}_positions"], self._arrays[f"{kind}_{second}"]]
+            out = [self._arrays[f"{kind}_positions"], self._arrays[f"{kind}_rotations"]]
+            if kind == "light":
+                out.append(self._arrays["light_directions"])
             kernel = driving.follow_lights if kind == "light" else driving.follow
             if out[0].size:
                 wp.launch(kernel, out[0].shape, [self._followers[kind], *self._frames], out, device=self.device)

@@ -2,7 +2,7 @@
 
 import io
 import warnings
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -74,7 +74,7 @@ def named_images(images: Mapping[str, Any]) -> dict[str, TextureImage]:
                     f"textures: {name!r} must be a path or (height, width, 1, 3 or 4) uint8, got {pixels.dtype} "
                     f"{pixels.shape}"
                 )
-        found[str(name)] = TextureImage("2d", pixels)
+        found[str(name)] = TextureImage("2d", pixels, blend_light=True)
     return found
 
 
@@ -139,6 +139,9 @@ def corner_colors(colors: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     left, top = 2 * x[which.reshape(-1)], 2 * y[which.reshape(-1)]
     u = np.stack((left, left + 1, left), axis=1) + 0.5
     v = np.stack((top, top, top + 1), axis=1) + 0.5
+    # One colour has one place: from far away nothing of the colours beside it is mixed in.
+    plain = (colors == colors[:, :1]).all(axis=(1, 2))
+    u[plain], v[plain] = left[plain, None] + 1.0, top[plain, None] + 1.0
     uvs = np.empty((len(colors), 3, 2), np.float32)
     np.put_along_axis(uvs, order[..., None], np.stack((u / (2 * columns), 1.0 - v / (2 * rows)), axis=-1), axis=1)
     return image.reshape(2 * rows, 2 * columns, 3), uvs
@@ -167,4 +170,29 @@ def cube_of_panorama(pixels: np.ndarray, turn: np.ndarray) -> TextureImage:
         column = np.clip(((0.5 - longitude / (2.0 * np.pi)) * width).astype(int) % width, 0, width - 1)
         row = np.clip(((0.5 - latitude / np.pi) * height).astype(int), 0, height - 1)
         cube[face] = pixels[row, column]
-    return TextureImage("cube", cube)
+    return TextureImage("cube", cube, blend_light=True)
+
+
+def packed(channels: Sequence[np.ndarray | None]) -> np.ndarray | None:
+    """Maps of one channel, (height, width) in [0, 1], as the channels of one image, uint8; None is 1, or no image."""
+    known = [channel for channel in channels if channel is not None]
+    if not known:
+        return None
+    size = max(channel.shape[0] for channel in known), max(channel.shape[1] for channel in known)
+    image = np.full((*size, 3), 255, np.uint8)
+    for place, channel in enumerate(channels):
+        if channel is not None:
+            image[..., place] = resized(np.rint(255.0 * np.clip(channel, 0.0, 1.0)).astype(np.uint8), size)
+    return image
+
+
+def resized(channel: np.ndarray, size: tuple[int, int]) -> np.ndarray:
+    """(height, width) uint8 of that size."""
+    if channel.shape == size:
+        return channel
+    return np.asarray(Image.fromarray(channel).resize((size[1], size[0]), Image.Resampling.BILINEAR))
+
+
+def map_of_normals(values: np.ndarray) -> np.ndarray:
+    """Vectors with components in [-1, 1], (height, width, 3), as the kernels have them."""
+    return np.rint(127.5 * (np.clip(values, -1.0, 1.0) + 1.0)).astype(np.uint8)

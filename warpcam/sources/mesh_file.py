@@ -15,11 +15,22 @@ from warpcam.accel.textures import TextureImage
 from warpcam.driven import DrivenScene
 from warpcam.errors import WarpcamError
 from warpcam.sources import looks
-from warpcam.sources.forms import Surface, unit
+from warpcam.sources.forms import Form, Surface, unit
 from warpcam.sources.graph import Graph, Item, Look, Node
 from warpcam.sources.graph_source import GraphSource
-from warpcam.sources.images import ENCODED, LINEAR, UnreadableError, corner_colors, decoded, named_images, pixels_of
+from warpcam.sources.images import (
+    ENCODED,
+    LINEAR,
+    TRANSFER,
+    UnreadableError,
+    corner_colors,
+    decoded,
+    named_images,
+    packed,
+    pixels_of,
+)
 from warpcam.sources.notes import Notes
+from warpcam.sources.splat_form import CloudForm, cloud_of_ply
 
 Y_UP = np.array(((1, 0, 0, 0), (0, 0, -1, 0), (0, 1, 0, 0), (0, 0, 0, 1)), np.float64)
 GLTF = (".glb", ".gltf")
@@ -88,9 +99,9 @@ class _Reader:
     def __init__(self, scene: Any, graph: Graph, is_gltf: bool, notes: Notes):
         self._scene, self._graph, self._is_gltf, self._notes = scene, graph, is_gltf, notes
         self._nodes: dict[Any, int] = {scene.graph.base_frame: 0}
-        self._read: dict[Any, tuple[Surface, int, Any] | None] = {}
+        self._read: dict[Any, tuple[Form, int, Any] | None] = {}
         self._looks: dict[int, int] = {}
-        self._images: dict[int, int] = {}
+        self._images: dict[tuple[Any, ...], int] = {}
 
     def read(self) -> None:
         for name in self._scene.graph.nodes_geometry:
@@ -121,7 +132,13 @@ class _Reader:
             above = self._nodes[child] = len(self._graph.nodes) - 1
         return above
 
-    def _geometry(self, name: str, mesh: Any) -> tuple[Surface, int, Any] | None:
+    def _geometry(self, name: str, mesh: Any) -> tuple[Form, int, Any] | None:
+        raw = mesh.metadata.get("_ply_raw", {}).get("vertex", {}).get("data")
+        cloud = (
+            cloud_of_ply(name, raw) if isinstance(raw, np.ndarray) and isinstance(mesh, trimesh.PointCloud) else None
+        )
+        if cloud is not None:
+            return CloudForm(cloud), -1, None
         if not isinstance(mesh, trimesh.Trimesh):
             self._notes.warn(f"is a {type(mesh).__name__}, which is not drawn", name)
             return None
@@ -177,40 +194,55 @@ class _Reader:
             factor = _factors(material.baseColorFactor)
             metal, rough = material.metallicFactor, material.roughnessFactor
             emission = _factors(material.emissiveFactor, default=0.0)[:3]
-            image = material.baseColorTexture
             return Look(
                 name,
                 color=(factor[0], factor[1], factor[2]),
                 opacity=factor[3] if material.alphaMode == "BLEND" else 1.0,
                 roughness=1.0 if rough is None else float(rough),
                 metallic=1.0 if metal is None else float(metal),
-                emission=(emission[0], emission[1], emission[2]) if material.emissiveTexture is None else (0.0,) * 3,
-                texture=self._image(name, image),
+                emission=(emission[0], emission[1], emission[2]),
+                texture=self._image(name, "color", material.baseColorTexture),
+                normals=self._image(name, "normals", material.normalTexture),
+                packed=self._image(name, "packed", material.metallicRoughnessTexture, material.occlusionTexture),
+                glow=self._image(name, "emission", material.emissiveTexture),
             )
         diffuse = LINEAR[np.asarray(material.main_color, np.uint8)[:3]]
         return Look(
             name,
             (float(diffuse[0]), float(diffuse[1]), float(diffuse[2])),
-            texture=self._image(name, getattr(material, "image", None)),
+            texture=self._image(name, "color", getattr(material, "image", None)),
         )
 
-    def _image(self, name: str, image: Any) -> int:
-        if not isinstance(image, Image.Image):
+    def _image(self, name: str, role: str, *images: Any) -> int:
+        """Index of a texture, or -1. A packed one is made of those of roughness and metalness, and of occlusion."""
+        given = [image if isinstance(image, Image.Image) else None for image in images]
+        if not any(given):
             return -1
-        if id(image) not in self._images:
+        key = (role, *map(id, given))
+        if key not in self._images:
             try:
-                pixels = pixels_of(image)
+                pixels = [None if image is None else pixels_of(image) for image in given]
             except (OSError, ValueError, SyntaxError) as error:
                 self._notes.warn(f"has a texture that cannot be read ({error})", name)
-                self._images[id(image)] = -1
+                self._images[key] = -1
             else:
-                self._images[id(image)] = self._texture(name, pixels)
-        return self._images[id(image)]
+                image = pixels[0]
+                if role == "packed":
+                    rough = None if pixels[0] is None else _channels(pixels[0])
+                    shade = None if pixels[1] is None else _channels(pixels[1])[..., 0]
+                    image = packed([shade, *((None, None) if rough is None else (rough[..., 1], rough[..., 2]))])
+                self._images[key] = -1 if image is None else self._texture(name, image, role in ("color", "emission"))
+        return self._images[key]
 
-    def _texture(self, name: str, pixels: np.ndarray) -> int:
-        self._graph.textures.append(TextureImage("2d", np.ascontiguousarray(pixels)))
+    def _texture(self, name: str, pixels: np.ndarray, color: bool = True) -> int:
+        self._graph.textures.append(TextureImage("2d", np.ascontiguousarray(pixels), blend_light=color))
         self._graph.texture_names.append(name)
         return len(self._graph.textures) - 1
+
+
+def _channels(pixels: np.ndarray) -> np.ndarray:
+    """(height, width, 3) in [0, 1]."""
+    return TRANSFER[np.repeat(pixels, 3, axis=-1) if pixels.shape[2] == 1 else pixels[..., :3]]
 
 
 def _factors(value: Any, default: float = 1.0) -> list[float]:

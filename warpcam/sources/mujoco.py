@@ -13,6 +13,9 @@ from warpcam.kernels.launch import Stage
 from warpcam.kernels.types import Meshes
 from warpcam.scene import FIELDS, Scene
 from warpcam.sources import mujoco_model as model
+from warpcam.sources.mujoco_extras import KINDS, check_kinds, with_extras
+from warpcam.sources.mujoco_layers import with_layers
+from warpcam.sources.mujoco_tables import DTYPES, ExtraTables, names_of
 
 ALIGNMENT = 16  # of each array in the block [bytes]
 
@@ -25,12 +28,29 @@ class MujocoSource:
 
     live_on_device = False
 
-    def __init__(self, mjm: mujoco.MjModel, mjds: Sequence[mujoco.MjData], groups: Collection[int], device: wp.Device):
+    def __init__(
+        self,
+        mjm: mujoco.MjModel,
+        mjds: Sequence[mujoco.MjData],
+        groups: Collection[int],
+        device: wp.Device,
+        draw: Collection[str] = KINDS,
+        reflections: bool | None = None,
+        transparency: bool | None = None,
+    ):
         self.device = device
         self._mjm, self._mjds = mjm, mjds
-        self.parts = model.read_parts(mjm, len(mjds), groups)
+        parts = model.read_parts(mjm, len(mjds), groups)
+        self.parts, extras = with_extras(parts, mjm, groups, check_kinds(draw))
+        self.parts = with_layers(self.parts, mjm, extras, reflections, transparency)
+        self._tables = ExtraTables(extras, len(mjds), len(parts.meshes), device) if extras is not None else None
+        self._data_names = {**model.DATA_NAMES, **names_of(extras)}
         shapes = {name: self._shape(name) for name in FIELDS}
         dtypes = {name: FIELDS[name].dtype for name in FIELDS}
+        for name in names_of(extras):
+            size = wp.types.type_size_in_bytes(DTYPES[name]) // 4  # numbers
+            shapes[name] = len(mjds), getattr(mjds[0], self._data_names[name]).size // size
+            dtypes[name] = DTYPES[name]
         shapes["headlight"], dtypes["headlight"] = (3,), wp.vec3
         starts, total = {}, 0
         for name, shape in shapes.items():
@@ -45,7 +65,7 @@ class MujocoSource:
         self._copied = wp.Event(device) if device.is_cuda else None
 
     def arrays(self) -> Mapping[str, wp.array]:
-        return self._arrays
+        return self._arrays if self._tables is None else self._tables.arrays(self._arrays)
 
     def label(self, field: str) -> str:
         return f"mjd.{model.DATA_NAMES[field]}" if field in model.DATA_NAMES else f"mjm.{model.MODEL_NAMES[field]}"
@@ -57,7 +77,7 @@ class MujocoSource:
         """Copy poses and all else that may change to the device, in order with its current stream."""
         if self._copied is not None:
             wp.synchronize_event(self._copied)  # of the frame before: the staging block is free again
-        for field, name in model.DATA_NAMES.items():
+        for field, name in self._data_names.items():
             staged = self._staged[field]
             for world, mjd in enumerate(self._mjds):
                 staged[world] = getattr(mjd, name).reshape(staged.shape[1:])
@@ -70,7 +90,10 @@ class MujocoSource:
             self.device.stream.record_event(self._copied)
 
     def stages(self, meshes: Meshes) -> tuple[Stage, ...]:
-        return ()
+        if self._tables is None:
+            return ()
+        self._tables.arrays(self._arrays)
+        return self._tables.stages(meshes)
 
     def bind(self, state: Any) -> None:
         raise WarpcamError("bind: this scene reads the data that it was made from; make another scene for another")
@@ -80,6 +103,9 @@ class MujocoSource:
             mujoco.mj_kinematics(self._mjm, mjd)
             mujoco.mj_comPos(self._mjm, mjd)
             mujoco.mj_camlight(self._mjm, mjd)
+            if self._tables is not None:
+                mujoco.mj_flex(self._mjm, mjd)
+                mujoco.mj_tendon(self._mjm, mjd)
 
     def _shape(self, name: str) -> tuple[int, ...]:
         if name in model.DATA_NAMES:
@@ -96,7 +122,15 @@ class MujocoSource:
         return wp.array(ptr=block.ptr + start, shape=shape, dtype=dtype, device=block.device, deleter=keep)
 
 
-def load(mjm: Any, mjd: Any, groups: Collection[int], device: Any) -> Scene:
+def load(
+    mjm: Any,
+    mjd: Any,
+    groups: Collection[int],
+    device: Any,
+    draw: Collection[str] = KINDS,
+    reflections: bool | None = None,
+    transparency: bool | None = None,
+) -> Scene:
     model.check_model(mjm, "mjm")
     several = isinstance(mjd, list | tuple)
     mjds = list(mjd) if several else [mjd]
@@ -111,4 +145,4 @@ def load(mjm: Any, mjd: Any, groups: Collection[int], device: Any) -> Scene:
                 f"{which} was made from another model than mjm: it has {data.geom_xpos.shape[0]} geoms and "
                 f"{data.xpos.shape[0]} bodies, mjm has {mjm.ngeom} and {mjm.nbody}"
             )
-    return Scene(MujocoSource(mjm, mjds, groups, device_rule.resolve(device)))
+    return Scene(MujocoSource(mjm, mjds, groups, device_rule.resolve(device), draw, reflections, transparency))

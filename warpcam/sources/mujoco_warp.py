@@ -14,6 +14,9 @@ from warpcam.kernels.launch import Stage
 from warpcam.kernels.types import Meshes
 from warpcam.scene import Scene
 from warpcam.sources import mujoco_model as model
+from warpcam.sources.mujoco_extras import KINDS, check_kinds, with_extras
+from warpcam.sources.mujoco_layers import with_layers
+from warpcam.sources.mujoco_tables import ExtraTables, names_of
 
 NAMES = (*model.DATA_NAMES, *model.MODEL_NAMES, "headlight")
 # Asked every frame: one call for all.
@@ -25,7 +28,16 @@ class MujocoWarpSource:
 
     live_on_device = True
 
-    def __init__(self, mjm: mujoco.MjModel, m: mjw.Model, d: mjw.Data, groups: Collection[int]):
+    def __init__(
+        self,
+        mjm: mujoco.MjModel,
+        m: mjw.Model,
+        d: mjw.Data,
+        groups: Collection[int],
+        draw: Collection[str] = KINDS,
+        reflections: bool | None = None,
+        transparency: bool | None = None,
+    ):
         model.check_model(mjm, "mjm")
         if not isinstance(m, mjw.Model):
             raise WarpcamError(f"m must be a mujoco_warp.Model, got {type(m).__name__}")
@@ -40,12 +52,27 @@ class MujocoWarpSource:
         self.device: wp.Device = d.geom_xpos.device
         device_rule.require_same(self.device, "d is", m.geom_size.device, "m")
         self._m, self._d = m, d
-        self.parts = model.read_parts(mjm, d.nworld, groups)
+        parts = model.read_parts(mjm, d.nworld, groups)
+        self.parts, extras = with_extras(parts, mjm, groups, check_kinds(draw))
+        colors = (array.numpy() for array in (m.geom_rgba, m.geom_matid, m.mat_rgba))
+        self.parts = with_layers(self.parts, mjm, extras, reflections, transparency, *colors)
+        self._tables = ExtraTables(extras, d.nworld, len(parts.meshes), self.device) if extras is not None else None
+        names = names_of(extras)
+        self._names = (*NAMES, *names)
+        self._of_extras = attrgetter(*names.values(), "nworld", "nworld")  # never less than two: always a tuple
         self._headlight = wp.array(model.headlight(mjm), dtype=wp.vec3, device=self.device)
         self._ambient = model.global_ambient(mjm)
 
     def arrays(self) -> Mapping[str, wp.array]:
-        return dict(zip(NAMES, (*of_data(self._d), *of_model(self._m), self._headlight), strict=True))
+        if self._tables is None:
+            return dict(zip(NAMES, (*of_data(self._d), *of_model(self._m), self._headlight), strict=True))
+        return self._tables.arrays(self._live())
+
+    def _live(self) -> Mapping[str, wp.array]:
+        """The simulator's own arrays, with those of what is no geom."""
+        extras = self._of_extras(self._d)[:-2]
+        values = (*of_data(self._d), *of_model(self._m), self._headlight, *extras)
+        return dict(zip(self._names, values, strict=True))
 
     def label(self, field: str) -> str:
         return f"d.{model.DATA_NAMES[field]}" if field in model.DATA_NAMES else f"m.{model.MODEL_NAMES[field]}"
@@ -57,7 +84,10 @@ class MujocoWarpSource:
         pass
 
     def stages(self, meshes: Meshes) -> tuple[Stage, ...]:
-        return ()
+        if self._tables is None:
+            return ()
+        self._tables.arrays(self._live())
+        return self._tables.stages(meshes)
 
     def bind(self, state: Any) -> None:
         raise WarpcamError("bind: this scene reads the data that it was made from; make another scene for another")
@@ -67,7 +97,18 @@ class MujocoWarpSource:
             mjw.kinematics(self._m, self._d)
             mjw.com_pos(self._m, self._d)
             mjw.camlight(self._m, self._d)
+            if self._tables is not None:
+                mjw.flex(self._m, self._d)
+                mjw.tendon(self._m, self._d)
 
 
-def load(mjm: Any, m: Any, d: Any, groups: Collection[int]) -> Scene:
-    return Scene(MujocoWarpSource(mjm, m, d, groups))
+def load(
+    mjm: Any,
+    m: Any,
+    d: Any,
+    groups: Collection[int],
+    draw: Collection[str] = KINDS,
+    reflections: bool | None = None,
+    transparency: bool | None = None,
+) -> Scene:
+    return Scene(MujocoWarpSource(mjm, m, d, groups, draw, reflections, transparency))

@@ -1,6 +1,7 @@
 """Newton: worlds whose state already lies in Warp arrays, one list over all worlds."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import newton
@@ -15,9 +16,11 @@ from warpcam.kernels.launch import Stage
 from warpcam.kernels.refit import Tree
 from warpcam.light import Light, light_arrays
 from warpcam.mounting import per_world
-from warpcam.scene import FIELDS, Parts, Scene
-from warpcam.sources.newton_model import Layout, read_layout
+from warpcam.scene import FIELDS, PHYSICAL_FIELDS, Parts, Scene
+from warpcam.sources.newton_labels import read_labels
+from warpcam.sources.newton_model import PLAIN, Layout, read_layout
 from warpcam.sources.newton_soft import Soft, read_soft
+from warpcam.sources.newton_visual import Moves, Visual, read_visuals, with_visuals
 
 MAX_BOUND = 8  # states whose stages are kept
 # The arrays of a model that are read each frame: field of FlatShapes, dtype.
@@ -39,6 +42,7 @@ LIVE_SOFT: Mapping[str, tuple[str, Any]] = {
 SOFT_ID, PARTICLE_ID = -3, -2
 DOWN = (-0.57735026, 0.57735026, -0.57735026)  # where Newton's own light shines where z is up
 AMBIENT = (0.2, 0.2, 0.2)
+REFLECTANCE = 0.04  # of what is no metal, where light falls straight
 
 
 class NewtonSource:
@@ -46,16 +50,34 @@ class NewtonSource:
 
     live_on_device = True
 
-    def __init__(self, model: newton.Model, state: newton.State, lights: Sequence[Light] | None, ambient: Any):
+    def __init__(
+        self,
+        model: newton.Model,
+        state: newton.State,
+        lights: Sequence[Light] | None,
+        ambient: Any,
+        semantics: Mapping[str, int] | None,
+    ):
         self.device: wp.Device = model.device
         self._model = model
         self._check_state(state)
         layout = read_layout(model)
-        soft = read_soft(model)
+        visuals = read_visuals(model)
+        soft = with_visuals(read_soft(model, visuals.particles), visuals)
+        first_finish, first_texture = len(layout.finishes), len(layout.textures)
+        layout = replace(
+            layout,
+            textures=[*layout.textures, *visuals.textures],
+            finishes=[
+                *layout.finishes,
+                *((*PLAIN[:2], first_texture + texture) for texture in range(len(visuals.textures))),
+            ],
+        )
         num_worlds = model.world_count
         if lights is None:
             lights = (default_light(model),)
-        tables = Columns(layout, soft)
+        tables = Columns(layout, soft, first_finish)
+        instances, marks = read_labels(model, tables.ids, tables.bodies, semantics)
         self._arrays = _tables(layout, tables, num_worlds, self.device)
         self._arrays.update(light_arrays(lights, num_worlds, self.device))
         headlight = np.zeros((3, 3), np.float32)
@@ -65,19 +87,23 @@ class NewtonSource:
             num_worlds=num_worlds,
             shape_types=tables.kinds,
             shape_bodies=np.full(len(tables.kinds), -1, np.int32),
-            drawn=range(len(tables.kinds)),
+            drawn=np.flatnonzero(tables.kinds != types.SPLATS).tolist(),
             bodies=layout.body_names,
             cameras=(),
-            num_materials=1 + len(layout.textures),
+            num_materials=len(layout.finishes),
             num_lights=len(lights),
             meshes=[*layout.meshes, *soft.meshes()],
             height_fields=layout.height_fields,
             textures=layout.textures,
+            shape_instances=instances,
+            shape_semantics=marks,
             shape_ids=tables.ids,
             body_ids=tables.bodies,
             body_labels=model.body_label,
             body_places=layout.body_places,
             scaled=True,
+            physical=True,
+            clouds=layout.clouds,
         )
         self._out = WorldShapes()
         self._out.ids = wp.array(layout.ids, dtype=wp.int32, ndim=2, device=self.device)
@@ -99,6 +125,7 @@ class NewtonSource:
         self._read: tuple[Any, ...] = ()
         self._bound: tuple[Stage, ...] = ()
         self._soft, self._first_soft = soft, len(layout.meshes)
+        self._visual = {part: Moves(part, self.device) for part in soft.parts if isinstance(part, Visual)}
         self._trees: list[Tree] | None = None
 
     def arrays(self) -> Mapping[str, wp.array]:
@@ -123,8 +150,8 @@ class NewtonSource:
         if stages is None:
             if len(self._stages) >= MAX_BOUND:
                 self._stages.pop(next(iter(self._stages)))
-            moved = [stage for tree in self._move(meshes) for stage in tree.record(self._state.particle_q)]
-            stages = (record_gather(self._flat(), self._out, self.device), *moved)
+            flat = self._flat()
+            stages = (record_gather(flat, self._out, self.device), *self._record_soft(meshes, flat))
         self._stages[key] = stages
         self._read, self._bound = read, stages
         return stages
@@ -136,6 +163,16 @@ class NewtonSource:
     def forward(self) -> None:
         newton.eval_fk(self._model, self._state.joint_q, self._state.joint_qd, self._state)
 
+    def _record_soft(self, meshes: types.Meshes, flat: FlatShapes) -> list[Stage]:
+        stages = []
+        for part, tree in zip(self._soft.parts, self._move(meshes), strict=True):
+            if not isinstance(part, Visual):
+                stages += tree.record(flat.points)
+            else:
+                moves = self._visual[part]
+                stages += [*moves.record(flat.points, flat.body_transforms), *tree.record(moves.points, moves.normals)]
+        return stages
+
     def _move(self, meshes: types.Meshes) -> list[Tree]:
         """The trees of the surfaces that move, made when the scene's meshes are there."""
         if self._trees is None:
@@ -143,7 +180,8 @@ class NewtonSource:
             for part in self._soft.parts:
                 assets = np.arange(first, first + len(part.worlds))
                 bases, by_child = np.asarray(part.bases), self.device.is_cuda
-                self._trees.append(Tree(meshes, assets, bases, part.faces, self.device, by_child))
+                shading = part.shading if isinstance(part, Visual) else None
+                self._trees.append(Tree(meshes, assets, bases, part.faces, self.device, by_child, shading))
                 first += len(part.worlds)
         return self._trees
 
@@ -170,21 +208,19 @@ class NewtonSource:
     def _check_state(self, state: Any) -> None:
         if not isinstance(state, newton.State):
             raise WarpcamError(f"state must be a newton.State, got {type(state).__name__}")
-        count = self._model.body_count
-        found = 0 if state.body_q is None else state.body_q.shape[0]
-        if found != count:
-            raise WarpcamError(
-                f"state was made from another model: it has {found} bodies, model has {count}; model.state() makes one"
-            )
-        if state.body_q is not None:
-            device_rule.require_same(self.device, "model is", state.body_q.device, "state")
-        count = self._model.particle_count
-        found = 0 if state.particle_q is None else state.particle_q.shape[0]
-        if found != count:
-            raise WarpcamError(
-                f"state was made from another model: it has {found} particles, model has {count}; model.state() makes "
-                "one"
-            )
+        model = self._model
+        for what, count, array in (
+            ("bodies", model.body_count, state.body_q),
+            ("particles", model.particle_count, state.particle_q),
+        ):
+            found = 0 if array is None else array.shape[0]
+            if found != count:
+                raise WarpcamError(
+                    f"state was made from another model: it has {found} {what}, model has {count}; model.state() makes "
+                    "one"
+                )
+            if array is not None:
+                device_rule.require_same(self.device, "model is", array.device, "state")
 
 
 def default_light(model: newton.Model) -> Light:
@@ -196,7 +232,7 @@ def default_light(model: newton.Model) -> Light:
 class Columns:
     """The columns of all that is drawn: shapes, soft surfaces, particles."""
 
-    def __init__(self, layout: Layout, soft: Soft):
+    def __init__(self, layout: Layout, soft: Soft, first_finish: int):
         num_worlds, shapes = layout.ids.shape
         width, loose = soft.num_columns, soft.particles
         self.faces = np.full((num_worlds, width), -1, np.int32)
@@ -210,7 +246,7 @@ class Columns:
         self.kinds = np.concatenate(
             (layout.kinds, np.full(width, types.MESH), np.full(loose.shape[1], types.SPHERE))
         ).astype(np.int32)
-        soft_ids = np.where(self.faces >= 0, SOFT_ID, -1)
+        soft_ids = np.where(self.faces != -1, SOFT_ID, -1)
         self.ids = np.hstack((layout.ids, soft_ids, np.where(loose >= 0, PARTICLE_ID, -1))).astype(np.int32)
         none = np.full((num_worlds, len(self.kinds) - shapes), -1, np.int32)
         self.bodies = np.hstack((layout.shape_bodies, none)).astype(np.int32)
@@ -219,16 +255,19 @@ class Columns:
         own = np.broadcast_to(layout.assets, (rows, shapes))
         self.assets = np.hstack((own, assets[:rows], beside)).astype(np.int32)
         plain = np.zeros((len(layout.materials), len(self.kinds) - shapes), np.int32)
+        for part in soft.parts:
+            if isinstance(part, Visual) and part.texture >= 0:
+                plain[:, part.column] = first_finish + part.texture
         self.materials = np.hstack((layout.materials, plain)).astype(np.int32)
 
 
 def _tables(layout: Layout, tables: Columns, num_worlds: int, device: wp.Device) -> dict[str, wp.array]:
     """The live arrays but those of lights, with what the gathering does not write."""
-    columns, places, materials = len(tables.kinds), len(layout.body_names), 1 + len(layout.textures)
+    columns, places, materials = len(tables.kinds), len(layout.body_names), len(layout.finishes)
     widths = {"shapes": columns, "bodies": places, "cameras": 0, "materials": materials}
     arrays = {
         name: wp.zeros((num_worlds, widths[field.rows], *field.more), dtype=field.dtype, device=device)
-        for name, field in FIELDS.items()
+        for name, field in (FIELDS | PHYSICAL_FIELDS).items()
         if field.rows in widths and name not in ("shape_assets", "shape_materials")
     }
     arrays["shape_assets"] = wp.array(tables.assets, dtype=wp.int32, ndim=2, device=device)
@@ -237,12 +276,17 @@ def _tables(layout: Layout, tables: Columns, num_worlds: int, device: wp.Device)
     arrays["material_color"].fill_(wp.vec4(0.5, 0.5, 0.5, 1.0))
     arrays["material_texture_repeat"].fill_(wp.vec2(1.0, 1.0))
     textures = np.full((num_worlds, materials, 2), -1, np.int32)
-    textures[:, 1:, 1] = np.arange(len(layout.textures))
+    rough, metal, images = zip(*layout.finishes, strict=True)
+    textures[:, :, types.ROLE_COLOR] = images
     arrays["material_texture"].assign(textures)
+    for name, values in (("roughness", rough), ("metallic", metal)):
+        arrays[f"material_{name}"].assign(np.tile(np.float32(values), (num_worlds, 1)))
+    arrays["material_reflectance"].fill_(REFLECTANCE)
+    arrays["sky"] = wp.zeros((1, types.SKY_TERMS + 1), dtype=wp.vec3, device=device)
     return arrays
 
 
-def load(model: Any, state: Any, lights: Any, ambient: Any) -> Scene:
+def load(model: Any, state: Any, lights: Any, ambient: Any, semantics: Any) -> Scene:
     if not isinstance(model, newton.Model):
         raise WarpcamError(f"model must be a newton.Model, got {type(model).__name__}")
-    return Scene(NewtonSource(model, state, lights, ambient))
+    return Scene(NewtonSource(model, state, lights, ambient, semantics))

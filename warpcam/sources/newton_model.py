@@ -11,13 +11,15 @@ import numpy as np
 
 from warpcam.accel.heightfields import HeightField
 from warpcam.accel.meshes import Mesh, face_normals
+from warpcam.accel.splats import Cloud
 from warpcam.accel.textures import TextureImage
 from warpcam.errors import WarpcamError
 from warpcam.kernels import types
 from warpcam.sources.columns import columns_of, places_of
+from warpcam.sources.newton_splats import read_cloud
 
 GEO = newton.GeoType
-# Newton's shapes in our words; the others are not drawn.
+# Newton's shapes in our words.
 KINDS = {
     GEO.PLANE: types.PLANE,
     GEO.HFIELD: types.HEIGHT_FIELD,
@@ -29,8 +31,9 @@ KINDS = {
     GEO.MESH: types.MESH,
     GEO.CONE: types.CONE,
     GEO.CONVEX_MESH: types.MESH,
+    GEO.GAUSSIAN: types.SPLATS,
 }
-NAMED = 5  # shapes that a note names at most
+PLAIN = (0.5, 0.0, -1)  # roughness, metalness and texture of what says nothing of them
 CAP_GAP = 1e-3  # how far the base of a height field is below its lowest place, of its size: Newton's own renderer's
 
 
@@ -42,8 +45,9 @@ class Layout:
         ids: (world, column) int32, shapes; -1 where a world has none.
         kinds: (column,) int32.
         shape_bodies: (world, column) int32, the shapes' bodies.
-        assets: (world or 1, column) int32, index of the mesh or height field, or -1.
-        materials: (world or 1, column) int32; 0 is plain, the others have ``textures``, one each.
+        assets: (world or 1, column) int32, index of the mesh, height field or cloud, or -1.
+        materials: (world or 1, column) int32, places in ``finishes``; 0 is plain.
+        finishes: Roughness, metalness and texture, -1 for none, of each material.
         bodies: (world, place) int32, bodies; -1 where a world has none.
         body_names: Of the places.
         body_places: (body,) int32.
@@ -57,6 +61,8 @@ class Layout:
     meshes: Sequence[Mesh]
     height_fields: Sequence[HeightField]
     textures: Sequence[TextureImage]
+    finishes: Sequence[tuple[float, float, int]]
+    clouds: Sequence[Cloud]
     bodies: np.ndarray
     body_names: Sequence[str]
     body_places: np.ndarray
@@ -72,12 +78,12 @@ def read_layout(model: newton.Model) -> Layout:
         for theirs, ours in KINDS.items():
             kinds[geo == int(theirs)] = ours
         kinds[(kinds == types.CYLINDER) & (model.shape_scale.numpy()[:, 2] > 0.0)] = types.BARREL
-        _note_undrawn(model, geo)
+        _note_variants(model)
     ids, of_column = columns_of(worlds, kinds, num_worlds)
 
     assets, materials = np.full(count + 1, -1, np.int32), np.zeros(count + 1, np.int32)
     sources = Sources()
-    for shape in np.flatnonzero(np.isin(kinds, (types.MESH, types.HEIGHT_FIELD))):
+    for shape in np.flatnonzero(np.isin(kinds, (types.MESH, types.HEIGHT_FIELD, types.SPLATS))):
         source = model.shape_source[shape]
         if source is not None:
             convex = geo[shape] == int(GEO.CONVEX_MESH)
@@ -94,6 +100,8 @@ def read_layout(model: newton.Model) -> Layout:
         meshes=sources.meshes,
         height_fields=sources.height_fields,
         textures=sources.textures,
+        finishes=list(sources.finishes),
+        clouds=sources.clouds,
         bodies=places,
         body_names=names,
         body_places=place_of_body,
@@ -101,28 +109,33 @@ def read_layout(model: newton.Model) -> Layout:
 
 
 class Sources:
-    """Meshes, height fields and textures, each kept once."""
+    """Meshes, height fields, clouds and textures, each kept once."""
 
     def __init__(self) -> None:
         self.meshes: list[Mesh] = []
         self.height_fields: list[HeightField] = []
         self.textures: list[TextureImage] = []
+        self.clouds: list[Cloud] = []
         self._known: dict[tuple[int, bool], tuple[int, int]] = {}
         self._meshes: dict[tuple[bytes, ...], int] = {}
-        self._materials: dict[Any, int] = {}
+        self._images: dict[Any, int] = {}
+        self.finishes: dict[tuple[float, float, int], int] = {PLAIN: 0}
 
     def add(self, source: Any, convex: bool, label: str) -> tuple[int, int]:
-        """Index of a mesh or a height field among its kind, and its material."""
+        """Index of a mesh, a height field or a cloud among its kind, and its material."""
         key = (id(source), convex)
         if key not in self._known:
             if isinstance(source, newton.Heightfield):
                 self.height_fields.append(_height_field(source, label))
                 self._known[key] = len(self.height_fields) - 1, 0
+            elif isinstance(source, newton.Gaussian):
+                self.clouds.append(read_cloud(source, label))
+                self._known[key] = len(self.clouds) - 1, 0
             elif isinstance(source, newton.Mesh):
                 self._known[key] = self._mesh(source, convex, label), self._material(source, convex, label)
             else:
                 raise WarpcamError(
-                    f"model: the source of shape '{label}' must be a newton.Mesh or Heightfield, got "
+                    f"model: the source of shape '{label}' must be a newton.Mesh, Heightfield or Gaussian, got "
                     f"{type(source).__name__}"
                 )
         return self._known[key]
@@ -137,27 +150,39 @@ class Sources:
         return self._meshes[key]
 
     def _material(self, source: newton.Mesh, convex: bool, label: str) -> int:
+        rough, metal = source.roughness, source.metallic
+        finish = (
+            PLAIN[0] if rough is None else float(np.clip(rough, 0.0, 1.0)),
+            PLAIN[1] if metal is None else float(np.clip(metal, 0.0, 1.0)),
+            self._texture(source, convex, label),
+        )
+        return self.finishes.setdefault(finish, len(self.finishes))
+
+    def _texture(self, source: newton.Mesh, convex: bool, label: str) -> int:
         texture = source.texture
         if texture is None:
-            return 0
+            return -1
         if source.uvs is None or convex:
             _warn("shape '%s': its texture is not drawn, as its mesh has no texture coordinates", label)
-            return 0
+            return -1
         key = str(texture) if isinstance(texture, str | Path) else id(texture)
-        if key not in self._materials:
+        if key not in self._images:
             pixels = None
             try:
-                pixels = newton.utils.normalize_texture(newton.utils.load_texture(texture), require_channels=True)
+                image = newton.utils.load_texture(texture)
+                if image is not None and image.ndim == 3 and image.shape[2] == 1:
+                    image = image[..., 0]
+                pixels = newton.utils.normalize_texture(image, require_channels=True)
             except (OSError, ValueError, IndexError) as error:
                 _warn("shape '%s': %s", label, error)
             if pixels is None:
                 what = texture if isinstance(texture, str | Path) else "image"
                 _warn("shape '%s': its texture %s cannot be read; its colour is drawn", label, what)
-                self._materials[key] = 0
+                self._images[key] = -1
             else:
-                self.textures.append(TextureImage("2d", pixels))
-                self._materials[key] = len(self.textures)
-        return self._materials[key]
+                self._images[key] = len(self.textures)
+                self.textures.append(TextureImage("2d", pixels, blend_light=True))
+        return self._images[key]
 
 
 def _mesh(source: newton.Mesh, convex: bool, label: str) -> Mesh:
@@ -206,12 +231,7 @@ def _rows(table: np.ndarray) -> np.ndarray:
     return table[:1] if (table == table[:1]).all() else table
 
 
-def _note_undrawn(model: newton.Model, geo: np.ndarray) -> None:
-    undrawn = np.flatnonzero(geo == int(GEO.GAUSSIAN))
-    if len(undrawn):
-        names = ", ".join(f"'{model.shape_label[shape]}'" for shape in undrawn[:NAMED])
-        more = f" and {len(undrawn) - NAMED} more" if len(undrawn) > NAMED else ""
-        _warn("Gaussian splats are not drawn: shapes %s%s", names, more)
+def _note_variants(model: newton.Model) -> None:
     if model.body_variant is not None and (model.body_variant.numpy() >= 0).any():
         _warn("body variants are drawn as they are now; others that are selected later are not seen")
 

@@ -34,6 +34,9 @@ class Part:
     bases: list[int] = field(default_factory=list)
     triangles: list[int] = field(default_factory=list)
 
+    def mesh(self) -> Mesh:
+        return Mesh(f"soft part {self.column}", self.vertices, self.faces, moves=True)
+
 
 @dataclass(frozen=True, eq=False)
 class Soft:
@@ -51,20 +54,18 @@ class Soft:
 
     def meshes(self) -> list[Mesh]:
         """Part by part, one for each world that has it."""
-        return [
-            Mesh(f"soft part {part.column}", part.vertices, part.faces, moves=True)
-            for part in self.parts
-            for _ in part.worlds
-        ]
+        return [part.mesh() for part in self.parts for _ in part.worlds]
 
 
-def read_soft(model: newton.Model) -> Soft:
+def read_soft(model: newton.Model, covered: np.ndarray) -> Soft:
+    """What is simulated and seen.
+
+    Args:
+        model: All of it.
+        covered: (particle,) bool, on which something hangs that is to be seen instead: surfaces that hang together with
+            these are left out.
+    """
     num_worlds = model.world_count
-    if model.deformable_visual_meshes:
-        logging.getLogger("warpcam").warning(
-            "from_newton: %d deformable visual meshes are not drawn; the surfaces that are simulated are",
-            len(model.deformable_visual_meshes),
-        )
     nothing = np.full((num_worlds, 0), -1, np.int32)
     if not model.particle_count:
         return Soft((), 0, nothing)
@@ -80,14 +81,28 @@ def read_soft(model: newton.Model) -> Soft:
                 f"{triangles.max()}"
             )
         bound[triangles.reshape(-1)] = True
+        elements = [triangles]
         if model.tet_count:
-            bound[model.tet_indices.numpy().reshape(-1)] = True
-        parts = _parts(triangles, worlds, positions)
+            elements.append(model.tet_indices.numpy().reshape(-1, 4))
+            bound[elements[1].reshape(-1)] = True
+        triangles, numbers = _uncovered(elements, covered)
+        parts = _parts(triangles, numbers, worlds, positions) if len(triangles) else []
     loose = np.flatnonzero(~bound)
     return Soft(parts, 1 + max((part.column for part in parts), default=-1), _particles(loose, worlds, num_worlds))
 
 
-def _parts(triangles: np.ndarray, worlds: np.ndarray, positions: np.ndarray) -> list[Part]:
+def _uncovered(elements: list[np.ndarray], covered: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The triangles, first of the elements, that hang together with nothing that is covered, and their numbers."""
+    reached, count = covered.copy(), -1
+    while count != reached.sum():
+        count = reached.sum()
+        for element in elements if count else ():
+            reached[element[reached[element].any(axis=1)]] = True
+    numbers = np.flatnonzero(~reached[elements[0]].any(axis=1))
+    return elements[0][numbers], numbers
+
+
+def _parts(triangles: np.ndarray, numbers: np.ndarray, worlds: np.ndarray, positions: np.ndarray) -> list[Part]:
     of_triangle = worlds[triangles[:, 0]]
     order = np.argsort(of_triangle, kind="stable")
     known: dict[bytes, list[Part]] = {}
@@ -102,7 +117,7 @@ def _parts(triangles: np.ndarray, worlds: np.ndarray, positions: np.ndarray) -> 
             known[key], starts[key] = [], []
             for number, label in enumerate(np.unique(labels)):
                 faces = own[labels == label]
-                if not _is_closed(faces):
+                if not is_closed(faces):
                     faces = np.concatenate((faces, faces[:, ::-1]))
                 vertices = positions[base : base + int(own.max()) + 1].astype(np.float32)
                 known[key].append(Part(np.ascontiguousarray(faces, np.int32), vertices, shared + number))
@@ -112,7 +127,7 @@ def _parts(triangles: np.ndarray, worlds: np.ndarray, positions: np.ndarray) -> 
         for part, start in zip(known[key], starts[key], strict=True):
             part.worlds.append(world)
             part.bases.append(base)
-            part.triangles.append(int(block[start]))
+            part.triangles.append(int(numbers[block[start]]))
     return [part for parts in known.values() for part in parts]
 
 
@@ -132,7 +147,7 @@ def _components(faces: np.ndarray) -> np.ndarray:
     return found if len(np.unique(found)) <= MAX_PARTS else np.zeros(len(faces), np.int64)
 
 
-def _is_closed(faces: np.ndarray) -> bool:
+def is_closed(faces: np.ndarray) -> bool:
     """Whether each edge is there once each way round."""
     edges = np.concatenate((faces[:, (0, 1)], faces[:, (1, 2)], faces[:, (2, 0)])).astype(np.int64)
     width = int(faces.max()) + 1

@@ -6,6 +6,7 @@ from collections.abc import Callable
 import numpy as np
 from pxr import Sdf, Usd, UsdLux
 
+from warpcam.sources import looks
 from warpcam.sources.graph import Lamp
 from warpcam.sources.notes import Notes
 
@@ -26,6 +27,7 @@ def read_light(
     scale: float,
     notes: Notes,
     mean_of: Callable[[Sdf.AssetPath, str], np.ndarray | None],
+    sky_of: Callable[[Sdf.AssetPath, str], np.ndarray | None],
 ) -> Lamp:
     """The light at a time.
 
@@ -36,7 +38,8 @@ def read_light(
         time: When.
         scale: Metres in one unit of its own.
         notes: Where approximations are told.
-        mean_of: The mean linear colour of an image, for domes.
+        mean_of: The mean linear colour of an image.
+        sky_of: The terms of a dome's image, (SKY_TERMS, 3).
     """
 
     def value(attribute: str, default: float) -> float:
@@ -49,39 +52,50 @@ def read_light(
     color = np.array(api.GetColorAttr().Get(time) or (1.0, 1.0, 1.0), np.float64)
     if api.GetEnableColorTemperatureAttr().Get(time):
         color = color * np.array(UsdLux.BlackbodyTemperatureAsRgb(value("colorTemperature", 6500.0)))
-    radiance = color * value("intensity", 1.0) * 2.0 ** value("exposure", 0.0) * value("diffuse", 1.0)
+    radiance = color * value("intensity", 1.0) * 2.0 ** value("exposure", 0.0)
     normalize = bool(api.GetNormalizeAttr().Get(time))
     shadow = prim.GetAttribute("inputs:shadow:enable")
     casts = not (shadow and shadow.Get(time) is False)
     cone = prim.GetAttribute("inputs:shaping:cone:angle")
     angle = float(cone.Get(time)) if cone and cone.HasAuthoredValue() else 180.0
-    near, one_sided, shape = 0.0, False, "local"
+    near, one_sided, shape, form, size, seen = 0.0, False, "local", "point", (0.0, 0.0, 0.0), 0.0
+    terms: np.ndarray | None = None
+    image_gain = np.zeros(3)
     if kind in SUN:
         shape = "distant"
         half = math.radians(0.5 * min(max(value("angle", 0.53), 0.0), 180.0))
         # A disk in the sky of this size gives its radiance times pi sin(half)^2 of irradiance.
         factor = 1.0 / math.pi if normalize or half == 0.0 else math.sin(half) ** 2
+        size = (math.sin(half) ** 2, 0.0, 0.0)
     elif kind in DOME:
         shape, factor = "dome", 1.0
         texture = prim.GetAttribute("inputs:texture:file").Get(time)
+        terms = looks.even_sky(radiance)
         if texture is not None and texture.path:
-            mean = mean_of(texture, name)
-            radiance = radiance * (mean if mean is not None else 1.0)
+            image = sky_of(texture, name)
+            if image is not None:
+                image_gain, terms = radiance, radiance * image
+                radiance = terms[0]
     elif kind in LOCAL:
         if kind == "SphereLight":
             radius = value("radius", 0.5)
             area, seen = 4.0 * math.pi * radius**2, math.pi * radius**2
             as_point = prim.GetAttribute("treatAsPoint").Get(time)
+            form, size = "sphere", (radius, 0.0, 0.0)
         elif kind == "CylinderLight":
             radius, length = value("radius", 0.5), value("length", 1.0)
             area, seen = 2.0 * math.pi * radius * length, 2.0 * radius * length
             as_point = prim.GetAttribute("treatAsLine").Get(time)
+            form, size = "cylinder", (radius, 0.5 * length, 0.0)
         elif kind == "DiskLight":
-            area = seen = math.pi * value("radius", 0.5) ** 2
+            radius = value("radius", 0.5)
+            area = seen = math.pi * radius**2
             as_point, one_sided = False, True
+            form, size = "disk", (radius, 0.0, 0.0)
         else:
             area = seen = value("width", 1.0) * value("height", 1.0)
             as_point, one_sided = False, True
+            form, size = "rectangle", (0.5 * value("width", 1.0), 0.5 * value("height", 1.0), 0.0)
             texture = prim.GetAttribute("inputs:texture:file")
             if texture and texture.Get(time) is not None and texture.Get(time).path:
                 mean = mean_of(texture.Get(time), name)
@@ -92,10 +106,31 @@ def read_light(
         else:
             factor = seen / math.pi if not as_point else 1.0 / math.pi
         near = seen / math.pi if one_sided else 0.0
-        notes.remark("lights as from a point, brighter and darker as its size has it, with hard shadows", name)
+        size = (size[0] * scale, size[1] * scale, 0.0)
+        if as_point or not seen > 0.0:
+            form = "point"
+        else:
+            notes.remark("casts hard shadows, as from its middle", name)
     else:
         notes.warn(f"is a light of type {kind}, which gives no light here", name)
         return Lamp(name, node, "distant", (0.0, 0.0, 0.0), active=False)
     strength = np.maximum(np.nan_to_num(radiance * factor, posinf=0.0, neginf=0.0), 0.0)
     red, green, blue = (float(channel) for channel in strength)
-    return Lamp(name, node, shape, (red, green, blue), near, one_sided, angle, True, casts)
+    gain = [float(channel) for channel in np.nan_to_num(image_gain, posinf=0.0, neginf=0.0)]
+    return Lamp(
+        name,
+        node,
+        shape,
+        (red, green, blue),
+        near,
+        one_sided,
+        angle,
+        casts_shadow=casts,
+        form=form,
+        size=size,
+        seen=seen,
+        diffuse=value("diffuse", 1.0),
+        specular=value("specular", 1.0),
+        terms=terms,
+        image_gain=(gain[0], gain[1], gain[2]),
+    )

@@ -11,7 +11,17 @@ from warpcam.accel.textures import TextureImage
 from warpcam.sources import looks
 from warpcam.sources.forms import polar
 from warpcam.sources.graph import Graph, Look
-from warpcam.sources.images import ENCODED, LINEAR, UnreadableError, cube_of_panorama, decoded, wrapped
+from warpcam.sources.images import (
+    ENCODED,
+    LINEAR,
+    TRANSFER,
+    UnreadableError,
+    cube_of_panorama,
+    decoded,
+    map_of_normals,
+    packed,
+    wrapped,
+)
 from warpcam.sources.notes import Notes
 from warpcam.sources.usd_texture import TextureInput, file_bytes, input_value, plain_texture, texture_input
 
@@ -23,15 +33,20 @@ PREVIEW: Mapping[str, tuple[str, str]] = {
     "metallic": ("metallic", ""),
     "emission": ("emissiveColor", ""),
     "normal": ("normal", ""),
+    "occlusion": ("occlusion", ""),
+    "ior": ("ior", ""),
 }
 OMNI: Mapping[str, tuple[str, str]] = {
     "color": ("diffuse_color_constant", "diffuse_texture"),
     "opacity": ("opacity_constant", ""),
     "roughness": ("reflection_roughness_constant", "reflectionroughness_texture"),
     "metallic": ("metallic_constant", "metallic_texture"),
-    "emission": ("emissive_color", ""),
+    "emission": ("emissive_color", "emissive_color_texture"),
     "normal": ("", "normalmap_texture"),
+    "occlusion": ("", "ao_texture"),
+    "ior": ("", ""),
 }
+PACKED = ("occlusion", "roughness", "metallic")  # in the order of their channels
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,7 +75,8 @@ class MaterialReader:
         self._pixels: dict[str, np.ndarray | None] = {}
         self._textures: dict[tuple[Any, ...], int] = {}
         self._wrapped: dict[tuple[Any, ...], tuple[int, np.ndarray, np.ndarray]] = {}
-        self._painted: dict[tuple[int, int], int] = {}
+        self._packed: dict[tuple[Any, ...], int] = {}
+        self._skies: dict[tuple[Any, ...], np.ndarray | None] = {}
 
     def bound_to(self, prim: Usd.Prim) -> Bound:
         """The material of a prim or a subset of one."""
@@ -97,25 +113,32 @@ class MaterialReader:
         """A look like that one, with colours of its own, (height, width, 3) uint8 display values."""
         texture = self._add_texture(name, pixels)
         base = self._graph.looks[look] if look >= 0 else Look(name)
-        self._graph.looks.append(replace(base, name=f"{name}/displayColor", color=looks.WHITE, texture=texture))
+        own = replace(base, name=f"{name}/displayColor", color=looks.WHITE, texture=texture)
+        self._graph.looks.append(replace(own, normals=-1, packed=-1, glow=-1))  # they lie by other coordinates
         return len(self._graph.looks) - 1
 
     def laid_on(self, look: int, uvs: np.ndarray) -> tuple[int, np.ndarray]:
         """Look and texture coordinates (face, 3, 2) for an image that does not simply repeat."""
         base = self._graph.looks[look]
-        if base.texture < 0 or base.wrap == ("repeat", "repeat"):
+        images = {name: getattr(base, name) for name in ("texture", "normals", "packed", "glow")}
+        if max(images.values()) < 0 or base.wrap == ("repeat", "repeat"):
             return look, uvs
         flat = uvs.reshape(-1, 2)
         low, high = flat.min(axis=0), flat.max(axis=0)
         key = (look, *np.floor(low + 1e-3), *np.ceil(high - 1e-3))
         if key not in self._wrapped:
-            done = wrapped(self._graph.textures[base.texture].pixels, base.wrap, low, high)
-            if done is None:
-                self._wrapped[key] = look, np.ones(2), np.zeros(2)
-            else:
-                texture = self._add_texture(f"{self._graph.texture_names[base.texture]} {base.wrap}", done[0])
-                self._graph.looks.append(replace(base, texture=texture, wrap=("repeat", "repeat")))
-                self._wrapped[key] = len(self._graph.looks) - 1, done[1], done[2]
+            self._wrapped[key] = look, np.ones(2), np.zeros(2)
+            others: dict[str, int] = {}
+            scale = offset = np.zeros(2)
+            for name, index in images.items():
+                done = wrapped(self._graph.textures[index].pixels, base.wrap, low, high) if index >= 0 else None
+                if done is not None:
+                    own = f"{self._graph.texture_names[index]} {base.wrap}"
+                    others[name] = self._add_texture(own, done[0], color=name in ("texture", "glow"))
+                    scale, offset = done[1], done[2]
+            if others:
+                self._graph.looks.append(replace(base, **others, wrap=("repeat", "repeat")))  # type: ignore[arg-type]
+                self._wrapped[key] = len(self._graph.looks) - 1, scale, offset
         index, scale, offset = self._wrapped[key]
         if base.wrap != ("repeat", "repeat") and index != look:
             limits = [(0.5e-3 * s, 1.0 - 0.5e-3 * s) for s in scale]
@@ -130,6 +153,14 @@ class MaterialReader:
         """The mean linear colour of an image, (3,); None if it cannot be read."""
         pixels = self._load(asset, "", where)
         return None if pixels is None else LINEAR[_rgb(pixels)].mean(axis=(0, 1))
+
+    def sky_of(self, asset: Sdf.AssetPath, where: str, turn: np.ndarray) -> np.ndarray | None:
+        """Terms of a dome's image, see ``native/sky.h``; None if it cannot be read."""
+        key = (asset.resolvedPath or asset.path, turn.tobytes())
+        if key not in self._skies:
+            pixels = self._load(asset, "", where)
+            self._skies[key] = None if pixels is None else looks.sky_of_panorama(_rgb(pixels), turn)
+        return self._skies[key]
 
     def add_skybox(self, prim: Usd.Prim, time: Usd.TimeCode) -> None:
         """Show a dome's image behind everything."""
@@ -166,31 +197,85 @@ class MaterialReader:
                     by_color |= what == "color" and primvar == "displayColor"
                 elif value is not None and not isinstance(value, Sdf.AssetPath):
                     values[what] = value
+        ior = max(_number(values.get("ior"), 1.5), 0.0)
         look = Look(
             name,
             color=_color(values.get("color"), (0.18, 0.18, 0.18) if inputs is PREVIEW else (0.2, 0.2, 0.2)),
             opacity=_number(values.get("opacity"), 1.0),
-            roughness=self._mean(textures.get("roughness"), _number(values.get("roughness"), 0.5), name),
-            metallic=self._mean(textures.get("metallic"), _number(values.get("metallic"), 0.0), name),
+            roughness=_number(values.get("roughness"), 0.5),
+            metallic=_number(values.get("metallic"), 0.0),
+            reflectance=((1.0 - ior) / (1.0 + ior)) ** 2,
             emission=self._emission(surface, inputs, values),
         )
-        for what in ("normal", "opacity"):
-            if what in textures:
-                self._notes.remark(f"has a texture of its {what}, which is not drawn", name)
-        shown = textures.get("color")
-        emits = False
-        if shown is None and "emission" in textures and not any(look.color):
-            shown, emits = textures["emission"], True
+        if inputs is PREVIEW and "emission" in textures:  # which takes the constant's place
+            look = replace(look, emission=looks.WHITE)
+        if "opacity" in textures:
+            self._notes.remark("has a texture of its opacity, which is not drawn", name)
+        look = self._with_maps(look, textures, name)
         uv, turn = "", None
+        laid = next((textures[what] for what in ("color", "normal", "roughness", *textures) if what in textures), None)
+        if laid is not None:
+            look = replace(look, wrap=laid.wrap)
+            uv, turn = laid.uv, laid.uv_turn
+            if any(not _alike(laid, other) for what, other in textures.items() if what != "opacity"):
+                self._notes.remark("has textures that lie in different ways, which are all laid as the first", name)
+        self._graph.looks.append(look)
+        return Bound(len(self._graph.looks) - 1, uv, turn, by_color)
+
+    def _with_maps(self, look: Look, textures: Mapping[str, TextureInput], name: str) -> Look:
+        """The look with its textures, each a factor of the look's own value, which it replaces."""
+        shown = textures.get("color")
         if shown is not None:
             index = self._texture(shown, name)
             if index >= 0:
-                look = replace(look, texture=index, emits=emits, wrap=shown.wrap)
+                look = replace(look, texture=index, color=looks.WHITE)
             else:
                 look = replace(look, color=_color(shown.fallback[:3] if shown.fallback[:3].any() else None, look.color))
-            uv, turn = shown.uv, shown.uv_turn
-        self._graph.looks.append(look)
-        return Bound(len(self._graph.looks) - 1, uv, turn, by_color)
+        glowing = textures.get("emission")
+        if glowing is not None:
+            index = self._texture(glowing, name)
+            if index >= 0:
+                look = replace(look, glow=index)
+            else:
+                look = replace(look, emission=_color(glowing.fallback[:3], (0.0, 0.0, 0.0)))
+        if "normal" in textures:
+            look = replace(look, normals=self._normals(textures["normal"], name))
+        channels = {what: self._channel(textures[what], name) for what in PACKED if what in textures}
+        for what, values in channels.items():
+            if what != "occlusion":
+                fallback = float(np.clip(textures[what].fallback[0], 0.0, 1.0))
+                look = replace(look, **{what: fallback if values is None else 1.0})  # type: ignore[arg-type]
+        image = packed([channels.get(what) for what in PACKED])
+        if image is not None:
+            key = tuple(_identity(textures[what]) if what in textures else None for what in PACKED)
+            if key not in self._packed:
+                self._packed[key] = self._add_texture(f"{name}/occlusion, roughness, metallic", image, color=False)
+            look = replace(look, packed=self._packed[key])
+        return look
+
+    def _channel(self, reader: TextureInput, where: str) -> np.ndarray | None:
+        """The values of a reader of one channel, (height, width)."""
+        pixels = self._load(reader.asset, reader.layer, where)
+        if pixels is None:
+            return None
+        place = {"r": 0, "g": 1, "b": 2, "a": 3}.get(reader.channel, 0)
+        values = pixels[..., min(place, pixels.shape[2] - 1)]
+        srgb = reader.color_space == "sRGB" and place < 3
+        linear: np.ndarray = (LINEAR if srgb else TRANSFER)[values]
+        return linear * reader.scale[place] + reader.bias[place]
+
+    def _normals(self, reader: TextureInput, where: str) -> int:
+        key = ("normals", *_identity(reader))
+        if key not in self._textures:
+            pixels = self._load(reader.asset, reader.layer, where)
+            if pixels is None:
+                return -1
+            scale, bias = reader.scale[:3], reader.bias[:3]
+            if (scale == 1.0).all() and (bias == 0.0).all():  # not said: as all such images are
+                scale, bias = np.full(3, 2.0), np.full(3, -1.0)
+            image = map_of_normals(TRANSFER[_rgb(pixels)] * scale + bias)
+            self._textures[key] = self._add_texture(reader.asset.path, image, color=False)
+        return self._textures[key]
 
     @staticmethod
     def _surface(material: UsdShade.Material) -> tuple[UsdShade.Shader | None, Mapping[str, tuple[str, str]]]:
@@ -236,26 +321,9 @@ class MaterialReader:
             return value, None, ""
         return None, None, ""
 
-    def _mean(self, reader: TextureInput | None, default: float, where: str) -> float:
-        if reader is None:
-            return default
-        pixels = self._load(reader.asset, reader.layer, where)
-        if pixels is None:
-            return float(reader.fallback[0])
-        channel = min({"r": 0, "g": 1, "b": 2, "a": 3}.get(reader.channel, 0), pixels.shape[2] - 1)
-        place = {"r": 0, "g": 1, "b": 2, "a": 3}.get(reader.channel, 0)
-        return float(np.clip(pixels[..., channel].mean() / 255.0 * reader.scale[place] + reader.bias[place], 0.0, 1.0))
-
     def _texture(self, reader: TextureInput, where: str) -> int:
         """Index of the reader's image in display values, or -1."""
-        key = (
-            reader.asset.resolvedPath or reader.asset.path,
-            reader.layer,
-            reader.channel,
-            reader.color_space,
-            reader.scale.tobytes(),
-            reader.bias.tobytes(),
-        )
+        key = _identity(reader)
         if key not in self._textures:
             pixels = self._load(reader.asset, reader.layer, where)
             if pixels is None:
@@ -273,8 +341,8 @@ class MaterialReader:
             self._textures[key] = self._add_texture(reader.asset.path, shown)
         return self._textures[key]
 
-    def _add_texture(self, name: str, pixels: np.ndarray) -> int:
-        self._graph.textures.append(TextureImage("2d", np.ascontiguousarray(pixels)))
+    def _add_texture(self, name: str, pixels: np.ndarray, color: bool = True) -> int:
+        self._graph.textures.append(TextureImage("2d", np.ascontiguousarray(pixels), blend_light=color))
         self._graph.texture_names.append(name)
         return len(self._graph.textures) - 1
 
@@ -305,6 +373,24 @@ class MaterialReader:
                     f"{asset.path} of {where}",
                 )
         return self._pixels[key]
+
+
+def _identity(reader: TextureInput) -> tuple[Any, ...]:
+    """Equal for readers that give the same."""
+    return (
+        reader.asset.resolvedPath or reader.asset.path,
+        reader.layer,
+        reader.channel,
+        reader.color_space,
+        reader.scale.tobytes(),
+        reader.bias.tobytes(),
+    )
+
+
+def _alike(one: TextureInput, other: TextureInput) -> bool:
+    """Whether two textures lie in the same way."""
+    turns = [np.eye(2, 3) if turn is None else turn for turn in (one.uv_turn, other.uv_turn)]
+    return one.uv == other.uv and one.wrap == other.wrap and bool(np.allclose(*turns))
 
 
 def _rgb(pixels: np.ndarray) -> np.ndarray:

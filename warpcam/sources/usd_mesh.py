@@ -1,5 +1,6 @@
 """Meshes of a stage: polygons of any number of corners, with what lies on them."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -32,6 +33,7 @@ class Triangles:
         counts: Faces, points and corners: what values by interpolation count.
         smooth: Faces are a control cage.
         two_sided: It is seen from behind, too.
+        moves: Its points change with time, and nothing else.
     """
 
     name: str
@@ -42,6 +44,7 @@ class Triangles:
     counts: tuple[int, int, int]
     smooth: bool
     two_sided: bool
+    moves: bool
 
 
 class MeshReader:
@@ -52,14 +55,13 @@ class MeshReader:
         self._materials, self._notes = materials, notes
         self._cut: dict[Sdf.Path, Triangles | None] = {}
         self._parts: dict[tuple[Any, ...], tuple[Surface, int, Any]] = {}
+        self.updates: list[Callable[[Usd.TimeCode], None]] = []
 
     def read(self, prim: Usd.Prim, node: int, name: str, time: Usd.TimeCode) -> list[Item]:
         """The shapes that a mesh makes: one, or one for each material of its subsets."""
         path = prim.GetPrimInPrototype().GetPath() if prim.IsInstanceProxy() else prim.GetPath()
         if path not in self._cut:
             self._cut[path] = self._triangles(prim, path, time)
-            if any(attribute.ValueMightBeTimeVarying() for attribute in (UsdGeom.PointBased(prim).GetPointsAttr(),)):
-                self._notes.warn("changes its points with time, which stay as they were at first", str(path))
         triangles = self._cut[path]
         if triangles is None:
             return []
@@ -131,8 +133,20 @@ class MeshReader:
             None if normals is None else normals[mine],
             uvs,
             triangles.two_sided,
+            triangles.moves,
         )
+        if triangles.moves:
+            self.updates.append(lambda time: self._move(surface, prim, vertices, len(triangles.points), time))
         return surface, look, color
+
+    def _move(self, surface: Surface, prim: Usd.Prim, vertices: np.ndarray, count: int, time: Usd.TimeCode) -> None:
+        points = np.array(UsdGeom.PointBased(prim).GetPointsAttr().Get(time) or [], np.float64).reshape(-1, 3)
+        if len(points) == count and np.isfinite(points).all():
+            surface.vertices = points[vertices]
+        else:
+            self._notes.warn(
+                "has other points than at first, or none, at some times, and stays as it was", surface.name
+            )
 
     def _triangles(self, prim: Usd.Prim, path: Sdf.Path, time: Usd.TimeCode) -> Triangles | None:
         name = str(path)
@@ -179,7 +193,14 @@ class MeshReader:
         sides = bool(UsdGeom.Gprim(prim).GetDoubleSidedAttr().Get(time))
         two_sided = sides if self.double_sided is None else self.double_sided
         totals = (len(counts), len(points), len(indices))
-        return Triangles(name, points, indices[corners], corners, faces, totals, smooth, two_sided)
+        moves = UsdGeom.PointBased(prim).GetPointsAttr().ValueMightBeTimeVarying()
+        if moves and prim.IsA(UsdGeom.Mesh):
+            mesh = UsdGeom.Mesh(prim)
+            fixed = (mesh.GetFaceVertexCountsAttr(), mesh.GetFaceVertexIndicesAttr(), mesh.GetHoleIndicesAttr())
+            if any(attribute.ValueMightBeTimeVarying() for attribute in fixed):
+                self._notes.warn("changes its faces with time, and is drawn as it was at first", name)
+                moves = False
+        return Triangles(name, points, indices[corners], corners, faces, totals, smooth, two_sided, moves)
 
     def _uvs(self, prim: Usd.Prim, bound: Bound, triangles: Triangles, time: Usd.TimeCode) -> np.ndarray | None:
         """(triangle, 3, 2), v up."""

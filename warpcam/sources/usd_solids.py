@@ -3,12 +3,13 @@
 import numpy as np
 from pxr import Usd
 
-from warpcam.kernels.types import BOX, CAPSULE, CYLINDER, PLANE, SPHERE
+from warpcam.kernels.types import BOX, CAPSULE, CONE, CYLINDER, PLANE, SPHERE
 from warpcam.sources import lathe
-from warpcam.sources.forms import Cone, Form, Solid, Surface
+from warpcam.sources.forms import Form, Solid, Surface
 
 SOLIDS = ("Cube", "Sphere", "Cylinder", "Cylinder_1", "Capsule", "Capsule_1", "Cone", "Plane")
 
+ROUND = {"Cylinder": CYLINDER, "Capsule": CAPSULE, "Cone": CONE}
 # Columns are the solid's x, y and z in the prim's frame: proper rotations that take z to the axis.
 TURNS = {
     "X": np.array(((0.0, 0.0, 1.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0))),
@@ -26,8 +27,6 @@ def read_solid(prim: Usd.Prim, time: Usd.TimeCode, double_sided: bool | None) ->
         return Solid(name, BOX, sizes)
     if kind == "Sphere":
         return Solid(name, SPHERE, sizes)
-    if kind == "Cone":
-        return Cone(name, sizes[0], sizes[1], turn)
     if kind == "Plane":
         sides = prim.GetAttribute("doubleSided").Get(time) if double_sided is None else double_sided
         if not sides:
@@ -40,7 +39,7 @@ def read_solid(prim: Usd.Prim, time: Usd.TimeCode, double_sided: bool | None) ->
         cut = lathe.cylinder if kind.startswith("Cylinder") else lathe.capsule
         vertices, faces, normals = cut(*sizes)
         return Surface(name, vertices @ turn.T, faces, normals @ turn.T)
-    return Solid(name, CYLINDER if kind.startswith("Cylinder") else CAPSULE, sizes, turn)
+    return Solid(name, ROUND[kind.removesuffix("_1")], sizes, turn)
 
 
 def back_of(form: Form, prim: Usd.Prim, double_sided: bool | None) -> Solid | None:
@@ -56,8 +55,6 @@ def update_solid(form: Form, prim: Usd.Prim, time: Usd.TimeCode) -> None:
     sizes = _sizes(prim, time)
     if isinstance(form, Solid) and len(sizes) < 4:
         form.size = np.array((*sizes, 0.0, 0.0, 0.0)[:3], np.float64)
-    elif isinstance(form, Cone):
-        form.radius, form.half = sizes[0], sizes[1]
 
 
 def _sizes(prim: Usd.Prim, time: Usd.TimeCode) -> tuple[float, ...]:

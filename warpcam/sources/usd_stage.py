@@ -7,7 +7,7 @@ import numpy as np
 from pxr import Sdf, Usd, UsdGeom, UsdLux, UsdSemantics, UsdShade
 
 from warpcam.errors import WarpcamError
-from warpcam.sources.forms import Form
+from warpcam.sources.forms import Form, polar
 from warpcam.sources.graph import Graph, Item, Node
 from warpcam.sources.notes import Notes
 from warpcam.sources.usd_camera import read_camera
@@ -15,9 +15,11 @@ from warpcam.sources.usd_light import is_light, read_light
 from warpcam.sources.usd_material import MaterialReader
 from warpcam.sources.usd_mesh import MeshReader
 from warpcam.sources.usd_solids import SOLIDS, back_of, read_solid, update_solid
+from warpcam.sources.usd_splats import KIND, read_splats
+from warpcam.sources.usd_strands import STRANDS, StrandReader
 
 MAX_DEPTH = 64  # of point instancers in each other
-NOT_DRAWN = ("BasisCurves", "NurbsCurves", "HermiteCurves", "NurbsPatch", "Points", "Volume", "ParticleField")
+NOT_DRAWN = ("NurbsCurves", "HermiteCurves", "NurbsPatch", "Volume", "ParticleField")
 RIGID_BODY = "PhysicsRigidBodyAPI"
 
 
@@ -38,7 +40,9 @@ class StageReader:
         self._unit = unit
         self._materials = MaterialReader(graph, notes)
         self._meshes = MeshReader(self._materials, double_sided, notes)
+        self._strands = StrandReader(self._materials, notes)
         self._solids: dict[Sdf.Path, Form] = {}
+        self._clouds: dict[Sdf.Path, Form | None] = {}
         self._updates: list[Callable[[Usd.TimeCode], None]] = []
 
     def read(self) -> None:
@@ -48,8 +52,9 @@ class StageReader:
         self._graph.at_time = self._at_time
 
     def _at_time(self, time: float) -> None:
-        for update in self._updates:
+        for update in (*self._updates, *self._meshes.updates):
             update(Usd.TimeCode(time))
+        self._notes.say()
 
     @staticmethod
     def _children(prim: Usd.Prim) -> list[Usd.Prim]:
@@ -126,6 +131,8 @@ class StageReader:
             graph.items += self._meshes.read(prim, node, name, self._time)
             if prim.HasAPI(UsdLux.MeshLightAPI):
                 self._notes.remark("shines, which meshes do not here", name)
+        elif kind in STRANDS:
+            graph.items += self._strands.read(prim, node, name, self._time)
         elif kind in SOLIDS:
             key = prim.GetPrimInPrototype().GetPath() if prim.IsInstanceProxy() else prim.GetPath()
             form = self._solids.setdefault(key, read_solid(prim, self._time, self._meshes.double_sided))
@@ -143,12 +150,30 @@ class StageReader:
             self._add_live(graph.lamps, lambda t: self._light(prim, node, name, t), prim)
             if kind == "DomeLight":
                 self._materials.add_skybox(prim, self._time)
+        elif kind == KIND:
+            self._add_splats(prim, node, name)
         elif kind in NOT_DRAWN or kind.startswith("ParticleField"):
             self._notes.warn(f"is of type {kind}, which is not drawn", name)
 
+    def _add_splats(self, prim: Usd.Prim, node: int, name: str) -> None:
+        key = prim.GetPrimInPrototype().GetPath() if prim.IsInstanceProxy() else prim.GetPath()
+        if key not in self._clouds:
+            self._clouds[key] = read_splats(prim, self._time)
+        form = self._clouds[key]
+        if form is None:
+            self._notes.warn("has splats whose arrays are empty or differ in length, and is left out", name)
+            return
+        self._graph.items.append(Item(name, node, form))
+        if prim.GetAttribute("positions").ValueMightBeTimeVarying():
+            self._notes.warn("has splats that change with time, and is drawn as it is at first", name)
+
     def _light(self, prim: Usd.Prim, node: int, name: str, time: Usd.TimeCode) -> Any:
         scale = abs(np.linalg.det(self._graph.worlds_of(node)[:3, :3])) ** (1.0 / 3.0)
-        return read_light(prim, node, name, time, scale, self._notes, self._materials.mean_of)
+        turn = polar(self._graph.worlds_of(node)[:3, :3])[0]
+        materials = self._materials
+        return read_light(
+            prim, node, name, time, scale, self._notes, materials.mean_of, lambda a, w: materials.sky_of(a, w, turn)
+        )
 
     def _add_live(self, things: list[Any], read: Callable[[Usd.TimeCode], Any], prim: Usd.Prim) -> None:
         place = len(things)

@@ -1,0 +1,129 @@
+"""The stage that writes the table of shapes where a source draws more than its shapes: marks, segments, edges."""
+
+from typing import Any
+
+import warp as wp
+
+from .catenary import hanging_point
+from .launch import Stage, record
+
+# What stands in a column that is written each frame: Entries.what, first component. The second is the column.
+COPY, MARK, SEGMENT, EDGE, STRING = 0, 1, 2, 3, 4
+
+
+@wp.struct
+class Entries:
+    """The columns that are written each frame, and what the simulator has for them."""
+
+    # (entry,) COPY: a shape of its own, third component; MARK: something with a pose, third; SEGMENT: of a path,
+    # third, the segment's number, fourth; EDGE: between two vertices, third and fourth; STRING: as SEGMENT, of a path
+    # between two stops that may hang slack
+    what: wp.array(dtype=wp.vec4i)
+    radii: wp.array(dtype=wp.float32)  # (entry,) of segments and edges [m]
+    lengths: wp.array(dtype=wp.float32)  # (entry,) of strings [m]
+    up: wp.vec3  # where strings do not hang, unit
+    num_points: wp.int32  # of a string
+    positions: wp.array2d(dtype=wp.vec3)  # (world, shape) and so on: see Shapes
+    rotations: wp.array2d(dtype=wp.mat33)
+    sizes: wp.array2d(dtype=wp.vec3)
+    assets: wp.array2d(dtype=wp.int32)
+    materials: wp.array2d(dtype=wp.int32)
+    colors: wp.array2d(dtype=wp.vec4)
+    mark_positions: wp.array2d(dtype=wp.vec3)  # (world, mark) world frame [m]
+    mark_rotations: wp.array2d(dtype=wp.mat33)  # (world, mark)
+    vertices: wp.array2d(dtype=wp.vec3)  # (world, vertex) world frame [m]
+    stops: wp.array2d(dtype=wp.vec3)  # (world, stop) of paths, world frame [m]
+    stop_objects: wp.array2d(dtype=wp.int32)  # (world, stop) what a path lies on: from 0 a shape; -2: a gap
+    path_starts: wp.array2d(dtype=wp.int32)  # (world, path) first stop
+    path_counts: wp.array2d(dtype=wp.int32)  # (world, path) stops
+
+
+@wp.struct
+class Table:
+    """What is written: see Shapes. A field of one row is the same in all worlds."""
+
+    positions: wp.array2d(dtype=wp.vec3)
+    rotations: wp.array2d(dtype=wp.mat33)
+    sizes: wp.array2d(dtype=wp.vec3)
+    assets: wp.array2d(dtype=wp.int32)
+    materials: wp.array2d(dtype=wp.int32)
+    colors: wp.array2d(dtype=wp.vec4)
+
+
+@wp.func
+def turn_to(axis: wp.vec3) -> wp.mat33:
+    """The shortest turn that takes z to a unit vector."""
+    x, y, z = axis[0], axis[1], axis[2]
+    if z < -0.999999:
+        return wp.mat33(1.0, 0.0, 0.0, 0.0, -1.0, 0.0, 0.0, 0.0, -1.0)
+    k = 1.0 / (1.0 + z)
+    return wp.mat33(1.0 - x * x * k, -x * y * k, x, -x * y * k, 1.0 - y * y * k, y, -x, -y, z)
+
+
+@wp.kernel(enable_backward=False)
+def write_table(live: Entries, out: Table, first: wp.int32):
+    index = first + wp.tid()
+    width = live.what.shape[0]
+    world = index // width
+    entry = index - world * width
+    what = live.what[entry]
+    kind = what[0]
+    column = what[1]
+    a = what[2]
+    b = what[3]
+    if kind == COPY:
+        out.positions[world, column] = live.positions[world, a]
+        out.rotations[world, column] = live.rotations[world, a]
+        if world < out.sizes.shape[0]:
+            out.sizes[world, column] = live.sizes[world % live.sizes.shape[0], a]
+        if world < out.assets.shape[0]:
+            out.assets[world, column] = live.assets[world % live.assets.shape[0], a]
+        if world < out.materials.shape[0]:
+            out.materials[world, column] = live.materials[world % live.materials.shape[0], a]
+        if world < out.colors.shape[0]:
+            out.colors[world, column] = live.colors[world % live.colors.shape[0], a]
+        return
+    if kind == MARK:
+        out.positions[world, column] = live.mark_positions[world, a]
+        out.rotations[world, column] = live.mark_rotations[world, a]
+        return
+    start = wp.vec3(0.0, 0.0, 0.0)
+    end = start
+    radius = live.radii[entry]
+    if kind == EDGE:
+        start = live.vertices[world, a]
+        end = live.vertices[world, b]
+    elif kind == STRING:
+        stop = live.path_starts[world, a]
+        first_end = live.stops[world, stop]
+        second_end = live.stops[world, stop + 1]
+        start = hanging_point(first_end, second_end, live.up, live.lengths[entry], b, live.num_points)
+        end = hanging_point(first_end, second_end, live.up, live.lengths[entry], b + 1, live.num_points)
+        if start == end:
+            radius = 0.0
+    else:
+        stop = live.path_starts[world, a] + b
+        shown = b + 1 < live.path_counts[world, a]
+        if shown:
+            here = live.stop_objects[world, stop]
+            there = live.stop_objects[world, stop + 1]
+            shown = here != -2 and there != -2
+            start = live.stops[world, stop]
+            end = live.stops[world, stop + 1]
+            if here >= 0 and there >= 0:  # around what the path lies on
+                radius = 0.5 * radius
+        if not shown:
+            radius = 0.0
+    along = end - start
+    length = wp.length(along)
+    axis = wp.vec3(0.0, 0.0, 1.0)
+    if length > 1.0e-15:
+        axis = along / length
+    out.positions[world, column] = 0.5 * (start + end)
+    out.rotations[world, column] = turn_to(axis)
+    out.sizes[world, column] = wp.vec3(radius, 0.5 * length, 0.0)
+
+
+def record_table(live: Any, out: Any, device: wp.Device) -> Stage:
+    """Bind the stage that writes ``out`` from ``live``, ``Table`` and ``Entries`` on ``device``."""
+    return record(write_table, out.positions.shape[0] * live.what.shape[0], [live, out], device)

@@ -1,0 +1,87 @@
+// What a physically based surface is made of at a place: its material's, and what its maps say.
+#pragma once
+#include "ggx.h"
+#include "look.h"
+#include "mapping.h"
+
+namespace warpcam {
+
+// Of a place of a surface.
+struct Paint {
+    Skin skin;
+    Vec glow;    // what it emits
+    float open;  // share of the light from all around that reaches it
+};
+
+// The unit normal of a smooth surface, in the shape's frame.
+template <int TYPES, class Meshes>
+WARPCAM_FN Vec smooth_normal(const Pose& pose, const Meshes& meshes, const Surface& surface)
+{
+    if ((TYPES >> MESH & 1) && pose.type() == MESH) {
+        const float weights[3] = { 1.0f - surface.weight1 - surface.weight2, surface.weight1, surface.weight2 };
+        Vec sum { 0.0f, 0.0f, 0.0f };
+        for (int k = 0; k < 3; ++k) {
+            Vec normal = to_vec(wp::index(meshes.normals, surface.corner + k));
+            if (TYPES >> SCALED & 1)
+                normal = normalized(divided(normal, to_vec(pose.size)));
+            sum = sum + weights[k] * normal;
+        }
+        return dot(sum, sum) > 1.0e-12f ? normalized(sum) : surface.normal;
+    }
+    return surface.normal;
+}
+
+// A normal tilted as a map says, whose red and green lie along the texture's u and v (v up). The frame follows the
+// triangle: u's gradient, made square to the normal, and to it v.
+WARPCAM_FN Vec tilted(Vec normal, Vec map, Vec du, Vec dv)
+{
+    const Vec along_u = cross(dv, normal), along_v = cross(normal, du);  // the place's rates of change, but for a factor
+    const float side = dot(du, along_u) < 0.0f ? -1.0f : 1.0f;           // -1 where the texture is mirrored
+    if (dot(along_u, along_u) < 1.0e-30f || dot(along_v, along_v) < 1.0e-30f)
+        return normal;
+    return normalized(map.x * side * normalized(along_u) + map.y * side * normalized(along_v) + map.z * normal);
+}
+
+// `color` is that of the shape's texture there, linear; `normal` comes in smooth and goes out as the map tilts it.
+template <int TYPES, int LENS, bool MAPS, class Looks, class Meshes, class Textures>
+WARPCAM_FN Paint paint_at(const Looks& look, const Meshes& meshes, const Textures& textures, const Camera& camera,
+                          const Surface& surface, Vec ray, float depth, Vec color, Vec& normal)
+{
+    const Coat& coat = look.finish;
+    float roughness = coat.gloss.x, metallic = coat.gloss.y;
+    Paint paint { {}, to_vec(coat.glow), 1.0f };
+    if constexpr (MAPS) {
+        const int normals = coat.normals, packed = coat.gloss.w, glowing = coat.glow.w;
+        const Pose& pose = look.pose;
+        if ((normals >= 0 || packed >= 0 || glowing >= 0) && !((TYPES >> PLANE & 1) && pose.type() == PLANE)) {
+            const float stretch = LENS == PINHOLE ? depth : 1.0f;
+            const Vec right = pose.local({ stretch * camera.scale_x, 0.0f, 0.0f });
+            const Vec down = pose.local({ 0.0f, -stretch * camera.scale_y, 0.0f });
+            const Mapping at = map_2d<TYPES>(pose, look.layout, meshes, surface);
+            const Vec step_right = slide(right, ray, surface.normal), step_down = slide(down, ray, surface.normal);
+            const Pair to_right { dot(at.du, step_right), dot(at.dv, step_right) };
+            const Pair to_below { dot(at.du, step_down), dot(at.dv, step_down) };
+            if (is_texture(textures, packed)) {
+                const Image image = load_image(textures, packed);
+                const Vec read = sample_2d(textures.texels.data, image, at.u, at.v, to_right, to_below);
+                paint.open = read.x;
+                roughness *= read.y;
+                metallic *= read.z;
+            }
+            if (is_texture(textures, glowing)) {
+                const Image image = load_image(textures, glowing);
+                const Vec read = sample_2d(textures.texels.data, image, at.u, at.v, to_right, to_below);
+                paint.glow = times(paint.glow, decoded(read));
+            }
+            if (is_texture(textures, normals)) {
+                const Image image = load_image(textures, normals);
+                const Vec read = sample_2d(textures.texels.data, image, at.u, at.v, to_right, to_below);
+                normal = tilted(normal, 2.0f * read - Vec { 1.0f, 1.0f, 1.0f }, at.du, -at.dv);
+            }
+        }
+    }
+    paint.skin = skin_of(times(to_vec(coat.color), color), roughness, metallic, coat.gloss.z);
+    return paint;
+}
+
+}  // namespace warpcam

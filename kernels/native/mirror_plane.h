@@ -1,0 +1,27 @@
+// Where a mirror lies in the view from behind it.
+#pragma once
+#include "record.h"
+#include "vectors.h"
+
+namespace warpcam {
+
+// A plane in a view's frame: see layers.py, Mirror.
+struct MirrorPlane {
+    Vec normal;
+    float distance;
+
+    // Where a ray of the mirrored view comes out of the mirror; infinity for one that does not.
+    template <int LENS> WARPCAM_FN float depth(const ViewRay<LENS>& ray) const
+    {
+        const float start = LENS == PINHOLE ? 0.0f : normal.x * ray.x + normal.y * ray.y;
+        const float rate = LENS == PINHOLE ? normal.x * ray.x + normal.y * ray.y - normal.z : -normal.z;
+        return rate > 0.0f ? (distance - start) / rate : ENDLESS;
+    }
+};
+
+template <class Mirror> WARPCAM_FN MirrorPlane plane_of(const Mirror& mirror)
+{
+    return { to_vec(mirror.normal), mirror.distance };
+}
+
+}  // namespace warpcam

@@ -1,0 +1,231 @@
+"""Sites, tendons, flexes and skins of MuJoCo, against ``mujoco.Renderer`` and in closed form."""
+
+import mujoco
+import numpy as np
+import pytest
+import scenes
+import soft_scenes
+import test_mujoco_renderer as judge
+import warp as wp
+
+import warpcam as wc
+
+ENDS = 40  # pixels: the ends of a line are closed, which MuJoCo leaves open
+
+
+def looked_at(name: str, seed: int) -> tuple[mujoco.MjModel, mujoco.MjData]:
+    mjm, mjd = soft_scenes.bent(name, seed)
+    mjm.stat.center[:], mjm.stat.extent = 0.0, 1.2
+    return mjm, mjd
+
+
+def as_classic(name: str, device: wp.Device) -> wc.Scene:
+    mjm, first = looked_at(name, 0)
+    return wc.from_mujoco(mjm, [first, looked_at(name, 1)[1]], device=device)
+
+
+def as_warp(name: str, device: wp.Device) -> wc.Scene:
+    mjm, first = looked_at(name, 0)
+    second = looked_at(name, 1)[1]
+    m, d = scenes.put(mjm, 2, mjd=first)
+    for field in ("geom_xpos", "geom_xmat", "site_xpos", "site_xmat", "xpos", "xmat", "flexvert_xpos", "wrap_xpos",
+                  "wrap_obj", "ten_wrapadr", "ten_wrapnum"):  # fmt: skip
+        array = getattr(d, field)
+        if array.size:
+            host = array.numpy()
+            host[1] = np.reshape(getattr(second, field), host.shape[1:])
+            array.assign(host)
+    return wc.from_mujoco_warp(mjm, m, d)
+
+
+@pytest.mark.parametrize("source", [as_classic, as_warp], ids=["classic", "warp"])
+@pytest.mark.parametrize("name", soft_scenes.MODELS)
+def test_ids_and_depth_are_those_of_mujocos_own_renderer(device: wp.Device, name: str, source: object) -> None:
+    scene = source(name, device)
+    for world in range(2):
+        reference = judge.draw(*looked_at(name, world), camera=-1)
+        judge.compare_with(reference, scene, name, world, ENDS if name == "line" else 0)
+        assert set(np.unique(reference.pairs[..., 1])) - {-1, 5}, "nothing but geoms is in the image"
+
+
+@pytest.mark.parametrize("name", soft_scenes.MODELS)
+def test_colours_are_those_of_mujocos_own_renderer(device: wp.Device, name: str) -> None:
+    mjm, mjd = looked_at(name, 0)
+    reference = judge.draw(mjm, mjd, camera=-1)
+    with mujoco.Renderer(mjm, judge.SIZE, judge.SIZE) as renderer:
+        renderer.update_scene(mjd)
+        expected = renderer.render().astype(int)
+    camera = wc.Camera(
+        "free", width=judge.SIZE, height=judge.SIZE, outputs=("rgb", "segmentation"), shadows=True,
+        lens=reference.camera.lens, position=reference.camera.position, rotation=reference.camera.rotation,
+    )  # fmt: skip
+    scene = wc.from_mujoco(mjm, mjd, device=device)
+    seen = scenes.look(scene, camera)
+    pairs = scene.objects[seen["segmentation"][0]]
+    inside = ~judge.edge_band(reference.pairs @ (1, 2**16), reference.depth)
+    inside &= (pairs == reference.pairs).all(axis=-1) & (pairs[..., 1] > int(mujoco.mjtObj.mjOBJ_GEOM))
+    off = np.abs(seen["rgb"][0].astype(int) - expected).max(axis=-1)[inside]
+    assert inside.sum() > 50
+    assert np.quantile(off, 0.98) <= 10
+    assert off.mean() < 2.0
+
+
+def test_ids_count_on_from_the_geoms(device: wp.Device) -> None:
+    mjm, mjd = soft_scenes.bent("tendons")
+    scene = wc.from_mujoco(mjm, mjd, device=device)
+    geom, site, tendon = (int(getattr(mujoco.mjtObj, f"mjOBJ_{kind}")) for kind in ("GEOM", "SITE", "TENDON"))
+    assert scene.objects.tolist() == [
+        *([index, geom] for index in range(mjm.ngeom)),
+        *([index, site] for index in range(mjm.nsite)),
+        *([index, tendon] for index in range(mjm.ntendon)),
+        [-1, -1],
+    ]
+    seen = scenes.look(scene, scenes.own_camera(position=(0.0, -2.5, 0.0), rotation=(0.7071, 0.7071, 0.0, 0.0)))
+    assert set(np.unique(seen["segmentation"])) >= {-1, 0, mjm.ngeom + mjm.nsite, mjm.ngeom + mjm.nsite + 1}
+
+
+def test_bodies_of_sites(device: wp.Device) -> None:
+    mjm, mjd = soft_scenes.bent("sites")
+    scene = wc.from_mujoco(mjm, mjd, device=device)
+    camera = scenes.own_camera(
+        position=(0.0, -2.5, 0.0), rotation=(0.7071, 0.7071, 0.0, 0.0), outputs=("segmentation", "bodies")
+    )
+    seen = scenes.look(scene, camera)
+    pairs = scene.objects[seen["segmentation"]]
+    cube = (pairs == (mjm.site("cube").id, int(mujoco.mjtObj.mjOBJ_SITE))).all(axis=-1)
+    assert cube.any() and (seen["bodies"][cube] == 1).all()
+    assert (seen["bodies"][(pairs[..., 1] == int(mujoco.mjtObj.mjOBJ_SITE)) & ~cube] == 0).all()
+
+
+def test_what_cannot_be_seen_costs_nothing(device: wp.Device) -> None:
+    hidden = '<site size=".1" rgba="1 0 0 0"/><site size=".1" group="4"/>'
+    plain = scenes.compile_xml('<geom size=".1"/>' + hidden)
+    m, d = scenes.put(plain, 2)
+    scene = wc.from_mujoco_warp(plain, m, d)
+    tables = scene.tables()
+    assert (tables.num_drawn, tables.num_shapes, scene.stages()) == (1, 1, ())
+    assert scene.array("shape_positions") is d.geom_xpos
+    mjm, mjd = soft_scenes.bent("sites")
+    assert wc.from_mujoco(mjm, mjd, device=device).tables().num_drawn == mjm.ngeom + 5
+
+
+def test_what_is_drawn_is_chosen(device: wp.Device) -> None:
+    mjm, mjd = soft_scenes.bent("tendons")
+    camera = scenes.own_camera(position=(0.0, -2.5, 0.0), rotation=(0.7071, 0.7071, 0.0, 0.0))
+
+    def kinds(**choice: object) -> set[int]:
+        scene = wc.from_mujoco(mjm, mjd, device=device, **choice)
+        return set(np.unique(scene.objects[scenes.look(scene, camera)["segmentation"], 1]))
+
+    assert kinds() == {-1, 5, 6, 18}
+    assert kinds(draw=("geoms",)) == {-1, 5}
+    assert kinds(draw=("tendons",)) == {-1, 18}
+    assert kinds(groups=(4,)) == {-1, 18}  # the wide tendon alone
+    with pytest.raises(wc.WarpcamError, match="draw: 'site' came; allowed are geoms, sites, tendons, flexes, skins"):
+        kinds(draw=("geoms", "site"))
+
+
+def test_only_mujoco_has_kinds_of_objects(device: wp.Device) -> None:
+    pxr = pytest.importorskip("pxr.Usd")
+    stage = pxr.Stage.CreateInMemory()
+    from pxr import UsdGeom
+
+    UsdGeom.Cube.Define(stage, "/cube")
+    with pytest.raises(wc.WarpcamError, match="only scenes of from_mujoco and from_mujoco_warp"):
+        _ = wc.from_usd(stage, device=device).objects
+
+
+def test_a_world_is_moved_in_place(device: wp.Device) -> None:
+    mjm, mjd = soft_scenes.bent("cloth")
+    m, d = scenes.put(mjm, 2, mjd=mjd)
+    renderer = wc.Renderer(
+        wc.from_mujoco_warp(mjm, m, d),
+        [scenes.own_camera(position=(0.0, 0.0, 3.0), outputs=("depth", "segmentation", "normals"))],
+    )
+    before = scenes.on_host(renderer.render()["eye"])
+    cloth = before["segmentation"] == mjm.ngeom
+    host = d.flexvert_xpos.numpy()
+    host[1, :, 2] += 0.5
+    d.flexvert_xpos.assign(host)
+    after = scenes.on_host(renderer.render()["eye"])
+    assert (after["depth"][0] == before["depth"][0]).all()
+    both = cloth[1] & (after["segmentation"][1] == mjm.ngeom)
+    assert both.any() and (after["depth"][1] < before["depth"][1])[both].mean() > 0.95
+
+
+def test_arrays_that_are_replaced_are_read(device: wp.Device) -> None:
+    """As mjlab does it: a field gets rows for each world after the scene was made."""
+    mjm = scenes.compile_xml('<geom size=".4" rgba="1 0 0 1"/><site size=".1" pos=".9 0 0" rgba="0 1 0 1"/>')
+    m, d = scenes.put(mjm, 2)
+    camera = scenes.own_camera(position=(0.0, 0.0, 3.0), outputs=("albedo", "segmentation"))
+    renderer = wc.Renderer(wc.from_mujoco_warp(mjm, m, d), [camera])
+    assert (scenes.on_host(renderer.render()["eye"])["albedo"][:, 16, 16] == (255, 0, 0)).all()
+    colors = np.array([[(0, 0, 1, 1)], [(1, 1, 0, 1)]], np.float32)
+    m.geom_rgba = wp.array(colors, dtype=wp.vec4, device=d.geom_xpos.device)
+    seen = scenes.on_host(renderer.render()["eye"])
+    assert (seen["albedo"][:, 16, 16] == [(0, 0, 255), (255, 255, 0)]).all()
+    assert (seen["albedo"][seen["segmentation"] == 1] == (0, 255, 0)).all() and (seen["segmentation"] == 1).any()
+
+
+def test_the_kinematics_can_be_run_first(device: wp.Device) -> None:
+    for source in ("classic", "warp"):
+        mjm, mjd = soft_scenes.bent("cloth")
+        expected = scenes.look(wc.from_mujoco(mjm, mjd, device=device), scenes.own_camera(position=(0.0, 0.0, 3.0)))
+        moved = mjd.qpos.copy()
+        if source == "classic":
+            mujoco.mj_resetData(mjm, mjd)
+            mujoco.mj_forward(mjm, mjd)
+            mjd.qpos[:] = moved
+            scene = wc.from_mujoco(mjm, mjd, device=device)
+        else:
+            m, d = scenes.put(mjm, 1, mjd=scenes.forward(mjm))
+            d.qpos.assign(moved[None].astype(np.float32))
+            scene = wc.from_mujoco_warp(mjm, m, d)
+        renderer = wc.Renderer(scene, [scenes.own_camera(position=(0.0, 0.0, 3.0))])
+        assert (scenes.on_host(renderer.render()["eye"])["depth"] != expected["depth"]).any()
+        seen = scenes.on_host(renderer.render(forward=True)["eye"])["depth"]
+        assert np.isclose(seen, expected["depth"], atol=1e-4).mean() > 0.99
+
+
+def test_a_tendon_is_a_capsule_between_its_points(device: wp.Device) -> None:
+    world = '<site name="a" size=".001" pos="-1 0 0"/><site name="b" size=".001" pos="1 0 .5"/>'
+    path = '<tendon><spatial width=".1"><site site="a"/><site site="b"/></spatial></tendon>'
+    mjm = scenes.compile_xml(world, more=path)
+    camera = scenes.own_camera(position=(0.0, 0.0, 3.0), lens=wc.Orthographic(height=3.0), outputs=("depth",))
+    seen = scenes.look(wc.from_mujoco(mjm, scenes.forward(mjm), device=device), camera)["depth"][0]
+    column, row = np.meshgrid((np.arange(32) + 0.5) * 3.0 / 32 - 1.5, 1.5 - (np.arange(32) + 0.5) * 3.0 / 32)
+    start, along = np.array((-1.0, 0.0, 0.0)), np.array((2.0, 0.0, 0.5)) / np.sqrt(4.25)
+    # A ray from above meets the side where x and y are at distance 0.1 from the axis.
+    height = 0.25 * (column + 1.0) + np.sqrt(np.maximum(0.01 - row**2, 0.0)) * np.sqrt(1.0 + 0.25**2)
+    hits = (np.abs(row) < 0.09) & (np.abs(column) < 0.9)
+    assert start[0] == -1.0 and along[2] > 0.0
+    assert np.allclose(seen[hits], 3.0 - height[hits], atol=1e-4)
+
+
+def test_bounds_hold_what_is_soft(device: wp.Device) -> None:
+    mjm, mjd = soft_scenes.bent("solid")
+    low, high = wc.from_mujoco(mjm, mjd, device=device, draw=("flexes",)).bounds()
+    assert (low <= mjd.flexvert_xpos.min(axis=0) + 1e-6).all() and (low >= mjd.flexvert_xpos.min(axis=0) - 0.06).all()
+    assert (high >= mjd.flexvert_xpos.max(axis=0) - 1e-6).all() and (high <= mjd.flexvert_xpos.max(axis=0) + 0.06).all()
+
+
+def test_a_slack_string_hangs_in_a_catenary(device: wp.Device) -> None:
+    """y = a cosh(x / a), whose length between -1 and 1 is 2 a sinh(1 / a)."""
+    flatness = 0.7
+    ends = '<site pos="-1 0 0" name="a" size=".001"/><site pos="1 0 0" name="b" size=".001"/>'
+    string = f'<spatial width=".01" limited="true" range="0 {2.0 * flatness * np.sinh(1.0 / flatness)}">'
+    path = f'<tendon>{string}<site site="a"/><site site="b"/></spatial></tendon>'
+    mjm = scenes.compile_xml(ends, more=path)
+    mjm.vis.quality.numslices = 99
+    camera = scenes.own_camera(
+        position=(0.0, -3.0, -0.5), rotation=(0.70710678, 0.70710678, 0.0, 0.0), lens=wc.Orthographic(height=3.0),
+        width=300, height=300, outputs=("segmentation",),
+    )  # fmt: skip
+    seen = scenes.look(wc.from_mujoco(mjm, scenes.forward(mjm), device=device), camera)["segmentation"][0]
+    row, column = np.nonzero(seen == 2)
+    x, z = (column + 0.5) * 0.01 - 1.5, 1.0 - (row + 0.5) * 0.01
+    inside = np.abs(x) < 0.95
+    assert inside.sum() > 100
+    lowest = flatness * np.cosh(1.0 / flatness)
+    assert np.abs(z - (flatness * np.cosh(x / flatness) - lowest))[inside].max() < 0.02
+    assert np.abs(z[np.abs(x) < 0.05].mean() - (flatness - lowest)) < 0.005

@@ -1,0 +1,121 @@
+"""What one layer of visibility cannot show: mirrors, transparent shapes, haze. Found when a scene is made."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+import warp as wp
+
+from warpcam.camera import Camera
+from warpcam.kernels.layers import Haze, LayerTables, Mirror
+from warpcam.kernels.tables import Tables
+from warpcam.kernels.types import BOX, PLANE, View
+from warpcam.outputs import OUTPUTS
+
+SOLID = 0.995  # opacity from which MuJoCo draws a shape solid
+MAX_VEILS = 256  # shapes that a block can sort
+
+
+@dataclass(frozen=True, eq=False)
+class Layers:
+    """What of a scene needs more than one layer.
+
+    Attributes:
+        mirrors: ids of the shapes that may reflect, ascending.
+        reflectance: (material,) float32.
+        veils: ids of the shapes that may be transparent, ascending.
+        reach: (shape,) float32, radius of a sphere around the shape's position that holds it; infinite for planes,
+            negative where it follows from type and size [m].
+        haze_plane: id of the endless plane that has a haze over its horizon, or -1.
+        haze_color: Display colour of it.
+        haze_width: How far it reaches in from the skybox, as a part of its distance.
+        haze_radius: The skybox's distance [m].
+    """
+
+    mirrors: Sequence[int] = ()
+    reflectance: np.ndarray = field(default_factory=lambda: np.zeros(0, np.float32))
+    veils: Sequence[int] = ()
+    reach: np.ndarray = field(default_factory=lambda: np.zeros(0, np.float32))
+    haze_plane: int = -1
+    haze_color: tuple[float, float, float] = (1.0, 1.0, 1.0)
+    haze_width: float = 0.0
+    haze_radius: float = 0.0
+
+    def tables(self, num_shapes: int, device: wp.Device) -> LayerTables | None:
+        """For the kernels; None where one layer is enough."""
+        if not self.mirrors and not self.veils and self.haze_plane < 0:
+            return None
+        places = np.full(num_shapes, -1, np.int32)
+        places[np.asarray(self.veils, np.int64)] = np.arange(len(self.veils))
+        haze = None
+        if self.haze_plane >= 0:
+            haze = Haze()
+            haze.color = wp.vec3(*self.haze_color)
+            haze.plane, haze.width, haze.radius = self.haze_plane, self.haze_width, self.haze_radius
+        return LayerTables(
+            mirrors=wp.array(np.asarray(self.mirrors, np.int32), dtype=wp.int32, device=device),
+            reflectance=wp.array(self.reflectance, dtype=wp.float32, device=device),
+            veils=wp.array(np.asarray(self.veils, np.int32), dtype=wp.int32, device=device),
+            veil_places=wp.array(places, dtype=wp.int32, device=device),
+            reach=wp.array(self.reach, dtype=wp.float32, device=device),
+            haze=haze,
+        )
+
+
+def find_mirrors(
+    types: np.ndarray, drawn: Sequence[int], materials: np.ndarray, reflectance: np.ndarray, wanted: bool | None
+) -> list[int]:
+    """Planes and boxes that reflect in some world, or with ``wanted`` all that may ever come to.
+
+    Args:
+        types: (shape,).
+        drawn: ids.
+        materials: (n, shape), -1 for none.
+        reflectance: (material,).
+        wanted: None looks; True and False are the user's word.
+    """
+    able = [shape for shape in drawn if types[shape] in (PLANE, BOX)]
+    if wanted is not None:
+        return able if wanted else []
+    reflects = np.append(reflectance, 0.0) > 0.0
+    return [shape for shape in able if reflects[materials[:, shape]].any()]
+
+
+def find_veils(types: np.ndarray, drawn: Sequence[int], opacity: np.ndarray, wanted: bool | None) -> list[int]:
+    """Shapes that are transparent in some world and planes, which are so from behind, or with ``wanted`` all.
+
+    Of more than ``MAX_VEILS`` those that are transparent now come first; what is left over is drawn solid.
+
+    Args:
+        types: (shape,).
+        drawn: ids.
+        opacity: (n, shape).
+        wanted: None looks; True and False are the user's word.
+    """
+    veils = [shape for shape in drawn if ((opacity[:, shape] > 0.0) & (opacity[:, shape] < SOLID)).any()]
+    if wanted is False or (wanted is None and not veils):
+        return []
+    veils += [shape for shape in drawn if types[shape] == PLANE]
+    if wanted:
+        veils += drawn
+    return sorted(list(dict.fromkeys(veils))[:MAX_VEILS])
+
+
+def has_lit(camera: Camera) -> bool:
+    return any(OUTPUTS[name].lit for name in camera.outputs)
+
+
+def mirrors_of(camera: Camera, tables: Tables) -> bool:
+    """Whether that camera's images show mirrors."""
+    return tables.layers is not None and tables.layers.reflect and has_lit(camera)
+
+
+def veils_of(camera: Camera, tables: Tables) -> bool:
+    """Whether that camera's images show transparent shapes."""
+    return tables.layers is not None and tables.layers.veiled and has_lit(camera)
+
+
+def world_bytes(camera: Camera, tables: Tables) -> int:
+    """What mirrors take for each world, beside images and scratch."""
+    both = wp.types.type_size_in_bytes(View) + wp.types.type_size_in_bytes(Mirror)
+    return both if mirrors_of(camera, tables) else 0

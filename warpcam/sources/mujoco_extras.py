@@ -1,0 +1,434 @@
+"""What MuJoCo draws beside geoms: sites, tendons, flexes and skins.
+
+They are further shapes of the scene. Columns count geoms, sites, tendons, flexes, skins, as the ids of ``segmentation``
+do; a tendon, or a flex that is a line, is drawn as several capsules or cylinders, whose columns follow on all these.
+"""
+
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from warpcam.accel.meshes import Mesh
+from warpcam.errors import WarpcamError
+from warpcam.kernels.extras import COPY, EDGE, MARK, SEGMENT, STRING
+from warpcam.kernels.refit import Shading
+from warpcam.kernels.swell import Hull
+from warpcam.kernels.types import CAPSULE, CYLINDER, MESH, SPHERE
+from warpcam.scene import Parts
+
+KINDS = ("geoms", "sites", "tendons", "flexes", "skins")
+OBJECTS = (
+    mujoco.mjtObj.mjOBJ_GEOM,
+    mujoco.mjtObj.mjOBJ_SITE,
+    mujoco.mjtObj.mjOBJ_TENDON,
+    mujoco.mjtObj.mjOBJ_FLEX,
+    mujoco.mjtObj.mjOBJ_SKIN,
+)
+MAX_STRING = 100  # points of a tendon that hangs slack
+DEFAULT_COLOR = (0.5, 0.5, 0.5, 1.0)
+
+
+@dataclass(frozen=True, eq=False)
+class Bonds:
+    """How the vertices of all skins hang on bodies: see ``kernels.swell.Bones``."""
+
+    starts: np.ndarray
+    bodies: np.ndarray
+    places: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class Moved:
+    """A flex or a skin: a mesh that moves, one for each world.
+
+    Attributes:
+        column: Of the table.
+        mesh: Where the model starts.
+        hull: How its points are made.
+        of_skin: Of the skins' vertices, else of the flexes'.
+        shading: Of its faces.
+    """
+
+    column: int
+    mesh: Mesh
+    hull: Hull
+    of_skin: bool
+    shading: Shading
+
+
+@dataclass(frozen=True, eq=False)
+class Extras:
+    """All of it.
+
+    Attributes:
+        num_columns: Of the table, with those of the geoms.
+        entries: (entry, 4) int32, what is written each frame: see ``kernels.extras.Entries``.
+        radii: (entry,) float32.
+        lengths: (entry,) float32, of strings [m].
+        up: (3,) against gravity, unit.
+        num_points_of_string: How many.
+        sizes: (column, 3) float32, and so on: of the columns beside the geoms' what never changes.
+        materials: (column,) int32.
+        colors: (column, 4) float32.
+        assets: (column,) int32.
+        moved: Meshes that move.
+        num_points: Of all of these.
+        num_skin_vertices: Of all skins.
+        bonds: Of these.
+    """
+
+    num_columns: int
+    entries: np.ndarray
+    radii: np.ndarray
+    lengths: np.ndarray
+    up: np.ndarray
+    num_points_of_string: int
+    sizes: np.ndarray
+    materials: np.ndarray
+    colors: np.ndarray
+    assets: np.ndarray
+    moved: Sequence[Moved]
+    num_points: int
+    num_skin_vertices: int
+    bonds: Bonds
+
+    @property
+    def lines(self) -> bool:
+        """Whether sizes are written each frame."""
+        return bool(np.isin(self.entries[:, 0], (SEGMENT, EDGE, STRING)).any())
+
+    def reads(self, kind: int) -> bool:
+        return bool((self.entries[:, 0] == kind).any())
+
+
+def objects(mjm: mujoco.MjModel) -> np.ndarray:
+    """Id and mjtObj of what has each id of ``segmentation``, (id + 1, 2) int32; the last row is for -1, nothing."""
+    counts = _counts(mjm)
+    rows = [np.stack((np.arange(n), np.full(n, int(kind))), axis=1) for n, kind in zip(counts, OBJECTS, strict=True)]
+    return np.concatenate([*rows, [(-1, -1)]]).astype(np.int32)
+
+
+def check_kinds(draw: Any) -> frozenset[str]:
+    kinds = [draw] if isinstance(draw, str) else list(draw)
+    for kind in kinds:
+        if kind not in KINDS:
+            raise WarpcamError(f"draw: {kind!r} came; allowed are {', '.join(KINDS)}")
+    return frozenset(kinds)
+
+
+def with_extras(
+    parts: Parts, mjm: mujoco.MjModel, groups: Collection[int], kinds: Collection[str]
+) -> tuple[Parts, Extras | None]:
+    """The scene's parts with what is drawn beside geoms, and that; None where there is nothing of it."""
+    if "geoms" not in kinds:
+        parts = replace(parts, drawn=[])
+    parts = replace(parts, objects=objects(mjm))
+    reader = _Reader(mjm, parts, [int(group) for group in groups], kinds)
+    reader.read()
+    if not reader.drawn:
+        return parts, None
+    return reader.parts(), reader.extras()
+
+
+def _counts(mjm: mujoco.MjModel) -> tuple[int, ...]:
+    return mjm.ngeom, mjm.nsite, mjm.ntendon, mjm.nflex, mjm.nskin
+
+
+class _Reader:
+    """Goes through the model once, adding columns."""
+
+    def __init__(self, mjm: mujoco.MjModel, parts: Parts, groups: Sequence[int], kinds: Collection[str]):
+        self._mjm, self._parts, self._kinds = mjm, parts, kinds
+        self._shown = np.isin(np.arange(6), groups)
+        self._first = np.r_[0, np.cumsum(_counts(mjm))]
+        total = int(self._first[-1])
+        self._types, self._ids = np.full(total, SPHERE, np.int32), np.arange(total, dtype=np.int32)
+        self._bodies = np.full(total, -1, np.int32)
+        self._bodies[: mjm.ngeom], self._types[: mjm.ngeom] = parts.shape_bodies, parts.shape_types
+        self._sizes, self._colors = np.zeros((total, 3), np.float32), np.zeros((total, 4), np.float32)
+        self._materials, self._assets = np.full(total, -1, np.int32), np.full(total, -1, np.int32)
+        self._entries = [(COPY, geom, geom, 0) for geom in parts.drawn]
+        self._radii = [0.0] * len(self._entries)
+        self._lengths: dict[int, float] = {}
+        self._string_points = min(int(mjm.vis.quality.numslices) + 1, MAX_STRING)
+        self._more: list[tuple[int, int, int]] = []  # columns beyond: type, id, row of what is static
+        self._moved: list[Moved] = []
+        self._points = 0
+        self.drawn: list[int] = []
+
+    def read(self) -> None:
+        mjm = self._mjm
+        start = mujoco.MjData(mjm)
+        mujoco.mj_kinematics(mjm, start)
+        mujoco.mj_comPos(mjm, start)
+        if mjm.nflex:
+            mujoco.mj_flex(mjm, start)
+        if "sites" in self._kinds:
+            self._read_sites()
+        if "tendons" in self._kinds:
+            self._read_tendons()
+        if "flexes" in self._kinds:
+            self._read_flexes(start)
+        if "skins" in self._kinds:
+            self._read_skins(start)
+
+    def parts(self) -> Parts:
+        parts = self._parts
+        types = np.r_[self._types, [kind for kind, _, _ in self._more]].astype(np.int32)
+        ids = np.r_[self._ids, [number for _, number, _ in self._more]].astype(np.int32)
+        bodies = np.r_[self._bodies, np.full(len(self._more), -1)].astype(np.int32)
+        if self._more:
+            worlds = (parts.num_worlds, len(ids))
+            parts = replace(
+                parts,
+                shape_ids=np.ascontiguousarray(np.broadcast_to(ids, worlds)),
+                body_ids=np.ascontiguousarray(np.broadcast_to(bodies, worlds)),
+            )
+        meshes = [*parts.meshes, *(part.mesh for part in self._moved for _ in range(parts.num_worlds))]
+        return replace(
+            parts,
+            shape_types=types,
+            shape_bodies=bodies,
+            drawn=sorted([*parts.drawn, *self.drawn]),
+            meshes=meshes,
+        )
+
+    def extras(self) -> Extras:
+        rows = np.r_[np.arange(len(self._types)), [row for _, _, row in self._more]].astype(np.int64)
+        return Extras(
+            num_columns=len(rows),
+            entries=np.array(self._entries, np.int32).reshape(-1, 4),
+            radii=np.array(self._radii, np.float32),
+            lengths=np.array([self._lengths.get(entry, 0.0) for entry in range(len(self._entries))], np.float32),
+            up=_up(self._mjm),
+            num_points_of_string=self._string_points,
+            sizes=self._sizes[rows],
+            materials=self._materials[rows],
+            colors=self._colors[rows],
+            assets=self._assets[rows],
+            moved=self._moved,
+            num_points=self._points,
+            num_skin_vertices=self._mjm.nskinvert,
+            bonds=_bonds(self._mjm) if any(part.of_skin for part in self._moved) else _no_bonds(),
+        )
+
+    def _read_sites(self) -> None:
+        mjm = self._mjm
+        for site in range(mjm.nsite):
+            column = self._column(1, site, mjm.site_group, mjm.site_rgba, mjm.site_matid)
+            if column < 0:
+                continue
+            self._types[column], self._bodies[column] = mjm.site_type[site], mjm.site_bodyid[site]
+            self._sizes[column], self._assets[column] = mjm.site_size[site], mjm.site_dataid[site]
+            self._add((MARK, column, site, 0), column)
+
+    def _read_tendons(self) -> None:
+        mjm = self._mjm
+        wrap = mujoco.mjtWrap
+        for tendon in range(mjm.ntendon):
+            first, count = int(mjm.tendon_adr[tendon]), int(mjm.tendon_num[tendon])
+            path = mjm.wrap_type[first : first + count]
+            if (path == wrap.mjWRAP_JOINT).any():  # a tendon of joints is no line
+                continue
+            row = self._column(2, tendon, mjm.tendon_group, mjm.tendon_rgba, mjm.tendon_matid)
+            if row < 0:
+                continue
+            length = _string_length(mjm, tendon)
+            if length > 0.0:
+                for segment in range(self._string_points - 1):
+                    column = self._beyond(CAPSULE, row)
+                    self._lengths[len(self._entries)] = length
+                    self._add((STRING, column, tendon, segment), column, float(mjm.tendon_width[tendon]))
+                continue
+            around = np.isin(path, (wrap.mjWRAP_SPHERE, wrap.mjWRAP_CYLINDER))  # touched at two points
+            for segment in range(len(path) + int(around.sum()) - 1):
+                column = self._beyond(CAPSULE, row)
+                self._add((SEGMENT, column, tendon, segment), column, float(mjm.tendon_width[tendon]))
+
+    def _read_flexes(self, start: mujoco.MjData) -> None:
+        mjm = self._mjm
+        for flex in range(mjm.nflex):
+            row = self._column(3, flex, mjm.flex_group, mjm.flex_rgba, mjm.flex_matid)
+            if row < 0:
+                continue
+            vertex, radius = int(mjm.flex_vertadr[flex]), float(mjm.flex_radius[flex])
+            if mjm.flex_dim[flex] == 1:
+                first = int(mjm.flex_edgeadr[flex])
+                for a, b in mjm.flex_edge[first : first + mjm.flex_edgenum[flex]]:
+                    column = self._beyond(CYLINDER, row)
+                    self._add((EDGE, column, vertex + int(a), vertex + int(b)), column, radius)
+            else:
+                self._move(row, *_flex_surface(mjm, start, flex), of_skin=False)
+
+    def _read_skins(self, start: mujoco.MjData) -> None:
+        mjm = self._mjm
+        for skin in range(mjm.nskin):
+            row = self._column(4, skin, mjm.skin_group, mjm.skin_rgba, mjm.skin_matid)
+            if row >= 0:
+                self._move(row, *_skin_surface(mjm, skin), of_skin=True)
+
+    def _move(self, row: int, mesh: Mesh, hull: Hull, shading: Shading, of_skin: bool) -> None:
+        hull = replace(hull, first_point=self._points)
+        self._points += hull.num_vertices * (2 if hull.both else 1)
+        self._types[row] = MESH
+        self._moved.append(Moved(row, mesh, hull, of_skin, shading))
+        self.drawn.append(row)
+
+    def _column(self, kind: int, index: int, group: np.ndarray, rgba: np.ndarray, material: np.ndarray) -> int:
+        """The column of something, or -1 if it is not to be seen."""
+        color = tuple(float(value) for value in rgba[index])
+        own = int(material[index])
+        by_material = own >= 0 and color == DEFAULT_COLOR
+        if not self._shown[min(max(int(group[index]), 0), 5)] or (color[3] <= 0.0 and not by_material):
+            return -1
+        column = int(self._first[kind]) + index
+        self._colors[column], self._materials[column] = color, own
+        return column
+
+    def _beyond(self, kind: int, row: int) -> int:
+        """Another column of the thing whose own is ``row``."""
+        self._more.append((kind, row, row))
+        return len(self._types) + len(self._more) - 1
+
+    def _add(self, entry: tuple[int, int, int, int], column: int, radius: float = 0.0) -> None:
+        self._entries.append(entry)
+        self._radii.append(radius)
+        self.drawn.append(column)
+
+
+def _up(mjm: mujoco.MjModel) -> np.ndarray:
+    gravity = np.array(mjm.opt.gravity)
+    return -gravity / max(float(np.linalg.norm(gravity)), 1e-15)
+
+
+def _string_length(mjm: mujoco.MjModel, tendon: int) -> float:
+    """How long a tendon is that hangs slack between two sites, as MuJoCo draws it; 0 for one that never does.
+
+    It is one that nothing but an upper bound of its length holds: a limit, or a spring that is free below.
+    """
+
+    def any_of(*names: str) -> bool:
+        values = [getattr(mjm, f"tendon_{name}")[tendon] for name in names if hasattr(mjm, f"tendon_{name}")]
+        return any(np.any(value) for value in values)
+
+    stiff = any_of("stiffness", "stiffnesspoly")
+    spring, limit = mjm.tendon_lengthspring[tendon], mjm.tendon_range[tendon]
+    by_spring = stiff and spring[0] == 0.0 and spring[1] > 0.0
+    by_limit = not stiff and bool(mjm.tendon_limited[tendon]) and limit[0] == 0.0
+    driven = (mjm.actuator_trntype == mujoco.mjtTrn.mjTRN_TENDON) & (mjm.actuator_trnid[:, 0] == tendon)
+    falls = not mjm.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_GRAVITY and np.any(mjm.opt.gravity)
+    held = any_of("damping", "dampingpoly", "frictionloss") or driven.any()
+    if not falls or held or mjm.tendon_num[tendon] != 2 or by_spring == by_limit:
+        return 0.0
+    return float(limit[1] if by_limit else spring[1])
+
+
+def _flex_surface(mjm: mujoco.MjModel, start: mujoco.MjData, flex: int) -> tuple[Mesh, Hull, Shading]:
+    """As MuJoCo draws it: sheets on both sides with their rims closed, or the shell of what is solid."""
+    dim, vertex, count = int(mjm.flex_dim[flex]), int(mjm.flex_vertadr[flex]), int(mjm.flex_vertnum[flex])
+    radius = float(mjm.flex_radius[flex])
+    first, number = int(mjm.flex_shelldataadr[flex]), int(mjm.flex_shellnum[flex])
+    shell = mjm.flex_shell[first : first + number * dim].reshape(-1, dim)
+    vertices = start.flexvert_xpos[vertex : vertex + count]
+    name = f"flex {mujoco.mj_id2name(mjm, mujoco.mjtObj.mjOBJ_FLEX, flex) or flex}"
+
+    def shading(count: int) -> Shading:
+        return Shading(num_flat=count, offset=radius) if mjm.flex_flatskin[flex] else Shading(num_smooth=count)
+
+    texture = None
+    if mjm.flex_texcoordadr[flex] >= 0:
+        texture = mjm.flex_texcoord[mjm.flex_texcoordadr[flex] :]
+    if dim == 3:
+        hull = Hull(shell, count, radius, by_area=False, first_vertex=vertex, first_point=0, both=False)
+        mesh = _mesh(name, vertices + radius * _normals(vertices, shell), shell, texture, shell)
+        return mesh, hull, shading(len(shell))
+    first, number = int(mjm.flex_elemdataadr[flex]), int(mjm.flex_elemnum[flex])
+    sheet = mjm.flex_elem[first : first + 3 * number].reshape(-1, 3)
+    mapped = mjm.flex_elemtexcoord[first : first + 3 * number].reshape(-1, 3)
+    a, b = shell[:, 0], shell[:, 1]
+    back = np.array((0, 2, 1))
+    faces = np.concatenate(
+        (
+            sheet,
+            sheet[:, back] + count,
+            np.stack((a, b + count, b), axis=1),
+            np.stack((b + count, a, a + count), axis=1),
+        )
+    )
+    corners = np.concatenate((mapped, mapped[:, back], np.stack((a, b, b), axis=1), np.stack((b, a, a), axis=1)))
+    normals = radius * _normals(vertices, sheet)
+    mesh = _mesh(name, np.concatenate((vertices + normals, vertices - normals)), faces, texture, corners)
+    hull = Hull(sheet, count, radius, by_area=False, first_vertex=vertex, first_point=0, both=True)
+    return mesh, hull, shading(2 * number)
+
+
+def _skin_surface(mjm: mujoco.MjModel, skin: int) -> tuple[Mesh, Hull, Shading]:
+    first, count = int(mjm.skin_vertadr[skin]), int(mjm.skin_vertnum[skin])
+    start = int(mjm.skin_faceadr[skin])
+    faces = mjm.skin_face[start : start + mjm.skin_facenum[skin]]
+    texture = None
+    if mjm.skin_texcoordadr[skin] >= 0:
+        texture = mjm.skin_texcoord[mjm.skin_texcoordadr[skin] :]
+    hull = Hull(
+        faces=faces, num_vertices=count, offset=float(mjm.skin_inflate[skin]), by_area=True, first_vertex=first,
+        first_point=0, both=False,
+    )  # fmt: skip
+    name = f"skin {mjm.skin(skin).name or skin}"
+    return (
+        _mesh(name, mjm.skin_vert[first : first + count], faces, texture, faces),
+        hull,
+        Shading(num_smooth=len(faces)),
+    )
+
+
+def _mesh(name: str, vertices: np.ndarray, faces: np.ndarray, texture: np.ndarray | None, corners: np.ndarray) -> Mesh:
+    uvs = None
+    if texture is not None:
+        uvs = texture[corners].astype(np.float32)
+        uvs[..., 1] = 1.0 - uvs[..., 1]  # MuJoCo's v counts from the image's first row
+    return Mesh(
+        name, np.ascontiguousarray(vertices, np.float32), np.ascontiguousarray(faces, np.int32), uvs=uvs, moves=True
+    )
+
+
+def _normals(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    """Of each vertex, the mean of its faces', (vertex, 3)."""
+
+    def unit(vectors: np.ndarray) -> np.ndarray:
+        return vectors / np.maximum(np.linalg.norm(vectors, axis=1, keepdims=True), 1e-15)
+
+    corners = vertices[faces]
+    flat = unit(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]))
+    sums = np.zeros_like(vertices)
+    for corner in range(3):
+        np.add.at(sums, faces[:, corner], flat)
+    return unit(sums)
+
+
+def _no_bonds() -> Bonds:
+    return Bonds(np.zeros(1, np.int32), np.zeros(0, np.int32), np.zeros((0, 4), np.float32))
+
+
+def _bonds(mjm: mujoco.MjModel) -> Bonds:
+    vertices, bodies, places = [], [], []
+    for skin in range(mjm.nskin):
+        for bone in range(mjm.skin_boneadr[skin], mjm.skin_boneadr[skin] + mjm.skin_bonenum[skin]):
+            rows = slice(mjm.skin_bonevertadr[bone], mjm.skin_bonevertadr[bone] + mjm.skin_bonevertnum[bone])
+            own = mjm.skin_vertadr[skin] + mjm.skin_bonevertid[rows]
+            turn = np.zeros(9)
+            mujoco.mju_quat2Mat(turn, mjm.skin_bonebindquat[bone].astype(np.float64))
+            local = (mjm.skin_vert[own] - mjm.skin_bonebindpos[bone]) @ turn.reshape(3, 3)
+            vertices.append(own)
+            bodies.append(np.full(len(own), mjm.skin_bonebodyid[bone]))
+            places.append(np.column_stack((local, mjm.skin_bonevertweight[rows])))
+    of = np.concatenate(vertices)
+    order = np.argsort(of, kind="stable")
+    starts = np.r_[0, np.cumsum(np.bincount(of, minlength=mjm.nskinvert))]
+    return Bonds(
+        starts.astype(np.int32),
+        np.concatenate(bodies)[order].astype(np.int32),
+        np.concatenate(places)[order].astype(np.float32),
+    )

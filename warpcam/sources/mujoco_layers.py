@@ -1,0 +1,77 @@
+"""What of a MuJoCo model needs more than one layer: mirrors, transparent geoms, haze."""
+
+from dataclasses import replace
+
+import mujoco
+import numpy as np
+
+from warpcam.kernels.types import PLANE
+from warpcam.layers import Layers, find_mirrors, find_veils
+from warpcam.scene import Parts
+from warpcam.sources.mujoco_extras import Extras
+
+PLAIN = (0.5, 0.5, 0.5, 1.0)  # a geom's colour that lets its material's count
+SKYBOX = 0.7  # its distance as a part of how far MuJoCo's camera sees
+
+
+def with_layers(
+    parts: Parts,
+    mjm: mujoco.MjModel,
+    extras: Extras | None,
+    reflections: bool | None,
+    transparency: bool | None,
+    colors: np.ndarray | None = None,
+    materials: np.ndarray | None = None,
+    material_colors: np.ndarray | None = None,
+) -> Parts:
+    """The scene's parts with what of them needs more than one layer.
+
+    Args:
+        parts: Of what is drawn, geoms first.
+        mjm: The host's model.
+        extras: What is drawn beside geoms.
+        reflections: Whether planes and boxes reflect; None looks for materials with reflectance.
+        transparency: Whether shapes are transparent; None looks for colours that are.
+        colors: (n, geom, 4), where worlds have their own; None is the model's.
+        materials: (n, geom), likewise.
+        material_colors: (n, material, 4), likewise.
+    """
+    colors = mjm.geom_rgba[None] if colors is None else colors
+    materials = mjm.geom_matid[None] if materials is None else materials
+    material_colors = mjm.mat_rgba[None] if material_colors is None else material_colors
+    types, drawn, reach = parts.shape_types, parts.drawn, mjm.geom_rbound
+    if extras is not None:
+        colors, materials = _extended(colors, extras.colors), _extended(materials, extras.materials)
+        reach = np.r_[reach, np.full(len(types) - mjm.ngeom, -1.0)]
+    haze = [g for g in drawn if g < mjm.ngeom and types[g] == PLANE and (mjm.geom_size[g, :2] == 0.0).all()]
+    layers = Layers(
+        mirrors=find_mirrors(types, drawn, materials, mjm.mat_reflectance, reflections),
+        reflectance=mjm.mat_reflectance.astype(np.float32),
+        veils=find_veils(types, drawn, _opacity(colors, materials, material_colors), transparency),
+        reach=np.where(types == PLANE, np.inf, reach).astype(np.float32),
+        haze_plane=haze[0] if haze else -1,
+        haze_color=tuple(float(channel) for channel in mjm.vis.rgba.haze[:3]),
+        haze_width=float(mjm.vis.map.haze),
+        haze_radius=float(SKYBOX * mjm.vis.map.zfar * mjm.stat.extent),
+    )
+    return replace(parts, layers=layers)
+
+
+def _extended(geoms: np.ndarray, columns: np.ndarray) -> np.ndarray:
+    """(n, column, ...): the geoms' own values, and those of the columns beside them."""
+    more = np.broadcast_to(columns[geoms.shape[1] :], (len(geoms), *columns[geoms.shape[1] :].shape))
+    return np.concatenate((geoms, more), axis=1)
+
+
+def _opacity(colors: np.ndarray, materials: np.ndarray, material_colors: np.ndarray) -> np.ndarray:
+    """(n, geom): of the colour that counts."""
+    count = int(np.lcm.reduce([len(colors), len(materials), max(len(material_colors), 1)]))
+    count = min(count, max(len(colors), len(materials), len(material_colors)))
+    worlds = np.arange(count)
+    color = np.array(colors[worlds % len(colors)])
+    if material_colors.shape[1] == 0:
+        return color[..., 3]
+    material = materials[worlds % len(materials)]
+    given = material_colors[worlds % len(material_colors)][worlds[:, None], np.maximum(material, 0), 3]
+    plain = (color == np.float32(PLAIN)).all(axis=-1) & (material >= 0)
+    return np.where(plain, given, color[..., 3])

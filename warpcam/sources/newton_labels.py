@@ -1,0 +1,72 @@
+"""What the shapes of a Newton model are part of, and what a user calls them."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import newton
+import numpy as np
+
+from warpcam.errors import WarpcamError
+
+
+def read_labels(
+    model: newton.Model, ids: np.ndarray, bodies: np.ndarray, semantics: Any
+) -> tuple[np.ndarray, np.ndarray]:
+    """Instances and semantics of what stands in the worlds' columns, (world or 1, column) int32.
+
+    Args:
+        model: Read once.
+        ids: (world, column) int32, shapes; negative ones are none.
+        bodies: (world, column) int32, their bodies, or -1.
+        semantics: Number of each label, or None.
+    """
+    of_body = np.full(model.body_count + 1, -1, np.int32)
+    if model.joint_count:
+        of_body[model.joint_child.numpy()] = model.joint_articulation.numpy()
+    of_body[-1] = -1
+    instances = of_body[bodies]
+    numbers = Numbers(semantics)
+    if not numbers:
+        return instances, np.zeros((1, ids.shape[1]), np.int32)
+    marks = np.zeros(model.shape_count + 1, np.int32)
+    known: dict[tuple[str, ...], int] = {}
+    own = np.concatenate((model.shape_body.numpy(), [-1])) if model.shape_count else np.full(1, -1)
+    for shape, label in enumerate(model.shape_label):
+        body = own[shape]
+        articulation = of_body[body]
+        labels = (
+            label,
+            model.body_label[body] if body >= 0 else "",
+            model.articulation_label[articulation] if articulation >= 0 else "",
+        )
+        if labels not in known:
+            known[labels] = next((number for number in map(numbers.find, labels) if number is not None), 0)
+        marks[shape] = known[labels]
+    return instances, marks[np.where(ids >= 0, ids, -1)]
+
+
+class Numbers:
+    """Numbers by label, where a label is some of the parts of a path in their order."""
+
+    def __init__(self, semantics: Any):
+        if semantics is not None and not isinstance(semantics, Mapping):
+            raise WarpcamError(f"semantics must map labels to whole numbers, got {type(semantics).__name__}")
+        self._numbers: dict[tuple[str, ...], int] = {}
+        for name, number in (semantics or {}).items():
+            if not isinstance(name, str) or isinstance(number, bool) or not isinstance(number, int | np.integer):
+                raise WarpcamError(f"semantics: must map labels to whole numbers, got {name!r}: {number!r}")
+            self._numbers[tuple(name.strip("/").split("/"))] = int(number)
+        self._lengths = sorted({len(key) for key in self._numbers}, reverse=True)
+
+    def __bool__(self) -> bool:
+        return bool(self._numbers)
+
+    def find(self, path: str) -> int | None:
+        """Of the label that ends last in a path, of those the longest."""
+        parts = path.strip("/").split("/")
+        for end in range(len(parts), 0, -1):
+            for length in self._lengths:
+                number = self._numbers.get(tuple(parts[max(end - length, 0) : end]))
+                if number is not None:
+                    return number
+        return None
