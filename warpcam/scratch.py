@@ -63,7 +63,7 @@ def buffers_of(camera: Camera, tables: Tables) -> dict[str, Any]:
     chosen = {
         name: dtypes[name.removeprefix("mirror ").removeprefix("sample ")] for name, there in wanted.items() if there
     }
-    return kinds | {f"smooth {name}": PIXELS[name] for name in smooth}
+    return chosen | {f"smooth {name}": PIXELS[name] for name in smooth}
 
 
 def image_bytes(camera: Camera, tables: Tables) -> dict[str, int]:
