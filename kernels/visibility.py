@@ -47,6 +47,7 @@ def opaque_target_struct(shape_dtype: Any, face_dtype: Any) -> Any:
         normals: wp.array(dtype=wp.float32)
         width: wp.int32
         height: wp.int32
+        chosen: wp.array(dtype=wp.uint8)
 
     return OpaqueTarget
 
