@@ -250,9 +250,12 @@ WARPCAM_FN void resolve_pixel(const Looks* looks, const List& lights, const Scen
             shown.linear = shown.display = FACTS & MIRRORED
                 ? black
                 : background_color<LENS, FACTS>(scene.textures, scene.background, camera, x, y);
-            if constexpr (Wants::COATED && (FACTS & HAS_SKYBOX)) {  // else the user's own colour, as it is
-                shown.linear = times(lights.sky.gain, decoded(shown.linear));
-                shown.display = encoded(shown.linear);
+            if constexpr (Wants::COATED) {
+                shown.linear = decoded(shown.linear);
+                if constexpr ((FACTS & HAS_SKYBOX) != 0) {
+                    shown.linear = times(lights.sky.gain, shown.linear);
+                    shown.display = encoded(shown.linear);
+                }
             }
         }
         if constexpr ((FACTS & REFLECTS) != 0)
