@@ -20,7 +20,7 @@ class WarpcamOnNewton:
         self.scene = wc.from_newton(
             self.worlds.model, self.worlds.state, lights=lights_of(problem), ambient=ambient_of(problem.mjm)
         )
-        self.lacks = ("the scene's own textures: plain colours stand in for them",)
+        self.lacks: tuple[str, ...] = ("the scene's own textures: plain colours stand in for them",)
         self.renderer: wc.Renderer | None = None
         self.place(0)
 

@@ -28,7 +28,7 @@ class Found:
     for (int k = 0; k < 3; ++k)
         camera.rotation.at[k][k] = 1.0f;
     const auto look = load_look<255, Wanted<RGB | NORMALS, HAS_MATERIALS | HAS_TEXTURES>>(
-        shapes, materials, textures, meshes, fields, camera, 0.0f, 0, shape);
+        shapes, materials, None {}, textures, meshes, fields, camera, 0.0f, 0, shape);
     const Vec sight = to_vec(ray);
     const Surface surface = surface_at<255>(look.pose, meshes, fields, face, to_vec(local), sight);
     Facet facet;

@@ -44,13 +44,14 @@ def with_layers(
         colors, materials = _extended(colors, extras.colors), _extended(materials, extras.materials)
         reach = np.r_[reach, np.full(len(types) - mjm.ngeom, -1.0)]
     haze = [g for g in drawn if g < mjm.ngeom and types[g] == PLANE and (mjm.geom_size[g, :2] == 0.0).all()]
+    red, green, blue = mjm.vis.rgba.haze[:3]
     layers = Layers(
         mirrors=find_mirrors(types, drawn, materials, mjm.mat_reflectance, reflections),
         reflectance=mjm.mat_reflectance.astype(np.float32),
         veils=find_veils(types, drawn, _opacity(colors, materials, material_colors), transparency),
         reach=np.where(types == PLANE, np.inf, reach).astype(np.float32),
         haze_plane=haze[0] if haze else -1,
-        haze_color=tuple(float(channel) for channel in mjm.vis.rgba.haze[:3]),
+        haze_color=(float(red), float(green), float(blue)),
         haze_width=float(mjm.vis.map.haze),
         haze_radius=float(SKYBOX * mjm.vis.map.zfar * mjm.stat.extent),
     )
@@ -72,6 +73,7 @@ def _opacity(colors: np.ndarray, materials: np.ndarray, material_colors: np.ndar
     if material_colors.shape[1] == 0:
         return color[..., 3]
     material = materials[worlds % len(materials)]
-    given = material_colors[worlds % len(material_colors)][worlds[:, None], np.maximum(material, 0), 3]
-    plain = (color == np.float32(PLAIN)).all(axis=-1) & (material >= 0)
+    row = np.clip(material, 0, material_colors.shape[1] - 1)  # what is out of range the scene tells
+    given = material_colors[worlds % len(material_colors)][worlds[:, None], row, 3]
+    plain = (color == np.asarray(PLAIN, np.float32)).all(axis=-1) & (material >= 0)
     return np.where(plain, given, color[..., 3])

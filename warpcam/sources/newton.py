@@ -267,7 +267,7 @@ def _tables(layout: Layout, tables: Columns, num_worlds: int, device: wp.Device)
     widths = {"shapes": columns, "bodies": places, "cameras": 0, "materials": materials}
     arrays = {
         name: wp.zeros((num_worlds, widths[field.rows], *field.more), dtype=field.dtype, device=device)
-        for name, field in (FIELDS | PHYSICAL_FIELDS).items()
+        for name, field in {**FIELDS, **PHYSICAL_FIELDS}.items()
         if field.rows in widths and name not in ("shape_assets", "shape_materials")
     }
     arrays["shape_assets"] = wp.array(tables.assets, dtype=wp.int32, ndim=2, device=device)
@@ -280,7 +280,7 @@ def _tables(layout: Layout, tables: Columns, num_worlds: int, device: wp.Device)
     textures[:, :, types.ROLE_COLOR] = images
     arrays["material_texture"].assign(textures)
     for name, values in (("roughness", rough), ("metallic", metal)):
-        arrays[f"material_{name}"].assign(np.tile(np.float32(values), (num_worlds, 1)))
+        arrays[f"material_{name}"].assign(np.tile(np.asarray(values, np.float32), (num_worlds, 1)))
     arrays["material_reflectance"].fill_(REFLECTANCE)
     arrays["sky"] = wp.zeros((1, types.SKY_TERMS + 1), dtype=wp.vec3, device=device)
     return arrays

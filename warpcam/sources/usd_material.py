@@ -389,8 +389,8 @@ def _identity(reader: TextureInput) -> tuple[Any, ...]:
 
 def _alike(one: TextureInput, other: TextureInput) -> bool:
     """Whether two textures lie in the same way."""
-    turns = [np.eye(2, 3) if turn is None else turn for turn in (one.uv_turn, other.uv_turn)]
-    return one.uv == other.uv and one.wrap == other.wrap and bool(np.allclose(*turns))
+    first, second = (np.eye(2, 3) if turn is None else turn for turn in (one.uv_turn, other.uv_turn))
+    return one.uv == other.uv and one.wrap == other.wrap and bool(np.allclose(first, second))
 
 
 def _rgb(pixels: np.ndarray) -> np.ndarray:

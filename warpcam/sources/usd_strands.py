@@ -136,8 +136,8 @@ class StrandReader:
             count += len(part[0])
         if not parts:
             return None
-        vertices, faces, normals, shown = (np.concatenate(arrays) for arrays in zip(*parts, strict=True))
-        return vertices, faces.astype(np.int32), normals, shown
+        joined = [np.concatenate(arrays) for arrays in zip(*parts, strict=True)]
+        return joined[0], joined[1].astype(np.int32), joined[2], joined[3]
 
     def _values(self, prim: Usd.Prim, name: str, counts: dict[str, int], time: Usd.TimeCode) -> tuple[np.ndarray, str]:
         """Widths and display colours, (n, 4), and how both are interpolated: as the finer of the two."""
