@@ -1,9 +1,11 @@
-"""CUDA streams of our own."""
+"""CUDA streams of our own, and the context that others have made current."""
 
 import ctypes
 import functools
 import sys
 import weakref
+from collections.abc import Iterator
+from contextlib import contextmanager
 
 import warp as wp
 
@@ -23,6 +25,23 @@ def quiet_stream(device: wp.Device) -> wp.Stream:
     stream = wp.Stream(device, cuda_stream=handle.value)
     weakref.finalize(stream, _driver().cuStreamDestroy_v2, handle).atexit = False
     return stream
+
+
+@contextmanager
+def context_kept() -> Iterator[None]:
+    """Afterwards the same CUDA context is current as before, on a machine that has CUDA.
+
+    What Warp does on a device leaves that device's context current, and with it torch's current device changes.
+    """
+    if not wp.is_cuda_available():
+        yield
+        return
+    context = ctypes.c_void_p()
+    _driver().cuCtxGetCurrent(ctypes.byref(context))
+    try:
+        yield
+    finally:
+        _driver().cuCtxSetCurrent(context)
 
 
 @functools.cache

@@ -56,6 +56,7 @@ def test_each_renderer_takes_its_memory_from_its_own_card() -> None:
         extra = every_gpu.renderer_on(devices[owner].alias, 64)
         extra.render()
         assert wp.get_mempool_used_mem_current(devices[other]) == before
+        del extra
     for _ in range(20):
         for renderer in renderers:
             renderer.render()

@@ -11,6 +11,7 @@ from typing import Any as _Any
 from warpcam.camera import Camera
 from warpcam.driven import DrivenScene
 from warpcam.errors import WarpcamError
+from warpcam.kernels.streams import context_kept as _context_kept
 from warpcam.lens import Lens, Orthographic, Pinhole
 from warpcam.light import Light
 from warpcam.memory import Memory, estimate_memory
@@ -42,6 +43,7 @@ __all__ = [
 ]
 
 
+@_context_kept()
 def from_mujoco_warp(
     mjm: _Any,
     m: _Any,
@@ -74,6 +76,7 @@ def from_mujoco_warp(
     return scene
 
 
+@_context_kept()
 def from_mujoco(
     mjm: _Any,
     mjd: _Any,
@@ -100,6 +103,7 @@ def from_mujoco(
     return scene
 
 
+@_context_kept()
 def from_newton(
     model: _Any,
     state: _Any,
@@ -130,6 +134,7 @@ def from_newton(
     return scene
 
 
+@_context_kept()
 def from_usd(
     path_or_stage: _Any,
     num_worlds: int = 1,
@@ -178,6 +183,7 @@ def from_usd(
     return scene
 
 
+@_context_kept()
 def load(
     path: _Any,
     num_worlds: int = 1,

@@ -52,11 +52,21 @@ def is_capturing(device: wp.Device) -> bool:
 def in_order(device: wp.Device) -> Iterator[None]:
     """Inside, work on Warp's current stream is ordered with torch's current stream of the device, before and after.
 
-    Under a capture the work goes to the stream that is captured, and waits for no other.
+    Under a capture the work goes to the stream that is captured, and waits for no other. Afterwards the same device is
+    current as before.
     """
-    if not device.is_cuda or device.is_capturing:
+    if not device.is_cuda:
         yield
-        return
+    elif device.is_capturing:
+        with wp.ScopedDevice(device):
+            yield
+    else:
+        with wp.ScopedDevice(device), _in_order(device):
+            yield
+
+
+@contextmanager
+def _in_order(device: wp.Device) -> Iterator[None]:
     ours, theirs = device.stream, _stream(device.ordinal, torch.cuda.current_stream(device.ordinal).cuda_stream)
     if theirs.is_capturing:
         with wp.ScopedStream(theirs, sync_enter=False):

@@ -13,7 +13,7 @@ from warpcam import interop
 from warpcam.camera import Camera
 from warpcam.errors import WarpcamError
 from warpcam.kernels.launch import Frame, Group, Stage, bind
-from warpcam.kernels.streams import quiet_stream
+from warpcam.kernels.streams import context_kept, quiet_stream
 from warpcam.kernels.tables import Tables
 from warpcam.kernels.views import record_begin
 from warpcam.memory import check_cameras, estimate_memory, require_free
@@ -62,6 +62,7 @@ class Renderer:
         memory: What was allocated for it all; ``estimate_memory`` tells before.
     """
 
+    @context_kept()
     def __init__(self, scene: Scene, cameras: Sequence[Camera], *, graph: bool = True):
         self._cameras = check_cameras(scene, cameras)
         self._scene, self._device = scene, scene.device
