@@ -29,9 +29,10 @@ def quiet_stream(device: wp.Device) -> wp.Stream:
 
 @contextmanager
 def context_kept() -> Iterator[None]:
-    """Afterwards the same CUDA context is current as before, on a machine that has CUDA.
+    """Afterwards the same CUDA context is current as before, if one was, on a machine that has CUDA.
 
-    What Warp does on a device leaves that device's context current, and with it torch's current device changes.
+    What Warp does on a device leaves that device's context current, and with it torch's current device changes. A
+    process that had none keeps that one: with none, torch would make another on the first card.
     """
     if not wp.is_cuda_available():
         yield
@@ -41,7 +42,8 @@ def context_kept() -> Iterator[None]:
     try:
         yield
     finally:
-        _driver().cuCtxSetCurrent(context)
+        if context:
+            _driver().cuCtxSetCurrent(context)
 
 
 @functools.cache
