@@ -8,7 +8,7 @@ import warp as wp
 from warpcam.kernels import types
 
 import warpcam as wc
-from warpcam.scene import FIELDS
+from warpcam.parts import FIELDS
 
 every_device = pytest.mark.parametrize("device", [device.alias for device in wp.get_devices()])
 

@@ -14,7 +14,7 @@ from warpcam.kernels import driving
 from warpcam.kernels.launch import Stage
 from warpcam.kernels.refit import Tree
 from warpcam.kernels.types import MESH, SKY_TERMS, SPLATS
-from warpcam.scene import Parts, SceneCamera, fields_of
+from warpcam.parts import Parts, SceneCamera, fields_of
 from warpcam.sources import looks
 from warpcam.sources.forms import Fitted, Surface, polar
 from warpcam.sources.graph import Eye, Graph, Lamp

@@ -11,7 +11,8 @@ from warpcam import device as device_rule
 from warpcam.errors import WarpcamError
 from warpcam.kernels.launch import Stage
 from warpcam.kernels.types import Meshes
-from warpcam.scene import FIELDS, Scene
+from warpcam.parts import FIELDS
+from warpcam.scene import Scene
 from warpcam.sources import mujoco_model as model
 from warpcam.sources.mujoco_extras import KINDS, check_kinds, with_extras
 from warpcam.sources.mujoco_layers import with_layers

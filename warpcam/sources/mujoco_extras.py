@@ -17,7 +17,7 @@ from warpcam.kernels.extras import COPY, EDGE, MARK, SEGMENT, STRING
 from warpcam.kernels.refit import Shading
 from warpcam.kernels.swell import Hull
 from warpcam.kernels.types import CAPSULE, CYLINDER, MESH, SPHERE
-from warpcam.scene import Parts
+from warpcam.parts import Parts
 
 KINDS = ("geoms", "sites", "tendons", "flexes", "skins")
 OBJECTS = (

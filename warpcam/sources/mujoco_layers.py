@@ -7,7 +7,7 @@ import numpy as np
 
 from warpcam.kernels.types import PLANE
 from warpcam.layers import Layers, find_mirrors, find_veils
-from warpcam.scene import Parts
+from warpcam.parts import Parts
 from warpcam.sources.mujoco_extras import Extras
 
 PLAIN = (0.5, 0.5, 0.5, 1.0)  # a geom's colour that lets its material's count

@@ -11,7 +11,7 @@ from warpcam.accel.meshes import Mesh, face_normals
 from warpcam.accel.textures import TextureImage
 from warpcam.errors import WarpcamError
 from warpcam.kernels.types import MESH
-from warpcam.scene import Parts, SceneCamera
+from warpcam.parts import Parts, SceneCamera
 
 NUM_GROUPS = 6
 SMOOTH_BELOW = 0.8  # cosine to the face's normal under which MuJoCo takes that instead of the vertex's

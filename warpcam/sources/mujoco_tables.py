@@ -14,7 +14,7 @@ from warpcam.kernels.launch import Stage
 from warpcam.kernels.refit import Tree
 from warpcam.kernels.swell import Bones, record_pose, record_swell
 from warpcam.kernels.types import Meshes
-from warpcam.scene import FIELDS
+from warpcam.parts import FIELDS
 from warpcam.sources.mujoco_extras import Extras
 
 # What is read beside the fields of a scene, by our names: theirs in mjData, and in MuJoCo-Warp's Data.

@@ -16,7 +16,8 @@ from warpcam.kernels.launch import Stage
 from warpcam.kernels.refit import Tree
 from warpcam.light import Light, light_arrays
 from warpcam.mounting import per_world
-from warpcam.scene import FIELDS, PHYSICAL_FIELDS, Parts, Scene
+from warpcam.parts import FIELDS, PHYSICAL_FIELDS, Parts
+from warpcam.scene import Scene
 from warpcam.sources.newton_labels import read_labels
 from warpcam.sources.newton_model import PLAIN, Layout, read_layout
 from warpcam.sources.newton_soft import Soft, read_soft
