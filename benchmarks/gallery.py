@@ -49,8 +49,8 @@ def write_page(path: Path, report: Mapping[str, Any], wanted: Mapping[str, float
         "```",
         "",
         "PSNR is over all channels of all pixels; more is better. FLIP is what eyes see when two pictures are swapped, "
-        "0 to 1; less is better. Mesa is told not to round while it filters textures (`GALLIVM_PERF`), and rays of range "
-        "finders are not drawn.",
+        "0 to 1; less is better. Mesa is told not to round while it filters textures (`GALLIVM_PERF`), and rays of "
+        "range finders are not drawn.",
         "",
         "| | shots | median PSNR [dB] | least PSNR [dB] | mean FLIP | largest FLIP |",
         "|---|---:|---:|---:|---:|---:|",
