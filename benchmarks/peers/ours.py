@@ -1,5 +1,7 @@
 """warpcam itself."""
 
+from typing import Any
+
 import numpy as np
 from warpcam.benchmarks.cases import Wanted
 from warpcam.benchmarks.compare import Images
@@ -17,10 +19,14 @@ class WarpcamPeer:
 
     def __init__(self, problem: Problem) -> None:
         self.problem = problem
-        self.scene = wc.from_mujoco_warp(  # what peers draw
+        self.scene = self._scene()
+        self.renderer: wc.Renderer | None = None
+
+    def _scene(self) -> wc.Scene:
+        problem = self.problem
+        return wc.from_mujoco_warp(  # what peers draw
             problem.mjm, problem.m, problem.d, draw=("geoms",), reflections=False, transparency=False
         )
-        self.renderer: wc.Renderer | None = None
 
     def release(self) -> None:
         self.renderer = None
@@ -35,10 +41,15 @@ class WarpcamPeer:
                 outputs=wanted.outputs,
                 shadows=wanted.shadows,
                 background=(0.0, 0.0, 0.0),
+                **self._own(index),
             )
-            for name in self.problem.cameras
+            for name, index in zip(self.problem.cameras, self.problem.camera_ids, strict=True)
         ]
         self.renderer = wc.Renderer(self.scene, cameras)
+
+    def _own(self, index: int) -> dict[str, Any]:
+        """What a camera is told that the scene does not have."""
+        return {}
 
     def place(self, index: int) -> None:
         self.problem.place(index)

@@ -1,75 +1,52 @@
 """warpcam looking at a Newton model."""
 
+from typing import Any
+
 import mujoco
 import numpy as np
-from warpcam.benchmarks.cases import Wanted
-from warpcam.benchmarks.compare import Images
 from warpcam.benchmarks.peers.newton_worlds import NewtonWorlds
+from warpcam.benchmarks.peers.ours import WarpcamPeer
 from warpcam.benchmarks.problem import Problem
 
 import warpcam as wc
 
 
-class WarpcamOnNewton:
+class WarpcamOnNewton(WarpcamPeer):
     """The same model and state as Newton's own camera gets, through `from_newton`."""
 
-    variants: tuple[str, ...] = ("",)
+    lacks: tuple[str, ...] = ("the scene's own textures: plain colours stand in for them",)
 
     def __init__(self, problem: Problem) -> None:
-        self.problem, self.worlds = problem, NewtonWorlds(problem)
-        self.scene = wc.from_newton(
-            self.worlds.model, self.worlds.state, lights=lights_of(problem), ambient=ambient_of(problem.mjm)
-        )
-        self.lacks: tuple[str, ...] = ("the scene's own textures: plain colours stand in for them",)
-        self.renderer: wc.Renderer | None = None
+        self.worlds = NewtonWorlds(problem)
+        super().__init__(problem)
         self.place(0)
 
-    def release(self) -> None:
-        self.renderer = None
+    def _scene(self) -> wc.Scene:
+        return wc.from_newton(
+            self.worlds.model,
+            self.worlds.state,
+            lights=lights_of(self.problem),
+            ambient=ambient_of(self.problem.mjm),
+        )
 
-    def prepare(self, wanted: Wanted) -> None:
-        self.wanted, poses, mjm = wanted, self.problem.poses[0], self.problem.mjm
-        cameras = []
-        for name, index in zip(self.problem.cameras, self.problem.camera_ids, strict=True):
-            quaternions = np.empty((self.problem.worlds, 4))
-            for world, matrix in enumerate(poses["cam_xmat"].numpy()[:, index].reshape(-1, 9).astype(np.float64)):
-                mujoco.mju_mat2Quat(quaternions[world], matrix)
-            cameras.append(
-                wc.Camera(
-                    name,
-                    width=self.problem.width,
-                    height=self.problem.height,
-                    outputs=wanted.outputs,
-                    shadows=wanted.shadows,
-                    background=(0.0, 0.0, 0.0),
-                    lens=wc.Pinhole(fovy=float(mjm.cam_fovy[index])),
-                    position=poses["cam_xpos"].numpy()[:, index],
-                    rotation=quaternions,
-                )
-            )
-        self.renderer = wc.Renderer(self.scene, cameras)
+    def _own(self, index: int) -> dict[str, Any]:
+        poses = self.problem.poses[0]
+        matrices = poses["cam_xmat"].numpy()[:, index].reshape(-1, 9).astype(np.float64)
+        quaternions = np.empty((len(matrices), 4))
+        for quaternion, matrix in zip(quaternions, matrices, strict=True):
+            mujoco.mju_mat2Quat(quaternion, matrix)
+        return {
+            "lens": wc.Pinhole(fovy=float(self.problem.mjm.cam_fovy[index])),
+            "position": poses["cam_xpos"].numpy()[:, index],
+            "rotation": quaternions,
+        }
 
     def place(self, index: int) -> None:
         self.worlds.place(index)
 
-    def frame(self, variant: str) -> None:
-        self._renderer().render()
-
-    def images(self, worlds: int) -> list[Images]:
-        return [
-            {name: self._image(camera, name)[:worlds] for name in self.wanted.outputs}
-            for camera in self.problem.cameras
-        ]
-
     def _image(self, camera: str, output: str) -> np.ndarray:
-        image: np.ndarray = self._renderer().array(camera, output).numpy()
-        image = image[..., 0] if image.shape[-1] == 1 else image
+        image = super()._image(camera, output)
         return self.worlds.ids(image) if output == "segmentation" else image
-
-    def _renderer(self) -> wc.Renderer:
-        if self.renderer is None:
-            raise RuntimeError("prepare was not called")
-        return self.renderer
 
 
 def lights_of(problem: Problem) -> list[wc.Light]:
