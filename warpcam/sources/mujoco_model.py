@@ -89,6 +89,7 @@ def read_parts(mjm: mujoco.MjModel, num_worlds: int, groups: Collection[int]) ->
             float(mjm.vis.map.shadowclip * mjm.stat.extent),
             float(mjm.vis.map.znear * mjm.stat.extent),
             float(mjm.vis.map.shadowscale),
+            2.0 / max(int(mjm.vis.quality.shadowsize), 1),
         ),
     )
 
