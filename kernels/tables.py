@@ -36,4 +36,6 @@ class Tables:
     has_maps: bool = False  # some material of such a scene has more than the texture of its colour
     splats: Any = None  # clouds of Gaussians, if shapes are such
     layers: LayerTables | None = None  # of what one layer cannot show: mirrors, transparent shapes, haze
+    variety: Any = None  # Variety, if worlds have more for themselves than the tables say
+    headlights: bool = False  # each world has a headlight of its own: see native/variety.h
     labels: Mapping[str, Any] = field(default_factory=dict)  # (world or 1, shape) int32 of "instances" and "semantics"

@@ -179,6 +179,9 @@ class Source(Protocol):
     def arrays(self) -> Mapping[str, wp.array]:
         """The live arrays by the names in ``FIELDS``, and "headlight", (3,) vec3: as they are now."""
 
+    def holds(self, field: str) -> bool:
+        """Whether nobody but the user writes that array: neither a frame's stages nor a copy from the host."""
+
     def label(self, field: str) -> str:
         """What the user calls an array, for error messages."""
 

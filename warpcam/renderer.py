@@ -191,7 +191,7 @@ class Renderer:
             busiest: Pixels of the phase that has most.
         """
         key, camera = portion.camera, self._cameras[portion.camera]
-        seen, projection = self._scene.tables_with(tables, camera.background), self._mounted[key].projection
+        seen, projection = self._mounted[key].seen(tables), self._mounted[key].projection
         at_once = busiest // (camera.width * camera.height)
         large = self._device.is_cuda and self._pixels(portion) >= WORTH_PARTING and portion.buffers
         parts = -(-PARTS // beside) if large else 1

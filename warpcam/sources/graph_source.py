@@ -109,6 +109,11 @@ class GraphSource:
     def arrays(self) -> Mapping[str, wp.array]:
         return self._arrays
 
+    def holds(self, field: str) -> bool:
+        if field == "material_texture":
+            self.make_room("textures")
+        return field == "material_texture"
+
     def label(self, field: str) -> str:
         return f"{self.graph.source}: {field}"
 

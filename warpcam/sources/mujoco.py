@@ -68,6 +68,9 @@ class MujocoSource:
     def arrays(self) -> Mapping[str, wp.array]:
         return self._arrays if self._tables is None else self._tables.arrays(self._arrays)
 
+    def holds(self, field: str) -> bool:
+        return False
+
     def label(self, field: str) -> str:
         return f"mjd.{model.DATA_NAMES[field]}" if field in model.DATA_NAMES else f"mjm.{model.MODEL_NAMES[field]}"
 

@@ -74,6 +74,9 @@ class MujocoWarpSource:
         values = (*of_data(self._d), *of_model(self._m), self._headlight, *extras)
         return dict(zip(self._names, values, strict=True))
 
+    def holds(self, field: str) -> bool:
+        return field in model.MODEL_NAMES and not (self._tables is not None and field.startswith("shape_"))
+
     def label(self, field: str) -> str:
         return f"d.{model.DATA_NAMES[field]}" if field in model.DATA_NAMES else f"m.{model.MODEL_NAMES[field]}"
 

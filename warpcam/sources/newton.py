@@ -132,6 +132,9 @@ class NewtonSource:
     def arrays(self) -> Mapping[str, wp.array]:
         return self._arrays
 
+    def holds(self, field: str) -> bool:
+        return field.startswith(("material_", "light_"))
+
     def label(self, field: str) -> str:
         return f"scene.array({field!r})"
 
