@@ -15,6 +15,7 @@ from warpcam.kernels.streams import context_kept as _context_kept
 from warpcam.lens import Lens, Orthographic, Pinhole
 from warpcam.light import Light
 from warpcam.memory import Memory, estimate_memory
+from warpcam.recipes import Choice, Uniform, randomize
 from warpcam.renderer import Renderer
 from warpcam.scene import Scene
 
@@ -25,6 +26,7 @@ except _PackageNotFoundError:  # run from its sources
 
 __all__ = [
     "Camera",
+    "Choice",
     "DrivenScene",
     "Lens",
     "Light",
@@ -33,6 +35,7 @@ __all__ = [
     "Pinhole",
     "Renderer",
     "Scene",
+    "Uniform",
     "WarpcamError",
     "estimate_memory",
     "from_mujoco",
@@ -40,6 +43,7 @@ __all__ = [
     "from_newton",
     "from_usd",
     "load",
+    "randomize",
 ]
 
 

@@ -26,8 +26,9 @@ class CameraArrays:
 
     A camera of your own has ``position``, (world, 3) [m], and ``rotation``, (world, 4) w x y z. A lens of your own has
     ``fovy``, (world,) [degrees], ``intrinsics``, (world, 4) fx fy cx cy [pixels], or ``height``, (world,) [m]. Every
-    camera has ``near`` and ``far``, (world,) [m]. One that was given an ``exposure`` or a ``gain`` has both, (world,) and
-    (world, 3); one whose ``background`` was given for each world has that, (world, 3). What is the scene's own is written in the simulator's arrays.
+    camera has ``near`` and ``far``, (world,) [m]. One that was given an ``exposure`` or a ``gain`` has both, (world,)
+    and (world, 3); one whose ``background`` was given for each world has that, (world, 3). What is the scene's own is
+    written in the simulator's arrays.
     """
 
     def __init__(self, where: str, arrays: dict[str, wp.array]):

@@ -67,10 +67,9 @@ class OwnArrays:
         if name in MORE:
             array = self._make_more(name, arrays)
         elif source.holds(name) and self._is_whole(source.arrays()[name]):
-            array = source.arrays()[name]  # each world has an entry of it already, for nobody else to write
+            array = self._arrays[name] = source.arrays()[name]  # an entry for each world, for nobody else to write
         else:
-            array = self._copied(name, arrays[name])
-            self._arrays[name] = array
+            array = self._arrays[name] = self._copied(name, arrays[name])
         self._tensors[name] = interop.to_torch(array)
 
     def over(self, arrays: Mapping[str, wp.array]) -> Mapping[str, wp.array]:
