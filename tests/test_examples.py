@@ -46,6 +46,15 @@ def test_ci_on_cpu(tmp_path: Path) -> None:
     assert "3 passed" in printed
 
 
+def test_randomize_saves_eight_worlds(tmp_path: Path) -> None:
+    run(str(EXAMPLES / "randomize.py"), folder=tmp_path)
+    picture = np.asarray(Image.open(tmp_path / "randomize.png")).astype(int)
+    assert picture.shape == (320, 640, 3)
+    worlds = [half[:, first : first + 160] for half in (picture[:160], picture[160:]) for first in range(0, 640, 160)]
+    differences = [np.abs(a - b).mean() for i, a in enumerate(worlds) for b in worlds[:i]]
+    assert min(differences) > 5.0
+
+
 def test_every_gpu(tmp_path: Path) -> None:
     printed = run(str(EXAMPLES / "every_gpu.py"), folder=tmp_path)
     assert printed.splitlines()[-2].startswith("cpu: ")
