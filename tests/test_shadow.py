@@ -174,7 +174,7 @@ def test_shadows_end_where_the_renderers_maps_end(device: wp.Device, name: str) 
 @pytest.mark.parametrize(("gap", "dark"), [(2.0e-5, False), (2.0e-2, True)])
 @pytest.mark.parametrize("light", ["directional", "spot"])
 def test_layers_of_one_surface_do_not_shade_each_other(device: wp.Device, light: str, gap: float, dark: bool) -> None:
-    """What is nearer to a surface than a texel of the renderer's map, as a mesh's inner side that just shows."""
+    """What is nearer to a surface than a part of a texel of the renderer's map, as the inner side of a mesh."""
     sheet = "-9 -9 0  9 -9 0  0 9 0  0 0 9"
     mjm = scenes.compile_xml(
         LIGHTS[light] + FLOOR + '<geom type="mesh" mesh="sheet"/>',

@@ -243,7 +243,7 @@ class Scene:
                     setattr(struct, name.removeprefix(prefix), arrays[name])
         lights.headlight = arrays["headlight"]
         lights.global_ambient = ambient
-        lights.shadow_width, lights.shadow_near, lights.shadow_scale, lights.shadow_texel = parts.shadow_map
+        lights.shadow_width, lights.shadow_near, lights.shadow_scale, lights.shadow_gap = parts.shadow_map
         physical = None
         if parts.physical:
             physical = Physical()

@@ -14,7 +14,7 @@ template <int LENS> struct LitView {
 };
 
 // A ray from a hit point to the light runs from t = 0 to 1, or to infinity if the light is distant. It counts from
-// `near` on, past the rounding of its own starting point and the width of a texel of the light's map, to `reach`.
+// `near` on, past the rounding of its own starting point and what is too near to it to shade it, to `reach`.
 struct Span {
     float near, reach;
 };

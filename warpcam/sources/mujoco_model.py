@@ -14,6 +14,9 @@ from warpcam.kernels.types import MESH
 from warpcam.parts import Parts, SceneCamera
 
 NUM_GROUPS = 6
+# Layers nearer than this part of a texel of its map do not shade each other in MuJoCo's renderer, which moves what it
+# draws there away from the light: by so much where that faces it, and by more on slopes.
+APART = 0.25
 SMOOTH_BELOW = 0.8  # cosine to the face's normal under which MuJoCo takes that instead of the vertex's
 
 # Where MuJoCo and MuJoCo-Warp keep each live array: in the data, or in the model.
@@ -89,7 +92,7 @@ def read_parts(mjm: mujoco.MjModel, num_worlds: int, groups: Collection[int]) ->
             float(mjm.vis.map.shadowclip * mjm.stat.extent),
             float(mjm.vis.map.znear * mjm.stat.extent),
             float(mjm.vis.map.shadowscale),
-            2.0 / max(int(mjm.vis.quality.shadowsize), 1),
+            APART * 2.0 / max(int(mjm.vis.quality.shadowsize), 1),
         ),
     )
 
