@@ -15,7 +15,8 @@ from .types import Meshes
 from .visibility import THREADS
 
 FAR = 1.0e29  # bounds of children that are not there lie beyond it
-LEAF_LANES = 16  # of CUDA work on a leaf; refit.h has the same number
+LANES = 32  # of a warp
+LEAF_LANES = 8  # of CUDA work on a leaf; refit.h has the same number
 FEW = 512  # children of a level: so many one block brings to where they are now, with all levels above
 
 
@@ -40,46 +41,22 @@ class Moving:
     levels: wp.array(dtype=wp.int32)  # (level + 1,) where in `entries` the levels of nodes begin, and the end
 
 
-@wp.kernel(enable_backward=False)
-def move_normals(
-    moving: Moving,
-    meshes: Meshes,
-    points: wp.array(dtype=wp.vec3),
-    normals: wp.array(dtype=wp.vec3),
-    first: wp.int32,
-):
-    index = first + wp.tid()
-    count = moving.triangles.shape[0]
-    instance = index // count
-    face = index - instance * count
-    base = moving.bases[instance]
-    corners = moving.triangles[face]
-    corner = 3 * (meshes.corner_start[moving.assets[instance]] + face)
-    if face < moving.num_smooth:
-        for k in range(3):
-            meshes.normals[corner + k] = normals[base + corners[k]]
-        return
-    a = points[base + corners[0]]
-    b = points[base + corners[1]]
-    c = points[base + corners[2]]
-    if face < moving.num_flat:
-        a -= moving.offset * normals[base + corners[0]]
-        b -= moving.offset * normals[base + corners[1]]
-        c -= moving.offset * normals[base + corners[2]]
-    normal = wp.normalize(wp.cross(b - a, c - a))
-    for k in range(3):
-        meshes.normals[corner + k] = normal
-    if moving.backs != 0:
-        for k in range(3):
-            meshes.normals[corner + 3 * count + k] = -normal
-
-
 @wp.func_native("warpcam::move_leaf(moving, meshes, points, index);")
 def _move_leaf(moving: Moving, meshes: Meshes, points: wp.array(dtype=wp.vec3), index: wp.int32): ...
 
 
 @wp.func_native("warpcam::move_level(moving, meshes, begin, count, index);")
 def _move_level(moving: Moving, meshes: Meshes, begin: wp.int32, count: wp.int32, index: wp.int32): ...
+
+
+@wp.func_native("warpcam::move_normals(moving, meshes, points, normals, index);")
+def _move_normals(
+    moving: Moving,
+    meshes: Meshes,
+    points: wp.array(dtype=wp.vec3),
+    normals: wp.array(dtype=wp.vec3),
+    index: wp.int32,
+): ...
 
 
 @wp.func_native("warpcam::finish_tree(moving, meshes, points, level, index);")
@@ -102,6 +79,17 @@ def move_level(moving: Moving, meshes: Meshes, begin: wp.int32, count: wp.int32,
 @wp.kernel(module="unique", enable_backward=False, **NATIVE)
 def finish_trees(moving: Moving, meshes: Meshes, points: wp.array(dtype=wp.vec3), level: wp.int32, first: wp.int32):
     _finish_tree(moving, meshes, points, level, first + wp.tid())
+
+
+@wp.kernel(module="unique", enable_backward=False, **NATIVE)
+def move_normals(
+    moving: Moving,
+    meshes: Meshes,
+    points: wp.array(dtype=wp.vec3),
+    normals: wp.array(dtype=wp.vec3),
+    first: wp.int32,
+):
+    _move_normals(moving, meshes, points, normals, first + wp.tid())
 
 
 @dataclass(frozen=True)
@@ -186,8 +174,9 @@ class Tree:
             level += 1
         finish = [moving, meshes, points, level]
         stages.append(record(finish_trees, instances * threads, finish, device, block_dim=THREADS))
-        faces = instances * moving.triangles.shape[0]
-        stages.append(record(move_normals, faces, [moving, meshes, points, normals], device))
+        faces = moving.triangles.shape[0]
+        whole = -(-faces // LANES) * LANES if device.is_cuda else faces  # a warp works on faces of one instance
+        stages.append(record(move_normals, instances * whole, [moving, meshes, points, normals], device))
         return stages
 
     def _integers(self, values: np.ndarray) -> wp.array:

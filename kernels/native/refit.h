@@ -4,7 +4,7 @@
 
 namespace warpcam {
 
-constexpr int LEAF_LANES = 16;  // a leaf has at most 15 faces
+constexpr int LEAF_LANES = 8;  // a leaf has at most 15 faces, most have fewer than 8
 
 WARPCAM_FN Bounds joined(const Bounds& a, const Bounds& b)
 {
@@ -67,9 +67,9 @@ WARPCAM_FN void move_leaf(const Moving& moving, const Meshes& meshes, const Poin
     const int nodes = wp::index(meshes.node_start, asset), faces = wp::index(meshes.face_start, asset);
     Bounds box = nowhere();
 #if defined(__CUDA_ARCH__)
-    if (lane < count)
-        box = move_face(moving, meshes, points, instance, faces, first + lane);
-    const unsigned mask = 0xffffu << (threadIdx.x & 16);
+    for (int k = lane; k < count; k += LEAF_LANES)
+        box = joined(box, move_face(moving, meshes, points, instance, faces, first + k));
+    const unsigned mask = 0xffu << (threadIdx.x % LANES / LEAF_LANES * LEAF_LANES);
     for (int step = LEAF_LANES / 2; step > 0; step /= 2) {
         const Bounds other = { { __shfl_xor_sync(mask, box.low.x, step), __shfl_xor_sync(mask, box.low.y, step),
                                  __shfl_xor_sync(mask, box.low.z, step) },
@@ -83,6 +83,64 @@ WARPCAM_FN void move_leaf(const Moving& moving, const Meshes& meshes, const Poin
         box = joined(box, move_face(moving, meshes, points, instance, faces, first + k));
 #endif
         put_box(meshes.nodes, nodes + NODE_ROWS * entry[0], entry[1], box);
+}
+
+// How a face lies, or what it was made of (see Moving).
+template <class Moving, class Points>
+WARPCAM_FN Vec flat_normal(const Moving& moving, const Points& points, const Points& normals, int base, int face)
+{
+    const auto corners = wp::index(moving.triangles, face);
+    Vec at[3];
+    for (int k = 0; k < 3; ++k) {
+        at[k] = to_vec(points.data[base + corners[k]]);
+        if (face < moving.num_flat)
+            at[k] = at[k] - moving.offset * to_vec(normals.data[base + corners[k]]);
+    }
+    return normalized(cross(at[1] - at[0], at[2] - at[0]));
+}
+
+// Normals at the corners of a face and of its back. `index` counts instances, then faces, on CUDA filled up to whole warps,
+// which write what their faces have to write one after another.
+template <class Moving, class Meshes, class Points>
+WARPCAM_FN void move_normals(const Moving& moving, const Meshes& meshes, const Points& points, const Points& normals,
+                             int index)
+{
+    const int count = moving.triangles.shape[0];
+#if defined(__CUDA_ARCH__)
+    const int whole = (count + LANES - 1) / LANES * LANES;
+#else
+    const int whole = count;
+#endif
+    const int instance = index / whole, face = index - instance * whole, base = wp::index(moving.bases, instance);
+    const int corner = 3 * wp::index(meshes.corner_start, wp::index(moving.assets, instance));
+    if (face < moving.num_smooth) {
+        const auto corners = wp::index(moving.triangles, face);
+        for (int k = 0; k < 3; ++k)
+            meshes.normals.data[corner + 3 * face + k] = normals.data[base + corners[k]];
+    }
+    const bool flat = face >= moving.num_smooth && face < count;
+    const Vec normal = flat ? flat_normal(moving, points, normals, base, face) : Vec { 0.0f, 0.0f, 0.0f };
+#if defined(__CUDA_ARCH__)
+    const int lane = threadIdx.x % LANES, start = face - lane;
+    float* const to = reinterpret_cast<float*>(meshes.normals.data + corner + 3 * start);
+    for (int k = 0; k < 9; ++k) {
+        const int number = LANES * k + lane, whose = number / 9, axis = number % 3;
+        const float x = __shfl_sync(ALL, normal.x, whose), y = __shfl_sync(ALL, normal.y, whose);
+        const float z = __shfl_sync(ALL, normal.z, whose), value = axis == 0 ? x : axis == 1 ? y : z;
+        if (start + whose >= moving.num_smooth && start + whose < count) {
+            to[number] = value;
+            if (moving.backs)
+                to[9 * count + number] = -value;
+        }
+    }
+#else
+    for (int k = 0; flat && k < 3; ++k)
+        for (int axis = 0; axis < 3; ++axis) {
+            meshes.normals.data[corner + 3 * face + k][axis] = component(normal, axis);
+            if (moving.backs)
+                meshes.normals.data[corner + 3 * (count + face) + k][axis] = -component(normal, axis);
+        }
+#endif
 }
 
 // The box around a node's children.
