@@ -16,8 +16,9 @@ from .visibility import THREADS
 
 FAR = 1.0e29  # bounds of children that are not there lie beyond it
 LANES = 32  # of a warp
+EVERY = 16  # frames that share in measuring a tree; reorder.h has the same number
 LEAF_LANES = 8  # of CUDA work on a leaf; refit.h has the same number
-FEW = 512  # children of a level: so many one block brings to where they are now, with all levels above
+FEW = 1024  # children of a level: so many one block brings to where they are now, with all levels above
 
 
 @wp.struct
@@ -111,7 +112,7 @@ class Tree:
         faces: (face, 3) int32, the mesh's faces as they were given; of a mesh with two sides those of its front.
         device: Where all of it lies.
         shading: How faces are shaded: None is as they lie.
-        two_sided: Whether each face is seen from behind, too.
+        two_sided: Whether each face is seen from behind, too; then all are shaded as they lie.
     """
 
     def __init__(
@@ -138,7 +139,7 @@ class Tree:
         moving.order = wp.array(np.ascontiguousarray(order), dtype=wp.int32, ndim=2, device=device)
         moving.looseness = wp.full(len(assets), -1.0, dtype=wp.float32, device=device)
         moving.areas = wp.zeros(len(assets), dtype=wp.vec2, device=device)
-        moving.ages = self._integers(np.arange(len(assets)) % 8)  # not all at once
+        moving.ages = self._integers(np.arange(len(assets)) % EVERY)  # not all at once
         shading = shading or Shading()
         moving.offset, moving.num_smooth, moving.num_flat = shading.offset, shading.num_smooth, shading.num_flat
         moving.backs = int(two_sided)

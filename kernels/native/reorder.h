@@ -11,7 +11,7 @@ namespace warpcam {
 
 constexpr float DECAYED = 1.5f;  // times as much as it was after the last order
 constexpr float UNKNOWN = -1.0f;  // how good an order is was not measured yet
-constexpr int EVERY = 8;  // frames that share in a measurement
+constexpr int EVERY = 16;  // frames that share in a measurement
 constexpr float ABSENT = 1.0e30f;  // all bounds of a child that is not there, as bvh4_build.h has it
 constexpr int DIGIT_BITS = 4, DIGITS = 1 << DIGIT_BITS, KEY_BITS = 32;
 constexpr float CELLS = 1024.0f;  // of the curve along each axis

@@ -79,11 +79,11 @@ class Sheets:
 def test_a_tree_of_what_was_crumpled_is_put_in_order_when_it_lies_flat(device: wp.Device) -> None:
     flat, start = sheet()[0], crumpled()
     sheets = Sheets(start, device)
-    sheets.frames(24, start, start)
+    sheets.frames(48, start, start)
     before = [sheets.area(instance) for instance in range(2)]
     sheets.frames(1, flat, start)
     poor = sheets.area(0)
-    sheets.frames(24, flat, start)
+    sheets.frames(48, flat, start)
     assert sheets.area(0) < 0.2 * poor
     assert sheets.area(1) == pytest.approx(before[1])  # each by itself
     fresh = Sheets(flat, device)
@@ -99,7 +99,7 @@ def test_a_good_tree_keeps_its_order(device: wp.Device) -> None:
     bent = flat + 0.1 * np.sin(6.0 * flat[:, (1, 2, 0)]).astype(np.float32)
     turned = flat[:, (2, 0, 1)] * np.float32(20.0)  # neither where it lies nor its size counts
     for state in (flat, bent, turned):
-        sheets.frames(24, state, state)
+        sheets.frames(48, state, state)
     assert (sheets.tree._moving.order.numpy() == before).all()
     sheets.check(0, turned)
 
@@ -107,10 +107,10 @@ def test_a_good_tree_keeps_its_order(device: wp.Device) -> None:
 def test_faces_that_are_no_numbers_harm_nobody(device: wp.Device) -> None:
     flat, start = sheet()[0], crumpled()
     sheets = Sheets(start, device)
-    sheets.frames(24, start, start)
+    sheets.frames(48, start, start)
     broken = flat.copy()
     broken[5] = np.nan
-    sheets.frames(24, broken, flat)
-    sheets.frames(24, flat, flat)
+    sheets.frames(48, broken, flat)
+    sheets.frames(48, flat, flat)
     for instance in range(2):
         sheets.check(instance, flat)
