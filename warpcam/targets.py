@@ -14,6 +14,7 @@ from warpcam.kernels.types import View
 from warpcam.layers import mirrors_of, veils_of
 from warpcam.lens import Projection
 from warpcam.outputs import OUTPUTS, smooth_outputs, traced_as
+from warpcam.past import CameraPast, asks
 
 MAX_PIXELS = 2**31
 
@@ -32,6 +33,7 @@ class Target:
     Attributes:
         views: View, (world,).
         images: Array of each output, (world, height, width, channels).
+        past: What is kept of the last frame; None where no output needs it.
     """
 
     def __init__(self, camera: Camera, tables: Tables, device: wp.Device):
@@ -48,6 +50,7 @@ class Target:
             name: wp.zeros((*size, OUTPUTS[name].channels), dtype=OUTPUTS[name].dtype, device=device)
             for name in camera.outputs
         }
+        self.past = CameraPast(camera, tables, device, self.images) if asks(camera) else None
 
     def record(
         self,
@@ -105,6 +108,7 @@ class Target:
                 device,
                 group,
                 veil_places,
+                trail=None if self.past is None else self.past.trail,
             )
         ]
         if shadows is not None:

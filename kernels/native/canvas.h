@@ -1,5 +1,6 @@
 // Where a block draws: one region of one view, and what the trace writes there.
 #pragma once
+#include "flow.h"
 #include "gradient.h"
 #include "hits.h"
 #include "tiles.h"
@@ -92,6 +93,9 @@ template <int TYPES, int LENS, int OUTPUTS, int CAPACITY, class Target, class Sh
             put_three(target.points.data, pixel, point_of(hit, camera, seen));
         if (WHAT & NORMALS)
             put_three(target.normals.data, pixel, normal_of(hit, seen));
+        if constexpr ((WHAT & FLOWS) != 0)
+            put_flow<TYPES, LENS, WHAT>(target.trail, shapes, camera, seen, { hit.depth, shape, hit.face }, world, i, j,
+                                        pixel);
     }
 
     // Writes what a pass has found.

@@ -1,0 +1,313 @@
+"""What was where when a world was last drawn, and how shapes have moved in a camera's image since.
+
+The trace itself writes ``flow`` and ``flow_valid`` (native/flow.h). Before it one thread for each shape composes how it
+has moved; after it what is seen now becomes what was.
+"""
+
+from typing import Any
+
+import numpy as np
+import warp as wp
+
+from .launch import Stage, record
+from .tables import Tables
+from .types import BARREL, BOX, CAPSULE, CONE, CYLINDER, ELLIPSOID, HEIGHT_FIELD, MESH, PLANE, SCALED, SPHERE, SPLATS
+from .types import Meshes, Shapes, View
+
+ROWS, MOVING_ROWS = 4, 7  # of a shape in Trail.motions, without and with meshes that move
+
+# What of a surface was farther than all that was seen around it was hidden: by so much, as part of its depth and of a
+# pixel's width there. Of what bends inwards neighbouring pixels may be nearer than what lies between them.
+CONVEX = wp.constant(wp.vec2(0.004, 0.25))
+HOLLOW = wp.constant(wp.vec2(0.004, 1.0))
+
+
+@wp.struct
+class ShapesBefore:
+    """The shapes as they were when their world was last drawn: see Shapes."""
+
+    positions: wp.array2d(dtype=wp.vec3)  # (world, shape)
+    rotations: wp.array2d(dtype=wp.mat33)
+    sizes: wp.array2d(dtype=wp.vec3)
+    assets: wp.array2d(dtype=wp.int32)
+
+
+@wp.struct
+class CornersBefore:
+    """The faces of meshes that move, as they were."""
+
+    starts: wp.array(dtype=wp.int32)  # (mesh,) first in `corners`, or -1 for a mesh that does not move
+    worlds: wp.array(dtype=wp.int32)  # (mesh,) the world that has it, or -1 for several
+    rows: wp.array(dtype=wp.vec2i)  # (row,) a row of Meshes.faces where one of these faces begins, and its mesh
+    corners: wp.array(dtype=wp.vec3)  # (corner,) corner k of the mesh's face f, as given, at start + 3 f + k
+
+
+@wp.struct
+class Trail:
+    """What the trace reads of all that and writes."""
+
+    flow: wp.array(dtype=wp.float32)  # (pixel * 2,) may be empty
+    flow_valid: wp.array(dtype=wp.uint8)  # (pixel,) may be empty
+    kept_first: wp.array(dtype=wp.uint32)  # (pixel,) what was seen, and in the other what is seen; see native/flow.h
+    kept_second: wp.array(dtype=wp.uint32)
+    # (world, ROWS or MOVING_ROWS of each shape): how far a point seen now was right, down and nearer of where it is, [in
+    # pixels' widths of the lens then, at 1 m depth], [likewise], [m]: depth * (x column + y row + z) + w, column and row
+    # counted from the principal point, or for parallel rays x column + y row + z depth + w. Then by how much what was
+    # seen may be nearer than the place: part and [m], the first negative where nothing is known; as int bits the first
+    # corner, or -1, of a mesh that moves. Then of such a mesh what a shift in its own frame adds to right, down, nearer.
+    motions: wp.array2d(dtype=wp.vec4)
+    # (world, 2): what a still point moves by the lens alone [pixels]: right and down, and these for each pixel from the
+    # principal point; nearest and farthest planar depth then [m], 0, and as int bits which of the two above has what was
+    # seen, 0: none
+    changes: wp.array2d(dtype=wp.vec4)
+    corners: wp.array(dtype=wp.vec3)  # CornersBefore.corners; this and what follows only where meshes move
+    faces: wp.array(dtype=wp.vec4)  # Meshes.faces
+    face_start: wp.array(dtype=wp.int32)  # Meshes.face_start
+    columns: wp.int32  # shapes
+    width: wp.int32
+    height: wp.int32
+
+
+@wp.func
+def ratio(then: wp.float32, now: wp.float32) -> wp.float32:
+    if now == 0.0:
+        return 1.0
+    return then / now
+
+
+@wp.func
+def stretch(kind: wp.int32, then: wp.vec3, now: wp.vec3, scaled: wp.int32) -> wp.vec3:
+    """How many times as large the shape was along its axes."""
+    if kind == SPHERE:
+        return ratio(then[0], now[0]) * wp.vec3(1.0, 1.0, 1.0)
+    if kind == CAPSULE or kind == CYLINDER or kind == CONE or kind == BARREL:
+        wide = ratio(then[0], now[0])
+        return wp.vec3(wide, wide, ratio(then[1], now[1]))
+    if kind == PLANE or ((kind == MESH or kind == HEIGHT_FIELD) and scaled == 0):
+        return wp.vec3(1.0, 1.0, 1.0)
+    return wp.vec3(ratio(then[0], now[0]), ratio(then[1], now[1]), ratio(then[2], now[2]))
+
+
+@wp.func
+def number_of(bits: wp.int32) -> wp.float32:
+    return wp.cast(bits, wp.float32)
+
+
+@wp.func
+def write_change(now: View, then: View, known: wp.int32, changes: wp.array2d(dtype=wp.vec4), world: wp.int32):
+    zoom = wp.vec2(1.0 - now.scale[0] / then.scale[0], 1.0 - now.scale[1] / then.scale[1])
+    shift = now.center - then.center
+    changes[world, 0] = wp.vec4(shift[0], shift[1], zoom[0], zoom[1])
+    changes[world, 1] = wp.vec4(then.near, then.far, 0.0, number_of(known))
+
+
+@wp.kernel(enable_backward=False)
+def write_motions(
+    shapes: Shapes,
+    before: ShapesBefore,
+    starts: wp.array(dtype=wp.int32),
+    views: wp.array(dtype=View),
+    views_before: wp.array(dtype=View),
+    known: wp.array(dtype=wp.uint8),
+    mask: wp.array(dtype=wp.uint8),
+    pinhole: wp.int32,
+    scaled: wp.int32,
+    keep: wp.int32,
+    motions: wp.array2d(dtype=wp.vec4),
+    changes: wp.array2d(dtype=wp.vec4),
+    first: wp.int32,
+):
+    index = first + wp.tid()
+    columns = wp.max(before.positions.shape[1], 1)
+    world = index // columns
+    shape = index - world * columns
+    if mask[world] == wp.uint8(0):
+        return
+    state = wp.int32(known[world])
+    if shape == 0:
+        write_change(views[world], views_before[world], state, changes, world)
+    if shape >= before.positions.shape[1]:
+        return
+    kind = shapes.types[shape]
+    if shapes.places[shape] < 0 and kind != SPLATS:
+        return
+
+    position = shapes.positions[world, shape]
+    rotation = shapes.rotations[world, shape]
+    size = shapes.sizes[world % shapes.sizes.shape[0], shape]
+    asset = shapes.assets[world % shapes.assets.shape[0], shape]
+    if state != 0:
+        now = views[world]
+        then = views_before[world]
+        old_position = before.positions[world, shape]
+        old_rotation = before.rotations[world, shape]
+        grown = stretch(kind, before.sizes[world, shape], size, scaled)
+        # What a point of the shape, seen from its position, was moved by; then a point of the camera's frame.
+        turn = (old_rotation * wp.diag(grown) - rotation) * wp.transpose(rotation)
+        away = now.origin - position
+        moved = (now.origin - then.origin) + (old_position - position) + turn * away
+        back = wp.transpose(then.rotation)
+        motion = (back - wp.transpose(now.rotation)) * now.rotation + back * turn * now.rotation
+        offset = back * moved
+        # From pixels, and to pixels as they were. The camera looks along -z, and rows run down.
+        into = wp.diag(wp.vec3(1.0 / then.scale[0], -1.0 / then.scale[1], 1.0))
+        motion = into * motion * wp.diag(wp.vec3(now.scale[0], -now.scale[1], -1.0))
+        offset = into * offset
+        reach = CONVEX
+        if kind == MESH or kind == HEIGHT_FIELD or kind == SPLATS:
+            reach = HOLLOW
+        wide = reach[1] * wp.max(then.scale[0], then.scale[1])
+        slack = wp.float32(0.0)
+        if pinhole != 0:
+            reach[0] = reach[0] + wide
+        else:
+            slack = wide
+        if kind == PLANE:
+            slack = 1.0e30  # it hides nothing of itself
+        total = wp.float32(0.0)
+        rows = motions.shape[1] // columns
+        for i in range(3):
+            row = wp.vec4(motion[i, 0], motion[i, 1], motion[i, 2], offset[i])
+            motions[world, rows * shape + i] = row
+            total += wp.abs(row[0]) + wp.abs(row[1]) + wp.abs(row[2]) + wp.abs(row[3])
+        corner = wp.int32(-1)
+        if rows > 4 and kind == MESH and asset >= 0:
+            corner = starts[asset]
+            if corner >= 0:
+                within = into * back * old_rotation
+                if scaled != 0:
+                    within = within * wp.diag(before.sizes[world, shape])
+                for i in range(3):
+                    motions[world, rows * shape + 4 + i] = wp.vec4(within[i, 0], within[i, 1], within[i, 2], 0.0)
+        if not wp.isfinite(total) or before.assets[world, shape] != asset:
+            reach[0] = -1.0
+        motions[world, rows * shape + 3] = wp.vec4(reach[0], slack, number_of(corner), 0.0)
+
+    if keep != 0:
+        before.positions[world, shape] = position
+        before.rotations[world, shape] = rotation
+        before.sizes[world, shape] = size
+        before.assets[world, shape] = asset
+
+
+@wp.kernel(enable_backward=False)
+def keep_view(
+    views: wp.array(dtype=View),
+    views_before: wp.array(dtype=View),
+    known: wp.array(dtype=wp.uint8),
+    mask: wp.array(dtype=wp.uint8),
+    first: wp.int32,
+):
+    world = first + wp.tid()
+    if mask[world] == wp.uint8(0):
+        return
+    views_before[world] = views[world]
+    known[world] = wp.where(known[world] == wp.uint8(1), wp.uint8(2), wp.uint8(1))
+
+
+@wp.kernel(enable_backward=False)
+def keep_corners(
+    before: CornersBefore, faces: wp.array(dtype=wp.vec4), mask: wp.array(dtype=wp.uint8), first: wp.int32
+):
+    row = before.rows[first + wp.tid()]
+    world = before.worlds[row[1]]
+    if world >= 0:
+        if mask[world] == wp.uint8(0):
+            return
+    mark = faces[row[0]]
+    at = before.starts[row[1]] + 3 * wp.cast(mark[3], wp.int32)
+    for k in range(3):
+        corner = faces[row[0] + k]
+        before.corners[at + k] = wp.vec3(corner[0], corner[1], corner[2])
+
+
+@wp.kernel(enable_backward=False)
+def forget(known: wp.array(dtype=wp.uint8), mask: wp.array(dtype=wp.uint8)):
+    world = wp.tid()
+    if mask[world] != wp.uint8(0):
+        known[world] = wp.uint8(0)
+
+
+def record_motions(
+    tables: Tables,
+    before: ShapesBefore,
+    starts: wp.array,
+    views: wp.array,
+    views_before: wp.array,
+    known: wp.array,
+    mask: wp.array,
+    lens: str,
+    keep: bool,
+    trail: Any,
+    device: wp.Device,
+) -> Stage:
+    """Bind the stage that composes how shapes have moved in one camera's image.
+
+    Args:
+        tables: The scene.
+        before: Its shapes as they were.
+        starts: CornersBefore.starts; empty where no mesh moves.
+        views: View, (world,).
+        views_before: View, (world,), as they were.
+        known: uint8, (world,); 0 where nothing is known of what was.
+        mask: uint8, (world,); worlds with 0 are left alone.
+        lens: "pinhole" or "orthographic".
+        keep: ``before`` becomes what is now: so for the last camera.
+        trail: Trail; its motions and changes are written.
+        device: Where all of these lie.
+    """
+    inputs = [
+        tables.shapes, before, starts, views, views_before, known, mask, int(lens == "pinhole"),
+        int(SCALED in tables.shape_types), int(keep), trail.motions, trail.changes,
+    ]  # fmt: skip
+    return record(write_motions, tables.num_worlds * max(tables.num_shapes, 1), inputs, device)
+
+
+def record_view(views: wp.array, views_before: wp.array, known: wp.array, mask: wp.array, device: wp.Device) -> Stage:
+    """Bind the stage after a camera's trace: what is seen becomes what was."""
+    return record(keep_view, views.shape[0], [views, views_before, known, mask], device)
+
+
+def record_corners(before: CornersBefore, meshes: Meshes, mask: wp.array, device: wp.Device) -> Stage:
+    """Bind the stage after all traces that keeps where the corners of moving meshes are."""
+    return record(keep_corners, before.rows.shape[0], [before, meshes.faces, mask], device)
+
+
+def corners_before(
+    meshes: Meshes, moving: np.ndarray, counts: np.ndarray, worlds: np.ndarray, device: wp.Device
+) -> Any:
+    """Room for the corners of the meshes that move.
+
+    Args:
+        meshes: Of the scene.
+        moving: ids of those that move, each with rows of its own.
+        counts: Faces of each, as given.
+        worlds: (mesh,) int32: CornersBefore.worlds.
+        device: Where it is to lie.
+    """
+    starts = np.full(meshes.face_start.shape[0], -1, np.int32)
+    starts[moving] = 3 * np.append(0, np.cumsum(counts)[:-1])
+    before = CornersBefore()
+    before.starts = wp.array(starts, dtype=wp.int32, device=device)
+    before.worlds = wp.array(worlds.astype(np.int32), dtype=wp.int32, device=device)
+    before.rows = wp.array(_face_rows(meshes, moving), dtype=wp.vec2i, device=device)
+    before.corners = wp.zeros(3 * int(counts.sum()), dtype=wp.vec3, device=device)
+    return before
+
+
+def corners_bytes(meshes: Meshes, moving: np.ndarray, counts: np.ndarray) -> int:
+    """Bytes of ``corners_before``."""
+    return 8 * int(meshes.face_start.shape[0]) + 8 * len(_face_rows(meshes, moving)) + 36 * int(counts.sum())
+
+
+def _face_rows(meshes: Meshes, moving: np.ndarray) -> np.ndarray:
+    """CornersBefore.rows."""
+    first = meshes.face_start.numpy()
+    ends = np.append(np.unique(first), meshes.faces.shape[0])
+    last = ends[np.searchsorted(ends, first[moving], "right")]
+    return np.concatenate(
+        [
+            np.stack(np.broadcast_arrays(np.arange(first[mesh], end, 3), mesh), axis=1)
+            for mesh, end in zip(moving, last, strict=True)
+        ]
+    ).astype(np.int32)
