@@ -11,13 +11,26 @@ import warp as wp
 
 from .launch import Stage, record
 from .tables import Tables
-from .types import BARREL, BOX, CAPSULE, CONE, CYLINDER, ELLIPSOID, HEIGHT_FIELD, MESH, PLANE, SCALED, SPHERE, SPLATS
-from .types import Meshes, Shapes, View
+from .types import (
+    BARREL,
+    CAPSULE,
+    CONE,
+    CYLINDER,
+    HEIGHT_FIELD,
+    MESH,
+    PLANE,
+    SCALED,
+    SPHERE,
+    SPLATS,
+    Meshes,
+    Shapes,
+    View,
+)
 
 ROWS, MOVING_ROWS = 4, 7  # of a shape in Trail.motions, without and with meshes that move
 
-# What of a surface was farther than all that was seen around it was hidden: by so much, as part of its depth and of a
-# pixel's width there. Of what bends inwards neighbouring pixels may be nearer than what lies between them.
+# What of a surface was farther than what was seen around it was hidden: by more than this, as parts of its depth and of
+# a pixel's width there. Of what bends inwards neighbouring pixels may be nearer than what lies between them.
 CONVEX = wp.constant(wp.vec2(0.004, 0.25))
 HOLLOW = wp.constant(wp.vec2(0.004, 1.0))
 
@@ -50,16 +63,15 @@ class Trail:
     flow_valid: wp.array(dtype=wp.uint8)  # (pixel,) may be empty
     kept_first: wp.array(dtype=wp.uint32)  # (pixel,) what was seen, and in the other what is seen; see native/flow.h
     kept_second: wp.array(dtype=wp.uint32)
-    # (world, ROWS or MOVING_ROWS of each shape): how far a point seen now was right, down and nearer of where it is, [in
-    # pixels' widths of the lens then, at 1 m depth], [likewise], [m]: depth * (x column + y row + z) + w, column and row
-    # counted from the principal point, or for parallel rays x column + y row + z depth + w. Then by how much what was
-    # seen may be nearer than the place: part and [m], the first negative where nothing is known; as int bits the first
-    # corner, or -1, of a mesh that moves. Then of such a mesh what a shift in its own frame adds to right, down, nearer.
+    known: wp.array(dtype=wp.uint8)  # (world,) which of these two has what was seen, 1 or 2; 0: nothing is known
+    # (world, ROWS or MOVING_ROWS of each shape). Three rows take what pixel (column, row) sees to where it was: column,
+    # row and 1 times the planar depth then, or for parallel rays column, row, depth. Each is
+    # depth * (x column + y row + z) + w, or for parallel rays x column + y row + z depth + w. A fourth: a part of the
+    # depth then and what is added to it [m], and nothing nearer than that may have been seen there, the first negative
+    # where the shape's motion is not known; nearest planar depth then [m]; as int bits twice the first corner of a mesh
+    # that moves, or -2, and 1 more where the three rows lead to the same pixel. Three more: what a shift in the own
+    # frame of such a mesh adds to the first three.
     motions: wp.array2d(dtype=wp.vec4)
-    # (world, 2): what a still point moves by the lens alone [pixels]: right and down, and these for each pixel from the
-    # principal point; nearest and farthest planar depth then [m], 0, and as int bits which of the two above has what was
-    # seen, 0: none
-    changes: wp.array2d(dtype=wp.vec4)
     corners: wp.array(dtype=wp.vec3)  # CornersBefore.corners; this and what follows only where meshes move
     faces: wp.array(dtype=wp.vec4)  # Meshes.faces
     face_start: wp.array(dtype=wp.int32)  # Meshes.face_start
@@ -93,14 +105,6 @@ def number_of(bits: wp.int32) -> wp.float32:
     return wp.cast(bits, wp.float32)
 
 
-@wp.func
-def write_change(now: View, then: View, known: wp.int32, changes: wp.array2d(dtype=wp.vec4), world: wp.int32):
-    zoom = wp.vec2(1.0 - now.scale[0] / then.scale[0], 1.0 - now.scale[1] / then.scale[1])
-    shift = now.center - then.center
-    changes[world, 0] = wp.vec4(shift[0], shift[1], zoom[0], zoom[1])
-    changes[world, 1] = wp.vec4(then.near, then.far, 0.0, number_of(known))
-
-
 @wp.kernel(enable_backward=False)
 def write_motions(
     shapes: Shapes,
@@ -114,19 +118,13 @@ def write_motions(
     scaled: wp.int32,
     keep: wp.int32,
     motions: wp.array2d(dtype=wp.vec4),
-    changes: wp.array2d(dtype=wp.vec4),
     first: wp.int32,
 ):
     index = first + wp.tid()
-    columns = wp.max(before.positions.shape[1], 1)
+    columns = before.positions.shape[1]
     world = index // columns
     shape = index - world * columns
     if mask[world] == wp.uint8(0):
-        return
-    state = wp.int32(known[world])
-    if shape == 0:
-        write_change(views[world], views_before[world], state, changes, world)
-    if shape >= before.positions.shape[1]:
         return
     kind = shapes.types[shape]
     if shapes.places[shape] < 0 and kind != SPLATS:
@@ -136,40 +134,50 @@ def write_motions(
     rotation = shapes.rotations[world, shape]
     size = shapes.sizes[world % shapes.sizes.shape[0], shape]
     asset = shapes.assets[world % shapes.assets.shape[0], shape]
-    if state != 0:
+    if known[world] != wp.uint8(0):
         now = views[world]
         then = views_before[world]
         old_position = before.positions[world, shape]
         old_rotation = before.rotations[world, shape]
         grown = stretch(kind, before.sizes[world, shape], size, scaled)
-        # What a point of the shape, seen from its position, was moved by; then a point of the camera's frame.
+        # By how much a point of the shape, then one of the camera's frame, was elsewhere: 0 if nothing has moved.
         turn = (old_rotation * wp.diag(grown) - rotation) * wp.transpose(rotation)
-        away = now.origin - position
-        moved = (now.origin - then.origin) + (old_position - position) + turn * away
+        shift = (now.origin - then.origin) + (old_position - position) + turn * (now.origin - position)
         back = wp.transpose(then.rotation)
         motion = (back - wp.transpose(now.rotation)) * now.rotation + back * turn * now.rotation
-        offset = back * moved
+        shift = back * shift
+        moved = wp.length_sq(shift) + wp.ddot(motion, motion)
+        moved += wp.length_sq(now.center - then.center) + wp.length_sq(now.scale - then.scale)
         # From pixels, and to pixels as they were. The camera looks along -z, and rows run down.
-        into = wp.diag(wp.vec3(1.0 / then.scale[0], -1.0 / then.scale[1], 1.0))
-        motion = into * motion * wp.diag(wp.vec3(now.scale[0], -now.scale[1], -1.0))
-        offset = into * offset
+        into = wp.diag(wp.vec3(1.0 / then.scale[0], -1.0 / then.scale[1], -1.0))
+        middle = wp.vec3(then.center[0] - 0.5, then.center[1] - 0.5, 0.0)
+        if pinhole != 0:
+            into[0, 2] = -middle[0]
+            into[1, 2] = -middle[1]
+            middle = wp.vec3(0.0, 0.0, 0.0)
+        whole = into * (wp.identity(n=3, dtype=wp.float32) + motion)
+        out = whole * wp.diag(wp.vec3(now.scale[0], -now.scale[1], -1.0))
+        corner_ray = wp.vec3(0.5 - now.center[0], 0.5 - now.center[1], 0.0)  # of pixel (0, 0)
+        last = into * shift + middle
+        rows = motions.shape[1] // columns
+        for i in range(3):
+            start = out[i, 0] * corner_ray[0] + out[i, 1] * corner_ray[1]
+            row = wp.vec4(out[i, 0], out[i, 1], out[i, 2] + start, last[i])
+            if pinhole == 0:
+                row = wp.vec4(out[i, 0], out[i, 1], out[i, 2], last[i] + start)
+            motions[world, rows * shape + i] = row
+
         reach = CONVEX
         if kind == MESH or kind == HEIGHT_FIELD or kind == SPLATS:
             reach = HOLLOW
         wide = reach[1] * wp.max(then.scale[0], then.scale[1])
-        slack = wp.float32(0.0)
+        part = 1.0 / (1.0 + reach[0])
+        slack = wide
         if pinhole != 0:
-            reach[0] = reach[0] + wide
-        else:
-            slack = wide
+            part = 1.0 / (1.0 + reach[0] + wide)
+            slack = wp.float32(0.0)
         if kind == PLANE:
             slack = 1.0e30  # it hides nothing of itself
-        total = wp.float32(0.0)
-        rows = motions.shape[1] // columns
-        for i in range(3):
-            row = wp.vec4(motion[i, 0], motion[i, 1], motion[i, 2], offset[i])
-            motions[world, rows * shape + i] = row
-            total += wp.abs(row[0]) + wp.abs(row[1]) + wp.abs(row[2]) + wp.abs(row[3])
         corner = wp.int32(-1)
         if rows > 4 and kind == MESH and asset >= 0:
             corner = starts[asset]
@@ -179,9 +187,13 @@ def write_motions(
                     within = within * wp.diag(before.sizes[world, shape])
                 for i in range(3):
                     motions[world, rows * shape + 4 + i] = wp.vec4(within[i, 0], within[i, 1], within[i, 2], 0.0)
-        if not wp.isfinite(total) or before.assets[world, shape] != asset:
-            reach[0] = -1.0
-        motions[world, rows * shape + 3] = wp.vec4(reach[0], slack, number_of(corner), 0.0)
+        flags = 2 * corner
+        if moved == 0.0:
+            flags += 1
+        if not wp.isfinite(moved) or before.assets[world, shape] != asset:
+            part = -1.0
+            flags = -2
+        motions[world, rows * shape + 3] = wp.vec4(part, -slack, then.near, number_of(flags))
 
     if keep != 0:
         before.positions[world, shape] = position
@@ -253,14 +265,14 @@ def record_motions(
         mask: uint8, (world,); worlds with 0 are left alone.
         lens: "pinhole" or "orthographic".
         keep: ``before`` becomes what is now: so for the last camera.
-        trail: Trail; its motions and changes are written.
+        trail: Trail; its motions are written.
         device: Where all of these lie.
     """
     inputs = [
         tables.shapes, before, starts, views, views_before, known, mask, int(lens == "pinhole"),
-        int(SCALED in tables.shape_types), int(keep), trail.motions, trail.changes,
+        int(SCALED in tables.shape_types), int(keep), trail.motions,
     ]  # fmt: skip
-    return record(write_motions, tables.num_worlds * max(tables.num_shapes, 1), inputs, device)
+    return record(write_motions, tables.num_worlds * tables.num_shapes, inputs, device)
 
 
 def record_view(views: wp.array, views_before: wp.array, known: wp.array, mask: wp.array, device: wp.Device) -> Stage:

@@ -41,7 +41,7 @@ class CameraPast:
         self.trail.kept_second = wp.zeros(kept, dtype=wp.uint32, device=device)
         rows = _rows(tables) * tables.num_shapes
         self.trail.motions = wp.zeros((worlds, rows), dtype=wp.vec4, device=device)
-        self.trail.changes = wp.zeros((worlds, 2), dtype=wp.vec4, device=device)
+        self.trail.known = self.known
         self.trail.columns = tables.num_shapes
         self.trail.width, self.trail.height = camera.width, camera.height
 
@@ -106,7 +106,7 @@ def past_bytes(cameras: Mapping[str | int, Camera], scene: Scene, tables: Tables
     if not asking:
         return 0
     row = wp.types.type_size_in_bytes(wp.vec4)
-    view = 1 + wp.types.type_size_in_bytes(View) + 2 * row + _rows(tables) * row * tables.num_shapes
+    view = 1 + wp.types.type_size_in_bytes(View) + _rows(tables) * row * tables.num_shapes
     each = sum(view + 2 * 4 * camera.width * camera.height * ("flow_valid" in camera.outputs) for camera in asking)
     total = tables.num_worlds * (each + 64 * tables.num_shapes)
     if tables.moving:

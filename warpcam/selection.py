@@ -37,8 +37,8 @@ class Selection:
             return
         if on_device.ndim != 1 or on_device.dtype not in (wp.int32, wp.int64):
             raise WarpcamError(
-                f"{self._call}: worlds must be ids (n,) of int32 or int64, or a mask ({self._num_worlds},) of bool or uint8, "
-                f"got {on_device.dtype.__name__} {tuple(on_device.shape)}"
+                f"{self._call}: worlds must be ids (n,) of int32 or int64, or a mask ({self._num_worlds},) of bool or "
+                f"uint8, got {on_device.dtype.__name__} {tuple(on_device.shape)}"
             )
         if not capturing:
             self._check_ids(on_device.numpy())
@@ -49,8 +49,8 @@ class Selection:
     def _select_host(self, worlds: Any, capturing: bool) -> None:
         if capturing:
             raise WarpcamError(
-                f"{self._call}: a capture is under way, and worlds on the host cannot become part of it; give ids or a mask "
-                f"as a tensor on {self._device.alias}"
+                f"{self._call}: a capture is under way, and worlds on the host cannot become part of it; give ids or a "
+                f"mask as a tensor on {self._device.alias}"
             )
         try:
             values = np.asarray(worlds)
@@ -60,7 +60,8 @@ class Selection:
             values = values.astype(np.int64)
         if values.ndim != 1 or values.dtype.kind not in "iub":
             raise WarpcamError(
-                f"{self._call}: worlds must be ids (n,), or a mask ({self._num_worlds},) of bool or uint8, got {worlds!r}"
+                f"{self._call}: worlds must be ids (n,), or a mask ({self._num_worlds},) of bool or uint8, got "
+                f"{worlds!r}"
             )
         if values.dtype in (np.bool_, np.uint8):
             self._check_mask(values.shape)

@@ -1,7 +1,7 @@
 // How far what a pixel sees has moved in the image since its world was last drawn, and whether it was seen then.
 //
-// flow.py has composed, for each shape of a world, what takes a point seen now to where it was then, less the point
-// itself: so what rests is at rest exactly, and small motion is exact. What was seen then is kept in a word a pixel.
+// flow.py has composed, for each shape of a world, what takes a point seen now to the pixel where it was. What was seen
+// then is kept in a word a pixel, whose order is that of shapes, then of depths.
 #pragma once
 #include "hits.h"
 
@@ -11,33 +11,37 @@ namespace warpcam {
 enum FlowOutput { FLOW = 1 << 24, FLOW_VALID = 1 << 25, FLOW_MOVES = 1 << 26 };
 constexpr int FLOWS = FLOW | FLOW_VALID;
 
-constexpr float ENOUGH = 0.75f;  // share of what is interpolated at the place then that must show the same shape
-
-// What is kept of a pixel: above the shape, below 16 bits of the depth's float, five of its exponent; 0: nothing.
+// What is kept of a pixel: above the shape, below 16 bits of the depth's float, five of its exponent, which is enough
+// for 15 um to 65 km; 0: nothing.
 constexpr int DEPTH_BITS = 12, LEAST_DEPTH = 111 << 23;  // what is cut off the float, and bits of 2^-16 m
+constexpr unsigned DEPTHS = 0xffffu;
 WARPCAM_FN unsigned shape_bits(int shape) { return unsigned(shape + 1) << 16; }
+WARPCAM_FN int depth_bits(float depth) { return (as_int(depth) - LEAST_DEPTH) >> DEPTH_BITS; }
 WARPCAM_FN unsigned kept_word(int shape, float depth)
 {
-    const int bits = (as_int(depth) - LEAST_DEPTH) >> DEPTH_BITS;
-    return shape < 0 ? 0u : shape_bits(shape) | unsigned(between(bits, 0, 0xffff));
+    return shape < 0 ? 0u : shape_bits(shape) | (unsigned(depth_bits(depth)) & DEPTHS);
 }
-WARPCAM_FN float kept_depth(unsigned word) { return as_float(int((word & 0xffffu) << DEPTH_BITS) + LEAST_DEPTH); }
 
-// How a shape has moved, from rows of Trail.motions; see flow.py. In pixels right of and below the principal point, with
-// metres along the optical axis: a plane's worth of rates by column, row and 1, then what does not grow with depth.
-struct Moved {
-    Row right, down, nearer;
-    float reach, slack;  // by how much what was seen may be nearer than the place then: part, [m]; reach < 0: unknown
-    int corners;  // first corner then, of a mesh that moves, or -1
+// How a shape has moved: rows of Trail.motions, see flow.py.
+template <bool MOVES, class Trail> struct Motion {
+    const void* rows;
+    unsigned first;
+
+    WARPCAM_FN Motion(const Trail& trail, int world, int shape)
+        : rows(trail.motions.data), first((unsigned(world) * trail.columns + shape) * (MOVES ? 7 : 4))
+    {
+    }
+    WARPCAM_FN Row row(int i) const { return load(rows, first + i); }
+    // Row i of the place then in homogeneous pixels, of what pixel (x, y) sees.
+    template <int LENS> WARPCAM_FN float then(int i, float x, float y, float depth) const
+    {
+        const Row by = row(i);
+        const float last = as_float(by.w);
+        if (LENS == PINHOLE)
+            return depth * (by.x * x + by.y * y + by.z) + last;
+        return by.x * x + by.y * y + (by.z * depth + last);
+    }
 };
-
-template <bool MOVES, class Trail> WARPCAM_FN Moved load_moved(const Trail& trail, int world, int shape)
-{
-    const unsigned row = (unsigned(world) * trail.columns + shape) * (MOVES ? 7 : 4);
-    const void* rows = trail.motions.data;
-    const Row last = load(rows, row + 3);
-    return { load(rows, row), load(rows, row + 1), load(rows, row + 2), last.x, last.y, as_int(last.z) };
-}
 
 // How a point of a mesh's face has moved in the mesh's own frame, as it would be without its shape's scale.
 template <int TYPES, int LENS, class Trail, class Shapes>
@@ -64,76 +68,85 @@ WARPCAM_COLD Vec moved_within(const Trail& trail, const Shapes& shapes, const Ca
         + weight1 * (to_vec(wp::index(trail.corners, at + 1)) - b) + weight2 * (to_vec(wp::index(trail.corners, at + 2)) - c);
 }
 
-// Was the surface seen in the last image at (x, y), where its depth was `depth`? Of the four pixels around enough must
-// show the same shape, and not all of them something of it that is nearer.
-template <class Trail>
-WARPCAM_FN bool was_seen(const Trail& trail, const Moved& moved, const unsigned* words, int shape, float x, float y,
-                         float depth)
+// A whole number near a float that is less than 2^22, as bits of a float between 2^23 and 2^24.
+constexpr float TO_WHOLE = 12582912.0f;
+constexpr int WHOLE = 0x4b400000;  // the bits of that
+
+// The word of the pixel that (x, y) lies in, or nothing outside of the image.
+template <class Trail> WARPCAM_FN unsigned word_at(const Trail& trail, const unsigned* words, float x, float y)
 {
-    const int last_column = trail.width - 1, last_row = trail.height - 1;
-    if (!(x >= -0.5f && x <= float(last_column) + 0.5f && y >= -0.5f && y <= float(last_row) + 0.5f))
-        return false;
-    const int column = int(x + 1.0f) - 1, row = int(y + 1.0f) - 1;  // rounded down
-    const float u = x - float(column), v = y - float(row);
-    float share = 0.0f, farthest = 0.0f;
-    for (int k = 0; k < 4; ++k) {
-        const int i = between(column + (k & 1), 0, last_column), j = between(row + (k >> 1), 0, last_row);
-        const unsigned word = words[unsigned(j * trail.width + i)];
-        if ((word ^ shape_bits(shape)) < 0x10000u) {
-            share += (k & 1 ? u : 1.0f - u) * (k >> 1 ? v : 1.0f - v);
-            farthest = upper(farthest, kept_depth(word));
-        }
-    }
-    return share >= ENOUGH && depth <= farthest + moved.reach * farthest + moved.slack;
+    const unsigned column = unsigned(as_int(x + TO_WHOLE) - WHOLE), row = unsigned(as_int(y + TO_WHOLE) - WHOLE);
+    return column < unsigned(trail.width) && row < unsigned(trail.height) ? words[row * trail.width + column] : 0u;
 }
 
-// Writes pixel (i, j), number `pixel` of all worlds' and `place` of its own world's.
+// Was the surface seen in the last image at (x, y), if nothing that is nearer than `threshold` hides it? The pixel there
+// must show the shape, and so must one that has a quarter or more of what is interpolated there; of one of them it must
+// be a part that is not nearer.
+template <class Trail>
+WARPCAM_FN bool was_seen(const Trail& trail, const unsigned* words, unsigned shape, float x, float y, float threshold)
+{
+    const unsigned one = word_at(trail, words, x + 0.25f, y + 0.25f), other = word_at(trail, words, x - 0.25f, y - 0.25f);
+    const unsigned least = one < other ? one : other, greatest = one < other ? other : one;
+    const int bits = depth_bits(threshold);
+    const unsigned farthest = shape | DEPTHS, nearest = shape + unsigned(bits > 0 ? bits : 0);
+    return least >= shape && greatest >= nearest && greatest <= farthest;
+}
+
+// Writes pixel (i, j), number `pixel` of all worlds' and images'.
 template <int TYPES, int LENS, int WANTED, class Trail, class Shapes>
 WARPCAM_FN void put_flow(const Trail& trail, const Shapes& shapes, const Camera& camera, const ViewRay<LENS>& seen,
                          const Hit& hit, int world, int i, int j, unsigned pixel)
 {
     constexpr bool MOVES = WANTED & FLOW_MOVES;
-    const Row range = load(trail.changes.data, 2 * unsigned(world) + 1);  // nearest and farthest then, what is known
-    const int known = range.w;  // 1, 2: where what was seen is kept; 0: nothing is known
+    const int known = wp::index(trail.known, world);  // 1, 2: where what was seen is kept; 0: nothing is known
     float right = 0.0f, down = 0.0f;
     bool valid = false;
+    const unsigned* words = nullptr;
+    unsigned* kept = nullptr;
+    if (WANTED & FLOW_VALID) {
+        words = known == 1 ? trail.kept_first.data : trail.kept_second.data;
+        kept = known == 1 ? trail.kept_second.data : trail.kept_first.data;
+    }
     if (hit.shape >= 0 && known != 0) {
-        const Moved moved = load_moved<MOVES>(trail, world, hit.shape);
-        if (moved.reach >= 0.0f) {
-            const Row lens = load(trail.changes.data, 2 * unsigned(world));
-            const float x = float(i) + 0.5f - camera.center_x, y = float(j) + 0.5f - camera.center_y;
-            const float near = LENS == PINHOLE ? hit.depth : 1.0f, far = LENS == PINHOLE ? 0.0f : hit.depth;
-            const auto along = [&](const Row& by) {
-                const float constant = as_float(by.w);
-                if (LENS == PINHOLE)
-                    return near * (by.x * x + by.y * y + by.z) + constant;
-                return by.x * x + by.y * y + (by.z * far + constant);
-            };
-            float shift_x = along(moved.right), shift_y = along(moved.down), nearer = along(moved.nearer);
+        const Motion<MOVES, Trail> motion(trail, world, hit.shape);
+        const Row last = motion.row(3);  // x: scale of the depth that may hide, below 0: unknown; y: added to it; z: near
+        const int corners = last.w >> 1;
+        bool still = last.w & 1;
+        Vec within { 0.0f, 0.0f, 0.0f };
+        if constexpr (MOVES) {
+            if (corners >= 0) {
+                within = moved_within<TYPES>(trail, shapes, camera, seen, hit, corners, world);
+                still = still && within.x == 0.0f && within.y == 0.0f && within.z == 0.0f;
+            }
+        }
+        if (still) {
+            if (WANTED & FLOW_VALID)
+                valid = (words[pixel] ^ shape_bits(hit.shape)) <= DEPTHS;
+        } else if (last.x >= 0.0f) {
+            const float column = float(i), row = float(j);
+            float x = motion.template then<LENS>(0, column, row, hit.depth);
+            float y = motion.template then<LENS>(1, column, row, hit.depth);
+            float depth = motion.template then<LENS>(2, column, row, hit.depth);
             if constexpr (MOVES) {
-                if (moved.corners >= 0) {
-                    const Vec within = moved_within<TYPES>(trail, shapes, camera, seen, hit, moved.corners, world);
-                    const unsigned row = (unsigned(world) * trail.columns + hit.shape) * 7 + 4;
-                    shift_x += dot(to_vec(load(trail.motions.data, row)), within);
-                    shift_y += dot(to_vec(load(trail.motions.data, row + 1)), within);
-                    nearer += dot(to_vec(load(trail.motions.data, row + 2)), within);
+                if (corners >= 0) {
+                    x += dot(to_vec(motion.row(4)), within);
+                    y += dot(to_vec(motion.row(5)), within);
+                    depth += dot(to_vec(motion.row(6)), within);
                 }
             }
-            const float depth = hit.depth - nearer;
             if (LENS != PINHOLE || depth > 0.0f) {
-                const float zoom_x = lens.z * x, zoom_y = as_float(lens.w) * y;
                 if (LENS == PINHOLE) {
                     const float rate = reciprocal(depth);
-                    shift_x = (shift_x + (x - zoom_x) * nearer) * rate;
-                    shift_y = (shift_y + (y - zoom_y) * nearer) * rate;
+                    x *= rate;
+                    y *= rate;
                 }
-                right = lens.x + zoom_x - shift_x;
-                down = lens.y + zoom_y - shift_y;
+                right = column - x;
+                down = row - y;
                 if (WANTED & FLOW_VALID) {
-                    const auto* kept = known == 1 ? trail.kept_first.data : trail.kept_second.data;
-                    const unsigned* words = kept + unsigned(world) * unsigned(trail.width * trail.height);
-                    valid = depth >= range.x && depth <= range.y
-                        && was_seen(trail, moved, words, hit.shape, float(i) - right, float(j) - down, depth);
+                    const unsigned pixels = unsigned(trail.width) * unsigned(trail.height);
+                    const float threshold = last.x * depth + last.y;
+                    valid = depth >= last.z
+                        && was_seen(trail, words + unsigned(world) * pixels, shape_bits(hit.shape), x, y, threshold);
                 }
             }
         }
@@ -148,7 +161,7 @@ WARPCAM_FN void put_flow(const Trail& trail, const Shapes& shapes, const Camera&
     }
     if (WANTED & FLOW_VALID) {
         trail.flow_valid.data[pixel] = valid ? 1 : 0;
-        (known == 1 ? trail.kept_second : trail.kept_first).data[pixel] = kept_word(hit.shape, hit.depth);
+        kept[pixel] = kept_word(hit.shape, hit.depth);
     }
 }
 
