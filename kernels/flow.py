@@ -234,8 +234,8 @@ def keep_corners(
 
 
 @wp.kernel(enable_backward=False)
-def forget(known: wp.array(dtype=wp.uint8), mask: wp.array(dtype=wp.uint8)):
-    world = wp.tid()
+def forget(known: wp.array(dtype=wp.uint8), mask: wp.array(dtype=wp.uint8), first: wp.int32):
+    world = first + wp.tid()
     if mask[world] != wp.uint8(0):
         known[world] = wp.uint8(0)
 
@@ -278,6 +278,11 @@ def record_motions(
 def record_view(views: wp.array, views_before: wp.array, known: wp.array, mask: wp.array, device: wp.Device) -> Stage:
     """Bind the stage after a camera's trace: what is seen becomes what was."""
     return record(keep_view, views.shape[0], [views, views_before, known, mask], device)
+
+
+def record_forget(known: wp.array, mask: wp.array, device: wp.Device) -> Stage:
+    """Bind the stage after which nothing is known of the worlds that a mask has."""
+    return record(forget, known.shape[0], [known, mask], device)
 
 
 def record_corners(before: CornersBefore, meshes: Meshes, mask: wp.array, device: wp.Device) -> Stage:

@@ -54,9 +54,9 @@ class CameraPast:
             self._device,
         )  # fmt: skip
 
-    def forget(self, mask: wp.array) -> None:
-        """Know nothing more of the worlds that a mask has."""
-        wp.launch(flow.forget, self.known.shape[0], [self.known, mask], device=self._device)
+    def record_forget(self, mask: wp.array) -> Stage:
+        """The stage after which nothing is known of the worlds that a mask has."""
+        return flow.record_forget(self.known, mask, self._device)
 
     def record_after(self, views: wp.array, mask: wp.array) -> Stage:
         """The stage after the trace."""

@@ -74,11 +74,12 @@ class Renderer:
         tables = scene.tables()
         self._mounted = {key: Mounted(camera, scene) for key, camera in self._cameras.items()}
         self._targets = {key: Target(camera, tables, scene.device) for key, camera in self._cameras.items()}
+        self._selection = Selection(scene.num_worlds, scene.device)
         self._past = [(key, target.past) for key, target in self._targets.items() if target.past is not None]
         self._shapes_past = ShapesPast(scene, tables) if self._past else None
+        self._forget = [past.record_forget(self._selection.mask) for _, past in self._past]
         self._scratch = Scratch(self._cameras, tables, scene.device)
         self._scratch.allocate()
-        self._selection = Selection(scene.num_worlds, scene.device)
         self._faults = wp.zeros(scene.num_worlds, dtype=wp.uint8, device=scene.device)
         self.faulty = interop.to_torch(self._faults)
         self.images: Images = {
@@ -146,8 +147,8 @@ class Renderer:
                     past.known.zero_()
                 return
             self._selection.select(worlds, interop.is_capturing(self._device), "reset")
-            for _, past in self._past:
-                past.forget(self._selection.mask)
+            for stage in self._forget:
+                stage.launch()
 
     def array(self, camera: str | int, output: str) -> wp.array:
         """The Warp array behind ``images[camera][output]``."""
@@ -184,7 +185,7 @@ class Renderer:
                 )
             frames[everything] += self._record_keeping(tables)
         self._phases, self._recordings = frames, {}
-        bind([stage for frame in self._recording().frames.values() for stage in frame.stages])
+        bind([*self._forget, *(stage for frame in self._recording().frames.values() for stage in frame.stages)])
         self._tables = tables
 
     def _record_motion(self, tables: Tables) -> list[list[list[Stage]]]:

@@ -152,9 +152,12 @@ class Target:
         if self._moved and lit:
             stages += self._smooth(tables, projection, group, buffers, mask, faults, depth, shape, veil_places)
         if tables.splats is not None:
+            trail = None if self.past is None else self.past.trail
             stages.insert(0, splats.record_check(tables, views, mask, faults, device, group))
             stages.append(
-                splats.record(self.images, projection, tables, views, mask, depth, shape, width, height, device, group)
+                splats.record(
+                    self.images, projection, tables, views, mask, depth, shape, width, height, device, group, trail
+                )
             )
         return stages
 
