@@ -26,6 +26,7 @@ from .types import (
     Shapes,
     View,
 )
+from .views import NEW
 
 ROWS, MOVING_ROWS = 4, 7  # of a shape in Trail.motions, without and with meshes that move
 
@@ -33,16 +34,6 @@ ROWS, MOVING_ROWS = 4, 7  # of a shape in Trail.motions, without and with meshes
 # a pixel's width there. Of what bends inwards neighbouring pixels may be nearer than what lies between them.
 CONVEX = wp.constant(wp.vec2(0.004, 0.25))
 HOLLOW = wp.constant(wp.vec2(0.004, 1.0))
-
-
-@wp.struct
-class ShapesBefore:
-    """The shapes as they were when their world was last drawn: see Shapes."""
-
-    positions: wp.array2d(dtype=wp.vec3)  # (world, shape)
-    rotations: wp.array2d(dtype=wp.mat33)
-    sizes: wp.array2d(dtype=wp.vec3)
-    assets: wp.array2d(dtype=wp.int32)
 
 
 @wp.struct
@@ -63,7 +54,7 @@ class Trail:
     flow_valid: wp.array(dtype=wp.uint8)  # (pixel,) may be empty
     kept_first: wp.array(dtype=wp.uint32)  # (pixel,) what was seen, and in the other what is seen; see native/flow.h
     kept_second: wp.array(dtype=wp.uint32)
-    known: wp.array(dtype=wp.uint8)  # (world,) which of these two has what was seen, 1 or 2; 0: nothing is known
+    known: wp.array(dtype=wp.uint8)  # (world,) which of these two has what was seen, or NEW: see views.py
     # (world, ROWS or MOVING_ROWS of each shape). Three rows take what pixel (column, row) sees to where it was: column,
     # row and 1 times the planar depth then, or for parallel rays column, row, depth. Each is
     # depth * (x column + y row + z) + w, or for parallel rays x column + y row + z depth + w. A fourth: a part of the
@@ -105,10 +96,31 @@ def number_of(bits: wp.int32) -> wp.float32:
     return wp.cast(bits, wp.float32)
 
 
+@wp.func_native("""
+#if defined(__CUDA_ARCH__)
+    const float4 r = reinterpret_cast<const float4*>(rows.data)[index];
+    return wp::vec_t<4, float>(r.x, r.y, r.z, r.w);
+#else
+    return rows.data[index];
+#endif
+""")
+def get_row(rows: wp.array2d(dtype=wp.vec4), index: wp.int32) -> wp.vec4: ...
+
+
+@wp.func_native("""
+#if defined(__CUDA_ARCH__)
+    reinterpret_cast<float4*>(rows.data)[index] = make_float4(row[0], row[1], row[2], row[3]);
+#else
+    rows.data[index] = row;
+#endif
+""")
+def put_row(rows: wp.array2d(dtype=wp.vec4), index: wp.int32, row: wp.vec4): ...
+
+
 @wp.kernel(enable_backward=False)
 def write_motions(
     shapes: Shapes,
-    before: ShapesBefore,
+    before: wp.array2d(dtype=wp.vec4),
     starts: wp.array(dtype=wp.int32),
     views: wp.array(dtype=View),
     views_before: wp.array(dtype=View),
@@ -117,11 +129,13 @@ def write_motions(
     pinhole: wp.int32,
     scaled: wp.int32,
     keep: wp.int32,
+    rows: wp.int32,
     motions: wp.array2d(dtype=wp.vec4),
     first: wp.int32,
 ):
+    """``before`` has four rows for each shape: its position and the rows of its rotation, with its size and asset."""
     index = first + wp.tid()
-    columns = before.positions.shape[1]
+    columns = before.shape[1] // 4
     world = index // columns
     shape = index - world * columns
     if mask[world] == wp.uint8(0):
@@ -134,12 +148,20 @@ def write_motions(
     rotation = shapes.rotations[world, shape]
     size = shapes.sizes[world % shapes.sizes.shape[0], shape]
     asset = shapes.assets[world % shapes.assets.shape[0], shape]
-    if known[world] != wp.uint8(0):
+    same = False
+    if known[world] != wp.uint8(NEW):
         now = views[world]
         then = views_before[world]
-        old_position = before.positions[world, shape]
-        old_rotation = before.rotations[world, shape]
-        grown = stretch(kind, before.sizes[world, shape], size, scaled)
+        a = get_row(before, 4 * index)
+        b = get_row(before, 4 * index + 1)
+        c = get_row(before, 4 * index + 2)
+        d = get_row(before, 4 * index + 3)
+        old_position = wp.vec3(a[0], a[1], a[2])
+        old_rotation = wp.mat33(b[0], b[1], b[2], c[0], c[1], c[2], d[0], d[1], d[2])
+        old_size = wp.vec3(a[3], b[3], c[3])
+        old_asset = wp.cast(d[3], wp.int32)
+        same = old_position == position and old_rotation == rotation and old_size == size and old_asset == asset
+        grown = stretch(kind, old_size, size, scaled)
         # By how much a point of the shape, then one of the camera's frame, was elsewhere: 0 if nothing has moved.
         turn = (old_rotation * wp.diag(grown) - rotation) * wp.transpose(rotation)
         shift = (now.origin - then.origin) + (old_position - position) + turn * (now.origin - position)
@@ -155,17 +177,26 @@ def write_motions(
             into[0, 2] = -middle[0]
             into[1, 2] = -middle[1]
             middle = wp.vec3(0.0, 0.0, 0.0)
-        whole = into * (wp.identity(n=3, dtype=wp.float32) + motion)
-        out = whole * wp.diag(wp.vec3(now.scale[0], -now.scale[1], -1.0))
-        corner_ray = wp.vec3(0.5 - now.center[0], 0.5 - now.center[1], 0.0)  # of pixel (0, 0)
-        last = into * shift + middle
-        rows = motions.shape[1] // columns
-        for i in range(3):
-            start = out[i, 0] * corner_ray[0] + out[i, 1] * corner_ray[1]
-            row = wp.vec4(out[i, 0], out[i, 1], out[i, 2] + start, last[i])
-            if pinhole == 0:
-                row = wp.vec4(out[i, 0], out[i, 1], out[i, 2], last[i] + start)
-            motions[world, rows * shape + i] = row
+        corner = wp.int32(-1)
+        if rows > 4 and kind == MESH and asset >= 0:
+            corner = starts[asset]
+        if moved != 0.0 or corner >= 0:
+            whole = into * (wp.identity(n=3, dtype=wp.float32) + motion)
+            out = whole * wp.diag(wp.vec3(now.scale[0], -now.scale[1], -1.0))
+            corner_ray = wp.vec3(0.5 - now.center[0], 0.5 - now.center[1], 0.0)  # of pixel (0, 0)
+            last = into * shift + middle
+            for i in range(3):
+                start = out[i, 0] * corner_ray[0] + out[i, 1] * corner_ray[1]
+                row = wp.vec4(out[i, 0], out[i, 1], out[i, 2] + start, last[i])
+                if pinhole == 0:
+                    row = wp.vec4(out[i, 0], out[i, 1], out[i, 2], last[i] + start)
+                put_row(motions, rows * index + i, row)
+        if corner >= 0:
+            within = into * back * old_rotation
+            if scaled != 0:
+                within = within * wp.diag(old_size)
+            for i in range(3):
+                put_row(motions, rows * index + 4 + i, wp.vec4(within[i, 0], within[i, 1], within[i, 2], 0.0))
 
         reach = CONVEX
         if kind == MESH or kind == HEIGHT_FIELD or kind == SPLATS:
@@ -178,43 +209,19 @@ def write_motions(
             slack = wp.float32(0.0)
         if kind == PLANE:
             slack = 1.0e30  # it hides nothing of itself
-        corner = wp.int32(-1)
-        if rows > 4 and kind == MESH and asset >= 0:
-            corner = starts[asset]
-            if corner >= 0:
-                within = into * back * old_rotation
-                if scaled != 0:
-                    within = within * wp.diag(before.sizes[world, shape])
-                for i in range(3):
-                    motions[world, rows * shape + 4 + i] = wp.vec4(within[i, 0], within[i, 1], within[i, 2], 0.0)
         flags = 2 * corner
         if moved == 0.0:
             flags += 1
-        if not wp.isfinite(moved) or before.assets[world, shape] != asset:
+        if not wp.isfinite(moved) or old_asset != asset:
             part = -1.0
             flags = -2
-        motions[world, rows * shape + 3] = wp.vec4(part, -slack, then.near, number_of(flags))
+        put_row(motions, rows * index + 3, wp.vec4(part, -slack, then.near, number_of(flags)))
 
-    if keep != 0:
-        before.positions[world, shape] = position
-        before.rotations[world, shape] = rotation
-        before.sizes[world, shape] = size
-        before.assets[world, shape] = asset
-
-
-@wp.kernel(enable_backward=False)
-def keep_view(
-    views: wp.array(dtype=View),
-    views_before: wp.array(dtype=View),
-    known: wp.array(dtype=wp.uint8),
-    mask: wp.array(dtype=wp.uint8),
-    first: wp.int32,
-):
-    world = first + wp.tid()
-    if mask[world] == wp.uint8(0):
-        return
-    views_before[world] = views[world]
-    known[world] = wp.where(known[world] == wp.uint8(1), wp.uint8(2), wp.uint8(1))
+    if keep != 0 and not same:
+        put_row(before, 4 * index, wp.vec4(position[0], position[1], position[2], size[0]))
+        put_row(before, 4 * index + 1, wp.vec4(rotation[0, 0], rotation[0, 1], rotation[0, 2], size[1]))
+        put_row(before, 4 * index + 2, wp.vec4(rotation[1, 0], rotation[1, 1], rotation[1, 2], size[2]))
+        put_row(before, 4 * index + 3, wp.vec4(rotation[2, 0], rotation[2, 1], rotation[2, 2], number_of(asset)))
 
 
 @wp.kernel(enable_backward=False)
@@ -242,7 +249,7 @@ def forget(known: wp.array(dtype=wp.uint8), mask: wp.array(dtype=wp.uint8), firs
 
 def record_motions(
     tables: Tables,
-    before: ShapesBefore,
+    before: wp.array,
     starts: wp.array,
     views: wp.array,
     views_before: wp.array,
@@ -257,11 +264,11 @@ def record_motions(
 
     Args:
         tables: The scene.
-        before: Its shapes as they were.
+        before: vec4, (world, 4 for each shape), shapes as they were: see ``write_motions``.
         starts: CornersBefore.starts; empty where no mesh moves.
         views: View, (world,).
         views_before: View, (world,), as they were.
-        known: uint8, (world,); 0 where nothing is known of what was.
+        known: uint8, (world,); NEW where nothing is known of what was: see views.py.
         mask: uint8, (world,); worlds with 0 are left alone.
         lens: "pinhole" or "orthographic".
         keep: ``before`` becomes what is now: so for the last camera.
@@ -270,14 +277,10 @@ def record_motions(
     """
     inputs = [
         tables.shapes, before, starts, views, views_before, known, mask, int(lens == "pinhole"),
-        int(SCALED in tables.shape_types), int(keep), trail.motions,
+        int(SCALED in tables.shape_types), int(keep),
+        MOVING_ROWS if tables.moving else ROWS, trail.motions,
     ]  # fmt: skip
     return record(write_motions, tables.num_worlds * tables.num_shapes, inputs, device)
-
-
-def record_view(views: wp.array, views_before: wp.array, known: wp.array, mask: wp.array, device: wp.Device) -> Stage:
-    """Bind the stage after a camera's trace: what is seen becomes what was."""
-    return record(keep_view, views.shape[0], [views, views_before, known, mask], device)
 
 
 def record_forget(known: wp.array, mask: wp.array, device: wp.Device) -> Stage:

@@ -1,6 +1,7 @@
 """What is kept from frame to frame for ``flow`` and ``flow_valid``, where a camera asks for them."""
 
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 import warp as wp
@@ -26,13 +27,12 @@ class CameraPast:
 
     Attributes:
         trail: ``kernels.flow.Trail``.
-        known: uint8, (world,); 0 where nothing is known of what was.
+        views: View, (world,), of the last frame.
     """
 
     def __init__(self, camera: Camera, tables: Tables, device: wp.Device, images: Mapping[str, wp.array]):
         worlds, self._device = tables.num_worlds, device
-        self.known = wp.zeros(worlds, dtype=wp.uint8, device=device)
-        self._views = wp.zeros(worlds, dtype=View, device=device)
+        self.views = wp.zeros(worlds, dtype=View, device=device)
         self.trail = flow.Trail()
         for name in set(OUTPUTS) & images.keys():
             setattr(self.trail, name, images[name].flatten())
@@ -41,43 +41,32 @@ class CameraPast:
         self.trail.kept_second = wp.zeros(kept, dtype=wp.uint32, device=device)
         rows = _rows(tables) * tables.num_shapes
         self.trail.motions = wp.zeros((worlds, rows), dtype=wp.vec4, device=device)
-        self.trail.known = self.known
         self.trail.columns = tables.num_shapes
         self.trail.width, self.trail.height = camera.width, camera.height
 
-    def record_before(
+    def record(
         self, shapes: "ShapesPast", tables: Tables, views: wp.array, projection: Projection, mask: wp.array, keep: bool
     ) -> Stage:
         """The stage before the trace; with ``keep`` the last of its kind in the frame."""
         return flow.record_motions(
-            tables, shapes.before, shapes.starts, views, self._views, self.known, mask, projection, keep, self.trail,
+            tables, shapes.rows, shapes.starts, views, self.views, shapes.known, mask, projection, keep, self.trail,
             self._device,
         )  # fmt: skip
-
-    def record_forget(self, mask: wp.array) -> Stage:
-        """The stage after which nothing is known of the worlds that a mask has."""
-        return flow.record_forget(self.known, mask, self._device)
-
-    def record_after(self, views: wp.array, mask: wp.array) -> Stage:
-        """The stage after the trace."""
-        return flow.record_view(views, self._views, self.known, mask, self._device)
 
 
 class ShapesPast:
     """What all cameras share: where shapes and the corners of moving meshes were.
 
     Attributes:
-        before: ``kernels.flow.ShapesBefore``.
+        known: uint8, (world,): what is known of each world's last frame, see ``kernels/views.py``.
+        rows: vec4, (world, 4 for each shape): see ``kernels.flow.write_motions``.
         corners: ``kernels.flow.CornersBefore``, or None where no mesh moves.
     """
 
     def __init__(self, scene: Scene, tables: Tables):
-        device, size = scene.device, (tables.num_worlds, tables.num_shapes)
-        self.before = flow.ShapesBefore()
-        self.before.positions = wp.zeros(size, dtype=wp.vec3, device=device)
-        self.before.rotations = wp.zeros(size, dtype=wp.mat33, device=device)
-        self.before.sizes = wp.zeros(size, dtype=wp.vec3, device=device)
-        self.before.assets = wp.zeros(size, dtype=wp.int32, device=device)
+        device = scene.device
+        self.known = wp.zeros(tables.num_worlds, dtype=wp.uint8, device=device)
+        self.rows = wp.zeros((tables.num_worlds, 4 * tables.num_shapes), dtype=wp.vec4, device=device)
         self.corners = None
         if tables.moving:
             moving = np.asarray(tables.moving)
@@ -89,15 +78,20 @@ class ShapesPast:
     def starts(self) -> wp.array:
         return wp.empty(0, dtype=wp.int32, device=self._device) if self.corners is None else self.corners.starts
 
-    def lend(self, past: CameraPast, tables: Tables) -> None:
-        """Give a camera's trace the corners to read."""
+    def lend(self, trail: Any, tables: Tables) -> None:
+        """Give a camera's trace what is shared."""
+        trail.known = self.known
         if self.corners is not None:
-            past.trail.corners = self.corners.corners
-            past.trail.faces, past.trail.face_start = tables.meshes.faces, tables.meshes.face_start
+            trail.corners = self.corners.corners
+            trail.faces, trail.face_start = tables.meshes.faces, tables.meshes.face_start
 
     def record_after(self, tables: Tables, mask: wp.array) -> list[Stage]:
         """The stages after all traces."""
         return [] if self.corners is None else [flow.record_corners(self.corners, tables.meshes, mask, self._device)]
+
+    def record_forget(self, mask: wp.array) -> Stage:
+        """The stage after which nothing is known of the worlds that a mask has."""
+        return flow.record_forget(self.known, mask, self._device)
 
 
 def past_bytes(cameras: Mapping[str | int, Camera], scene: Scene, tables: Tables) -> int:
@@ -106,9 +100,9 @@ def past_bytes(cameras: Mapping[str | int, Camera], scene: Scene, tables: Tables
     if not asking:
         return 0
     row = wp.types.type_size_in_bytes(wp.vec4)
-    view = 1 + wp.types.type_size_in_bytes(View) + _rows(tables) * row * tables.num_shapes
+    view = wp.types.type_size_in_bytes(View) + _rows(tables) * row * tables.num_shapes
     each = sum(view + 2 * 4 * camera.width * camera.height * ("flow_valid" in camera.outputs) for camera in asking)
-    total = tables.num_worlds * (each + 64 * tables.num_shapes)
+    total = tables.num_worlds * (1 + each + 4 * row * tables.num_shapes)
     if tables.moving:
         total += flow.corners_bytes(tables.meshes, np.asarray(tables.moving), scene.moving_faces())
     return total

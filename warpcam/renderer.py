@@ -77,7 +77,6 @@ class Renderer:
         self._selection = Selection(scene.num_worlds, scene.device)
         self._past = [(key, target.past) for key, target in self._targets.items() if target.past is not None]
         self._shapes_past = ShapesPast(scene, tables) if self._past else None
-        self._forget = [past.record_forget(self._selection.mask) for _, past in self._past]
         self._scratch = Scratch(self._cameras, tables, scene.device)
         self._scratch.allocate()
         self._faults = wp.zeros(scene.num_worlds, dtype=wp.uint8, device=scene.device)
@@ -143,12 +142,10 @@ class Renderer:
             return
         with self._turn, interop.in_order(self._device):
             if worlds is None:
-                for _, past in self._past:
-                    past.known.zero_()
+                self._shapes_past.known.zero_()
                 return
             self._selection.select(worlds, interop.is_capturing(self._device), "reset")
-            for stage in self._forget:
-                stage.launch()
+            self._forget.launch()
 
     def array(self, camera: str | int, output: str) -> wp.array:
         """The Warp array behind ``images[camera][output]``."""
@@ -170,11 +167,15 @@ class Renderer:
     def _record(self, tables: Tables) -> None:
         """Bind every stage to the tables' arrays; loads and compiles whatever kernels that takes."""
         mask, faults, scratch = self._selection.mask, self._faults, self._scratch
-        views = [mounted.record(mask, faults, self._targets[key].views) for key, mounted in self._mounted.items()]
+        known = None if self._shapes_past is None else self._shapes_past.known
+        views = [
+            mounted.record(mask, faults, self._targets[key].views, self._targets[key].views_before)
+            for key, mounted in self._mounted.items()
+        ]
         images = {key: target.images.values() for key, target in self._targets.items()}
         frames: dict[bool, list[list[list[Stage]]]] = {}
         for everything in (True, False):
-            frames[everything] = [[[record_begin(everything, mask, faults, self._device)]], [views]]
+            frames[everything] = [[[record_begin(everything, mask, faults, self._device, known)]], [views]]
             frames[everything] += self._record_motion(tables)
             phases = list(scratch.phases(images if everything else None))
             if everything:
@@ -185,7 +186,10 @@ class Renderer:
                 )
             frames[everything] += self._record_keeping(tables)
         self._phases, self._recordings = frames, {}
-        bind([*self._forget, *(stage for frame in self._recording().frames.values() for stage in frame.stages)])
+        if self._shapes_past is not None:
+            self._forget = self._shapes_past.record_forget(mask)
+            self._forget.bind()
+        bind([stage for frame in self._recording().frames.values() for stage in frame.stages])
         self._tables = tables
 
     def _record_motion(self, tables: Tables) -> list[list[list[Stage]]]:
@@ -194,21 +198,17 @@ class Renderer:
             return []
         stages = []
         for number, (key, past) in enumerate(self._past):
-            self._shapes_past.lend(past, tables)
+            self._shapes_past.lend(past.trail, tables)
             views, projection = self._targets[key].views, self._mounted[key].projection
             last = number == len(self._past) - 1
-            stages.append(
-                past.record_before(self._shapes_past, tables, views, projection, self._selection.mask, keep=last)
-            )
+            stages.append(past.record(self._shapes_past, tables, views, projection, self._selection.mask, keep=last))
         return [[stages]]
 
     def _record_keeping(self, tables: Tables) -> list[list[list[Stage]]]:
-        """The phase after it in which what is becomes what was."""
+        """The phase after it in which what is becomes what was, if that is not done yet."""
         if self._shapes_past is None:
             return []
-        mask = self._selection.mask
-        stages = [past.record_after(self._targets[key].views, mask) for key, past in self._past]
-        return [[stages + self._shapes_past.record_after(tables, mask)]]
+        return [[stages]] if (stages := self._shapes_past.record_after(tables, self._selection.mask)) else []
 
     def _recording(self) -> Recording:
         """The frames for what the scene is bound to now."""

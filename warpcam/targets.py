@@ -52,6 +52,11 @@ class Target:
         }
         self.past = CameraPast(camera, tables, device, self.images) if asks(camera) else None
 
+    @property
+    def views_before(self) -> wp.array | None:
+        """View, (world,), as they were in each world's last frame, if that is kept."""
+        return None if self.past is None else self.past.views
+
     def record(
         self,
         tables: Tables,

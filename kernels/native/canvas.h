@@ -65,6 +65,9 @@ template <int TYPES, int LENS, int OUTPUTS, int CAPACITY, class Target, class Sh
     {
         if ((OUTPUTS & CHOSEN) && !chosen(i, j))
             return { -1.0f, SKIPPED, -1 };
+        if constexpr ((OUTPUTS & FLOW_VALID) != 0)
+            if (inside(i, j))
+                expect_flow(target.trail, world, at(i, j));
         Hit hit { inside(i, j) ? camera.far : -1.0f, -1, -1 };
         if (!first_pass && inside(i, j) && target.shape.data[at(i, j)] >= 0)
             hit.depth = target.depth.data[at(i, j)];

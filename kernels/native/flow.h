@@ -22,6 +22,19 @@ WARPCAM_FN unsigned kept_word(int shape, float depth)
     return shape < 0 ? 0u : shape_bits(shape) | (unsigned(depth_bits(depth)) & DEPTHS);
 }
 
+// Trail.known: what was seen is kept in the first or the second of two places, what is seen goes to the other; or nothing
+// is known of what was. Values of views.py.
+enum Known { SECOND = 1, FIRST = 2, NEW = 4 };
+
+// Has the word on its way that a pixel that rests will need: it comes from far, and meanwhile the pixel is traced.
+template <class Trail> WARPCAM_FN void expect_flow(const Trail& trail, int world, unsigned pixel)
+{
+#if defined(__CUDA_ARCH__)
+    const auto* words = wp::index(trail.known, world) == FIRST ? trail.kept_first.data : trail.kept_second.data;
+    asm volatile("prefetch.global.L1 [%0];" ::"l"(words + pixel));
+#endif
+}
+
 // How a shape has moved: rows of Trail.motions, see flow.py.
 template <bool MOVES, class Trail> struct Motion {
     const void* rows;
@@ -98,16 +111,16 @@ WARPCAM_FN void put_flow(const Trail& trail, const Shapes& shapes, const Camera&
                          const Hit& hit, int world, int i, int j, unsigned pixel)
 {
     constexpr bool MOVES = WANTED & FLOW_MOVES;
-    const int known = wp::index(trail.known, world);  // 1, 2: where what was seen is kept; 0: nothing is known
+    const int known = wp::index(trail.known, world);
     float right = 0.0f, down = 0.0f;
     bool valid = false;
     const unsigned* words = nullptr;
     unsigned* kept = nullptr;
     if (WANTED & FLOW_VALID) {
-        words = known == 1 ? trail.kept_first.data : trail.kept_second.data;
-        kept = known == 1 ? trail.kept_second.data : trail.kept_first.data;
+        words = known == FIRST ? trail.kept_first.data : trail.kept_second.data;
+        kept = known == FIRST ? trail.kept_second.data : trail.kept_first.data;
     }
-    if (hit.shape >= 0 && known != 0) {
+    if (hit.shape >= 0 && known != NEW) {
         const Motion<MOVES, Trail> motion(trail, world, hit.shape);
         const Row last = motion.row(3);  // x: scale of the depth that may hide, below 0: unknown; y: added to it; z: near
         const int corners = last.w >> 1;
