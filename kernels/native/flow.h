@@ -26,12 +26,27 @@ WARPCAM_FN unsigned kept_word(int shape, float depth)
 // is known of what was. Values of views.py.
 enum Known { SECOND = 1, FIRST = 2, NEW = 4 };
 
+// Where what one world's last image showed is kept, and where this one's goes.
+struct FlowPlaces {
+    const unsigned* words;
+    unsigned* kept;
+    int known;
+};
+
+template <class Trail> WARPCAM_FN FlowPlaces flow_places(const Trail& trail, int world)
+{
+    const int known = wp::index(trail.known, world);
+    const size_t first = size_t(world) * (trail.width * trail.height);
+    unsigned* one = trail.kept_first.data + first;
+    unsigned* other = trail.kept_second.data + first;
+    return { known == FIRST ? one : other, known == FIRST ? other : one, known };
+}
+
 // Has the word on its way that a pixel that rests will need: it comes from far, and meanwhile the pixel is traced.
-template <class Trail> WARPCAM_FN void expect_flow(const Trail& trail, int world, unsigned pixel)
+WARPCAM_FN void expect_flow(const FlowPlaces& places, int place)
 {
 #if defined(__CUDA_ARCH__)
-    const auto* words = wp::index(trail.known, world) == FIRST ? trail.kept_first.data : trail.kept_second.data;
-    asm volatile("prefetch.global.L1 [%0];" ::"l"(words + pixel));
+    asm volatile("prefetch.global.L1 [%0];" ::"l"(places.words + place));
 #endif
 }
 
@@ -105,22 +120,16 @@ WARPCAM_FN bool was_seen(const Trail& trail, const unsigned* words, unsigned sha
     return least >= shape && greatest >= nearest && greatest <= farthest;
 }
 
-// Writes pixel (i, j), number `pixel` of all worlds' and images'.
+// Writes pixel (i, j), number `pixel` of all worlds'.
 template <int TYPES, int LENS, int WANTED, class Trail, class Shapes>
-WARPCAM_FN void put_flow(const Trail& trail, const Shapes& shapes, const Camera& camera, const ViewRay<LENS>& seen,
+WARPCAM_FN void put_flow(const Trail& trail, const FlowPlaces& places, const Shapes& shapes, const Camera& camera, const ViewRay<LENS>& seen,
                          const Hit& hit, int world, int i, int j, unsigned pixel)
 {
     constexpr bool MOVES = WANTED & FLOW_MOVES;
-    const int known = wp::index(trail.known, world);
+    const int place = j * trail.width + i;
     float right = 0.0f, down = 0.0f;
     bool valid = false;
-    const unsigned* words = nullptr;
-    unsigned* kept = nullptr;
-    if (WANTED & FLOW_VALID) {
-        words = known == FIRST ? trail.kept_first.data : trail.kept_second.data;
-        kept = known == FIRST ? trail.kept_second.data : trail.kept_first.data;
-    }
-    if (hit.shape >= 0 && known != NEW) {
+    if (hit.shape >= 0 && places.known != NEW) {
         const Motion<MOVES, Trail> motion(trail, world, hit.shape);
         const Row last = motion.row(3);  // x: scale of the depth that may hide, below 0: unknown; y: added to it; z: near
         const int corners = last.w >> 1;
@@ -134,7 +143,7 @@ WARPCAM_FN void put_flow(const Trail& trail, const Shapes& shapes, const Camera&
         }
         if (still) {
             if (WANTED & FLOW_VALID)
-                valid = (words[pixel] ^ shape_bits(hit.shape)) <= DEPTHS;
+                valid = (places.words[place] ^ shape_bits(hit.shape)) <= DEPTHS;
         } else if (last.x >= 0.0f) {
             const float column = float(i), row = float(j);
             float x = motion.template then<LENS>(0, column, row, hit.depth);
@@ -156,10 +165,9 @@ WARPCAM_FN void put_flow(const Trail& trail, const Shapes& shapes, const Camera&
                 right = column - x;
                 down = row - y;
                 if (WANTED & FLOW_VALID) {
-                    const unsigned pixels = unsigned(trail.width) * unsigned(trail.height);
                     const float threshold = last.x * depth + last.y;
                     valid = depth >= last.z
-                        && was_seen(trail, words + unsigned(world) * pixels, shape_bits(hit.shape), x, y, threshold);
+                        && was_seen(trail, places.words, shape_bits(hit.shape), x, y, threshold);
                 }
             }
         }
@@ -174,7 +182,7 @@ WARPCAM_FN void put_flow(const Trail& trail, const Shapes& shapes, const Camera&
     }
     if (WANTED & FLOW_VALID) {
         trail.flow_valid.data[pixel] = valid ? 1 : 0;
-        kept[pixel] = kept_word(hit.shape, hit.depth);
+        places.kept[place] = kept_word(hit.shape, hit.depth);
     }
 }
 
