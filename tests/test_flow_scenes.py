@@ -133,7 +133,7 @@ def test_flexes_and_skins_of_mujoco(name: str, device: wp.Device) -> None:
     soft = seen["segmentation"][0] >= mjm.ngeom
     assert soft.sum() > 15 and np.abs(truth[soft]).max() > 0.5
     np.testing.assert_allclose(seen["flow"][0][soft], truth[soft], atol=EXACT)
-    assert seen["flow_valid"][0][soft].mean() > (0.3 if name == "line" else 0.7)
+    assert seen["flow_valid"][0][soft].mean() > (0.1 if name == "line" else 0.7)
 
 
 @pytest.mark.filterwarnings("ignore")

@@ -188,8 +188,8 @@ class Scene:
         return self._tables
 
     def moving_faces(self) -> np.ndarray:
-        """How many faces each of the meshes has that move, (moving,) int64."""
-        return np.array([len(self._parts.meshes[index].faces) for index in self._moving], np.int64)
+        """How many faces, but for backs of others, each of the meshes has that move, (moving,) int64."""
+        return np.array([len(self._parts.meshes[index].fronts) for index in self._moving], np.int64)
 
     def moving_columns(self) -> list[int]:
         """Shapes that may be of a mesh that moves."""
