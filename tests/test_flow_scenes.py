@@ -199,6 +199,23 @@ def test_clouds_of_gaussians(device: wp.Device) -> None:
     assert (plane & was_cloud).any() and not seen["flow_valid"][0][plane & was_cloud].any()
 
 
+def test_memory_of_what_moves(device: wp.Device, monkeypatch: pytest.MonkeyPatch) -> None:
+    from test_memory import Ledger
+
+    mjm, mjd = soft_scenes.bent("cloth")
+    scene = wc.from_mujoco(mjm, mjd)
+    camera = eye((0.2, -1.6, 1.2), (0.0, 0.0, 0.0), outputs=("flow", "flow_valid", "points", "segmentation"))
+    wc.Renderer(scene, [camera]).render()  # what Warp loads once is loaded
+    slot = "current_allocator" if device.is_cuda else "default_allocator"
+    ledger = Ledger(getattr(device, slot))
+    monkeypatch.setattr(device, slot, ledger)
+    renderer = wc.Renderer(scene, [camera])
+    assert ledger.held == renderer.memory.total
+    assert "last frame" in str(renderer.memory)
+    surface, rows = 2 * 4 * 3 * 2 + 4 * 7, renderer.memory.past - (1 + 84 + 8 * WIDTH * HEIGHT) - 2 * (64 + 112)
+    assert rows % 8 == 36 * surface % 8 and rows >= (8 + 36) * surface
+
+
 def test_states_on_the_host(device: wp.Device) -> None:
     mjm = scenes.compile_xml('<body pos="0 0 -2"><freejoint/><geom type="box" size=".4 .3 .2"/></body>')
     states = [scenes.forward(mjm) for _ in range(2)]
