@@ -14,6 +14,7 @@ from warpcam.kernels import types
 from warpcam.kernels.gather import FlatShapes, WorldShapes, record_gather
 from warpcam.kernels.launch import Stage
 from warpcam.kernels.refit import Tree
+from warpcam.layers import veils_alone
 from warpcam.light import Light, light_arrays
 from warpcam.mounting import per_world
 from warpcam.parts import FIELDS, PHYSICAL_FIELDS, Parts
@@ -58,6 +59,7 @@ class NewtonSource:
         lights: Sequence[Light] | None,
         ambient: Any,
         semantics: Mapping[str, int] | None,
+        transparency: bool | None = None,
     ):
         self.device: wp.Device = model.device
         self._model = model
@@ -84,11 +86,12 @@ class NewtonSource:
         headlight = np.zeros((3, 3), np.float32)
         headlight[0] = per_world(ambient, "ambient", 1, (3,))[0]
         self._arrays["headlight"] = wp.array(headlight, dtype=wp.vec3, device=self.device)
+        drawn = np.flatnonzero(tables.kinds != types.SPLATS).tolist()
         self.parts = Parts(
             num_worlds=num_worlds,
             shape_types=tables.kinds,
             shape_bodies=np.full(len(tables.kinds), -1, np.int32),
-            drawn=np.flatnonzero(tables.kinds != types.SPLATS).tolist(),
+            drawn=drawn,
             bodies=layout.body_names,
             cameras=(),
             num_materials=len(layout.finishes),
@@ -105,6 +108,7 @@ class NewtonSource:
             scaled=True,
             physical=True,
             clouds=layout.clouds,
+            layers=veils_alone(tables.kinds, drawn, _opacity(model, tables), transparency),
         )
         self._out = WorldShapes()
         self._out.ids = wp.array(layout.ids, dtype=wp.int32, ndim=2, device=self.device)
@@ -236,7 +240,7 @@ class Columns:
     def __init__(self, layout: Layout, soft: Soft, first_finish: int):
         num_worlds, shapes = layout.ids.shape
         width, loose = soft.num_columns, soft.particles
-        self.faces = np.full((num_worlds, width), -1, np.int32)
+        self.faces, self.first_soft = np.full((num_worlds, width), -1, np.int32), shapes
         assets = np.full((num_worlds, width), -1, np.int32)
         first = len(layout.meshes)
         for part in soft.parts:
@@ -287,7 +291,20 @@ def _tables(layout: Layout, tables: Columns, num_worlds: int, device: wp.Device)
     return arrays
 
 
-def load(model: Any, state: Any, lights: Any, ambient: Any, semantics: Any) -> Scene:
+def _opacity(model: newton.Model, tables: Columns) -> np.ndarray:
+    """How opaque what is drawn is now, (world, column)."""
+    opacity = np.ones(tables.ids.shape, np.float32)
+    shapes, soft = model.shape_opacity, model.tri_opacity
+    if shapes is not None and shapes.shape[0]:
+        opacity = np.where(tables.ids >= 0, np.append(shapes.numpy(), 1.0)[np.maximum(tables.ids, -1)], opacity)
+    if soft is not None and soft.shape[0]:
+        first = tables.first_soft
+        faces = opacity[:, first : first + tables.faces.shape[1]]
+        faces[:] = np.where(tables.faces >= 0, np.append(soft.numpy(), 1.0)[np.maximum(tables.faces, -1)], faces)
+    return opacity
+
+
+def load(model: Any, state: Any, lights: Any, ambient: Any, semantics: Any, transparency: Any) -> Scene:
     if not isinstance(model, newton.Model):
         raise WarpcamError(f"model must be a newton.Model, got {type(model).__name__}")
-    return Scene(NewtonSource(model, state, lights, ambient, semantics))
+    return Scene(NewtonSource(model, state, lights, ambient, semantics, transparency))
