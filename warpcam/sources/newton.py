@@ -214,12 +214,14 @@ class NewtonSource:
         if not isinstance(state, newton.State):
             raise WarpcamError(f"state must be a newton.State, got {type(state).__name__}")
         model = self._model
-        for what, count, array in (
-            ("bodies", model.body_count, state.body_q),
-            ("particles", model.particle_count, state.particle_q),
+        for what, count, array, needed in (
+            ("bodies", model.body_count, state.body_q, True),
+            ("particles", model.particle_count, state.particle_q, True),
+            ("joint coordinates", model.joint_coord_count, state.joint_q, False),
+            ("joint degrees of freedom", model.joint_dof_count, state.joint_qd, False),
         ):
             found = 0 if array is None else array.shape[0]
-            if found != count:
+            if found != count and (needed or array is not None):
                 raise WarpcamError(
                     f"state was made from another model: it has {found} {what}, model has {count}; model.state() makes "
                     "one"
