@@ -5,14 +5,15 @@ from typing import Any
 
 import numpy as np
 import pytest
+import scenes
 import warp as wp
 from PIL import Image
 
 import warpcam as wc
 
 pytest.importorskip("pxr.Usd")
-from pxr import Sdf, Usd, UsdGeom, UsdLux, UsdShade
-from stages import above, add_material, add_square, metric
+from pxr import Gf, Sdf, Usd, UsdGeom, UsdLux, UsdShade
+from stages import above, add_material, add_mesh, add_square, metric
 
 OUTPUTS = ("depth", "segmentation", "hdr", "rgba", "albedo", "normals", "points", "distance")
 ALPHA = np.array([[0, 255], [102, 204]], np.uint8)  # of the quarters, from the top
@@ -110,6 +111,37 @@ def test_a_map_of_opacity_is_seen_through_and_what_has_none_is_not_there(
         np.testing.assert_allclose(
             drawn_solid["hdr"][quarter], (solid if alpha else nothing)["hdr"][quarter], atol=1e-6
         )
+
+
+def test_masks_lie_on_stretched_meshes_in_perspective(stage: Usd.Stage, tmp_path: Path, device: wp.Device) -> None:
+    """A mesh of many faces, turned and stretched: each pixel against the image where its ray meets the plane."""
+    random = np.random.default_rng(3)
+    alpha = (random.random((8, 8)) < 0.5).astype(np.uint8) * 255
+    mapped(stage, picture(tmp_path / "tex.png", alpha), opacityThreshold=0.5)
+    line = np.linspace(-1.0, 1.0, 6)
+    grid = np.array([(x, y, 0.0) for x in line for y in line])
+    faces = [(6 * i + j, 6 * i + j + 6, 6 * i + j + 7, 6 * i + j + 1) for i in range(5) for j in range(5)]
+    mesh = add_mesh(stage, "/it", grid, faces)
+    st = UsdGeom.PrimvarsAPI(mesh).CreatePrimvar("st", Sdf.ValueTypeNames.TexCoord2fArray, "vertex")
+    st.Set([(float(0.5 * x + 0.5), float(0.5 * y + 0.5)) for x, y, _ in grid])
+    UsdShade.MaterialBindingAPI.Apply(mesh.GetPrim()).Bind(UsdShade.Material.Get(stage, "/Looks/m"))
+    matrix = Gf.Matrix4d().SetScale(Gf.Vec3d(1.5, 0.7, 1.0)) * Gf.Matrix4d().SetRotate(Gf.Rotation((1, 2, 3), 35.0))
+    UsdGeom.Xformable(mesh).AddTransformOp().Set(matrix)
+    eye = wc.Camera(
+        "eye", width=64, height=48, lens=wc.Pinhole(fovy=40.0), position=(0.2, 0.1, 4.0), outputs=("depth",)
+    )
+    (images,) = wc.Renderer(wc.from_usd(stage, device=device), [eye]).render().values()
+    frame = np.array(matrix)[:3, :3].T
+    rays = scenes.pixel_rays(64, 48, 40.0).reshape(48, 64, 3) @ np.linalg.inv(frame).T
+    start = np.linalg.inv(frame) @ (0.2, 0.1, 4.0)
+    place = start + (-start[2] / rays[..., 2:]) * rays
+    inside = (np.abs(place[..., :2]) < 1.0).all(axis=-1)
+    cell = np.clip(4.0 * place[..., :2] + 4.0, 0, 7.999)
+    wanted = inside & (alpha[7 - cell[..., 1].astype(int), cell[..., 0].astype(int)] > 0)
+    sure = (np.abs(cell - np.rint(cell)) > 0.1).all(axis=-1)  # not where one texel passes into another
+    seen = np.isfinite(images["depth"][0, ..., 0].cpu().numpy())
+    assert 300 < (wanted & sure).sum() < (inside & sure).sum() - 300
+    np.testing.assert_array_equal(seen[sure], wanted[sure])
 
 
 @pytest.mark.parametrize("threshold", [0.0, 0.5])
