@@ -34,6 +34,10 @@ LIVE: Mapping[str, tuple[str, Any]] = {
     "shape_opacity": ("opacities", wp.float32),
     "shape_flags": ("flags", wp.int32),
 }
+LIVE_VARIANTS: Mapping[str, tuple[str, Any]] = {
+    "shape_type": ("types", wp.int32),
+    "shape_source_ptr": ("sources", wp.uint64),
+}
 LIVE_SOFT: Mapping[str, tuple[str, Any]] = {
     "tri_color": ("face_colors", wp.vec3),
     "tri_opacity": ("face_opacities", wp.float32),
@@ -112,6 +116,11 @@ class NewtonSource:
         )
         self._out = WorldShapes()
         self._out.ids = wp.array(layout.ids, dtype=wp.int32, ndim=2, device=self.device)
+        self._live = LIVE if layout.variants is None else {**LIVE, **LIVE_VARIANTS}
+        if layout.variants is not None:
+            wanted, pointers = layout.variants
+            self._out.wanted = wp.array(wanted, dtype=wp.int32, ndim=2, device=self.device)
+            self._out.pointers = wp.array(pointers, dtype=wp.uint64, ndim=2, device=self.device)
         self._out.faces = wp.array(tables.faces, dtype=wp.int32, ndim=2, device=self.device)
         self._out.particles = wp.array(soft.particles, dtype=wp.int32, ndim=2, device=self.device)
         self._out.types = wp.array(tables.kinds, dtype=wp.int32, device=self.device)
@@ -147,7 +156,11 @@ class NewtonSource:
 
     def stages(self, meshes: types.Meshes) -> tuple[Stage, ...]:
         model = self._model
-        read = (self._state.body_q, self._state.particle_q, *(getattr(model, name) for name in (*LIVE, *LIVE_SOFT)))
+        read = (
+            self._state.body_q,
+            self._state.particle_q,
+            *(getattr(model, name) for name in (*self._live, *LIVE_SOFT)),
+        )
         if len(read) == len(self._read) and all(a is b for a, b in zip(read, self._read, strict=True)):
             return self._bound
         key = tuple(None if array is None else (array.ptr, array.shape, array.strides) for array in read)
@@ -192,7 +205,7 @@ class NewtonSource:
 
     def _flat(self) -> FlatShapes:
         flat = FlatShapes()
-        for name, (field, dtype) in LIVE.items():
+        for name, (field, dtype) in self._live.items():
             array = getattr(self._model, name)
             rows = 0 if array is None else array.shape[0]
             if rows != self._model.shape_count and not (name == "shape_opacity" and rows == 0):
