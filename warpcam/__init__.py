@@ -198,6 +198,7 @@ def load(
     meters_per_unit: float | None = None,
     up_axis: str | None = "Z",
     textures: _Mapping[str, _Any] | None = None,
+    transparency: bool | None = None,
 ) -> Scene:
     """The scene of a file in many worlds, read by what its name ends in.
 
@@ -211,10 +212,11 @@ def load(
         meters_per_unit: In place of what the file says; .obj, .stl and .ply say nothing and are taken to be in metres.
         up_axis: "Z" turns USD and glTF scenes so that z is up; None keeps their own axes. Others are as they are.
         textures: More images for ``DrivenScene.set_textures``.
+        transparency: As ``from_newton`` has it.
     """
     from warpcam import files
 
-    return files.load(path, num_worlds, device, meters_per_unit, up_axis, textures or {})
+    return files.load(path, num_worlds, device, meters_per_unit, up_axis, textures or {}, transparency)
 
 
 def _source(name: str, extra: str = "mujoco") -> _Any:

@@ -298,3 +298,5 @@ def test_gltf(mode: str, there: tuple, tmp_path: Path, device: wp.Device) -> Non
     for quarter, alpha in zip(QUARTERS, there, strict=True):
         assert (np.isfinite(seen["depth"][quarter]) == (alpha > 0)).all()
         assert (seen["rgba"][quarter][..., 3] == round(255 * alpha)).all()
+    solid = look(wc.load(tmp_path / "scene.glb", device=device, up_axis=None, transparency=False))
+    assert (solid["rgba"][..., 3] == 255 * np.isfinite(solid["depth"])).all()

@@ -47,6 +47,7 @@ def load(
     meters_per_unit: float | None,
     up_axis: str | None,
     textures: Mapping[str, Any],
+    transparency: bool | None,
 ) -> DrivenScene:
     where = device_rule.resolve(device)
     notes = Notes(str(path))
@@ -72,7 +73,7 @@ def load(
         graph.texture_names.append(label)
         graph.textures.append(image)
     notes.say()
-    return DrivenScene(GraphSource(graph, num_worlds, where))
+    return DrivenScene(GraphSource(graph, num_worlds, where, transparency=transparency))
 
 
 class _Resolver(trimesh.resolvers.FilePathResolver):  # type: ignore[misc]
