@@ -115,6 +115,7 @@ def from_newton(
     lights: _Sequence[Light] | None = None,
     ambient: _Any = (0.2, 0.2, 0.2),
     semantics: _Mapping[str, int] | None = None,
+    transparency: bool | None = None,
 ) -> Scene:
     """The worlds of a Newton simulation, whichever solver moves it, read where they lie.
 
@@ -133,8 +134,10 @@ def from_newton(
         ambient: (3,) linear radiance from everywhere.
         semantics: Number of each label in the output ``semantics``: of a shape, a body or an articulation, or some of
             the parts of its path.
+        transparency: Whether shapes are seen through where they are partly opaque. None: those that are so in some
+            world now; True: all, whatever opacity they are given later; False: none.
     """
-    scene: Scene = _source("newton", "newton").load(model, state, lights, ambient, semantics)
+    scene: Scene = _source("newton", "newton").load(model, state, lights, ambient, semantics, transparency)
     return scene
 
 
@@ -152,6 +155,7 @@ def from_usd(
     semantics: _Mapping[str, int] | None = None,
     textures: _Mapping[str, _Any] | None = None,
     exposure: float | None = None,
+    transparency: bool | None = None,
 ) -> DrivenScene:
     """A USD stage in many worlds, which share its meshes and textures.
 
@@ -170,6 +174,7 @@ def from_usd(
         textures: More images for ``DrivenScene.set_textures``, by names of yours: paths, or arrays
             (height, width, 3) uint8.
         exposure: All light is multiplied by 2 to this; None exposes the middle of the scene.
+        transparency: As ``from_newton`` has it.
     """
     scene: DrivenScene = _source("usd", "usd").load(
         path_or_stage,
@@ -183,6 +188,7 @@ def from_usd(
         semantics=semantics,
         textures=textures or {},
         exposure=exposure,
+        transparency=transparency,
     )
     return scene
 
@@ -196,6 +202,7 @@ def load(
     meters_per_unit: float | None = None,
     up_axis: str | None = "Z",
     textures: _Mapping[str, _Any] | None = None,
+    transparency: bool | None = None,
 ) -> Scene:
     """The scene of a file in many worlds, read by what its name ends in.
 
@@ -209,10 +216,11 @@ def load(
         meters_per_unit: In place of what the file says; .obj, .stl and .ply say nothing and are taken to be in metres.
         up_axis: "Z" turns USD and glTF scenes so that z is up; None keeps their own axes. Others are as they are.
         textures: More images for ``DrivenScene.set_textures``.
+        transparency: As ``from_newton`` has it.
     """
     from warpcam import files
 
-    return files.load(path, num_worlds, device, meters_per_unit, up_axis, textures or {})
+    return files.load(path, num_worlds, device, meters_per_unit, up_axis, textures or {}, transparency)
 
 
 def _source(name: str, extra: str = "mujoco") -> _Any:

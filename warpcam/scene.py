@@ -11,7 +11,7 @@ import warp as wp
 from warpcam import device as device_rule
 from warpcam import interop
 from warpcam.accel.heightfields import pack_height_fields
-from warpcam.accel.meshes import pack_meshes
+from warpcam.accel.meshes import pack_masks, pack_meshes
 from warpcam.accel.splats import Packed, pack_splats
 from warpcam.accel.textures import pack_textures
 from warpcam.bounds import Bounds, bounds_of
@@ -20,6 +20,7 @@ from warpcam.kernels.launch import Stage
 from warpcam.kernels.tables import Tables
 from warpcam.kernels.types import (
     HEIGHT_FIELD,
+    MASKED,
     MESH,
     NUM_TYPES,
     SCALED,
@@ -64,6 +65,7 @@ class Scene:
         self._moving = tuple(index for index, mesh in enumerate(parts.meshes) if mesh.moves)
         self._height_fields = pack_height_fields(parts.height_fields, self.device)
         self._textures = pack_textures(parts.textures, self.device)
+        self._masked = pack_masks(parts.meshes, self._textures, self._meshes, self.device)
         self._splats = self._pack_splats()
         self._drawn = wp.array(np.asarray(parts.drawn, np.int32), dtype=wp.int32, device=self.device)
         places = np.full(len(parts.shape_types), -1, np.int32)
@@ -307,6 +309,8 @@ class Scene:
             types.add(SCALED)
         if MESH in types and any(mesh.two_sided for mesh in self._parts.meshes):
             types.add(TWO_SIDED)
+        if self._masked and MESH in types:
+            types.add(MASKED)
         return frozenset(types)
 
     def _check_parts(self) -> None:

@@ -159,7 +159,7 @@ WARPCAM_FN int material_of(const Shapes& shapes, const Materials& materials, int
     return index < materials.color.shape[1] ? index : -1;
 }
 
-enum Role { ROLE_COLOR = 1, ROLE_NORMAL = 5, ROLE_EMISSION = 7, ROLE_PACKED = 9 };  // values of types.py
+enum Role { ROLE_COLOR = 1, ROLE_NORMAL = 5, ROLE_OPACITY = 6, ROLE_EMISSION = 7, ROLE_PACKED = 9 };  // values of types.py
 
 template <class Materials>
 WARPCAM_FN int texture_of(const Materials& materials, int world, int material, Role role = ROLE_COLOR)

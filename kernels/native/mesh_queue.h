@@ -1,5 +1,6 @@
 // Triangle meshes behind a region's pixels, on CUDA.
 #pragma once
+#include "mask.h"
 #include "tiles.h"
 #include "waiting_rays.h"
 
@@ -140,7 +141,7 @@ WARPCAM_FN void trace_rays(MeshRays<WORDS>& rays, const ShapeList<CAPACITY>& lis
                     const Row c = load(meshes.faces.data, at + 2);
                     const float t = enter_triangle(frame, project(frame, a.x, a.y, a.z), project(frame, b.x, b.y, b.z),
                                                    project(frame, c.x, c.y, c.z), has_back<TYPES>(b.w));
-                    if (t < depth && t > near) {
+                    if (t < depth && t > near && is_there<TYPES>(meshes, record, ray.local(record), f, t)) {
                         depth = t;
                         shape = record.axis_y.w;
                         face = f;

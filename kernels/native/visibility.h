@@ -209,7 +209,7 @@ WARPCAM_FN void draw(const Shapes& shapes, const Materials& materials, const Mes
     };
     const auto hidden = [&](int id) {
         if constexpr ((OUTPUTS & OPAQUE) != 0)
-            return !solid(shapes, materials, target.veil_places, world, id);
+            return !solid<(TYPES >> MASKED & 1) != 0>(shapes, materials, target.veil_places, world, id);
         else
             return transparent(shapes, materials, world, id);
     };
