@@ -16,7 +16,6 @@ OUTPUTS = ("depth", "shape", "face", "distance", "points", "bodies", "normals")
 QUADS, TILED = 128, 256
 IDS, BY_WORLD = 1 << 16, 1 << 17  # ids by world: canvas.h
 OPAQUE = 1 << 20  # what is transparent is left out
-CHOSEN = 1 << 18  # only some pixels are traced
 LENSES = {"pinhole": 0, "orthographic": 1}
 THREADS = 128  # of a CUDA block; lanes.h has the same number
 REGIONS = ((64, 64), (64, 32), (32, 32), (32, 16), (16, 16), (16, 8))
@@ -47,7 +46,6 @@ def opaque_target_struct(shape_dtype: Any, face_dtype: Any) -> Any:
         normals: wp.array(dtype=wp.float32)
         width: wp.int32
         height: wp.int32
-        chosen: wp.array(dtype=wp.uint8)
 
     return OpaqueTarget
 
@@ -74,7 +72,6 @@ def target_struct(shape_dtype: Any, face_dtype: Any) -> Any:
         normals: wp.array(dtype=wp.float32)
         width: wp.int32
         height: wp.int32
-        chosen: wp.array(dtype=wp.uint8)  # (world * height * width,) 0 where the pixel is not traced; empty: all are
 
     return Target
 
@@ -135,7 +132,6 @@ def record(
     device: wp.Device,
     group: Group | None = None,
     veil_places: wp.array | None = None,
-    chosen: wp.array | None = None,
 ) -> Stage:
     """Bind the trace of one camera.
 
@@ -157,7 +153,6 @@ def record(
         group: Which worlds are traced; None is all.
         veil_places: int32, (shape,). With it shapes that are transparent are left out, of those where it is not -1;
             there are no ``images`` then.
-        chosen: uint8, (world, height, width, ...): the pixels to trace; the shape of all others is -2. None: all.
     """
     group = group or Group.of_all(views.shape[0])
     capacity = list_capacity(tables.num_drawn)
@@ -180,9 +175,6 @@ def record(
         outputs |= OPAQUE
     if tables.ids_by_world and "bodies" in images:
         outputs |= BY_WORLD
-    if chosen is not None:
-        target.chosen = chosen.flatten()
-        outputs |= CHOSEN
     if width % 4 == 0 and not images.keys().isdisjoint(("points", "normals")):
         outputs |= QUADS
     if width % 8 == 0 and height % 4 == 0:
