@@ -1,8 +1,8 @@
 """Smooth edges: a pixel that an edge runs through shows the mean of what its samples hit, as in OpenGL.
 
 What the trace has found in the pixels' centres says where edges are, and which shapes a sample near them may hit. A
-sample has the colour of the nearest pixel whose centre shows the same surface, so that nothing is lit anew: whatever made
-the image, its edges become smooth.
+sample has the colour of the nearest pixel whose centre shows the same surface, so that nothing is lit anew: whatever
+made the image, its edges become smooth.
 """
 
 import functools
