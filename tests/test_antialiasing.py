@@ -70,18 +70,24 @@ def level(depth: np.ndarray, pinhole: bool) -> np.ndarray:
 
 
 def edges_of(depth: np.ndarray, shape: np.ndarray, width: float, pinhole: bool) -> np.ndarray:
-    """Pixels with another shape beside them, or a bent surface: ``width`` is a pixel's."""
-    edges = np.zeros(shape.shape, bool)
+    """Which samples of each pixel are to be traced, (size, size, 4): ``width`` is a pixel's.
+
+    All of a bent surface. If another shape is beside the pixel, those in whose triangle of pixels it is.
+    """
+    edges = np.zeros((*shape.shape, 4), bool)
+    last = len(shape) - 1
     for i, j in np.ndindex(*shape.shape):
         rows = [[(i - 1, j), (i, j), (i + 1, j)], [(i, j - 1), (i, j), (i, j + 1)]]
-        for row in rows:
-            there = [at for at in row if 0 <= min(at) and max(at) < len(shape)]
-            edges[i, j] |= any(shape[at] != shape[i, j] for at in there)
-        for row in rows:
-            if not edges[i, j] and shape[i, j] >= 0 and all(0 <= min(at) and max(at) < len(shape) for at in row):
+        whole = [row for row in rows if all(0 <= min(at) and max(at) <= last for at in row)]
+        if any(shape[np.clip(at, 0, last)[0], np.clip(at, 0, last)[1]] != shape[i, j] for row in rows for at in row):
+            for k, (right, down) in enumerate(SAMPLES[4]):
+                across = np.clip((i + np.sign(down), j + np.sign(right)), 0, last).astype(int)
+                beside = (across[0], j) if abs(down) > abs(right) else (i, across[1])
+                edges[i, j, k] = any(shape[at] != shape[i, j] for at in (beside, tuple(across)))
+        elif shape[i, j] >= 0:
+            for row in whole:
                 before, here, after = (level(depth[at], pinhole) for at in row)
-                bend = (before + after - 2.0 * here) / (here if pinhole else 1.0)
-                edges[i, j] |= bool(abs(bend) > 0.5 * width)
+                edges[i, j] |= abs((before + after - 2.0 * here) / (here if pinhole else 1.0)) > width
     return edges
 
 
@@ -143,14 +149,15 @@ def test_every_pixel_is_as_by_brute_force(device: wp.Device, world: str, pinhole
     depth, shape = plain["depth"].astype(float), plain["segmentation"]
     expected = plain["rgb"].astype(float)
     tried, hidden = 0, np.zeros((size, size), bool)
-    for at in zip(*np.nonzero(edges_of(depth, shape, width, pinhole)), strict=True):
+    traced = edges_of(depth, shape, width, pinhole)
+    for at in zip(*np.nonzero(traced.any(-1)), strict=True):
         around = shape[tuple(slice(max(c - 1, 0), c + 2) for c in at)]
         hits = [(sample["depth"][at], sample["segmentation"][at]) for sample in samples]
         # of what lies between the centres of all pixels around samples see what is behind
         hidden[at] = any(number not in around for _, number in hits)
         chosen = [
-            shown_pixel(at, offset, hit, depth, shape, width, pinhole)
-            for offset, hit in zip(SAMPLES[4], hits, strict=True)
+            shown_pixel(at, offset, hit, depth, shape, width, pinhole) if needed else at
+            for offset, hit, needed in zip(SAMPLES[4], hits, traced[at], strict=True)
         ]
         expected[at] = np.mean([plain["rgb"][one] for one in chosen], axis=0)
         tried += 1

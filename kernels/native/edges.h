@@ -5,11 +5,14 @@
 namespace warpcam {
 
 // A surface has an edge where its slope, of depth over width, changes by more than this from pixel to pixel.
-constexpr float CREASE = 0.5f;
+constexpr float CREASE = 1.0f;
 // Of the pixels that may show a sample's surface one whose plane lies apart from it by so many pixels' widths in depth
 // is as bad as one that lies a pixel's width aside.
 constexpr float STEEP = 1.0f;
+// How far beyond the depths around a sample is followed: parts of their range, and pixels' widths.
+constexpr float BEYOND = 2.5f, ASIDE = 4.0f;
 constexpr int SAMPLES = 4;  // of a pixel
+constexpr unsigned EVERY_SAMPLE = (1u << SAMPLES) - 1;
 
 struct Offset {
     float right, down;  // from the pixel's centre [pixels]
@@ -23,6 +26,26 @@ WARPCAM_FN Offset sample_offset(int sample)
     return { sign * (upright ? -0.125f : 0.375f), sign * (upright ? 0.375f : 0.125f) };
 }
 
+// Depths between which a sample's hit is looked for, on shapes that take long: about those that the pixels around have.
+struct Band {
+    float first, last;  // the first is greater where there are none
+
+    WARPCAM_FN void include(float depth)
+    {
+        first = lower(first, depth);
+        last = upper(last, depth);
+    }
+
+    // With room for slopes that grow beyond the pixels' centres; `width` is that of a pixel at a depth of 1 m.
+    template <int LENS> WARPCAM_FN Band widened(float width) const
+    {
+        const float margin = BEYOND * (last - first) + ASIDE * width * (LENS == PINHOLE ? last : 1.0f);
+        return { first - margin, last + margin };
+    }
+};
+
+constexpr Band NOWHERE { FAR_AWAY, -FAR_AWAY };
+
 // What a view has found in the centres of its pixels.
 template <int LENS, class Target> struct Seen {
     const Target& target;
@@ -34,11 +57,14 @@ template <int LENS, class Target> struct Seen {
     WARPCAM_FN int shape(unsigned pixel) const { return target.shape.data[pixel]; }
     WARPCAM_FN float depth(unsigned pixel) const { return target.depth.data[pixel]; }
 
-    // The shape in a pixel, or in the image's nearest.
-    WARPCAM_FN int shape_near(int i, int j) const
+    // The nearest pixel of the image.
+    WARPCAM_FN unsigned near(int i, int j) const
     {
-        return shape(at(i < 0 ? 0 : lower_int(i, target.width - 1), j < 0 ? 0 : lower_int(j, target.height - 1)));
+        return at(i < 0 ? 0 : lower_int(i, target.width - 1), j < 0 ? 0 : lower_int(j, target.height - 1));
     }
+
+    // The same for one of the nine pixels around, row after row.
+    WARPCAM_FN unsigned around(int i, int j, int k) const { return near(i + k % 3 - 1, j + k / 3 - 1); }
 
     // Are three pixels in a row not on one plane? Of a plane 1 / depth is linear in a pinhole's image.
     WARPCAM_FN bool turns(unsigned before, unsigned here, unsigned after, float scale) const
@@ -49,8 +75,11 @@ template <int LENS, class Target> struct Seen {
         return magnitude(a + c - 2.0f * b) > CREASE * scale;
     }
 
-    // Does an edge run through the pixel: is one of its four neighbours another shape, or its surface bent?
-    WARPCAM_FN bool edge(int i, int j) const
+    // Which of the pixel's samples may hit what its centre does not, by bit. All where its surface is bent. Otherwise
+    // those that have another shape at a corner of the triangle that they lie in, of the pixel's centre, that of a
+    // neighbour and that of one across: three pixels that show the same shape have no edge between them. A pixel has
+    // an edge if one of its four neighbours is another shape, or its surface is bent.
+    WARPCAM_FN unsigned edge(int i, int j) const
     {
         const unsigned pixel = at(i, j), line = unsigned(target.width);
         const bool has_left = i > 0, has_right = i + 1 < target.width;
@@ -58,12 +87,20 @@ template <int LENS, class Target> struct Seen {
         const unsigned left = has_left ? pixel - 1 : pixel, right = has_right ? pixel + 1 : pixel;
         const unsigned up = has_up ? pixel - line : pixel, down = has_down ? pixel + line : pixel;
         const int here = shape(pixel);
-        if ((shape(left) != here) | (shape(right) != here) | (shape(up) != here) | (shape(down) != here))
-            return true;
+        const bool at_left = shape(left) != here, at_right = shape(right) != here;
+        const bool at_up = shape(up) != here, at_down = shape(down) != here;
+        if (at_left | at_right | at_up | at_down) {
+            const int west = i > 0 ? -1 : 0, east = has_right ? 1 : 0;
+            const bool down_left = shape(down + west) != here, down_right = shape(down + east) != here;
+            const bool up_left = shape(up + west) != here, up_right = shape(up + east) != here;
+            return unsigned(at_down | down_left) | unsigned(at_right | down_right) << 1 | unsigned(at_left | up_left) << 2
+                | unsigned(at_up | up_right) << 3;
+        }
         if (here < 0)
-            return false;
-        return (has_left && has_right && turns(left, pixel, right, scale_x))
+            return 0;
+        const bool bent = (has_left && has_right && turns(left, pixel, right, scale_x))
             || (has_up && has_down && turns(up, pixel, down, scale_y));
+        return bent ? EVERY_SAMPLE : 0;
     }
 
     // What is linear in the image of a plane.
