@@ -84,20 +84,27 @@ def _kernel(types: int, lens: int, width: int, height: int, images: int, target_
 
 
 @functools.cache
-def _put(dtype: Any, channels: int) -> wp.Kernel:
+def _put(dtype: Any, channels: int, pack: Any) -> wp.Kernel:
+    together = wp.constant(wp.types.type_size_in_bytes(pack))
+
     @wp.kernel(module="unique", enable_backward=False)
     def put_means(
         mask: wp.array(dtype=wp.uint8),
-        edges: wp.array(dtype=wp.uint8),
+        edges: wp.array(dtype=pack),
         means: wp.array2d(dtype=dtype),
-        pixels: wp.int32,
+        packs: wp.int32,
         image: wp.array2d(dtype=dtype),
         first: wp.int32,
     ):
-        pixel = first + wp.tid()
-        if mask[pixel // pixels] != wp.uint8(0) and edges[pixel] != wp.uint8(0):
-            for channel in range(channels):
-                image[pixel, channel] = means[pixel, channel]
+        index = first + wp.tid()
+        if edges[index] == pack(0) or mask[index // packs] == wp.uint8(0):
+            return
+        found = wp.uint32(edges[index])
+        for k in range(together):
+            if (found >> wp.uint32(8 * k) & wp.uint32(1)) != wp.uint32(0):
+                pixel = together * index + k
+                for channel in range(channels):
+                    image[pixel, channel] = means[pixel, channel]
 
     return put_means
 
@@ -149,8 +156,11 @@ def record(
     start, count = group.worlds.start, len(group.worlds)
     stages = [record_launch(kernel, count * unit, arguments, device, start=start * unit, block_dim=THREADS)]
     pixels = height * width
+    pack = wp.uint32 if pixels % 4 == 0 else wp.uint8  # a thread looks at four pixels at once
+    packs = pixels // wp.types.type_size_in_bytes(pack)
+    packed = wp.array(ptr=edges.ptr, dtype=pack, shape=packs * edges.shape[0], device=device)
     for name, image in images.items():
         rows, room = (array.reshape((-1, IMAGES[name][1])) for array in (image, means[name]))
-        arguments = [mask, edges.flatten(), room, pixels, rows]
-        stages.append(record_launch(_put(*IMAGES[name]), count * pixels, arguments, device, start=start * pixels))
+        arguments = [mask, packed, room, packs, rows]
+        stages.append(record_launch(_put(*IMAGES[name], pack), count * packs, arguments, device, start=start * packs))
     return stages
