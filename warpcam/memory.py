@@ -12,7 +12,6 @@ from warpcam.errors import WarpcamError
 from warpcam.kernels.types import View
 from warpcam.layers import world_bytes
 from warpcam.mounting import pose_bytes
-from warpcam.outputs import smooth_outputs
 from warpcam.past import past_bytes
 from warpcam.scene import Scene
 from warpcam.scratch import Scratch, image_bytes
@@ -64,14 +63,9 @@ def estimate_memory(scene: Scene, cameras: Sequence[Camera]) -> Memory:
         images={key: image_bytes(camera, tables) for key, camera in by_key.items()},
         scratch=Scratch(by_key, tables, scene.device).size,
         worlds=scene.num_worlds
-        * (2 + sum(views_of(one) * view + pose_bytes(one) + world_bytes(one, tables) for one in by_key.values())),
+        * (2 + sum(view + pose_bytes(one) + world_bytes(one, tables) for one in by_key.values())),
         past=past_bytes(by_key, scene, tables),
     )
-
-
-def views_of(camera: Camera) -> int:
-    """How many views a camera has of each world: its own, and one for each sample."""
-    return 1 + (camera.antialiasing if smooth_outputs(camera.outputs, camera.antialiasing) else 0)
 
 
 def check_cameras(scene: Any, cameras: Any) -> Mapping[str | int, Camera]:
