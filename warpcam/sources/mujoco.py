@@ -33,7 +33,7 @@ class MujocoSource:
         self,
         mjm: mujoco.MjModel,
         mjds: Sequence[mujoco.MjData],
-        groups: Collection[int],
+        groups: model.Groups,
         device: wp.Device,
         draw: Collection[str] = KINDS,
         reflections: bool | None = None,
@@ -126,7 +126,7 @@ class MujocoSource:
 def load(
     mjm: Any,
     mjd: Any,
-    groups: Collection[int],
+    groups: model.Groups,
     device: Any,
     draw: Collection[str] = KINDS,
     reflections: bool | None = None,

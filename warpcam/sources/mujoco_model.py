@@ -14,6 +14,9 @@ from warpcam.kernels.types import MESH
 from warpcam.parts import Parts, SceneCamera
 
 NUM_GROUPS = 6
+SHOWN = (0, 1, 2)  # groups, unless told
+KINDS = ("geoms", "sites", "tendons", "flexes", "skins")
+Groups = Collection[int] | Mapping[str, Collection[int]]
 SMOOTH_BELOW = 0.8  # cosine to the face's normal under which MuJoCo takes that instead of the vertex's
 
 # Where MuJoCo and MuJoCo-Warp keep each live array: in the data, or in the model.
@@ -58,15 +61,15 @@ def check_model(mjm: Any, name: str) -> None:
         raise WarpcamError(f"{name} must be a mujoco.MjModel, got {type(mjm).__name__}")
 
 
-def read_parts(mjm: mujoco.MjModel, num_worlds: int, groups: Collection[int]) -> Parts:
+def read_parts(mjm: mujoco.MjModel, num_worlds: int, groups: Groups) -> Parts:
     """The static parts of a model.
 
     Args:
         mjm: The host's model.
         num_worlds: How many worlds of it there are.
-        groups: Geom groups that are drawn, 0 to 5.
+        groups: Groups that are drawn, 0 to 5; of all kinds, or of each by its name.
     """
-    drawn_groups = _check_groups(groups)
+    drawn_groups = groups_by_kind(groups)["geoms"]
     types = mjm.geom_type.astype(np.int32)
     types[types == mujoco.mjtGeom.mjGEOM_SDF] = MESH  # drawn as the mesh it was made from
     textures = [_texture(mjm, index) for index in range(mjm.ntex)]
@@ -103,6 +106,16 @@ def headlight(mjm: mujoco.MjModel) -> np.ndarray:
 def global_ambient(mjm: mujoco.MjModel) -> float:
     """MuJoCo lights a scene evenly that has no light at all; the shading looks whether other lights are on."""
     return 0.0 if mjm.vis.headlight.active else 0.3
+
+
+def groups_by_kind(groups: Any) -> Mapping[str, list[int]]:
+    """The groups that are drawn of each kind of thing."""
+    if not isinstance(groups, Mapping):
+        return dict.fromkeys(KINDS, _check_groups(groups))
+    for kind in groups:
+        if kind not in KINDS:
+            raise WarpcamError(f"groups: {kind!r} came; allowed are {', '.join(KINDS)}")
+    return {kind: _check_groups(groups.get(kind, SHOWN)) for kind in KINDS}
 
 
 def _check_groups(groups: Any) -> list[int]:
