@@ -11,6 +11,7 @@ import warp as wp
 
 import warpcam as wc
 from warpcam.errors import WarpcamError
+from warpcam.sources.mujoco_model import DATA_NAMES, MODEL_NAMES
 
 VIEW = "view"  # the one camera's name
 MAX_KEPT = 8  # renderers of a studio, and scenes: ways to look that are gone to and fro between
@@ -21,6 +22,7 @@ READ_ONCE = (
     *("tendon_matid", "flex_rgba", "flex_group", "flex_matid", "skin_rgba", "skin_group", "skin_matid"),
     *("geom_group", "mat_reflectance"),
 )
+MORE_OF_DATA = ("site_xpos", "site_xmat", "wrap_xpos", "wrap_obj", "ten_wrapadr", "ten_wrapnum", "flexvert_xpos")
 SOLID = 0.995  # opacity from which on MuJoCo draws something solid
 
 
@@ -71,6 +73,11 @@ class View:
     far: float
     orthographic: bool
 
+    def content(self) -> bytes:
+        """Equal for equal views."""
+        edges = (self.left, self.right, self.bottom, self.top, self.near, self.far, self.orthographic)
+        return np.concatenate((self.position, self.rotation, edges)).tobytes()
+
 
 def view_of(scene: mujoco.MjvScene, width: int, height: int) -> View | None:
     """What a MuJoCo scene's camera sees in an image of that size; None if none was set."""
@@ -120,6 +127,14 @@ class Studio:
                 f"data was made from another model: nq, nbody and ngeom are {_sizes(data)} there, {self._sizes} here"
             )
         mujoco.mj_copyData(self._state, self._model, data)
+
+    def content(self, data: mujoco.MjData) -> bytes:
+        """Equal for states, with the model as it is, that are drawn alike."""
+        live = [getattr(data, name).tobytes() for name in (*DATA_NAMES.values(), *MORE_OF_DATA)]
+        live += [getattr(self._model, name).tobytes() for name in MODEL_NAMES.values()]
+        light = self._model.vis.headlight
+        head = np.concatenate((light.ambient, light.diffuse, light.specular, [light.active]))
+        return repr(self._fixed()).encode() + head.tobytes() + b"".join(live)
 
     def reload(self) -> None:
         """Read meshes, height fields and textures of the model again at the next picture."""

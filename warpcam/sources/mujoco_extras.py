@@ -217,12 +217,13 @@ class _Reader:
 
     def _read_sites(self) -> None:
         mjm = self._mjm
+        meshes = getattr(mjm, "site_dataid", np.full(mjm.nsite, -1))  # older versions have no sites that are meshes
         for site in range(mjm.nsite):
             column = self._column(1, site, mjm.site_group, mjm.site_rgba, mjm.site_matid)
             if column < 0:
                 continue
             self._types[column], self._bodies[column] = mjm.site_type[site], mjm.site_bodyid[site]
-            self._sizes[column], self._assets[column] = mjm.site_size[site], mjm.site_dataid[site]
+            self._sizes[column], self._assets[column] = mjm.site_size[site], meshes[site]
             self._add((MARK, column, site, 0), column)
 
     def _read_tendons(self) -> None:
