@@ -263,10 +263,10 @@ class _OfEnvironment:
             images, view = self._look(camera, width, height, outputs)
             if what in SEGMENTATIONS:
                 ids = self._grouped(images["objects"][..., 0], what)
-                return np.ascontiguousarray(ids[:: -rows, :, None])
+                return np.ascontiguousarray(ids[::-rows, :, None])
             if what == "depth":
-                return _depth_buffer(images["depth"], view.near, view.far)[:: -rows]
-            return np.ascontiguousarray(images["rgb"][:: -rows])
+                return _depth_buffer(images["depth"], view.near, view.far)[::-rows]
+            return np.ascontiguousarray(images["rgb"][::-rows])
 
         return read
 

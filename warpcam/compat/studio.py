@@ -18,10 +18,10 @@ MAX_KEPT = 8  # renderers of a studio, and scenes: ways to look that are gone to
 
 # What a scene reads once of what a user may write: such a change makes another scene.
 READ_ONCE = (
-    *("site_rgba", "site_size", "site_group", "site_matid", "tendon_rgba", "tendon_width", "tendon_group"),
-    *("tendon_matid", "flex_rgba", "flex_group", "flex_matid", "skin_rgba", "skin_group", "skin_matid"),
-    *("geom_group", "mat_reflectance"),
+    *("site_size", "site_group", "site_matid", "tendon_width", "tendon_group", "tendon_matid", "flex_group"),
+    *("flex_matid", "skin_group", "skin_matid", "geom_group", "geom_matid", "mat_reflectance"),
 )
+COLORS = ("site_rgba", "tendon_rgba", "flex_rgba", "skin_rgba")
 MORE_OF_DATA = ("site_xpos", "site_xmat", "wrap_xpos", "wrap_obj", "ten_wrapadr", "ten_wrapnum", "flexvert_xpos")
 SOLID = 0.995  # opacity from which on MuJoCo draws something solid
 
@@ -115,7 +115,7 @@ class Studio:
         self._device = device
         self._state = mujoco.MjData(model)
         self._sizes = _sizes(self._state)
-        self._scenes: OrderedDict[Any, wc.Scene] = OrderedDict()
+        self._scenes: OrderedDict[Any, _Made] = OrderedDict()
         self._eyes: OrderedDict[Any, _Eye] = OrderedDict()
 
     def take(self, data: mujoco.MjData) -> None:
@@ -131,7 +131,7 @@ class Studio:
     def content(self, data: mujoco.MjData) -> bytes:
         """Equal for states, with the model as it is, that are drawn alike."""
         live = [getattr(data, name).tobytes() for name in (*DATA_NAMES.values(), *MORE_OF_DATA)]
-        live += [getattr(self._model, name).tobytes() for name in MODEL_NAMES.values()]
+        live += [getattr(self._model, name).tobytes() for name in (*MODEL_NAMES.values(), *COLORS)]
         light = self._model.vis.headlight
         head = np.concatenate((light.ambient, light.diffuse, light.specular, [light.active]))
         return repr(self._fixed()).encode() + head.tobytes() + b"".join(live)
@@ -145,15 +145,19 @@ class Studio:
         """The scene in which what that style names is drawn."""
         model = self._model
         known = (style.groups, style.draw, style.reflections, self._fixed())
-        if known not in self._scenes:
-            groups = dict(zip(("geoms", "sites", "tendons", "flexes", "skins"), style.groups, strict=True))
-            self._scenes[known] = wc.from_mujoco(
-                model, self._state, groups=groups, draw=style.draw, device=self._device,
-                reflections=None if style.reflections else False,
-            )  # fmt: skip
-            _shorten(self._scenes)
-        self._scenes.move_to_end(known)
-        return self._scenes[known]
+        seen, veils = self._opacity()
+        for key, made in reversed(self._scenes.items()):
+            if key[0] == known and (made.seen >= seen).all() and (made.veils == veils)[seen].all():
+                self._scenes.move_to_end(key)
+                return made.scene
+        groups = dict(zip(("geoms", "sites", "tendons", "flexes", "skins"), style.groups, strict=True))
+        scene = wc.from_mujoco(
+            model, self._state, groups=groups, draw=style.draw, device=self._device,
+            reflections=None if style.reflections else False,
+        )  # fmt: skip
+        self._scenes[known, seen.tobytes(), veils.tobytes()] = _Made(scene, seen, veils)
+        _shorten(self._scenes)
+        return scene
 
     def look(self, view: View, style: Style, width: int, height: int, outputs: Sequence[str]) -> dict[str, np.ndarray]:
         """Images (height, width, channels) by output, of the state that was taken last; they are the caller's own.
@@ -180,7 +184,21 @@ class Studio:
         veils = ((model.geom_rgba[:, 3] < SOLID).tobytes(), (model.mat_rgba[:, 3] < SOLID).tobytes())
         sizes = model.vis.map
         scales = (sizes.znear, sizes.zfar, sizes.shadowclip, sizes.shadowscale, sizes.haze, model.stat.extent)
-        return (*values, *veils, scales, np.asarray(model.vis.rgba.haze).tobytes(), model.geom_matid.tobytes())
+        return (*values, *veils, scales, np.asarray(model.vis.rgba.haze).tobytes())
+
+    def _opacity(self) -> tuple[np.ndarray, np.ndarray]:
+        """Which sites, tendons, flexes and skins are seen now, and which of these are transparent."""
+        alpha = np.concatenate([getattr(self._model, name)[:, 3] for name in COLORS])
+        return alpha > 0.0, alpha < SOLID
+
+
+@dataclass(frozen=True, eq=False)
+class _Made:
+    """A scene, and what of sites, tendons, flexes and skins was seen, and transparent, when it was made."""
+
+    scene: wc.Scene
+    seen: np.ndarray
+    veils: np.ndarray
 
 
 class _Eye:

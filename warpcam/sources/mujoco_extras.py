@@ -74,6 +74,7 @@ class Extras:
         materials: (column,) int32.
         colors: (column, 4) float32.
         assets: (column,) int32.
+        rows: (column,) int64, the geom, site, tendon, flex or skin that a column is of, counted through all of these.
         moved: Meshes that move.
         num_points: Of all of these.
         num_skin_vertices: Of all skins.
@@ -90,6 +91,7 @@ class Extras:
     materials: np.ndarray
     colors: np.ndarray
     assets: np.ndarray
+    rows: np.ndarray
     moved: Sequence[Moved]
     num_points: int
     num_skin_vertices: int
@@ -102,6 +104,14 @@ class Extras:
 
     def reads(self, kind: int) -> bool:
         return bool((self.entries[:, 0] == kind).any())
+
+
+def colors_of(mjm: mujoco.MjModel, extras: Extras) -> np.ndarray:
+    """Those that all columns have now, (column, 4) float32; alpha is 0 where it is below, too: nothing is drawn."""
+    values = (mjm.geom_rgba, mjm.site_rgba, mjm.tendon_rgba, mjm.flex_rgba, mjm.skin_rgba)
+    colors = np.concatenate(values)[extras.rows]
+    np.maximum(colors[:, 3], 0.0, out=colors[:, 3])
+    return colors
 
 
 def objects(mjm: mujoco.MjModel) -> np.ndarray:
@@ -209,6 +219,7 @@ class _Reader:
             materials=self._materials[rows],
             colors=self._colors[rows],
             assets=self._assets[rows],
+            rows=rows,
             moved=self._moved,
             num_points=self._points,
             num_skin_vertices=self._mjm.nskinvert,

@@ -13,6 +13,7 @@ from warpcam.errors import WarpcamError
 from warpcam.kernels.types import MESH
 from warpcam.parts import Parts, SceneCamera
 
+VERSION = tuple(int(part) for part in mujoco.__version__.split(".")[:2])
 NUM_GROUPS = 6
 SHOWN = (0, 1, 2)  # groups, unless told
 KINDS = ("geoms", "sites", "tendons", "flexes", "skins")
@@ -192,6 +193,6 @@ def _texture(mjm: mujoco.MjModel, index: int) -> TextureImage:
     if channels == 2:  # grey and alpha
         pixels = np.concatenate((np.repeat(pixels[..., :1], 3, axis=-1), pixels[..., 1:]), axis=-1)
     if mjm.tex_type[index] == mujoco.mjtTexture.mjTEXTURE_2D:
-        return TextureImage("2d", pixels, bool(srgb))
+        return TextureImage("2d", pixels, bool(srgb), from_middle=VERSION < (3, 17))
     faces = pixels.reshape(6, width, width, -1) if height == 6 * width else pixels
     return TextureImage("cube", faces)  # of these MuJoCo's renderer does not ask how they are coded
