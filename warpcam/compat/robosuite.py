@@ -23,6 +23,7 @@ from warpcam.errors import WarpcamError
 __all__ = ["OffscreenContext", "install", "observables", "uninstall"]
 
 MAX_GEOM = 10_000
+DRAWN = ("rgb", "depth", "objects")
 SEGMENTATIONS = ("instance", "class", "element")
 
 _chosen: list[Any] = [None]  # the device that install() was given
@@ -157,7 +158,7 @@ class _ModderContext(OffscreenContext):
 
 
 class _Pictures:
-    """Images of one model. All that has been asked of a camera is drawn at once, and once for each state."""
+    """Images of one model: of each camera one trace a state, and of that the images that somebody has asked for."""
 
     def __init__(self, model: mujoco.MjModel, device: wp.Device):
         self._studio = Studio(model, device)
@@ -181,7 +182,7 @@ class _Pictures:
         place = (*key, view.content())
         images = self._images.get(place, {})
         if not all(name in images for name in outputs):
-            images = self._images[place] = self._studio.look(view, style, width, height, sorted(asked))
+            images = self._images[place] = self._studio.look(view, style, width, height, asked, DRAWN)
         return images
 
     def reload(self) -> None:

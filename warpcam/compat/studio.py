@@ -159,20 +159,23 @@ class Studio:
         _shorten(self._scenes)
         return scene
 
-    def look(self, view: View, style: Style, width: int, height: int, outputs: Sequence[str]) -> dict[str, np.ndarray]:
+    def look(
+        self, view: View, style: Style, width: int, height: int, outputs: Sequence[str], drawn: Sequence[str] = ()
+    ) -> dict[str, np.ndarray]:
         """Images (height, width, channels) by output, of the state that was taken last; they are the caller's own.
 
         ``depth`` is ``view.far`` where nothing is hit. ``objects`` is an output here, too: int32 id and ``mjtObj``,
-        -1 twice where nothing is hit.
+        -1 twice where nothing is hit. With ``drawn`` these outputs are drawn and only ``outputs`` of them read: then
+        the same kernels serve whatever is asked.
         """
-        names = tuple("segmentation" if name == "objects" else name for name in outputs)
+        names, wanted = _outputs(drawn or outputs), _outputs(outputs)
         scene = self.scene(style)
         key = (id(scene), names, width, height, view.orthographic, style.shadows, style.sky, style.antialiasing)
         if key not in self._eyes or self._eyes[key].scene is not scene:
             self._eyes[key] = _Eye(scene, style, view, width, height, names)
             _shorten(self._eyes)
         self._eyes.move_to_end(key)
-        images = self._eyes[key].see(view)
+        images = self._eyes[key].see(view, wanted)
         if "objects" in outputs:
             images["objects"] = scene.objects[images.pop("segmentation")[..., 0]]
         return images
@@ -219,7 +222,7 @@ class _Eye:
         self._arrays = {name: wp.from_torch(getattr(arrays, name)) for name in names}
         self._written: dict[str, Any] = {}
 
-    def see(self, view: View) -> dict[str, np.ndarray]:
+    def see(self, view: View, wanted: Sequence[str]) -> dict[str, np.ndarray]:
         values = {"position": view.position, "rotation": view.rotation, "near": view.near, "far": view.far}
         across, down = view.right - view.left, view.top - view.bottom
         if view.orthographic:
@@ -233,9 +236,12 @@ class _Eye:
                 self._arrays[name].assign(value)
                 self._written[name] = value
         images = self._renderer.render()[VIEW]
-        on_cpu = not self.scene.device.is_cuda
-        return {name: image[0].cpu().numpy().copy() if on_cpu else image[0].cpu().numpy()
-                for name, image in images.items()}  # fmt: skip
+        on_host = {name: images[name][0].cpu().numpy() for name in wanted}
+        return on_host if self.scene.device.is_cuda else {name: image.copy() for name, image in on_host.items()}
+
+
+def _outputs(names: Sequence[str]) -> tuple[str, ...]:
+    return tuple("segmentation" if name == "objects" else name for name in names)
 
 
 def _sizes(data: mujoco.MjData) -> tuple[int, int, int]:
