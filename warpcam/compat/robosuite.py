@@ -17,7 +17,7 @@ import warp as wp
 from warpcam import device as device_rule
 from warpcam.compat import robosuite_shims
 from warpcam.compat.options import style_of
-from warpcam.compat.studio import Studio, view_of
+from warpcam.compat.studio import Studio, depth_buffer, view_of
 from warpcam.errors import WarpcamError
 
 __all__ = ["OffscreenContext", "install", "observables", "uninstall"]
@@ -143,7 +143,7 @@ class OffscreenContext:
         pixels = np.ascontiguousarray(image[::-1, :, ::-1] if segmentation else image[::-1])
         if not depth:
             return pixels
-        return pixels, _depth_buffer(images["depth"][::-1, :, 0], view.near, view.far)
+        return pixels, depth_buffer(images["depth"][::-1, :, 0], view)
 
     def upload_texture(self, tex_id: int) -> None:
         """Read the model's textures again at the next image."""
@@ -266,7 +266,7 @@ class _OfEnvironment:
                 ids = self._grouped(images["objects"][..., 0], what)
                 return np.ascontiguousarray(ids[::-rows, :, None])
             if what == "depth":
-                return _depth_buffer(images["depth"], view.near, view.far)[::-rows]
+                return depth_buffer(images["depth"], view)[::-rows]
             return np.ascontiguousarray(images["rgb"][::-rows])
 
         return read
@@ -325,11 +325,6 @@ def _device(device_id: int) -> wp.Device:
             "must mean one device, or one of them be left as it is by default"
         )
     return asked
-
-
-def _depth_buffer(depth: np.ndarray, near: float, far: float) -> np.ndarray:
-    """What OpenGL's depth buffer holds for planar depth [m], as float32."""
-    return np.ascontiguousarray((1.0 - near / depth.astype(np.float64)) / (1.0 - near / far), np.float32)
 
 
 @contextmanager

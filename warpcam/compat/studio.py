@@ -100,6 +100,14 @@ def view_of(scene: mujoco.MjvScene, width: int, height: int) -> View | None:
     )  # fmt: skip
 
 
+def depth_buffer(depth: np.ndarray, view: View) -> np.ndarray:
+    """What OpenGL's depth buffer holds for planar depth [m], as float32: 0 at the near plane, 1 at the far one."""
+    if view.orthographic:
+        return ((depth - view.near) / (view.far - view.near)).astype(np.float32)
+    inverse = view.near / depth.astype(np.float64)
+    return np.ascontiguousarray((1.0 - inverse) / (1.0 - view.near / view.far), np.float32)
+
+
 class Studio:
     """A model, a state of it, and every way in which somebody looked at it.
 
