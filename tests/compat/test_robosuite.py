@@ -6,11 +6,13 @@ import subprocess
 import sys
 import textwrap
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 import warp as wp
+from PIL import Image
 
 import warpcam as wc
 from warpcam.accel import bvh4
@@ -331,3 +333,12 @@ def test_devices_are_checked_when_installing() -> None:
     with pytest.raises(wc.WarpcamError, match=r"device: 'cuda:99' came"):
         ours.install("cuda:99")
     assert wp.get_devices()
+
+
+def test_the_example(tmp_path: Path) -> None:
+    done = subprocess.run(
+        [sys.executable, str(Path(__file__).parents[2] / "examples" / "robosuite_images.py")], cwd=tmp_path, check=False,
+        capture_output=True, text=True,
+    )  # fmt: skip
+    assert "agentview_segmentation_instance (256, 256, 1)" in done.stdout, done.stderr[-2000:]
+    assert np.asarray(Image.open(tmp_path / "robosuite.png")).shape == (256, 512, 3)
