@@ -19,9 +19,10 @@ env = robosuite.make(
     camera_depths=True,
     camera_segmentations="instance",
 )
+random = np.random.default_rng(0)
 observations = env.reset()
 for _ in range(10):
-    observations, reward, done, info = env.step(np.random.uniform(-1.0, 1.0, env.action_dim))
+    observations, reward, done, info = env.step(random.uniform(-1.0, 1.0, env.action_dim))
 
 # As robosuite has them, images begin with their bottom row.
 views = [observations[f"{camera}_image"][::-1] for camera in env.camera_names]

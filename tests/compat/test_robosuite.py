@@ -336,9 +336,8 @@ def test_devices_are_checked_when_installing() -> None:
 
 
 def test_the_example(tmp_path: Path) -> None:
-    done = subprocess.run(
-        [sys.executable, str(Path(__file__).parents[2] / "examples" / "robosuite_images.py")], cwd=tmp_path, check=False,
-        capture_output=True, text=True,
-    )  # fmt: skip
+    example = Path(__file__).parents[2] / "examples" / "robosuite_images.py"
+    command = [sys.executable, str(example)]
+    done = subprocess.run(command, cwd=tmp_path, check=False, capture_output=True, text=True)
     assert "agentview_segmentation_instance (256, 256, 1)" in done.stdout, done.stderr[-2000:]
     assert np.asarray(Image.open(tmp_path / "robosuite.png")).shape == (256, 512, 3)

@@ -24,7 +24,7 @@ def mend() -> None:
     _full_inertia()
 
 
-def _compare(enum: type) -> None:
+def _compare(enum: Any) -> None:
     equal, members = enum.__eq__, getattr(enum, "__members__", None)
     if members is None:
         return
