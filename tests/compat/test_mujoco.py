@@ -7,7 +7,6 @@ import sys
 import mujoco
 import numpy as np
 import pytest
-import scenes
 import warp as wp
 
 import warpcam as wc
@@ -48,10 +47,9 @@ XML = """
 
 def made(xml: str = XML) -> tuple[mujoco.MjModel, mujoco.MjData]:
     model = mujoco.MjModel.from_xml_string(xml)
-    data = scenes.forward(model)
-    if model.nq:
-        data.qpos[0] = 0.3
-        mujoco.mj_forward(model, data)
+    data = mujoco.MjData(model)
+    data.qpos[:1] = 0.3
+    mujoco.mj_forward(model, data)
     return model, data
 
 
@@ -323,13 +321,13 @@ def test_larger_than_the_framebuffer(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_nothing_is_built_per_frame(device: wp.Device, monkeypatch: pytest.MonkeyPatch) -> None:
     """Many states, cameras and renderers: as many scenes as renderers, and the first one's kernels."""
     model, data = made()
-    scenes_made: list[object] = []
+    made_scenes: list[object] = []
     real = wc.from_mujoco
-    monkeypatch.setattr(studio.wc, "from_mujoco", lambda *a, **k: scenes_made.append(real(*a, **k)) or scenes_made[-1])
+    monkeypatch.setattr(studio.wc, "from_mujoco", lambda *a, **k: made_scenes.append(real(*a, **k)) or made_scenes[-1])
     with ours(model, device) as renderer:
         renderer.update_scene(data)
         three(renderer)
-        assert len(scenes_made) == 1
+        assert len(made_scenes) == 1
     loaded: list[str] = []
     load = wp.Module.load
 
@@ -347,7 +345,7 @@ def test_nothing_is_built_per_frame(device: wp.Device, monkeypatch: pytest.Monke
             for camera in ("fixed", "riding", "sensor", -1):
                 renderer.update_scene(data, camera)
                 three(renderer)
-    assert len(scenes_made) == 2 and loaded == []
+    assert len(made_scenes) == 2 and loaded == []
 
 
 def test_ways_to_look_are_let_go(device: wp.Device) -> None:
