@@ -49,6 +49,7 @@ SKY_TERMS = 9  # of spherical harmonics of order 2; see native/sky.h
 # Texture kinds.
 TEXTURE_2D = 0
 TEXTURE_CUBE = 1
+TEXTURE_FROM_MIDDLE = 2  # 2-D; its repeats on a plane count from the plane's middle, as before MuJoCo 3.17
 
 
 @wp.struct
@@ -145,7 +146,7 @@ class Materials:
 class Textures:
     """Images with their mipmaps, packed one after another."""
 
-    kind: wp.array(dtype=wp.int32)  # (texture,) TEXTURE_2D or TEXTURE_CUBE (also skyboxes)
+    kind: wp.array(dtype=wp.int32)  # (texture,) TEXTURE_2D, TEXTURE_FROM_MIDDLE or TEXTURE_CUBE (also skyboxes)
     width: wp.array(dtype=wp.int32)  # (texture,) of level 0 [pixels]
     height: wp.array(dtype=wp.int32)  # (texture,) of level 0, of one face for cubes [pixels]
     levels: wp.array(dtype=wp.int32)  # (texture,) number of mipmap levels

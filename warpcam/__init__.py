@@ -53,7 +53,7 @@ def from_mujoco_warp(
     m: _Any,
     d: _Any,
     *,
-    groups: _Collection[int] = (0, 1, 2),
+    groups: _Collection[int] | _Mapping[str, _Collection[int]] = (0, 1, 2),
     draw: _Collection[str] = ("geoms", "sites", "tendons", "flexes", "skins"),
     reflections: bool | None = None,
     transparency: bool | None = None,
@@ -67,7 +67,7 @@ def from_mujoco_warp(
         mjm: The host's ``mujoco.MjModel``.
         m: The ``mujoco_warp.Model`` put from it.
         d: The ``mujoco_warp.Data``; its device is the scene's.
-        groups: Groups that are drawn, of geoms and of all else.
+        groups: Groups that are drawn, of geoms and of all else; or a mapping with those of each kind of ``draw``.
         draw: What is drawn, as MuJoCo's own renderer does unless told. ``segmentation`` gives geoms their ids; sites,
             tendons, flexes and skins count on from there: see ``Scene.objects``.
         reflections: Whether planes and boxes reflect where their materials have reflectance. None: those that do now.
@@ -85,7 +85,7 @@ def from_mujoco(
     mjm: _Any,
     mjd: _Any,
     *,
-    groups: _Collection[int] = (0, 1, 2),
+    groups: _Collection[int] | _Mapping[str, _Collection[int]] = (0, 1, 2),
     draw: _Collection[str] = ("geoms", "sites", "tendons", "flexes", "skins"),
     device: _Any = None,
     reflections: bool | None = None,
@@ -97,7 +97,7 @@ def from_mujoco(
         mjm: The ``mujoco.MjModel``. What changes in it is seen at the next render, but for meshes, height fields and
             textures, which are read once.
         mjd: A ``mujoco.MjData``, or a list with one for each world.
-        groups: Groups that are drawn, of geoms and of all else.
+        groups: As ``from_mujoco_warp`` has it.
         draw: What is drawn: see ``from_mujoco_warp``.
         device: Where to render: a name, a Warp or torch device, a CUDA ordinal; None is Warp's current device.
         reflections: As ``from_mujoco_warp`` has it.
