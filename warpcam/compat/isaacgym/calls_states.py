@@ -16,7 +16,7 @@ class StateCalls:
     """See ``Gym``."""
 
     def acquire_actor_root_state_tensor(self, sim: Sim) -> Tensor:
-        """(actor, 13) float32: position, quaternion x y z w, linear and angular velocity, in its environment's frame."""
+        """(actor, 13) float32: position, quaternion x y z w, velocities, in its environment's frame."""
         return sim_of(sim, "acquire_actor_root_state_tensor").physics.tensor("roots")
 
     def acquire_rigid_body_state_tensor(self, sim: Sim) -> Tensor:

@@ -1,7 +1,6 @@
 """Tensors of ``gymapi`` as torch tensors, and back: always the same memory."""
 
 from collections.abc import Sequence
-from typing import Any
 
 from warpcam import interop
 from warpcam.compat.isaacgym.tensors import Tensor, unwrap, wrap

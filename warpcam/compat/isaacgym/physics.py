@@ -12,7 +12,7 @@ from warpcam import interop
 from warpcam.compat.isaacgym.kinds import DofDriveMode
 from warpcam.compat.isaacgym.maths import Vec3
 from warpcam.compat.isaacgym.tensors import Tensor, take
-from warpcam.compat.isaacgym.world import Actor, Counts, Env, Grounds, Spot, build
+from warpcam.compat.isaacgym.world import Actor, Counts, Env, Grounds, build
 from warpcam.kernels import isaacgym as kernels
 
 MODES = {

@@ -15,6 +15,7 @@ from warpcam.compat.isaacgym.options import PlaneParams, TriangleMeshParams
 from warpcam.errors import WarpcamError
 
 NO_TEXTURE = -1
+GREY = (0.5, 0.5, 0.5)
 VISIBLE, COLLIDES = int(newton.ShapeFlags.VISIBLE), int(newton.ShapeFlags.COLLIDE_SHAPES)
 
 
@@ -184,11 +185,11 @@ def _add_grounds(builder: newton.ModelBuilder, grounds: Grounds, origin: Vec3) -
         normal = plane.normal.normalize()
         config = _surface(plane)
         away = plane.distance + normal.dot(origin)
-        builder.add_shape_plane(plane=(*normal, away), width=0.0, length=0.0, cfg=config, label="ground")
+        builder.add_shape_plane(plane=(*normal, away), width=0.0, length=0.0, cfg=config, color=GREY, label="ground")
     for mesh, params in grounds.terrains:
         place = Transform(params.transform.p - origin, params.transform.r)
         builder.add_shape_mesh(
-            -1, xform=wp.transform(*place.numbers()), mesh=mesh, cfg=_surface(params), label="terrain"
+            -1, xform=wp.transform(*place.numbers()), mesh=mesh, cfg=_surface(params), color=GREY, label="terrain"
         )
     return -1 - np.arange(len(grounds))
 
