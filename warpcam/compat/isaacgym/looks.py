@@ -12,12 +12,12 @@ import warp as wp
 import warpcam as wc
 from warpcam.compat.isaacgym.maths import Vec3
 from warpcam.compat.isaacgym.physics import Physics
+from warpcam.compat.isaacgym.textured import uv_mesh
 from warpcam.compat.isaacgym.world import COLLIDES, NO_TEXTURE, VISIBLE, Env, Grounds, Spot, build
 from warpcam.kernels import isaacgym as kernels
 
 MAX_LIGHTS = 4
 GEO = newton.GeoType
-Z = newton.Axis.Z
 
 
 @dataclass
@@ -60,7 +60,7 @@ class Looks:
         size = tuple(float(value) for value in scale)
         key = (int(kind), id(source) if source is not None else size, texture)
         if key not in self.meshes:
-            mesh = _uv_mesh(kind, size, source)
+            mesh = uv_mesh(kind, size, source)
             if mesh is None:
                 return None
             self.meshes[key] = newton.Mesh(
@@ -74,26 +74,6 @@ class Looks:
                 texture=self.textures[texture],
             )
         return self.meshes[key]
-
-
-def _uv_mesh(kind: int, size: tuple[float, ...], source: Any) -> newton.Mesh | None:
-    x, y, z = size
-    plain = {"compute_inertia": False}
-    if kind == GEO.BOX:
-        return newton.Mesh.create_box(x, y, z, **plain)
-    if kind == GEO.SPHERE:
-        return newton.Mesh.create_sphere(x, **plain)
-    if kind == GEO.ELLIPSOID:
-        return newton.Mesh.create_ellipsoid(x, y, z, **plain)
-    if kind == GEO.CAPSULE:
-        return newton.Mesh.create_capsule(x, y, up_axis=Z, **plain)
-    if kind == GEO.CYLINDER:
-        return newton.Mesh.create_cylinder(x, y, up_axis=Z, **plain)
-    if kind == GEO.CONE:
-        return newton.Mesh.create_cone(x, y, up_axis=Z, **plain)
-    if kind == GEO.MESH and isinstance(source, newton.Mesh) and source.uvs is not None:
-        return source
-    return None
 
 
 class View:
@@ -166,6 +146,7 @@ class View:
         self._lights = self._count_lights()
         lights = [wc.Light(direction=(0.0, 0.0, -1.0)) for _ in range(self._lights)]
         self.scene = wc.from_newton(self._model, self._state, lights=lights, ambient=(0.0, 0.0, 0.0))
+        self.scene.array("material_reflectance").zero_()  # matt: what is painted shows its colour and no sheen
         self.ids = wp.zeros(max(len(self._places), 1), dtype=wp.int32, device=device)
         self._own = self._model.shape_color.numpy() if self._model.shape_count else np.zeros((0, 3), np.float32)
         self._paint()
@@ -218,10 +199,13 @@ class View:
             ("directions", -toward),
             ("diffuse", [lamp.intensity for lamp in lamps]),
             ("specular", [lamp.intensity for lamp in lamps]),
-            ("ambient", [lamp.ambient for lamp in lamps]),
         ):
             array = self.scene.array(f"light_{name}")
             array.assign(np.tile(np.asarray(values, np.float32), (array.shape[0], 1, 1)))
+        # What light is everywhere does not end where its shadow begins.
+        everywhere = np.zeros((3, 3), np.float32)
+        everywhere[0] = np.sum([lamp.ambient for lamp in lamps], axis=0)
+        self.scene.array("headlight").assign(everywhere)
 
 
 def _local(spot: Spot, envs: Sequence[Env]) -> np.ndarray:
