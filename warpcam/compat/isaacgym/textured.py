@@ -17,7 +17,7 @@ def uv_mesh(kind: int, size: tuple[float, float, float], source: Any) -> newton.
         size: As ``shape_scale`` has it; a mesh's is not applied.
         source: The mesh, for a mesh.
     """
-    x, y, z = size
+    x, y = size[:2]
     plain: dict[str, Any] = {"compute_inertia": False}
     if kind == GEO.BOX:
         return _box(np.array(size))
