@@ -1,6 +1,7 @@
 """Isaac Gym's assets, actors and states: what is set is seen at the next render, and what is simulated moves."""
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -9,10 +10,10 @@ import warp as wp
 
 import warpcam as wc
 
-pytest.importorskip("newton")
-from gym_worlds import GYM, KINDS, at, new_sim, props, tensors_of, walls
+newton = pytest.importorskip("newton")
+from gym_worlds import GYM, KINDS, at, new_sim, props, tensors_of, walls  # noqa: E402, newton may be missing
 
-from warpcam.compat.isaacgym import gymapi, gymtorch
+from warpcam.compat.isaacgym import gymapi, gymtorch  # noqa: E402
 
 pytestmark = pytest.mark.filterwarnings("ignore")  # Newton's own
 COLOR, DEPTH, SEGMENTATION = KINDS
@@ -156,7 +157,14 @@ def test_after_a_teleport_the_image_is_that_of_a_fresh_one(device: wp.Device) ->
         np.testing.assert_allclose(moved.image(env, DEPTH), -2.7 - 0.1 * env, rtol=1e-5)
 
 
-def test_what_falls_is_seen_to_fall(device: wp.Device) -> None:
+@pytest.mark.parametrize("solver", ["mujoco", "xpbd"])
+def test_what_falls_is_seen_to_fall(device: wp.Device, solver: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    if solver == "xpbd":  # what is left where MuJoCo cannot
+
+        def refuse(*_: Any, **__: Any) -> None:
+            raise ImportError("mujoco")
+
+        monkeypatch.setattr(newton.solvers, "SolverMuJoCo", refuse)
     sim = new_sim(device, dt=0.01, substeps=2)
     GYM.add_ground(sim, gymapi.PlaneParams(normal=gymapi.Vec3(0, 0, 1)))
     plate = GYM.create_box(sim, 1.0, 1.0, 0.2)

@@ -47,6 +47,7 @@ class Physics:
         self.total, self.actors = before, [actor for env in envs for actor in env.actors]
         builder, self.spot = build(envs, grounds, up, gravity)
         self.model = builder.finalize(device=device)
+        self.model.set_gravity(tuple(gravity))
         self.state, self._other = self.model.state(), self.model.state()
         newton.eval_fk(self.model, self.model.joint_q, self.model.joint_qd, self.state)
         self._control = self.model.control()
@@ -211,10 +212,12 @@ class Physics:
             self._moved = False
 
     def _make_solver(self) -> Any:
-        """MuJoCo-Warp where the environments are alike; else bodies and joints by themselves."""
-        self._pipeline = None
+        """MuJoCo where it can: its own on a CPU, which compiles nothing, else MuJoCo-Warp; if not, XPBD."""
+        self._pipeline, per_world = None, self.model.shape_count // max(self.model.world_count, 1)
+        most = max(LEAST_CONTACTS, CONTACTS_PER_SHAPE * per_world)
         try:
-            most = max(LEAST_CONTACTS, CONTACTS_PER_SHAPE * self.model.shape_count // max(self.model.world_count, 1))
+            if self.device.is_cpu:
+                return newton.solvers.SolverMuJoCo(self.model, use_mujoco_cpu=True)
             return newton.solvers.SolverMuJoCo(self.model, nconmax=most, njmax=4 * most)
         except (ImportError, ValueError, NotImplementedError) as error:
             logging.getLogger("warpcam").info("simulate: not by MuJoCo-Warp: %s", error)

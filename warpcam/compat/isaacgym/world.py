@@ -2,7 +2,7 @@
 
 import weakref
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import newton
@@ -167,16 +167,68 @@ def build(envs: Sequence[Env], grounds: Grounds, up: newton.Axis, gravity: Vec3)
     shapes: list[np.ndarray] = []
     if not apart:
         shapes.append(_add_grounds(builder, grounds, Vec3()))
-    for env in envs:
-        builder.begin_world()
+    before = Counts()
+    for together in _alike(envs):
+        first = together[0]
+        one = newton.ModelBuilder(up_axis=up, gravity=tuple(gravity))
+        for actor in first.actors:
+            one.add_builder(actor.asset.builder, xform=wp.transform(*actor.pose.numbers()))
         if apart:
-            shapes.append(_add_grounds(builder, grounds, env.origin))
-        for actor in env.actors:
-            builder.add_builder(actor.asset.builder, xform=wp.transform(*actor.pose.numbers()))
-        shapes.append(np.arange(env.start.shapes, env.start.shapes + env.counts.shapes))
-        builder.end_world()
+            firsts = []
+            for env in together:
+                builder.begin_world()
+                shapes += [_add_grounds(builder, grounds, env.origin), _shapes_of(env)]
+                firsts.append(builder.shape_count)
+                builder.add_builder(one)
+                builder.end_world()
+        else:
+            firsts = [builder.shape_count + number * one.shape_count for number in range(len(together))]
+            builder.replicate(one, len(together))  # in one go: thousands of environments are made in seconds
+            shapes += [_shapes_of(env) for env in together]
+        for env, first_shape in zip(together, firsts, strict=True):
+            start = replace(before, shapes=first_shape)
+            for actor, pattern in zip(env.actors, first.actors, strict=True):
+                if actor.pose != pattern.pose:
+                    _move(builder, actor, start + actor.before)
+            before = before + env.counts
     bodies = [np.arange(env.start.bodies, env.start.bodies + env.counts.bodies) for env in envs]
     return builder, Spot(np.concatenate(shapes), np.concatenate(bodies))
+
+
+def _shapes_of(env: Env) -> np.ndarray:
+    return np.arange(env.start.shapes, env.start.shapes + env.counts.shapes)
+
+
+def _alike(envs: Sequence[Env]) -> list[list[Env]]:
+    """Runs of environments with the same assets."""
+    runs: list[list[Env]] = []
+    assets: list[int] = []
+    for env in envs:
+        found = [id(actor.asset) for actor in env.actors]
+        if runs and found == assets:
+            runs[-1].append(env)
+        else:
+            runs.append([env])
+            assets = found
+    return runs
+
+
+def _move(builder: newton.ModelBuilder, actor: Actor, start: Counts) -> None:
+    """Put an actor, which begins there in the builder, where its pose says."""
+    own, pose = actor.asset.builder, wp.transform(*actor.pose.numbers())
+    for joint, parent in enumerate(own.joint_parent):
+        if parent >= 0:
+            continue
+        if own.joint_type[joint] == newton.JointType.FREE:
+            q = int(own.joint_q_start[joint])
+            place = pose * wp.transform(*own.joint_q[q : q + 7])
+            builder.joint_q[start.coordinates + q : start.coordinates + q + 7] = [float(value) for value in place]
+        else:
+            builder.joint_X_p[start.joints + joint] = pose * wp.transform(*own.joint_X_p[joint])
+    for body, place in enumerate(own.body_q):
+        builder.body_q[start.bodies + body] = pose * wp.transform(*place)
+    for shape in np.flatnonzero(actor.asset.shapes < 0):
+        builder.shape_transform[start.shapes + shape] = pose * wp.transform(*own.shape_transform[shape])
 
 
 def _add_grounds(builder: newton.ModelBuilder, grounds: Grounds, origin: Vec3) -> np.ndarray:
