@@ -122,8 +122,9 @@ def gather_poses(
     poses: wp.array(dtype=wp.transform),
     bodies: wp.array(dtype=wp.int32),  # (row,)
     gathered: wp.array(dtype=wp.transform),  # (row,)
+    first: wp.int32,
 ):
-    row = wp.tid()
+    row = first + wp.tid()
     gathered[row] = poses[bodies[row]]
 
 
@@ -136,8 +137,9 @@ def place_cameras(
     axes: wp.quat,  # from our camera's axes to theirs
     positions: wp.array2d(dtype=wp.float32),  # (world, 3)
     rotations: wp.array2d(dtype=wp.float32),  # (world, 4) w x y z
+    first: wp.int32,
 ):
-    world = wp.tid()
+    world = first + wp.tid()
     pose = offsets[world]
     if modes[world] == TRANSFORM:
         pose = poses[bodies[world]] * pose
@@ -159,8 +161,11 @@ def place_cameras(
 def write_colors(
     image: wp.array2d(dtype=wp.uint32),  # (world, pixel)
     addresses: wp.array(dtype=wp.uint64),  # (world,)
+    first: wp.int32,
 ):
-    world, pixel = wp.tid()
+    index = first + wp.tid()
+    world = index // image.shape[1]
+    pixel = index - world * image.shape[1]
     address = addresses[world]
     if address != wp.uint64(0):
         out = wp.array(ptr=address, shape=(image.shape[1],), dtype=wp.uint32)
@@ -171,8 +176,11 @@ def write_colors(
 def write_depth(
     image: wp.array2d(dtype=wp.float32),  # (world, pixel) [m], inf at a miss
     addresses: wp.array(dtype=wp.uint64),  # (world,)
+    first: wp.int32,
 ):
-    world, pixel = wp.tid()
+    index = first + wp.tid()
+    world = index // image.shape[1]
+    pixel = index - world * image.shape[1]
     address = addresses[world]
     if address != wp.uint64(0):
         out = wp.array(ptr=address, shape=(image.shape[1],), dtype=wp.float32)
@@ -184,8 +192,11 @@ def write_ids(
     image: wp.array2d(dtype=wp.int32),  # (world, pixel) shape, or -1
     ids: wp.array(dtype=wp.int32),  # (shape,)
     addresses: wp.array(dtype=wp.uint64),  # (world,)
+    first: wp.int32,
 ):
-    world, pixel = wp.tid()
+    index = first + wp.tid()
+    world = index // image.shape[1]
+    pixel = index - world * image.shape[1]
     address = addresses[world]
     if address != wp.uint64(0):
         out = wp.array(ptr=address, shape=(image.shape[1],), dtype=wp.int32)
@@ -209,8 +220,11 @@ def write_flow(
     width: wp.float32,
     height: wp.float32,
     addresses: wp.array(dtype=wp.uint64),  # (world,)
+    first: wp.int32,
 ):
-    world, pixel = wp.tid()
+    index = first + wp.tid()
+    world = index // image.shape[1]
+    pixel = index - world * image.shape[1]
     address = addresses[world]
     if address != wp.uint64(0):
         out = wp.array(ptr=address, shape=(2 * image.shape[1],), dtype=wp.int16)

@@ -15,6 +15,7 @@ from warpcam.compat.isaacgym.physics import Physics
 from warpcam.compat.isaacgym.textured import uv_mesh
 from warpcam.compat.isaacgym.world import COLLIDES, NO_TEXTURE, VISIBLE, Env, Grounds, Spot, build
 from warpcam.kernels import isaacgym as kernels
+from warpcam.kernels.launch import Stage, record
 
 MAX_LIGHTS = 4
 GEO = newton.GeoType
@@ -99,15 +100,21 @@ class View:
     @property
     def poses(self) -> wp.array:
         """Of its bodies, in their environments' frames, as of the last ``update``."""
-        return self._state.body_q
+        poses = self._state.body_q
+        return wp.empty(0, dtype=wp.transform, device=self._physics.device) if poses is None else poses
 
     def update(self) -> None:
         """Bring it up to date with states and looks."""
-        looks, device = self._looks, self._physics.device
+        looks = self._looks
         if (looks.changed, looks.textured, looks.lit) != self._seen:
             self._refresh()
-        inputs = [self._physics.state.body_q, self._rows, self._state.body_q]
-        kernels.launch(kernels.gather_poses, len(self._rows), inputs, device)
+        if not len(self._rows):  # nothing but the ground
+            return
+        poses = self._physics.state.body_q
+        if poses.ptr not in self._gather:  # there are two states, which change places
+            inputs = [poses, self._rows, self._state.body_q]
+            self._gather[poses.ptr] = record(kernels.gather_poses, len(self._rows), inputs, self._physics.device)
+        self._gather[poses.ptr].launch()
 
     def _refresh(self) -> None:
         looks, textures = self._looks, self._textures
@@ -143,6 +150,7 @@ class View:
             self._places = _local(spot, self.envs)
         self._rows = wp.array(spot.bodies.astype(np.int32), dtype=wp.int32, device=device)
         self._state = self._model.state()
+        self._gather: dict[int, Stage] = {}
         self._lights = self._count_lights()
         lights = [wc.Light(direction=(0.0, 0.0, -1.0)) for _ in range(self._lights)]
         self.scene = wc.from_newton(self._model, self._state, lights=lights, ambient=(0.0, 0.0, 0.0))

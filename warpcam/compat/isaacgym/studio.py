@@ -18,6 +18,7 @@ from warpcam.compat.isaacgym.tensors import Tensor
 from warpcam.compat.isaacgym.world import Env, Grounds
 from warpcam.errors import WarpcamError
 from warpcam.kernels import isaacgym as kernels
+from warpcam.kernels.launch import Stage, record
 from warpcam.outputs import OUTPUTS
 
 COLOR, DEPTH, SEGMENTATION, FLOW = ImageType
@@ -80,8 +81,14 @@ class Batch:
             antialiasing=SAMPLES[props.supersampling_horizontal, props.supersampling_vertical],
         )
 
-    def place(self, arrays: Any) -> None:
-        """Write where the cameras are, from the poses of the view's bodies."""
+    def record(self, arrays: Any) -> Stage:
+        """What writes where the cameras are into a renderer's arrays, from the poses of the view's bodies."""
+        into = [interop.as_array(arrays.position), interop.as_array(arrays.rotation)]
+        inputs = [self.view.poses, self._modes, self._bodies, self._offsets, self._turn, *into]
+        return record(kernels.place_cameras, len(self.sensors), inputs, self.device)
+
+    def settle(self) -> None:
+        """Bring up to date what it is made of."""
         if self.moved:
             self._modes.assign(np.array([sensor.mode for sensor in self.sensors], np.int32))
             first = self.view.starts
@@ -90,9 +97,6 @@ class Batch:
             )
             self._offsets.assign(np.array([sensor.pose.numbers() for sensor in self.sensors], np.float32))
             self.moved = False
-        into = [interop.as_array(arrays.position), interop.as_array(arrays.rotation)]
-        inputs = [self.view.poses, self._modes, self._bodies, self._offsets, self._turn, *into]
-        kernels.launch(kernels.place_cameras, len(self.sensors), inputs, self.device)
 
 
 class Album:
@@ -112,25 +116,16 @@ class Album:
             shape = (len(batch.sensors), *shape_of(batch.sensors[0], kind))
             self.sheet = interop.to_torch(wp.zeros(shape, dtype=DTYPES[kind], device=batch.device))
 
-    def write(self, images: Any) -> None:
-        """From a renderer's images of the batch."""
+    def record(self, renderer: wc.Renderer) -> Stage:
+        """What writes them from a renderer's images of the batch."""
         batch, kind, device = self.batch, self.kind, self.batch.device
-        self._host, self._reads = None, 0
-        if self.dirty:
-            self._addresses.assign(np.array(self._where(), np.uint64))
-            self.dirty = False
-        sources = [interop.as_array(images[name]) for name in NEEDS[kind]]
-        worlds, height, width = sources[0].shape[:3]
-        pixels = height * width
+        sources = [renderer.array(batch.name, name) for name in NEEDS[kind]]
         first = sources[0]
+        worlds, height, width = first.shape[:3]
+        pixels = height * width
         if kind == FLOW:
-            inputs = [
-                first.reshape((worlds, pixels, 2)),
-                sources[1].reshape((worlds, pixels)),
-                float(width),
-                float(height),
-            ]
-            kernel = kernels.write_flow
+            flat = [first.reshape((worlds, pixels, 2)), sources[1].reshape((worlds, pixels))]
+            inputs, kernel = [*flat, float(width), float(height)], kernels.write_flow
         elif kind == COLOR:
             packed = wp.array(ptr=first.ptr, shape=(worlds, pixels), dtype=wp.uint32, device=device)
             inputs, kernel = [packed], kernels.write_colors
@@ -138,7 +133,14 @@ class Album:
             inputs, kernel = [first.reshape((worlds, pixels))], kernels.write_depth
         else:
             inputs, kernel = [first.reshape((worlds, pixels)), batch.view.ids], kernels.write_ids
-        kernels.launch(kernel, (worlds, pixels), [*inputs, self._addresses], device)
+        return record(kernel, worlds * pixels, [*inputs, self._addresses], device)
+
+    def settle(self) -> None:
+        """Forget what was read of the last render, and bring up to date where images go."""
+        self._host, self._reads = None, 0
+        if self.dirty:
+            self._addresses.assign(np.array(self._where(), np.uint64))
+            self.dirty = False
 
     def read(self, world: int) -> np.ndarray:
         """One image of the sheet on the host; all of them are fetched when a second one is asked for."""
@@ -163,36 +165,44 @@ class Shot:
 
     def __init__(self, view: View, albums: Sequence[Album]):
         self.view, self.albums, self.frame = view, list(albums), -1
+        self._device = albums[0].batch.device
         self._renderer: wc.Renderer | None = None
         self._version = -1
+        self._before: list[Stage] = []
+        self._after: list[Stage] = []
 
     def drop(self, batch: Batch) -> None:
         self.albums = [album for album in self.albums if album.batch is not batch]
-        self._renderer = None
+        self._version = -1
 
     def draw(self, frame: int) -> None:
-        if not self.albums:
-            return
-        batches = list(dict.fromkeys(album.batch for album in self.albums))
         if self._renderer is None or self._version != self.view.version:
-            self._renderer = None  # its memory is free before another takes some
-            cameras = []
-            for batch in batches:
-                names = [name for album in self.albums if album.batch is batch for name in NEEDS[album.kind]]
-                cameras.append(batch.camera(names))
-            self._renderer, self._version = wc.Renderer(self.view.scene, cameras), self.view.version
+            self._build()
         with interop.in_order(self._device):
-            for batch in batches:
-                batch.place(self._renderer.camera(batch.name))
-        images = self._renderer.render()
+            for batch in self._batches:
+                batch.settle()
+            for stage in self._before:
+                stage.launch()
+        self._renderer.render()
         with interop.in_order(self._device):
             for album in self.albums:
-                album.write(images[album.batch.name])
+                album.settle()
+            for stage in self._after:
+                stage.launch()
         self.frame = frame
 
-    @property
-    def _device(self) -> wp.Device:
-        return self.albums[0].batch.device
+    def _build(self) -> None:
+        self._batches = list(dict.fromkeys(album.batch for album in self.albums))
+        self._renderer = None  # its memory is free before another takes some
+        self._before, self._after = [], []
+        cameras = []
+        for batch in self._batches:
+            names = [name for album in self.albums if album.batch is batch for name in NEEDS[album.kind]]
+            cameras.append(batch.camera(names))
+        renderer = self._renderer = wc.Renderer(self.view.scene, cameras)
+        self._before = [batch.record(renderer.camera(batch.name)) for batch in self._batches]
+        self._after = [album.record(renderer) for album in self.albums]
+        self._version = self.view.version
 
 
 class Studio:
