@@ -111,6 +111,7 @@ def from_newton(
     lights: _Sequence[Light] | None = None,
     ambient: _Any = (0.2, 0.2, 0.2),
     semantics: _Mapping[str, int] | None = None,
+    textures: _Sequence[_Any] = (),
 ) -> Scene:
     """The worlds of a Newton simulation, whichever solver moves it, read where they lie.
 
@@ -129,8 +130,11 @@ def from_newton(
         ambient: (3,) linear radiance from everywhere.
         semantics: Number of each label in the output ``semantics``: of a shape, a body or an articulation, or some of
             the parts of its path.
+        textures: More images, (height, width, 3) uint8, for materials that shapes may be given later: the last ones of
+            all, in this order. With them ``scene.array("shape_materials")``, (world, column), may be written in place;
+            ``scene.columns`` says which shape stands where.
     """
-    scene: Scene = _source("newton", "newton").load(model, state, lights, ambient, semantics)
+    scene: Scene = _source("newton", "newton").load(model, state, lights, ambient, semantics, textures)
     return scene
 
 

@@ -63,7 +63,11 @@ class LookCalls:
         return Vec3(*found.colors[shapes[0]].tolist())
 
     def set_rigid_body_texture(self, env: Env, actor: int, body: int, mesh_type: MeshType, texture: int) -> None:
-        """Put a texture on shapes of a body. After the first render, the next one builds its scene again."""
+        """Put a texture on shapes of a body.
+
+        The first of a shape, or the first use of a texture that is newer than the scene, builds it again at the next
+        render; from then on it is a number that changes.
+        """
         found, shapes = _shapes(env, actor, body, mesh_type, "set_rigid_body_texture")
         looks = env.sim.looks
         if texture not in looks.textures:
@@ -119,7 +123,6 @@ class LookCalls:
                         "reset_actor_materials takes it off"
                     )
         del sim.looks.textures[texture]
-        sim.looks.meshes = {key: mesh for key, mesh in sim.looks.meshes.items() if key[-1] != texture}
 
     def set_light_parameters(self, sim: Sim, index: int, intensity: Vec3, ambient: Vec3, direction: Vec3) -> None:
         """A directional light, seen from the next render on.

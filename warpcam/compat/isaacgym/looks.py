@@ -54,26 +54,16 @@ class Looks:
     changed: int = 0
     textured: int = 0
     lit: int = 0
-    meshes: dict[tuple[Any, ...], newton.Mesh] = field(default_factory=dict)
+    meshes: dict[tuple[Any, ...], newton.Mesh | None] = field(default_factory=dict)
 
-    def mesh(self, kind: int, scale: Any, source: Any, texture: int) -> newton.Mesh | None:
-        """A shape as a mesh with a texture, of its own size, or None if it cannot have one."""
+    def mesh(self, kind: int, scale: Any, source: Any) -> newton.Mesh | None:
+        """A shape as a mesh with texture coordinates, or None if it cannot have any."""
         size = tuple(float(value) for value in scale)
-        key = (int(kind), id(source) if source is not None else size, texture)
+        if source is not None:
+            return uv_mesh(kind, size, source)
+        key = (int(kind), *size)
         if key not in self.meshes:
-            mesh = uv_mesh(kind, size, source)
-            if mesh is None:
-                return None
-            self.meshes[key] = newton.Mesh(
-                mesh.vertices,
-                mesh.indices,
-                normals=mesh.normals,
-                uvs=mesh.uvs,
-                compute_inertia=False,
-                roughness=mesh.roughness,
-                metallic=mesh.metallic,
-                texture=self.textures[texture],
-            )
+            self.meshes[key] = uv_mesh(kind, size, None)
         return self.meshes[key]
 
 
@@ -94,6 +84,7 @@ class View:
         self.starts = np.cumsum([0, *(env.counts.bodies for env in envs[:-1])])
         self.version = 0  # grows when the scene is another one
         self._seen: tuple[Any, ...] = ()
+        self._clothed = np.zeros(0, bool)  # shapes that may have a texture
         self._read()
         self._make()
 
@@ -117,11 +108,15 @@ class View:
         self._gather[poses.ptr].launch()
 
     def _refresh(self) -> None:
-        looks, textures = self._looks, self._textures
+        looks, before = self._looks, self._textures
         self._read()
-        if not np.array_equal(textures, self._textures) or self._lights != self._count_lights():
+        clothed = self._textures != NO_TEXTURE
+        unknown = (clothed & ~self._clothed).any() or not set(self._textures[clothed].tolist()) <= set(self._images)
+        if unknown or self._lights != self._count_lights():
             self._make()
             return
+        if not np.array_equal(before, self._textures):
+            self._cover()
         if looks.changed != self._seen[0]:
             self._paint()
         if looks.lit != self._seen[2]:
@@ -138,7 +133,10 @@ class View:
 
     def _make(self) -> None:
         physics, looks, device = self._physics, self._looks, self._physics.device
-        textured = bool((self._textures != NO_TEXTURE).any())
+        clothed = self._textures != NO_TEXTURE
+        self._clothed = clothed | self._clothed if len(self._clothed) else clothed  # once is always
+        textured = bool(self._clothed.any())
+        self._images = list(looks.textures) if textured else []
         if textured or self._colliders or len(self.envs) != physics.model.world_count:
             builder, spot = build(self.envs, self._grounds, self._up, Vec3())
             self._places = _local(spot, self.envs)
@@ -153,11 +151,14 @@ class View:
         self._gather: dict[int, Stage] = {}
         self._lights = self._count_lights()
         lights = [wc.Light(direction=(0.0, 0.0, -1.0)) for _ in range(self._lights)]
-        self.scene = wc.from_newton(self._model, self._state, lights=lights, ambient=(0.0, 0.0, 0.0))
+        images = [looks.textures[handle] for handle in self._images]
+        self.scene = wc.from_newton(self._model, self._state, lights=lights, ambient=(0.0, 0.0, 0.0), textures=images)
+        self._own_materials = self.scene.array("shape_materials").numpy().copy()
         self.scene.array("material_reflectance").zero_()  # matt: what is painted shows its colour and no sheen
         self.ids = wp.zeros(max(len(self._places), 1), dtype=wp.int32, device=device)
-        self._own = self._model.shape_color.numpy() if self._model.shape_count else np.zeros((0, 3), np.float32)
+        self._own = self._model.shape_color.numpy().copy() if self._model.shape_count else np.zeros((0, 3), np.float32)
         self._paint()
+        self._cover()
         self._light()
         self._seen = (looks.changed, looks.textured, looks.lit)
         self.version += 1
@@ -165,14 +166,15 @@ class View:
     def _dress(self, builder: newton.ModelBuilder) -> None:
         """Show what is to be seen, in its textures."""
         seen = COLLIDES if self._colliders else VISIBLE
+        self._bare = np.zeros(len(self._places), bool)
         for shape, place in enumerate(self._places):
             builder.shape_flags[shape] = VISIBLE if builder.shape_flags[shape] & seen else 0
-            texture = NO_TEXTURE if place < 0 else int(self._textures[place])
-            if texture == NO_TEXTURE or not builder.shape_flags[shape]:
+            if place < 0 or not self._clothed[place] or not builder.shape_flags[shape]:
                 continue
             kind, source = builder.shape_type[shape], builder.shape_source[shape]
-            mesh = self._looks.mesh(kind, builder.shape_scale[shape], source, texture)
+            mesh = self._looks.mesh(kind, builder.shape_scale[shape], source)
             if mesh is None:
+                self._bare[shape] = True
                 logging.getLogger("warpcam").warning(
                     "set_rigid_body_texture: shape '%s' has no texture coordinates; its colour is drawn",
                     builder.shape_label[shape],
@@ -192,6 +194,19 @@ class View:
             ids[~own] = np.array(self._grounds.segments)[-1 - self._places[~own]]
         self._model.shape_color.assign(colors)
         self.ids.assign(ids.astype(np.uint32).view(np.int32))
+
+    def _cover(self) -> None:
+        """Give each shape the material of its texture."""
+        if not self._images:
+            return
+        array = self.scene.array("shape_materials")
+        # Of each column, negative for none of these.
+        places = np.append(np.where(self._bare, -1, self._places), -1)[self.scene.columns]
+        textures = np.where(places >= 0, self._textures[np.maximum(places, 0)], NO_TEXTURE)
+        first = self.scene.array("material_roughness").shape[1] - len(self._images)
+        row = np.zeros(max(self._images) + 2, np.int32)
+        row[self._images] = first + np.arange(len(self._images))
+        array.assign(np.where(textures == NO_TEXTURE, self._own_materials, row[textures]).astype(np.int32))
 
     def _count_lights(self) -> int:
         return max(self._looks.lamps, default=-1) + 1
