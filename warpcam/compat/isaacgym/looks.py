@@ -58,7 +58,8 @@ class Looks:
 
     def mesh(self, kind: int, scale: Any, source: Any) -> newton.Mesh | None:
         """A shape as a mesh with texture coordinates, or None if it cannot have any."""
-        size = tuple(float(value) for value in scale)
+        x, y, z = (float(value) for value in scale)
+        size = (x, y, z)
         if source is not None:
             return uv_mesh(kind, size, source)
         key = (int(kind), *size)

@@ -181,7 +181,7 @@ def quat_of(matrix: np.ndarray) -> Quat:
     squares = np.array((m[0, 0], m[1, 1], m[2, 2], m.trace()))
     k = int(np.argmax(squares))
     if k == 3:
-        values = (m[2, 1] - m[1, 2], m[0, 2] - m[2, 0], m[1, 0] - m[0, 1], 1.0 + m.trace())
+        values = np.array((m[2, 1] - m[1, 2], m[0, 2] - m[2, 0], m[1, 0] - m[0, 1], 1.0 + m.trace()))
     else:
         i, j = (k + 1) % 3, (k + 2) % 3
         values = np.zeros(4)

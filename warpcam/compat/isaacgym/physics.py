@@ -171,7 +171,10 @@ class Physics:
 
     def _read_places(self) -> None:
         """Where actors, bodies and degrees of freedom are in the model's arrays."""
-        coordinates, speeds, first_dofs, floating = [], [], [0], []
+        coordinates: list[int] = []
+        speeds: list[int] = []
+        floating: list[int] = []
+        first_dofs = [0]
         roots, free_q, free_qd, joints = [], [], [], []
         starts = [self.start_of(actor) for actor in self.actors]
         for actor, start in zip(self.actors, starts, strict=True):

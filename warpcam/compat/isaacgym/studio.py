@@ -176,14 +176,15 @@ class Shot:
         self._version = -1
 
     def draw(self, frame: int) -> None:
-        if self._renderer is None or self._version != self.view.version:
-            self._build()
+        renderer = self._renderer
+        if renderer is None or self._version != self.view.version:
+            renderer = self._build()
         with interop.in_order(self._device):
             for batch in self._batches:
                 batch.settle()
             for stage in self._before:
                 stage.launch()
-        self._renderer.render()
+        renderer.render()
         with interop.in_order(self._device):
             for album in self.albums:
                 album.settle()
@@ -191,7 +192,7 @@ class Shot:
                 stage.launch()
         self.frame = frame
 
-    def _build(self) -> None:
+    def _build(self) -> wc.Renderer:
         self._batches = list(dict.fromkeys(album.batch for album in self.albums))
         self._renderer = None  # its memory is free before another takes some
         self._before, self._after = [], []
@@ -203,6 +204,7 @@ class Shot:
         self._before = [batch.record(renderer.camera(batch.name)) for batch in self._batches]
         self._after = [album.record(renderer) for album in self.albums]
         self._version = self.view.version
+        return renderer
 
 
 class Studio:

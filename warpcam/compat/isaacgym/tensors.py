@@ -86,4 +86,4 @@ def take(value: Any, where: str, dtype: Any, shape: tuple[int, ...], device: wp.
             f"{where}: {name} of shape {shape} is needed, got {value.torch.dtype} of {tuple(value.torch.shape)}"
         )
     tensor = value.torch.detach().contiguous().to(interop.device_of(device)).reshape(shape)
-    return interop.as_array(tensor)  # type: ignore[return-value] # its dtype was checked
+    return interop.as_array(tensor)

@@ -144,7 +144,8 @@ class Grounds:
 
     @property
     def segments(self) -> list[int]:
-        return [int(ground.segmentation_id) for ground in (*self.planes, *(params for _, params in self.terrains))]
+        planes = [int(plane.segmentation_id) for plane in self.planes]
+        return planes + [int(params.segmentation_id) for _, params in self.terrains]
 
 
 @dataclass(frozen=True)
