@@ -85,6 +85,17 @@ def test_formats_are_rendered_as_the_readme_shows(tmp_path: Path) -> None:
         assert (np.abs(made - kept).max(axis=-1) > 40).mean() < 0.05, kind
 
 
+def test_isaacgym_cameras(tmp_path: Path) -> None:
+    pytest.importorskip("newton")
+    printed = run(str(EXAMPLES / "isaacgym_cameras.py"), folder=tmp_path)
+    assert "colour (4, 480, 640, 4), depth (4, 480, 640) on cpu" in printed
+    wrist, side = np.vsplit(np.asarray(Image.open(tmp_path / "isaacgym_cameras.png")), 2)
+    assert wrist.shape == side.shape == (240, 1280, 3)
+    red, green, blue = (side.astype(int)[..., i] for i in range(3))
+    for first, second, third in ((red, green, blue), (green, red, blue), (blue, red, green)):
+        assert (first > second + third + 40).sum() > 200  # its boxes
+
+
 def test_every_example_is_run() -> None:
     tested = Path(__file__).read_text()
     names = [path.name for path in EXAMPLES.glob("*.py")]

@@ -116,6 +116,7 @@ def from_newton(
     ambient: _Any = (0.2, 0.2, 0.2),
     semantics: _Mapping[str, int] | None = None,
     transparency: bool | None = None,
+    textures: _Sequence[_Any] = (),
 ) -> Scene:
     """The worlds of a Newton simulation, whichever solver moves it, read where they lie.
 
@@ -136,8 +137,11 @@ def from_newton(
             the parts of its path.
         transparency: Whether shapes are seen through where they are partly opaque. None: those that are so in some
             world now; True: all, whatever opacity they are given later; False: none.
+        textures: More images, (height, width, 3) uint8, for materials that shapes may be given later: the last ones of
+            all, in this order. With them ``scene.array("shape_materials")``, (world, column), may be written in place;
+            ``scene.columns`` says which shape stands where.
     """
-    scene: Scene = _source("newton", "newton").load(model, state, lights, ambient, semantics, transparency)
+    scene: Scene = _source("newton", "newton").load(model, state, lights, ambient, semantics, transparency, textures)
     return scene
 
 

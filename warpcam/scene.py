@@ -112,6 +112,15 @@ class Scene:
             raise WarpcamError("objects: only scenes of from_mujoco and from_mujoco_warp have objects of several kinds")
         return self._parts.objects
 
+    @property
+    def columns(self) -> np.ndarray:
+        """What stands in each column of arrays that count shapes, (world or 1, column) int32.
+
+        Ids as ``segmentation`` has them, -1 where a world has nothing.
+        """
+        ids = self._parts.shape_ids
+        return np.arange(self._counts["shapes"], dtype=np.int32)[None] if ids is None else ids.copy()
+
     def bounds(self) -> Bounds:
         """Lowest and highest corner of what can be seen now, over all worlds, infinite planes aside.
 
