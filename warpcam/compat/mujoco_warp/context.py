@@ -123,7 +123,7 @@ class _Bound:
     def __init__(self, context: RenderContext, m: Any, d: Any):
         settings = context._settings
         self._m, self._d, self._device = m, d, context.device
-        mjm, self._look = _look_of(context, m)
+        mjm, self._look = look_of(context, m)
         scene = wc.from_mujoco_warp(
             mjm,
             m if self._look is None else self._look.model,
@@ -188,7 +188,7 @@ class _Bound:
         return stages
 
 
-class _Look:
+class Look:
     """A Model that shares all but some looks with the user's, and follows it when its arrays are replaced."""
 
     def __init__(self, m: Any, blank: dict[str, int]):
@@ -208,7 +208,7 @@ class _Look:
             attributes[name] = mine
 
 
-def _look_of(context: RenderContext, m: Any) -> tuple[mujoco.MjModel, _Look | None]:
+def look_of(context: RenderContext, m: Any) -> tuple[mujoco.MjModel, Look | None]:
     """The models to read: the user's own unless the settings leave out some of their looks."""
     settings, mjm = context._settings, context._mjm
     blank: dict[str, int] = {}
@@ -231,4 +231,4 @@ def _look_of(context: RenderContext, m: Any) -> tuple[mujoco.MjModel, _Look | No
             headlight.active, colors = 1, ["ambient", "diffuse", "specular"]
         for name in colors:
             getattr(headlight, name)[:] = 0.0
-    return mjm, _Look(m, blank) if blank else None
+    return mjm, Look(m, blank) if blank else None
