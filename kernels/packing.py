@@ -129,3 +129,84 @@ def copy_pairs(pairs: wp.array2d(dtype=wp.vec2i), start: wp.int32, image: wp.arr
     """One camera's part of a row as an image."""
     world, row, column = wp.tid()
     image[world, row, column] = pairs[world, start + row * image.shape[2] + column]
+
+
+@wp.kernel(enable_backward=False)
+def clip_values(
+    image: wp.array2d(dtype=wp.float32), beyond: wp.float32, out: wp.array2d(dtype=wp.float32), first: wp.int32
+):
+    index = first + wp.tid()
+    world = index // image.shape[1]
+    pixel = index - world * image.shape[1]
+    value = image[world, pixel]
+    out[world, pixel] = wp.where(value < wp.inf, value, beyond)
+
+
+@wp.kernel(enable_backward=False)
+def look_up(
+    image: wp.array2d(dtype=wp.int32),
+    table: wp.array(dtype=wp.int32),
+    miss: wp.int32,
+    other: wp.int32,
+    out: wp.array2d(dtype=wp.int32),
+    first: wp.int32,
+):
+    index = first + wp.tid()
+    world = index // image.shape[1]
+    pixel = index - world * image.shape[1]
+    shape = image[world, pixel]
+    value = wp.where(shape == -1, miss, other)
+    if shape >= 0 and shape < table.shape[0]:
+        value = table[shape]
+    out[world, pixel] = value
+
+
+@wp.kernel(enable_backward=False)
+def negate(image: wp.array2d(dtype=wp.float32), out: wp.array2d(dtype=wp.float32), first: wp.int32):
+    index = first + wp.tid()
+    world = index // image.shape[1]
+    number = index - world * image.shape[1]
+    out[world, number] = -image[world, number]
+
+
+@wp.kernel(enable_backward=False)
+def place_cameras(
+    positions: wp.array(dtype=wp.vec3),
+    orientations: wp.array(dtype=wp.quat),
+    turn: wp.quat,
+    matrices: wp.array(dtype=wp.mat33),
+    out_positions: wp.array(dtype=wp.vec3),
+    out_rotations: wp.array(dtype=wp.vec4),
+    out_lenses: wp.array(dtype=wp.vec4),
+):
+    """Poses whose axes are turned, and matrices of intrinsics, to what cameras of one's own have."""
+    world = wp.tid()
+    q = orientations[world] * turn
+    out_positions[world] = positions[world]
+    out_rotations[world] = wp.vec4(q[3], q[0], q[1], q[2])
+    matrix = matrices[world]
+    out_lenses[world] = wp.vec4(matrix[0, 0], matrix[1, 1], matrix[0, 2], matrix[1, 2])
+
+
+def record_clipped(image: wp.array, beyond: float, out: wp.array, device: wp.Device) -> Stage:
+    """Bind the stage that copies float32 images (world, height, width, 1), with another number in place of inf."""
+    return _record(clip_values, image.reshape((image.shape[0], -1)), [float(beyond), out], device)
+
+
+def record_look_up(image: wp.array, table: wp.array, miss: int, other: int, out: wp.array, device: wp.Device) -> Stage:
+    """Bind the stage that writes a number for each id.
+
+    Args:
+        image: int32 (world, height, width, 1).
+        table: int32 (id,).
+        miss: For -1.
+        other: For every id that the table lacks.
+        out: int32 (world, pixel); written.
+        device: Where all of these lie.
+    """
+    return _record(look_up, image.reshape((image.shape[0], -1)), [table, miss, other, out], device)
+
+
+def record_negated(image: wp.array, out: wp.array, device: wp.Device) -> Stage:
+    """Bind the stage that writes float32 images (world, height, width, n) with other signs."""
+    return _record(negate, image.reshape((image.shape[0], -1)), [out], device)

@@ -1,6 +1,8 @@
 """mjlab's camera sensor by our class, in tasks of its own."""
 
 import copy
+import sys
+from importlib.util import find_spec
 from typing import Any
 
 import numpy as np
@@ -11,6 +13,11 @@ import warp as wp
 import warpcam as wc
 
 HOW = "pip install mjlab; .ci/run has an environment of its own for it"
+if find_spec("mjlab") and find_spec("triton") and "torch._dynamo" not in sys.modules:
+    pytest.skip(
+        "pytest -p torch._dynamo: mjlab imports triton, which crashes where Warp's compiler was loaded before",
+        allow_module_level=True,
+    )
 envs = pytest.importorskip("mjlab.envs", reason=HOW, exc_type=ImportError)
 
 from mjlab.sensor import CameraSensorCfg as MjlabCfg  # noqa: E402

@@ -97,9 +97,7 @@ def seen_by(kind: Any, model: Any, state: Any, positions: Any, **settings: Any) 
     sensor = kind(model)
     sensor.create_default_light()
     rays = kind.compute_camera_rays_pinhole(*SIZE, camera_fov=0.8, device=model.device)
-    images = {
-        name: getattr(sensor, f"allocate_image_{what}")(len(positions), *SIZE) for name, what in IMAGES.items()
-    }
+    images = {name: getattr(sensor, f"allocate_image_{what}")(len(positions), *SIZE) for name, what in IMAGES.items()}
     model.bvh_refit_shapes(state)
     sensor.update(state, look_from(positions, model.device), rays, **images, **settings)
     return {name: image.numpy().copy() for name, image in images.items()}
@@ -197,10 +195,8 @@ def test_what_is_not_offered_is_refused_by_name(worlds: tuple[Any, Any]) -> None
     sensor = SensorCamera(model)
     transforms = look_from([(2.0, -2.0, 1.0)] * 3, model.device)
     depth = sensor.allocate_image_depth(3, *SIZE)
-    fisheye = SensorCamera.compute_camera_rays_fisheye_opencv(
-        *SIZE, 12.0, 12.0, 12.0, 8.0, k1=0.1, device=model.device
-    )
-    with pytest.raises(wc.WarpcamError, match="camera_rays: they lie up to .* pixels beside the pinhole"):
+    fisheye = SensorCamera.compute_camera_rays_fisheye_opencv(*SIZE, 12.0, 12.0, 12.0, 8.0, k1=0.1, device=model.device)
+    with pytest.raises(wc.WarpcamError, match=r"camera_rays: they lie up to .* pixels beside the pinhole"):
         sensor.update(state, transforms, fisheye, depth_image=depth)
     rays = SensorCamera.compute_camera_rays_pinhole(*SIZE, camera_fov=0.8, device=model.device)
     for settings, message in (
