@@ -95,9 +95,9 @@ def test_data_types_that_mjlab_lacks() -> None:
     cfg = cartpole_balance_env_cfg()
     kinds = ("rgb", "segmentation", "normals", "points", "distance", "bodies", "albedo")
     cfg.scene.sensors = (
-        ours.CameraSensorCfg(name="eye", camera_name="robot/fixed", width=24, height=16, data_types=kinds),
+        ours.CameraSensorCfg(name="eye", camera_name="cartpole/fixed", width=24, height=16, data_types=kinds),
         ours.CameraSensorCfg(
-            name="plain", camera_name="robot/lookatcart", width=16, height=16, use_textures=False, use_shadows=True,
+            name="plain", camera_name="cartpole/lookatcart", width=16, height=16, use_textures=False, use_shadows=True,
             antialiasing=4, clone_data=True,
         ),
     )  # fmt: skip
