@@ -40,7 +40,7 @@ class Scene:
         parts = source.parts
         self._source = source
         self._parts = parts
-        self.device: wp.Device = source.device
+        self.device: wp.Device = device_rule.resolve(source.device)
         self.num_worlds: int = parts.num_worlds
         self._counts = {
             "shapes": len(parts.shape_types),
