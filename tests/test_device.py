@@ -94,12 +94,12 @@ SETTINGS: dict[str | None, str] = {
     UUIDS[1]: f"CUDA_VISIBLE_DEVICES='{UUIDS[1]}': cuda:0 is {UUIDS[1]}",
     f"{UUIDS[3]},1": f"CUDA_VISIBLE_DEVICES='{UUIDS[3]},1': cuda:0 is {UUIDS[3]}, cuda:1 is GPU 1",
     PART: f"CUDA_VISIBLE_DEVICES='{PART}': cuda:0 is {PART}",
-    "1,7,2": "CUDA_VISIBLE_DEVICES='1,7,2' names 3, and CUDA shows 1: it stops at the first that it does not find",
-    "7": "CUDA_VISIBLE_DEVICES='7' names 1, and CUDA shows 0: it stops at the first that it does not find",
-    "-1": "CUDA_VISIBLE_DEVICES='-1' names 1, and CUDA shows 0: it stops at the first",
-    "1,1": "CUDA_VISIBLE_DEVICES='1,1' names 2, and CUDA shows 0: it stops at the first that it does not find and "
+    "1,7,2": "CUDA_VISIBLE_DEVICES='1,7,2': it names 3, and CUDA shows 1: it stops at the first that it does not find",
+    "7": "CUDA_VISIBLE_DEVICES='7': it names 1, and CUDA shows 0: it stops at the first that it does not find",
+    "-1": "CUDA_VISIBLE_DEVICES='-1': it names 1, and CUDA shows 0: it stops at the first",
+    "1,1": "CUDA_VISIBLE_DEVICES='1,1': it names 2, and CUDA shows 0: it stops at the first that it does not find, "
     "shows none if one comes twice",
-    "GPU-nowhere": "CUDA_VISIBLE_DEVICES='GPU-nowhere' names 1, and CUDA shows 0",
+    "GPU-nowhere": "CUDA_VISIBLE_DEVICES='GPU-nowhere': it names 1, and CUDA shows 0",
 }
 
 
@@ -142,7 +142,7 @@ def test_the_card_that_is_named_is_the_one_behind_the_ordinal(setting: str, mach
 
 def test_a_machine_without_a_driver(machine: Callable[..., None]) -> None:
     machine(None, driver=None)
-    with pytest.raises(wc.WarpcamError, match="'cuda' came, this process sees cpu; there is no CUDA driver$"):
+    with pytest.raises(wc.WarpcamError, match=r"'cuda' came, this process sees cpu; there is no CUDA driver$"):
         device_rule.resolve("cuda")
     machine("2", driver=None)
     with pytest.raises(wc.WarpcamError, match=re.escape("there is no CUDA driver (CUDA_VISIBLE_DEVICES='2')")):

@@ -172,7 +172,7 @@ def test_ordinals_are_those_that_are_visible(setting: str) -> None:
             assert uuid == (entry if entry in cards else cards[int(entry)])
             assert f"cuda:{ordinal} is {'' if entry in cards else 'GPU '}{entry}" in said
     else:
-        assert f"names {len(entries)}, and CUDA shows {len(uuids)}" in said
+        assert f"it names {len(entries)}, and CUDA shows {len(uuids)}" in said
     if setting in ("0", "1", "1,0", cards[1]):
         assert len(uuids) == len(entries)
 

@@ -51,19 +51,28 @@ def resolve(device: Any = None) -> wp.Device:
 
 
 def ordinals() -> str:
-    """Which GPU of the machine each visible ordinal is, in words, as far as ``CUDA_VISIBLE_DEVICES`` tells."""
+    """``CUDA_VISIBLE_DEVICES``, and which GPU of the machine each visible ordinal is as far as it tells, in words."""
+    setting = os.environ.get(VISIBLE)
+    if wp.get_cuda_driver_version() is None:
+        return meaning() + ("" if setting is None else f" ({VISIBLE}={setting!r})")
+    if setting is None:
+        return f"{VISIBLE} is not set: {meaning()}"
+    return f"{VISIBLE}={setting!r}: {meaning()}"
+
+
+def meaning() -> str:
+    """What ``CUDA_VISIBLE_DEVICES`` means here."""
     setting, count = os.environ.get(VISIBLE), wp.get_cuda_device_count()
     if wp.get_cuda_driver_version() is None:
-        return "there is no CUDA driver" + ("" if setting is None else f" ({VISIBLE}={setting!r})")
+        return "there is no CUDA driver"
     if setting is None:
-        return f"{VISIBLE} is not set: all GPUs that CUDA finds are visible"
+        return "all GPUs that CUDA finds are visible"
     entries = [entry.strip() for entry in setting.split(",")] if setting.strip() else []
     if len(entries) == count:
-        each = (f"cuda:{ordinal} is {_gpu(entry)}" for ordinal, entry in enumerate(entries))
-        return f"{VISIBLE}={setting!r}: {', '.join(each) or 'every GPU is hidden'}"
+        return ", ".join(f"cuda:{i} is {_gpu(entry)}" for i, entry in enumerate(entries)) or "every GPU is hidden"
     return (
-        f"{VISIBLE}={setting!r} names {len(entries)}, and CUDA shows {count}: it stops at the first that it does not "
-        "find and shows none if one comes twice, and a value set after CUDA has started counts for nothing"
+        f"it names {len(entries)}, and CUDA shows {count}: it stops at the first that it does not find, shows none if "
+        "one comes twice, and does not read what is set after it has started"
     )
 
 
