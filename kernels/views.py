@@ -1,11 +1,34 @@
 """The first stages of a frame: which worlds it draws, and each camera's view in them."""
 
+import math
+from dataclasses import dataclass
 from typing import Any
 
 import warp as wp
 
 from .launch import Stage, record
 from .types import View
+
+
+@dataclass(frozen=True, eq=False)
+class Tags:
+    """What tells one frame of a world from another.
+
+    Attributes:
+        frames: int32, (world,): how many frames have drawn it.
+        times: float32, (world,): the simulation's time in the last of them [s]; NaN where it has none.
+    """
+
+    frames: wp.array
+    times: wp.array
+
+    @classmethod
+    def of(cls, num_worlds: int, device: wp.Device) -> "Tags":
+        return cls(
+            wp.zeros(num_worlds, dtype=wp.int32, device=device),
+            wp.full(num_worlds, math.nan, dtype=wp.float32, device=device),
+        )
+
 
 # How a lens is given: LensTable.kind.
 FOVY = 0  # vertical field of view [degrees]
@@ -143,13 +166,22 @@ def write_views(
 
 @wp.kernel(enable_backward=False)
 def begin_frame(
-    everything: wp.int32, mask: wp.array(dtype=wp.uint8), faults: wp.array(dtype=wp.uint8), first: wp.int32
+    everything: wp.int32,
+    mask: wp.array(dtype=wp.uint8),
+    faults: wp.array(dtype=wp.uint8),
+    clock: wp.array(dtype=wp.float32),
+    frames: wp.array(dtype=wp.int32),
+    times: wp.array(dtype=wp.float32),
+    first: wp.int32,
 ):
     world = first + wp.tid()
     if everything != 0:
         mask[world] = wp.uint8(1)
     if mask[world] != wp.uint8(0):
         faults[world] = wp.uint8(0)
+        frames[world] = frames[world] + 1
+        if world < clock.shape[0]:
+            times[world] = clock[world]
 
 
 @wp.kernel(enable_backward=False)
@@ -181,6 +213,12 @@ def record_views(
     return record(write_views, views.shape[0], [mount, lens, mask, faults, views], device)
 
 
-def record_begin(everything: bool, mask: wp.array, faults: wp.array, device: wp.Device) -> Stage:
-    """Bind the stage that opens a frame: of all worlds, or of those that ``mask`` has. It clears their faults."""
-    return record(begin_frame, mask.shape[0], [int(everything), mask, faults], device)
+def record_begin(
+    everything: bool, mask: wp.array, faults: wp.array, clock: wp.array | None, tags: Tags, device: wp.Device
+) -> Stage:
+    """Bind the stage that opens a frame: of all worlds, or of those that ``mask`` has.
+
+    It clears their faults, counts the frame, and notes the ``clock``, (world,) float32 [s], if there is one.
+    """
+    values = [int(everything), mask, faults, clock, tags.frames, tags.times]
+    return record(begin_frame, mask.shape[0], values, device)

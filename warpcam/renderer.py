@@ -15,7 +15,7 @@ from warpcam.errors import WarpcamError
 from warpcam.kernels.launch import Frame, Group, Stage, bind
 from warpcam.kernels.streams import context_kept, quiet_stream
 from warpcam.kernels.tables import Tables
-from warpcam.kernels.views import record_begin
+from warpcam.kernels.views import Tags, record_begin
 from warpcam.memory import check_cameras, estimate_memory, require_free
 from warpcam.mounting import CameraArrays, Mounted
 from warpcam.scene import Scene
@@ -59,6 +59,8 @@ class Renderer:
             scene's device. The same tensors in every frame; they stay valid when the renderer is gone.
         faulty: uint8 tensor, (world,): 1 where, in the last frame that drew the world, a pose, size or lens was not a
             number or made no image. Such a world's images show the background; no other world is touched.
+        frames: int32 tensor, (world,): how many frames have drawn the world. Counted on the device, so in graphs, too.
+        times: float32 tensor, (world,): the simulation's time [s] in the last of them; NaN where it keeps none.
         memory: What was allocated for it all; ``estimate_memory`` tells before.
     """
 
@@ -78,6 +80,8 @@ class Renderer:
         self._selection = Selection(scene.num_worlds, scene.device)
         self._faults = wp.zeros(scene.num_worlds, dtype=wp.uint8, device=scene.device)
         self.faulty = interop.to_torch(self._faults)
+        self._tags = Tags.of(scene.num_worlds, scene.device)
+        self.frames, self.times = interop.to_torch(self._tags.frames), interop.to_torch(self._tags.times)
         self.images: Images = {
             key: {name: interop.to_torch(array) for name, array in target.images.items()}
             for key, target in self._targets.items()
@@ -121,7 +125,7 @@ class Renderer:
                     self._scene.forward()
                 self._scene.refresh()
                 tables = self._scene.tables()
-                if tables is not self._tables:
+                if tables is not self._tables or self._scene.clock() is not self._clock:
                     self._record(tables)
                 self._run(worlds is None, capturing)
         return self.images
@@ -148,9 +152,11 @@ class Renderer:
         mask, faults, scratch = self._selection.mask, self._faults, self._scratch
         views = [mounted.record(mask, faults, self._targets[key].views) for key, mounted in self._mounted.items()]
         images = {key: target.images.values() for key, target in self._targets.items()}
+        clock = self._clock = self._scene.clock()
         frames: dict[bool, list[list[list[Stage]]]] = {}
         for everything in (True, False):
-            frames[everything] = [[[record_begin(everything, mask, faults, self._device)]], [views]]
+            begin = record_begin(everything, mask, faults, clock, self._tags, self._device)
+            frames[everything] = [[[begin]], [views]]
             phases = list(scratch.phases(images if everything else None))
             if everything:
                 busiest = max((sum(map(self._pixels, phase)) for phase in phases), default=0)

@@ -132,6 +132,10 @@ class Scene:
         """What brings the device's arrays up to date there: the same tuple as long as it does the same."""
         return self._source.stages(self._meshes)
 
+    def clock(self) -> wp.array | None:
+        """The simulator's own array of its time in each world [s], (world,) float32; None where it keeps none."""
+        return self._source.clock()
+
     def bind(self, state: Any) -> None:
         """Look at another state of the same simulation from the next render on; nothing is built again.
 
