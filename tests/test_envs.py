@@ -105,10 +105,38 @@ def pixels(num_envs: int, mode: Any, tensors: bool = False, **options: Any) -> P
     return PixelObservation(env, renderer_of(env), **more)
 
 
-def judge(num_envs: int, mode: Any, **options: Any) -> SyncVectorEnv:
+class Judge(gymnasium.Env):
+    """One such world, whose images are rendered without any wrapper."""
+
+    def __init__(self) -> None:
+        self._one = Sliders(1, AutoresetMode.DISABLED, wp.get_device())
+        self._renderer = renderer_of(self._one)
+        self.action_space = self._one.single_action_space
+        self.observation_space = gymnasium.spaces.Dict(
+            {
+                "state": self._one.single_observation_space,
+                "top_rgb": gymnasium.spaces.Box(0, 255, (HEIGHT, WIDTH, 3), np.uint8),
+                "top_depth": gymnasium.spaces.Box(0.0, np.inf, (HEIGHT, WIDTH, 1), np.float32),
+            }
+        )
+
+    def reset(self, *, seed: int | None = None, options: Any = None) -> Any:
+        states, infos = self._one.reset(seed=seed)
+        return self._observe(states), {"begun": bool(infos["begun"][0])}
+
+    def step(self, action: Any) -> Any:
+        states, rewards, ends, limits, infos = self._one.step(action[None])
+        told = {"begun": bool(infos["begun"][0])}
+        return self._observe(states), float(rewards[0]), bool(ends[0]), bool(limits[0]), told
+
+    def _observe(self, states: np.ndarray) -> dict[str, np.ndarray]:
+        images = self._renderer.render(forward=True)["top"]
+        return {"state": states[0], **{f"top_{name}": image[0].cpu().numpy().copy() for name, image in images.items()}}
+
+
+def judge(num_envs: int, mode: Any) -> SyncVectorEnv:
     """The same worlds, each with a renderer of its own, put together by Gymnasium."""
-    one = [lambda: OneWorld(pixels(1, AutoresetMode.DISABLED, **options))] * num_envs
-    return SyncVectorEnv(one, autoreset_mode=mode)
+    return SyncVectorEnv([Judge] * num_envs, autoreset_mode=mode)
 
 
 def assert_same(found: Any, expected: Any, what: str = "") -> None:
