@@ -200,6 +200,7 @@ def test_variables_are_told_as_they_are(monkeypatch: pytest.MonkeyPatch) -> None
     for name in doctor.VARIABLES:
         monkeypatch.delenv(name, raising=False)
     assert [each.name for each in doctor.read_environment()] == ["CUDA_VISIBLE_DEVICES"]
+    monkeypatch.setattr(doctor.device_rule.wp, "get_cuda_driver_version", lambda: None)
     monkeypatch.setenv("CUDA_VISIBLE_DEVICES", " 2")
     monkeypatch.setenv("MUJOCO_EGL_DEVICE_ID", "3")
     report = two_devices(monkeypatch)

@@ -347,6 +347,18 @@ def test_frames_are_stacked_by_gymnasium(device: wp.Device) -> None:
     assert (images[1] != images[2]).any()
 
 
+def test_one_world_tells_of_itself_alone(device: wp.Device) -> None:
+    env = OneWorld(pixels(1, AutoresetMode.NEXT_STEP, tensors=True, arrays="torch"))
+    observation, infos = env.reset(seed=1)
+    assert observation["top_rgb"].shape == (HEIGHT, WIDTH, 3)
+    assert bool(infos["begun"]) is True
+    observation, reward, terminated, truncated, infos = env.step(torch.ones(1))
+    assert type(reward) is float
+    assert (terminated, truncated) == (False, False)
+    assert bool(infos["begun"]) is False
+    assert observation["state"].shape == (1,)
+
+
 def test_frames_for_videos(device: wp.Device) -> None:
     env = pixels(3, AutoresetMode.NEXT_STEP, layout="CHW")
     image = env.reset(seed=1)[0]["top_rgb"]

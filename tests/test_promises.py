@@ -67,6 +67,7 @@ def test_frames_are_counted_in_replays(device: wp.Device) -> None:
     for step in range(5):
         d.time.fill_(float(step))
         wp.capture_launch(capture.graph)
+        wp.synchronize_device(device)
     assert renderer.frames.tolist() == [6, 6]
     assert renderer.times.tolist() == [4.0, 4.0]
 
@@ -95,7 +96,7 @@ class Held:
         gc.collect()
         wp.synchronize_device(device)
         self.objects = len(gc.get_objects())
-        self.device = 0
+        self.device, self.on_cuda = 0, device.is_cuda
         if device.is_cuda:
             self.device = wp.get_mempool_used_mem_current(device) + torch.cuda.memory_allocated(device.ordinal)
         pages = int(Path("/proc/self/statm").read_text().split()[1]) if Path("/proc/self/statm").exists() else 0
@@ -103,7 +104,7 @@ class Held:
 
     def grown(self, before: "Held") -> list[str]:
         """What has become more than a process breathes."""
-        allowed = {"objects": 300, "device": 0, "process": 6_000_000}
+        allowed = {"objects": 300, "device": 0, "process": 64_000_000 if self.on_cuda else 6_000_000}  # a driver's own
         grown = {name: getattr(self, name) - getattr(before, name) for name in allowed}
         return [f"{name}: {more:,} more" for name, more in grown.items() if more > allowed[name]]
 
@@ -139,7 +140,7 @@ def test_growth_is_seen(device: wp.Device) -> None:
     before = Held(device)
     kept = [[frame] for frame in range(1000)]
     assert [each.split(":")[0] for each in Held(device).grown(before)] == ["objects"]
-    more = np.ones(10_000_000, np.uint8)
+    more = np.ones(80_000_000, np.uint8)
     assert "process" in [each.split(":")[0] for each in Held(device).grown(before)]
     del kept, more
 

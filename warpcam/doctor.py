@@ -161,7 +161,7 @@ def run(options: Any) -> int:
     else:
         console = Console(highlight=False)
         if not console.is_terminal:
-            console.width = 140  # a log does not care, and lines that are whole can be searched
+            console.width = 200  # a log does not care, and lines that are whole can be searched
         console.print(screen_of(report))
     return int(bool(report.problems))
 
