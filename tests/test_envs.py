@@ -21,6 +21,7 @@ from gymnasium.wrappers import FrameStackObservation  # noqa: E402
 from gymnasium.wrappers.vector import FlattenObservation, RecordEpisodeStatistics  # noqa: E402
 
 from warpcam.envs import OneWorld, PixelObservation  # noqa: E402
+from warpcam.outputs import OUTPUTS  # noqa: E402
 
 MODEL = """
 <mujoco>
@@ -298,8 +299,6 @@ def test_layouts_and_one_image_of_all_channels(device: wp.Device) -> None:
 
 
 def test_spaces_hold_every_output(device: wp.Device) -> None:
-    from warpcam.outputs import OUTPUTS
-
     env = Sliders(2, AutoresetMode.NEXT_STEP, device)
     mjm = scenes.compile_xml('<body><freejoint/><geom type="box" size="0.5 0.5 0.5"/></body><light/>')
     scene = wc.from_mujoco_warp(mjm, *scenes.put(mjm, 2))
@@ -345,6 +344,30 @@ def test_frames_are_stacked_by_gymnasium(device: wp.Device) -> None:
     np.testing.assert_array_equal(images[:2], second["top_rgb"][1:])
     np.testing.assert_array_equal(images[0], first["top_rgb"][2])
     assert (images[1] != images[2]).any()
+
+
+@pytest.mark.skipif("flow_valid" not in OUTPUTS, reason="no camera gives flow")
+@pytest.mark.parametrize("mode", MODES, ids=lambda mode: mode.name)
+def test_nothing_flows_from_one_episode_into_the_next(mode: Any, device: wp.Device) -> None:
+    own = Sliders(3, AutoresetMode.DISABLED if mode is AutoresetMode.SAME_STEP else mode, device)
+    env = PixelObservation(own, renderer_of(own, ("flow_valid",)), autoreset_mode=mode, forward=True)
+    assert not env.reset(seed=1)[0]["top_flow_valid"].any()
+    pushes = np.array([[1.0], [0.0], [-1.0]], np.float32)
+    begun, ends = np.zeros(3, bool), 0
+    for _ in range(10):
+        observation, _, terminations, truncations, _ = env.step(pushes)
+        ended = terminations | truncations
+        ends += ended.sum()
+        if mode is AutoresetMode.SAME_STEP:
+            begun = ended
+        known = observation["top_flow_valid"].any(axis=(1, 2, 3))
+        np.testing.assert_array_equal(known, ~begun)
+        begun = ended
+        if mode is AutoresetMode.DISABLED and ended.any():
+            observation, _ = env.reset(options={"reset_mask": ended.copy()})
+            assert not observation["top_flow_valid"][ended].any()
+            begun = np.zeros(3, bool)
+    assert ends > 2
 
 
 def test_one_world_tells_of_itself_alone(device: wp.Device) -> None:

@@ -95,6 +95,8 @@ class PixelObservation(VectorWrapper):
         own = _mode_of(env)
         self._mode = _check_mode(own, autoreset_mode, final_images)
         self._resets = self._mode is AutoresetMode.SAME_STEP and own is AutoresetMode.DISABLED
+        self._ended: Any = None  # worlds that the env's next step begins anew
+        self._flows = any(output.startswith("flow") for output, _ in self._images.values())
         self._frames = next((tensor for output, tensor in self._images.values() if output == "rgb"), None)
         more = {"autoreset_mode": self._mode}
         if env.render_mode is None and self._frames is not None:
@@ -107,11 +109,16 @@ class PixelObservation(VectorWrapper):
         """Reset all worlds, or those of ``options["reset_mask"]`` (world,), and render them."""
         worlds = (options or {}).get("reset_mask")  # read first: envs take it out of the options
         observations, infos = self.env.reset(seed=seed, options=options)
+        self._forget(worlds)
         self._render(worlds)
         return self._observe(observations), infos
 
     def step(self, actions: Any) -> tuple[Any, Any, Any, Any, dict[str, Any]]:
         observations, rewards, terminations, truncations, infos = self.env.step(actions)
+        if self._ended is not None:
+            self._forget(self._ended)
+        if self._mode is AutoresetMode.NEXT_STEP:
+            self._ended = terminations | truncations
         self._render()
         if self._resets:
             observed, infos = self._reset_ended(observations, terminations | truncations, infos)
@@ -134,6 +141,11 @@ class PixelObservation(VectorWrapper):
     def _render(self, worlds: Any = None) -> None:
         self._renderer.render(worlds=worlds, forward=self._forward)
 
+    def _forget(self, worlds: Any) -> None:
+        """Where a world has jumped to another state nothing has flowed there."""
+        if self._flows:
+            self._renderer.reset(worlds)
+
     def _reset_ended(self, last: Any, ended: Any, infos: dict[str, Any]) -> tuple[Any, dict[str, Any]]:
         """Begin new episodes in the worlds whose episodes have ended; the observation and infos of the step."""
         on_host = isinstance(ended, np.ndarray) or not ended.is_cuda
@@ -142,6 +154,7 @@ class PixelObservation(VectorWrapper):
         final = self._observe(last, copy=True)
         mask = ended.copy() if isinstance(ended, np.ndarray) else ended.clone()
         observations, begun = self.env.reset(options={"reset_mask": mask})
+        self._forget(ended)
         self._render(ended)
         told = {**infos, **{key: _where(ended, value, infos.get(key)) for key, value in begun.items()}}
         if not self._torch:
