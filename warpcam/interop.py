@@ -29,15 +29,6 @@ def as_array(value: Any) -> wp.array | None:
     return None
 
 
-def to_numpy(value: Any) -> np.ndarray:
-    """A copy on the host of numbers in any form: torch, Warp, numpy or plain."""
-    if isinstance(value, torch.Tensor):
-        return value.detach().cpu().numpy()
-    if isinstance(value, wp.array):
-        return value.numpy()
-    return np.asarray(value)
-
-
 def is_tensor(value: Any) -> bool:
     return isinstance(value, torch.Tensor)
 
@@ -56,6 +47,15 @@ def copied(tensor: torch.Tensor) -> torch.Tensor:
 
 def concatenate(tensors: Sequence[torch.Tensor], axis: int) -> torch.Tensor:
     return torch.cat(list(tensors), dim=axis)
+
+
+def to_numpy(value: Any) -> np.ndarray:
+    """A copy on the host of numbers in any form: torch, Warp, numpy or plain."""
+    if isinstance(value, torch.Tensor):
+        return value.detach().cpu().numpy()
+    if isinstance(value, wp.array):
+        return value.numpy()
+    return np.asarray(value)
 
 
 def is_capturing(device: wp.Device) -> bool:
