@@ -92,7 +92,7 @@ class Report:
     packages: dict[str, str | None]
     simulators: dict[str, str | None]
     cuda: dict[str, str | int | None]
-    caches: dict[str, str | None]
+    caches: dict[str, str]
     devices: list[Card]
     environment: list[Variable]
     renders: list[Render]
@@ -194,7 +194,7 @@ def screen_of(report: Report) -> Group:
             ),
         ],
     )
-    section("Caches", list(report.caches.items()) if all(report.caches.values()) else [])
+    section("Caches", list(report.caches.items()))
     section("Devices", [_row(card) for card in report.devices])
     section(
         "Environment",

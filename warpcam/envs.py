@@ -127,7 +127,7 @@ class PixelObservation(VectorWrapper):
         return observed, self._array(rewards), self._array(terminations), self._array(truncations), infos
 
     @property
-    def render_mode(self) -> str | None:
+    def render_mode(self) -> str | None:  # type: ignore[override]
         """The env's, or "rgb_array" where it has none and a camera gives ``rgb``."""
         own = self.env.render_mode
         return "rgb_array" if own is None and self._frames is not None else own
@@ -144,7 +144,8 @@ class PixelObservation(VectorWrapper):
     def _forget(self, worlds: Any) -> None:
         """Where a world has jumped to another state nothing has flowed there."""
         if self._flows:
-            self._renderer.reset(worlds)
+            renderer: Any = self._renderer
+            renderer.reset(worlds)
 
     def _reset_ended(self, last: Any, ended: Any, infos: dict[str, Any]) -> tuple[Any, dict[str, Any]]:
         """Begin new episodes in the worlds whose episodes have ended; the observation and infos of the step."""

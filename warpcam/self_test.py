@@ -2,6 +2,7 @@
 
 import time
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import warp as wp
@@ -12,7 +13,7 @@ from warpcam.kernels.types import BOX, SPHERE
 from warpcam.lens import Pinhole
 from warpcam.renderer import Renderer
 from warpcam.sources import lathe
-from warpcam.sources.forms import Solid, Surface
+from warpcam.sources.forms import Form, Solid, Surface
 from warpcam.sources.graph import Graph, Item, Lamp, Look, Node
 from warpcam.sources.graph_source import GraphSource
 
@@ -114,18 +115,18 @@ def _graph() -> Graph:
     turn[:3, 3] = BLOCK_AT
     nodes = [Node("/", -1, np.eye(4)), Node("/wall", 0, _at((0.0, 0.0, -0.5))), Node("/ball", 0, _at(CENTER))]
     nodes += [Node("/block", 0, turn), Node("/sun", 0, _tilted())]
-    forms = Solid("wall", BOX, (9.0, 9.0, 0.5)), Solid("ball", SPHERE, (RADIUS,))
-    block = Surface("block", *lathe.box(np.full(3, HALF)))
+    wall, ball = Solid("wall", BOX, (9.0, 9.0, 0.5)), Solid("ball", SPHERE, (RADIUS,))
+    forms: list[Form] = [wall, ball, Surface("block", *lathe.box(np.full(3, HALF)))]
     return Graph(
         "self test",
         nodes,
-        [Item(nodes[1 + i].name, 1 + i, form, i) for i, form in enumerate((*forms, block))],
+        [Item(nodes[1 + i].name, 1 + i, form, i) for i, form in enumerate(forms)],
         [Look("wall", (0.6, 0.6, 0.6)), Look("ball", (0.8, 0.1, 0.1)), Look("block", (0.1, 0.3, 0.8))],
         lamps=[Lamp("/sun", 4, "distant", (2.0, 2.0, 2.0))],
     )
 
 
-def _at(position: object) -> np.ndarray:
+def _at(position: Any) -> np.ndarray:
     matrix = np.eye(4)
     matrix[:3, 3] = position
     return matrix
