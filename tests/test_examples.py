@@ -1,6 +1,7 @@
 """Every example runs, as a user would run it: in a process of its own, in an empty folder."""
 
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -59,6 +60,15 @@ def test_every_gpu(tmp_path: Path) -> None:
     printed = run(str(EXAMPLES / "every_gpu.py"), folder=tmp_path)
     assert printed.splitlines()[-2].startswith("cpu: ")
     assert "contexts on GPUs []" in printed
+
+
+def test_gymnasium_cartpole(tmp_path: Path) -> None:
+    pytest.importorskip("gymnasium", reason="pip install 'warpcam[gymnasium]'")
+    printed = run(str(EXAMPLES / "gymnasium_cartpole.py"), folder=tmp_path)
+    assert "Box(0.0, inf, (1, 32, 32), float32)" in printed
+    ended, lean = re.search(r"(\d+) episodes ended\nmean lean in their last images: (.*) rad", printed).groups()
+    assert int(ended) > 5
+    assert float(lean) > 0.3
 
 
 def test_formats_are_rendered_as_the_readme_shows(tmp_path: Path) -> None:

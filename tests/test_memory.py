@@ -132,7 +132,7 @@ def test_scratch_of_layers_follows_the_formula(outputs: tuple[str, ...], layers:
         told = wc.estimate_memory(scene, cameras)
         assert told.scratch == scratch_by_the_docs(num_worlds, cameras, layers)
         lit = bool(set(outputs) & LIT)
-        assert told.worlds == num_worlds * (2 + 84 + 124 * (MIRROR in layers and lit))
+        assert told.worlds == num_worlds * (10 + 84 + 124 * (MIRROR in layers and lit))
 
 
 def test_images_take_their_shape_times_their_type() -> None:

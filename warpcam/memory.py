@@ -25,7 +25,7 @@ class Memory:
     Attributes:
         images: Of each image, by camera and output.
         scratch: What the cameras use between the stages of a frame, one after the other.
-        worlds: Each camera's poses, lenses and views, and which worlds are drawn or faulty.
+        worlds: Each camera's poses, lenses and views, which worlds are drawn or faulty, and their frames and times.
         past: What is kept of the last frame for ``flow`` and ``flow_valid``.
     """
 
@@ -63,7 +63,7 @@ def estimate_memory(scene: Scene, cameras: Sequence[Camera]) -> Memory:
         images={key: image_bytes(camera, tables) for key, camera in by_key.items()},
         scratch=Scratch(by_key, tables, scene.device).size,
         worlds=scene.num_worlds
-        * (2 + sum(view + pose_bytes(one) + world_bytes(one, tables) for one in by_key.values())),
+        * (10 + sum(view + pose_bytes(one) + world_bytes(one, tables) for one in by_key.values())),
         past=past_bytes(by_key, scene, tables),
     )
 

@@ -45,7 +45,7 @@ class Scene:
         parts = source.parts
         self._source = source
         self._parts = parts
-        self.device: wp.Device = source.device
+        self.device: wp.Device = device_rule.resolve(source.device)
         self.num_worlds: int = parts.num_worlds
         self._counts = {
             "shapes": len(parts.shape_types),
@@ -154,6 +154,10 @@ class Scene:
         """What brings the device's arrays up to date there: the same tuple as long as it does the same."""
         stages = self._source.stages(self._meshes)
         return (*stages, *self._own.stages) if self._own.stages else stages
+
+    def clock(self) -> wp.array | None:
+        """The simulator's own array of its time in each world [s], (world,) float32; None where it keeps none."""
+        return self._source.clock()
 
     def bind(self, state: Any) -> None:
         """Look at another state of the same simulation from the next render on; nothing is built again.

@@ -129,6 +129,9 @@ class GraphSource:
     def global_ambient(self) -> float:
         return 0.0
 
+    def clock(self) -> wp.array | None:
+        return None
+
     def refresh(self) -> None:
         pass
 

@@ -83,6 +83,9 @@ class MujocoWarpSource:
     def global_ambient(self) -> float:
         return self._ambient
 
+    def clock(self) -> wp.array | None:
+        return self._d.time
+
     def refresh(self) -> None:
         pass
 

@@ -159,6 +159,9 @@ class NewtonSource:
     def global_ambient(self) -> float:
         return 0.0
 
+    def clock(self) -> wp.array | None:
+        return None
+
     def refresh(self) -> None:
         pass
 
