@@ -35,6 +35,7 @@ class Tables:
     physical: Any = None  # Physical, of scenes that are lit as native/physical.h does it
     has_maps: bool = False  # some material of such a scene has more than the texture of its colour
     splats: Any = None  # clouds of Gaussians, if shapes are such
+    moving: tuple[int, ...] = ()  # meshes whose corners move
     layers: LayerTables | None = None  # of what one layer cannot show: mirrors, transparent shapes, haze
     variety: Any = None  # Variety, if worlds have more for themselves than the tables say
     headlights: bool = False  # each world has a headlight of its own: see native/variety.h

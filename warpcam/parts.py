@@ -188,6 +188,9 @@ class Source(Protocol):
     def global_ambient(self) -> float:
         """Light that is everywhere."""
 
+    def clock(self) -> wp.array | None:
+        """Time in each world [s], (world,) float32; None where the simulator keeps none."""
+
     def refresh(self) -> None:
         """Bring the arrays up to date with a state on the host."""
 

@@ -11,7 +11,7 @@ import warp as wp
 from warpcam import device as device_rule
 from warpcam import interop
 from warpcam.accel.heightfields import pack_height_fields
-from warpcam.accel.meshes import pack_meshes
+from warpcam.accel.meshes import pack_masks, pack_meshes
 from warpcam.accel.splats import Packed, pack_splats
 from warpcam.accel.textures import pack_textures
 from warpcam.bounds import Bounds, bounds_of
@@ -20,6 +20,7 @@ from warpcam.kernels.launch import Stage
 from warpcam.kernels.tables import Tables
 from warpcam.kernels.types import (
     HEIGHT_FIELD,
+    MASKED,
     MESH,
     NUM_TYPES,
     SCALED,
@@ -44,7 +45,7 @@ class Scene:
         parts = source.parts
         self._source = source
         self._parts = parts
-        self.device: wp.Device = source.device
+        self.device: wp.Device = device_rule.resolve(source.device)
         self.num_worlds: int = parts.num_worlds
         self._counts = {
             "shapes": len(parts.shape_types),
@@ -61,8 +62,10 @@ class Scene:
         self._key: tuple[Any, ...] = ()
         self._ambient, self._last = -1.0, ()
         self._meshes, self._num_faces = pack_meshes(parts.meshes, self.device)
+        self._moving = tuple(index for index, mesh in enumerate(parts.meshes) if mesh.moves)
         self._height_fields = pack_height_fields(parts.height_fields, self.device)
         self._textures = pack_textures(parts.textures, self.device)
+        self._masked = pack_masks(parts.meshes, self._textures, self._meshes, self.device)
         self._splats = self._pack_splats()
         self._drawn = wp.array(np.asarray(parts.drawn, np.int32), dtype=wp.int32, device=self.device)
         places = np.full(len(parts.shape_types), -1, np.int32)
@@ -109,6 +112,15 @@ class Scene:
             raise WarpcamError("objects: only scenes of from_mujoco and from_mujoco_warp have objects of several kinds")
         return self._parts.objects
 
+    @property
+    def columns(self) -> np.ndarray:
+        """What stands in each column of arrays that count shapes, (world or 1, column) int32.
+
+        Ids as ``segmentation`` has them, -1 where a world has nothing.
+        """
+        ids = self._parts.shape_ids
+        return np.arange(self._counts["shapes"], dtype=np.int32)[None] if ids is None else ids.copy()
+
     def bounds(self) -> Bounds:
         """Lowest and highest corner of what can be seen now, over all worlds, infinite planes aside.
 
@@ -142,6 +154,10 @@ class Scene:
         """What brings the device's arrays up to date there: the same tuple as long as it does the same."""
         stages = self._source.stages(self._meshes)
         return (*stages, *self._own.stages) if self._own.stages else stages
+
+    def clock(self) -> wp.array | None:
+        """The simulator's own array of its time in each world [s], (world,) float32; None where it keeps none."""
+        return self._source.clock()
 
     def bind(self, state: Any) -> None:
         """Look at another state of the same simulation from the next render on; nothing is built again.
@@ -217,6 +233,14 @@ class Scene:
         self._ambient, self._last = ambient, tuple(arrays.values())
         return self._tables
 
+    def moving_faces(self) -> np.ndarray:
+        """How many faces, but for backs of others, each of the meshes has that move, (moving,) int64."""
+        return np.array([len(self._parts.meshes[index].fronts) for index in self._moving], np.int64)
+
+    def moving_columns(self) -> list[int]:
+        """Shapes that may be of a mesh that moves."""
+        return [shape for shape in self._parts.drawn if self._parts.shape_types[shape] == MESH]
+
     def background(self, color: tuple[float, float, float]) -> Background:
         """A plain background."""
         background = Background()
@@ -276,6 +300,7 @@ class Scene:
             horizon=parts.horizon,
             physical=physical,
             has_maps=parts.maps,
+            moving=self._moving,
             layers=self._layers,
             splats=None if self._splats is None else self._splats.table,
             labels=self._labels,
@@ -297,6 +322,8 @@ class Scene:
             types.add(SCALED)
         if MESH in types and any(mesh.two_sided for mesh in self._parts.meshes):
             types.add(TWO_SIDED)
+        if self._masked and MESH in types:
+            types.add(MASKED)
         return frozenset(types)
 
     def _check_parts(self) -> None:

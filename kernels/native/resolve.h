@@ -5,6 +5,7 @@
 #include "mapping.h"
 #include "physical.h"
 #include "mirror_plane.h"
+#include "peel.h"
 #include "reflected.h"
 #include "shade.h"
 #include "texels.h"
@@ -171,6 +172,16 @@ WARPCAM_FN void resolve_hit(const Looks* looks, const List& lights, const Scene_
         expose<FACTS>(scene, world, shown.linear, shown.display);
 }
 
+// A shape's look, as it is kept or made anew.
+template <int TYPES, int CAPACITY, class Wants, class Looks, class Scene_>
+WARPCAM_FN Looks kept_look(const Looks* looks, const Scene_& scene, const Camera& camera, int world, int id)
+{
+    if constexpr (CAPACITY > 0)
+        return looks[wp::index(scene.shapes.places, id)];
+    else
+        return look_of<TYPES, Wants>(scene, camera, world, id);
+}
+
 // Covers what is seen of a pixel with the transparent shapes before it. Returns how much is still seen of it.
 template <int TYPES, int LENS, int CAPACITY, int IMAGES, int FACTS, class Looks, class List, class Scene_,
           class Veils_>
@@ -188,19 +199,40 @@ WARPCAM_FN float resolve_veils(const Looks* looks, const List& lights, const Sce
         near = plane_of(wp::index(scene.frame.mirrors, world)).depth(ray);
         column = region.width / TILE_WIDTH - 1 - column;
     }
-    Covered covered(shown.linear, clip(shown.display));
-    const auto shade = [&](bool met, Hit hit, Vec& linear, Vec& display) {
-        Shown sheet;
-        follow(met, hit);
-        resolve_hit<TYPES, LENS, CAPACITY, IMAGES & (RGB | RGBA | HDR), FACTS & ~HAS_SHADOWS>(looks, lights, scene, camera, world, x,
-                                                                             y, hit, 0, sheet);
-        linear = sheet.linear;
-        display = sheet.display;
-    };
-    cover<TYPES>(veils, scene, ray, near, takes_part ? limit : -1.0f, column, row, shade, covered);
-    shown.linear = covered.final_linear();
-    shown.display = covered.final_display();
-    return covered.left * covered.left;
+    if constexpr ((FACTS & PHYSICAL) != 0) {
+        const auto paint = [&](bool met, Hit hit, Vec& light) {
+            Shown sheet;
+            follow(met, hit);
+            resolve_hit<TYPES, LENS, CAPACITY, IMAGES & (RGB | RGBA | HDR), FACTS & ~HAS_SHADOWS>(
+                looks, lights, scene, camera, world, x, y, hit, 0, sheet);
+            light = sheet.linear;
+            float alpha = opacity(scene.shapes, scene.materials, world, hit.shape);
+            if constexpr ((TYPES >> MASKED & 1) && (FACTS & HAS_MAPS))
+                alpha *= mapped_opacity<TYPES, LENS>(
+                    kept_look<TYPES, CAPACITY, Wanted<IMAGES, FACTS>>(looks, scene, camera, world, hit.shape), scene,
+                    camera, world, x, y, hit);
+            return alpha;
+        };
+        Peeled peeled { { 0.0f, 0.0f, 0.0f }, 1.0f };
+        peel<TYPES>(veils, scene, ray, near, takes_part ? limit : -1.0f, column, row, paint, peeled);
+        shown.linear = peeled.light + peeled.left * shown.linear;
+        shown.display = encoded(shown.linear);
+        return peeled.left;
+    } else {
+        Covered covered(shown.linear, clip(shown.display));
+        const auto shade = [&](bool met, Hit hit, Vec& linear, Vec& display) {
+            Shown sheet;
+            follow(met, hit);
+            resolve_hit<TYPES, LENS, CAPACITY, IMAGES & (RGB | RGBA | HDR), FACTS & ~HAS_SHADOWS>(looks, lights, scene, camera, world, x,
+                                                                                 y, hit, 0, sheet);
+            linear = sheet.linear;
+            display = sheet.display;
+        };
+        cover<TYPES>(veils, scene, ray, near, takes_part ? limit : -1.0f, column, row, shade, covered);
+        shown.linear = covered.final_linear();
+        shown.display = covered.final_display();
+        return covered.left * covered.left;
+    }
 }
 
 template <int TYPES, int LENS, int CAPACITY, int IMAGES, int FACTS, class Looks, class List, class Scene_,
@@ -297,11 +329,13 @@ WARPCAM_FN void resolve(const Scene_& scene, const Lights& lights, int index)
 {
     using Wants = Wanted<IMAGES, FACTS>;
     using Looks = Look<TYPES, Wants>;
-    constexpr int KEPT = CAPACITY * int(sizeof(Looks)) <= 44032 && (Wants::SURFACE || Wants::COLORED) ? CAPACITY : 0;
+    using Sheets = typename Kept<VEILS != 0, Veils<VEILS != 0 ? VEILS : 1>>::type;
+    constexpr int ROOM = 44032 - (VEILS != 0 ? int(sizeof(Sheets)) : 0);
+    constexpr int KEPT = CAPACITY * int(sizeof(Looks)) <= ROOM && (Wants::SURFACE || Wants::COLORED) ? CAPACITY : 0;
     WARPCAM_SHARED Looks looks[KEPT > 0 ? KEPT : 1];
     WARPCAM_SHARED typename Either<(FACTS & PHYSICAL) != 0, LampList, LightList>::type list;
     WARPCAM_SHARED Camera kept_camera;
-    WARPCAM_SHARED typename Kept<VEILS != 0, Veils<VEILS != 0 ? VEILS : 1>>::type veils;
+    WARPCAM_SHARED Sheets veils;
     const auto& frame = scene.frame;
     const int thread = index % THREADS;
     int world;
@@ -333,7 +367,7 @@ WARPCAM_FN void resolve(const Scene_& scene, const Lights& lights, int index)
             eye = to_vec(at.eye);
             mirror = at.shape;
         }
-        gather_veils<TYPES, LENS>(veils, scene, camera, seen, eye, mirror, world, thread);
+        gather_veils<TYPES, LENS, (FACTS & PHYSICAL) == 0>(veils, scene, camera, seen, eye, mirror, world, thread);
     }
 #if defined(__CUDA_ARCH__)
     if (KEPT > 0)

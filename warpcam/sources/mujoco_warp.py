@@ -33,7 +33,7 @@ class MujocoWarpSource:
         mjm: mujoco.MjModel,
         m: mjw.Model,
         d: mjw.Data,
-        groups: Collection[int],
+        groups: model.Groups,
         draw: Collection[str] = KINDS,
         reflections: bool | None = None,
         transparency: bool | None = None,
@@ -83,6 +83,9 @@ class MujocoWarpSource:
     def global_ambient(self) -> float:
         return self._ambient
 
+    def clock(self) -> wp.array | None:
+        return self._d.time
+
     def refresh(self) -> None:
         pass
 
@@ -109,7 +112,7 @@ def load(
     mjm: Any,
     m: Any,
     d: Any,
-    groups: Collection[int],
+    groups: model.Groups,
     draw: Collection[str] = KINDS,
     reflections: bool | None = None,
     transparency: bool | None = None,
