@@ -172,10 +172,8 @@ def _array(target: Any, name: str) -> wp.array:
     else:
         tensor = getattr(target, name)
         rows = 1
-    if tensor.dtype.itemsize == 1:
-        tensor = tensor.view(interop.torch.uint8)
-    array: wp.array = wp.from_torch(tensor.reshape(tensor.shape[0], rows, -1))
-    return array
+    array: Any = interop.as_array(tensor.reshape(tensor.shape[0], rows, -1))
+    return array.view(wp.uint8) if array.dtype is wp.bool else array
 
 
 def _record(

@@ -79,8 +79,8 @@ class OwnArrays:
     def finish(self, source: Any, arrays: Mapping[str, wp.array]) -> Mapping[str, wp.array]:
         """What the kernels are to read instead of ``arrays``; sets ``stages``, which write it."""
         stages, finished = [], dict(arrays)
-        intensity = self._arrays.get("light_intensity")
-        for name in DIMMED if intensity is not None else ():
+        for name in DIMMED if "light_intensity" in self._arrays else ():
+            intensity = self._arrays["light_intensity"]
             finished[name] = self._room(name, wp.vec3, intensity.shape)
             stages.append(record_dimming(arrays[name], intensity, finished[name], self._device))
         theirs = source.arrays()["shape_colors"]
