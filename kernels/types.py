@@ -49,6 +49,7 @@ SKY_TERMS = 9  # of spherical harmonics of order 2; see native/sky.h
 # Texture kinds.
 TEXTURE_2D = 0
 TEXTURE_CUBE = 1
+TEXTURE_FROM_MIDDLE = 2  # 2-D; its repeats on a plane count from the plane's middle, as before MuJoCo 3.17
 
 
 @wp.struct
@@ -145,7 +146,7 @@ class Materials:
 class Textures:
     """Images with their mipmaps, packed one after another."""
 
-    kind: wp.array(dtype=wp.int32)  # (texture,) TEXTURE_2D or TEXTURE_CUBE (also skyboxes)
+    kind: wp.array(dtype=wp.int32)  # (texture,) TEXTURE_2D, TEXTURE_FROM_MIDDLE or TEXTURE_CUBE (also skyboxes)
     width: wp.array(dtype=wp.int32)  # (texture,) of level 0 [pixels]
     height: wp.array(dtype=wp.int32)  # (texture,) of level 0, of one face for cubes [pixels]
     levels: wp.array(dtype=wp.int32)  # (texture,) number of mipmap levels
@@ -176,6 +177,7 @@ class Lights:
     shadow_width: wp.float32  # half the width of what a directional light sees [m]; 0: shadows reach everywhere
     shadow_near: wp.float32  # nothing nearer to a light casts a shadow [m]
     shadow_scale: wp.float32  # half the angle of what a spot sees, as part of its cutoff
+    shadow_gap: wp.float32  # nothing nearer to a surface shades it, as a part of half the width of what the light sees
 
 
 @wp.struct

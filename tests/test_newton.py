@@ -673,3 +673,28 @@ def test_bad_labels(device: wp.Device, semantics: Any, message: str) -> None:
     model, state = finalize(newton_scenes.zoo(), device)
     with pytest.raises(wc.WarpcamError, match=message):
         wc.from_newton(model, state, semantics=semantics)
+
+
+def test_textures_of_ones_own_are_given_by_world(device: wp.Device) -> None:
+    builder = newton.ModelBuilder()
+    builder.add_ground_plane()
+    one = newton.ModelBuilder()
+    one.add_shape_mesh(-1, mesh=newton.Mesh.create_box(0.5, compute_inertia=False), color=(1.0, 1.0, 1.0), label="box")
+    builder.replicate(one, 3)
+    model, state = finalize(builder, device)
+    images = [np.full((4, 4, 3), color, np.uint8) for color in ((255, 0, 0), (0, 255, 0))]
+    scene = wc.from_newton(model, state, lights=[], ambient=(1.0, 1.0, 1.0), textures=images)
+    materials = wp.to_torch(scene.array("shape_materials"))
+    last = scene.array("material_roughness").shape[1]
+    renderer = wc.Renderer(scene, [eye(outputs=("albedo", "segmentation"))])
+    for choice in ((0, 1, None), (1, None, 0)):
+        for world, image in enumerate(choice):
+            column = int(np.flatnonzero(scene.columns[world] == world + 1)[0])
+            materials[world, column] = 0 if image is None else last - 2 + image
+        seen = {name: output.cpu().numpy() for name, output in renderer.render()["eye"].items()}
+        for world, image in enumerate(choice):
+            box = seen["albedo"][world][seen["segmentation"][world, ..., 0] == world + 1]
+            assert len(box) > 100
+            assert (box == (255 if image is None else images[image][0, 0])).all()
+    with pytest.raises(wc.WarpcamError, match=r"textures\[0\]: \(height, width, 3\) uint8 is needed, got float64"):
+        wc.from_newton(model, state, textures=[np.zeros((4, 4, 3))])

@@ -9,6 +9,7 @@
 #include "reflected.h"
 #include "shade.h"
 #include "texels.h"
+#include "variety.h"
 #include "veils.h"
 
 namespace warpcam {
@@ -56,23 +57,6 @@ WARPCAM_FN bool follow(bool hit, Hit& found)
 #endif
 }
 
-// Colour where nothing is hit. The skybox lies on its side: its y axis is the world's z.
-template <int LENS, int FACTS, class Textures, class Background>
-WARPCAM_FN Vec background_color(const Textures& textures, const Background& background, const Camera& camera, float x,
-                                float y)
-{
-    const Image image = FACTS & HAS_SKYBOX ? load_image(textures, background.skybox) : Image { 0, 0, 0, 0 };
-    if ((FACTS & HAS_SKYBOX) && image.levels > 0) {
-        const bool pinhole = LENS == PINHOLE;
-        const Vec ray = turned(camera.rotation, { pinhole ? x : 0.0f, pinhole ? y : 0.0f, -1.0f });
-        const Vec right = turned(camera.rotation, { pinhole ? camera.scale_x : 0.0f, 0.0f, 0.0f });
-        const Vec down = turned(camera.rotation, { 0.0f, pinhole ? -camera.scale_y : 0.0f, 0.0f });
-        return sample_cube(textures.texels.data, image, { ray.x, ray.z, -ray.y }, { right.x, right.z, -right.y },
-                           { down.x, down.z, -down.y });
-    }
-    return to_vec(background.color);
-}
-
 // The texture's colour at a hit; white where there is none.
 template <int TYPES, int LENS, class Looks, class Meshes, class Textures>
 WARPCAM_FN Vec texture_color(const Looks& look, const Meshes& meshes, const Textures& textures, const Camera& camera,
@@ -91,7 +75,8 @@ WARPCAM_FN Vec texture_color(const Looks& look, const Meshes& meshes, const Text
                            times(mapping.scale, slide(right, ray, surface.normal)),
                            times(mapping.scale, slide(down, ray, surface.normal)));
     }
-    const Footprint at = footprint_2d<TYPES>(pose, layout, meshes, surface, ray, right, down);
+    Footprint at = footprint_2d<TYPES>(pose, layout, meshes, surface, ray, right, down);
+    shift(look, at.u, at.v);
     return sample_2d(textures.texels.data, layout.image, at.u, at.v, at.right, at.down);
 }
 
@@ -167,6 +152,7 @@ WARPCAM_FN Look<TYPES, Wants> look_of(const Scene_& scene, const Camera& camera,
                                         scene.meshes, scene.fields, camera, scene.frame.horizon, world, id);
     if constexpr (Wants::DIMMED)
         dim(look.finish, wp::index(scene.frame.mirrors, world).strength);
+    load_shift(look, scene, world, id);
     return look;
 }
 
@@ -182,6 +168,8 @@ WARPCAM_FN void resolve_hit(const Looks* looks, const List& lights, const Scene_
     else
         resolve_surface<TYPES, LENS, IMAGES, FACTS>(look_of<TYPES, Wants>(scene, camera, world, found.shape), lights,
                                                     scene, camera, x, y, found, shadow, shown);
+    if constexpr (Wants::LIT)
+        expose<FACTS>(scene, world, shown.linear, shown.display);
 }
 
 // A shape's look, as it is kept or made anew.
@@ -281,7 +269,7 @@ WARPCAM_FN void resolve_pixel(const Looks* looks, const List& lights, const Scen
         if (!seen) {
             shown.linear = shown.display = FACTS & MIRRORED
                 ? black
-                : background_color<LENS, FACTS>(scene.textures, scene.background, camera, x, y);
+                : background_color<LENS, FACTS>(scene.textures, background_of<FACTS>(scene, world), camera, x, y);
             if constexpr (Wants::COATED) {
                 shown.linear = decoded(shown.linear);
                 if constexpr ((FACTS & HAS_SKYBOX) != 0) {
@@ -289,13 +277,14 @@ WARPCAM_FN void resolve_pixel(const Looks* looks, const List& lights, const Scen
                     shown.display = encoded(shown.linear);
                 }
             }
+            expose<FACTS>(scene, world, shown.linear, shown.display);
         }
         if constexpr ((FACTS & REFLECTS) != 0)
             if (seen && found.shape == wp::index(frame.mirrors, world).shape)
                 add_mirrored<IMAGES>(images, pixel.at, shown.linear, shown.display);
         if constexpr ((FACTS & HAZY) != 0)
             if (mist.density > 0.0f && !(seen && solid.depth < mist.depth)) {
-                const Vec haze = mist.density * to_vec(frame.haze.color);
+                const Vec haze = exposed<FACTS>(scene, world, mist.density * to_vec(frame.haze.color));
                 shown.linear = (1.0f - mist.density) * shown.linear + haze;
                 shown.display = (1.0f - mist.density) * clip(shown.display) + haze;
             }
@@ -359,7 +348,8 @@ WARPCAM_FN void resolve(const Scene_& scene, const Lights& lights, int index)
     if (thread == 0)
         kept_camera = camera;
     if (Wants::LIT && thread >= THREADS - TEAM)
-        gather_lights<(FACTS & HAS_SHADOWS) != 0>(lights, camera, world, thread - (THREADS - TEAM), list);
+        gather_lights<(FACTS & HAS_SHADOWS) != 0>(lights, camera, world, headlight_of<FACTS>(world), thread - (THREADS - TEAM),
+                                                  list);
     if constexpr ((FACTS & MIRRORED) != 0) {
         const auto mirror = wp::index(frame.mirrors, world);
         if (mirror.shape < 0)

@@ -6,11 +6,15 @@ from dataclasses import dataclass
 import numpy as np
 import warp as wp
 
-from warpcam.accel.bvh4 import build_bvh4
+from warpcam.accel.bvh4 import Bvh4, build_bvh4
+from warpcam.accel.kept import Kept, key_of
 from warpcam.errors import WarpcamError
 from warpcam.kernels.types import Meshes, Textures
 
 MAX_ROWS = 2**31 - 1
+KEPT = 2**27  # bytes of trees, for the next scene that has those meshes, too
+
+_kept: Kept[Bvh4] = Kept(KEPT, lambda tree: tree.nodes.nbytes + tree.faces.nbytes)
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,7 +70,7 @@ def pack_meshes(meshes: Sequence[Mesh], device: wp.Device) -> tuple[Meshes, int]
     for index, mesh in enumerate(meshes):
         key = (mesh.vertices.tobytes(), mesh.faces.tobytes(), b"two-sided" * mesh.two_sided)
         if key not in built:
-            tree = build_bvh4(mesh.vertices, mesh.fronts, name=mesh.name)
+            tree = _tree(mesh)
             nodes = _child_by_child(tree.nodes) if device.is_cuda else tree.nodes
             built[key] = len(trees)
             trees.append((nodes, _with_backs(tree.faces, len(mesh.fronts)) if mesh.two_sided else tree.faces))
@@ -117,6 +121,11 @@ def pack_masks(meshes: Sequence[Mesh], textures: Textures, packed: Meshes, devic
     packed.masks = wp.array(rows, dtype=wp.vec4, device=device)
     packed.mask_texels = textures.texels
     return True
+
+
+def _tree(mesh: Mesh) -> Bvh4:
+    content = key_of(np.asarray(mesh.vertices), np.asarray(mesh.fronts))
+    return _kept.get(content, lambda: build_bvh4(mesh.vertices, mesh.fronts, name=mesh.name))
 
 
 def face_normals(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:

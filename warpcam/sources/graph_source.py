@@ -118,11 +118,19 @@ class GraphSource:
     def arrays(self) -> Mapping[str, wp.array]:
         return self._arrays
 
+    def holds(self, field: str) -> bool:
+        if field == "material_texture":
+            self.make_room("textures")
+        return field == "material_texture"
+
     def label(self, field: str) -> str:
         return f"{self.graph.source}: {field}"
 
     def global_ambient(self) -> float:
         return 0.0
+
+    def clock(self) -> wp.array | None:
+        return None
 
     def refresh(self) -> None:
         pass

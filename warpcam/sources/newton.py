@@ -9,6 +9,7 @@ import numpy as np
 import warp as wp
 
 from warpcam import device as device_rule
+from warpcam.accel.textures import TextureImage
 from warpcam.errors import WarpcamError
 from warpcam.kernels import types
 from warpcam.kernels.gather import FlatShapes, WorldShapes, record_gather
@@ -64,6 +65,7 @@ class NewtonSource:
         ambient: Any,
         semantics: Mapping[str, int] | None,
         transparency: bool | None = None,
+        textures: Sequence[Any] = (),
     ):
         self.device: wp.Device = model.device
         self._model = model
@@ -71,13 +73,14 @@ class NewtonSource:
         layout = read_layout(model)
         visuals = read_visuals(model)
         soft = with_visuals(read_soft(model, visuals.particles), visuals)
+        more = [_image(pixels, index) for index, pixels in enumerate(textures)]
         first_finish, first_texture = len(layout.finishes), len(layout.textures)
         layout = replace(
             layout,
-            textures=[*layout.textures, *visuals.textures],
+            textures=[*layout.textures, *visuals.textures, *more],
             finishes=[
                 *layout.finishes,
-                *((*PLAIN[:2], first_texture + texture) for texture in range(len(visuals.textures))),
+                *((*PLAIN[:2], first_texture + texture) for texture in range(len(visuals.textures) + len(more))),
             ],
         )
         num_worlds = model.world_count
@@ -85,6 +88,8 @@ class NewtonSource:
             lights = (default_light(model),)
         tables = Columns(layout, soft, first_finish)
         instances, marks = read_labels(model, tables.ids, tables.bodies, semantics)
+        if more:  # each world may have its own
+            tables.materials = np.array(np.broadcast_to(tables.materials, (num_worlds, len(tables.kinds))))
         self._arrays = _tables(layout, tables, num_worlds, self.device)
         self._arrays.update(light_arrays(lights, num_worlds, self.device))
         headlight = np.zeros((3, 3), np.float32)
@@ -145,11 +150,17 @@ class NewtonSource:
     def arrays(self) -> Mapping[str, wp.array]:
         return self._arrays
 
+    def holds(self, field: str) -> bool:
+        return field.startswith(("material_", "light_"))
+
     def label(self, field: str) -> str:
         return f"scene.array({field!r})"
 
     def global_ambient(self) -> float:
         return 0.0
+
+    def clock(self) -> wp.array | None:
+        return None
 
     def refresh(self) -> None:
         pass
@@ -319,7 +330,18 @@ def _opacity(model: newton.Model, tables: Columns) -> np.ndarray:
     return opacity
 
 
-def load(model: Any, state: Any, lights: Any, ambient: Any, semantics: Any, transparency: Any) -> Scene:
+def _image(pixels: Any, index: int) -> TextureImage:
+    image = np.asarray(pixels)
+    if image.ndim != 3 or image.shape[2] != 3 or image.dtype != np.uint8 or not image.size:
+        raise WarpcamError(
+            f"textures[{index}]: (height, width, 3) uint8 is needed, got {image.dtype} of shape {image.shape}"
+        )
+    return TextureImage("2d", np.ascontiguousarray(image), blend_light=True)
+
+
+def load(
+    model: Any, state: Any, lights: Any, ambient: Any, semantics: Any, transparency: Any, textures: Sequence[Any] = ()
+) -> Scene:
     if not isinstance(model, newton.Model):
         raise WarpcamError(f"model must be a newton.Model, got {type(model).__name__}")
-    return Scene(NewtonSource(model, state, lights, ambient, semantics, transparency))
+    return Scene(NewtonSource(model, state, lights, ambient, semantics, transparency, textures))
