@@ -215,8 +215,10 @@ WARPCAM_FN float resolve_veils(const Looks* looks, const List& lights, const Sce
         };
         Peeled peeled { { 0.0f, 0.0f, 0.0f }, 1.0f };
         peel<TYPES>(veils, scene, ray, near, takes_part ? limit : -1.0f, column, row, paint, peeled);
-        shown.linear = peeled.light + peeled.left * shown.linear;
-        shown.display = encoded(shown.linear);
+        if (peeled.left < 1.0f) {
+            shown.linear = peeled.light + peeled.left * shown.linear;
+            shown.display = encoded(shown.linear);
+        }
         return peeled.left;
     } else {
         Covered covered(shown.linear, clip(shown.display));

@@ -89,7 +89,7 @@ def read_layout(model: newton.Model) -> Layout:
 
     assets, materials = np.full(len(kinds) + 1, -1, np.int32), np.zeros(len(kinds) + 1, np.int32)
     sources = Sources()
-    for entry in np.flatnonzero(np.isin(kinds, (types.MESH, types.HEIGHT_FIELD, types.SPLATS))):
+    for entry in map(int, np.flatnonzero(np.isin(kinds, (types.MESH, types.HEIGHT_FIELD, types.SPLATS)))):
         source = entries.sources[entry]
         if source is not None:
             convex = entries.types[entry] == int(GEO.CONVEX_MESH)
