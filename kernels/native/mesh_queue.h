@@ -1,5 +1,6 @@
 // Triangle meshes behind a region's pixels, on CUDA.
 #pragma once
+#include "mask.h"
 #include "tiles.h"
 #include "waiting_rays.h"
 
@@ -139,8 +140,8 @@ WARPCAM_FN void trace_rays(MeshRays<WORDS>& rays, const List& list, const Meshes
                     const Row a = load(meshes.faces.data, at), b = load(meshes.faces.data, at + 1);
                     const Row c = load(meshes.faces.data, at + 2);
                     const float t = enter_triangle(frame, project(frame, a.x, a.y, a.z), project(frame, b.x, b.y, b.z),
-                                                   project(frame, c.x, c.y, c.z));
-                    if (t < depth && t > near) {
+                                                   project(frame, c.x, c.y, c.z), has_back<TYPES>(b.w));
+                    if (t < depth && t > near && is_there<TYPES>(meshes, record, ray.local(record), f, t)) {
                         depth = t;
                         shape = record.axis_y.w;
                         face = f;
