@@ -147,6 +147,7 @@ def test_two_cameras_of_an_environment_and_lenses_that_differ(device: wp.Device)
             GYM.set_camera_location(camera, env, gymapi.Vec3(-back, 0, 0), gymapi.Vec3(1, 0, 0))
             images.append(tensors_of(sim, env, camera, (DEPTH,))[DEPTH])
     GYM.render_all_camera_sensors(sim)
+    assert [view.scene.num_worlds for view in sim.studio._views.values()] == [2]
     depths = [image.cpu().numpy() for image in images]
     np.testing.assert_allclose(depths[0], -2.0, rtol=1e-5)
     np.testing.assert_allclose(depths[1], -3.0, rtol=1e-5)
