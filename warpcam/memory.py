@@ -13,6 +13,7 @@ from warpcam.kernels.types import View
 from warpcam.layers import world_bytes
 from warpcam.mounting import pose_bytes
 from warpcam.outputs import smooth_outputs
+from warpcam.past import past_bytes
 from warpcam.scene import Scene
 from warpcam.scratch import Scratch, image_bytes
 from warpcam.targets import check_size
@@ -26,15 +27,17 @@ class Memory:
         images: Of each image, by camera and output.
         scratch: What the cameras use between the stages of a frame, one after the other.
         worlds: Each camera's poses, lenses and views, and which worlds are drawn or faulty.
+        past: What is kept of the last frame for ``flow`` and ``flow_valid``.
     """
 
     images: Mapping[str | int, Mapping[str, int]]
     scratch: int
     worlds: int
+    past: int = 0
 
     @property
     def total(self) -> int:
-        return sum(sum(images.values()) for images in self.images.values()) + self.scratch + self.worlds
+        return sum(sum(images.values()) for images in self.images.values()) + self.scratch + self.worlds + self.past
 
     def __str__(self) -> str:
         rows = [
@@ -42,7 +45,8 @@ class Memory:
             for camera, images in self.images.items()
             for output, count in images.items()
         ]
-        rows += [("scratch", self.scratch), ("poses and views", self.worlds), ("total", self.total)]
+        rows += [("scratch", self.scratch), ("poses and views", self.worlds)]
+        rows += [("last frame", self.past)] * (self.past > 0) + [("total", self.total)]
         wide = max(len(name) for name, _ in rows)
         return "\n".join(f"{name:<{wide}} {count / 1e6:>12,.3f} MB" for name, count in rows)
 
@@ -61,6 +65,7 @@ def estimate_memory(scene: Scene, cameras: Sequence[Camera]) -> Memory:
         scratch=Scratch(by_key, tables, scene.device).size,
         worlds=scene.num_worlds
         * (2 + sum(views_of(one) * view + pose_bytes(one) + world_bytes(one, tables) for one in by_key.values())),
+        past=past_bytes(by_key, scene, tables),
     )
 
 

@@ -69,9 +69,12 @@ class Mounted:
             return self._camera.lens.projection
         return self._scene.camera_kind(self._index).projection
 
-    def record(self, mask: wp.array, faults: wp.array, views: wp.array) -> Stage:
-        """The stage that writes the camera's views, with the scene's arrays as of its last ``tables()``."""
-        return views_stage.record_views(self._mount(), self._lens(), mask, faults, views, self._scene.device)
+    def record(self, mask: wp.array, faults: wp.array, views: wp.array, before: wp.array | None = None) -> Stage:
+        """The stage that writes the camera's views, with the scene's arrays as of its last ``tables()``.
+
+        The views there were go to ``before``, if there is one.
+        """
+        return views_stage.record_views(self._mount(), self._lens(), mask, faults, views, self._scene.device, before)
 
     def _mount(self) -> Mount:
         mount, scene = Mount(), self._scene

@@ -57,6 +57,7 @@ class Scene:
         self._key: tuple[Any, ...] = ()
         self._ambient, self._last = -1.0, ()
         self._meshes, self._num_faces = pack_meshes(parts.meshes, self.device)
+        self._moving = tuple(index for index, mesh in enumerate(parts.meshes) if mesh.moves)
         self._height_fields = pack_height_fields(parts.height_fields, self.device)
         self._textures = pack_textures(parts.textures, self.device)
         self._splats = self._pack_splats()
@@ -195,6 +196,14 @@ class Scene:
         self._ambient, self._last = ambient, tuple(arrays.values())
         return self._tables
 
+    def moving_faces(self) -> np.ndarray:
+        """How many faces, but for backs of others, each of the meshes has that move, (moving,) int64."""
+        return np.array([len(self._parts.meshes[index].fronts) for index in self._moving], np.int64)
+
+    def moving_columns(self) -> list[int]:
+        """Shapes that may be of a mesh that moves."""
+        return [shape for shape in self._parts.drawn if self._parts.shape_types[shape] == MESH]
+
     def background(self, color: tuple[float, float, float]) -> Background:
         """A plain background."""
         background = Background()
@@ -250,6 +259,7 @@ class Scene:
             horizon=parts.horizon,
             physical=physical,
             has_maps=parts.maps,
+            moving=self._moving,
             layers=self._layers,
             splats=None if self._splats is None else self._splats.table,
             labels=self._labels,

@@ -14,6 +14,7 @@ from warpcam.kernels.types import View
 from warpcam.layers import mirrors_of, veils_of
 from warpcam.lens import Projection
 from warpcam.outputs import OUTPUTS, smooth_outputs, traced_as
+from warpcam.past import CameraPast, asks
 
 MAX_PIXELS = 2**31
 
@@ -32,6 +33,7 @@ class Target:
     Attributes:
         views: View, (world,).
         images: Array of each output, (world, height, width, channels).
+        past: What is kept of the last frame; None where no output needs it.
     """
 
     def __init__(self, camera: Camera, tables: Tables, device: wp.Device):
@@ -48,6 +50,12 @@ class Target:
             name: wp.zeros((*size, OUTPUTS[name].channels), dtype=OUTPUTS[name].dtype, device=device)
             for name in camera.outputs
         }
+        self.past = CameraPast(camera, tables, device, self.images) if asks(camera) else None
+
+    @property
+    def views_before(self) -> wp.array | None:
+        """View, (world,), as they were in each world's last frame, if that is kept."""
+        return None if self.past is None else self.past.views
 
     def record(
         self,
@@ -105,6 +113,7 @@ class Target:
                 device,
                 group,
                 veil_places,
+                trail=None if self.past is None else self.past.trail,
             )
         ]
         if shadows is not None:
@@ -148,9 +157,12 @@ class Target:
         if self._moved and lit:
             stages += self._smooth(tables, projection, group, buffers, mask, faults, depth, shape, veil_places)
         if tables.splats is not None:
+            trail = None if self.past is None else self.past.trail
             stages.insert(0, splats.record_check(tables, views, mask, faults, device, group))
             stages.append(
-                splats.record(self.images, projection, tables, views, mask, depth, shape, width, height, device, group)
+                splats.record(
+                    self.images, projection, tables, views, mask, depth, shape, width, height, device, group, trail
+                )
             )
         return stages
 

@@ -1,5 +1,6 @@
 // Where a block draws: one region of one view, and what the trace writes there.
 #pragma once
+#include "flow.h"
 #include "gradient.h"
 #include "hits.h"
 #include "tiles.h"
@@ -28,6 +29,16 @@ enum Output {
 // Where the normals are written, hits name the slot of their shape's record instead of the shape: see gather().
 constexpr bool names_slots(int outputs) { return outputs & NORMALS; }
 
+// Where flow has what was seen, if it is wanted.
+template <bool WANTED> struct Places {
+    using type = FlowPlaces;
+};
+struct NoPlaces {
+};
+template <> struct Places<false> {
+    using type = NoPlaces;
+};
+
 // Pixel (i, j) is column i and row j of the image.
 template <int TYPES, int LENS, int OUTPUTS, int CAPACITY, class Target, class Shapes> struct Canvas {
     static constexpr bool SKIPS = OUTPUTS & CHOSEN;
@@ -38,6 +49,7 @@ template <int TYPES, int LENS, int OUTPUTS, int CAPACITY, class Target, class Sh
     const Camera& camera;
     Region region;
     int world;
+    const typename Places<(OUTPUTS & FLOWS) != 0>::type& places;
 
     WARPCAM_FN bool inside(int i, int j) const
     {
@@ -64,6 +76,9 @@ template <int TYPES, int LENS, int OUTPUTS, int CAPACITY, class Target, class Sh
     {
         if ((OUTPUTS & CHOSEN) && !chosen(i, j))
             return { -1.0f, SKIPPED, -1 };
+        if constexpr ((OUTPUTS & FLOW_VALID) != 0)
+            if (inside(i, j))
+                expect_flow(places, j * target.width + i);
         Hit hit { inside(i, j) ? camera.far : -1.0f, -1, -1 };
         if (!first_pass && inside(i, j) && target.shape.data[at(i, j)] >= 0)
             hit.depth = target.depth.data[at(i, j)];
@@ -92,6 +107,9 @@ template <int TYPES, int LENS, int OUTPUTS, int CAPACITY, class Target, class Sh
             put_three(target.points.data, pixel, point_of(hit, camera, seen));
         if (WHAT & NORMALS)
             put_three(target.normals.data, pixel, normal_of(hit, seen));
+        if constexpr ((WHAT & FLOWS) != 0)
+            put_flow<TYPES, LENS, WHAT>(target.trail, places, shapes, camera, seen, { hit.depth, shape, hit.face }, world, i, j,
+                                        pixel);
     }
 
     // Writes what a pass has found.

@@ -196,11 +196,16 @@ WARPCAM_FN void draw(const Shapes& shapes, const Materials& materials, const Mes
     const Region region = region_of<WIDTH, HEIGHT>(target, index / THREADS, world);
     if (!wp::index(target.mask, world))
         return;
-    if (thread == 0)
+    constexpr bool FLOWING = (OUTPUTS & FLOWS) != 0;
+    WARPCAM_SHARED typename Places<FLOWING>::type places;
+    if (thread == 0) {
         camera = load_camera(wp::index(views, world));
+        if constexpr (FLOWING)
+            places = flow_places(target.trail, world);
+    }
     block_barrier();
     const Canvas<TYPES, LENS, OUTPUTS, CAPACITY, Target, Shapes> canvas {
-        target, shapes, list, camera, region, world
+        target, shapes, list, camera, region, world, places
     };
     const auto hidden = [&](int id) {
         if constexpr ((OUTPUTS & OPAQUE) != 0)

@@ -206,6 +206,22 @@ def test_flow_is_coded_in_parts_of_the_image(device: wp.Device) -> None:
     assert host.shape == (HEIGHT, 2 * WIDTH) and host.dtype == np.int16
 
 
+@pytest.mark.skipif("flow" not in OUTPUTS, reason="the output 'flow' is not there yet")
+def test_flow_on_the_host_is_since_the_render_before(device: wp.Device) -> None:
+    flow = gymapi.IMAGE_OPTICAL_FLOW
+    world = walls(device, 1, fixed=False, enable_tensors=False)
+    states = gymtorch.wrap_tensor(GYM.acquire_actor_root_state_tensor(world.sim))
+    seen = []
+    for step in range(4):
+        states[0, 1] += 0.1
+        GYM.set_actor_root_state_tensor(world.sim, gymtorch.unwrap_tensor(states))
+        world.render()
+        if step != 2:
+            image = GYM.get_camera_image(world.sim, world.envs[0], 0, flow).reshape(HEIGHT, WIDTH, 2)
+            seen.append(image[HEIGHT // 2, WIDTH // 2, 0] * WIDTH / 2**15)
+    np.testing.assert_allclose(seen, (0.0, -0.8, -0.8), atol=2e-3)
+
+
 def test_flow_is_refused_by_name_where_it_is_not(device: wp.Device) -> None:
     if "flow" in OUTPUTS:
         pytest.skip("the output 'flow' is there")

@@ -275,6 +275,8 @@ class Studio:
         key = (sensor.batch, kind)
         if key not in self._later:
             self._later[key] = Shot(sensor.batch.view, [Album(sensor.batch, kind, together=True)])
+            if kind == FLOW:  # since the render before, whoever looks
+                self._shots.append(self._later[key])
         if self._later[key].frame != self.frame:
             self._later[key].draw(self.frame)
         return self._later[key].albums[0].read(sensor.world)
