@@ -13,7 +13,6 @@ pytest.importorskip("newton")
 from gym_worlds import GYM, HEIGHT, KINDS, WIDTH, at, new_sim, ordinal, props, tensors_of, walls
 
 from warpcam.compat.isaacgym import gymapi, gymtorch
-from warpcam.outputs import OUTPUTS
 
 pytestmark = pytest.mark.filterwarnings("ignore")  # Newton's own
 COLOR, DEPTH, SEGMENTATION = KINDS
@@ -184,7 +183,6 @@ def test_memory_is_flat_over_cameras_that_come_and_go(device: wp.Device) -> None
     world.render()
 
 
-@pytest.mark.skipif("flow" not in OUTPUTS, reason="the output 'flow' is not there yet")
 def test_flow_is_coded_in_parts_of_the_image(device: wp.Device) -> None:
     flow = gymapi.IMAGE_OPTICAL_FLOW
     world = walls(device, 2, fixed=False)
@@ -206,7 +204,6 @@ def test_flow_is_coded_in_parts_of_the_image(device: wp.Device) -> None:
     assert host.shape == (HEIGHT, 2 * WIDTH) and host.dtype == np.int16
 
 
-@pytest.mark.skipif("flow" not in OUTPUTS, reason="the output 'flow' is not there yet")
 def test_flow_on_the_host_is_since_the_render_before(device: wp.Device) -> None:
     flow = gymapi.IMAGE_OPTICAL_FLOW
     world = walls(device, 1, fixed=False, enable_tensors=False)
@@ -220,11 +217,3 @@ def test_flow_on_the_host_is_since_the_render_before(device: wp.Device) -> None:
             image = GYM.get_camera_image(world.sim, world.envs[0], 0, flow).reshape(HEIGHT, WIDTH, 2)
             seen.append(image[HEIGHT // 2, WIDTH // 2, 0] * WIDTH / 2**15)
     np.testing.assert_allclose(seen, (0.0, -0.8, -0.8), atol=2e-3)
-
-
-def test_flow_is_refused_by_name_where_it_is_not(device: wp.Device) -> None:
-    if "flow" in OUTPUTS:
-        pytest.skip("the output 'flow' is there")
-    world = walls(device, 1)
-    with pytest.raises(wc.WarpcamError, match="IMAGE_OPTICAL_FLOW needs the output 'flow'"):
-        GYM.get_camera_image_gpu_tensor(world.sim, world.envs[0], 0, gymapi.IMAGE_OPTICAL_FLOW)
