@@ -1,11 +1,34 @@
 """The first stages of a frame: which worlds it draws, and each camera's view in them."""
 
+import math
+from dataclasses import dataclass
 from typing import Any
 
 import warp as wp
 
 from .launch import Stage, record
 from .types import View
+
+
+@dataclass(frozen=True, eq=False)
+class Tags:
+    """What tells one frame of a world from another.
+
+    Attributes:
+        frames: int32, (world,): how many frames have drawn it.
+        times: float32, (world,): the simulation's time in the last of them [s]; NaN where it has none.
+    """
+
+    frames: wp.array
+    times: wp.array
+
+    @classmethod
+    def of(cls, num_worlds: int, device: wp.Device) -> "Tags":
+        return cls(
+            wp.zeros(num_worlds, dtype=wp.int32, device=device),
+            wp.full(num_worlds, math.nan, dtype=wp.float32, device=device),
+        )
+
 
 # How a lens is given: LensTable.kind.
 FOVY = 0  # vertical field of view [degrees]
@@ -155,6 +178,9 @@ def begin_frame(
     mask: wp.array(dtype=wp.uint8),
     faults: wp.array(dtype=wp.uint8),
     known: wp.array(dtype=wp.uint8),
+    clock: wp.array(dtype=wp.float32),
+    frames: wp.array(dtype=wp.int32),
+    times: wp.array(dtype=wp.float32),
     first: wp.int32,
 ):
     world = first + wp.tid()
@@ -170,6 +196,9 @@ def begin_frame(
             elif state == FIRST:
                 turned = SECOND
             known[world] = wp.uint8(turned)
+        frames[world] = frames[world] + 1
+        if world < clock.shape[0]:
+            times[world] = clock[world]
 
 
 @wp.kernel(enable_backward=False)
@@ -210,11 +239,19 @@ def record_views(
 
 
 def record_begin(
-    everything: bool, mask: wp.array, faults: wp.array, device: wp.Device, known: wp.array | None = None
+    everything: bool,
+    mask: wp.array,
+    faults: wp.array,
+    clock: wp.array | None,
+    tags: Tags,
+    device: wp.Device,
+    known: wp.array | None = None,
 ) -> Stage:
-    """Bind the stage that opens a frame: of all worlds, or of those that ``mask`` has. It clears their faults.
+    """Bind the stage that opens a frame: of all worlds, or of those that ``mask`` has.
 
-    ``known``, uint8, (world,), says what is known of their last frames, and is turned over.
+    It clears their faults, counts the frame, and notes the ``clock``, (world,) float32 [s], if there is one. ``known``,
+    uint8, (world,), says what is known of their last frames, and is turned over.
     """
     known = wp.empty(0, dtype=wp.uint8, device=device) if known is None else known
-    return record(begin_frame, mask.shape[0], [int(everything), mask, faults, known], device)
+    values = [int(everything), mask, faults, known, clock, tags.frames, tags.times]
+    return record(begin_frame, mask.shape[0], values, device)

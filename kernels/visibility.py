@@ -17,7 +17,6 @@ OUTPUTS = ("depth", "shape", "face", "distance", "points", "bodies", "normals")
 QUADS, TILED = 128, 256
 IDS, BY_WORLD = 1 << 16, 1 << 17  # ids by world: canvas.h
 OPAQUE = 1 << 20  # what is transparent is left out
-CHOSEN = 1 << 18  # only some pixels are traced
 FLOW, FLOW_VALID, FLOW_MOVES = 1 << 24, 1 << 25, 1 << 26  # native/flow.h
 LENSES = {"pinhole": 0, "orthographic": 1}
 THREADS = 128  # of a CUDA block; lanes.h has the same number
@@ -49,7 +48,6 @@ def opaque_target_struct(shape_dtype: Any, face_dtype: Any) -> Any:
         normals: wp.array(dtype=wp.float32)
         width: wp.int32
         height: wp.int32
-        chosen: wp.array(dtype=wp.uint8)
 
     return OpaqueTarget
 
@@ -72,7 +70,6 @@ def flow_target_struct(shape_dtype: Any, face_dtype: Any) -> Any:
         normals: wp.array(dtype=wp.float32)
         width: wp.int32
         height: wp.int32
-        chosen: wp.array(dtype=wp.uint8)
         trail: Trail
 
     return FlowTarget
@@ -100,7 +97,6 @@ def target_struct(shape_dtype: Any, face_dtype: Any) -> Any:
         normals: wp.array(dtype=wp.float32)
         width: wp.int32
         height: wp.int32
-        chosen: wp.array(dtype=wp.uint8)  # (world * height * width,) 0 where the pixel is not traced; empty: all are
 
     return Target
 
@@ -161,7 +157,6 @@ def record(
     device: wp.Device,
     group: Group | None = None,
     veil_places: wp.array | None = None,
-    chosen: wp.array | None = None,
     trail: Any = None,
 ) -> Stage:
     """Bind the trace of one camera.
@@ -184,7 +179,6 @@ def record(
         group: Which worlds are traced; None is all.
         veil_places: int32, (shape,). With it shapes that are transparent are left out, of those where it is not -1;
             there are no ``images`` then.
-        chosen: uint8, (world, height, width, ...): the pixels to trace; the shape of all others is -2. None: all.
         trail: Trail, where flow is wanted.
     """
     group = group or Group.of_all(views.shape[0])
@@ -214,9 +208,6 @@ def record(
         outputs |= OPAQUE
     if tables.ids_by_world and "bodies" in images:
         outputs |= BY_WORLD
-    if chosen is not None:
-        target.chosen = chosen.flatten()
-        outputs |= CHOSEN
     if width % 4 == 0 and not images.keys().isdisjoint(("points", "normals")):
         outputs |= QUADS
     if width % 8 == 0 and height % 4 == 0:

@@ -141,19 +141,6 @@ def test_out_that_cannot_be_written(scene: Path, tmp_path: Path, capsys: pytest.
     assert "--out: " in capsys.readouterr().err
 
 
-def test_doctor_passes_its_self_test(capsys: pytest.CaptureFixture[str]) -> None:
-    assert cli.main(["doctor"]) == 0
-    printed = capsys.readouterr().out
-    for word in ("python", "warp-lang", "mujoco-warp", "cpu", "cache", "self test    cpu: passed"):
-        assert word in printed
-
-
-def test_doctor_tells_a_failure(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-    monkeypatch.setattr(worlds, "DEMO", Path("gone.xml"))
-    assert cli.main(["doctor"]) == 1
-    assert "failed: scene: MuJoCo cannot read" in capsys.readouterr().out
-
-
 def test_joint_positions_stay_within_ranges() -> None:
     import mujoco
 

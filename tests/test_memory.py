@@ -88,7 +88,7 @@ def past_by_the_docs(num_worlds: int, num_shapes: int, cameras: list[wc.Camera])
     asking = [each for each in cameras if FLOWS & set(each.outputs)]
     pixels = sum(each.width * each.height for each in asking if "flow_valid" in each.outputs)
     shapes = num_shapes * (64 * bool(asking) + 64 * len(asking))
-    return num_worlds * (8 * pixels + shapes + 76 * len(asking) + bool(asking))
+    return num_worlds * (8 * pixels + shapes + 68 * len(asking) + bool(asking))
 
 
 SETS = (
@@ -132,7 +132,7 @@ def test_scratch_of_layers_follows_the_formula(outputs: tuple[str, ...], layers:
         told = wc.estimate_memory(scene, cameras)
         assert told.scratch == scratch_by_the_docs(num_worlds, cameras, layers)
         lit = bool(set(outputs) & LIT)
-        assert told.worlds == num_worlds * (2 + 84 + 124 * (MIRROR in layers and lit))
+        assert told.worlds == num_worlds * (10 + 84 + 124 * (MIRROR in layers and lit))
 
 
 def test_images_take_their_shape_times_their_type() -> None:

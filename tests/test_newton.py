@@ -513,6 +513,42 @@ def test_bad_arguments(device: wp.Device, arguments: Any, message: str) -> None:
         scene.bind(3)
 
 
+@pytest.mark.parametrize("what", ["bodies", "particles", "joint coordinates", "joint degrees of freedom"])
+def test_a_state_of_another_model_is_refused_by_what_it_has(device: wp.Device, what: str) -> None:
+    """As many of all else. A state keeps no link to its model: one that has as many of everything cannot be told."""
+
+    def made(other: bool) -> tuple[Any, Any]:
+        builder = newton.ModelBuilder()
+        links = [builder.add_link(mass=1.0) for _ in range(2)]
+        for link in links:
+            builder.add_shape_sphere(link, radius=0.1)
+        ball = other and what.startswith("joint")
+        first = builder.add_joint_revolute(-1, links[0])
+        if ball:  # of three degrees of freedom and four coordinates
+            second = builder.add_joint_ball(links[0], links[1])
+        else:
+            second = builder.add_joint_revolute(links[0], links[1])
+        builder.add_articulation([first, second])
+        if other and what == "bodies":
+            builder.add_body()
+        for _ in range(3 if other and what == "particles" else 2):
+            builder.add_particle(wp.vec3(0.0, -1.0, 1.0), wp.vec3(), 0.1, radius=0.1)
+        return finalize(builder, device)
+
+    model, state = made(False)
+    scene = wc.from_newton(model, state)
+    renderer = wc.Renderer(scene, [eye()])
+    before = scenes.on_host(renderer.render()["eye"])["depth"]
+    other = made(True)[1]
+    if what == "joint degrees of freedom":  # the coordinates are looked at before
+        other.joint_q = wp.clone(state.joint_q)
+    if what == "bodies":
+        other.joint_q = other.joint_qd = None
+    with pytest.raises(wc.WarpcamError, match=f"state was made from another model: it has . {what}, model has ."):
+        scene.bind(other)
+    assert (scenes.on_host(renderer.render()["eye"])["depth"] == before).all()
+
+
 @pytest.mark.skipif(len(wp.get_devices()) < 2, reason="there is one device")
 def test_a_model_and_a_state_on_two_devices() -> None:
     model, _ = finalize(newton_scenes.zoo(), wp.get_device("cpu"))

@@ -1,6 +1,6 @@
 """Where Warp meets torch. Nothing else in the package imports torch, but for the command line."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from functools import lru_cache
 from typing import Any
@@ -27,6 +27,26 @@ def as_array(value: Any) -> wp.array | None:
         except TypeError:
             return None
     return None
+
+
+def is_tensor(value: Any) -> bool:
+    return isinstance(value, torch.Tensor)
+
+
+def to_tensor(value: Any, device: torch.device) -> torch.Tensor:
+    """Numbers in any form as a tensor there, in the same memory if they lie there already."""
+    if isinstance(value, wp.array):
+        value = to_torch(value)
+    return torch.as_tensor(value, device=device)
+
+
+def copied(tensor: torch.Tensor) -> torch.Tensor:
+    """The same values in memory of their own, one after the other."""
+    return tensor.clone(memory_format=torch.contiguous_format)
+
+
+def concatenate(tensors: Sequence[torch.Tensor], axis: int) -> torch.Tensor:
+    return torch.cat(list(tensors), dim=axis)
 
 
 def to_numpy(value: Any) -> np.ndarray:

@@ -12,7 +12,6 @@ from warpcam.errors import WarpcamError
 from warpcam.kernels.types import View
 from warpcam.layers import world_bytes
 from warpcam.mounting import pose_bytes
-from warpcam.outputs import smooth_outputs
 from warpcam.past import past_bytes
 from warpcam.scene import Scene
 from warpcam.scratch import Scratch, image_bytes
@@ -26,7 +25,7 @@ class Memory:
     Attributes:
         images: Of each image, by camera and output.
         scratch: What the cameras use between the stages of a frame, one after the other.
-        worlds: Each camera's poses, lenses and views, and which worlds are drawn or faulty.
+        worlds: Each camera's poses, lenses and views, which worlds are drawn or faulty, and their frames and times.
         past: What is kept of the last frame for ``flow`` and ``flow_valid``.
     """
 
@@ -64,14 +63,9 @@ def estimate_memory(scene: Scene, cameras: Sequence[Camera]) -> Memory:
         images={key: image_bytes(camera, tables) for key, camera in by_key.items()},
         scratch=Scratch(by_key, tables, scene.device).size,
         worlds=scene.num_worlds
-        * (2 + sum(views_of(one) * view + pose_bytes(one) + world_bytes(one, tables) for one in by_key.values())),
+        * (10 + sum(view + pose_bytes(one) + world_bytes(one, tables) for one in by_key.values())),
         past=past_bytes(by_key, scene, tables),
     )
-
-
-def views_of(camera: Camera) -> int:
-    """How many views a camera has of each world: its own, and one for each sample."""
-    return 1 + (camera.antialiasing if smooth_outputs(camera.outputs, camera.antialiasing) else 0)
 
 
 def check_cameras(scene: Any, cameras: Any) -> Mapping[str | int, Camera]:

@@ -15,7 +15,7 @@ from warpcam.errors import WarpcamError
 from warpcam.kernels.launch import Frame, Group, Stage, bind
 from warpcam.kernels.streams import context_kept, quiet_stream
 from warpcam.kernels.tables import Tables
-from warpcam.kernels.views import record_begin
+from warpcam.kernels.views import Tags, record_begin
 from warpcam.memory import check_cameras, estimate_memory, require_free
 from warpcam.mounting import CameraArrays, Mounted
 from warpcam.past import ShapesPast
@@ -60,6 +60,8 @@ class Renderer:
             scene's device. The same tensors in every frame; they stay valid when the renderer is gone.
         faulty: uint8 tensor, (world,): 1 where, in the last frame that drew the world, a pose, size or lens was not a
             number or made no image. Such a world's images show the background; no other world is touched.
+        frames: int32 tensor, (world,): how many frames have drawn the world. Counted on the device, so in graphs, too.
+        times: float32 tensor, (world,): the simulation's time [s] in the last of them; NaN where it keeps none.
         memory: What was allocated for it all; ``estimate_memory`` tells before.
     """
 
@@ -81,6 +83,8 @@ class Renderer:
         self._scratch.allocate()
         self._faults = wp.zeros(scene.num_worlds, dtype=wp.uint8, device=scene.device)
         self.faulty = interop.to_torch(self._faults)
+        self._tags = Tags.of(scene.num_worlds, scene.device)
+        self.frames, self.times = interop.to_torch(self._tags.frames), interop.to_torch(self._tags.times)
         self.images: Images = {
             key: {name: interop.to_torch(array) for name, array in target.images.items()}
             for key, target in self._targets.items()
@@ -124,7 +128,7 @@ class Renderer:
                     self._scene.forward()
                 self._scene.refresh()
                 tables = self._scene.tables()
-                if tables is not self._tables:
+                if tables is not self._tables or self._scene.clock() is not self._clock:
                     self._record(tables)
                 self._run(worlds is None, capturing)
         return self.images
@@ -173,9 +177,11 @@ class Renderer:
             for key, mounted in self._mounted.items()
         ]
         images = {key: target.images.values() for key, target in self._targets.items()}
+        clock = self._clock = self._scene.clock()
         frames: dict[bool, list[list[list[Stage]]]] = {}
         for everything in (True, False):
-            frames[everything] = [[[record_begin(everything, mask, faults, self._device, known)]], [views]]
+            begin = record_begin(everything, mask, faults, clock, self._tags, self._device, known)
+            frames[everything] = [[[begin]], [views]]
             frames[everything] += self._record_motion(tables)
             phases = list(scratch.phases(images if everything else None))
             if everything:
@@ -239,7 +245,7 @@ class Renderer:
             busiest: Pixels of the phase that has most.
         """
         key, camera = portion.camera, self._cameras[portion.camera]
-        seen, projection = self._scene.tables_with(tables, camera.background), self._mounted[key].projection
+        seen, projection = self._mounted[key].seen(tables), self._mounted[key].projection
         at_once = busiest // (camera.width * camera.height)
         large = self._device.is_cuda and self._pixels(portion) >= WORTH_PARTING and portion.buffers
         parts = -(-PARTS // beside) if large else 1

@@ -44,8 +44,6 @@ class Target:
         behind = num_worlds if mirrors_of(camera, tables) else 0
         self._mirrored = wp.zeros(behind, dtype=View, device=device)  # views from behind the mirrors
         self._mirrors = wp.zeros(behind, dtype=Mirror, device=device)
-        samples = camera.antialiasing if smooth_outputs(camera.outputs, camera.antialiasing) else 0
-        self._moved = [wp.zeros(num_worlds, dtype=View, device=device) for _ in range(samples)]
         self.images: dict[str, wp.array] = {
             name: wp.zeros((*size, OUTPUTS[name].channels), dtype=OUTPUTS[name].dtype, device=device)
             for name in camera.outputs
@@ -154,8 +152,8 @@ class Target:
                     self._mirrors if reflecting else None,
                 )
             )
-        if self._moved and lit:
-            stages += self._smooth(tables, projection, group, buffers, mask, faults, depth, shape, veil_places)
+        if lit and smooth_outputs(self._camera.outputs, self._camera.antialiasing):
+            stages += self._smooth(tables, projection, group, buffers, mask, depth, shape)
         if tables.splats is not None:
             trail = None if self.past is None else self.past.trail
             stages.insert(0, splats.record_check(tables, views, mask, faults, device, group))
@@ -173,31 +171,18 @@ class Target:
         group: Group,
         buffers: Mapping[str, wp.array],
         mask: wp.array,
-        faults: wp.array,
         depth: wp.array,
         shape: wp.array,
-        veil_places: wp.array | None,
     ) -> list[Stage]:
         """The stages that smooth the edges of images that are there, by what was found in the pixels' centres."""
-        device, samples, pinhole = self._device, self._camera.antialiasing, projection == "pinhole"
-        size, own = (self._camera.width, self._camera.height), (buffers["sample depth"], buffers["sample shape"])
-        edges, choices = buffers["edges"], buffers["choices"]
-        stages = [antialias.record_edges(self.views, mask, depth, shape, pinhole, edges, device, group)]
-        for number, moved in enumerate(self._moved):
-            stages += [
-                antialias.record_views(self.views, mask, antialias.SAMPLES[samples][number], moved, device, group),
-                visibility.record(
-                    tables, projection, moved, mask, faults, *size, *own, None, {}, device, group, veil_places, edges
-                ),
-                antialias.record_choice(
-                    self.views, mask, edges, depth, shape, *own, samples, number, pinhole, choices, device, group
-                ),
-            ]
-        for name in smooth_outputs(self._camera.outputs, samples):
-            image, pixels = self.images[name], buffers[f"smooth {name}"]
-            blended = wp.array(ptr=pixels.ptr, shape=image.shape, dtype=image.dtype, device=device)
-            stages += antialias.record_blend(edges, choices, mask, image, blended, device, group)
-        return stages
+        images = {name: self.images[name] for name in smooth_outputs(self._camera.outputs, self._camera.antialiasing)}
+        means = {
+            name: wp.array(ptr=buffers[f"smooth {name}"].ptr, shape=image.shape, dtype=image.dtype, device=self._device)
+            for name, image in images.items()
+        }
+        return antialias.record(
+            images, means, tables, projection, self.views, mask, depth, shape, buffers["edges"], self._device, group
+        )
 
     def _record_mirrors(
         self,

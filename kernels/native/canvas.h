@@ -8,8 +8,8 @@
 namespace warpcam {
 
 // What the trace writes. QUADS: the image's width is a multiple of four pixels; TILED: no tile reaches over its edges.
-// IDS: the ids that shapes have in each world; BY_WORLD: bodies have such ids too. CHOSEN: only some pixels are traced;
-// the shape of the others is SKIPPED. OPAQUE: transparent shapes are left out.
+// IDS: the ids that shapes have in each world; BY_WORLD: bodies have such ids too.
+// OPAQUE: transparent shapes are left out.
 enum Output {
     DEPTH = 1,
     SHAPE = 2,
@@ -22,7 +22,6 @@ enum Output {
     TILED = 256,
     IDS = 1 << 16,
     BY_WORLD = 1 << 17,
-    CHOSEN = 1 << 18,
     OPAQUE = 1 << 20
 };
 
@@ -41,8 +40,6 @@ template <> struct Places<false> {
 
 // Pixel (i, j) is column i and row j of the image.
 template <int TYPES, int LENS, int OUTPUTS, int CAPACITY, class Target, class Shapes> struct Canvas {
-    static constexpr bool SKIPS = OUTPUTS & CHOSEN;
-
     const Target& target;
     const Shapes& shapes;
     const ShapeList<CAPACITY>& list;
@@ -56,14 +53,6 @@ template <int TYPES, int LENS, int OUTPUTS, int CAPACITY, class Target, class Sh
         return (OUTPUTS & TILED) || (i < target.width && j < target.height);
     }
 
-    // Is the pixel to be traced?
-    WARPCAM_FN bool chosen(int i, int j) const
-    {
-        if constexpr ((OUTPUTS & CHOSEN) != 0)
-            return inside(i, j) && target.chosen.data[at(i, j)];
-        return inside(i, j);
-    }
-
     WARPCAM_FN unsigned at(int i, int j) const { return (unsigned(world) * target.height + j) * target.width + i; }
 
     WARPCAM_FN ViewRay<LENS> ray(int i, int j) const
@@ -74,8 +63,6 @@ template <int TYPES, int LENS, int OUTPUTS, int CAPACITY, class Target, class Sh
     // What a ray has met before a pass: nothing that is new. No ray outside of the image meets anything.
     WARPCAM_FN Hit start(int i, int j, bool first_pass) const
     {
-        if ((OUTPUTS & CHOSEN) && !chosen(i, j))
-            return { -1.0f, SKIPPED, -1 };
         if constexpr ((OUTPUTS & FLOW_VALID) != 0)
             if (inside(i, j))
                 expect_flow(places, j * target.width + i);

@@ -98,12 +98,12 @@ WARPCAM_COLD Vec moved_within(const Trail& trail, const Shapes& shapes, const Ca
 
 // A whole number near a float that is less than 2^22, as bits of a float between 2^23 and 2^24.
 constexpr float TO_WHOLE = 12582912.0f;
-constexpr int WHOLE = 0x4b400000;  // the bits of that
+constexpr int ROUNDED_BITS = 0x4b400000;  // the bits of that
 
 // The word of the pixel that (x, y) lies in, or nothing outside of the image.
 template <class Trail> WARPCAM_FN unsigned word_at(const Trail& trail, const unsigned* words, float x, float y)
 {
-    const unsigned column = unsigned(as_int(x + TO_WHOLE) - WHOLE), row = unsigned(as_int(y + TO_WHOLE) - WHOLE);
+    const unsigned column = unsigned(as_int(x + TO_WHOLE) - ROUNDED_BITS), row = unsigned(as_int(y + TO_WHOLE) - ROUNDED_BITS);
     return column < unsigned(trail.width) && row < unsigned(trail.height) ? words[row * trail.width + column] : 0u;
 }
 

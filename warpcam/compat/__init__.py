@@ -1,1 +1,1 @@
-"""Cameras in other systems' words: each module or package here stands in for one of theirs."""
+"""Front ends in other systems' words, over the same scenes and renderers. Each is imported by its own name."""
