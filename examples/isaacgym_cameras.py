@@ -80,7 +80,7 @@ def create(gym: gymapi.Gym, folder: str = ".") -> tuple[gymapi.Sim, list, list, 
 
         wrist = gym.create_camera_sensor(env, props)
         # The camera looks along x of what it is given: down from the hand, a little ahead.
-        pose = gymapi.Transform(gymapi.Vec3(0.06, 0, 0.05), gymapi.Quat.from_axis_angle(gymapi.Vec3(0, 1, 0), 0.5))
+        pose = gymapi.Transform(gymapi.Vec3(0.06, 0, 0.05), gymapi.Quat.from_axis_angle(gymapi.Vec3(0, 1, 0), 1.0))
         hand = gym.find_actor_rigid_body_handle(env, robot, "wrist")
         gym.attach_camera_to_body(wrist, env, hand, pose, gymapi.FOLLOW_TRANSFORM)
         side = gym.create_camera_sensor(env, plain)

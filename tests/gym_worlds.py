@@ -37,7 +37,7 @@ def ordinal(device: wp.Device) -> int:
 
 
 def new_sim(device: wp.Device, *, up: Any = gymapi.UP_AXIS_Z, **changes: Any) -> gymapi.Sim:
-    params = gymapi.SimParams(up_axis=up, use_gpu_pipeline=device.is_cuda, **changes)
+    params = gymapi.SimParams(**{"up_axis": up, "use_gpu_pipeline": device.is_cuda, **changes})
     params.gravity = gymapi.Vec3(0, 0, -9.81) if up == gymapi.UP_AXIS_Z else gymapi.Vec3(0, -9.81, 0)
     return GYM.create_sim(ordinal(device), ordinal(device), gymapi.SIM_PHYSX, params)
 

@@ -201,7 +201,8 @@ def test_calls_in_the_wrong_order_raise(device: wp.Device) -> None:
 def test_a_destroyed_camera_is_gone(device: wp.Device) -> None:
     world = walls(device, 2)
     world.render()
-    kept = world.tensors[0][DEPTH].clone()
+    kept = world.tensors[0][SEGMENTATION].clone()
+    GYM.set_rigid_body_segmentation_id(world.envs[0], 0, 0, 99)
     GYM.destroy_camera_sensor(world.sim, world.envs[0], 0)
     for call in (
         lambda: GYM.get_camera_image(world.sim, world.envs[0], 0, DEPTH),
@@ -213,7 +214,7 @@ def test_a_destroyed_camera_is_gone(device: wp.Device) -> None:
     assert GYM.create_camera_sensor(world.envs[0], props()) == 1  # no handle is given twice
     GYM.set_camera_location(0, world.envs[1], gymapi.Vec3(-1, 0, 0), gymapi.Vec3(1, 0, 0))
     world.render()
-    assert torch.equal(world.tensors[0][DEPTH], kept)
+    assert torch.equal(world.tensors[0][SEGMENTATION], kept)  # nobody writes there any more
     np.testing.assert_allclose(world.image(1, DEPTH), -3.1, rtol=1e-5)
     GYM.destroy_sim(world.sim)
     with pytest.raises(wc.WarpcamError, match="the simulation has been destroyed"):

@@ -13,7 +13,6 @@ pytest.importorskip("newton")
 from gym_worlds import GYM, HEIGHT, KINDS, WIDTH, at, new_sim, ordinal, props, tensors_of, walls
 
 from warpcam.compat.isaacgym import gymapi, gymtorch
-from warpcam.outputs import OUTPUTS
 
 pytestmark = pytest.mark.filterwarnings("ignore")  # Newton's own
 COLOR, DEPTH, SEGMENTATION = KINDS
@@ -147,6 +146,7 @@ def test_two_cameras_of_an_environment_and_lenses_that_differ(device: wp.Device)
             GYM.set_camera_location(camera, env, gymapi.Vec3(-back, 0, 0), gymapi.Vec3(1, 0, 0))
             images.append(tensors_of(sim, env, camera, (DEPTH,))[DEPTH])
     GYM.render_all_camera_sensors(sim)
+    assert [view.scene.num_worlds for view in sim.studio._views.values()] == [2]
     depths = [image.cpu().numpy() for image in images]
     np.testing.assert_allclose(depths[0], -2.0, rtol=1e-5)
     np.testing.assert_allclose(depths[1], -3.0, rtol=1e-5)
@@ -183,7 +183,6 @@ def test_memory_is_flat_over_cameras_that_come_and_go(device: wp.Device) -> None
     world.render()
 
 
-@pytest.mark.skipif("flow" not in OUTPUTS, reason="the output 'flow' is not there yet")
 def test_flow_is_coded_in_parts_of_the_image(device: wp.Device) -> None:
     flow = gymapi.IMAGE_OPTICAL_FLOW
     world = walls(device, 2, fixed=False)
@@ -205,9 +204,16 @@ def test_flow_is_coded_in_parts_of_the_image(device: wp.Device) -> None:
     assert host.shape == (HEIGHT, 2 * WIDTH) and host.dtype == np.int16
 
 
-def test_flow_is_refused_by_name_where_it_is_not(device: wp.Device) -> None:
-    if "flow" in OUTPUTS:
-        pytest.skip("the output 'flow' is there")
-    world = walls(device, 1)
-    with pytest.raises(wc.WarpcamError, match="IMAGE_OPTICAL_FLOW needs the output 'flow'"):
-        GYM.get_camera_image_gpu_tensor(world.sim, world.envs[0], 0, gymapi.IMAGE_OPTICAL_FLOW)
+def test_flow_on_the_host_is_since_the_render_before(device: wp.Device) -> None:
+    flow = gymapi.IMAGE_OPTICAL_FLOW
+    world = walls(device, 1, fixed=False, enable_tensors=False)
+    states = gymtorch.wrap_tensor(GYM.acquire_actor_root_state_tensor(world.sim))
+    seen = []
+    for step in range(4):
+        states[0, 1] += 0.1
+        GYM.set_actor_root_state_tensor(world.sim, gymtorch.unwrap_tensor(states))
+        world.render()
+        if step != 2:
+            image = GYM.get_camera_image(world.sim, world.envs[0], 0, flow).reshape(HEIGHT, WIDTH, 2)
+            seen.append(image[HEIGHT // 2, WIDTH // 2, 0] * WIDTH / 2**15)
+    np.testing.assert_allclose(seen, (0.0, -0.8, -0.8), atol=2e-3)

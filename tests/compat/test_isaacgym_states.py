@@ -248,6 +248,25 @@ def test_files_that_are_not_there_or_cannot_be_read(device: wp.Device, tmp_path:
         GYM.load_asset(sim, str(tmp_path), name)
 
 
+def test_state_tensors_are_on_the_host_without_the_gpu_pipeline(device: wp.Device) -> None:
+    sim = new_sim(device, use_gpu_pipeline=False)
+    env = GYM.create_env(sim, gymapi.Vec3(), gymapi.Vec3(), 1)
+    GYM.create_actor(env, GYM.create_box(sim, 1, 9, 9), at(2.5, 0, 0), "wall", 0, 0, 1)
+    camera = GYM.create_camera_sensor(env, props())
+    GYM.set_camera_transform(camera, env, gymapi.Transform())
+    image = tensors_of(sim, env, camera, (DEPTH,))[DEPTH]
+    roots = wrapped(GYM.acquire_actor_root_state_tensor(sim))
+    assert roots.device.type == "cpu" and str(image.device) == wp.device_to_torch(device)
+    for x in (2.5, 3.5):
+        roots[0, 0] = x
+        GYM.set_actor_root_state_tensor(sim, gymtorch.unwrap_tensor(roots))
+        roots.zero_()
+        GYM.refresh_actor_root_state_tensor(sim)
+        assert roots[0, 0].item() == x
+        GYM.render_all_camera_sensors(sim)
+        np.testing.assert_allclose(image.cpu(), 0.5 - x, rtol=1e-5)
+
+
 def test_what_cannot_be_set_says_so(device: wp.Device, tmp_path: Path) -> None:
     sim = arms(device, tmp_path, 1)
     with pytest.raises(

@@ -81,7 +81,7 @@ class Sim:
     def warn_once(self, message: str) -> None:
         if message not in self._warned:
             self._warned.add(message)
-            warnings.warn(message, RuntimeWarning, stacklevel=4)
+            warnings.warn(message, RuntimeWarning, stacklevel=3)
 
 
 def sim_of(value: Any, where: str) -> Sim:
