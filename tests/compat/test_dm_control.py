@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 from typing import Any
 
+import mujoco
 import numpy as np
 import pytest
 import warp as wp
@@ -15,6 +16,11 @@ from dm_control.mujoco import engine  # noqa: E402 - needs what may not be there
 from warpcam.compat import dm_control as ours  # noqa: E402 - likewise
 
 WIDTH, HEIGHT = 80, 64
+
+try:
+    engine.Physics.from_xml_string("<mujoco/>")
+except AttributeError as error:
+    pytest.skip(f"this dm_control does not know MuJoCo {mujoco.__version__}: {error}", allow_module_level=True)
 
 
 @pytest.fixture

@@ -355,7 +355,7 @@ def test_ways_to_look_are_let_go(device: wp.Device) -> None:
         renderer.enable_depth_rendering()
         for group in range(2 * studio.MAX_KEPT):
             model.geom_group[0] = group % 6
-            model.site_rgba[0, 0] = group / 100
+            model.site_size[0, 0] = 0.01 + group / 100
             renderer.update_scene(data)
             renderer.render()
         assert len(renderer._studio._scenes) == len(renderer._studio._eyes) == studio.MAX_KEPT
