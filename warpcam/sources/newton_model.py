@@ -232,7 +232,8 @@ def _rows(table: np.ndarray) -> np.ndarray:
 
 
 def _note_variants(model: newton.Model) -> None:
-    if model.body_variant is not None and (model.body_variant.numpy() >= 0).any():
+    variants = getattr(model, "body_variant", None)  # Newton before 1.8 has none
+    if variants is not None and (variants.numpy() >= 0).any():
         _warn("body variants are drawn as they are now; others that are selected later are not seen")
 
 
