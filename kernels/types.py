@@ -22,6 +22,7 @@ BARREL = 9  # a cylinder whose side is bent outwards in an arc
 NUM_TYPES = 10
 SCALED = 10  # no type: stands among a scene's types where the sizes of meshes and height fields are scales
 SPLATS = 11  # a cloud of Gaussians: never among the drawn shapes, which the trace sees; see Splats
+TWO_SIDED = 12  # no type: stands among a scene's types where faces of some meshes are seen from behind, too
 
 # Light types.
 LIGHT_SPOT = 0
@@ -89,8 +90,8 @@ class Meshes:
     # bounds at 1e30.
     nodes: wp.array(dtype=wp.vec4)
     # (row,) a face is 3 rows, its corners, counterclockwise seen from the front; in leaf order, and
-    # once for each leaf that it stands in. The fourth
-    # component of the first row holds, as int bits, the face's index among the mesh's faces as they were given.
+    # once for each leaf that it stands in. The fourth component holds int bits: of the first row the face's index among
+    # the mesh's faces as they were given, of the second that of its back, with corners 0, 2, 1, if it has one, else 0.
     faces: wp.array(dtype=wp.vec4)
     # Shading data, by corner of the faces as given: corner 3 * (corner_start + face) + k.
     corner_start: wp.array(dtype=wp.int32)  # (mesh,) first face in the two arrays below

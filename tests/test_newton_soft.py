@@ -183,11 +183,11 @@ def test_an_opened_cloth_looks_as_one_that_was_made_open(device: wp.Device) -> N
     state = model.state()
     scene = wc.from_newton(model, state)
     renderer = wc.Renderer(scene, [camera])
-    for _ in range(3):
+    for _ in range(32):
         renderer.render()
     order = scene._source._trees[0]._moving.order.numpy().copy()
     state.particle_q.assign(flat)
-    for frame in range(20):
+    for frame in range(36):
         seen = scenes.on_host(renderer.render()["eye"])
         close = np.isclose(seen["depth"], expected["depth"], rtol=1e-6)
         assert (close | (seen["depth"] == expected["depth"])).all(), frame

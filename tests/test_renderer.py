@@ -306,6 +306,7 @@ def test_frames_are_in_order_with_torch_streams() -> None:
         positions[:, BALL, 0] = x
         expected[x] = renderer.render()["top"]["depth"].clone()
     stream = torch.cuda.Stream()
+    stream.wait_stream(torch.cuda.current_stream())  # which has yet to make what is expected
     with torch.cuda.stream(stream):
         for step in range(200):
             positions[:, BALL, 0] = float(step % 2)

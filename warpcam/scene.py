@@ -24,6 +24,7 @@ from warpcam.kernels.types import (
     SCALED,
     SKY_TERMS,
     SPLATS,
+    TWO_SIDED,
     Background,
     Lights,
     Materials,
@@ -259,6 +260,8 @@ class Scene:
         types = {int(self._parts.shape_types[shape]) for shape in self._parts.drawn}
         if self._parts.scaled and types & {MESH, HEIGHT_FIELD}:
             types.add(SCALED)
+        if MESH in types and any(mesh.two_sided for mesh in self._parts.meshes):
+            types.add(TWO_SIDED)
         return frozenset(types)
 
     def _check_parts(self) -> None:

@@ -74,7 +74,7 @@ struct MeshHit {
 };
 
 // The faces `first` to `end` - 1 of a mesh against one ray.
-inline bool test_leaf(const float* faces, int first, int end, const RayFrame& frame, float near, MeshHit& hit)
+template <bool BACKS> inline bool test_leaf(const float* faces, int first, int end, const RayFrame& frame, float near, MeshHit& hit)
 {
     bool any = false;
     for (int face = first; face < end; face += 4) {
@@ -90,7 +90,13 @@ inline bool test_leaf(const float* faces, int first, int end, const RayFrame& fr
         }
         const Float4 wc = edge4(corners[0], corners[1]), wa = edge4(corners[1], corners[2]);
         const Float4 wb = edge4(corners[2], corners[0]), total = wa + wb + wc;
-        const Int4 inside = (wa >= 0.0f) & (wb >= 0.0f) & (wc >= 0.0f) & (total > 0.0f);
+        Int4 inside = (wa >= 0.0f) & (wb >= 0.0f) & (wc >= 0.0f) & (total > 0.0f);
+        if constexpr (BACKS) {
+            Int4 both;
+            for (int k = 0; k < 4; ++k)
+                both[k] = as_int(faces[4u * (rows[k] + 1) + 3]) != 0 ? -1 : 0;
+            inside |= both & (wa <= 0.0f) & (wb <= 0.0f) & (wc <= 0.0f) & (total < 0.0f);
+        }
         if (!bits_of(inside))
             continue;
         const Float4 t = (wa * corners[0].along + wb * corners[1].along + wc * corners[2].along) / total;
@@ -163,7 +169,7 @@ inline int test_node(const float* nodes, int node, const BoxRay& ray, float near
 }
 
 // Nearest face of one mesh that is nearer than `hit`; with ANY, the first one found. Says whether there is one.
-template <bool ANY>
+template <int TYPES, bool ANY>
 inline bool walk_mesh(const float* nodes, const float* faces, const Slabs& slabs, const RayFrame& frame, float near,
                       MeshHit& hit)
 {
@@ -176,7 +182,7 @@ inline bool walk_mesh(const float* nodes, const float* faces, const Slabs& slabs
             node = test_node(nodes, node, ray, near, hit.depth, stack, height);
         if (node != NO_NODE) {
             const int code = -node - 1, first = code >> 4;
-            any |= test_leaf(faces, first, first + (code & 15), frame, near, hit);
+            any |= test_leaf<(TYPES >> TWO_SIDED & 1) != 0>(faces, first, first + (code & 15), frame, near, hit);
             if (ANY && any)
                 return true;
         }
@@ -210,7 +216,7 @@ inline void walk_meshes(const Meshes& meshes, const Record* records, const unsig
             const int mesh = record.axis_z.w;
             const Ray ray = source.local(record);
             MeshHit found { hit.depth, 0 };
-            if (walk_mesh<true>(node_rows(meshes, mesh), face_rows(meshes, mesh),
+            if (walk_mesh<TYPES, true>(node_rows(meshes, mesh), face_rows(meshes, mesh),
                                 slabs(ray.origin, ray.direction, record.size.x), source.template frame<TYPES>(record), near, found)) {
                 hit = { found.depth, record.axis_y.w, found.face };
                 return;
@@ -243,7 +249,7 @@ inline void trace_mesh(const Meshes& meshes, const Record& record, const Near& n
         const ViewRay<LENS> source { rays.x[lane], rays.y[lane] };
         const Ray ray = source.local(r);
         MeshHit found { rays.depth[lane], 0 };
-        if (!walk_mesh<false>(node_rows(meshes, mesh), face_rows(meshes, mesh),
+        if (!walk_mesh<TYPES, false>(node_rows(meshes, mesh), face_rows(meshes, mesh),
                               slabs(ray.origin, ray.direction, r.size.x), source.template frame<TYPES>(r),
                               near.at(lane), found))
             continue;

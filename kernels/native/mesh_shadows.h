@@ -32,7 +32,7 @@ WARPCAM_FN bool meets_leaf(const Meshes& meshes, const Record& record, unsigned 
         const Row a = load(meshes.faces.data, at), b = load(meshes.faces.data, at + 1);
         const Row c = load(meshes.faces.data, at + 2);
         const float t = enter_triangle(frame, project(frame, a.x, a.y, a.z), project(frame, b.x, b.y, b.z),
-                                       project(frame, c.x, c.y, c.z));
+                                       project(frame, c.x, c.y, c.z), has_back<TYPES>(b.w));
         met = (t > span.near) & (t < span.reach);
     }
     return met;

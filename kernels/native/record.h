@@ -5,7 +5,7 @@
 namespace warpcam {
 
 // Values of types.py.
-enum ShapeType { PLANE, HEIGHT_FIELD, SPHERE, CAPSULE, ELLIPSOID, CYLINDER, BOX, MESH, CONE, BARREL, SCALED };
+enum ShapeType { PLANE, HEIGHT_FIELD, SPHERE, CAPSULE, ELLIPSOID, CYLINDER, BOX, MESH, CONE, BARREL, SCALED, TWO_SIDED = 12 };
 enum Lens { PINHOLE, ORTHOGRAPHIC };
 
 // The rows take camera coordinates to the shape's own, in which spheres and ellipsoids are the unit sphere, boxes
@@ -20,6 +20,9 @@ struct Record {
     Row size;    // plane: half widths, 0 infinite; capsule: x = half length / radius; barrel: x = half length, y = radius of
                  // its side's arc, both / end radius; height field: half widths, base depth. w: bits of `nearest`, a lower bound of the planar depth of every point of the shape
 };
+
+// Whether a face is seen from behind, too, by what its second row says: see Meshes.faces.
+template <int TYPES> WARPCAM_FN bool has_back(int mark) { return (TYPES >> TWO_SIDED & 1) && mark != 0; }
 
 template <int TYPES> WARPCAM_FN bool is_mesh(const Record& record)
 {

@@ -10,9 +10,9 @@
 namespace warpcam {
 
 constexpr float DECAYED = 1.5f;  // times as much as it was after the last order
-constexpr float UNKNOWN = -1.0f;  // how good an order is is measured when the boxes have followed
-constexpr float FRESH = -2.0f;  // not even once
-constexpr int EVERY = 8;  // frames from one measurement to the next
+constexpr float UNKNOWN = -1.0f;  // how good an order is was not measured yet
+constexpr int EVERY = 16;  // frames that share in a measurement
+constexpr float ABSENT = 1.0e30f;  // all bounds of a child that is not there, as bvh4_build.h has it
 constexpr int DIGIT_BITS = 4, DIGITS = 1 << DIGIT_BITS, KEY_BITS = 32;
 constexpr float CELLS = 1024.0f;  // of the curve along each axis
 
@@ -21,8 +21,8 @@ struct Bounds {
 
     WARPCAM_FN void include(Vec v)
     {
-        low = { lower(low.x, v.x), lower(low.y, v.y), lower(low.z, v.z) };
-        high = { upper(high.x, v.x), upper(high.y, v.y), upper(high.z, v.z) };
+        low = { lower(v.x, low.x), lower(v.y, low.y), lower(v.z, low.z) };  // in this order, so that NaNs do not count
+        high = { upper(v.x, high.x), upper(v.y, high.y), upper(v.z, high.z) };
     }
     WARPCAM_FN float area() const  // half of it
     {
@@ -61,25 +61,26 @@ WARPCAM_FN float total(float mine, float* room, int thread)
     return sum;
 }
 
+// The areas of all boxes, and of those around single faces: a share of them in each of EVERY frames.
 template <class Moving, class Meshes>
-WARPCAM_FN float looseness(const Moving& moving, const Meshes& meshes, int asset, float* room, int thread)
+WARPCAM_FN void measure(const Moving& moving, const Meshes& meshes, int asset, int share, float* room, int thread,
+                        float& boxes, float& alone)
 {
     const int nodes = wp::index(meshes.node_start, asset), faces = wp::index(meshes.face_start, asset);
     const int rows = moving.order.shape[1];
-    float boxes = 0.0f, alone = 0.0f;
-    for (int i = thread; i < 4 * moving.num_nodes; i += THREADS) {
+    float in_boxes = 0.0f, in_faces = 0.0f;
+    for (int i = EVERY * thread + share; i < 4 * moving.num_nodes; i += EVERY * THREADS) {
         const Bounds box = child_box(meshes.nodes, nodes + NODE_ROWS * (i / 4), i % 4);
-        boxes += box.low.x < 1.0e29f ? box.area() : 0.0f;
+        in_boxes += box.low.x < ABSENT ? box.area() : 0.0f;
     }
-    for (int i = thread; i < rows; i += THREADS) {
+    for (int i = EVERY * thread + share; i < rows; i += EVERY * THREADS) {
         Bounds box = nowhere();
         for (int k = 0; k < 3; ++k)
-            box.include(to_vec(meshes.faces.data[faces + 3 * i + k]));
-        alone += box.area();
+            box.include(to_vec(meshes.faces.data[faces + FACE_ROWS * i + k]));
+        in_faces += box.low.x < ABSENT ? box.area() : 0.0f;
     }
-    boxes = total(boxes, room, thread);
-    alone = total(alone, room, thread);
-    return boxes / upper(alone, TINY);
+    boxes = total(in_boxes, room, thread);
+    alone = total(in_faces, room, thread);
 }
 
 // Every third bit of a number below 1024.
@@ -166,30 +167,34 @@ WARPCAM_FN void deal_out(const Moving& moving, const Meshes& meshes, const Point
         *wp::address(moving.order, instance, row) = as_int(pairs[count + int((long long)(row) * count / rows)]);
 }
 
-// One instance a block; `index` counts instances, then (CUDA) threads of the block.
+// Goes on measuring the tree of one instance, and gives its faces a new order, for the next frame, where it has decayed.
 template <class Moving, class Meshes, class Points>
-WARPCAM_FN void reorder(const Moving& moving, const Meshes& meshes, const Points& points, int index)
+WARPCAM_FN void keep_order(const Moving& moving, const Meshes& meshes, const Points& points, int instance, int thread)
 {
     WARPCAM_SHARED float room[6 * THREADS];
     WARPCAM_SHARED int starts[DIGITS * THREADS];
-    const int thread = index % THREADS, instance = index / THREADS;
-    const int age = moving.ages.data[instance];
+    const int age = moving.ages.data[instance], share = age % EVERY;
     const float known = moving.looseness.data[instance];
+    float boxes, alone;
+    measure(moving, meshes, wp::index(moving.assets, instance), share, room, thread, boxes, alone);
+    if (share > 0) {
+        boxes += moving.areas.data[instance][0];
+        alone += moving.areas.data[instance][1];
+    }
     block_barrier();
-    if (thread == 0)
-        moving.ages.data[instance] = (age + 1) % EVERY;
-    if (known == FRESH && thread == 0)
-        moving.looseness.data[instance] = UNKNOWN;
-    if (known == FRESH || (known >= 0.0f && age != 0))
+    if (thread == 0) {
+        moving.ages.data[instance] = age + 1 < 2 * EVERY ? age + 1 : EVERY;
+        moving.areas.data[instance][0] = boxes;
+        moving.areas.data[instance][1] = alone;
+    }
+    if (share + 1 < EVERY || age < EVERY)  // in the first frames the measurement may have begun in the middle
         return;
-    const float now = looseness(moving, meshes, wp::index(moving.assets, instance), room, thread);
-    if (thread == 0 && known < 0.0f)
-        moving.looseness.data[instance] = now;
-    if (known < 0.0f || !(now > DECAYED * known))
-        return;
-    deal_out(moving, meshes, points, instance, room, starts, thread);
-    if (thread == 0)
-        moving.looseness.data[instance] = UNKNOWN;
+    const float now = boxes / upper(alone, TINY);
+    const bool decayed = known >= 0.0f && now > DECAYED * known;
+    if (decayed)
+        deal_out(moving, meshes, points, instance, room, starts, thread);
+    if (thread == 0 && (decayed || known < 0.0f))
+        moving.looseness.data[instance] = decayed ? UNKNOWN : now;
 }
 
 }  // namespace warpcam

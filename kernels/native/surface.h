@@ -159,23 +159,29 @@ template <class Meshes> WARPCAM_FN Row face_row(const Meshes& meshes, int row)
 #endif
 }
 
-template <class Meshes> WARPCAM_FN Triangle load_triangle(const Meshes& meshes, int row, int& given)
+// The face that stands in a row, as the mesh's or, seen from behind, as its back, whose corners go the other way round.
+template <int TYPES, class Meshes>
+WARPCAM_FN Triangle load_triangle(const Meshes& meshes, int row, Vec ray, int& given)
 {
-    const Row first = face_row(meshes, row);
+    const Row first = face_row(meshes, row), second = face_row(meshes, row + 1);
+    const Vec origin = to_vec(first), edge1 = to_vec(second) - origin, edge2 = to_vec(face_row(meshes, row + 2)) - origin;
     given = first.w;
-    const Vec origin = to_vec(first);
-    return { origin, to_vec(face_row(meshes, row + 1)) - origin, to_vec(face_row(meshes, row + 2)) - origin };
+    if (has_back<TYPES>(second.w) && dot(cross(edge1, edge2), ray) > 0.0f) {
+        given = second.w;
+        return { origin, edge2, edge1 };
+    }
+    return { origin, edge1, edge2 };
 }
 
-// `face` counts the mesh's faces in leaf order.
+// `face` counts the mesh's faces in leaf order; `ray` is in the mesh's own coordinates.
 template <int TYPES, class Meshes>
-WARPCAM_FN void mesh_surface(const Meshes& meshes, const Pose& pose, int face, Surface& surface)
+WARPCAM_FN void mesh_surface(const Meshes& meshes, const Pose& pose, int face, Vec ray, Surface& surface)
 {
     constexpr bool STRETCHED = TYPES >> SCALED & 1;
     const int faces = STRETCHED ? wp::index(meshes.face_start, pose.asset()) : as_int(pose.size.x);
     const int corners = STRETCHED ? wp::index(meshes.corner_start, pose.asset()) : as_int(pose.size.y);
     int given;
-    const Triangle triangle = load_triangle(meshes, faces + 3 * face, given);
+    const Triangle triangle = load_triangle<TYPES>(meshes, faces + 3 * face, ray, given);
     const Vec normal = cross(triangle.edge1, triangle.edge2), place = surface.local - triangle.origin;
     const float rate = reciprocal(upper(dot(normal, normal), TINY));
     surface.corner = 3 * (corners + given);
@@ -218,7 +224,7 @@ WARPCAM_FN Surface surface_at(const Pose& pose, const Meshes& meshes, const Heig
     if ((TYPES >> HEIGHT_FIELD & 1) && type == HEIGHT_FIELD)
         height_field_surface(fields, pose.asset(), face, surface);
     if ((TYPES >> MESH & 1) && type == MESH)
-        mesh_surface<TYPES>(meshes, pose, face, surface);
+        mesh_surface<TYPES>(meshes, pose, face, stretched ? divided(ray, size) : ray, surface);
     if (stretched) {
         Triangle& triangle = surface.triangle;
         surface.local = local;

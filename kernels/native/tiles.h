@@ -10,7 +10,7 @@
 
 namespace warpcam {
 
-constexpr int analytic_types(int types) { return types & ~(1 << HEIGHT_FIELD | 1 << MESH | 1 << SCALED); }
+constexpr int analytic_types(int types) { return types & ~(1 << HEIGHT_FIELD | 1 << MESH | 1 << SCALED | 1 << TWO_SIDED); }
 
 // What a region's rays are tested against. Ranks run from near to far.
 template <int CAPACITY> struct ShapeList {

@@ -23,13 +23,15 @@ WARPCAM_FN Corner project(const RayFrame& frame, float x, float y, float z)
 // is the same but for its sign for (0, b, a); a zero counts as inside on both sides of an edge.
 WARPCAM_FN float edge(const Corner& a, const Corner& b) { return product(a.x, b.y) - product(a.y, b.x); }
 
-// Planar depth at which the ray enters the triangle through its front (counterclockwise) side; FAR_AWAY if it does not.
-WARPCAM_FN float enter_triangle(const RayFrame& frame, const Corner& a, const Corner& b, const Corner& c)
+// Planar depth at which the ray enters the triangle through its front (counterclockwise) side, or through either with
+// `both`; FAR_AWAY if it does not.
+WARPCAM_FN float enter_triangle(const RayFrame& frame, const Corner& a, const Corner& b, const Corner& c, bool both)
 {
     const float wc = edge(a, b), wa = edge(b, c), wb = edge(c, a);
     const float total = wa + wb + wc;
     if (wa < 0.0f || wb < 0.0f || wc < 0.0f || !(total > 0.0f))
-        return FAR_AWAY;
+        if (!both || wa > 0.0f || wb > 0.0f || wc > 0.0f || !(total < 0.0f))
+            return FAR_AWAY;
     const float depth = wa * dot(frame.depth, a.offset) + wb * dot(frame.depth, b.offset)
         + wc * dot(frame.depth, c.offset);
     return depth * reciprocal(total);

@@ -130,7 +130,7 @@ WARPCAM_FN void walk_mesh(const Meshes& meshes, const Record& record, const RayO
                 const Row a = load(meshes.faces.data, at), b = load(meshes.faces.data, at + 1);
                 const Row c = load(meshes.faces.data, at + 2);
                 const float t = enter_triangle(frame, project(frame, a.x, a.y, a.z), project(frame, b.x, b.y, b.z),
-                                               project(frame, c.x, c.y, c.z));
+                                               project(frame, c.x, c.y, c.z), has_back<TYPES>(b.w));
                 if (t < hit.depth && t > near)
                     hit = { t, record.axis_y.w, f };
             }
@@ -147,7 +147,7 @@ inline void walk_mesh(const Meshes& meshes, const Record& record, const RayOf& s
     const Ray ray = source.local(record);
     const int mesh = record.axis_z.w;
     MeshHit found { hit.depth, 0 };
-    if (walk_mesh<false>(node_rows(meshes, mesh), face_rows(meshes, mesh),
+    if (walk_mesh<TYPES, false>(node_rows(meshes, mesh), face_rows(meshes, mesh),
                          slabs(ray.origin, ray.direction, record.size.x), source.template frame<TYPES>(record), near,
                          found))
         hit = { found.depth, record.axis_y.w, found.face };

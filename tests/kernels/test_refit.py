@@ -1,11 +1,13 @@
 """Trees that follow moving corners, in the layouts of both kinds of device."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 import warp as wp
-from warpcam.kernels.refit import FAR, Tree
+from warpcam.kernels import refit
 
-from warpcam.accel.meshes import Mesh, _child_by_child, pack_meshes
+from warpcam.accel.meshes import Mesh, pack_meshes
 
 
 def sheet(cells: int) -> tuple[np.ndarray, np.ndarray]:
@@ -17,20 +19,20 @@ def sheet(cells: int) -> tuple[np.ndarray, np.ndarray]:
     return points, np.concatenate((one, other)).astype(np.int32)
 
 
-@pytest.mark.parametrize("by_child", [False, True])
+@pytest.mark.parametrize("two_sided", [False, True])
 @pytest.mark.parametrize("cells", [1, 2, 30])
-def test_boxes_hold_their_faces_tightly(by_child: bool, cells: int) -> None:
-    device, instances = wp.get_device("cpu"), 3
+def test_boxes_hold_their_faces_tightly(device: wp.Device, monkeypatch: Any, two_sided: bool, cells: int) -> None:
+    monkeypatch.setattr(refit, "FEW", 8)  # so that there are levels with a launch of their own
+    instances, by_child = 3, device.is_cuda
     points, faces = sheet(cells)
-    meshes, _ = pack_meshes([Mesh("sheet", points, faces, moves=True)] * instances, device)
+    given_faces = np.concatenate((faces, faces[:, (0, 2, 1)])) if two_sided else faces
+    mesh = Mesh("sheet", points, given_faces, moves=True, two_sided=two_sided)
+    meshes, _ = pack_meshes([mesh] * instances, device)
     wide = 8 if by_child else 7
-    if by_child:
-        meshes.nodes = wp.array(_child_by_child(meshes.nodes.numpy()), dtype=wp.vec4, device=device)
-        meshes.node_start = wp.array(meshes.node_start.numpy() // 7 * 8, dtype=wp.int32, device=device)
     random = np.random.default_rng(cells)
     moved = random.normal(size=(5 + instances * len(points), 3)).astype(np.float32)
     bases = 5 + len(points) * np.arange(instances)
-    tree = Tree(meshes, np.arange(instances), bases, faces, device, by_child)
+    tree = refit.Tree(meshes, np.arange(instances), bases, faces, device, two_sided=two_sided)
     for stage in tree.record(wp.array(moved, dtype=wp.vec3, device=device)):
         stage.launch()
     nodes, rows = meshes.nodes.numpy(), meshes.faces.numpy()
@@ -45,11 +47,12 @@ def test_boxes_hold_their_faces_tightly(by_child: bool, cells: int) -> None:
             low, high = (table[0::2, :3], table[1::2, :3]) if by_child else (table[0:3].T, table[3:6].T)
             codes = np.ascontiguousarray(table[0::2, 3] if by_child else table[6]).view(np.int32)
             found = []
-            for child in np.flatnonzero(low[:, 0] < FAR):
+            for child in np.flatnonzero(low[:, 0] < refit.FAR):
                 if codes[child] < 0:
                     start, count = (-codes[child] - 1) >> 4, (-codes[child] - 1) & 15
                     block = rows[first_faces[instance] + 3 * start :][: 3 * count]
-                    given = np.ascontiguousarray(block[::3, 3]).view(np.int32)
+                    given, back, nothing = np.ascontiguousarray(block[:, 3]).view(np.int32).reshape(-1, 3).T
+                    assert (back == (given + len(faces) if two_sided else 0)).all() and not nothing.any()
                     assert (block[:, :3] == own[faces[given]].reshape(-1, 3)).all()
                     seen.update(given.tolist())
                     inside = block[:, :3]
@@ -67,5 +70,6 @@ def test_boxes_hold_their_faces_tightly(by_child: bool, cells: int) -> None:
         normal = np.cross(b - a, c - a)
         normal /= np.linalg.norm(normal, axis=1, keepdims=True)
         first = 3 * meshes.corner_start.numpy()[instance]
-        stored = meshes.normals.numpy()[first : first + 3 * len(faces)].reshape(-1, 3, 3)
-        assert np.abs(stored - normal[:, None]).max() < 1e-4
+        stored = meshes.normals.numpy()[first : first + 3 * len(given_faces)].reshape(-1, 3, 3)
+        assert np.abs(stored[: len(faces)] - normal[:, None]).max() < 1e-4
+        assert (stored[len(faces) :] == -stored[: len(stored) - len(faces)]).all()

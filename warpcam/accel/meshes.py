@@ -24,6 +24,8 @@ class Mesh:
         normals: (face, 3, 3) float32, a unit normal for each corner; None for flat faces.
         uvs: (face, 3, 2) float32, a texture coordinate for each corner, v up; None if there are none.
         moves: Whether its corners will be moved: then it has rows of its own, with the tree of where they are now.
+        two_sided: Whether the second half of the faces is the first seen from behind, corners 0, 2, 1 of each. The tree
+            holds the first.
     """
 
     name: str
@@ -32,6 +34,12 @@ class Mesh:
     normals: np.ndarray | None = None
     uvs: np.ndarray | None = None
     moves: bool = False
+    two_sided: bool = False
+
+    @property
+    def fronts(self) -> np.ndarray:
+        """Faces without those that are the backs of others."""
+        return self.faces[: len(self.faces) // 2] if self.two_sided else self.faces
 
 
 def pack_meshes(meshes: Sequence[Mesh], device: wp.Device) -> tuple[Meshes, int]:
@@ -43,8 +51,8 @@ def pack_meshes(meshes: Sequence[Mesh], device: wp.Device) -> tuple[Meshes, int]
     Raises:
         WarpcamError: A mesh cannot be used; the message names it.
     """
-    places: dict[tuple[bytes, bytes], tuple[int, int]] = {}  # by content: first rows of nodes and faces
-    built: dict[tuple[bytes, bytes], int] = {}  # by content: place among the trees
+    places: dict[tuple[bytes, ...], tuple[int, int]] = {}  # by content: first rows of nodes and faces
+    built: dict[tuple[bytes, ...], int] = {}  # by content: place among the trees
     trees: list[tuple[np.ndarray, np.ndarray]] = []
     node_start, face_start, corner_start = [], [], []
     lower = np.zeros((len(meshes), 3), np.float32)
@@ -52,12 +60,12 @@ def pack_meshes(meshes: Sequence[Mesh], device: wp.Device) -> tuple[Meshes, int]
     normals, uvs = [], []
     node_rows = face_rows = corners = 0
     for index, mesh in enumerate(meshes):
-        key = (mesh.vertices.tobytes(), mesh.faces.tobytes())
+        key = (mesh.vertices.tobytes(), mesh.faces.tobytes(), b"two-sided" * mesh.two_sided)
         if key not in built:
-            tree = build_bvh4(mesh.vertices, mesh.faces, name=mesh.name)
+            tree = build_bvh4(mesh.vertices, mesh.fronts, name=mesh.name)
             nodes = _child_by_child(tree.nodes) if device.is_cuda else tree.nodes
             built[key] = len(trees)
-            trees.append((nodes, tree.faces))
+            trees.append((nodes, _with_backs(tree.faces, len(mesh.fronts)) if mesh.two_sided else tree.faces))
         elif mesh.moves or key not in places:
             trees.append(trees[built[key]])
         place = places.get(key)
@@ -109,6 +117,13 @@ def _child_by_child(nodes: np.ndarray) -> np.ndarray:
     by_child[:, :, 1, :3] = by_bound[:, 3:6].transpose(0, 2, 1)
     by_child.view(np.int32)[:, :, 0, 3] = by_bound.view(np.int32)[:, 6]  # bits, some of them those of NaNs
     return by_child.reshape(-1, 4)
+
+
+def _with_backs(rows: np.ndarray, num_fronts: int) -> np.ndarray:
+    """Rows of faces, each of which says what its back is: see ``Meshes.faces``."""
+    marked = rows.copy().reshape(-1, 3, 4)
+    marked.view(np.int32)[:, 1, 3] = marked.view(np.int32)[:, 0, 3] + num_fronts
+    return marked.reshape(-1, 4)
 
 
 def _normals(mesh: Mesh) -> np.ndarray:

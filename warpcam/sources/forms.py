@@ -63,6 +63,7 @@ class Surface:
         faces: (face, 3) int32.
         normals: (face, 3, 3), unit, or None.
         uvs: (face, 3, 2) float32, v up, or None.
+        two_sided: Whether the second half of the faces is the first seen from behind.
         moves: Whether ``vertices`` may be others later: then faces are shaded as they lie.
     """
 
@@ -76,7 +77,7 @@ class Surface:
         two_sided: bool = False,
         moves: bool = False,
     ):
-        self.moves = moves
+        self.moves, self.two_sided = moves, two_sided
         self.name, self.vertices, self.faces, self.normals, self.uvs = name, vertices, faces, normals, uvs
         if two_sided:
             back = [0, 2, 1]
@@ -118,6 +119,7 @@ class Surface:
                 None if normals is None or self.moves else np.ascontiguousarray(normals, np.float32),
                 None if uvs is None else np.ascontiguousarray(uvs, np.float32),
                 moves=self.moves,
+                two_sided=self.two_sided,
             )
             self._baked[key] = mesh, stretch
         return self._baked[key][0]

@@ -257,8 +257,8 @@ class GraphSource:
                     continue
                 if index not in self._moved:
                     array = wp.array(points, dtype=wp.vec3, device=self.device)
-                    assets, bases, by_child = np.array([index]), np.zeros(1, np.int64), self.device.is_cuda
-                    tree = Tree(self._packed, assets, bases, mesh.faces, self.device, by_child)
+                    assets, bases = np.array([index]), np.zeros(1, np.int64)
+                    tree = Tree(self._packed, assets, bases, mesh.fronts, self.device, two_sided=mesh.two_sided)
                     self._moved[index] = array, tree.record(array)
                 array, stages = self._moved[index]
                 array.assign(points)

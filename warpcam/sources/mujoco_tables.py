@@ -151,8 +151,7 @@ class ExtraTables:
             for number, part in enumerate(self._extras.moved):
                 assets = self._first_mesh + number * self._num_worlds + worlds
                 bases = worlds * self._extras.num_points + part.hull.first_point
-                faces, by_child = part.mesh.faces, self._device.is_cuda
-                self._trees.append(Tree(meshes, assets, bases, faces, self._device, by_child, part.shading))
+                self._trees.append(Tree(meshes, assets, bases, part.mesh.faces, self._device, part.shading))
         return self._trees
 
 

@@ -184,9 +184,9 @@ class NewtonSource:
             self._trees, first = [], self._first_soft
             for part in self._soft.parts:
                 assets = np.arange(first, first + len(part.worlds))
-                bases, by_child = np.asarray(part.bases), self.device.is_cuda
-                shading = part.shading if isinstance(part, Visual) else None
-                self._trees.append(Tree(meshes, assets, bases, part.faces, self.device, by_child, shading))
+                bases = np.asarray(part.bases)
+                shading, both = (part.shading, False) if isinstance(part, Visual) else (None, part.is_open)
+                self._trees.append(Tree(meshes, assets, bases, part.faces, self.device, shading, both))
                 first += len(part.worlds)
         return self._trees
 

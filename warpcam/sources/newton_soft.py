@@ -19,7 +19,7 @@ class Part:
     """A connected surface, which some worlds have one after another of.
 
     Attributes:
-        faces: (face, 3) int32, particles counted from the first; both ways round where the surface is open.
+        faces: (face, 3) int32, particles counted from the first.
         vertices: (vertex, 3) float32, where they were in the first of the worlds [m].
         column: Which of the soft columns it stands in.
         worlds: Where it is, -1 for all worlds.
@@ -34,8 +34,16 @@ class Part:
     bases: list[int] = field(default_factory=list)
     triangles: list[int] = field(default_factory=list)
 
+    @property
+    def is_open(self) -> bool:
+        """Whether it is seen from both sides."""
+        return not is_closed(self.faces)
+
     def mesh(self) -> Mesh:
-        return Mesh(f"soft part {self.column}", self.vertices, self.faces, moves=True)
+        faces, both = self.faces, self.is_open
+        if both:
+            faces = np.concatenate((faces, faces[:, (0, 2, 1)]))
+        return Mesh(f"soft part {self.column}", self.vertices, faces, moves=True, two_sided=both)
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,8 +125,6 @@ def _parts(triangles: np.ndarray, numbers: np.ndarray, worlds: np.ndarray, posit
             known[key], starts[key] = [], []
             for number, label in enumerate(np.unique(labels)):
                 faces = own[labels == label]
-                if not is_closed(faces):
-                    faces = np.concatenate((faces, faces[:, ::-1]))
                 vertices = positions[base : base + int(own.max()) + 1].astype(np.float32)
                 known[key].append(Part(np.ascontiguousarray(faces, np.int32), vertices, shared + number))
                 starts[key].append(int(np.flatnonzero(labels == label)[0]))

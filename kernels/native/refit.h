@@ -1,0 +1,198 @@
+// Meshes whose corners move: the faces and boxes of their trees, from the leaves up.
+#pragma once
+#include "reorder.h"
+
+namespace warpcam {
+
+constexpr int LEAF_LANES = 8;  // a leaf has at most 15 faces, most have fewer than 8
+
+WARPCAM_FN Bounds joined(const Bounds& a, const Bounds& b)
+{
+    return { { lower(a.low.x, b.low.x), lower(a.low.y, b.low.y), lower(a.low.z, b.low.z) },
+             { upper(a.high.x, b.high.x), upper(a.high.y, b.high.y), upper(a.high.z, b.high.z) } };
+}
+
+// A box of nothing, as of corners that are no numbers, makes a child that is not there.
+template <class Array> WARPCAM_FN void put_box(const Array& nodes, int row, int child, Bounds box)
+{
+    if (!(box.low.x <= box.high.x))
+        box = { { ABSENT, ABSENT, ABSENT }, { ABSENT, ABSENT, ABSENT } };
+#if defined(__CUDA_ARCH__)
+    float4* const rows = reinterpret_cast<float4*>(nodes.data) + row + 2 * child;
+    rows[0] = make_float4(box.low.x, box.low.y, box.low.z, rows[0].w);
+    rows[1] = make_float4(box.high.x, box.high.y, box.high.z, 0.0f);
+#else
+    for (int axis = 0; axis < 3; ++axis) {
+        nodes.data[row + axis][child] = component(box.low, axis);
+        nodes.data[row + 3 + axis][child] = component(box.high, axis);
+    }
+#endif
+}
+
+// Writes a face's rows with its corners where they are now; its box.
+template <class Moving, class Meshes, class Points>
+WARPCAM_FN Bounds move_face(const Moving& moving, const Meshes& meshes, const Points& points, int instance, int first_face,
+                            int row)
+{
+    const int base = wp::index(moving.bases, instance), face = wp::index(moving.order, instance, row);
+    const auto corners = wp::index(moving.triangles, face);
+    const int marks[3] = { face, moving.backs ? moving.triangles.shape[0] + face : 0, 0 };
+    Bounds box = nowhere();
+    for (int k = 0; k < 3; ++k) {
+        const Vec place = to_vec(points.data[base + corners[k]]);
+        box.include(place);
+        const int at = first_face + FACE_ROWS * row + k;
+#if defined(__CUDA_ARCH__)
+        reinterpret_cast<float4*>(meshes.faces.data)[at] = make_float4(place.x, place.y, place.z, as_float(marks[k]));
+#else
+        auto& to = meshes.faces.data[at];
+        to[0] = place.x, to[1] = place.y, to[2] = place.z, to[3] = as_float(marks[k]);
+#endif
+    }
+    return box;
+}
+
+// A leaf's faces and its box. `index` counts instances, leaves, then (CUDA) lanes, a face each.
+template <class Moving, class Meshes, class Points>
+WARPCAM_FN void move_leaf(const Moving& moving, const Meshes& meshes, const Points& points, int index)
+{
+#if defined(__CUDA_ARCH__)
+    const int lane = index % LEAF_LANES, leaf = index / LEAF_LANES;
+#else
+    const int leaf = index;
+#endif
+    const int instance = leaf / moving.num_leaves;
+    const auto entry = wp::index(moving.entries, leaf - instance * moving.num_leaves);
+    const int asset = wp::index(moving.assets, instance), code = -entry[2] - 1, first = code >> 4, count = code & 15;
+    const int nodes = wp::index(meshes.node_start, asset), faces = wp::index(meshes.face_start, asset);
+    Bounds box = nowhere();
+#if defined(__CUDA_ARCH__)
+    for (int k = lane; k < count; k += LEAF_LANES)
+        box = joined(box, move_face(moving, meshes, points, instance, faces, first + k));
+    const unsigned mask = 0xffu << (threadIdx.x % LANES / LEAF_LANES * LEAF_LANES);
+    for (int step = LEAF_LANES / 2; step > 0; step /= 2) {
+        const Bounds other = { { __shfl_xor_sync(mask, box.low.x, step), __shfl_xor_sync(mask, box.low.y, step),
+                                 __shfl_xor_sync(mask, box.low.z, step) },
+                               { __shfl_xor_sync(mask, box.high.x, step), __shfl_xor_sync(mask, box.high.y, step),
+                                 __shfl_xor_sync(mask, box.high.z, step) } };
+        box = joined(box, other);
+    }
+    if (lane == 0)
+#else
+    for (int k = 0; k < count; ++k)
+        box = joined(box, move_face(moving, meshes, points, instance, faces, first + k));
+#endif
+        put_box(meshes.nodes, nodes + NODE_ROWS * entry[0], entry[1], box);
+}
+
+// How a face lies, or what it was made of (see Moving).
+template <class Moving, class Points>
+WARPCAM_FN Vec flat_normal(const Moving& moving, const Points& points, const Points& normals, int base, int face)
+{
+    const auto corners = wp::index(moving.triangles, face);
+    Vec at[3];
+    for (int k = 0; k < 3; ++k) {
+        at[k] = to_vec(points.data[base + corners[k]]);
+        if (face < moving.num_flat)
+            at[k] = at[k] - moving.offset * to_vec(normals.data[base + corners[k]]);
+    }
+    return normalized(cross(at[1] - at[0], at[2] - at[0]));
+}
+
+// Normals at the corners of a face and of its back. `index` counts instances, then faces, on CUDA filled up to whole warps,
+// which write what their faces have to write one after another.
+template <class Moving, class Meshes, class Points>
+WARPCAM_FN void move_normals(const Moving& moving, const Meshes& meshes, const Points& points, const Points& normals,
+                             int index)
+{
+    const int count = moving.triangles.shape[0];
+#if defined(__CUDA_ARCH__)
+    const int whole = (count + LANES - 1) / LANES * LANES;
+#else
+    const int whole = count;
+#endif
+    const int instance = index / whole, face = index - instance * whole, base = wp::index(moving.bases, instance);
+    const int corner = 3 * wp::index(meshes.corner_start, wp::index(moving.assets, instance));
+    if (face < moving.num_smooth) {
+        const auto corners = wp::index(moving.triangles, face);
+        for (int k = 0; k < 3; ++k)
+            meshes.normals.data[corner + 3 * face + k] = normals.data[base + corners[k]];
+    }
+    const bool flat = face >= moving.num_smooth && face < count;
+    const Vec normal = flat ? flat_normal(moving, points, normals, base, face) : Vec { 0.0f, 0.0f, 0.0f };
+#if defined(__CUDA_ARCH__)
+    const int lane = threadIdx.x % LANES, start = face - lane;
+    float* const to = reinterpret_cast<float*>(meshes.normals.data + corner + 3 * start);
+    for (int k = 0; k < 9; ++k) {
+        const int number = LANES * k + lane, whose = number / 9, axis = number % 3;
+        const float x = __shfl_sync(ALL, normal.x, whose), y = __shfl_sync(ALL, normal.y, whose);
+        const float z = __shfl_sync(ALL, normal.z, whose), value = axis == 0 ? x : axis == 1 ? y : z;
+        if (start + whose >= moving.num_smooth && start + whose < count) {
+            to[number] = value;
+            if (moving.backs)
+                to[9 * count + number] = -value;
+        }
+    }
+#else
+    for (int k = 0; flat && k < 3; ++k)
+        for (int axis = 0; axis < 3; ++axis) {
+            meshes.normals.data[corner + 3 * face + k][axis] = component(normal, axis);
+            if (moving.backs)
+                meshes.normals.data[corner + 3 * (count + face) + k][axis] = -component(normal, axis);
+        }
+#endif
+}
+
+// The box around a node's children.
+template <class Meshes> WARPCAM_FN Bounds node_box(const Meshes& meshes, int nodes, int node)
+{
+    Bounds box = nowhere();
+    for (int child = 0; child < 4; ++child) {
+        const Bounds below = child_box(meshes.nodes, nodes + NODE_ROWS * node, child);
+        if (below.low.x < ABSENT)
+            box = joined(box, below);
+    }
+    return box;
+}
+
+// One child that is a node, whose own children's boxes are those of now.
+template <class Moving, class Meshes>
+WARPCAM_FN void move_inner(const Moving& moving, const Meshes& meshes, int nodes, int number)
+{
+    const auto entry = wp::index(moving.entries, number);
+    put_box(meshes.nodes, nodes + NODE_ROWS * entry[0], entry[1], node_box(meshes, nodes, entry[2]));
+}
+
+// A level of nodes, `count` of them from entry `begin` on; `index` counts instances, then children.
+template <class Moving, class Meshes>
+WARPCAM_FN void move_level(const Moving& moving, const Meshes& meshes, int begin, int count, int index)
+{
+    const int instance = index / count;
+    const int nodes = wp::index(meshes.node_start, wp::index(moving.assets, instance));
+    move_inner(moving, meshes, nodes, begin + index - instance * count);
+}
+
+// All levels from `level` on up to the root, the mesh's bounds, and whether its faces get a new order for the next frame:
+// one instance a block. `index` counts instances, then (CUDA) threads of the block.
+template <class Moving, class Meshes, class Points>
+WARPCAM_FN void finish_tree(const Moving& moving, const Meshes& meshes, const Points& points, int level, int index)
+{
+    const int thread = index % THREADS, instance = index / THREADS, asset = wp::index(moving.assets, instance);
+    const int nodes = wp::index(meshes.node_start, asset);
+    for (; level + 1 < moving.levels.shape[0]; ++level) {
+        const int end = wp::index(moving.levels, level + 1);
+        for (int i = wp::index(moving.levels, level) + thread; i < end; i += THREADS)
+            move_inner(moving, meshes, nodes, i);
+        block_barrier();
+    }
+    if (thread == 0) {
+        const Bounds all = node_box(meshes, nodes, 0);
+        for (int axis = 0; axis < 3; ++axis) {
+            meshes.lower.data[asset][axis] = component(all.low, axis);
+            meshes.upper.data[asset][axis] = component(all.high, axis);
+        }
+    }
+    keep_order(moving, meshes, points, instance, thread);
+}
+
+}  // namespace warpcam
