@@ -16,7 +16,6 @@ HOW = "pip install isaaclab lazy_loader; without its other dependencies the inte
 pytest.importorskip("isaaclab.renderers", reason=HOW, exc_type=ImportError)
 newton = pytest.importorskip("newton", reason="pip install 'warpcam[newton]'")
 
-import newton_scenes  # noqa: E402
 from isaaclab.renderers import BaseRenderer, RenderBufferKind  # noqa: E402
 
 from warpcam.compat import isaaclab as ours  # noqa: E402
@@ -60,10 +59,11 @@ def simulation(device: wp.Device, monkeypatch: pytest.MonkeyPatch) -> Any:
     builder.add_ground_plane()
     for world in range(NUM_ENVS):
         part = newton.ModelBuilder()
-        body = part.add_body(xform=newton_scenes.pose(0.4 * world, 0.0, 0.8), label="ball")
+        body = part.add_body(xform=wp.transform(wp.vec3(0.4 * world, 0.0, 0.8), wp.quat_identity()), label="ball")
         part.add_shape_sphere(body, radius=0.35, color=(0.9, 0.3, 0.1), label="ball")
         builder.add_world(part)
-    model, state = newton_scenes.finalize(builder, device)
+    model = builder.finalize(device=device)
+    state = model.state()
     backend = SimpleNamespace(model=model, state_0=state, geometry_offsets=None, create_visual_material_writer=None)
     provider = SimpleNamespace(create_mapping=lambda labels: labels, get_transforms=lambda *_, **__: False)
     sim = SimpleNamespace(

@@ -103,6 +103,16 @@ class CameraSensor(MjlabSensor):
         )
 
 
+@dataclass(frozen=True)
+class _Kind:
+    """What sensors that share a scene have in common."""
+
+    groups: tuple[int, ...]
+    textures: bool
+    reflections: bool | None
+    transparency: bool | None
+
+
 class _Cameras:
     """All camera sensors of one simulation. Those that draw the same things share a scene and a frame."""
 
@@ -133,30 +143,24 @@ class _Cameras:
             sensor._invalidate_cache()
 
     def _build(self) -> list[tuple[Look | None, wc.Renderer, list[Stage]]]:
-        kinds: dict[tuple[Any, ...], list[CameraSensor]] = {}
+        kinds: dict[_Kind, list[CameraSensor]] = {}
         for sensor in self._sensors:
             cfg = sensor.cfg
-            key = (tuple(sorted(cfg.enabled_geom_groups)), cfg.use_textures, cfg.reflections, cfg.transparency)
-            kinds.setdefault(key, []).append(sensor)
-        return [self._frame(*key, sensors) for key, sensors in kinds.items()]
+            groups = tuple(sorted(cfg.enabled_geom_groups))
+            kind = _Kind(groups, cfg.use_textures, cfg.reflections, cfg.transparency)
+            kinds.setdefault(kind, []).append(sensor)
+        return [self._frame(kind, sensors) for kind, sensors in kinds.items()]
 
-    def _frame(
-        self,
-        groups: tuple[int, ...],
-        textures: bool,
-        reflections: bool | None,
-        transparency: bool | None,
-        sensors: list[CameraSensor],
-    ) -> tuple[Look | None, wc.Renderer, list[Stage]]:
-        look = None if textures else Look(self._m, {"mat_texid": -1})
+    def _frame(self, kind: _Kind, sensors: list[CameraSensor]) -> tuple[Look | None, wc.Renderer, list[Stage]]:
+        look = None if kind.textures else Look(self._m, {"mat_texid": -1})
         scene = wc.from_mujoco_warp(
             self._mjm,
             self._m if look is None else look.model,
             self.data,
-            groups=groups,
+            groups=kind.groups,
             draw=("geoms", "flexes"),
-            reflections=reflections,
-            transparency=transparency,
+            reflections=kind.reflections,
+            transparency=kind.transparency,
         )
         far = float(self._mjm.vis.map.zfar * self._mjm.stat.extent)
         cameras, stages = [], []

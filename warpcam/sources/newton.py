@@ -170,7 +170,7 @@ class NewtonSource:
         read = (
             self._state.body_q,
             self._state.particle_q,
-            *(getattr(model, name) for name in (*self._live, *LIVE_SOFT)),
+            *(getattr(model, name, None) for name in (*self._live, *LIVE_SOFT)),
         )
         if len(read) == len(self._read) and all(a is b for a, b in zip(read, self._read, strict=True)):
             return self._bound
@@ -217,13 +217,13 @@ class NewtonSource:
     def _flat(self) -> FlatShapes:
         flat = FlatShapes()
         for name, (field, dtype) in self._live.items():
-            array = getattr(self._model, name)
+            array = getattr(self._model, name, None)
             rows = 0 if array is None else array.shape[0]
             if rows != self._model.shape_count and not (name == "shape_opacity" and rows == 0):
                 raise WarpcamError(f"model.{name}: {self._model.shape_count} rows are needed, got {rows}")
             self._set(flat, field, array, dtype, f"model.{name}")
         for name, (field, dtype) in LIVE_SOFT.items():
-            self._set(flat, field, getattr(self._model, name), dtype, f"model.{name}")
+            self._set(flat, field, getattr(self._model, name, None), dtype, f"model.{name}")
         self._set(flat, "body_transforms", self._state.body_q, wp.transform, "state.body_q")
         self._set(flat, "points", self._state.particle_q, wp.vec3, "state.particle_q")
         return flat

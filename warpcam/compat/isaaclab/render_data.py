@@ -120,7 +120,8 @@ class RenderData:
     def set_lens(self, matrices: wp.array) -> None:
         """Take intrinsics; every environment may have its own."""
         if self._pose:
-            self.place(*self._pose[:2], matrices)
+            positions, orientations, _ = self._pose
+            self.place(positions, orientations, matrices)
 
     def render(self) -> None:
         if self.renderer is None:

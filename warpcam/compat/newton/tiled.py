@@ -15,7 +15,7 @@ from warpcam.compat.newton.views import Views
 from warpcam.errors import WarpcamError
 
 
-class Utils(NewtonsCamera.Utils):  # type: ignore[misc, name-defined]
+class Utils(NewtonsCamera.Utils):
     """Newton's own helpers, but for the light and the textures."""
 
     def __init__(self, sensor: "SensorTiledCamera"):
@@ -72,7 +72,7 @@ class SensorTiledCamera(NewtonsCamera):
         physical: Whether surfaces gleam as their roughness and metalness say. False: matt, as Newton's camera has it.
     """
 
-    Utils = Utils
+    Utils: Any = Utils
 
     def __init__(
         self,
@@ -110,7 +110,7 @@ class SensorTiledCamera(NewtonsCamera):
         return self._clear
 
     @property
-    def utils(self) -> Utils:
+    def utils(self) -> Any:
         return self._utils
 
     def sync_transforms(self, state: newton.State) -> None:
