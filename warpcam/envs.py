@@ -109,6 +109,7 @@ class PixelObservation(VectorWrapper):
         """Reset all worlds, or those of ``options["reset_mask"]`` (world,), and render them."""
         worlds = (options or {}).get("reset_mask")  # read first: envs take it out of the options
         observations, infos = self.env.reset(seed=seed, options=options)
+        self._ended = None
         self._forget(worlds)
         self._render(worlds)
         return self._observe(observations), infos
@@ -121,6 +122,10 @@ class PixelObservation(VectorWrapper):
             self._ended = terminations | truncations
         self._render()
         if self._resets:
+            # What the env gives may be memory of its own, which the reset writes.
+            observations, rewards, terminations, truncations, infos = map(
+                _copied, (observations, rewards, terminations, truncations, infos)
+            )
             observed, infos = self._reset_ended(observations, terminations | truncations, infos)
         else:
             observed = self._observe(observations)
@@ -158,8 +163,8 @@ class PixelObservation(VectorWrapper):
         self._forget(ended)
         self._render(ended)
         told = {**infos, **{key: _where(ended, value, infos.get(key)) for key, value in begun.items()}}
+        ended = self._array(ended)
         if not self._torch:
-            ended = self._array(ended)
             final = _rows(final, ended)
         told |= {"final_obs": final, "_final_obs": ended, "final_info": infos, "_final_info": ended}
         return self._observe(observations), told
@@ -287,6 +292,16 @@ def _check_mode(own: Any, wanted: Any, final_images: bool) -> Any:
             f"autoreset_mode={same} here; or do without images of last states: final_images=False"
         )
     return own if wanted is None else wanted
+
+
+def _copied(values: Any) -> Any:
+    if isinstance(values, Mapping):
+        return {key: _copied(value) for key, value in values.items()}
+    if isinstance(values, tuple):
+        return tuple(map(_copied, values))
+    if isinstance(values, np.ndarray):
+        return values.copy()
+    return interop.copied(values) if interop.is_tensor(values) else values
 
 
 def _where(mask: Any, new: Any, old: Any) -> Any:
