@@ -175,6 +175,17 @@ def test_normals_are_mapped_to_colors() -> None:
     np.testing.assert_array_equal(pictures.picture("normals", normals)[0, 0], [[128, 128, 255], [0, 128, 128], [0] * 3])
 
 
+def test_flow_is_a_wheel() -> None:
+    flow = np.array([[0, 0], [2, 0], [0, 2], [-2, 0], [0, -2], [-1, 0]], np.float32).reshape(1, 1, 6, 2)
+    still, right, down, left, up, half = pictures.picture("flow", flow)[0, 0].astype(int)
+    assert (still == 255).all()
+    np.testing.assert_allclose(right, (255, 0, 0), atol=8)
+    np.testing.assert_allclose(left, (0, 255, 255), atol=8)
+    np.testing.assert_allclose(half, (128, 255, 255), atol=8)
+    assert down.argmax() == 1 and up.argmax() == 2
+    assert (pictures.picture("flow", np.zeros((1, 2, 2, 2), np.float32)) == 255).all()
+
+
 def test_ids_keep_their_color() -> None:
     one = pictures.picture("segmentation", np.array([[[[3]], [[-1]]]], dtype=np.int32))
     other = pictures.picture("segmentation", np.array([[[[900]], [[3]]]], dtype=np.int32))

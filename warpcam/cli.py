@@ -97,7 +97,7 @@ def _render(options: argparse.Namespace) -> int:
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
     with Progress(*columns, console=screen, transient=True, disable=not screen.is_terminal) as progress:
         steps = progress.add_task("reading the scene", total=4)
-        path, host = options.scene or worlds.DEMO, None
+        path, host, put = options.scene or worlds.DEMO, None, None
         if path.suffix.lower() in (*files.USD, *files.MESHES):
             scene = warpcam.load(path, options.worlds, device=device)
             progress.update(steps, description="building and compiling", advance=1)
@@ -115,6 +115,9 @@ def _render(options: argparse.Namespace) -> int:
         wp.synchronize_device(device)
         progress.update(steps, description="rendering", advance=1)
         rate = _frames_per_second(renderer, len(cameras) * options.worlds, device)
+        if put is not None and any(name.startswith("flow") for name in outputs):  # something has to move
+            worlds.move(put, seed=options.seed + 1)
+            renderer.render()
         progress.update(steps, description="saving", advance=1, total=4 + len(cameras) * len(outputs))
         saved = []
         for camera, by_output in images.items():

@@ -58,6 +58,11 @@ def to_numpy(value: Any) -> np.ndarray:
     return np.asarray(value)
 
 
+def as_tensor(array: np.ndarray) -> torch.Tensor:
+    """The same memory, on the host."""
+    return torch.from_numpy(array)
+
+
 def is_capturing(device: wp.Device) -> bool:
     """Whether work put on the device now becomes part of a graph that somebody records."""
     if device.is_capturing:
@@ -103,3 +108,8 @@ def _in_order(device: wp.Device) -> Iterator[None]:
 @lru_cache(maxsize=64)
 def _stream(ordinal: int, handle: int) -> wp.Stream:
     return wp.Stream(wp.get_cuda_device(ordinal), cuda_stream=handle)
+
+
+def device_of(device: wp.Device) -> torch.device:
+    """The same device in torch's words."""
+    return torch.device(wp.device_to_torch(device))

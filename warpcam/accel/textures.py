@@ -8,10 +8,12 @@ import numpy as np
 import numpy.typing as npt
 import warp as wp
 
+from warpcam.accel.kept import Kept, key_of
 from warpcam.errors import WarpcamError
-from warpcam.kernels.types import TEXTURE_2D, TEXTURE_CUBE, Textures
+from warpcam.kernels.types import TEXTURE_2D, TEXTURE_CUBE, TEXTURE_FROM_MIDDLE, Textures
 
 MAX_TEXELS = 2**31 - 1
+KEPT = 2**27  # bytes of images with their mipmaps, for the next scene that has them, too
 
 Bytes = npt.NDArray[np.uint8]
 
@@ -28,12 +30,19 @@ class TextureImage:
         srgb: Whether the texels are sRGB-coded and are to be decoded to linear factors before they are filtered,
             as OpenGL does for a texture of MuJoCo's colour space "sRGB".
         blend_light: Whether the texels are sRGB-coded and stay so, but for the mipmaps, where light is averaged.
+        from_middle: Whether repeats on a plane count from the plane's middle, not from its corner.
     """
 
     kind: Literal["2d", "cube"]
     pixels: Bytes
     srgb: bool = False
     blend_light: bool = False
+    from_middle: bool = False
+
+
+Chain = list[npt.NDArray[np.uint32]]
+
+_kept: Kept[Chain] = Kept(KEPT, lambda chain: sum(level.nbytes for level in chain))
 
 
 def pack_textures(images: Sequence[TextureImage], device: wp.DeviceLike = None) -> Textures:
@@ -52,19 +61,29 @@ def pack_textures(images: Sequence[TextureImage], device: wp.DeviceLike = None) 
     texels = np.empty(total, np.uint32)
     starts = np.concatenate(([0], np.cumsum(counts, dtype=np.int64)))[:-1]
     for start, image, pixels, levels in zip(starts, images, faces, sizes, strict=True):
-        _fill(texels, int(start), _rgba(pixels, image.srgb), len(levels), image.blend_light)
+        place = int(start)
+        for level in _chain(pixels, image.srgb, len(levels), image.blend_light):
+            count = len(pixels) * level.shape[1]
+            texels[place : place + count].reshape(len(pixels), -1)[:] = level
+            place += count
 
     def integers(values: Sequence[int]) -> wp.array:
         return wp.array(np.asarray(values, np.int32), dtype=wp.int32, device=device)
 
     textures = Textures()
-    textures.kind = integers([TEXTURE_2D if image.kind == "2d" else TEXTURE_CUBE for image in images])
+    textures.kind = integers([_kind(image) for image in images])
     textures.width = integers([levels[0][0] for levels in sizes])
     textures.height = integers([levels[0][1] for levels in sizes])
     textures.levels = integers([len(levels) for levels in sizes])
     textures.start = integers([int(start) for start in starts])
     textures.texels = wp.array(texels, dtype=wp.uint32, device=device)
     return textures
+
+
+def _kind(image: TextureImage) -> int:
+    if image.kind == "cube":
+        return TEXTURE_CUBE
+    return TEXTURE_FROM_MIDDLE if image.from_middle else TEXTURE_2D
 
 
 def _faces(index: int, image: TextureImage) -> Bytes:
@@ -116,18 +135,28 @@ def _linear_from_srgb() -> Bytes:
     return np.rint(255.0 * linear).astype(np.uint8)
 
 
-def _fill(texels: npt.NDArray[np.uint32], start: int, image: Bytes, levels: int, blend_light: bool) -> None:
-    """Write ``image`` and its mipmaps from ``start`` on."""
-    for level in range(levels):
-        if level:
-            image = _halve_light(image) if blend_light else _halve(image)
-        flat = np.ascontiguousarray(image).view("<u4").reshape(-1)
-        texels[start : start + flat.size] = flat
-        start += flat.size
+def _chain(pixels: Bytes, srgb: bool, levels: int, blend_light: bool) -> Chain:
+    """An image and its mipmaps, (face, texel) each; one face where all six are the same."""
+    if pixels.strides[0] == 0:
+        pixels = pixels[:1]
+
+    def build() -> Chain:
+        image, chain = _rgba(pixels, srgb), []
+        for level in range(levels):
+            if level:
+                image = _halve_light(image) if blend_light else _halve(image)
+            chain.append(np.ascontiguousarray(image).view("<u4").reshape(len(image), -1))
+        return chain
+
+    return _kept.get(key_of(pixels, srgb, levels, blend_light), build)
 
 
 def _halve(image: Bytes) -> Bytes:
     """The next mipmap level: each texel the mean of what it covers, odd sizes weighted by overlap."""
+    if image.shape[1] % 2 == 0 and image.shape[2] % 2 == 0:
+        pairs = np.add(image[:, 0::2], image[:, 1::2], dtype=np.uint16)
+        sums = pairs[:, :, 0::2] + pairs[:, :, 1::2]
+        return ((sums + 1 + ((sums >> 2) & 1)) >> 2).astype(np.uint8)  # to the nearest, halves to the even, as below
     rows = _halve_axis(image.astype(np.float32), 1)
     return np.rint(_halve_axis(rows, 2)).astype(np.uint8)
 

@@ -14,7 +14,7 @@ from warpcam.kernels.types import Meshes
 from warpcam.parts import FIELDS
 from warpcam.scene import Scene
 from warpcam.sources import mujoco_model as model
-from warpcam.sources.mujoco_extras import KINDS, check_kinds, with_extras
+from warpcam.sources.mujoco_extras import KINDS, check_kinds, colors_of, with_extras
 from warpcam.sources.mujoco_layers import with_layers
 from warpcam.sources.mujoco_tables import DTYPES, ExtraTables, names_of
 
@@ -33,7 +33,7 @@ class MujocoSource:
         self,
         mjm: mujoco.MjModel,
         mjds: Sequence[mujoco.MjData],
-        groups: Collection[int],
+        groups: model.Groups,
         device: wp.Device,
         draw: Collection[str] = KINDS,
         reflections: bool | None = None,
@@ -44,6 +44,7 @@ class MujocoSource:
         parts = model.read_parts(mjm, len(mjds), groups)
         self.parts, extras = with_extras(parts, mjm, groups, check_kinds(draw))
         self.parts = with_layers(self.parts, mjm, extras, reflections, transparency)
+        self._extras = extras
         self._tables = ExtraTables(extras, len(mjds), len(parts.meshes), device) if extras is not None else None
         self._data_names = {**model.DATA_NAMES, **names_of(extras)}
         shapes = {name: self._shape(name) for name in FIELDS}
@@ -70,6 +71,9 @@ class MujocoSource:
     def arrays(self) -> Mapping[str, wp.array]:
         return self._arrays if self._tables is None else self._tables.arrays(self._arrays)
 
+    def holds(self, field: str) -> bool:
+        return False
+
     def label(self, field: str) -> str:
         return f"mjd.{model.DATA_NAMES[field]}" if field in model.DATA_NAMES else f"mjm.{model.MODEL_NAMES[field]}"
 
@@ -93,6 +97,8 @@ class MujocoSource:
         self._staged["time"][:] = [mjd.time for mjd in self._mjds]
         self._staged["headlight"][:] = model.headlight(self._mjm)
         wp.copy(self._block, self._host)
+        if self._tables is not None and self._extras is not None:
+            self._tables.paint(colors_of(self._mjm, self._extras))
         if self._copied is not None:
             self.device.stream.record_event(self._copied)
 
@@ -132,7 +138,7 @@ class MujocoSource:
 def load(
     mjm: Any,
     mjd: Any,
-    groups: Collection[int],
+    groups: model.Groups,
     device: Any,
     draw: Collection[str] = KINDS,
     reflections: bool | None = None,

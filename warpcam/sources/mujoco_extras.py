@@ -4,7 +4,7 @@ They are further shapes of the scene. Columns count geoms, sites, tendons, flexe
 do; a tendon, or a flex that is a line, is drawn as several capsules or cylinders, whose columns follow on all these.
 """
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -18,8 +18,8 @@ from warpcam.kernels.refit import Shading
 from warpcam.kernels.swell import Hull
 from warpcam.kernels.types import CAPSULE, CYLINDER, MESH, SPHERE
 from warpcam.parts import Parts
+from warpcam.sources.mujoco_model import KINDS, Groups, groups_by_kind
 
-KINDS = ("geoms", "sites", "tendons", "flexes", "skins")
 OBJECTS = (
     mujoco.mjtObj.mjOBJ_GEOM,
     mujoco.mjtObj.mjOBJ_SITE,
@@ -74,6 +74,7 @@ class Extras:
         materials: (column,) int32.
         colors: (column, 4) float32.
         assets: (column,) int32.
+        rows: (column,) int64, the geom, site, tendon, flex or skin that a column is of, counted through all of these.
         moved: Meshes that move.
         num_points: Of all of these.
         num_skin_vertices: Of all skins.
@@ -90,6 +91,7 @@ class Extras:
     materials: np.ndarray
     colors: np.ndarray
     assets: np.ndarray
+    rows: np.ndarray
     moved: Sequence[Moved]
     num_points: int
     num_skin_vertices: int
@@ -102,6 +104,14 @@ class Extras:
 
     def reads(self, kind: int) -> bool:
         return bool((self.entries[:, 0] == kind).any())
+
+
+def colors_of(mjm: mujoco.MjModel, extras: Extras) -> np.ndarray:
+    """Those that all columns have now, (column, 4) float32; alpha is 0 where it is below, too: nothing is drawn."""
+    values = (mjm.geom_rgba, mjm.site_rgba, mjm.tendon_rgba, mjm.flex_rgba, mjm.skin_rgba)
+    colors = np.concatenate(values)[extras.rows]
+    np.maximum(colors[:, 3], 0.0, out=colors[:, 3])
+    return colors
 
 
 def objects(mjm: mujoco.MjModel) -> np.ndarray:
@@ -120,13 +130,13 @@ def check_kinds(draw: Any) -> frozenset[str]:
 
 
 def with_extras(
-    parts: Parts, mjm: mujoco.MjModel, groups: Collection[int], kinds: Collection[str]
+    parts: Parts, mjm: mujoco.MjModel, groups: Groups, kinds: Collection[str]
 ) -> tuple[Parts, Extras | None]:
     """The scene's parts with what is drawn beside geoms, and that; None where there is nothing of it."""
     if "geoms" not in kinds:
         parts = replace(parts, drawn=[])
     parts = replace(parts, objects=objects(mjm))
-    reader = _Reader(mjm, parts, [int(group) for group in groups], kinds)
+    reader = _Reader(mjm, parts, groups_by_kind(groups), kinds)
     reader.read()
     if not reader.drawn:
         return parts, None
@@ -140,9 +150,9 @@ def _counts(mjm: mujoco.MjModel) -> tuple[int, ...]:
 class _Reader:
     """Goes through the model once, adding columns."""
 
-    def __init__(self, mjm: mujoco.MjModel, parts: Parts, groups: Sequence[int], kinds: Collection[str]):
+    def __init__(self, mjm: mujoco.MjModel, parts: Parts, groups: Mapping[str, list[int]], kinds: Collection[str]):
         self._mjm, self._parts, self._kinds = mjm, parts, kinds
-        self._shown = np.isin(np.arange(6), groups)
+        self._shown = [groups[kind] for kind in KINDS]
         self._first = np.r_[0, np.cumsum(_counts(mjm))]
         total = int(self._first[-1])
         self._types, self._ids = np.full(total, SPHERE, np.int32), np.arange(total, dtype=np.int32)
@@ -209,6 +219,7 @@ class _Reader:
             materials=self._materials[rows],
             colors=self._colors[rows],
             assets=self._assets[rows],
+            rows=rows,
             moved=self._moved,
             num_points=self._points,
             num_skin_vertices=self._mjm.nskinvert,
@@ -217,12 +228,13 @@ class _Reader:
 
     def _read_sites(self) -> None:
         mjm = self._mjm
+        meshes = getattr(mjm, "site_dataid", np.full(mjm.nsite, -1))  # older versions have no sites that are meshes
         for site in range(mjm.nsite):
             column = self._column(1, site, mjm.site_group, mjm.site_rgba, mjm.site_matid)
             if column < 0:
                 continue
             self._types[column], self._bodies[column] = mjm.site_type[site], mjm.site_bodyid[site]
-            self._sizes[column], self._assets[column] = mjm.site_size[site], mjm.site_dataid[site]
+            self._sizes[column], self._assets[column] = mjm.site_size[site], meshes[site]
             self._add((MARK, column, site, 0), column)
 
     def _read_tendons(self) -> None:
@@ -282,7 +294,7 @@ class _Reader:
         color = tuple(float(value) for value in rgba[index])
         own = int(material[index])
         by_material = own >= 0 and color == DEFAULT_COLOR
-        if not self._shown[min(max(int(group[index]), 0), 5)] or (color[3] <= 0.0 and not by_material):
+        if min(max(int(group[index]), 0), 5) not in self._shown[kind] or (color[3] <= 0.0 and not by_material):
             return -1
         column = int(self._first[kind]) + index
         self._colors[column], self._materials[column] = color, own

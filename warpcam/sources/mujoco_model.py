@@ -13,7 +13,14 @@ from warpcam.errors import WarpcamError
 from warpcam.kernels.types import MESH
 from warpcam.parts import Parts, SceneCamera
 
+VERSION = tuple(int(part) for part in mujoco.__version__.split(".")[:2])
 NUM_GROUPS = 6
+# Layers nearer than this part of a texel of its map do not shade each other in MuJoCo's renderer, which moves what it
+# draws there away from the light: by so much where that faces it, and by more on slopes.
+APART = 0.25
+SHOWN = (0, 1, 2)  # groups, unless told
+KINDS = ("geoms", "sites", "tendons", "flexes", "skins")
+Groups = Collection[int] | Mapping[str, Collection[int]]
 SMOOTH_BELOW = 0.8  # cosine to the face's normal under which MuJoCo takes that instead of the vertex's
 
 # Where MuJoCo and MuJoCo-Warp keep each live array: in the data, or in the model.
@@ -58,15 +65,15 @@ def check_model(mjm: Any, name: str) -> None:
         raise WarpcamError(f"{name} must be a mujoco.MjModel, got {type(mjm).__name__}")
 
 
-def read_parts(mjm: mujoco.MjModel, num_worlds: int, groups: Collection[int]) -> Parts:
+def read_parts(mjm: mujoco.MjModel, num_worlds: int, groups: Groups) -> Parts:
     """The static parts of a model.
 
     Args:
         mjm: The host's model.
         num_worlds: How many worlds of it there are.
-        groups: Geom groups that are drawn, 0 to 5.
+        groups: Groups that are drawn, 0 to 5; of all kinds, or of each by its name.
     """
-    drawn_groups = _check_groups(groups)
+    drawn_groups = groups_by_kind(groups)["geoms"]
     types = mjm.geom_type.astype(np.int32)
     types[types == mujoco.mjtGeom.mjGEOM_SDF] = MESH  # drawn as the mesh it was made from
     textures = [_texture(mjm, index) for index in range(mjm.ntex)]
@@ -89,6 +96,7 @@ def read_parts(mjm: mujoco.MjModel, num_worlds: int, groups: Collection[int]) ->
             float(mjm.vis.map.shadowclip * mjm.stat.extent),
             float(mjm.vis.map.znear * mjm.stat.extent),
             float(mjm.vis.map.shadowscale),
+            APART * 2.0 / max(int(mjm.vis.quality.shadowsize), 1),
         ),
     )
 
@@ -103,6 +111,16 @@ def headlight(mjm: mujoco.MjModel) -> np.ndarray:
 def global_ambient(mjm: mujoco.MjModel) -> float:
     """MuJoCo lights a scene evenly that has no light at all; the shading looks whether other lights are on."""
     return 0.0 if mjm.vis.headlight.active else 0.3
+
+
+def groups_by_kind(groups: Any) -> Mapping[str, list[int]]:
+    """The groups that are drawn of each kind of thing."""
+    if not isinstance(groups, Mapping):
+        return dict.fromkeys(KINDS, _check_groups(groups))
+    for kind in groups:
+        if kind not in KINDS:
+            raise WarpcamError(f"groups: {kind!r} came; allowed are {', '.join(KINDS)}")
+    return {kind: _check_groups(groups.get(kind, SHOWN)) for kind in KINDS}
 
 
 def _check_groups(groups: Any) -> list[int]:
@@ -179,6 +197,6 @@ def _texture(mjm: mujoco.MjModel, index: int) -> TextureImage:
     if channels == 2:  # grey and alpha
         pixels = np.concatenate((np.repeat(pixels[..., :1], 3, axis=-1), pixels[..., 1:]), axis=-1)
     if mjm.tex_type[index] == mujoco.mjtTexture.mjTEXTURE_2D:
-        return TextureImage("2d", pixels, bool(srgb))
+        return TextureImage("2d", pixels, bool(srgb), from_middle=VERSION < (3, 17))
     faces = pixels.reshape(6, width, width, -1) if height == 6 * width else pixels
     return TextureImage("cube", faces)  # of these MuJoCo's renderer does not ask how they are coded

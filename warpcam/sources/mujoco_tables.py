@@ -59,6 +59,7 @@ class ExtraTables:
         self._what = wp.array(extras.entries, dtype=wp.vec4i, device=device)
         self._lengths = wp.array(extras.lengths, dtype=wp.float32, device=device)
         self._radii = wp.array(extras.radii, dtype=wp.float32, device=device)
+        self._colors = extras.colors
         self._table: dict[str, wp.array] = {}
         self._arrays: dict[str, wp.array] = {}
         self._last: tuple[Any, ...] = ()
@@ -81,6 +82,15 @@ class ExtraTables:
             self._bind(live)
             self._last = values
         return self._arrays
+
+    def paint(self, colors: np.ndarray) -> None:
+        """Give the columns these colours, (column, 4) float32. Those of geoms are written from the live array."""
+        if np.array_equal(colors, self._colors):
+            return
+        self._colors = colors
+        if "colors" in self._table:
+            table = self._table["colors"]
+            table.assign(np.broadcast_to(colors, (table.shape[0], *colors.shape)))
 
     def stages(self, meshes: Meshes) -> tuple[Stage, ...]:
         """What writes the tables and moves meshes: the same tuple until the simulator's arrays are others."""
@@ -111,7 +121,7 @@ class ExtraTables:
         elif name == "positions":
             host = np.zeros((*shape, 3), np.float32)
         else:
-            values = getattr(extras, name)
+            values = self._colors if name == "colors" else getattr(extras, name)
             host = np.broadcast_to(values, (rows, *values.shape)).copy()
         if name == "assets":
             for number, part in enumerate(extras.moved):

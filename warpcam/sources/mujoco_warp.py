@@ -33,7 +33,7 @@ class MujocoWarpSource:
         mjm: mujoco.MjModel,
         m: mjw.Model,
         d: mjw.Data,
-        groups: Collection[int],
+        groups: model.Groups,
         draw: Collection[str] = KINDS,
         reflections: bool | None = None,
         transparency: bool | None = None,
@@ -74,6 +74,9 @@ class MujocoWarpSource:
         values = (*of_data(self._d), *of_model(self._m), self._headlight, *extras)
         return dict(zip(self._names, values, strict=True))
 
+    def holds(self, field: str) -> bool:
+        return field in model.MODEL_NAMES and not (self._tables is not None and field.startswith("shape_"))
+
     def label(self, field: str) -> str:
         return f"d.{model.DATA_NAMES[field]}" if field in model.DATA_NAMES else f"m.{model.MODEL_NAMES[field]}"
 
@@ -109,7 +112,7 @@ def load(
     mjm: Any,
     m: Any,
     d: Any,
-    groups: Collection[int],
+    groups: model.Groups,
     draw: Collection[str] = KINDS,
     reflections: bool | None = None,
     transparency: bool | None = None,

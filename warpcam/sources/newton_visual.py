@@ -164,8 +164,11 @@ class _Reader:
             try:
                 pixels = newton.utils.normalize_texture(newton.utils.load_texture(texture), require_channels=True)
             except (OSError, ValueError, IndexError) as error:
-                logging.getLogger("warpcam").warning("from_newton: visual mesh '%s': %s", mesh.label, error)
+                _warn("visual mesh '%s': %s", mesh.label, error)
                 pixels = None
+            if pixels is None:
+                what = texture if isinstance(texture, str | Path) else "image"
+                _warn("visual mesh '%s': its texture %s cannot be read; it is drawn white", mesh.label, what)
             self._known[key] = -1 if pixels is None else len(self.textures)
             if pixels is not None:
                 self.textures.append(TextureImage("2d", pixels, blend_light=True))
@@ -174,3 +177,7 @@ class _Reader:
 
 def _table(indices: Any, width: int) -> np.ndarray:
     return np.zeros((0, width), np.int32) if indices is None else indices.numpy().reshape(-1, width)
+
+
+def _warn(message: str, *values: Any) -> None:
+    logging.getLogger("warpcam").warning("from_newton: " + message, *values)

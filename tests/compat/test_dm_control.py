@@ -1,0 +1,105 @@
+"""dm_control's pictures through ``warpcam.compat.dm_control``, against its own renderer's."""
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+import pytest
+import warp as wp
+
+import warpcam as wc
+
+suite = pytest.importorskip("dm_control.suite", reason="pip install dm_control")
+from dm_control.mujoco import engine  # noqa: E402 - needs what may not be there
+
+from warpcam.compat import dm_control as ours  # noqa: E402 - likewise
+
+WIDTH, HEIGHT = 80, 64
+
+
+@pytest.fixture
+def installed(device: wp.Device) -> Iterator[None]:
+    ours.install(device)
+    yield
+    ours.uninstall()
+
+
+def physics(domain: str = "cheetah", task: str = "run") -> Any:
+    env = suite.load(domain, task, task_kwargs={"random": 1})
+    env.reset()
+    return env.physics
+
+
+def own(of: Any, **options: Any) -> np.ndarray:
+    """dm_control's own picture of the same state."""
+    ours.uninstall()
+    try:
+        other = of.copy()
+        if options.get("depth"):
+            other.model.vis.quality.offsamples = 0  # depth of several samples is of none of them
+        return other.render(HEIGHT, WIDTH, **options)
+    except Exception as error:
+        pytest.skip(f"dm_control's own renderer needs a library: apt-get install libosmesa6 ({type(error).__name__})")
+
+
+def psnr(one: np.ndarray, two: np.ndarray) -> float:
+    return float(-10.0 * np.log10(np.square((one.astype(float) - two) / 255.0).mean()))
+
+
+@pytest.mark.parametrize("camera", [-1, 0, "back"])
+def test_pictures_are_those_of_its_own(installed: None, camera: int | str) -> None:
+    one = physics()
+    color = one.render(HEIGHT, WIDTH, camera_id=camera)
+    depth = one.render(HEIGHT, WIDTH, camera_id=camera, depth=True)
+    ids = one.render(HEIGHT, WIDTH, camera_id=camera, segmentation=True)
+    assert (color.dtype, color.shape) == (np.uint8, (HEIGHT, WIDTH, 3))
+    assert (depth.dtype, depth.shape) == (np.float32, (HEIGHT, WIDTH))
+    assert (ids.dtype, ids.shape) == (np.int32, (HEIGHT, WIDTH, 2))
+    expected = own(one, camera_id=camera), own(one, camera_id=camera, depth=True)
+    same = (own(one, camera_id=camera, segmentation=True) == ids).all(axis=-1)
+    off = (np.abs(expected[1] - depth) / depth)[same & (ids[..., 0] >= 0)]  # elsewhere it has the skybox's
+    print(f"{psnr(expected[0], color):.1f} dB, depth {np.quantile(off, 0.95):.1e}, ids {same.mean():.2%}")
+    assert same.mean() > 0.97 and np.quantile(off, 0.95) < 1e-2
+    assert psnr(expected[0], color) > 26.0
+
+
+def test_flags_and_options(installed: None) -> None:
+    one = physics()
+    lit = one.render(HEIGHT, WIDTH, camera_id=0)
+    assert (one.render(HEIGHT, WIDTH, camera_id=0, render_flag_overrides={"shadow": False}) != lit).any()
+    with pytest.raises(wc.WarpcamError, match=r"scene.flags\[mjRND_WIREFRAME\] is 1"):
+        one.render(HEIGHT, WIDTH, render_flag_overrides={"wireframe": True})
+    option = engine.wrapper.MjvOption()
+    option.geomgroup[:] = 0
+    assert (one.render(HEIGHT, WIDTH, segmentation=True, scene_option=option)[..., 1] != 5).all()
+
+
+def test_errors(installed: None) -> None:
+    one = physics()
+    with pytest.raises(ValueError, match="only one of depth and segmentation"):
+        one.render(HEIGHT, WIDTH, depth=True, segmentation=True)
+    with pytest.raises(ValueError, match="render_flag_overrides can only be given"):
+        one.render(HEIGHT, WIDTH, depth=True, render_flag_overrides={"shadow": False})
+    with pytest.raises(wc.WarpcamError, match="overlays: text is not drawn here, got 1"):
+        one.render(HEIGHT, WIDTH, overlays=[engine.TextOverlay("a", "b")])
+
+    def add(_: Any, scene: Any) -> None:
+        scene.ptr.ngeom += 1
+
+    with pytest.raises(wc.WarpcamError, match="scene_callback: 1 geoms were added"):
+        one.render(HEIGHT, WIDTH, scene_callback=add)
+    with pytest.raises(ValueError, match="fixed cameras"):
+        one.render(HEIGHT, WIDTH, camera_id=7)
+
+
+def test_states_and_models(installed: None) -> None:
+    """Each Physics has its own; a model that is loaded anew is seen."""
+    one = physics()
+    first = one.render(HEIGHT, WIDTH, camera_id=0)
+    one.data.qpos[2] = 0.8
+    one.forward()
+    assert (one.render(HEIGHT, WIDTH, camera_id=0) != first).any()
+    one.reload_from_xml_string("<mujoco><worldbody><geom size='1' rgba='1 0 0 1'/></worldbody></mujoco>")
+    red = one.render(HEIGHT, WIDTH).reshape(-1, 3).max(axis=0)
+    assert red[0] > 100 and red[1] < 100
+    one.free()

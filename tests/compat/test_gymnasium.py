@@ -1,0 +1,133 @@
+"""Gymnasium's pictures of MuJoCo environments through ``warpcam.compat.gymnasium``, against its own viewer's."""
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+import pytest
+import warp as wp
+
+import warpcam as wc
+
+gymnasium = pytest.importorskip("gymnasium", reason="pip install 'gymnasium[mujoco]'")
+pytest.importorskip("gymnasium.envs.mujoco.mujoco_rendering", reason="pip install 'gymnasium[mujoco]'")
+from warpcam.compat import gymnasium as ours  # noqa: E402 - needs what may not be there
+from warpcam.compat.mujoco import Renderer  # noqa: E402 - likewise
+
+WIDTH, HEIGHT = 80, 64
+
+
+@pytest.fixture
+def installed(device: wp.Device) -> Iterator[None]:
+    ours.install(device)
+    yield
+    ours.uninstall()
+
+
+def make(mode: str, name: str = "HalfCheetah-v5", **options: Any) -> Any:
+    env = gymnasium.make(name, render_mode=mode, width=WIDTH, height=HEIGHT, **options)
+    env.reset(seed=1)
+    return env
+
+
+def own(env: Any, mode: str, camera: int | None) -> Any:
+    """Of Gymnasium's own viewer, in the same state."""
+    base = env.unwrapped
+    try:
+        viewer = ours._original(base.model, base.data, WIDTH, HEIGHT)
+    except Exception as error:
+        pytest.skip(f"Gymnasium's own viewer needs a library: apt-get install libosmesa6 ({type(error).__name__})")
+    for name, value in base.mujoco_renderer.default_cam_config.items():
+        if isinstance(value, np.ndarray):
+            getattr(viewer.cam, name)[:] = value
+        else:
+            setattr(viewer.cam, name, value)
+    image = tuple(part.copy() for part in viewer.render(mode, camera))
+    viewer.free()
+    return image
+
+
+def psnr(one: np.ndarray, two: np.ndarray) -> float:
+    return float(-10.0 * np.log10(np.square((one.astype(float) - two) / 255.0).mean()))
+
+
+def test_modes(installed: None) -> None:
+    env = make("rgb_array")
+    for _ in range(3):
+        env.step(env.action_space.sample() * 0.0 + 0.5)
+    color = env.render()
+    renderer = env.unwrapped.mujoco_renderer
+    assert isinstance(renderer.viewer, ours.OffScreenViewer)
+    depth, pair = renderer.render("depth_array"), renderer.render("rgbd_tuple")
+    assert (color.dtype, color.shape) == (np.uint8, (HEIGHT, WIDTH, 3))
+    assert (depth.dtype, depth.shape) == (np.float32, (HEIGHT, WIDTH)) and 0.0 < depth.min() < depth.max() <= 1.0
+    assert (pair[0] == color).all() and (pair[1] == depth).all()
+    expected = own(env, "rgbd_tuple", renderer.camera_id)
+    print(f"{psnr(expected[0], color):.1f} dB, depth {np.quantile(np.abs(expected[1] - depth), 0.95):.1e}")
+    assert psnr(expected[0], color) > 28.0 and np.quantile(np.abs(expected[1] - depth), 0.95) < 1e-3
+    env.close()
+
+
+def test_segmentation_and_cameras(installed: None) -> None:
+    env = make("rgb_array", camera_id=-1)
+    env.render()
+    viewer = env.unwrapped.mujoco_renderer.viewer
+    for camera in (-1, 0):
+        ids = viewer.render("rgb_array", camera, segmentation=True)
+        assert (ids.dtype, ids.shape) == (np.int32, (HEIGHT, WIDTH, 2))
+        with Renderer(env.unwrapped.model, HEIGHT, WIDTH) as renderer:
+            renderer.enable_segmentation_rendering()
+            renderer.update_scene(env.unwrapped.data, viewer.cam)
+            assert (ids == renderer.render()[..., ::-1]).all() and len(np.unique(ids[..., 1])) > 3
+    with pytest.raises(wc.WarpcamError, match="camera_id 9 came; allowed are -1 to 0"):
+        viewer.render("rgb_array", 9)
+    env.close()
+
+
+def test_it_follows_the_simulation(installed: None) -> None:
+    env = make("rgb_array")
+    first = env.render()
+    for _ in range(5):
+        env.step(env.action_space.high)
+    assert (env.render() != first).any()
+    env.reset(seed=1)
+    assert (env.render() == first).all()
+    env.close()
+
+
+def test_videos_are_recorded(installed: None, tmp_path: Path) -> None:
+    pytest.importorskip("moviepy", reason="Gymnasium writes videos with moviepy: pip install moviepy")
+    env = gymnasium.wrappers.RecordVideo(make("rgb_array"), str(tmp_path / "videos"), disable_logger=True)
+    env.reset()
+    for _ in range(4):
+        env.step(env.action_space.sample())
+    env.close()
+    videos = list((tmp_path / "videos").glob("*.mp4"))
+    assert len(videos) == 1 and videos[0].stat().st_size > 1000
+
+
+def test_what_is_not_drawn_is_refused(device: wp.Device) -> None:
+    model = mujoco.MjModel.from_xml_string("<mujoco><worldbody><geom size='1'/></worldbody></mujoco>")
+    viewer = ours.OffScreenViewer(model, mujoco.MjData(model), 16, 16)
+    with pytest.raises(wc.WarpcamError, match="markers are not drawn"):
+        viewer.add_marker(pos=(0, 0, 0))
+    with pytest.raises(wc.WarpcamError, match="text is not drawn"):
+        viewer.add_overlay(0, "a", "b")
+    with pytest.raises(wc.WarpcamError, match="render_mode is 'human'; allowed are rgb_array"):
+        viewer.render("human")
+    viewer.close()
+    with pytest.raises(RuntimeError, match="after close"):
+        viewer.render("rgb_array")
+
+
+def test_uninstalling() -> None:
+    from gymnasium.envs.mujoco import mujoco_rendering
+
+    ours.install("cpu")
+    assert mujoco_rendering.OffScreenViewer is ours.OffScreenViewer
+    ours.uninstall()
+    assert mujoco_rendering.OffScreenViewer is ours._original
+    with pytest.raises(wc.WarpcamError, match=r"device: 'cuda:99' came"):
+        ours.install("cuda:99")

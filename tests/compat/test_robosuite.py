@@ -1,0 +1,343 @@
+"""robosuite's camera observations through ``warpcam.compat.robosuite``, against those of its own context."""
+
+import gc
+import os
+import subprocess
+import sys
+import textwrap
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import warp as wp
+from PIL import Image
+
+import warpcam as wc
+from warpcam.accel import bvh4
+from warpcam.compat import robosuite as ours
+
+pytest.importorskip(
+    "robosuite", reason="robosuite needs an environment of its own: see 'robosuite' in .ci/run", exc_type=ImportError
+)
+pytestmark = pytest.mark.filterwarnings("ignore")  # robosuite and what it imports warn of their own use
+
+SIZE = 128
+CAMERAS = ("agentview", "robot0_eye_in_hand")
+KINDS = ("instance", "class", "element")
+
+
+def make(task: str, **options: Any) -> Any:
+    import robosuite
+
+    two_armed = task.startswith("TwoArm")
+    return robosuite.make(
+        task, robots=["Panda", "Panda"] if two_armed else "Panda", has_renderer=False, seed=3,
+        **{"has_offscreen_renderer": True, "use_camera_obs": True} | options,
+    )  # fmt: skip
+
+
+@pytest.fixture
+def installed() -> Iterator[None]:
+    ours.install()
+    yield
+    ours.uninstall()
+
+
+@pytest.fixture(scope="module")
+def lift() -> Iterator[Any]:
+    ours.install()
+    env = make(
+        "Lift", camera_names=list(CAMERAS), camera_heights=SIZE, camera_widths=SIZE, camera_depths=True,
+        camera_segmentations=list(KINDS),
+    )  # fmt: skip
+    env.reset()
+    for _ in range(3):
+        env.step(np.full(env.action_dim, 0.3))
+    yield env
+    ours.uninstall()
+
+
+def edges(ids: np.ndarray) -> np.ndarray:
+    padded = np.pad(ids, 1, mode="edge")
+    around = [padded[i : i + SIZE, j : j + SIZE] for i in range(3) for j in range(3)]
+    return (np.stack(around) != ids).any(axis=0)
+
+
+def psnr(one: np.ndarray, two: np.ndarray) -> float:
+    return float(-10.0 * np.log10(np.square((one.astype(float) - two) / 255.0).mean()))
+
+
+def read(context: Any, camera: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    context.render(SIZE, SIZE, camera)
+    color, depth = context.read_pixels(SIZE, SIZE, depth=True)
+    context.render(SIZE, SIZE, camera, segmentation=True)
+    return color, depth, context.read_pixels(SIZE, SIZE, segmentation=True)
+
+
+def test_images_are_those_of_its_own_context(lift: Any) -> None:
+    if os.environ.get("MUJOCO_GL") != "osmesa":
+        pytest.skip(
+            "robosuite's own context needs a library on a machine without a display: apt-get install libosmesa6"
+        )
+    from robosuite.utils import binding_utils
+
+    sim, mine = lift.sim, lift.sim._render_context_offscreen
+    cameras = [sim.model.camera_name2id(name) for name in (*CAMERAS, "frontview", "birdview")]
+    samples = sim.model.vis.quality.offsamples
+    theirs = None
+    try:
+        for sim.model.vis.quality.offsamples in (0, samples):  # depth of several samples is of none of them
+            sim._render_context_offscreen = theirs = None
+            gc.collect()
+            theirs = ours._originals[binding_utils](sim, -1)
+            theirs.vopt.geomgroup[:] = mine.vopt.geomgroup
+            for camera in cameras:
+                compare(read(theirs, camera), read(mine, camera), smooth=sim.model.vis.quality.offsamples > 0)
+    finally:
+        sim.model.vis.quality.offsamples = samples
+        sim.add_render_context(mine)
+
+
+def compare(expected: tuple[np.ndarray, ...], seen: tuple[np.ndarray, ...], *, smooth: bool) -> None:
+    for one, two in zip(expected, seen, strict=True):
+        assert (one.dtype, one.shape) == (two.dtype, two.shape)
+    inside = ~edges(expected[2][..., 1] * 100 + expected[2][..., 0])
+    off = np.abs(expected[1] - seen[1])[inside]
+    same = (expected[2] == seen[2]).all(axis=-1)
+    print(f"{psnr(expected[0], seen[0]):.1f} dB, depth {np.quantile(off, (0.5, 0.99, 0.995))}, ids {same.mean():.3%}")
+    assert same[inside].all() and same.mean() > 0.99
+    if smooth:
+        assert psnr(expected[0], seen[0]) > 32.0
+    else:
+        assert np.quantile(off, 0.99) < 1e-4  # inside of a mesh there are edges, too
+
+
+def test_every_camera_key(lift: Any) -> None:
+    observations = lift._get_observations(force_update=True)
+    for camera in CAMERAS:
+        color, depth = observations[f"{camera}_image"], observations[f"{camera}_depth"]
+        assert (color.dtype, color.shape) == (np.uint8, (SIZE, SIZE, 3)) and len(np.unique(color)) > 20
+        assert (depth.dtype, depth.shape) == (np.float32, (SIZE, SIZE, 1)) and 0.0 < depth.min() < depth.max() <= 1.0
+        for kind in KINDS:
+            ids = observations[f"{camera}_segmentation_{kind}"]
+            assert (ids.dtype, ids.shape) == (np.int32, (SIZE, SIZE, 1)) and len(np.unique(ids)) > 1
+        element = observations[f"{camera}_segmentation_element"]
+        cube = lift.sim.model.geom_name2id("cube_g0_vis")
+        if (element == cube).any():
+            numbers = {name: number + 1 for number, name in enumerate(lift.model.instances_to_ids)}
+            assert (observations[f"{camera}_segmentation_instance"][element == cube] == numbers["cube"]).all()
+
+
+def test_one_picture_a_state_and_camera(lift: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Colour, depth and three kinds of ids of a camera are five calls there and one here."""
+    lift._get_observations(force_update=True)
+    frames: list[Any] = []
+    render = wc.Renderer.render
+    monkeypatch.setattr(wc.Renderer, "render", lambda *a, **k: frames.append(a) or render(*a, **k))
+    lift.step(np.full(lift.action_dim, 0.2))
+    assert len(frames) == len(CAMERAS)
+    for _ in range(2):  # after a step the state is a later one
+        lift._get_observations(force_update=True)
+        assert len(frames) == 2 * len(CAMERAS)
+    lift.sim.model.geom_rgba[lift.sim.model.geom_name2id("cube_g0_vis")] = (0, 1, 0, 1)
+    lift._get_observations(force_update=True)
+    assert len(frames) == 3 * len(CAMERAS), "a change of colour is a change"
+
+
+def test_conventions(lift: Any) -> None:
+    image = lift.sim.render(width=SIZE, height=SIZE, camera_name="agentview")
+    from robosuite import macros
+
+    assert macros.IMAGE_CONVENTION == "opengl"
+    assert (lift._get_observations(force_update=True)["agentview_image"] == image).all()
+    context = lift.sim._render_context_offscreen
+    table = lift.sim.model.geom_name2id("table_visual")
+    context.render(SIZE, SIZE, lift.sim.model.camera_name2id("frontview"), segmentation=True)
+    ids = context.read_pixels(SIZE, SIZE, segmentation=True)
+    rows = np.nonzero((ids[..., 1] == table).any(axis=1))[0]
+    floor = np.nonzero((ids[..., 1] == lift.sim.model.geom_name2id("floor")).any(axis=1))[0]
+    assert floor.min() < rows.min(), "the bottom row is first"
+    with pytest.raises(wc.WarpcamError, match="render had width 128, height 128, segmentation True"):
+        context.read_pixels(SIZE, SIZE)
+
+
+def test_projections_of_camera_utils(lift: Any) -> None:
+    """A pixel, with its depth in metres, is where its geom is."""
+    pytest.importorskip("h5py", reason="camera_utils imports h5py: pip install h5py")
+    from robosuite.utils import camera_utils
+
+    color, depth = lift.sim.render(width=SIZE, height=SIZE, camera_name="agentview", depth=True)
+    metres = camera_utils.get_real_depth_map(lift.sim, depth)[::-1]
+    ids = camera_utils.get_camera_segmentation(lift.sim, "agentview", SIZE, SIZE)[..., 1]
+    cube = lift.sim.model.geom_name2id("cube_g0_vis")
+    pixels = np.argwhere(ids == cube)
+    assert len(pixels) > 20
+    to_pixel = camera_utils.get_camera_transform_matrix(lift.sim, "agentview", SIZE, SIZE)
+    center, half = lift.sim.data.geom_xpos[cube], lift.sim.model.geom_size[cube]
+    row, column = camera_utils.project_points_from_world_to_camera(center, to_pixel, SIZE, SIZE)
+    assert np.abs((row, column) - pixels.mean(axis=0)).max() < 1.5
+    eye = camera_utils.get_camera_extrinsic_matrix(lift.sim, "agentview")
+    along = (np.linalg.inv(eye) @ (*center, 1.0))[2]
+    assert np.abs(metres[ids == cube] - along).max() < 1.1 * np.linalg.norm(half) and color.shape == (SIZE, SIZE, 3)
+
+
+def test_a_hard_reset_builds_no_mesh(lift: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    lift.reset()
+    builds: list[int] = []
+    build = bvh4.bvh4_build.build
+    monkeypatch.setattr(bvh4.bvh4_build, "build", lambda *mesh: builds.append(len(mesh[1])) or build(*mesh))
+    model = lift.sim.model._model
+    lift.reset()
+    assert lift.sim.model._model is not model, "not a hard reset"
+    assert builds == []
+
+
+def test_observables_without_patching() -> None:
+    from robosuite.environments import base
+    from robosuite.utils import binding_utils
+
+    assert base.MjRenderContextOffscreen is binding_utils.MjRenderContextOffscreen
+    env = make("Lift", has_offscreen_renderer=False, use_camera_obs=False)
+    given = ours.observables(
+        env, "agentview", camera_heights=48, camera_widths=64, camera_depths=True, camera_segmentations=KINDS
+    )
+    names = ["agentview_image", "agentview_depth", *(f"agentview_segmentation_{kind}" for kind in KINDS)]
+    assert list(given) == names
+    for _ in range(2):
+        observations = env.reset()
+        shapes = {name: observations[name].shape for name in names}
+        assert shapes == {name: (48, 64, 3 if name == "agentview_image" else 1) for name in names}
+        assert observations["agentview_image"].std() > 10.0
+        after = env.step(np.ones(env.action_dim))[0]
+        assert (after["agentview_image"] != observations["agentview_image"]).any()
+    with pytest.raises(AssertionError, match="already associated"):
+        ours.observables(env, "agentview")
+    with pytest.raises(wc.WarpcamError, match="camera_segmentations: 'geom' came; allowed are instance"):
+        ours.observables(env, "agentview", camera_segmentations="geom")
+    with pytest.raises(wc.WarpcamError, match="camera_widths: 2 came for 3 cameras"):
+        ours.observables(env, ["agentview", "frontview", "birdview"], camera_widths=[32, 64])
+
+
+def test_both_ways_see_the_same(installed: None) -> None:
+    env = make("Lift", camera_names="agentview", camera_heights=64, camera_widths=64, camera_depths=True,
+               camera_segmentations=list(KINDS))  # fmt: skip
+    given = ours.observables(env, "agentview", camera_segmentations=list(KINDS), add=False)
+    expected = env.reset()
+    for name, observable in given.items():
+        seen = observable._sensor({})
+        assert seen.dtype == expected[name].dtype and (seen == expected[name]).all(), name
+
+
+def tasks() -> list[str]:
+    import robosuite
+
+    return sorted(robosuite.ALL_ENVIRONMENTS)
+
+
+@pytest.mark.parametrize("task", tasks())
+def test_every_task(installed: None, task: str) -> None:
+    env = make(task, camera_names="agentview", camera_heights=32, camera_widths=32, camera_depths=True)
+    env.reset()
+    random = np.random.default_rng(0)
+    images = []
+    for _ in range(20):
+        observations = env.step(random.uniform(-1, 1, env.action_dim))[0]
+        images.append(observations["agentview_image"])
+        assert images[-1].std() > 5.0 and observations["agentview_depth"].std() > 0.0
+    assert (images[-1] != images[0]).any()
+    env.close()
+
+
+class Fake:
+    """A Warp device that is not there."""
+
+    def __init__(self, alias: str):
+        self.alias = alias
+
+
+def resolved(device: Any) -> Fake:
+    """On a machine with two visible GPUs."""
+    names = {None: "cuda:0", "cuda:1": "cuda:1", "cuda:0": "cuda:0", "cpu": "cpu", 0: "cuda:0", 1: "cuda:1"}
+    if device not in names:
+        raise wc.WarpcamError(f"device: {device!r} came, this process sees cpu, cuda:0, cuda:1")
+    return FAKES[names[device]]
+
+
+FAKES = {alias: Fake(alias) for alias in ("cpu", "cuda:0", "cuda:1")}
+
+
+@pytest.mark.parametrize("visible", [None, "", "2", "2,3", "GPU-8"])
+@pytest.mark.parametrize("egl", [None, "0", "2"])
+@pytest.mark.parametrize(
+    ("given", "asked", "expected"),
+    [
+        (None, -1, "cuda:0"),
+        (None, None, "cuda:0"),
+        (None, 0, "cuda:0"),
+        (None, 1, "cuda:1"),
+        (None, 3, "device: 3 came, this process sees cpu, cuda:0, cuda:1"),
+        ("cuda:1", -1, "cuda:1"),
+        ("cuda:1", 1, "cuda:1"),
+        ("cuda:1", 0, "render_gpu_device_id is 0, which is cuda:0, but install was given cuda:1"),
+        ("cpu", -1, "cpu"),
+        ("cpu", 0, "render_gpu_device_id is 0, which is cuda:0, but install was given cpu"),
+    ],
+)
+def test_one_answer_to_where(
+    monkeypatch: pytest.MonkeyPatch, visible: str | None, egl: str | None, given: Any, asked: int, expected: str
+) -> None:
+    """What robosuite asks of three places, one rule answers; variables of OpenGL change nothing."""
+    for name, value in (("CUDA_VISIBLE_DEVICES", visible), ("MUJOCO_EGL_DEVICE_ID", egl)):
+        if value is None:
+            monkeypatch.delenv(name, raising=False)
+        else:
+            monkeypatch.setenv(name, value)
+    monkeypatch.setattr(ours.device_rule, "resolve", resolved)
+    monkeypatch.setattr(ours, "_chosen", [given])
+    if expected.startswith(("cuda", "cpu")):
+        assert ours._device(asked).alias == expected
+    else:
+        with pytest.raises(wc.WarpcamError, match=expected):
+            ours._device(asked)
+
+
+def test_nothing_of_opengl(tmp_path: Any) -> None:
+    """Neither imported nor mapped, whatever the variables say that robosuite stumbles over."""
+    code = """
+        import os, sys
+        from warpcam.compat import robosuite as ours
+        ours.install()
+        assert os.environ["MUJOCO_EGL_DEVICE_ID"] == "7" and os.environ["MUJOCO_GL"] == "disable"
+        import robosuite
+        env = robosuite.make("Lift", robots="Panda", has_renderer=False, has_offscreen_renderer=True,
+                             use_camera_obs=True, camera_heights=32, camera_widths=32)
+        assert env.reset()["agentview_image"].std() > 5.0
+        loaded = open("/proc/self/maps").read().lower()
+        for library in ("libgl.", "libegl", "libopengl", "libosmesa", "libvulkan", "libglx"):
+            assert library not in loaded, library
+        assert not [name for name in sys.modules if name.split(".")[0] == "OpenGL"]
+        print("nothing")
+    """
+    variables = {"MUJOCO_GL": "disable", "MUJOCO_EGL_DEVICE_ID": "7", "CUDA_VISIBLE_DEVICES": "0"}
+    done = subprocess.run(
+        [sys.executable, "-c", textwrap.dedent(code)], cwd=tmp_path, env={**os.environ, **variables}, check=False,
+        capture_output=True, text=True,
+    )  # fmt: skip
+    assert done.stdout.endswith("nothing\n"), done.stderr[-2000:]
+    assert done.stderr.count("MUJOCO_EGL_DEVICE_ID=7 chooses a GPU for OpenGL; warpcam uses none and ignores it") == 1
+
+
+def test_devices_are_checked_when_installing() -> None:
+    with pytest.raises(wc.WarpcamError, match=r"device: 'cuda:99' came"):
+        ours.install("cuda:99")
+    assert wp.get_devices()
+
+
+def test_the_example(tmp_path: Path) -> None:
+    example = Path(__file__).parents[2] / "examples" / "robosuite_images.py"
+    command = [sys.executable, str(example)]
+    done = subprocess.run(command, cwd=tmp_path, check=False, capture_output=True, text=True)
+    assert "agentview_segmentation_instance (256, 256, 1)" in done.stdout, done.stderr[-2000:]
+    assert np.asarray(Image.open(tmp_path / "robosuite.png")).shape == (256, 512, 3)

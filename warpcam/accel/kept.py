@@ -1,0 +1,50 @@
+"""What was built once and may be wanted again: by content, within bounds."""
+
+import hashlib
+from collections import OrderedDict
+from collections.abc import Callable
+from typing import Generic, TypeVar
+
+import numpy as np
+
+Built = TypeVar("Built")
+
+
+class Kept(Generic[Built]):
+    """The results used last, up to so many bytes of host memory.
+
+    Args:
+        max_bytes: Of all that is kept.
+        size: Bytes of one result.
+    """
+
+    def __init__(self, max_bytes: int, size: Callable[[Built], int]):
+        self._max_bytes, self._size = max_bytes, size
+        self._results: OrderedDict[bytes, Built] = OrderedDict()
+        self._bytes = 0
+
+    def get(self, key: bytes, build: Callable[[], Built]) -> Built:
+        """What has that key, built if it is not there. Nobody may write to it."""
+        if key in self._results:
+            self._results.move_to_end(key)
+            return self._results[key]
+        result = build()
+        if self._size(result) <= self._max_bytes:
+            self._results[key] = result
+            self._bytes += self._size(result)
+        while self._bytes > self._max_bytes:
+            _, oldest = self._results.popitem(last=False)
+            self._bytes -= self._size(oldest)
+        return result
+
+
+def key_of(*parts: np.ndarray | str | bool | int) -> bytes:
+    """The same for the same content."""
+    digest = hashlib.blake2b(digest_size=16)
+    for part in parts:
+        if isinstance(part, np.ndarray):
+            digest.update(f"{part.dtype.str}{part.shape}".encode())
+            digest.update(np.ascontiguousarray(part).data)
+        else:
+            digest.update(f"{part!r};".encode())
+    return digest.digest()

@@ -1,0 +1,122 @@
+"""dm_control's pictures, with no graphics library behind them.
+
+``install()`` is all there is to change: pictures of ``physics.render(...)`` and of ``engine.Camera`` are made here.
+"""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from typing import Any
+
+import mujoco
+import numpy as np
+from dm_control.mujoco import engine
+
+from warpcam import device as device_rule
+from warpcam.compat.options import style_of
+from warpcam.compat.studio import Studio, view_of
+from warpcam.errors import WarpcamError
+
+__all__ = ["install", "uninstall"]
+
+_chosen: list[Any] = [None]  # the device that install() was given
+_originals: dict[str, Callable[..., Any]] = {}
+
+
+def install(device: Any = None) -> None:
+    """Have every ``Physics`` whose pictures are asked for from now on render them here.
+
+    Args:
+        device: Where to render: a name, a Warp or torch device, a CUDA ordinal; None is Warp's current device.
+    """
+    if device is not None:
+        device_rule.resolve(device)
+    _chosen[0] = device
+    if not _originals:
+        _originals.update(render=engine.Camera.render, contexts=engine.Physics._make_rendering_contexts)
+    engine.Camera.render = _render
+    engine.Physics._make_rendering_contexts = _make_contexts
+
+
+def uninstall() -> None:
+    """Give dm_control its own renderer back, for every ``Physics`` that has not rendered yet."""
+    if _originals:
+        engine.Camera.render = _originals["render"]
+        engine.Physics._make_rendering_contexts = _originals["contexts"]
+    _originals.clear()
+    _chosen[0] = None
+
+
+class _Contexts:
+    """In place of dm_control's two contexts, of OpenGL and of MuJoCo: what draws one ``Physics``."""
+
+    ptr = None
+
+    def __init__(self, physics: Any):
+        self.studio = Studio(physics.model.ptr, _chosen[0])
+
+    @contextmanager
+    def make_current(self) -> Iterator["_Contexts"]:
+        yield self
+
+    def call(self, *_: Any, **__: Any) -> None:
+        """Calls of OpenGL have nothing to do here."""
+
+    def free(self) -> None: ...
+
+
+def _make_contexts(physics: Any) -> None:
+    own = _Contexts(physics)
+    physics._contexts = engine.Contexts(gl=own, mujoco=own)
+
+
+def _render(
+    camera: Any,
+    overlays: Sequence[Any] = (),
+    depth: bool = False,
+    segmentation: bool = False,
+    scene_option: Any = None,
+    render_flag_overrides: Mapping[Any, bool] | None = None,
+) -> np.ndarray:
+    """The picture of the state as it is: see ``engine.Camera.render``, whose arguments, values and errors it has.
+
+    Raises:
+        WarpcamError: Text, geoms of a scene callback or a flag were asked for that are not drawn here.
+    """
+    if depth and segmentation:
+        raise ValueError("only one of depth and segmentation can be rendered at a time")
+    for name, given in (("overlays", overlays), ("render_flag_overrides", render_flag_overrides)):
+        if given and (depth or segmentation):
+            raise ValueError(f"{name} can only be given where neither depth nor segmentation is rendered")
+    if overlays:
+        raise WarpcamError(f"overlays: text is not drawn here, got {len(overlays)}")
+    physics = camera._physics
+    contexts = physics.contexts.gl
+    if not isinstance(contexts, _Contexts):  # it has rendered before install()
+        rendered: np.ndarray = _originals["render"](
+            camera, overlays, depth, segmentation, scene_option, render_flag_overrides
+        )
+        return rendered
+    camera.update(scene_option=scene_option)
+    own_geoms = camera.scene.ngeom
+    if camera._scene_callback:
+        camera._scene_callback(physics, camera.scene)
+    if camera.scene.ngeom != own_geoms:
+        raise WarpcamError(
+            f"scene_callback: {camera.scene.ngeom - own_geoms} geoms were added to the scene, which are not "
+            "drawn here; put them into the model, as mocap bodies or sites"
+        )
+    model, option = physics.model.ptr, scene_option or camera.option
+    with camera.scene.override_flags(dict(render_flag_overrides or {})):
+        style = style_of(model, _bare(option), camera.scene.flags)
+        view = view_of(_bare(camera.scene), camera.width, camera.height)
+    if view is None:
+        raise WarpcamError("render: the camera has no field of view")
+    contexts.studio.take(physics.data.ptr)
+    output = "depth" if depth else "objects" if segmentation else "rgb"
+    image = contexts.studio.look(view, style, camera.width, camera.height, (output,))[output]
+    return image[..., 0] if depth else image
+
+
+def _bare(wrapped: Any) -> Any:
+    """MuJoCo's own struct, in dm_control's wrapper or without."""
+    return wrapped if isinstance(wrapped, mujoco.MjvOption | mujoco.MjvScene) else getattr(wrapped, "ptr", wrapped)

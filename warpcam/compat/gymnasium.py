@@ -1,0 +1,129 @@
+"""Gymnasium's pictures of MuJoCo environments, with no graphics library behind them.
+
+``install()`` before environments are made is all there is to change: ``render_mode`` "rgb_array", "depth_array" and
+"rgbd_tuple" are rendered here, and so is what ``RecordVideo`` records.
+"""
+
+from collections.abc import Mapping
+from typing import Any
+
+import mujoco
+import numpy as np
+from gymnasium.envs.mujoco import mujoco_rendering
+
+from warpcam import device as device_rule
+from warpcam.compat.options import style_of
+from warpcam.compat.studio import Studio, depth_buffer, view_of
+from warpcam.errors import WarpcamError
+
+__all__ = ["OffScreenViewer", "install", "uninstall"]
+
+MODES = ("rgb_array", "depth_array", "rgbd_tuple")
+
+_chosen: list[Any] = [None]  # the device that install() was given
+_original = mujoco_rendering.OffScreenViewer
+
+
+def install(device: Any = None) -> None:
+    """Have every MuJoCo environment of Gymnasium that is made from now on render its pictures here.
+
+    Args:
+        device: Where to render: a name, a Warp or torch device, a CUDA ordinal; None is Warp's current device.
+    """
+    if device is not None:
+        device_rule.resolve(device)
+    _chosen[0] = device
+    mujoco_rendering.OffScreenViewer = OffScreenViewer
+
+
+def uninstall() -> None:
+    """Give Gymnasium its own viewer back. Environments that have one of ours keep it."""
+    mujoco_rendering.OffScreenViewer = _original
+    _chosen[0] = None
+
+
+class OffScreenViewer:
+    """In place of Gymnasium's ``OffScreenViewer``, with the same calls and pictures.
+
+    Args:
+        model: The ``mujoco.MjModel``.
+        data: The ``mujoco.MjData`` that is looked at.
+        width: Of the pictures [pixels].
+        height: Of the pictures [pixels].
+        max_geom: How many geoms ``scn`` has room for.
+        visual_options: Flags of ``vopt`` by their numbers in ``mjtVisFlag``.
+    """
+
+    def __init__(
+        self,
+        model: mujoco.MjModel,
+        data: mujoco.MjData,
+        width: int,
+        height: int,
+        max_geom: int = 1000,
+        visual_options: Mapping[int, bool] | None = None,
+    ):
+        self.model, self.data = model, data
+        self.viewport = mujoco.MjrRect(0, 0, width, height)
+        self.scn = mujoco.MjvScene(model, max_geom)
+        self.vopt, self.pert, self.cam = mujoco.MjvOption(), mujoco.MjvPerturb(), mujoco.MjvCamera()
+        for flag, value in (visual_options or {}).items():
+            self.vopt.flags[int(flag)] = value
+        self.cam.type, self.cam.fixedcamid = int(mujoco.mjtCamera.mjCAMERA_FREE), -1
+        self.cam.lookat[:] = np.median(data.geom_xpos, axis=0) if model.ngeom else 0.0
+        self.cam.distance = model.stat.extent
+        self._studio: Studio | None = Studio(model, _chosen[0])
+
+    def render(
+        self, render_mode: str | None, camera_id: int | None = None, segmentation: bool = False
+    ) -> np.ndarray | tuple[np.ndarray, np.ndarray]:
+        """The picture of the state as it is, its rows from the top.
+
+        Args:
+            render_mode: "rgb_array": uint8 (height, width, 3). "depth_array": float32 (height, width), what a depth
+                buffer holds: 0 at the near plane, 1 at the far one and where nothing is hit. "rgbd_tuple": both.
+            camera_id: Of the model's cameras; -1 is the free camera, None the one of the call before.
+            segmentation: Instead of colours int32 (height, width, 2), ``mjtObj`` and id, -1 twice for nothing.
+        """
+        if render_mode not in MODES:
+            raise WarpcamError(f"render_mode is {render_mode!r}; allowed are {', '.join(MODES)}")
+        if self._studio is None:
+            raise RuntimeError("render cannot be called after close.")
+        model, everything = self.model, int(mujoco.mjtCatBit.mjCAT_ALL)
+        if camera_id is not None:
+            if not -1 <= camera_id < model.ncam:
+                raise WarpcamError(f"camera_id {camera_id} came; allowed are -1 to {model.ncam - 1}")
+            kind = mujoco.mjtCamera.mjCAMERA_FREE if camera_id == -1 else mujoco.mjtCamera.mjCAMERA_FIXED
+            self.cam.type, self.cam.fixedcamid = int(kind), camera_id
+        mujoco.mjv_updateScene(model, self.data, self.vopt, self.pert, self.cam, everything, self.scn)
+        self._studio.take(self.data)
+        width, height = self.viewport.width, self.viewport.height
+        view = view_of(self.scn, width, height)
+        if view is None:
+            raise WarpcamError("render: the camera has no field of view")
+        style = style_of(model, self.vopt, self.scn.flags)
+        colors = "objects" if segmentation else "rgb"
+        outputs = {"rgb_array": (colors,), "depth_array": ("depth",), "rgbd_tuple": (colors, "depth")}[render_mode]
+        images = self._studio.look(view, style, width, height, outputs)
+        if "depth" in images:
+            images["depth"] = depth_buffer(images["depth"][..., 0], view)
+        if segmentation and colors in images:
+            images[colors] = images[colors][..., ::-1]
+        first, *more = (images[name] for name in outputs)
+        return (first, more[0]) if more else first
+
+    def add_marker(self, **_: Any) -> None:
+        raise WarpcamError("add_marker: markers are not drawn here; put them into the model, as mocap bodies or sites")
+
+    def add_overlay(self, gridpos: int, text1: str, text2: str) -> None:
+        raise WarpcamError(f"add_overlay: text is not drawn here, got {text1!r} and {text2!r} at {gridpos}")
+
+    def make_context_current(self) -> None:
+        """Nothing has to be made current here."""
+
+    def free(self) -> None:
+        """Let go of all memory."""
+        self._studio = None
+
+    def close(self) -> None:
+        self.free()
