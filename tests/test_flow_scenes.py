@@ -212,7 +212,7 @@ def test_memory_of_what_moves(device: wp.Device, monkeypatch: pytest.MonkeyPatch
     renderer = wc.Renderer(scene, [camera])
     assert ledger.held == renderer.memory.total
     assert "last frame" in str(renderer.memory)
-    surface, rows = 2 * 4 * 3 * 2 + 4 * 7, renderer.memory.past - (1 + 84 + 8 * WIDTH * HEIGHT) - 2 * (64 + 112)
+    surface, rows = 2 * 4 * 3 * 2 + 4 * 7, renderer.memory.past - (1 + 76 + 8 * WIDTH * HEIGHT) - 2 * (64 + 112)
     assert rows % 8 == 36 * surface % 8 and rows >= (8 + 36) * surface
 
 
