@@ -352,7 +352,6 @@ def test_frames_are_stacked_by_gymnasium(device: wp.Device) -> None:
     assert (images[1] != images[2]).any()
 
 
-@pytest.mark.skipif("flow_valid" not in OUTPUTS, reason="no camera gives flow")
 @pytest.mark.parametrize("mode", MODES, ids=lambda mode: mode.name)
 def test_nothing_flows_from_one_episode_into_the_next(mode: Any, device: wp.Device) -> None:
     own = Sliders(3, AutoresetMode.DISABLED if mode is AutoresetMode.SAME_STEP else mode, device)

@@ -31,7 +31,7 @@ _BOUNDS = {
 }
 
 
-class PixelObservation(VectorWrapper):
+class PixelObservation(VectorWrapper):  # type: ignore[misc]
     """Adds what cameras see to the observations of a vector env, rendered for all its worlds at once.
 
     Observations become a dictionary: the env's own under ``state``, or under its own keys if it is a dictionary
@@ -132,7 +132,7 @@ class PixelObservation(VectorWrapper):
         return observed, self._array(rewards), self._array(terminations), self._array(truncations), infos
 
     @property
-    def render_mode(self) -> str | None:  # type: ignore[override]
+    def render_mode(self) -> str | None:
         """The env's, or "rgb_array" where it has none and a camera gives ``rgb``."""
         own = self.env.render_mode
         return "rgb_array" if own is None and self._frames is not None else own
@@ -149,8 +149,7 @@ class PixelObservation(VectorWrapper):
     def _forget(self, worlds: Any) -> None:
         """Where a world has jumped to another state nothing has flowed there."""
         if self._flows:
-            renderer: Any = self._renderer
-            renderer.reset(worlds)
+            self._renderer.reset(worlds)
 
     def _reset_ended(self, last: Any, ended: Any, infos: dict[str, Any]) -> tuple[Any, dict[str, Any]]:
         """Begin new episodes in the worlds whose episodes have ended; the observation and infos of the step."""
@@ -231,7 +230,7 @@ class PixelObservation(VectorWrapper):
         return gymnasium.spaces.Box(low, high, dtype=boxes[0].dtype.type)
 
 
-class OneWorld(gymnasium.Env):
+class OneWorld(gymnasium.Env):  # type: ignore[misc]
     """The only world of a vector env, as a plain env: for wrappers that know no vector envs, and for checkers.
 
     Args:
