@@ -21,7 +21,18 @@ from warpcam import self_test
 from warpcam.accel.bvh4 import cache_folder
 
 PACKAGES = ("warpcam", "warp-lang", "torch", "numpy", "pillow", "rich")
-SIMULATORS = ("mujoco", "mujoco-warp", "newton", "usd-core", "trimesh", "mjlab", "isaaclab", "robosuite", "gymnasium")
+SIMULATORS = (
+    "mujoco",
+    "mujoco-warp",
+    "newton",
+    "usd-core",
+    "trimesh",
+    "mjlab",
+    "isaaclab",
+    "robosuite",
+    "gymnasium",
+    "dm-control",
+)
 
 _IGNORED = "chooses a GPU for OpenGL; ignored here"
 _NO_OPENGL = "chooses the OpenGL of MuJoCo's own renderer; ignored here"

@@ -31,7 +31,7 @@ _BOUNDS = {
 }
 
 
-class PixelObservation(VectorWrapper):
+class PixelObservation(VectorWrapper):  # type: ignore[misc]
     """Adds what cameras see to the observations of a vector env, rendered for all its worlds at once.
 
     Observations become a dictionary: the env's own under ``state``, or under its own keys if it is a dictionary
@@ -109,6 +109,7 @@ class PixelObservation(VectorWrapper):
         """Reset all worlds, or those of ``options["reset_mask"]`` (world,), and render them."""
         worlds = (options or {}).get("reset_mask")  # read first: envs take it out of the options
         observations, infos = self.env.reset(seed=seed, options=options)
+        self._ended = None
         self._forget(worlds)
         self._render(worlds)
         return self._observe(observations), infos
@@ -121,13 +122,17 @@ class PixelObservation(VectorWrapper):
             self._ended = terminations | truncations
         self._render()
         if self._resets:
+            # What the env gives may be memory of its own, which the reset writes.
+            observations, rewards, terminations, truncations, infos = map(
+                _copied, (observations, rewards, terminations, truncations, infos)
+            )
             observed, infos = self._reset_ended(observations, terminations | truncations, infos)
         else:
             observed = self._observe(observations)
         return observed, self._array(rewards), self._array(terminations), self._array(truncations), infos
 
     @property
-    def render_mode(self) -> str | None:  # type: ignore[override]
+    def render_mode(self) -> str | None:
         """The env's, or "rgb_array" where it has none and a camera gives ``rgb``."""
         own = self.env.render_mode
         return "rgb_array" if own is None and self._frames is not None else own
@@ -144,8 +149,7 @@ class PixelObservation(VectorWrapper):
     def _forget(self, worlds: Any) -> None:
         """Where a world has jumped to another state nothing has flowed there."""
         if self._flows:
-            renderer: Any = self._renderer
-            renderer.reset(worlds)
+            self._renderer.reset(worlds)
 
     def _reset_ended(self, last: Any, ended: Any, infos: dict[str, Any]) -> tuple[Any, dict[str, Any]]:
         """Begin new episodes in the worlds whose episodes have ended; the observation and infos of the step."""
@@ -158,8 +162,8 @@ class PixelObservation(VectorWrapper):
         self._forget(ended)
         self._render(ended)
         told = {**infos, **{key: _where(ended, value, infos.get(key)) for key, value in begun.items()}}
+        ended = self._array(ended)
         if not self._torch:
-            ended = self._array(ended)
             final = _rows(final, ended)
         told |= {"final_obs": final, "_final_obs": ended, "final_info": infos, "_final_info": ended}
         return self._observe(observations), told
@@ -226,7 +230,7 @@ class PixelObservation(VectorWrapper):
         return gymnasium.spaces.Box(low, high, dtype=boxes[0].dtype.type)
 
 
-class OneWorld(gymnasium.Env):
+class OneWorld(gymnasium.Env):  # type: ignore[misc]
     """The only world of a vector env, as a plain env: for wrappers that know no vector envs, and for checkers.
 
     Args:
@@ -287,6 +291,16 @@ def _check_mode(own: Any, wanted: Any, final_images: bool) -> Any:
             f"autoreset_mode={same} here; or do without images of last states: final_images=False"
         )
     return own if wanted is None else wanted
+
+
+def _copied(values: Any) -> Any:
+    if isinstance(values, Mapping):
+        return {key: _copied(value) for key, value in values.items()}
+    if isinstance(values, tuple):
+        return tuple(map(_copied, values))
+    if isinstance(values, np.ndarray):
+        return values.copy()
+    return interop.copied(values) if interop.is_tensor(values) else values
 
 
 def _where(mask: Any, new: Any, old: Any) -> Any:
