@@ -75,7 +75,8 @@ WARPCAM_FN float mapped_opacity(const Looks& look, const Scene_& scene, const Ca
     const Surface surface = surface_at<TYPES>(pose, scene.meshes, scene.fields, hit.face, local, ray);
     const Vec right = pose.local({ stretch * camera.scale_x, 0.0f, 0.0f });
     const Vec down = pose.local({ 0.0f, -stretch * camera.scale_y, 0.0f });
-    const Footprint at = footprint_2d<TYPES>(pose, look.layout, scene.meshes, surface, ray, right, down);
+    Footprint at = footprint_2d<TYPES>(pose, look.layout, scene.meshes, surface, ray, right, down);
+    shift(look, at.u, at.v);
     const Image image = load_image(scene.textures, texture);
     return sample_2d(scene.textures.texels.data, image, at.u, at.v, at.right, at.down).x;
 }
