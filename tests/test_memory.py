@@ -88,7 +88,7 @@ def past_by_the_docs(num_worlds: int, num_shapes: int, cameras: list[wc.Camera])
     asking = [each for each in cameras if FLOWS & set(each.outputs)]
     pixels = sum(each.width * each.height for each in asking if "flow_valid" in each.outputs)
     shapes = num_shapes * (64 * bool(asking) + 64 * len(asking))
-    return num_worlds * (8 * pixels + shapes + 68 * len(asking) + bool(asking))
+    return num_worlds * (8 * pixels + shapes + 76 * len(asking) + bool(asking))
 
 
 SETS = (
