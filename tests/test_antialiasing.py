@@ -109,9 +109,12 @@ def shown_pixel(
         cost = down * down + right * right
         if hit[1] >= 0:
             here = plane = level(depth[i, j], pinhole)
-            for beside, far in (((i + int(np.sign(down)), j), down), ((i, j + int(np.sign(right))), right)):
-                if 0 <= min(beside) and max(beside) < len(shape) and shape[beside] == hit[1]:
-                    plane = plane + abs(far) * (here - level(depth[beside], pinhole))
+            y, x = int(np.sign(down)), int(np.sign(right))
+            for pair, far in ((((i + y, j), (i - y, j)), down), (((i, j + x), (i, j - x)), right)):
+                for beside, way in zip(pair, (1, -1), strict=True):  # away from the sample, or else on its side
+                    if 0 <= min(beside) and max(beside) < len(shape) and shape[beside] == hit[1]:
+                        plane = plane + way * abs(far) * (here - level(depth[beside], pinhole))
+                        break
             apart = abs(plane - level(hit[0], pinhole))
             cost += apart * (hit[0] if pinhole else 1.0) / width
         costs[i, j] = cost

@@ -117,18 +117,27 @@ template <int LENS, class Target> struct Seen {
     // What is linear in the image of a plane.
     WARPCAM_FN float level(float depth) const { return LENS == PINHOLE ? reciprocal(depth) : depth; }
 
+    // How much the level of a pixel's surface rises towards a hit, from this pixel to the next, which is at `toward`: as
+    // the pixel on the side away tells, or else that one; 0 if both show other shapes.
+    WARPCAM_FN float rise(float here, bool has_away, unsigned away, bool has_toward, unsigned toward, int hit_shape) const
+    {
+        if (has_away && shape(away) == hit_shape)
+            return here - level(depth(away));
+        return has_toward && shape(toward) == hit_shape ? level(depth(toward)) - here : 0.0f;
+    }
+
     // How far a hit lies from the plane of a pixel's surface, in pixels' widths. The pixels on the side away from the
-    // hit, which is (x, y) pixels before the centre, tell the plane.
+    // hit, which is (x, y) pixels before the centre, tell the plane, or those on its side where these show other shapes.
     WARPCAM_FN float off_plane(int i, int j, float x, float y, float hit_depth, int hit_shape) const
     {
         const unsigned pixel = at(i, j);
         const float here = level(depth(pixel));
-        float found = here;
-        const int beside = i + (x > 0.0f ? 1 : -1), below = j + (y > 0.0f ? 1 : -1);
-        if (beside >= 0 && beside < target.width && shape(at(beside, j)) == hit_shape)
-            found += magnitude(x) * (here - level(depth(at(beside, j))));
-        if (below >= 0 && below < target.height && shape(at(i, below)) == hit_shape)
-            found += magnitude(y) * (here - level(depth(at(i, below))));
+        const int right = x > 0.0f ? 1 : -1, down = y > 0.0f ? 1 : -1;
+        const float found = here
+            + magnitude(x) * rise(here, inside(i + right, j), at(i + right, j), inside(i - right, j), at(i - right, j),
+                                  hit_shape)
+            + magnitude(y) * rise(here, inside(i, j + down), at(i, j + down), inside(i, j - down), at(i, j - down),
+                                  hit_shape);
         const float apart = magnitude(found - level(hit_depth));
         return (LENS == PINHOLE ? apart * hit_depth : apart) * reciprocal(STEEP * scale_x);
     }
