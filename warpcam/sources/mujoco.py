@@ -14,7 +14,7 @@ from warpcam.kernels.types import Meshes
 from warpcam.parts import FIELDS
 from warpcam.scene import Scene
 from warpcam.sources import mujoco_model as model
-from warpcam.sources.mujoco_extras import KINDS, check_kinds, colors_of, with_extras
+from warpcam.sources.mujoco_extras import check_kinds, colors_of, with_extras
 from warpcam.sources.mujoco_layers import with_layers
 from warpcam.sources.mujoco_tables import DTYPES, ExtraTables, names_of
 
@@ -35,7 +35,7 @@ class MujocoSource:
         mjds: Sequence[mujoco.MjData],
         groups: model.Groups,
         device: wp.Device,
-        draw: Collection[str] = KINDS,
+        draw: Collection[str] = model.KINDS,
         reflections: bool | None = None,
         transparency: bool | None = None,
     ):
@@ -140,7 +140,7 @@ def load(
     mjd: Any,
     groups: model.Groups,
     device: Any,
-    draw: Collection[str] = KINDS,
+    draw: Collection[str] = model.KINDS,
     reflections: bool | None = None,
     transparency: bool | None = None,
 ) -> Scene:

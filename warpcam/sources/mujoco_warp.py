@@ -14,7 +14,7 @@ from warpcam.kernels.launch import Stage
 from warpcam.kernels.types import Meshes
 from warpcam.scene import Scene
 from warpcam.sources import mujoco_model as model
-from warpcam.sources.mujoco_extras import KINDS, check_kinds, with_extras
+from warpcam.sources.mujoco_extras import check_kinds, with_extras
 from warpcam.sources.mujoco_layers import with_layers
 from warpcam.sources.mujoco_tables import ExtraTables, names_of
 
@@ -34,7 +34,7 @@ class MujocoWarpSource:
         m: mjw.Model,
         d: mjw.Data,
         groups: model.Groups,
-        draw: Collection[str] = KINDS,
+        draw: Collection[str] = model.KINDS,
         reflections: bool | None = None,
         transparency: bool | None = None,
     ):
@@ -113,7 +113,7 @@ def load(
     m: Any,
     d: Any,
     groups: model.Groups,
-    draw: Collection[str] = KINDS,
+    draw: Collection[str] = model.KINDS,
     reflections: bool | None = None,
     transparency: bool | None = None,
 ) -> Scene:

@@ -38,7 +38,7 @@ def read_entries(model: newton.Model) -> Entries:
     kinds = model.shape_type.numpy() if count else np.zeros(0, np.int32)
     pointers = model.shape_source_ptr.numpy() if count else np.zeros(0, np.uint64)
     plain = Entries(shapes, kinds, pointers, model.shape_source, np.zeros(count, bool))
-    if model.body_variant is None or not (model.body_variant.numpy() >= 0).any():
+    if getattr(model, "body_variant", None) is None or not (model.body_variant.numpy() >= 0).any():
         return plain
     try:
         rows, held = model._variant_row_options()

@@ -19,7 +19,7 @@ from warpcam.sources.newton_soft import Part, Soft, is_closed
 
 VISUAL = -2  # stands for a triangle that nothing has: the surface is white
 # Newton has had them since 1.8; Isaac Lab comes with an older one.
-KIND = getattr(getattr(newton.geometry, "DeformableVisualMesh", None), "Kind", None)
+KIND: Any = getattr(getattr(newton.geometry, "DeformableVisualMesh", None), "Kind", None)
 
 
 @dataclass(frozen=True, eq=False)

@@ -94,7 +94,7 @@ class RenderData:
                     depth_clipping=self._cfg.depth_clipping_behavior,
                     shadows=bool(self._cfg.enable_shadows),
                     antialiasing=int(self._cfg.antialiasing),
-                    background=self._background,  # type: ignore[arg-type]
+                    background=self._background,
                 )
             ],
         )

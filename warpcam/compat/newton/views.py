@@ -132,7 +132,7 @@ class Views:
                     position=(0.0, 0.0, 0.0),
                     shadows=bool(config.enable_shadows),
                     antialiasing=4 if smooth else 1,
-                    background=background,  # type: ignore[arg-type]
+                    background=background,
                 )
                 for number, (bundle, outputs) in enumerate(zip(bundles, asked, strict=True))
             ]
