@@ -10,7 +10,6 @@ import torch
 import warp as wp
 
 import warpcam as wc
-from warpcam.outputs import OUTPUTS
 
 HOW = "pip install isaaclab lazy_loader; without its other dependencies the interface for renderers can be imported"
 pytest.importorskip("isaaclab.renderers", reason=HOW, exc_type=ImportError)
@@ -199,7 +198,6 @@ def test_frames_follow_the_state(simulation: Any) -> None:
     renderer.close()
 
 
-@pytest.mark.skipif("flow" not in OUTPUTS, reason="there is no output of flow yet")
 def test_motion_vectors(simulation: Any) -> None:
     """Positive towards the left and the top, in pixels."""
     _, renderer, data, output = frame(simulation, ["motion_vectors", "distance_to_camera"])
@@ -214,6 +212,12 @@ def test_motion_vectors(simulation: Any) -> None:
     vectors = torch.as_tensor(output.output["motion_vectors"].warp.numpy())
     moving = vectors.abs().amax(dim=-1) > 0.1
     assert moving.any() and (vectors[moving][:, 0] < 0.0).all() and (vectors[moving][:, 1] > 0.0).all()
+    moved[:, 0] += 0.05
+    state.body_q.assign(moved)
+    renderer.reset(data, [1])
+    renderer.render(data)
+    after = output.output["motion_vectors"].warp.numpy()
+    assert (after[0] != 0.0).any() and (after[1] == 0.0).all()
 
 
 def test_it_is_known_by_name_and_refuses_by_name(simulation: Any) -> None:

@@ -93,7 +93,7 @@ def test_images_are_those_of_mjlabs_own_sensor() -> None:
 
 def test_data_types_that_mjlab_lacks() -> None:
     cfg = cartpole_balance_env_cfg()
-    kinds = ("rgb", "segmentation", "normals", "points", "distance", "bodies", "albedo")
+    kinds = ("rgb", "segmentation", "normals", "points", "distance", "bodies", "albedo", "flow")
     cfg.scene.sensors = (
         ours.CameraSensorCfg(name="eye", camera_name="cartpole/fixed", width=24, height=16, data_types=kinds),
         ours.CameraSensorCfg(
@@ -111,6 +111,9 @@ def test_data_types_that_mjlab_lacks() -> None:
     first = env.scene["plain"].data.rgb
     env.step(torch.ones(NUM_ENVS, env.action_manager.total_action_dim))
     assert env.scene["plain"].data.rgb.data_ptr() != first.data_ptr()
+    assert env.scene["eye"].data.images["flow"].any()
+    env.reset()
+    assert not env.scene["eye"].data.images["flow"].any()
     env.close()
 
 

@@ -92,6 +92,11 @@ class CameraSensor(MjlabSensor):
         cameras.add(self)
         self._cameras = cameras
 
+    def reset(self, env_ids: torch.Tensor | slice | None = None) -> None:
+        super().reset(env_ids)
+        if self._cameras is not None and not {"flow", "flow_valid"}.isdisjoint(self.cfg.data_types):
+            self._cameras.forget(env_ids)
+
     def _compute_data(self) -> CameraSensorData:
         if self._cameras is None:
             raise RuntimeError("CameraSensor: it has no simulation yet; it must be part of a scene")
@@ -141,6 +146,13 @@ class _Cameras:
                     stage.launch()
         for sensor in self._sensors:
             sensor._invalidate_cache()
+
+    def forget(self, env_ids: Any) -> None:
+        """Worlds that were reset: nothing moved from the frame before to their next."""
+        if isinstance(env_ids, slice):
+            env_ids = range(self.data.nworld)[env_ids]
+        for _, renderer, _ in self._frames or ():
+            renderer.reset(env_ids)
 
     def _build(self) -> list[tuple[Look | None, wc.Renderer, list[Stage]]]:
         kinds: dict[_Kind, list[CameraSensor]] = {}

@@ -123,6 +123,11 @@ class RenderData:
             positions, orientations, _ = self._pose
             self.place(positions, orientations, matrices)
 
+    def forget(self, worlds: Any = None) -> None:
+        """These environments were reset: nothing moved from the frame before to their next."""
+        if self.renderer is not None:
+            self.renderer.reset(worlds)
+
     def render(self) -> None:
         if self.renderer is None:
             return

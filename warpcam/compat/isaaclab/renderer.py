@@ -99,6 +99,10 @@ class WarpcamRenderer(BaseRenderer):
         if render_data is not None:
             render_data.renderer = None
 
+    def reset(self, render_data: RenderData, env_ids: Any = None) -> None:
+        """Motion begins anew in these environments."""
+        render_data.forget(env_ids)
+
     def close(self) -> None:
         self.scene = self._mapper = self._stage = None
 

@@ -7,8 +7,6 @@ from isaaclab.renderers import RenderBufferKind, RenderBufferSpec
 from isaaclab.renderers.renderer_cfg import RendererCfg
 from isaaclab.utils import configclass
 
-from warpcam.outputs import OUTPUTS
-
 NAME = "warpcam"
 
 
@@ -67,7 +65,7 @@ class WarpcamRendererCfg(RendererCfg):
         def labels(colorize: bool) -> RenderBufferSpec:
             return RenderBufferSpec(4, wp.uint8) if colorize else RenderBufferSpec(1, wp.int32)
 
-        kinds = {
+        return {
             RenderBufferKind.RGBA: RenderBufferSpec(4, wp.uint8),
             RenderBufferKind.RGB: RenderBufferSpec(3, wp.uint8),
             RenderBufferKind.RGB_HDR: RenderBufferSpec(3, wp.float32),
@@ -79,7 +77,5 @@ class WarpcamRendererCfg(RendererCfg):
             RenderBufferKind.SEMANTIC_SEGMENTATION: labels(self.colorize_semantic_segmentation),
             RenderBufferKind.INSTANCE_SEGMENTATION: labels(self.colorize_instance_segmentation),
             RenderBufferKind.INSTANCE_ID_SEGMENTATION_FAST: labels(self.colorize_instance_id_segmentation),
+            RenderBufferKind.MOTION_VECTORS: RenderBufferSpec(2, wp.float32),
         }
-        if "flow" in OUTPUTS:
-            kinds[RenderBufferKind.MOTION_VECTORS] = RenderBufferSpec(2, wp.float32)
-        return kinds
