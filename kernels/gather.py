@@ -19,6 +19,8 @@ class FlatShapes:
     colors: wp.array(dtype=wp.vec3)  # (shape,) display colour
     opacities: wp.array(dtype=wp.float32)  # (shape,) 0 hides the shape
     flags: wp.array(dtype=wp.int32)  # (shape,) without VISIBLE the shape is hidden
+    types: wp.array(dtype=wp.int32)  # (shape,) this and the next: the simulator's, read where WorldShapes.wanted is
+    sources: wp.array(dtype=wp.uint64)  # (shape,)
     body_transforms: wp.array(dtype=wp.transform)  # (body,) from the body to the world
     face_colors: wp.array(dtype=wp.vec3)  # (triangle,) display colour of soft surfaces; may be empty: white
     face_opacities: wp.array(dtype=wp.float32)  # (triangle,) may be empty: 1
@@ -37,6 +39,10 @@ class WorldShapes:
     )  # (world, soft column) a triangle of the surface, -1 for none, or -2 for a white one; these follow on the shapes
     particles: wp.array2d(dtype=wp.int32)  # (world, particle's column) the particle, or -1; these follow on those
     types: wp.array(dtype=wp.int32)  # (column,)
+    # (world, column) where shapes may change, the type and the source that one must have to be seen in this column, of
+    # type -1 if any will do; else empty
+    wanted: wp.array2d(dtype=wp.int32)
+    pointers: wp.array2d(dtype=wp.uint64)
     positions: wp.array2d(dtype=wp.vec3)  # (world, column) and so on: see Shapes
     rotations: wp.array2d(dtype=wp.mat33)
     sizes: wp.array2d(dtype=wp.vec3)
@@ -112,6 +118,10 @@ def write_worlds(flat: FlatShapes, out: WorldShapes, first: wp.int32):
         opacity = flat.opacities[shape]
     if (flat.flags[shape] & VISIBLE) == 0:
         opacity = 0.0
+    if out.wanted.shape[0] > 0:
+        wanted = out.wanted[world, column]
+        if wanted >= 0 and (flat.types[shape] != wanted or flat.sources[shape] != out.pointers[world, column]):
+            opacity = 0.0
     color = flat.colors[shape]
     out.positions[world, column] = wp.transform_get_translation(pose)
     out.rotations[world, column] = wp.quat_to_matrix(wp.transform_get_rotation(pose))

@@ -86,7 +86,7 @@ class Stage:
             for part in self._parts:
                 part.launch(stream)
         else:
-            for _ in _pool().map(wp.Launch.launch, self._parts):
+            for _ in _spread(self._parts):
                 pass
 
 
@@ -187,6 +187,14 @@ def _threads() -> int:
     if wanted.isdigit() and int(wanted) > 0:
         return int(wanted)
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def _spread(parts: Sequence[wp.Launch]) -> Iterator[None]:
+    """Launch the parts on all threads; what is iterated are those that are done."""
+    try:
+        return _pool().map(wp.Launch.launch, parts)
+    except RuntimeError:  # the interpreter is ending, and a thread that does not keep it from that renders on
+        return map(wp.Launch.launch, parts)
 
 
 @functools.cache

@@ -11,6 +11,7 @@ from .launch import record as record_stage
 from .layers import Haze, LayerTables, Mirror
 from .tables import Tables
 from .types import Background, HeightFields, Lights, Materials, Meshes, Physical, Shapes, Textures, View
+from .variety import Variety, facts_of
 from .visibility import LENSES, THREADS, region_size
 
 # The outputs made here, with the dtype and the number of channels of their arrays (world, height, width, channels), in
@@ -70,6 +71,30 @@ def layered_frame_struct(shape_dtype: Any, face_dtype: Any) -> Any:
         haze: Haze
 
     return LayeredFrame
+
+
+@functools.cache
+def varied_frame_struct(shape_dtype: Any, face_dtype: Any) -> Any:
+    """The same with what worlds have each for itself."""
+
+    @wp.struct
+    class VariedFrame:
+        views: wp.array(dtype=View)
+        mask: wp.array(dtype=wp.uint8)
+        depth: wp.array(dtype=wp.float32)
+        shape: wp.array(dtype=shape_dtype)
+        face: wp.array(dtype=face_dtype)
+        shadow: wp.array(dtype=wp.uint8)
+        width: wp.int32
+        height: wp.int32
+        horizon: wp.float32
+        mirrors: wp.array(dtype=Mirror)
+        veils: wp.array(dtype=wp.int32)
+        reach: wp.array(dtype=wp.float32)
+        haze: Haze
+        variety: Variety
+
+    return VariedFrame
 
 
 @wp.struct
@@ -187,8 +212,14 @@ def record(
             veils = -(-layers.veils.size // 8) * 8
         if layers.haze is not None and tables.has_skybox and not mirrored:
             more |= HAZY
-    frame_type = (layered_frame_struct if more else frame_struct)(shape.dtype, face.dtype)
+    varied = facts_of(tables.variety, tables.headlights)
+    if varied and tables.variety is not None:
+        frame_type = varied_frame_struct(shape.dtype, face.dtype)
+    else:
+        frame_type = (layered_frame_struct if more else frame_struct)(shape.dtype, face.dtype)
     frame = frame_type()
+    if varied and tables.variety is not None:
+        frame.variety = tables.variety
     if layers is not None and more:
         frame.veils, frame.reach = layers.veils, layers.reach
         if mirrors is not None:
@@ -215,7 +246,7 @@ def record(
     group = group or Group.of_all(tables.num_worlds)
     region = region_size(tables, group.at_once, width, height, device)
     types = sum(1 << t for t in tables.shape_types)
-    facts = _facts(tables, shadow is not None, width) | more
+    facts = _facts(tables, shadow is not None, width) | more | varied
     kernel = _kernel(types, LENSES[lens], _capacity(tables), *region, wanted, facts, frame_type, veils)
     inputs = [
         frame,

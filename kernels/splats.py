@@ -6,11 +6,12 @@ from typing import Any
 
 import warp as wp
 
+from .flow import Trail
 from .launch import Group, Stage, native_options
 from .launch import record as record_stage
 from .tables import Tables
 from .types import Shapes, Splats, View
-from .visibility import LENSES, THREADS
+from .visibility import FLOW, FLOW_MOVES, FLOW_VALID, LENSES, THREADS
 
 # The images that clouds change, in the order of their bits in native/splats.h, and the dtypes of their arrays.
 OUTPUTS: Mapping[str, type] = {
@@ -67,6 +68,23 @@ def _frame_struct(shape_dtype: Any) -> Any:
         height: wp.int32
 
     return Frame
+
+
+@functools.cache
+def _flow_frame_struct(shape_dtype: Any) -> Any:
+    """The same where flow is wanted."""
+
+    @wp.struct
+    class FlowFrame:
+        views: wp.array(dtype=View)
+        mask: wp.array(dtype=wp.uint8)
+        depth: wp.array(dtype=wp.float32)
+        shape: wp.array(dtype=shape_dtype)
+        width: wp.int32
+        height: wp.int32
+        trail: Trail
+
+    return FlowFrame
 
 
 @functools.cache
@@ -149,11 +167,13 @@ def record(
     height: int,
     device: wp.Device,
     group: Group,
+    trail: Any = None,
 ) -> Stage:
     """Bind the stage that draws clouds over one camera's images, which are else finished.
 
     Args:
-        images: Contiguous arrays (world, height, width, channels) by name; those in ``OUTPUTS`` are changed.
+        images: Contiguous arrays (world, height, width, channels) by name; those in ``OUTPUTS``, "flow" and
+            "flow_valid" are changed.
         lens: "pinhole" or "orthographic".
         tables: The scene; it has splats.
         views: View, (world,).
@@ -164,14 +184,19 @@ def record(
         height: Of the image [pixels].
         device: Where all of these lie.
         group: Which worlds are drawn.
+        trail: Trail, where flow is wanted.
     """
-    frame_type = _frame_struct(shape.dtype)
+    flows = FLOW * ("flow" in images) + FLOW_VALID * ("flow_valid" in images)
+    frame_type = (_flow_frame_struct if flows else _frame_struct)(shape.dtype)
     frame = frame_type()
+    if flows:
+        frame.trail = trail
+        flows |= FLOW_MOVES * bool(tables.moving)
     frame.views, frame.mask = views, mask
     frame.depth, frame.shape = depth.flatten(), shape.flatten()
     frame.width, frame.height = width, height
     changed = Images()
-    wanted = BY_WORLD if tables.ids_by_world else 0
+    wanted = flows | (BY_WORLD if tables.ids_by_world else 0)
     if tables.physical is not None and "hdr" in images:
         wanted |= LINEAR
     for bit, (name, dtype) in enumerate(OUTPUTS.items()):

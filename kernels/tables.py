@@ -35,5 +35,8 @@ class Tables:
     physical: Any = None  # Physical, of scenes that are lit as native/physical.h does it
     has_maps: bool = False  # some material of such a scene has more than the texture of its colour
     splats: Any = None  # clouds of Gaussians, if shapes are such
+    moving: tuple[int, ...] = ()  # meshes whose corners move
     layers: LayerTables | None = None  # of what one layer cannot show: mirrors, transparent shapes, haze
+    variety: Any = None  # Variety, if worlds have more for themselves than the tables say
+    headlights: bool = False  # each world has a headlight of its own: see native/variety.h
     labels: Mapping[str, Any] = field(default_factory=dict)  # (world or 1, shape) int32 of "instances" and "semantics"

@@ -23,6 +23,7 @@ NUM_TYPES = 10
 SCALED = 10  # no type: stands among a scene's types where the sizes of meshes and height fields are scales
 SPLATS = 11  # a cloud of Gaussians: never among the drawn shapes, which the trace sees; see Splats
 TWO_SIDED = 12  # no type: stands among a scene's types where faces of some meshes are seen from behind, too
+MASKED = 13  # no type: stands among a scene's types where maps of opacity say which parts of meshes are there
 
 # Light types.
 LIGHT_SPOT = 0
@@ -38,6 +39,7 @@ FORM_CYLINDER = 4
 # Roles of a material's textures: places in Materials.texture. The values are those of MuJoCo's mjtTextureRole.
 ROLE_COLOR = 1
 ROLE_NORMAL = 5  # x, y, z in [-1, 1] as 0 to 255; x along u, y along v, which is up
+ROLE_OPACITY = 6  # red: opacity; not of cut-outs, whose maps only Meshes.masks has
 ROLE_EMISSION = 7  # display values
 ROLE_PACKED = 9  # red: share of the light from all around that arrives, green: roughness, blue: metalness
 NUM_ROLES = 10
@@ -99,6 +101,10 @@ class Meshes:
     normals: wp.array(dtype=wp.vec3)  # (corner,) unit, mesh frame
     uvs: wp.array(dtype=wp.vec2)  # (corner,) texture coordinates, v up; only read where has_uvs
     has_uvs: wp.array(dtype=wp.int32)  # (mesh,) 1 where the mesh has texture coordinates
+    # Only where MASKED is among the scene's types. (mesh,) as int bits first texel, width and height of the map of its
+    # opacity, in red, or zeros; least opacity at which it is there
+    masks: wp.array(dtype=wp.vec4)
+    mask_texels: wp.array(dtype=wp.uint32)  # those of Textures
 
 
 @wp.struct
@@ -171,6 +177,7 @@ class Lights:
     shadow_width: wp.float32  # half the width of what a directional light sees [m]; 0: shadows reach everywhere
     shadow_near: wp.float32  # nothing nearer to a light casts a shadow [m]
     shadow_scale: wp.float32  # half the angle of what a spot sees, as part of its cutoff
+    shadow_gap: wp.float32  # nothing nearer to a surface shades it, as a part of half the width of what the light sees
 
 
 @wp.struct

@@ -1,11 +1,34 @@
 """The first stages of a frame: which worlds it draws, and each camera's view in them."""
 
+import math
+from dataclasses import dataclass
 from typing import Any
 
 import warp as wp
 
 from .launch import Stage, record
 from .types import View
+
+
+@dataclass(frozen=True, eq=False)
+class Tags:
+    """What tells one frame of a world from another.
+
+    Attributes:
+        frames: int32, (world,): how many frames have drawn it.
+        times: float32, (world,): the simulation's time in the last of them [s]; NaN where it has none.
+    """
+
+    frames: wp.array
+    times: wp.array
+
+    @classmethod
+    def of(cls, num_worlds: int, device: wp.Device) -> "Tags":
+        return cls(
+            wp.zeros(num_worlds, dtype=wp.int32, device=device),
+            wp.full(num_worlds, math.nan, dtype=wp.float32, device=device),
+        )
+
 
 # How a lens is given: LensTable.kind.
 FOVY = 0  # vertical field of view [degrees]
@@ -17,6 +40,11 @@ HEIGHT = 3  # orthographic: what the image spans vertically [m]
 CLIP_NONE = 0  # infinity
 CLIP_MAX = 1  # far
 CLIP_ZERO = 2
+
+# What is known of a world's last frame: Trail.known of flow.py. What it showed is kept in the first or the second of
+# two places, and what is shown goes to the other.
+SECOND, FIRST = 1, 2
+NEW = 4  # nothing is known; what is shown goes to the first. Between frames: 0
 
 DEGREE = 0.017453292519943295
 
@@ -75,11 +103,14 @@ def write_views(
     mask: wp.array(dtype=wp.uint8),
     faults: wp.array(dtype=wp.uint8),
     views: wp.array(dtype=View),
+    before: wp.array(dtype=View),
     first: wp.int32,
 ):
     world = first + wp.tid()
     if mask[world] == wp.uint8(0):
         return
+    if before.shape[0] > 0:
+        before[world] = views[world]
     position = mount.positions[world, mount.column]
     rotation = wp.identity(n=3, dtype=wp.float32)
     if mount.own != 0:
@@ -143,13 +174,31 @@ def write_views(
 
 @wp.kernel(enable_backward=False)
 def begin_frame(
-    everything: wp.int32, mask: wp.array(dtype=wp.uint8), faults: wp.array(dtype=wp.uint8), first: wp.int32
+    everything: wp.int32,
+    mask: wp.array(dtype=wp.uint8),
+    faults: wp.array(dtype=wp.uint8),
+    known: wp.array(dtype=wp.uint8),
+    clock: wp.array(dtype=wp.float32),
+    frames: wp.array(dtype=wp.int32),
+    times: wp.array(dtype=wp.float32),
+    first: wp.int32,
 ):
     world = first + wp.tid()
     if everything != 0:
         mask[world] = wp.uint8(1)
     if mask[world] != wp.uint8(0):
         faults[world] = wp.uint8(0)
+        if known.shape[0] > 0:
+            state = wp.int32(known[world])
+            turned = FIRST
+            if state == 0:
+                turned = NEW
+            elif state == FIRST:
+                turned = SECOND
+            known[world] = wp.uint8(turned)
+        frames[world] = frames[world] + 1
+        if world < clock.shape[0]:
+            times[world] = clock[world]
 
 
 @wp.kernel(enable_backward=False)
@@ -166,7 +215,13 @@ for _dtype in (wp.int32, wp.int64):
 
 
 def record_views(
-    mount: Mount, lens: LensTable, mask: wp.array, faults: wp.array, views: wp.array, device: wp.Device
+    mount: Mount,
+    lens: LensTable,
+    mask: wp.array,
+    faults: wp.array,
+    views: wp.array,
+    device: wp.Device,
+    before: wp.array | None = None,
 ) -> Stage:
     """Bind the stage that writes one camera's views.
 
@@ -177,10 +232,26 @@ def record_views(
         faults: uint8, (world,); set to 1 where a pose or a lens makes no view. Its origin is NaN then.
         views: View, (world,); written.
         device: Where all of these lie.
+        before: View, (world,); the views that were written last go there. None: nowhere.
     """
-    return record(write_views, views.shape[0], [mount, lens, mask, faults, views], device)
+    before = wp.empty(0, dtype=View, device=device) if before is None else before
+    return record(write_views, views.shape[0], [mount, lens, mask, faults, views, before], device)
 
 
-def record_begin(everything: bool, mask: wp.array, faults: wp.array, device: wp.Device) -> Stage:
-    """Bind the stage that opens a frame: of all worlds, or of those that ``mask`` has. It clears their faults."""
-    return record(begin_frame, mask.shape[0], [int(everything), mask, faults], device)
+def record_begin(
+    everything: bool,
+    mask: wp.array,
+    faults: wp.array,
+    clock: wp.array | None,
+    tags: Tags,
+    device: wp.Device,
+    known: wp.array | None = None,
+) -> Stage:
+    """Bind the stage that opens a frame: of all worlds, or of those that ``mask`` has.
+
+    It clears their faults, counts the frame, and notes the ``clock``, (world,) float32 [s], if there is one. ``known``,
+    uint8, (world,), says what is known of their last frames, and is turned over.
+    """
+    known = wp.empty(0, dtype=wp.uint8, device=device) if known is None else known
+    values = [int(everything), mask, faults, known, clock, tags.frames, tags.times]
+    return record(begin_frame, mask.shape[0], values, device)

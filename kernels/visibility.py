@@ -6,6 +6,7 @@ from typing import Any
 
 import warp as wp
 
+from .flow import Trail
 from .launch import Group, Stage, cpu_parts, native_options
 from .launch import record as record_launch
 from .tables import Tables
@@ -16,7 +17,7 @@ OUTPUTS = ("depth", "shape", "face", "distance", "points", "bodies", "normals")
 QUADS, TILED = 128, 256
 IDS, BY_WORLD = 1 << 16, 1 << 17  # ids by world: canvas.h
 OPAQUE = 1 << 20  # what is transparent is left out
-CHOSEN = 1 << 18  # only some pixels are traced
+FLOW, FLOW_VALID, FLOW_MOVES = 1 << 24, 1 << 25, 1 << 26  # native/flow.h
 LENSES = {"pinhole": 0, "orthographic": 1}
 THREADS = 128  # of a CUDA block; lanes.h has the same number
 REGIONS = ((64, 64), (64, 32), (32, 32), (32, 16), (16, 16), (16, 8))
@@ -47,9 +48,31 @@ def opaque_target_struct(shape_dtype: Any, face_dtype: Any) -> Any:
         normals: wp.array(dtype=wp.float32)
         width: wp.int32
         height: wp.int32
-        chosen: wp.array(dtype=wp.uint8)
 
     return OpaqueTarget
+
+
+@functools.cache
+def flow_target_struct(shape_dtype: Any, face_dtype: Any) -> Any:
+    """The same, of a trace that writes flow."""
+
+    @wp.struct
+    class FlowTarget:
+        mask: wp.array(dtype=wp.uint8)
+        faults: wp.array(dtype=wp.uint8)
+        depth: wp.array(dtype=wp.float32)
+        shape: wp.array(dtype=shape_dtype)
+        face: wp.array(dtype=face_dtype)
+        distance: wp.array(dtype=wp.float32)
+        points: wp.array(dtype=wp.float32)
+        bodies: wp.array(dtype=wp.int32)
+        ids: wp.array(dtype=wp.int32)
+        normals: wp.array(dtype=wp.float32)
+        width: wp.int32
+        height: wp.int32
+        trail: Trail
+
+    return FlowTarget
 
 
 @functools.cache
@@ -74,7 +97,6 @@ def target_struct(shape_dtype: Any, face_dtype: Any) -> Any:
         normals: wp.array(dtype=wp.float32)
         width: wp.int32
         height: wp.int32
-        chosen: wp.array(dtype=wp.uint8)  # (world * height * width,) 0 where the pixel is not traced; empty: all are
 
     return Target
 
@@ -135,7 +157,7 @@ def record(
     device: wp.Device,
     group: Group | None = None,
     veil_places: wp.array | None = None,
-    chosen: wp.array | None = None,
+    trail: Any = None,
 ) -> Stage:
     """Bind the trace of one camera.
 
@@ -151,18 +173,21 @@ def record(
             shapes is drawn in passes, which go on from each other's depth and shape: then both are needed.
         shape: An integer type that holds every shape id and -1, likewise.
         face: An integer type that holds every face, likewise; see ``target_struct``.
-        images: "distance", "points", "bodies", "ids" and "normals", those that are wanted, (world, height, width,
-            channels); normals only for scenes without meshes and height fields.
+        images: "distance", "points", "bodies", "ids", "normals", "flow" and "flow_valid", those that are wanted,
+            (world, height, width, channels); normals only for scenes without meshes and height fields.
         device: Where all of these lie.
         group: Which worlds are traced; None is all.
         veil_places: int32, (shape,). With it shapes that are transparent are left out, of those where it is not -1;
             there are no ``images`` then.
-        chosen: uint8, (world, height, width, ...): the pixels to trace; the shape of all others is -2. None: all.
+        trail: Trail, where flow is wanted.
     """
     group = group or Group.of_all(views.shape[0])
     capacity = list_capacity(tables.num_drawn)
     several = tables.num_drawn > capacity
-    target_type = (target_struct if veil_places is None else opaque_target_struct)(_dtype(shape), _dtype(face))
+    struct = target_struct if veil_places is None else opaque_target_struct
+    if "flow" in images or "flow_valid" in images:
+        struct = flow_target_struct
+    target_type = struct(_dtype(shape), _dtype(face))
     target = target_type()
     target.mask, target.faults = mask, faults
     target.width, target.height = width, height
@@ -172,6 +197,9 @@ def record(
         if arrays.get(name) is not None:
             setattr(target, name, arrays[name].flatten())
             outputs |= 1 << bit
+    if struct is flow_target_struct:
+        target.trail = trail
+        outputs |= FLOW * ("flow" in images) + FLOW_VALID * ("flow_valid" in images) + FLOW_MOVES * bool(tables.moving)
     if "ids" in images:
         target.ids = images["ids"].flatten()
         outputs |= IDS
@@ -180,9 +208,6 @@ def record(
         outputs |= OPAQUE
     if tables.ids_by_world and "bodies" in images:
         outputs |= BY_WORLD
-    if chosen is not None:
-        target.chosen = chosen.flatten()
-        outputs |= CHOSEN
     if width % 4 == 0 and not images.keys().isdisjoint(("points", "normals")):
         outputs |= QUADS
     if width % 8 == 0 and height % 4 == 0:

@@ -1,6 +1,5 @@
 """Mistakes: each error names the argument, what came and what is allowed."""
 
-import logging
 import re
 from typing import Any
 
@@ -12,7 +11,6 @@ import torch
 import warp as wp
 
 import warpcam as wc
-from warpcam import device as device_rule
 from warpcam.accel.heightfields import HeightField, pack_height_fields
 from warpcam.accel.meshes import Mesh, pack_meshes
 from warpcam.interop import to_numpy
@@ -305,37 +303,3 @@ def test_meshes_and_height_fields_of_other_sources() -> None:
         pack_meshes([Mesh("m", **triangle, uvs=np.full((1, 3, 2), NAN, np.float32))], cpu)
     with says("height field 'h': heights must be 2 to 4097 rows and columns, got shape (1, 5)"):
         pack_height_fields([HeightField("h", np.zeros((1, 5), np.float32), (1.0, 1.0), 1.0, 0.1)], cpu)
-
-
-@pytest.mark.parametrize("device", ["cuda:99", "gpu", 99, torch.device("cuda:99")])
-def test_a_device_that_is_not_there(device: Any) -> None:
-    visible = ", ".join(known.alias for known in wp.get_devices())
-    with says(f"device: {device!r} came, this process sees {visible}"):
-        device_rule.resolve(device)
-
-
-def test_a_device_by_any_name() -> None:
-    for name in ("cpu", torch.device("cpu"), wp.get_device("cpu")):
-        assert device_rule.resolve(name) == wp.get_device("cpu")
-    assert device_rule.resolve() == wp.get_device()
-
-
-def test_devices_that_differ_are_both_named() -> None:
-    class Elsewhere:
-        alias = "cuda:1"
-
-    with says("device: m is on cuda:1, but d is on cpu; both must be on one"):
-        device_rule.require_same(wp.get_device("cpu"), "d is", Elsewhere(), "m")
-
-
-def test_graphics_variables_are_ignored_and_said_so_once(
-    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
-) -> None:
-    monkeypatch.setenv("MUJOCO_EGL_DEVICE_ID", "3")
-    device_rule._tell_of_graphics_variables.cache_clear()
-    with caplog.at_level(logging.WARNING, "warpcam"):
-        device_rule.resolve("cpu")
-        device_rule.resolve("cpu")
-    assert [record.getMessage() for record in caplog.records] == [
-        "MUJOCO_EGL_DEVICE_ID=3 chooses a GPU for OpenGL; warpcam uses none and ignores it"
-    ]

@@ -1,6 +1,7 @@
 """Every example runs, as a user would run it: in a process of its own, in an empty folder."""
 
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -46,10 +47,28 @@ def test_ci_on_cpu(tmp_path: Path) -> None:
     assert "3 passed" in printed
 
 
+def test_randomize_saves_eight_worlds(tmp_path: Path) -> None:
+    run(str(EXAMPLES / "randomize.py"), folder=tmp_path)
+    picture = np.asarray(Image.open(tmp_path / "randomize.png")).astype(int)
+    assert picture.shape == (320, 640, 3)
+    worlds = [half[:, first : first + 160] for half in (picture[:160], picture[160:]) for first in range(0, 640, 160)]
+    differences = [np.abs(a - b).mean() for i, a in enumerate(worlds) for b in worlds[:i]]
+    assert min(differences) > 5.0
+
+
 def test_every_gpu(tmp_path: Path) -> None:
     printed = run(str(EXAMPLES / "every_gpu.py"), folder=tmp_path)
     assert printed.splitlines()[-2].startswith("cpu: ")
     assert "contexts on GPUs []" in printed
+
+
+def test_gymnasium_cartpole(tmp_path: Path) -> None:
+    pytest.importorskip("gymnasium", reason="pip install 'warpcam[gymnasium]'")
+    printed = run(str(EXAMPLES / "gymnasium_cartpole.py"), folder=tmp_path)
+    assert "Box(0.0, inf, (1, 32, 32), float32)" in printed
+    ended, lean = re.search(r"(\d+) episodes ended\nmean lean in their last images: (.*) rad", printed).groups()
+    assert int(ended) > 5
+    assert float(lean) > 0.3
 
 
 def test_formats_are_rendered_as_the_readme_shows(tmp_path: Path) -> None:
@@ -74,6 +93,17 @@ def test_formats_are_rendered_as_the_readme_shows(tmp_path: Path) -> None:
         assert made.shape == kept.shape == (240, 320, 3)
         # What may be drawn otherwise are edges, and colours a little: `warpcam render` makes them anew.
         assert (np.abs(made - kept).max(axis=-1) > 40).mean() < 0.05, kind
+
+
+def test_isaacgym_cameras(tmp_path: Path) -> None:
+    pytest.importorskip("newton")
+    printed = run(str(EXAMPLES / "isaacgym_cameras.py"), folder=tmp_path)
+    assert "colour (4, 480, 640, 4), depth (4, 480, 640) on cpu" in printed
+    wrist, side = np.vsplit(np.asarray(Image.open(tmp_path / "isaacgym_cameras.png")), 2)
+    assert wrist.shape == side.shape == (240, 1280, 3)
+    red, green, blue = (side.astype(int)[..., i] for i in range(3))
+    for first, second, third in ((red, green, blue), (green, red, blue), (blue, red, green)):
+        assert (first > second + third + 40).sum() > 200  # its boxes
 
 
 def test_every_example_is_run() -> None:

@@ -32,7 +32,8 @@ MODEL = """
 """
 LIT = {"rgb", "rgba", "hdr"}
 FACED = {*LIT, "normals", "albedo"}
-TRACED = {"depth", "segmentation", "distance", "points", "bodies"}
+FLOWS = {"flow", "flow_valid"}
+TRACED = {"depth", "segmentation", "distance", "points", "bodies", *FLOWS}
 
 
 def scene_of(device: Any, num_worlds: int, more: str = "") -> wc.Scene:
@@ -82,7 +83,24 @@ def scratch_by_the_docs(num_worlds: int, cameras: list[wc.Camera], layers: str =
     return largest
 
 
-SETS = (("depth", "segmentation"), ("rgb",), ("rgb", "depth"), ("normals",), ("distance",), ("bodies",), tuple(OUTPUTS))
+def past_by_the_docs(num_worlds: int, num_shapes: int, cameras: list[wc.Camera]) -> int:
+    """The same, for scenes without meshes that move."""
+    asking = [each for each in cameras if FLOWS & set(each.outputs)]
+    pixels = sum(each.width * each.height for each in asking if "flow_valid" in each.outputs)
+    shapes = num_shapes * (64 * bool(asking) + 64 * len(asking))
+    return num_worlds * (8 * pixels + shapes + 76 * len(asking) + bool(asking))
+
+
+SETS = (
+    ("depth", "segmentation"),
+    ("rgb",),
+    ("rgb", "depth"),
+    ("normals",),
+    ("distance",),
+    ("bodies",),
+    ("flow", "flow_valid"),
+    tuple(OUTPUTS),
+)
 
 
 @pytest.mark.parametrize("shadows", [False, True])
@@ -98,10 +116,11 @@ def test_scratch_follows_the_formula(
     ]
     told = wc.estimate_memory(scene, cameras)
     assert told.scratch == scratch_by_the_docs(num_worlds, cameras)
+    assert told.past == past_by_the_docs(num_worlds, 3, cameras)
     images = sum(sum(each.values()) for each in told.images.values())
     if images > 2 * scratch.ALWAYS_ALLOWED:
         one_world = 9 * width * width  # which has room whatever the images take
-        assert told.total <= images + max(0.5 * images, one_world) + num_worlds * 1000
+        assert told.total <= images + max(0.5 * images, one_world) + told.past + num_worlds * 1000
 
 
 @pytest.mark.parametrize("layers", [MIRROR, GLASS, MIRROR + GLASS], ids=["mirror", "glass", "both"])
@@ -113,7 +132,7 @@ def test_scratch_of_layers_follows_the_formula(outputs: tuple[str, ...], layers:
         told = wc.estimate_memory(scene, cameras)
         assert told.scratch == scratch_by_the_docs(num_worlds, cameras, layers)
         lit = bool(set(outputs) & LIT)
-        assert told.worlds == num_worlds * (2 + 84 + 124 * (MIRROR in layers and lit))
+        assert told.worlds == num_worlds * (10 + 84 + 124 * (MIRROR in layers and lit))
 
 
 def test_images_take_their_shape_times_their_type() -> None:
@@ -148,6 +167,10 @@ CAMERAS = {
     "two": [
         {"outputs": ("rgb", "segmentation"), "lens": wc.Pinhole(fx=30.0)},
         {"name": "side", "outputs": ("normals", "albedo"), "width": 50},
+    ],
+    "flow": [
+        {"outputs": ("flow",), "lens": wc.Pinhole(fx=30.0)},
+        {"name": "side", "outputs": ("flow", "flow_valid"), "width": 50},
     ],
     "own": [
         {"outputs": tuple(OUTPUTS), "position": (0, 0, 4), "lens": wc.Orthographic(height=3.0), "parent": 1},
@@ -217,12 +240,14 @@ def test_groups_of_worlds_make_the_same_images(
     scene = scene_of(device, num_worlds, crowd)
     cameras = [camera(outputs=outputs, shadows=True), camera("side", width=17, height=9, outputs=("rgba",))]
     whole = wc.Renderer(scene, cameras)
+    whole.render()  # the first frame knows no flow
     expected = {key: {n: t.clone() for n, t in images.items()} for key, images in whole.render().items()}
     monkeypatch.setattr(scratch, "ALWAYS_ALLOWED", 24 * 20 * 4 * 3)
     grouped = wc.Renderer(scene, cameras)
     assert grouped.memory.scratch <= whole.memory.scratch
     if outputs == ("rgb",):
         assert grouped.memory.scratch < whole.memory.scratch / 3
+    grouped.render()
     for _ in range(2):
         for key, images in grouped.render().items():
             for name, tensor in images.items():

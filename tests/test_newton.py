@@ -513,6 +513,42 @@ def test_bad_arguments(device: wp.Device, arguments: Any, message: str) -> None:
         scene.bind(3)
 
 
+@pytest.mark.parametrize("what", ["bodies", "particles", "joint coordinates", "joint degrees of freedom"])
+def test_a_state_of_another_model_is_refused_by_what_it_has(device: wp.Device, what: str) -> None:
+    """As many of all else. A state keeps no link to its model: one that has as many of everything cannot be told."""
+
+    def made(other: bool) -> tuple[Any, Any]:
+        builder = newton.ModelBuilder()
+        links = [builder.add_link(mass=1.0) for _ in range(2)]
+        for link in links:
+            builder.add_shape_sphere(link, radius=0.1)
+        ball = other and what.startswith("joint")
+        first = builder.add_joint_revolute(-1, links[0])
+        if ball:  # of three degrees of freedom and four coordinates
+            second = builder.add_joint_ball(links[0], links[1])
+        else:
+            second = builder.add_joint_revolute(links[0], links[1])
+        builder.add_articulation([first, second])
+        if other and what == "bodies":
+            builder.add_body()
+        for _ in range(3 if other and what == "particles" else 2):
+            builder.add_particle(wp.vec3(0.0, -1.0, 1.0), wp.vec3(), 0.1, radius=0.1)
+        return finalize(builder, device)
+
+    model, state = made(False)
+    scene = wc.from_newton(model, state)
+    renderer = wc.Renderer(scene, [eye()])
+    before = scenes.on_host(renderer.render()["eye"])["depth"]
+    other = made(True)[1]
+    if what == "joint degrees of freedom":  # the coordinates are looked at before
+        other.joint_q = wp.clone(state.joint_q)
+    if what == "bodies":
+        other.joint_q = other.joint_qd = None
+    with pytest.raises(wc.WarpcamError, match=f"state was made from another model: it has . {what}, model has ."):
+        scene.bind(other)
+    assert (scenes.on_host(renderer.render()["eye"])["depth"] == before).all()
+
+
 @pytest.mark.skipif(len(wp.get_devices()) < 2, reason="there is one device")
 def test_a_model_and_a_state_on_two_devices() -> None:
     model, _ = finalize(newton_scenes.zoo(), wp.get_device("cpu"))
@@ -637,3 +673,28 @@ def test_bad_labels(device: wp.Device, semantics: Any, message: str) -> None:
     model, state = finalize(newton_scenes.zoo(), device)
     with pytest.raises(wc.WarpcamError, match=message):
         wc.from_newton(model, state, semantics=semantics)
+
+
+def test_textures_of_ones_own_are_given_by_world(device: wp.Device) -> None:
+    builder = newton.ModelBuilder()
+    builder.add_ground_plane()
+    one = newton.ModelBuilder()
+    one.add_shape_mesh(-1, mesh=newton.Mesh.create_box(0.5, compute_inertia=False), color=(1.0, 1.0, 1.0), label="box")
+    builder.replicate(one, 3)
+    model, state = finalize(builder, device)
+    images = [np.full((4, 4, 3), color, np.uint8) for color in ((255, 0, 0), (0, 255, 0))]
+    scene = wc.from_newton(model, state, lights=[], ambient=(1.0, 1.0, 1.0), textures=images)
+    materials = wp.to_torch(scene.array("shape_materials"))
+    last = scene.array("material_roughness").shape[1]
+    renderer = wc.Renderer(scene, [eye(outputs=("albedo", "segmentation"))])
+    for choice in ((0, 1, None), (1, None, 0)):
+        for world, image in enumerate(choice):
+            column = int(np.flatnonzero(scene.columns[world] == world + 1)[0])
+            materials[world, column] = 0 if image is None else last - 2 + image
+        seen = {name: output.cpu().numpy() for name, output in renderer.render()["eye"].items()}
+        for world, image in enumerate(choice):
+            box = seen["albedo"][world][seen["segmentation"][world, ..., 0] == world + 1]
+            assert len(box) > 100
+            assert (box == (255 if image is None else images[image][0, 0])).all()
+    with pytest.raises(wc.WarpcamError, match=r"textures\[0\]: \(height, width, 3\) uint8 is needed, got float64"):
+        wc.from_newton(model, state, textures=[np.zeros((4, 4, 3))])

@@ -162,6 +162,14 @@ def test_a_state_with_other_particles_is_refused(device: wp.Device) -> None:
         wc.from_newton(model, state).bind(other)
 
 
+@pytest.mark.parametrize("index", [-1, 500])
+def test_triangles_of_no_particles_are_refused(device: wp.Device, index: int) -> None:
+    model, state = finalize(newton_scenes.cloth(), device)
+    scenes.write(model.tri_indices, (0, 1), index)
+    with pytest.raises(wc.WarpcamError, match=r"model\.tri_indices: must be from 0 to 235, got .* to"):
+        wc.from_newton(model, state)
+
+
 def test_an_opened_cloth_looks_as_one_that_was_made_open(device: wp.Device) -> None:
     """Its tree is in another order by then: the image is the same, frame after frame."""
 

@@ -130,6 +130,14 @@ def test_a_texture_lies_on_its_coordinates(device: wp.Device) -> None:
     assert (seen["albedo"][on & lower] == (0, 0, 255)).mean() > 0.97
 
 
+def test_a_missing_texture_is_named(device: wp.Device, caplog: pytest.LogCaptureFixture) -> None:
+    model, state = finalize(dressed("triangle"), device)
+    model.deformable_visual_meshes[0].texture = "/nowhere/gone.png"
+    seen = scenes.look(wc.from_newton(model, state), eye(outputs=("albedo", "segmentation"), **VIEW))
+    assert "gone.png" in caplog.text
+    assert (seen["albedo"][seen["segmentation"] == SOFT] == 255).all()
+
+
 def test_one_mesh_hides_only_what_it_hangs_on(device: wp.Device) -> None:
     builder = dressed("triangle")
     builder.add_cloth_grid(

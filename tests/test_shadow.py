@@ -169,3 +169,24 @@ def test_shadows_end_where_the_renderers_maps_end(device: wp.Device, name: str) 
         images = scenes.look(scene, camera)
         assert (images["segmentation"] == 0).all()
         assert (images["hdr"].max() == 0.0) == shaded and (images["hdr"].min() > 0.0) == (not shaded), x
+
+
+@pytest.mark.parametrize(("gap", "dark"), [(2.0e-5, False), (2.0e-2, True)])
+@pytest.mark.parametrize("light", ["directional", "spot"])
+def test_layers_of_one_surface_do_not_shade_each_other(device: wp.Device, light: str, gap: float, dark: bool) -> None:
+    """What is nearer to a surface than a part of a texel of the renderer's map, as the inner side of a mesh."""
+    sheet = "-9 -9 0  9 -9 0  0 9 0  0 0 9"
+    mjm = scenes.compile_xml(
+        LIGHTS[light] + FLOOR + '<geom type="mesh" mesh="sheet"/>',
+        assets=f'<mesh name="sheet" vertex="{sheet}" face="0 2 1  0 1 3" inertia="shell"/>',
+        more=DARK,
+    )
+    mjd = scenes.forward(mjm)
+    low = mjm.mesh_vert @ mjd.geom_xmat[1].reshape(3, 3).T + mjd.geom_xpos[1]
+    mjd.geom_xpos[1, 2] += gap - low[:3, 2].mean()
+    mjm.stat.extent = 4.0
+    camera = scenes.own_camera(outputs=("hdr", "segmentation"), shadows=True, **EYE)
+    images = scenes.look(wc.from_mujoco(mjm, mjd, device=device), camera)
+    floor = images["segmentation"] == 0
+    assert floor.sum() > 200
+    assert (images["hdr"][floor].max(axis=-1) == 0.0).mean() == pytest.approx(float(dark), abs=0.3)

@@ -40,8 +40,8 @@ def test_dtypes_and_shapes(device: wp.Device) -> None:
     scene = wc.from_mujoco_warp(mjm, *scenes.put(mjm, 3))
     images = wc.Renderer(scene, [scenes.own_camera(width=6, height=4, outputs=tuple(OUTPUTS))]).render()["eye"]
     assert list(images) == list(OUTPUTS)
-    channels = {"rgb": 3, "rgba": 4, "hdr": 3, "normals": 3, "points": 3, "albedo": 3}
-    dtypes = dict.fromkeys(("rgb", "rgba", "albedo"), torch.uint8) | dict.fromkeys(
+    channels = {"rgb": 3, "rgba": 4, "hdr": 3, "normals": 3, "points": 3, "albedo": 3, "flow": 2}
+    dtypes = dict.fromkeys(("rgb", "rgba", "albedo", "flow_valid"), torch.uint8) | dict.fromkeys(
         ("segmentation", "bodies", "instances", "semantics"), torch.int32
     )
     for name, image in images.items():

@@ -15,6 +15,7 @@ from warpcam.kernels.streams import context_kept as _context_kept
 from warpcam.lens import Lens, Orthographic, Pinhole
 from warpcam.light import Light
 from warpcam.memory import Memory, estimate_memory
+from warpcam.recipes import Choice, Uniform, randomize
 from warpcam.renderer import Renderer
 from warpcam.scene import Scene
 
@@ -25,6 +26,7 @@ except _PackageNotFoundError:  # run from its sources
 
 __all__ = [
     "Camera",
+    "Choice",
     "DrivenScene",
     "Lens",
     "Light",
@@ -33,6 +35,7 @@ __all__ = [
     "Pinhole",
     "Renderer",
     "Scene",
+    "Uniform",
     "WarpcamError",
     "estimate_memory",
     "from_mujoco",
@@ -40,6 +43,7 @@ __all__ = [
     "from_newton",
     "from_usd",
     "load",
+    "randomize",
 ]
 
 
@@ -111,6 +115,8 @@ def from_newton(
     lights: _Sequence[Light] | None = None,
     ambient: _Any = (0.2, 0.2, 0.2),
     semantics: _Mapping[str, int] | None = None,
+    transparency: bool | None = None,
+    textures: _Sequence[_Any] = (),
 ) -> Scene:
     """The worlds of a Newton simulation, whichever solver moves it, read where they lie.
 
@@ -129,8 +135,13 @@ def from_newton(
         ambient: (3,) linear radiance from everywhere.
         semantics: Number of each label in the output ``semantics``: of a shape, a body or an articulation, or some of
             the parts of its path.
+        transparency: Whether shapes are seen through where they are partly opaque. None: those that are so in some
+            world now; True: all, whatever opacity they are given later; False: none.
+        textures: More images, (height, width, 3) uint8, for materials that shapes may be given later: the last ones of
+            all, in this order. With them ``scene.array("shape_materials")``, (world, column), may be written in place;
+            ``scene.columns`` says which shape stands where.
     """
-    scene: Scene = _source("newton", "newton").load(model, state, lights, ambient, semantics)
+    scene: Scene = _source("newton", "newton").load(model, state, lights, ambient, semantics, transparency, textures)
     return scene
 
 
@@ -148,6 +159,7 @@ def from_usd(
     semantics: _Mapping[str, int] | None = None,
     textures: _Mapping[str, _Any] | None = None,
     exposure: float | None = None,
+    transparency: bool | None = None,
 ) -> DrivenScene:
     """A USD stage in many worlds, which share its meshes and textures.
 
@@ -166,6 +178,7 @@ def from_usd(
         textures: More images for ``DrivenScene.set_textures``, by names of yours: paths, or arrays
             (height, width, 3) uint8.
         exposure: All light is multiplied by 2 to this; None exposes the middle of the scene.
+        transparency: As ``from_newton`` has it.
     """
     scene: DrivenScene = _source("usd", "usd").load(
         path_or_stage,
@@ -179,6 +192,7 @@ def from_usd(
         semantics=semantics,
         textures=textures or {},
         exposure=exposure,
+        transparency=transparency,
     )
     return scene
 
@@ -192,6 +206,7 @@ def load(
     meters_per_unit: float | None = None,
     up_axis: str | None = "Z",
     textures: _Mapping[str, _Any] | None = None,
+    transparency: bool | None = None,
 ) -> Scene:
     """The scene of a file in many worlds, read by what its name ends in.
 
@@ -205,10 +220,11 @@ def load(
         meters_per_unit: In place of what the file says; .obj, .stl and .ply say nothing and are taken to be in metres.
         up_axis: "Z" turns USD and glTF scenes so that z is up; None keeps their own axes. Others are as they are.
         textures: More images for ``DrivenScene.set_textures``.
+        transparency: As ``from_newton`` has it.
     """
     from warpcam import files
 
-    return files.load(path, num_worlds, device, meters_per_unit, up_axis, textures or {})
+    return files.load(path, num_worlds, device, meters_per_unit, up_axis, textures or {}, transparency)
 
 
 def _source(name: str, extra: str = "mujoco") -> _Any:

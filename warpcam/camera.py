@@ -40,7 +40,10 @@ class Camera:
         shadows: Whether the scene's lights cast shadows in ``rgb``, ``rgba`` and ``hdr``.
         antialiasing: Samples of a pixel that an edge runs through: 1, or 4 as ``mujoco.Renderer`` has it. It smooths
             ``rgb``, ``rgba`` and ``hdr``; all other outputs are those of the pixel's centre.
-        background: Display colour in [0, 1] where nothing is hit; None is the scene's own: its skybox, else black.
+        background: Display colour in [0, 1] where nothing is hit, (3,) or (world, 3); None is the scene's own: its
+            skybox, else black.
+        exposure: All light is multiplied by 2 to this in ``rgb``, ``rgba`` and ``hdr``: a number or (world,).
+        gain: All light is multiplied by this, too: a number, (3,) for red, green and blue, or (world, 3).
     """
 
     name: str | int
@@ -57,7 +60,9 @@ class Camera:
     depth_clipping: DepthClipping = "none"
     shadows: bool = False
     antialiasing: int = 1
-    background: tuple[float, float, float] | None = None
+    background: Any = None
+    exposure: Any = None
+    gain: Any = None
 
     def __post_init__(self) -> None:
         if isinstance(self.name, bool) or not isinstance(self.name, str | int | np.integer) or self.name == "":
@@ -107,8 +112,9 @@ class Camera:
             color = np.asarray(interop.to_numpy(self.background), np.float64)
         except (TypeError, ValueError):
             color = np.zeros(0)
-        if color.shape != (3,) or not ((color >= 0.0) & (color <= 1.0)).all():
+        if color.shape[-1:] != (3,) or color.ndim > 2 or not ((color >= 0.0) & (color <= 1.0)).all():
             raise WarpcamError(
                 f"{self.where}: background must be red, green and blue in [0, 1], or None, got {self.background!r}"
             )
-        object.__setattr__(self, "background", tuple(float(channel) for channel in color))
+        one = tuple(float(channel) for channel in color) if color.ndim == 1 else color
+        object.__setattr__(self, "background", one)

@@ -1,24 +1,21 @@
 """The command ``warpcam``: ``render`` a scene to pictures, ``bench``, and ``doctor``: what this machine has."""
 
 import argparse
-import platform
 import re
 import sys
 import time
 from collections.abc import Sequence
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any, NoReturn
 
 import numpy as np
-import torch
 import warp as wp
 from PIL import Image
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
 import warpcam
-from warpcam import files, pictures, worlds
+from warpcam import doctor, files, pictures, worlds
 from warpcam.benchmarks import options as benchmarks
 from warpcam.benchmarks import run
 from warpcam.device import resolve
@@ -26,7 +23,6 @@ from warpcam.errors import WarpcamError
 
 FREE_CAMERA = "free"
 TIMING = 1.0  # how long frames are counted at most, after the first one [s]
-PACKAGES = ("warpcam", "warp-lang", "torch", "numpy", "mujoco", "mujoco-warp", "newton", "usd-core")
 
 
 class _Parser(argparse.ArgumentParser):
@@ -80,8 +76,10 @@ def _parser() -> argparse.ArgumentParser:
     bench.set_defaults(command=run.run)
     benchmarks.add(bench)
 
-    doctor = commands.add_parser("doctor", help="print versions, devices and caches, and render one tiny image")
-    doctor.set_defaults(command=_doctor)
+    about = "print what is where on this machine, and render a small scene on every device; 1 if one fails"
+    examined = commands.add_parser("doctor", help=about, description=about)
+    examined.set_defaults(command=doctor.run)
+    examined.add_argument("--json", action="store_true", help="print it for programs")
     return parser
 
 
@@ -99,7 +97,7 @@ def _render(options: argparse.Namespace) -> int:
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
     with Progress(*columns, console=screen, transient=True, disable=not screen.is_terminal) as progress:
         steps = progress.add_task("reading the scene", total=4)
-        path, host = options.scene or worlds.DEMO, None
+        path, host, put = options.scene or worlds.DEMO, None, None
         if path.suffix.lower() in (*files.USD, *files.MESHES):
             scene = warpcam.load(path, options.worlds, device=device)
             progress.update(steps, description="building and compiling", advance=1)
@@ -117,6 +115,9 @@ def _render(options: argparse.Namespace) -> int:
         wp.synchronize_device(device)
         progress.update(steps, description="rendering", advance=1)
         rate = _frames_per_second(renderer, len(cameras) * options.worlds, device)
+        if put is not None and any(name.startswith("flow") for name in outputs):  # something has to move
+            worlds.move(put, seed=options.seed + 1)
+            renderer.render()
         progress.update(steps, description="saving", advance=1, total=4 + len(cameras) * len(outputs))
         saved = []
         for camera, by_output in images.items():
@@ -183,45 +184,6 @@ def _save(folder: Path, camera: str | int, output: str, images: np.ndarray) -> P
     except OSError as error:
         raise WarpcamError(f"--out: {str(path)!r} cannot be written: {error.strerror}") from None
     return path
-
-
-def _doctor(options: argparse.Namespace) -> int:
-    print(f"python       {platform.python_version()} on {platform.platform()}")
-    for package in PACKAGES:
-        try:
-            print(f"{package:12} {version(package)}")
-        except PackageNotFoundError:
-            print(f"{package:12} not installed")
-    wp.init()
-    for device in wp.get_devices():
-        memory = f", {device.total_memory / 2**30:.0f} GiB" if device.is_cuda else ""
-        print(f"device       {_device_name(device)}{memory}")
-    print(f"torch CUDA   {torch.version.cuda if torch.cuda.is_available() else 'not available'}")
-    print(f"cache        {wp.config.kernel_cache_dir}")
-    failed = False
-    for device in wp.get_devices():
-        start = time.perf_counter()
-        problem = _self_test(device)
-        failed |= problem is not None
-        print(f"self test    {device.alias}: {problem or f'passed in {time.perf_counter() - start:.1f} s'}")
-    return int(failed)
-
-
-def _self_test(device: wp.Device) -> str | None:
-    """Render the demo scene once, small, and look for what must be in it; returns what is wrong, or None."""
-    try:
-        put = worlds.load(worlds.DEMO, num_worlds=2, seed=0, device=device)
-        camera = warpcam.Camera("overview", width=32, height=32, outputs=("rgb", "depth", "segmentation"))
-        scene = warpcam.from_mujoco_warp(put.host, put.model, put.data)
-        images = warpcam.Renderer(scene, [camera]).render()["overview"]
-    except (WarpcamError, RuntimeError) as error:
-        return f"failed: {error}"
-    depth, shapes = images["depth"], images["segmentation"]
-    if not torch.equal(torch.isfinite(depth), shapes >= 0):
-        return "failed: depth and segmentation disagree about where something is"
-    if len(torch.unique(shapes)) < 5 or images["rgb"].float().std() < 10.0:
-        return "failed: the image shows less than the scene has"
-    return None
 
 
 if __name__ == "__main__":

@@ -107,6 +107,8 @@ class DrivenScene(Scene):
         """
         key = self._check_paths("set_colors", paths)
         array = self._take("set_colors: colors", colors, (len(key), (3, 4)), wp.float32)
+        if "shape_colors" in self._own:
+            raise WarpcamError('set_colors: vary("shape_colors") holds the colours now; write them there')
         groups, shapes = self._shapes_of("set_colors", key)
         rows = self._graph_source.make_room("colors")
         with interop.in_order(self.device):

@@ -23,6 +23,7 @@ def load(
     meters_per_unit: float | None,
     up_axis: str | None,
     textures: Mapping[str, Any],
+    transparency: bool | None = None,
 ) -> Scene:
     """See ``warpcam.load``."""
     import warpcam
@@ -45,7 +46,13 @@ def load(
         raise WarpcamError(f"meters_per_unit must be a positive number, got {meters_per_unit!r}")
     if kind in USD:
         return warpcam.from_usd(
-            file, num_worlds, device=device, meters_per_unit=meters_per_unit, up_axis=up_axis, textures=textures
+            file,
+            num_worlds,
+            device=device,
+            meters_per_unit=meters_per_unit,
+            up_axis=up_axis,
+            textures=textures,
+            transparency=transparency,
         )
     if kind in MUJOCO:
         for name, value in (("meters_per_unit", meters_per_unit), ("textures", textures)):
@@ -54,7 +61,7 @@ def load(
         from warpcam import worlds
 
         put = worlds.load(file, num_worlds=int(num_worlds), seed=None, device=resolve(device))
-        return warpcam.from_mujoco_warp(put.host, put.model, put.data)
+        return warpcam.from_mujoco_warp(put.host, put.model, put.data, transparency=transparency)
     try:
         reader = import_module("warpcam.sources.mesh_file")
     except ModuleNotFoundError as error:
@@ -68,5 +75,6 @@ def load(
         meters_per_unit=meters_per_unit,
         up_axis=up_axis,
         textures=textures,
+        transparency=transparency,
     )
     return scene

@@ -1,6 +1,6 @@
 """Where Warp meets torch. Nothing else in the package imports torch, but for the command line."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from functools import lru_cache
 from typing import Any
@@ -29,6 +29,26 @@ def as_array(value: Any) -> wp.array | None:
     return None
 
 
+def is_tensor(value: Any) -> bool:
+    return isinstance(value, torch.Tensor)
+
+
+def to_tensor(value: Any, device: torch.device) -> torch.Tensor:
+    """Numbers in any form as a tensor there, in the same memory if they lie there already."""
+    if isinstance(value, wp.array):
+        value = to_torch(value)
+    return torch.as_tensor(value, device=device)
+
+
+def copied(tensor: torch.Tensor) -> torch.Tensor:
+    """The same values in memory of their own, one after the other."""
+    return tensor.clone(memory_format=torch.contiguous_format)
+
+
+def concatenate(tensors: Sequence[torch.Tensor], axis: int) -> torch.Tensor:
+    return torch.cat(list(tensors), dim=axis)
+
+
 def to_numpy(value: Any) -> np.ndarray:
     """A copy on the host of numbers in any form: torch, Warp, numpy or plain."""
     if isinstance(value, torch.Tensor):
@@ -36,6 +56,11 @@ def to_numpy(value: Any) -> np.ndarray:
     if isinstance(value, wp.array):
         return value.numpy()
     return np.asarray(value)
+
+
+def as_tensor(array: np.ndarray) -> torch.Tensor:
+    """The same memory, on the host."""
+    return torch.from_numpy(array)
 
 
 def is_capturing(device: wp.Device) -> bool:
@@ -83,3 +108,8 @@ def _in_order(device: wp.Device) -> Iterator[None]:
 @lru_cache(maxsize=64)
 def _stream(ordinal: int, handle: int) -> wp.Stream:
     return wp.Stream(wp.get_cuda_device(ordinal), cuda_stream=handle)
+
+
+def device_of(device: wp.Device) -> torch.device:
+    """The same device in torch's words."""
+    return torch.device(wp.device_to_torch(device))

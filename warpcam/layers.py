@@ -81,7 +81,9 @@ def find_mirrors(
     return [shape for shape in able if reflects[materials[:, shape]].any()]
 
 
-def find_veils(types: np.ndarray, drawn: Sequence[int], opacity: np.ndarray, wanted: bool | None) -> list[int]:
+def find_veils(
+    types: np.ndarray, drawn: Sequence[int], opacity: np.ndarray, wanted: bool | None, backs: bool = True
+) -> list[int]:
     """Shapes that are transparent in some world and planes, which are so from behind, or with ``wanted`` all.
 
     Of more than ``MAX_VEILS`` those that are transparent now come first; what is left over is drawn solid.
@@ -91,14 +93,21 @@ def find_veils(types: np.ndarray, drawn: Sequence[int], opacity: np.ndarray, wan
         drawn: ids.
         opacity: (n, shape).
         wanted: None looks; True and False are the user's word.
+        backs: Whether planes are seen from behind.
     """
     veils = [shape for shape in drawn if ((opacity[:, shape] > 0.0) & (opacity[:, shape] < SOLID)).any()]
     if wanted is False or (wanted is None and not veils):
         return []
-    veils += [shape for shape in drawn if types[shape] == PLANE]
+    veils += [shape for shape in drawn if backs and types[shape] == PLANE]
     if wanted:
         veils += drawn
     return sorted(list(dict.fromkeys(veils))[:MAX_VEILS])
+
+
+def veils_alone(types: np.ndarray, drawn: Sequence[int], opacity: np.ndarray, wanted: bool | None) -> Layers:
+    """The layers of a physically based scene, whose planes are not seen from behind; see ``find_veils``."""
+    reach = np.where(types == PLANE, np.inf, -1.0).astype(np.float32)
+    return Layers(veils=find_veils(types, drawn, opacity, wanted, backs=False), reach=reach)
 
 
 def has_lit(camera: Camera) -> bool:

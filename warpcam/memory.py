@@ -12,7 +12,7 @@ from warpcam.errors import WarpcamError
 from warpcam.kernels.types import View
 from warpcam.layers import world_bytes
 from warpcam.mounting import pose_bytes
-from warpcam.outputs import smooth_outputs
+from warpcam.past import past_bytes
 from warpcam.scene import Scene
 from warpcam.scratch import Scratch, image_bytes
 from warpcam.targets import check_size
@@ -25,16 +25,18 @@ class Memory:
     Attributes:
         images: Of each image, by camera and output.
         scratch: What the cameras use between the stages of a frame, one after the other.
-        worlds: Each camera's poses, lenses and views, and which worlds are drawn or faulty.
+        worlds: Each camera's poses, lenses and views, which worlds are drawn or faulty, and their frames and times.
+        past: What is kept of the last frame for ``flow`` and ``flow_valid``.
     """
 
     images: Mapping[str | int, Mapping[str, int]]
     scratch: int
     worlds: int
+    past: int = 0
 
     @property
     def total(self) -> int:
-        return sum(sum(images.values()) for images in self.images.values()) + self.scratch + self.worlds
+        return sum(sum(images.values()) for images in self.images.values()) + self.scratch + self.worlds + self.past
 
     def __str__(self) -> str:
         rows = [
@@ -42,7 +44,8 @@ class Memory:
             for camera, images in self.images.items()
             for output, count in images.items()
         ]
-        rows += [("scratch", self.scratch), ("poses and views", self.worlds), ("total", self.total)]
+        rows += [("scratch", self.scratch), ("poses and views", self.worlds)]
+        rows += [("last frame", self.past)] * (self.past > 0) + [("total", self.total)]
         wide = max(len(name) for name, _ in rows)
         return "\n".join(f"{name:<{wide}} {count / 1e6:>12,.3f} MB" for name, count in rows)
 
@@ -60,13 +63,9 @@ def estimate_memory(scene: Scene, cameras: Sequence[Camera]) -> Memory:
         images={key: image_bytes(camera, tables) for key, camera in by_key.items()},
         scratch=Scratch(by_key, tables, scene.device).size,
         worlds=scene.num_worlds
-        * (2 + sum(views_of(one) * view + pose_bytes(one) + world_bytes(one, tables) for one in by_key.values())),
+        * (10 + sum(view + pose_bytes(one) + world_bytes(one, tables) for one in by_key.values())),
+        past=past_bytes(by_key, scene, tables),
     )
-
-
-def views_of(camera: Camera) -> int:
-    """How many views a camera has of each world: its own, and one for each sample."""
-    return 1 + (camera.antialiasing if smooth_outputs(camera.outputs, camera.antialiasing) else 0)
 
 
 def check_cameras(scene: Any, cameras: Any) -> Mapping[str | int, Camera]:

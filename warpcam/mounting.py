@@ -1,6 +1,7 @@
 """A camera bound to a scene: its own arrays, and the stage that turns them into views."""
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -11,6 +12,8 @@ from warpcam.camera import Camera
 from warpcam.errors import WarpcamError
 from warpcam.kernels import views as views_stage
 from warpcam.kernels.launch import Stage
+from warpcam.kernels.tables import Tables
+from warpcam.kernels.variety import copied, empty_variety
 from warpcam.kernels.views import LensTable, Mount
 from warpcam.lens import Lens, Projection
 from warpcam.scene import Scene
@@ -23,7 +26,9 @@ class CameraArrays:
 
     A camera of your own has ``position``, (world, 3) [m], and ``rotation``, (world, 4) w x y z. A lens of your own has
     ``fovy``, (world,) [degrees], ``intrinsics``, (world, 4) fx fy cx cy [pixels], or ``height``, (world,) [m]. Every
-    camera has ``near`` and ``far``, (world,) [m]. What is the scene's own is written in the simulator's arrays.
+    camera has ``near`` and ``far``, (world,) [m]. One that was given an ``exposure`` or a ``gain`` has both, (world,)
+    and (world, 3); one whose ``background`` was given for each world has that, (world, 3). What is the scene's own is
+    written in the simulator's arrays.
     """
 
     def __init__(self, where: str, arrays: dict[str, wp.array]):
@@ -62,6 +67,7 @@ class Mounted:
         self._own("near", near if camera.near is None else camera.near, wp.float32)
         self._own("far", far if camera.far is None else camera.far, wp.float32, may_be_infinite=True)
         self._check_range()
+        self._make_looks()
 
     @property
     def projection(self) -> Projection:
@@ -69,9 +75,27 @@ class Mounted:
             return self._camera.lens.projection
         return self._scene.camera_kind(self._index).projection
 
-    def record(self, mask: wp.array, faults: wp.array, views: wp.array) -> Stage:
-        """The stage that writes the camera's views, with the scene's arrays as of its last ``tables()``."""
-        return views_stage.record_views(self._mount(), self._lens(), mask, faults, views, self._scene.device)
+    def seen(self, tables: Tables) -> Tables:
+        """The scene as this camera has it: its background, its exposure."""
+        background, arrays = self._camera.background, self.arrays
+        if not isinstance(background, np.ndarray):
+            tables = self._scene.tables_with(tables, background)
+        if not arrays.keys() & {"background", "exposure"}:
+            return tables
+        variety = copied(tables.variety) if tables.variety is not None else empty_variety(self._scene.device)
+        if "exposure" in arrays:
+            variety.exposures, variety.gains = arrays["exposure"], arrays["gain"]
+        if "background" in arrays:
+            variety.backgrounds, variety.skyboxes = arrays["background"], self._no_skybox
+            tables = replace(tables, has_skybox=False)
+        return replace(tables, variety=variety)
+
+    def record(self, mask: wp.array, faults: wp.array, views: wp.array, before: wp.array | None = None) -> Stage:
+        """The stage that writes the camera's views, with the scene's arrays as of its last ``tables()``.
+
+        The views there were go to ``before``, if there is one.
+        """
+        return views_stage.record_views(self._mount(), self._lens(), mask, faults, views, self._scene.device, before)
 
     def _mount(self) -> Mount:
         mount, scene = Mount(), self._scene
@@ -140,6 +164,21 @@ class Mounted:
             data = stacked if name == "intrinsics" else stacked[:, 0]
             self.arrays[name] = wp.array(np.ascontiguousarray(data), dtype=dtype, device=self._scene.device)
 
+    def _make_looks(self) -> None:
+        camera, device = self._camera, self._scene.device
+        if isinstance(camera.background, np.ndarray):
+            self._own("background", camera.background, wp.vec3)
+            self._no_skybox = wp.full(1, -1, dtype=wp.int32, device=device)
+        if camera.exposure is None and camera.gain is None:
+            return
+        if self._scene.has_splats:
+            raise WarpcamError(f"{camera.where}: exposure and gain are not for scenes with Gaussian splats")
+        self._own("exposure", 0.0 if camera.exposure is None else camera.exposure, wp.float32)
+        gain = 1.0 if camera.gain is None else camera.gain
+        self._own("gain", np.tile(interop.to_numpy(gain), 3) if interop.to_numpy(gain).ndim == 0 else gain, wp.vec3)
+        if self.arrays["gain"].numpy().min() < 0.0:
+            raise WarpcamError(f"{camera.where}: gain must not be negative, got {camera.gain!r}")
+
     def _own(self, name: str, value: Any, dtype: Any, may_be_infinite: bool = False) -> None:
         width = {wp.vec3: (3,), wp.vec4: (4,)}.get(dtype, ())
         where = f"{self._camera.where}: {name}"
@@ -161,6 +200,10 @@ class Mounted:
 def pose_bytes(camera: Camera) -> int:
     """Bytes of a camera's own arrays in each world."""
     numbers = 2  # near and far
+    if isinstance(camera.background, np.ndarray):
+        numbers += 3
+    if camera.exposure is not None or camera.gain is not None:
+        numbers += 1 + 3
     if camera.is_own:
         numbers += 3 + 4  # position, rotation
     if camera.lens is not None:

@@ -48,6 +48,8 @@ OUTPUTS: Mapping[str, Output] = {
     "bodies": Output(wp.int32, 1, "-1", trace="bodies"),
     "instances": Output(wp.int32, 1, "-1", label=-1),
     "semantics": Output(wp.int32, 1, "0", label=0),
+    "flow": Output(wp.float32, 2, "0", trace="flow"),
+    "flow_valid": Output(wp.uint8, 1, "0", trace="flow_valid"),
     "albedo": Output(wp.uint8, 3, "0", face=True),
 }
 

@@ -56,8 +56,8 @@ class Parts:
         skybox: Index of the texture behind everything, or -1.
         horizon: How far the source's own renderer draws endless planes [m]; 0 if it has none.
         shadow_map: How far the source's own renderer draws shadows: half the width of what a directional light sees
-            [m], the distance from a light that they begin at [m], and half the angle of what a spot sees, as part of
-            its cutoff. Zeros: everywhere.
+            [m], the distance from a light that they begin at [m], half the angle of what a spot sees, as part of its
+            cutoff, and how near to each other what shades must not be, as part of half the width. Zeros: everywhere.
         shape_instances: (shape,) or (world or 1, shape) int32, which replicated thing each is part of, or -1; None if
             nobody knows.
         shape_semantics: Likewise its label's number, 0 for none.
@@ -89,7 +89,7 @@ class Parts:
     textures: Sequence[TextureImage]
     skybox: int = -1
     horizon: float = 0.0
-    shadow_map: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    shadow_map: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
     shape_instances: np.ndarray | None = None
     shape_semantics: np.ndarray | None = None
     shape_ids: np.ndarray | None = None
@@ -179,11 +179,17 @@ class Source(Protocol):
     def arrays(self) -> Mapping[str, wp.array]:
         """The live arrays by the names in ``FIELDS``, and "headlight", (3,) vec3: as they are now."""
 
+    def holds(self, field: str) -> bool:
+        """Whether nobody but the user writes that array: neither a frame's stages nor a copy from the host."""
+
     def label(self, field: str) -> str:
         """What the user calls an array, for error messages."""
 
     def global_ambient(self) -> float:
         """Light that is everywhere."""
+
+    def clock(self) -> wp.array | None:
+        """Time in each world [s], (world,) float32; None where the simulator keeps none."""
 
     def refresh(self) -> None:
         """Bring the arrays up to date with a state on the host."""

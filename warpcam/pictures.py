@@ -59,11 +59,13 @@ def from_points(images: np.ndarray) -> np.ndarray:
 
 
 def from_flow(images: np.ndarray) -> np.ndarray:
-    """Motion: the direction as a colour of the cyclic map, the length as its strength."""
+    """Motion on the usual wheel: right is red, down yellow-green, left cyan, up violet; what rests is white."""
     length = np.linalg.norm(images, axis=-1, keepdims=True)
-    strength = np.clip(length / max(float(np.percentile(length, 99.0)), 1e-6), 0.0, 1.0)
-    hue = np.arctan2(images[..., 1], images[..., 0]) / (2.0 * np.pi) + 0.5
-    return np.round(strength * _mapped("romaO", hue) + (1.0 - strength) * 255.0).astype(np.uint8)
+    moving = length[length > 0.0]
+    longest = float(np.percentile(moving, 99.0)) if moving.size else 1.0
+    strength = np.clip(length / max(longest, 1e-6), 0.0, 1.0)
+    hue = np.arctan2(images[..., 1], images[..., 0]) / (2.0 * np.pi) % 1.0
+    return np.round(strength * _mapped("hsv", hue) + (1.0 - strength) * 255.0).astype(np.uint8)
 
 
 def from_flags(images: np.ndarray) -> np.ndarray:

@@ -15,9 +15,10 @@ from warpcam.errors import WarpcamError
 from warpcam.kernels.launch import Frame, Group, Stage, bind
 from warpcam.kernels.streams import context_kept, quiet_stream
 from warpcam.kernels.tables import Tables
-from warpcam.kernels.views import record_begin
+from warpcam.kernels.views import Tags, record_begin
 from warpcam.memory import check_cameras, estimate_memory, require_free
 from warpcam.mounting import CameraArrays, Mounted
+from warpcam.past import ShapesPast
 from warpcam.scene import Scene
 from warpcam.scratch import Portion, Scratch
 from warpcam.selection import Selection
@@ -59,6 +60,8 @@ class Renderer:
             scene's device. The same tensors in every frame; they stay valid when the renderer is gone.
         faulty: uint8 tensor, (world,): 1 where, in the last frame that drew the world, a pose, size or lens was not a
             number or made no image. Such a world's images show the background; no other world is touched.
+        frames: int32 tensor, (world,): how many frames have drawn the world. Counted on the device, so in graphs, too.
+        times: float32 tensor, (world,): the simulation's time [s] in the last of them; NaN where it keeps none.
         memory: What was allocated for it all; ``estimate_memory`` tells before.
     """
 
@@ -73,11 +76,15 @@ class Renderer:
         tables = scene.tables()
         self._mounted = {key: Mounted(camera, scene) for key, camera in self._cameras.items()}
         self._targets = {key: Target(camera, tables, scene.device) for key, camera in self._cameras.items()}
+        self._selection = Selection(scene.num_worlds, scene.device)
+        self._past = [(key, target.past) for key, target in self._targets.items() if target.past is not None]
+        self._shapes_past = ShapesPast(scene, tables) if self._past else None
         self._scratch = Scratch(self._cameras, tables, scene.device)
         self._scratch.allocate()
-        self._selection = Selection(scene.num_worlds, scene.device)
         self._faults = wp.zeros(scene.num_worlds, dtype=wp.uint8, device=scene.device)
         self.faulty = interop.to_torch(self._faults)
+        self._tags = Tags.of(scene.num_worlds, scene.device)
+        self.frames, self.times = interop.to_torch(self._tags.frames), interop.to_torch(self._tags.times)
         self.images: Images = {
             key: {name: interop.to_torch(array) for name, array in target.images.items()}
             for key, target in self._targets.items()
@@ -121,10 +128,28 @@ class Renderer:
                     self._scene.forward()
                 self._scene.refresh()
                 tables = self._scene.tables()
-                if tables is not self._tables:
+                if tables is not self._tables or self._scene.clock() is not self._clock:
                     self._record(tables)
                 self._run(worlds is None, capturing)
         return self.images
+
+    def reset(self, worlds: Any = None) -> None:
+        """Forget the last frame of some worlds: where ``flow`` is 0 and ``flow_valid`` 0 at their next render.
+
+        To be called when a world has jumped to another state. It is queued as ``render`` is, and may be part of a
+        capture. Without a camera that has one of these outputs it does nothing.
+
+        Args:
+            worlds: As ``render`` takes them.
+        """
+        if self._shapes_past is None:
+            return
+        with self._turn, interop.in_order(self._device):
+            if worlds is None:
+                self._shapes_past.known.zero_()
+                return
+            self._selection.select(worlds, interop.is_capturing(self._device), "reset")
+            self._forget.launch()
 
     def array(self, camera: str | int, output: str) -> wp.array:
         """The Warp array behind ``images[camera][output]``."""
@@ -146,11 +171,18 @@ class Renderer:
     def _record(self, tables: Tables) -> None:
         """Bind every stage to the tables' arrays; loads and compiles whatever kernels that takes."""
         mask, faults, scratch = self._selection.mask, self._faults, self._scratch
-        views = [mounted.record(mask, faults, self._targets[key].views) for key, mounted in self._mounted.items()]
+        known = None if self._shapes_past is None else self._shapes_past.known
+        views = [
+            mounted.record(mask, faults, self._targets[key].views, self._targets[key].views_before)
+            for key, mounted in self._mounted.items()
+        ]
         images = {key: target.images.values() for key, target in self._targets.items()}
+        clock = self._clock = self._scene.clock()
         frames: dict[bool, list[list[list[Stage]]]] = {}
         for everything in (True, False):
-            frames[everything] = [[[record_begin(everything, mask, faults, self._device)]], [views]]
+            begin = record_begin(everything, mask, faults, clock, self._tags, self._device, known)
+            frames[everything] = [[[begin]], [views]]
+            frames[everything] += self._record_motion(tables)
             phases = list(scratch.phases(images if everything else None))
             if everything:
                 busiest = max((sum(map(self._pixels, phase)) for phase in phases), default=0)
@@ -158,9 +190,31 @@ class Renderer:
                 frames[everything].append(
                     [chain for portion in phase for chain in self._record_portion(tables, portion, len(phase), busiest)]
                 )
+            frames[everything] += self._record_keeping(tables)
         self._phases, self._recordings = frames, {}
+        if self._shapes_past is not None:
+            self._forget = self._shapes_past.record_forget(mask)
+            self._forget.bind()
         bind([stage for frame in self._recording().frames.values() for stage in frame.stages])
         self._tables = tables
+
+    def _record_motion(self, tables: Tables) -> list[list[list[Stage]]]:
+        """The phase before the trace that looks at what was, if some camera asks for flow."""
+        if self._shapes_past is None:
+            return []
+        stages = []
+        for number, (key, past) in enumerate(self._past):
+            self._shapes_past.lend(past.trail, tables)
+            views, projection = self._targets[key].views, self._mounted[key].projection
+            last = number == len(self._past) - 1
+            stages.append(past.record(self._shapes_past, tables, views, projection, self._selection.mask, keep=last))
+        return [[stages]]
+
+    def _record_keeping(self, tables: Tables) -> list[list[list[Stage]]]:
+        """The phase after it in which what is becomes what was, if that is not done yet."""
+        if self._shapes_past is None:
+            return []
+        return [[stages]] if (stages := self._shapes_past.record_after(tables, self._selection.mask)) else []
 
     def _recording(self) -> Recording:
         """The frames for what the scene is bound to now."""
@@ -191,7 +245,7 @@ class Renderer:
             busiest: Pixels of the phase that has most.
         """
         key, camera = portion.camera, self._cameras[portion.camera]
-        seen, projection = self._scene.tables_with(tables, camera.background), self._mounted[key].projection
+        seen, projection = self._mounted[key].seen(tables), self._mounted[key].projection
         at_once = busiest // (camera.width * camera.height)
         large = self._device.is_cuda and self._pixels(portion) >= WORTH_PARTING and portion.buffers
         parts = -(-PARTS // beside) if large else 1

@@ -9,8 +9,9 @@ import numpy as np
 import warp as wp
 
 from warpcam import device as device_rule
+from warpcam import interop
 from warpcam.accel.heightfields import pack_height_fields
-from warpcam.accel.meshes import pack_meshes
+from warpcam.accel.meshes import pack_masks, pack_meshes
 from warpcam.accel.splats import Packed, pack_splats
 from warpcam.accel.textures import pack_textures
 from warpcam.bounds import Bounds, bounds_of
@@ -19,6 +20,7 @@ from warpcam.kernels.launch import Stage
 from warpcam.kernels.tables import Tables
 from warpcam.kernels.types import (
     HEIGHT_FIELD,
+    MASKED,
     MESH,
     NUM_TYPES,
     SCALED,
@@ -31,7 +33,9 @@ from warpcam.kernels.types import (
     Physical,
     Shapes,
 )
+from warpcam.kernels.variety import without_backdrop
 from warpcam.parts import FIELDS, PHYSICAL_FIELDS, Field, SceneCamera, Source, fields_of
+from warpcam.variety import OwnArrays
 
 
 class Scene:
@@ -41,7 +45,7 @@ class Scene:
         parts = source.parts
         self._source = source
         self._parts = parts
-        self.device: wp.Device = source.device
+        self.device: wp.Device = device_rule.resolve(source.device)
         self.num_worlds: int = parts.num_worlds
         self._counts = {
             "shapes": len(parts.shape_types),
@@ -53,12 +57,15 @@ class Scene:
         }
         self._fields = fields_of(parts)
         self._check_parts()
+        self._own = OwnArrays(parts, parts.num_worlds, self.device)
         self._arrays: Mapping[str, wp.array] = {}
         self._key: tuple[Any, ...] = ()
         self._ambient, self._last = -1.0, ()
         self._meshes, self._num_faces = pack_meshes(parts.meshes, self.device)
+        self._moving = tuple(index for index, mesh in enumerate(parts.meshes) if mesh.moves)
         self._height_fields = pack_height_fields(parts.height_fields, self.device)
         self._textures = pack_textures(parts.textures, self.device)
+        self._masked = pack_masks(parts.meshes, self._textures, self._meshes, self.device)
         self._splats = self._pack_splats()
         self._drawn = wp.array(np.asarray(parts.drawn, np.int32), dtype=wp.int32, device=self.device)
         places = np.full(len(parts.shape_types), -1, np.int32)
@@ -105,6 +112,15 @@ class Scene:
             raise WarpcamError("objects: only scenes of from_mujoco and from_mujoco_warp have objects of several kinds")
         return self._parts.objects
 
+    @property
+    def columns(self) -> np.ndarray:
+        """What stands in each column of arrays that count shapes, (world or 1, column) int32.
+
+        Ids as ``segmentation`` has them, -1 where a world has nothing.
+        """
+        ids = self._parts.shape_ids
+        return np.arange(self._counts["shapes"], dtype=np.int32)[None] if ids is None else ids.copy()
+
     def bounds(self) -> Bounds:
         """Lowest and highest corner of what can be seen now, over all worlds, infinite planes aside.
 
@@ -121,6 +137,11 @@ class Scene:
         return bounds_of(host, parts.shape_types, self._seen(), corners, parts.height_fields, parts.scaled, splats)
 
     @property
+    def has_splats(self) -> bool:
+        """Whether clouds of Gaussians are among what can be seen."""
+        return self._splats is not None
+
+    @property
     def live_on_device(self) -> bool:
         """Whether poses are read where the simulator writes them, with no copy from the host."""
         return self._source.live_on_device
@@ -131,7 +152,12 @@ class Scene:
 
     def stages(self) -> tuple[Stage, ...]:
         """What brings the device's arrays up to date there: the same tuple as long as it does the same."""
-        return self._source.stages(self._meshes)
+        stages = self._source.stages(self._meshes)
+        return (*stages, *self._own.stages) if self._own.stages else stages
+
+    def clock(self) -> wp.array | None:
+        """The simulator's own array of its time in each world [s], (world,) float32; None where it keeps none."""
+        return self._source.clock()
 
     def bind(self, state: Any) -> None:
         """Look at another state of the same simulation from the next render on; nothing is built again.
@@ -148,6 +174,27 @@ class Scene:
     def array(self, field: str) -> wp.array:
         """The live array of that name in ``FIELDS`` or ``PHYSICAL_FIELDS``, as of the last call of ``tables()``."""
         return self._arrays[field]
+
+    def vary(self, name: str) -> interop.Tensor:
+        """Give every world its own value of something: a tensor (world, ...) on the scene's device.
+
+        Write it in place, at any time; the next render shows it. It begins with what the scene has now, and from then
+        on is read instead of what the simulator holds, unless that has an entry for each world already, which nobody
+        else writes: then it is that very array. Calling it again gives the same tensor.
+
+        The first call for a name makes room and has renderers bind their stages anew at their next frame; make them
+        afterwards, for some names need kernels of their own.
+
+        Args:
+            name: "shape_colors", "shape_materials", "headlight", "background", "skybox", or one that begins with
+                "material_" or "light_": see docs/randomize.md.
+        """
+        if name not in self._own:
+            self.tables()
+            self._own.make(name, self._source, self._arrays)
+            self._ambient, self._key, self._last = -1.0, (), ()
+            self.tables()
+        return self._own.tensor(name)
 
     def camera(self, key: str | int, where: str) -> int:
         """Index of the source's camera of that name or index."""
@@ -172,7 +219,7 @@ class Scene:
 
     def tables(self) -> Tables:
         """The scene for the kernels: the same object until the source's arrays are others."""
-        arrays = self._source.arrays()
+        arrays = self._own.over(self._source.arrays())
         ambient = self._source.global_ambient()
         if ambient == self._ambient and all(map(operator.is_, arrays.values(), self._last)):
             return self._tables
@@ -186,6 +233,14 @@ class Scene:
         self._ambient, self._last = ambient, tuple(arrays.values())
         return self._tables
 
+    def moving_faces(self) -> np.ndarray:
+        """How many faces, but for backs of others, each of the meshes has that move, (moving,) int64."""
+        return np.array([len(self._parts.meshes[index].fronts) for index in self._moving], np.int64)
+
+    def moving_columns(self) -> list[int]:
+        """Shapes that may be of a mesh that moves."""
+        return [shape for shape in self._parts.drawn if self._parts.shape_types[shape] == MESH]
+
     def background(self, color: tuple[float, float, float]) -> Background:
         """A plain background."""
         background = Background()
@@ -197,10 +252,12 @@ class Scene:
         """The tables with a background of one colour instead of the scene's own, or as they are for None."""
         if color is None:
             return tables
-        return replace(tables, background=self.background(color), has_skybox=False)
+        variety = without_backdrop(tables.variety, self.device)
+        return replace(tables, background=self.background(color), has_skybox=False, variety=variety)
 
     def _build(self, arrays: Mapping[str, wp.array], ambient: float) -> Tables:
         parts = self._parts
+        arrays = self._own.finish(self._source, arrays)
         shapes, materials, lights = Shapes(), Materials(), Lights()
         shapes.drawn, shapes.places = self._drawn, self._places
         shapes.types, shapes.bodies = self._types, self._bodies
@@ -211,7 +268,7 @@ class Scene:
                     setattr(struct, name.removeprefix(prefix), arrays[name])
         lights.headlight = arrays["headlight"]
         lights.global_ambient = ambient
-        lights.shadow_width, lights.shadow_near, lights.shadow_scale = parts.shadow_map
+        lights.shadow_width, lights.shadow_near, lights.shadow_scale, lights.shadow_gap = parts.shadow_map
         physical = None
         if parts.physical:
             physical = Physical()
@@ -236,11 +293,14 @@ class Scene:
             shape_types=self._shape_types(),
             has_materials=parts.num_materials > 0,
             has_textures=parts.num_materials > 0 and any(i != parts.skybox for i in range(len(parts.textures))),
-            has_skybox=parts.skybox >= 0,
+            has_skybox=parts.skybox >= 0 or "skybox" in self._own,
+            variety=self._own.variety(),
+            headlights=self._own.headlights,
             ids_by_world=parts.shape_ids is not None,
             horizon=parts.horizon,
             physical=physical,
             has_maps=parts.maps,
+            moving=self._moving,
             layers=self._layers,
             splats=None if self._splats is None else self._splats.table,
             labels=self._labels,
@@ -262,6 +322,8 @@ class Scene:
             types.add(SCALED)
         if MESH in types and any(mesh.two_sided for mesh in self._parts.meshes):
             types.add(TWO_SIDED)
+        if self._masked and MESH in types:
+            types.add(MASKED)
         return frozenset(types)
 
     def _check_parts(self) -> None:

@@ -51,18 +51,15 @@ def buffers_of(camera: Camera, tables: Tables) -> dict[str, Any]:
         "mirror face": mirrors and faces,
     }
     smooth = smooth_outputs(camera.outputs, camera.antialiasing)
-    wanted |= dict.fromkeys(("edges", "choices", "sample depth", "sample shape"), bool(smooth))
+    wanted["edges"] = bool(smooth)
     dtypes = {
         "depth": wp.float32,
         "shape": wp.int16 if tables.num_shapes <= 2**15 else wp.int32,
         "face": wp.uint16 if tables.num_faces <= 2**16 and HEIGHT_FIELD not in tables.shape_types else wp.int32,
         "shadow": wp.uint8,
         "edges": wp.uint8,
-        "choices": wp.uint16,
     }
-    chosen = {
-        name: dtypes[name.removeprefix("sample ").removeprefix("mirror ")] for name, there in wanted.items() if there
-    }
+    chosen = {name: dtypes[name.removeprefix("mirror ")] for name, there in wanted.items() if there}
     return chosen | {f"smooth {name}": PIXELS[name] for name in smooth}
 
 

@@ -19,16 +19,17 @@ class Selection:
     """
 
     def __init__(self, num_worlds: int, device: wp.Device):
-        self._num_worlds, self._device = num_worlds, device
+        self._num_worlds, self._device, self._call = num_worlds, device, "render"
         self.mask = wp.full(num_worlds, 1, dtype=wp.uint8, device=device)
 
-    def select(self, worlds: Any, capturing: bool) -> None:
-        """Make ``mask`` be of ``worlds``: see ``Renderer.render``."""
+    def select(self, worlds: Any, capturing: bool, call: str = "render") -> None:
+        """Make ``mask`` be of ``worlds``: see ``Renderer.render``; ``call`` is what the user called."""
+        self._call = call
         on_device = interop.as_array(worlds)
         if on_device is None or (on_device.device != self._device and on_device.device.is_cpu):
             self._select_host(interop.to_numpy(worlds) if on_device is not None else worlds, capturing)
             return
-        device_rule.require_same(self._device, "the scene is", on_device.device, "render: worlds")
+        device_rule.require_same(self._device, "the scene is", on_device.device, f"{self._call}: worlds")
         if on_device.dtype in (wp.bool, wp.uint8):
             self._check_mask(on_device.shape)
             mask = on_device if on_device.dtype is wp.uint8 else on_device.view(wp.uint8)
@@ -36,8 +37,8 @@ class Selection:
             return
         if on_device.ndim != 1 or on_device.dtype not in (wp.int32, wp.int64):
             raise WarpcamError(
-                f"render: worlds must be ids (n,) of int32 or int64, or a mask ({self._num_worlds},) of bool or uint8, "
-                f"got {on_device.dtype.__name__} {tuple(on_device.shape)}"
+                f"{self._call}: worlds must be ids (n,) of int32 or int64, or a mask ({self._num_worlds},) of bool or "
+                f"uint8, got {on_device.dtype.__name__} {tuple(on_device.shape)}"
             )
         if not capturing:
             self._check_ids(on_device.numpy())
@@ -48,8 +49,8 @@ class Selection:
     def _select_host(self, worlds: Any, capturing: bool) -> None:
         if capturing:
             raise WarpcamError(
-                "render: a capture is under way, and worlds on the host cannot become part of it; give ids or a mask "
-                f"as a tensor on {self._device.alias}"
+                f"{self._call}: a capture is under way, and worlds on the host cannot become part of it; give ids or a "
+                f"mask as a tensor on {self._device.alias}"
             )
         try:
             values = np.asarray(worlds)
@@ -59,7 +60,8 @@ class Selection:
             values = values.astype(np.int64)
         if values.ndim != 1 or values.dtype.kind not in "iub":
             raise WarpcamError(
-                f"render: worlds must be ids (n,), or a mask ({self._num_worlds},) of bool or uint8, got {worlds!r}"
+                f"{self._call}: worlds must be ids (n,), or a mask ({self._num_worlds},) of bool or uint8, got "
+                f"{worlds!r}"
             )
         if values.dtype in (np.bool_, np.uint8):
             self._check_mask(values.shape)
@@ -72,9 +74,11 @@ class Selection:
 
     def _check_mask(self, shape: tuple[int, ...]) -> None:
         if tuple(shape) != (self._num_worlds,):
-            raise WarpcamError(f"render: worlds as a mask must have shape ({self._num_worlds},), got {tuple(shape)}")
+            raise WarpcamError(
+                f"{self._call}: worlds as a mask must have shape ({self._num_worlds},), got {tuple(shape)}"
+            )
 
     def _check_ids(self, ids: np.ndarray) -> None:
         outside = ids[(ids < 0) | (ids >= self._num_worlds)]
         if outside.size:
-            raise WarpcamError(f"render: worlds has id {outside[0]}; allowed are 0 to {self._num_worlds - 1}")
+            raise WarpcamError(f"{self._call}: worlds has id {outside[0]}; allowed are 0 to {self._num_worlds - 1}")

@@ -14,6 +14,7 @@ from warpcam.kernels.types import View
 from warpcam.layers import mirrors_of, veils_of
 from warpcam.lens import Projection
 from warpcam.outputs import OUTPUTS, smooth_outputs, traced_as
+from warpcam.past import CameraPast, asks
 
 MAX_PIXELS = 2**31
 
@@ -32,6 +33,7 @@ class Target:
     Attributes:
         views: View, (world,).
         images: Array of each output, (world, height, width, channels).
+        past: What is kept of the last frame; None where no output needs it.
     """
 
     def __init__(self, camera: Camera, tables: Tables, device: wp.Device):
@@ -42,12 +44,16 @@ class Target:
         behind = num_worlds if mirrors_of(camera, tables) else 0
         self._mirrored = wp.zeros(behind, dtype=View, device=device)  # views from behind the mirrors
         self._mirrors = wp.zeros(behind, dtype=Mirror, device=device)
-        samples = camera.antialiasing if smooth_outputs(camera.outputs, camera.antialiasing) else 0
-        self._moved = [wp.zeros(num_worlds, dtype=View, device=device) for _ in range(samples)]
         self.images: dict[str, wp.array] = {
             name: wp.zeros((*size, OUTPUTS[name].channels), dtype=OUTPUTS[name].dtype, device=device)
             for name in camera.outputs
         }
+        self.past = CameraPast(camera, tables, device, self.images) if asks(camera) else None
+
+    @property
+    def views_before(self) -> wp.array | None:
+        """View, (world,), as they were in each world's last frame, if that is kept."""
+        return None if self.past is None else self.past.views
 
     def record(
         self,
@@ -105,6 +111,7 @@ class Target:
                 device,
                 group,
                 veil_places,
+                trail=None if self.past is None else self.past.trail,
             )
         ]
         if shadows is not None:
@@ -145,12 +152,15 @@ class Target:
                     self._mirrors if reflecting else None,
                 )
             )
-        if self._moved and lit:
-            stages += self._smooth(tables, projection, group, buffers, mask, faults, depth, shape, veil_places)
+        if lit and smooth_outputs(self._camera.outputs, self._camera.antialiasing):
+            stages += self._smooth(tables, projection, group, buffers, mask, depth, shape)
         if tables.splats is not None:
+            trail = None if self.past is None else self.past.trail
             stages.insert(0, splats.record_check(tables, views, mask, faults, device, group))
             stages.append(
-                splats.record(self.images, projection, tables, views, mask, depth, shape, width, height, device, group)
+                splats.record(
+                    self.images, projection, tables, views, mask, depth, shape, width, height, device, group, trail
+                )
             )
         return stages
 
@@ -161,31 +171,18 @@ class Target:
         group: Group,
         buffers: Mapping[str, wp.array],
         mask: wp.array,
-        faults: wp.array,
         depth: wp.array,
         shape: wp.array,
-        veil_places: wp.array | None,
     ) -> list[Stage]:
         """The stages that smooth the edges of images that are there, by what was found in the pixels' centres."""
-        device, samples, pinhole = self._device, self._camera.antialiasing, projection == "pinhole"
-        size, own = (self._camera.width, self._camera.height), (buffers["sample depth"], buffers["sample shape"])
-        edges, choices = buffers["edges"], buffers["choices"]
-        stages = [antialias.record_edges(self.views, mask, depth, shape, pinhole, edges, device, group)]
-        for number, moved in enumerate(self._moved):
-            stages += [
-                antialias.record_views(self.views, mask, antialias.SAMPLES[samples][number], moved, device, group),
-                visibility.record(
-                    tables, projection, moved, mask, faults, *size, *own, None, {}, device, group, veil_places, edges
-                ),
-                antialias.record_choice(
-                    self.views, mask, edges, depth, shape, *own, samples, number, pinhole, choices, device, group
-                ),
-            ]
-        for name in smooth_outputs(self._camera.outputs, samples):
-            image, pixels = self.images[name], buffers[f"smooth {name}"]
-            blended = wp.array(ptr=pixels.ptr, shape=image.shape, dtype=image.dtype, device=device)
-            stages += antialias.record_blend(edges, choices, mask, image, blended, device, group)
-        return stages
+        images = {name: self.images[name] for name in smooth_outputs(self._camera.outputs, self._camera.antialiasing)}
+        means = {
+            name: wp.array(ptr=buffers[f"smooth {name}"].ptr, shape=image.shape, dtype=image.dtype, device=self._device)
+            for name, image in images.items()
+        }
+        return antialias.record(
+            images, means, tables, projection, self.views, mask, depth, shape, buffers["edges"], self._device, group
+        )
 
     def _record_mirrors(
         self,

@@ -66,6 +66,19 @@ def load(path: Path, *, num_worlds: int, seed: int | None, device: wp.Device) ->
     return Worlds(host, model, data)
 
 
+def move(put: Worlds, *, seed: int, by: float = 0.1) -> None:
+    """Take every joint a part of the way to other random positions."""
+    import mujoco_warp as mjw
+
+    start = put.data.qpos.numpy()
+    other = joint_positions(put.host, start[0], num_worlds=len(start) + 1, seed=seed)[1:]
+    with wp.ScopedDevice(put.data.qpos.device):
+        put.data.qpos.assign(start + by * (other - start))
+        mjw.kinematics(put.model, put.data)
+        mjw.com_pos(put.model, put.data)
+        mjw.camlight(put.model, put.data)
+
+
 def joint_positions(host: Any, start: np.ndarray, *, num_worlds: int, seed: int) -> np.ndarray:
     """Joint positions, (world, nq) float32: world 0 is `start`, the others vary around it.
 

@@ -27,6 +27,7 @@ class WarpcamOnNewton(WarpcamPeer):
             self.worlds.state,
             lights=lights_of(self.problem),
             ambient=ambient_of(self.problem.mjm),
+            transparency=False,  # as the peers draw it
         )
 
     def _own(self, index: int) -> dict[str, Any]:

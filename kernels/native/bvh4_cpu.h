@@ -1,7 +1,7 @@
 // Triangle meshes on a CPU: a tile's rays meet one mesh after another; a ray tests the four children of a node, and four
 // faces of a leaf, at once.
 #pragma once
-#include "bvh4.h"
+#include "mask.h"
 
 namespace warpcam {
 
@@ -73,8 +73,10 @@ struct MeshHit {
     int face;
 };
 
-// The faces `first` to `end` - 1 of a mesh against one ray.
-template <bool BACKS> inline bool test_leaf(const float* faces, int first, int end, const RayFrame& frame, float near, MeshHit& hit)
+// The faces `first` to `end` - 1 of a mesh against one ray. there(face, depth): the face is there where it is met.
+template <bool BACKS, class There>
+inline bool test_leaf(const float* faces, int first, int end, const RayFrame& frame, float near, const There& there,
+                      MeshHit& hit)
 {
     bool any = false;
     for (int face = first; face < end; face += 4) {
@@ -102,8 +104,9 @@ template <bool BACKS> inline bool test_leaf(const float* faces, int first, int e
         const Float4 t = (wa * corners[0].along + wb * corners[1].along + wc * corners[2].along) / total;
         for (unsigned left = bits_of(inside & (t < hit.depth) & (t > near)); left; left &= left - 1) {
             const int k = lowest_bit(left);
-            if (t[k] < hit.depth) {
-                hit = { t[k], lower_int(face + k, end - 1) };
+            const int met = lower_int(face + k, end - 1);
+            if (t[k] < hit.depth && there(met, t[k])) {
+                hit = { t[k], met };
                 any = true;
             }
         }
@@ -169,9 +172,9 @@ inline int test_node(const float* nodes, int node, const BoxRay& ray, float near
 }
 
 // Nearest face of one mesh that is nearer than `hit`; with ANY, the first one found. Says whether there is one.
-template <int TYPES, bool ANY>
+template <int TYPES, bool ANY, class There>
 inline bool walk_mesh(const float* nodes, const float* faces, const Slabs& slabs, const RayFrame& frame, float near,
-                      MeshHit& hit)
+                      const There& there, MeshHit& hit)
 {
     Waiting stack[STACK];
     const BoxRay ray { slabs };
@@ -182,7 +185,7 @@ inline bool walk_mesh(const float* nodes, const float* faces, const Slabs& slabs
             node = test_node(nodes, node, ray, near, hit.depth, stack, height);
         if (node != NO_NODE) {
             const int code = -node - 1, first = code >> 4;
-            any |= test_leaf<(TYPES >> TWO_SIDED & 1) != 0>(faces, first, first + (code & 15), frame, near, hit);
+            any |= test_leaf<(TYPES >> TWO_SIDED & 1) != 0>(faces, first, first + (code & 15), frame, near, there, hit);
             if (ANY && any)
                 return true;
         }
@@ -215,9 +218,10 @@ inline void walk_meshes(const Meshes& meshes, const Record* records, const unsig
             const Record& record = records[word * 32 + lowest_bit(left)];
             const int mesh = record.axis_z.w;
             const Ray ray = source.local(record);
+            const auto there = [&](int face, float t) { return is_there<TYPES>(meshes, record, ray, face, t); };
             MeshHit found { hit.depth, 0 };
             if (walk_mesh<TYPES, true>(node_rows(meshes, mesh), face_rows(meshes, mesh),
-                                slabs(ray.origin, ray.direction, record.size.x), source.template frame<TYPES>(record), near, found)) {
+                                slabs(ray.origin, ray.direction, record.size.x), source.template frame<TYPES>(record), near, there, found)) {
                 hit = { found.depth, record.axis_y.w, found.face };
                 return;
             }
@@ -248,10 +252,11 @@ inline void trace_mesh(const Meshes& meshes, const Record& record, const Near& n
             continue;
         const ViewRay<LENS> source { rays.x[lane], rays.y[lane] };
         const Ray ray = source.local(r);
+        const auto there = [&](int face, float t) { return is_there<TYPES>(meshes, r, ray, face, t); };
         MeshHit found { rays.depth[lane], 0 };
         if (!walk_mesh<TYPES, false>(node_rows(meshes, mesh), face_rows(meshes, mesh),
                               slabs(ray.origin, ray.direction, r.size.x), source.template frame<TYPES>(r),
-                              near.at(lane), found))
+                              near.at(lane), there, found))
             continue;
         rays.depth[lane] = found.depth;
         rays.shape[lane] = r.axis_y.w;

@@ -1,5 +1,6 @@
 // Where a block draws: one region of one view, and what the trace writes there.
 #pragma once
+#include "flow.h"
 #include "gradient.h"
 #include "hits.h"
 #include "tiles.h"
@@ -7,8 +8,8 @@
 namespace warpcam {
 
 // What the trace writes. QUADS: the image's width is a multiple of four pixels; TILED: no tile reaches over its edges.
-// IDS: the ids that shapes have in each world; BY_WORLD: bodies have such ids too. CHOSEN: only some pixels are traced;
-// the shape of the others is SKIPPED. OPAQUE: transparent shapes are left out.
+// IDS: the ids that shapes have in each world; BY_WORLD: bodies have such ids too.
+// OPAQUE: transparent shapes are left out.
 enum Output {
     DEPTH = 1,
     SHAPE = 2,
@@ -21,35 +22,35 @@ enum Output {
     TILED = 256,
     IDS = 1 << 16,
     BY_WORLD = 1 << 17,
-    CHOSEN = 1 << 18,
     OPAQUE = 1 << 20
 };
 
 // Where the normals are written, hits name the slot of their shape's record instead of the shape: see gather().
 constexpr bool names_slots(int outputs) { return outputs & NORMALS; }
 
+// Where flow has what was seen, if it is wanted.
+template <bool WANTED> struct Places {
+    using type = FlowPlaces;
+};
+struct NoPlaces {
+};
+template <> struct Places<false> {
+    using type = NoPlaces;
+};
+
 // Pixel (i, j) is column i and row j of the image.
 template <int TYPES, int LENS, int OUTPUTS, int CAPACITY, class Target, class Shapes> struct Canvas {
-    static constexpr bool SKIPS = OUTPUTS & CHOSEN;
-
     const Target& target;
     const Shapes& shapes;
     const ShapeList<CAPACITY>& list;
     const Camera& camera;
     Region region;
     int world;
+    const typename Places<(OUTPUTS & FLOWS) != 0>::type& places;
 
     WARPCAM_FN bool inside(int i, int j) const
     {
         return (OUTPUTS & TILED) || (i < target.width && j < target.height);
-    }
-
-    // Is the pixel to be traced?
-    WARPCAM_FN bool chosen(int i, int j) const
-    {
-        if constexpr ((OUTPUTS & CHOSEN) != 0)
-            return inside(i, j) && target.chosen.data[at(i, j)];
-        return inside(i, j);
     }
 
     WARPCAM_FN unsigned at(int i, int j) const { return (unsigned(world) * target.height + j) * target.width + i; }
@@ -62,8 +63,9 @@ template <int TYPES, int LENS, int OUTPUTS, int CAPACITY, class Target, class Sh
     // What a ray has met before a pass: nothing that is new. No ray outside of the image meets anything.
     WARPCAM_FN Hit start(int i, int j, bool first_pass) const
     {
-        if ((OUTPUTS & CHOSEN) && !chosen(i, j))
-            return { -1.0f, SKIPPED, -1 };
+        if constexpr ((OUTPUTS & FLOW_VALID) != 0)
+            if (inside(i, j))
+                expect_flow(places, j * target.width + i);
         Hit hit { inside(i, j) ? camera.far : -1.0f, -1, -1 };
         if (!first_pass && inside(i, j) && target.shape.data[at(i, j)] >= 0)
             hit.depth = target.depth.data[at(i, j)];
@@ -92,6 +94,9 @@ template <int TYPES, int LENS, int OUTPUTS, int CAPACITY, class Target, class Sh
             put_three(target.points.data, pixel, point_of(hit, camera, seen));
         if (WHAT & NORMALS)
             put_three(target.normals.data, pixel, normal_of(hit, seen));
+        if constexpr ((WHAT & FLOWS) != 0)
+            put_flow<TYPES, LENS, WHAT>(target.trail, places, shapes, camera, seen, { hit.depth, shape, hit.face }, world, i, j,
+                                        pixel);
     }
 
     // Writes what a pass has found.

@@ -31,26 +31,23 @@ WARPCAM_FN Cells cells_between(float half, float spacing)
     return { rest - half, 2.0f * step, 0.5f * reciprocal(step), rest };
 }
 
-// Cells of an endless side, which is drawn around the eye in whole tiles of the texture.
-WARPCAM_FN Cells cells_around(float eye, float repeat, float horizon)
+// Cells of an endless side: counted from its middle, wherever the eye is. There is room for two more of the material's
+// tiles, whether it has a texture or not.
+WARPCAM_FN Cells cells_of_endless(float repeat, float horizon)
 {
-    float tile = 2.1f * horizon * (1.0f / float(PLANE_CELLS - 2)), pairs = 0.5f * eye * reciprocal(tile);
-    if (repeat > 0.0f) {
-        tile = 2.0f * reciprocal(repeat);
-        pairs = 0.25f * eye * repeat;
-    }
+    const float tile = repeat > 0.0f ? 2.0f * reciprocal(repeat) : 2.1f * horizon * (1.0f / float(PLANE_CELLS - 2));
     const float step = (2.1f * horizon + 2.0f * tile) * (1.0f / float(PLANE_CELLS));
-    return { 2.0f * tile * round_down(pairs + 0.5f), step, reciprocal(step), -1.0f };
+    return { 0.0f, step, reciprocal(step), -1.0f };
 }
 
 // `horizon` is how far the camera of MuJoCo's renderer sees [m]; 0 lights endless planes at each pixel.
 WARPCAM_FN PlaneCells plane_cells(const Pose& pose, const float* repeat, float horizon)
 {
-    const Vec size = to_vec(pose.size), eye = pose.eye();
+    const Vec size = to_vec(pose.size);
     if (!(size.x > 0.0f && size.y > 0.0f) && !(horizon > 0.0f))
         return {};
-    return { size.x > 0.0f ? cells_between(size.x, size.z) : cells_around(eye.x, repeat[0], horizon),
-             size.y > 0.0f ? cells_between(size.y, size.z) : cells_around(eye.y, repeat[1], horizon) };
+    return { size.x > 0.0f ? cells_between(size.x, size.z) : cells_of_endless(repeat[0], horizon),
+             size.y > 0.0f ? cells_between(size.y, size.z) : cells_of_endless(repeat[1], horizon) };
 }
 
 // The cell around `x`.

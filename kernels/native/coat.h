@@ -57,7 +57,8 @@ WARPCAM_FN Paint paint_at(const Looks& look, const Meshes& meshes, const Texture
             const float stretch = LENS == PINHOLE ? depth : 1.0f;
             const Vec right = pose.local({ stretch * camera.scale_x, 0.0f, 0.0f });
             const Vec down = pose.local({ 0.0f, -stretch * camera.scale_y, 0.0f });
-            const Mapping at = map_2d<TYPES>(pose, look.layout, meshes, surface);
+            Mapping at = map_2d<TYPES>(pose, look.layout, meshes, surface);
+            shift(look, at.u, at.v);
             const Vec step_right = slide(right, ray, surface.normal), step_down = slide(down, ray, surface.normal);
             const Pair to_right { dot(at.du, step_right), dot(at.dv, step_right) };
             const Pair to_below { dot(at.du, step_down), dot(at.dv, step_down) };

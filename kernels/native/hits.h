@@ -5,8 +5,6 @@
 
 namespace warpcam {
 
-constexpr int SKIPPED = -2;  // in place of the shape of a pixel that is not traced
-
 WARPCAM_FN Vec turned(const Matrix& m, Vec v)
 {
     return { m.at[0][0] * v.x + m.at[0][1] * v.y + m.at[0][2] * v.z,

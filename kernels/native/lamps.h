@@ -65,7 +65,7 @@ WARPCAM_FN Lamp load_lamp(const Physical& physical, const Camera& camera, int wo
     return lamp;
 }
 
-template <class Physical> WARPCAM_FN void gather_sky(const Physical& physical, int world, Sky& sky)
+template <class Physical> WARPCAM_FN void gather_sky(const Physical& physical, int world, int first, Sky& sky)
 {
     sky.uneven = 0;
     for (int term = 0; term < SKY_TERMS; ++term) {
@@ -74,22 +74,23 @@ template <class Physical> WARPCAM_FN void gather_sky(const Physical& physical, i
             sky.uneven = 1;
     }
     sky.gain = to_vec(row_of(physical.sky, world, SKY_TERMS));
-    sky.terms[0] = sky.terms[0] + to_vec(wp::index(physical.plain.headlight, 0));
+    sky.terms[0] = sky.terms[0] + to_vec(wp::index(physical.plain.headlight, first));
 }
 
-// Fills the list; all lanes of one warp take part.
+// Fills the list; all lanes of one warp take part. `first` is where the headlight's colours begin.
 template <bool SHADOWS, class Physical>
-WARPCAM_FN void gather_lights(const Physical& physical, const Camera& camera, int world, int lane, LampList& list)
+WARPCAM_FN void gather_lights(const Physical& physical, const Camera& camera, int world, int first, int lane,
+                              LampList& list)
 {
     const auto& lights = physical.plain;
     const bool headlight = headlight_shines(lights);
     if (lane == 0) {
         list.lamps[0] = {};
         list.lamps[0].place = { 0.0f, 0.0f, 1.0f, 0 };
-        list.lamps[0].diffuse = to_row(to_vec(wp::index(lights.headlight, 1)), 0);
-        list.lamps[0].specular = to_row(to_vec(wp::index(lights.headlight, 2)), 0);
+        list.lamps[0].diffuse = to_row(to_vec(wp::index(lights.headlight, first + 1)), 0);
+        list.lamps[0].specular = to_row(to_vec(wp::index(lights.headlight, first + 2)), 0);
         list.count = headlight;
-        gather_sky(physical, world, list.sky);
+        gather_sky(physical, world, first, list.sky);
     }
     team_barrier();
     for (int light = lane; light < lights.types.shape[1]; light += TEAM) {

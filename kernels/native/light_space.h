@@ -10,6 +10,7 @@ namespace warpcam {
 struct MapSize {
     float width;  // half of it: of a distant light [m], else at a distance of 1; 0 where shadows reach everywhere
     float near;   // from the light's position along its direction [m]
+    float gap;    // nothing nearer to a point casts a shadow on it, as a part of `width`
 };
 
 // The map of one light, relative to the camera of the view, along the world's axes.
@@ -18,6 +19,7 @@ struct ShadowMap {
     Vec along;
     Vec from;  // the light's position
     float near;
+    float nearest;  // what stands nearer to a point casts no shadow on it, in the units of ray_to()
     bool bounded;  // else the rest means nothing
 };
 
@@ -47,7 +49,8 @@ WARPCAM_FN ShadowMap shadow_map(Vec position, Vec direction, const Camera& camer
     const Vec along = 1.0f / root(upper(dot(direction, direction), 1.0e-30f)) * direction;
     const Vec up { 0.0f, -along.z, along.y };  // across the world's x axis
     const float rate = reciprocal(root(upper(dot(up, up), 1.0e-30f)) * upper(size.width, 1.0e-30f));
-    return { rate * cross(along, up), rate * up, along, position - camera.origin, size.near, size.width > 0.0f };
+    return { rate * cross(along, up), rate * up, along, position - camera.origin, size.near,
+             size.width * size.gap, size.width > 0.0f };
 }
 
 WARPCAM_FN Light make_light(bool distant, Vec position, Vec direction, const Camera& camera, const MapSize& size)
@@ -80,7 +83,8 @@ WARPCAM_FN Vec ray_to(const Light& light, Vec p)
 template <class Lights> WARPCAM_FN MapSize map_size(const Lights& lights, bool distant, int world, int light)
 {
     const float half = 0.017453292519943295f * lower(lights.shadow_scale * shared_row(lights.cutoff, world, light), 80.0f);
-    return { distant || !(lights.shadow_width > 0.0f) ? lights.shadow_width : wp::tan(half), lights.shadow_near };
+    return { distant || !(lights.shadow_width > 0.0f) ? lights.shadow_width : wp::tan(half), lights.shadow_near,
+             lights.shadow_gap };
 }
 
 // How far a ray from p to the light counts, in the units of ray_to(); `near` is where it begins to.

@@ -16,7 +16,8 @@ enum Fact {
     HAS_SHADOWS = 8,
     QUADS = 16,
     PHYSICAL = 1 << 12,  // is lit as physical.h does it, else as shade.h does
-    HAS_MAPS = 1 << 13   // some material has more than the texture of its colour
+    HAS_MAPS = 1 << 13,  // some material has more than the texture of its colour
+    HAS_OFFSETS = 1 << 20  // textures are moved: variety.h
 };
 // Of what one layer cannot show. MIRRORED: the view is the one from behind the mirror; REFLECTS: the images hold what is
 // seen from there; VEILED: some shapes may be transparent; HAZY: an endless plane has a haze over its horizon.
@@ -29,6 +30,7 @@ template <int IMAGES, int FACTS> struct Wanted {
     static constexpr bool COLORED = LIT || (IMAGES & ALBEDO);
     static constexpr bool MATERIAL = FACTS & HAS_MATERIALS;
     static constexpr bool TEXTURED = COLORED && MATERIAL && (FACTS & HAS_TEXTURES);
+    static constexpr bool SHIFTED = TEXTURED && (FACTS & HAS_OFFSETS);
     static constexpr bool TURNED = IMAGES & NORMALS;
     static constexpr bool SURFACE = LIT || TEXTURED || TURNED;
     static constexpr bool COATED = COLORED && (FACTS & PHYSICAL);
@@ -87,8 +89,25 @@ template <class One, class Other> struct Either<false, One, Other> {
     using type = Other;
 };
 
+// How far a texture is moved on its shape, in images.
+struct Shift {
+    float shift_u, shift_v;
+};
+struct Unmoved {
+};
+
+// Adds it to a place on the texture.
+template <class Looks> WARPCAM_FN void shift(const Looks& look, float& u, float& v)
+{
+    if constexpr (Looks::SHIFTED) {
+        u += look.shift_u;
+        v += look.shift_v;
+    }
+}
+
 // Only what the images need.
-template <int TYPES, class Wants> struct Look {
+template <int TYPES, class Wants> struct Look : Either<Wants::SHIFTED, Shift, Unmoved>::type {
+    static constexpr bool SHIFTED = Wants::SHIFTED;
     typename Kept<Wants::SURFACE, Pose>::type pose;
     typename Kept<Wants::COLORED, typename Either<Wants::COATED, Coat, Finish>::type>::type finish;
     typename Kept<Wants::TURNED, Turn>::type turn;
@@ -140,7 +159,7 @@ WARPCAM_FN int material_of(const Shapes& shapes, const Materials& materials, int
     return index < materials.color.shape[1] ? index : -1;
 }
 
-enum Role { ROLE_COLOR = 1, ROLE_NORMAL = 5, ROLE_EMISSION = 7, ROLE_PACKED = 9 };  // values of types.py
+enum Role { ROLE_COLOR = 1, ROLE_NORMAL = 5, ROLE_OPACITY = 6, ROLE_EMISSION = 7, ROLE_PACKED = 9 };  // values of types.py
 
 template <class Materials>
 WARPCAM_FN int texture_of(const Materials& materials, int world, int material, Role role = ROLE_COLOR)

@@ -1,5 +1,6 @@
 // Triangle meshes behind a region's pixels, on CUDA.
 #pragma once
+#include "mask.h"
 #include "tiles.h"
 #include "waiting_rays.h"
 
@@ -37,9 +38,9 @@ WARPCAM_FN int find_rays(MeshRays<WORDS>& rays, const ShapeList<CAPACITY>& list,
 }
 
 // Traces all rays that `next_tile` finds (see Supply) and stores what they hit: store(pixel, hit). `ray_of(pixel)` is a
-// pixel's ray.
-template <int TYPES, int CAPACITY, int WORDS, class Meshes, class NextTile, class RayOf, class Store>
-WARPCAM_FN void trace_rays(MeshRays<WORDS>& rays, const ShapeList<CAPACITY>& list, const Meshes& meshes, float near,
+// pixel's ray. `list` has the shapes that they meet: see ShapeList.
+template <int TYPES, int WORDS, class List, class Meshes, class NextTile, class RayOf, class Store>
+WARPCAM_FN void trace_rays(MeshRays<WORDS>& rays, const List& list, const Meshes& meshes, float near,
                            const NextTile& next_tile, const RayOf& ray_of, const Store& store)
 {
     const int lane = threadIdx.x % LANES, words = (list.count + LANES - 1) / LANES;
@@ -140,7 +141,7 @@ WARPCAM_FN void trace_rays(MeshRays<WORDS>& rays, const ShapeList<CAPACITY>& lis
                     const Row c = load(meshes.faces.data, at + 2);
                     const float t = enter_triangle(frame, project(frame, a.x, a.y, a.z), project(frame, b.x, b.y, b.z),
                                                    project(frame, c.x, c.y, c.z), has_back<TYPES>(b.w));
-                    if (t < depth && t > near) {
+                    if (t < depth && t > near && is_there<TYPES>(meshes, record, ray.local(record), f, t)) {
                         depth = t;
                         shape = record.axis_y.w;
                         face = f;

@@ -1,6 +1,7 @@
 // Shadow rays at triangle meshes, on CUDA. Any face in the way will do, so that, unlike in mesh_queue.h, nothing is sorted
 // and nothing remembered but where to go on.
 #pragma once
+#include "mask.h"
 #include "shade_tile.h"
 #include "waiting_rays.h"
 
@@ -25,7 +26,8 @@ WARPCAM_FN bool meets_leaf(const Meshes& meshes, const Record& record, unsigned 
                            Vec point, const Span& span)
 {
     const int code = -leaf - 1, first = code >> 4, end = first + (code & 15);
-    const RayFrame frame = WorldRay { point, ray_to(light, point) }.template frame<TYPES>(record);
+    const WorldRay ray { point, ray_to(light, point) };
+    const RayFrame frame = ray.template frame<TYPES>(record);
     bool met = false;
     for (int face = first; face < end && !met; ++face) {
         const unsigned at = faces + unsigned(face * FACE_ROWS);
@@ -34,6 +36,8 @@ WARPCAM_FN bool meets_leaf(const Meshes& meshes, const Record& record, unsigned 
         const float t = enter_triangle(frame, project(frame, a.x, a.y, a.z), project(frame, b.x, b.y, b.z),
                                        project(frame, c.x, c.y, c.z), has_back<TYPES>(b.w));
         met = (t > span.near) & (t < span.reach);
+        if constexpr ((TYPES >> MASKED & 1) != 0)
+            met = met && is_there<TYPES>(meshes, record, ray.local(record), face, t);
     }
     return met;
 }

@@ -25,12 +25,29 @@ WARPCAM_FN bool transparent(const Shapes& shapes, const Materials& materials, in
 
 constexpr float SOLID = 0.995f;  // opacity from which MuJoCo draws a shape solid
 
-// Is the shape one that hides what lies behind it? `places` is not -1 for those that may be transparent.
-template <class Shapes, class Materials, class Places>
+constexpr int OPACITY_MAP = 6;  // ROLE_OPACITY of types.py
+
+// Does the shape's material have a texture of its opacity? For scenes whose materials have a texture for each role.
+template <class Shapes, class Materials>
+WARPCAM_FN bool has_opacity_map(const Shapes& shapes, const Materials& materials, int world, int id)
+{
+    const int material = shared_row(shapes.materials, world, id), rows = materials.texture.shape[0];
+    return material >= 0 && material < materials.color.shape[1]
+        && *wp::address(materials.texture, world % rows, material, OPACITY_MAP) >= 0;
+}
+
+// Is the shape one that hides what lies behind it? `places` is not -1 for those that may be transparent. MAPS: some
+// materials have textures of their opacity.
+template <bool MAPS = false, class Shapes, class Materials, class Places>
 WARPCAM_FN bool solid(const Shapes& shapes, const Materials& materials, const Places& places, int world, int id)
 {
     const float alpha = opacity(shapes, materials, world, id);
-    return alpha != 0.0f && (alpha >= SOLID || wp::index(places, id) < 0);
+    if (alpha == 0.0f || wp::index(places, id) < 0)
+        return alpha != 0.0f;
+    if constexpr (MAPS)
+        if (has_opacity_map(shapes, materials, world, id))
+            return false;
+    return alpha >= SOLID;
 }
 
 template <class Shapes> WARPCAM_FN Shape load_shape(const Shapes& shapes, int world, int id)

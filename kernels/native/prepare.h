@@ -192,7 +192,8 @@ WARPCAM_FN void tile_span(float lo, float hi, int start, int length, int tile, s
     last = static_cast<signed char>(int(b) / tile);
 }
 
-template <int TYPES, int LENS, class Meshes, class HeightFields>
+// Without BOXES it is left open which tiles the shape touches, if any.
+template <int TYPES, int LENS, bool BOXES = true, class Meshes, class HeightFields>
 WARPCAM_FN Visible prepare(const Shape& shape, const Camera& camera, const Region& region, const Meshes& meshes,
                            const HeightFields& fields, Record& record, TileBox& tiles)
 {
@@ -231,7 +232,7 @@ WARPCAM_FN Visible prepare(const Shape& shape, const Camera& camera, const Regio
         nearest = upper(depth - reach - slack, 0.0f);
         if (depth + reach + slack < camera.near || nearest > camera.far)
             return HIDDEN;
-        if (LENS == ORTHOGRAPHIC || nearest > 1.0e-3f * reach) {
+        if (BOXES && (LENS == ORTHOGRAPHIC || nearest > 1.0e-3f * reach)) {
             float left = FAR_AWAY, right = -FAR_AWAY, top = FAR_AWAY, bottom = -FAR_AWAY;
 #pragma unroll 1  // unrolled, the corners would hold twice the registers of the trace
             for (int k = 0; k < 8; ++k) {

@@ -5,7 +5,9 @@
 namespace warpcam {
 
 // Values of types.py.
-enum ShapeType { PLANE, HEIGHT_FIELD, SPHERE, CAPSULE, ELLIPSOID, CYLINDER, BOX, MESH, CONE, BARREL, SCALED, TWO_SIDED = 12 };
+enum ShapeType {
+    PLANE, HEIGHT_FIELD, SPHERE, CAPSULE, ELLIPSOID, CYLINDER, BOX, MESH, CONE, BARREL, SCALED, SPLATS, TWO_SIDED, MASKED
+};
 enum Lens { PINHOLE, ORTHOGRAPHIC };
 
 // The rows take camera coordinates to the shape's own, in which spheres and ellipsoids are the unit sphere, boxes

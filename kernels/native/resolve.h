@@ -5,9 +5,11 @@
 #include "mapping.h"
 #include "physical.h"
 #include "mirror_plane.h"
+#include "peel.h"
 #include "reflected.h"
 #include "shade.h"
 #include "texels.h"
+#include "variety.h"
 #include "veils.h"
 
 namespace warpcam {
@@ -55,23 +57,6 @@ WARPCAM_FN bool follow(bool hit, Hit& found)
 #endif
 }
 
-// Colour where nothing is hit. The skybox lies on its side: its y axis is the world's z.
-template <int LENS, int FACTS, class Textures, class Background>
-WARPCAM_FN Vec background_color(const Textures& textures, const Background& background, const Camera& camera, float x,
-                                float y)
-{
-    const Image image = FACTS & HAS_SKYBOX ? load_image(textures, background.skybox) : Image { 0, 0, 0, 0 };
-    if ((FACTS & HAS_SKYBOX) && image.levels > 0) {
-        const bool pinhole = LENS == PINHOLE;
-        const Vec ray = turned(camera.rotation, { pinhole ? x : 0.0f, pinhole ? y : 0.0f, -1.0f });
-        const Vec right = turned(camera.rotation, { pinhole ? camera.scale_x : 0.0f, 0.0f, 0.0f });
-        const Vec down = turned(camera.rotation, { 0.0f, pinhole ? -camera.scale_y : 0.0f, 0.0f });
-        return sample_cube(textures.texels.data, image, { ray.x, ray.z, -ray.y }, { right.x, right.z, -right.y },
-                           { down.x, down.z, -down.y });
-    }
-    return to_vec(background.color);
-}
-
 // The texture's colour at a hit; white where there is none.
 template <int TYPES, int LENS, class Looks, class Meshes, class Textures>
 WARPCAM_FN Vec texture_color(const Looks& look, const Meshes& meshes, const Textures& textures, const Camera& camera,
@@ -90,7 +75,8 @@ WARPCAM_FN Vec texture_color(const Looks& look, const Meshes& meshes, const Text
                            times(mapping.scale, slide(right, ray, surface.normal)),
                            times(mapping.scale, slide(down, ray, surface.normal)));
     }
-    const Footprint at = footprint_2d<TYPES>(pose, layout, meshes, surface, ray, right, down);
+    Footprint at = footprint_2d<TYPES>(pose, layout, meshes, surface, ray, right, down);
+    shift(look, at.u, at.v);
     return sample_2d(textures.texels.data, layout.image, at.u, at.v, at.right, at.down);
 }
 
@@ -166,6 +152,7 @@ WARPCAM_FN Look<TYPES, Wants> look_of(const Scene_& scene, const Camera& camera,
                                         scene.meshes, scene.fields, camera, scene.frame.horizon, world, id);
     if constexpr (Wants::DIMMED)
         dim(look.finish, wp::index(scene.frame.mirrors, world).strength);
+    load_shift(look, scene, world, id);
     return look;
 }
 
@@ -181,6 +168,18 @@ WARPCAM_FN void resolve_hit(const Looks* looks, const List& lights, const Scene_
     else
         resolve_surface<TYPES, LENS, IMAGES, FACTS>(look_of<TYPES, Wants>(scene, camera, world, found.shape), lights,
                                                     scene, camera, x, y, found, shadow, shown);
+    if constexpr (Wants::LIT)
+        expose<FACTS>(scene, world, shown.linear, shown.display);
+}
+
+// A shape's look, as it is kept or made anew.
+template <int TYPES, int CAPACITY, class Wants, class Looks, class Scene_>
+WARPCAM_FN Looks kept_look(const Looks* looks, const Scene_& scene, const Camera& camera, int world, int id)
+{
+    if constexpr (CAPACITY > 0)
+        return looks[wp::index(scene.shapes.places, id)];
+    else
+        return look_of<TYPES, Wants>(scene, camera, world, id);
 }
 
 // Covers what is seen of a pixel with the transparent shapes before it. Returns how much is still seen of it.
@@ -200,19 +199,42 @@ WARPCAM_FN float resolve_veils(const Looks* looks, const List& lights, const Sce
         near = plane_of(wp::index(scene.frame.mirrors, world)).depth(ray);
         column = region.width / TILE_WIDTH - 1 - column;
     }
-    Covered covered(shown.linear, clip(shown.display));
-    const auto shade = [&](bool met, Hit hit, Vec& linear, Vec& display) {
-        Shown sheet;
-        follow(met, hit);
-        resolve_hit<TYPES, LENS, CAPACITY, IMAGES & (RGB | RGBA | HDR), FACTS & ~HAS_SHADOWS>(looks, lights, scene, camera, world, x,
-                                                                             y, hit, 0, sheet);
-        linear = sheet.linear;
-        display = sheet.display;
-    };
-    cover<TYPES>(veils, scene, ray, near, takes_part ? limit : -1.0f, column, row, shade, covered);
-    shown.linear = covered.final_linear();
-    shown.display = covered.final_display();
-    return covered.left * covered.left;
+    if constexpr ((FACTS & PHYSICAL) != 0) {
+        const auto paint = [&](bool met, Hit hit, Vec& light) {
+            Shown sheet;
+            follow(met, hit);
+            resolve_hit<TYPES, LENS, CAPACITY, IMAGES & (RGB | RGBA | HDR), FACTS & ~HAS_SHADOWS>(
+                looks, lights, scene, camera, world, x, y, hit, 0, sheet);
+            light = sheet.linear;
+            float alpha = opacity(scene.shapes, scene.materials, world, hit.shape);
+            if constexpr ((TYPES >> MASKED & 1) && (FACTS & HAS_MAPS))
+                alpha *= mapped_opacity<TYPES, LENS>(
+                    kept_look<TYPES, CAPACITY, Wanted<IMAGES, FACTS>>(looks, scene, camera, world, hit.shape), scene,
+                    camera, world, x, y, hit);
+            return alpha;
+        };
+        Peeled peeled { { 0.0f, 0.0f, 0.0f }, 1.0f };
+        peel<TYPES>(veils, scene, ray, near, takes_part ? limit : -1.0f, column, row, paint, peeled);
+        if (peeled.left < 1.0f) {
+            shown.linear = peeled.light + peeled.left * shown.linear;
+            shown.display = encoded(shown.linear);
+        }
+        return peeled.left;
+    } else {
+        Covered covered(shown.linear, clip(shown.display));
+        const auto shade = [&](bool met, Hit hit, Vec& linear, Vec& display) {
+            Shown sheet;
+            follow(met, hit);
+            resolve_hit<TYPES, LENS, CAPACITY, IMAGES & (RGB | RGBA | HDR), FACTS & ~HAS_SHADOWS>(looks, lights, scene, camera, world, x,
+                                                                                 y, hit, 0, sheet);
+            linear = sheet.linear;
+            display = sheet.display;
+        };
+        cover<TYPES>(veils, scene, ray, near, takes_part ? limit : -1.0f, column, row, shade, covered);
+        shown.linear = covered.final_linear();
+        shown.display = covered.final_display();
+        return covered.left * covered.left;
+    }
 }
 
 template <int TYPES, int LENS, int CAPACITY, int IMAGES, int FACTS, class Looks, class List, class Scene_,
@@ -249,7 +271,7 @@ WARPCAM_FN void resolve_pixel(const Looks* looks, const List& lights, const Scen
         if (!seen) {
             shown.linear = shown.display = FACTS & MIRRORED
                 ? black
-                : background_color<LENS, FACTS>(scene.textures, scene.background, camera, x, y);
+                : background_color<LENS, FACTS>(scene.textures, background_of<FACTS>(scene, world), camera, x, y);
             if constexpr (Wants::COATED) {
                 shown.linear = decoded(shown.linear);
                 if constexpr ((FACTS & HAS_SKYBOX) != 0) {
@@ -257,13 +279,14 @@ WARPCAM_FN void resolve_pixel(const Looks* looks, const List& lights, const Scen
                     shown.display = encoded(shown.linear);
                 }
             }
+            expose<FACTS>(scene, world, shown.linear, shown.display);
         }
         if constexpr ((FACTS & REFLECTS) != 0)
             if (seen && found.shape == wp::index(frame.mirrors, world).shape)
                 add_mirrored<IMAGES>(images, pixel.at, shown.linear, shown.display);
         if constexpr ((FACTS & HAZY) != 0)
             if (mist.density > 0.0f && !(seen && solid.depth < mist.depth)) {
-                const Vec haze = mist.density * to_vec(frame.haze.color);
+                const Vec haze = exposed<FACTS>(scene, world, mist.density * to_vec(frame.haze.color));
                 shown.linear = (1.0f - mist.density) * shown.linear + haze;
                 shown.display = (1.0f - mist.density) * clip(shown.display) + haze;
             }
@@ -308,11 +331,13 @@ WARPCAM_FN void resolve(const Scene_& scene, const Lights& lights, int index)
 {
     using Wants = Wanted<IMAGES, FACTS>;
     using Looks = Look<TYPES, Wants>;
-    constexpr int KEPT = CAPACITY * int(sizeof(Looks)) <= 44032 && (Wants::SURFACE || Wants::COLORED) ? CAPACITY : 0;
+    using Sheets = typename Kept<VEILS != 0, Veils<VEILS != 0 ? VEILS : 1>>::type;
+    constexpr int ROOM = 44032 - (VEILS != 0 ? int(sizeof(Sheets)) : 0);
+    constexpr int KEPT = CAPACITY * int(sizeof(Looks)) <= ROOM && (Wants::SURFACE || Wants::COLORED) ? CAPACITY : 0;
     WARPCAM_SHARED Looks looks[KEPT > 0 ? KEPT : 1];
     WARPCAM_SHARED typename Either<(FACTS & PHYSICAL) != 0, LampList, LightList>::type list;
     WARPCAM_SHARED Camera kept_camera;
-    WARPCAM_SHARED typename Kept<VEILS != 0, Veils<VEILS != 0 ? VEILS : 1>>::type veils;
+    WARPCAM_SHARED Sheets veils;
     const auto& frame = scene.frame;
     const int thread = index % THREADS;
     int world;
@@ -325,7 +350,8 @@ WARPCAM_FN void resolve(const Scene_& scene, const Lights& lights, int index)
     if (thread == 0)
         kept_camera = camera;
     if (Wants::LIT && thread >= THREADS - TEAM)
-        gather_lights<(FACTS & HAS_SHADOWS) != 0>(lights, camera, world, thread - (THREADS - TEAM), list);
+        gather_lights<(FACTS & HAS_SHADOWS) != 0>(lights, camera, world, headlight_of<FACTS>(world), thread - (THREADS - TEAM),
+                                                  list);
     if constexpr ((FACTS & MIRRORED) != 0) {
         const auto mirror = wp::index(frame.mirrors, world);
         if (mirror.shape < 0)
@@ -343,7 +369,7 @@ WARPCAM_FN void resolve(const Scene_& scene, const Lights& lights, int index)
             eye = to_vec(at.eye);
             mirror = at.shape;
         }
-        gather_veils<TYPES, LENS>(veils, scene, camera, seen, eye, mirror, world, thread);
+        gather_veils<TYPES, LENS, (FACTS & PHYSICAL) == 0>(veils, scene, camera, seen, eye, mirror, world, thread);
     }
 #if defined(__CUDA_ARCH__)
     if (KEPT > 0)

@@ -70,13 +70,15 @@ WARPCAM_FN void team_barrier()
 #endif
 }
 
-// Fills the list; all lanes of one warp take part.
+// Fills the list; all lanes of one warp take part. `first` is where the headlight's colours begin.
 template <bool SHADOWS, class Lights>
-WARPCAM_FN void gather_lights(const Lights& lights, const Camera& camera, int world, int lane, LightList& list)
+WARPCAM_FN void gather_lights(const Lights& lights, const Camera& camera, int world, int first, int lane,
+                              LightList& list)
 {
     const int total = lights.types.shape[1];
-    const Vec ambient = to_vec(wp::index(lights.headlight, 0)), diffuse = to_vec(wp::index(lights.headlight, 1)),
-              specular = to_vec(wp::index(lights.headlight, 2));
+    const Vec ambient = to_vec(wp::index(lights.headlight, first)),
+              diffuse = to_vec(wp::index(lights.headlight, first + 1)),
+              specular = to_vec(wp::index(lights.headlight, first + 2));
     const bool headlight = headlight_shines(lights);
     if (lane == 0) {
         list.lights[0].place = { 0.0f, 0.0f, 1.0f, 0 };

@@ -14,7 +14,7 @@ template <int LENS> struct LitView {
 };
 
 // A ray from a hit point to the light runs from t = 0 to 1, or to infinity if the light is distant. It counts from
-// `near` on, past the rounding of its own starting point, to `reach`.
+// `near` on, past the rounding of its own starting point and what is too near to it to shade it, to `reach`.
 struct Span {
     float near, reach;
 };
@@ -24,7 +24,7 @@ WARPCAM_FN Span span_of(const Light& light, Vec origin, Vec p, float depth)
     const Vec d = ray_to(light, p);
     const float rounding = 2.0e-6f
         * (magnitude(origin.x + p.x) + magnitude(origin.y + p.y) + magnitude(origin.z + p.z) + depth);
-    const float near = rounding * reciprocal(root(upper(dot(d, d), 1.0e-30f)));
+    const float near = rounding * reciprocal(root(upper(dot(d, d), 1.0e-30f))) + light.map.nearest;
     return { near, reach_of(light, p, near) };
 }
 

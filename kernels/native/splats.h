@@ -7,7 +7,7 @@
 // The ray keeps the KEPT nearest that it has not blended yet, by t, and walks the clouds' trees again for the next ones until nothing is
 // left or little light comes through. t is the same in all frames, for which planar depth is taken.
 #pragma once
-#include "hits.h"
+#include "flow.h"
 #include "srgb.h"
 
 namespace warpcam {
@@ -322,6 +322,8 @@ WARPCAM_FN void draw_splat_pixel(const Scene& scene, const Cloud* clouds, int nu
         images.instances.data[at] = row_of(images.instance_of, world, hit.shape);
     if (WANTED & SPLAT_SEMANTICS)
         images.semantics.data[at] = row_of(images.semantic_of, world, hit.shape);
+    if constexpr ((WANTED & FLOWS) != 0)
+        put_flow<0, LENS, WANTED>(scene.frame.trail, flow_places(scene.frame.trail, world), scene.shapes, camera, seen, hit, world, column, row, at);
 }
 
 // Draws one region of one view; `index` counts worlds, then regions, then (CUDA) threads of the block. CAPACITY: clouds.

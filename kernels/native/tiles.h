@@ -10,7 +10,10 @@
 
 namespace warpcam {
 
-constexpr int analytic_types(int types) { return types & ~(1 << HEIGHT_FIELD | 1 << MESH | 1 << SCALED | 1 << TWO_SIDED); }
+constexpr int analytic_types(int types)
+{
+    return types & ~(1 << HEIGHT_FIELD | 1 << MESH | 1 << SCALED | 1 << TWO_SIDED | 1 << MASKED);
+}
 
 // What a region's rays are tested against. Ranks run from near to far.
 template <int CAPACITY> struct ShapeList {
@@ -182,6 +185,32 @@ template <int TYPE, int LENS, class Near> inline void trace_shape(const Record& 
     }
 }
 
+// Any shape but a mesh.
+template <int TYPES, int LENS, class Near, class HeightFields>
+inline void trace_record(const Record& record, const Near& near, const HeightFields& fields, Rays& rays)
+{
+    switch (record.axis_x.w) {
+#define WARPCAM_CASE(TYPE) \
+    case TYPE: \
+        if (TYPES >> TYPE & 1) \
+            trace_shape<TYPE, LENS>(record, near, rays); \
+        break;
+        WARPCAM_CASE(PLANE)
+        WARPCAM_CASE(SPHERE)
+        WARPCAM_CASE(CAPSULE)
+        WARPCAM_CASE(ELLIPSOID)
+        WARPCAM_CASE(CYLINDER)
+        WARPCAM_CASE(BOX)
+        WARPCAM_CASE(CONE)
+        WARPCAM_CASE(BARREL)
+#undef WARPCAM_CASE
+    case HEIGHT_FIELD:
+        if (TYPES >> HEIGHT_FIELD & 1)
+            trace_height_field<LENS>(fields, record, near, rays);
+        break;
+    }
+}
+
 template <int TYPES, int LENS, int CAPACITY, class Near, class Meshes, class HeightFields>
 inline void trace_tile(const ShapeList<CAPACITY>& list, const TileRow<CAPACITY>& row, int column, const Near& near,
                        const Meshes& meshes, const HeightFields& fields, Rays& rays)
@@ -196,31 +225,11 @@ inline void trace_tile(const ShapeList<CAPACITY>& list, const TileRow<CAPACITY>&
         const Record& record = list.records[list.order[rank]];
         if (as_float(record.size.w) >= farthest)
             break;
-        const int type = record.axis_x.w;
-        if (type == MESH) {
+        if (record.axis_x.w == MESH) {
             behind[meshes_behind++] = list.order[rank];
             continue;
         }
-        switch (type) {
-#define WARPCAM_CASE(TYPE) \
-    case TYPE: \
-        if (TYPES >> TYPE & 1) \
-            trace_shape<TYPE, LENS>(record, near, rays); \
-        break;
-            WARPCAM_CASE(PLANE)
-            WARPCAM_CASE(SPHERE)
-            WARPCAM_CASE(CAPSULE)
-            WARPCAM_CASE(ELLIPSOID)
-            WARPCAM_CASE(CYLINDER)
-            WARPCAM_CASE(BOX)
-            WARPCAM_CASE(CONE)
-            WARPCAM_CASE(BARREL)
-#undef WARPCAM_CASE
-        case HEIGHT_FIELD:
-            if (TYPES >> HEIGHT_FIELD & 1)
-                trace_height_field<LENS>(fields, record, near, rays);
-            break;
-        }
+        trace_record<TYPES, LENS>(record, near, fields, rays);
         farthest = farthest_of(rays);
     }
     if (TYPES >> MESH & 1)

@@ -5,6 +5,7 @@
 // passage is made as it comes; that of the second, which begins with the last shape, is kept as P + Q c.
 #pragma once
 #include "look.h"
+#include "mask.h"
 #include "opacity.h"
 #include "tiles.h"
 
@@ -39,8 +40,8 @@ WARPCAM_FN float reach_of(const Shape& shape)
 }
 
 // Fills the list. `eye` is where MuJoCo's camera is: distances and backs count from there, in mirrors too. A `mirror` does
-// not show itself.
-template <int TYPES, int LENS, int CAPACITY, class Scene_>
+// not show itself. BACKS: planes are seen from behind.
+template <int TYPES, int LENS, bool BACKS, int CAPACITY, class Scene_>
 WARPCAM_FN void gather_veils(Veils<CAPACITY>& list, const Scene_& scene, const Camera& camera, const Region& region,
                              Vec eye, int mirror, int world, int thread)
 {
@@ -56,8 +57,14 @@ WARPCAM_FN void gather_veils(Veils<CAPACITY>& list, const Scene_& scene, const C
         const Vec away = eye - shape.position;
         const Matrix& r = shape.rotation;
         const bool plane = (TYPES >> PLANE & 1) && shape.type == PLANE;
-        const bool behind = plane && r.at[0][2] * away.x + r.at[1][2] * away.y + r.at[2][2] * away.z < 0.0f;
-        if (alpha == 0.0f || id == mirror || (alpha >= SOLID && !behind))
+        const bool behind = BACKS && plane
+            && r.at[0][2] * away.x + r.at[1][2] * away.y + r.at[2][2] * away.z < 0.0f;
+        if (alpha == 0.0f || id == mirror)
+            continue;
+        bool mapped = false;
+        if constexpr ((TYPES >> MASKED & 1) != 0)
+            mapped = has_opacity_map(scene.shapes, scene.materials, world, id);
+        if (alpha >= SOLID && !behind && !mapped)
             continue;
         if (behind) {  // traced as the plane that faces the other way
             alpha *= FROM_BEHIND;
@@ -131,7 +138,7 @@ WARPCAM_FN void walk_mesh(const Meshes& meshes, const Record& record, const RayO
                 const Row c = load(meshes.faces.data, at + 2);
                 const float t = enter_triangle(frame, project(frame, a.x, a.y, a.z), project(frame, b.x, b.y, b.z),
                                                project(frame, c.x, c.y, c.z), has_back<TYPES>(b.w));
-                if (t < hit.depth && t > near)
+                if (t < hit.depth && t > near && is_not_cut<TYPES>(meshes, record, ray, f, t))
                     hit = { t, record.axis_y.w, f };
             }
             node = NO_NODE;
@@ -146,10 +153,11 @@ inline void walk_mesh(const Meshes& meshes, const Record& record, const RayOf& s
 {
     const Ray ray = source.local(record);
     const int mesh = record.axis_z.w;
+    const auto there = [&](int face, float t) { return is_not_cut<TYPES>(meshes, record, ray, face, t); };
     MeshHit found { hit.depth, 0 };
     if (walk_mesh<TYPES, false>(node_rows(meshes, mesh), face_rows(meshes, mesh),
                          slabs(ray.origin, ray.direction, record.size.x), source.template frame<TYPES>(record), near,
-                         found))
+                         there, found))
         hit = { found.depth, record.axis_y.w, found.face };
 }
 #endif

@@ -76,10 +76,6 @@ WARPCAM_FN void draw_tiles(ShapeList<CAPACITY>& list, const Canvas_& canvas, con
         const int j = region.top + row * TILE_HEIGHT + lane / TILE_WIDTH;
         const auto ray = canvas.ray(i, j);
         Hit hit = canvas.start(i, j, first_pass);
-        if (Canvas_::SKIPS && !__any_sync(ALL, hit.shape != SKIPPED)) {
-            canvas.put_tile(i, j, hit, first_pass, row_of_lanes);
-            return true;
-        }
         trace_tile<TYPES>(list, column, row, ray, near_of(ray, near), fields, hit);
         canvas.put_tile(i, j, hit, first_pass, row_of_lanes);
         if (HAS_MESH)
@@ -125,11 +121,7 @@ inline void draw_tiles(ShapeList<CAPACITY>& list, const Canvas_& canvas, const M
                 rays.shape[lane] = hit.shape;
                 rays.face[lane] = hit.face;
             }
-            bool any = !Canvas_::SKIPS;
-            for (int lane = 0; lane < LANES; ++lane)
-                any |= rays.shape[lane] != SKIPPED;
-            if (any)
-                trace_tile<TYPES, LENS>(list, picked, column, near, meshes, fields, rays);
+            trace_tile<TYPES, LENS>(list, picked, column, near, meshes, fields, rays);
             for (int lane = 0; lane < LANES; ++lane) {
                 const int i = left + lane % TILE_WIDTH, j = top + lane / TILE_WIDTH;
                 canvas.put_new(i, j, { rays.depth[lane], rays.shape[lane], rays.face[lane] }, first_pass);
@@ -196,15 +188,20 @@ WARPCAM_FN void draw(const Shapes& shapes, const Materials& materials, const Mes
     const Region region = region_of<WIDTH, HEIGHT>(target, index / THREADS, world);
     if (!wp::index(target.mask, world))
         return;
-    if (thread == 0)
+    constexpr bool FLOWING = (OUTPUTS & FLOWS) != 0;
+    WARPCAM_SHARED typename Places<FLOWING>::type places;
+    if (thread == 0) {
         camera = load_camera(wp::index(views, world));
+        if constexpr (FLOWING)
+            places = flow_places(target.trail, world);
+    }
     block_barrier();
     const Canvas<TYPES, LENS, OUTPUTS, CAPACITY, Target, Shapes> canvas {
-        target, shapes, list, camera, region, world
+        target, shapes, list, camera, region, world, places
     };
     const auto hidden = [&](int id) {
         if constexpr ((OUTPUTS & OPAQUE) != 0)
-            return !solid(shapes, materials, target.veil_places, world, id);
+            return !solid<(TYPES >> MASKED & 1) != 0>(shapes, materials, target.veil_places, world, id);
         else
             return transparent(shapes, materials, world, id);
     };

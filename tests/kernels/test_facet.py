@@ -62,11 +62,10 @@ def cut(
 
 
 @wp.func_native("""
-    const warpcam::Span cell = warpcam::cell_around(warpcam::cells_around(eye, repeat, horizon), x);
+    const warpcam::Span cell = warpcam::cell_around(warpcam::cells_of_endless(repeat, horizon), x);
     wp::index(cells, i) = wp::vec2(cell.start, cell.length);
 """)
 def find_cell(
-    eye: wp.float32,
     repeat: wp.float32,
     horizon: wp.float32,
     x: wp.float32,
@@ -77,14 +76,13 @@ def find_cell(
 
 @native_kernel("facet.h")
 def cut_endless(
-    eye: wp.float32,
     repeat: wp.float32,
     horizon: wp.float32,
     x: wp.array(dtype=wp.float32),
     cells: wp.array(dtype=wp.vec2),
 ):
     i = wp.tid()
-    find_cell(eye, repeat, horizon, x[i], i, cells)
+    find_cell(repeat, horizon, x[i], i, cells)
 
 
 def corners_of(kind, local, device, *, size=(0, 0, 0), ray=(0, 0, -1), face=0, fields=None):
@@ -152,15 +150,15 @@ def test_planes_are_cut_as_their_spacing_says(size, edges, device):
 
 
 @pytest.mark.parametrize("device", DEVICES)
-def test_endless_planes_are_cut_around_the_eye(device):
+def test_endless_planes_are_cut_from_their_middle(device):
     x = np.linspace(-3, 9, 100).astype(np.float32)
     cells = wp.zeros(100, dtype=wp.vec2, device=device)
-    wp.launch(cut_endless, 100, [3.3, 4.0, 50.0, put(x, wp.float32, device), cells], device=device)
+    wp.launch(cut_endless, 100, [4.0, 50.0, put(x, wp.float32, device), cells], device=device)
     start, length = cells.numpy().T
     np.testing.assert_allclose(length, (2.1 * 50 + 1.0) / 200, rtol=1e-6)  # two tiles of half a metre
     assert (start <= x + 1e-5).all()
     assert (x <= start + length + 1e-5).all()
-    steps = (start - 3.0) / length  # the eye is nearest to tile pair 3
+    steps = start / length
     np.testing.assert_allclose(steps, np.rint(steps), atol=1e-4)
 
 

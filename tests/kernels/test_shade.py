@@ -70,7 +70,7 @@ def light_patch(shadows):
         camera.origin = to_vec(eye);
         for (int k = 0; k < 3; ++k)
             camera.rotation.at[k][k] = 1.0f;
-        gather_lights<{flag}>(lights, camera, 0, thread, list);
+        gather_lights<{flag}>(lights, camera, 0, 0, thread, list);
         Finish finish {{ to_row(to_vec(color), -1), {{ emission, specular, exponent, 0 }} }};
         Facet facet {{}};
         for (int k = 0; k < 3; ++k) {{

@@ -11,6 +11,7 @@ from closed_form import box, capsule, cylinder, ellipsoid
 from views import Around, depth, look_at, quaternion
 
 import warpcam as wc
+from warpcam.parts import FIELDS
 
 pytest.importorskip("pxr.Usd")
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdLux, UsdSemantics, UsdShade, Vt
@@ -599,6 +600,45 @@ def test_worlds_of_their_own(stage: Usd.Stage, device: wp.Device) -> None:
     scene.set_visible(["/a/square"], np.array([[True]]))
     renderer.render()
     assert images["albedo"][:, 8, 4].tolist() == [[255, 0, 0], [0, 255, 0], [0, 0, 255]]
+
+
+def test_four_thousand_variations_share_their_mesh(stage: Usd.Stage, device: wp.Device) -> None:
+    """Poses, visibilities, colours and textures of each world's own; meshes and images are there once."""
+    count, side = 4096, 32
+    grid = np.stack(np.meshgrid(*[np.linspace(-0.5, 0.5, side + 1)] * 2, indexing="ij"), axis=-1).reshape(-1, 2)
+    first = (np.arange(side)[:, None] * (side + 1) + np.arange(side)).reshape(-1)
+    faces = [(a, a + side + 1, a + side + 2, a + 1) for a in first]
+    for name in ("left", "right"):
+        mesh = add_mesh(stage, f"/{name}/mesh", np.append(grid, np.zeros((len(grid), 1)), axis=1), faces)
+        st = UsdGeom.PrimvarsAPI(mesh).CreatePrimvar("st", Sdf.ValueTypeNames.TexCoord2fArray, "vertex")
+        st.Set([tuple(map(float, place + 0.5)) for place in grid])
+        UsdShade.MaterialBindingAPI.Apply(mesh.GetPrim()).Bind(
+            UsdShade.Material(add_material(stage, f"/Looks/{name}", diffuseColor=(1.0, 1.0, 1.0)).GetPrim().GetParent())
+        )
+    pool = {
+        name: np.full((64, 64, 3), color, np.uint8) for name, color in (("red", (255, 0, 0)), ("blue", (0, 0, 255)))
+    }
+    one, many = (wc.from_usd(stage, num_worlds=n, device=device, textures=pool) for n in (1, count))
+    random = np.random.default_rng(0)
+    poses = np.zeros((count, 2, 7), np.float32)
+    poses[:, :, 3] = 1.0
+    poses[:, :, 0] = (-1.0, 1.0)
+    swapped, seen, painted, image = random.random((4, count)) < 0.5
+    poses[swapped] = poses[swapped][:, ::-1]
+    colors = np.where(painted[:, None, None], np.float32((0.0, 1.0, 0.0)), np.float32((1.0, 1.0, 1.0)))
+    many.set_poses(["/left", "/right"], poses)
+    many.set_visible(["/left"], seen[:, None])
+    many.set_colors(["/right"], np.ascontiguousarray(colors))
+    many.set_textures(["/Looks/left"], image[:, None].astype(np.int32))
+    seen_images = wc.Renderer(many, [above(3.0, 4, 3.0, "albedo")]).render()["above"]["albedo"].cpu().numpy()
+    sides = np.where(swapped[:, None, None], seen_images[:, 1, (3, 0)], seen_images[:, 1, (0, 3)])
+    shown = np.where(seen[:, None], np.where(image[:, None], (0, 0, 255), (255, 0, 0)), 0)
+    np.testing.assert_array_equal(sides[:, 0], shown)
+    np.testing.assert_array_equal(sides[:, 1], np.where(painted[:, None], (0, 255, 0), 255))
+    for part, name in (("_meshes", "faces"), ("_meshes", "nodes"), ("_meshes", "uvs"), ("_textures", "texels")):
+        assert getattr(getattr(many, part), name).shape == getattr(getattr(one, part), name).shape
+    own = sum(many.array(name).capacity for name in FIELDS)
+    assert own < count * 2 * 200  # bytes: what a shape, a body and a material have of their own
 
 
 def test_driving_neither_allocates_nor_binds_again(stage: Usd.Stage, device: wp.Device) -> None:

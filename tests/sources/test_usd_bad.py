@@ -130,6 +130,15 @@ def test_arguments(text: str, arguments: dict[str, Any]) -> None:
     assert text in str(caught.value)
 
 
+@pytest.mark.parametrize("unit", [0.0, -1.0, float("nan"), float("inf")])
+def test_a_unit_that_is_none(unit: float) -> None:
+    stage = metric(Usd.Stage.CreateInMemory(), unit=unit)
+    UsdGeom.Cube.Define(stage, "/it")
+    with pytest.raises(wc.WarpcamError, match=r"metersPerUnit is .*; give meters_per_unit, a positive number"):
+        wc.from_usd(stage, device="cpu")
+    assert wc.from_usd(stage, device="cpu", meters_per_unit=1.0).shapes == ("/it",)
+
+
 def test_scales_of_nothing(device: wp.Device) -> None:
     """A flat mesh is a mesh; what has no area or no volume is left out."""
     stage = metric(Usd.Stage.CreateInMemory())

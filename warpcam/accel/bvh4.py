@@ -63,7 +63,7 @@ def build_bvh4(vertices: np.ndarray, faces: np.ndarray, *, cache: bool = True, n
     if not cache or len(faces) <= CACHED_ABOVE:
         return Bvh4(*bvh4_build.build(vertices, faces))
     key = _key(vertices, faces)
-    folder = _cache_folder()
+    folder = cache_folder()
     path = folder / "bvh4" / key.hex() if folder is not None else None
     found = _read(path, key, len(faces)) if path is not None else None
     if found is not None:
@@ -118,7 +118,8 @@ def _key(vertices: np.ndarray, faces: np.ndarray) -> bytes:
     return digest.digest()
 
 
-def _cache_folder() -> Path | None:
+def cache_folder() -> Path | None:
+    """Where trees are kept, None for nowhere."""
     own = os.environ.get("WARPCAM_CACHE_DIR")
     if own:
         return Path(own)

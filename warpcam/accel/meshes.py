@@ -9,7 +9,7 @@ import warp as wp
 from warpcam.accel.bvh4 import Bvh4, build_bvh4
 from warpcam.accel.kept import Kept, key_of
 from warpcam.errors import WarpcamError
-from warpcam.kernels.types import Meshes
+from warpcam.kernels.types import Meshes, Textures
 
 MAX_ROWS = 2**31 - 1
 KEPT = 2**27  # bytes of trees, for the next scene that has those meshes, too
@@ -30,6 +30,8 @@ class Mesh:
         moves: Whether its corners will be moved: then it has rows of its own, with the tree of where they are now.
         two_sided: Whether the second half of the faces is the first seen from behind, corners 0, 2, 1 of each. The tree
             holds the first.
+        mask: Index of the texture whose red is its opacity, or -1; only with ``uvs``.
+        least: Opacity below which it is not there.
     """
 
     name: str
@@ -38,6 +40,8 @@ class Mesh:
     normals: np.ndarray | None = None
     uvs: np.ndarray | None = None
     moves: bool = False
+    mask: int = -1
+    least: float = 0.0
     two_sided: bool = False
 
     @property
@@ -103,6 +107,20 @@ def pack_meshes(meshes: Sequence[Mesh], device: wp.Device) -> tuple[Meshes, int]
     packed.uvs = wp.array(_joined(uvs, 2), dtype=wp.vec2, device=device)
     packed.has_uvs = _integers([mesh.uvs is not None for mesh in meshes], device)
     return packed, max((len(tree[1]) // 3 for tree in trees), default=0)
+
+
+def pack_masks(meshes: Sequence[Mesh], textures: Textures, packed: Meshes, device: wp.Device) -> bool:
+    """Tell the kernels which parts of which meshes are there, if the textures of some meshes' opacity say so."""
+    if all(mesh.mask < 0 for mesh in meshes):
+        return False
+    places = np.stack([array.numpy() for array in (textures.start, textures.width, textures.height)], axis=1)
+    rows = np.zeros((len(meshes), 4), np.float32)
+    for row, mesh in zip(rows, meshes, strict=True):
+        if mesh.mask >= 0 and mesh.uvs is not None:
+            row[:3], row[3] = places[mesh.mask].astype(np.int32).view(np.float32), mesh.least
+    packed.masks = wp.array(rows, dtype=wp.vec4, device=device)
+    packed.mask_texels = textures.texels
+    return True
 
 
 def _tree(mesh: Mesh) -> Bvh4:

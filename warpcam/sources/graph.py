@@ -3,13 +3,15 @@
 Everything is in the file's own units and axes but for what the root's frame does to it: below it are metres.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from warpcam.accel.textures import TextureImage
+from warpcam.errors import WarpcamError
 from warpcam.lens import Projection
+from warpcam.parts import SceneCamera
 from warpcam.sources.forms import Form
 
 
@@ -66,7 +68,7 @@ class Look:
     Attributes:
         name: Its path.
         color: RGB, a factor of its texture.
-        opacity: 1 is opaque.
+        opacity: 1 is opaque; with a map of it 1.
         roughness: In [0, 1]; a factor of its map, as are the next two.
         metallic: In [0, 1].
         reflectance: Where light falls straight, of what is no metal: 0.04 for an index of refraction of 1.5.
@@ -75,6 +77,8 @@ class Look:
         normals: Index of the map of its normals, or -1; see ``kernels/types.py``, ROLE_NORMAL.
         packed: Index of the map of occlusion, roughness and metalness, or -1; ROLE_PACKED.
         glow: Index of the image of what it emits, or -1.
+        opacity_map: Index of the map of its opacity, or -1; ROLE_OPACITY. Only meshes with texture coordinates show it.
+        cutoff: What is less opaque is not there, all else is solid; 0 for none.
         wrap: Of the textures, along u and v.
     """
 
@@ -89,12 +93,14 @@ class Look:
     normals: int = -1
     packed: int = -1
     glow: int = -1
+    opacity_map: int = -1
+    cutoff: float = 0.0
     wrap: tuple[str, str] = ("repeat", "repeat")
 
     @property
     def maps(self) -> tuple[int, ...]:
         """Beside that of its colour."""
-        return self.normals, self.packed, self.glow
+        return self.normals, self.packed, self.glow, self.opacity_map
 
 
 @dataclass(frozen=True, eq=False)
@@ -164,6 +170,11 @@ class Eye:
     height: float = 0.0
     clipping: tuple[float, float] | None = None
 
+    def camera(self) -> SceneCamera:
+        if self.projection == "orthographic":
+            return SceneCamera(self.name, "orthographic", clipping=self.clipping)
+        return SceneCamera(self.name, "pinhole", sensor=self.aperture, square=True, clipping=self.clipping)
+
 
 @dataclass(eq=False)
 class Graph:
@@ -203,3 +214,29 @@ class Graph:
         for index, node in enumerate(self.nodes):
             visible[index] = node.visible and (node.parent < 0 or visible[node.parent])
         return visible
+
+    def moving(self) -> np.ndarray:
+        """Which frames may be elsewhere at other times, (node,) bool."""
+        moving = np.zeros(len(self.nodes), bool)
+        for index, node in enumerate(self.nodes):
+            moving[index] = node.moves or (node.parent >= 0 and moving[node.parent])
+        return moving
+
+    def bodies(self) -> list[int]:
+        """Of each frame its body, counted in the order of the frames that are one; the root is."""
+        bodies: list[int] = []
+        count = 0
+        for index, node in enumerate(self.nodes):
+            own = index == 0 or node.body
+            bodies.append(count if own else bodies[node.parent] if node.parent >= 0 else 0)
+            count += own
+        return bodies
+
+    def numbered(self, labels: Mapping[str, int] | None) -> dict[str, int]:
+        """The user's label map, or all labels there are from 1 on, in alphabetical order."""
+        if labels is None:
+            return {name: 1 + place for place, name in enumerate(sorted({x for n in self.nodes for x in n.labels}))}
+        for name, number in labels.items():
+            if not isinstance(name, str) or isinstance(number, bool) or not isinstance(number, int | np.integer):
+                raise WarpcamError(f"semantics: must map labels to whole numbers, got {name!r}: {number!r}")
+        return {name: int(number) for name, number in labels.items()}

@@ -14,10 +14,11 @@ from warpcam.kernels import driving
 from warpcam.kernels.launch import Stage
 from warpcam.kernels.refit import Tree
 from warpcam.kernels.types import MESH, SKY_TERMS, SPLATS
-from warpcam.parts import Parts, SceneCamera, fields_of
+from warpcam.layers import veils_alone
+from warpcam.parts import Parts, fields_of
 from warpcam.sources import looks
 from warpcam.sources.forms import Fitted, Surface, polar
-from warpcam.sources.graph import Eye, Graph, Lamp
+from warpcam.sources.graph import Graph, Item, Lamp, Look
 from warpcam.sources.notes import Notes
 
 KINDS = ("shape", "body", "light", "camera")
@@ -38,12 +39,13 @@ class GraphSource:
         device: wp.Device,
         labels: Mapping[str, int] | None = None,
         exposure: float | None = None,
+        transparency: bool | None = None,
     ):
         self.device, self.graph, self.num_worlds = device, graph, num_worlds
         self._gain = None if exposure is None else 2.0**exposure
         self._notes = Notes(graph.source)
         worlds, seen = graph.worlds(), graph.seen()
-        self._moving = self._nodes_that_move()
+        self._moving = graph.moving()
         fits = [
             item.form.fitted(worlds[item.node, :3, :3]) if np.isfinite(worlds[item.node]).all() else None
             for item in graph.items
@@ -64,23 +66,24 @@ class GraphSource:
             mesh = fit.mesh if fit is not None else None
             if mesh is not None and id(mesh) not in self._meshes:
                 self._meshes[id(mesh)] = len(meshes)
-                meshes.append(mesh)
+                meshes.append(looks.masked(mesh, self._look(graph.items[place])))
             cloud = fit.cloud if fit is not None else None
             if cloud is not None and id(cloud) not in self._meshes:
                 self._meshes[id(cloud)] = len(clouds)
                 clouds.append(cloud)
         self.body_nodes = [index for index, node in enumerate(graph.nodes) if index == 0 or node.body]
-        body_of = self._bodies_of_nodes()
-        self.labels = _numbered(graph, labels)
+        body_of = graph.bodies()
+        self.labels = graph.numbered(labels)
         self._lamp_order = self._brightest(worlds, seen)
         self._types = np.array([self._type(graph.items[place], fits[place]) for place in kept], np.int32)
+        drawn = np.flatnonzero(self._types != SPLATS).tolist()
         self.parts = Parts(
             num_worlds=num_worlds,
             shape_types=self._types,
             shape_bodies=np.array([body_of[item.node] for item in self.items], np.int32),
-            drawn=np.flatnonzero(self._types != SPLATS).tolist(),
+            drawn=drawn,
             bodies=[graph.nodes[index].name for index in self.body_nodes],
-            cameras=[_scene_camera(eye) for eye in graph.eyes],
+            cameras=[eye.camera() for eye in graph.eyes],
             num_materials=len(graph.looks),
             num_lights=len(self._lamp_order),
             meshes=meshes,
@@ -92,6 +95,12 @@ class GraphSource:
             shape_semantics=np.array([self._label(item.node) for item in self.items], np.int32),
             physical=True,
             maps=any(index >= 0 for look in graph.looks for index in look.maps),
+            layers=veils_alone(
+                self._types,
+                drawn,
+                np.array([[looks.opacity(self._look(item), item.color) for item in self.items]]),
+                transparency,
+            ),
         )
         self._arrays: Mapping[str, wp.array] = {}
         self._own: dict[str, wp.array] = {}
@@ -109,11 +118,19 @@ class GraphSource:
     def arrays(self) -> Mapping[str, wp.array]:
         return self._arrays
 
+    def holds(self, field: str) -> bool:
+        if field == "material_texture":
+            self.make_room("textures")
+        return field == "material_texture"
+
     def label(self, field: str) -> str:
         return f"{self.graph.source}: {field}"
 
     def global_ambient(self) -> float:
         return 0.0
+
+    def clock(self) -> wp.array | None:
+        return None
 
     def refresh(self) -> None:
         pass
@@ -182,24 +199,14 @@ class GraphSource:
 
     # How the arrays are made.
 
-    def _nodes_that_move(self) -> np.ndarray:
-        moving = np.zeros(len(self.graph.nodes), bool)
-        for index, node in enumerate(self.graph.nodes):
-            moving[index] = node.moves or (node.parent >= 0 and moving[node.parent])
-        return moving
-
-    def _bodies_of_nodes(self) -> list[int]:
-        number = {node: body for body, node in enumerate(self.body_nodes)}
-        bodies: list[int] = []
-        for index, node in enumerate(self.graph.nodes):
-            bodies.append(number.get(index, bodies[node.parent] if node.parent >= 0 else 0))
-        return bodies
-
     def _type(self, item: Any, fit: Fitted | None) -> int:
         if fit is not None:
             return fit.type
         upright = item.form.fitted(np.eye(3))
         return upright.type if upright is not None else MESH
+
+    def _look(self, item: Item) -> Look | None:
+        return self.graph.looks[item.look] if item.look >= 0 else None
 
     def _label(self, node: int) -> int:
         return next((self.labels[label] for label in self.graph.nodes[node].labels if label in self.labels), 0)
@@ -231,9 +238,7 @@ class GraphSource:
         self._put("material_texture", [material.textures[:roles] for material in materials])
         self._put("material_texture_repeat", [(1.0, 1.0)] * len(materials))
         self._put("shape_materials", [item.look for item in self.items])
-        colors = [
-            looks.color_of(self.graph.looks[item.look] if item.look >= 0 else None, item.color) for item in self.items
-        ]
+        colors = [looks.color_of(self._look(item), item.color) for item in self.items]
         self._own = {
             "colors": wp.array(np.array([colors], np.float32), dtype=wp.vec4, device=self.device),
             "visible": wp.full((1, len(self.items)), 1, dtype=wp.uint8, device=self.device),
@@ -402,19 +407,3 @@ def _nowhere() -> np.ndarray:
     matrix = np.eye(4)
     matrix[:3, 3] = HIDDEN
     return matrix
-
-
-def _scene_camera(eye: Eye) -> SceneCamera:
-    if eye.projection == "orthographic":
-        return SceneCamera(eye.name, "orthographic", clipping=eye.clipping)
-    return SceneCamera(eye.name, "pinhole", sensor=eye.aperture, square=True, clipping=eye.clipping)
-
-
-def _numbered(graph: Graph, labels: Mapping[str, int] | None) -> dict[str, int]:
-    """The user's label map, or all labels there are from 1 on, in alphabetical order."""
-    if labels is None:
-        return {name: 1 + place for place, name in enumerate(sorted({x for node in graph.nodes for x in node.labels}))}
-    for name, number in labels.items():
-        if not isinstance(name, str) or isinstance(number, bool) or not isinstance(number, int | np.integer):
-            raise WarpcamError(f"semantics: must map labels to whole numbers, got {name!r}: {number!r}")
-    return {name: int(number) for name, number in labels.items()}

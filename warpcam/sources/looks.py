@@ -6,10 +6,11 @@ white surface would be; what materials emit is left as it is.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from warpcam.accel.meshes import Mesh
 from warpcam.kernels import types
 from warpcam.sources.graph import Lamp, Look
 from warpcam.sources.images import LINEAR
@@ -26,6 +27,7 @@ FORMS = {
     "rectangle": types.FORM_RECTANGLE,
     "cylinder": types.FORM_CYLINDER,
 }
+SEEN, MIN_CUT = 0.5 / 255.0, 1.5 / 255.0  # opacity from which a surface is seen; least of a cut-out: native/mask.h
 MIN_ROWS = 128  # that a dome's image is cut into
 # Spherical harmonics of order 2 as native/sky.h has them: the squares of what norms each term.
 NORMS = np.array((1.0, 3.0, 3.0, 3.0, 15.0, 15.0, 1.25, 15.0, 3.75)) / (4.0 * np.pi)
@@ -52,6 +54,8 @@ def material_of(look: Look) -> Material:
     textures = [-1] * types.NUM_ROLES
     textures[types.ROLE_COLOR], textures[types.ROLE_NORMAL] = look.texture, look.normals
     textures[types.ROLE_PACKED], textures[types.ROLE_EMISSION] = look.packed, look.glow
+    if look.cutoff <= 0.0:  # what is cut out is no matter of shading
+        textures[types.ROLE_OPACITY] = look.opacity_map
     roughness, metallic, reflectance = (
         float(np.clip(value, 0.0, 1.0)) for value in (look.roughness, look.metallic, look.reflectance)
     )
@@ -66,6 +70,19 @@ def color_of(look: Look | None, color: tuple[float, float, float, float] | None)
     red, green, blue, alpha = color if color is not None else (*BARE, 1.0)
     red, green, blue = (float(channel) for channel in encoded((red, green, blue)))
     return red, green, blue, float(alpha)
+
+
+def opacity(look: Look | None, color: tuple[float, float, float, float] | None) -> float:
+    """Of a whole shape; what a map says is somewhere between."""
+    alpha = color_of(look, color)[3]
+    return 0.5 if look is not None and look.opacity_map >= 0 and look.cutoff <= 0.0 and alpha > 0.0 else alpha
+
+
+def masked(mesh: Mesh, look: Look | None) -> Mesh:
+    """A mesh that is only there where the map of its opacity says so."""
+    if look is None or look.opacity_map < 0 or mesh.uvs is None:
+        return mesh
+    return replace(mesh, mask=look.opacity_map, least=max(look.cutoff, MIN_CUT) if look.cutoff > 0.0 else SEEN)
 
 
 def arriving(lamp: Lamp, place: np.ndarray, middle: np.ndarray) -> float:

@@ -3,6 +3,7 @@
 import logging
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -30,6 +31,7 @@ from warpcam.sources.images import (
     pixels_of,
 )
 from warpcam.sources.notes import Notes
+from warpcam.sources.opacity import opacity_of
 from warpcam.sources.splat_form import CloudForm, cloud_of_ply
 
 Y_UP = np.array(((1, 0, 0, 0), (0, 0, -1, 0), (0, 1, 0, 0), (0, 0, 0, 1)), np.float64)
@@ -45,6 +47,7 @@ def load(
     meters_per_unit: float | None,
     up_axis: str | None,
     textures: Mapping[str, Any],
+    transparency: bool | None,
 ) -> DrivenScene:
     where = device_rule.resolve(device)
     notes = Notes(str(path))
@@ -70,7 +73,7 @@ def load(
         graph.texture_names.append(label)
         graph.textures.append(image)
     notes.say()
-    return DrivenScene(GraphSource(graph, num_worlds, where))
+    return DrivenScene(GraphSource(graph, num_worlds, where, transparency=transparency))
 
 
 class _Resolver(trimesh.resolvers.FilePathResolver):  # type: ignore[misc]
@@ -194,10 +197,9 @@ class _Reader:
             factor = _factors(material.baseColorFactor)
             metal, rough = material.metallicFactor, material.roughnessFactor
             emission = _factors(material.emissiveFactor, default=0.0)[:3]
-            return Look(
+            look = Look(
                 name,
                 color=(factor[0], factor[1], factor[2]),
-                opacity=factor[3] if material.alphaMode == "BLEND" else 1.0,
                 roughness=1.0 if rough is None else float(rough),
                 metallic=1.0 if metal is None else float(metal),
                 emission=(emission[0], emission[1], emission[2]),
@@ -206,12 +208,27 @@ class _Reader:
                 packed=self._image(name, "packed", material.metallicRoughnessTexture, material.occlusionTexture),
                 glow=self._image(name, "emission", material.emissiveTexture),
             )
+            return self._with_opacity(look, material, factor[3])
         diffuse = LINEAR[np.asarray(material.main_color, np.uint8)[:3]]
         return Look(
             name,
             (float(diffuse[0]), float(diffuse[1]), float(diffuse[2])),
             texture=self._image(name, "color", getattr(material, "image", None)),
         )
+
+    def _with_opacity(self, look: Look, material: Any, factor: float) -> Look:
+        mode, image, values = material.alphaMode, material.baseColorTexture, None
+        if mode not in ("MASK", "BLEND"):
+            return look
+        if look.texture >= 0 and isinstance(image, Image.Image):
+            pixels = pixels_of(image)
+            values = TRANSFER[pixels[..., 3]] if pixels.shape[2] == 4 else None
+        cutoff = 0.0
+        if mode == "MASK":
+            cutoff = 0.5 if material.alphaCutoff is None else float(material.alphaCutoff)
+        opacity, drawn = opacity_of(values, factor, cutoff)
+        index = -1 if drawn is None else self._texture(f"{look.name}/opacity", drawn, color=False)
+        return replace(look, opacity=opacity, cutoff=cutoff, opacity_map=index)
 
     def _image(self, name: str, role: str, *images: Any) -> int:
         """Index of a texture, or -1. A packed one is made of those of roughness and metalness, and of occlusion."""

@@ -14,7 +14,7 @@ from warpcam.kernels.types import Meshes
 from warpcam.parts import FIELDS
 from warpcam.scene import Scene
 from warpcam.sources import mujoco_model as model
-from warpcam.sources.mujoco_extras import KINDS, check_kinds, colors_of, with_extras
+from warpcam.sources.mujoco_extras import check_kinds, colors_of, with_extras
 from warpcam.sources.mujoco_layers import with_layers
 from warpcam.sources.mujoco_tables import DTYPES, ExtraTables, names_of
 
@@ -35,7 +35,7 @@ class MujocoSource:
         mjds: Sequence[mujoco.MjData],
         groups: model.Groups,
         device: wp.Device,
-        draw: Collection[str] = KINDS,
+        draw: Collection[str] = model.KINDS,
         reflections: bool | None = None,
         transparency: bool | None = None,
     ):
@@ -54,6 +54,7 @@ class MujocoSource:
             shapes[name] = len(mjds), getattr(mjds[0], self._data_names[name]).size // size
             dtypes[name] = DTYPES[name]
         shapes["headlight"], dtypes["headlight"] = (3,), wp.vec3
+        shapes["time"], dtypes["time"] = (len(mjds),), wp.float32
         starts, total = {}, 0
         for name, shape in shapes.items():
             starts[name] = total
@@ -64,16 +65,23 @@ class MujocoSource:
         layout = [(name, starts[name], shapes[name], dtypes[name]) for name in shapes]
         self._staged = {name: self._view(self._host, *place).numpy() for name, *place in layout}
         self._arrays = {name: self._view(self._block, *place) for name, *place in layout}
+        self._clock = self._arrays.pop("time")
         self._copied = wp.Event(device) if device.is_cuda else None
 
     def arrays(self) -> Mapping[str, wp.array]:
         return self._arrays if self._tables is None else self._tables.arrays(self._arrays)
+
+    def holds(self, field: str) -> bool:
+        return False
 
     def label(self, field: str) -> str:
         return f"mjd.{model.DATA_NAMES[field]}" if field in model.DATA_NAMES else f"mjm.{model.MODEL_NAMES[field]}"
 
     def global_ambient(self) -> float:
         return model.global_ambient(self._mjm)
+
+    def clock(self) -> wp.array | None:
+        return self._clock
 
     def refresh(self) -> None:
         """Copy poses and all else that may change to the device, in order with its current stream."""
@@ -86,6 +94,7 @@ class MujocoSource:
         for field, name in model.MODEL_NAMES.items():
             staged = self._staged[field]
             staged[0] = getattr(self._mjm, name).reshape(staged.shape[1:])
+        self._staged["time"][:] = [mjd.time for mjd in self._mjds]
         self._staged["headlight"][:] = model.headlight(self._mjm)
         wp.copy(self._block, self._host)
         if self._tables is not None and self._extras is not None:
@@ -131,7 +140,7 @@ def load(
     mjd: Any,
     groups: model.Groups,
     device: Any,
-    draw: Collection[str] = KINDS,
+    draw: Collection[str] = model.KINDS,
     reflections: bool | None = None,
     transparency: bool | None = None,
 ) -> Scene:

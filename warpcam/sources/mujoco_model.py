@@ -15,6 +15,9 @@ from warpcam.parts import Parts, SceneCamera
 
 VERSION = tuple(int(part) for part in mujoco.__version__.split(".")[:2])
 NUM_GROUPS = 6
+# Layers nearer than this part of a texel of its map do not shade each other in MuJoCo's renderer, which moves what it
+# draws there away from the light: by so much where that faces it, and by more on slopes.
+APART = 0.25
 SHOWN = (0, 1, 2)  # groups, unless told
 KINDS = ("geoms", "sites", "tendons", "flexes", "skins")
 Groups = Collection[int] | Mapping[str, Collection[int]]
@@ -93,6 +96,7 @@ def read_parts(mjm: mujoco.MjModel, num_worlds: int, groups: Groups) -> Parts:
             float(mjm.vis.map.shadowclip * mjm.stat.extent),
             float(mjm.vis.map.znear * mjm.stat.extent),
             float(mjm.vis.map.shadowscale),
+            APART * 2.0 / max(int(mjm.vis.quality.shadowsize), 1),
         ),
     )
 

@@ -14,7 +14,7 @@ from warpcam.kernels.launch import Stage
 from warpcam.kernels.types import Meshes
 from warpcam.scene import Scene
 from warpcam.sources import mujoco_model as model
-from warpcam.sources.mujoco_extras import KINDS, check_kinds, with_extras
+from warpcam.sources.mujoco_extras import check_kinds, with_extras
 from warpcam.sources.mujoco_layers import with_layers
 from warpcam.sources.mujoco_tables import ExtraTables, names_of
 
@@ -34,7 +34,7 @@ class MujocoWarpSource:
         m: mjw.Model,
         d: mjw.Data,
         groups: model.Groups,
-        draw: Collection[str] = KINDS,
+        draw: Collection[str] = model.KINDS,
         reflections: bool | None = None,
         transparency: bool | None = None,
     ):
@@ -74,11 +74,17 @@ class MujocoWarpSource:
         values = (*of_data(self._d), *of_model(self._m), self._headlight, *extras)
         return dict(zip(self._names, values, strict=True))
 
+    def holds(self, field: str) -> bool:
+        return field in model.MODEL_NAMES and not (self._tables is not None and field.startswith("shape_"))
+
     def label(self, field: str) -> str:
         return f"d.{model.DATA_NAMES[field]}" if field in model.DATA_NAMES else f"m.{model.MODEL_NAMES[field]}"
 
     def global_ambient(self) -> float:
         return self._ambient
+
+    def clock(self) -> wp.array | None:
+        return self._d.time
 
     def refresh(self) -> None:
         pass
@@ -107,7 +113,7 @@ def load(
     m: Any,
     d: Any,
     groups: model.Groups,
-    draw: Collection[str] = KINDS,
+    draw: Collection[str] = model.KINDS,
     reflections: bool | None = None,
     transparency: bool | None = None,
 ) -> Scene:

@@ -9,11 +9,13 @@ import numpy as np
 import warp as wp
 
 from warpcam import device as device_rule
+from warpcam.accel.textures import TextureImage
 from warpcam.errors import WarpcamError
 from warpcam.kernels import types
 from warpcam.kernels.gather import FlatShapes, WorldShapes, record_gather
 from warpcam.kernels.launch import Stage
 from warpcam.kernels.refit import Tree
+from warpcam.layers import veils_alone
 from warpcam.light import Light, light_arrays
 from warpcam.mounting import per_world
 from warpcam.parts import FIELDS, PHYSICAL_FIELDS, Parts
@@ -32,6 +34,10 @@ LIVE: Mapping[str, tuple[str, Any]] = {
     "shape_color": ("colors", wp.vec3),
     "shape_opacity": ("opacities", wp.float32),
     "shape_flags": ("flags", wp.int32),
+}
+LIVE_VARIANTS: Mapping[str, tuple[str, Any]] = {
+    "shape_type": ("types", wp.int32),
+    "shape_source_ptr": ("sources", wp.uint64),
 }
 LIVE_SOFT: Mapping[str, tuple[str, Any]] = {
     "tri_color": ("face_colors", wp.vec3),
@@ -58,6 +64,8 @@ class NewtonSource:
         lights: Sequence[Light] | None,
         ambient: Any,
         semantics: Mapping[str, int] | None,
+        transparency: bool | None = None,
+        textures: Sequence[Any] = (),
     ):
         self.device: wp.Device = model.device
         self._model = model
@@ -65,13 +73,14 @@ class NewtonSource:
         layout = read_layout(model)
         visuals = read_visuals(model)
         soft = with_visuals(read_soft(model, visuals.particles), visuals)
+        more = [_image(pixels, index) for index, pixels in enumerate(textures)]
         first_finish, first_texture = len(layout.finishes), len(layout.textures)
         layout = replace(
             layout,
-            textures=[*layout.textures, *visuals.textures],
+            textures=[*layout.textures, *visuals.textures, *more],
             finishes=[
                 *layout.finishes,
-                *((*PLAIN[:2], first_texture + texture) for texture in range(len(visuals.textures))),
+                *((*PLAIN[:2], first_texture + texture) for texture in range(len(visuals.textures) + len(more))),
             ],
         )
         num_worlds = model.world_count
@@ -79,16 +88,19 @@ class NewtonSource:
             lights = (default_light(model),)
         tables = Columns(layout, soft, first_finish)
         instances, marks = read_labels(model, tables.ids, tables.bodies, semantics)
+        if more:  # each world may have its own
+            tables.materials = np.array(np.broadcast_to(tables.materials, (num_worlds, len(tables.kinds))))
         self._arrays = _tables(layout, tables, num_worlds, self.device)
         self._arrays.update(light_arrays(lights, num_worlds, self.device))
         headlight = np.zeros((3, 3), np.float32)
         headlight[0] = per_world(ambient, "ambient", 1, (3,))[0]
         self._arrays["headlight"] = wp.array(headlight, dtype=wp.vec3, device=self.device)
+        drawn = np.flatnonzero(tables.kinds != types.SPLATS).tolist()
         self.parts = Parts(
             num_worlds=num_worlds,
             shape_types=tables.kinds,
             shape_bodies=np.full(len(tables.kinds), -1, np.int32),
-            drawn=np.flatnonzero(tables.kinds != types.SPLATS).tolist(),
+            drawn=drawn,
             bodies=layout.body_names,
             cameras=(),
             num_materials=len(layout.finishes),
@@ -105,9 +117,15 @@ class NewtonSource:
             scaled=True,
             physical=True,
             clouds=layout.clouds,
+            layers=veils_alone(tables.kinds, drawn, _opacity(model, tables), transparency),
         )
         self._out = WorldShapes()
         self._out.ids = wp.array(layout.ids, dtype=wp.int32, ndim=2, device=self.device)
+        self._live = LIVE if layout.variants is None else {**LIVE, **LIVE_VARIANTS}
+        if layout.variants is not None:
+            wanted, pointers = layout.variants
+            self._out.wanted = wp.array(wanted, dtype=wp.int32, ndim=2, device=self.device)
+            self._out.pointers = wp.array(pointers, dtype=wp.uint64, ndim=2, device=self.device)
         self._out.faces = wp.array(tables.faces, dtype=wp.int32, ndim=2, device=self.device)
         self._out.particles = wp.array(soft.particles, dtype=wp.int32, ndim=2, device=self.device)
         self._out.types = wp.array(tables.kinds, dtype=wp.int32, device=self.device)
@@ -132,18 +150,28 @@ class NewtonSource:
     def arrays(self) -> Mapping[str, wp.array]:
         return self._arrays
 
+    def holds(self, field: str) -> bool:
+        return field.startswith(("material_", "light_"))
+
     def label(self, field: str) -> str:
         return f"scene.array({field!r})"
 
     def global_ambient(self) -> float:
         return 0.0
 
+    def clock(self) -> wp.array | None:
+        return None
+
     def refresh(self) -> None:
         pass
 
     def stages(self, meshes: types.Meshes) -> tuple[Stage, ...]:
         model = self._model
-        read = (self._state.body_q, self._state.particle_q, *(getattr(model, name) for name in (*LIVE, *LIVE_SOFT)))
+        read = (
+            self._state.body_q,
+            self._state.particle_q,
+            *(getattr(model, name, None) for name in (*self._live, *LIVE_SOFT)),
+        )
         if len(read) == len(self._read) and all(a is b for a, b in zip(read, self._read, strict=True)):
             return self._bound
         key = tuple(None if array is None else (array.ptr, array.shape, array.strides) for array in read)
@@ -188,14 +216,14 @@ class NewtonSource:
 
     def _flat(self) -> FlatShapes:
         flat = FlatShapes()
-        for name, (field, dtype) in LIVE.items():
-            array = getattr(self._model, name)
+        for name, (field, dtype) in self._live.items():
+            array = getattr(self._model, name, None)
             rows = 0 if array is None else array.shape[0]
             if rows != self._model.shape_count and not (name == "shape_opacity" and rows == 0):
                 raise WarpcamError(f"model.{name}: {self._model.shape_count} rows are needed, got {rows}")
             self._set(flat, field, array, dtype, f"model.{name}")
         for name, (field, dtype) in LIVE_SOFT.items():
-            self._set(flat, field, getattr(self._model, name), dtype, f"model.{name}")
+            self._set(flat, field, getattr(self._model, name, None), dtype, f"model.{name}")
         self._set(flat, "body_transforms", self._state.body_q, wp.transform, "state.body_q")
         self._set(flat, "points", self._state.particle_q, wp.vec3, "state.particle_q")
         return flat
@@ -210,12 +238,14 @@ class NewtonSource:
         if not isinstance(state, newton.State):
             raise WarpcamError(f"state must be a newton.State, got {type(state).__name__}")
         model = self._model
-        for what, count, array in (
-            ("bodies", model.body_count, state.body_q),
-            ("particles", model.particle_count, state.particle_q),
+        for what, count, array, needed in (
+            ("bodies", model.body_count, state.body_q, True),
+            ("particles", model.particle_count, state.particle_q, True),
+            ("joint coordinates", model.joint_coord_count, state.joint_q, False),
+            ("joint degrees of freedom", model.joint_dof_count, state.joint_qd, False),
         ):
             found = 0 if array is None else array.shape[0]
-            if found != count:
+            if found != count and (needed or array is not None):
                 raise WarpcamError(
                     f"state was made from another model: it has {found} {what}, model has {count}; model.state() makes "
                     "one"
@@ -236,7 +266,7 @@ class Columns:
     def __init__(self, layout: Layout, soft: Soft, first_finish: int):
         num_worlds, shapes = layout.ids.shape
         width, loose = soft.num_columns, soft.particles
-        self.faces = np.full((num_worlds, width), -1, np.int32)
+        self.faces, self.first_soft = np.full((num_worlds, width), -1, np.int32), shapes
         assets = np.full((num_worlds, width), -1, np.int32)
         first = len(layout.meshes)
         for part in soft.parts:
@@ -287,7 +317,31 @@ def _tables(layout: Layout, tables: Columns, num_worlds: int, device: wp.Device)
     return arrays
 
 
-def load(model: Any, state: Any, lights: Any, ambient: Any, semantics: Any) -> Scene:
+def _opacity(model: newton.Model, tables: Columns) -> np.ndarray:
+    """How opaque what is drawn is now, (world, column)."""
+    opacity = np.ones(tables.ids.shape, np.float32)
+    shapes, soft = model.shape_opacity, model.tri_opacity
+    if shapes is not None and shapes.shape[0]:
+        opacity = np.where(tables.ids >= 0, np.append(shapes.numpy(), 1.0)[np.maximum(tables.ids, -1)], opacity)
+    if soft is not None and soft.shape[0]:
+        first = tables.first_soft
+        faces = opacity[:, first : first + tables.faces.shape[1]]
+        faces[:] = np.where(tables.faces >= 0, np.append(soft.numpy(), 1.0)[np.maximum(tables.faces, -1)], faces)
+    return opacity
+
+
+def _image(pixels: Any, index: int) -> TextureImage:
+    image = np.asarray(pixels)
+    if image.ndim != 3 or image.shape[2] != 3 or image.dtype != np.uint8 or not image.size:
+        raise WarpcamError(
+            f"textures[{index}]: (height, width, 3) uint8 is needed, got {image.dtype} of shape {image.shape}"
+        )
+    return TextureImage("2d", np.ascontiguousarray(image), blend_light=True)
+
+
+def load(
+    model: Any, state: Any, lights: Any, ambient: Any, semantics: Any, transparency: Any, textures: Sequence[Any] = ()
+) -> Scene:
     if not isinstance(model, newton.Model):
         raise WarpcamError(f"model must be a newton.Model, got {type(model).__name__}")
-    return Scene(NewtonSource(model, state, lights, ambient, semantics))
+    return Scene(NewtonSource(model, state, lights, ambient, semantics, transparency, textures))

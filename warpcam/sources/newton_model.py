@@ -17,6 +17,7 @@ from warpcam.errors import WarpcamError
 from warpcam.kernels import types
 from warpcam.sources.columns import columns_of, places_of
 from warpcam.sources.newton_splats import read_cloud
+from warpcam.sources.newton_variants import read_entries
 
 GEO = newton.GeoType
 # Newton's shapes in our words.
@@ -51,6 +52,8 @@ class Layout:
         bodies: (world, place) int32, bodies; -1 where a world has none.
         body_names: Of the places.
         body_places: (body,) int32.
+        variants: Type and source, (world, column) int32 and uint64, that a shape must have to be seen in this column;
+            a type of -1 where it always is. None where no shape may become another.
     """
 
     ids: np.ndarray
@@ -66,28 +69,35 @@ class Layout:
     bodies: np.ndarray
     body_names: Sequence[str]
     body_places: np.ndarray
+    variants: tuple[np.ndarray, np.ndarray] | None
 
 
 def read_layout(model: newton.Model) -> Layout:
     """Read what never changes."""
     num_worlds, count = model.world_count, model.shape_count
-    kinds = np.full(count, -1, np.int32)
-    worlds = np.zeros(count, np.int32)
+    entries = read_entries(model)
+    kinds = np.full(len(entries.shapes), -1, np.int32)
+    worlds = np.zeros(len(entries.shapes), np.int32)
     if count:
-        geo, worlds = model.shape_type.numpy(), model.shape_world.numpy()
+        worlds = model.shape_world.numpy()[entries.shapes]
         for theirs, ours in KINDS.items():
-            kinds[geo == int(theirs)] = ours
-        kinds[(kinds == types.CYLINDER) & (model.shape_scale.numpy()[:, 2] > 0.0)] = types.BARREL
-        _note_variants(model)
-    ids, of_column = columns_of(worlds, kinds, num_worlds)
+            kinds[entries.types == int(theirs)] = ours
+        bent = entries.chosen | (model.shape_scale.numpy()[entries.shapes, 2] > 0.0)
+        kinds[(kinds == types.CYLINDER) & bent] = types.BARREL
+    table, of_column = columns_of(worlds, kinds, num_worlds)
+    ids = np.append(entries.shapes, -1)[table].astype(np.int32)
 
-    assets, materials = np.full(count + 1, -1, np.int32), np.zeros(count + 1, np.int32)
+    assets, materials = np.full(len(kinds) + 1, -1, np.int32), np.zeros(len(kinds) + 1, np.int32)
     sources = Sources()
-    for shape in np.flatnonzero(np.isin(kinds, (types.MESH, types.HEIGHT_FIELD, types.SPLATS))):
-        source = model.shape_source[shape]
+    for entry in map(int, np.flatnonzero(np.isin(kinds, (types.MESH, types.HEIGHT_FIELD, types.SPLATS)))):
+        source = entries.sources[entry]
         if source is not None:
-            convex = geo[shape] == int(GEO.CONVEX_MESH)
-            assets[shape], materials[shape] = sources.add(source, convex, model.shape_label[shape])
+            convex = entries.types[entry] == int(GEO.CONVEX_MESH)
+            assets[entry], materials[entry] = sources.add(source, convex, model.shape_label[entries.shapes[entry]])
+    variants = None
+    if entries.chosen.any():
+        wanted = np.append(np.where(entries.chosen, entries.types, -1), -1)
+        variants = wanted[table].astype(np.int32), np.append(entries.pointers, np.uint64(0))[table]
     bodies = np.concatenate((model.shape_body.numpy() if count else np.zeros(0, np.int32), [-1])).astype(np.int32)
     body_worlds = model.body_world.numpy() if model.body_count else np.zeros(0, np.int32)
     places, names, place_of_body = places_of(body_worlds, model.body_label, num_worlds)
@@ -95,8 +105,8 @@ def read_layout(model: newton.Model) -> Layout:
         ids=ids,
         kinds=of_column,
         shape_bodies=bodies[ids],
-        assets=_rows(assets[ids]),
-        materials=_rows(materials[ids]),
+        assets=_rows(assets[table]),
+        materials=_rows(materials[table]),
         meshes=sources.meshes,
         height_fields=sources.height_fields,
         textures=sources.textures,
@@ -105,6 +115,7 @@ def read_layout(model: newton.Model) -> Layout:
         bodies=places,
         body_names=names,
         body_places=place_of_body,
+        variants=variants,
     )
 
 
@@ -229,11 +240,6 @@ def _height_field(source: newton.Heightfield, label: str) -> HeightField:
 def _rows(table: np.ndarray) -> np.ndarray:
     """One row where all worlds are alike."""
     return table[:1] if (table == table[:1]).all() else table
-
-
-def _note_variants(model: newton.Model) -> None:
-    if model.body_variant is not None and (model.body_variant.numpy() >= 0).any():
-        _warn("body variants are drawn as they are now; others that are selected later are not seen")
 
 
 def _warn(message: str, *values: Any) -> None:

@@ -18,7 +18,8 @@ from warpcam.kernels.swell import Hull, record_bind, record_swell
 from warpcam.sources.newton_soft import Part, Soft, is_closed
 
 VISUAL = -2  # stands for a triangle that nothing has: the surface is white
-KIND = newton.geometry.DeformableVisualMesh.Kind
+# Newton has had them since 1.8; Isaac Lab comes with an older one.
+KIND: Any = getattr(getattr(newton.geometry, "DeformableVisualMesh", None), "Kind", None)
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,7 +67,7 @@ class Visuals:
 
 def read_visuals(model: newton.Model) -> Visuals:
     reader = _Reader(model)
-    for mesh in model.deformable_visual_meshes:
+    for mesh in getattr(model, "deformable_visual_meshes", ()):
         reader.add(mesh)
     return Visuals(list(reader.parts.values()), reader.textures, reader.particles)
 
@@ -112,7 +113,7 @@ class _Reader:
         self._known: dict[Any, int] = {}
         self._seen: dict[Any, int] = {}
 
-    def add(self, mesh: newton.geometry.DeformableVisualMesh) -> None:
+    def add(self, mesh: "newton.geometry.DeformableVisualMesh") -> None:
         faces = np.ascontiguousarray(mesh.indices.numpy().reshape(-1, 3), np.int32)
         uvs = None if mesh.uvs is None else mesh.uvs.numpy().astype(np.float32)
         texture = self._texture(mesh, uvs)
@@ -140,7 +141,7 @@ class _Reader:
         vertices = np.ascontiguousarray(vertices, np.float32)
         return Visual(faces, vertices, len(self.parts), hull=hull, uvs=corners, texture=texture)
 
-    def _drivers(self, mesh: newton.geometry.DeformableVisualMesh) -> tuple[np.ndarray, np.ndarray]:
+    def _drivers(self, mesh: "newton.geometry.DeformableVisualMesh") -> tuple[np.ndarray, np.ndarray]:
         parent = mesh.parent.numpy().reshape(-1)
         bonds, weights = np.full((len(parent), 4), -1, np.int32), np.zeros((len(parent), 4), np.float32)
         if mesh.kind == KIND.BODY:
@@ -155,7 +156,7 @@ class _Reader:
         self.particles[bonds[bonds >= 0]] = True
         return bonds, weights
 
-    def _texture(self, mesh: newton.geometry.DeformableVisualMesh, uvs: np.ndarray | None) -> int:
+    def _texture(self, mesh: "newton.geometry.DeformableVisualMesh", uvs: np.ndarray | None) -> int:
         texture = mesh.texture
         if texture is None or uvs is None:
             return -1
@@ -164,8 +165,11 @@ class _Reader:
             try:
                 pixels = newton.utils.normalize_texture(newton.utils.load_texture(texture), require_channels=True)
             except (OSError, ValueError, IndexError) as error:
-                logging.getLogger("warpcam").warning("from_newton: visual mesh '%s': %s", mesh.label, error)
+                _warn("visual mesh '%s': %s", mesh.label, error)
                 pixels = None
+            if pixels is None:
+                what = texture if isinstance(texture, str | Path) else "image"
+                _warn("visual mesh '%s': its texture %s cannot be read; it is drawn white", mesh.label, what)
             self._known[key] = -1 if pixels is None else len(self.textures)
             if pixels is not None:
                 self.textures.append(TextureImage("2d", pixels, blend_light=True))
@@ -174,3 +178,7 @@ class _Reader:
 
 def _table(indices: Any, width: int) -> np.ndarray:
     return np.zeros((0, width), np.int32) if indices is None else indices.numpy().reshape(-1, width)
+
+
+def _warn(message: str, *values: Any) -> None:
+    logging.getLogger("warpcam").warning("from_newton: " + message, *values)

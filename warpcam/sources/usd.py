@@ -34,6 +34,7 @@ def load(
     semantics: Mapping[str, int] | None,
     textures: Mapping[str, Any],
     exposure: float | None,
+    transparency: bool | None,
 ) -> DrivenScene:
     if isinstance(num_worlds, bool) or not isinstance(num_worlds, int | np.integer) or num_worlds < 1:
         raise WarpcamError(f"num_worlds must be a whole number, at least 1, got {num_worlds!r}")
@@ -63,7 +64,7 @@ def load(
         graph.texture_names.append(label)
         graph.textures.append(image)
     notes.say()
-    scene = DrivenScene(GraphSource(graph, int(num_worlds), where, semantics, exposure))
+    scene = DrivenScene(GraphSource(graph, int(num_worlds), where, semantics, exposure, transparency))
     low, high = scene.bounds()
     size = float(np.linalg.norm(high - low))
     if size > 0.0 and not UNITS[0] <= size <= UNITS[1]:

@@ -23,29 +23,10 @@ from warpcam.sources.images import (
     wrapped,
 )
 from warpcam.sources.notes import Notes
-from warpcam.sources.usd_texture import TextureInput, file_bytes, input_value, plain_texture, texture_input
+from warpcam.sources.opacity import opacity_of
+from warpcam.sources.usd_shader import OMNI, PREVIEW, surface_of, value_of
+from warpcam.sources.usd_texture import TextureInput, alike, file_bytes, identity
 
-# Inputs by what they say. A texture of its own stands in an input beside the constant in OmniPBR.
-PREVIEW: Mapping[str, tuple[str, str]] = {
-    "color": ("diffuseColor", ""),
-    "opacity": ("opacity", ""),
-    "roughness": ("roughness", ""),
-    "metallic": ("metallic", ""),
-    "emission": ("emissiveColor", ""),
-    "normal": ("normal", ""),
-    "occlusion": ("occlusion", ""),
-    "ior": ("ior", ""),
-}
-OMNI: Mapping[str, tuple[str, str]] = {
-    "color": ("diffuse_color_constant", "diffuse_texture"),
-    "opacity": ("opacity_constant", ""),
-    "roughness": ("reflection_roughness_constant", "reflectionroughness_texture"),
-    "metallic": ("metallic_constant", "metallic_texture"),
-    "emission": ("emissive_color", "emissive_color_texture"),
-    "normal": ("", "normalmap_texture"),
-    "occlusion": ("", "ao_texture"),
-    "ior": ("", ""),
-}
 PACKED = ("occlusion", "roughness", "metallic")  # in the order of their channels
 
 
@@ -58,12 +39,14 @@ class Bound:
         uv: Name of the primvar that its texture is laid on by; "" if any will do.
         uv_turn: (2, 3), what is done to texture coordinates.
         by_color: The shape's display colour is the material's.
+        by_opacity: Its display opacity is.
     """
 
     look: int = -1
     uv: str = ""
     uv_turn: np.ndarray | None = None
     by_color: bool = True
+    by_opacity: bool = True
 
 
 class MaterialReader:
@@ -95,9 +78,20 @@ class MaterialReader:
     def of_solid(self, prim: Usd.Prim, time: Usd.TimeCode) -> tuple[tuple[float, float, float, float] | None, int]:
         """Colour and look of a shape of one colour."""
         bound = self.bound_to(prim)
-        return (self.display_color(prim, time) if bound.by_color else None), bound.look
+        return self.own_color(bound, prim, time), bound.look
 
-    def display_color(self, prim: Usd.Prim, time: Usd.TimeCode) -> tuple[float, float, float, float]:
+    def own_color(self, bound: Bound, prim: Usd.Prim, time: Usd.TimeCode) -> tuple[float, float, float, float] | None:
+        """What a prim says of its colour and opacity, linear, with what its material says of the rest; None: all."""
+        if not bound.by_color and not bound.by_opacity:
+            return None
+        red, green, blue, opacity = self._display_color(prim, time)
+        if bound.look < 0:
+            return red, green, blue, opacity
+        look = self._graph.looks[bound.look]
+        opacity = opacity_of(None, opacity, look.cutoff)[0] if bound.by_opacity else look.opacity
+        return (red, green, blue, opacity) if bound.by_color else (*look.color, opacity)
+
+    def _display_color(self, prim: Usd.Prim, time: Usd.TimeCode) -> tuple[float, float, float, float]:
         """The one display colour and opacity of a prim, the mean if it has several, linear."""
         found = []
         for name, default in (("displayColor", looks.BARE), ("displayOpacity", (1.0,))):
@@ -114,13 +108,14 @@ class MaterialReader:
         texture = self._add_texture(name, pixels)
         base = self._graph.looks[look] if look >= 0 else Look(name)
         own = replace(base, name=f"{name}/displayColor", color=looks.WHITE, texture=texture)
-        self._graph.looks.append(replace(own, normals=-1, packed=-1, glow=-1))  # they lie by other coordinates
+        own = replace(own, normals=-1, packed=-1, glow=-1, opacity_map=-1)  # they lie by other coordinates
+        self._graph.looks.append(own)
         return len(self._graph.looks) - 1
 
     def laid_on(self, look: int, uvs: np.ndarray) -> tuple[int, np.ndarray]:
         """Look and texture coordinates (face, 3, 2) for an image that does not simply repeat."""
         base = self._graph.looks[look]
-        images = {name: getattr(base, name) for name in ("texture", "normals", "packed", "glow")}
+        images = {name: getattr(base, name) for name in ("texture", "normals", "packed", "glow", "opacity_map")}
         if max(images.values()) < 0 or base.wrap == ("repeat", "repeat"):
             return look, uvs
         flat = uvs.reshape(-1, 2)
@@ -176,32 +171,32 @@ class MaterialReader:
 
     def _read(self, material: UsdShade.Material) -> Bound:
         name = str(material.GetPath())
-        surface, inputs = self._surface(material)
+        surface, inputs = surface_of(material)
         if surface is None:
             self._notes.warn("has no surface that is known here, and shows the shapes' display colours", name)
             return Bound()
         values: dict[str, Any] = {}
         textures: dict[str, TextureInput] = {}
-        by_color = False
+        by_color = by_opacity = False
         for what, (constant, texture) in inputs.items():
             for source in (constant, texture):
                 given = surface.GetInput(source) if source else None
                 if not given:
                     continue
-                value, reader, primvar = self._value(given)
+                value, reader, primvar = value_of(given, self._notes)
                 if reader is not None:
                     textures[what] = reader
                     if what == "color" and source == constant:  # the base colour, where its texture is missing
                         values[what] = given.GetAttr().Get()
                 elif primvar:
                     by_color |= what == "color" and primvar == "displayColor"
+                    by_opacity |= what == "opacity" and primvar == "displayOpacity"
                 elif value is not None and not isinstance(value, Sdf.AssetPath):
                     values[what] = value
         ior = max(_number(values.get("ior"), 1.5), 0.0)
         look = Look(
             name,
             color=_color(values.get("color"), (0.18, 0.18, 0.18) if inputs is PREVIEW else (0.2, 0.2, 0.2)),
-            opacity=_number(values.get("opacity"), 1.0),
             roughness=_number(values.get("roughness"), 0.5),
             metallic=_number(values.get("metallic"), 0.0),
             reflectance=((1.0 - ior) / (1.0 + ior)) ** 2,
@@ -209,18 +204,17 @@ class MaterialReader:
         )
         if inputs is PREVIEW and "emission" in textures:  # which takes the constant's place
             look = replace(look, emission=looks.WHITE)
-        if "opacity" in textures:
-            self._notes.remark("has a texture of its opacity, which is not drawn", name)
         look = self._with_maps(look, textures, name)
+        look = self._with_opacity(look, surface, inputs, values, textures, name)
         uv, turn = "", None
         laid = next((textures[what] for what in ("color", "normal", "roughness", *textures) if what in textures), None)
         if laid is not None:
             look = replace(look, wrap=laid.wrap)
             uv, turn = laid.uv, laid.uv_turn
-            if any(not _alike(laid, other) for what, other in textures.items() if what != "opacity"):
+            if any(not alike(laid, other) for other in textures.values()):
                 self._notes.remark("has textures that lie in different ways, which are all laid as the first", name)
         self._graph.looks.append(look)
-        return Bound(len(self._graph.looks) - 1, uv, turn, by_color)
+        return Bound(len(self._graph.looks) - 1, uv, turn, by_color, by_opacity)
 
     def _with_maps(self, look: Look, textures: Mapping[str, TextureInput], name: str) -> Look:
         """The look with its textures, each a factor of the look's own value, which it replaces."""
@@ -247,10 +241,46 @@ class MaterialReader:
                 look = replace(look, **{what: fallback if values is None else 1.0})  # type: ignore[arg-type]
         image = packed([channels.get(what) for what in PACKED])
         if image is not None:
-            key = tuple(_identity(textures[what]) if what in textures else None for what in PACKED)
+            key = tuple(identity(textures[what]) if what in textures else None for what in PACKED)
             if key not in self._packed:
                 self._packed[key] = self._add_texture(f"{name}/occlusion, roughness, metallic", image, color=False)
             look = replace(look, packed=self._packed[key])
+        return look
+
+    def _with_opacity(
+        self,
+        look: Look,
+        surface: Any,
+        inputs: Mapping[str, Any],
+        values: Mapping[str, Any],
+        textures: dict[str, TextureInput],
+        name: str,
+    ) -> Look:
+        """The look with its opacity: a number, a map or a cut-out."""
+
+        def says(switch: str) -> Any:
+            given = surface.GetInput(switch)
+            return given.Get() if given else None
+
+        reader = textures.get("opacity")
+        if inputs is OMNI:
+            if not says("enable_opacity"):
+                textures.pop("opacity", None)
+                return look
+            if reader is not None:
+                reader = replace(reader, channel="a" if says("opacity_mode") == 0 else "r")
+            if reader is None or not says("enable_opacity_texture"):
+                textures.pop("opacity", None)
+                reader = None
+        cutoff = max(_number(says("opacity_threshold" if inputs is OMNI else "opacityThreshold"), 0.0), 0.0)
+        factor = _number(values.get("opacity"), 1.0) if reader is None or inputs is OMNI else 1.0
+        opacity, image = opacity_of(None if reader is None else self._channel(reader, name), factor, cutoff)
+        look = replace(look, opacity=opacity, cutoff=cutoff)
+        if image is not None and reader is not None:
+            key = ("opacity", factor, *identity(reader))
+            if key not in self._textures:
+                self._textures[key] = self._add_texture(f"{name}/opacity", image, color=False)
+            look = replace(look, opacity_map=self._textures[key])
         return look
 
     def _channel(self, reader: TextureInput, where: str) -> np.ndarray | None:
@@ -260,12 +290,14 @@ class MaterialReader:
             return None
         place = {"r": 0, "g": 1, "b": 2, "a": 3}.get(reader.channel, 0)
         values = pixels[..., min(place, pixels.shape[2] - 1)]
+        if place == 3 and pixels.shape[2] < 4:
+            values = np.full_like(values, 255)
         srgb = reader.color_space == "sRGB" and place < 3
         linear: np.ndarray = (LINEAR if srgb else TRANSFER)[values]
         return linear * reader.scale[place] + reader.bias[place]
 
     def _normals(self, reader: TextureInput, where: str) -> int:
-        key = ("normals", *_identity(reader))
+        key = ("normals", *identity(reader))
         if key not in self._textures:
             pixels = self._load(reader.asset, reader.layer, where)
             if pixels is None:
@@ -277,20 +309,6 @@ class MaterialReader:
             self._textures[key] = self._add_texture(reader.asset.path, image, color=False)
         return self._textures[key]
 
-    @staticmethod
-    def _surface(material: UsdShade.Material) -> tuple[UsdShade.Shader | None, Mapping[str, tuple[str, str]]]:
-        for context in (UsdShade.Tokens.universalRenderContext, "mtlx", "mdl"):
-            shader = material.ComputeSurfaceSource(context)[0]
-            if not shader:
-                continue
-            identifier = str(shader.GetShaderId() or "")
-            if identifier in ("UsdPreviewSurface", "ND_UsdPreviewSurface_surfaceshader"):
-                return shader, PREVIEW
-            module = shader.GetSourceAsset("mdl")
-            if module and "OmniPBR" in module.path:
-                return shader, OMNI
-        return None, PREVIEW
-
     def _emission(
         self, surface: Any, inputs: Mapping[str, Any], values: Mapping[str, Any]
     ) -> tuple[float, float, float]:
@@ -301,29 +319,9 @@ class MaterialReader:
             return _color(values.get("emission"), (1.0, 0.1, 0.1))
         return _color(values.get("emission"), (0.0, 0.0, 0.0))
 
-    def _value(self, given: UsdShade.Input) -> tuple[Any, TextureInput | None, str]:
-        """Of an input its constant, or the texture reader it is connected to, or the primvar."""
-        for attribute in UsdShade.Utils.GetValueProducingAttributes(given):
-            prim = attribute.GetPrim()
-            shader = UsdShade.Shader(prim)
-            identifier = str(shader.GetShaderId() or "") if shader else ""
-            output = attribute.GetName().removeprefix("outputs:")
-            if attribute.GetName().startswith("outputs:"):
-                if identifier == "UsdUVTexture":
-                    return None, texture_input(shader, output), ""
-                if identifier.startswith("UsdPrimvarReader"):
-                    return None, None, str(input_value(shader, "varname", ""))
-                self._notes.remark(f"uses {identifier or 'a shader'}, which is not known here", str(prim.GetPath()))
-                continue
-            value = attribute.Get()
-            if isinstance(value, Sdf.AssetPath) and value.path:
-                return None, plain_texture(value, attribute), ""
-            return value, None, ""
-        return None, None, ""
-
     def _texture(self, reader: TextureInput, where: str) -> int:
         """Index of the reader's image in display values, or -1."""
-        key = _identity(reader)
+        key = identity(reader)
         if key not in self._textures:
             pixels = self._load(reader.asset, reader.layer, where)
             if pixels is None:
@@ -373,24 +371,6 @@ class MaterialReader:
                     f"{asset.path} of {where}",
                 )
         return self._pixels[key]
-
-
-def _identity(reader: TextureInput) -> tuple[Any, ...]:
-    """Equal for readers that give the same."""
-    return (
-        reader.asset.resolvedPath or reader.asset.path,
-        reader.layer,
-        reader.channel,
-        reader.color_space,
-        reader.scale.tobytes(),
-        reader.bias.tobytes(),
-    )
-
-
-def _alike(one: TextureInput, other: TextureInput) -> bool:
-    """Whether two textures lie in the same way."""
-    first, second = (np.eye(2, 3) if turn is None else turn for turn in (one.uv_turn, other.uv_turn))
-    return one.uv == other.uv and one.wrap == other.wrap and bool(np.allclose(first, second))
 
 
 def _rgb(pixels: np.ndarray) -> np.ndarray:

@@ -96,7 +96,7 @@ class MeshReader:
         time: Usd.TimeCode,
     ) -> Item:
         # Of an instance the same unless what is inherited from outside differs: that is colours and bindings.
-        color = self._materials.display_color(prim, time) if bound.by_color else None
+        color = self._materials.own_color(bound, prim, time)
         key = (path, part.rsplit("/", 1)[-1], bound.look, bound.uv, color)
         if key not in self._parts:
             self._parts[key] = self._part(prim, str(path), bound, color, triangles, mine, time)

@@ -59,6 +59,24 @@ def texture_input(shader: UsdShade.Shader, channel: str) -> TextureInput:
     )
 
 
+def identity(reader: TextureInput) -> tuple[Any, ...]:
+    """Equal for readers that give the same."""
+    return (
+        reader.asset.resolvedPath or reader.asset.path,
+        reader.layer,
+        reader.channel,
+        reader.color_space,
+        reader.scale.tobytes(),
+        reader.bias.tobytes(),
+    )
+
+
+def alike(one: TextureInput, other: TextureInput) -> bool:
+    """Whether two textures lie in the same way."""
+    first, second = (np.eye(2, 3) if turn is None else turn for turn in (one.uv_turn, other.uv_turn))
+    return one.uv == other.uv and one.wrap == other.wrap and bool(np.allclose(first, second))
+
+
 def plain_texture(asset: Sdf.AssetPath, attribute: Usd.Attribute) -> TextureInput:
     space = attribute.GetColorSpace() if hasattr(attribute, "GetColorSpace") else ""
     return TextureInput(

@@ -1,0 +1,167 @@
+// Edges of an image, and which of its pixels shows what a sample beside a pixel's centre has hit.
+#pragma once
+#include "prepare.h"
+
+namespace warpcam {
+
+// A surface has an edge where its slope, of depth over width, changes by more than this from pixel to pixel.
+constexpr float CREASE = 1.0f;
+// Of the pixels that may show a sample's surface one whose plane lies apart from it by so many pixels' widths in depth
+// is as bad as one that lies a pixel's width aside.
+constexpr float STEEP = 1.0f;
+// How far beyond the depths around a sample is followed: parts of their range, and pixels' widths.
+constexpr float BEYOND = 2.5f, ASIDE = 4.0f;
+constexpr int SAMPLES = 4;  // of a pixel
+constexpr unsigned EVERY_SAMPLE = (1u << SAMPLES) - 1;
+
+struct Offset {
+    float right, down;  // from the pixel's centre [pixels]
+};
+
+// Where OpenGL's implementations have a pixel's samples (antialias.py has the same numbers).
+WARPCAM_FN Offset sample_offset(int sample)
+{
+    const bool upright = sample == 0 || sample == 3;
+    const float sign = sample < 2 ? 1.0f : -1.0f;
+    return { sign * (upright ? -0.125f : 0.375f), sign * (upright ? 0.375f : 0.125f) };
+}
+
+// Depths between which a sample's hit is looked for, on shapes that take long: about those that the pixels around have.
+struct Band {
+    float first, last;  // the first is greater where there are none
+
+    WARPCAM_FN void include(float depth)
+    {
+        first = lower(first, depth);
+        last = upper(last, depth);
+    }
+
+    // With room for slopes that grow beyond the pixels' centres; `width` is that of a pixel at a depth of 1 m.
+    template <int LENS> WARPCAM_FN Band widened(float width) const
+    {
+        const float margin = BEYOND * (last - first) + ASIDE * width * (LENS == PINHOLE ? last : 1.0f);
+        return { first - margin, last + margin };
+    }
+};
+
+constexpr Band NOWHERE { FAR_AWAY, -FAR_AWAY };
+
+// What a view has found in the centres of its pixels.
+template <int LENS, class Target> struct Seen {
+    const Target& target;
+    unsigned first;  // the view's first pixel
+    float scale_x, scale_y;  // width and height of a pixel, at a depth of 1 m or everywhere [m]
+
+    WARPCAM_FN unsigned at(int i, int j) const { return first + unsigned(j * target.width + i); }
+    WARPCAM_FN bool inside(int i, int j) const { return i >= 0 && i < target.width && j >= 0 && j < target.height; }
+    WARPCAM_FN int shape(unsigned pixel) const { return target.shape.data[pixel]; }
+    WARPCAM_FN float depth(unsigned pixel) const { return target.depth.data[pixel]; }
+
+    // The nearest pixel of the image.
+    WARPCAM_FN unsigned near(int i, int j) const
+    {
+        return at(i < 0 ? 0 : lower_int(i, target.width - 1), j < 0 ? 0 : lower_int(j, target.height - 1));
+    }
+
+    // The same for one of the nine pixels around, row after row.
+    WARPCAM_FN unsigned around(int i, int j, int k) const { return near(i + k % 3 - 1, j + k / 3 - 1); }
+
+    // Are three pixels in a row not on one plane? Of a plane 1 / depth is linear in a pinhole's image.
+    WARPCAM_FN bool turns(unsigned before, unsigned here, unsigned after, float scale) const
+    {
+        const float a = depth(before), b = depth(here), c = depth(after);
+        if (LENS == PINHOLE)
+            return magnitude(b * (a + c) - 2.0f * a * c) > CREASE * scale * (a * c);
+        return magnitude(a + c - 2.0f * b) > CREASE * scale;
+    }
+
+    // Which of the pixel's samples may hit what its centre does not, by bit. All where its surface is bent. Otherwise
+    // those that have another shape at a corner of the triangle that they lie in, of the pixel's centre, that of a
+    // neighbour and that of one across: three pixels that show the same shape have no edge between them. A pixel has
+    // an edge if one of its four neighbours is another shape, or its surface is bent.
+    WARPCAM_FN unsigned edge(int i, int j) const
+    {
+        const unsigned pixel = at(i, j), line = unsigned(target.width);
+        const bool has_left = i > 0, has_right = i + 1 < target.width;
+        const bool has_up = j > 0, has_down = j + 1 < target.height;
+        const unsigned left = has_left ? pixel - 1 : pixel, right = has_right ? pixel + 1 : pixel;
+        const unsigned up = has_up ? pixel - line : pixel, down = has_down ? pixel + line : pixel;
+        const int here = shape(pixel);
+        const bool at_left = shape(left) != here, at_right = shape(right) != here;
+        const bool at_up = shape(up) != here, at_down = shape(down) != here;
+        if (at_left | at_right | at_up | at_down) {
+            const int west = i > 0 ? -1 : 0, east = has_right ? 1 : 0;
+            const bool down_left = shape(down + west) != here, down_right = shape(down + east) != here;
+            const bool up_left = shape(up + west) != here, up_right = shape(up + east) != here;
+            return unsigned(at_down | down_left) | unsigned(at_right | down_right) << 1
+                | unsigned(at_left | up_left) << 2 | unsigned(at_up | up_right) << 3;
+        }
+        if (here < 0)
+            return 0;
+        const bool bent = (has_left && has_right && turns(left, pixel, right, scale_x))
+            || (has_up && has_down && turns(up, pixel, down, scale_y));
+        return bent ? EVERY_SAMPLE : 0;
+    }
+
+    // Is a shape of that type in one of the nine pixels around? `types` are those of all shapes.
+    template <class Types> WARPCAM_FN bool beside(const Types& types, int type, int i, int j) const
+    {
+        bool any = false;
+        for (int k = 0; k < 9; ++k) {
+            const int id = shape(around(i, j, k));
+            any |= id >= 0 && wp::index(types, id) == type;
+        }
+        return any;
+    }
+
+    // What is linear in the image of a plane.
+    WARPCAM_FN float level(float depth) const { return LENS == PINHOLE ? reciprocal(depth) : depth; }
+
+    // How far a hit lies from the plane of a pixel's surface, in pixels' widths. The pixels on the side away from the
+    // hit, which is (x, y) pixels before the centre, tell the plane.
+    WARPCAM_FN float off_plane(int i, int j, float x, float y, float hit_depth, int hit_shape) const
+    {
+        const unsigned pixel = at(i, j);
+        const float here = level(depth(pixel));
+        float found = here;
+        const int beside = i + (x > 0.0f ? 1 : -1), below = j + (y > 0.0f ? 1 : -1);
+        if (beside >= 0 && beside < target.width && shape(at(beside, j)) == hit_shape)
+            found += magnitude(x) * (here - level(depth(at(beside, j))));
+        if (below >= 0 && below < target.height && shape(at(i, below)) == hit_shape)
+            found += magnitude(y) * (here - level(depth(at(i, below))));
+        const float apart = magnitude(found - level(hit_depth));
+        return (LENS == PINHOLE ? apart * hit_depth : apart) * reciprocal(STEEP * scale_x);
+    }
+
+    // Which of the nine pixels around shows what a sample of pixel (i, j) has hit: the nearest, by place and by depth.
+    // It is the pixel itself if none does.
+    WARPCAM_FN unsigned shown(int i, int j, Offset offset, float hit_depth, int hit_shape) const
+    {
+        // The nine from near to far, 1 being the pixel's own line and 2 that on the sample's side: bits by twos for the
+        // direction in which the sample is farther from the centre, and for the other.
+        constexpr unsigned FARTHER = 0x999, OTHER = 0x90a5;
+        const bool upright = magnitude(offset.down) > magnitude(offset.right);
+        const int x = offset.right > 0.0f ? 1 : -1, y = offset.down > 0.0f ? 1 : -1;
+        float best = FAR_AWAY;
+        unsigned chosen = at(i, j);
+        for (int k = 0; k < 9; ++k) {
+            const int farther = int(FARTHER >> 2 * k & 3) - 1, other = int(OTHER >> 2 * k & 3) - 1;
+            const int right = x * (upright ? other : farther), down = y * (upright ? farther : other);
+            const float aside = float(right) - offset.right, below = float(down) - offset.down;
+            float cost = aside * aside + below * below;
+            if (cost >= best)
+                break;
+            if (!inside(i + right, j + down) || shape(at(i + right, j + down)) != hit_shape)
+                continue;
+            if (hit_shape >= 0)
+                cost += off_plane(i + right, j + down, aside, below, hit_depth, hit_shape);
+            if (cost < best) {
+                best = cost;
+                chosen = at(i + right, j + down);
+            }
+        }
+        return chosen;
+    }
+};
+
+}  // namespace warpcam

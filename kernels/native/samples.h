@@ -1,0 +1,65 @@
+// The samples of a pixel that an edge runs through: their rays, what these may hit, and the means of their colours.
+#pragma once
+#include "edges.h"
+#include "opacity.h"
+
+namespace warpcam {
+
+// Images: bits in the order of antialias.py.
+constexpr int SMOOTH_RGB = 1, SMOOTH_RGBA = 2, SMOOTH_HDR = 4;
+
+// Rows of a region are 64 pixels apart in a pixel's place.
+WARPCAM_FN int place_of(const Region& region, int i, int j) { return (j - region.top) * 64 + (i - region.left); }
+
+// A pixel with an edge.
+struct Edge {
+    int i, j;
+    unsigned samples;  // to trace
+};
+
+template <int CHANNELS>
+WARPCAM_FN void mean_of_bytes(const unsigned char* image, unsigned char* mean, unsigned pixel,
+                              const unsigned (&shown)[SAMPLES])
+{
+    for (int k = 0; k < CHANNELS; ++k) {
+        int total = SAMPLES / 2;
+        for (int sample = 0; sample < SAMPLES; ++sample)
+            total += image[CHANNELS * size_t(shown[sample]) + k];
+        mean[CHANNELS * size_t(pixel) + k] = static_cast<unsigned char>(total / SAMPLES);
+    }
+}
+
+// Writes a pixel's means; they become the image's when all of them are known.
+template <int IMAGES, class Target>
+WARPCAM_FN void put_means(const Target& target, unsigned pixel, const unsigned (&shown)[SAMPLES])
+{
+    if (IMAGES & SMOOTH_RGB)
+        mean_of_bytes<3>(target.rgb.data, target.mean_rgb.data, pixel, shown);
+    if (IMAGES & SMOOTH_RGBA)
+        mean_of_bytes<4>(target.rgba.data, target.mean_rgba.data, pixel, shown);
+    if (IMAGES & SMOOTH_HDR)
+        for (int k = 0; k < 3; ++k) {
+            float total = 0.0f;
+            for (int sample = 0; sample < SAMPLES; ++sample)
+                total += target.hdr.data[3 * size_t(shown[sample]) + k];
+            target.mean_hdr.data[3 * size_t(pixel) + k] = total / float(SAMPLES);
+        }
+}
+
+// The record of a shape as the view sees it; false if it is not seen.
+template <int TYPES, int LENS, class Shapes, class Meshes, class HeightFields>
+WARPCAM_FN bool sample_record(const Shapes& shapes, const Meshes& meshes, const HeightFields& fields,
+                              const Camera& camera, const Region& region, int world, int id, Record& record)
+{
+    TileBox tiles;
+    return prepare<TYPES, LENS, false>(load_shape(shapes, world, id), camera, region, meshes, fields, record, tiles)
+        == SEEN;
+}
+
+template <int LENS> WARPCAM_FN ViewRay<LENS> sample_ray(const Camera& camera, int i, int j, int sample)
+{
+    const Offset offset = sample_offset(sample);
+    return { image_x(camera, float(i) + offset.right), image_y(camera, float(j) + offset.down) };
+}
+
+}  // namespace warpcam

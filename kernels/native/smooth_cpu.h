@@ -1,0 +1,153 @@
+// Smooth edges on a CPU: a few pixels' samples together.
+#pragma once
+#include "samples.h"
+#include "tiles.h"
+
+#if !defined(__CUDA_ARCH__)
+namespace warpcam {
+
+constexpr int BATCH = LANES / SAMPLES;  // pixels
+
+// From where on the rays see one shape: nowhere if it is not around their pixel.
+struct OwnNear {
+    float own[LANES];
+
+    float at(int lane) const { return own[lane]; }
+};
+
+// A shape that is seen around some pixels of a batch.
+struct NearShape {
+    Record record;
+    int id;
+    bool around[BATCH];
+};
+
+// Smooths a few pixels.
+template <int TYPES, int LENS, int IMAGES, class Shapes, class Meshes, class HeightFields, class Target>
+inline void smooth_pixels(const Edge* listed, int pixels, const Shapes& shapes, const Meshes& meshes,
+                          const HeightFields& fields, const Target& target, const Camera& camera,
+                          const Seen<LENS, Target>& seen, const Region& region, int world)
+{
+    NearShape near[9 * BATCH];
+    const NearShape* order[9 * BATCH];
+    int found = 0, count = 0;
+    Band on_meshes[BATCH], on_fields[BATCH];
+    for (int pixel = 0; pixel < pixels; ++pixel) {
+        on_meshes[pixel] = on_fields[pixel] = NOWHERE;
+        for (int k = 0; k < 9; ++k) {
+            const unsigned beside = seen.around(listed[pixel].i, listed[pixel].j, k);
+            const int id = seen.shape(beside);
+            int slot = 0;
+            while (slot < found && near[slot].id != id)
+                ++slot;
+            if (id < 0)
+                continue;
+            if (slot == found) {
+                near[found++].id = id;
+                for (int other = 0; other < BATCH; ++other)
+                    near[slot].around[other] = false;
+            }
+            near[slot].around[pixel] = true;
+            const int type = wp::index(shapes.types, id);
+            if (type == MESH || type == HEIGHT_FIELD)
+                (type == MESH ? on_meshes : on_fields)[pixel].include(seen.depth(beside));
+        }
+        on_meshes[pixel] = on_meshes[pixel].template widened<LENS>(camera.scale_x);
+        on_fields[pixel] = on_fields[pixel].template widened<LENS>(camera.scale_x);
+    }
+    for (int slot = 0; slot < found; ++slot) {
+        NearShape& one = near[slot];
+        if (!sample_record<TYPES, LENS>(shapes, meshes, fields, camera, region, world, one.id, one.record))
+            continue;
+        int rank = count++;  // as in list_near()
+        const float key = TYPES >> MESH & 1 ? as_float(one.record.size.w) : 0.0f;
+        for (; rank > 0; --rank) {
+            const float other = TYPES >> MESH & 1 ? as_float(order[rank - 1]->record.size.w) : 0.0f;
+            if (other < key || (other == key && order[rank - 1]->id > one.id))
+                break;
+            order[rank] = order[rank - 1];
+        }
+        order[rank] = &one;
+    }
+    Rays rays;
+    for (int lane = 0; lane < LANES; ++lane) {
+        const Edge at = listed[lower_int(lane / SAMPLES, pixels - 1)];
+        const ViewRay<LENS> ray = sample_ray<LENS>(camera, at.i, at.j, lane % SAMPLES);
+        rays.x[lane] = ray.x;
+        rays.y[lane] = ray.y;
+        rays.depth[lane] = lane / SAMPLES < pixels ? camera.far : -1.0f;
+        rays.shape[lane] = rays.face[lane] = -1;
+    }
+    const auto trace_type = [&](int type) {  // 0: those that are neither
+        const bool slow = type == MESH || type == HEIGHT_FIELD;
+        const Band* bands = type == MESH ? on_meshes : on_fields;
+        const Rays before = rays;
+        for (int lane = 0; slow && lane < LANES; ++lane)
+            rays.depth[lane] = lower(rays.depth[lane], bands[lower_int(lane / SAMPLES, pixels - 1)].last);
+        for (int rank = 0; rank < count; ++rank) {
+            const NearShape& one = *order[rank];
+            const int its = one.record.axis_x.w;
+            if ((its == MESH || its == HEIGHT_FIELD ? its : 0) != type)
+                continue;
+            OwnNear from;
+            for (int lane = 0; lane < LANES; ++lane) {
+                const int pixel = lower_int(lane / SAMPLES, pixels - 1);
+                const bool traced = one.around[pixel] && listed[pixel].samples >> lane % SAMPLES & 1;
+                from.own[lane] = !traced ? FAR_AWAY : slow ? upper(camera.near, bands[pixel].first) : camera.near;
+            }
+            if (type == MESH)
+                trace_mesh<TYPES, LENS>(meshes, one.record, from, rays);
+            else
+                trace_record<TYPES, LENS>(one.record, from, fields, rays);
+        }
+        for (int lane = 0; slow && lane < LANES; ++lane)
+            if (rays.shape[lane] == before.shape[lane])
+                rays.depth[lane] = before.depth[lane];
+    };
+    trace_type(0);
+    if (TYPES >> HEIGHT_FIELD & 1)
+        trace_type(HEIGHT_FIELD);
+    if (TYPES >> MESH & 1)
+        trace_type(MESH);
+    for (int pixel = 0; pixel < pixels; ++pixel) {
+        const Edge at = listed[pixel];
+        unsigned shown[SAMPLES];
+        for (int sample = 0; sample < SAMPLES; ++sample) {
+            const int lane = pixel * SAMPLES + sample;
+            shown[sample] = at.samples >> sample & 1
+                ? seen.shown(at.i, at.j, sample_offset(sample), rays.depth[lane], rays.shape[lane])
+                : seen.at(at.i, at.j);
+        }
+        put_means<IMAGES>(target, seen.at(at.i, at.j), shown);
+    }
+}
+
+template <int TYPES, int LENS, int WIDTH, int HEIGHT, int IMAGES, class Shapes, class Meshes, class HeightFields,
+          class Target>
+inline void smooth_region(const Shapes& shapes, const Meshes& meshes, const HeightFields& fields, const Target& target,
+                          const Camera& camera, const Seen<LENS, Target>& seen, const Region& region, int world)
+{
+    Edge listed[BATCH];
+    int count = 0;
+    const int right = lower_int(region.left + region.width, target.width);
+    const int bottom = lower_int(region.top + region.height, target.height);
+    const auto smooth = [&] {
+        if (count)
+            smooth_pixels<TYPES, LENS, IMAGES>(listed, count, shapes, meshes, fields, target, camera, seen, region,
+                                               world);
+        count = 0;
+    };
+    for (int j = region.top; j < bottom; ++j)
+        for (int i = region.left; i < right; ++i) {
+            const unsigned samples = seen.edge(i, j);
+            target.edges.data[seen.at(i, j)] = samples != 0;
+            if (samples)
+                listed[count++] = { i, j, samples };
+            if (count == BATCH)
+                smooth();
+        }
+    smooth();
+}
+
+}  // namespace warpcam
+#endif

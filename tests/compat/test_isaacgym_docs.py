@@ -1,0 +1,31 @@
+"""The page about Isaac Gym's calls names what there is."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("newton")
+from warpcam.compat.isaacgym import gymapi
+from warpcam.compat.isaacgym.refused import REFUSED
+
+PAGE = (Path(__file__).resolve().parents[2] / "docs" / "compat" / "isaacgym.md").read_text()
+
+
+def test_the_table_names_every_call_and_no_other() -> None:
+    table = PAGE.split("## Calls")[1].split("Refused by name")[0]
+    named = set(re.findall(r"`([a-z_]+)`", table)) - {"gymtorch", "wrap_tensor", "unwrap_tensor", "_indexed"}
+    calls = {name for name in dir(gymapi.Gym) if not name.startswith("_")}
+    assert named == calls
+    assert not calls & set(REFUSED)
+
+
+def test_refused_calls_that_the_page_names_are_refused() -> None:
+    refused = PAGE.split("Refused by name")[1]
+    named = set(re.findall(r"`([a-z_]+)`", refused))
+    assert len(named) > 8 and named <= set(REFUSED)
+
+
+def test_every_name_of_gymapi_is_there() -> None:
+    for name in gymapi.__all__:
+        assert getattr(gymapi, name) is not None

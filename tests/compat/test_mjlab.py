@@ -1,0 +1,133 @@
+"""mjlab's camera sensor by our class, in tasks of its own."""
+
+import copy
+import sys
+from importlib.util import find_spec
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+import warp as wp
+
+import warpcam as wc
+
+HOW = "pip install mjlab; .ci/run has an environment of its own for it"
+if find_spec("mjlab") and find_spec("triton") and "torch._dynamo" not in sys.modules:
+    pytest.skip(
+        "pytest -p torch._dynamo: mjlab imports triton, which crashes where Warp's compiler was loaded before",
+        allow_module_level=True,
+    )
+envs = pytest.importorskip("mjlab.envs", reason=HOW, exc_type=ImportError)
+
+from mjlab.sensor import CameraSensorCfg as MjlabCfg  # noqa: E402
+from mjlab.tasks.cartpole.cartpole_env_cfg import cartpole_balance_env_cfg  # noqa: E402
+from mjlab.tasks.manipulation.config.yam.env_cfgs import yam_lift_cube_vision_env_cfg  # noqa: E402
+
+from warpcam.compat import mjlab as ours  # noqa: E402
+
+pytestmark = pytest.mark.filterwarnings("ignore")  # mjlab's own
+
+NUM_ENVS = 2
+
+
+def make(cfg: Any) -> Any:
+    cfg.scene.num_envs = NUM_ENVS
+    return envs.ManagerBasedRlEnv(cfg=cfg, device="cpu")
+
+
+def actions(env: Any, random: torch.Generator) -> torch.Tensor:
+    return 2.0 * torch.rand(NUM_ENVS, env.action_manager.total_action_dim, generator=random) - 1.0
+
+
+def test_the_yam_arm_sees_its_cube_for_a_hundred_steps() -> None:
+    cfg = ours.use(yam_lift_cube_vision_env_cfg("rgb"))
+    assert [type(sensor) for sensor in cfg.scene.sensors].count(ours.CameraSensorCfg) == 1
+    env = make(cfg)
+    random = torch.Generator().manual_seed(0)
+    env.reset()
+    sensor, frames = env.scene["camera_d405"], []
+    for step in range(100):
+        observations = env.step(actions(env, random))[0]
+        frames.append(sensor.data.rgb.clone())
+        assert observations["camera"].shape == (NUM_ENVS, 3, 32, 32)
+        if step in (0, 99):
+            scene = wc.from_mujoco_warp(
+                env.sim.mj_model, env.sim.wp_model, env.sim.wp_data, groups=(0, 3), draw=("geoms", "flexes")
+            )
+            direct = wc.Renderer(scene, [wc.Camera("robot/camera_d405", width=32, height=32)]).render()
+            assert torch.equal(direct["robot/camera_d405"]["rgb"], frames[-1])
+            seen = observations["camera"].permute(0, 2, 3, 1)
+            assert torch.allclose(seen * (255.0 if seen.max() <= 1.0 else 1.0), frames[-1].float(), atol=1.0)
+    assert len({frame.numpy().tobytes() for frame in frames}) > 90
+    assert env.scene["camera_d405"].data.depth is None
+    env.close()
+
+
+def test_images_are_those_of_mjlabs_own_sensor() -> None:
+    """The same cartpole twice: one drawn by mjlab's renderer, one by ours."""
+    images = []
+    sensor = MjlabCfg(
+        name="eye", pos=(0.0, -3.0, 1.2), quat=(0.7071, 0.7071, 0.0, 0.0), fovy=60.0, width=32, height=24,
+        data_types=("rgb", "depth", "segmentation"),
+    )  # fmt: skip
+    for mine in (False, True):
+        cfg = cartpole_balance_env_cfg()
+        cfg.scene.sensors = (*cfg.scene.sensors, copy.deepcopy(sensor))
+        env = make(ours.use(cfg) if mine else cfg)
+        assert isinstance(env.scene["eye"], ours.CameraSensor) is mine
+        env.reset(seed=3)
+        env.sim.data.qpos[:] = torch.tensor([[0.3, 0.4], [-0.5, -0.2]])
+        env.sim.forward()
+        env.sim.sense()
+        data = env.scene["eye"].data
+        images.append({name: getattr(data, name).clone() for name in ("rgb", "depth", "segmentation")})
+        env.close()
+    theirs, mine_images = images
+    for name, image in theirs.items():
+        assert mine_images[name].shape == image.shape and mine_images[name].dtype == image.dtype, name
+    same = (theirs["segmentation"] == mine_images["segmentation"]).all(dim=-1)
+    assert same.float().mean() > 0.98 and len(theirs["segmentation"][..., 0].unique()) > 2
+    np.testing.assert_allclose(mine_images["depth"][same], theirs["depth"][same], rtol=2e-3, atol=1e-3)
+
+
+def test_data_types_that_mjlab_lacks() -> None:
+    cfg = cartpole_balance_env_cfg()
+    kinds = ("rgb", "segmentation", "normals", "points", "distance", "bodies", "albedo")
+    cfg.scene.sensors = (
+        ours.CameraSensorCfg(name="eye", camera_name="cartpole/fixed", width=24, height=16, data_types=kinds),
+        ours.CameraSensorCfg(
+            name="plain", camera_name="cartpole/lookatcart", width=16, height=16, use_textures=False, use_shadows=True,
+            antialiasing=4, clone_data=True,
+        ),
+    )  # fmt: skip
+    env = make(cfg)
+    env.reset()
+    data = env.scene["eye"].data
+    assert set(data.images) == set(kinds) and data.depth is None
+    assert data.images["normals"].shape == (NUM_ENVS, 16, 24, 3)
+    hit = data.segmentation[..., 0] >= 0
+    assert hit.any() and torch.allclose(data.images["normals"].norm(dim=-1)[hit], torch.ones(()), atol=1e-3)
+    first = env.scene["plain"].data.rgb
+    env.step(torch.ones(NUM_ENVS, env.action_manager.total_action_dim))
+    assert env.scene["plain"].data.rgb.data_ptr() != first.data_ptr()
+    env.close()
+
+
+def test_a_data_type_that_nobody_has() -> None:
+    with pytest.raises(wc.WarpcamError, match="data_types has 'smell'; allowed are rgb, rgba"):
+        ours.CameraSensorCfg(name="eye", data_types=("rgb", "smell"))
+
+
+@pytest.mark.skipif(not wp.is_cuda_available(), reason="a capture needs a CUDA device")
+def test_on_cuda_images_follow_the_simulation() -> None:
+    cfg = ours.use(yam_lift_cube_vision_env_cfg("depth"))
+    cfg.scene.num_envs = 4
+    env = envs.ManagerBasedRlEnv(cfg=cfg, device="cuda:0")
+    env.reset()
+    frames = []
+    for _ in range(5):
+        env.step(torch.rand(4, env.action_manager.total_action_dim, device="cuda:0"))
+        frames.append(env.scene["camera_d405"].data.depth.cpu().numpy().tobytes())
+    assert len(set(frames)) == 5
+    env.close()

@@ -1,0 +1,227 @@
+"""Newton's camera sensors by our classes: beside its own, and in its own tests."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+import scenes
+import warp as wp
+
+import warpcam as wc
+
+newton = pytest.importorskip("newton", reason="pip install 'warpcam[newton]'")
+import newton_scenes  # noqa: E402, newton may be missing
+import newtons_tests  # noqa: E402
+from newton.sensors import SensorCamera as TheirCamera  # noqa: E402
+from newton.sensors import SensorTiledCamera as TheirTiled  # noqa: E402
+
+from warpcam.compat.newton import SensorCamera, SensorTiledCamera  # noqa: E402
+
+pytestmark = pytest.mark.filterwarnings("ignore")  # Newton's own
+
+SIZE = (24, 16)
+IMAGES = {
+    "color_image": "color",
+    "depth_image": "depth",
+    "forward_depth_image": "depth_forward",
+    "shape_index_image": "shape_index",
+    "normal_image": "normal",
+    "albedo_image": "albedo",
+    "hdr_color_image": "color_hdr",
+}
+# Of Newton's own tests of its camera, those that are of what is offered here; docs/compat/newton.md has what is not.
+OF_NEWTON = (
+    "test_albedo_output_follows_output_color_space",
+    "test_camera_ray_helpers_support_preallocated_output",
+    "test_camera_ray_helpers_generate_multisamples",
+    "test_camera_ray_helpers_reject_batched_inputs",
+    "test_default_ambient_light_matches_previous_constants",
+    "test_fully_transparent_shape_does_not_occlude",
+    "test_hdr_color_matches_linear_packed_color",
+    "test_hdr_color_matches_srgb_packed_color",
+    "test_multiple_sensor_cameras_render_same_model",
+    "test_pinhole_rays_reject_out_of_range_parameters",
+    "test_render_forward_depth_output",
+    "test_set_ambient_light_uniform_ground",
+    "test_update_clears_reserved_and_out_of_range_world_indices",
+    "test_update_defaults_world_indices_to_identity",
+    "test_update_overrides_default_render_settings",
+    "test_update_rejects_default_world_indices_exceeding_world_count",
+    "test_update_rejects_invalid_anti_aliasing",
+    "test_update_rejects_multisample_rays_without_anti_aliasing",
+    "test_update_renders_from_camera_transforms",
+    "test_update_respects_disable_clear_flag",
+    "test_update_respects_disable_preserve_flag",
+    "test_update_supports_all_render_orders_with_3d_outputs",
+    "test_update_uses_default_render_settings",
+    "test_update_validates_rays_and_transforms",
+    "test_update_without_world_indices_maps_view_to_world",
+    "test_utils_postprocessing_helpers",
+    "test_world_indices_decouple_views_from_worlds",
+)
+
+
+@pytest.mark.parametrize("name", OF_NEWTON)
+def test_newtons_own(name: str) -> None:
+    tests = pytest.importorskip("newton.tests.test_sensor_camera", reason="this version's wheel has no tests")
+    if not hasattr(tests.TestSensorCamera, name):
+        pytest.skip("this version of Newton has no such test")
+    result = newtons_tests.run("test_sensor_camera", "TestSensorCamera", name, {"SensorCamera": SensorCamera})
+    assert not result.failures + result.errors, result.failures + result.errors
+
+
+@pytest.fixture
+def worlds(device: wp.Device) -> tuple[Any, Any]:
+    """Three worlds, a ball lower in each, and a floor and a box that all share."""
+    builder = newton.ModelBuilder()
+    builder.add_ground_plane()
+    builder.add_shape_box(-1, hx=0.2, hy=0.2, hz=0.4, xform=newton_scenes.pose(0.7, 0.3, 0.4), color=(0.9, 0.2, 0.1))
+    for world in range(3):
+        part = newton.ModelBuilder()
+        body = part.add_body(xform=newton_scenes.pose(-0.2, 0.0, 1.2 - 0.3 * world))
+        part.add_shape_sphere(body, radius=0.35, color=(0.2, 0.5, 0.9))
+        builder.add_world(part)
+    return newton_scenes.finalize(builder, device)
+
+
+def look_from(positions: Any, device: wp.Device) -> wp.array:
+    """Views towards the middle."""
+    poses = []
+    for position in positions:
+        w, x, y, z = (float(part) for part in scenes.looking(position, (0.0, 0.0, 0.5)))
+        poses.append(wp.transform(wp.vec3(*position), wp.quat(x, y, z, w)))
+    return wp.array(poses, dtype=wp.transformf, device=device)
+
+
+def seen_by(kind: Any, model: Any, state: Any, positions: Any, **settings: Any) -> dict[str, np.ndarray]:
+    sensor = kind(model)
+    sensor.create_default_light()
+    rays = kind.compute_camera_rays_pinhole(*SIZE, camera_fov=0.8, device=model.device)
+    images = {name: getattr(sensor, f"allocate_image_{what}")(len(positions), *SIZE) for name, what in IMAGES.items()}
+    model.bvh_refit_shapes(state)
+    sensor.update(state, look_from(positions, model.device), rays, **images, **settings)
+    return {name: image.numpy().copy() for name, image in images.items()}
+
+
+def test_all_images_are_newtons_own(worlds: tuple[Any, Any]) -> None:
+    model, state = worlds
+    positions = [(2.5, -2.0, 1.5), (2.0, -2.5, 1.2), (-2.0, -2.0, 2.0)]
+    clear = TheirCamera.ClearData(0xFF336699, -7.0, 99, (0.5, 0.0, 0.5), 0xFF000001)
+    theirs, mine = (seen_by(k, model, state, positions, clear_data=clear) for k in (TheirCamera, SensorCamera))
+    same = mine["shape_index_image"] == theirs["shape_index_image"]
+    assert same.mean() > 0.995 and (theirs["shape_index_image"] == 99).any()
+    for name in ("depth_image", "forward_depth_image", "normal_image"):
+        np.testing.assert_allclose(mine[name][same], theirs[name][same], atol=2e-3, err_msg=name)
+    for name in ("color_image", "albedo_image"):
+        channels = [images[name].view(np.uint8).reshape(*images[name].shape, 4)[same] for images in (mine, theirs)]
+        difference = np.abs(channels[0].astype(int) - channels[1])
+        assert np.percentile(difference, 99) <= 2, name
+    np.testing.assert_allclose(mine["hdr_color_image"][same], theirs["hdr_color_image"][same], atol=5e-3)
+
+
+def test_two_views_of_a_world_in_any_order(worlds: tuple[Any, Any]) -> None:
+    model, state = worlds
+    positions = [(2.5, -2.0, 1.5), (2.0, -2.5, 1.2), (-2.0, -2.0, 2.0), (0.0, -3.0, 1.0)]
+    indices = wp.array([2, 0, 2, TheirCamera.WorldRenderFlag.DISABLE_CLEAR], dtype=wp.int32, device=model.device)
+    theirs, mine = (seen_by(k, model, state, positions, world_indices=indices) for k in (TheirCamera, SensorCamera))
+    same = mine["shape_index_image"] == theirs["shape_index_image"]
+    assert same.mean() > 0.995
+    np.testing.assert_allclose(mine["depth_image"][same], theirs["depth_image"][same], atol=2e-3)
+    sensor = SensorCamera(model, views_per_world=1)
+    rays = SensorCamera.compute_camera_rays_pinhole(*SIZE, camera_fov=0.8, device=model.device)
+    depth = sensor.allocate_image_depth(4, *SIZE)
+    sensor.update(state, look_from(positions, model.device), rays, depth_image=depth, world_indices=indices)
+    assert int(sensor.left_out.numpy()[0]) == 1
+    assert sum(image.any() for image in depth.numpy()) == 2
+
+
+def test_the_state_and_the_settings_are_followed(worlds: tuple[Any, Any]) -> None:
+    model, state = worlds
+    sensor = SensorCamera(model)
+    sensor.create_default_light(direction=(0.0, 0.0, -1.0))
+    rays = SensorCamera.compute_camera_rays_pinhole(*SIZE, camera_fov=0.8, device=model.device)
+    transforms = look_from([(0.1, -3.0, 1.0)] * 3, model.device)
+    color, shape = sensor.allocate_image_color(3, *SIZE), sensor.allocate_image_shape_index(3, *SIZE)
+
+    def frame(**settings: Any) -> tuple[np.ndarray, np.ndarray]:
+        config = SensorCamera.RenderConfig(**settings)
+        sensor.update(state, transforms, rays, color_image=color, shape_index_image=shape, render_config=config)
+        return color.numpy().copy(), shape.numpy().copy()
+
+    plain, before = frame()
+    assert (frame(enable_shadows=True)[0] != plain).any()
+    assert (frame(enable_ambient_lighting=False)[0] != plain).any()
+    assert (frame()[0] == plain).all()
+    far = frame(max_distance=2.9)[1]
+    assert (far == 0xFFFFFFFF).sum() > (before == 0xFFFFFFFF).sum()
+    moved = state.body_q.numpy()
+    moved[:, 2] += 0.4
+    state.body_q.assign(moved)
+    assert (frame()[1] != before).any()
+    wider = SensorCamera.compute_camera_rays_pinhole(*SIZE, camera_fov=1.6, out_rays=rays)
+    assert wider is rays
+    assert (frame()[1] == 2).sum() < (before == 2).sum()
+
+
+def test_tiled_cameras_are_newtons_own(worlds: tuple[Any, Any]) -> None:
+    model, state = worlds
+    places = [[(2.5, -2.0, 1.5)] * 3, [(-2.0, -2.0, 2.0), (0.0, -3.0, 1.0), (1.0, -3.0, 2.0)]]
+    images = []
+    for kind in (TheirTiled, SensorTiledCamera):
+        sensor = kind(model)
+        rays = sensor.utils.compute_camera_rays_pinhole(*SIZE, camera_fovs=[0.8, 1.1])
+        poses = np.stack([look_from(row, model.device).numpy() for row in places])
+        transforms = wp.array(poses, dtype=wp.transformf, ndim=2, device=model.device)
+        depth = sensor.utils.create_depth_image_output(*SIZE, camera_count=2)
+        shape = sensor.utils.create_shape_index_image_output(*SIZE, camera_count=2)
+        color = sensor.utils.create_color_image_output(*SIZE, camera_count=2)
+        model.bvh_refit_shapes(state)
+        sensor.update(
+            state, transforms, rays, depth_image=depth, shape_index_image=shape, color_image=color,
+            clear_data=TheirTiled.GRAY_CLEAR_DATA,
+        )  # fmt: skip
+        assert depth.shape == (3, 2, SIZE[1], SIZE[0])
+        images.append((depth.numpy(), shape.numpy(), color.numpy()))
+    (their_depth, their_shape, their_color), (depth, shape, color) = images
+    same = shape == their_shape
+    assert same.mean() > 0.995
+    np.testing.assert_allclose(depth[same], their_depth[same], atol=2e-3)
+    miss = same & (shape == 0xFFFFFFFF)
+    assert miss.any() and (color[miss] == their_color[miss]).all()
+
+
+def test_what_is_not_offered_is_refused_by_name(worlds: tuple[Any, Any]) -> None:
+    model, state = worlds
+    sensor = SensorCamera(model)
+    transforms = look_from([(2.0, -2.0, 1.0)] * 3, model.device)
+    depth = sensor.allocate_image_depth(3, *SIZE)
+    fisheye = SensorCamera.compute_camera_rays_fisheye_opencv(*SIZE, 12.0, 12.0, 12.0, 8.0, k1=0.1, device=model.device)
+    with pytest.raises(wc.WarpcamError, match=r"camera_rays: they lie up to .* pixels beside the pinhole"):
+        sensor.update(state, transforms, fisheye, depth_image=depth)
+    rays = SensorCamera.compute_camera_rays_pinhole(*SIZE, camera_fov=0.8, device=model.device)
+    for settings, message in (
+        ({"enable_global_world": False}, "render_config.enable_global_world is False"),
+        ({"texture_projection_mode": 1, "enable_textures": True}, "render_config.texture_projection_mode is 1"),
+    ):
+        config = SensorCamera.RenderConfig(**settings)
+        with pytest.raises(wc.WarpcamError, match=message):
+            sensor.update(state, transforms, rays, depth_image=depth, render_config=config)
+    with pytest.raises(wc.WarpcamError, match="assign_checkerboard_material is not offered"):
+        sensor.assign_checkerboard_material(shape_indices=[0])
+    with pytest.raises(wc.WarpcamError, match="depth_image shape must be"):
+        sensor.update(state, transforms, rays, depth_image=sensor.allocate_image_depth(2, *SIZE))
+
+
+@pytest.mark.parametrize(("width", "height"), [(24, 16), (1, 1), (1, 7), (7, 1)])
+def test_lenses_are_found_in_rays(width: int, height: int) -> None:
+    from warpcam.compat.newton.rays import read_bundle
+
+    rays = SensorCamera.compute_camera_rays_pinhole(
+        width, height, focal_length=24.0, horizontal_aperture=20.0, vertical_aperture=15.0,
+        horizontal_aperture_offset=2.0, vertical_aperture_offset=-1.0, device="cpu",
+    ).numpy()  # fmt: skip
+    fx, fy, cx, cy = read_bundle(rays).numbers
+    column, row = np.meshgrid(np.arange(width) + 0.5, np.arange(height) + 0.5)
+    slopes = rays[:, :, 0, 1, :2] / -rays[:, :, 0, 1, 2:]
+    np.testing.assert_allclose(slopes[..., 0], (column - cx) / fx, atol=1e-5)
+    np.testing.assert_allclose(slopes[..., 1], (cy - row) / fy, atol=1e-5)

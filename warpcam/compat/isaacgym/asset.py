@@ -1,0 +1,193 @@
+"""Assets: what actors are made of, read by Newton's importers."""
+
+import os
+import xml.etree.ElementTree as ElementTree
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import newton
+import numpy as np
+import warp as wp
+
+from warpcam.compat.isaacgym.kinds import DOF_PROPERTIES, DofDriveMode, DofType
+from warpcam.compat.isaacgym.options import AssetOptions
+from warpcam.errors import WarpcamError
+
+JOINT = newton.JointType
+MODE = newton.JointTargetMode
+DRIVES = {
+    MODE.NONE: DofDriveMode.DOF_MODE_NONE,
+    MODE.POSITION: DofDriveMode.DOF_MODE_POS,
+    MODE.VELOCITY: DofDriveMode.DOF_MODE_VEL,
+    MODE.POSITION_VELOCITY: DofDriveMode.DOF_MODE_POS,
+    MODE.EFFORT: DofDriveMode.DOF_MODE_EFFORT,
+}
+ENDLESS = 1e6  # limits beyond are none
+
+
+@dataclass(frozen=True)
+class Dof:
+    """One degree of freedom.
+
+    Attributes:
+        coordinate: Its place among the asset's joint positions.
+        speed: Its place among the asset's joint velocities.
+    """
+
+    name: str
+    kind: DofType
+    coordinate: int
+    speed: int
+
+
+class Asset:
+    """What actors are made of.
+
+    Attributes:
+        builder: Holds one of it, its first body at the origin.
+        bodies: Names.
+        shapes: (shape,) int32, the body of each, or -1.
+        free: Whether its first body is free to move.
+        properties: (dof,) of ``DOF_PROPERTIES``, as the file has them.
+    """
+
+    def __init__(self, name: str, builder: newton.ModelBuilder, options: AssetOptions, joints: dict[str, list[str]]):
+        self.name, self.builder, self.options = name, builder, replace(options)
+        self.bodies = [_last(label) for label in builder.body_label]
+        if not self.bodies:
+            raise WarpcamError(f"load_asset: {name!r} has no bodies; at least one is needed")
+        self.shapes = np.asarray(builder.shape_body, np.int32)
+        self.free = builder.joint_type[0] == JOINT.FREE
+        self.joints = [_last(label) for label in builder.joint_label]
+        self.dofs = self._read_dofs(joints)
+        self.properties = self._read_properties()
+        self.colors = np.array([tuple(color) for color in builder.shape_color], np.float32).reshape(-1, 3)
+
+    def shapes_of(self, body: int, flags: int) -> np.ndarray:
+        """Places of the body's shapes that have any of the flags."""
+        kinds = np.asarray(self.builder.shape_flags, np.int64)
+        return np.flatnonzero((self.shapes == body) & ((kinds & flags) != 0))
+
+    def _read_dofs(self, joints: dict[str, list[str]]) -> list[Dof]:
+        builder, dofs = self.builder, []
+        for index, kind in enumerate(builder.joint_type):
+            if kind in (JOINT.FREE, JOINT.FIXED):
+                continue
+            label = self.joints[index]
+            if kind not in (JOINT.REVOLUTE, JOINT.PRISMATIC, JOINT.D6):
+                raise WarpcamError(
+                    f"load_asset: {self.name!r}: joint {label!r} is a {JOINT(kind).name}; allowed are hinges, slides "
+                    "and what is made of them"
+                )
+            linear, angular = builder.joint_dof_dim[index]
+            count = linear + angular
+            names = [label] if count == 1 else joints.get(label, [f"{label}:{i}" for i in range(count)])
+            for i in range(count):
+                turns = i >= linear
+                dofs.append(
+                    Dof(
+                        names[i],
+                        DofType.DOF_ROTATION if turns else DofType.DOF_TRANSLATION,
+                        int(builder.joint_q_start[index]) + i,
+                        int(builder.joint_qd_start[index]) + i,
+                    )
+                )
+        return dofs
+
+    def _read_properties(self) -> np.ndarray:
+        rows, builder = np.zeros(len(self.dofs), DOF_PROPERTIES), self.builder
+        speeds = [dof.speed for dof in self.dofs]
+        for name, values in (
+            ("lower", builder.joint_limit_lower),
+            ("upper", builder.joint_limit_upper),
+            ("stiffness", builder.joint_target_ke),
+            ("damping", builder.joint_target_kd),
+            ("velocity", builder.joint_velocity_limit),
+            ("effort", builder.joint_effort_limit),
+            ("friction", builder.joint_friction),
+            ("armature", builder.joint_armature),
+        ):
+            rows[name] = [float(values[speed]) for speed in speeds]
+        rows["driveMode"] = [DRIVES[MODE(builder.joint_target_mode[speed])] for speed in speeds]
+        if self.options.default_dof_drive_mode:
+            rows["driveMode"] = self.options.default_dof_drive_mode
+        rows["armature"] += self.options.armature
+        rows["hasLimits"] = (rows["lower"] > -ENDLESS) & (rows["upper"] < ENDLESS)
+        return rows
+
+
+def load(root: Any, file: Any, options: AssetOptions, up: newton.Axis) -> Asset:
+    """Read .urdf, .xml or .mjcf, .usd, .usda, .usdc or .usdz."""
+    path = Path(os.fspath(root)) / os.fspath(file)
+    if not path.is_file():
+        raise WarpcamError(f"load_asset: there is no file {str(path)!r}")
+    # An asset's frame is taken as it is, whichever way the world's up is.
+    builder = newton.ModelBuilder(up_axis=newton.Axis.Z)
+    readers: dict[str, Callable[[], Any]] = {
+        ".urdf": lambda: builder.add_urdf(
+            str(path), floating=not options.fix_base_link, collapse_fixed_joints=options.collapse_fixed_joints
+        ),
+        ".xml": lambda: builder.add_mjcf(
+            str(path),
+            floating=False if options.fix_base_link else None,
+            collapse_fixed_joints=options.collapse_fixed_joints,
+        ),
+        ".usd": lambda: builder.add_usd(
+            str(path),
+            floating=False if options.fix_base_link else None,
+            collapse_fixed_joints=options.collapse_fixed_joints,
+        ),
+    }
+    kind = path.suffix.lower()
+    kind = ".xml" if kind == ".mjcf" else ".usd" if kind.startswith(".usd") else kind
+    if kind not in readers:
+        raise WarpcamError(f"load_asset: {path.name!r} came; allowed are .urdf, .xml, .mjcf and .usd files")
+    try:
+        readers[kind]()
+    except WarpcamError:
+        raise
+    except Exception as error:
+        raise WarpcamError(f"load_asset: {str(path)!r} cannot be read: {error}") from error
+    _settle(builder, options, up)
+    return Asset(path.stem, builder, options, _joint_names(path) if kind == ".xml" else {})
+
+
+def made(
+    name: str, options: AssetOptions, up: newton.Axis, add: Callable[[newton.ModelBuilder, int, Any], Any]
+) -> Asset:
+    """An asset of one body with one shape, which ``add`` adds."""
+    builder = newton.ModelBuilder(up_axis=newton.Axis.Z)
+    if options.fix_base_link:
+        body = builder.add_link(label=name)
+        builder.add_articulation([builder.add_joint_fixed(-1, body, label="fixed")], label=name)
+    else:
+        body = builder.add_body(label=name)
+    add(builder, body, newton.ModelBuilder.ShapeConfig(density=float(options.density)))
+    _settle(builder, options, up)
+    return Asset(name, builder, options, {})
+
+
+def _settle(builder: newton.ModelBuilder, options: AssetOptions, up: newton.Axis) -> None:
+    """Make it ready to be put into a world, its first body at the origin."""
+    builder.up_axis = up
+    if builder.joint_count and builder.joint_type[0] == JOINT.FREE:
+        first = int(builder.joint_q_start[0])
+        builder.joint_q[first : first + 7] = [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]
+    if builder.joint_count and builder.joint_type[0] == JOINT.FIXED:
+        builder.joint_X_p[0] = wp.transform_identity()
+
+
+def _joint_names(path: Path) -> dict[str, list[str]]:
+    """Names of the joints of each body of an MJCF file, by the name that Newton gives them together."""
+    try:
+        tree = ElementTree.parse(path)
+    except ElementTree.ParseError:
+        return {}
+    bodies = [[joint.get("name", "") for joint in body.findall("joint")] for body in tree.iter("body")]
+    return {"_".join(names): names for names in bodies if len(names) > 1}
+
+
+def _last(label: str) -> str:
+    return label.rsplit("/", 1)[-1]

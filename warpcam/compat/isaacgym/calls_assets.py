@@ -1,0 +1,259 @@
+"""Calls about assets, and about actors as they are made of them."""
+
+from typing import Any
+
+import newton
+import numpy as np
+
+from warpcam.compat.isaacgym import asset as assets
+from warpcam.compat.isaacgym.asset import Asset
+from warpcam.compat.isaacgym.kinds import (
+    DOF_PROPERTIES,
+    INVALID_HANDLE,
+    DofDriveMode,
+    DofType,
+    IndexDomain,
+)
+from warpcam.compat.isaacgym.maths import Transform
+from warpcam.compat.isaacgym.options import AssetOptions
+from warpcam.compat.isaacgym.sim import Sim, env_of, sim_of
+from warpcam.compat.isaacgym.world import Actor, Counts, Env
+from warpcam.errors import WarpcamError
+
+
+class AssetCalls:
+    """See ``Gym``."""
+
+    def load_asset(self, sim: Sim, rootpath: str, filename: str, options: AssetOptions | None = None) -> Asset:
+        """Read an MJCF, URDF or USD file."""
+        sim = sim_of(sim, "load_asset")
+        return assets.load(rootpath, filename, options or AssetOptions(), sim.up)
+
+    def create_box(
+        self, sim: Sim, width: float, height: float, depth: float, options: AssetOptions | None = None
+    ) -> Asset:
+        """Of these lengths along x, y and z [m]."""
+        sides = [0.5 * _positive("create_box", name, v) for name, v in zip("whd", (width, height, depth), strict=True)]
+
+        def add(builder: newton.ModelBuilder, body: int, cfg: Any) -> None:
+            builder.add_shape_box(body, hx=sides[0], hy=sides[1], hz=sides[2], cfg=cfg, label="box")
+
+        return assets.made("box", options or AssetOptions(), sim_of(sim, "create_box").up, add)
+
+    def create_sphere(self, sim: Sim, radius: float, options: AssetOptions | None = None) -> Asset:
+        radius = _positive("create_sphere", "radius", radius)
+
+        def add(builder: newton.ModelBuilder, body: int, cfg: Any) -> None:
+            builder.add_shape_sphere(body, radius=radius, cfg=cfg, label="sphere")
+
+        return assets.made("sphere", options or AssetOptions(), sim_of(sim, "create_sphere").up, add)
+
+    def create_capsule(self, sim: Sim, radius: float, length: float, options: AssetOptions | None = None) -> Asset:
+        """Along x; ``length`` is that of its cylinder [m]."""
+        radius, length = _positive("create_capsule", "radius", radius), _positive("create_capsule", "length", length)
+        along_x = Transform(r=(0.0, 0.5**0.5, 0.0, 0.5**0.5)).numbers()
+
+        def add(builder: newton.ModelBuilder, body: int, cfg: Any) -> None:
+            builder.add_shape_capsule(
+                body, xform=along_x, radius=radius, half_height=0.5 * length, cfg=cfg, label="capsule"
+            )
+
+        return assets.made("capsule", options or AssetOptions(), sim_of(sim, "create_capsule").up, add)
+
+    def create_actor(
+        self,
+        env: Env,
+        asset: Asset,
+        pose: Transform,
+        name: str | None = None,
+        group: int = -1,
+        filter: int = -1,
+        segmentation_id: int = 0,
+    ) -> int:
+        """Put an asset into an environment. Its handle counts the environment's actors."""
+        env = env_of(env, "create_actor")
+        if not isinstance(asset, Asset):
+            raise WarpcamError(f"create_actor: an asset is needed, got {type(asset).__name__}")
+        if not isinstance(pose, Transform):
+            raise WarpcamError(f"create_actor: pose must be a Transform, got {type(pose).__name__}")
+        env.sim.require_open("create_actor")
+        actor = Actor(env, asset, pose, asset.name if name is None else name, group, int(segmentation_id))
+        env.add(actor)
+        return actor.handle
+
+    def get_asset_rigid_body_count(self, asset: Asset) -> int:
+        return len(asset.bodies)
+
+    def get_asset_rigid_body_names(self, asset: Asset) -> list[str]:
+        return list(asset.bodies)
+
+    def get_asset_rigid_body_name(self, asset: Asset, index: int) -> str:
+        return asset.bodies[index]
+
+    def get_asset_rigid_body_dict(self, asset: Asset) -> dict[str, int]:
+        return {name: index for index, name in enumerate(asset.bodies)}
+
+    def find_asset_rigid_body_index(self, asset: Asset, name: str) -> int:
+        return asset.bodies.index(name) if name in asset.bodies else INVALID_HANDLE
+
+    def get_asset_rigid_shape_count(self, asset: Asset) -> int:
+        return len(asset.shapes)
+
+    def get_asset_joint_count(self, asset: Asset) -> int:
+        return len(asset.joints)
+
+    def get_asset_joint_names(self, asset: Asset) -> list[str]:
+        return list(asset.joints)
+
+    def get_asset_dof_count(self, asset: Asset) -> int:
+        return len(asset.dofs)
+
+    def get_asset_dof_names(self, asset: Asset) -> list[str]:
+        return [dof.name for dof in asset.dofs]
+
+    def get_asset_dof_name(self, asset: Asset, index: int) -> str:
+        return asset.dofs[index].name
+
+    def get_asset_dof_type(self, asset: Asset, index: int) -> DofType:
+        return asset.dofs[index].kind
+
+    def get_asset_dof_dict(self, asset: Asset) -> dict[str, int]:
+        return {dof.name: index for index, dof in enumerate(asset.dofs)}
+
+    def find_asset_dof_index(self, asset: Asset, name: str) -> int:
+        return self.get_asset_dof_dict(asset).get(name, INVALID_HANDLE)
+
+    def get_asset_dof_properties(self, asset: Asset) -> np.ndarray:
+        """(dof,) of ``DofProperties.dtype``; a copy."""
+        return asset.properties.copy()
+
+    def get_actor_count(self, env: Env) -> int:
+        return len(env_of(env, "get_actor_count").actors)
+
+    def get_actor_handle(self, env: Env, index: int) -> int:
+        return env_of(env, "get_actor_handle").actor(index, "get_actor_handle").handle
+
+    def find_actor_handle(self, env: Env, name: str) -> int:
+        names = [actor.name for actor in env_of(env, "find_actor_handle").actors]
+        return names.index(name) if name in names else INVALID_HANDLE
+
+    def get_actor_name(self, env: Env, actor: int) -> str:
+        return _actor(env, actor, "get_actor_name").name
+
+    def get_actor_asset(self, env: Env, actor: int) -> Asset:
+        return _actor(env, actor, "get_actor_asset").asset
+
+    def get_actor_index(self, env: Env, actor: int, domain: IndexDomain) -> int:
+        return _place(_actor(env, actor, "get_actor_index"), domain, "actors", 0)
+
+    def get_actor_rigid_body_count(self, env: Env, actor: int) -> int:
+        return len(_actor(env, actor, "get_actor_rigid_body_count").asset.bodies)
+
+    def get_actor_rigid_body_names(self, env: Env, actor: int) -> list[str]:
+        return list(_actor(env, actor, "get_actor_rigid_body_names").asset.bodies)
+
+    def get_actor_rigid_body_dict(self, env: Env, actor: int) -> dict[str, int]:
+        return self.get_asset_rigid_body_dict(_actor(env, actor, "get_actor_rigid_body_dict").asset)
+
+    def get_actor_rigid_body_handle(self, env: Env, actor: int, index: int) -> int:
+        """Of a body in its environment, as cameras are attached to."""
+        found = _actor(env, actor, "get_actor_rigid_body_handle")
+        return found.before.bodies + found.body(index, "get_actor_rigid_body_handle")
+
+    def get_actor_root_rigid_body_handle(self, env: Env, actor: int) -> int:
+        return _actor(env, actor, "get_actor_root_rigid_body_handle").before.bodies
+
+    def get_actor_rigid_body_index(self, env: Env, actor: int, index: int, domain: IndexDomain) -> int:
+        found = _actor(env, actor, "get_actor_rigid_body_index")
+        return _place(found, domain, "bodies", found.body(index, "get_actor_rigid_body_index"))
+
+    def find_actor_rigid_body_index(self, env: Env, actor: int, name: str, domain: IndexDomain) -> int:
+        found = _actor(env, actor, "find_actor_rigid_body_index")
+        index = self.find_asset_rigid_body_index(found.asset, name)
+        return index if index == INVALID_HANDLE else _place(found, domain, "bodies", index)
+
+    def find_actor_rigid_body_handle(self, env: Env, actor: int, name: str) -> int:
+        return self.find_actor_rigid_body_index(env, actor, name, IndexDomain.DOMAIN_ENV)
+
+    def get_rigid_handle(self, env: Env, actor: str, name: str) -> int:
+        """Of the body of that name of the actor of that name."""
+        handle = self.find_actor_handle(env, actor)
+        return handle if handle == INVALID_HANDLE else self.find_actor_rigid_body_handle(env, handle, name)
+
+    def get_env_rigid_body_count(self, env: Env) -> int:
+        return env_of(env, "get_env_rigid_body_count").counts.bodies
+
+    def get_env_dof_count(self, env: Env) -> int:
+        return env_of(env, "get_env_dof_count").counts.dofs
+
+    def get_actor_rigid_shape_count(self, env: Env, actor: int) -> int:
+        return len(_actor(env, actor, "get_actor_rigid_shape_count").asset.shapes)
+
+    def get_actor_dof_count(self, env: Env, actor: int) -> int:
+        return len(_actor(env, actor, "get_actor_dof_count").asset.dofs)
+
+    def get_actor_dof_names(self, env: Env, actor: int) -> list[str]:
+        return self.get_asset_dof_names(_actor(env, actor, "get_actor_dof_names").asset)
+
+    def get_actor_dof_dict(self, env: Env, actor: int) -> dict[str, int]:
+        return self.get_asset_dof_dict(_actor(env, actor, "get_actor_dof_dict").asset)
+
+    def find_actor_dof_index(self, env: Env, actor: int, name: str, domain: IndexDomain) -> int:
+        found = _actor(env, actor, "find_actor_dof_index")
+        index = self.find_asset_dof_index(found.asset, name)
+        return index if index == INVALID_HANDLE else _place(found, domain, "dofs", index)
+
+    def find_actor_dof_handle(self, env: Env, actor: int, name: str) -> int:
+        return self.find_actor_dof_index(env, actor, name, IndexDomain.DOMAIN_ENV)
+
+    def get_actor_dof_properties(self, env: Env, actor: int) -> np.ndarray:
+        """(dof,) of ``DofProperties.dtype``; a copy."""
+        return _actor(env, actor, "get_actor_dof_properties").properties.copy()
+
+    def set_actor_dof_properties(self, env: Env, actor: int, properties: np.ndarray) -> bool:
+        """Limits, drives and gains."""
+        found = _actor(env, actor, "set_actor_dof_properties")
+        if getattr(properties, "dtype", None) != DOF_PROPERTIES or properties.shape != found.properties.shape:
+            raise WarpcamError(
+                f"set_actor_dof_properties: what get_actor_dof_properties gives is needed, {len(found.properties)} rows"
+            )
+        for mode in properties["driveMode"]:
+            DofDriveMode(mode)
+        found.properties[:] = properties
+        if env.sim.prepared:
+            env.sim.physics.write_properties()
+        return True
+
+    def get_sim_actor_count(self, sim: Sim) -> int:
+        return _all(sim, "get_sim_actor_count").actors
+
+    def get_sim_rigid_body_count(self, sim: Sim) -> int:
+        return _all(sim, "get_sim_rigid_body_count").bodies
+
+    def get_sim_dof_count(self, sim: Sim) -> int:
+        return _all(sim, "get_sim_dof_count").dofs
+
+
+def _positive(where: str, name: str, value: float) -> float:
+    if not value > 0.0:
+        raise WarpcamError(f"{where}: {name} must be positive, got {value!r}")
+    return float(value)
+
+
+def _actor(env: Any, handle: Any, where: str) -> Actor:
+    return env_of(env, where).actor(handle, where)
+
+
+def _all(sim: Any, where: str) -> Counts:
+    return sum((env.counts for env in sim_of(sim, where).envs), Counts())
+
+
+def _place(actor: Actor, domain: IndexDomain, kind: str, index: int) -> int:
+    """Where something of an actor is in the actor, its environment or the simulation."""
+    if domain == IndexDomain.DOMAIN_SIM:
+        index += getattr(actor.env.before(), kind)
+    if domain in (IndexDomain.DOMAIN_SIM, IndexDomain.DOMAIN_ENV):
+        index += getattr(actor.before, kind)
+    elif domain != IndexDomain.DOMAIN_ACTOR:
+        raise WarpcamError(f"index domain {domain!r} came; allowed are {', '.join(each.name for each in IndexDomain)}")
+    return int(index)

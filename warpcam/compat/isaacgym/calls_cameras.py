@@ -1,0 +1,202 @@
+"""Calls about cameras and their images."""
+
+from typing import Any
+
+import numpy as np
+from PIL import Image
+
+from warpcam import interop, pictures
+from warpcam.compat.isaacgym.kinds import CameraFollowMode, ImageType
+from warpcam.compat.isaacgym.maths import Quat, Transform, Vec3
+from warpcam.compat.isaacgym.options import CameraProperties
+from warpcam.compat.isaacgym.sensor import MODES, Sensor, aimed, checked, projection_matrix, view_matrix
+from warpcam.compat.isaacgym.sim import Sim, env_of, sim_of
+from warpcam.compat.isaacgym.studio import check_kind
+from warpcam.compat.isaacgym.tensors import Tensor
+from warpcam.compat.isaacgym.world import Env
+from warpcam.errors import WarpcamError
+from warpcam.kernels import isaacgym as kernels
+
+
+class CameraCalls:
+    """See ``Gym``."""
+
+    def create_camera_sensor(self, env: Env, props: CameraProperties | None = None) -> int:
+        """A camera; its handle counts those of its environment, and none is given twice."""
+        env = env_of(env, "create_camera_sensor")
+        sensor = Sensor(env, env.next_camera, checked(props))
+        env.cameras[sensor.handle] = sensor
+        env.next_camera += 1
+        env.sim.studio.add(sensor)
+        return sensor.handle
+
+    def destroy_camera_sensor(self, sim: Sim, env: Env, camera: int) -> None:
+        """Forget a camera. Tensors of its images stay as they are."""
+        sensor = _sensor(env, camera, "destroy_camera_sensor", sim)
+        del env.cameras[sensor.handle]
+        env.sim.studio.remove(sensor)
+
+    def set_camera_location(self, camera: int, env: Env, position: Vec3, target: Vec3) -> None:
+        """Put a camera somewhere, in its environment's frame; it follows no body any more."""
+        sensor = _sensor(env, camera, "set_camera_location")
+        sensor.put(aimed(Vec3(*position), Vec3(*target), env.sim.up), kernels.FREE, -1)
+
+    def set_camera_transform(self, camera: int, env: Env, transform: Transform) -> None:
+        """Put a camera somewhere, in its environment's frame; it follows no body any more.
+
+        Where z is up, it looks along x of the transform, and its z is up; where y is up, along -z, and y is up.
+        """
+        _sensor(env, camera, "set_camera_transform").put(transform, kernels.FREE, -1)
+
+    def attach_camera_to_body(
+        self, camera: int, env: Env, body: int, local_transform: Transform, mode: CameraFollowMode
+    ) -> None:
+        """Fix a camera to a body.
+
+        Args:
+            camera: Its handle.
+            env: Its environment.
+            body: The body's handle in the environment.
+            local_transform: From the camera to the body's frame; with ``FOLLOW_POSITION`` the camera stays that far
+                from the body, along the environment's axes, and turned as it is.
+            mode: Of ``CameraFollowMode``.
+        """
+        where = "attach_camera_to_body"
+        sensor = _sensor(env, camera, where)
+        count = env.counts.bodies
+        if isinstance(body, bool) or not isinstance(body, int | np.integer) or not 0 <= body < count:
+            raise WarpcamError(f"{where}: body {body!r} came, environment {env.index} has 0 to {count - 1}")
+        try:
+            follow = MODES[CameraFollowMode(mode)]
+        except ValueError:
+            allowed = ", ".join(each.name for each in CameraFollowMode)
+            raise WarpcamError(f"{where}: mode {mode!r} came; allowed are {allowed}") from None
+        sensor.put(local_transform, follow, int(body))
+
+    def get_camera_transform(self, sim: Sim, env: Env, camera: int, *, quirks: bool | None = None) -> Transform:
+        """Where a camera is now, in its environment's frame.
+
+        Args:
+            sim: The simulation.
+            env: The camera's environment.
+            camera: Its handle.
+            quirks: For a camera that is attached to a body, where it is as seen from there, as Isaac Gym has it. None
+                is what ``create_sim`` was told.
+        """
+        sensor = _sensor(env, camera, "get_camera_transform", sim)
+        if sim.quirks if quirks is None else quirks:
+            return Transform(sensor.pose.p, sensor.pose.r)
+        return _pose(sensor)
+
+    def get_camera_view_matrix(self, sim: Sim, env: Env, camera: int) -> np.ndarray:
+        """(4, 4) float32: [x, y, z, 1] of the frame that all environments share, times it, is the eye's, OpenGL's."""
+        pose = _pose(_sensor(env, camera, "get_camera_view_matrix", sim))
+        return view_matrix(Transform(pose.p + env.origin, pose.r), sim.up)
+
+    def get_camera_proj_matrix(self, sim: Sim, env: Env, camera: int) -> np.ndarray:
+        """(4, 4) float32: rows of the eye's frame, times it, are OpenGL's clip coordinates."""
+        return projection_matrix(_sensor(env, camera, "get_camera_proj_matrix", sim).props)
+
+    def step_graphics(self, sim: Sim) -> None:
+        """Nothing is to be done: images show states as they are when they are rendered."""
+        sim_of(sim, "step_graphics").shown = True
+
+    def render_all_camera_sensors(self, sim: Sim) -> None:
+        """Draw all cameras of all environments."""
+        sim = sim_of(sim, "render_all_camera_sensors")
+        if sim.accessing:
+            raise WarpcamError(
+                "render_all_camera_sensors: images are being read; call end_access_image_tensors before the next render"
+            )
+        if not sim.fetched:
+            sim.warn_once(
+                "render_all_camera_sensors: fetch_results was not called after simulate; here it is not needed"
+            )
+        if not sim.shown:
+            sim.warn_once(
+                "render_all_camera_sensors: step_graphics was not called after simulate; here it is not needed"
+            )
+        sim.studio.render(sim.physics, sim.envs)
+
+    def get_camera_image(self, sim: Sim, env: Env, camera: int, image_type: ImageType) -> np.ndarray:
+        """A copy of an image on the host, as of the last render.
+
+        Returns:
+            Colour (height, 4 width) uint8, RGBA; depth (height, width) float32, negative planar [m], -inf at a miss;
+            segmentation (height, width) uint32; flow (height, 2 width) int16.
+        """
+        kind = check_kind(image_type, "get_camera_image")
+        sensor = _sensor(env, camera, "get_camera_image", sim)
+        image = sim.studio.read(sensor, kind)
+        if kind == ImageType.IMAGE_SEGMENTATION:
+            return image.view(np.uint32)
+        return image.reshape(image.shape[0], -1)
+
+    def get_camera_image_gpu_tensor(self, sim: Sim, env: Env, camera: int, image_type: ImageType) -> Tensor:
+        """Memory that has an image after each render: the same for as long as the camera is there.
+
+        Returns:
+            Colour (height, width, 4) uint8, depth (height, width) float32, segmentation (height, width) int32, flow
+            (height, width, 2) int16, on the simulation's device.
+        """
+        where = "get_camera_image_gpu_tensor"
+        kind = check_kind(image_type, where)
+        sensor = _sensor(env, camera, where, sim)
+        if not sensor.props.enable_tensors:
+            raise WarpcamError(f"{where}: {sensor.where} was created with enable_tensors False; set it True before")
+        return sim.studio.tensor(sensor, kind, sim.device)
+
+    def start_access_image_tensors(self, sim: Sim) -> None:
+        """From here on images are read; they are in order with torch's current stream."""
+        sim = sim_of(sim, "start_access_image_tensors")
+        if sim.accessing:
+            raise WarpcamError("start_access_image_tensors: called twice; end_access_image_tensors comes between")
+        sim.accessing = True
+
+    def end_access_image_tensors(self, sim: Sim) -> None:
+        sim = sim_of(sim, "end_access_image_tensors")
+        if not sim.accessing:
+            raise WarpcamError("end_access_image_tensors: start_access_image_tensors was not called")
+        sim.accessing = False
+
+    def write_camera_image_to_file(self, sim: Sim, env: Env, camera: int, image_type: ImageType, path: str) -> None:
+        """Save an image as a PNG: colours, or depth and ids in false colours."""
+        kind = check_kind(image_type, "write_camera_image_to_file")
+        if kind == ImageType.IMAGE_OPTICAL_FLOW:
+            raise WarpcamError(
+                "write_camera_image_to_file: IMAGE_OPTICAL_FLOW has no picture; get_camera_image gives it"
+            )
+        image = self.get_camera_image(sim, env, camera, kind)
+        if kind == ImageType.IMAGE_COLOR:
+            pixels = image.reshape(image.shape[0], -1, 4)[..., :3]
+        elif kind == ImageType.IMAGE_DEPTH:
+            pixels = pictures.from_lengths(-image[None, ..., None])[0]
+        else:
+            pixels = pictures.from_ids(np.where(image == 0, -1, image.astype(np.int64))[None, ..., None])[0]
+        Image.fromarray(np.ascontiguousarray(pixels)).save(path, format="png")
+
+
+def _sensor(env: Any, handle: Any, where: str, sim: Any = None) -> Sensor:
+    """The camera of that handle, of an environment that is of the simulation if one is given."""
+    env = env_of(env, where)
+    if sim is not None and env.sim is not sim_of(sim, where):
+        raise WarpcamError(f"{where}: environment {env.index} is of another simulation")
+    if isinstance(handle, bool) or not isinstance(handle, int | np.integer) or handle not in env.cameras:
+        gone = isinstance(handle, int | np.integer) and 0 <= handle < env.next_camera
+        known = ", ".join(map(str, env.cameras)) or "none"
+        what = f"camera {handle} has been destroyed" if gone else f"camera {handle!r} came"
+        raise WarpcamError(f"{where}: {what}; environment {env.index} has {known}")
+    return env.cameras[handle]
+
+
+def _pose(sensor: Sensor) -> Transform:
+    """Where it is now, in its environment's frame; waits for the device if it follows a body."""
+    if sensor.mode == kernels.FREE:
+        return Transform(sensor.pose.p, sensor.pose.r)
+    body = sensor.env.before().bodies + sensor.body
+    physics = sensor.env.sim.physics
+    numbers = interop.to_numpy(physics.state.body_q[body : body + 1])[0].tolist()
+    place, turn = Vec3(*numbers[:3]), Quat(*numbers[3:])
+    if sensor.mode == kernels.POSITION:
+        return Transform(place + sensor.pose.p, sensor.pose.r)
+    return Transform(place, turn) * sensor.pose

@@ -1,0 +1,146 @@
+"""Calls about states: as tensors of all environments, and as arrays of one actor."""
+
+from typing import Any
+
+import numpy as np
+
+from warpcam import interop
+from warpcam.compat.isaacgym.kinds import BODY_STATE, DOF_STATE, STATE_ALL, STATE_POS, STATE_VEL
+from warpcam.compat.isaacgym.sim import Sim, env_of, sim_of
+from warpcam.compat.isaacgym.tensors import Tensor, unwrap
+from warpcam.compat.isaacgym.world import Actor, Env
+from warpcam.errors import WarpcamError
+
+
+class StateCalls:
+    """See ``Gym``."""
+
+    def acquire_actor_root_state_tensor(self, sim: Sim) -> Tensor:
+        """(actor, 13) float32: position, quaternion x y z w, velocities, in its environment's frame."""
+        return sim_of(sim, "acquire_actor_root_state_tensor").physics.tensor("roots")
+
+    def acquire_rigid_body_state_tensor(self, sim: Sim) -> Tensor:
+        """(body, 13) float32, as those of actors."""
+        return sim_of(sim, "acquire_rigid_body_state_tensor").physics.tensor("bodies")
+
+    def acquire_dof_state_tensor(self, sim: Sim) -> Tensor:
+        """(dof, 2) float32: position and velocity."""
+        return sim_of(sim, "acquire_dof_state_tensor").physics.tensor("dofs")
+
+    def refresh_actor_root_state_tensor(self, sim: Sim) -> bool:
+        return _refresh(sim, "refresh_actor_root_state_tensor", "roots")
+
+    def refresh_rigid_body_state_tensor(self, sim: Sim) -> bool:
+        return _refresh(sim, "refresh_rigid_body_state_tensor", "bodies")
+
+    def refresh_dof_state_tensor(self, sim: Sim) -> bool:
+        return _refresh(sim, "refresh_dof_state_tensor", "dofs")
+
+    def set_actor_root_state_tensor(self, sim: Sim, states: Tensor) -> bool:
+        """Place all actors: the next render shows it."""
+        sim_of(sim, "set_actor_root_state_tensor").physics.set_roots(states, None, None, "set_actor_root_state_tensor")
+        return True
+
+    def set_actor_root_state_tensor_indexed(self, sim: Sim, states: Tensor, indices: Tensor, count: int) -> bool:
+        """Place those whose indices, int32, are given."""
+        where = "set_actor_root_state_tensor_indexed"
+        sim_of(sim, where).physics.set_roots(states, _indices(indices, where), int(count), where)
+        return True
+
+    def set_dof_state_tensor(self, sim: Sim, states: Tensor) -> bool:
+        """Place all joints: the next render shows it."""
+        sim_of(sim, "set_dof_state_tensor").physics.set_dofs(states, None, None, "set_dof_state_tensor")
+        return True
+
+    def set_dof_state_tensor_indexed(self, sim: Sim, states: Tensor, indices: Tensor, count: int) -> bool:
+        """Place the joints of those actors whose indices, int32, are given."""
+        where = "set_dof_state_tensor_indexed"
+        sim_of(sim, where).physics.set_dofs(states, _indices(indices, where), int(count), where)
+        return True
+
+    def set_dof_position_target_tensor(self, sim: Sim, values: Tensor) -> bool:
+        return _targets(sim, "positions", values, None, None, "set_dof_position_target_tensor")
+
+    def set_dof_velocity_target_tensor(self, sim: Sim, values: Tensor) -> bool:
+        return _targets(sim, "velocities", values, None, None, "set_dof_velocity_target_tensor")
+
+    def set_dof_actuation_force_tensor(self, sim: Sim, values: Tensor) -> bool:
+        return _targets(sim, "forces", values, None, None, "set_dof_actuation_force_tensor")
+
+    def set_dof_position_target_tensor_indexed(self, sim: Sim, values: Tensor, indices: Tensor, count: int) -> bool:
+        return _targets(sim, "positions", values, indices, count, "set_dof_position_target_tensor_indexed")
+
+    def set_dof_velocity_target_tensor_indexed(self, sim: Sim, values: Tensor, indices: Tensor, count: int) -> bool:
+        return _targets(sim, "velocities", values, indices, count, "set_dof_velocity_target_tensor_indexed")
+
+    def set_dof_actuation_force_tensor_indexed(self, sim: Sim, values: Tensor, indices: Tensor, count: int) -> bool:
+        return _targets(sim, "forces", values, indices, count, "set_dof_actuation_force_tensor_indexed")
+
+    def get_actor_rigid_body_states(self, env: Env, actor: int, flags: int = STATE_ALL) -> np.ndarray:
+        """(body,) of ``RigidBodyState.dtype``; a copy."""
+        found, physics = _found(env, actor, "get_actor_rigid_body_states")
+        first, count = physics.start_of(found).bodies, len(found.asset.bodies)
+        rows = np.zeros(count, BODY_STATE)
+        numbers = rows.view(np.float32).reshape(count, 13)
+        physics.tensor("bodies")
+        physics.refresh("bodies")
+        numbers[:] = interop.to_numpy(physics.tensor("bodies").torch[first : first + count])
+        return _kept(numbers, flags, 7, rows)
+
+    def get_actor_dof_states(self, env: Env, actor: int, flags: int = STATE_ALL) -> np.ndarray:
+        """(dof,) of ``DofState.dtype``; a copy."""
+        found, physics = _found(env, actor, "get_actor_dof_states")
+        first, count = physics.start_of(found).dofs, len(found.asset.dofs)
+        rows = np.zeros(count, DOF_STATE)
+        numbers = rows.view(np.float32).reshape(count, 2)
+        physics.tensor("dofs")
+        physics.refresh("dofs")
+        numbers[:] = interop.to_numpy(physics.tensor("dofs").torch[first : first + count])
+        return _kept(numbers, flags, 1, rows)
+
+    def set_actor_dof_states(self, env: Env, actor: int, states: np.ndarray, flags: int = STATE_ALL) -> bool:
+        """Place the joints of one actor: positions, velocities or both, as ``flags`` say."""
+        found, physics = _found(env, actor, "set_actor_dof_states")
+        first, count = physics.start_of(found).dofs, len(found.asset.dofs)
+        if getattr(states, "dtype", None) != DOF_STATE or states.shape != (count,):
+            raise WarpcamError(f"set_actor_dof_states: {count} of DofState.dtype are needed, got {states!r}")
+        physics.tensor("dofs")
+        physics.refresh("dofs")
+        values = physics.tensor("dofs").torch.clone()
+        given = interop.as_tensor(np.ascontiguousarray(states).view(np.float32).reshape(count, 2))
+        for column, flag in enumerate((STATE_POS, STATE_VEL)):
+            if flags & flag:
+                values[first : first + count, column] = given[:, column].to(values.device)
+        physics.set_dofs(unwrap(values), None, None, "set_actor_dof_states")
+        return True
+
+
+def _refresh(sim: Any, where: str, name: str) -> bool:
+    sim_of(sim, where).physics.refresh(name)
+    return True
+
+
+def _targets(sim: Any, kind: str, values: Any, indices: Any, count: Any, where: str) -> bool:
+    chosen = None if count is None else _indices(indices, where)
+    sim_of(sim, where).physics.set_targets(kind, values, chosen, count, where)
+    return True
+
+
+def _indices(value: Any, where: str) -> Tensor:
+    if not isinstance(value, Tensor):
+        raise WarpcamError(f"{where}: indices must be gymtorch.unwrap_tensor(int32 tensor), got {type(value).__name__}")
+    return value
+
+
+def _found(env: Any, actor: Any, where: str) -> tuple[Actor, Any]:
+    env = env_of(env, where)
+    return env.actor(actor, where), env.sim.physics
+
+
+def _kept(numbers: np.ndarray, flags: int, positions: int, rows: np.ndarray) -> np.ndarray:
+    """Without what is not asked for."""
+    if not flags & STATE_POS:
+        numbers[:, :positions] = 0.0
+    if not flags & STATE_VEL:
+        numbers[:, positions:] = 0.0
+    return rows

@@ -1,0 +1,143 @@
+"""Isaac Gym's ``gymapi``, for programs that read cameras: Newton simulates, warpcam draws.
+
+    from warpcam.compat.isaacgym import gymapi, gymtorch
+
+    gym = gymapi.acquire_gym()
+
+Calls have that system's names, arguments and conventions. Whatever cannot be given raises ``warpcam.WarpcamError``
+where it is asked for; nothing returns None for an image.
+"""
+
+from warpcam.compat.isaacgym.asset import Asset
+from warpcam.compat.isaacgym.calls_assets import AssetCalls
+from warpcam.compat.isaacgym.calls_cameras import CameraCalls
+from warpcam.compat.isaacgym.calls_looks import LookCalls
+from warpcam.compat.isaacgym.calls_sim import SimCalls
+from warpcam.compat.isaacgym.calls_states import StateCalls
+from warpcam.compat.isaacgym.kinds import (
+    INVALID_HANDLE,
+    STATE_ALL,
+    STATE_NONE,
+    STATE_POS,
+    STATE_VEL,
+    CameraFollowMode,
+    CoordinateSpace,
+    DofDriveMode,
+    DofProperties,
+    DofState,
+    DofType,
+    ImageType,
+    IndexDomain,
+    MeshType,
+    RigidBodyState,
+    SimType,
+    TensorDataType,
+    UpAxis,
+)
+from warpcam.compat.isaacgym.maths import Quat, Transform, Vec3
+from warpcam.compat.isaacgym.options import (
+    AssetOptions,
+    CameraProperties,
+    FlexParams,
+    PhysXParams,
+    PlaneParams,
+    SimParams,
+    TriangleMeshParams,
+)
+from warpcam.compat.isaacgym.refused import Refusals
+from warpcam.compat.isaacgym.sim import Sim
+from warpcam.compat.isaacgym.tensors import Tensor
+from warpcam.compat.isaacgym.world import Env
+
+IMAGE_COLOR, IMAGE_DEPTH, IMAGE_SEGMENTATION, IMAGE_OPTICAL_FLOW = ImageType
+FOLLOW_POSITION, FOLLOW_TRANSFORM = CameraFollowMode
+MESH_NONE, MESH_COLLISION, MESH_VISUAL, MESH_VISUAL_AND_COLLISION = MeshType
+UP_AXIS_Y, UP_AXIS_Z = UpAxis
+SIM_PHYSX, SIM_FLEX = SimType
+DOMAIN_ACTOR, DOMAIN_ENV, DOMAIN_SIM = IndexDomain
+DOF_MODE_NONE, DOF_MODE_POS, DOF_MODE_VEL, DOF_MODE_EFFORT = DofDriveMode
+DOF_INVALID, DOF_ROTATION, DOF_TRANSLATION = DofType
+DTYPE_FLOAT32, DTYPE_UINT32, DTYPE_UINT64, DTYPE_UINT8, DTYPE_INT16, DTYPE_INT32 = TensorDataType
+ENV_SPACE, LOCAL_SPACE, GLOBAL_SPACE = CoordinateSpace
+
+__all__ = [
+    "DOF_INVALID",
+    "DOF_MODE_EFFORT",
+    "DOF_MODE_NONE",
+    "DOF_MODE_POS",
+    "DOF_MODE_VEL",
+    "DOF_ROTATION",
+    "DOF_TRANSLATION",
+    "DOMAIN_ACTOR",
+    "DOMAIN_ENV",
+    "DOMAIN_SIM",
+    "DTYPE_FLOAT32",
+    "DTYPE_INT16",
+    "DTYPE_INT32",
+    "DTYPE_UINT8",
+    "DTYPE_UINT32",
+    "DTYPE_UINT64",
+    "ENV_SPACE",
+    "FOLLOW_POSITION",
+    "FOLLOW_TRANSFORM",
+    "GLOBAL_SPACE",
+    "IMAGE_COLOR",
+    "IMAGE_DEPTH",
+    "IMAGE_OPTICAL_FLOW",
+    "IMAGE_SEGMENTATION",
+    "INVALID_HANDLE",
+    "LOCAL_SPACE",
+    "MESH_COLLISION",
+    "MESH_NONE",
+    "MESH_VISUAL",
+    "MESH_VISUAL_AND_COLLISION",
+    "SIM_FLEX",
+    "SIM_PHYSX",
+    "STATE_ALL",
+    "STATE_NONE",
+    "STATE_POS",
+    "STATE_VEL",
+    "UP_AXIS_Y",
+    "UP_AXIS_Z",
+    "Asset",
+    "AssetOptions",
+    "CameraFollowMode",
+    "CameraProperties",
+    "CoordinateSpace",
+    "DofDriveMode",
+    "DofProperties",
+    "DofState",
+    "DofType",
+    "Env",
+    "FlexParams",
+    "Gym",
+    "ImageType",
+    "IndexDomain",
+    "MeshType",
+    "PhysXParams",
+    "PlaneParams",
+    "Quat",
+    "RigidBodyState",
+    "Sim",
+    "SimParams",
+    "SimType",
+    "Tensor",
+    "TensorDataType",
+    "Transform",
+    "TriangleMeshParams",
+    "UpAxis",
+    "Vec3",
+    "acquire_gym",
+]  # fmt: skip
+
+
+class Gym(SimCalls, AssetCalls, StateCalls, LookCalls, CameraCalls, Refusals):
+    """All calls. Those of Isaac Gym that are not here say so when they are called."""
+
+
+_GYM = Gym()
+
+
+def acquire_gym() -> Gym:
+    """The one that all calls go to."""
+    return _GYM

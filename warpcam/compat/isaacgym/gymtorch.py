@@ -1,0 +1,26 @@
+"""Tensors of ``gymapi`` as torch tensors, and back: always the same memory."""
+
+from collections.abc import Sequence
+
+from warpcam import interop
+from warpcam.compat.isaacgym.tensors import Tensor, unwrap, wrap
+
+__all__ = ["unwrap_tensor", "wrap_tensor"]
+
+
+def wrap_tensor(
+    gym_tensor: Tensor, offsets: Sequence[int] | None = None, counts: Sequence[int] | None = None
+) -> interop.Tensor:
+    """The memory of a tensor as a torch tensor. It costs nothing, and the address never changes.
+
+    Args:
+        gym_tensor: As calls of ``gymapi`` hand it out.
+        offsets: First index of each dimension; None is 0.
+        counts: How many of each dimension; None is all that follow.
+    """
+    return wrap(gym_tensor, offsets, counts)
+
+
+def unwrap_tensor(torch_tensor: interop.Tensor) -> Tensor:
+    """What the calls of ``gymapi`` that set states take, of a torch tensor."""
+    return unwrap(torch_tensor)

@@ -1,0 +1,129 @@
+"""Isaac Gym's closed sets, and the structured numbers of its states and properties."""
+
+from enum import IntEnum
+
+import numpy as np
+
+from warpcam.compat.isaacgym.maths import TRANSFORM, VEC3
+
+
+class ImageType(IntEnum):
+    """What an image of a camera shows."""
+
+    IMAGE_COLOR = 0
+    IMAGE_DEPTH = 1
+    IMAGE_SEGMENTATION = 2
+    IMAGE_OPTICAL_FLOW = 3
+
+
+class CameraFollowMode(IntEnum):
+    """How a camera that is attached to a body moves with it."""
+
+    FOLLOW_POSITION = 0
+    FOLLOW_TRANSFORM = 1
+
+
+class MeshType(IntEnum):
+    """Which shapes of a body."""
+
+    MESH_NONE = 0
+    MESH_COLLISION = 1
+    MESH_VISUAL = 2
+    MESH_VISUAL_AND_COLLISION = 3
+
+
+class UpAxis(IntEnum):
+    """Which way is up."""
+
+    UP_AXIS_Y = 1
+    UP_AXIS_Z = 2
+
+
+class SimType(IntEnum):
+    """Asked for by programs; here both are simulated alike."""
+
+    SIM_PHYSX = 0
+    SIM_FLEX = 1
+
+
+class IndexDomain(IntEnum):
+    """What an index counts in."""
+
+    DOMAIN_ACTOR = 0
+    DOMAIN_ENV = 1
+    DOMAIN_SIM = 2
+
+
+class DofDriveMode(IntEnum):
+    """What moves a degree of freedom."""
+
+    DOF_MODE_NONE = 0
+    DOF_MODE_POS = 1
+    DOF_MODE_VEL = 2
+    DOF_MODE_EFFORT = 3
+
+
+class DofType(IntEnum):
+    """Kinds of degrees of freedom."""
+
+    DOF_INVALID = -1
+    DOF_ROTATION = 0
+    DOF_TRANSLATION = 1
+
+
+class TensorDataType(IntEnum):
+    """Of the numbers of a tensor."""
+
+    DTYPE_FLOAT32 = 0
+    DTYPE_UINT32 = 1
+    DTYPE_UINT64 = 2
+    DTYPE_UINT8 = 3
+    DTYPE_INT16 = 4
+    DTYPE_INT32 = 5
+
+
+class CoordinateSpace(IntEnum):
+    """In which frame a vector is given."""
+
+    ENV_SPACE = 0
+    LOCAL_SPACE = 1
+    GLOBAL_SPACE = 2
+
+
+INVALID_HANDLE = -1
+STATE_NONE, STATE_POS, STATE_VEL, STATE_ALL = 0, 1, 2, 3
+
+DOF_STATE = np.dtype([("pos", "f4"), ("vel", "f4")])
+BODY_STATE = np.dtype([("pose", TRANSFORM), ("vel", [("linear", VEC3), ("angular", VEC3)])])
+DOF_PROPERTIES = np.dtype(
+    [
+        ("hasLimits", "?"),
+        ("lower", "f4"),
+        ("upper", "f4"),
+        ("driveMode", "i4"),
+        ("stiffness", "f4"),
+        ("damping", "f4"),
+        ("velocity", "f4"),
+        ("effort", "f4"),
+        ("friction", "f4"),
+        ("armature", "f4"),
+    ]
+)
+
+
+class DofState:
+    """Position [m or rad] and velocity of a degree of freedom."""
+
+    dtype = DOF_STATE
+
+
+class RigidBodyState:
+    """Pose and velocity of a body."""
+
+    dtype = BODY_STATE
+
+
+class DofProperties:
+    """What drives and limits a degree of freedom."""
+
+    dtype = DOF_PROPERTIES

@@ -1,0 +1,229 @@
+"""The simulation under the environments: Newton moves it, and states go to and from its tensors."""
+
+import logging
+from collections.abc import Sequence
+from typing import Any
+
+import newton
+import numpy as np
+import warp as wp
+
+from warpcam import interop
+from warpcam.compat.isaacgym.kinds import DofDriveMode
+from warpcam.compat.isaacgym.maths import Vec3
+from warpcam.compat.isaacgym.tensors import Tensor, take
+from warpcam.compat.isaacgym.world import Actor, Counts, Env, Grounds, build
+from warpcam.kernels import isaacgym as kernels
+
+MODES = {
+    DofDriveMode.DOF_MODE_NONE: newton.JointTargetMode.NONE,
+    DofDriveMode.DOF_MODE_POS: newton.JointTargetMode.POSITION,
+    DofDriveMode.DOF_MODE_VEL: newton.JointTargetMode.VELOCITY,
+    DofDriveMode.DOF_MODE_EFFORT: newton.JointTargetMode.EFFORT,
+}
+# Gains by mode, as that system has them: a speed is driven by its damping alone.
+STIFF, DAMPED = (DofDriveMode.DOF_MODE_POS,), (DofDriveMode.DOF_MODE_POS, DofDriveMode.DOF_MODE_VEL)
+CONTACTS_PER_SHAPE, LEAST_CONTACTS = 8, 64
+
+
+class Physics:
+    """All environments, simulated together. They can no longer be added to.
+
+    Attributes:
+        model: The ``newton.Model``.
+        spot: Where its shapes and bodies are.
+        state: The ``newton.State`` that is current.
+        total: How much of each there is.
+    """
+
+    def __init__(
+        self, envs: Sequence[Env], grounds: Grounds, up: newton.Axis, gravity: Vec3, device: wp.Device, on_host: bool
+    ):
+        self.device, self._on_host, self._gravity = device, on_host, gravity
+        before = Counts()
+        for env in envs:
+            env.start = before
+            before = before + env.counts
+        self.total, self.actors = before, [actor for env in envs for actor in env.actors]
+        builder, self.spot = build(envs, grounds, up, gravity)
+        self.model = builder.finalize(device=device)
+        self.model.set_gravity(tuple(gravity))
+        self.state, self._other = self.model.state(), self.model.state()
+        newton.eval_fk(self.model, self.model.joint_q, self.model.joint_qd, self.state)
+        self._control = self.model.control()
+        self._solver: Any = None
+        self._moved = False  # joints are behind bodies
+        self._read_places()
+        self.write_properties()
+        self._states: dict[str, tuple[wp.array, Tensor]] = {}
+
+    def start_of(self, actor: Actor) -> Counts:
+        return actor.env.start + actor.before
+
+    def simulate(self, dt: float, substeps: int) -> None:
+        """Move on by ``dt`` [s]."""
+        with interop.in_order(self.device), wp.ScopedDevice(self.device):
+            if self._solver is None:
+                self._solver = self._make_solver()
+            for _ in range(substeps):
+                self.state.clear_forces()
+                if self._floating.size:
+                    inputs = [self._floating, self.model.body_mass, wp.vec3(*self._gravity), self.state.body_f]
+                    kernels.launch(kernels.hold_up, self._floating.size, inputs, self.device)
+                contacts = None
+                if self._pipeline is not None:
+                    contacts = self._contacts
+                    self._pipeline.collide(self.state, contacts)
+                self._solver.step(self.state, self._other, self._control, contacts, dt / substeps)
+                self.state, self._other = self._other, self.state
+            self._moved = self._pipeline is not None
+
+    def tensor(self, name: str) -> Tensor:
+        """Of "roots" (actor, 13), "bodies" (body, 13) or "dofs" (dof, 2), as they are now."""
+        if name not in self._states:
+            rows, width = {
+                "roots": (self.total.actors, 13),
+                "bodies": (self.total.bodies, 13),
+                "dofs": (self.total.dofs, 2),
+            }[name]
+            array = wp.zeros((rows, width), dtype=wp.float32, device=self.device)
+            shown = wp.zeros((rows, width), dtype=wp.float32, device="cpu") if self._on_host else array
+            self._states[name] = array, Tensor(interop.to_torch(shown))
+            self.refresh(name)
+        return self._states[name][1]
+
+    def refresh(self, name: str) -> None:
+        """Bring the tensor up to date, if anybody has it."""
+        if name not in self._states:
+            return
+        array, shown = self._states[name]
+        with interop.in_order(self.device):
+            if name == "dofs":
+                self._catch_up()
+                inputs = [self.state.joint_q, self.state.joint_qd, self._coordinates, self._speeds, array]
+                kernels.launch(kernels.read_dofs, self.total.dofs, inputs, self.device)
+            else:
+                rows = self._roots if name == "roots" else self._bodies
+                inputs = [self.state.body_q, self.state.body_qd, rows, array]
+                kernels.launch(kernels.read_bodies, len(rows), inputs, self.device)
+        if self._on_host:
+            shown.torch.copy_(interop.to_torch(array))
+
+    def set_roots(self, value: Any, chosen: Any, count: int | None, where: str) -> None:
+        """Place actors; with what hangs on them, at once."""
+        states = take(value, where, wp.float32, (self.total.actors, 13), self.device)
+        which = self._chosen(chosen, count, where)
+        with interop.in_order(self.device):
+            self._catch_up()
+            places = [self._free_coordinates, self._free_speeds, self._first_joints]
+            into = [self.state.joint_q, self.state.joint_qd, self.model.joint_X_p]
+            kernels.launch(kernels.write_roots, len(which), [states, which, *places, *into], self.device)
+            if self._solver is not None and self._any_fixed:
+                self._solver.notify_model_changed(newton.ModelFlags.JOINT_PROPERTIES)
+            self._place()
+
+    def set_dofs(self, value: Any, chosen: Any, count: int | None, where: str) -> None:
+        states = take(value, where, wp.float32, (self.total.dofs, 2), self.device)
+        which = self._chosen(chosen, count, where)
+        with interop.in_order(self.device):
+            self._catch_up()
+            inputs = [states, which, self._first_dofs, self._coordinates, self._speeds]
+            into = [self.state.joint_q, self.state.joint_qd]
+            kernels.launch(kernels.write_dofs, len(which), [*inputs, *into], self.device)
+            self._place()
+
+    def set_targets(self, kind: str, value: Any, chosen: Any, count: int | None, where: str) -> None:
+        """Of "positions", "velocities" or "forces", (dof,)."""
+        values = take(value, where, wp.float32, (self.total.dofs,), self.device)
+        which = self._chosen(chosen, count, where)
+        places, into = {
+            "positions": (self._coordinates, self._control.joint_target_q),
+            "velocities": (self._speeds, self._control.joint_target_qd),
+            "forces": (self._speeds, self._control.joint_f),
+        }[kind]
+        with interop.in_order(self.device):
+            inputs = [values, which, self._first_dofs, places, into]
+            kernels.launch(kernels.write_targets, len(which), inputs, self.device)
+
+    def write_properties(self) -> None:
+        """Bring the model's joints up to date with the actors' properties."""
+        model, speeds = self.model, self._speeds.numpy()
+        if not len(speeds):
+            return
+        rows = np.concatenate([actor.properties for actor in self.actors])
+        modes = rows["driveMode"]
+        for array, values in (
+            (model.joint_limit_lower, rows["lower"]),
+            (model.joint_limit_upper, rows["upper"]),
+            (model.joint_target_ke, np.where(np.isin(modes, STIFF), rows["stiffness"], 0.0)),
+            (model.joint_target_kd, np.where(np.isin(modes, DAMPED), rows["damping"], 0.0)),
+            (model.joint_velocity_limit, rows["velocity"]),
+            (model.joint_effort_limit, rows["effort"]),
+            (model.joint_friction, rows["friction"]),
+            (model.joint_armature, rows["armature"]),
+            (model.joint_target_mode, np.array([int(MODES[DofDriveMode(mode)]) for mode in modes])),
+        ):
+            host = array.numpy()
+            host[speeds] = values
+            array.assign(host)
+        if self._solver is not None:
+            self._solver.notify_model_changed(newton.ModelFlags.JOINT_DOF_PROPERTIES)
+
+    def _read_places(self) -> None:
+        """Where actors, bodies and degrees of freedom are in the model's arrays."""
+        coordinates: list[int] = []
+        speeds: list[int] = []
+        floating: list[int] = []
+        first_dofs = [0]
+        roots, free_q, free_qd, joints = [], [], [], []
+        starts = [self.start_of(actor) for actor in self.actors]
+        for actor, start in zip(self.actors, starts, strict=True):
+            asset = actor.asset
+            coordinates += [start.coordinates + dof.coordinate for dof in asset.dofs]
+            speeds += [start.speeds + dof.speed for dof in asset.dofs]
+            first_dofs.append(len(speeds))
+            roots.append(start.bodies)
+            joints.append(start.joints)
+            free_q.append(start.coordinates if asset.free else -1)
+            free_qd.append(start.speeds if asset.free else -1)
+            if asset.options.disable_gravity:
+                floating += range(start.bodies, start.bodies + len(asset.bodies))
+        self._any_fixed = -1 in free_q
+        self._coordinates, self._speeds, self._first_dofs, self._floating = map(
+            self._ints, (coordinates, speeds, first_dofs, floating)
+        )
+        self._roots, self._first_joints, self._free_coordinates, self._free_speeds = map(
+            self._ints, (roots, joints, free_q, free_qd)
+        )
+        self._bodies, self._all = self._ints(range(self.total.bodies)), self._ints(range(len(self.actors)))
+
+    def _ints(self, values: Any) -> wp.array:
+        return wp.array(np.array(list(values), np.int32), dtype=wp.int32, device=self.device)
+
+    def _chosen(self, indices: Any, count: int | None, where: str) -> wp.array:
+        if indices is None:
+            return self._all
+        return take(indices, f"{where}: indices", wp.int32, (indices.torch.numel(),), self.device)[:count]
+
+    def _place(self) -> None:
+        newton.eval_fk(self.model, self.state.joint_q, self.state.joint_qd, self.state)
+
+    def _catch_up(self) -> None:
+        """Joints from bodies, where the solver moves bodies."""
+        if self._moved:
+            newton.eval_ik(self.model, self.state, self.state.joint_q, self.state.joint_qd)
+            self._moved = False
+
+    def _make_solver(self) -> Any:
+        """MuJoCo where it can: its own on a CPU, which compiles nothing, else MuJoCo-Warp; if not, XPBD."""
+        self._pipeline, per_world = None, self.model.shape_count // max(self.model.world_count, 1)
+        most = max(LEAST_CONTACTS, CONTACTS_PER_SHAPE * per_world)
+        try:
+            if self.device.is_cpu:
+                return newton.solvers.SolverMuJoCo(self.model, use_mujoco_cpu=True)
+            return newton.solvers.SolverMuJoCo(self.model, nconmax=most, njmax=4 * most)
+        except (ImportError, ValueError, NotImplementedError) as error:
+            logging.getLogger("warpcam").info("simulate: not by MuJoCo-Warp: %s", error)
+        self._pipeline = newton.CollisionPipeline(self.model)
+        self._contacts = self._pipeline.contacts()
+        return newton.solvers.SolverXPBD(self.model, iterations=8)

@@ -1,0 +1,64 @@
+"""Calls of Isaac Gym that are not here, by name, with what to do instead."""
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from warpcam.errors import WarpcamError
+
+VIEWER = "there is no window; attach a camera and save its images with write_camera_image_to_file"
+PHYSICS = "this front end is for cameras; forces, contacts and material of bodies are those of the Newton model"
+SOFT = "there are no soft bodies or particles here; warpcam.from_newton draws Newton's"
+REFUSED: Mapping[str, str] = {
+    **dict.fromkeys(
+        (
+            "create_viewer", "destroy_viewer", "draw_viewer", "poll_viewer_events", "query_viewer_has_closed",
+            "query_viewer_action_events", "subscribe_viewer_keyboard_event", "subscribe_viewer_mouse_event",
+            "viewer_camera_look_at", "get_viewer_camera_transform", "get_viewer_camera_handle", "get_viewer_size",
+            "get_viewer_mouse_position", "set_viewer_camera", "write_viewer_image_to_file", "add_lines", "clear_lines",
+            "draw_env_rigid_contacts", "draw_env_soft_contacts", "sync_frame_time",
+        ),
+        VIEWER,
+    ),
+    **dict.fromkeys(
+        (
+            "acquire_net_contact_force_tensor", "refresh_net_contact_force_tensor", "acquire_force_sensor_tensor",
+            "refresh_force_sensor_tensor", "acquire_dof_force_tensor", "refresh_dof_force_tensor",
+            "acquire_jacobian_tensor", "refresh_jacobian_tensors", "acquire_mass_matrix_tensor",
+            "refresh_mass_matrix_tensors", "apply_rigid_body_force_tensors",
+            "apply_rigid_body_force_at_pos_tensors", "apply_body_forces", "apply_body_force_at_pos",
+            "apply_actor_dof_efforts", "apply_dof_effort", "set_rigid_body_state_tensor",
+            "set_actor_rigid_body_states", "get_actor_rigid_shape_properties", "set_actor_rigid_shape_properties",
+            "get_asset_rigid_shape_properties", "set_asset_rigid_shape_properties",
+            "get_actor_rigid_body_properties", "set_actor_rigid_body_properties", "set_actor_scale",
+            "get_actor_scale", "create_asset_force_sensor", "enable_actor_dof_force_sensors", "get_rigid_contacts",
+            "get_env_rigid_contacts", "set_sim_params", "set_sim_rigid_body_states", "get_sim_rigid_body_states",
+            "set_actor_dof_position_targets", "set_actor_dof_velocity_targets", "set_dof_target_position",
+            "set_dof_target_velocity", "add_heightfield", "destroy_env", "set_actor_fixed_tendon_joint_coefficients",
+        ),
+        PHYSICS,
+    ),
+    **dict.fromkeys(
+        (
+            "acquire_particle_state_tensor", "refresh_particle_state_tensor", "set_particle_state_tensor",
+            "acquire_pneumatic_pressure_tensor", "acquire_pneumatic_target_tensor", "get_sim_tetrahedra_count",
+            "get_sim_triangle_count", "get_sim_triangles", "get_asset_soft_body_count", "get_actor_soft_body_count",
+            "create_cloth_grid", "create_tet_grid", "create_performance_timers",
+        ),
+        SOFT,
+    ),
+    "set_camera_view_matrix": "give the pose to set_camera_transform",
+    "get_viewer_camera": VIEWER,
+}  # fmt: skip
+
+
+class Refusals:
+    """Whose missing calls say why they are missing."""
+
+    def __getattr__(self, name: str) -> Callable[..., Any]:
+        if name not in REFUSED:
+            raise AttributeError(f"Gym has no call {name!r}")
+
+        def refuse(*_: Any, **__: Any) -> Any:
+            raise WarpcamError(f"Gym.{name} is not here: {REFUSED[name]}")
+
+        return refuse

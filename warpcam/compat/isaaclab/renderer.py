@@ -1,0 +1,150 @@
+"""The renderer that Isaac Lab asks for images."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import warp as wp
+from isaaclab.renderers import BaseRenderer, RenderBufferKind, RenderBufferSpec
+
+import warpcam as wc
+from warpcam.compat.isaaclab.render_data import LABELLED, RenderData
+from warpcam.compat.isaaclab.renderer_cfg import NAME, WarpcamRendererCfg
+from warpcam.errors import WarpcamError
+
+AMBIENT = (0.2, 0.2, 0.2)
+
+
+class WarpcamRenderer(BaseRenderer):
+    """warpcam, over the Newton model that Isaac Lab builds for its own Newton renderer.
+
+    Each camera's pose and intrinsics are its own in every environment. Frames follow the scene's transforms as the
+    scene data provider publishes them, whichever physics moves it.
+    """
+
+    def __init__(self, cfg: WarpcamRendererCfg):
+        self.cfg = cfg
+        self.scene: wc.Scene | None = None
+        self._stage: Any = None
+        self._mapper: Any = None
+        sim = simulation()
+        self._backend_cfg = _backend_cfg(sim)
+        sim.requires_newton_model = True
+
+    def initialize(self) -> None:
+        """Read the model; physics is ready."""
+        sim = simulation()
+        self._backend = sim.get_or_create_backend(self._backend_cfg)
+        self._provider = sim.get_scene_data_provider()
+        model = self._backend.model
+        self._mapping = self._provider.create_mapping(list(model.body_label))
+        self.scene = wc.from_newton(
+            model,
+            self._backend.state_0,
+            lights=None if self.cfg.create_default_light else (),
+            ambient=AMBIENT if self.cfg.enable_ambient_lighting else (0.0, 0.0, 0.0),
+        )
+        if not self.cfg.enable_textures:
+            self.scene.array("material_texture").fill_(-1)
+
+    @property
+    def visual_material_writer(self) -> Any:
+        """Colours are written to the model, whose arrays are read in each frame."""
+        return self._backend.create_visual_material_writer
+
+    def supported_output_types(self) -> dict[RenderBufferKind, RenderBufferSpec]:
+        return self.cfg.supported_output_types()
+
+    def prepare_stage(self, stage: Any, num_envs: int) -> None:
+        """Nothing to prepare."""
+
+    def prepare_cameras(self, stage: Any, spec: Any) -> None:
+        """Keep the stage, whose labels become ids."""
+        self._stage = stage
+
+    def create_render_data(self, spec: Any) -> RenderData:
+        if self.scene is None:
+            raise WarpcamError("create_render_data: the renderer is not initialized; physics must be ready before")
+        for kind in LABELLED:
+            if kind in spec.cfg.data_types:
+                self._labels().build_mapping(kind, bool(getattr(self.cfg, f"colorize_{kind}")))
+        return RenderData(self.scene, self._backend.model, spec, self.cfg, self._mapper)
+
+    def set_outputs(self, render_data: RenderData, output_data: Mapping[str, Any]) -> None:
+        render_data.set_outputs({str(name): proxy.warp for name, proxy in output_data.items()})
+
+    def update_transforms(self) -> None:
+        """``render`` follows the provider."""
+
+    def update_geometries(self) -> None:
+        """``render`` follows the provider."""
+
+    def update_camera(self, render_data: RenderData, positions: Any, orientations: Any, intrinsics: Any) -> None:
+        render_data.place(*map(_array, (positions, orientations, intrinsics)))
+
+    def update_camera_intrinsics(self, render_data: RenderData, intrinsics: wp.array, parameters: wp.array) -> None:
+        """Lenses may differ between environments."""
+        render_data.set_lens(_array(intrinsics))
+
+    def render(self, render_data: RenderData) -> None:
+        assert self.scene is not None
+        self._follow()
+        self.scene.bind(self._backend.state_0)
+        render_data.render()
+
+    def read_output(self, render_data: RenderData, camera_data: Any) -> None:
+        """Images are in the camera's buffers already; what their ids mean is published."""
+        camera_data.info.update(render_data.info)
+
+    def cleanup(self, render_data: RenderData | None) -> None:
+        if render_data is not None:
+            render_data.renderer = None
+
+    def close(self) -> None:
+        self.scene = self._mapper = self._stage = None
+
+    def _follow(self) -> None:
+        """Bring the state to what the provider publishes."""
+        from isaaclab.scene_data import SceneDataFormat
+
+        backend, provider = self._backend, self._provider
+        poses = SceneDataFormat.Transform()
+        if provider.get_transforms(poses, mapping=self._mapping, count=backend.model.body_count):
+            backend.state_0.body_q = poses.transforms
+        if backend.geometry_offsets:
+            provider.get_geometry_points(output=backend.state_0.particle_q, offsets=backend.geometry_offsets)
+
+    def _labels(self) -> Any:
+        if self._mapper is None:
+            from isaaclab_newton.renderers.segmentation import NewtonSegmentationMapper
+
+            plan = simulation().get_clone_plan()
+            self._mapper = NewtonSegmentationMapper(self._backend.model, self._stage, self.cfg, plan)
+        return self._mapper
+
+
+def simulation() -> Any:
+    """The one simulation of the process."""
+    from isaaclab.sim import SimulationContext
+
+    return SimulationContext.instance()
+
+
+def _backend_cfg(sim: Any) -> Any:
+    from isaaclab_newton.physics import NewtonBackendCfg
+
+    return NewtonBackendCfg(physics_cfg=sim.cfg.physics, device=sim.device)
+
+
+def _array(value: Any) -> wp.array:
+    """Of a ProxyArray what it wraps."""
+    return value if isinstance(value, wp.array) else value.warp
+
+
+def register() -> None:
+    """Let Isaac Lab know by the renderer's name that it needs a Newton model and no stage."""
+    from isaaclab.scene_data import REQUIRES_STAGE_AND_MODEL
+
+    REQUIRES_STAGE_AND_MODEL.setdefault(NAME, (False, True))
+
+
+register()

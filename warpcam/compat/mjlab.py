@@ -1,0 +1,239 @@
+"""mjlab's camera sensor, traced by warpcam: ``from warpcam.compat.mjlab import CameraSensorCfg``.
+
+The configuration and the sensor are mjlab's own but for who draws: see docs/compat/mjlab.md. Importing this has
+``Simulation.sense`` draw these sensors beside whatever else it does.
+"""
+
+import weakref
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from functools import wraps
+from typing import Any
+
+import mujoco
+import torch
+import warp as wp
+from mjlab.sensor import CameraSensor as MjlabSensor
+from mjlab.sensor import CameraSensorCfg as MjlabCfg
+from mjlab.sensor.camera_sensor import CameraSensorData as MjlabData
+from mjlab.sim import Simulation
+from mjlab.sim.sim_data import WarpBridge
+
+import warpcam as wc
+from warpcam import interop
+from warpcam.compat.mujoco_warp.context import Look
+from warpcam.errors import WarpcamError
+from warpcam.kernels import packing
+from warpcam.kernels.launch import Stage
+from warpcam.outputs import OUTPUTS
+
+SAME = ("rgb", "depth", "segmentation")  # data types that mjlab has, too
+
+
+@dataclass
+class CameraSensorCfg(MjlabCfg):
+    """mjlab's, with more to choose.
+
+    ``data_types`` may name every output of warpcam beside mjlab's own three. Sensors of one scene need not agree on
+    textures, shadows or groups.
+    """
+
+    antialiasing: int = 1
+    """Samples of a pixel that an edge runs through: 1 or 4."""
+
+    reflections: bool | None = None
+    """Whether planes and boxes reflect; None: those whose materials do now."""
+
+    transparency: bool | None = None
+    """Whether what is transparent is seen through; None: what is so now."""
+
+    def __post_init__(self) -> None:
+        if not self.data_types:
+            raise WarpcamError(f"CameraSensorCfg({self.name!r}): data_types is empty; allowed are {', '.join(OUTPUTS)}")
+        for kind in self.data_types:
+            if kind not in OUTPUTS:
+                raise WarpcamError(
+                    f"CameraSensorCfg({self.name!r}): data_types has {kind!r}; allowed are {', '.join(OUTPUTS)}"
+                )
+
+    @classmethod
+    def of(cls, cfg: MjlabCfg, **more: Any) -> "CameraSensorCfg":
+        """The same as one of mjlab's, with more chosen."""
+        return cls(**{field.name: getattr(cfg, field.name) for field in fields(cfg)}, **more)
+
+    def build(self) -> "CameraSensor":
+        return CameraSensor(self)
+
+
+@dataclass
+class CameraSensorData(MjlabData):
+    """mjlab's three images, None where not asked for; ``depth`` is 0 where nothing is hit, as there."""
+
+    images: Mapping[str, torch.Tensor] | None = None
+    """All data types by name, (world, height, width, channels), on the simulation's device."""
+
+
+class CameraSensor(MjlabSensor):
+    """A camera of a scene; drawn with the others of its scene when ``sim.sense()`` is called."""
+
+    requires_sensor_context = False  # of mjlab's renderer
+
+    def __init__(self, cfg: CameraSensorCfg):
+        super().__init__(cfg)
+        self._cameras: _Cameras | None = None
+        self._images: dict[str, torch.Tensor] = {}
+
+    def initialize(self, mj_model: mujoco.MjModel, model: Any, data: Any, device: str) -> None:
+        super().initialize(mj_model, model, data, device)
+        m, d = _struct_of(model), _struct_of(data)
+        cameras = _simulations.get(id(d))
+        if cameras is None or cameras.data is not d:
+            cameras = _simulations[id(d)] = _Cameras(mj_model, m, d)
+        cameras.add(self)
+        self._cameras = cameras
+
+    def _compute_data(self) -> CameraSensorData:
+        if self._cameras is None:
+            raise RuntimeError("CameraSensor: it has no simulation yet; it must be part of a scene")
+        if not self._images:  # nobody has called sense() yet
+            self._cameras.render()
+        images = {name: image.clone() for name, image in self._images.items()} if self.cfg.clone_data else self._images
+        return CameraSensorData(
+            rgb=images.get("rgb"), depth=images.get("depth"), segmentation=images.get("segmentation"), images=images
+        )
+
+
+@dataclass(frozen=True)
+class _Kind:
+    """What sensors that share a scene have in common."""
+
+    groups: tuple[int, ...]
+    textures: bool
+    reflections: bool | None
+    transparency: bool | None
+
+
+class _Cameras:
+    """All camera sensors of one simulation. Those that draw the same things share a scene and a frame."""
+
+    def __init__(self, mjm: mujoco.MjModel, m: Any, d: Any):
+        self.data = d
+        self._mjm, self._m = mjm, m
+        self._sensors: list[CameraSensor] = []
+        self._frames: list[tuple[Look | None, wc.Renderer, list[Stage]]] | None = None
+
+    def add(self, sensor: CameraSensor) -> None:
+        self._sensors.append(sensor)
+        self._frames = None
+
+    def render(self) -> None:
+        device = self.data.geom_xpos.device
+        if self._frames is None:
+            if interop.is_capturing(device):
+                raise WarpcamError("sense: a capture is under way before the first frame; call sim.sense() once before")
+            self._frames = self._build()
+        for look, renderer, stages in self._frames:
+            if look is not None:
+                look.follow(self._m)
+            with interop.in_order(device):
+                renderer.render()
+                for stage in stages:
+                    stage.launch()
+        for sensor in self._sensors:
+            sensor._invalidate_cache()
+
+    def _build(self) -> list[tuple[Look | None, wc.Renderer, list[Stage]]]:
+        kinds: dict[_Kind, list[CameraSensor]] = {}
+        for sensor in self._sensors:
+            cfg = sensor.cfg
+            groups = tuple(sorted(cfg.enabled_geom_groups))
+            kind = _Kind(groups, cfg.use_textures, cfg.reflections, cfg.transparency)
+            kinds.setdefault(kind, []).append(sensor)
+        return [self._frame(kind, sensors) for kind, sensors in kinds.items()]
+
+    def _frame(self, kind: _Kind, sensors: list[CameraSensor]) -> tuple[Look | None, wc.Renderer, list[Stage]]:
+        look = None if kind.textures else Look(self._m, {"mat_texid": -1})
+        scene = wc.from_mujoco_warp(
+            self._mjm,
+            self._m if look is None else look.model,
+            self.data,
+            groups=kind.groups,
+            draw=("geoms", "flexes"),
+            reflections=kind.reflections,
+            transparency=kind.transparency,
+        )
+        far = float(self._mjm.vis.map.zfar * self._mjm.stat.extent)
+        cameras, stages = [], []
+        for sensor in sensors:
+            cfg = sensor.cfg
+            cameras.append(
+                wc.Camera(
+                    sensor.camera_idx,
+                    width=cfg.width,
+                    height=cfg.height,
+                    outputs=cfg.data_types,
+                    far=far,
+                    depth_clipping="zero",
+                    shadows=cfg.use_shadows,
+                    antialiasing=cfg.antialiasing,
+                )
+            )
+        renderer = wc.Renderer(scene, cameras)
+        objects = wp.array(scene.objects, dtype=wp.vec2i, device=scene.device)
+        for sensor in sensors:
+            sensor._images = dict(renderer.images[sensor.camera_idx])
+            if "segmentation" in sensor._images:
+                cfg = sensor.cfg
+                pairs = wp.zeros((scene.num_worlds, cfg.height * cfg.width), dtype=wp.vec2i, device=scene.device)
+                ids = renderer.array(sensor.camera_idx, "segmentation")
+                stages.append(packing.record_objects(ids, objects, pairs, 0, scene.device))
+                shape = (scene.num_worlds, cfg.height, cfg.width, 2)
+                sensor._images["segmentation"] = interop.to_torch(pairs).view(shape)
+        for stage in stages:
+            stage.bind()
+        return look, renderer, stages
+
+
+# Alive as long as a sensor of theirs is.
+_simulations: weakref.WeakValueDictionary[int, _Cameras] = weakref.WeakValueDictionary()
+
+
+def use(cfg: Any, **more: Any) -> Any:
+    """Have the camera sensors of a task's configuration drawn by warpcam.
+
+    Args:
+        cfg: mjlab's ManagerBasedRlEnvCfg, or its SceneCfg; changed in place.
+        **more: Chosen for all of them: ``antialiasing`` and the like.
+
+    Returns:
+        ``cfg``.
+    """
+    scene = getattr(cfg, "scene", cfg)
+    scene.sensors = tuple(
+        CameraSensorCfg.of(sensor, **more) if type(sensor) is MjlabCfg else sensor for sensor in scene.sensors or ()
+    )
+    return cfg
+
+
+def _struct_of(bridge: Any) -> Any:
+    """What mjlab's bridge to torch wraps."""
+    return bridge.struct if isinstance(bridge, WarpBridge) else bridge
+
+
+def _sense_too() -> None:
+    if hasattr(Simulation.sense, "_of_warpcam"):
+        return
+    sense = Simulation.sense
+
+    @wraps(sense)
+    def sense_and_draw(self: Simulation) -> None:
+        sense(self)
+        cameras = _simulations.get(id(self.wp_data))
+        if cameras is not None and cameras.data is self.wp_data:
+            cameras.render()
+
+    sense_and_draw._of_warpcam = True  # type: ignore[attr-defined]
+    Simulation.sense = sense_and_draw
+
+
+_sense_too()

@@ -1,0 +1,171 @@
+"""MuJoCo-Warp's renderer, by the calls it has: ``from warpcam.compat import mujoco_warp as mjr``.
+
+``create_render_context``, ``refit_bvh``, ``render``, ``get_rgb``, ``get_depth`` and ``get_segmentation`` take the same
+arguments, and images are packed alike. What is drawn looks as ``mujoco.Renderer`` draws it: see
+docs/compat/mujoco_warp.md.
+"""
+
+from collections.abc import Sequence
+from typing import Any
+
+import mujoco
+import warp as wp
+
+from warpcam.compat.mujoco_warp.arguments import check_settings, read_views
+from warpcam.compat.mujoco_warp.context import RenderContext
+from warpcam.errors import WarpcamError
+from warpcam.kernels import packing
+
+__all__ = [
+    "RenderContext",
+    "create_render_context",
+    "get_depth",
+    "get_rgb",
+    "get_segmentation",
+    "refit_bvh",
+    "render",
+]
+
+
+def create_render_context(
+    mjm: mujoco.MjModel,
+    nworld: int = 1,
+    cam_res: Any = None,
+    render_rgb: Any = None,
+    render_depth: Any = None,
+    render_seg: Any = None,
+    use_textures: bool = True,
+    use_fast_math: bool = True,
+    use_shadows: bool = False,
+    use_ambient_lighting: bool = True,
+    enabled_geom_groups: Sequence[int] = (0, 1, 2),
+    cam_active: Any = None,
+    background_color: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 1.0),
+    flex_render_smooth: bool = True,
+    use_precomputed_rays: bool = True,
+    render_skybox: bool = False,
+    enable_backface_culling: bool = True,
+    shadow_light_fraction: float = 0.3,
+    samples_per_pixel: int = 1,
+    enable_vertex_normals: bool = True,
+    enable_specular: bool = True,
+    enable_emission: bool = True,
+    enable_per_light_ambient: bool = True,
+    splat_position: Any = None,
+    splat_rotation: Any = None,
+    splat_scale: Any = None,
+    splat_rgba: Any = None,
+    splat_adr: Any = None,
+    splat_group_id: Any = None,
+    deterministic: bool = False,
+    *,
+    draw: Sequence[str] = ("geoms", "flexes"),
+    reflections: bool | None = None,
+    transparency: bool | None = None,
+) -> RenderContext:
+    """A context on Warp's current device, with the images that ``render`` writes.
+
+    Args:
+        mjm: The host's model.
+        nworld: How many worlds.
+        cam_res: (width, height) of all cameras, or a list of one for all or one for each; None is the model's.
+        render_rgb: Whether to render colour: for all cameras, or a list for each; None is what the model's cameras say.
+        render_depth: Likewise depth.
+        render_seg: Likewise segmentation.
+        use_textures: Whether materials show their textures.
+        use_fast_math: Changes nothing.
+        use_shadows: Whether lights cast shadows.
+        use_ambient_lighting: False leaves out all ambient light.
+        enabled_geom_groups: Groups that are drawn.
+        cam_active: Cameras to render: a bool for each, or names or ids; None is all.
+        background_color: Red, green, blue, alpha in [0, 1] where nothing is hit and no skybox is drawn.
+        flex_render_smooth: Only True.
+        use_precomputed_rays: Changes nothing: lenses of each world are always followed.
+        render_skybox: Whether to draw the model's skybox, if it has one.
+        enable_backface_culling: Only True.
+        shadow_light_fraction: 0.3, its default, and 0 are the same: a shadow is without its light, as in MuJoCo.
+        samples_per_pixel: 1, or 2 for smooth edges.
+        enable_vertex_normals: Only True.
+        enable_specular: False leaves out highlights.
+        enable_emission: False leaves out what materials emit.
+        enable_per_light_ambient: False leaves out the ambient light of lights, but for the headlight's.
+        splat_position: Not offered, nor are its companions.
+        splat_rotation: See ``splat_position``.
+        splat_scale: See ``splat_position``.
+        splat_rgba: See ``splat_position``.
+        splat_adr: See ``splat_position``.
+        splat_group_id: See ``splat_position``.
+        deterministic: Changes nothing: images always are the same.
+        draw: What is drawn: see ``warpcam.from_mujoco_warp``. MuJoCo-Warp has neither this nor what follows.
+        reflections: See ``warpcam.from_mujoco_warp``.
+        transparency: See ``warpcam.from_mujoco_warp``.
+
+    Raises:
+        WarpcamError: An argument cannot be used, or asks for what is not offered.
+    """
+    settings = dict(locals())
+    del settings["mjm"]
+    check_settings(settings)
+    return RenderContext(mjm, int(nworld), read_views(mjm, settings), settings)
+
+
+def refit_bvh(m: Any, d: Any, rc: RenderContext) -> None:
+    """Nothing needs refitting; the first call for a Model and a Data reads them, as ``RenderContext.bind`` does."""
+    rc.bind(m, d)
+
+
+def render(m: Any, d: Any, rc: RenderContext) -> None:
+    """Render the state as it is now into the context's images. It may be part of a capture."""
+    rc._bound(m, d).render()
+
+
+def get_rgb(rc: RenderContext, camera_index: int, rgb_out: wp.array) -> None:
+    """Unpack one camera's colours.
+
+    Args:
+        rc: The context.
+        camera_index: Counts the context's cameras.
+        rgb_out: vec3 (world, height, width), in [0, 1]; written.
+    """
+    start = _image(rc, "rgb", camera_index, rgb_out, wp.vec3)
+    wp.launch(packing.unpack_colors, rgb_out.shape, [rc.rgb_data, start], [rgb_out], device=rc.device)
+
+
+def get_depth(rc: RenderContext, camera_index: int, depth_scale: float, depth_out: wp.array) -> None:
+    """Copy one camera's planar depth.
+
+    Args:
+        rc: The context.
+        camera_index: Counts the context's cameras.
+        depth_scale: Depth that becomes 1 [m]; what is farther is 1, too.
+        depth_out: float32 (world, height, width); written.
+    """
+    start = _image(rc, "depth", camera_index, depth_out, wp.float32)
+    inputs = [rc.depth_data, start, float(depth_scale)]
+    wp.launch(packing.scale_depth, depth_out.shape, inputs, [depth_out], device=rc.device)
+
+
+def get_segmentation(rc: RenderContext, camera_index: int, seg_out: wp.array) -> None:
+    """Copy one camera's pairs of id and ``mjtObj``.
+
+    Args:
+        rc: The context.
+        camera_index: Counts the context's cameras.
+        seg_out: vec2i (world, height, width); written.
+    """
+    start = _image(rc, "segmentation", camera_index, seg_out, wp.vec2i)
+    wp.launch(packing.copy_pairs, seg_out.shape, [rc.seg_data, start], [seg_out], device=rc.device)
+
+
+def _image(rc: RenderContext, output: str, camera_index: int, out: wp.array, dtype: Any) -> int:
+    """Where the camera's image begins in a row, with ``out`` checked."""
+    if not 0 <= camera_index < rc.nrender:
+        raise WarpcamError(f"camera_index is {camera_index!r}; the context's cameras are 0 to {rc.nrender - 1}")
+    view, start = rc.views[camera_index], rc.starts[output][camera_index]
+    if start < 0:
+        raise WarpcamError(f"camera_index {camera_index} renders {', '.join(view.outputs) or 'nothing'}, not {output}")
+    shape = (rc.nworld, view.size[1], view.size[0])
+    if not isinstance(out, wp.array) or out.shape != shape or out.dtype is not dtype:
+        came = f"{out.dtype.__name__} {tuple(out.shape)}" if isinstance(out, wp.array) else type(out).__name__
+        raise WarpcamError(f"{output} is written to a Warp array of {dtype.__name__} {shape}, got {came}")
+    return start

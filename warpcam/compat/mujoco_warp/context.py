@@ -1,0 +1,234 @@
+"""What a context holds, and how its images come about."""
+
+import copy
+from collections.abc import Sequence
+from typing import Any
+
+import mujoco
+import numpy as np
+import warp as wp
+
+import warpcam as wc
+from warpcam import interop
+from warpcam.compat.mujoco_warp.arguments import FIXED, View, has_skybox
+from warpcam.errors import WarpcamError
+from warpcam.kernels import packing
+from warpcam.kernels.launch import Stage
+
+MAX_SCENES = 4  # Models and Datas that a context goes to and fro between without reading them anew
+
+
+class RenderContext:
+    """Settings and images, for ``render``. Made by ``create_render_context``.
+
+    Attributes:
+        nrender: How many cameras are rendered; all that follows counts these.
+        cam_res: vec2i (camera,), width and height [pixels].
+        cam_id_map: int32 (camera,), the camera's id in the model.
+        render_rgb: bool (camera,), and likewise ``render_depth`` and ``render_seg``.
+        rgb_data: uint32 (world, pixel), bytes B G R A; the cameras' images one after another.
+        rgb_adr: int32 (camera,), where in a row each camera's image begins, -1 for none.
+        depth_data: float32 (world, pixel), planar depth [m], 0 where nothing is hit.
+        depth_adr: int32 (camera,).
+        seg_data: vec2i (world, pixel), id and ``mjtObj``, (-1, -1) where nothing is hit.
+        seg_adr: int32 (camera,).
+        znear: Of the model [m]. Nothing is cut off before it.
+        zfar: Of the model [m]; nothing beyond it is seen.
+        total_rays: Pixels of all cameras.
+        views: The cameras on the host.
+        starts: ``rgb_adr`` and so on, on the host: by "rgb", "depth", "segmentation".
+        renderer: The ``warpcam.Renderer`` behind it, None until a model and data have been seen.
+    """
+
+    def __init__(self, mjm: mujoco.MjModel, num_worlds: int, views: Sequence[View], settings: dict[str, Any]):
+        self.nworld, self.nrender = num_worlds, len(views)
+        self.device = wp.get_device()
+        self.renderer: wc.Renderer | None = None
+        self._mjm, self._settings = mjm, settings
+        self.views = tuple(views)
+        self.starts: dict[str, list[int]] = {}
+        for name in ("use_textures", "use_shadows", "use_ambient_lighting", "use_fast_math", "use_precomputed_rays"):
+            setattr(self, name, settings[name])
+        for name in ("enable_specular", "enable_emission", "enable_per_light_ambient", *FIXED):
+            setattr(self, name, settings[name])
+        self.shadow_light_fraction = settings["shadow_light_fraction"]
+        self.samples_per_pixel = settings["samples_per_pixel"]
+        self.render_skybox = bool(settings["render_skybox"] and has_skybox(mjm))
+        self.headlight_active = bool(mjm.vis.headlight.active)
+        self.znear = float(mjm.vis.map.znear * mjm.stat.extent)
+        self.zfar = float(mjm.vis.map.zfar * mjm.stat.extent)
+        red, green, blue, self._miss_alpha = (int(255.0 * value) for value in settings["background_color"])
+        self.background_color = np.uint32(self._miss_alpha << 24 | red << 16 | green << 8 | blue)
+        enabled = np.flatnonzero(np.isin(mjm.geom_group, list(settings["enabled_geom_groups"])))
+        self.bvh_ngeom = len(enabled)
+        with wp.ScopedDevice(self.device):
+            self.enabled_geom_ids = wp.array(enabled, dtype=int)
+            self.cam_res = wp.array([view.size for view in views], dtype=wp.vec2i)
+            self.cam_id_map = wp.array([view.camera for view in views], dtype=int)
+            self.total_rays = sum(view.pixels for view in views)
+            self.rgb_adr, self.render_rgb, rgb = self._rows("rgb")
+            self.depth_adr, self.render_depth, depth = self._rows("depth")
+            self.seg_adr, self.render_seg, seg = self._rows("segmentation")
+            self.rgb_data = wp.zeros((num_worlds, rgb), dtype=wp.uint32)
+            self.depth_data = wp.zeros((num_worlds, depth), dtype=wp.float32)
+            self.seg_data = wp.full((num_worlds, max(seg, 1)), wp.vec2i(-1, -1), dtype=wp.vec2i)
+        self._scenes: dict[tuple[int, int], _Bound] = {}
+
+    def bind(self, m: Any, d: Any) -> None:
+        """Read a Model and a Data ahead of the first frame, which would else do it: needed before a capture.
+
+        After this and until others come nothing is allocated or compiled.
+        """
+        self._bound(m, d)
+
+    def _bound(self, m: Any, d: Any) -> "_Bound":
+        key = (id(m), id(d))
+        bound = self._scenes.get(key)
+        if bound is None:
+            if interop.is_capturing(self.device):
+                raise WarpcamError(
+                    "render: a capture is under way, and this Model and Data have not been seen before; call "
+                    "refit_bvh(m, d, rc) once before the capture"
+                )
+            if d.nworld != self.nworld:
+                raise WarpcamError(f"render: d has {d.nworld} worlds, the context was made for {self.nworld}")
+            while len(self._scenes) >= MAX_SCENES:
+                self._scenes.pop(next(iter(self._scenes)))
+            bound = self._scenes[key] = _Bound(self, m, d)
+            self.renderer = bound.renderer
+        return bound
+
+    def _rows(self, output: str) -> tuple[wp.array, wp.array, int]:
+        """Where each camera's image begins, whether it has one, and how long a row is."""
+        starts, end = [], 0
+        for view in self.views:
+            starts.append(end if output in view.outputs else -1)
+            end += view.pixels if output in view.outputs else 0
+        self.starts[output] = starts
+        rendered = [output in view.outputs for view in self.views]
+        return wp.array(starts, dtype=int), wp.array(rendered, dtype=bool), end
+
+    def __getattr__(self, name: str) -> Any:
+        if name.startswith("_"):
+            raise AttributeError(name)
+        raise AttributeError(
+            f"warpcam's render context has no {name!r}: there is no bounding volume hierarchy of the scene and there "
+            "are no precomputed rays. Rays of mujoco_warp need a context of mujoco_warp"
+        )
+
+
+class _Bound:
+    """A context's renderer of one Model and Data, and the stages that pack its images."""
+
+    def __init__(self, context: RenderContext, m: Any, d: Any):
+        settings = context._settings
+        self._m, self._d, self._device = m, d, context.device
+        mjm, self._look = look_of(context, m)
+        scene = wc.from_mujoco_warp(
+            mjm,
+            m if self._look is None else self._look.model,
+            d,
+            groups=sorted(settings["enabled_geom_groups"]),
+            draw=settings["draw"],
+            reflections=settings["reflections"],
+            transparency=settings["transparency"],
+        )
+        if scene.device != context.device:
+            raise WarpcamError(
+                f"device: d is on {scene.device.alias}, but the render context on {context.device.alias}, which was "
+                "Warp's current device when it was made; both must be on one"
+            )
+        plain = None if context.render_skybox else tuple(map(float, settings["background_color"][:3]))
+        color = "rgb" if plain is None or context._miss_alpha == packing.OPAQUE else "rgba"
+        views = [view for view in context.views if view.outputs]
+        cameras = [
+            wc.Camera(
+                view.camera,
+                width=view.size[0],
+                height=view.size[1],
+                outputs=[color if name == "rgb" else name for name in view.outputs],
+                far=context.zfar if context.zfar > 0.0 else None,
+                depth_clipping="zero",
+                shadows=bool(settings["use_shadows"]),
+                antialiasing=settings["samples_per_pixel"] ** 2 if "rgb" in view.outputs else 1,
+                background=plain if plain is None else (plain[0], plain[1], plain[2]),
+            )
+            for view in views
+        ]
+        self.renderer = wc.Renderer(scene, cameras) if cameras else None
+        self._stages = self._pack(context, color, scene) if self.renderer is not None else []
+        for stage in self._stages:
+            stage.bind()
+
+    def render(self) -> None:
+        if self._look is not None:
+            self._look.follow(self._m)
+        if self.renderer is None:
+            return
+        with interop.in_order(self._device):
+            self.renderer.render()
+            for stage in self._stages:
+                stage.launch()
+
+    def _pack(self, context: RenderContext, color: str, scene: wc.Scene) -> list[Stage]:
+        stages, device = [], self._device
+        objects = wp.array(scene.objects, dtype=wp.vec2i, device=device)
+        assert self.renderer is not None
+        for place, view in enumerate(context.views):
+            for name in view.outputs:
+                start = context.starts[name][place]
+                image = self.renderer.array(view.camera, color if name == "rgb" else name)
+                if name == "rgb":
+                    out, alpha = context.rgb_data, context._miss_alpha
+                    stages.append(packing.record_color(image, packing.BGRA, out, start, device, alpha))
+                elif name == "depth":
+                    stages.append(packing.record_values(image, context.depth_data, start, device))
+                else:
+                    stages.append(packing.record_objects(image, objects, context.seg_data, start, device))
+        return stages
+
+
+class Look:
+    """A Model that shares all but some looks with the user's, and follows it when its arrays are replaced."""
+
+    def __init__(self, m: Any, blank: dict[str, int]):
+        self.model = copy.copy(m)
+        self._blank, self._arrays = blank, dict[str, wp.array]()
+        self.follow(m)
+
+    def follow(self, m: Any) -> None:
+        attributes = vars(self.model)
+        attributes.update(vars(m))
+        for name, value in self._blank.items():
+            theirs = getattr(m, name)
+            mine = self._arrays.get(name)
+            if mine is None or mine.shape != theirs.shape:
+                mine = self._arrays[name] = wp.empty(theirs.shape, dtype=theirs.dtype, device=theirs.device)
+                mine.fill_(theirs.dtype(value))
+            attributes[name] = mine
+
+
+def look_of(context: RenderContext, m: Any) -> tuple[mujoco.MjModel, Look | None]:
+    """The models to read: the user's own unless the settings leave out some of their looks."""
+    settings, mjm = context._settings, context._mjm
+    blank: dict[str, int] = {}
+    colors = []
+    if not settings["use_textures"]:
+        blank["mat_texid"] = -1
+    if not settings["enable_emission"]:
+        blank["mat_emission"] = 0
+    if not settings["enable_specular"]:
+        blank["light_specular"] = 0
+        colors.append("specular")
+    if not settings["use_ambient_lighting"]:
+        colors.append("ambient")
+    if not (settings["use_ambient_lighting"] and settings["enable_per_light_ambient"]):
+        blank["light_ambient"] = 0
+    if colors:
+        mjm = copy.copy(mjm)
+        headlight = mjm.vis.headlight
+        if not headlight.active and "ambient" in colors:  # on but black: else MuJoCo lights evenly what has no light
+            headlight.active, colors = 1, ["ambient", "diffuse", "specular"]
+        for name in colors:
+            getattr(headlight, name)[:] = 0.0
+    return mjm, Look(m, blank) if blank else None

@@ -1,0 +1,10 @@
+"""Newton's camera sensors, by the classes it has: ``from warpcam.compat.newton import SensorCamera``.
+
+Constructor, ``update``, ``allocate_image_*``, ray helpers, settings, packing and the values where nothing is hit are
+those of ``newton.sensors``: see docs/compat/newton.md.
+"""
+
+from warpcam.compat.newton.camera import SensorCamera
+from warpcam.compat.newton.tiled import SensorTiledCamera
+
+__all__ = ["SensorCamera", "SensorTiledCamera"]

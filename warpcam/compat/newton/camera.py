@@ -1,0 +1,226 @@
+"""``newton.sensors.SensorCamera``, traced by warpcam."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from functools import wraps
+from types import SimpleNamespace
+from typing import Any
+
+import newton
+import numpy as np
+import warp as wp
+from newton.sensors import SensorCamera as NewtonsCamera
+
+from warpcam import interop
+from warpcam.compat.newton.rays import Bundles
+from warpcam.compat.newton.views import IMAGES, Mapped, Views
+from warpcam.errors import WarpcamError
+
+WORLDS_KEPT = 16  # arrays of world indices whose counts are kept
+
+
+class SensorCamera(NewtonsCamera):
+    """Newton's camera sensor by its own names, settings and arrays: see docs/compat/newton.md for what differs.
+
+    Args:
+        model: The ``newton.Model``.
+        default_clear_data: What is written where nothing is hit, unless ``update`` is told otherwise.
+        default_render_config: Settings, unless ``update`` is told otherwise.
+        load_textures: False leaves textures out whatever the settings say.
+        deformable_surface_mode: Only BOTH in a model that has visual meshes.
+        physical: Whether surfaces gleam as their roughness and metalness say. False: matt, as Newton's camera has it.
+        views_per_world: How many views of one world there may be; None counts them in each new array of
+            ``world_indices``, which waits for the device.
+
+    Attributes:
+        scene: The ``warpcam.Scene`` that it looks at.
+        left_out: How often a view was cleared since its world had too many: int32 (1,), a Warp array.
+    """
+
+    def __init__(
+        self,
+        model: newton.Model,
+        *,
+        default_clear_data: Any = None,
+        default_render_config: Any = None,
+        load_textures: bool = True,
+        deformable_surface_mode: Any = None,
+        physical: bool = False,
+        views_per_world: int | None = None,
+    ):
+        both = NewtonsCamera.DeformableSurfaceMode.BOTH
+        mode = both if deformable_surface_mode is None else NewtonsCamera.DeformableSurfaceMode(deformable_surface_mode)
+        if mode != both:
+            raise WarpcamError(f"deformable_surface_mode is {mode!r}: that is not offered; allowed is BOTH")
+        self.default_clear_data = NewtonsCamera.ClearData() if default_clear_data is None else default_clear_data
+        self.default_render_config = (
+            NewtonsCamera.RenderConfig() if default_render_config is None else default_render_config
+        )
+        self._model, self._load_textures, self._views_per_world = model, load_textures, views_per_world
+        self._render_context = SimpleNamespace(model=model)  # what the methods that are Newton's own ask for
+        self._views = Views(model, physical)
+        self._mapped: dict[Any, tuple[Any, Mapped]] = {}
+        self.left_out = wp.zeros(1, dtype=wp.int32, device=model.device)
+
+    @property
+    def scene(self) -> Any:
+        return self._views.scene
+
+    def update(
+        self,
+        state: newton.State,
+        camera_transforms: wp.array,
+        camera_rays: wp.array,
+        *,
+        world_indices: wp.array | None = None,
+        clear_data: Any = None,
+        render_config: Any = None,
+        sync_deformables: bool = True,
+        deformable_visuals: Any = None,
+        **images: wp.array | None,
+    ) -> None:
+        """Render; no tree of the model need be refitted before.
+
+        Args:
+            state: The state to look at, as it is now: deformables, too.
+            camera_transforms: transformf (view,), on the model's device.
+            camera_rays: vec3f (height, width, sample, 2), on the model's device: of a pinhole, or parallel. An array
+                is read when it is seen first; ``forget_rays`` says that it holds others now.
+            world_indices: int32 (view,): a world, or a WorldRenderFlag; None is the view's own number.
+            clear_data: In place of ``default_clear_data``.
+            render_config: In place of ``default_render_config``.
+            sync_deformables: Changes nothing: the state is always followed.
+            deformable_visuals: Changes nothing likewise.
+            **images: What to write: ``color_image``, ``depth_image``, ``forward_depth_image``, ``shape_index_image``,
+                ``normal_image``, ``albedo_image``, ``hdr_color_image``, each (view, height, width).
+        """
+        if deformable_visuals is not None and not sync_deformables:
+            raise WarpcamError("deformable_visuals requires sync_deformables=True")
+        config = self.default_render_config if render_config is None else render_config
+        clear = self.default_clear_data if clear_data is None else clear_data
+        check_array("camera_transforms", camera_transforms, wp.transformf, self.device)
+        if camera_transforms.ndim != 1 or camera_transforms.shape[0] < 1:
+            raise WarpcamError(f"camera_transforms must have shape (view,), got {tuple(camera_transforms.shape)}")
+        check_array("camera_rays", camera_rays, wp.vec3, self.device)
+        shape = tuple(camera_rays.shape)
+        if len(shape) != 4 or shape[3] != 2 or min(shape) < 1:
+            raise WarpcamError(f"camera_rays must have shape (height, width, sample, 2), got {shape}")
+        num_views = camera_transforms.shape[0]
+        asked = check_images(images, (num_views, *shape[:2]), self.device)
+        mapped = self._map(world_indices, num_views)
+        with interop.in_order(self.device):
+            if world_indices is not None:
+                mapped.choose(world_indices)
+            views = [(camera_transforms, camera_rays, asked)] * mapped.num_cameras
+            self._views.render(state, mapped, views, clear, self._without_textures(config))
+
+    def forget_rays(self, rays: wp.array) -> None:
+        """Read ``rays`` anew at the next update: another kernel has written others into the array."""
+        self._views.bundles.forget(rays)
+
+    def create_default_light(self, *, enable_shadows: bool = True, direction: Any = None, color: Any = None) -> None:
+        """The one light, and none until this is called; see ``newton.sensors.SensorCamera.create_default_light``."""
+        self._views.looks.set_light(enable_shadows, direction, color)
+
+    def set_ambient_light(self, sky_color: Any, ground_color: Any = None) -> None:
+        """Light on what faces up and down; see ``newton.sensors.SensorCamera.set_ambient_light``."""
+        self._views.looks.set_ambient(sky_color, ground_color)
+
+    def assign_checkerboard_material(self, **_: Any) -> None:
+        """Not offered."""
+        raise WarpcamError(
+            "assign_checkerboard_material is not offered: textures are those that the model's meshes have"
+        )
+
+    def sync_deformable_meshes(self, state: newton.State, *, deformable_visuals: Any = None) -> None:
+        """Nothing to do: ``update`` follows the state."""
+
+    def _without_textures(self, config: Any) -> Any:
+        if self._load_textures or not config.enable_textures:
+            return config
+        return replace(config, enable_textures=False)
+
+    def _map(self, world_indices: wp.array | None, num_views: int) -> Mapped:
+        num_worlds = self._model.world_count
+        if world_indices is None:
+            if num_views > num_worlds:
+                raise WarpcamError(
+                    f"view_count ({num_views}) exceeds model.world_count ({num_worlds}); pass an explicit "
+                    "world_indices mapping for the extra views"
+                )
+            known = self._mapped.get(num_views)
+            if known is None:
+                known = self._mapped[num_views] = None, own_worlds(num_views, num_worlds, self.device)
+            return known[1]
+        check_array("world_indices", world_indices, wp.int32, self.device)
+        if tuple(world_indices.shape) != (num_views,):
+            raise WarpcamError(f"world_indices shape must be ({num_views},), got {tuple(world_indices.shape)}")
+        key = ("worlds", id(world_indices))
+        known = self._mapped.get(key)
+        if known is None or known[0] is not world_indices:
+            if interop.is_capturing(self.device):
+                raise WarpcamError(
+                    "world_indices: a capture is under way, and this array has not been seen before; call update with "
+                    "it once before the capture"
+                )
+            most = self._views_per_world
+            if most is None:
+                worlds = world_indices.numpy()
+                worlds = worlds[(worlds >= 0) & (worlds < num_worlds)]
+                most = int(np.bincount(worlds).max()) if worlds.size else 1
+            mapped = Mapped(num_views, num_worlds, most, self.device)
+            mapped.left_out = self.left_out
+            if len(self._mapped) >= WORLDS_KEPT:
+                self._mapped.pop(next(iter(self._mapped)))
+            known = self._mapped[key] = world_indices, mapped
+        return known[1]
+
+
+def own_worlds(num_views: int, num_worlds: int, device: wp.Device) -> Mapped:
+    """Each view is of the world of its number."""
+    mapped = Mapped(num_views, num_worlds, 1, device)
+    mapped.worlds.assign(np.arange(num_views, dtype=np.int32))
+    if num_views == num_worlds:
+        mapped.mask = None
+    else:
+        assert mapped.mask is not None
+        mapped.mask.assign((np.arange(num_worlds) < num_views).astype(np.uint8))
+    return mapped
+
+
+def check_array(name: str, array: Any, dtype: Any, device: wp.Device) -> None:
+    if not isinstance(array, wp.array):
+        raise TypeError(f"{name} must be a Warp array, got {type(array).__name__}")
+    if array.dtype != dtype:
+        raise WarpcamError(f"{name} must have dtype {dtype.__name__}, got {array.dtype.__name__}")
+    if array.device != device:
+        raise RuntimeError(f"{name} must be on the model device ({device}), got {array.device}")
+
+
+def check_images(images: dict[str, Any], shape: tuple[int, ...], device: wp.Device) -> dict[str, wp.array]:
+    """Those that are there."""
+    for name, image in images.items():
+        if name not in IMAGES:
+            raise TypeError(f"update has no argument {name!r}; images are {', '.join(IMAGES)}")
+        if image is not None:
+            check_array(name, image, IMAGES[name][2], device)
+            if tuple(image.shape) != shape:
+                raise WarpcamError(f"{name} shape must be {shape}, got {tuple(image.shape)}")
+    return {name: image for name, image in images.items() if image is not None}
+
+
+def _rays_helper(helper: Callable[..., wp.array]) -> Callable[..., wp.array]:
+    """Newton's own, after which an array that is written again is read again."""
+
+    @wraps(helper)
+    def compute(*args: Any, **settings: Any) -> wp.array:
+        rays = helper(*args, **settings)
+        Bundles.outdated(rays)
+        return rays
+
+    return compute
+
+
+for _name in dir(NewtonsCamera):
+    if _name.startswith("compute_camera_rays_"):
+        setattr(SensorCamera, _name, staticmethod(_rays_helper(getattr(NewtonsCamera, _name))))

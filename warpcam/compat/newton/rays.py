@@ -1,0 +1,124 @@
+"""Rays as Newton's helpers make them, recognised as lenses."""
+
+import weakref
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import warp as wp
+
+import warpcam as wc
+from warpcam import interop
+from warpcam.errors import WarpcamError
+
+_outdated: dict[int, int] = {}  # how often an array was written again, by its id
+
+MOST = 0.02  # pixels that a ray may lie beside the lens that is found
+
+
+@dataclass(frozen=True, eq=False)
+class Bundle:
+    """What one bundle of rays is.
+
+    Attributes:
+        size: Width and height [pixels].
+        samples: Rays of each pixel.
+        lens: Of the same kind, with any numbers.
+        numbers: fx, fy, cx, cy [pixels], or the height [m] and zeros.
+        origin: (3,) where the lens stands in the camera's frame [m].
+    """
+
+    size: tuple[int, int]
+    samples: int
+    lens: wc.Lens
+    numbers: tuple[float, float, float, float]
+    origin: tuple[float, float, float]
+
+
+class Bundles:
+    """Bundles by the arrays that hold them; each is read once."""
+
+    def __init__(self) -> None:
+        self._known: dict[int, tuple[weakref.ref[Any], int, Bundle]] = {}
+
+    def find(self, rays: wp.array) -> Bundle:
+        """The bundle in ``rays``, (height, width, sample, 2) vec3: origins and directions in the camera's frame."""
+        known = self._known.get(id(rays))
+        age = _outdated.get(id(rays), 0)
+        if known is not None and known[0]() is rays and known[1] == age:
+            return known[2]
+        if interop.is_capturing(rays.device):
+            raise WarpcamError(
+                "camera_rays: a capture is under way, and these rays have not been seen before; call update with them "
+                "once before the capture"
+            )
+        bundle = read_bundle(rays.numpy())
+        self._known = {key: entry for key, entry in self._known.items() if entry[0]() is not None}
+        self._known[id(rays)] = weakref.ref(rays), age, bundle
+        return bundle
+
+    def forget(self, rays: wp.array) -> None:
+        """Read the array anew when it is used next: its rays are others now."""
+        self._known.pop(id(rays), None)
+
+    @staticmethod
+    def outdated(rays: wp.array) -> None:
+        """Have every sensor read the array anew: a helper has written it."""
+        _outdated[id(rays)] = _outdated.get(id(rays), 0) + 1
+
+
+def read_bundle(rays: np.ndarray) -> Bundle:
+    """The lens that makes such rays.
+
+    Raises:
+        WarpcamError: No pinhole and no parallel lens does.
+    """
+    height, width, samples = rays.shape[:3]
+    rays = rays.astype(np.float64)
+    # Newton's helpers send the first of three or more rays through the pixel's centre, and two around it.
+    chosen = rays[:, :, 0] if samples != 2 else rays.mean(axis=2)
+    origins, directions = chosen[..., 0, :].reshape(-1, 3), chosen[..., 1, :].reshape(-1, 3)
+    column, row = (part.reshape(-1) + 0.5 for part in np.meshgrid(np.arange(width), np.arange(height)))
+    used = (directions != 0.0).any(axis=1)
+    size = (width, height)
+    if not used.any():
+        return Bundle(size, samples, wc.Pinhole(fx=1.0), (1.0, 1.0, 0.5 * width, 0.5 * height), (0.0, 0.0, 0.0))
+    origins, directions, column, row = origins[used], directions[used], column[used], row[used]
+    if (directions[:, 2] >= 0.0).any():
+        raise _unlike("some point backwards")
+    slopes = directions[:, :2] / -directions[:, 2:]
+    if np.ptp(origins, axis=0).max() <= 1e-6 * (1.0 + np.abs(origins).max()):
+        (fx, cx), (fy, cy) = _line(column, slopes[:, 0]), _line(row, -slopes[:, 1])
+        if (width > 1) != (height > 1):  # one row or column does not tell the other focal length
+            fx, fy = (fx, fx) if width > 1 else (fy, fy)
+            cx, cy = column[0] - fx * slopes[0, 0], row[0] + fy * slopes[0, 1]
+        aside = np.hypot(fx * slopes[:, 0] + cx - column, -fy * slopes[:, 1] + cy - row).max()
+        if not (fx > 0.0 and fy > 0.0 and aside <= MOST):
+            raise _unlike(f"they lie up to {aside:.3g} pixels beside the pinhole lens that is nearest")
+        x, y, z = (float(value) for value in origins[0])
+        return Bundle(size, samples, wc.Pinhole(fx=1.0), (float(fx), float(fy), float(cx), float(cy)), (x, y, z))
+    if np.abs(slopes).max() <= 1e-6:
+        across, down = _line(column, origins[:, 0]), _line(row, -origins[:, 1])
+        scale = across[0] if width > 1 else down[0]
+        x, y = origins[:, 0] * scale + 0.5 * width, -origins[:, 1] * scale + 0.5 * height
+        if scale > 0.0 and np.ptp(origins[:, 2]) < 1e-6 and np.hypot(x - column, y - row).max() <= MOST:
+            z = float(origins[0, 2])
+            return Bundle(size, samples, wc.Orthographic(1.0), (height / scale, 0.0, 0.0, 0.0), (0.0, 0.0, z))
+    raise _unlike("they come from several places")
+
+
+def _line(place: np.ndarray, slope: np.ndarray) -> tuple[float, float]:
+    """F and c of slope = (place - c) / f."""
+    first, last = int(np.argmin(place)), int(np.argmax(place))
+    if place[first] == place[last]:
+        return 1.0, float(place[0] - slope[0])
+    rise = slope[last] - slope[first]
+    f = float((place[last] - place[first]) / rise) if rise else np.inf
+    return f, float(place[first] - f * slope[first])
+
+
+def _unlike(why: str) -> WarpcamError:
+    return WarpcamError(
+        f"camera_rays: {why}; allowed are rays of a pinhole, as compute_camera_rays_pinhole makes them, wherever its "
+        "principal point lies, and parallel rays. Fisheye and distorted lenses are not offered"
+    )

@@ -1,0 +1,210 @@
+"""Views of a Newton model: renderers for the sizes and images that are asked for, and the way in and out of them."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import newton
+import warp as wp
+
+import warpcam as wc
+from warpcam import interop
+from warpcam.compat.newton.rays import Bundle, Bundles
+from warpcam.compat.newton.settings import Looks, check_config
+from warpcam.errors import WarpcamError
+from warpcam.kernels import view_images
+from warpcam.kernels.launch import record
+
+MAX_RENDERERS = 8  # sizes and sets of images that a sensor goes to and fro between
+# What is asked for: the field of Images, the outputs it is made of, and its dtype.
+IMAGES: Mapping[str, tuple[str, str, Any]] = {
+    "color_image": ("color", "rgb", wp.uint32),
+    "hdr_color_image": ("hdr", "hdr", wp.vec3),
+    "depth_image": ("depth", "depth", wp.float32),
+    "forward_depth_image": ("forward", "depth", wp.float32),
+    "shape_index_image": ("shape", "segmentation", wp.uint32),
+    "normal_image": ("normal", "normals", wp.vec3),
+    "albedo_image": ("albedo", "albedo", wp.uint32),
+}
+SOURCES = {"depth": "depth", "rgb": "color", "rgba": "color", "hdr": "hdr", "segmentation": "shape"}
+SOURCES.update({"normals": "normal", "albedo": "albedo"})
+
+
+class Mapped:
+    """Which world and which camera each view is of.
+
+    Attributes:
+        worlds: int32 (view,).
+        cameras: int32 (view,).
+        mask: uint8 (world,), or None for all.
+        num_cameras: How many cameras there are; with 1, every camera sees all views.
+    """
+
+    def __init__(self, num_views: int, num_worlds: int, num_cameras: int, device: wp.Device):
+        self.worlds = wp.zeros(num_views, dtype=wp.int32, device=device)
+        self.cameras = wp.zeros(num_views, dtype=wp.int32, device=device)
+        self.counts = wp.zeros(num_worlds, dtype=wp.int32, device=device)
+        self.mask: wp.array | None = wp.zeros(num_worlds, dtype=wp.uint8, device=device)
+        self.left_out = wp.zeros(1, dtype=wp.int32, device=device)
+        self.num_cameras = num_cameras
+
+    def choose(self, wanted: wp.array) -> None:
+        """Read the worlds that the views are to be of."""
+        assert self.mask is not None
+        self.counts.zero_()
+        self.mask.zero_()
+        inputs = [wanted, self.num_cameras, self.counts, self.worlds, self.cameras, self.mask, self.left_out]
+        wp.launch(view_images.choose_cameras, len(wanted), inputs, device=self.worlds.device)
+
+
+class Views:
+    """All views of a model, for the sensors.
+
+    Attributes:
+        scene: The ``warpcam.Scene``.
+        looks: Its light and textures.
+        bundles: The rays that have been seen.
+    """
+
+    def __init__(self, model: newton.Model, physical: bool):
+        self.model, self.device = model, model.device
+        light = wc.Light(direction=_default_direction(model))
+        self.scene = wc.from_newton(model, model.state(), lights=[light], ambient=(0.0, 0.0, 0.0))
+        self.looks = Looks(self.scene, model, physical)
+        self.bundles = Bundles()
+        kinds = {newton.GeoType.MESH, newton.GeoType.CONVEX_MESH, newton.GeoType.HFIELD}
+        self._meshes = bool(model.shape_count) and not kinds.isdisjoint(model.shape_type.numpy().tolist())
+        self._renderers: dict[tuple[Any, ...], _Traced] = {}
+
+    def render(
+        self,
+        state: newton.State,
+        mapped: Mapped,
+        views: "list[tuple[wp.array, wp.array, dict[str, wp.array]]]",
+        clear_data: Any,
+        config: Any,
+    ) -> None:
+        """Draw views.
+
+        Args:
+            state: Of the model.
+            mapped: Worlds and cameras of the views.
+            views: For each camera the views' transforms, their rays and their images, (view, height, width).
+            clear_data: Newton's ClearData.
+            config: Newton's RenderConfig.
+        """
+        bundles = [self.bundles.find(rays) for _, rays, _ in views]
+        check_config(config, self.model, self._meshes, max(bundle.samples for bundle in bundles))
+        if not any(images for *_, images in views):
+            return
+        with interop.in_order(self.device):
+            self.scene.bind(state)
+            self.looks.show(bool(config.enable_textures), bool(config.enable_ambient_lighting))
+            traced = self._traced(bundles, views, clear_data, config)
+            for camera, (bundle, (transforms, *_)) in enumerate(zip(bundles, views, strict=True)):
+                traced.place(camera, mapped, transforms, bundle)
+            traced.renderer.render(worlds=mapped.mask)
+            for camera, (_, rays, images) in enumerate(views):
+                traced.write(camera, mapped, rays, images, clear_data, config)
+
+    def _traced(self, bundles: list[Bundle], views: list[Any], clear_data: Any, config: Any) -> "_Traced":
+        smooth = any(bundle.samples > 1 for bundle in bundles)
+        linear = config.output_color_space == newton.utils.ColorSpace.LINEAR
+        asked = tuple(tuple(_outputs(images, smooth, linear)) for *_, images in views)
+        background = tuple((int(clear_data.clear_color) >> shift & 255) / 255.0 for shift in (0, 8, 16))
+        kinds = tuple((bundle.size, type(bundle.lens)) for bundle in bundles)
+        key = (kinds, asked, smooth, bool(config.enable_shadows), background)
+        traced = self._renderers.pop(key, None)
+        if traced is None:
+            if interop.is_capturing(self.device):
+                raise WarpcamError(
+                    "update: a capture is under way, and images of this kind have not been asked for before; call "
+                    "update likewise once before the capture"
+                )
+            if len(self._renderers) >= MAX_RENDERERS:
+                self._renderers.pop(next(iter(self._renderers)))
+            cameras = [
+                wc.Camera(
+                    f"view {number}",
+                    width=bundle.size[0],
+                    height=bundle.size[1],
+                    outputs=outputs,
+                    lens=bundle.lens,
+                    position=(0.0, 0.0, 0.0),
+                    shadows=bool(config.enable_shadows),
+                    antialiasing=4 if smooth else 1,
+                    background=background,
+                )
+                for number, (bundle, outputs) in enumerate(zip(bundles, asked, strict=True))
+            ]
+            traced = _Traced(self.scene, cameras)
+        self._renderers[key] = traced
+        return traced
+
+
+class _Traced:
+    """A renderer, with its arrays for the kernels."""
+
+    def __init__(self, scene: wc.Scene, cameras: list[wc.Camera]):
+        self.renderer, self._device = wc.Renderer(scene, cameras), scene.device
+        self._poses, self._sources = [], []
+        for camera in cameras:
+            arrays = self.renderer.camera(camera.name)
+            intrinsics = isinstance(camera.lens, wc.Pinhole)
+            self._poses.append(
+                (
+                    wp.from_torch(arrays.position, dtype=wp.vec3),
+                    wp.from_torch(arrays.rotation, dtype=wp.vec4),
+                    wp.from_torch(arrays.intrinsics, dtype=wp.vec4) if intrinsics else _none(1, wp.vec4, self._device),
+                    _none(1, wp.float32, self._device) if intrinsics else wp.from_torch(arrays.height),
+                )
+            )
+            sources = view_images.Sources()
+            for name, dtype in (("color", wp.uint8), ("albedo", wp.uint8), ("hdr", wp.float32)):
+                setattr(sources, name, _none(4, dtype, self._device))
+            sources.shape, sources.normal = _none(4, wp.int32, self._device), _none(4, wp.float32, self._device)
+            for output in camera.outputs:
+                setattr(sources, SOURCES[output], self.renderer.array(camera.name, output))
+            self._sources.append(sources)
+        self._empty = {field: _none(3, dtype, self._device) for field, _, dtype in IMAGES.values()}
+
+    def place(self, camera: int, mapped: Mapped, transforms: wp.array, bundle: Bundle) -> None:
+        number = camera if mapped.num_cameras > 1 else 0
+        inputs = [transforms, mapped.worlds, mapped.cameras, number, wp.vec3(*bundle.origin), wp.vec4(*bundle.numbers)]
+        wp.launch(view_images.place_views, len(transforms), [*inputs, *self._poses[camera]], device=self._device)
+
+    def write(
+        self, camera: int, mapped: Mapped, rays: wp.array, images: dict[str, wp.array], clear_data: Any, config: Any
+    ) -> None:
+        clear, out = view_images.Clear(), view_images.Images()
+        clear.color, clear.albedo = wp.uint32(clear_data.clear_color), wp.uint32(clear_data.clear_albedo)
+        clear.depth, clear.shape = float(clear_data.clear_depth), wp.uint32(clear_data.clear_shape_index)
+        clear.normal = wp.vec3(*clear_data.clear_normal)
+        for name, (field, _, _) in IMAGES.items():
+            setattr(out, field, images.get(name, self._empty[field]))
+        linear = int(config.output_color_space == newton.utils.ColorSpace.LINEAR)
+        number = camera if mapped.num_cameras > 1 else 0
+        inputs = [mapped.worlds, mapped.cameras, number, rays, float(config.max_distance), linear, clear]
+        count = len(mapped.worlds) * rays.shape[0] * rays.shape[1]
+        record(view_images.write_views, count, [*inputs, self._sources[camera], out], self._device).launch()
+
+
+def _outputs(images: Mapping[str, wp.array], smooth: bool, linear: bool) -> list[str]:
+    outputs = ["depth"]
+    for name in images:
+        output = IMAGES[name][1]
+        if name == "color_image":
+            output = "hdr" if linear else "rgba" if smooth else "rgb"
+        if output not in outputs:
+            outputs.append(output)
+    return sorted(outputs)
+
+
+def _none(ndim: int, dtype: Any, device: wp.Device) -> wp.array:
+    return wp.empty((0,) * ndim, dtype=dtype, device=device)
+
+
+def _default_direction(model: newton.Model) -> tuple[float, ...]:
+    """From behind, the left and above."""
+    turn = newton.Axis.Z.quat_between_axes(newton.Axis.from_any(model.up_axis))
+    down = wp.quat_rotate(turn, wp.vec3(-0.57735026, 0.57735026, -0.57735026))
+    return tuple(float(part) for part in down)

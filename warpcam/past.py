@@ -1,0 +1,128 @@
+"""What is kept from frame to frame for ``flow`` and ``flow_valid``, where a camera asks for them."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import warp as wp
+
+from warpcam.camera import Camera
+from warpcam.kernels import flow
+from warpcam.kernels.launch import Stage
+from warpcam.kernels.tables import Tables
+from warpcam.kernels.types import View
+from warpcam.lens import Projection
+from warpcam.scene import Scene
+
+OUTPUTS = ("flow", "flow_valid")
+
+
+def asks(camera: Camera) -> bool:
+    """Whether that camera needs to know what was."""
+    return not set(OUTPUTS).isdisjoint(camera.outputs)
+
+
+class CameraPast:
+    """What one camera keeps of each world's last frame, and what its trace needs of it.
+
+    Attributes:
+        trail: ``kernels.flow.Trail``.
+        views: View, (world,), of the last frame.
+    """
+
+    def __init__(self, camera: Camera, tables: Tables, device: wp.Device, images: Mapping[str, wp.array]):
+        worlds, self._device = tables.num_worlds, device
+        self.views = wp.zeros(worlds, dtype=View, device=device)
+        self.trail = flow.Trail()
+        for name in set(OUTPUTS) & images.keys():
+            setattr(self.trail, name, images[name].flatten())
+        kept = worlds * camera.width * camera.height if "flow_valid" in camera.outputs else 0
+        self.trail.kept_first = wp.zeros(kept, dtype=wp.uint32, device=device)
+        self.trail.kept_second = wp.zeros(kept, dtype=wp.uint32, device=device)
+        rows = _rows(tables) * tables.num_shapes
+        self.trail.motions = wp.zeros((worlds, rows), dtype=wp.vec4, device=device)
+        self.trail.columns = tables.num_shapes
+        self.trail.width, self.trail.height = camera.width, camera.height
+
+    def record(
+        self, shapes: "ShapesPast", tables: Tables, views: wp.array, projection: Projection, mask: wp.array, keep: bool
+    ) -> Stage:
+        """The stage before the trace; with ``keep`` the last of its kind in the frame."""
+        return flow.record_motions(
+            tables, shapes.rows, shapes.starts, views, self.views, shapes.known, mask, projection, keep, self.trail,
+            self._device,
+        )  # fmt: skip
+
+
+class ShapesPast:
+    """What all cameras share: where shapes and the corners of moving meshes were.
+
+    Attributes:
+        known: uint8, (world,): what is known of each world's last frame, see ``kernels/views.py``.
+        rows: vec4, (world, 4 for each shape): see ``kernels.flow.write_motions``.
+        corners: ``kernels.flow.CornersBefore``, or None where no mesh moves.
+    """
+
+    def __init__(self, scene: Scene, tables: Tables):
+        device = scene.device
+        self.known = wp.zeros(tables.num_worlds, dtype=wp.uint8, device=device)
+        self.rows = wp.zeros((tables.num_worlds, 4 * tables.num_shapes), dtype=wp.vec4, device=device)
+        self.corners = None
+        if tables.moving:
+            moving = np.asarray(tables.moving)
+            counts, worlds = scene.moving_faces(), _worlds_of(scene, tables)
+            self.corners = flow.corners_before(tables.meshes, moving, counts, worlds, device)
+        self._device = device
+
+    @property
+    def starts(self) -> wp.array:
+        return wp.empty(0, dtype=wp.int32, device=self._device) if self.corners is None else self.corners.starts
+
+    def lend(self, trail: Any, tables: Tables) -> None:
+        """Give a camera's trace what is shared."""
+        trail.known = self.known
+        if self.corners is not None:
+            trail.corners = self.corners.corners
+            trail.faces, trail.face_start = tables.meshes.faces, tables.meshes.face_start
+
+    def record_after(self, tables: Tables, mask: wp.array) -> list[Stage]:
+        """The stages after all traces."""
+        return [] if self.corners is None else [flow.record_corners(self.corners, tables.meshes, mask, self._device)]
+
+    def record_forget(self, mask: wp.array) -> Stage:
+        """The stage after which nothing is known of the worlds that a mask has."""
+        return flow.record_forget(self.known, mask, self._device)
+
+
+def past_bytes(cameras: Mapping[str | int, Camera], scene: Scene, tables: Tables) -> int:
+    """Bytes that all of this takes."""
+    asking = [camera for camera in cameras.values() if asks(camera)]
+    if not asking:
+        return 0
+    row = wp.types.type_size_in_bytes(wp.vec4)
+    view = wp.types.type_size_in_bytes(View) + _rows(tables) * row * tables.num_shapes
+    each = sum(view + 2 * 4 * camera.width * camera.height * ("flow_valid" in camera.outputs) for camera in asking)
+    total = tables.num_worlds * (1 + each + 4 * row * tables.num_shapes)
+    if tables.moving:
+        total += flow.corners_bytes(tables.meshes, np.asarray(tables.moving), scene.moving_faces())
+    return total
+
+
+def _rows(tables: Tables) -> int:
+    return flow.MOVING_ROWS if tables.moving else flow.ROWS
+
+
+def _worlds_of(scene: Scene, tables: Tables) -> np.ndarray:
+    """The one world that has a mesh, (mesh,) int32; -1 if several have it, or none."""
+    assets = tables.shapes.assets.numpy()
+    meshes = tables.meshes.face_start.shape[0]
+    owners = np.full(meshes, -1, np.int32)
+    if len(assets) < scene.num_worlds:
+        return owners
+    columns = scene.moving_columns()
+    worlds, places = np.nonzero(assets[:, columns] >= 0)
+    used = assets[worlds, np.asarray(columns)[places]]
+    owners[used] = worlds
+    several = np.bincount(np.unique(np.stack((used, worlds), axis=1), axis=0)[:, 0], minlength=meshes) > 1
+    owners[several] = -1
+    return owners

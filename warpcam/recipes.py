@@ -1,0 +1,226 @@
+"""Domain randomisation: what looks different in every world, drawn on the device."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+from weakref import WeakKeyDictionary
+from zlib import crc32
+
+import numpy as np
+import warp as wp
+
+from warpcam import device as device_rule
+from warpcam import interop
+from warpcam.errors import WarpcamError
+from warpcam.kernels import randomize as kernels
+from warpcam.kernels.launch import Stage
+from warpcam.kernels.types import ROLE_COLOR
+from warpcam.mounting import CameraArrays
+from warpcam.scene import Scene
+from warpcam.selection import Selection
+
+Of = Literal["value", "offset", "factor", "turn"]
+KINDS: Mapping[str, int] = {
+    "value": kernels.VALUE,
+    "offset": kernels.OFFSET,
+    "factor": kernels.FACTOR,
+    "turn": kernels.TURN,
+}
+SINGLE = ("background", "skybox")  # arrays of a scene without a second dimension that counts something
+TURNED = ("light_directions", "rotation")
+
+
+@dataclass(frozen=True, eq=False)
+class Uniform:
+    """A number anywhere between two bounds.
+
+    Attributes:
+        low: A number, or one for each component.
+        high: Likewise.
+        of: What is drawn: the "value" itself; an "offset" that is added to what was there when the attribute was first
+            drawn in this way; a "factor" of that; or an angle [degrees] by which a direction or a quaternion "turn"s
+            from that, about any axis.
+        rows: Indices of the materials, lights or shapes; None is all.
+        linked: One draw for all components of an entry, so that a grey stays grey.
+    """
+
+    low: Any
+    high: Any
+    of: Of = "value"
+    rows: Sequence[int] | None = None
+    linked: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class Choice:
+    """One of several: of indices of textures, of materials, of skyboxes; or of on and off.
+
+    Attributes:
+        values: Whole numbers, all as likely; one that is there twice is twice as likely.
+        rows: As ``Uniform`` has it.
+    """
+
+    values: Sequence[int]
+    rows: Sequence[int] | None = None
+
+
+class Recipes:
+    """What has been drawn of one target: its arrays, and the stages that draw."""
+
+    def __init__(self, num_worlds: int, device: wp.Device):
+        self.num_worlds, self.device = num_worlds, device
+        self.selection = Selection(num_worlds, device)
+        self.seeds = wp.zeros(1, dtype=wp.int32, device=device)
+        self.stages: dict[tuple[Any, ...], Stage] = {}
+        self.nominal: dict[str, wp.array] = {}
+
+
+_recipes: "WeakKeyDictionary[Any, Recipes]" = WeakKeyDictionary()
+
+
+def randomize(target: Any, *, seed: Any = 0, worlds: Any = None, **recipes: Any) -> None:
+    """Give worlds other looks, seen at the next render.
+
+    The numbers follow from the seed, the attribute, the world and the row alone: the same call gives the same, and a
+    world gets the same whichever others are drawn with it. All of it runs on the device and nothing is waited for. The
+    first call with some recipes makes room for them; after that it may be part of a CUDA graph, where another ``seed``
+    is a tensor that is written between replays.
+
+    Args:
+        target: A scene, or the arrays of a camera: ``renderer.camera("front")``.
+        seed: A whole number; or int32 on the scene's device, (1,) or (world,).
+        worlds: Which worlds are drawn: ids or a mask, as ``Renderer.render`` takes them. None is all.
+        recipes: By attribute: names of ``Scene.vary``, or of the camera's arrays. A pair (low, high) stands for
+            ``Uniform(low, high)``, a list for ``Choice``.
+    """
+    if isinstance(target, Scene):
+        num_worlds, device = target.num_worlds, target.device
+    elif isinstance(target, CameraArrays):
+        num_worlds, device = target.near.shape[0], wp.device_from_torch(target.near.device)
+    else:
+        raise WarpcamError(f"randomize: target must be a scene or renderer.camera(...), got {type(target).__name__}")
+    if not recipes:
+        raise WarpcamError("randomize: no recipe came; give some, like light_intensity=(0.5, 1.5)")
+    if target not in _recipes:
+        _recipes[target] = Recipes(num_worlds, device)
+    state = _recipes[target]
+    capturing = interop.is_capturing(device)
+    seeds = _seeds(state, seed)
+    stages = [_stage(state, target, name, recipe, seeds, capturing) for name, recipe in recipes.items()]
+    with interop.in_order(device):
+        if worlds is None:
+            state.selection.mask.fill_(1)
+        else:
+            state.selection.select(worlds, capturing, "randomize")
+        if seeds is state.seeds:
+            seeds.fill_(int(seed))
+        for stage in stages:
+            stage.launch()
+
+
+def _seeds(state: Recipes, seed: Any) -> wp.array:
+    array = interop.as_array(seed)
+    if array is None:
+        if isinstance(seed, bool) or not isinstance(seed, int | np.integer) or not -(2**31) <= seed < 2**31:
+            raise WarpcamError(f"randomize: seed must be a whole number of 32 bits or an int32 tensor, got {seed!r}")
+        return state.seeds
+    device_rule.require_same(state.device, "the scene is", array.device, "randomize: seed")
+    if array.dtype is not wp.int32 or tuple(array.shape) not in ((1,), (state.num_worlds,)):
+        raise WarpcamError(
+            f"randomize: seed must be int32 of shape (1,) or ({state.num_worlds},), got {array.dtype.__name__} of "
+            f"{tuple(array.shape)}"
+        )
+    return array
+
+
+def _stage(state: Recipes, target: Any, name: str, recipe: Any, seeds: wp.array, capturing: bool) -> Stage:
+    if isinstance(recipe, tuple) and len(recipe) == 2:
+        recipe = Uniform(*recipe)
+    elif isinstance(recipe, list):
+        recipe = Choice(recipe)
+    if not isinstance(recipe, Uniform | Choice):
+        raise WarpcamError(f"randomize: {name} must be (low, high), a list, Uniform or Choice, got {recipe!r}")
+    rows = None if recipe.rows is None else tuple(int(row) for row in recipe.rows)
+    if isinstance(recipe, Choice):
+        what: tuple[Any, ...] = (tuple(int(value) for value in recipe.values),)
+    else:
+        what = (_bounds(name, recipe.low), _bounds(name, recipe.high), recipe.of, bool(recipe.linked))
+    key = (name, what, rows, seeds.ptr, seeds.shape)
+    if key not in state.stages:
+        if capturing:
+            raise WarpcamError(f"randomize: a capture is under way, and {name} is new; call it once before")
+        state.stages[key] = _record(state, target, name, recipe, what, rows, seeds)
+        state.stages[key].bind()
+    return state.stages[key]
+
+
+def _bounds(name: str, value: Any) -> tuple[float, ...]:
+    try:
+        numbers = np.ravel(np.asarray(value, np.float64))
+    except (TypeError, ValueError):
+        numbers = np.full(1, np.nan)
+    if not np.isfinite(numbers).all() or not numbers.size:
+        raise WarpcamError(f"randomize: {name}: bounds must be finite numbers, got {value!r}")
+    return tuple(float(number) for number in numbers)
+
+
+def _array(target: Any, name: str) -> wp.array:
+    """The attribute's memory as (world, row, width)."""
+    if isinstance(target, Scene):
+        tensor = target.vary(name)
+        rows = 1 if name in SINGLE else tensor.shape[1]
+    else:
+        tensor = getattr(target, name)
+        rows = 1
+    array: Any = interop.as_array(tensor.reshape(tensor.shape[0], rows, -1))
+    return array.view(wp.uint8) if array.dtype is wp.bool else array
+
+
+def _record(
+    state: Recipes,
+    target: Any,
+    name: str,
+    recipe: Uniform | Choice,
+    what: tuple[Any, ...],
+    rows: tuple[int, ...] | None,
+    seeds: wp.array,
+) -> Stage:
+    out, device = _array(target, name), state.device
+    count, width = out.shape[1:]
+    numbers = out.dtype is wp.float32
+    if rows is not None and (not rows or min(rows) < 0 or max(rows) >= count or len(set(rows)) < len(rows)):
+        raise WarpcamError(
+            f"randomize: {name}: rows must be different indices from 0 to {count - 1}, got {recipe.rows!r}"
+        )
+    if numbers != isinstance(recipe, Uniform):
+        needed = "Uniform or (low, high)" if numbers else "Choice or a list of whole numbers"
+        raise WarpcamError(f"randomize: {name} takes {needed}, got {recipe!r}")
+    draw = kernels.Draw()
+    draw.mask, draw.seeds = state.selection.mask, seeds
+    draw.rows = wp.array(np.arange(count) if rows is None else np.array(rows), dtype=wp.int32, device=device)
+    draw.salt = wp.int32(np.uint32(crc32(name.encode())).view(np.int32))
+    draw.low, draw.high = (wp.zeros(1, dtype=wp.float32, device=device) for _ in range(2))
+    if isinstance(recipe, Choice):
+        if not what[0]:
+            raise WarpcamError(f"randomize: {name}: a choice needs at least one value")
+        if out.dtype is wp.uint8 and not set(what[0]) <= {0, 1}:
+            raise WarpcamError(f"randomize: {name}: a choice of on and off takes 1 and 0, got {recipe.values!r}")
+        choices = wp.array(np.array(what[0]), dtype=wp.int32, device=device)
+        column = ROLE_COLOR if name == "material_texture" else 0
+        return kernels.record_draw(draw, out, choices, device, column)
+    low, high = (bounds * width if len(bounds) == 1 else bounds for bounds in what[:2])
+    if recipe.of not in KINDS:
+        raise WarpcamError(f"randomize: {name}: of must be one of {', '.join(map(repr, KINDS))}, got {recipe.of!r}")
+    if recipe.of == "turn" and (name not in TURNED or len(what[0]) != 1 or len(what[1]) != 1):
+        raise WarpcamError(f"randomize: {name}: only {' and '.join(TURNED)} turn, by angles from low to high [degrees]")
+    if recipe.of != "turn" and (len(low) != width or len(high) != width):
+        raise WarpcamError(
+            f"randomize: {name}: bounds must be a number or {width}, got {recipe.low!r}, {recipe.high!r}"
+        )
+    draw.low, draw.high = (wp.array(np.array(values), dtype=wp.float32, device=device) for values in (low, high))
+    draw.kind, draw.linked = KINDS[recipe.of], int(recipe.linked)
+    if recipe.of == "value":
+        return kernels.record_draw(draw, out, out, device)
+    if name not in state.nominal:
+        state.nominal[name] = wp.clone(out)
+    return kernels.record_draw(draw, out, state.nominal[name], device)
