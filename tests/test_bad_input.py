@@ -59,7 +59,7 @@ def test_the_error_is_a_value_error() -> None:
     assert issubclass(wc.WarpcamError, ValueError)
 
 
-OUTPUT_NAMES = "rgb, rgba, hdr, depth, distance, normals, points, segmentation, bodies, instances, semantics, albedo"
+OUTPUT_NAMES = "rgb, rgba, hdr, depth, distance, normals, points, segmentation, bodies, instances, semantics, flow, flow_valid, albedo"
 
 CAMERAS = {
     "Camera: name must be a camera's name or index, got True": {"name": True},
@@ -70,7 +70,7 @@ CAMERAS = {
     "Camera('front'): height must be a whole number of pixels, at least 1, got 2.5": {"height": 2.5},
     "Camera('front'): height must be a whole number of pixels, at least 1, got '4'": {"height": "4"},
     f"Camera('front'): outputs has 'color'; allowed are {OUTPUT_NAMES}": {"outputs": ("depth", "color")},
-    f"Camera('front'): outputs has 'flow'; allowed are {OUTPUT_NAMES}": {"outputs": ("flow",)},
+    f"Camera('front'): outputs has 'optical_flow'; allowed are {OUTPUT_NAMES}": {"outputs": ("optical_flow",)},
     f"Camera('front'): outputs has 'labels'; allowed are {OUTPUT_NAMES}": {"outputs": ["labels"]},
     f"Camera('front'): outputs has None; allowed are {OUTPUT_NAMES}": {"outputs": [None]},
     f"Camera('front'): outputs is empty; allowed are {OUTPUT_NAMES}": {"outputs": ()},

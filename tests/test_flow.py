@@ -289,7 +289,8 @@ def test_each_output_alone_is_the_same(device: wp.Device) -> None:
         seen = together.see()
         for each in alone:
             for name, image in each.see().items():
-                np.testing.assert_array_equal(image, seen[name], err_msg=name)
+                # Kernels of other outputs may round otherwise.
+                np.testing.assert_allclose(image, seen[name], rtol=0.0, atol=1e-5, err_msg=name)
         two.render()
     assert two.images["b"]["flow"].abs().max() > 0.1 and two.images["eye"]["flow_valid"].any()
 

@@ -187,7 +187,10 @@ class PixelObservation(VectorWrapper):  # type: ignore[misc]
             tensors = {"pixels": interop.concatenate(list(tensors.values()), axis)}
         elif copy and (self._torch or not self._renderer.faulty.is_cuda):
             tensors = {key: interop.copied(tensor) for key, tensor in tensors.items()}
-        return tensors if self._torch else {key: interop.to_numpy(tensor) for key, tensor in tensors.items()}
+        if self._torch:
+            return tensors
+        # What is copied to the host anyway is put in order on the device.
+        return {key: interop.to_numpy(one.contiguous() if one.is_cuda else one) for key, one in tensors.items()}
 
     def _array(self, values: Any) -> Any:
         """An array of the env in the form that was asked for."""
