@@ -59,7 +59,10 @@ def test_the_error_is_a_value_error() -> None:
     assert issubclass(wc.WarpcamError, ValueError)
 
 
-OUTPUT_NAMES = "rgb, rgba, hdr, depth, distance, normals, points, segmentation, bodies, instances, semantics, flow, flow_valid, albedo"
+OUTPUT_NAMES = ", ".join(
+    ("rgb", "rgba", "hdr", "depth", "distance", "normals", "points", "segmentation", "bodies", "instances", "semantics")
+    + ("flow", "flow_valid", "albedo")
+)
 
 CAMERAS = {
     "Camera: name must be a camera's name or index, got True": {"name": True},
