@@ -59,10 +59,8 @@ def test_the_error_is_a_value_error() -> None:
     assert issubclass(wc.WarpcamError, ValueError)
 
 
-OUTPUT_NAMES = ", ".join(
-    ("rgb", "rgba", "hdr", "depth", "distance", "normals", "points", "segmentation", "bodies", "instances", "semantics")
-    + ("flow", "flow_valid", "albedo")
-)
+OUTPUT_NAMES = "rgb, rgba, hdr, depth, distance, normals, points, segmentation, bodies, instances, semantics, "
+OUTPUT_NAMES += "flow, flow_valid, albedo"
 
 CAMERAS = {
     "Camera: name must be a camera's name or index, got True": {"name": True},
