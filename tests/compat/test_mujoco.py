@@ -120,6 +120,8 @@ CASES = {
 
 @pytest.mark.parametrize("name", CASES)
 def test_pictures_are_those_of_mujocos_own(device: wp.Device, name: str) -> None:
+    if name == "orthographic" and mujoco.mj_version() < 3017000:
+        pytest.skip("MuJoCo 3.9 takes depths of orthographic cameras for those of perspective ones")
     camera, chosen = (part() if callable(part) else part for part in CASES[name])
     model, data = made()
     with judge(model) as theirs, ours(model, device) as renderer:
