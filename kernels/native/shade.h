@@ -214,7 +214,7 @@ WARPCAM_FN void add_light(const Light& light, float strength, const Vertex* corn
 #pragma unroll
     for (int k = 0; k < CORNERS; ++k) {
         arrivals[k] = arrival_of<IS_SPOT>(light, corners[k], strength);
-        lit |= arrivals[k].strength > 0.0f && (arrivals[k].facing > 0.0f || (light.ambient.w & AMBIENT));
+        lit |= arrivals[k].strength > 0.0f && (arrivals[k].facing > 0.0f || (light.ambient.w & (AMBIENT | CASTS)) == AMBIENT);
     }
     if (!any_lane(lit))
         return;
@@ -228,7 +228,8 @@ WARPCAM_FN void add_light(const Light& light, float strength, const Vertex* corn
             add_share(glows[k], share, light);
         } else {
             Glow<Sum> own {};
-            add_share(own, share, light);
+            if (arrivals[k].facing > 0.0f)  // else it lies in its own shadow, which takes the ambient part, too
+                add_share(own, share, light);
             const Vec added = reflected(own, Vec { 0.0f, 0.0f, 0.0f }, finish);
             casting.linear = casting.linear + weights[k] * added;
             casting.display = casting.display + weights[k] * clip(added);
