@@ -223,13 +223,14 @@ WARPCAM_FN void add_light(const Light& light, float strength, const Vertex* corn
             arrivals[k].strength *= faded(light, corners[k]);
 #pragma unroll
     for (int k = 0; k < CORNERS; ++k) {
-        const Share share = share_of<IS_SPOT>(light, corners[k], arrivals[k], finish.gloss.z);
+        Share share = share_of<IS_SPOT>(light, corners[k], arrivals[k], finish.gloss.z);
         if (!SHADOWS || !(light.ambient.w & CASTS)) {
             add_share(glows[k], share, light);
         } else {
+            if (!(arrivals[k].facing > 0.0f))
+                share.ambient = 0.0f;  // it lies in its own shadow
             Glow<Sum> own {};
-            if (arrivals[k].facing > 0.0f)  // else it lies in its own shadow, which takes the ambient part, too
-                add_share(own, share, light);
+            add_share(own, share, light);
             const Vec added = reflected(own, Vec { 0.0f, 0.0f, 0.0f }, finish);
             casting.linear = casting.linear + weights[k] * added;
             casting.display = casting.display + weights[k] * clip(added);
