@@ -94,10 +94,26 @@ def test_what_lies_in_its_own_shadow_loses_the_ambient_part(device: wp.Device, k
     for shadows in (True, False):
         camera = scenes.own_camera(outputs=("hdr", "segmentation", "normals"), shadows=shadows, **below)
         images = scenes.look(wc.from_mujoco_warp(mjm, *scenes.put(mjm, 1)), camera)
-        dark = (images["segmentation"][0] == 0) & (images["normals"][0][..., 2] < -0.6)
+        dark = (images["segmentation"][0] == mjm.geom(kind).id) & (images["normals"][0][..., 2] < -0.6)
         assert dark.sum() > 100
         light_left = images["hdr"][0][dark]
         assert (light_left == 0.0).all() if shadows else (light_left > 0.1).all()
+
+
+def test_glass_keeps_the_ambient_part(device: wp.Device) -> None:
+    """It casts shadows and receives none, not even its own."""
+    lamp = LIGHTS["directional"].replace('ambient="0 0 0"', 'ambient="0.25 0.25 0.25"')
+    mjm = scenes.compile_xml(lamp + '<geom type="box" size=".5 .5 .5" pos="0 0 1" rgba="1 1 1 .5"/>', more=DARK)
+    below = {**EYE, "position": (0.0, -0.2, -1.0), "rotation": scenes.looking((0, -0.2, -1), (0, -0.1, 1))}
+    plain, shaded = (
+        scenes.look(
+            wc.from_mujoco_warp(mjm, *scenes.put(mjm, 1)),
+            scenes.own_camera(outputs=("hdr",), shadows=shadows, **below),
+        )["hdr"][0]
+        for shadows in (False, True)
+    )
+    np.testing.assert_allclose(shaded, plain, atol=1e-6)
+    assert plain[32, 32].min() > 0.15
 
 
 @pytest.mark.parametrize("light", ["directional", "spot"])

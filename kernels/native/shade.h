@@ -209,12 +209,13 @@ template <bool IS_SPOT, int CORNERS, bool SHADOWS, class Sum>
 WARPCAM_FN void add_light(const Light& light, float strength, const Vertex* corners, const float* weights,
                           const Finish& finish, Glow<Sum>* glows, Lit& casting)
 {
+    constexpr int DARK_TOO = SHADOWS ? AMBIENT | CASTS : AMBIENT;  // lights the other side where only AMBIENT is set of these
     Arrival arrivals[CORNERS];
     bool lit = false;
 #pragma unroll
     for (int k = 0; k < CORNERS; ++k) {
         arrivals[k] = arrival_of<IS_SPOT>(light, corners[k], strength);
-        lit |= arrivals[k].strength > 0.0f && (arrivals[k].facing > 0.0f || (light.ambient.w & (AMBIENT | CASTS)) == AMBIENT);
+        lit |= arrivals[k].strength > 0.0f && (arrivals[k].facing > 0.0f || (light.ambient.w & DARK_TOO) == AMBIENT);
     }
     if (!any_lane(lit))
         return;
