@@ -25,7 +25,9 @@ def machine(monkeypatch: pytest.MonkeyPatch) -> Callable[..., None]:
             monkeypatch.delenv("CUDA_VISIBLE_DEVICES", raising=False)
         else:
             monkeypatch.setenv("CUDA_VISIBLE_DEVICES", setting)
-        monkeypatch.setattr(device_rule, "wp", Machine(setting, **more))
+        there = Machine(setting, **more)
+        monkeypatch.setattr(device_rule, "wp", there)
+        monkeypatch.setattr(device_rule, "driver_installed", lambda: there.driver is not None)
 
     return put
 
