@@ -148,6 +148,40 @@ def test_data_types_that_mjlab_lacks() -> None:
     env.close()
 
 
+def test_randomised_fields_and_ray_casts_beside() -> None:
+    """Fields that are expanded are replaced by other arrays, with a lens and a colour for each world."""
+    from mjlab.sensor import GridPatternCfg, ObjRef, RayCastSensorCfg
+
+    cfg = cartpole_balance_env_cfg()
+    cfg.scene.sensors = (
+        ours.CameraSensorCfg(
+            name="eye", camera_name="cartpole/fixed", width=64, height=48, data_types=("rgb", "segmentation")
+        ),
+        RayCastSensorCfg(
+            name="scan", frame=ObjRef(type="body", name="cart", entity="cartpole"), exclude_parent_body=True,
+            pattern=GridPatternCfg(size=(0.2, 0.2), resolution=0.2),
+        ),
+    )  # fmt: skip
+    env = make(cfg)
+    env.reset(seed=3)
+    env.sim.sense()
+    before = {name: image.clone() for name, image in env.scene["eye"].data.images.items()}
+    assert env.scene["scan"].data.distances.shape[0] == NUM_ENVS
+    env.sim.expand_model_fields(("cam_fovy", "geom_rgba", "mat_rgba"))
+    camera = env.sim.mj_model.camera("cartpole/fixed").id
+    env.sim.model.cam_fovy[1, camera] *= 0.5
+    env.sim.model.mat_rgba[0, :, :3] *= 0.5
+    env.sim.model.geom_rgba[0, :, :3] *= 0.5
+    env.sim.sense()
+    after = env.scene["eye"].data.images
+    assert torch.equal(after["segmentation"][0], before["segmentation"][0])
+    hit = before["segmentation"][0, ..., 0] >= 0
+    assert hit.any() and after["rgb"][0][hit].float().mean() < 0.9 * before["rgb"][0][hit].float().mean()
+    poles = [(image["segmentation"][1, ..., 0] > 0).sum() for image in (before, after)]
+    assert poles[1] > 1.5 * poles[0] > 0  # half the field of view
+    env.close()
+
+
 def test_a_data_type_that_nobody_has() -> None:
     with pytest.raises(wc.WarpcamError, match="data_types has 'smell'; allowed are rgb, rgba"):
         ours.CameraSensorCfg(name="eye", data_types=("rgb", "smell"))
