@@ -109,3 +109,18 @@ def test_states_and_models(installed: None) -> None:
     red = one.render(HEIGHT, WIDTH).reshape(-1, 3).max(axis=0)
     assert red[0] > 100 and red[1] < 100
     one.free()
+
+
+def test_pixels_as_observations(installed: None) -> None:
+    """The suite's own wrapper."""
+    from dm_control.suite.wrappers import pixels
+
+    env = pixels.Wrapper(
+        suite.load("cheetah", "run", task_kwargs={"random": 1}), pixels_only=False,
+        render_kwargs={"height": HEIGHT, "width": WIDTH, "camera_id": 0},
+    )  # fmt: skip
+    assert isinstance(env.physics.contexts.gl, ours._Contexts)
+    first = env.reset().observation["pixels"]
+    assert env.observation_spec()["pixels"].validate(first) is first
+    after = env.step(env.action_spec().maximum).observation["pixels"]
+    assert (after != first).any() and (after == env.physics.render(HEIGHT, WIDTH, camera_id=0)).all()
