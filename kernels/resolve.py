@@ -46,6 +46,7 @@ def frame_struct(shape_dtype: Any, face_dtype: Any) -> Any:
         width: wp.int32
         height: wp.int32
         horizon: wp.float32  # how far the camera of MuJoCo's renderer sees [m]; see native/cells.h
+        plane: wp.int32  # id of the plane whose corners are kept, or -1; see native/corners.h
 
     return Frame
 
@@ -65,6 +66,7 @@ def layered_frame_struct(shape_dtype: Any, face_dtype: Any) -> Any:
         width: wp.int32
         height: wp.int32
         horizon: wp.float32
+        plane: wp.int32
         mirrors: wp.array(dtype=Mirror)  # (world,)
         veils: wp.array(dtype=wp.int32)  # ids of the shapes that may be transparent
         reach: wp.array(dtype=wp.float32)  # (shape,) see layers.py
@@ -88,6 +90,7 @@ def varied_frame_struct(shape_dtype: Any, face_dtype: Any) -> Any:
         width: wp.int32
         height: wp.int32
         horizon: wp.float32
+        plane: wp.int32
         mirrors: wp.array(dtype=Mirror)
         veils: wp.array(dtype=wp.int32)
         reach: wp.array(dtype=wp.float32)
@@ -235,6 +238,7 @@ def record(
     frame.width = width
     frame.height = height
     frame.horizon = tables.horizon
+    frame.plane = tables.first_plane
     images = Images()
     wanted = 0
     for bit, (name, (dtype, _)) in enumerate(OUTPUTS.items()):

@@ -1,5 +1,6 @@
 // From the visibility buffer to images: a block draws one region of one view.
 #pragma once
+#include "corners.h"
 #include "haze.h"
 #include "hits.h"
 #include "mapping.h"
@@ -121,11 +122,27 @@ WARPCAM_FN void resolve_surface(const Looks& look, const List& lights, const Sce
                                                             texture, shadow);
         shown.display = encoded(shown.linear);
     } else if constexpr (Wants::LIT) {
-        Facet facet;
-        facet_at<TYPES>(look, scene.meshes, surface, place, facet);
-        const bool three = (TYPES & (1 << PLANE | 1 << HEIGHT_FIELD | 1 << BOX | 1 << MESH)) && any_lane(facet.three);
-        const Lit lit = three ? illuminate<3, (FACTS & HAS_SHADOWS) != 0>(lights, facet, look.finish, shadow)
-                              : illuminate<1, (FACTS & HAS_SHADOWS) != 0>(lights, facet, look.finish, shadow);
+        constexpr bool SHADOWS = FACTS & HAS_SHADOWS;
+        OnCorners on;
+        on.inside = false;
+        if constexpr (lit_by_corners<List>(SHADOWS)) {
+            on.inside = found.shape == lights.grid.shape;
+            if (any_lane(on.inside))
+                on = on_corners(lights.grid, surface.local, on.inside);
+        }
+        Lit lit;
+        if (any_lane(!on.inside)) {
+            Facet facet;
+            facet_at<TYPES>(look, scene.meshes, surface, place, facet, !on.inside);
+            const bool three = (TYPES & (1 << PLANE | 1 << HEIGHT_FIELD | 1 << BOX | 1 << MESH)) && any_lane(facet.three);
+            lit = three ? illuminate<3, SHADOWS>(lights, facet, look.finish, shadow)
+                        : illuminate<1, SHADOWS>(lights, facet, look.finish, shadow);
+        }
+        if constexpr (lit_by_corners<List>(SHADOWS))
+            if (any_lane(on.inside)) {
+                const Vec light = light_from_corners(lights.grid, on, shadow);
+                lit.display = on.inside ? light : lit.display;
+            }
         shown.linear = times(lit.linear, texture);
         shown.display = times(lit.display, texture);
     }
@@ -156,6 +173,20 @@ WARPCAM_FN Look<TYPES, Wants> look_of(const Scene_& scene, const Camera& camera,
     return look;
 }
 
+// A shape's look, as it is kept or made anew. Where none are kept but that of the plane whose corners are lit, it is the
+// first.
+template <int TYPES, int CAPACITY, class Wants, class Looks, class List, class Scene_>
+WARPCAM_FN Looks kept_look(const Looks* looks, const List& lights, const Scene_& scene, const Camera& camera, int world,
+                           int id)
+{
+    if constexpr (CAPACITY > 0)
+        return looks[wp::index(scene.shapes.places, id)];
+    else if constexpr (HasCorners<List>::VALUE)
+        return id == lights.grid.shape ? looks[0] : look_of<TYPES, Wants>(scene, camera, world, id);
+    else
+        return look_of<TYPES, Wants>(scene, camera, world, id);
+}
+
 // CAPACITY: the looks a block keeps, one for each shape that may be visible; 0 if they are made anew for each pixel.
 template <int TYPES, int LENS, int CAPACITY, int IMAGES, int FACTS, class Looks, class List, class Scene_>
 WARPCAM_FN void resolve_hit(const Looks* looks, const List& lights, const Scene_& scene, const Camera& camera,
@@ -166,20 +197,11 @@ WARPCAM_FN void resolve_hit(const Looks* looks, const List& lights, const Scene_
         resolve_surface<TYPES, LENS, IMAGES, FACTS>(looks[wp::index(scene.shapes.places, found.shape)], lights, scene,
                                                     camera, x, y, found, shadow, shown);
     else
-        resolve_surface<TYPES, LENS, IMAGES, FACTS>(look_of<TYPES, Wants>(scene, camera, world, found.shape), lights,
-                                                    scene, camera, x, y, found, shadow, shown);
+        resolve_surface<TYPES, LENS, IMAGES, FACTS>(
+            kept_look<TYPES, CAPACITY, Wants>(looks, lights, scene, camera, world, found.shape), lights, scene, camera, x,
+            y, found, shadow, shown);
     if constexpr (Wants::LIT)
         expose<FACTS>(scene, world, shown.linear, shown.display);
-}
-
-// A shape's look, as it is kept or made anew.
-template <int TYPES, int CAPACITY, class Wants, class Looks, class Scene_>
-WARPCAM_FN Looks kept_look(const Looks* looks, const Scene_& scene, const Camera& camera, int world, int id)
-{
-    if constexpr (CAPACITY > 0)
-        return looks[wp::index(scene.shapes.places, id)];
-    else
-        return look_of<TYPES, Wants>(scene, camera, world, id);
 }
 
 // Covers what is seen of a pixel with the transparent shapes before it. Returns how much is still seen of it.
@@ -209,7 +231,7 @@ WARPCAM_FN float resolve_veils(const Looks* looks, const List& lights, const Sce
             float alpha = opacity(scene.shapes, scene.materials, world, hit.shape);
             if constexpr ((TYPES >> MASKED & 1) && (FACTS & HAS_MAPS))
                 alpha *= mapped_opacity<TYPES, LENS>(
-                    kept_look<TYPES, CAPACITY, Wanted<IMAGES, FACTS>>(looks, scene, camera, world, hit.shape), scene,
+                    kept_look<TYPES, CAPACITY, Wanted<IMAGES, FACTS>>(looks, lights, scene, camera, world, hit.shape), scene,
                     camera, world, x, y, hit);
             return alpha;
         };
@@ -335,7 +357,12 @@ WARPCAM_FN void resolve(const Scene_& scene, const Lights& lights, int index)
     constexpr int ROOM = 44032 - (VEILS != 0 ? int(sizeof(Sheets)) : 0);
     constexpr int KEPT = CAPACITY * int(sizeof(Looks)) <= ROOM && (Wants::SURFACE || Wants::COLORED) ? CAPACITY : 0;
     WARPCAM_SHARED Looks looks[KEPT > 0 ? KEPT : 1];
-    WARPCAM_SHARED typename Either<(FACTS & PHYSICAL) != 0, LampList, LightList>::type list;
+    constexpr bool SHADOWS = FACTS & HAS_SHADOWS;
+    constexpr int CORNERS = Wants::FACETED && (TYPES >> PLANE & 1) && LENS == PINHOLE && !(IMAGES & HDR)
+        ? corner_room(WIDTH * HEIGHT, ROOM - KEPT * int(sizeof(Looks)))
+        : 0;
+    using Lit_ = typename Either<(CORNERS > 0), LitCorners<CORNERS, SHADOWS>, LightList>::type;
+    WARPCAM_SHARED typename Either<(FACTS & PHYSICAL) != 0, LampList, Lit_>::type list;
     WARPCAM_SHARED Camera kept_camera;
     WARPCAM_SHARED Sheets veils;
     const auto& frame = scene.frame;
@@ -350,7 +377,7 @@ WARPCAM_FN void resolve(const Scene_& scene, const Lights& lights, int index)
     if (thread == 0)
         kept_camera = camera;
     if (Wants::LIT && thread >= THREADS - TEAM)
-        gather_lights<(FACTS & HAS_SHADOWS) != 0>(lights, camera, world, headlight_of<FACTS>(world), thread - (THREADS - TEAM),
+        gather_lights<SHADOWS>(lights, camera, world, headlight_of<FACTS>(world), thread - (THREADS - TEAM),
                                                   list);
     if constexpr ((FACTS & MIRRORED) != 0) {
         const auto mirror = wp::index(frame.mirrors, world);
@@ -377,6 +404,8 @@ WARPCAM_FN void resolve(const Scene_& scene, const Lights& lights, int index)
             const int id = wp::index(scene.shapes.drawn, i);
             looks[i] = look_of<TYPES, Wants>(scene, camera, world, id);
         }
+    if (CORNERS > 0 && KEPT == 0 && thread == 0 && frame.plane >= 0)
+        looks[0] = look_of<TYPES, Wants>(scene, camera, world, frame.plane);
     block_barrier();
 #else
     bool made[KEPT > 0 ? KEPT : 1] = {};
@@ -386,7 +415,20 @@ WARPCAM_FN void resolve(const Scene_& scene, const Lights& lights, int index)
             looks[place] = look_of<TYPES, Wants>(scene, camera, world, veils.ids[slot]);
             made[place] = true;
         }
+    if (CORNERS > 0 && frame.plane >= 0) {
+        const int place = KEPT > 0 ? wp::index(scene.shapes.places, frame.plane) : 0;
+        looks[place] = look_of<TYPES, Wants>(scene, camera, world, frame.plane);
+        made[place] = true;
+    }
 #endif
+    if constexpr (CORNERS > 0) {
+        const Looks& look = looks[KEPT > 0 && frame.plane >= 0 ? wp::index(scene.shapes.places, frame.plane) : 0];
+        if (thread < TEAM)
+            choose_corners(list.grid, list, look, camera, region, frame, FACTS & MIRRORED, thread);
+        block_barrier();
+        light_corners(list.grid, list, look, thread);
+        block_barrier();
+    }
     Pixel pixel;
 #if defined(__CUDA_ARCH__)
     WARPCAM_SHARED float4 lanes[THREADS / LANES][3 * LANES / 4];

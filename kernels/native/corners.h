@@ -1,0 +1,293 @@
+// The corners of a plane's cells, which a block lights once for all of its pixels.
+//
+// A floor fills images, and few of its cells do: see facet.h. What a corner shows in each light that casts shadows, and
+// in all others together, is kept; a pixel adds up what three corners show in the lights that reach it.
+#pragma once
+#include "shade.h"
+
+namespace warpcam {
+
+// Numbers that a block keeps, for its pixels and the bytes that are left to it.
+constexpr int corner_room(int pixels, int bytes)
+{
+    const int most = pixels < 3072 ? pixels : 3072, room = bytes / int(sizeof(float));
+    return room < 256 ? 0 : room < most ? room : most;
+}
+
+// Along one side of the plane, in cells: `rate * x + start` is how far x is from the first corner that is kept. Where a
+// side ends its last cells are shorter: beyond `low` and `high` places are `stretch` times farther on.
+struct CellAxis {
+    float rate, start, low, high, stretch;
+
+    WARPCAM_FN float at(float x) const
+    {
+        const float cell = rate * x + start;
+        return cell + stretch * (cell - between(cell, low, high));
+    }
+};
+
+WARPCAM_FN CellAxis cell_axis(const Cells& cells)
+{
+    const float start = -cells.start * cells.inverse;
+    if (cells.rest < 0.0f)
+        return { cells.inverse, start, -FAR_AWAY, FAR_AWAY, 0.0f };
+    const float stretch = cells.rest > 1.0e-5f * cells.step ? cells.step / cells.rest - 1.0f : 0.0f;
+    return { cells.inverse, start, 0.0f, round_down(2.0f * start + 0.5f), stretch };
+}
+
+// Where corner `i` is on a side, counted from where its cells begin [m].
+WARPCAM_FN float corner_of(const Cells& cells, float i)
+{
+    const float x = cells.start + i * cells.step;
+    return cells.rest < 0.0f ? x : between(x, cells.start - cells.rest, cells.rest - cells.start);
+}
+
+// The corners that are kept are a rectangle of columns and rows. One keeps `stride` numbers: what it shows in the lights
+// that cast no shadow, and then in each that does; one number where all of that is grey, else three.
+template <int ROOM_, bool SHADOWS_> struct CornerGrid {
+    static constexpr int ROOM = ROOM_;
+    static constexpr bool SHADOWS = SHADOWS_;
+
+    float values[ROOM > 0 ? ROOM : 1];
+    CellAxis u, v;
+    int first_u, first_v;
+    int columns, rows, stride;
+    int shape;                // the plane, or -1 where nothing is kept
+    int grey;
+    int casting;              // lights that cast shadows
+    int bits[MAX_LIGHTS];     // of shadow masks
+};
+
+// The lights of a world with the corners that they light.
+template <int ROOM, bool SHADOWS> struct LitCorners : LightList {
+    CornerGrid<ROOM, SHADOWS> grid;
+};
+
+template <class List> struct HasCorners {
+    static constexpr bool VALUE = false;
+};
+template <int ROOM, bool SHADOWS> struct HasCorners<LitCorners<ROOM, SHADOWS>> {
+    static constexpr bool VALUE = ROOM > 0;
+};
+
+// Whether pixels can be lit by the list's corners: with shadows only if these are.
+template <class List> constexpr bool lit_by_corners(bool shadows)
+{
+    if constexpr (HasCorners<List>::VALUE)
+        return decltype(List::grid)::SHADOWS == shadows;
+    return false;
+}
+
+// The least of what the threads of a team have.
+WARPCAM_FN float team_least(float value)
+{
+#if defined(__CUDA_ARCH__)
+    for (int step = LANES / 2; step > 0; step /= 2)
+        value = lower(value, __shfl_xor_sync(ALL, value, step));
+#endif
+    return value;
+}
+
+constexpr int SAMPLE_COLUMNS = 8, SAMPLE_ROWS = 16;
+
+// Chooses which corners of a plane are kept: those around what a region shows of it, and where there is no room for these
+// around what is near. A team calls it.
+template <class Grid, class Looks, class Frame>
+WARPCAM_FN void choose_corners(Grid& grid, const LightList& list, const Looks& look, const Camera& camera,
+                               const Region& region, const Frame& frame, bool mirrored, int lane)
+{
+    if (frame.plane < 0 || look.cells.u.step == 0.0f) {
+        if (lane == 0)
+            grid.shape = -1;
+        return;
+    }
+    constexpr int EACH = SAMPLE_COLUMNS * SAMPLE_ROWS / TEAM;
+    CellAxis u_axis = cell_axis(look.cells.u), v_axis = cell_axis(look.cells.v);
+    const Pose& pose = look.pose;
+    const Vec eye = pose.eye();
+    float u[EACH], v[EACH], depth[EACH];
+    int stride = 1, casting = 0;
+    const bool grey = !list.colored && look.finish.color.x == look.finish.color.y
+        && look.finish.color.x == look.finish.color.z;
+    for (int n = 0; n < list.count; ++n)
+        casting += Grid::SHADOWS && (list.lights[n].ambient.w & CASTS) ? 1 : 0;
+    stride = (1 + casting) * (grey ? 1 : 3);
+    for (int k = 0; k < EACH; ++k) {
+        const int sample = lane + k * TEAM;
+        const float i = float(region.left)
+            + float(sample % SAMPLE_COLUMNS) * (float(region.width - 1) / float(SAMPLE_COLUMNS - 1));
+        const float j = float(region.top)
+            + float(sample / SAMPLE_COLUMNS) * (float(region.height - 1) / float(SAMPLE_ROWS - 1));
+        const Vec ray = pose.local({ image_x(camera, mirrored ? float(frame.width - 1) - i : i), image_y(camera, j), -1.0f });
+        const float away = -eye.z * reciprocal(nonzero(ray.z));
+        const bool seen = eye.z * ray.z < 0.0f && away < camera.far;
+        depth[k] = seen ? away : FAR_AWAY;
+        u[k] = between(u_axis.at(eye.x + away * ray.x), u_axis.low - 1.0f, u_axis.high + 0.999f);
+        v[k] = between(v_axis.at(eye.y + away * ray.y), v_axis.low - 1.0f, v_axis.high + 0.999f);
+    }
+    float limit = FAR_AWAY;
+    int kept = -1;
+    for (int trial = 0; trial < 24 && limit > 0.0f; ++trial) {
+        float left = FAR_AWAY, right = FAR_AWAY, bottom = FAR_AWAY, top = FAR_AWAY, far = 0.0f;
+        for (int k = 0; k < EACH; ++k) {
+            const bool counts = depth[k] < limit;
+            left = counts ? lower(left, u[k]) : left;
+            right = counts ? lower(right, -u[k]) : right;
+            bottom = counts ? lower(bottom, v[k]) : bottom;
+            top = counts ? lower(top, -v[k]) : top;
+            far = counts ? lower(far, -depth[k]) : far;
+        }
+        left = round_down(team_least(left));
+        bottom = round_down(team_least(bottom));
+        const float columns = 2.0f + round_down(-team_least(right)) - left;
+        const float rows = 2.0f + round_down(-team_least(top)) - bottom;
+        far = -team_least(far);
+        if (!(far > 0.0f))
+            break;
+        if (columns * rows * float(stride) <= float(Grid::ROOM) && magnitude(left) < 1.0e6f && magnitude(bottom) < 1.0e6f) {
+            kept = frame.plane;
+            if (lane == 0) {
+                grid.first_u = int(left);
+                grid.first_v = int(bottom);
+                grid.columns = int(columns);
+                grid.rows = int(rows);
+            }
+            u_axis.start -= left;
+            u_axis.low -= left;
+            u_axis.high -= left;
+            v_axis.start -= bottom;
+            v_axis.low -= bottom;
+            v_axis.high -= bottom;
+            break;
+        }
+        limit = 0.75f * far;
+    }
+    if (lane != 0)
+        return;
+    grid.u = u_axis;
+    grid.v = v_axis;
+    grid.stride = stride;
+    grid.shape = kept;
+    grid.grey = grey;
+    grid.casting = 0;
+    for (int n = 0; n < list.count; ++n)
+        if (Grid::SHADOWS && (list.lights[n].ambient.w & CASTS))
+            grid.bits[grid.casting++] = list.lights[n].place.w;
+}
+
+WARPCAM_FN void keep(float* values, Vec color, float) { values[0] = color.x; }
+WARPCAM_FN void keep(float* values, Vec color, Vec)
+{
+    values[0] = color.x;
+    values[1] = color.y;
+    values[2] = color.z;
+}
+
+// What one corner shows. Sum: float where all of it is grey, else Vec.
+template <class Sum, bool SHADOWS>
+WARPCAM_FN void light_corner(const LightList& list, Vec place, Vec normal, const Finish& finish, float* values)
+{
+    constexpr int CHANNELS = sizeof(Sum) / sizeof(float);
+    const Vertex corner = vertex_at(place, normal);
+    Glow<Sum> steady {};
+    int slot = CHANNELS;
+#pragma unroll 1
+    for (int n = 0; n < list.count; ++n) {
+        const Light& light = list.lights[n];
+        Share share;
+        if (light.ambient.w & SPOT) {
+            Arrival arrival = arrival_of<true>(light, corner, 1.0f);
+            if (light.ambient.w & FADES)
+                arrival.strength *= faded(light, corner);
+            share = share_of<true>(light, corner, arrival, finish.gloss.z);
+        } else {
+            share = share_of<false>(light, corner, arrival_of<false>(light, corner, 1.0f), finish.gloss.z);
+        }
+        if (SHADOWS && (light.ambient.w & CASTS)) {
+            Glow<Sum> own {};
+            add_share(own, share, light);
+            keep(values + slot, clip(reflected(own, { 0.0f, 0.0f, 0.0f }, finish)), Sum {});
+            slot += CHANNELS;
+        } else {
+            add_share(steady, share, light);
+        }
+    }
+    keep(values, clip(reflected(steady, always_on(list, finish), finish)), Sum {});
+}
+
+// Lights the corners that are kept; the threads of a block share them.
+template <class Grid, class Looks>
+WARPCAM_FN void light_corners(Grid& grid, const LightList& list, const Looks& look, int thread)
+{
+    if (grid.shape < 0)
+        return;
+    const Vec eye = look.pose.eye(), normal = look.pose.seen({ 0.0f, 0.0f, 1.0f });
+#pragma unroll 1
+    for (int i = thread; i < grid.columns * grid.rows; i += THREADS) {
+        const int row = int(unsigned(i) / unsigned(grid.columns)), column = i - row * grid.columns;
+        const Vec place = look.pose.seen({ corner_of(look.cells.u, float(grid.first_u + column)) - eye.x,
+                                           corner_of(look.cells.v, float(grid.first_v + row)) - eye.y, -eye.z });
+        float* values = grid.values + i * grid.stride;
+        if (grid.grey)
+            light_corner<float, Grid::SHADOWS>(list, place, normal, look.finish, values);
+        else
+            light_corner<Vec, Grid::SHADOWS>(list, place, normal, look.finish, values);
+    }
+}
+
+// A pixel among the corners that are kept: those of its half of a cell, and their weights.
+struct OnCorners {
+    int first, second, third;  // numbers of the corners
+    float weight1, weight2, weight3;
+    bool inside;
+};
+
+template <class Grid> WARPCAM_FN OnCorners on_corners(const Grid& grid, Vec local, bool on_plane)
+{
+    constexpr float BASE = 1.5f * 8388608.0f;  // of whole numbers of either sign
+    const float u = grid.u.at(local.x), v = grid.v.at(local.y);
+    const float base_u = (u - 0.5f) + BASE, base_v = (v - 0.5f) + BASE;
+    const int column = as_int(base_u) - as_int(BASE), row = as_int(base_v) - as_int(BASE);
+    const float a = u - (base_u - BASE), b = v - (base_v - BASE);
+    const bool high = a + b > 1.0f;
+    const int corner = row * grid.columns + column;
+    OnCorners on;
+    on.inside = on_plane && unsigned(column) < unsigned(grid.columns - 1) && unsigned(row) < unsigned(grid.rows - 1);
+    on.first = (on.inside ? corner + (high ? grid.columns + 1 : 0) : 0) * grid.stride;
+    on.second = (on.inside ? corner + 1 : 0) * grid.stride;
+    on.third = (on.inside ? corner + grid.columns : 0) * grid.stride;
+    on.weight2 = high ? 1.0f - b : a;
+    on.weight3 = high ? 1.0f - a : b;
+    on.weight1 = 1.0f - on.weight2 - on.weight3;
+    return on;
+}
+
+template <class Grid> WARPCAM_FN float shown_at(const Grid& grid, const OnCorners& on, int value)
+{
+    const float* values = grid.values + value;
+    return on.weight1 * values[on.first] + on.weight2 * values[on.second] + on.weight3 * values[on.third];
+}
+
+// What a pixel shows in the lights that `shadow` leaves.
+template <class Grid> WARPCAM_FN Vec light_from_corners(const Grid& grid, const OnCorners& on, int shadow)
+{
+    if (grid.grey) {
+        float sum = shown_at(grid, on, 0);
+#pragma unroll 1
+        for (int n = 0; Grid::SHADOWS && n < grid.casting; ++n) {
+            const float light = shown_at(grid, on, 1 + n);
+            sum += grid.bits[n] & shadow ? 0.0f : light;
+        }
+        return { sum, sum, sum };
+    }
+    Vec sum { shown_at(grid, on, 0), shown_at(grid, on, 1), shown_at(grid, on, 2) };
+#pragma unroll 1
+    for (int n = 0; Grid::SHADOWS && n < grid.casting; ++n)
+        if (!(grid.bits[n] & shadow)) {
+            const int value = 3 + 3 * n;
+            sum = sum + Vec { shown_at(grid, on, value), shown_at(grid, on, value + 1), shown_at(grid, on, value + 2) };
+        }
+    return sum;
+}
+
+}  // namespace warpcam
