@@ -250,7 +250,8 @@ def record(
     group = group or Group.of_all(tables.num_worlds)
     region = region_size(tables, group.at_once, width, height, device)
     types = sum(1 << t for t in tables.shape_types)
-    facts = _facts(tables, shadow is not None, width) | more | varied
+    whole = width % region[0] == 0 and height % region[1] == 0
+    facts = _facts(tables, shadow is not None, width, whole) | more | varied
     kernel = _kernel(types, LENSES[lens], _capacity(tables), *region, wanted, facts, frame_type, veils)
     inputs = [
         frame,
@@ -280,8 +281,8 @@ def _capacity(tables: Tables) -> int:
     return -(-tables.num_drawn // 16) * 16 if tables.num_drawn <= MAX_KEPT else 0
 
 
-def _facts(tables: Tables, shadows: bool, width: int) -> int:
+def _facts(tables: Tables, shadows: bool, width: int, whole: bool) -> int:
     """Bits of native/look.h."""
-    facts = (tables.has_materials, tables.has_textures, tables.has_skybox, shadows, width % 4 == 0)
+    facts = (tables.has_materials, tables.has_textures, tables.has_skybox, shadows, width % 4 == 0, whole)
     physical = PHYSICAL * (tables.physical is not None) + HAS_MAPS * (tables.has_maps and tables.has_textures)
     return sum(1 << bit for bit, fact in enumerate(facts) if fact) + physical

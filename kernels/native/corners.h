@@ -3,7 +3,9 @@
 // A floor fills images, and few of its cells do: see facet.h. What a corner shows in each light that casts shadows, and
 // in all others together, is kept; a pixel adds up what three corners show in the lights that reach it.
 #pragma once
+#include "hits.h"
 #include "shade.h"
+#include "texels.h"
 
 namespace warpcam {
 
@@ -42,6 +44,17 @@ WARPCAM_FN float corner_of(const Cells& cells, float i)
     return cells.rest < 0.0f ? x : between(x, cells.start - cells.rest, cells.rest - cells.start);
 }
 
+// A plane as one view sees it: what its pixels need beside light.
+struct FloorView {
+    Row axis_x, axis_y, axis_z;  // as in Pose
+    Row place;                   // on the texture: u is x * local.x + z, v is y * local.y + w (a float's bits)
+    // Steps on the texture from pixel to pixel, to the right and down, at depth 1 [texels]: for a ray of direction r,
+    // that of u is x - y * r.x / r.z, that of v z - w * r.y / r.z (w: a float's bits).
+    Row right, down;
+    Image image;
+    int plain;  // 1: it has a texture of one image, or none
+};
+
 // The corners that are kept are a rectangle of columns and rows. One keeps `stride` numbers: what it shows in the lights
 // that cast no shadow, and then in each that does; one number where all of that is grey, else three.
 template <int ROOM_, bool SHADOWS_> struct CornerGrid {
@@ -49,6 +62,7 @@ template <int ROOM_, bool SHADOWS_> struct CornerGrid {
     static constexpr bool SHADOWS = SHADOWS_;
 
     float values[ROOM > 0 ? ROOM : 1];
+    FloorView view;
     CellAxis u, v;
     int first_u, first_v;
     int columns, rows, stride;
@@ -168,6 +182,7 @@ WARPCAM_FN void choose_corners(Grid& grid, const LightList& list, const Looks& l
     grid.v = v_axis;
     grid.stride = stride;
     grid.shape = kept;
+    view_floor(grid.view, look, camera);
     grid.grey = grey;
     grid.casting = 0;
     for (int n = 0; n < list.count; ++n)
@@ -235,6 +250,44 @@ WARPCAM_FN void light_corners(Grid& grid, const LightList& list, const Looks& lo
     }
 }
 
+template <class Looks> WARPCAM_FN void view_floor(FloorView& view, const Looks& look, const Camera& camera)
+{
+    const Pose& pose = look.pose;
+    view.axis_x = pose.axis_x;
+    view.axis_y = pose.axis_y;
+    view.axis_z = pose.axis_z;
+    view.image = { 0, 0, 0, 0 };
+    view.plain = 1;
+    if constexpr (Looks::TEXTURED) {
+        const Layout& layout = look.layout;
+        const float rate_u = layout.repeat[0], rate_v = layout.repeat[1];
+        const float u = rate_u * float(layout.image.width), v = rate_v * float(layout.image.height);
+        const float a = camera.scale_x, b = -camera.scale_y;
+        float start_u = layout.start[0], start_v = layout.start[1];
+        shift(look, start_u, start_v);
+        view.place = { rate_u, rate_v, start_u, as_int(start_v) };
+        view.right = { a * u * pose.axis_x.x, a * u * pose.axis_z.x, a * v * pose.axis_y.x,
+                       as_int(a * v * pose.axis_z.x) };
+        view.down = { b * u * pose.axis_x.y, b * u * pose.axis_z.y, b * v * pose.axis_y.y,
+                      as_int(b * v * pose.axis_z.y) };
+        view.image = layout.image;
+        view.plain = !(layout.image.levels > 0 && layout.cube);
+    }
+}
+
+// The texture's colour where a ray, in the plane's frame, meets it.
+WARPCAM_FN Vec floor_texture(const FloorView& view, const unsigned* texels, Vec ray, float depth, float x, float y)
+{
+    const Row place = view.place, right = view.right, down = view.down;
+    const float slope = reciprocal(ray.z), along = ray.x * slope, across = ray.y * slope;
+    const float right_u = right.x - right.y * along, right_v = right.z - as_float(right.w) * across;
+    const float down_u = down.x - down.y * along, down_v = down.z - as_float(down.w) * across;
+    const float square = depth * depth;
+    return sample_level(texels, view.image, place.x * x + place.z, place.y * y + as_float(place.w),
+                        square * (right_u * right_u + right_v * right_v),
+                        square * (down_u * down_u + down_v * down_v));
+}
+
 // A pixel among the corners that are kept: those of its half of a cell, and their weights.
 struct OnCorners {
     int first, second, third;  // numbers of the corners
@@ -288,6 +341,31 @@ template <class Grid> WARPCAM_FN Vec light_from_corners(const Grid& grid, const 
             sum = sum + Vec { shown_at(grid, on, value), shown_at(grid, on, value + 1), shown_at(grid, on, value + 2) };
         }
     return sum;
+}
+
+// What a tile shows of the plane, if there is nothing else on it and all of it is among the corners that are kept; false
+// if not. `found` and `at` are what the trace found at a pixel, and where.
+template <bool TEXTURED, class Grid, class Frame, class Textures>
+WARPCAM_FN bool draw_floor(const Grid& grid, const Frame& frame, const Textures& textures, const Hit& found, unsigned at,
+                           float x, float y, Vec& display)
+{
+    const bool hit = found.shape >= 0;
+    if (any_lane(hit && found.shape != grid.shape) || !any_lane(hit))
+        return false;
+    const FloorView& view = grid.view;
+    const Row axis_x = view.axis_x, axis_y = view.axis_y, axis_z = view.axis_z;
+    const Vec ray { axis_x.x * x + axis_x.y * y - axis_x.z, axis_y.x * x + axis_y.y * y - axis_y.z,
+                    axis_z.x * x + axis_z.y * y - axis_z.z };
+    const Vec local { as_float(axis_x.w) + found.depth * ray.x, as_float(axis_y.w) + found.depth * ray.y, 0.0f };
+    const OnCorners on = on_corners(grid, local, hit);
+    if (any_lane(hit && !on.inside) || !view.plain)
+        return false;
+    const int shadow = Grid::SHADOWS && hit ? frame.shadow.data[at] : 0;
+    Vec texture { 1.0f, 1.0f, 1.0f };
+    if (TEXTURED && view.image.levels > 0)
+        texture = floor_texture(view, textures.texels.data, ray, found.depth, local.x, local.y);
+    display = times(light_from_corners(grid, on, shadow), texture);
+    return true;
 }
 
 }  // namespace warpcam

@@ -15,6 +15,7 @@ enum Fact {
     HAS_SKYBOX = 4,
     HAS_SHADOWS = 8,
     QUADS = 16,
+    WHOLE_REGIONS = 32,  // the image has no part of a region
     PHYSICAL = 1 << 12,  // is lit as physical.h does it, else as shade.h does
     HAS_MAPS = 1 << 13,  // some material has more than the texture of its colour
     HAS_OFFSETS = 1 << 20  // textures are moved: variety.h
@@ -107,7 +108,7 @@ template <class Looks> WARPCAM_FN void shift(const Looks& look, float& u, float&
 
 // Only what the images need.
 template <int TYPES, class Wants> struct Look : Either<Wants::SHIFTED, Shift, Unmoved>::type {
-    static constexpr bool SHIFTED = Wants::SHIFTED;
+    static constexpr bool SHIFTED = Wants::SHIFTED, TEXTURED = Wants::TEXTURED;
     typename Kept<Wants::SURFACE, Pose>::type pose;
     typename Kept<Wants::COLORED, typename Either<Wants::COATED, Coat, Finish>::type>::type finish;
     typename Kept<Wants::TURNED, Turn>::type turn;

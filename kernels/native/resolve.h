@@ -68,8 +68,8 @@ WARPCAM_FN Vec texture_color(const Looks& look, const Meshes& meshes, const Text
         return { 1.0f, 1.0f, 1.0f };
     const Pose& pose = look.pose;
     const float stretch = LENS == PINHOLE ? depth : 1.0f;
-    const Vec right = pose.local({ stretch * camera.scale_x, 0.0f, 0.0f });
-    const Vec down = pose.local({ 0.0f, -stretch * camera.scale_y, 0.0f });
+    const Vec right = stretch * camera.scale_x * Vec { pose.axis_x.x, pose.axis_y.x, pose.axis_z.x };
+    const Vec down = -stretch * camera.scale_y * Vec { pose.axis_x.y, pose.axis_y.y, pose.axis_z.y };
     if (layout.cube) {
         const CubeMapping mapping = map_cube<TYPES>(pose, layout, surface);
         return sample_cube(textures.texels.data, layout.image, mapping.direction,
@@ -180,7 +180,7 @@ WARPCAM_FN Looks kept_look(const Looks* looks, const List& lights, const Scene_&
                            int id)
 {
     if constexpr (CAPACITY > 0)
-        return looks[wp::index(scene.shapes.places, id)];
+        return looks[scene.shapes.places.data[id]];
     else if constexpr (HasCorners<List>::VALUE)
         return id == lights.grid.shape ? looks[0] : look_of<TYPES, Wants>(scene, camera, world, id);
     else
@@ -194,7 +194,7 @@ WARPCAM_FN void resolve_hit(const Looks* looks, const List& lights, const Scene_
 {
     using Wants = Wanted<IMAGES, FACTS>;
     if constexpr (CAPACITY > 0)
-        resolve_surface<TYPES, LENS, IMAGES, FACTS>(looks[wp::index(scene.shapes.places, found.shape)], lights, scene,
+        resolve_surface<TYPES, LENS, IMAGES, FACTS>(looks[scene.shapes.places.data[found.shape]], lights, scene,
                                                     camera, x, y, found, shadow, shown);
     else
         resolve_surface<TYPES, LENS, IMAGES, FACTS>(
@@ -273,7 +273,15 @@ WARPCAM_FN void resolve_pixel(const Looks* looks, const List& lights, const Scen
     const bool hit = found.shape >= 0;
     const Hit solid = found;
     Shown shown;
-    if ((Wants::SURFACE || Wants::COLORED) && follow(hit, found)) {
+    bool drawn = false;
+    if constexpr (lit_by_corners<List>(FACTS & HAS_SHADOWS) && !(IMAGES & (NORMALS | ALBEDO))) {
+        drawn = draw_floor<Wants::TEXTURED>(lights.grid, frame, scene.textures, found, pixel.at, x, y, shown.display);
+        if (drawn) {
+            shown.linear = shown.display;
+            expose<FACTS>(scene, world, shown.linear, shown.display);
+        }
+    }
+    if (!drawn && (Wants::SURFACE || Wants::COLORED) && follow(hit, found)) {
         const int shadow = (FACTS & HAS_SHADOWS) && Wants::LIT && hit ? frame.shadow.data[pixel.at] : 0;
         resolve_hit<TYPES, LENS, CAPACITY, IMAGES, FACTS>(looks, lights, scene, camera, world, x, y, found, shadow, shown);
     }
@@ -331,7 +339,7 @@ WARPCAM_FN void resolve_pixel(const Looks* looks, const List& lights, const Scen
 
 #if defined(__CUDA_ARCH__)
 // The pixel of a thread in one of a region's tiles, row after row.
-template <int WIDTH, class Frame_>
+template <int WIDTH, int FACTS, class Frame_>
 WARPCAM_FN void go_to(Pixel& pixel, const Frame_& frame, unsigned first, int left, int top, unsigned tile)
 {
     left += tile % (WIDTH / TILE_WIDTH) * TILE_WIDTH;
@@ -341,7 +349,7 @@ WARPCAM_FN void go_to(Pixel& pixel, const Frame_& frame, unsigned first, int lef
     pixel.width = frame.width - left;
     pixel.height = frame.height - top;
     pixel.at = first + pixel.row * frame.width + pixel.column;
-    pixel.inside = pixel.column < frame.width && pixel.row < frame.height;
+    pixel.inside = (FACTS & WHOLE_REGIONS) || (pixel.column < frame.width && pixel.row < frame.height);
 }
 #endif
 
@@ -436,17 +444,17 @@ WARPCAM_FN void resolve(const Scene_& scene, const Lights& lights, int index)
     const unsigned warp = unsigned(thread) / LANES;
     pixel.lane = unsigned(thread) % LANES;
     pixel.row_of_lanes = reinterpret_cast<float*>(lanes[warp]);
-    go_to<WIDTH>(pixel, frame, first, left, top, warp);
+    go_to<WIDTH, FACTS>(pixel, frame, first, left, top, warp);
     Hit next = find<TYPES, IMAGES, FACTS>(frame, pixel);
 #pragma unroll 1
     for (unsigned tile = warp; tile < TILES; tile += STEP) {
         const Hit found = next;
         if (tile + STEP < TILES) {  // ask for the next tile's pixels before this one's are drawn
-            go_to<WIDTH>(pixel, frame, first, left, top, tile + STEP);
+            go_to<WIDTH, FACTS>(pixel, frame, first, left, top, tile + STEP);
             next = find<TYPES, IMAGES, FACTS>(frame, pixel);
         }
-        go_to<WIDTH>(pixel, frame, first, left, top, tile);
-        if (pixel.width > 0 && pixel.height > 0)
+        go_to<WIDTH, FACTS>(pixel, frame, first, left, top, tile);
+        if ((FACTS & WHOLE_REGIONS) || (pixel.width > 0 && pixel.height > 0))
             resolve_pixel<TYPES, LENS, KEPT, IMAGES, FACTS>(looks, list, scene, kept_camera, veils, region, world, pixel, found);
     }
 #else

@@ -137,13 +137,10 @@ WARPCAM_FN void add_bilinear(const unsigned* texels, const Level& level, float u
 WARPCAM_FN float fraction(float unit) { return saturated(unit - round_down(unit)); }
 
 // Colour in [0, 1] of a 2-D texture at (u, v), in images: (0, 0) is the top left corner, and images repeat. The steps
-// are the changes of u and v from this pixel to the next on the right and to the next below.
-WARPCAM_FN Vec sample_2d(const unsigned* texels, const Image& image, float u, float v, Pair right, Pair down)
+// from this pixel to the next on the right and to the next below are given by the squares of their lengths in texels.
+WARPCAM_FN Vec sample_level(const unsigned* texels, const Image& image, float u, float v, float right, float down)
 {
-    const float width = float(image.width), height = float(image.height);
-    const float square_right = right.x * right.x * width * width + right.y * right.y * height * height;
-    const float square_down = down.x * down.x * width * width + down.y * down.y * height * height;
-    const float detail = level_of_detail(square_right, square_down, image.levels);
+    const float detail = level_of_detail(right, down, image.levels);
     const int steps = int(detail), coarse = part_of(WHOLE, detail - float(steps));
     const Level level = Level { image.start, image.width, image.height }.after(steps, 1);
     u = fraction(u);
@@ -153,6 +150,14 @@ WARPCAM_FN Vec sample_2d(const unsigned* texels, const Image& image, float u, fl
     if (coarse > 0)  // then there is a next level: detail is at most levels - 1
         add_bilinear(texels, level.next(1), u, v, coarse, blend);
     return to_color(blend);
+}
+
+// The same for steps in images.
+WARPCAM_FN Vec sample_2d(const unsigned* texels, const Image& image, float u, float v, Pair right, Pair down)
+{
+    const float width = float(image.width), height = float(image.height);
+    const float right_u = right.x * width, right_v = right.y * height, down_u = down.x * width, down_v = down.y * height;
+    return sample_level(texels, image, u, v, right_u * right_u + right_v * right_v, down_u * down_u + down_v * down_v);
 }
 
 // The face of the cube that `v` points at: 0 to 5 for +x -x +y -y +z -z.
