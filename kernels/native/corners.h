@@ -44,6 +44,8 @@ WARPCAM_FN float corner_of(const Cells& cells, float i)
     return cells.rest < 0.0f ? x : between(x, cells.start - cells.rest, cells.rest - cells.start);
 }
 
+constexpr int MAX_LEVELS = 16;
+
 // A plane as one view sees it: what its pixels need beside light.
 struct FloorView {
     Row axis_x, axis_y, axis_z;  // as in Pose
@@ -51,25 +53,30 @@ struct FloorView {
     // Steps on the texture from pixel to pixel, to the right and down, at depth 1 [texels]: for a ray of direction r,
     // that of u is x - y * r.x / r.z, that of v z - w * r.y / r.z (w: a float's bits).
     Row right, down;
-    Image image;
-    int plain;  // 1: it has a texture of one image, or none
+    Row levels[MAX_LEVELS];      // of the texture: width, height and start (of floats the bits); w: start of the next
+    int count;                   // of levels
+    int plain;                   // 1: it has a texture of one image, or none
 };
 
+constexpr int FEW = 4;  // numbers that are loaded at once
+
 // The corners that are kept are a rectangle of columns and rows. One keeps `stride` numbers: what it shows in the lights
-// that cast no shadow, and then in each that does; one number where all of that is grey, else three.
+// that cast no shadow, and then in each that does; one number where all of that is grey, else three. Where these are
+// few there are FEW of them, the last ones 0.
 template <int ROOM_, bool SHADOWS_> struct CornerGrid {
     static constexpr int ROOM = ROOM_;
     static constexpr bool SHADOWS = SHADOWS_;
 
-    float values[ROOM > 0 ? ROOM : 1];
+    alignas(16) float values[ROOM > 0 ? ROOM : 1];
+    alignas(16) int bits[MAX_LIGHTS];  // of shadow masks, of the lights that cast shadows
     FloorView view;
     CellAxis u, v;
     int first_u, first_v;
     int columns, rows, stride;
-    int shape;                // the plane, or -1 where nothing is kept
+    int shape;  // the plane, or -1 where nothing is kept
     int grey;
-    int casting;              // lights that cast shadows
-    int bits[MAX_LIGHTS];     // of shadow masks
+    int casting;  // lights that cast shadows
+    int few;      // 1: a corner keeps FEW numbers
 };
 
 // The lights of a world with the corners that they light.
@@ -125,7 +132,8 @@ WARPCAM_FN void choose_corners(Grid& grid, const LightList& list, const Looks& l
         && look.finish.color.x == look.finish.color.z;
     for (int n = 0; n < list.count; ++n)
         casting += Grid::SHADOWS && (list.lights[n].ambient.w & CASTS) ? 1 : 0;
-    stride = (1 + casting) * (grey ? 1 : 3);
+    const bool few = grey && casting > 0 && casting < FEW;
+    stride = few ? FEW : (1 + casting) * (grey ? 1 : 3);
     for (int k = 0; k < EACH; ++k) {
         const int sample = lane + k * TEAM;
         const float i = float(region.left)
@@ -176,6 +184,7 @@ WARPCAM_FN void choose_corners(Grid& grid, const LightList& list, const Looks& l
         }
         limit = 0.75f * far;
     }
+    list_levels(grid.view, look, lane);
     if (lane != 0)
         return;
     grid.u = u_axis;
@@ -184,7 +193,10 @@ WARPCAM_FN void choose_corners(Grid& grid, const LightList& list, const Looks& l
     grid.shape = kept;
     view_floor(grid.view, look, camera);
     grid.grey = grey;
+    grid.few = few;
     grid.casting = 0;
+    for (int n = 0; n < FEW; ++n)
+        grid.bits[n] = 0;
     for (int n = 0; n < list.count; ++n)
         if (Grid::SHADOWS && (list.lights[n].ambient.w & CASTS))
             grid.bits[grid.casting++] = list.lights[n].place.w;
@@ -245,8 +257,22 @@ WARPCAM_FN void light_corners(Grid& grid, const LightList& list, const Looks& lo
         float* values = grid.values + i * grid.stride;
         if (grid.grey)
             light_corner<float, Grid::SHADOWS>(list, place, normal, look.finish, values);
-        else
+        if (grid.few)
+            for (int n = 1 + grid.casting; n < FEW; ++n)
+                values[n] = 0.0f;
+        if (!grid.grey)
             light_corner<Vec, Grid::SHADOWS>(list, place, normal, look.finish, values);
+    }
+}
+
+template <class Looks> WARPCAM_FN void list_levels(FloorView& view, const Looks& look, int lane)
+{
+    if constexpr (Looks::TEXTURED) {
+        const Image& image = look.layout.image;
+        for (int i = lane; i < lower_int(image.levels, MAX_LEVELS); i += TEAM) {
+            const Level level = Level { image.start, image.width, image.height }.after(i, 1);
+            view.levels[i] = { as_float(level.width), as_float(level.height), as_float(level.start), level.next(1).start };
+        }
     }
 }
 
@@ -256,7 +282,7 @@ template <class Looks> WARPCAM_FN void view_floor(FloorView& view, const Looks& 
     view.axis_x = pose.axis_x;
     view.axis_y = pose.axis_y;
     view.axis_z = pose.axis_z;
-    view.image = { 0, 0, 0, 0 };
+    view.count = 0;
     view.plain = 1;
     if constexpr (Looks::TEXTURED) {
         const Layout& layout = look.layout;
@@ -270,8 +296,8 @@ template <class Looks> WARPCAM_FN void view_floor(FloorView& view, const Looks& 
                        as_int(a * v * pose.axis_z.x) };
         view.down = { b * u * pose.axis_x.y, b * u * pose.axis_z.y, b * v * pose.axis_y.y,
                       as_int(b * v * pose.axis_z.y) };
-        view.image = layout.image;
-        view.plain = !(layout.image.levels > 0 && layout.cube);
+        view.count = layout.image.levels;
+        view.plain = !(layout.image.levels > 0 && layout.cube) && layout.image.levels <= MAX_LEVELS;
     }
 }
 
@@ -283,9 +309,13 @@ WARPCAM_FN Vec floor_texture(const FloorView& view, const unsigned* texels, Vec 
     const float right_u = right.x - right.y * along, right_v = right.z - as_float(right.w) * across;
     const float down_u = down.x - down.y * along, down_v = down.z - as_float(down.w) * across;
     const float square = depth * depth;
-    return sample_level(texels, view.image, place.x * x + place.z, place.y * y + as_float(place.w),
-                        square * (right_u * right_u + right_v * right_v),
-                        square * (down_u * down_u + down_v * down_v));
+    const float detail = level_of_detail(square * (right_u * right_u + right_v * right_v),
+                                         square * (down_u * down_u + down_v * down_v), view.count);
+    const int steps = int(detail);
+    const Row row = view.levels[steps];
+    const Level level { as_int(row.z), as_int(row.x), as_int(row.y) };
+    return sample_levels(texels, level, row.w, place.x * x + place.z, place.y * y + as_float(place.w),
+                         detail - float(steps));
 }
 
 // A pixel among the corners that are kept: those of its half of a cell, and their weights.
@@ -321,9 +351,33 @@ template <class Grid> WARPCAM_FN float shown_at(const Grid& grid, const OnCorner
     return on.weight1 * values[on.first] + on.weight2 * values[on.second] + on.weight3 * values[on.third];
 }
 
+// FEW numbers that lie together, from a place that is a multiple of FEW.
+WARPCAM_FN void load_few(const float* from, float* to)
+{
+#if defined(__CUDA_ARCH__)
+    *reinterpret_cast<float4*>(to) = *reinterpret_cast<const float4*>(from);
+#else
+    for (int k = 0; k < FEW; ++k)
+        to[k] = from[k];
+#endif
+}
+
 // What a pixel shows in the lights that `shadow` leaves.
 template <class Grid> WARPCAM_FN Vec light_from_corners(const Grid& grid, const OnCorners& on, int shadow)
 {
+    if (Grid::SHADOWS && grid.few) {
+        alignas(16) float first[FEW], second[FEW], third[FEW];
+        load_few(grid.values + on.first, first);
+        load_few(grid.values + on.second, second);
+        load_few(grid.values + on.third, third);
+        float sum = on.weight1 * first[0] + on.weight2 * second[0] + on.weight3 * third[0];
+#pragma unroll
+        for (int n = 1; n < FEW; ++n) {
+            const float light = on.weight1 * first[n] + on.weight2 * second[n] + on.weight3 * third[n];
+            sum += grid.bits[n - 1] & shadow ? 0.0f : light;
+        }
+        return { sum, sum, sum };
+    }
     if (grid.grey) {
         float sum = shown_at(grid, on, 0);
 #pragma unroll 1
@@ -362,7 +416,7 @@ WARPCAM_FN bool draw_floor(const Grid& grid, const Frame& frame, const Textures&
         return false;
     const int shadow = Grid::SHADOWS && hit ? frame.shadow.data[at] : 0;
     Vec texture { 1.0f, 1.0f, 1.0f };
-    if (TEXTURED && view.image.levels > 0)
+    if (TEXTURED && view.count > 0)
         texture = floor_texture(view, textures.texels.data, ray, found.depth, local.x, local.y);
     display = times(light_from_corners(grid, on, shadow), texture);
     return true;
