@@ -27,6 +27,7 @@ OUTPUTS: Mapping[str, tuple[type, int]] = {
 VEILED_BLOCKS = 4  # blocks that a multiprocessor is to hold where some shapes may be transparent
 PHYSICAL, HAS_MAPS = 1 << 12, 1 << 13  # the same
 MAX_KEPT = 256  # shapes whose looks a block can keep
+MAX_SEEN = 1024  # shapes of which it can keep the looks of those that it sees
 MIRRORED, REFLECTS, VEILED, HAZY = 1 << 8, 1 << 9, 1 << 10, 1 << 11  # facts of native/look.h
 LIT = ("rgb", "rgba", "hdr")  # what mirrors, transparent shapes and haze change
 
@@ -277,8 +278,9 @@ def _blocks(images: int, facts: int) -> int:
 
 
 def _capacity(tables: Tables) -> int:
-    """Looks that a block keeps: one for each drawn shape, in few sizes; 0 for scenes that are too large for it."""
-    return -(-tables.num_drawn // 16) * 16 if tables.num_drawn <= MAX_KEPT else 0
+    """Shapes that a block keeps the looks of, all or those that it sees, in few sizes; 0 for scenes too large for it."""
+    step = 16 if tables.num_drawn <= MAX_KEPT else 256
+    return -(-tables.num_drawn // step) * step if tables.num_drawn <= MAX_SEEN else 0
 
 
 def _facts(tables: Tables, shadows: bool, width: int, whole: bool) -> int:

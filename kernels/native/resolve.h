@@ -173,21 +173,56 @@ WARPCAM_FN Look<TYPES, Wants> look_of(const Scene_& scene, const Camera& camera,
     return look;
 }
 
-// A shape's look, as it is kept or made anew. Where none are kept but that of the plane whose corners are lit, it is the
-// first.
-template <int TYPES, int CAPACITY, class Wants, class Looks, class List, class Scene_>
-WARPCAM_FN Looks kept_look(const Looks* looks, const List& lights, const Scene_& scene, const Camera& camera, int world,
-                           int id)
+// A look that was kept without what few shapes have a use for.
+template <class Seen, class Scene_>
+WARPCAM_FN auto completed(const Seen& seen, int slot, const Scene_& scene, int world, int id)
 {
-    if constexpr (CAPACITY > 0)
-        return looks[scene.shapes.places.data[id]];
-    else if constexpr (HasCorners<List>::VALUE)
-        return id == lights.grid.shape ? looks[0] : look_of<TYPES, Wants>(scene, camera, world, id);
-    else
-        return look_of<TYPES, Wants>(scene, camera, world, id);
+    using Wants = typename Seen::Wants;
+    constexpr int TYPES = Seen::TYPES;
+    const auto& bare = seen.looks[slot];
+    Look<TYPES, Wants> look;
+    look.pose = bare.pose;
+    look.finish = bare.finish;
+    look.turn = bare.turn;
+    bool more = Wants::MAPPED;
+    if constexpr (Wants::TEXTURED) {
+        look.layout.image.levels = 0;
+        more |= bare.finish.color.w >= 0;
+    }
+    if constexpr (Wants::FACETED && (TYPES >> PLANE & 1)) {
+        look.cells.u.step = 0.0f;
+        more |= bare.pose.type() == PLANE;
+    }
+    if (more) {
+        load_rest(look, scene.shapes, scene.materials, scene.textures, scene.meshes, scene.fields, scene.frame.horizon,
+                  world, id);
+        load_shift(look, scene, world, id);
+    }
+    return look;
 }
 
-// CAPACITY: the looks a block keeps, one for each shape that may be visible; 0 if they are made anew for each pixel.
+// A shape's look, as it is kept or made anew.
+template <int TYPES, int CAPACITY, class Wants, class Looks, class List, class Scene_>
+WARPCAM_FN auto kept_look(const Looks* looks, const List& lights, const Scene_& scene, const Camera& camera, int world,
+                          int id)
+{
+    if constexpr (CAPACITY > 0) {
+        return looks[scene.shapes.places.data[id]];
+    } else if constexpr (CAPACITY < 0) {
+        using Own = typename Looks::Wants;
+        if constexpr (HasCorners<List>::VALUE)
+            if (id == lights.grid.shape)
+                return looks->plane;
+        const int mark = Looks::MARKED ? looks->marks[scene.shapes.places.data[id]] : 0;
+        return mark > 0 ? completed(*looks, mark - 1, scene, world, id)
+                        : look_of<TYPES, Own>(scene, camera, world, id);
+    } else {
+        return look_of<TYPES, Wants>(scene, camera, world, id);
+    }
+}
+
+// CAPACITY: the looks a block keeps, one for each shape that may be visible; 0 if they are made anew for each pixel, less
+// if `looks` are SeenLooks.
 template <int TYPES, int LENS, int CAPACITY, int IMAGES, int FACTS, class Looks, class List, class Scene_>
 WARPCAM_FN void resolve_hit(const Looks* looks, const List& lights, const Scene_& scene, const Camera& camera,
                             int world, float x, float y, const Hit& found, int shadow, Shown& shown)
@@ -351,7 +386,51 @@ WARPCAM_FN void go_to(Pixel& pixel, const Frame_& frame, unsigned first, int lef
     pixel.at = first + pixel.row * frame.width + pixel.column;
     pixel.inside = (FACTS & WHOLE_REGIONS) || (pixel.column < frame.width && pixel.row < frame.height);
 }
+
+// Keeps the looks of the shapes that a region shows. The threads of a block share the work.
+template <int WIDTH, int HEIGHT, int FACTS, int ROOM, class Seen, class Scene_>
+WARPCAM_FN void gather_looks(Seen& seen, const Scene_& scene, const Camera& camera, int world, unsigned first, int left,
+                             int top, int thread)
+{
+    const int total = scene.shapes.drawn.shape[0];
+    for (int place = thread; place < total; place += THREADS)
+        seen.marks[place] = 0;
+    if (thread == 0)
+        seen.count = 0;
+    block_barrier();
+    Pixel pixel;
+    pixel.lane = thread % LANES;
+#pragma unroll 1
+    for (unsigned tile = unsigned(thread) / LANES; tile < WIDTH / TILE_WIDTH * (HEIGHT / TILE_HEIGHT);
+         tile += THREADS / LANES) {
+        go_to<WIDTH, FACTS>(pixel, scene.frame, first, left, top, tile);
+        const int id = pixel.inside ? scene.frame.shape.data[pixel.at] : -1;
+        if (id >= 0 && id != scene.frame.plane)
+            seen.marks[scene.shapes.places.data[id]] = 1;
+    }
+    block_barrier();
+#pragma unroll 1
+    for (int place = thread; place < total; place += THREADS) {
+        if (!seen.marks[place])
+            continue;
+        const int slot = atomicAdd(&seen.count, 1);
+        seen.marks[place] = slot < ROOM ? slot + 1 : 0;
+        if (slot < ROOM)
+            seen.looks[slot] = look_of<Seen::TYPES, Bare<typename Seen::Wants>>(scene, camera, world,
+                                                                               wp::index(scene.shapes.drawn, place));
+    }
+}
+
 #endif
+
+// The look of the plane whose corners are kept.
+template <int KEPT, class Held, class Scene_> WARPCAM_FN const auto& plane_look(const Held* looks, const Scene_& scene)
+{
+    if constexpr (KEPT > 0)
+        return looks[scene.frame.plane >= 0 ? wp::index(scene.shapes.places, scene.frame.plane) : 0];
+    else
+        return looks->plane;
+}
 
 // Draws one region of one view; `index` counts worlds, then regions, then (CUDA) threads of the block.
 // VEILS: how many shapes may be transparent.
@@ -364,11 +443,18 @@ WARPCAM_FN void resolve(const Scene_& scene, const Lights& lights, int index)
     using Sheets = typename Kept<VEILS != 0, Veils<VEILS != 0 ? VEILS : 1>>::type;
     constexpr int ROOM = 44032 - (VEILS != 0 ? int(sizeof(Sheets)) : 0);
     constexpr int KEPT = CAPACITY * int(sizeof(Looks)) <= ROOM && (Wants::SURFACE || Wants::COLORED) ? CAPACITY : 0;
-    WARPCAM_SHARED Looks looks[KEPT > 0 ? KEPT : 1];
     constexpr bool SHADOWS = FACTS & HAS_SHADOWS;
     constexpr int CORNERS = Wants::FACETED && (TYPES >> PLANE & 1) && LENS == PINHOLE && !(IMAGES & HDR)
-        ? corner_room(WIDTH * HEIGHT, ROOM - KEPT * int(sizeof(Looks)))
+        ? corner_room(WIDTH * HEIGHT, ROOM - KEPT * int(sizeof(Looks)) - 1024)
         : 0;
+    // Where not all looks can be kept, some are.
+    constexpr bool SOME = KEPT == 0 && (CAPACITY > 0 || CORNERS > 0) && (Wants::SURFACE || Wants::COLORED);
+    constexpr int PLACES = CAPACITY > 0 ? CAPACITY : 1, BARE = sizeof(Look<TYPES, Bare<Wants>>);
+    constexpr int LEFT = (ROOM - 1024 - CORNERS * int(sizeof(float)) - 2 * PLACES) / BARE;
+    constexpr int SEEN = CAPACITY > 0 && LEFT > 1 ? (LEFT < CAPACITY ? LEFT : CAPACITY) : 1;
+    using Held = typename Either<SOME, SeenLooks<TYPES, Wants, PLACES, SEEN>, Looks>::type;
+    constexpr int HELD = SOME ? -1 : KEPT;
+    WARPCAM_SHARED Held looks[KEPT > 0 ? KEPT : 1];
     using Lit_ = typename Either<(CORNERS > 0), LitCorners<CORNERS, SHADOWS>, LightList>::type;
     WARPCAM_SHARED typename Either<(FACTS & PHYSICAL) != 0, LampList, Lit_>::type list;
     WARPCAM_SHARED Camera kept_camera;
@@ -407,13 +493,17 @@ WARPCAM_FN void resolve(const Scene_& scene, const Lights& lights, int index)
         gather_veils<TYPES, LENS, (FACTS & PHYSICAL) == 0>(veils, scene, camera, seen, eye, mirror, world, thread);
     }
 #if defined(__CUDA_ARCH__)
-    if (KEPT > 0)
+    if constexpr (KEPT > 0)
         for (int i = thread; i < scene.shapes.drawn.shape[0]; i += THREADS) {
             const int id = wp::index(scene.shapes.drawn, i);
             looks[i] = look_of<TYPES, Wants>(scene, camera, world, id);
         }
-    if (CORNERS > 0 && KEPT == 0 && thread == 0 && frame.plane >= 0)
-        looks[0] = look_of<TYPES, Wants>(scene, camera, world, frame.plane);
+    if constexpr (SOME) {
+        if (thread == 0 && frame.plane >= 0)
+            looks->plane = look_of<TYPES, Wants>(scene, camera, world, frame.plane);
+        if constexpr (Held::MARKED)
+            gather_looks<WIDTH, HEIGHT, FACTS, SEEN>(*looks, scene, camera, world, first, left, top, thread);
+    }
     block_barrier();
 #else
     bool made[KEPT > 0 ? KEPT : 1] = {};
@@ -423,14 +513,18 @@ WARPCAM_FN void resolve(const Scene_& scene, const Lights& lights, int index)
             looks[place] = look_of<TYPES, Wants>(scene, camera, world, veils.ids[slot]);
             made[place] = true;
         }
-    if (CORNERS > 0 && frame.plane >= 0) {
-        const int place = KEPT > 0 ? wp::index(scene.shapes.places, frame.plane) : 0;
-        looks[place] = look_of<TYPES, Wants>(scene, camera, world, frame.plane);
-        made[place] = true;
-    }
+    if constexpr (CORNERS > 0 && KEPT > 0)
+        if (frame.plane >= 0) {
+            const int place = wp::index(scene.shapes.places, frame.plane);
+            looks[place] = look_of<TYPES, Wants>(scene, camera, world, frame.plane);
+            made[place] = true;
+        }
+    if constexpr (SOME)
+        if (frame.plane >= 0)
+            looks->plane = look_of<TYPES, Wants>(scene, camera, world, frame.plane);
 #endif
     if constexpr (CORNERS > 0) {
-        const Looks& look = looks[KEPT > 0 && frame.plane >= 0 ? wp::index(scene.shapes.places, frame.plane) : 0];
+        const Looks& look = plane_look<KEPT>(looks, scene);
         if (thread < TEAM)
             choose_corners(list.grid, list, look, camera, region, frame, FACTS & MIRRORED, thread);
         block_barrier();
@@ -455,7 +549,7 @@ WARPCAM_FN void resolve(const Scene_& scene, const Lights& lights, int index)
         }
         go_to<WIDTH, FACTS>(pixel, frame, first, left, top, tile);
         if ((FACTS & WHOLE_REGIONS) || (pixel.width > 0 && pixel.height > 0))
-            resolve_pixel<TYPES, LENS, KEPT, IMAGES, FACTS>(looks, list, scene, kept_camera, veils, region, world, pixel, found);
+            resolve_pixel<TYPES, LENS, HELD, IMAGES, FACTS>(looks, list, scene, kept_camera, veils, region, world, pixel, found);
     }
 #else
     pixel.inside = true;
@@ -464,11 +558,12 @@ WARPCAM_FN void resolve(const Scene_& scene, const Lights& lights, int index)
             pixel.at = first + pixel.row * frame.width + pixel.column;
             const Hit found = find<TYPES, IMAGES, FACTS>(frame, pixel);
             const int place = KEPT > 0 && found.shape >= 0 ? wp::index(scene.shapes.places, found.shape) : 0;
-            if (KEPT > 0 && found.shape >= 0 && !made[place]) {
-                looks[place] = look_of<TYPES, Wants>(scene, camera, world, found.shape);
-                made[place] = true;
-            }
-            resolve_pixel<TYPES, LENS, KEPT, IMAGES, FACTS>(looks, list, scene, kept_camera, veils, region, world, pixel, found);
+            if constexpr (KEPT > 0)
+                if (found.shape >= 0 && !made[place]) {
+                    looks[place] = look_of<TYPES, Wants>(scene, camera, world, found.shape);
+                    made[place] = true;
+                }
+            resolve_pixel<TYPES, LENS, HELD, IMAGES, FACTS>(looks, list, scene, kept_camera, veils, region, world, pixel, found);
         }
 #endif
 }
