@@ -21,6 +21,7 @@ from warpcam.compat.isaacgym.kinds import (
     STATE_POS,
     STATE_VEL,
     CameraFollowMode,
+    ContactCollection,
     CoordinateSpace,
     DofDriveMode,
     DofProperties,
@@ -28,6 +29,7 @@ from warpcam.compat.isaacgym.kinds import (
     DofType,
     ImageType,
     IndexDomain,
+    MeshNormalMode,
     MeshType,
     RigidBodyState,
     SimType,
@@ -43,6 +45,7 @@ from warpcam.compat.isaacgym.options import (
     PlaneParams,
     SimParams,
     TriangleMeshParams,
+    VhacdParams,
 )
 from warpcam.compat.isaacgym.refused import Refusals
 from warpcam.compat.isaacgym.sim import Sim
@@ -58,9 +61,16 @@ DOMAIN_ACTOR, DOMAIN_ENV, DOMAIN_SIM = IndexDomain
 DOF_MODE_NONE, DOF_MODE_POS, DOF_MODE_VEL, DOF_MODE_EFFORT = DofDriveMode
 DOF_INVALID, DOF_ROTATION, DOF_TRANSLATION = DofType
 DTYPE_FLOAT32, DTYPE_UINT32, DTYPE_UINT64, DTYPE_UINT8, DTYPE_INT16, DTYPE_INT32 = TensorDataType
+FROM_ASSET, COMPUTE_PER_VERTEX, COMPUTE_PER_FACE = MeshNormalMode
+CC_NEVER, CC_LAST_SUBSTEP, CC_ALL_SUBSTEPS = ContactCollection
 ENV_SPACE, LOCAL_SPACE, GLOBAL_SPACE = CoordinateSpace
 
 __all__ = [
+    "CC_ALL_SUBSTEPS",
+    "CC_LAST_SUBSTEP",
+    "CC_NEVER",
+    "COMPUTE_PER_FACE",
+    "COMPUTE_PER_VERTEX",
     "DOF_INVALID",
     "DOF_MODE_EFFORT",
     "DOF_MODE_NONE",
@@ -80,6 +90,7 @@ __all__ = [
     "ENV_SPACE",
     "FOLLOW_POSITION",
     "FOLLOW_TRANSFORM",
+    "FROM_ASSET",
     "GLOBAL_SPACE",
     "IMAGE_COLOR",
     "IMAGE_DEPTH",
@@ -103,6 +114,7 @@ __all__ = [
     "AssetOptions",
     "CameraFollowMode",
     "CameraProperties",
+    "ContactCollection",
     "CoordinateSpace",
     "DofDriveMode",
     "DofProperties",
@@ -113,6 +125,7 @@ __all__ = [
     "Gym",
     "ImageType",
     "IndexDomain",
+    "MeshNormalMode",
     "MeshType",
     "PhysXParams",
     "PlaneParams",
@@ -127,6 +140,7 @@ __all__ = [
     "TriangleMeshParams",
     "UpAxis",
     "Vec3",
+    "VhacdParams",
     "acquire_gym",
 ]  # fmt: skip
 

@@ -82,6 +82,22 @@ class TensorDataType(IntEnum):
     DTYPE_INT32 = 5
 
 
+class MeshNormalMode(IntEnum):
+    """Where normals of an asset's meshes come from. Held: they are those of the file."""
+
+    FROM_ASSET = 0
+    COMPUTE_PER_VERTEX = 1
+    COMPUTE_PER_FACE = 2
+
+
+class ContactCollection(IntEnum):
+    """In which substeps contacts are collected. Held."""
+
+    CC_NEVER = 0
+    CC_LAST_SUBSTEP = 1
+    CC_ALL_SUBSTEPS = 2
+
+
 class CoordinateSpace(IntEnum):
     """In which frame a vector is given."""
 

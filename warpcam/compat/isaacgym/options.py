@@ -5,7 +5,7 @@ Of what concerns physics alone, a part is only held: docs/compat/isaacgym.md say
 
 from dataclasses import dataclass, field
 
-from warpcam.compat.isaacgym.kinds import DofDriveMode, UpAxis
+from warpcam.compat.isaacgym.kinds import ContactCollection, DofDriveMode, MeshNormalMode, UpAxis
 from warpcam.compat.isaacgym.maths import Transform, Vec3
 from warpcam.errors import WarpcamError
 
@@ -67,7 +67,7 @@ class PhysXParams(_Strict):
     default_buffer_size_multiplier: float = 2.0
     friction_offset_threshold: float = 0.04
     friction_correlation_distance: float = 0.025
-    contact_collection: int = 2
+    contact_collection: int = ContactCollection.CC_ALL_SUBSTEPS
     always_use_articulations: bool = False
 
 
@@ -148,6 +148,26 @@ class TriangleMeshParams(_Strict):
 
 
 @dataclass
+class VhacdParams(_Strict):
+    """Of a decomposition into convex parts. Held: there is none."""
+
+    resolution: int = 100000
+    concavity: float = 0.001
+    plane_downsampling: int = 4
+    convex_hull_downsampling: int = 4
+    alpha: float = 0.05
+    beta: float = 0.05
+    pca: int = 0
+    mode: int = 0
+    max_num_vertices_per_ch: int = 64
+    min_volume_per_ch: float = 0.0001
+    max_convex_hulls: int = 1024
+    convex_hull_approximation: bool = True
+    project_hull_vertices: bool = True
+    ocl_acceleration: bool = False
+
+
+@dataclass
 class AssetOptions(_Strict):
     """How a file becomes an asset.
 
@@ -177,11 +197,11 @@ class AssetOptions(_Strict):
     min_particle_mass: float = 1e-12
     tendon_limit_stiffness: float = 0.0
     use_mesh_materials: bool = False
-    mesh_normal_mode: int = 0
+    mesh_normal_mode: int = MeshNormalMode.FROM_ASSET
     use_physx_armature: bool = True
     override_com: bool = False
     override_inertia: bool = False
     vhacd_enabled: bool = False
-    vhacd_params: object = None
+    vhacd_params: VhacdParams = field(default_factory=VhacdParams)
     enable_gyroscopic_forces: bool = True
     convex_decomposition_from_submeshes: bool = False
