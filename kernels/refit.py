@@ -17,7 +17,7 @@ from .visibility import THREADS
 FAR = 1.0e29  # bounds of children that are not there lie beyond it
 LANES = 32  # of a warp
 EVERY = 16  # frames that share in measuring a tree; reorder.h has the same number
-LEAF_LANES = 8  # of CUDA work on a leaf; refit.h has the same number
+LEAF_LANES = 4  # of CUDA work on a leaf; refit.h has the same number
 FEW = 1024  # children of a level: so many one block brings to where they are now, with all levels above
 
 
@@ -36,7 +36,7 @@ class Moving:
     offset: wp.float32  # how far points lie beside what they were made of, along their normals [m]
     num_smooth: wp.int32  # so many faces, the first as they were given, have the normals of their points
     num_flat: wp.int32  # the first that are flat as what they were made of; all others are as flat as they lie
-    backs: wp.int32  # 1 where each face is seen from behind, too: see Meshes.faces
+    backs: wp.int32  # 1 where each face is seen from behind, too, and flat: see Meshes.faces
     num_leaves: wp.int32
     entries: wp.array(dtype=wp.vec3i)  # (entry,) a node, a child's number, and the child: leaves, then nodes from below
     levels: wp.array(dtype=wp.int32)  # (level + 1,) where in `entries` the levels of nodes begin, and the end
@@ -175,6 +175,8 @@ class Tree:
             level += 1
         finish = [moving, meshes, points, level]
         stages.append(record(finish_trees, instances * threads, finish, device, block_dim=THREADS))
+        if moving.backs:  # these have their normals from their faces
+            return stages
         faces = moving.triangles.shape[0]
         whole = -(-faces // LANES) * LANES if device.is_cuda else faces  # a warp works on faces of one instance
         stages.append(record(move_normals, instances * whole, [moving, meshes, points, normals], device))

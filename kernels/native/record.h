@@ -26,6 +26,9 @@ struct Record {
 // Whether a face is seen from behind, too, by what its second row says: see Meshes.faces.
 template <int TYPES> WARPCAM_FN bool has_back(int mark) { return (TYPES >> TWO_SIDED & 1) && mark != 0; }
 
+// Whether the corners of a face have its own normal, by what its second and third row say.
+template <int TYPES> WARPCAM_FN bool is_flat(int back, int mark) { return has_back<TYPES>(back) && mark != 0; }
+
 template <int TYPES> WARPCAM_FN bool is_mesh(const Record& record)
 {
     return (TYPES >> MESH & 1) && record.axis_x.w == MESH;

@@ -4,7 +4,7 @@
 
 namespace warpcam {
 
-constexpr int LEAF_LANES = 8;  // a leaf has at most 15 faces, most have fewer than 8
+constexpr int LEAF_LANES = 4;  // a leaf has at most 15 faces, most have 2 to 6
 
 WARPCAM_FN Bounds joined(const Bounds& a, const Bounds& b)
 {
@@ -12,14 +12,14 @@ WARPCAM_FN Bounds joined(const Bounds& a, const Bounds& b)
              { upper(a.high.x, b.high.x), upper(a.high.y, b.high.y), upper(a.high.z, b.high.z) } };
 }
 
-// A box of nothing, as of corners that are no numbers, makes a child that is not there.
-template <class Array> WARPCAM_FN void put_box(const Array& nodes, int row, int child, Bounds box)
+// A child and its box. A box of nothing, as of corners that are no numbers, makes a child that is not there.
+template <class Array> WARPCAM_FN void put_box(const Array& nodes, int row, int child, int code, Bounds box)
 {
     if (!(box.low.x <= box.high.x))
         box = { { ABSENT, ABSENT, ABSENT }, { ABSENT, ABSENT, ABSENT } };
 #if defined(__CUDA_ARCH__)
     float4* const rows = reinterpret_cast<float4*>(nodes.data) + row + 2 * child;
-    rows[0] = make_float4(box.low.x, box.low.y, box.low.z, rows[0].w);
+    rows[0] = make_float4(box.low.x, box.low.y, box.low.z, as_float(code));
     rows[1] = make_float4(box.high.x, box.high.y, box.high.z, 0.0f);
 #else
     for (int axis = 0; axis < 3; ++axis) {
@@ -36,7 +36,7 @@ WARPCAM_FN Bounds move_face(const Moving& moving, const Meshes& meshes, const Po
 {
     const int base = wp::index(moving.bases, instance), face = wp::index(moving.order, instance, row);
     const auto corners = wp::index(moving.triangles, face);
-    const int marks[3] = { face, moving.backs ? moving.triangles.shape[0] + face : 0, 0 };
+    const int marks[3] = { face, moving.backs ? moving.triangles.shape[0] + face : 0, moving.backs };
     Bounds box = nowhere();
     for (int k = 0; k < 3; ++k) {
         const Vec place = to_vec(points.data[base + corners[k]]);
@@ -69,7 +69,7 @@ WARPCAM_FN void move_leaf(const Moving& moving, const Meshes& meshes, const Poin
 #if defined(__CUDA_ARCH__)
     for (int k = lane; k < count; k += LEAF_LANES)
         box = joined(box, move_face(moving, meshes, points, instance, faces, first + k));
-    const unsigned mask = 0xffu << (threadIdx.x % LANES / LEAF_LANES * LEAF_LANES);
+    const unsigned mask = ((1u << LEAF_LANES) - 1) << (threadIdx.x % LANES / LEAF_LANES * LEAF_LANES);
     for (int step = LEAF_LANES / 2; step > 0; step /= 2) {
         const Bounds other = { { __shfl_xor_sync(mask, box.low.x, step), __shfl_xor_sync(mask, box.low.y, step),
                                  __shfl_xor_sync(mask, box.low.z, step) },
@@ -82,7 +82,7 @@ WARPCAM_FN void move_leaf(const Moving& moving, const Meshes& meshes, const Poin
     for (int k = 0; k < count; ++k)
         box = joined(box, move_face(moving, meshes, points, instance, faces, first + k));
 #endif
-        put_box(meshes.nodes, nodes + NODE_ROWS * entry[0], entry[1], box);
+        put_box(meshes.nodes, nodes + NODE_ROWS * entry[0], entry[1], entry[2], box);
 }
 
 // How a face lies, or what it was made of (see Moving).
@@ -99,7 +99,7 @@ WARPCAM_FN Vec flat_normal(const Moving& moving, const Points& points, const Poi
     return normalized(cross(at[1] - at[0], at[2] - at[0]));
 }
 
-// Normals at the corners of a face and of its back. `index` counts instances, then faces, on CUDA filled up to whole warps,
+// Normals at the corners of a face without a back. `index` counts instances, then faces, on CUDA filled up to whole warps,
 // which write what their faces have to write one after another.
 template <class Moving, class Meshes, class Points>
 WARPCAM_FN void move_normals(const Moving& moving, const Meshes& meshes, const Points& points, const Points& normals,
@@ -127,19 +127,13 @@ WARPCAM_FN void move_normals(const Moving& moving, const Meshes& meshes, const P
         const int number = LANES * k + lane, whose = number / 9, axis = number % 3;
         const float x = __shfl_sync(ALL, normal.x, whose), y = __shfl_sync(ALL, normal.y, whose);
         const float z = __shfl_sync(ALL, normal.z, whose), value = axis == 0 ? x : axis == 1 ? y : z;
-        if (start + whose >= moving.num_smooth && start + whose < count) {
+        if (start + whose >= moving.num_smooth && start + whose < count)
             to[number] = value;
-            if (moving.backs)
-                to[9 * count + number] = -value;
-        }
     }
 #else
     for (int k = 0; flat && k < 3; ++k)
-        for (int axis = 0; axis < 3; ++axis) {
+        for (int axis = 0; axis < 3; ++axis)
             meshes.normals.data[corner + 3 * face + k][axis] = component(normal, axis);
-            if (moving.backs)
-                meshes.normals.data[corner + 3 * (count + face) + k][axis] = -component(normal, axis);
-        }
 #endif
 }
 
@@ -160,7 +154,7 @@ template <class Moving, class Meshes>
 WARPCAM_FN void move_inner(const Moving& moving, const Meshes& meshes, int nodes, int number)
 {
     const auto entry = wp::index(moving.entries, number);
-    put_box(meshes.nodes, nodes + NODE_ROWS * entry[0], entry[1], node_box(meshes, nodes, entry[2]));
+    put_box(meshes.nodes, nodes + NODE_ROWS * entry[0], entry[1], entry[2], node_box(meshes, nodes, entry[2]));
 }
 
 // A level of nodes, `count` of them from entry `begin` on; `index` counts instances, then children.

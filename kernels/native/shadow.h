@@ -156,7 +156,7 @@ WARPCAM_FN void cast_light(List& list, const Task<LENS>& task, const Shapes& sha
             const bool keep = open && met_any
                 && (view.counts_behind
                     || faces_light<TYPES>(shapes, meshes, task.world, id, target.face.data[at], view.light,
-                                   view.origin));
+                                          view.origin, view.sight.along_of(p)));
             const unsigned kept = __ballot_sync(ALL, keep);
             rays[warp].put(kept, met, (list.count + 31) / 32, row * 64 + column);
             __syncwarp();
