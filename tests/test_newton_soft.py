@@ -248,7 +248,8 @@ def test_shadows_fall_on_the_side_that_is_seen(device: wp.Device, side: float) -
         pos=wp.vec3(-1.0, -1.0, 1.0), rot=wp.quat_identity(), vel=wp.vec3(), dim_x=6, dim_y=6, cell_x=0.33,
         cell_y=0.33, mass=0.1,
     )  # fmt: skip
-    builder.add_shape_sphere(-1, radius=0.3, xform=pose(0.0, 0.0, 1.0 + 0.7 * side))
+    ball = newton.Mesh.create_sphere(0.3, num_latitudes=12, num_longitudes=12, compute_inertia=False)
+    builder.add_shape_mesh(-1, mesh=ball, xform=pose(0.0, 0.0, 1.0 + 0.7 * side))
     model, state = finalize(builder, device)
     light = wc.Light(kind="directional", direction=(0.3, 0.2, -side), color=(0.6, 0.6, 0.6))
     position = (0.0, -2.0, 1.0 + 2.0 * side)
@@ -260,7 +261,7 @@ def test_shadows_fall_on_the_side_that_is_seen(device: wp.Device, side: float) -
     builder = newton.ModelBuilder()
     corners = np.concatenate((faces, faces[:, ::-1])).ravel().astype(np.int32)
     builder.add_shape_mesh(-1, mesh=newton.Mesh(points, corners, compute_inertia=False))
-    builder.add_shape_sphere(-1, radius=0.3, xform=pose(0.0, 0.0, 1.0 + 0.7 * side))
+    builder.add_shape_mesh(-1, mesh=ball, xform=pose(0.0, 0.0, 1.0 + 0.7 * side))
     twice = wc.from_newton(*finalize(builder, device), lights=[light])
     expected = scenes.look(twice, replace(camera, shadows=False))["rgb"].astype(int) - scenes.look(twice, camera)["rgb"]
     assert dark.sum() > 0.01 * dark.size

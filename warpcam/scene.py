@@ -22,6 +22,7 @@ from warpcam.kernels.types import (
     HEIGHT_FIELD,
     MASKED,
     MESH,
+    MOVING,
     NUM_TYPES,
     SCALED,
     SKY_TERMS,
@@ -320,10 +321,10 @@ class Scene:
         types = {int(self._parts.shape_types[shape]) for shape in self._parts.drawn}
         if self._parts.scaled and types & {MESH, HEIGHT_FIELD}:
             types.add(SCALED)
-        if MESH in types and any(mesh.two_sided for mesh in self._parts.meshes):
-            types.add(TWO_SIDED)
-        if self._masked and MESH in types:
-            types.add(MASKED)
+        if MESH in types:
+            meshes = self._parts.meshes
+            found = {TWO_SIDED: any(m.two_sided for m in meshes), MOVING: any(m.moves for m in meshes)}
+            types |= {kind for kind, there in {**found, MASKED: self._masked}.items() if there}
         return frozenset(types)
 
     def _check_parts(self) -> None:
