@@ -66,6 +66,7 @@ class Scene:
         self._moving = tuple(index for index, mesh in enumerate(parts.meshes) if mesh.moves)
         self._height_fields = pack_height_fields(parts.height_fields, self.device)
         self._textures = pack_textures(parts.textures, self.device)
+        parts.lend_textures(self._textures)
         self._masked = pack_masks(parts.meshes, self._textures, self._meshes, self.device)
         self._splats = self._pack_splats()
         self._drawn = wp.array(np.asarray(parts.drawn, np.int32), dtype=wp.int32, device=self.device)
@@ -322,9 +323,9 @@ class Scene:
         if self._parts.scaled and types & {MESH, HEIGHT_FIELD}:
             types.add(SCALED)
         if MESH in types:
-            meshes = self._parts.meshes
-            found = {TWO_SIDED: any(m.two_sided for m in meshes), MOVING: any(m.moves for m in meshes)}
-            types |= {kind for kind, there in {**found, MASKED: self._masked}.items() if there}
+            sides = any(mesh.two_sided for mesh in self._parts.meshes)
+            found = ((TWO_SIDED, sides), (MOVING, self._moving), (MASKED, self._masked))
+            types |= {kind for kind, there in found if there}
         return frozenset(types)
 
     def _check_parts(self) -> None:
