@@ -203,7 +203,7 @@ class NewtonSource:
         stages = []
         for part, tree in zip(self._soft.parts, self._move(meshes), strict=True):
             if not isinstance(part, Visual):
-                stages += tree.record(flat.points)
+                stages += tree.record(flat.points, aside=True)
             else:
                 moves = self._visual[part]
                 stages += [*moves.record(flat.points, flat.body_transforms), *tree.record(moves.points, moves.normals)]
