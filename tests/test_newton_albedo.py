@@ -1,5 +1,7 @@
 """Colours of single faces and textures without coordinates, beside Newton's own camera."""
 
+from typing import Any
+
 import newton_scenes
 import numpy as np
 import pytest
@@ -12,13 +14,17 @@ newton = pytest.importorskip("newton")
 from newton.sensors import SensorCamera  # noqa: E402, newton may be missing
 from newton_scenes import eye, finalize, pose  # noqa: E402
 
+from warpcam.compat.newton import SensorCamera as OurCamera  # noqa: E402
+
 pytestmark = pytest.mark.filterwarnings("ignore")  # Newton's own
 
 
-def newtons_albedo(model: "newton.Model", state: "newton.State", camera: wc.Camera) -> np.ndarray:
+def newtons_albedo(
+    model: "newton.Model", state: "newton.State", camera: wc.Camera, kind: Any = SensorCamera, textures: bool = True
+) -> np.ndarray:
     """Display values, (world, height, width, 3)."""
-    config = SensorCamera.RenderConfig(enable_textures=True, enable_backface_culling=False)
-    sensor = SensorCamera(model, default_render_config=config)
+    config = SensorCamera.RenderConfig(enable_textures=textures, enable_backface_culling=False)
+    sensor = kind(model, default_render_config=config)
     rays = SensorCamera.compute_camera_rays_pinhole(
         camera.width, camera.height, camera_fov=np.radians(newton_scenes.FOVY), device=model.device
     )
@@ -76,6 +82,9 @@ def test_each_triangle_of_a_cloth_has_its_colour(device: wp.Device) -> None:
         )
         same = alike(model, state, scene, camera)
         assert len(same) > 1000 and same.mean() > 0.95
+    for textures in (False, True):  # in place of Newton's, too
+        mine, theirs = (newtons_albedo(model, state, camera, kind, textures) for kind in (OurCamera, SensorCamera))
+        assert (np.abs(mine - theirs).max(axis=-1) <= 2).mean() > 0.97
     renderer = wc.Renderer(scene, [camera])
     before = scenes.on_host(renderer.render()["eye"])["albedo"]
     colors[: len(colors) // 2] = colors[0]

@@ -266,3 +266,19 @@ def test_shadows_fall_on_the_side_that_is_seen(device: wp.Device, side: float) -
     expected = scenes.look(twice, replace(camera, shadows=False))["rgb"].astype(int) - scenes.look(twice, camera)["rgb"]
     assert dark.sum() > 0.01 * dark.size
     assert ((expected.max(axis=-1) > 20) == dark).mean() > 0.998
+
+
+def test_a_graph_of_ones_own_refits_what_moves(device: wp.Device) -> None:
+    model, state = two_worlds(device)
+    camera = eye(outputs=("depth", "rgb"), position=(0.0, -3.0, 3.0), rotation=scenes.looking((0, -3, 3), (0, 0, 1)))
+    renderer = wc.Renderer(wc.from_newton(model, state), [camera])
+    before = scenes.on_host(renderer.render()["eye"])
+    with wp.ScopedCapture(device) as capture:
+        renderer.render()
+    waved(state, 1, 0.3)
+    wp.capture_launch(capture.graph)
+    wp.synchronize_device(device)
+    after = scenes.on_host(renderer.images["eye"])
+    assert (after["depth"][1] != before["depth"][1]).any()
+    fresh = scenes.look(wc.from_newton(model, state), camera)
+    assert all((after[name] == fresh[name]).all() for name in after)

@@ -77,25 +77,25 @@ class NewtonSource:
         more = [_image(pixels, index) for index, pixels in enumerate(textures)]
         first_finish, first_texture = len(layout.finishes), len(layout.textures)
         images = [*layout.textures, *visuals.textures, *more]
-        self._tints = Tints(soft.parts, len(images), first_finish + len(visuals.textures), self.device)
+        self.tints = Tints(soft.parts, len(images), first_finish + len(visuals.textures), self.device)
         of_visuals, of_more = (
             [(*PLAIN[:2], start + index) for index in range(len(group))]
             for start, group in ((first_texture, visuals.textures), (len(images) - len(more), more))
         )
         layout = replace(
             layout,
-            textures=[*images, *self._tints.images],
-            finishes=[*layout.finishes, *of_visuals, *([PLAIN] * len(self._tints.parts)), *of_more],
+            textures=[*images, *self.tints.images],
+            finishes=[*layout.finishes, *of_visuals, *([PLAIN] * len(self.tints.parts)), *of_more],
         )
         num_worlds = model.world_count
         if lights is None:
             lights = (default_light(model),)
-        tables = Columns(layout, soft, first_finish, self._tints)
+        tables = Columns(layout, soft, first_finish, self.tints)
         instances, marks = read_labels(model, tables.ids, tables.bodies, semantics)
         if more:  # each world may have its own
             tables.materials = np.array(np.broadcast_to(tables.materials, (num_worlds, len(tables.kinds))))
         self._arrays = _tables(layout, tables, num_worlds, self.device)
-        self._tints.choose(self._arrays["material_texture"])
+        self.tints.choose(self._arrays["material_texture"])
         self._arrays.update(light_arrays(lights, num_worlds, self.device))
         headlight = np.zeros((3, 3), np.float32)
         headlight[0] = per_world(ambient, "ambient", 1, (3,))[0]
@@ -122,7 +122,7 @@ class NewtonSource:
             scaled=True,
             physical=True,
             clouds=layout.clouds,
-            lend_textures=self._tints.lend,
+            lend_textures=self.tints.lend,
             layers=veils_alone(tables.kinds, drawn, _opacity(model, tables), transparency),
         )
         self._out = WorldShapes()
@@ -187,7 +187,7 @@ class NewtonSource:
                 self._stages.pop(next(iter(self._stages)))
             flat = self._flat()
             gathered = record_gather(flat, self._out, self.device)
-            stages = (gathered, *self._tints.record(flat.face_colors), *self._record_soft(meshes, flat))
+            stages = (gathered, *self.tints.record(flat.face_colors), *self._record_soft(meshes, flat))
         self._stages[key] = stages
         self._read, self._bound = read, stages
         return stages
