@@ -12,12 +12,12 @@ import warp as wp
 
 from .launch import Stage, native_options, record
 from .types import Meshes
+from .visibility import THREADS
 
 FAR = 1.0e29  # bounds of children that are not there lie beyond it
 LANES = 32  # of a warp
 EVERY = 16  # frames that share in measuring a tree; reorder.h has the same number
 LEAF_LANES = 8  # of CUDA work on a leaf; refit.h has the same number
-WATCHERS = 512  # threads of a CUDA block that work on one tree; reorder.h has the same number
 FEW = 1024  # children of a level: so many one block brings to where they are now, with all levels above
 
 
@@ -170,7 +170,7 @@ class Tree:
         moving, meshes, device, instances = self._moving, self._meshes, self._device, self._instances
         if normals is None:
             normals = wp.empty(0, dtype=wp.vec3, device=device)
-        lanes, threads = (LEAF_LANES, WATCHERS) if device.is_cuda else (1, 1)
+        lanes, threads = (LEAF_LANES, THREADS) if device.is_cuda else (1, 1)
         leaves = instances * moving.num_leaves * lanes
         stages = [record(move_leaves, leaves, [moving, meshes, points], device)] if leaves else []
         level = 0
@@ -181,7 +181,7 @@ class Tree:
             stages.append(record(move_level, instances * count, [moving, meshes, begin, count], device))
             level += 1
         finish = [moving, meshes, points, level]
-        stages.append(record(finish_trees, instances * threads, finish, device, block_dim=WATCHERS))
+        stages.append(record(finish_trees, instances * threads, finish, device, block_dim=THREADS))
         if moving.backs:  # these have their normals from their faces
             return stages
         faces = moving.triangles.shape[0]

@@ -182,11 +182,11 @@ WARPCAM_FN void move_level(const Moving& moving, const Meshes& meshes, int begin
 template <class Moving, class Meshes, class Points>
 WARPCAM_FN void finish_tree(const Moving& moving, const Meshes& meshes, const Points& points, int level, int index)
 {
-    const int thread = index % WATCHERS, instance = index / WATCHERS, asset = wp::index(moving.assets, instance);
+    const int thread = index % THREADS, instance = index / THREADS, asset = wp::index(moving.assets, instance);
     const int nodes = wp::index(meshes.node_start, asset);
     for (; level + 1 < moving.levels.shape[0]; ++level) {
         const int end = wp::index(moving.levels, level + 1);
-        for (int i = wp::index(moving.levels, level) + thread; i < end; i += WATCHERS)
+        for (int i = wp::index(moving.levels, level) + thread; i < end; i += THREADS)
             move_inner(moving, meshes, nodes, i);
         block_barrier();
     }

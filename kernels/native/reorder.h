@@ -15,7 +15,6 @@ constexpr int EVERY = 16;  // frames that share in a measurement
 constexpr float ABSENT = 1.0e30f;  // all bounds of a child that is not there, as bvh4_build.h has it
 constexpr int DIGIT_BITS = 4, DIGITS = 1 << DIGIT_BITS, KEY_BITS = 32;
 constexpr float CELLS = 1024.0f;  // of the curve along each axis
-constexpr int WATCHERS = THREADS > 1 ? 512 : 1;  // threads that work on one tree; refit.py has the same number
 
 struct Bounds {
     Vec low, high;
@@ -55,12 +54,9 @@ WARPCAM_FN float total(float mine, float* room, int thread)
 {
     room[thread] = mine;
     block_barrier();
-    for (int half = WATCHERS / 2; half > 0; half /= 2) {
-        if (thread < half)
-            room[thread] += room[thread + half];
-        block_barrier();
-    }
-    const float sum = room[0];
+    float sum = 0.0f;
+    for (int i = 0; i < THREADS; ++i)
+        sum += room[i];
     block_barrier();
     return sum;
 }
@@ -73,11 +69,11 @@ WARPCAM_FN void measure(const Moving& moving, const Meshes& meshes, int asset, i
     const int nodes = wp::index(meshes.node_start, asset), faces = wp::index(meshes.face_start, asset);
     const int rows = moving.order.shape[1];
     float in_boxes = 0.0f, in_faces = 0.0f;
-    for (int i = EVERY * thread + share; i < 4 * moving.num_nodes; i += EVERY * WATCHERS) {
+    for (int i = EVERY * thread + share; i < 4 * moving.num_nodes; i += EVERY * THREADS) {
         const Bounds box = child_box(meshes.nodes, nodes + NODE_ROWS * (i / 4), i % 4);
         in_boxes += box.low.x < ABSENT ? box.area() : 0.0f;
     }
-    for (int i = EVERY * thread + share; i < rows; i += EVERY * WATCHERS) {
+    for (int i = EVERY * thread + share; i < rows; i += EVERY * THREADS) {
         Bounds box = nowhere();
         for (int k = 0; k < 3; ++k)
             box.include(to_vec(meshes.faces.data[faces + FACE_ROWS * i + k]));
@@ -106,12 +102,12 @@ template <class Moving, class Points> WARPCAM_FN Vec middle_of(const Moving& mov
         + to_vec(points.data[base + corners[2]]);
 }
 
-// Sorts pairs of a key and a value, by THREADS of a block together. Each thread has a run of them, so that equal digits
+// Sorts pairs of a key and a value, by a block's threads together. Each thread has a run of them, so that equal digits
 // keep their order. The words are bits of the numbers in `from` and `to`, keys before values.
 WARPCAM_FN void sort_by_digit(const float* from, float* to, int count, int shift, int* starts, int thread)
 {
     const int run = (count + THREADS - 1) / THREADS, first = lower_int(thread * run, count), end = lower_int(first + run, count);
-    for (int digit = 0; digit < DIGITS && thread < THREADS; ++digit)
+    for (int digit = 0; digit < DIGITS; ++digit)
         starts[digit * THREADS + thread] = 0;
     for (int i = first; i < end; ++i)
         ++starts[int(unsigned(as_int(from[i])) >> shift & (DIGITS - 1)) * THREADS + thread];
@@ -131,7 +127,7 @@ WARPCAM_FN void sort_by_digit(const float* from, float* to, int count, int shift
     block_barrier();
 }
 
-// `room` holds 6 * WATCHERS numbers. The normals of the mesh's corners, which are written anew in each frame, lend theirs.
+// `room` holds 6 * THREADS numbers. The normals of the mesh's corners, which are written anew in each frame, lend theirs.
 template <class Moving, class Meshes, class Points>
 WARPCAM_FN void deal_out(const Moving& moving, const Meshes& meshes, const Points& points, int instance, float* room,
                          int* starts, int thread)
@@ -139,13 +135,13 @@ WARPCAM_FN void deal_out(const Moving& moving, const Meshes& meshes, const Point
     const int asset = wp::index(moving.assets, instance), base = wp::index(moving.bases, instance);
     const int count = moving.triangles.shape[0], rows = moving.order.shape[1];
     Bounds all = nowhere();
-    for (int face = thread; face < count; face += WATCHERS)
+    for (int face = thread; face < count; face += THREADS)
         all.include(middle_of(moving, points, base, face));
     const float mine[6] = { all.low.x, all.low.y, all.low.z, all.high.x, all.high.y, all.high.z };
     for (int k = 0; k < 6; ++k)
         room[6 * thread + k] = mine[k];
     block_barrier();
-    for (int i = 0; i < WATCHERS; ++i) {
+    for (int i = 0; i < THREADS; ++i) {
         all.include({ room[6 * i], room[6 * i + 1], room[6 * i + 2] });
         all.include({ room[6 * i + 3], room[6 * i + 4], room[6 * i + 5] });
     }
@@ -154,7 +150,7 @@ WARPCAM_FN void deal_out(const Moving& moving, const Meshes& meshes, const Point
     const float rate = CELLS / upper(upper(size.x, upper(size.y, size.z)), 1.0e-30f);
     float* pairs = &meshes.normals.data[3 * wp::index(meshes.corner_start, asset)][0];
     float* others = pairs + 2 * count;
-    for (int face = thread; face < count; face += WATCHERS) {
+    for (int face = thread; face < count; face += THREADS) {
         const Vec at = middle_of(moving, points, base, face);
         const unsigned key = spread(cell_of(at.x, all.low.x, rate)) | spread(cell_of(at.y, all.low.y, rate)) << 1
             | spread(cell_of(at.z, all.low.z, rate)) << 2;
@@ -167,7 +163,7 @@ WARPCAM_FN void deal_out(const Moving& moving, const Meshes& meshes, const Point
         sort_by_digit(others, pairs, count, shift + DIGIT_BITS, starts, thread);
     }
     // There are at least as many rows as faces: those of long faces, which once stood in several leaves.
-    for (int row = thread; row < rows; row += WATCHERS)
+    for (int row = thread; row < rows; row += THREADS)
         *wp::address(moving.order, instance, row) = as_int(pairs[count + int((long long)(row) * count / rows)]);
 }
 
@@ -175,7 +171,7 @@ WARPCAM_FN void deal_out(const Moving& moving, const Meshes& meshes, const Point
 template <class Moving, class Meshes, class Points>
 WARPCAM_FN void keep_order(const Moving& moving, const Meshes& meshes, const Points& points, int instance, int thread)
 {
-    WARPCAM_SHARED float room[6 * WATCHERS];
+    WARPCAM_SHARED float room[6 * THREADS];
     WARPCAM_SHARED int starts[DIGITS * THREADS];
     const int age = moving.ages.data[instance], share = age % EVERY;
     const float known = moving.looseness.data[instance];
