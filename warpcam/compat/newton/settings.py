@@ -26,7 +26,8 @@ class Looks:
         self._scene, self._up = scene, np.eye(3)[int(model.up_axis)]
         self._textures = scene.array("material_texture")
         self._all, self._none = wp.clone(self._textures), wp.full_like(self._textures, -1)
-        scene._source.tints.choose(self._none)  # colours of triangles are no textures to Newton
+        source: Any = scene._source
+        source.tints.choose(self._none)  # colours of triangles are no textures to Newton
         self._shown, self._ambient = True, True
         self._sky, self._ground = np.array(SKY), np.array(GROUND)
         self._write_sky()
