@@ -24,7 +24,8 @@ SCALED = 10  # no type: stands among a scene's types where the sizes of meshes a
 SPLATS = 11  # a cloud of Gaussians: never among the drawn shapes, which the trace sees; see Splats
 TWO_SIDED = 12  # no type: stands among a scene's types where faces of some meshes are seen from behind, too
 MASKED = 13  # no type: stands among a scene's types where maps of opacity say which parts of meshes are there
-MOVING = 14  # no type: stands among a scene's types where corners of meshes move: most faces lie in no cache
+SHADING_BACKS = 14  # no type: stands among the types of shadows where faces of meshes cast them whichever side is lit
+MOVING = 15  # no type: stands among a scene's types where corners of meshes move: most faces lie in no cache
 
 # Light types.
 LIGHT_SPOT = 0

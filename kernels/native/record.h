@@ -7,7 +7,7 @@ namespace warpcam {
 // Values of types.py.
 enum ShapeType {
     PLANE, HEIGHT_FIELD, SPHERE, CAPSULE, ELLIPSOID, CYLINDER, BOX, MESH, CONE, BARREL, SCALED, SPLATS, TWO_SIDED, MASKED,
-    MOVING
+    SHADING_BACKS, MOVING
 };
 enum Lens { PINHOLE, ORTHOGRAPHIC };
 
