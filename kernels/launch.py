@@ -29,6 +29,19 @@ def native_options(header: str) -> wp.ModuleBuildOptions:
     )
 
 
+def native_module(header: str) -> dict[str, Any]:
+    """Options of a module that calls ``header`` from ``kernels/native``.
+
+    Warp has whatever is called inlined on CPUs. What is worth it is marked in these headers; all else would only take
+    two to four times as long to compile.
+    """
+    options: dict[str, Any] = {"extra_build_options": native_options(header)}
+    flags = getattr(wp.config, "cpu_compiler_flags", None)
+    if flags:
+        options["cpu_compiler_flags"] = " ".join(flag for flag in flags.split() if not flag.startswith("-mllvm=-inline"))
+    return options
+
+
 @dataclass(frozen=True)
 class Group:
     """Worlds that a camera's stages draw together.
