@@ -38,7 +38,8 @@ def native_module(header: str) -> dict[str, Any]:
     options: dict[str, Any] = {"extra_build_options": native_options(header)}
     flags = getattr(wp.config, "cpu_compiler_flags", None)
     if flags:
-        options["cpu_compiler_flags"] = " ".join(flag for flag in flags.split() if not flag.startswith("-mllvm=-inline"))
+        kept = [flag for flag in flags.split() if not flag.startswith("-mllvm=-inline")]
+        options["cpu_compiler_flags"] = " ".join(kept)
     return options
 
 
