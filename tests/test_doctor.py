@@ -1,7 +1,10 @@
 """``warpcam doctor``: what it tells of a machine, and that it sees what is wrong with one."""
 
 import json
+import os
 import re
+import subprocess
+import sys
 from collections.abc import Callable
 from types import SimpleNamespace
 from typing import Any
@@ -130,6 +133,18 @@ def test_for_programs(capsys: pytest.CaptureFixture[str]) -> None:
     assert all(each["passed"] and each["frame"] > 0.0 for each in told["renders"])
 
 
+def test_a_process_prints_nothing_but_json() -> None:
+    """Neither what Warp says when it starts nor warnings get between."""
+    command = [sys.executable, "-c", "import sys; from warpcam import cli; sys.exit(cli.main(sys.argv[1:]))", "doctor"]
+    variables = {**os.environ, "MUJOCO_EGL_DEVICE_ID": "3"}
+    done = subprocess.run([*command, "--json"], env=variables, capture_output=True, text=True, timeout=300)
+    told = json.loads(done.stdout)
+    assert (done.returncode, told["ok"]) == (0, True)
+    assert {"name": "MUJOCO_EGL_DEVICE_ID", "value": "3", "meaning": doctor._IGNORED} in told["environment"]
+    wrong = subprocess.run([*command, "--jsn"], capture_output=True, text=True, timeout=300)
+    assert wrong.returncode == 2 and wrong.stdout == "" and "--jsn" in wrong.stderr
+
+
 def test_a_gpu_is_told_with_all_its_names(monkeypatch: pytest.MonkeyPatch) -> None:
     report = two_devices(monkeypatch)
     assert report.problems == []
@@ -211,6 +226,8 @@ def test_variables_are_told_as_they_are(monkeypatch: pytest.MonkeyPatch) -> None
     (remark,) = report.remarks
     assert remark.startswith("CUDA_VISIBLE_DEVICES=' 2' has spaces")
     assert report.problems == []
+    monkeypatch.setenv("CUDA_VISIBLE_DEVICES", "2\t")
+    assert two_devices(monkeypatch).remarks[0].startswith("CUDA_VISIBLE_DEVICES='2\\t' has spaces")
     assert re.search(r"MUJOCO_EGL_DEVICE_ID +'3' +chooses a GPU for OpenGL; ignored here", text_of(report))
 
 

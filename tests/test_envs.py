@@ -3,10 +3,8 @@
 from typing import Any
 
 import mujoco
-import mujoco_warp as mjw
 import numpy as np
 import pytest
-import scenes
 import torch
 import warp as wp
 
@@ -14,144 +12,11 @@ import warpcam as wc
 
 gymnasium = pytest.importorskip("gymnasium", reason="pip install 'warpcam[gymnasium]'")
 
-from gymnasium.utils.env_checker import check_env  # noqa: E402
 from gymnasium.vector import AutoresetMode, SyncVectorEnv, VectorEnv  # noqa: E402
 from gymnasium.vector.utils import batch_space  # noqa: E402
-from gymnasium.wrappers import FrameStackObservation  # noqa: E402
-from gymnasium.wrappers.vector import FlattenObservation, RecordEpisodeStatistics  # noqa: E402
+from sliders import END, HEIGHT, MODEL, MODES, WIDTH, Sliders, assert_same, judge, pixels, renderer_of  # noqa: E402
 
 from warpcam.envs import OneWorld, PixelObservation  # noqa: E402
-from warpcam.outputs import OUTPUTS  # noqa: E402
-
-MODEL = """
-<mujoco>
-  <asset><material name="paint" rgba="0 0 1 1" shininess=".4"/></asset>
-  <worldbody>
-    <light pos="2 1 4" dir="-2 -1 -4" diffuse=".6 .6 .6"/>
-    <camera name="top" pos="0 0 5" fovy="60"/>
-    <body pos="0 0 1"><joint type="slide" axis="1 0 0"/><geom size=".6" rgba="1 0 0 1"/></body>
-    <geom type="box" size="3 3 .1" pos="0 0 -.5" material="paint"/>
-  </worldbody>
-</mujoco>
-"""
-WIDTH, HEIGHT = 16, 12
-LONGEST, END = 7, 1.0  # steps of an episode, and how far the ball may go [m]
-MODES = list(AutoresetMode)
-
-
-class Sliders(VectorEnv):
-    """A ball in each world, pushed to and fro; each world has a random start of its own."""
-
-    live = False  # whether observations are the env's own memory
-
-    def __init__(self, num_envs: int, mode: Any, device: Any = "cpu", tensors: bool = False):
-        self.num_envs, self.metadata = num_envs, {"autoreset_mode": mode}
-        self.single_observation_space = gymnasium.spaces.Box(-9.0, 9.0, (1,), np.float32)
-        self.single_action_space = gymnasium.spaces.Box(-1.0, 1.0, (1,), np.float32)
-        self.observation_space = batch_space(self.single_observation_space, num_envs)
-        self.action_space = batch_space(self.single_action_space, num_envs)
-        mjm = mujoco.MjModel.from_xml_string(MODEL)
-        mjd = mujoco.MjData(mjm)
-        mujoco.mj_forward(mjm, mjd)
-        with wp.ScopedDevice(device):
-            m, self._d = mjw.put_model(mjm), mjw.put_data(mjm, mjd, nworld=num_envs)
-        self.scene = wc.from_mujoco_warp(mjm, m, self._d)
-        self._tensors = tensors
-        self._steps = np.zeros(num_envs, int)
-        self._ended = np.zeros(num_envs, bool)
-        self._random = [np.random.default_rng(world) for world in range(num_envs)]
-        self._x = np.zeros((num_envs, 1), np.float32)
-
-    def reset(self, *, seed: int | None = None, options: Any = None) -> tuple[Any, dict[str, Any]]:
-        mask = (options or {}).get("reset_mask", np.ones(self.num_envs, bool))
-        self._begin(np.asarray(torch.as_tensor(mask).cpu()), seed)
-        return self._x if self.live else self._out(self._x), {"begun": self._out(self._steps == 0)}
-
-    def step(self, actions: Any) -> tuple[Any, Any, Any, Any, dict[str, Any]]:
-        actions = np.asarray(torch.as_tensor(actions).cpu())
-        again = self._ended if self.metadata["autoreset_mode"] is AutoresetMode.NEXT_STEP else self._ended & False
-        self._x += 0.5 * actions * ~again[:, None]
-        self._steps += 1
-        self._begin(again)
-        self._put()
-        terminations, truncations = np.abs(self._x[:, 0]) > END, self._steps >= LONGEST
-        self._ended = terminations | truncations
-        rewards = np.where(again, 0.0, self._x[:, 0].astype(np.float64))
-        infos = {"begun": self._out(self._steps == 0)}
-        values = tuple(map(self._out, (self._x, rewards, terminations, truncations)))
-        return *((self._x, *values[1:]) if self.live else values), infos
-
-    def _begin(self, mask: np.ndarray, seed: int | None = None) -> None:
-        for world in np.flatnonzero(mask):
-            if seed is not None:
-                self._random[world] = np.random.default_rng(seed + world)
-            self._x[world], self._steps[world] = self._random[world].uniform(-0.5, 0.5), 0
-        self._ended = self._ended & ~mask
-        self._put()
-
-    def _put(self) -> None:
-        self._d.qpos.assign(self._x)
-
-    def _out(self, values: np.ndarray) -> Any:
-        return torch.tensor(values, device=wp.device_to_torch(self.scene.device)) if self._tensors else values.copy()
-
-
-def renderer_of(env: Sliders, outputs: tuple[str, ...] = ("rgb", "depth"), **options: Any) -> wc.Renderer:
-    camera = wc.Camera("top", width=WIDTH, height=HEIGHT, outputs=outputs, shadows=True, **options)
-    return wc.Renderer(env.scene, [camera])
-
-
-def pixels(num_envs: int, mode: Any, tensors: bool = False, **options: Any) -> PixelObservation:
-    """Such worlds with images; SAME_STEP is made by the wrapper."""
-    own = AutoresetMode.DISABLED if mode is AutoresetMode.SAME_STEP else mode
-    env = Sliders(num_envs, own, wp.get_device(), tensors)
-    more = {"autoreset_mode": mode, "forward": True, **options}
-    return PixelObservation(env, renderer_of(env), **more)
-
-
-class Judge(gymnasium.Env):
-    """One such world, whose images are rendered without any wrapper."""
-
-    def __init__(self) -> None:
-        self._one = Sliders(1, AutoresetMode.DISABLED, wp.get_device())
-        self._renderer = renderer_of(self._one)
-        self.action_space = self._one.single_action_space
-        self.observation_space = gymnasium.spaces.Dict(
-            {
-                "state": self._one.single_observation_space,
-                "top_rgb": gymnasium.spaces.Box(0, 255, (HEIGHT, WIDTH, 3), np.uint8),
-                "top_depth": gymnasium.spaces.Box(0.0, np.inf, (HEIGHT, WIDTH, 1), np.float32),
-            }
-        )
-
-    def reset(self, *, seed: int | None = None, options: Any = None) -> Any:
-        states, infos = self._one.reset(seed=seed)
-        return self._observe(states), {"begun": bool(infos["begun"][0])}
-
-    def step(self, action: Any) -> Any:
-        states, rewards, ends, limits, infos = self._one.step(action[None])
-        told = {"begun": bool(infos["begun"][0])}
-        return self._observe(states), float(rewards[0]), bool(ends[0]), bool(limits[0]), told
-
-    def _observe(self, states: np.ndarray) -> dict[str, np.ndarray]:
-        images = self._renderer.render(forward=True)["top"]
-        return {"state": states[0], **{f"top_{name}": image[0].cpu().numpy().copy() for name, image in images.items()}}
-
-
-def judge(num_envs: int, mode: Any) -> SyncVectorEnv:
-    """The same worlds, each with a renderer of its own, put together by Gymnasium."""
-    return SyncVectorEnv([Judge] * num_envs, autoreset_mode=mode)
-
-
-def assert_same(found: Any, expected: Any, what: str = "") -> None:
-    assert isinstance(found, dict) == isinstance(expected, dict), what
-    if isinstance(expected, dict):
-        assert set(found) == set(expected), what
-        for key, value in expected.items():
-            assert_same(found[key], value, f"{what} {key}")
-    else:
-        assert found.dtype == expected.dtype, what
-        np.testing.assert_array_equal(found, expected, err_msg=what)
 
 
 @pytest.mark.parametrize("mode", MODES, ids=lambda mode: mode.name)
@@ -215,143 +80,6 @@ def test_the_image_is_of_the_state_beside_it(device: wp.Device) -> None:
     assert checked > 4
 
 
-def test_tensors_are_the_renderers_own_memory(device: wp.Device) -> None:
-    own = Sliders(3, AutoresetMode.NEXT_STEP, device, tensors=True)
-    renderer = renderer_of(own)
-    env = PixelObservation(own, renderer, arrays="torch", copy=False, forward=True, layout="CHW")
-    for _ in range(3):
-        observations = env.reset(seed=2)[0]
-        observations, rewards, terminations, truncations, _ = env.step(torch.zeros(3, 1))
-        for output in ("rgb", "depth"):
-            image = observations[f"top_{output}"]
-            assert image.data_ptr() == renderer.array("top", output).ptr
-            assert image.shape == (3, 3 if output == "rgb" else 1, HEIGHT, WIDTH)
-        for values in (observations["state"], rewards, terminations, truncations):
-            assert isinstance(values, torch.Tensor)
-            assert values.device == renderer.faulty.device
-
-
-def test_arrays_on_the_cpu_are_the_renderers_own_memory() -> None:
-    own = Sliders(2, AutoresetMode.NEXT_STEP)
-    renderer = renderer_of(own)
-    env = PixelObservation(own, renderer, copy=False, forward=True)
-    images = [env.reset(seed=seed)[0]["top_rgb"] for seed in (1, 2)]
-    assert [image.ctypes.data for image in images] == [renderer.array("top", "rgb").ptr] * 2
-
-
-@pytest.mark.parametrize("arrays", ["numpy", "torch"])
-def test_copies_stay_as_they_are(arrays: str, device: wp.Device) -> None:
-    env = pixels(2, AutoresetMode.NEXT_STEP, arrays=arrays, layout="CHW")
-    first = env.reset(seed=1)[0]["top_rgb"]
-    kept = first.copy() if arrays == "numpy" else first.clone()
-    second = env.reset(seed=2)[0]["top_rgb"]
-    assert (first == kept).all()
-    assert (first != second).any()
-    assert first.flags.c_contiguous if arrays == "numpy" else first.is_contiguous()
-
-
-@pytest.mark.parametrize("tensors", [True, False], ids=["env of tensors", "env of numpy"])
-def test_tensors_and_numpy_tell_the_same(tensors: bool, device: wp.Device) -> None:
-    """Last observations of tensors are those of all worlds, and a mask."""
-    one = pixels(3, AutoresetMode.SAME_STEP)
-    other = pixels(3, AutoresetMode.SAME_STEP, tensors=tensors, arrays="torch")
-    random, ends = np.random.default_rng(6), 0
-    assert_same({key: value.cpu().numpy() for key, value in other.reset(seed=4)[0].items()}, one.reset(seed=4)[0])
-    for _ in range(12):
-        actions = random.uniform(-1.0, 1.0, (3, 1)).astype(np.float32)
-        (expected, *_, wanted), (found, *_, infos) = one.step(actions), other.step(torch.tensor(actions))
-        assert_same({key: value.cpu().numpy() for key, value in found.items()}, expected)
-        for world in np.flatnonzero(wanted.get("_final_obs", [])):
-            assert infos["_final_obs"].device == found["state"].device
-            assert bool(infos["_final_obs"][world])
-            last = {key: value[world].cpu().numpy() for key, value in infos["final_obs"].items()}
-            assert_same(last, wanted["final_obs"][world])
-            ends += 1
-    assert ends > 2
-
-
-def two_cameras(env: Sliders, outputs: tuple[str, ...], width: int = WIDTH) -> wc.Renderer:
-    own = {"position": (0.0, 0.0, 6.0), "lens": wc.Pinhole(fovy=60.0)}
-    cameras = [
-        wc.Camera("top", width=WIDTH, height=HEIGHT, outputs=outputs, shadows=True),
-        wc.Camera("own", width=width, height=HEIGHT, outputs=outputs, shadows=True, **own),
-    ]
-    return wc.Renderer(env.scene, cameras)
-
-
-def test_layouts_and_one_image_of_all_channels(device: wp.Device) -> None:
-    env = Sliders(2, AutoresetMode.NEXT_STEP, device)
-    renderer = two_cameras(env, ("rgb", "depth"))
-    plain = PixelObservation(env, renderer, forward=True).reset(seed=3)[0]
-    turned = PixelObservation(env, renderer, forward=True, layout="CHW").reset(seed=3)[0]
-    assert list(plain) == list(turned) == ["state", "top_rgb", "top_depth", "own_rgb", "own_depth"]
-    for key in list(plain)[1:]:
-        np.testing.assert_array_equal(turned[key], np.moveaxis(plain[key], 3, 1))
-    with pytest.raises(wc.WarpcamError, match=r"one size and dtype, got top_rgb uint8\[12, 16, 3\], top_depth float32"):
-        PixelObservation(env, renderer, concatenate=True)
-    with pytest.raises(wc.WarpcamError, match=r"top_rgb uint8\[12, 16, 3\], own_rgb uint8\[12, 17, 3\]"):
-        PixelObservation(env, two_cameras(env, ("rgb",), width=17), concatenate=True)
-    colours = two_cameras(env, ("rgb",))
-    for layout, axis in (("HWC", 3), ("CHW", 1)):
-        joined = PixelObservation(env, colours, forward=True, layout=layout, concatenate=True)
-        observation = joined.reset(seed=3)[0]
-        assert list(observation) == ["state", "pixels"]
-        expected = np.concatenate((plain["top_rgb"], plain["own_rgb"]), 3)
-        np.testing.assert_array_equal(observation["pixels"], np.moveaxis(expected, 3, axis))
-        alone = PixelObservation(env, colours, forward=True, layout=layout, concatenate=True, state=None)
-        assert isinstance(alone.single_observation_space, gymnasium.spaces.Box)
-        np.testing.assert_array_equal(alone.reset(seed=3)[0], observation["pixels"])
-        assert alone.step(np.zeros((2, 1), np.float32))[0] in alone.observation_space
-
-
-def test_spaces_hold_every_output(device: wp.Device) -> None:
-    env = Sliders(2, AutoresetMode.NEXT_STEP, device)
-    mjm = scenes.compile_xml('<body><freejoint/><geom type="box" size="0.5 0.5 0.5"/></body><light/>')
-    scene = wc.from_mujoco_warp(mjm, *scenes.put(mjm, 2))
-    camera = scenes.own_camera(width=6, height=5, outputs=tuple(OUTPUTS))
-    seen = PixelObservation(env, wc.Renderer(scene, [camera]), state="position")
-    observation = seen.reset(seed=1)[0]
-    assert not np.isfinite(observation["eye_depth"]).all()
-    assert observation in seen.observation_space
-    assert set(observation) == {"position", *(f"eye_{name}" for name in OUTPUTS)}
-    for key, space in seen.single_observation_space.spaces.items():
-        assert observation[key].dtype == space.dtype
-    assert seen.single_observation_space["eye_rgb"] == gymnasium.spaces.Box(0, 255, (5, 6, 3), np.uint8)
-    assert (seen.single_observation_space["eye_depth"].low == 0.0).all()
-
-
-@pytest.mark.filterwarnings("ignore:.*A Box observation space (minimum|maximum) value is -?infinity")
-@pytest.mark.parametrize("mode", [AutoresetMode.DISABLED, AutoresetMode.NEXT_STEP], ids=lambda mode: mode.name)
-@pytest.mark.parametrize("options", [{}, {"layout": "CHW"}], ids=str)
-def test_the_env_checker_is_content(mode: Any, options: dict[str, Any], device: wp.Device) -> None:
-    check_env(OneWorld(pixels(1, mode, **options)), skip_render_check=True)
-
-
-def test_gymnasiums_wrappers_go_on_top(device: wp.Device) -> None:
-    flat = FlattenObservation(pixels(2, AutoresetMode.NEXT_STEP))
-    assert flat.reset(seed=1)[0].shape == (2, 1 + WIDTH * HEIGHT * 4)
-    counted = RecordEpisodeStatistics(pixels(2, AutoresetMode.NEXT_STEP))
-    counted.reset(seed=1)
-    lengths = []
-    for _ in range(10):
-        *_, infos = counted.step(np.zeros((2, 1), np.float32))
-        lengths += list(infos["episode"]["l"]) if "episode" in infos else []
-    assert lengths == [LONGEST, LONGEST]
-
-
-def test_frames_are_stacked_by_gymnasium(device: wp.Device) -> None:
-    env = OneWorld(pixels(1, AutoresetMode.DISABLED, state=None, concatenate=False))
-    stacked = FrameStackObservation(env, 3)
-    first, _ = stacked.reset(seed=1)
-    second = stacked.step(np.ones(1, np.float32))[0]
-    third = stacked.step(np.ones(1, np.float32))[0]
-    images = third["top_rgb"]
-    assert images.shape == (3, HEIGHT, WIDTH, 3)
-    np.testing.assert_array_equal(images[:2], second["top_rgb"][1:])
-    np.testing.assert_array_equal(images[0], first["top_rgb"][2])
-    assert (images[1] != images[2]).any()
-
-
 @pytest.mark.parametrize("mode", MODES, ids=lambda mode: mode.name)
 def test_nothing_flows_from_one_episode_into_the_next(mode: Any, device: wp.Device) -> None:
     own = Sliders(3, AutoresetMode.DISABLED if mode is AutoresetMode.SAME_STEP else mode, device)
@@ -385,18 +113,6 @@ def test_one_world_tells_of_itself_alone(device: wp.Device) -> None:
     assert (terminated, truncated) == (False, False)
     assert bool(infos["begun"]) is False
     assert observation["state"].shape == (1,)
-
-
-def test_frames_for_videos(device: wp.Device) -> None:
-    env = pixels(3, AutoresetMode.NEXT_STEP, layout="CHW")
-    image = env.reset(seed=1)[0]["top_rgb"]
-    assert env.render_mode == "rgb_array"
-    assert env.metadata["render_modes"] == ["rgb_array"]
-    frames = env.render()
-    assert isinstance(frames, tuple)
-    np.testing.assert_array_equal(np.stack(frames), np.moveaxis(image, 1, 3))
-    env.step(np.ones((3, 1), np.float32))
-    assert (frames[0] != env.render()[0]).any()
 
 
 def test_classic_envs_in_gymnasiums_own_vector_env(device: wp.Device) -> None:

@@ -255,7 +255,7 @@ def _remarks(environment: Sequence[Variable]) -> list[str]:
     remarks = [
         f"{each.name}={each.value!r} has spaces; programs that compare or convert its text read something else"
         for each in environment
-        if each.value is not None and each.value.strip() and " " in each.value
+        if each.value is not None and each.value.strip() and any(map(str.isspace, each.value))
     ]
     remarks += [
         f"{each.name} is not set in this process; `export {each.name} = 0`, with spaces, sets nothing"

@@ -223,7 +223,7 @@ def test_a_destroyed_camera_is_gone(device: wp.Device) -> None:
 
 def test_a_step_that_is_left_out_is_said_once(device: wp.Device) -> None:
     world = walls(device, 1)
-    world.sim.fetched = world.sim.shown = False  # as after simulate
+    GYM.simulate(world.sim)
     with warnings.catch_warnings(record=True) as said:
         warnings.simplefilter("always")
         for _ in range(3):
@@ -249,7 +249,7 @@ def test_wrapping_is_free_and_never_none(device: wp.Device) -> None:
 def test_pictures_are_saved(device: wp.Device, tmp_path: Path) -> None:
     world = walls(device, 2, far_plane=2.05)
     world.render()
-    for kind in KINDS:
+    for kind in (*KINDS, gymapi.IMAGE_OPTICAL_FLOW):
         path = tmp_path / f"{kind.name}.png"
         GYM.write_camera_image_to_file(world.sim, world.envs[0], 0, kind, str(path))
         with Image.open(path) as picture:

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 pytest.importorskip("newton")
-from warpcam.compat.isaacgym import gymapi
+from warpcam.compat.isaacgym import gymapi, gymtorch
 from warpcam.compat.isaacgym.refused import REFUSED
 
 PAGE = (Path(__file__).resolve().parents[2] / "docs" / "compat" / "isaacgym.md").read_text()
@@ -14,9 +14,11 @@ PAGE = (Path(__file__).resolve().parents[2] / "docs" / "compat" / "isaacgym.md")
 
 def test_the_table_names_every_call_and_no_other() -> None:
     table = PAGE.split("## Calls")[1].split("Refused by name")[0]
-    named = set(re.findall(r"`([a-z_]+)`", table)) - {"gymtorch", "wrap_tensor", "unwrap_tensor", "_indexed"}
+    of_gymtorch = {"gymtorch", *gymtorch.__all__}
+    named = set(re.findall(r"`([a-z_]+)`", table)) - of_gymtorch - {"_indexed"}
     calls = {name for name in dir(gymapi.Gym) if not name.startswith("_")}
     assert named == calls
+    assert all(f"`{name}`" in table for name in gymtorch.__all__)
     assert not calls & set(REFUSED)
 
 

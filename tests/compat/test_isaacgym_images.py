@@ -200,6 +200,17 @@ def test_flow_is_coded_in_parts_of_the_image(device: wp.Device) -> None:
         middle = image[HEIGHT // 2, WIDTH // 2].cpu().numpy().astype(float)
         np.testing.assert_allclose(middle[0] * WIDTH / 2**15, pixels, atol=2e-3)
         np.testing.assert_allclose(middle[1] * HEIGHT / 2**15, 0.0, atol=2e-3)
+    # Programs add the last dimension themselves.
+    described = GYM.get_camera_image_gpu_tensor(world.sim, world.envs[1], world.cameras[1], flow)
+    assert described.shape == [HEIGHT, WIDTH] and described.dtype == gymapi.DTYPE_INT16
+    told = (described.data_ptr, described.device, int(described.dtype))
+    shape = (*described.shape, 2)
+    again = gymtorch.wrap_tensor_impl(*told, shape, (0, 0, 0), shape)
+    assert again.data_ptr() == images[1].data_ptr() and torch.equal(again, images[1])
+    with pytest.raises(wc.WarpcamError, match=r"shape \(24, 32\) came, but there are 1536 numbers"):
+        gymtorch.wrap_tensor_impl(*told, described.shape)
+    with pytest.raises(wc.WarpcamError, match="no tensor of gymapi that is still there begins at 12"):
+        gymtorch.wrap_tensor_impl(12, *told[1:], shape)
     host = GYM.get_camera_image(world.sim, world.envs[0], world.cameras[0], flow)
     assert host.shape == (HEIGHT, 2 * WIDTH) and host.dtype == np.int16
 

@@ -5,6 +5,7 @@ import sys
 from importlib.util import find_spec
 from typing import Any
 
+import mujoco_warp
 import numpy as np
 import pytest
 import torch
@@ -25,6 +26,7 @@ from mjlab.tasks.cartpole.cartpole_env_cfg import cartpole_balance_env_cfg  # no
 from mjlab.tasks.manipulation.config.yam.env_cfgs import yam_lift_cube_vision_env_cfg  # noqa: E402
 
 from warpcam.compat import mjlab as ours  # noqa: E402
+from warpcam.compat import mujoco_warp as calls  # noqa: E402
 
 pytestmark = pytest.mark.filterwarnings("ignore")  # mjlab's own
 
@@ -89,6 +91,35 @@ def test_images_are_those_of_mjlabs_own_sensor() -> None:
     same = (theirs["segmentation"] == mine_images["segmentation"]).all(dim=-1)
     assert same.float().mean() > 0.98 and len(theirs["segmentation"][..., 0].unique()) > 2
     np.testing.assert_allclose(mine_images["depth"][same], theirs["depth"][same], rtol=2e-3, atol=1e-3)
+
+
+def test_mjlabs_own_sensor_draws_through_the_calls_of_mujoco_warp(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its sensor and its context as they are, with our calls in place of those that they make."""
+    contexts = []
+
+    def create(*given: Any, **named: Any) -> Any:
+        contexts.append(calls.create_render_context(*given, **named))
+        return contexts[-1]
+
+    for name in ("refit_bvh", "render"):
+        monkeypatch.setattr(mujoco_warp, name, getattr(calls, name))
+    monkeypatch.setattr(mujoco_warp, "create_render_context", create)
+    cfg = cartpole_balance_env_cfg()
+    kinds = ("rgb", "depth", "segmentation")
+    cfg.scene.sensors = (MjlabCfg(name="eye", camera_name="cartpole/fixed", width=24, height=16, data_types=kinds),)
+    env = make(cfg)
+    env.reset(seed=3)
+    env.step(torch.ones(NUM_ENVS, env.action_manager.total_action_dim))
+    data = env.scene["eye"].data
+    assert type(env.scene["eye"]) is not ours.CameraSensor and len(contexts) == 1
+    scene = wc.from_mujoco_warp(env.sim.mj_model, env.sim.wp_model, env.sim.wp_data, draw=("geoms", "flexes"))
+    direct = wc.Renderer(scene, [wc.Camera("cartpole/fixed", width=24, height=16, outputs=kinds)]).render()
+    images = direct["cartpole/fixed"]
+    hit = images["segmentation"][..., 0] >= 0
+    assert hit.any() and torch.equal(data.rgb[hit], images["rgb"][hit])
+    assert torch.equal(data.segmentation[..., 0], images["segmentation"][..., 0])
+    assert torch.equal(data.depth[hit], images["depth"][hit])
+    env.close()
 
 
 def test_data_types_that_mjlab_lacks() -> None:

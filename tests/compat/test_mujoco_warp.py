@@ -225,6 +225,16 @@ def test_wrong_worlds_and_missing_attributes(mjm: mujoco.MjModel, worlds: Any) -
         _ = rc.bvh_id
 
 
+def test_settings_are_not_ignored_in_silence(mjm: mujoco.MjModel) -> None:
+    """MuJoCo-Warp reads some of its context's attributes in each frame."""
+    rc = ours.create_render_context(mjm, NUM_WORLDS, **ALL)
+    for name in ("background_color", "skybox_tex_id", "use_shadows"):
+        with pytest.raises(wc.WarpcamError, match=rf"RenderContext\.{name} cannot be set"):
+            setattr(rc, name, 0)
+    with pytest.raises(wc.WarpcamError, match="refit_splat_bvh: splats are drawn in scenes"):
+        ours.refit_splat_bvh(rc)
+
+
 def test_the_signature_is_its_own() -> None:
     import inspect
 

@@ -1,5 +1,6 @@
 """Newton's camera sensors by our classes: beside its own, and in its own tests."""
 
+import inspect
 from typing import Any
 
 import numpy as np
@@ -32,13 +33,21 @@ IMAGES = {
 # Of Newton's own tests of its camera, those that are of what is offered here; docs/compat/newton.md has what is not.
 OF_NEWTON = (
     "test_albedo_output_follows_output_color_space",
+    "test_camera_multisample_offsets_center_on_pixel",
+    "test_camera_ray_helpers_live_on_sensor_camera",
     "test_camera_ray_helpers_support_preallocated_output",
     "test_camera_ray_helpers_generate_multisamples",
     "test_camera_ray_helpers_reject_batched_inputs",
+    "test_cloth_renders_triangle_colors_from_both_sides",
+    "test_convex_hull_renders_like_its_mesh",
     "test_default_ambient_light_matches_previous_constants",
     "test_fully_transparent_shape_does_not_occlude",
     "test_hdr_color_matches_linear_packed_color",
     "test_hdr_color_matches_srgb_packed_color",
+    "test_in_memory_rgb_and_grayscale_textures",
+    "test_lighting_follows_model_up_axis",
+    "test_mesh_texture_transform_maps_uvs",
+    "test_msaa_shades_fully_covered_shape_at_center",
     "test_multiple_sensor_cameras_render_same_model",
     "test_pinhole_rays_reject_out_of_range_parameters",
     "test_render_forward_depth_output",
@@ -59,6 +68,29 @@ OF_NEWTON = (
     "test_utils_postprocessing_helpers",
     "test_world_indices_decouple_views_from_worlds",
 )
+# Likewise of its older one, and of helpers that both have.
+OF_OTHERS = (
+    ("test_sensor_tiled_camera", "TestSensorTiledCamera", "test_cloth_triangle_mesh_respects_particle_worlds"),
+    ("test_sensor_tiled_camera", "TestSensorTiledCamera", "test_constructor_config_alias_deprecated"),
+    ("test_sensor_tiled_camera", "TestSensorTiledCamera", "test_constructor_config_none_warns_deprecated"),
+    ("test_sensor_tiled_camera", "TestSensorTiledCamera", "test_constructor_rejects_default_render_config_and_config"),
+    ("test_sensor_tiled_camera", "TestSensorTiledCamera", "test_forward_depth_image_matches_utility"),
+    ("test_sensor_tiled_camera_hdr_color", "TestSensorTiledCameraHdrColor",
+     "test_hdr_color_matches_srgb_packed_color_after_encoding"),
+    ("test_sensor_to_rgba", "TestToRgba", "test_world_camera_axis_ordering"),
+    ("test_sensor_usd_camera", "TestSensorCameraRays", "test_usd_pinhole_camera_rays_accepts_prim_and_camera"),
+    ("test_sensor_usd_camera", "TestSensorCameraRays", "test_zero_direction_ray_renders_clear_values"),
+)  # fmt: skip
+
+
+@pytest.mark.parametrize(("module", "case", "name"), OF_OTHERS, ids=[name for *_, name in OF_OTHERS])
+def test_newtons_own_of_others(module: str, case: str, name: str) -> None:
+    tests = pytest.importorskip(f"newton.tests.{module}", reason="this version's wheel has no tests")
+    if not hasattr(getattr(tests, case, None), name):
+        pytest.skip("this version of Newton has no such test")
+    ours = {"SensorCamera": SensorCamera, "SensorTiledCamera": SensorTiledCamera}
+    result = newtons_tests.run(module, case, name, {key: each for key, each in ours.items() if hasattr(tests, key)})
+    assert not result.failures + result.errors, result.failures + result.errors
 
 
 @pytest.mark.parametrize("name", OF_NEWTON)
@@ -161,6 +193,35 @@ def test_the_state_and_the_settings_are_followed(worlds: tuple[Any, Any]) -> Non
     wider = SensorCamera.compute_camera_rays_pinhole(*SIZE, camera_fov=1.6, out_rays=rays)
     assert wider is rays
     assert (frame()[1] == 2).sum() < (before == 2).sum()
+
+
+def test_deformables_are_of_the_state_that_is_seen(worlds: tuple[Any, Any]) -> None:
+    model, state = worlds
+    sensor, other = SensorCamera(model), model.state()
+    rays = SensorCamera.compute_camera_rays_pinhole(*SIZE, camera_fov=0.8, device=model.device)
+    given = (look_from([(0.1, -3.0, 1.0)] * 3, model.device), rays)
+    depth = sensor.allocate_image_depth(3, *SIZE)
+    sensor.sync_deformable_meshes(other)
+    sensor.update(other, *given, depth_image=depth, sync_deformables=False)
+    with pytest.raises(wc.WarpcamError, match="given another state than update"):
+        sensor.update(state, *given, depth_image=depth, sync_deformables=False)
+    sensor.update(state, *given, depth_image=depth)
+    sensor.update(state, *given, depth_image=depth, sync_deformables=False)
+    with pytest.raises(TypeError, match="must be DeformableVisuals, got int"):
+        sensor.update(state, *given, depth_image=depth, deformable_visuals=3)
+
+
+def test_the_signatures_are_newtons() -> None:
+    for mine, theirs in ((SensorCamera, TheirCamera), (SensorTiledCamera, TheirTiled)):
+        for name in ("__init__", "update"):
+            expected, found = (inspect.signature(getattr(kind, name)).parameters for kind in (theirs, mine))
+            images = {key for key in expected if key.endswith("_image")}
+            assert set(expected) - set(found) == (images if name == "update" else set()), name
+            assert images in (set(), set(IMAGES))
+            added = [each for key, each in found.items() if key not in expected and key != "images"]
+            assert all(each.kind is each.KEYWORD_ONLY for each in added)
+        public = {name for name in dir(theirs) if not name.startswith("_")}
+        assert public <= set(dir(mine))
 
 
 def test_tiled_cameras_are_newtons_own(worlds: tuple[Any, Any]) -> None:

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 import warp as wp
+from machines import PART, UUIDS, Machine
 from PIL import Image
 
 import warpcam as wc
@@ -220,7 +221,11 @@ def test_observables_without_patching() -> None:
         ours.observables(env, ["agentview", "frontview", "birdview"], camera_widths=[32, 64])
 
 
-def test_both_ways_see_the_same(installed: None) -> None:
+@pytest.mark.parametrize("convention", ["opengl", "opencv"])
+def test_both_ways_see_the_same(installed: None, convention: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    from robosuite import macros
+
+    monkeypatch.setattr(macros, "IMAGE_CONVENTION", convention)
     env = make("Lift", camera_names="agentview", camera_heights=64, camera_widths=64, camera_depths=True,
                camera_segmentations=list(KINDS))  # fmt: skip
     given = ours.observables(env, "agentview", camera_segmentations=list(KINDS), add=False)
@@ -228,6 +233,8 @@ def test_both_ways_see_the_same(installed: None) -> None:
     for name, observable in given.items():
         seen = observable._sensor({})
         assert seen.dtype == expected[name].dtype and (seen == expected[name]).all(), name
+    from_below = env.sim.render(width=64, height=64, camera_name="agentview")
+    assert (expected["agentview_image"] == (from_below if convention == "opengl" else from_below[::-1])).all()
 
 
 def tasks() -> list[str]:
@@ -301,6 +308,44 @@ def test_one_answer_to_where(
     else:
         with pytest.raises(wc.WarpcamError, match=expected):
             ours._device(asked)
+
+
+@pytest.mark.parametrize("egl", [None, "0", "3"])
+@pytest.mark.parametrize(
+    ("visible", "asked", "card"),
+    [
+        (None, 0, 0),
+        (None, 1, 1),
+        (None, 7, "device: 7 came, this process sees cpu, cuda:0, cuda:1, cuda:2, cuda:3"),
+        ("2", -1, 2),
+        ("2", 0, 2),
+        (" 2", 0, 2),
+        ("2", 3, "device: 3 came, this process sees cpu, cuda:0; CUDA_VISIBLE_DEVICES='2': cuda:0 is GPU 2"),
+        ("2,3", 0, 2),
+        ("2,3", 1, 3),
+        ("", -1, None),
+        ("", 0, "device: 0 came, this process sees cpu; CUDA_VISIBLE_DEVICES='': every GPU is hidden"),
+        (UUIDS[1], -1, 1),
+        (UUIDS[1], 0, 1),
+        (PART, -1, 3),
+    ],
+)
+def test_the_card_that_is_meant(
+    monkeypatch: pytest.MonkeyPatch, visible: str | None, asked: int, card: Any, egl: str | None
+) -> None:
+    """The table of the page, on a machine of four cards; a None for the card is the CPU."""
+    for name, value in (("CUDA_VISIBLE_DEVICES", visible), ("MUJOCO_EGL_DEVICE_ID", egl)):
+        if value is None:
+            monkeypatch.delenv(name, raising=False)
+        else:
+            monkeypatch.setenv(name, value)
+    monkeypatch.setattr(ours.device_rule, "wp", Machine(visible))
+    monkeypatch.setattr(ours.device_rule, "driver_installed", lambda: True)
+    if isinstance(card, str):
+        with pytest.raises(wc.WarpcamError, match=card):
+            ours._device(asked)
+    else:
+        assert ours._device(asked).card == card
 
 
 def test_nothing_of_opengl(tmp_path: Any) -> None:

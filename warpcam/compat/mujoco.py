@@ -14,6 +14,8 @@ from warpcam.errors import WarpcamError
 
 __all__ = ["Renderer"]
 
+BEFORE_4 = mujoco.mj_version() < 4000000
+
 
 class Renderer:
     """Renders a MuJoCo model's states one by one.
@@ -134,8 +136,8 @@ class Renderer:
             raise RuntimeError("render cannot be called after close.")
         shape: tuple[int, ...] = (self._height, self._width)
         shape += () if self._depth else (2,) if self._segmentation else (3,)
-        # mujoco.Renderer takes one for a coloured picture of ids, too, but returns another array; so does this.
-        spare = self._segmentation and out is not None and out.shape == (*shape[:2], 3)
+        # Before 4.0 mujoco.Renderer takes one for a coloured picture of ids, too, but returns another array.
+        spare = BEFORE_4 and self._segmentation and out is not None and out.shape == (*shape[:2], 3)
         if out is not None and out.shape != shape and not spare:
             raise ValueError(
                 f"Expected `out.shape == {shape}`. Got `out.shape={out.shape}` instead: out is (height, width) with "

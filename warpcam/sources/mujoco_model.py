@@ -190,13 +190,17 @@ def _height_field(mjm: mujoco.MjModel, index: int) -> HeightField:
 
 
 def _texture(mjm: mujoco.MjModel, index: int) -> TextureImage:
-    width, height, channels = int(mjm.tex_width[index]), int(mjm.tex_height[index]), int(mjm.tex_nchannel[index])
-    start = int(mjm.tex_adr[index])
-    pixels = np.asarray(mjm.tex_data[start : start + width * height * channels]).reshape(height, width, channels)
-    srgb = mjm.tex_colorspace[index] == mujoco.mjtColorSpace.mjCOLORSPACE_SRGB
+    start, coded = int(mjm.tex_adr[index]), int(mjm.tex_colorspace[index])
+    if start >= 0:
+        height, width, channels = (int(size[index]) for size in (mjm.tex_height, mjm.tex_width, mjm.tex_nchannel))
+        pixels = np.asarray(mjm.tex_data[start : start + height * width * channels]).reshape(height, width, channels)
+    else:  # kept in its file, as with the compiler's passthrough
+        pixels, coded = mujoco.mj_loadTexture(mjm, index)
+        height, width, channels = pixels.shape
+    srgb = coded == int(mujoco.mjtColorSpace.mjCOLORSPACE_SRGB)
     if channels == 2:  # grey and alpha
         pixels = np.concatenate((np.repeat(pixels[..., :1], 3, axis=-1), pixels[..., 1:]), axis=-1)
     if mjm.tex_type[index] == mujoco.mjtTexture.mjTEXTURE_2D:
-        return TextureImage("2d", pixels, bool(srgb), from_middle=VERSION < (3, 17))
+        return TextureImage("2d", pixels, srgb, from_middle=VERSION < (3, 17))
     faces = pixels.reshape(6, width, width, -1) if height == 6 * width else pixels
     return TextureImage("cube", faces)  # of these MuJoCo's renderer does not ask how they are coded

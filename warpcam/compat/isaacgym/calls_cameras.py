@@ -137,7 +137,7 @@ class CameraCalls:
 
         Returns:
             Colour (height, width, 4) uint8, depth (height, width) float32, segmentation (height, width) int32, flow
-            (height, width, 2) int16, on the simulation's device.
+            (height, width, 2) int16, whose ``shape`` is (height, width) as there, on the simulation's device.
         """
         where = "get_camera_image_gpu_tensor"
         kind = check_kind(image_type, where)
@@ -160,17 +160,16 @@ class CameraCalls:
         sim.accessing = False
 
     def write_camera_image_to_file(self, sim: Sim, env: Env, camera: int, image_type: ImageType, path: str) -> None:
-        """Save an image as a PNG: colours, or depth and ids in false colours."""
+        """Save an image as a PNG: colours, or depth, ids and flow in false colours."""
         kind = check_kind(image_type, "write_camera_image_to_file")
-        if kind == ImageType.IMAGE_OPTICAL_FLOW:
-            raise WarpcamError(
-                "write_camera_image_to_file: IMAGE_OPTICAL_FLOW has no picture; get_camera_image gives it"
-            )
         image = self.get_camera_image(sim, env, camera, kind)
         if kind == ImageType.IMAGE_COLOR:
             pixels = image.reshape(image.shape[0], -1, 4)[..., :3]
         elif kind == ImageType.IMAGE_DEPTH:
             pixels = pictures.from_lengths(-image[None, ..., None])[0]
+        elif kind == ImageType.IMAGE_OPTICAL_FLOW:
+            parts = image.reshape(1, image.shape[0], -1, 2) / 2.0**15
+            pixels = pictures.from_flow(parts * (parts.shape[2], parts.shape[1]))[0]
         else:
             pixels = pictures.from_ids(np.where(image == 0, -1, image.astype(np.int64))[None, ..., None])[0]
         Image.fromarray(np.ascontiguousarray(pixels)).save(path, format="png")

@@ -3,9 +3,9 @@
 from collections.abc import Sequence
 
 from warpcam import interop
-from warpcam.compat.isaacgym.tensors import Tensor, unwrap, wrap
+from warpcam.compat.isaacgym.tensors import Tensor, unwrap, wrap, wrap_at
 
-__all__ = ["unwrap_tensor", "wrap_tensor"]
+__all__ = ["unwrap_tensor", "wrap_tensor", "wrap_tensor_impl"]
 
 
 def wrap_tensor(
@@ -19,6 +19,27 @@ def wrap_tensor(
         counts: How many of each dimension; None is all that follow.
     """
     return wrap(gym_tensor, offsets, counts)
+
+
+def wrap_tensor_impl(
+    data_ptr: int,
+    device: int,
+    dtype: int,
+    shape: Sequence[int],
+    offsets: Sequence[int] | None = None,
+    counts: Sequence[int] | None = None,
+) -> interop.Tensor:
+    """The memory of a tensor in another shape, as programs ask for it that read optical flow as (height, width, 2).
+
+    Args:
+        data_ptr: Of a tensor that calls of ``gymapi`` have handed out.
+        device: Of that tensor.
+        dtype: Of that tensor.
+        shape: Of as many numbers as there are.
+        offsets: As ``wrap_tensor`` has them.
+        counts: As ``wrap_tensor`` has them.
+    """
+    return wrap_at(data_ptr, device, dtype, shape, offsets, counts)
 
 
 def unwrap_tensor(torch_tensor: interop.Tensor) -> Tensor:

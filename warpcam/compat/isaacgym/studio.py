@@ -246,7 +246,8 @@ class Studio:
         """Memory of a camera's images, written at each render from now on."""
         if kind not in sensor.tensors:
             array = wp.zeros(shape_of(sensor, kind), dtype=DTYPES[kind], device=device)
-            sensor.tensors[kind] = Tensor(interop.to_torch(array))
+            size = (sensor.props.height, sensor.props.width)
+            sensor.tensors[kind] = Tensor(interop.to_torch(array), size if kind == FLOW else None)
             self._asked.append((sensor, kind))
         return sensor.tensors[kind]
 

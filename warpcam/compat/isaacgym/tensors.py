@@ -1,5 +1,6 @@
 """Descriptions of tensors, as Isaac Gym's calls hand them out and take them."""
 
+import weakref
 from collections.abc import Sequence
 from typing import Any
 
@@ -18,6 +19,9 @@ DTYPES = {
 }
 
 
+_memory: weakref.WeakValueDictionary[int, interop.Tensor] = weakref.WeakValueDictionary()  # by address
+
+
 class Tensor:
     """What is known of a tensor, and the memory itself, which it keeps alive.
 
@@ -25,15 +29,16 @@ class Tensor:
         data_ptr: Where it is.
         device: CUDA ordinal, or -1 for the CPU.
         dtype: Of ``TensorDataType``.
-        shape: Of as many numbers as it has dimensions.
+        shape: Of as many numbers as it has dimensions; of flow (height, width), as Isaac Gym describes it.
     """
 
-    def __init__(self, tensor: interop.Tensor):
+    def __init__(self, tensor: interop.Tensor, shape: Sequence[int] | None = None):
         self.torch = tensor
         self.data_ptr = tensor.data_ptr()
         self.device = tensor.device.index or 0 if tensor.device.type == "cuda" else -1
         self.dtype = DTYPES[str(tensor.dtype)]
-        self.shape = list(tensor.shape)
+        self.shape = list(tensor.shape if shape is None else shape)
+        _memory[self.data_ptr] = tensor
 
     @property
     def ndim(self) -> int:
@@ -48,16 +53,36 @@ def wrap(tensor: Any, offsets: Sequence[int] | None, counts: Sequence[int] | Non
     """The memory as a torch tensor: the same at every call."""
     if not isinstance(tensor, Tensor):
         raise WarpcamError(f"wrap_tensor: a tensor of gymapi is needed, got {type(tensor).__name__}")
-    view = tensor.torch
+    return _part(tensor.torch, offsets, counts, "wrap_tensor")
+
+
+def wrap_at(
+    data_ptr: Any, device: Any, dtype: Any, shape: Sequence[int], offsets: Sequence[int] | None, counts: Any
+) -> interop.Tensor:
+    """The memory at an address that a tensor has named, in any shape of as many numbers."""
+    where = "wrap_tensor_impl"
+    tensor = _memory.get(int(data_ptr))
+    if tensor is None:
+        raise WarpcamError(f"{where}: no tensor of gymapi that is still there begins at {data_ptr!r}")
+    known = Tensor(tensor)
+    if int(device) != known.device or int(dtype) != int(known.dtype):
+        raise WarpcamError(f"{where}: device {device!r} and dtype {dtype!r} came, but there is {known}")
+    if int(np.prod(tuple(shape))) != tensor.numel():
+        raise WarpcamError(f"{where}: shape {tuple(shape)} came, but there are {tensor.numel()} numbers")
+    return _part(tensor.view(tuple(shape)), offsets, counts, where)
+
+
+def _part(view: interop.Tensor, offsets: Any, counts: Any, where: str) -> interop.Tensor:
+    dims = view.dim()
     for name, numbers in (("offsets", offsets), ("counts", counts)):
-        if numbers is not None and len(numbers) != tensor.ndim:
-            raise WarpcamError(f"wrap_tensor: {name} must be {tensor.ndim} numbers, one a dimension, got {numbers!r}")
-    for dim in range(tensor.ndim) if offsets is not None or counts is not None else ():
+        if numbers is not None and len(numbers) != dims:
+            raise WarpcamError(f"{where}: {name} must be {dims} numbers, one a dimension, got {numbers!r}")
+    for dim in range(dims) if offsets is not None or counts is not None else ():
         first = 0 if offsets is None else int(offsets[dim])
         count = view.shape[dim] - first if counts is None else int(counts[dim])
         if first < 0 or count < 0 or first + count > view.shape[dim]:
             raise WarpcamError(
-                f"wrap_tensor: {count} from {first} on are asked for in dimension {dim}, which has {view.shape[dim]}"
+                f"{where}: {count} from {first} on are asked for in dimension {dim}, which has {view.shape[dim]}"
             )
         view = view.narrow(dim, first, count)
     return view

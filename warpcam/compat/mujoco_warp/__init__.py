@@ -11,7 +11,7 @@ from typing import Any
 import mujoco
 import warp as wp
 
-from warpcam.compat.mujoco_warp.arguments import check_settings, read_views
+from warpcam.compat.mujoco_warp.arguments import SPLATS_ARE, check_settings, read_views
 from warpcam.compat.mujoco_warp.context import RenderContext
 from warpcam.errors import WarpcamError
 from warpcam.kernels import packing
@@ -23,6 +23,7 @@ __all__ = [
     "get_rgb",
     "get_segmentation",
     "refit_bvh",
+    "refit_splat_bvh",
     "render",
 ]
 
@@ -112,6 +113,11 @@ def create_render_context(
 def refit_bvh(m: Any, d: Any, rc: RenderContext) -> None:
     """Nothing needs refitting; the first call for a Model and a Data reads them, as ``RenderContext.bind`` does."""
     rc.bind(m, d)
+
+
+def refit_splat_bvh(rc: RenderContext) -> None:
+    """Not offered: contexts have no splats."""
+    raise WarpcamError(f"refit_splat_bvh: {SPLATS_ARE}")
 
 
 def render(m: Any, d: Any, rc: RenderContext) -> None:

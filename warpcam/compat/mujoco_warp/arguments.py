@@ -16,6 +16,7 @@ FIXED = {
     "flex_render_smooth": "flexes are lit as their own flatskin says",
 }
 SPLATS = ("splat_position", "splat_rotation", "splat_scale", "splat_rgba", "splat_adr", "splat_group_id")
+SPLATS_ARE = "splats are drawn in scenes of from_newton and from_usd"
 WHERE = "create_render_context"
 
 
@@ -61,10 +62,7 @@ def check_settings(settings: dict[str, Any]) -> None:
             raise WarpcamError(f"{WHERE}: {name}=False is not offered: {instead}; allowed is True")
     for name in SPLATS:
         if settings[name] is not None:
-            raise WarpcamError(
-                f"{WHERE}: {name} is not offered: splats are drawn in scenes of from_newton and from_usd; allowed is "
-                "None"
-            )
+            raise WarpcamError(f"{WHERE}: {name} is not offered: {SPLATS_ARE}; allowed is None")
     if settings["samples_per_pixel"] not in (1, 2):
         raise WarpcamError(f"{WHERE}: samples_per_pixel is {settings['samples_per_pixel']!r}; allowed are 1 and 2")
     if settings["shadow_light_fraction"] not in (0.0, 0.3):

@@ -73,6 +73,16 @@ class RenderContext:
             self.depth_data = wp.zeros((num_worlds, depth), dtype=wp.float32)
             self.seg_data = wp.full((num_worlds, max(seg, 1)), wp.vec2i(-1, -1), dtype=wp.vec2i)
         self._scenes: dict[tuple[int, int], _Bound] = {}
+        self._made = True
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        """What would change nothing is refused: MuJoCo-Warp reads its context's settings again in each frame."""
+        if getattr(self, "_made", False) and not name.startswith("_") and name != "renderer":
+            raise WarpcamError(
+                f"RenderContext.{name} cannot be set: settings are read when the context is made; make another with "
+                "create_render_context"
+            )
+        super().__setattr__(name, value)
 
     def bind(self, m: Any, d: Any) -> None:
         """Read a Model and a Data ahead of the first frame, which would else do it: needed before a capture.

@@ -1,5 +1,6 @@
 """``newton.sensors.SensorCamera``, traced by warpcam."""
 
+import weakref
 from collections.abc import Callable
 from dataclasses import replace
 from functools import wraps
@@ -59,6 +60,7 @@ class SensorCamera(NewtonsCamera):
         self._model, self._load_textures, self._views_per_world = model, load_textures, views_per_world
         self._render_context = SimpleNamespace(model=model)  # what the methods that are Newton's own ask for
         self._views = Views(model, physical)
+        self._synced: Any = None  # a reference to the state that deformables were last taken of
         self._mapped: dict[Any, tuple[Any, Mapped]] = {}
         self.left_out = wp.zeros(1, dtype=wp.int32, device=model.device)
 
@@ -89,13 +91,20 @@ class SensorCamera(NewtonsCamera):
             world_indices: int32 (view,): a world, or a WorldRenderFlag; None is the view's own number.
             clear_data: In place of ``default_clear_data``.
             render_config: In place of ``default_render_config``.
-            sync_deformables: Changes nothing: the state is always followed.
-            deformable_visuals: Changes nothing likewise.
+            sync_deformables: False is for a state that ``sync_deformable_meshes`` was given; it is followed anyway.
+            deformable_visuals: Changes nothing: deformables are those of the state.
             **images: What to write: ``color_image``, ``depth_image``, ``forward_depth_image``, ``shape_index_image``,
                 ``normal_image``, ``albedo_image``, ``hdr_color_image``, each (view, height, width).
         """
         if deformable_visuals is not None and not sync_deformables:
             raise WarpcamError("deformable_visuals requires sync_deformables=True")
+        if sync_deformables:
+            self.sync_deformable_meshes(state, deformable_visuals=deformable_visuals)
+        elif self._synced is not None and self._synced() is not state:
+            raise WarpcamError(
+                "sync_deformables is False, and sync_deformable_meshes was given another state than update: that is "
+                "not offered, all is seen of one state"
+            )
         config = self.default_render_config if render_config is None else render_config
         clear = self.default_clear_data if clear_data is None else clear_data
         check_array("camera_transforms", camera_transforms, wp.transformf, self.device)
@@ -133,7 +142,16 @@ class SensorCamera(NewtonsCamera):
         )
 
     def sync_deformable_meshes(self, state: newton.State, *, deformable_visuals: Any = None) -> None:
-        """Nothing to do: ``update`` follows the state."""
+        """Nothing to do: ``update`` follows the state, which must be this one if it is told not to synchronise."""
+        if deformable_visuals is not None:
+            kind = newton.geometry.DeformableVisuals
+            if not isinstance(deformable_visuals, kind):
+                raise TypeError(
+                    f"deformable_visuals must be DeformableVisuals, got {type(deformable_visuals).__name__}"
+                )
+            if deformable_visuals.model is not self._model:
+                raise WarpcamError("deformable_visuals was created for another model")
+        self._synced = weakref.ref(state)
 
     def _without_textures(self, config: Any) -> Any:
         if self._load_textures or not config.enable_textures:

@@ -1,5 +1,6 @@
 """``newton.sensors.SensorTiledCamera``, traced by warpcam."""
 
+import warnings
 import weakref
 from functools import wraps
 from types import SimpleNamespace
@@ -13,6 +14,8 @@ from warpcam import interop
 from warpcam.compat.newton.camera import check_array, check_images, own_worlds
 from warpcam.compat.newton.views import Views
 from warpcam.errors import WarpcamError
+
+_UNSET: Any = object()
 
 
 class Utils(NewtonsCamera.Utils):
@@ -68,6 +71,7 @@ class SensorTiledCamera(NewtonsCamera):
     Args:
         model: The ``newton.Model``.
         default_render_config: Settings, unless ``update`` is told otherwise.
+        config: Its old name, which Newton is about to drop.
         load_textures: False leaves textures out whatever the settings say.
         physical: Whether surfaces gleam as their roughness and metalness say. False: matt, as Newton's camera has it.
     """
@@ -79,14 +83,24 @@ class SensorTiledCamera(NewtonsCamera):
         model: newton.Model,
         *,
         default_render_config: Any = None,
+        config: Any = _UNSET,
         load_textures: bool = True,
         physical: bool = False,
     ):
         self.model = model
-        config = NewtonsCamera.RenderConfig() if default_render_config is None else default_render_config
+        if config is not _UNSET:
+            warnings.warn(
+                "SensorTiledCamera(config=...) is deprecated; use default_render_config",
+                DeprecationWarning,
+                stacklevel=2,
+            )
+            if default_render_config is not None:
+                raise TypeError("Specify only one of default_render_config and its old name, config.")
+            default_render_config = config
+        settings = NewtonsCamera.RenderConfig() if default_render_config is None else default_render_config
         if not load_textures:
-            config.enable_textures = False
-        self._config, self._clear = config, NewtonsCamera.ClearData()
+            settings.enable_textures = False
+        self._config, self._clear = settings, NewtonsCamera.ClearData()
         self._views = Views(model, physical)
         self._mapped = own_worlds(model.world_count, model.world_count, model.device)
         self._slices: dict[int, tuple[wp.array, list[wp.array]]] = {}
