@@ -11,7 +11,7 @@ from typing import Any
 
 import warp as wp
 
-from .launch import Group, Stage, native_options
+from .launch import Group, Stage, native_module
 from .launch import record as record_launch
 from .tables import Tables
 from .types import HEIGHT_FIELD, MESH, HeightFields, Meshes, Shapes, View
@@ -68,7 +68,7 @@ def _kernel(types: int, lens: int, width: int, height: int, images: int, target_
         enable_backward=False,
         grid_stride=False,
         launch_bounds=(THREADS, MESH_BLOCKS if types >> MESH & 1 or types >> HEIGHT_FIELD & 1 else BLOCKS),
-        module_options={"extra_build_options": native_options("smooth.h")},
+        module_options=native_module("smooth.h"),
     )
     def smooth_edges(
         shapes: Shapes,

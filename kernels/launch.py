@@ -29,6 +29,20 @@ def native_options(header: str) -> wp.ModuleBuildOptions:
     )
 
 
+def native_module(header: str) -> dict[str, Any]:
+    """Options of a module that calls ``header`` from ``kernels/native``.
+
+    Warp raises LLVM's thresholds of inlining for CPUs. LLVM's own are enough for these headers, which take twice as
+    long to compile with Warp's.
+    """
+    options: dict[str, Any] = {"extra_build_options": native_options(header)}
+    flags = getattr(wp.config, "cpu_compiler_flags", None)
+    if flags:
+        kept = [flag for flag in flags.split() if not flag.startswith("-mllvm=-inline")]
+        options["cpu_compiler_flags"] = " ".join(kept)
+    return options
+
+
 @dataclass(frozen=True)
 class Group:
     """Worlds that a camera's stages draw together.

@@ -13,7 +13,7 @@ from typing import Any
 
 import warp as wp
 
-from .launch import Group, Stage, native_options
+from .launch import Group, Stage, native_module
 from .launch import record as record_launch
 from .layers import LayerTables, Mirror
 from .tables import Tables
@@ -151,7 +151,7 @@ def _kernel(
         enable_backward=False,
         grid_stride=False,
         launch_bounds=(THREADS, blocks(types, capacity)),
-        module_options={"extra_build_options": native_options("mirror.h")},
+        module_options=native_module("mirror.h"),
     )
     def reflection(
         shapes: Shapes,

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from .launch import Stage, native_options, record
+from .launch import Stage, native_module, record
 from .types import Meshes
 from .visibility import THREADS
 
@@ -64,7 +64,7 @@ def _move_normals(
 def _finish_tree(moving: Moving, meshes: Meshes, points: wp.array(dtype=wp.vec3), level: wp.int32, index: wp.int32): ...
 
 
-NATIVE = {"grid_stride": False, "module_options": {"extra_build_options": native_options("refit.h")}}
+NATIVE = {"grid_stride": False, "module_options": native_module("refit.h")}
 
 
 @wp.kernel(module="unique", enable_backward=False, **NATIVE)

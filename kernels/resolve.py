@@ -6,7 +6,7 @@ from typing import Any
 
 import warp as wp
 
-from .launch import Group, Stage, native_options
+from .launch import Group, Stage, native_module
 from .launch import record as record_stage
 from .layers import Haze, LayerTables, Mirror
 from .tables import Tables
@@ -145,7 +145,7 @@ def _kernel(
         enable_backward=False,
         grid_stride=False,
         launch_bounds=(THREADS, VEILED_BLOCKS if veils else _blocks(images, facts)),
-        module_options={"extra_build_options": native_options("resolve.h")},
+        module_options=native_module("resolve.h"),
     )
     def write_images(
         frame: frame_type,

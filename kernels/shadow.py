@@ -5,7 +5,7 @@ from typing import Any
 
 import warp as wp
 
-from .launch import Group, Stage, native_options
+from .launch import Group, Stage, native_module
 from .launch import record as record_launch
 from .tables import Tables
 from .types import MESH, SHADING_BACKS, HeightFields, Lights, Materials, Meshes, Shapes, View
@@ -56,7 +56,7 @@ def _kernel(types: int, lens: int, capacity: int, width: int, height: int, targe
         enable_backward=False,
         grid_stride=False,
         launch_bounds=(THREADS, FEW_BLOCKS if types >> MESH & 1 and capacity == CAPACITIES[-1] else BLOCKS),
-        module_options={"extra_build_options": native_options("shadow.h")},
+        module_options=native_module("shadow.h"),
     )
     def shadow(
         shapes: Shapes,

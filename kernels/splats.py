@@ -7,7 +7,7 @@ from typing import Any
 import warp as wp
 
 from .flow import Trail
-from .launch import Group, Stage, native_options
+from .launch import Group, Stage, native_module
 from .launch import record as record_stage
 from .tables import Tables
 from .types import Shapes, Splats, View
@@ -120,7 +120,7 @@ def _kernel(lens: int, capacity: int, wanted: int, frame_type: Any) -> wp.Kernel
         enable_backward=False,
         grid_stride=False,
         launch_bounds=(THREADS, BLOCKS),
-        module_options={"extra_build_options": native_options("splats.h")},
+        module_options=native_module("splats.h"),
     )
     def blend_splats(frame: frame_type, images: Images, shapes: Shapes, splats: Splats, first: wp.int32):
         draw(frame, images, shapes, splats, first + wp.tid())

@@ -7,7 +7,7 @@ from typing import Any
 import warp as wp
 
 from .flow import Trail
-from .launch import Group, Stage, cpu_parts, native_options
+from .launch import Group, Stage, cpu_parts, native_module
 from .launch import record as record_launch
 from .tables import Tables
 from .types import HEIGHT_FIELD, MESH, MOVING, HeightFields, Materials, Meshes, Shapes, View
@@ -127,7 +127,7 @@ def _kernel(
         enable_backward=False,
         grid_stride=False,
         launch_bounds=(THREADS, blocks(types, capacity)),
-        module_options={"extra_build_options": native_options("visibility.h")},
+        module_options=native_module("visibility.h"),
     )
     def visibility(
         shapes: Shapes,

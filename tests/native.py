@@ -4,10 +4,9 @@ from collections.abc import Callable
 from typing import Any
 
 import warp as wp
-from warpcam.kernels.launch import native_options
+from warpcam.kernels.launch import native_module
 
 
 def native_kernel(header: str) -> Callable[[Callable[..., Any]], wp.Kernel]:
     """Decorates a kernel whose ``wp.func_native`` functions use ``header``."""
-    options = native_options(header)
-    return wp.kernel(module="unique", enable_backward=False, module_options={"extra_build_options": options})
+    return wp.kernel(module="unique", enable_backward=False, module_options=native_module(header))

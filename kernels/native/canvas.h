@@ -47,6 +47,16 @@ template <int TYPES, int LENS, int OUTPUTS, int CAPACITY, class Target, class Sh
     Region region;
     int world;
     const typename Places<(OUTPUTS & FLOWS) != 0>::type& places;
+    unsigned char* gathered;  // flow_valid of the region, where it is wanted: see flow.h
+
+    WARPCAM_FN unsigned char* valid_at(int i, int j, unsigned pixel) const
+    {
+#if defined(__CUDA_ARCH__)
+        return gathered + gathered_at(i, j);
+#else
+        return target.trail.flow_valid.data + pixel;
+#endif
+    }
 
     WARPCAM_FN bool inside(int i, int j) const
     {
@@ -63,9 +73,6 @@ template <int TYPES, int LENS, int OUTPUTS, int CAPACITY, class Target, class Sh
     // What a ray has met before a pass: nothing that is new. No ray outside of the image meets anything.
     WARPCAM_FN Hit start(int i, int j, bool first_pass) const
     {
-        if constexpr ((OUTPUTS & FLOW_VALID) != 0)
-            if (inside(i, j))
-                expect_flow(places, j * target.width + i);
         Hit hit { inside(i, j) ? camera.far : -1.0f, -1, -1 };
         if (!first_pass && inside(i, j) && target.shape.data[at(i, j)] >= 0)
             hit.depth = target.depth.data[at(i, j)];
@@ -95,7 +102,7 @@ template <int TYPES, int LENS, int OUTPUTS, int CAPACITY, class Target, class Sh
         if (WHAT & NORMALS)
             put_three(target.normals.data, pixel, normal_of(hit, seen));
         if constexpr ((WHAT & FLOWS) != 0)
-            put_flow<TYPES, LENS, WHAT>(target.trail, places, shapes, camera, seen, { hit.depth, shape, hit.face }, world, i, j,
+            put_flow<TYPES, LENS, WHAT>(target.trail, valid_at(i, j, pixel), places, shapes, camera, seen, { hit.depth, shape, hit.face }, world, i, j,
                                         pixel);
     }
 

@@ -193,11 +193,15 @@ WARPCAM_FN void draw(const Shapes& shapes, const Materials& materials, const Mes
     if (thread == 0) {
         camera = load_camera(wp::index(views, world));
         if constexpr (FLOWING)
-            places = flow_places(target.trail, world);
+            places = flow_places<(OUTPUTS & FLOW_MOVES) != 0>(target.trail, world);
     }
     block_barrier();
+    if constexpr (FLOWING)
+        expect_flow<WIDTH, OUTPUTS>(target.trail, places, region, thread);
+    constexpr bool GATHERS = (OUTPUTS & FLOW_VALID) != 0;
+    alignas(16) WARPCAM_SHARED unsigned char gathered[GATHERS ? GATHERED * GATHERED : 1];
     const Canvas<TYPES, LENS, OUTPUTS, CAPACITY, Target, Shapes> canvas {
-        target, shapes, list, camera, region, world, places
+        target, shapes, list, camera, region, world, places, gathered
     };
     const auto hidden = [&](int id) {
         if constexpr ((OUTPUTS & OPAQUE) != 0)
@@ -207,6 +211,15 @@ WARPCAM_FN void draw(const Shapes& shapes, const Materials& materials, const Mes
     };
     draw_region<TYPES, LENS, names_slots(OUTPUTS), SEVERAL>(list, canvas, shapes, meshes, fields, hidden, world,
                                                             thread);
+#if defined(__CUDA_ARCH__)
+    if constexpr (GATHERS) {
+        const Region done = region_of<WIDTH, HEIGHT>(target, index / THREADS, world);
+        if (target.trail.width % 16 == 0)
+            put_gathered<16, uint4>(target.trail, gathered, done, world, thread);
+        else
+            put_gathered<1, unsigned char>(target.trail, gathered, done, world, thread);
+    }
+#endif
 }
 
 }  // namespace warpcam

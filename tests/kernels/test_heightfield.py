@@ -7,7 +7,7 @@ import numpy as np
 import warp as wp
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
-from warpcam.kernels.launch import native_options
+from warpcam.kernels.launch import native_module
 from warpcam.kernels.types import HeightFields
 
 from warpcam.accel.heightfields import HeightField, pack_height_fields
@@ -46,7 +46,7 @@ def walk_one(
 ): ...
 
 
-@wp.kernel(module="unique", enable_backward=False, module_options={"extra_build_options": native_options("shadow.h")})
+@wp.kernel(module="unique", enable_backward=False, module_options=native_module("shadow.h"))
 def walk_all(
     fields: HeightFields,
     origins: wp.array(dtype=wp.vec3),
@@ -89,7 +89,7 @@ def walk_eight(
 ): ...
 
 
-@wp.kernel(module="unique", enable_backward=False, module_options={"extra_build_options": native_options("tiles.h")})
+@wp.kernel(module="unique", enable_backward=False, module_options=native_module("tiles.h"))
 def walk_all_on_cpu(
     fields: HeightFields,
     origins: wp.array(dtype=wp.vec3),
