@@ -93,25 +93,14 @@ template <int LENS, class Target> struct Seen {
             const int west = i > 0 ? -1 : 0, east = has_right ? 1 : 0;
             const bool down_left = shape(down + west) != here, down_right = shape(down + east) != here;
             const bool up_left = shape(up + west) != here, up_right = shape(up + east) != here;
-            return unsigned(at_down | down_left) | unsigned(at_right | down_right) << 1
-                | unsigned(at_left | up_left) << 2 | unsigned(at_up | up_right) << 3;
+            return unsigned(at_down | down_left) | unsigned(at_right | down_right) << 1 | unsigned(at_left | up_left) << 2
+                | unsigned(at_up | up_right) << 3;
         }
         if (here < 0)
             return 0;
         const bool bent = (has_left && has_right && turns(left, pixel, right, scale_x))
             || (has_up && has_down && turns(up, pixel, down, scale_y));
         return bent ? EVERY_SAMPLE : 0;
-    }
-
-    // Is a shape of that type in one of the nine pixels around? `types` are those of all shapes.
-    template <class Types> WARPCAM_FN bool beside(const Types& types, int type, int i, int j) const
-    {
-        bool any = false;
-        for (int k = 0; k < 9; ++k) {
-            const int id = shape(around(i, j, k));
-            any |= id >= 0 && wp::index(types, id) == type;
-        }
-        return any;
     }
 
     // What is linear in the image of a plane.

@@ -1,9 +1,9 @@
 // Smooth edges: a pixel that an edge runs through shows the mean of what its samples hit, as in OpenGL.
 //
-// A block finds the edges of one region and lists their pixels. A warp then takes 32 or 64 of them: what their samples may
-// hit are the shapes that are seen in the pixels around, which are few, so that a list of shapes is made for these pixels
-// and nothing else is traced; nor are samples on a side where there is no edge. A sample has the colour of the nearest
-// pixel that shows the same surface: nothing is lit anew, whatever made the image.
+// A block finds the edges of one region and lists their pixels. A warp then takes 32 of them: what their samples may hit
+// are the shapes that are seen in the pixels around, which are few, so that a list of shapes is made for each 32 pixels
+// and nothing else is traced. Samples on a side where there is no edge are not traced either. A sample has the colour of
+// the nearest pixel that shows the same surface: nothing is lit anew, whatever made the image.
 #pragma once
 #include "mesh_queue.h"
 #include "samples.h"
@@ -134,15 +134,14 @@ WARPCAM_FN void smooth_region(const Shapes& shapes, const Meshes& meshes, const 
                               const Region& region, int world)
 {
     constexpr bool HAS_MESH = TYPES >> MESH & 1, HAS_FIELD = TYPES >> HEIGHT_FIELD & 1, SLOW = HAS_MESH || HAS_FIELD;
-    constexpr bool MIXED = HAS_MESH && (TYPES & ~(1 << MESH | 1 << SCALED)) != 0;
     constexpr int WARPS = THREADS / LANES;
     WARPCAM_SHARED unsigned short listed[WIDTH * HEIGHT];
-    WARPCAM_SHARED int counts[2], next;  // pixels listed from the front, those at meshes, and from the back
+    WARPCAM_SHARED int count, next;
     WARPCAM_SHARED Batch<TYPES> batches[WARPS];
     WARPCAM_SHARED MeshRays<1> waiting[HAS_MESH ? WARPS : 1];
     const int lane = threadIdx.x % LANES, warp = threadIdx.x / LANES;
     if (threadIdx.x == 0)
-        counts[0] = counts[1] = next = 0;
+        count = next = 0;
     block_barrier();
 
     const int across = region.width / TILE_WIDTH, tiles = across * (region.height / TILE_HEIGHT);
@@ -153,17 +152,11 @@ WARPCAM_FN void smooth_region(const Shapes& shapes, const Meshes& meshes, const 
         const unsigned samples = inside ? seen.edge(i, j) : 0;
         if (inside)
             target.edges.data[seen.at(i, j)] = samples != 0;
-        const bool front = samples && (!MIXED || seen.beside(shapes.types, MESH, i, j));
-#pragma unroll
-        for (int end = 0; end < (MIXED ? 2 : 1); ++end) {
-            const bool here = samples && front == (end == 0);
-            const unsigned found = __ballot_sync(ALL, here);
-            if (!found)
-                continue;
-            const int begin = __shfl_sync(ALL, lane == 0 ? atomicAdd(&counts[end], __popc(found)) : 0, 0);
-            const int at = begin + __popc(found & ((1u << lane) - 1));
-            if (here)
-                listed[end == 0 ? at : WIDTH * HEIGHT - 1 - at]
+        const unsigned found = __ballot_sync(ALL, samples != 0);
+        if (found) {
+            const int begin = __shfl_sync(ALL, lane == 0 ? atomicAdd(&count, __popc(found)) : 0, 0);
+            if (samples)
+                listed[begin + __popc(found & ((1u << lane) - 1))]
                     = static_cast<unsigned short>(place_of(region, i, j) << SAMPLES | samples);
         }
     }
@@ -173,15 +166,12 @@ WARPCAM_FN void smooth_region(const Shapes& shapes, const Meshes& meshes, const 
     Batch<TYPES>& batch = batches[warp];
     const float near = camera.near;
     while (true) {
-        const int number = __shfl_sync(ALL, lane == 0 ? atomicAdd(&next, 1) : 0, 0);
-        const int in_front = (counts[0] + PIXELS - 1) / PIXELS, end = number < in_front ? 0 : 1;
-        const int begin = (number - (end == 0 ? 0 : in_front)) * PIXELS;
-        if (begin >= counts[end])
+        const int begin = __shfl_sync(ALL, lane == 0 ? atomicAdd(&next, PIXELS) : 0, 0);
+        if (begin >= count)
             return;
-        const int pixels = lower_int(counts[end] - begin, PIXELS);
+        const int pixels = lower_int(count - begin, PIXELS);
         const auto edge_of = [&](int pixel) -> Edge {
-            const int at = begin + lower_int(pixel, pixels - 1);
-            const unsigned word = listed[end == 0 ? at : WIDTH * HEIGHT - 1 - at], place = word >> SAMPLES;
+            const unsigned word = listed[begin + lower_int(pixel, pixels - 1)], place = word >> SAMPLES;
             return { region.left + int(place % 64), region.top + int(place / 64),
                      pixel < pixels ? word & EVERY_SAMPLE : 0 };
         };
