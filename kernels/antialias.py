@@ -24,7 +24,7 @@ SAMPLES: Mapping[int, Sequence[tuple[float, float]]] = {
 }
 # The images whose edges can be smooth, with dtype and channels, in the order of their bits in native/smooth.h.
 IMAGES: Mapping[str, tuple[type, int]] = {"rgb": (wp.uint8, 3), "rgba": (wp.uint8, 4), "hdr": (wp.float32, 3)}
-BLOCKS, MESH_BLOCKS = 9, 7  # that a multiprocessor is to hold, without and with meshes or height fields
+BLOCKS, MESH_BLOCKS = 9, 8  # that a multiprocessor is to hold, without and with meshes or height fields
 
 
 @functools.cache

@@ -22,6 +22,12 @@ struct NearShape {
     bool around[BATCH];
 };
 
+// A pixel with an edge.
+struct Edge {
+    int i, j;
+    unsigned samples;  // to trace
+};
+
 // Smooths a few pixels.
 template <int TYPES, int LENS, int IMAGES, class Shapes, class Meshes, class HeightFields, class Target>
 inline void smooth_pixels(const Edge* listed, int pixels, const Shapes& shapes, const Meshes& meshes,
