@@ -24,17 +24,6 @@ WARPCAM_FN int greatest(int value)
 #endif
 }
 
-WARPCAM_FN unsigned bits_of_all(unsigned bits)
-{
-#if __CUDA_ARCH__ >= 800
-    return __reduce_or_sync(ALL, bits);
-#else
-    for (int step = LANES / 2; step > 0; step /= 2)
-        bits |= __shfl_xor_sync(ALL, bits, step);
-    return bits;
-#endif
-}
-
 // What the samples of a warp's pixels are traced against, and what they hit. A sample: 32 * its number + its pixel.
 // SLOW: there are meshes or height fields.
 template <bool SLOW> struct Batch {
@@ -134,7 +123,7 @@ WARPCAM_FN void smooth_region(const Shapes& shapes, const Meshes& meshes, const 
     WARPCAM_SHARED unsigned short listed[WIDTH * HEIGHT];
     WARPCAM_SHARED int count, next;
     WARPCAM_SHARED Batch<SLOW> batches[WARPS];
-    WARPCAM_SHARED MeshRays<1> waiting[HAS_MESH ? WARPS : 1];
+    WARPCAM_SHARED PairedMeshRays<1> waiting[HAS_MESH ? WARPS : 1];
     const int lane = threadIdx.x % LANES, warp = threadIdx.x / LANES;
     if (threadIdx.x == 0)
         count = next = 0;
@@ -253,7 +242,7 @@ WARPCAM_FN void smooth_region(const Shapes& shapes, const Meshes& meshes, const 
                             && meets_mesh(meshes, record, ray.local(record), ray.near, until))
                             met |= 1u << rank;
                     }
-                    MeshRays<1>& rays = waiting[HAS_MESH ? warp : 0];
+                    PairedMeshRays<1>& rays = waiting[HAS_MESH ? warp : 0];
                     const unsigned meeting = __ballot_sync(ALL, met != 0);
                     const int at = rays.put(meeting, &met, 1, sample);
                     if (met)
