@@ -6,6 +6,8 @@ namespace warpcam {
 
 // A surface has an edge where its slope, of depth over width, changes by more than this from pixel to pixel.
 constexpr float CREASE = 1.0f;
+// ... and it lies between two pixels if the other's slope, too, changes by this part of it or more.
+constexpr float SHARED = 0.25f;
 // Of the pixels that may show a sample's surface one whose plane lies apart from it by so many pixels' widths in depth
 // is as bad as one that lies a pixel's width aside.
 constexpr float STEEP = 1.0f;
@@ -66,19 +68,34 @@ template <int LENS, class Target> struct Seen {
     // The same for one of the nine pixels around, row after row.
     WARPCAM_FN unsigned around(int i, int j, int k) const { return near(i + k % 3 - 1, j + k / 3 - 1); }
 
-    // Are three pixels in a row not on one plane? Of a plane 1 / depth is linear in a pinhole's image.
-    WARPCAM_FN bool turns(unsigned before, unsigned here, unsigned after, float scale) const
+    // How much the surface's slope changes along three pixels in a row, by CREASE. Of a plane 1 / depth is linear in a
+    // pinhole's image.
+    WARPCAM_FN float bend(unsigned before, unsigned here, unsigned after, float scale) const
     {
         const float a = depth(before), b = depth(here), c = depth(after);
         if (LENS == PINHOLE)
-            return magnitude(b * (a + c) - 2.0f * a * c) > CREASE * scale * (a * c);
-        return magnitude(a + c - 2.0f * b) > CREASE * scale;
+            return magnitude(b * (a + c) - 2.0f * a * c) * reciprocal(CREASE * scale * (a * c));
+        return magnitude(a + c - 2.0f * b) * reciprocal(CREASE * scale);
     }
 
-    // Which of the pixel's samples may hit what its centre does not, by bit. All where its surface is bent. Otherwise
-    // those that have another shape at a corner of the triangle that they lie in, of the pixel's centre, that of a
-    // neighbour and that of one across: three pixels that show the same shape have no edge between them. A pixel has
-    // an edge if one of its four neighbours is another shape, or its surface is bent.
+    // On which sides of a bent pixel its surface has an edge, by bit: 1 before, 2 after. It has one between two pixels
+    // if both are bent, and on both sides where that tells neither. `at` is the pixel's place in its line of `count`,
+    // `step` leads to the next one.
+    WARPCAM_FN unsigned sides(unsigned pixel, int at, int count, unsigned step, float scale, int here) const
+    {
+        const auto beside = [&](bool there, unsigned from, unsigned middle, unsigned to) {
+            return !there || shape(from) != here || shape(to) != here || bend(from, middle, to, scale) > SHARED;
+        };
+        const unsigned found = unsigned(beside(at > 1, pixel - 2 * step, pixel - step, pixel))
+            | unsigned(beside(at + 2 < count, pixel, pixel + step, pixel + 2 * step)) << 1;
+        return found ? found : 3;
+    }
+
+    // Which of the pixel's samples may hit what its centre does not, by bit: those that
+    // have an edge at a corner of the triangle that they lie in, of the pixel's centre, that of a neighbour and that of
+    // one across. Three pixels that show the same shape have none between them, nor have those on the other side of a
+    // bent pixel than its edge. A pixel has an edge if one of its four neighbours is another shape, or its surface is
+    // bent.
     WARPCAM_FN unsigned edge(int i, int j) const
     {
         const unsigned pixel = at(i, j), line = unsigned(target.width);
@@ -98,9 +115,13 @@ template <int LENS, class Target> struct Seen {
         }
         if (here < 0)
             return 0;
-        const bool bent = (has_left && has_right && turns(left, pixel, right, scale_x))
-            || (has_up && has_down && turns(up, pixel, down, scale_y));
-        return bent ? EVERY_SAMPLE : 0;
+        unsigned across = 0, upright = 0;
+        if (has_left && has_right && bend(left, pixel, right, scale_x) > 1.0f)
+            across = sides(pixel, i, target.width, 1, scale_x, here);
+        if (has_up && has_down && bend(up, pixel, down, scale_y) > 1.0f)
+            upright = sides(pixel, j, target.height, line, scale_y, here);
+        const unsigned before = across & 1, after = across >> 1, above = upright & 1, below = upright >> 1;
+        return (below | before) | (after | below) << 1 | (before | above) << 2 | (above | after) << 3;
     }
 
     // What is linear in the image of a plane.

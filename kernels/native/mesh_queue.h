@@ -136,7 +136,7 @@ WARPCAM_FN void trace_rays(Rays& rays, const List& list, const Meshes& meshes, f
         }
 
         const unsigned leaves = __ballot_sync(ALL, node < 0);
-        if (leaves && (__popc(leaves) >= FEW || !stepping)) {
+        if (leaves && (__popc(leaves) >= (Rays::PAIRED ? FEW / 2 : FEW) || !stepping)) {
             bool met = false;
             if constexpr (Rays::PAIRED)
                 met = meet_leaves<TYPES>(rays.owners, list, meshes, ray, slot, node, near, depth, face);
