@@ -20,6 +20,10 @@ struct Offset {
     float right, down;  // from the pixel's centre [pixels]
 };
 
+struct Place {
+    int right, down;  // of a pixel [pixels]
+};
+
 // Where OpenGL's implementations have a pixel's samples (antialias.py has the same numbers).
 WARPCAM_FN Offset sample_offset(int sample)
 {
@@ -128,12 +132,17 @@ template <int LENS, class Target> struct Seen {
     WARPCAM_FN float level(float depth) const { return LENS == PINHOLE ? reciprocal(depth) : depth; }
 
     // How much the level of a pixel's surface rises towards a hit, from this pixel to the next, which is at `toward`: as
-    // the pixel on the side away tells, or else that one; 0 if both show other shapes.
-    WARPCAM_FN float rise(float here, bool has_away, unsigned away, bool has_toward, unsigned toward, int hit_shape) const
+    // the pixel on the side away tells, or else that one; 0 if both show other shapes. All is loaded at once: tests on
+    // the way would cost more.
+    WARPCAM_FN float rise(unsigned pixel, float here, bool has_away, unsigned away, bool has_toward, unsigned toward,
+                          int hit_shape) const
     {
-        if (has_away && shape(away) == hit_shape)
-            return here - level(depth(away));
-        return has_toward && shape(toward) == hit_shape ? level(depth(toward)) - here : 0.0f;
+        away = has_away ? away : pixel;
+        toward = has_toward ? toward : pixel;
+        const bool on_away = has_away & (shape(away) == hit_shape);
+        const bool on_toward = has_toward & (shape(toward) == hit_shape);
+        const float far = depth(away), close = depth(toward), other = level(on_away ? far : close);
+        return on_away ? here - other : on_toward ? other - here : 0.0f;
     }
 
     // How far a hit lies from the plane of a pixel's surface, in pixels' widths. The pixels on the side away from the
@@ -144,9 +153,9 @@ template <int LENS, class Target> struct Seen {
         const float here = level(depth(pixel));
         const int right = x > 0.0f ? 1 : -1, down = y > 0.0f ? 1 : -1;
         const float found = here
-            + magnitude(x) * rise(here, inside(i + right, j), at(i + right, j), inside(i - right, j), at(i - right, j),
+            + magnitude(x) * rise(pixel, here, inside(i + right, j), at(i + right, j), inside(i - right, j), at(i - right, j),
                                   hit_shape)
-            + magnitude(y) * rise(here, inside(i, j + down), at(i, j + down), inside(i, j - down), at(i, j - down),
+            + magnitude(y) * rise(pixel, here, inside(i, j + down), at(i, j + down), inside(i, j - down), at(i, j - down),
                                   hit_shape);
         const float apart = magnitude(found - level(hit_depth));
         return (LENS == PINHOLE ? apart * hit_depth : apart) * reciprocal(STEEP * scale_x);
@@ -161,22 +170,30 @@ template <int LENS, class Target> struct Seen {
         constexpr unsigned FARTHER = 0x999, OTHER = 0x90a5;
         const bool upright = magnitude(offset.down) > magnitude(offset.right);
         const int x = offset.right > 0.0f ? 1 : -1, y = offset.down > 0.0f ? 1 : -1;
+        const auto aside = [&](int k) {
+            const int farther = int(FARTHER >> 2 * k & 3) - 1, other = int(OTHER >> 2 * k & 3) - 1;
+            return Place { x * (upright ? other : farther), y * (upright ? farther : other) };
+        };
+        unsigned left = 0;  // those that show the shape, by number
+#pragma unroll
+        for (int k = 0; k < 9; ++k) {
+            const Place at_k = aside(k);
+            const bool there = inside(i + at_k.right, j + at_k.down);
+            left |= unsigned(there & (shape(there ? at(i + at_k.right, j + at_k.down) : at(i, j)) == hit_shape)) << k;
+        }
         float best = FAR_AWAY;
         unsigned chosen = at(i, j);
-        for (int k = 0; k < 9; ++k) {
-            const int farther = int(FARTHER >> 2 * k & 3) - 1, other = int(OTHER >> 2 * k & 3) - 1;
-            const int right = x * (upright ? other : farther), down = y * (upright ? farther : other);
-            const float aside = float(right) - offset.right, below = float(down) - offset.down;
-            float cost = aside * aside + below * below;
+        for (; left; left &= left - 1) {
+            const Place at_k = aside(lowest_bit(left));
+            const float right = float(at_k.right) - offset.right, down = float(at_k.down) - offset.down;
+            float cost = right * right + down * down;
             if (cost >= best)
                 break;
-            if (!inside(i + right, j + down) || shape(at(i + right, j + down)) != hit_shape)
-                continue;
             if (hit_shape >= 0)
-                cost += off_plane(i + right, j + down, aside, below, hit_depth, hit_shape);
+                cost += off_plane(i + at_k.right, j + at_k.down, right, down, hit_depth, hit_shape);
             if (cost < best) {
                 best = cost;
-                chosen = at(i + right, j + down);
+                chosen = at(i + at_k.right, j + at_k.down);
             }
         }
         return chosen;
