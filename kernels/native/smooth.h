@@ -149,11 +149,13 @@ WARPCAM_FN void smooth_region(const Shapes& shapes, const Meshes& meshes, const 
 
     Batch<SLOW>& batch = batches[warp];
     const float near = camera.near;
+    const int turns = (count + THREADS - 1) / THREADS;  // of each warp, which get equal shares of the pixels
+    const int share = turns ? (count + WARPS * turns - 1) / (WARPS * turns) : 0;
     while (true) {
-        const int begin = __shfl_sync(ALL, lane == 0 ? atomicAdd(&next, LANES) : 0, 0);
+        const int begin = __shfl_sync(ALL, lane == 0 ? atomicAdd(&next, share) : 0, 0);
         if (begin >= count)
             return;
-        const int pixels = lower_int(count - begin, LANES);
+        const int pixels = lower_int(count - begin, share);
         const unsigned word = listed[begin + lower_int(lane, pixels - 1)], place = word >> SAMPLES;
         const unsigned samples = lane < pixels ? word & EVERY_SAMPLE : 0;
         const int i = region.left + int(place % 64), j = region.top + int(place / 64);
