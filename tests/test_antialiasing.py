@@ -69,44 +69,34 @@ def level(depth: np.ndarray, pinhole: bool) -> np.ndarray:
         return 1.0 / depth if pinhole else depth
 
 
-def bends(depth: np.ndarray, shape: np.ndarray, width: float, pinhole: bool) -> np.ndarray:
-    """How much the slope changes at each pixel along a row, in pixels' widths; inf if a pixel there shows another shape."""
-    found = np.full(shape.shape, np.inf)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        line = level(depth, pinhole)
-        middle = line[:, 1:-1]
-        turn = np.abs(line[:, :-2] + line[:, 2:] - 2.0 * middle) / (middle if pinhole else 1.0) / width
-    one = (shape[:, :-2] == shape[:, 1:-1]) & (shape[:, 2:] == shape[:, 1:-1]) & (shape[:, 1:-1] >= 0)
-    found[:, 1:-1][one] = turn[one]
-    return found
+FAINT, FAINT_WITHIN = 8, 16  # of native/edges.h
 
 
-def edges_of(depth: np.ndarray, shape: np.ndarray, width: float, pinhole: bool) -> np.ndarray:
+def edges_of(depth: np.ndarray, shape: np.ndarray, rgb: np.ndarray, width: float, pinhole: bool) -> np.ndarray:
     """Which samples of each pixel are to be traced, (size, size, 4): ``width`` is a pixel's.
 
-    Those in whose triangle of pixels another shape is. If none is beside the pixel and its surface is bent, those on
-    the sides where the next pixel's is bent, too, or on both if that tells neither.
+    All of a bent surface. If another shape is beside the pixel, those in whose triangle of pixels it is. But only where
+    the colours of the pixels that a sample lies among differ from its own.
     """
     edges = np.zeros((*shape.shape, 4), bool)
     last = len(shape) - 1
-    bent = np.stack((bends(depth.T, shape.T, width, pinhole).T, bends(depth, shape, width, pinhole)))
     for i, j in np.ndindex(*shape.shape):
         rows = [[(i - 1, j), (i, j), (i + 1, j)], [(i, j - 1), (i, j), (i, j + 1)]]
+        whole = [row for row in rows if all(0 <= min(at) and max(at) <= last for at in row)]
         if any(shape[np.clip(at, 0, last)[0], np.clip(at, 0, last)[1]] != shape[i, j] for row in rows for at in row):
             for k, (right, down) in enumerate(SAMPLES[4]):
                 across = np.clip((i + np.sign(down), j + np.sign(right)), 0, last).astype(int)
                 beside = (across[0], j) if abs(down) > abs(right) else (i, across[1])
                 edges[i, j, k] = any(shape[at] != shape[i, j] for at in (beside, tuple(across)))
         elif shape[i, j] >= 0:
-            sides = []  # on which it has edges, of before and after, along columns and rows
-            for axis, row in enumerate(rows):
-                if not (np.isfinite(bent[axis, i, j]) and bent[axis, i, j] > 1.0):
-                    sides.append((False, False))
-                    continue
-                side = tuple(bool(bent[axis][at] > 0.25) for at in (row[0], row[2]))
-                sides.append(side if any(side) else (True, True))
-            for k, (right, down) in enumerate(SAMPLES[4]):
-                edges[i, j, k] = sides[0][down > 0] or sides[1][right > 0]
+            for row in whole:
+                before, here, after = (level(depth[at], pinhole) for at in row)
+                edges[i, j] |= abs((before + after - 2.0 * here) / (here if pinhole else 1.0)) > width
+        beside_another = any(shape[tuple(np.clip(at, 0, last))] != shape[i, j] for row in rows for at in row)
+        for k, (right, down) in enumerate(SAMPLES[4]):
+            y, x = np.clip((i + np.sign(down), j + np.sign(right)), 0, last).astype(int)
+            differences = [np.abs(rgb[at].astype(int) - rgb[i, j]).max() for at in ((y, j), (i, x), (y, x))]
+            edges[i, j, k] &= max(differences) > (FAINT if beside_another else FAINT_WITHIN)
     return edges
 
 
@@ -171,7 +161,7 @@ def test_every_pixel_is_as_by_brute_force(device: wp.Device, world: str, pinhole
     depth, shape = plain["depth"].astype(float), plain["segmentation"]
     expected = plain["rgb"].astype(float)
     tried, hidden = 0, np.zeros((size, size), bool)
-    traced = edges_of(depth, shape, width, pinhole)
+    traced = edges_of(depth, shape, plain["rgb"], width, pinhole)
     for at in zip(*np.nonzero(traced.any(-1)), strict=True):
         around = shape[tuple(slice(max(c - 1, 0), c + 2) for c in at)]
         hits = [(sample["depth"][at], sample["segmentation"][at]) for sample in samples]

@@ -6,8 +6,9 @@ namespace warpcam {
 
 // A surface has an edge where its slope, of depth over width, changes by more than this from pixel to pixel.
 constexpr float CREASE = 1.0f;
-// ... and it lies between two pixels if the other's slope, too, changes by this part of it or more.
-constexpr float SHARED = 0.25f;
+// Colours that differ by so much or less are about the same [levels of 255], at an edge of a shape and within one. Of a
+// pixel's mean a sample is a quarter.
+constexpr int FAINT = 8, FAINT_WITHIN = 16;
 // Of the pixels that may show a sample's surface one whose plane lies apart from it by so many pixels' widths in depth
 // is as bad as one that lies a pixel's width aside.
 constexpr float STEEP = 1.0f;
@@ -15,6 +16,8 @@ constexpr float STEEP = 1.0f;
 constexpr float BEYOND = 2.5f, ASIDE = 4.0f;
 constexpr int SAMPLES = 4;  // of a pixel
 constexpr unsigned EVERY_SAMPLE = (1u << SAMPLES) - 1;
+// Images: bits in the order of antialias.py.
+constexpr int SMOOTH_RGB = 1, SMOOTH_RGBA = 2, SMOOTH_HDR = 4;
 
 struct Offset {
     float right, down;  // from the pixel's centre [pixels]
@@ -72,60 +75,71 @@ template <int LENS, class Target> struct Seen {
     // The same for one of the nine pixels around, row after row.
     WARPCAM_FN unsigned around(int i, int j, int k) const { return near(i + k % 3 - 1, j + k / 3 - 1); }
 
-    // How much the surface's slope changes along three pixels in a row, by CREASE. Of a plane 1 / depth is linear in a
-    // pinhole's image.
-    WARPCAM_FN float bend(unsigned before, unsigned here, unsigned after, float scale) const
+    // Are three pixels in a row not on one plane? Of a plane 1 / depth is linear in a pinhole's image.
+    WARPCAM_FN bool turns(unsigned before, unsigned here, unsigned after, float scale) const
     {
         const float a = depth(before), b = depth(here), c = depth(after);
         if (LENS == PINHOLE)
-            return magnitude(b * (a + c) - 2.0f * a * c) * reciprocal(CREASE * scale * (a * c));
-        return magnitude(a + c - 2.0f * b) * reciprocal(CREASE * scale);
+            return magnitude(b * (a + c) - 2.0f * a * c) > CREASE * scale * (a * c);
+        return magnitude(a + c - 2.0f * b) > CREASE * scale;
     }
 
-    // On which sides of a bent pixel its surface has an edge, by bit: 1 before, 2 after. It has one between two pixels
-    // if both are bent, and on both sides where that tells neither. `at` is the pixel's place in its line of `count`,
-    // `step` leads to the next one.
-    WARPCAM_FN unsigned sides(unsigned pixel, int at, int count, unsigned step, float scale, int here) const
+    // Do the colours of two pixels differ by more levels, in any channel?
+    template <int IMAGES> WARPCAM_FN bool differ(unsigned one, unsigned other, int levels) const
     {
-        const auto beside = [&](bool there, unsigned from, unsigned middle, unsigned to) {
-            return !there || shape(from) != here || shape(to) != here || bend(from, middle, to, scale) > SHARED;
-        };
-        const unsigned found = unsigned(beside(at > 1, pixel - 2 * step, pixel - step, pixel))
-            | unsigned(beside(at + 2 < count, pixel, pixel + step, pixel + 2 * step)) << 1;
-        return found ? found : 3;
+        constexpr int CHANNELS = IMAGES & SMOOTH_RGB ? 3 : 4;
+        bool found = false;
+        if (IMAGES & SMOOTH_HDR)
+            for (int k = 0; k < 3; ++k)
+                found |= magnitude(target.hdr.data[3 * size_t(one) + k] - target.hdr.data[3 * size_t(other) + k])
+                    > float(levels) * (1.0f / 255.0f);
+        if (IMAGES & (SMOOTH_RGB | SMOOTH_RGBA)) {
+            const unsigned char* image = IMAGES & SMOOTH_RGB ? target.rgb.data : target.rgba.data;
+            for (int k = 0; k < CHANNELS; ++k) {
+                const int rise = int(image[CHANNELS * size_t(other) + k]) - int(image[CHANNELS * size_t(one) + k]);
+                found |= rise > levels || -rise > levels;
+            }
+        }
+        return found;
     }
 
-    // Which of the pixel's samples may hit what its centre does not, by bit: those that
-    // have an edge at a corner of the triangle that they lie in, of the pixel's centre, that of a neighbour and that of
-    // one across. Three pixels that show the same shape have none between them, nor have those on the other side of a
-    // bent pixel than its edge. A pixel has an edge if one of its four neighbours is another shape, or its surface is
-    // bent.
-    WARPCAM_FN unsigned edge(int i, int j) const
+    // Which of the pixel's samples may hit what its centre does not, by bit. A pixel has an edge if one of its four
+    // neighbours is another shape: then those that have another shape at a corner of the triangle that they lie in, of
+    // the pixel's centre, that of a neighbour and that of one across, for three pixels that show the same shape have no
+    // edge between them. Or if its surface is bent: then all. In both cases it must show: where the three other pixels
+    // that a sample lies among have about the colour of its own, nothing is traced.
+    template <int IMAGES> WARPCAM_FN unsigned edge(int i, int j) const
     {
         const unsigned pixel = at(i, j), line = unsigned(target.width);
         const bool has_left = i > 0, has_right = i + 1 < target.width;
         const bool has_up = j > 0, has_down = j + 1 < target.height;
         const unsigned left = has_left ? pixel - 1 : pixel, right = has_right ? pixel + 1 : pixel;
         const unsigned up = has_up ? pixel - line : pixel, down = has_down ? pixel + line : pixel;
-        const int here = shape(pixel);
+        const int here = shape(pixel), west = has_left ? -1 : 0, east = has_right ? 1 : 0;
         const bool at_left = shape(left) != here, at_right = shape(right) != here;
         const bool at_up = shape(up) != here, at_down = shape(down) != here;
-        if (at_left | at_right | at_up | at_down) {
-            const int west = i > 0 ? -1 : 0, east = has_right ? 1 : 0;
+        const bool within = !(at_left | at_right | at_up | at_down);
+        unsigned samples = 0;
+        if (!within) {
             const bool down_left = shape(down + west) != here, down_right = shape(down + east) != here;
             const bool up_left = shape(up + west) != here, up_right = shape(up + east) != here;
-            return unsigned(at_down | down_left) | unsigned(at_right | down_right) << 1 | unsigned(at_left | up_left) << 2
-                | unsigned(at_up | up_right) << 3;
+            samples = unsigned(at_down | down_left) | unsigned(at_right | down_right) << 1
+                | unsigned(at_left | up_left) << 2 | unsigned(at_up | up_right) << 3;
+        } else if (here >= 0
+                   && ((has_left && has_right && turns(left, pixel, right, scale_x))
+                       || (has_up && has_down && turns(up, pixel, down, scale_y)))) {
+            samples = EVERY_SAMPLE;
         }
-        if (here < 0)
-            return 0;
-        unsigned across = 0, upright = 0;
-        if (has_left && has_right && bend(left, pixel, right, scale_x) > 1.0f)
-            across = sides(pixel, i, target.width, 1, scale_x, here);
-        if (has_up && has_down && bend(up, pixel, down, scale_y) > 1.0f)
-            upright = sides(pixel, j, target.height, line, scale_y, here);
-        const unsigned before = across & 1, after = across >> 1, above = upright & 1, below = upright >> 1;
-        return (below | before) | (after | below) << 1 | (before | above) << 2 | (above | after) << 3;
+        if (samples) {
+            const int levels = within ? FAINT_WITHIN : FAINT;
+            const auto differs = [&](unsigned other) { return differ<IMAGES>(pixel, other, levels); };
+            const bool to_left = differs(left), to_right = differs(right), to_up = differs(up), to_down = differs(down);
+            samples &= unsigned(to_down | to_left | differs(down + west))
+                | unsigned(to_right | to_down | differs(down + east)) << 1
+                | unsigned(to_left | to_up | differs(up + west)) << 2
+                | unsigned(to_up | to_right | differs(up + east)) << 3;
+        }
+        return samples;
     }
 
     // What is linear in the image of a plane.

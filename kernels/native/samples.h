@@ -5,9 +5,6 @@
 
 namespace warpcam {
 
-// Images: bits in the order of antialias.py.
-constexpr int SMOOTH_RGB = 1, SMOOTH_RGBA = 2, SMOOTH_HDR = 4;
-
 // Rows of a region are 64 pixels apart in a pixel's place.
 WARPCAM_FN int place_of(const Region& region, int i, int j) { return (j - region.top) * 64 + (i - region.left); }
 

@@ -134,7 +134,7 @@ WARPCAM_FN void smooth_region(const Shapes& shapes, const Meshes& meshes, const 
         const int i = region.left + tile % across * TILE_WIDTH + lane % TILE_WIDTH;
         const int j = region.top + tile / across * TILE_HEIGHT + lane / TILE_WIDTH;
         const bool inside = i < target.width && j < target.height;
-        const unsigned samples = inside ? seen.edge(i, j) : 0;
+        const unsigned samples = inside ? seen.template edge<IMAGES>(i, j) : 0;
         if (inside)
             target.edges.data[seen.at(i, j)] = samples != 0;
         const unsigned found = __ballot_sync(ALL, samples != 0);
