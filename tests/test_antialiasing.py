@@ -179,6 +179,23 @@ def test_every_pixel_is_as_by_brute_force(device: wp.Device, world: str, pinhole
     assert (off > 0).mean() < 0.004, f"{(off > 0).sum()} pixels of {tried} with edges differ"
 
 
+@pytest.mark.parametrize(("levels", "smoothed"), [(FAINT - 2, False), (FAINT + 3, True)])
+@pytest.mark.parametrize("output", ["rgb", "rgba", "hdr"])
+def test_faint_edges_are_left(device: wp.Device, levels: int, smoothed: bool, output: str) -> None:
+    """Where colours differ by few levels nothing is traced: a mean is then off by no more than half of them."""
+    grey, other = 0.4, 0.4 + levels / 255.0
+    mjm = scenes.compile_xml(
+        f'<geom type="box" size="9 9 0.01" pos="0 0 -0.02" rgba="{grey} {grey} {grey} 1"/>'
+        + SQUARE.format(turn=20).replace("1 1 1 1", f"{other} {other} {other} 1"),
+        more=LIT,
+    )
+    scene = wc.from_mujoco(mjm, scenes.forward(mjm), device=device)
+    plain, smooth = (scenes.look(scene, camera(samples, outputs=(output,)))[output][0] for samples in (1, 4))
+    plain_levels, smooth_levels = (len(np.unique(np.round(image[..., 0], 4))) for image in (plain, smooth))
+    assert plain_levels == 2
+    assert (smooth_levels > 2) == smoothed
+
+
 def test_all_else_is_of_the_centre(device: wp.Device) -> None:
     mjm = scenes.compile_xml(EVERY_TYPE, assets=scenes.ASSETS)
     scene = wc.from_mujoco(mjm, scenes.forward(mjm), device=device)

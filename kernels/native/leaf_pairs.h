@@ -19,15 +19,14 @@ WARPCAM_FN unsigned bits_of_all(unsigned bits)
 #endif
 }
 
-// Does the ray meet a face of the leaf before its hit? Changes `depth` and `face` if it does.
+// Finds the ray's nearest hit among a leaf's faces, if it is before its hit so far.
 template <int TYPES, class Meshes, class Ray>
-WARPCAM_FN bool meet_leaf(const Record& record, const Meshes& meshes, const Ray& ray, int leaf, float near,
-                          float& depth, int& face)
+WARPCAM_FN void meet_leaf(const Record& record, const Meshes& meshes, const Ray& ray, int leaf, float near,
+                          float& depth, int& shape, int& face)
 {
     const int code = -leaf - 1, first = code >> 4, end = first + (code & 15);
     const RayFrame frame = ray.template frame<TYPES>(record);
     const unsigned faces = wp::index(meshes.face_start, record.axis_z.w);
-    bool met = false;
     for (int f = first; f < end; ++f) {
         const unsigned at = faces + unsigned(f * FACE_ROWS);
         const Row a = load(meshes.faces.data, at), b = load(meshes.faces.data, at + 1);
@@ -36,14 +35,14 @@ WARPCAM_FN bool meet_leaf(const Record& record, const Meshes& meshes, const Ray&
                                        project(frame, c.x, c.y, c.z), has_back<TYPES>(b.w));
         if (t < depth && t > near && is_there<TYPES>(meshes, record, ray.local(record), f, t)) {
             depth = t;
+            shape = record.axis_y.w;
             face = f;
-            met = true;
         }
     }
-    return met;
 }
 
-// The same for all lanes whose `node` is a leaf, of the mesh at `slot` of the list. `owners` is room for the warp.
+// The same for all lanes whose `node` is a leaf, of the mesh at `slot` of the list; says whether the lane's ray hits one.
+// `owners` is room for the warp.
 template <int TYPES, class List, class Meshes, class Ray>
 WARPCAM_FN bool meet_leaves(unsigned char (&owners)[LANES], const List& list, const Meshes& meshes, const Ray& ray,
                             int slot, int node, float near, float& depth, int& face)

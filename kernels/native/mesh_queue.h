@@ -137,14 +137,12 @@ WARPCAM_FN void trace_rays(Rays& rays, const List& list, const Meshes& meshes, f
 
         const unsigned leaves = __ballot_sync(ALL, node < 0);
         if (leaves && (__popc(leaves) >= (Rays::PAIRED ? FEW / 2 : FEW) || !stepping)) {
-            bool met = false;
             if constexpr (Rays::PAIRED)
-                met = meet_leaves<TYPES>(rays.owners, list, meshes, ray, slot, node, near, depth, face);
-            else if (node < 0)
-                met = meet_leaf<TYPES>(list.records[slot], meshes, ray, node, near, depth, face);
-            if (met)
-                shape = list.records[slot].axis_y.w;
+                if (meet_leaves<TYPES>(rays.owners, list, meshes, ray, slot, node, near, depth, face))
+                    shape = list.records[slot].axis_y.w;
             if (node < 0) {
+                if constexpr (!Rays::PAIRED)
+                    meet_leaf<TYPES>(list.records[slot], meshes, ray, node, near, depth, shape, face);
                 node = NO_NODE;
                 while (node == NO_NODE && height > 0)
                     if (entries[--height] < depth)
