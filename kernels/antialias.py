@@ -27,7 +27,7 @@ IMAGES: Mapping[str, tuple[type, int]] = {"rgb": (wp.uint8, 3), "rgba": (wp.uint
 # Pixels of which a thread block of a GPU smooths the edges. They take differently long: of larger blocks there are too few
 # for a launch's last ones not to be waited for.
 REGION = (32, 32)
-BLOCKS, MESH_BLOCKS = 9, 8  # that a multiprocessor is to hold, without and with meshes or height fields
+BLOCKS, MESH_BLOCKS = 8, 6  # that a multiprocessor is to hold, without and with meshes or height fields
 
 
 @functools.cache

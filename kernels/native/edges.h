@@ -87,14 +87,14 @@ template <int LENS, class Target> struct Seen {
     // Do the colours of two pixels differ by more levels, in any channel?
     template <int IMAGES> WARPCAM_FN bool differ(unsigned one, unsigned other, int levels) const
     {
-        constexpr int CHANNELS = IMAGES & SMOOTH_RGB ? 3 : 4;
+        constexpr int CHANNELS = IMAGES & SMOOTH_RGBA ? 4 : 3;  // the first three are the same in both
         bool found = false;
         if (IMAGES & SMOOTH_HDR)
             for (int k = 0; k < 3; ++k)
                 found |= magnitude(target.hdr.data[3 * size_t(one) + k] - target.hdr.data[3 * size_t(other) + k])
                     > float(levels) * (1.0f / 255.0f);
         if (IMAGES & (SMOOTH_RGB | SMOOTH_RGBA)) {
-            const unsigned char* image = IMAGES & SMOOTH_RGB ? target.rgb.data : target.rgba.data;
+            const unsigned char* image = IMAGES & SMOOTH_RGBA ? target.rgba.data : target.rgb.data;
             for (int k = 0; k < CHANNELS; ++k) {
                 const int rise = int(image[CHANNELS * size_t(other) + k]) - int(image[CHANNELS * size_t(one) + k]);
                 found |= rise > levels || -rise > levels;
@@ -133,11 +133,14 @@ template <int LENS, class Target> struct Seen {
         if (samples) {
             const int levels = within ? FAINT_WITHIN : FAINT;
             const auto differs = [&](unsigned other) { return differ<IMAGES>(pixel, other, levels); };
-            const bool to_left = differs(left), to_right = differs(right), to_up = differs(up), to_down = differs(down);
-            samples &= unsigned(to_down | to_left | differs(down + west))
-                | unsigned(to_right | to_down | differs(down + east)) << 1
-                | unsigned(to_left | to_up | differs(up + west)) << 2
-                | unsigned(to_up | to_right | differs(up + east)) << 3;
+            const auto keep = [&](int sample, unsigned beside, unsigned across, unsigned other) {
+                if ((samples >> sample & 1) && !(differs(beside) || differs(across) || differs(other)))
+                    samples &= ~(1u << sample);
+            };
+            keep(0, down, down + west, left);
+            keep(1, right, down + east, down);
+            keep(2, left, up + west, up);
+            keep(3, up, up + east, right);
         }
         return samples;
     }
