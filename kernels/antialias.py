@@ -24,7 +24,10 @@ SAMPLES: Mapping[int, Sequence[tuple[float, float]]] = {
 }
 # The images whose edges can be smooth, with dtype and channels, in the order of their bits in native/smooth.h.
 IMAGES: Mapping[str, tuple[type, int]] = {"rgb": (wp.uint8, 3), "rgba": (wp.uint8, 4), "hdr": (wp.float32, 3)}
-BLOCKS, MESH_BLOCKS = 9, 7  # that a multiprocessor is to hold, without and with meshes or height fields
+# Pixels of which a thread block of a GPU smooths the edges. They take differently long: of larger blocks a launch has too
+# few for its last ones not to be waited for.
+REGION = (32, 32)
+BLOCKS, MESH_BLOCKS = 8, 6  # that a multiprocessor is to hold, without and with meshes or height fields
 
 
 @functools.cache
@@ -150,6 +153,8 @@ def record(
             wanted |= 1 << bit
     types = sum(1 << t for t in tables.shape_types)
     region = region_size(tables, group.at_once, width, height, device)
+    if device.is_cuda:
+        region = min(region, REGION)
     unit = -(-width // region[0]) * -(-height // region[1]) * (THREADS if device.is_cuda else 1)  # threads a world
     kernel = _kernel(types, LENSES[lens], *region, wanted, target_type)
     arguments = [tables.shapes, tables.meshes, tables.height_fields, views, target]

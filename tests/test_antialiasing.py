@@ -69,10 +69,14 @@ def level(depth: np.ndarray, pinhole: bool) -> np.ndarray:
         return 1.0 / depth if pinhole else depth
 
 
-def edges_of(depth: np.ndarray, shape: np.ndarray, width: float, pinhole: bool) -> np.ndarray:
+FAINT, FAINT_WITHIN = 8, 16  # of native/edges.h
+
+
+def edges_of(depth: np.ndarray, shape: np.ndarray, rgb: np.ndarray, width: float, pinhole: bool) -> np.ndarray:
     """Which samples of each pixel are to be traced, (size, size, 4): ``width`` is a pixel's.
 
-    All of a bent surface. If another shape is beside the pixel, those in whose triangle of pixels it is.
+    All of a bent surface. If another shape is beside the pixel, those in whose triangle of pixels it is. But only where
+    the colours of the pixels that a sample lies among differ from its own.
     """
     edges = np.zeros((*shape.shape, 4), bool)
     last = len(shape) - 1
@@ -88,6 +92,11 @@ def edges_of(depth: np.ndarray, shape: np.ndarray, width: float, pinhole: bool) 
             for row in whole:
                 before, here, after = (level(depth[at], pinhole) for at in row)
                 edges[i, j] |= abs((before + after - 2.0 * here) / (here if pinhole else 1.0)) > width
+        beside_another = any(shape[tuple(np.clip(at, 0, last))] != shape[i, j] for row in rows for at in row)
+        for k, (right, down) in enumerate(SAMPLES[4]):
+            y, x = np.clip((i + np.sign(down), j + np.sign(right)), 0, last).astype(int)
+            differences = [np.abs(rgb[at].astype(int) - rgb[i, j]).max() for at in ((y, j), (i, x), (y, x))]
+            edges[i, j, k] &= max(differences) > (FAINT if beside_another else FAINT_WITHIN)
     return edges
 
 
@@ -152,7 +161,7 @@ def test_every_pixel_is_as_by_brute_force(device: wp.Device, world: str, pinhole
     depth, shape = plain["depth"].astype(float), plain["segmentation"]
     expected = plain["rgb"].astype(float)
     tried, hidden = 0, np.zeros((size, size), bool)
-    traced = edges_of(depth, shape, width, pinhole)
+    traced = edges_of(depth, shape, plain["rgb"], width, pinhole)
     for at in zip(*np.nonzero(traced.any(-1)), strict=True):
         around = shape[tuple(slice(max(c - 1, 0), c + 2) for c in at)]
         hits = [(sample["depth"][at], sample["segmentation"][at]) for sample in samples]
@@ -168,6 +177,23 @@ def test_every_pixel_is_as_by_brute_force(device: wp.Device, world: str, pinhole
     off = np.abs(smooth - np.floor(expected + 0.5)).max(-1)[~hidden]
     # where two pixels tie, or a ray ends at a silhouette, rounding decides
     assert (off > 0).mean() < 0.004, f"{(off > 0).sum()} pixels of {tried} with edges differ"
+
+
+@pytest.mark.parametrize(("levels", "smoothed"), [(FAINT - 2, False), (FAINT + 3, True)])
+@pytest.mark.parametrize("output", ["rgb", "rgba", "hdr"])
+def test_faint_edges_are_left(device: wp.Device, levels: int, smoothed: bool, output: str) -> None:
+    """Where colours differ by few levels nothing is traced: a mean is then off by no more than half of them."""
+    grey, other = 0.4, 0.4 + levels / 255.0
+    mjm = scenes.compile_xml(
+        f'<geom type="box" size="9 9 0.01" pos="0 0 -0.02" rgba="{grey} {grey} {grey} 1"/>'
+        + SQUARE.format(turn=20).replace("1 1 1 1", f"{other} {other} {other} 1"),
+        more=LIT,
+    )
+    scene = wc.from_mujoco(mjm, scenes.forward(mjm), device=device)
+    plain, smooth = (scenes.look(scene, camera(samples, outputs=(output,)))[output][0] for samples in (1, 4))
+    plain_levels, smooth_levels = (len(np.unique(np.round(image[..., 0], 4))) for image in (plain, smooth))
+    assert plain_levels == 2
+    assert (smooth_levels > 2) == smoothed
 
 
 def test_all_else_is_of_the_centre(device: wp.Device) -> None:

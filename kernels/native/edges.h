@@ -6,6 +6,9 @@ namespace warpcam {
 
 // A surface has an edge where its slope, of depth over width, changes by more than this from pixel to pixel.
 constexpr float CREASE = 1.0f;
+// Colours that differ by so much or less are about the same [levels of 255], at an edge of a shape and within one. Of a
+// pixel's mean a sample is a quarter.
+constexpr int FAINT = 8, FAINT_WITHIN = 16;
 // Of the pixels that may show a sample's surface one whose plane lies apart from it by so many pixels' widths in depth
 // is as bad as one that lies a pixel's width aside.
 constexpr float STEEP = 1.0f;
@@ -13,9 +16,15 @@ constexpr float STEEP = 1.0f;
 constexpr float BEYOND = 2.5f, ASIDE = 4.0f;
 constexpr int SAMPLES = 4;  // of a pixel
 constexpr unsigned EVERY_SAMPLE = (1u << SAMPLES) - 1;
+// Images: bits in the order of antialias.py.
+constexpr int SMOOTH_RGB = 1, SMOOTH_RGBA = 2, SMOOTH_HDR = 4;
 
 struct Offset {
     float right, down;  // from the pixel's centre [pixels]
+};
+
+struct Place {
+    int right, down;  // of a pixel [pixels]
 };
 
 // Where OpenGL's implementations have a pixel's samples (antialias.py has the same numbers).
@@ -75,55 +84,82 @@ template <int LENS, class Target> struct Seen {
         return magnitude(a + c - 2.0f * b) > CREASE * scale;
     }
 
-    // Which of the pixel's samples may hit what its centre does not, by bit. All where its surface is bent. Otherwise
-    // those that have another shape at a corner of the triangle that they lie in, of the pixel's centre, that of a
-    // neighbour and that of one across: three pixels that show the same shape have no edge between them. A pixel has
-    // an edge if one of its four neighbours is another shape, or its surface is bent.
-    WARPCAM_FN unsigned edge(int i, int j) const
+    // Do the colours of two pixels differ by more levels, in any channel?
+    template <int IMAGES> WARPCAM_FN bool differ(unsigned one, unsigned other, int levels) const
+    {
+        constexpr int CHANNELS = IMAGES & SMOOTH_RGBA ? 4 : 3;  // the first three are the same in both
+        bool found = false;
+        if (IMAGES & SMOOTH_HDR)
+            for (int k = 0; k < 3; ++k)
+                found |= magnitude(target.hdr.data[3 * size_t(one) + k] - target.hdr.data[3 * size_t(other) + k])
+                    > float(levels) * (1.0f / 255.0f);
+        if (IMAGES & (SMOOTH_RGB | SMOOTH_RGBA)) {
+            const unsigned char* image = IMAGES & SMOOTH_RGBA ? target.rgba.data : target.rgb.data;
+            for (int k = 0; k < CHANNELS; ++k) {
+                const int rise = int(image[CHANNELS * size_t(other) + k]) - int(image[CHANNELS * size_t(one) + k]);
+                found |= rise > levels || -rise > levels;
+            }
+        }
+        return found;
+    }
+
+    // Which of the pixel's samples may hit what its centre does not, by bit. A pixel has an edge if one of its four
+    // neighbours is another shape: then those that have another shape at a corner of the triangle that they lie in, of
+    // the pixel's centre, that of a neighbour and that of one across, for three pixels that show the same shape have no
+    // edge between them. Or if its surface is bent: then all. In both cases it must show: where the three other pixels
+    // that a sample lies among have about the colour of its own, nothing is traced.
+    template <int IMAGES> WARPCAM_FN unsigned edge(int i, int j) const
     {
         const unsigned pixel = at(i, j), line = unsigned(target.width);
         const bool has_left = i > 0, has_right = i + 1 < target.width;
         const bool has_up = j > 0, has_down = j + 1 < target.height;
         const unsigned left = has_left ? pixel - 1 : pixel, right = has_right ? pixel + 1 : pixel;
         const unsigned up = has_up ? pixel - line : pixel, down = has_down ? pixel + line : pixel;
-        const int here = shape(pixel);
+        const int here = shape(pixel), west = has_left ? -1 : 0, east = has_right ? 1 : 0;
         const bool at_left = shape(left) != here, at_right = shape(right) != here;
         const bool at_up = shape(up) != here, at_down = shape(down) != here;
-        if (at_left | at_right | at_up | at_down) {
-            const int west = i > 0 ? -1 : 0, east = has_right ? 1 : 0;
+        const bool within = !(at_left | at_right | at_up | at_down);
+        unsigned samples = 0;
+        if (!within) {
             const bool down_left = shape(down + west) != here, down_right = shape(down + east) != here;
             const bool up_left = shape(up + west) != here, up_right = shape(up + east) != here;
-            return unsigned(at_down | down_left) | unsigned(at_right | down_right) << 1
+            samples = unsigned(at_down | down_left) | unsigned(at_right | down_right) << 1
                 | unsigned(at_left | up_left) << 2 | unsigned(at_up | up_right) << 3;
+        } else if (here >= 0
+                   && ((has_left && has_right && turns(left, pixel, right, scale_x))
+                       || (has_up && has_down && turns(up, pixel, down, scale_y)))) {
+            samples = EVERY_SAMPLE;
         }
-        if (here < 0)
-            return 0;
-        const bool bent = (has_left && has_right && turns(left, pixel, right, scale_x))
-            || (has_up && has_down && turns(up, pixel, down, scale_y));
-        return bent ? EVERY_SAMPLE : 0;
-    }
-
-    // Is a shape of that type in one of the nine pixels around? `types` are those of all shapes.
-    template <class Types> WARPCAM_FN bool beside(const Types& types, int type, int i, int j) const
-    {
-        bool any = false;
-        for (int k = 0; k < 9; ++k) {
-            const int id = shape(around(i, j, k));
-            any |= id >= 0 && wp::index(types, id) == type;
+        if (samples) {
+            const int levels = within ? FAINT_WITHIN : FAINT;
+            const auto differs = [&](unsigned other) { return differ<IMAGES>(pixel, other, levels); };
+            const auto keep = [&](int sample, unsigned beside, unsigned across, unsigned other) {
+                if ((samples >> sample & 1) && !(differs(beside) || differs(across) || differs(other)))
+                    samples &= ~(1u << sample);
+            };
+            keep(0, down, down + west, left);
+            keep(1, right, down + east, down);
+            keep(2, left, up + west, up);
+            keep(3, up, up + east, right);
         }
-        return any;
+        return samples;
     }
 
     // What is linear in the image of a plane.
     WARPCAM_FN float level(float depth) const { return LENS == PINHOLE ? reciprocal(depth) : depth; }
 
     // How much the level of a pixel's surface rises towards a hit, from this pixel to the next, which is at `toward`: as
-    // the pixel on the side away tells, or else that one; 0 if both show other shapes.
-    WARPCAM_FN float rise(float here, bool has_away, unsigned away, bool has_toward, unsigned toward, int hit_shape) const
+    // the pixel on the side away tells, or else that one; 0 if both show other shapes. All is loaded at once: tests on
+    // the way would cost more.
+    WARPCAM_FN float rise(unsigned pixel, float here, bool has_away, unsigned away, bool has_toward, unsigned toward,
+                          int hit_shape) const
     {
-        if (has_away && shape(away) == hit_shape)
-            return here - level(depth(away));
-        return has_toward && shape(toward) == hit_shape ? level(depth(toward)) - here : 0.0f;
+        away = has_away ? away : pixel;
+        toward = has_toward ? toward : pixel;
+        const bool on_away = has_away & (shape(away) == hit_shape);
+        const bool on_toward = has_toward & (shape(toward) == hit_shape);
+        const float far = depth(away), close = depth(toward), other = level(on_away ? far : close);
+        return on_away ? here - other : on_toward ? other - here : 0.0f;
     }
 
     // How far a hit lies from the plane of a pixel's surface, in pixels' widths. The pixels on the side away from the
@@ -134,9 +170,9 @@ template <int LENS, class Target> struct Seen {
         const float here = level(depth(pixel));
         const int right = x > 0.0f ? 1 : -1, down = y > 0.0f ? 1 : -1;
         const float found = here
-            + magnitude(x) * rise(here, inside(i + right, j), at(i + right, j), inside(i - right, j), at(i - right, j),
+            + magnitude(x) * rise(pixel, here, inside(i + right, j), at(i + right, j), inside(i - right, j), at(i - right, j),
                                   hit_shape)
-            + magnitude(y) * rise(here, inside(i, j + down), at(i, j + down), inside(i, j - down), at(i, j - down),
+            + magnitude(y) * rise(pixel, here, inside(i, j + down), at(i, j + down), inside(i, j - down), at(i, j - down),
                                   hit_shape);
         const float apart = magnitude(found - level(hit_depth));
         return (LENS == PINHOLE ? apart * hit_depth : apart) * reciprocal(STEEP * scale_x);
@@ -151,22 +187,30 @@ template <int LENS, class Target> struct Seen {
         constexpr unsigned FARTHER = 0x999, OTHER = 0x90a5;
         const bool upright = magnitude(offset.down) > magnitude(offset.right);
         const int x = offset.right > 0.0f ? 1 : -1, y = offset.down > 0.0f ? 1 : -1;
+        const auto aside = [&](int k) {
+            const int farther = int(FARTHER >> 2 * k & 3) - 1, other = int(OTHER >> 2 * k & 3) - 1;
+            return Place { x * (upright ? other : farther), y * (upright ? farther : other) };
+        };
+        unsigned left = 0;  // those that show the shape, by number
+#pragma unroll
+        for (int k = 0; k < 9; ++k) {
+            const Place at_k = aside(k);
+            const bool there = inside(i + at_k.right, j + at_k.down);
+            left |= unsigned(there & (shape(there ? at(i + at_k.right, j + at_k.down) : at(i, j)) == hit_shape)) << k;
+        }
         float best = FAR_AWAY;
         unsigned chosen = at(i, j);
-        for (int k = 0; k < 9; ++k) {
-            const int farther = int(FARTHER >> 2 * k & 3) - 1, other = int(OTHER >> 2 * k & 3) - 1;
-            const int right = x * (upright ? other : farther), down = y * (upright ? farther : other);
-            const float aside = float(right) - offset.right, below = float(down) - offset.down;
-            float cost = aside * aside + below * below;
+        for (; left; left &= left - 1) {
+            const Place at_k = aside(lowest_bit(left));
+            const float right = float(at_k.right) - offset.right, down = float(at_k.down) - offset.down;
+            float cost = right * right + down * down;
             if (cost >= best)
                 break;
-            if (!inside(i + right, j + down) || shape(at(i + right, j + down)) != hit_shape)
-                continue;
             if (hit_shape >= 0)
-                cost += off_plane(i + right, j + down, aside, below, hit_depth, hit_shape);
+                cost += off_plane(i + at_k.right, j + at_k.down, right, down, hit_depth, hit_shape);
             if (cost < best) {
                 best = cost;
-                chosen = at(i + right, j + down);
+                chosen = at(i + at_k.right, j + at_k.down);
             }
         }
         return chosen;

@@ -1,6 +1,6 @@
 // Triangle meshes behind a region's pixels, on CUDA.
 #pragma once
-#include "mask.h"
+#include "leaf_pairs.h"
 #include "tiles.h"
 #include "waiting_rays.h"
 
@@ -9,7 +9,14 @@ namespace warpcam {
 
 // The rays of one warp.
 template <int WORDS> struct MeshRays: WaitingRays<WORDS> {
+    static constexpr bool PAIRED = false;  // each lane tests the faces of its own ray
     float depth[LANES];  // of the waiting rays' nearest hits so far
+};
+
+// Those of a warp that has few: its lanes test faces for each other, see leaf_pairs.h.
+template <int WORDS> struct PairedMeshRays: MeshRays<WORDS> {
+    static constexpr bool PAIRED = true;
+    unsigned char owners[LANES];
 };
 
 // Finds the rays of a tile that meet meshes before their hits and lets them wait; nobody waits yet. Returns how many.
@@ -39,8 +46,8 @@ WARPCAM_FN int find_rays(MeshRays<WORDS>& rays, const ShapeList<CAPACITY>& list,
 
 // Traces all rays that `next_tile` finds (see Supply) and stores what they hit: store(pixel, hit). `ray_of(pixel)` is a
 // pixel's ray. `list` has the shapes that they meet: see ShapeList.
-template <int TYPES, int WORDS, class List, class Meshes, class NextTile, class RayOf, class Store>
-WARPCAM_FN void trace_rays(MeshRays<WORDS>& rays, const List& list, const Meshes& meshes, float near,
+template <int TYPES, class Rays, class List, class Meshes, class NextTile, class RayOf, class Store>
+WARPCAM_FN void trace_rays(Rays& rays, const List& list, const Meshes& meshes, float near,
                            const NextTile& next_tile, const RayOf& ray_of, const Store& store)
 {
     const int lane = threadIdx.x % LANES, words = (list.count + LANES - 1) / LANES;
@@ -129,36 +136,13 @@ WARPCAM_FN void trace_rays(MeshRays<WORDS>& rays, const List& list, const Meshes
         }
 
         const unsigned leaves = __ballot_sync(ALL, node < 0);
-        if (leaves && (__popc(leaves) >= FEW || !stepping)) {
+        if (leaves && (__popc(leaves) >= (Rays::PAIRED ? FEW / 2 : FEW) || !stepping)) {
+            if constexpr (Rays::PAIRED)
+                if (meet_leaves<TYPES>(rays.owners, list, meshes, ray, slot, node, near, depth, face))
+                    shape = list.records[slot].axis_y.w;
             if (node < 0) {
-                const int code = -node - 1, first = code >> 4, end = first + (code & 15);
-                const Record& record = list.records[slot];
-                const RayFrame frame = ray.template frame<TYPES>(record);
-                const unsigned faces = wp::index(meshes.face_start, record.axis_z.w);
-                constexpr int TOGETHER = faces_together(TYPES);
-                for (int begin = first; begin < end; begin += TOGETHER) {
-                    Row corners[TOGETHER][3];
-#pragma unroll
-                    for (int i = 0; i < TOGETHER; ++i) {
-                        const unsigned at = faces + unsigned(face_of<TOGETHER>(begin, i, end) * FACE_ROWS);
-#pragma unroll
-                        for (int k = 0; k < 3; ++k)
-                            corners[i][k] = load(meshes.faces.data, at + k);
-                    }
-#pragma unroll
-                    for (int i = 0; i < TOGETHER; ++i) {
-                        const int f = face_of<TOGETHER>(begin, i, end);
-                        const Row &a = corners[i][0], &b = corners[i][1], &c = corners[i][2];
-                        const float t = enter_triangle(frame, project(frame, a.x, a.y, a.z),
-                                                       project(frame, b.x, b.y, b.z), project(frame, c.x, c.y, c.z),
-                                                       has_back<TYPES>(b.w));
-                        if (t < depth && t > near && is_there<TYPES>(meshes, record, ray.local(record), f, t)) {
-                            depth = t;
-                            shape = record.axis_y.w;
-                            face = f;
-                        }
-                    }
-                }
+                if constexpr (!Rays::PAIRED)
+                    meet_leaf<TYPES>(list.records[slot], meshes, ray, node, near, depth, shape, face);
                 node = NO_NODE;
                 while (node == NO_NODE && height > 0)
                     if (entries[--height] < depth)

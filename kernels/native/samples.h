@@ -5,17 +5,8 @@
 
 namespace warpcam {
 
-// Images: bits in the order of antialias.py.
-constexpr int SMOOTH_RGB = 1, SMOOTH_RGBA = 2, SMOOTH_HDR = 4;
-
 // Rows of a region are 64 pixels apart in a pixel's place.
 WARPCAM_FN int place_of(const Region& region, int i, int j) { return (j - region.top) * 64 + (i - region.left); }
-
-// A pixel with an edge.
-struct Edge {
-    int i, j;
-    unsigned samples;  // to trace
-};
 
 template <int CHANNELS>
 WARPCAM_FN void mean_of_bytes(const unsigned char* image, unsigned char* mean, unsigned pixel,

@@ -22,6 +22,12 @@ struct NearShape {
     bool around[BATCH];
 };
 
+// A pixel with an edge.
+struct Edge {
+    int i, j;
+    unsigned samples;  // to trace
+};
+
 // Smooths a few pixels.
 template <int TYPES, int LENS, int IMAGES, class Shapes, class Meshes, class HeightFields, class Target>
 inline void smooth_pixels(const Edge* listed, int pixels, const Shapes& shapes, const Meshes& meshes,
@@ -139,7 +145,7 @@ inline void smooth_region(const Shapes& shapes, const Meshes& meshes, const Heig
     };
     for (int j = region.top; j < bottom; ++j)
         for (int i = region.left; i < right; ++i) {
-            const unsigned samples = seen.edge(i, j);
+            const unsigned samples = seen.template edge<IMAGES>(i, j);
             target.edges.data[seen.at(i, j)] = samples != 0;
             if (samples)
                 listed[count++] = { i, j, samples };
