@@ -14,6 +14,8 @@ from .visibility import LENSES, THREADS, region_size
 BLOCKS = 8  # on a multiprocessor: bounds the registers of a thread
 FEW_BLOCKS = 6  # as many as its shared memory holds of the longest lists with meshes
 CAPACITIES = (16, 32, 64, 128, 192)  # how many shapes a pass lists: few sizes, so that scenes share kernels
+CROWDS = (512, 1024)  # the same where there are more, and no meshes: native/crowd.h
+MOST = 2**20  # shapes that can be told apart there
 
 
 @functools.cache
@@ -36,8 +38,10 @@ def shaded_struct(shape_dtype: Any, face_dtype: Any) -> Any:
 
 @functools.cache
 def _kernel(types: int, lens: int, capacity: int, width: int, height: int, target_type: Any) -> wp.Kernel:
+    crowded = capacity in CROWDS
+
     @wp.func_native(
-        f"warpcam::cast<{types}, {lens}, {capacity}, {width}, {height}>"
+        f"warpcam::{'cast_crowd' if crowded else 'cast'}<{types}, {lens}, {capacity}, {width}, {height}>"
         "(shapes, materials, meshes, fields, lights, views, target, index);"
     )
     def cast(
@@ -56,7 +60,7 @@ def _kernel(types: int, lens: int, capacity: int, width: int, height: int, targe
         enable_backward=False,
         grid_stride=False,
         launch_bounds=(THREADS, FEW_BLOCKS if types >> MESH & 1 and capacity == CAPACITIES[-1] else BLOCKS),
-        module_options={"extra_build_options": native_options("shadow.h")},
+        module_options={"extra_build_options": native_options("crowd.h" if crowded else "shadow.h")},
     )
     def shadow(
         shapes: Shapes,
@@ -110,7 +114,9 @@ def record(
     if face is not None:
         target.face = face.flatten()
     types = sum(1 << t for t in tables.shape_types)
-    capacity = next(size for size in CAPACITIES if size >= min(tables.num_drawn, CAPACITIES[-1]))
+    crowded = CAPACITIES[-1] < tables.num_drawn <= MOST and MESH not in tables.shape_types
+    capacities = CROWDS if crowded else CAPACITIES
+    capacity = next(size for size in capacities if size >= min(tables.num_drawn, capacities[-1]))
     group = group or Group.of_all(views.shape[0])
     region = region_size(tables, group.at_once, width, height, device)
     kernel = _kernel(types, LENSES[lens], capacity, *region, target_type)

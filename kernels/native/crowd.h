@@ -1,0 +1,444 @@
+// Shadows in scenes of many shapes. Most of these stand in the way of nothing that a region shows, and all but a few in
+// the way of nothing that a patch of it shows: what casters cover is kept in two words each, patches pick theirs by it, and
+// only what was picked is looked at closely.
+#pragma once
+#include "shadow.h"
+
+namespace warpcam {
+
+constexpr int PATCH = 8;       // pixels along a side; two tiles
+constexpr int PICKED = LANES;  // casters that a patch tries at a time
+constexpr int WARPS = THREADS < LANES ? 1 : THREADS / LANES, TEAM_SIZE = THREADS / WARPS;
+constexpr int GRID_CELLS = 128;  // that what a region's points cover is divided into, along u and v
+constexpr int PLACE_BITS = 20;  // of a shape's place among those that are drawn
+constexpr unsigned LEVELS = 1u << (32 - PLACE_BITS);  // that their heights are divided into
+constexpr unsigned GUARDS = 0x80808080u;
+
+// What points cover, as the light sees them.
+struct Cover {
+    Window window;  // of those that lie before a light that shines forwards
+    float floor, top;
+    bool beside, any;  // some lie behind it; there are any at all
+
+    WARPCAM_FN void add(const Place& place)
+    {
+        any = true;
+        if (place.beside) {
+            beside = true;
+            return;
+        }
+        window = { lower(window.left, place.u), upper(window.right, place.u), lower(window.bottom, place.v),
+                   upper(window.top, place.v) };
+        floor = lower(floor, place.height);
+        top = upper(top, place.height);
+    }
+
+    WARPCAM_FN void add(const Cover& other)
+    {
+        const Window& w = other.window;
+        window = { lower(window.left, w.left), upper(window.right, w.right), lower(window.bottom, w.bottom),
+                   upper(window.top, w.top) };
+        floor = lower(floor, other.floor);
+        top = upper(top, other.top);
+        beside |= other.beside;
+        any |= other.any;
+    }
+};
+
+WARPCAM_FN Cover no_cover()
+{
+    return { { FAR_AWAY, -FAR_AWAY, FAR_AWAY, -FAR_AWAY }, FAR_AWAY, -FAR_AWAY, false, false };
+}
+
+// What one patch asks: the tiles of it that do, by bit.
+struct Patch {
+    Cover cover;
+    int tiles;
+};
+
+// A caster: the cells that it covers, and its height above its place among the shapes that are drawn.
+// The cells are four bytes: left, bottom, and what is right of it and above it.
+struct alignas(8) Outline {
+    unsigned cells, rest;
+};
+
+// The cells and levels of a region. Numbers only ever grow with what they stand for, and are the same for shapes and for
+// points: none that covers another is missed, whatever the rounding.
+struct Grid {
+    float left, bottom, floor;
+    float per_u, per_v, per_height;
+    bool endless;  // some points are behind the light: nothing is said by what it sees
+
+    WARPCAM_FN static unsigned number(float value, float from, float rate, float last)
+    {
+        return unsigned(int(upper(lower((value - from) * rate, last), 0.0f)));
+    }
+    WARPCAM_FN unsigned column(float u) const { return number(u, left, per_u, float(GRID_CELLS - 1)); }
+    WARPCAM_FN unsigned row(float v) const { return number(v, bottom, per_v, float(GRID_CELLS - 1)); }
+    WARPCAM_FN unsigned level(float height) const { return number(height, floor, per_height, float(LEVELS - 1)); }
+
+    WARPCAM_FN Outline of_shape(const Window& w, float height, int place) const
+    {
+        const unsigned last = GRID_CELLS - 1;
+        return { column(w.left) | row(w.bottom) << 8 | (last - column(w.right)) << 16 | (last - row(w.top)) << 24,
+                 level(height) << PLACE_BITS | unsigned(place) };
+    }
+
+    // What an outline is held against: the other sides, and the lowest point.
+    WARPCAM_FN Outline of_points(const Cover& cover) const
+    {
+        if (cover.beside)
+            return { 0x7f7f7f7fu | GUARDS, 0u };
+        const Window& w = cover.window;
+        const unsigned last = GRID_CELLS - 1;
+        return { (column(w.right) | row(w.top) << 8 | (last - column(w.left)) << 16 | (last - row(w.bottom)) << 24) | GUARDS,
+                 level(cover.floor) << PLACE_BITS };
+    }
+};
+
+WARPCAM_FN Grid grid_of(const Cover& all)
+{
+    const Window& w = all.window;
+    const float least = 1.0e-20f;
+    return { w.left,
+             w.bottom,
+             all.floor,
+             float(GRID_CELLS) / upper(w.right - w.left, least),
+             float(GRID_CELLS) / upper(w.top - w.bottom, least),
+             float(LEVELS) / upper(all.top - all.floor, least),
+             all.beside };
+}
+
+WARPCAM_FN bool may_shade(const Outline& shape, const Outline& points)
+{
+    return ((points.cells - shape.cells) & GUARDS) == GUARDS && shape.rest >= points.rest;
+}
+
+template <int SIZE> struct Crowd {
+    static constexpr int CAPACITY = SIZE;
+
+    Outline outlines[CAPACITY];
+    int count;
+    int next_patch;
+};
+
+// What one warp tries at a patch.
+struct Picks {
+    CasterList<PICKED, false> list;
+    int places[PICKED];  // among the shapes that are drawn
+};
+
+WARPCAM_FN bool any_of_team(bool value)
+{
+#if defined(__CUDA_ARCH__)
+    return __any_sync(ALL, value);
+#else
+    return value;
+#endif
+}
+
+WARPCAM_FN void warp_barrier()
+{
+#if defined(__CUDA_ARCH__)
+    __syncwarp();
+#endif
+}
+
+// What the points that a warp's lanes have found cover together.
+WARPCAM_FN Cover joined(const Cover& cover)
+{
+#if defined(__CUDA_ARCH__)
+    const Window& w = cover.window;
+    return { { warp_min(w.left), -warp_min(-w.right), warp_min(w.bottom), -warp_min(-w.top) }, warp_min(cover.floor),
+             -warp_min(-cover.top), __any_sync(ALL, cover.beside) != 0, __any_sync(ALL, cover.any) != 0 };
+#else
+    return cover;
+#endif
+}
+
+// The point that a pixel shows, if something may keep the light from it.
+struct Asking {
+    size_t at;  // the pixel
+    Vec p;
+    Place place;
+    Span span;
+    bool asks;
+};
+
+template <int LENS, class Target>
+WARPCAM_FN Asking asking_at(const Task<LENS>& task, const Target& target, int column, int row)
+{
+    Asking a {};
+    const LitView<LENS>& view = task.view;
+    const int i = task.region.left + column, j = task.region.top + row;
+    a.at = task.corner + unsigned(row * target.width + column);
+    if (i < target.width && j < target.height && target.shape.data[a.at] >= 0) {
+        const float depth = target.depth.data[a.at];
+        a.p = view.sight.point(float(i), float(j), depth);
+        a.place = place_of(view.light.distant, view.lit.point(float(i), float(j), depth));
+        a.span = span_of(view.light, view.origin, a.p, depth);
+        a.asks = a.span.near < a.span.reach;
+    }
+    return a;
+}
+
+// Looks through the patches of a region; what this warp's ones cover together.
+template <int LENS, int WIDTH, int HEIGHT, class Target>
+WARPCAM_FN Cover survey(const Task<LENS>& task, const Target& target, Patch* patches, int warp, int lane)
+{
+    constexpr int ACROSS = WIDTH / PATCH, COUNT = ACROSS * (HEIGHT / PATCH);
+    Cover all = no_cover();
+    for (int patch = warp; patch < COUNT; patch += WARPS) {
+        Cover cover = no_cover();
+        int tiles = 0;
+        for (int tile = 0; tile < PATCH / TILE_HEIGHT; ++tile) {
+            bool any = false;
+            for (int k = lane; k < LANES; k += TEAM_SIZE) {
+                const int column = patch % ACROSS * PATCH + k % TILE_WIDTH;
+                const int row = patch / ACROSS * PATCH + tile * TILE_HEIGHT + k / TILE_WIDTH;
+                const Asking a = asking_at(task, target, column, row);
+                if (a.asks)
+                    cover.add(a.place);
+                any |= a.asks;
+            }
+            tiles |= int(any_of_team(any)) << tile;
+        }
+        if (tiles) {
+            all.add(cover);
+            cover = joined(cover);
+        }
+        if (lane == 0)
+            patches[patch] = { cover, tiles };
+    }
+    return joined(all);
+}
+
+// Adds the outlines of shapes from `begin` on that may shade something in the region, until there is no more room;
+// returns where to go on.
+template <int TYPES, class Crowd_, class Shapes, class Materials, class Meshes, class HeightFields>
+WARPCAM_FN int gather_outlines(Crowd_& crowd, int begin, const Shapes& shapes, const Materials& materials,
+                               const Meshes& meshes, const HeightFields& fields, const Light& light,
+                               const Camera& camera, const Cover& all, const Grid& grid, int world, int thread)
+{
+    const int total = shapes.drawn.shape[0];
+    while (begin < total) {
+        const int i = begin + thread;
+        begin += THREADS;
+        if (i < total) {
+            Caster caster;
+            const int id = wp::index(shapes.drawn, i);
+            if (prepare_caster<TYPES, true>(load_shape(shapes, world, id), light, camera, meshes, fields, caster)
+                && (grid.endless || may_shade(caster.window, caster.height, all.window, all.floor))
+                && !transparent(shapes, materials, world, id)) {
+#if defined(__CUDA_ARCH__)
+                const int slot = atomicAdd(&crowd.count, 1);
+#else
+                const int slot = crowd.count++;
+#endif
+                crowd.outlines[slot] = grid.of_shape(caster.window, caster.height, i);
+            }
+        }
+        if (total > Crowd_::CAPACITY) {  // the next round may be too much
+            block_barrier();
+            const bool full = crowd.count + lower_int(THREADS, total - begin) > Crowd_::CAPACITY;
+            block_barrier();
+            if (full)
+                break;
+        }
+    }
+    block_barrier();
+    return begin;
+}
+
+// Picks casters that may shade a patch from outline `from` on, as many as are tried at a time; where to go on.
+template <class Crowd_>
+WARPCAM_FN int pick(const Crowd_& crowd, const Outline& points, int from, int* places, int& picked, int lane)
+{
+    picked = 0;
+#if defined(__CUDA_ARCH__)
+    while (from < crowd.count) {
+        const int slot = from + lane;
+        const Outline outline = crowd.outlines[lower_int(slot, crowd.count - 1)];
+        bool mine = slot < crowd.count && may_shade(outline, points);
+        const unsigned found = __ballot_sync(ALL, mine);
+        const int rank = picked + __popc(found & ((1u << lane) - 1u));
+        mine = mine && rank < PICKED;
+        if (mine)
+            places[rank] = int(outline.rest & ((1u << PLACE_BITS) - 1u));
+        picked += __popc(found);
+        if (picked > PICKED) {
+            picked = PICKED;
+            return from + LANES - __clz(__ballot_sync(ALL, mine));  // after the last that there was room for
+        }
+        from += LANES;
+    }
+#else
+    for (; from < crowd.count && picked < PICKED; ++from)
+        if (may_shade(crowd.outlines[from], points))
+            places[picked++] = int(crowd.outlines[from].rest & ((1u << PLACE_BITS) - 1u));
+#endif
+    return from;
+}
+
+template <int TYPES, class Shapes, class Meshes, class HeightFields>
+WARPCAM_FN void prepare_picks(Picks& picks, int picked, const Shapes& shapes, const Meshes& meshes,
+                              const HeightFields& fields, const Light& light, const Camera& camera, int world, int lane)
+{
+    auto& list = picks.list;
+    if (lane == 0)
+        list.count = picked;
+    for (int slot = lane; slot < PICKED; slot += TEAM_SIZE) {
+        list.windows[slot] = { FAR_AWAY, -FAR_AWAY, FAR_AWAY, -FAR_AWAY };
+        list.heights[slot] = -FAR_AWAY;
+        if (slot < picked) {
+            Caster caster;
+            const int id = wp::index(shapes.drawn, picks.places[slot]);
+            prepare_caster<TYPES, true>(load_shape(shapes, world, id), light, camera, meshes, fields, caster);
+            list.records[slot] = caster.record;
+            list.aims[slot] = caster.aim;
+            list.windows[slot] = caster.window;
+            list.heights[slot] = caster.height;
+        }
+    }
+}
+
+// Adds the light's bit to the masks of a tile's pixels that lie in the shadow of what was picked.
+template <int TYPES, int LENS, class Shapes, class Meshes, class HeightFields, class Target>
+WARPCAM_FN void cast_tile(const CasterList<PICKED, false>& list, const Task<LENS>& task, const Shapes& shapes,
+                          const Meshes& meshes, const HeightFields& fields, const Target& target, int column, int row,
+                          int lane)
+{
+#if defined(__CUDA_ARCH__)
+    const Asking a = asking_at(task, target, column + lane % TILE_WIDTH, row + lane / TILE_WIDTH);
+    bool open = a.asks;
+    unsigned met[1];
+    shade_tile<TYPES>(list, task.view, a.p, a.span, a.place, open, fields, met);
+    if (a.asks && !open)
+        target.shadow.data[a.at] |= static_cast<int>(task.bit);
+#else
+    Points points;
+    size_t at[LANES];
+    bool asks[LANES];
+    for (int k = 0; k < LANES; ++k) {
+        const Asking a = asking_at(task, target, column + k % TILE_WIDTH, row + k / TILE_WIDTH);
+        asks[k] = a.asks && !(target.shadow.data[a.at] & task.bit);
+        at[k] = a.at;
+        points.at[k] = a.p;
+        points.places[k] = a.place;
+        points.near[k] = a.span.near;
+        points.reach[k] = a.span.reach;
+        points.open[k] = asks[k];
+    }
+    shade_tile<TYPES>(list, task.view, task.world, shapes, meshes, fields, points);
+    for (int k = 0; k < LANES; ++k)
+        if (asks[k] && !points.open[k])
+            target.shadow.data[at[k]] |= static_cast<int>(task.bit);
+#endif
+}
+
+// Casts the shadows of one light, as far as they come from the crowd.
+template <int TYPES, int LENS, int WIDTH, int HEIGHT, class Crowd_, class Shapes, class Meshes, class HeightFields,
+          class Target>
+WARPCAM_FN void cast_patches(Crowd_& crowd, Picks& picks, const Patch* patches, const Grid& grid,
+                             const Task<LENS>& task, const Camera& camera, const Shapes& shapes, const Meshes& meshes,
+                             const HeightFields& fields, const Target& target, int lane)
+{
+    constexpr int ACROSS = WIDTH / PATCH, COUNT = ACROSS * (HEIGHT / PATCH);
+    while (true) {
+#if defined(__CUDA_ARCH__)
+        const int patch = __shfl_sync(ALL, lane == 0 ? draw_next(crowd.next_patch) : 0, 0);
+#else
+        const int patch = crowd.next_patch++;
+#endif
+        if (patch >= COUNT)
+            return;
+        const int tiles = patches[patch].tiles;
+        if (!tiles)
+            continue;
+        const Outline points = grid.of_points(patches[patch].cover);
+        int from = 0;
+        do {
+            int picked;
+            warp_barrier();  // what was picked before is done with
+            from = pick(crowd, points, from, picks.places, picked, lane);
+            if (picked == 0)
+                break;
+            warp_barrier();
+            prepare_picks<TYPES>(picks, picked, shapes, meshes, fields, task.view.light, camera, task.world, lane);
+            warp_barrier();
+            for (int tile = 0; tile < PATCH / TILE_HEIGHT; ++tile)
+                if (tiles >> tile & 1)
+                    cast_tile<TYPES>(picks.list, task, shapes, meshes, fields, target, patch % ACROSS * PATCH,
+                                     patch / ACROSS * PATCH + tile * TILE_HEIGHT, lane);
+        } while (from < crowd.count);
+    }
+}
+
+// Shadows in one region of one view, as cast() has them, of shapes without meshes.
+template <int TYPES, int LENS, int CAPACITY, int WIDTH, int HEIGHT, class Shapes, class Materials, class Meshes,
+          class HeightFields, class Lights, class Views, class Target>
+WARPCAM_FN void cast_crowd(const Shapes& shapes, const Materials& materials, const Meshes& meshes,
+                           const HeightFields& fields, const Lights& lights, const Views& views, const Target& target,
+                           int index)
+{
+    static_assert(!(TYPES >> MESH & 1));
+    WARPCAM_SHARED Crowd<CAPACITY> crowd;
+    WARPCAM_SHARED Picks picks[WARPS];
+    WARPCAM_SHARED Patch patches[WIDTH / PATCH * (HEIGHT / PATCH)];
+    WARPCAM_SHARED Cover covers[WARPS];
+    WARPCAM_SHARED Task<LENS> task;
+    const int thread = index % THREADS, block = index / THREADS, warp = thread / TEAM_SIZE, lane = thread % TEAM_SIZE;
+    const int columns = (target.width + WIDTH - 1) / WIDTH, rows = (target.height + HEIGHT - 1) / HEIGHT;
+    const int world = block / (columns * rows), part = block % (columns * rows);
+    if (!wp::index(target.mask, world))
+        return;
+    const Region region { part % columns * WIDTH, part / columns * HEIGHT, WIDTH, HEIGHT };
+    const size_t corner = (size_t(world) * target.height + region.top) * target.width + region.left;
+    for (int pixel = thread; pixel < WIDTH * HEIGHT; pixel += THREADS) {
+        const int column = pixel % WIDTH, row = pixel / WIDTH;
+        if (region.left + column < target.width && region.top + row < target.height)
+            target.shadow.data[corner + size_t(row) * target.width + column] = 0;
+    }
+
+    const int total = shapes.drawn.shape[0], num_lights = lights.types.shape[1];
+    KeptLights kept = kept_lights(lights);
+    for (int number = 0; number < num_lights; ++number) {
+        const int place = kept.next(lights, world, number);
+        if (place < 0 || !casts(lights, world, number))
+            continue;
+        block_barrier();  // what is kept for the block may still be in use
+        const Camera camera = load_camera(wp::index(views, world));
+        const LitView<LENS> own = light_view<LENS>(lights, camera, world, number);
+        if (thread == 0) {
+            task = { own, region, corner, world, 1u << place, false };
+            crowd.count = crowd.next_patch = 0;
+        }
+        block_barrier();
+        const Cover seen = survey<LENS, WIDTH, HEIGHT>(task, target, patches, warp, lane);
+        if (lane == 0)
+            covers[warp] = seen;
+        block_barrier();
+        Cover all = covers[0];
+        for (int other = 1; other < WARPS; ++other)
+            all.add(covers[other]);
+        if (!all.any)
+            continue;
+        const Grid grid = grid_of(all);
+        int begin = 0;
+        while (true) {
+            begin = gather_outlines<TYPES>(crowd, begin, shapes, materials, meshes, fields, own.light, camera, all, grid,
+                                           world, thread);
+            if (crowd.count > 0)
+                cast_patches<TYPES, LENS, WIDTH, HEIGHT>(crowd, picks[warp], patches, grid, task, camera, shapes, meshes,
+                                                         fields, target, lane);
+            if (begin >= total)
+                break;
+            block_barrier();
+            if (thread == 0)
+                crowd.count = crowd.next_patch = 0;
+            block_barrier();
+        }
+    }
+}
+
+}  // namespace warpcam
