@@ -189,6 +189,7 @@ WARPCAM_FN Cover survey(const Task<LENS>& task, const Target& target, Patch* pat
     constexpr int ACROSS = WIDTH / PATCH, COUNT = ACROSS * (HEIGHT / PATCH);
     Cover all = no_cover();
     for (int patch = warp; patch < COUNT; patch += WARPS) {
+        warp_barrier();  // the task is read anew: in registers it would be spilled
         Cover cover = no_cover();
         int tiles = 0;
         for (int tile = 0; tile < PATCH / TILE_HEIGHT; ++tile) {
@@ -385,9 +386,13 @@ WARPCAM_FN void cast_crowd(const Shapes& shapes, const Materials& materials, con
     WARPCAM_SHARED Crowd<CAPACITY> crowd;
     WARPCAM_SHARED Picks picks[WARPS];
     WARPCAM_SHARED Patch patches[WIDTH / PATCH * (HEIGHT / PATCH)];
-    WARPCAM_SHARED Cover covers[WARPS];
+    WARPCAM_SHARED Cover covers[WARPS], all;
+    // In shared memory, as in registers they would be spilled.
     WARPCAM_SHARED Task<LENS> task;
-    const int thread = index % THREADS, block = index / THREADS, warp = thread / TEAM_SIZE, lane = thread % TEAM_SIZE;
+    WARPCAM_SHARED Camera camera;
+    WARPCAM_SHARED Grid grid;
+    const int thread = unsigned(index) % THREADS, block = index / THREADS;
+    const int warp = thread / TEAM_SIZE, lane = thread % TEAM_SIZE;
     const int columns = (target.width + WIDTH - 1) / WIDTH, rows = (target.height + HEIGHT - 1) / HEIGHT;
     const int world = block / (columns * rows), part = block % (columns * rows);
     if (!wp::index(target.mask, world))
@@ -407,37 +412,37 @@ WARPCAM_FN void cast_crowd(const Shapes& shapes, const Materials& materials, con
         if (place < 0 || !casts(lights, world, number))
             continue;
         block_barrier();  // what is kept for the block may still be in use
-        const Camera camera = load_camera(wp::index(views, world));
-        const LitView<LENS> own = light_view<LENS>(lights, camera, world, number);
         if (thread == 0) {
-            task = { own, region, corner, world, 1u << place, false };
-            crowd.count = crowd.next_patch = 0;
+            camera = load_camera(wp::index(views, world));
+            task = { light_view<LENS>(lights, camera, world, number), region, corner, world, 1u << place, false };
         }
         block_barrier();
         const Cover seen = survey<LENS, WIDTH, HEIGHT>(task, target, patches, warp, lane);
         if (lane == 0)
             covers[warp] = seen;
         block_barrier();
-        Cover all = covers[0];
-        for (int other = 1; other < WARPS; ++other)
-            all.add(covers[other]);
-        if (!all.any)
-            continue;
-        const Grid grid = grid_of(all);
+        if (thread == 0) {
+            Cover sum = covers[0];
+            for (int other = 1; other < WARPS; ++other)
+                sum.add(covers[other]);
+            all = sum;
+            grid = grid_of(sum);
+        }
         int begin = 0;
-        while (true) {
-            begin = gather_outlines<TYPES>(crowd, begin, shapes, materials, meshes, fields, own.light, camera, all, grid,
-                                           world, thread);
-            if (crowd.count > 0)
-                cast_patches<TYPES, LENS, WIDTH, HEIGHT>(crowd, picks[warp], patches, grid, task, camera, shapes, meshes,
-                                                         fields, target, lane);
-            if (begin >= total)
-                break;
-            block_barrier();
+        do {
             if (thread == 0)
                 crowd.count = crowd.next_patch = 0;
             block_barrier();
-        }
+            if (!all.any)
+                break;
+            begin = gather_outlines<TYPES>(crowd, begin, shapes, materials, meshes, fields, task.view.light, camera, all,
+                                           grid, world, thread);
+            if (crowd.count > 0)
+                cast_patches<TYPES, LENS, WIDTH, HEIGHT>(crowd, picks[warp], patches, grid, task, camera, shapes, meshes,
+                                                         fields, target, lane);
+            if (begin < total)
+                block_barrier();  // the crowd is still in use
+        } while (begin < total);
     }
 }
 
