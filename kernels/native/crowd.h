@@ -182,12 +182,11 @@ WARPCAM_FN Asking asking_at(const Task<LENS>& task, const Target& target, int co
     return a;
 }
 
-// Looks through the patches of a region; what this warp's ones cover together.
+// Looks through the patches of a region.
 template <int LENS, int WIDTH, int HEIGHT, class Target>
-WARPCAM_FN Cover survey(const Task<LENS>& task, const Target& target, Patch* patches, int warp, int lane)
+WARPCAM_FN void survey(const Task<LENS>& task, const Target& target, Patch* patches, int warp, int lane)
 {
     constexpr int ACROSS = WIDTH / PATCH, COUNT = ACROSS * (HEIGHT / PATCH);
-    Cover all = no_cover();
     for (int patch = warp; patch < COUNT; patch += WARPS) {
         warp_barrier();  // the task is read anew: in registers it would be spilled
         Cover cover = no_cover();
@@ -204,14 +203,11 @@ WARPCAM_FN Cover survey(const Task<LENS>& task, const Target& target, Patch* pat
             }
             tiles |= int(any_of_team(any)) << tile;
         }
-        if (tiles) {
-            all.add(cover);
+        if (tiles)
             cover = joined(cover);
-        }
         if (lane == 0)
             patches[patch] = { cover, tiles };
     }
-    return joined(all);
 }
 
 // Adds the outlines of shapes from `begin` on that may shade something in the region, until there is no more room;
@@ -288,20 +284,48 @@ WARPCAM_FN void prepare_picks(Picks& picks, int picked, const Shapes& shapes, co
     auto& list = picks.list;
     if (lane == 0)
         list.count = picked;
-    for (int slot = lane; slot < PICKED; slot += TEAM_SIZE) {
-        list.windows[slot] = { FAR_AWAY, -FAR_AWAY, FAR_AWAY, -FAR_AWAY };
-        list.heights[slot] = -FAR_AWAY;
-        if (slot < picked) {
-            Caster caster;
-            const int id = wp::index(shapes.drawn, picks.places[slot]);
-            prepare_caster<TYPES, true>(load_shape(shapes, world, id), light, camera, meshes, fields, caster);
-            list.records[slot] = caster.record;
-            list.aims[slot] = caster.aim;
-            list.windows[slot] = caster.window;
-            list.heights[slot] = caster.height;
-        }
+    for (int slot = lane; slot < picked; slot += TEAM_SIZE) {
+        Caster caster;
+        const int id = wp::index(shapes.drawn, picks.places[slot]);
+        prepare_caster<TYPES, true>(load_shape(shapes, world, id), light, camera, meshes, fields, caster);
+        list.records[slot] = caster.record;
+        list.aims[slot] = caster.aim;
+        list.windows[slot] = caster.window;
+        list.heights[slot] = caster.height;
     }
 }
+
+#if defined(__CUDA_ARCH__)
+
+// Does one of the casters stand between a lane's point and the light? Each lane tries those that its own point calls for.
+template <int TYPES, int LENS, class HeightFields>
+WARPCAM_FN bool is_shaded(const CasterList<PICKED, false>& list, const LitView<LENS>& view, const Asking& a,
+                          const HeightFields& fields)
+{
+    const bool distant = view.light.distant;
+    unsigned mine = 0;
+#pragma unroll 4
+    for (int slot = 0; slot < list.count; ++slot)
+        mine |= unsigned(may_shade(list.windows[slot], list.heights[slot], a.place)) << slot;
+    for (mine = a.asks ? mine : 0; mine; mine &= mine - 1) {
+        const int slot = lowest_bit(mine);
+        const Record& record = list.records[slot];
+        if ((TYPES >> HEIGHT_FIELD & 1) && record.axis_x.w == HEIGHT_FIELD) {
+            Hit hit { a.span.reach, -1, -1 };
+            walk_height_field(fields, record, WorldRay { a.p, ray_to(view.light, a.p) }, a.span.near, hit);
+            if (hit.shape >= 0)
+                return true;
+        } else {
+            const Ray ray = look_back(record, list.aims[slot], a.p, distant);
+            const float t = enter_any<analytic_types(TYPES)>(record, ray);
+            if ((t > a.span.near) & (t < a.span.reach))
+                return true;
+        }
+    }
+    return false;
+}
+
+#endif
 
 // Adds the light's bit to the masks of a tile's pixels that lie in the shadow of what was picked.
 template <int TYPES, int LENS, class Shapes, class Meshes, class HeightFields, class Target>
@@ -311,10 +335,7 @@ WARPCAM_FN void cast_tile(const CasterList<PICKED, false>& list, const Task<LENS
 {
 #if defined(__CUDA_ARCH__)
     const Asking a = asking_at(task, target, column + lane % TILE_WIDTH, row + lane / TILE_WIDTH);
-    bool open = a.asks;
-    unsigned met[1];
-    shade_tile<TYPES>(list, task.view, a.p, a.span, a.place, open, fields, met);
-    if (a.asks && !open)
+    if (is_shaded<TYPES>(list, task.view, a, fields))
         target.shadow.data[a.at] |= static_cast<int>(task.bit);
 #else
     Points points;
@@ -386,7 +407,7 @@ WARPCAM_FN void cast_crowd(const Shapes& shapes, const Materials& materials, con
     WARPCAM_SHARED Crowd<CAPACITY> crowd;
     WARPCAM_SHARED Picks picks[WARPS];
     WARPCAM_SHARED Patch patches[WIDTH / PATCH * (HEIGHT / PATCH)];
-    WARPCAM_SHARED Cover covers[WARPS], all;
+    WARPCAM_SHARED Cover all;
     // In shared memory, as in registers they would be spilled.
     WARPCAM_SHARED Task<LENS> task;
     WARPCAM_SHARED Camera camera;
@@ -417,16 +438,17 @@ WARPCAM_FN void cast_crowd(const Shapes& shapes, const Materials& materials, con
             task = { light_view<LENS>(lights, camera, world, number), region, corner, world, 1u << place, false };
         }
         block_barrier();
-        const Cover seen = survey<LENS, WIDTH, HEIGHT>(task, target, patches, warp, lane);
-        if (lane == 0)
-            covers[warp] = seen;
+        survey<LENS, WIDTH, HEIGHT>(task, target, patches, warp, lane);
         block_barrier();
-        if (thread == 0) {
-            Cover sum = covers[0];
-            for (int other = 1; other < WARPS; ++other)
-                sum.add(covers[other]);
-            all = sum;
-            grid = grid_of(sum);
+        if (warp == 0) {
+            Cover sum = no_cover();
+            for (int patch = lane; patch < WIDTH / PATCH * (HEIGHT / PATCH); patch += TEAM_SIZE)
+                sum.add(patches[patch].cover);
+            sum = joined(sum);
+            if (lane == 0) {
+                all = sum;
+                grid = grid_of(sum);
+            }
         }
         int begin = 0;
         do {
