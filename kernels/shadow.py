@@ -37,9 +37,9 @@ def shaded_struct(shape_dtype: Any, face_dtype: Any) -> Any:
 
 
 @functools.cache
-def _kernel(types: int, lens: int, capacity: int, width: int, height: int, target_type: Any) -> wp.Kernel:
-    crowded = capacity in CROWDS
-
+def _kernel(
+    crowded: bool, types: int, lens: int, capacity: int, width: int, height: int, target_type: Any
+) -> wp.Kernel:
     @wp.func_native(
         f"warpcam::{'cast_crowd' if crowded else 'cast'}<{types}, {lens}, {capacity}, {width}, {height}>"
         "(shapes, materials, meshes, fields, lights, views, target, index);"
@@ -119,7 +119,7 @@ def record(
     capacity = next(size for size in capacities if size >= min(tables.num_drawn, capacities[-1]))
     group = group or Group.of_all(views.shape[0])
     region = region_size(tables, group.at_once, width, height, device)
-    kernel = _kernel(types, LENSES[lens], capacity, *region, target_type)
+    kernel = _kernel(crowded, types, LENSES[lens], capacity, *region, target_type)
     unit = -(-width // region[0]) * -(-height // region[1]) * (THREADS if device.is_cuda else 1)  # threads a world
     arguments = [tables.shapes, tables.materials, tables.meshes, tables.height_fields, tables.lights, views, target]
     return record_launch(
