@@ -67,14 +67,21 @@ struct alignas(8) Outline {
 struct Grid {
     float left, bottom, floor;
     float per_u, per_v, per_height;
+    bool distant;  // the light is
     bool endless;  // some points are behind the light: nothing is said by what it sees
 
+    // What a light sees at its side is far away along u and v: bent, all of it lies between -1 and 1.
+    WARPCAM_FN static float bent(float x, bool distant)
+    {
+        const float rest = 1.0f / (1.0f + magnitude(x));  // rounded as a division is, which never turns an order round
+        return distant ? x : x < 0.0f ? rest - 1.0f : 1.0f - rest;
+    }
     WARPCAM_FN static unsigned number(float value, float from, float rate, float last)
     {
         return unsigned(int(upper(lower((value - from) * rate, last), 0.0f)));
     }
-    WARPCAM_FN unsigned column(float u) const { return number(u, left, per_u, float(GRID_CELLS - 1)); }
-    WARPCAM_FN unsigned row(float v) const { return number(v, bottom, per_v, float(GRID_CELLS - 1)); }
+    WARPCAM_FN unsigned column(float u) const { return number(bent(u, distant), left, per_u, float(GRID_CELLS - 1)); }
+    WARPCAM_FN unsigned row(float v) const { return number(bent(v, distant), bottom, per_v, float(GRID_CELLS - 1)); }
     WARPCAM_FN unsigned level(float height) const { return number(height, floor, per_height, float(LEVELS - 1)); }
 
     WARPCAM_FN Outline of_shape(const Window& w, float height, int place) const
@@ -96,16 +103,18 @@ struct Grid {
     }
 };
 
-WARPCAM_FN Grid grid_of(const Cover& all)
+WARPCAM_FN Grid grid_of(const Cover& all, bool distant)
 {
     const Window& w = all.window;
-    const float least = 1.0e-20f;
-    return { w.left,
-             w.bottom,
+    const float left = Grid::bent(w.left, distant), right = Grid::bent(w.right, distant);
+    const float bottom = Grid::bent(w.bottom, distant), top = Grid::bent(w.top, distant), least = 1.0e-20f;
+    return { left,
+             bottom,
              all.floor,
-             float(GRID_CELLS) / upper(w.right - w.left, least),
-             float(GRID_CELLS) / upper(w.top - w.bottom, least),
+             float(GRID_CELLS) / upper(right - left, least),
+             float(GRID_CELLS) / upper(top - bottom, least),
              float(LEVELS) / upper(all.top - all.floor, least),
+             distant,
              all.beside };
 }
 
@@ -447,7 +456,7 @@ WARPCAM_FN void cast_crowd(const Shapes& shapes, const Materials& materials, con
             sum = joined(sum);
             if (lane == 0) {
                 all = sum;
-                grid = grid_of(sum);
+                grid = grid_of(sum, task.view.light.distant);
             }
         }
         int begin = 0;
