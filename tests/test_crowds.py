@@ -62,7 +62,7 @@ def lit(mjm: mujoco.MjModel, lens: wc.Pinhole | wc.Orthographic) -> np.ndarray:
 def test_shadows_are_those_of_every_caster(
     device: wp.Device, monkeypatch: pytest.MonkeyPatch, lens: wc.Pinhole | wc.Orthographic, ends: bool, room: int
 ) -> None:
-    mjm = crowded(280, ends)
+    mjm = crowded(400, ends)
     monkeypatch.setattr(shadow, "CROWDS", (room,))
     images = lit(mjm, lens)
     monkeypatch.setattr(shadow, "MOST", 0)
