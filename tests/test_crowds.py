@@ -30,7 +30,8 @@ SIZES = {
 }
 # Beside the second light and higher than it.
 WALLS = "".join(f'<geom type="box" size="0.7 0.05 1" pos="0.5 {y} 1"/>' for y in (-0.75, 0.9))
-EYE = {"width": 45, "height": 27, "position": (0.3, -0.9, 5.0), "rotation": scenes.looking((0.3, -0.9, 5), (0.3, -0.4, 0))}
+ABOVE = scenes.looking((0.3, -0.9, 5), (0.3, -0.4, 0))
+EYE = {"width": 45, "height": 27, "position": (0.3, -0.9, 5.0), "rotation": ABOVE}
 
 
 def crowded(count: int, ends: bool) -> mujoco.MjModel:
