@@ -195,9 +195,11 @@ template <bool TIGHT = false> WARPCAM_FN Window window_of(const Light& light, in
     if (!(near > 1.0e-3f * half_w)) {
         height = FAR_AWAY;
         if (TIGHT) {  // what is before the light and to its right lies at least `left` aside, at most `far` away
-            const float least = 0.99999f / far;
-            return { flat.left > 0.0f ? flat.left * least : -FAR_AWAY, flat.right < 0.0f ? flat.right * least : FAR_AWAY,
-                     flat.bottom > 0.0f ? flat.bottom * least : -FAR_AWAY, flat.top < 0.0f ? flat.top * least : FAR_AWAY };
+            const float rate = 0.99999f / far;
+            return { flat.left > 0.0f ? flat.left * rate : -FAR_AWAY,
+                     flat.right < 0.0f ? flat.right * rate : FAR_AWAY,
+                     flat.bottom > 0.0f ? flat.bottom * rate : -FAR_AWAY,
+                     flat.top < 0.0f ? flat.top * rate : FAR_AWAY };
         }
         return { -FAR_AWAY, FAR_AWAY, -FAR_AWAY, FAR_AWAY };
     }
