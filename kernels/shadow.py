@@ -15,7 +15,7 @@ BLOCKS = 8  # on a multiprocessor: bounds the registers of a thread
 FEW_BLOCKS = 6  # as many as its shared memory holds of the longest lists with meshes
 CAPACITIES = (16, 32, 64, 128, 192)  # how many shapes a pass lists: few sizes, so that scenes share kernels
 CROWDS = (512, 1024)  # the same in scenes of many shapes without meshes: native/crowd.h
-MANY = 384  # shapes: more are such a crowd on CUDA; on a CPU it pays as soon as one list does not hold them
+MANY = 384  # shapes; more are such a crowd
 MOST = 2**20  # shapes that can be told apart there
 
 
@@ -115,8 +115,7 @@ def record(
     if face is not None:
         target.face = face.flatten()
     types = sum(1 << t for t in tables.shape_types)
-    few = MANY if device.is_cuda else CAPACITIES[-1]
-    crowded = few < tables.num_drawn <= MOST and MESH not in tables.shape_types
+    crowded = MANY < tables.num_drawn <= MOST and MESH not in tables.shape_types
     capacities = CROWDS if crowded else CAPACITIES
     capacity = next(size for size in capacities if size >= min(tables.num_drawn, capacities[-1]))
     group = group or Group.of_all(views.shape[0])
