@@ -14,6 +14,9 @@ from .visibility import LENSES, THREADS, region_size
 BLOCKS = 8  # on a multiprocessor: bounds the registers of a thread
 FEW_BLOCKS = 6  # as many as its shared memory holds of the longest lists with meshes
 CAPACITIES = (16, 32, 64, 128, 192)  # how many shapes a pass lists: few sizes, so that scenes share kernels
+CROWDS = (512, 1024)  # the same in scenes of many shapes without meshes: native/crowd.h
+MANY = 384  # shapes; more are such a crowd
+MOST = 2**20  # shapes that can be told apart there
 
 
 @functools.cache
@@ -35,9 +38,11 @@ def shaded_struct(shape_dtype: Any, face_dtype: Any) -> Any:
 
 
 @functools.cache
-def _kernel(types: int, lens: int, capacity: int, width: int, height: int, target_type: Any) -> wp.Kernel:
+def _kernel(
+    crowded: bool, types: int, lens: int, capacity: int, width: int, height: int, target_type: Any
+) -> wp.Kernel:
     @wp.func_native(
-        f"warpcam::cast<{types}, {lens}, {capacity}, {width}, {height}>"
+        f"warpcam::{'cast_crowd' if crowded else 'cast'}<{types}, {lens}, {capacity}, {width}, {height}>"
         "(shapes, materials, meshes, fields, lights, views, target, index);"
     )
     def cast(
@@ -56,7 +61,7 @@ def _kernel(types: int, lens: int, capacity: int, width: int, height: int, targe
         enable_backward=False,
         grid_stride=False,
         launch_bounds=(THREADS, FEW_BLOCKS if types >> MESH & 1 and capacity == CAPACITIES[-1] else BLOCKS),
-        module_options=native_module("shadow.h"),
+        module_options=native_module("crowd.h" if crowded else "shadow.h"),
     )
     def shadow(
         shapes: Shapes,
@@ -112,10 +117,12 @@ def record(
     types = sum(1 << t for t in tables.shape_types)
     if tables.physical is None and MESH in tables.shape_types:
         types |= 1 << SHADING_BACKS
-    capacity = next(size for size in CAPACITIES if size >= min(tables.num_drawn, CAPACITIES[-1]))
+    crowded = MANY < tables.num_drawn <= MOST and MESH not in tables.shape_types
+    capacities = CROWDS if crowded else CAPACITIES
+    capacity = next(size for size in capacities if size >= min(tables.num_drawn, capacities[-1]))
     group = group or Group.of_all(views.shape[0])
     region = region_size(tables, group.at_once, width, height, device)
-    kernel = _kernel(types, LENSES[lens], capacity, *region, target_type)
+    kernel = _kernel(crowded, types, LENSES[lens], capacity, *region, target_type)
     unit = -(-width // region[0]) * -(-height // region[1]) * (THREADS if device.is_cuda else 1)  # threads a world
     arguments = [tables.shapes, tables.materials, tables.meshes, tables.height_fields, tables.lights, views, target]
     return record_launch(

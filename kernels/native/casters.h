@@ -101,8 +101,8 @@ template <class List> WARPCAM_FN void find_bounds(List& list)
 
 #endif
 
-// False if the shape casts no shadow in this light.
-template <int TYPES, class Meshes, class HeightFields>
+// False if the shape casts no shadow in this light. TIGHT: see window_of().
+template <int TYPES, bool TIGHT = false, class Meshes, class HeightFields>
 WARPCAM_FN bool prepare_caster(const Shape& shape, const Light& light, const Camera& camera, const Meshes& meshes,
                                const HeightFields& fields, Caster& caster)
 {
@@ -135,7 +135,7 @@ WARPCAM_FN bool prepare_caster(const Shape& shape, const Light& light, const Cam
     caster.window = { -FAR_AWAY, FAR_AWAY, -FAR_AWAY, FAR_AWAY };
     caster.height = FAR_AWAY;
     if (extent.half.x >= 0.0f)  // not an endless plane
-        caster.window = window_of(light, shape.type, c, r, extent, caster.height);
+        caster.window = window_of<TIGHT>(light, shape.type, c, r, extent, caster.height);
     return true;
 }
 

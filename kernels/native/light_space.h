@@ -174,7 +174,8 @@ WARPCAM_FN float reach_along(int type, Vec half, Vec n)
 
 // The window of a shape whose box has `extent` in its own frame, `position` from the camera; `height` is that of its
 // point nearest to the light. Both are widened by more than the rounding of the shape's and of any point's place.
-WARPCAM_FN Window window_of(const Light& light, int type, Vec position, const Matrix& rotation, const Extent& extent,
+// TIGHT: also of a shape that stands beside the light, part of it before and part of it behind.
+template <bool TIGHT = false> WARPCAM_FN Window window_of(const Light& light, int type, Vec position, const Matrix& rotation, const Extent& extent,
                             float& height)
 {
     const Vec u = turned_back(rotation, light.u), v = turned_back(rotation, light.v);
@@ -198,6 +199,13 @@ WARPCAM_FN Window window_of(const Light& light, int type, Vec position, const Ma
         return { FAR_AWAY, FAR_AWAY, FAR_AWAY, FAR_AWAY };
     if (!(near > 1.0e-3f * half_w)) {
         height = FAR_AWAY;
+        if (TIGHT) {  // what is before the light and to its right lies at least `left` aside, at most `far` away
+            const float rate = 0.99999f / far;
+            return { flat.left > 0.0f ? flat.left * rate : -FAR_AWAY,
+                     flat.right < 0.0f ? flat.right * rate : FAR_AWAY,
+                     flat.bottom > 0.0f ? flat.bottom * rate : -FAR_AWAY,
+                     flat.top < 0.0f ? flat.top * rate : FAR_AWAY };
+        }
         return { -FAR_AWAY, FAR_AWAY, -FAR_AWAY, FAR_AWAY };
     }
     const float at_near = 1.0f / near, at_far = 1.0f / far, slack = 1.0e-5f;

@@ -1,0 +1,74 @@
+"""Shadows of scenes of many shapes, against the kernel that holds every caster against every tile."""
+
+import mujoco
+import numpy as np
+import pytest
+import scenes
+import warp as wp
+from warpcam.kernels import shadow
+
+import warpcam as wc
+
+# All around and past each other: some before a light that shines, some behind it, walls beside it.
+LIGHTS = """
+<light type="directional" pos="0 0 5" dir="0.3 0.2 -1" diffuse="0.3 0.3 0.3" castshadow="true"/>
+<light type="spot" pos="0.6 -0.4 1.6" dir="-0.1 0.1 -1" cutoff="70" diffuse="0.4 0.4 0.4" castshadow="true"/>
+<light type="spot" pos="0.6 -0.4 3" dir="1 0 0.1" cutoff="180" diffuse="0.4 0.4 0.4" castshadow="true"/>
+<light type="spot" pos="-0.5 0.7 0.7" dir="0 0 1" cutoff="180" diffuse="0.4 0.4 0.4" castshadow="true"/>
+"""
+PLANES = """
+<geom type="plane" size="0.6 0.5 1" pos="0.3 0.4 2.2" euler="170 10 0"/>
+<geom type="plane" size="9 9 1"/>
+"""
+KINDS = ("sphere", "capsule", "ellipsoid", "cylinder", "box")
+SIZES = {
+    "sphere": "0.07",
+    "capsule": "0.04 0.08",
+    "ellipsoid": "0.05 0.1 0.07",
+    "cylinder": "0.05 0.09",
+    "box": "0.09 0.05 0.06",
+}
+# Beside the second light and higher than it.
+WALLS = "".join(f'<geom type="box" size="0.7 0.05 1" pos="0.5 {y} 1"/>' for y in (-0.75, 0.9))
+ABOVE = scenes.looking((0.3, -0.9, 5), (0.3, -0.4, 0))
+EYE = {"width": 45, "height": 27, "position": (0.3, -0.9, 5.0), "rotation": ABOVE}
+
+
+def crowded(count: int, ends: bool) -> mujoco.MjModel:
+    random = np.random.default_rng(3)
+    shapes = ""
+    for i in range(count):
+        (x, y, z), (a, b) = random.uniform((-2, -2, 0.1), (2, 2, 2.4)), random.uniform(-90, 90, 2)
+        kind = KINDS[i % len(KINDS)]
+        shapes += f'<geom type="{kind}" size="{SIZES[kind]}" pos="{x} {y} {z}" euler="{a} {b} 0"/>'
+    mjm = scenes.compile_xml(LIGHTS + shapes + PLANES + WALLS + scenes.geom_xml("hfield"), assets=scenes.ASSETS)
+    mjm.vis.map.shadowclip = 0.4 if ends else 0.0
+    return mjm
+
+
+def lit(mjm: mujoco.MjModel, lens: wc.Pinhole | wc.Orthographic) -> np.ndarray:
+    scene = wc.from_mujoco_warp(mjm, *scenes.put(mjm, 2))
+    return scenes.look(scene, scenes.own_camera(outputs=("hdr",), shadows=True, lens=lens, **EYE))["hdr"]
+
+
+@pytest.mark.parametrize(
+    ("lens", "ends", "room"),
+    [
+        (wc.Pinhole(fovy=50.0), True, 512),
+        (wc.Pinhole(fovy=50.0), False, 512),
+        (wc.Pinhole(fovy=50.0), False, shadow.THREADS),  # in several passes
+        (wc.Orthographic(height=4.0), True, 512),
+    ],
+)
+def test_shadows_are_those_of_every_caster(
+    device: wp.Device, monkeypatch: pytest.MonkeyPatch, lens: wc.Pinhole | wc.Orthographic, ends: bool, room: int
+) -> None:
+    mjm = crowded(400, ends)
+    monkeypatch.setattr(shadow, "CROWDS", (room,))
+    images = lit(mjm, lens)
+    monkeypatch.setattr(shadow, "MOST", 0)
+    wanted = lit(mjm, lens)
+    monkeypatch.undo()
+    mjm.light_castshadow[:] = False
+    assert (wanted != lit(mjm, lens)).any(axis=-1).mean() > 0.2
+    assert (images != wanted).any(axis=-1).sum() <= 2  # pixels on an edge
