@@ -13,6 +13,7 @@ from warpcam.driven import DrivenScene
 from warpcam.errors import WarpcamError
 from warpcam.kernels.streams import context_kept as _context_kept
 from warpcam.lens import Lens, Orthographic, Pinhole
+from warpcam.rays import Distorted, Fisheye, Rays
 from warpcam.light import Light
 from warpcam.memory import Memory, estimate_memory
 from warpcam.recipes import Choice, Uniform, randomize
@@ -27,12 +28,15 @@ except _PackageNotFoundError:  # run from its sources
 __all__ = [
     "Camera",
     "Choice",
+    "Distorted",
     "DrivenScene",
+    "Fisheye",
     "Lens",
     "Light",
     "Memory",
     "Orthographic",
     "Pinhole",
+    "Rays",
     "Renderer",
     "Scene",
     "Uniform",

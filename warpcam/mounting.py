@@ -8,6 +8,7 @@ import numpy as np
 import warp as wp
 
 from warpcam import interop
+from warpcam.accel.rays import handles, pack_rays, pixel_angle
 from warpcam.camera import Camera
 from warpcam.errors import WarpcamError
 from warpcam.kernels import views as views_stage
@@ -16,6 +17,7 @@ from warpcam.kernels.tables import Tables
 from warpcam.kernels.variety import copied, empty_variety
 from warpcam.kernels.views import LensTable, Mount
 from warpcam.lens import Lens, Projection
+from warpcam.rays import TableLens
 from warpcam.scene import Scene
 
 CLIPPING = {"none": views_stage.CLIP_NONE, "max": views_stage.CLIP_MAX, "zero": views_stage.CLIP_ZERO}
@@ -133,6 +135,9 @@ class Mounted:
             else:
                 lens.kind = views_stage.FOVY
             return lens
+        if isinstance(camera.lens, TableLens):
+            lens.kind, lens.intrinsics = views_stage.TABLE, self._handles.reshape((-1, 1))
+            return lens
         for name, kind_of_lens in (
             ("fovy", views_stage.FOVY),
             ("height", views_stage.HEIGHT),
@@ -144,8 +149,17 @@ class Mounted:
                 setattr(lens, "intrinsics" if name == "intrinsics" else "angles", values)
         return lens
 
+    def _make_table(self, lens: TableLens) -> None:
+        camera, device = self._camera, self._scene.device
+        rays = lens.rays(camera.width, camera.height, self._scene.num_worlds, camera.where)
+        self._table = wp.array(pack_rays(rays), dtype=wp.float32, device=device)
+        numbers = handles(self._table.ptr, len(rays), camera.width, camera.height, pixel_angle(rays[0]))
+        self._handles = wp.array(numbers, dtype=wp.vec4, device=device)
+
     def _make_lens(self, lens: Lens) -> None:
         camera, num_worlds = self._camera, self._scene.num_worlds
+        if isinstance(lens, TableLens):
+            return self._make_table(lens)
         kind = type(lens).__name__
         for name, values in lens.values(camera.width, camera.height).items():
             labels = ("fx", "fy", "cx", "cy") if name == "intrinsics" else (name,)

@@ -92,6 +92,8 @@ class Target:
         if tables.ids_by_world and "shape" in traced:  # what is asked for are ids; the stages pass on columns
             traced["ids"] = traced.pop("shape")
         lit = {name: image for name, image in derived.items() if OUTPUTS[name].lit}
+        if projection == "rays":
+            traced = _swapped(traced)
         depth, shape, face = (traced.pop(name, buffers.get(name)) for name in ("depth", "shape", "face"))
         shadows = buffers.get("shadow") if lit else None
         veil_places = layers.veil_places if opaque and layers is not None else None
@@ -159,7 +161,7 @@ class Target:
             stages.insert(0, splats.record_check(tables, views, mask, faults, device, group))
             stages.append(
                 splats.record(
-                    self.images, projection, tables, views, mask, depth, shape, width, height, device, group, trail
+                    _swapped(self.images) if projection == "rays" else self.images, projection, tables, views, mask, depth, shape, width, height, device, group, trail
                 )
             )
         return stages
@@ -241,3 +243,9 @@ class Target:
                 True,
             ),
         ]
+
+
+def _swapped(images: Mapping[str, wp.array]) -> dict[str, wp.array]:
+    """The same as a trace by a table of rays names them: what it has for depth is the distance."""
+    names = {"depth": "distance", "distance": "depth"}
+    return {names.get(name, name): image for name, image in images.items()}

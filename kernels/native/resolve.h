@@ -60,15 +60,14 @@ WARPCAM_FN bool follow(bool hit, Hit& found)
 // The texture's colour at a hit; white where there is none.
 template <int TYPES, int LENS, class Looks, class Meshes, class Textures>
 WARPCAM_FN Vec texture_color(const Looks& look, const Meshes& meshes, const Textures& textures, const Camera& camera,
-                             const Surface& surface, Vec ray, float depth)
+                             float x, float y, const Surface& surface, Vec ray, float depth)
 {
     const Layout& layout = look.layout;
     if (layout.image.levels <= 0)
         return { 1.0f, 1.0f, 1.0f };
     const Pose& pose = look.pose;
-    const float stretch = LENS == PINHOLE ? depth : 1.0f;
-    const Vec right = pose.local({ stretch * camera.scale_x, 0.0f, 0.0f });
-    const Vec down = pose.local({ 0.0f, -stretch * camera.scale_y, 0.0f });
+    const Vec right = pose.local(step_right<LENS>(camera, x, y, depth));
+    const Vec down = pose.local(step_down<LENS>(camera, x, y, depth));
     if (layout.cube) {
         const CubeMapping mapping = map_cube<TYPES>(pose, layout, surface);
         return sample_cube(textures.texels.data, layout.image, mapping.direction,
@@ -97,8 +96,10 @@ WARPCAM_FN void resolve_surface(const Looks& look, const List& lights, const Sce
     if constexpr (Wants::SURFACE) {
         const Pose& pose = look.pose;
         place = LENS == PINHOLE ? Vec { depth * x, depth * y, -depth } : Vec { x, y, -depth };
-        ray = LENS == PINHOLE ? pose.local({ x, y, -1.0f }) : pose.local({ 0.0f, 0.0f, -1.0f });
-        const Vec local = pose.eye() + (LENS == PINHOLE ? depth * ray : pose.local(place));
+        ray = pose.local(ViewRay<LENS> { x, y }.direction());
+        if (LENS == RAYS)
+            place = depth * ViewRay<LENS> { x, y }.direction();
+        const Vec local = pose.eye() + (LENS == ORTHOGRAPHIC ? pose.local(place) : depth * ray);
         surface = surface_at<TYPES>(pose, scene.meshes, scene.fields, found.face, local, ray);
     }
     if constexpr (Wants::TURNED) {
@@ -108,7 +109,7 @@ WARPCAM_FN void resolve_surface(const Looks& look, const List& lights, const Sce
     }
     Vec texture { 1.0f, 1.0f, 1.0f };
     if constexpr (Wants::TEXTURED)
-        texture = texture_color<TYPES, LENS>(look, scene.meshes, scene.textures, camera, surface, ray, depth);
+        texture = texture_color<TYPES, LENS>(look, scene.meshes, scene.textures, camera, x, y, surface, ray, depth);
     if constexpr (Wants::COATED)
         texture = decoded(texture);
     if constexpr ((IMAGES & ALBEDO) != 0) {
@@ -117,8 +118,8 @@ WARPCAM_FN void resolve_surface(const Looks& look, const List& lights, const Sce
             shown.albedo = encoded(shown.albedo);
     }
     if constexpr (Wants::LIT && Wants::COATED) {
-        shown.linear = shade_physically<TYPES, LENS, FACTS>(look, lights, scene, camera, surface, place, ray, depth,
-                                                            texture, shadow);
+        shown.linear = shade_physically<TYPES, LENS, FACTS>(look, lights, scene, camera, x, y, surface, place, ray,
+                                                            depth, texture, shadow);
         shown.display = encoded(shown.linear);
     } else if constexpr (Wants::LIT) {
         Facet facet;
@@ -239,7 +240,7 @@ WARPCAM_FN float resolve_veils(const Looks* looks, const List& lights, const Sce
 
 template <int TYPES, int LENS, int CAPACITY, int IMAGES, int FACTS, class Looks, class List, class Scene_,
           class Veils_>
-WARPCAM_FN void resolve_pixel(const Looks* looks, const List& lights, const Scene_& scene, const Camera& camera,
+WARPCAM_FN void resolve_pixel(const Looks* looks, const List& lights, const Scene_& scene, const Camera& kept_camera,
                               const Veils_& veils, const Region& region, int world, const Pixel& pixel, Hit found)
 {
     using Wants = Wanted<IMAGES, FACTS>;
@@ -247,7 +248,9 @@ WARPCAM_FN void resolve_pixel(const Looks* looks, const List& lights, const Scen
     const auto& frame = scene.frame;
     const auto& images = scene.images;
     const int column = FACTS & MIRRORED ? frame.width - 1 - pixel.column : pixel.column;
-    const float x = image_x(camera, float(column)), y = image_y(camera, float(pixel.row));
+    const auto seen_along = view_ray<LENS>(kept_camera, column, pixel.row);
+    const float x = seen_along.x, y = seen_along.y;
+    decltype(auto) camera = camera_at<LENS>(kept_camera, column, pixel.row);
     const bool hit = found.shape >= 0;
     const Hit solid = found;
     Shown shown;
@@ -263,8 +266,8 @@ WARPCAM_FN void resolve_pixel(const Looks* looks, const List& lights, const Scen
     if (Wants::LIT) {
         bool seen = hit;
         Mist mist { 0.0f, 0.0f };
-        if constexpr ((FACTS & HAZY) != 0 && LENS == PINHOLE) {
-            const Vec ray = turned(camera.rotation, { x, y, -1.0f });
+        if constexpr ((FACTS & HAZY) != 0 && LENS != ORTHOGRAPHIC) {
+            const Vec ray = turned(camera.rotation, seen_along.direction());
             seen = hit && solid.depth < skybox_depth(ray, frame.haze.radius);
             mist = haze_of(scene, camera, world, ray);
         }

@@ -246,9 +246,9 @@ WARPCAM_FN void smooth_region(const Shapes& shapes, const Meshes& meshes, const 
 #pragma unroll
             for (int each = 0; each < EACH; ++each) {
                 if (HAS_MESH)
-                    batch.meshes[each * LANES + lane] = on_meshes[each].template widened<LENS>(camera.scale_x);
+                    batch.meshes[each * LANES + lane] = on_meshes[each].template widened<LENS>(pixel_width<LENS>(camera));
                 if (HAS_FIELD)
-                    batch.fields[each * LANES + lane] = on_fields[each].template widened<LENS>(camera.scale_x);
+                    batch.fields[each * LANES + lane] = on_fields[each].template widened<LENS>(pixel_width<LENS>(camera));
             }
             const unsigned are_meshes
                 = list_near<TYPES, LENS>(batch, shapes, meshes, fields, camera, region, world, mine, own);
@@ -347,7 +347,7 @@ WARPCAM_FN void smooth(const Shapes& shapes, const Meshes& meshes, const HeightF
     if (index % THREADS == 0)
         camera = load_camera(wp::index(views, world));
     block_barrier();
-    const Seen<LENS, Target> seen { target, unsigned(world) * target.height * target.width, camera.scale_x,
+    const Seen<LENS, Target> seen { target, unsigned(world) * target.height * target.width, pixel_width<LENS>(camera),
                                     camera.scale_y };
     smooth_region<TYPES, LENS, WIDTH, HEIGHT, IMAGES>(shapes, meshes, fields, target, camera, seen, region, world);
 }
