@@ -138,6 +138,7 @@ class Fisheye(TableLens):
         angle = np.stack([_angle_at(radius[world], k[world]) for world in range(worlds)])
         half = np.radians(0.5 * limit).reshape(-1, 1, 1)
         seen = angle <= half * (1.0 + 1e-6)
+        angle = np.where(seen, angle, 0.0)
         across = np.divide(np.sin(angle), radius, out=np.ones_like(radius), where=radius > 0.0)
         return np.where(seen[..., None], np.stack([across * x, across * y, -np.cos(angle)], axis=-1), 0.0)
 

@@ -67,6 +67,8 @@ template <int TYPES, int LENS, int OUTPUTS, int CAPACITY, class Target, class Sh
             if (inside(i, j))
                 expect_flow(places, j * target.width + i);
         Hit hit { inside(i, j) ? camera.far : -1.0f, -1, -1 };
+        if (LENS == RAYS && ray(i, j).x >= BLIND)
+            hit.depth = -1.0f;
         if (!first_pass && inside(i, j) && target.shape.data[at(i, j)] >= 0)
             hit.depth = target.depth.data[at(i, j)];
         return hit;

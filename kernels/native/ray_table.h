@@ -8,6 +8,7 @@
 
 namespace warpcam {
 
+constexpr float BLIND = 1.0e18f;  // what is greater are the coordinates of a pixel that sees nothing
 constexpr int TILE_WIDTH = 8, TILE_HEIGHT = 4;  // pixels; one warp
 
 struct Matrix {
@@ -51,18 +52,20 @@ WARPCAM_FN ViewRay<RAYS> table_ray(const Camera& camera, int i, int j)
     return { at.x, at.y };
 }
 
-// How the ray changes from pixel (i, j) to the next, across and down: over both sides of it.
+// How the ray changes from pixel (i, j) to the next, across and down: over both sides of it that see anything.
 WARPCAM_FN void table_slopes(const Camera& camera, int i, int j, Pair& across, Pair& down)
 {
-    const auto slope = [](const ViewRay<RAYS>& from, const ViewRay<RAYS>& to, int steps) {
-        const float rate = steps == 2 ? 0.5f : 1.0f;
+    const ViewRay<RAYS> here = table_ray(camera, i, j);
+    const auto slope = [&](ViewRay<RAYS> from, bool has_from, ViewRay<RAYS> to, bool has_to) {
+        has_from = has_from && from.x < BLIND;
+        has_to = has_to && to.x < BLIND;
+        from = has_from ? from : here;
+        to = has_to ? to : here;
+        const float rate = here.x >= BLIND ? 0.0f : has_from && has_to ? 0.5f : 1.0f;
         return Pair { rate * (to.x - from.x), rate * (to.y - from.y) };
     };
-    const int last_i = table_width(camera) - 1, last_j = table_height(camera) - 1;
-    const int left = i > 0 ? i - 1 : 0, right = lower_int(i + 1, last_i);
-    const int above = j > 0 ? j - 1 : 0, below = lower_int(j + 1, last_j);
-    across = slope(table_ray(camera, left, j), table_ray(camera, right, j), right - left);
-    down = slope(table_ray(camera, i, above), table_ray(camera, i, below), below - above);
+    across = slope(table_ray(camera, i - 1, j), i > 0, table_ray(camera, i + 1, j), i + 1 < table_width(camera));
+    down = slope(table_ray(camera, i, j - 1), j > 0, table_ray(camera, i, j + 1), j + 1 < table_height(camera));
 }
 
 // The ray of pixel (i, j).
