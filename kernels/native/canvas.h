@@ -81,7 +81,7 @@ template <int TYPES, int LENS, int OUTPUTS, int CAPACITY, class Target, class Sh
         const ViewRay<LENS> seen = ray(i, j);
         const int shape = names_slots(OUTPUTS) && hit.shape >= 0 ? list.ids[hit.shape] : hit.shape;
         if (WHAT & DEPTH)
-            target.depth.data[pixel] = hit.shape >= 0 ? hit.depth : LENS == RAYS ? infinity() : camera.miss;
+            target.depth.data[pixel] = hit.shape < 0 ? (LENS == RAYS ? infinity() : camera.miss) : hit.depth;
         if (WHAT & SHAPE)
             target.shape.data[pixel] = shape;
         if (WHAT & FACE)

@@ -96,22 +96,42 @@ template <int LENS> WARPCAM_FN float pixel_width(const Camera& camera)
     return LENS == RAYS ? camera.scale_y : camera.scale_x;
 }
 
-// A camera that is at pixel (i, j): with a table, scale_x and scale_y are how the ray changes from there to the next
-// pixel across, center_x and center_y to the next down. See pixel_step().
-template <int LENS> WARPCAM_FN decltype(auto) camera_at(const Camera& camera, int i, int j)
+// A camera with a table as one of its pixels has it: its ray, and how that changes to the next pixel across, in scale_x
+// and scale_y, and down, in center_x and center_y.
+struct PixelCamera: Camera {
+    float x, y;
+};
+
+WARPCAM_FN PixelCamera camera_at(const Camera& camera, int i, int j)
 {
-    if constexpr (LENS == RAYS) {
-        Camera own = camera;
-        Pair across, down;
-        table_slopes(camera, i, j, across, down);
-        own.scale_x = across.x;
-        own.scale_y = across.y;
-        own.center_x = down.x;
-        own.center_y = down.y;
-        return own;
-    } else {
-        return (camera);
-    }
+    PixelCamera own;
+    static_cast<Camera&>(own) = camera;
+    Pair across, down;
+    table_slopes(camera, i, j, across, down);
+    const ViewRay<RAYS> ray = table_ray(camera, i, j);
+    own.scale_x = across.x;
+    own.scale_y = across.y;
+    own.center_x = down.x;
+    own.center_y = down.y;
+    own.x = ray.x;
+    own.y = ray.y;
+    return own;
+}
+
+// The ray of a pixel, of a camera that may be one of a pixel's own.
+template <int LENS, class Camera_> WARPCAM_FN float ray_x(const Camera_& camera, int i)
+{
+    if constexpr (LENS == RAYS)
+        return camera.x;
+    else
+        return image_x(camera, float(i));
+}
+template <int LENS, class Camera_> WARPCAM_FN float ray_y(const Camera_& camera, int j)
+{
+    if constexpr (LENS == RAYS)
+        return camera.y;
+    else
+        return image_y(camera, float(j));
 }
 
 // What a change of a table's ray at (x, y) is as a change of its unit direction.

@@ -239,18 +239,16 @@ WARPCAM_FN float resolve_veils(const Looks* looks, const List& lights, const Sce
 }
 
 template <int TYPES, int LENS, int CAPACITY, int IMAGES, int FACTS, class Looks, class List, class Scene_,
-          class Veils_>
-WARPCAM_FN void resolve_pixel(const Looks* looks, const List& lights, const Scene_& scene, const Camera& kept_camera,
-                              const Veils_& veils, const Region& region, int world, const Pixel& pixel, Hit found)
+          class Veils_, class Camera_>
+WARPCAM_FN void resolve_seen(const Looks* looks, const List& lights, const Scene_& scene, const Camera_& camera,
+                             const Veils_& veils, const Region& region, int world, const Pixel& pixel, Hit found)
 {
     using Wants = Wanted<IMAGES, FACTS>;
     constexpr bool IN_QUADS = FACTS & QUADS;
     const auto& frame = scene.frame;
     const auto& images = scene.images;
     const int column = FACTS & MIRRORED ? frame.width - 1 - pixel.column : pixel.column;
-    const auto seen_along = view_ray<LENS>(kept_camera, column, pixel.row);
-    const float x = seen_along.x, y = seen_along.y;
-    decltype(auto) camera = camera_at<LENS>(kept_camera, column, pixel.row);
+    const float x = ray_x<LENS>(camera, column), y = ray_y<LENS>(camera, pixel.row);
     const bool hit = found.shape >= 0;
     const Hit solid = found;
     Shown shown;
@@ -267,7 +265,7 @@ WARPCAM_FN void resolve_pixel(const Looks* looks, const List& lights, const Scen
         bool seen = hit;
         Mist mist { 0.0f, 0.0f };
         if constexpr ((FACTS & HAZY) != 0 && LENS != ORTHOGRAPHIC) {
-            const Vec ray = turned(camera.rotation, seen_along.direction());
+            const Vec ray = turned(camera.rotation, ViewRay<LENS> { x, y }.direction());
             seen = hit && solid.depth < skybox_depth(ray, frame.haze.radius);
             mist = haze_of(scene, camera, world, ray);
         }
@@ -308,6 +306,19 @@ WARPCAM_FN void resolve_pixel(const Looks* looks, const List& lights, const Scen
         if (IMAGES & RGBA)
             put_word(images.rgba, pixel, word | alpha);
     }
+}
+
+template <int TYPES, int LENS, int CAPACITY, int IMAGES, int FACTS, class Looks, class List, class Scene_,
+          class Veils_>
+WARPCAM_FN void resolve_pixel(const Looks* looks, const List& lights, const Scene_& scene, const Camera& camera,
+                              const Veils_& veils, const Region& region, int world, const Pixel& pixel, Hit found)
+{
+    if constexpr (LENS == RAYS)
+        resolve_seen<TYPES, LENS, CAPACITY, IMAGES, FACTS>(
+            looks, lights, scene, camera_at(camera, pixel.column, pixel.row),
+            veils, region, world, pixel, found);
+    else
+        resolve_seen<TYPES, LENS, CAPACITY, IMAGES, FACTS>(looks, lights, scene, camera, veils, region, world, pixel, found);
 }
 
 #if defined(__CUDA_ARCH__)
