@@ -128,7 +128,8 @@ class Fisheye(TableLens):
             fovy = _values(self.fovy, f"{where}: fovy", worlds)
             _require((fovy > 0.0) & (fovy <= 360.0), fovy, f"{where}: fovy must be in (0, 360] degrees")
             edge = _bent(np.radians(0.5 * fovy), k)
-            _require(edge > 0.0, fovy, f"{where}: fovy must be one that the lens reaches with its k")
+            last = np.array([_last_growing(one) for one in k])
+            _require(np.radians(0.5 * fovy) <= last * (1.0 + 1e-9), fovy, f"{where}: fovy must be one that the lens reaches with its k")
             fx = fy = 0.5 * height / edge
             cx, cy = np.full(worlds, 0.5 * width), np.full(worlds, 0.5 * height)
         else:
