@@ -216,8 +216,8 @@ def test_what_is_not_offered_is_refused_by_name(worlds: tuple[Any, Any]) -> None
 
 
 FISHEYES = {
-    "fisheye_opencv": ((7.0, 7.5, 12.5, 8.0), {"k1": 0.05, "k2": -0.01, "max_fov": 2.0 * np.pi}),
-    "fisheye_ftheta": ((12.0, 8.0), {"k1": 0.12, "k2": 0.002, "max_fov": 6.0}),
+    "fisheye_opencv": ((4.5, 4.7, 12.5, 8.0), {"k1": 0.02, "max_fov": 6.0}),
+    "fisheye_ftheta": ((12.0, 8.0), {"k1": 6.5, "k3": 0.1, "max_fov": 6.0}),
     "fisheye_kannala_brandt": ((12.0, 8.5), {"k0": 6.0, "k1": 0.3}),
     "pinhole_opencv": ((20.0, 20.0, 12.0, 8.0), {"k1": -0.1, "k2": 0.02, "p1": 0.01, "p2": -0.01}),
 }
@@ -242,7 +242,7 @@ def test_wide_and_distorted_rays_are_newtons_own(worlds: tuple[Any, Any], helper
     same = mine["shape_index_image"] == theirs["shape_index_image"]
     assert same.mean() > 0.99 and len(np.unique(theirs["shape_index_image"])) > 3
     for name in ("depth_image", "forward_depth_image", "normal_image"):
-        np.testing.assert_allclose(mine[name][same], theirs[name][same], atol=2e-3, rtol=1e-4, err_msg=name)
+        np.testing.assert_allclose(mine[name][same], theirs[name][same], atol=2e-3, rtol=1e-3, err_msg=name)
     for name in ("color_image", "albedo_image"):
         channels = [images[name].view(np.uint8).reshape(*images[name].shape, 4)[same] for images in (mine, theirs)]
         assert np.percentile(np.abs(channels[0].astype(int) - channels[1]), 99) <= 2, name
