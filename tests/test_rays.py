@@ -46,7 +46,8 @@ def rendered(scene: wc.Scene, *cameras: wc.Camera) -> list[dict[str, np.ndarray]
 
 @pytest.fixture(scope="module")
 def model() -> tuple[mujoco.MjModel, mujoco.MjData]:
-    mjm = scenes.compile_xml(SCENE, assets=ASSETS)
+    # without MuJoCo's headlight, which shines the way a camera looks
+    mjm = scenes.compile_xml(SCENE, assets=ASSETS, more='<visual><headlight active="0"/></visual>')
     return mjm, scenes.forward(mjm)
 
 
@@ -176,6 +177,83 @@ def test_worlds_have_lenses_of_their_own(model: tuple[Any, Any], device: wp.Devi
     stack = np.stack([random_rays(seed) for seed in range(3)])
     seen = wc.Renderer(scene, [camera(wc.Rays(stack), outputs=("distance",))]).render()["own"]["distance"]
     assert (seen[0] != seen[2]).any()
+
+
+def turned(rays: np.ndarray, quaternion: np.ndarray) -> np.ndarray:
+    """The same rays along the world's axes."""
+    turn = np.zeros(9)
+    mujoco.mju_quat2Mat(turn, quaternion / np.linalg.norm(quaternion))
+    return tables.unit(rays) @ turn.reshape(3, 3).T
+
+
+@pytest.mark.parametrize("antialiasing", [1, 4])
+def test_turning_the_camera_is_turning_its_rays(
+    model: tuple[Any, Any], antialiasing: int, device: wp.Device
+) -> None:
+    """What a pixel shows depends on its ray alone, not on where that is in the camera's frame."""
+    outputs = ("depth", "distance", "segmentation", "rgb", "normals", "points", "albedo")
+    settings = {"outputs": outputs, "shadows": True, "antialiasing": antialiasing}
+    fish = wc.Fisheye(fovy=150.0).rays(WIDTH, HEIGHT, 1, "lens")[0]
+    one, other = rendered(
+        wc.from_mujoco(*model, device=device),
+        camera(wc.Rays(fish), "one", **settings),
+        camera(wc.Rays(turned(fish, TURN)), "other", rotation=(1.0, 0.0, 0.0, 0.0), **settings),
+    )
+    same = (one["segmentation"] == other["segmentation"])[..., 0]
+    assert same.mean() > 0.995
+    for name, most in (("distance", 1e-5), ("points", 1e-5), ("normals", 1e-4)):
+        np.testing.assert_allclose(one[name][same], other[name][same], atol=most, err_msg=name)
+    for name in ("rgb", "albedo"):
+        difference = np.abs(one[name][same].astype(int) - other[name][same])
+        assert np.percentile(difference, 98) <= 4, name
+    assert (one["depth"] != other["depth"]).any()
+
+
+def test_smooth_edges_of_a_fisheye(model: tuple[Any, Any], device: wp.Device) -> None:
+    """They are nearer to the mean of sixteen pixels for each."""
+    scene = wc.from_mujoco(*model, device=device)
+    settings = {"outputs": ("rgb",), "background": (0.0, 0.0, 0.0)}
+    fine = {"width": 4 * WIDTH, "height": 4 * HEIGHT} | settings
+    plain, smooth, wide = (
+        image["rgb"].astype(float)
+        for image in rendered(
+            scene,
+            camera(wc.Fisheye(fovy=170.0), "plain", **settings),
+            camera(wc.Fisheye(fovy=170.0), "smooth", antialiasing=4, **settings),
+            camera(wc.Fisheye(fovy=170.0), "fine", **fine),
+        )
+    )
+    mean = wide.reshape(HEIGHT, 4, WIDTH, 4, 3).mean(axis=(1, 3))
+    touched = (plain != smooth).any(axis=-1)
+    assert 20 < touched.sum() < 0.5 * touched.size
+    assert np.abs(smooth - mean)[touched].mean() < 0.6 * np.abs(plain - mean)[touched].mean()
+
+
+def test_a_table_is_written_again(model: tuple[Any, Any], device: wp.Device) -> None:
+    mjm, mjd = model
+    scene = wc.from_mujoco(mjm, [mjd, mjd], device=device)
+    settings = {"outputs": ("distance", "rgb")}
+    cameras = [
+        camera(wc.Fisheye(fovy=60.0), "shared", **settings),
+        camera(wc.Fisheye(fovy=np.array([60.0, 200.0])), "own", **settings),
+        camera(wc.Pinhole(fovy=60.0), "pinhole", **settings),
+    ]
+    renderer = wc.Renderer(scene, cameras)
+    before = renderer.render()["shared"]["distance"].cpu().numpy().copy()
+    renderer.set_lens("shared", wc.Rays(wc.Fisheye(fovy=200.0).rays(WIDTH, HEIGHT, 1, "lens")[0]))
+    renderer.set_lens("own", wc.Fisheye(fovy=np.array([200.0, 60.0])))
+    images = renderer.render()
+    shared, own = (images[name]["distance"].cpu().numpy() for name in ("shared", "own"))
+    assert (shared != before).any() and (shared[0] == shared[1]).all()
+    np.testing.assert_allclose(own, np.stack([shared[0], before[0]]), atol=1e-6)
+    renderer.set_lens("own", wc.Fisheye(fovy=60.0))
+    np.testing.assert_allclose(renderer.render()["own"]["distance"].cpu().numpy(), before, atol=1e-6)
+    with pytest.raises(wc.WarpcamError, match="was given a lens for each world, and the renderer was built with one"):
+        renderer.set_lens("shared", wc.Fisheye(fovy=np.array([60.0, 200.0])))
+    with pytest.raises(wc.WarpcamError, match="got Fisheye in place of Pinhole; other lenses have arrays"):
+        renderer.set_lens("pinhole", wc.Fisheye(fovy=60.0))
+    with pytest.raises(wc.WarpcamError, match="lens Fisheye: fovy must be"):
+        renderer.set_lens("shared", wc.Fisheye(fovy=600.0))
 
 
 def test_pixels_without_a_ray_see_nothing(model: tuple[Any, Any], device: wp.Device) -> None:

@@ -153,8 +153,29 @@ class Mounted:
         camera, device = self._camera, self._scene.device
         rays = lens.rays(camera.width, camera.height, self._scene.num_worlds, camera.where)
         self._table = wp.array(pack_rays(rays), dtype=wp.float32, device=device)
-        numbers = handles(self._table.ptr, len(rays), camera.width, camera.height, pixel_angle(rays[0]))
-        self._handles = wp.array(numbers, dtype=wp.vec4, device=device)
+        self._handles = wp.array(self._handles_of(rays), dtype=wp.vec4, device=device)
+
+    def set_table(self, lens: Any) -> None:
+        """Write another lens over the table there is."""
+        camera, own = self._camera, self._camera.lens
+        if not isinstance(own, TableLens) or not isinstance(lens, TableLens):
+            raise WarpcamError(
+                f"{camera.where}: set_lens puts Fisheye, Distorted or Rays in place of one of these, got "
+                f"{type(lens).__name__} in place of {type(own).__name__}; other lenses have arrays to write to"
+            )
+        rays = lens.rays(camera.width, camera.height, self._scene.num_worlds, camera.where)
+        if len(rays) > len(self._table):
+            raise WarpcamError(
+                f"{camera.where}: set_lens was given a lens for each world, and the renderer was built with one for all; "
+                "build it with a lens for each world"
+            )
+        rays = np.broadcast_to(rays, (len(self._table), *rays.shape[1:]))
+        self._table.assign(pack_rays(rays))
+        self._handles.assign(self._handles_of(rays))
+
+    def _handles_of(self, rays: np.ndarray) -> np.ndarray:
+        camera = self._camera
+        return handles(self._table.ptr or 0, len(rays), camera.width, camera.height, pixel_angle(rays[0]))
 
     def _make_lens(self, lens: Lens) -> None:
         camera, num_worlds = self._camera, self._scene.num_worlds

@@ -232,15 +232,14 @@ def test_calibrated_lenses_are_newtons(simulation: Any) -> None:
     """The rays are those of the helpers that Isaac Lab's own Newton renderer calls."""
     from warpcam.compat.isaaclab.lenses import lens_of
 
-    sensor = pytest.importorskip("newton.sensors").SensorCamera
-    if not hasattr(sensor, "compute_camera_rays_fisheye_opencv"):
-        pytest.skip("this version of Newton has its helpers elsewhere")
-    pixels = {"image_width": 2.0 * WIDTH, "image_height": 2.0 * HEIGHT, "device": "cpu"}
+    utils = newton.sensors.SensorTiledCamera(simulation.backend.model).utils
+    pixels = {"image_width": 2.0 * WIDTH, "image_height": 2.0 * HEIGHT}
     for model, helper, numbers in (
-        ("opencvFisheye", sensor.compute_camera_rays_fisheye_opencv, {"k1": 0.05, "k2": -0.01}),
-        ("opencvPinhole", sensor.compute_camera_rays_pinhole_opencv, {"k1": -0.1, "p1": 0.01, "s2": 0.002, "k4": 0.01}),
+        ("opencvFisheye", utils.compute_camera_rays_fisheye_opencv, {"k1": 0.05, "k2": -0.01}),
+        ("opencvPinhole", utils.compute_camera_rays_pinhole_opencv, {"k1": -0.1, "p1": 0.01, "s2": 0.002, "k4": 0.01}),
     ):
-        theirs = helper(WIDTH, HEIGHT, 50.0, 52.0, 31.0, 23.0, **numbers, **pixels).numpy()[:, :, 0, 1]
+        theirs = helper(WIDTH, HEIGHT, 50.0, 52.0, 31.0, 23.0, **numbers, **pixels).numpy()
+        theirs = theirs.reshape(HEIGHT, WIDTH, -1, 2, 3)[:, :, 0, 1]
         mine = lens_of(calibrated(model, **numbers), WIDTH, HEIGHT).rays(WIDTH, HEIGHT, 1, "lens")[0]
         np.testing.assert_allclose(mine / np.linalg.norm(mine, axis=-1, keepdims=True), theirs, atol=1e-4)
         plain = lens_of(calibrated(model, apply_lens_distortion=False, **numbers), WIDTH, HEIGHT)
