@@ -127,7 +127,12 @@ def test_a_ball_behind(device: wp.Device) -> None:
     mjm = scenes.compile_xml('<geom type="sphere" size=".5" pos="0 0 2"/>')
     scene = wc.from_mujoco(mjm, scenes.forward(mjm), device=device)
     lens = wc.Fisheye(fovy=360.0)
-    settings = {"width": 64, "height": 64, "position": (0.0, 0.0, 0.0), "outputs": ("depth", "distance", "segmentation")}
+    settings = {
+        "width": 64,
+        "height": 64,
+        "position": (0.0, 0.0, 0.0),
+        "outputs": ("depth", "distance", "segmentation"),
+    }
     behind, ahead = rendered(
         scene,
         camera(lens, "behind", rotation=(1.0, 0.0, 0.0, 0.0), **settings),
@@ -170,7 +175,9 @@ def test_worlds_have_lenses_of_their_own(model: tuple[Any, Any], device: wp.Devi
     fovy = np.array([60.0, 150.0, 300.0])
     together = wc.Renderer(scene, [camera(wc.Fisheye(fovy=fovy), outputs=("distance", "rgb"))]).render()["own"]
     for world, one in enumerate(fovy):
-        alone = rendered(wc.from_mujoco(mjm, mjd, device=device), camera(wc.Fisheye(fovy=one), outputs=("distance", "rgb")))
+        alone = rendered(
+            wc.from_mujoco(mjm, mjd, device=device), camera(wc.Fisheye(fovy=one), outputs=("distance", "rgb"))
+        )
         for name, image in alone[0].items():
             assert (together[name][world].cpu().numpy() == image).all(), (world, name)
     assert (together["distance"][0] != together["distance"][1]).any()
@@ -187,9 +194,7 @@ def turned(rays: np.ndarray, quaternion: np.ndarray) -> np.ndarray:
 
 
 @pytest.mark.parametrize("antialiasing", [1, 4])
-def test_turning_the_camera_is_turning_its_rays(
-    model: tuple[Any, Any], antialiasing: int, device: wp.Device
-) -> None:
+def test_turning_the_camera_is_turning_its_rays(model: tuple[Any, Any], antialiasing: int, device: wp.Device) -> None:
     """What a pixel shows depends on its ray alone, not on where that is in the camera's frame."""
     outputs = ("depth", "distance", "segmentation", "rgb", "normals", "points", "albedo")
     settings = {"outputs": outputs, "shadows": True, "antialiasing": antialiasing}
@@ -284,7 +289,7 @@ def test_images_of_all_sizes(model: tuple[Any, Any], shape: tuple[int, int], dev
 
 
 def test_cones_hold_their_rays() -> None:
-    """Whatever a tile's rays are, they lie in its cone, and every ray is one of the table's after the way there and back."""
+    """Whatever a tile's rays are, they lie in its cone; and all are in the table."""
     for rays in (random_rays(7), curled_rays(), -np.abs(random_rays(8)), np.tile(random_rays(9)[:1, :1], (6, 5, 1))):
         unit = tables.unit(rays[None])
         height, width = rays.shape[:2]
@@ -304,7 +309,9 @@ def test_cones_hold_their_rays() -> None:
 
 
 def test_directions_straight_back() -> None:
-    points = tables.flattened(tables.unit(np.array([[0.0, 0.0, 1.0], [1e-9, 0.0, 1.0], [1e-3, 0.0, 1.0], [0.0, 0.0, 0.0]])))
+    points = tables.flattened(
+        tables.unit(np.array([[0.0, 0.0, 1.0], [1e-9, 0.0, 1.0], [1e-3, 0.0, 1.0], [0.0, 0.0, 0.0]]))
+    )
     assert np.isfinite(points).all()
     rate = 2.0 / (1.0 + (points[:3] ** 2).sum(axis=-1))
     np.testing.assert_allclose(rate * points[:3, 0], [0.0, 0.0, 1e-3], atol=1e-6)

@@ -13,9 +13,9 @@ from warpcam.driven import DrivenScene
 from warpcam.errors import WarpcamError
 from warpcam.kernels.streams import context_kept as _context_kept
 from warpcam.lens import Lens, Orthographic, Pinhole
-from warpcam.rays import Distorted, Fisheye, Rays
 from warpcam.light import Light
 from warpcam.memory import Memory, estimate_memory
+from warpcam.rays import Distorted, Fisheye, Rays
 from warpcam.recipes import Choice, Uniform, randomize
 from warpcam.renderer import Renderer
 from warpcam.scene import Scene

@@ -74,7 +74,9 @@ class Camera:
         object.__setattr__(self, "height", self._pixels("height"))
         object.__setattr__(self, "outputs", check_outputs(self.outputs, self.where))
         if self.lens is not None and not isinstance(self.lens, Lens):
-            raise WarpcamError(f"{self.where}: lens must be Pinhole, Orthographic, Fisheye, Distorted, Rays or None, got {self.lens!r}")
+            raise WarpcamError(
+                f"{self.where}: lens must be Pinhole, Orthographic, Fisheye, Distorted, Rays or None, got {self.lens!r}"
+            )
         if self.is_own and self.lens is None:
             raise WarpcamError(
                 f"{self.where}: position, rotation or parent make it a camera of your own, which needs a lens: "

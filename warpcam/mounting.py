@@ -63,7 +63,10 @@ class Mounted:
             if not np.linalg.norm(self.arrays["rotation"].numpy(), axis=1).all():
                 raise WarpcamError(f"{camera.where}: rotation must not be of length 0, got {camera.rotation!r}")
         if camera.lens is not None:
-            self._make_lens(camera.lens)
+            if isinstance(camera.lens, TableLens):
+                self._make_table(camera.lens)
+            else:
+                self._make_lens(camera.lens)
         clipping = None if camera.is_own else scene.camera_kind(self._index).clipping
         near, far = clipping or (0.0, math.inf)
         self._own("near", near if camera.near is None else camera.near, wp.float32)
@@ -166,8 +169,8 @@ class Mounted:
         rays = lens.rays(camera.width, camera.height, self._scene.num_worlds, camera.where)
         if len(rays) > len(self._table):
             raise WarpcamError(
-                f"{camera.where}: set_lens was given a lens for each world, and the renderer was built with one for all; "
-                "build it with a lens for each world"
+                f"{camera.where}: set_lens was given a lens for each world, and the renderer was built with one for "
+                "all; build it with a lens for each world"
             )
         rays = np.broadcast_to(rays, (len(self._table), *rays.shape[1:]))
         self._table.assign(pack_rays(rays))
@@ -179,8 +182,6 @@ class Mounted:
 
     def _make_lens(self, lens: Lens) -> None:
         camera, num_worlds = self._camera, self._scene.num_worlds
-        if isinstance(lens, TableLens):
-            return self._make_table(lens)
         kind = type(lens).__name__
         for name, values in lens.values(camera.width, camera.height).items():
             labels = ("fx", "fy", "cx", "cy") if name == "intrinsics" else (name,)

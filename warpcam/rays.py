@@ -129,7 +129,11 @@ class Fisheye(TableLens):
             _require((fovy > 0.0) & (fovy <= 360.0), fovy, f"{where}: fovy must be in (0, 360] degrees")
             edge = _bent(np.radians(0.5 * fovy), k)
             last = np.array([_last_growing(one) for one in k])
-            _require(np.radians(0.5 * fovy) <= last * (1.0 + 1e-9), fovy, f"{where}: fovy must be one that the lens reaches with its k")
+            _require(
+                np.radians(0.5 * fovy) <= last * (1.0 + 1e-9),
+                fovy,
+                f"{where}: fovy must be one that the lens reaches with its k",
+            )
             fx = fy = 0.5 * height / edge
             cx, cy = np.full(worlds, 0.5 * width), np.full(worlds, 0.5 * height)
         else:
@@ -283,11 +287,13 @@ def _check_choice(lens: str, fovy: Any, fx: Any, others: Sequence[Any]) -> None:
     pixels = [name for name, value in zip(("fx", "fy", "cx", "cy"), [fx, *others], strict=True) if value is not None]
     if fovy is None and fx is None:
         raise WarpcamError(
-            f"{lens}: {', '.join(pixels) or 'nothing'} came; either fovy [degrees] or fx [pixels for a radian] is needed"
+            f"{lens}: {', '.join(pixels) or 'nothing'} came; either fovy [degrees] or fx [pixels for a radian] "
+            "is needed"
         )
     if fovy is not None and pixels:
         raise WarpcamError(
-            f"{lens}: fovy came together with {', '.join(pixels)}; give either fovy [degrees], or fx, fy, cx, cy [pixels]"
+            f"{lens}: fovy came together with {', '.join(pixels)}; give either fovy [degrees], or fx, fy, cx, cy "
+            "[pixels]"
         )
 
 

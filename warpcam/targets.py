@@ -161,7 +161,18 @@ class Target:
             stages.insert(0, splats.record_check(tables, views, mask, faults, device, group))
             stages.append(
                 splats.record(
-                    _swapped(self.images) if projection == "rays" else self.images, projection, tables, views, mask, depth, shape, width, height, device, group, trail
+                    _swapped(self.images) if projection == "rays" else self.images,
+                    projection,
+                    tables,
+                    views,
+                    mask,
+                    depth,
+                    shape,
+                    width,
+                    height,
+                    device,
+                    group,
+                    trail,
                 )
             )
         return stages

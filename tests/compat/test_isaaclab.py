@@ -83,7 +83,9 @@ def proxies(values: np.ndarray, dtype: Any, device: Any) -> Any:
     return SimpleNamespace(warp=array, torch=wp.to_torch(array))
 
 
-def frame(simulation: Any, kinds: list[str], spawn: Any = None, **settings: Any) -> tuple[dict[str, np.ndarray], Any, Any, Any]:
+def frame(
+    simulation: Any, kinds: list[str], spawn: Any = None, **settings: Any
+) -> tuple[dict[str, np.ndarray], Any, Any, Any]:
     """Images of a new renderer, in buffers as Isaac Lab's camera makes them."""
     cfg = ours.WarpcamRendererCfg(**settings)
     renderer = cfg.class_type(cfg) if callable(cfg.class_type) else ours.WarpcamRenderer(cfg)

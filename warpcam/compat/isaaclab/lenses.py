@@ -60,9 +60,7 @@ def _polynomial(spawn: Any, width: int, height: int) -> wc.Rays:
     """The angle from the axis [rad] is a polynomial of the distance from the optical centre, in nominal pixels."""
     column = (np.arange(width) + 0.5) / width * float(spawn.fisheye_nominal_width)
     row = (np.arange(height) + 0.5) / height * float(spawn.fisheye_nominal_height)
-    x, y = np.meshgrid(
-        column - float(spawn.fisheye_optical_centre_x), float(spawn.fisheye_optical_centre_y) - row
-    )
+    x, y = np.meshgrid(column - float(spawn.fisheye_optical_centre_x), float(spawn.fisheye_optical_centre_y) - row)
     radius = np.hypot(x, y)
     angle = np.polynomial.polynomial.polyval(radius, [float(getattr(spawn, f"fisheye_polynomial_{b}")) for b in BASES])
     rate = np.divide(np.sin(angle), radius, out=np.zeros_like(radius), where=radius > 0.0)

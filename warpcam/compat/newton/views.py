@@ -25,7 +25,14 @@ IMAGES: Mapping[str, tuple[str, str, Any]] = {
     "normal_image": ("normal", "normals", wp.vec3),
     "albedo_image": ("albedo", "albedo", wp.uint32),
 }
-SOURCES = {"depth": "depth", "distance": "depth", "rgb": "color", "rgba": "color", "hdr": "hdr", "segmentation": "shape"}
+SOURCES = {
+    "depth": "depth",
+    "distance": "depth",
+    "rgb": "color",
+    "rgba": "color",
+    "hdr": "hdr",
+    "segmentation": "shape",
+}
 SOURCES.update({"normals": "normal", "albedo": "albedo"})
 
 
