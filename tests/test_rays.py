@@ -122,6 +122,56 @@ def test_a_pinholes_rays_give_its_images(model: tuple[Any, Any], antialiasing: i
             assert np.percentile(difference, 99) <= 4, name
 
 
+BALLS = "".join(
+    f'<geom type="sphere" size=".1" pos="{0.25 * (i % 17 - 8)} {0.25 * (i // 17 - 8)} {-0.3 * (i % 5)}"/>'
+    for i in range(289)
+)
+HILLS = " ".join(str(round(0.5 + 0.5 * float(np.sin(i * 0.7) * np.cos(i * 0.13)), 3)) for i in range(400))
+SKY = '<texture type="skybox" builtin="gradient" rgb1="1 1 1" rgb2=".1 .2 .6" width="32" height="32"/>'
+WORLDS = {
+    "haze": (
+        SKY,
+        '<geom type="plane" size="0 0 1" pos="0 0 -1" rgba=".3 .5 .3 1"/><geom size=".3" pos="1 .2 0"/>',
+        '<visual><map haze=".4"/></visual>',
+    ),
+    "transparent": (
+        ASSETS,
+        SCENE
+        + '<geom size=".4" pos=".3 .3 .4" rgba="1 1 0 .4"/>'
+        + '<geom type="box" size=".2 .2 .2" rgba="0 1 1 .5" pos="-.5 0 .5"/>',
+        "",
+    ),
+    "hills": (
+        f'<hfield name="hills" nrow="20" ncol="20" size="3 3 .6 .1" elevation="{HILLS}"/>',
+        '<geom type="hfield" hfield="hills" pos="0 0 -1"/><geom size=".3" pos=".4 .2 0"/>',
+        "",
+    ),
+    "many": ("", '<light pos="0 0 3"/>' + BALLS, ""),
+}
+
+
+@pytest.mark.parametrize("name", WORLDS)
+def test_a_pinholes_rays_in_scenes_of_all_kinds(name: str, device: wp.Device) -> None:
+    assets, world, more = WORLDS[name]
+    mjm = scenes.compile_xml(world, assets=assets, more=more)
+    scene = wc.from_mujoco(mjm, scenes.forward(mjm), device=device)
+    rotation = (0.8, 0.5, 0.1, 0.2) if name == "haze" else (0.95, 0.2, 0.1, 0.0)
+    settings = {"outputs": ("depth", "segmentation", "rgb"), "shadows": True, "position": (0.2, -0.3, 2.0)}
+    settings["rotation"] = rotation
+    focal = 0.5 * HEIGHT / np.tan(np.radians(35.0))
+    pinhole, table = rendered(
+        scene,
+        camera(wc.Pinhole(fovy=70.0), "pinhole", **settings),
+        camera(wc.Distorted(fx=focal), "table", **settings),
+    )
+    same = (pinhole["segmentation"] == table["segmentation"])[..., 0]
+    assert same.mean() > 0.99 and len(np.unique(pinhole["segmentation"])) > 1
+    np.testing.assert_allclose(table["depth"][same], pinhole["depth"][same], rtol=2e-4, atol=1e-5)
+    difference = np.abs(table["rgb"][same].astype(int) - pinhole["rgb"][same])
+    assert np.percentile(difference, 98) <= 4
+    assert pinhole["rgb"].std() > 5.0
+
+
 def test_a_ball_behind(device: wp.Device) -> None:
     """All around, a ball is as large as its angle, wherever it is; planar depth is negative behind."""
     mjm = scenes.compile_xml('<geom type="sphere" size=".5" pos="0 0 2"/>')

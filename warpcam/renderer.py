@@ -166,7 +166,8 @@ class Renderer:
     def set_lens(self, camera: str | int, lens: Lens) -> None:
         """Put another table of rays, a ``Fisheye``, ``Distorted`` or ``Rays``, in place of a camera's.
 
-        It is seen at the next render. The table is made on the host and copied. Graphs stay valid, a captured one of the user's, too.
+        It is seen at the next render. The table is made on the host and copied. Graphs stay valid, a captured one of
+        the user's, too.
 
         Args:
             camera: Its name; it must have been built with such a lens.
