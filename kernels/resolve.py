@@ -27,6 +27,7 @@ OUTPUTS: Mapping[str, tuple[type, int]] = {
 VEILED_BLOCKS = 4  # blocks that a multiprocessor is to hold where some shapes may be transparent
 PHYSICAL, HAS_MAPS = 1 << 12, 1 << 13  # the same
 MAX_KEPT = 256  # shapes whose looks a block can keep
+MAX_SEEN = 1024  # shapes of which it can keep the looks of those that it sees
 MIRRORED, REFLECTS, VEILED, HAZY = 1 << 8, 1 << 9, 1 << 10, 1 << 11  # facts of native/look.h
 LIT = ("rgb", "rgba", "hdr")  # what mirrors, transparent shapes and haze change
 
@@ -46,6 +47,7 @@ def frame_struct(shape_dtype: Any, face_dtype: Any) -> Any:
         width: wp.int32
         height: wp.int32
         horizon: wp.float32  # how far the camera of MuJoCo's renderer sees [m]; see native/cells.h
+        plane: wp.int32  # id of the plane whose corners are kept, or -1; see native/corners.h
 
     return Frame
 
@@ -65,6 +67,7 @@ def layered_frame_struct(shape_dtype: Any, face_dtype: Any) -> Any:
         width: wp.int32
         height: wp.int32
         horizon: wp.float32
+        plane: wp.int32
         mirrors: wp.array(dtype=Mirror)  # (world,)
         veils: wp.array(dtype=wp.int32)  # ids of the shapes that may be transparent
         reach: wp.array(dtype=wp.float32)  # (shape,) see layers.py
@@ -88,6 +91,7 @@ def varied_frame_struct(shape_dtype: Any, face_dtype: Any) -> Any:
         width: wp.int32
         height: wp.int32
         horizon: wp.float32
+        plane: wp.int32
         mirrors: wp.array(dtype=Mirror)
         veils: wp.array(dtype=wp.int32)
         reach: wp.array(dtype=wp.float32)
@@ -235,6 +239,7 @@ def record(
     frame.width = width
     frame.height = height
     frame.horizon = tables.horizon
+    frame.plane = tables.first_plane
     images = Images()
     wanted = 0
     for bit, (name, (dtype, _)) in enumerate(OUTPUTS.items()):
@@ -246,7 +251,8 @@ def record(
     group = group or Group.of_all(tables.num_worlds)
     region = region_size(tables, group.at_once, width, height, device)
     types = sum(1 << t for t in tables.shape_types)
-    facts = _facts(tables, shadow is not None, width) | more | varied
+    whole = width % region[0] == 0 and height % region[1] == 0
+    facts = _facts(tables, shadow is not None, width, whole) | more | varied
     kernel = _kernel(types, LENSES[lens], _capacity(tables), *region, wanted, facts, frame_type, veils)
     inputs = [
         frame,
@@ -272,12 +278,13 @@ def _blocks(images: int, facts: int) -> int:
 
 
 def _capacity(tables: Tables) -> int:
-    """Looks that a block keeps: one for each drawn shape, in few sizes; 0 for scenes that are too large for it."""
-    return -(-tables.num_drawn // 16) * 16 if tables.num_drawn <= MAX_KEPT else 0
+    """Shapes that a block keeps the looks of, all or those that it sees, in few sizes; 0 for scenes too large for it."""
+    step = 16 if tables.num_drawn <= MAX_KEPT else 256
+    return -(-tables.num_drawn // step) * step if tables.num_drawn <= MAX_SEEN else 0
 
 
-def _facts(tables: Tables, shadows: bool, width: int) -> int:
+def _facts(tables: Tables, shadows: bool, width: int, whole: bool) -> int:
     """Bits of native/look.h."""
-    facts = (tables.has_materials, tables.has_textures, tables.has_skybox, shadows, width % 4 == 0)
+    facts = (tables.has_materials, tables.has_textures, tables.has_skybox, shadows, width % 4 == 0, whole)
     physical = PHYSICAL * (tables.physical is not None) + HAS_MAPS * (tables.has_maps and tables.has_textures)
     return sum(1 << bit for bit, fact in enumerate(facts) if fact) + physical

@@ -32,6 +32,7 @@ class Tables:
     has_skybox: bool
     ids_by_world: bool = False  # shapes and bodies have ids of their own in each world: Shapes.ids
     horizon: float = 0.0  # how far the source's own renderer draws endless planes [m]; 0 if it has none
+    first_plane: int = -1  # id of the first plane that is drawn
     physical: Any = None  # Physical, of scenes that are lit as native/physical.h does it
     has_maps: bool = False  # some material of such a scene has more than the texture of its colour
     splats: Any = None  # clouds of Gaussians, if shapes are such

@@ -59,9 +59,10 @@ template <int TYPES, class Meshes> WARPCAM_FN Vec corner_normal(const Meshes& me
     return pose.seen(normal);
 }
 
-// `place` is the hit in the camera's frame.
+// `place` is the hit in the camera's frame. What is on a plane without `cells` is lit at its place.
 template <int TYPES, class Looks, class Meshes>
-WARPCAM_FN void facet_at(const Looks& look, const Meshes& meshes, const Surface& surface, Vec place, Facet& facet)
+WARPCAM_FN void facet_at(const Looks& look, const Meshes& meshes, const Surface& surface, Vec place, Facet& facet,
+                         bool cells = true)
 {
     constexpr bool HAS_PLANE = TYPES >> PLANE & 1, HAS_BOX = TYPES >> BOX & 1;
     const Pose& pose = look.pose;
@@ -89,7 +90,7 @@ WARPCAM_FN void facet_at(const Looks& look, const Meshes& meshes, const Surface&
     Span u, v;
     float a, b;
     if constexpr (HAS_PLANE) {
-        if (type == PLANE && look.cells.u.step != 0.0f) {
+        if (type == PLANE && look.cells.u.step != 0.0f && cells) {
             quad = true;
             a = surface.local.x;
             b = surface.local.y;

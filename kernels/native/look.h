@@ -15,6 +15,7 @@ enum Fact {
     HAS_SKYBOX = 4,
     HAS_SHADOWS = 8,
     QUADS = 16,
+    WHOLE_REGIONS = 32,  // the image has no part of a region
     PHYSICAL = 1 << 12,  // is lit as physical.h does it, else as shade.h does
     HAS_MAPS = 1 << 13,  // some material has more than the texture of its colour
     HAS_OFFSETS = 1 << 20  // textures are moved: variety.h
@@ -107,7 +108,7 @@ template <class Looks> WARPCAM_FN void shift(const Looks& look, float& u, float&
 
 // Only what the images need.
 template <int TYPES, class Wants> struct Look : Either<Wants::SHIFTED, Shift, Unmoved>::type {
-    static constexpr bool SHIFTED = Wants::SHIFTED;
+    static constexpr bool SHIFTED = Wants::SHIFTED, TEXTURED = Wants::TEXTURED;
     typename Kept<Wants::SURFACE, Pose>::type pose;
     typename Kept<Wants::COLORED, typename Either<Wants::COATED, Coat, Finish>::type>::type finish;
     typename Kept<Wants::TURNED, Turn>::type turn;
@@ -271,6 +272,25 @@ WARPCAM_FN Layout load_layout(const Shapes& shapes, const Materials& materials, 
     return layout;
 }
 
+// What of a look only shapes with a texture, and planes, have a use for.
+template <int TYPES, class Wants, class Shapes, class Materials, class Textures, class Meshes, class HeightFields>
+WARPCAM_FN void load_rest(Look<TYPES, Wants>& look, const Shapes& shapes, const Materials& materials,
+                          const Textures& textures, const Meshes& meshes, const HeightFields& fields, float horizon,
+                          int world, int id)
+{
+    if constexpr (Wants::TEXTURED)
+        look.layout = load_layout<TYPES>(shapes, materials, textures, meshes, fields, look.pose,
+                                         look.finish.color.w, world, id);
+    if constexpr (Wants::FACETED && (TYPES >> PLANE & 1)) {
+        const int index = Wants::MATERIAL ? material_of(shapes, materials, world, id) : -1;
+        float repeat[2] = { 0.0f, 0.0f };
+        if (Wants::MATERIAL && index >= 0)
+            for (int axis = 0; axis < 2; ++axis)
+                repeat[axis] = row_of(materials.texture_repeat, world, index)[axis];
+        look.cells = plane_cells(look.pose, repeat, horizon);
+    }
+}
+
 template <int TYPES, class Wants, class Shapes, class Materials, class Physical, class Textures, class Meshes,
           class HeightFields>
 WARPCAM_FN Look<TYPES, Wants> load_look(const Shapes& shapes, const Materials& materials, const Physical& physical,
@@ -286,18 +306,26 @@ WARPCAM_FN Look<TYPES, Wants> load_look(const Shapes& shapes, const Materials& m
         look.finish = load_finish<Wants::MATERIAL>(shapes, materials, world, id);
     if constexpr (Wants::COATED)
         look.finish = load_coat<Wants::MATERIAL, Wants::MAPPED>(shapes, materials, physical, world, id);
-    if constexpr (Wants::TEXTURED)
-        look.layout = load_layout<TYPES>(shapes, materials, textures, meshes, fields, look.pose,
-                                         look.finish.color.w, world, id);
-    if constexpr (Wants::FACETED && (TYPES >> PLANE & 1)) {
-        const int index = Wants::MATERIAL ? material_of(shapes, materials, world, id) : -1;
-        float repeat[2] = { 0.0f, 0.0f };
-        if (Wants::MATERIAL && index >= 0)
-            for (int axis = 0; axis < 2; ++axis)
-                repeat[axis] = row_of(materials.texture_repeat, world, index)[axis];
-        look.cells = plane_cells(look.pose, repeat, horizon);
-    }
+    load_rest(look, shapes, materials, textures, meshes, fields, horizon, world, id);
     return look;
 }
+
+// Looks without that: enough of most shapes.
+template <class Wants> struct Bare : Wants {
+    static constexpr bool TEXTURED = false, SHIFTED = false, FACETED = false;
+};
+
+// What a block keeps where it cannot keep the looks of all shapes: of those that it sees, as far as there is room.
+// PLACES: room for the drawn shapes' marks.
+template <int TYPES_, class Wants_, int PLACES, int ROOM> struct SeenLooks {
+    static constexpr int TYPES = TYPES_;
+    static constexpr bool MARKED = THREADS > 1 && PLACES > 1;
+    using Wants = Wants_;
+
+    Look<TYPES, Wants> plane;  // whose corners are kept: corners.h
+    Look<TYPES, Bare<Wants>> looks[ROOM];
+    unsigned short marks[PLACES];  // by place among the drawn shapes: 1 + where its look is, or 0
+    int count;
+};
 
 }  // namespace warpcam

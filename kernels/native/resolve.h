@@ -1,5 +1,6 @@
 // From the visibility buffer to images: a block draws one region of one view.
 #pragma once
+#include "corners.h"
 #include "haze.h"
 #include "hits.h"
 #include "mapping.h"
@@ -66,8 +67,13 @@ WARPCAM_FN Vec texture_color(const Looks& look, const Meshes& meshes, const Text
     if (layout.image.levels <= 0)
         return { 1.0f, 1.0f, 1.0f };
     const Pose& pose = look.pose;
-    const Vec right = pose.local(step_right<LENS>(camera, x, y, depth));
-    const Vec down = pose.local(step_down<LENS>(camera, x, y, depth));
+    const float stretch = LENS == PINHOLE ? depth : 1.0f;
+    Vec right = stretch * camera.scale_x * Vec { pose.axis_x.x, pose.axis_y.x, pose.axis_z.x };
+    Vec down = -stretch * camera.scale_y * Vec { pose.axis_x.y, pose.axis_y.y, pose.axis_z.y };
+    if constexpr (LENS == RAYS) {
+        right = pose.local(step_right<LENS>(camera, x, y, depth));
+        down = pose.local(step_down<LENS>(camera, x, y, depth));
+    }
     if (layout.cube) {
         const CubeMapping mapping = map_cube<TYPES>(pose, layout, surface);
         return sample_cube(textures.texels.data, layout.image, mapping.direction,
@@ -122,11 +128,27 @@ WARPCAM_FN void resolve_surface(const Looks& look, const List& lights, const Sce
                                                             depth, texture, shadow);
         shown.display = encoded(shown.linear);
     } else if constexpr (Wants::LIT) {
-        Facet facet;
-        facet_at<TYPES>(look, scene.meshes, surface, place, facet);
-        const bool three = (TYPES & (1 << PLANE | 1 << HEIGHT_FIELD | 1 << BOX | 1 << MESH)) && any_lane(facet.three);
-        const Lit lit = three ? illuminate<3, (FACTS & HAS_SHADOWS) != 0>(lights, facet, look.finish, shadow)
-                              : illuminate<1, (FACTS & HAS_SHADOWS) != 0>(lights, facet, look.finish, shadow);
+        constexpr bool SHADOWS = FACTS & HAS_SHADOWS;
+        OnCorners on;
+        on.inside = false;
+        if constexpr (lit_by_corners<List>(SHADOWS)) {
+            on.inside = found.shape == lights.grid.shape;
+            if (any_lane(on.inside))
+                on = on_corners(lights.grid, surface.local, on.inside);
+        }
+        Lit lit;
+        if (any_lane(!on.inside)) {
+            Facet facet;
+            facet_at<TYPES>(look, scene.meshes, surface, place, facet, !on.inside);
+            const bool three = (TYPES & (1 << PLANE | 1 << HEIGHT_FIELD | 1 << BOX | 1 << MESH)) && any_lane(facet.three);
+            lit = three ? illuminate<3, SHADOWS>(lights, facet, look.finish, shadow)
+                        : illuminate<1, SHADOWS>(lights, facet, look.finish, shadow);
+        }
+        if constexpr (lit_by_corners<List>(SHADOWS))
+            if (any_lane(on.inside)) {
+                const Vec light = light_from_corners(lights.grid, on, shadow);
+                lit.display = on.inside ? light : lit.display;
+            }
         shown.linear = times(lit.linear, texture);
         shown.display = times(lit.display, texture);
     }
@@ -157,30 +179,70 @@ WARPCAM_FN Look<TYPES, Wants> look_of(const Scene_& scene, const Camera& camera,
     return look;
 }
 
-// CAPACITY: the looks a block keeps, one for each shape that may be visible; 0 if they are made anew for each pixel.
+// A look that was kept without what few shapes have a use for.
+template <class Seen, class Scene_>
+WARPCAM_FN auto completed(const Seen& seen, int slot, const Scene_& scene, int world, int id)
+{
+    using Wants = typename Seen::Wants;
+    constexpr int TYPES = Seen::TYPES;
+    const auto& bare = seen.looks[slot];
+    Look<TYPES, Wants> look;
+    look.pose = bare.pose;
+    look.finish = bare.finish;
+    look.turn = bare.turn;
+    bool more = Wants::MAPPED;
+    if constexpr (Wants::TEXTURED) {
+        look.layout.image.levels = 0;
+        more |= bare.finish.color.w >= 0;
+    }
+    if constexpr (Wants::FACETED && (TYPES >> PLANE & 1)) {
+        look.cells.u.step = 0.0f;
+        more |= bare.pose.type() == PLANE;
+    }
+    if (more) {
+        load_rest(look, scene.shapes, scene.materials, scene.textures, scene.meshes, scene.fields, scene.frame.horizon,
+                  world, id);
+        load_shift(look, scene, world, id);
+    }
+    return look;
+}
+
+// A shape's look, as it is kept or made anew.
+template <int TYPES, int CAPACITY, class Wants, class Looks, class List, class Scene_>
+WARPCAM_FN auto kept_look(const Looks* looks, const List& lights, const Scene_& scene, const Camera& camera, int world,
+                          int id)
+{
+    if constexpr (CAPACITY > 0) {
+        return looks[scene.shapes.places.data[id]];
+    } else if constexpr (CAPACITY < 0) {
+        using Own = typename Looks::Wants;
+        if constexpr (HasCorners<List>::VALUE)
+            if (id == lights.grid.shape)
+                return looks->plane;
+        const int mark = Looks::MARKED ? looks->marks[scene.shapes.places.data[id]] : 0;
+        return mark > 0 ? completed(*looks, mark - 1, scene, world, id)
+                        : look_of<TYPES, Own>(scene, camera, world, id);
+    } else {
+        return look_of<TYPES, Wants>(scene, camera, world, id);
+    }
+}
+
+// CAPACITY: the looks a block keeps, one for each shape that may be visible; 0 if they are made anew for each pixel, less
+// if `looks` are SeenLooks.
 template <int TYPES, int LENS, int CAPACITY, int IMAGES, int FACTS, class Looks, class List, class Scene_>
 WARPCAM_FN void resolve_hit(const Looks* looks, const List& lights, const Scene_& scene, const Camera& camera,
                             int world, float x, float y, const Hit& found, int shadow, Shown& shown)
 {
     using Wants = Wanted<IMAGES, FACTS>;
     if constexpr (CAPACITY > 0)
-        resolve_surface<TYPES, LENS, IMAGES, FACTS>(looks[wp::index(scene.shapes.places, found.shape)], lights, scene,
+        resolve_surface<TYPES, LENS, IMAGES, FACTS>(looks[scene.shapes.places.data[found.shape]], lights, scene,
                                                     camera, x, y, found, shadow, shown);
     else
-        resolve_surface<TYPES, LENS, IMAGES, FACTS>(look_of<TYPES, Wants>(scene, camera, world, found.shape), lights,
-                                                    scene, camera, x, y, found, shadow, shown);
+        resolve_surface<TYPES, LENS, IMAGES, FACTS>(
+            kept_look<TYPES, CAPACITY, Wants>(looks, lights, scene, camera, world, found.shape), lights, scene, camera, x,
+            y, found, shadow, shown);
     if constexpr (Wants::LIT)
         expose<FACTS>(scene, world, shown.linear, shown.display);
-}
-
-// A shape's look, as it is kept or made anew.
-template <int TYPES, int CAPACITY, class Wants, class Looks, class Scene_>
-WARPCAM_FN Looks kept_look(const Looks* looks, const Scene_& scene, const Camera& camera, int world, int id)
-{
-    if constexpr (CAPACITY > 0)
-        return looks[wp::index(scene.shapes.places, id)];
-    else
-        return look_of<TYPES, Wants>(scene, camera, world, id);
 }
 
 // Covers what is seen of a pixel with the transparent shapes before it. Returns how much is still seen of it.
@@ -210,7 +272,7 @@ WARPCAM_FN float resolve_veils(const Looks* looks, const List& lights, const Sce
             float alpha = opacity(scene.shapes, scene.materials, world, hit.shape);
             if constexpr ((TYPES >> MASKED & 1) && (FACTS & HAS_MAPS))
                 alpha *= mapped_opacity<TYPES, LENS>(
-                    kept_look<TYPES, CAPACITY, Wanted<IMAGES, FACTS>>(looks, scene, camera, world, hit.shape), scene,
+                    kept_look<TYPES, CAPACITY, Wanted<IMAGES, FACTS>>(looks, lights, scene, camera, world, hit.shape), scene,
                     camera, world, x, y, hit);
             return alpha;
         };
@@ -252,7 +314,15 @@ WARPCAM_FN void resolve_seen(const Looks* looks, const List& lights, const Scene
     const bool hit = found.shape >= 0;
     const Hit solid = found;
     Shown shown;
-    if ((Wants::SURFACE || Wants::COLORED) && follow(hit, found)) {
+    bool drawn = false;
+    if constexpr (lit_by_corners<List>(FACTS & HAS_SHADOWS) && !(IMAGES & (NORMALS | ALBEDO))) {
+        drawn = draw_floor<Wants::TEXTURED>(lights.grid, frame, scene.textures, found, pixel.at, x, y, shown.display);
+        if (drawn) {
+            shown.linear = shown.display;
+            expose<FACTS>(scene, world, shown.linear, shown.display);
+        }
+    }
+    if (!drawn && (Wants::SURFACE || Wants::COLORED) && follow(hit, found)) {
         const int shadow = (FACTS & HAS_SHADOWS) && Wants::LIT && hit ? frame.shadow.data[pixel.at] : 0;
         resolve_hit<TYPES, LENS, CAPACITY, IMAGES, FACTS>(looks, lights, scene, camera, world, x, y, found, shadow, shown);
     }
@@ -323,7 +393,7 @@ WARPCAM_FN void resolve_pixel(const Looks* looks, const List& lights, const Scen
 
 #if defined(__CUDA_ARCH__)
 // The pixel of a thread in one of a region's tiles, row after row.
-template <int WIDTH, class Frame_>
+template <int WIDTH, int FACTS, class Frame_>
 WARPCAM_FN void go_to(Pixel& pixel, const Frame_& frame, unsigned first, int left, int top, unsigned tile)
 {
     left += tile % (WIDTH / TILE_WIDTH) * TILE_WIDTH;
@@ -333,9 +403,53 @@ WARPCAM_FN void go_to(Pixel& pixel, const Frame_& frame, unsigned first, int lef
     pixel.width = frame.width - left;
     pixel.height = frame.height - top;
     pixel.at = first + pixel.row * frame.width + pixel.column;
-    pixel.inside = pixel.column < frame.width && pixel.row < frame.height;
+    pixel.inside = (FACTS & WHOLE_REGIONS) || (pixel.column < frame.width && pixel.row < frame.height);
 }
+
+// Keeps the looks of the shapes that a region shows. The threads of a block share the work.
+template <int WIDTH, int HEIGHT, int FACTS, int ROOM, class Seen, class Scene_>
+WARPCAM_FN void gather_looks(Seen& seen, const Scene_& scene, const Camera& camera, int world, unsigned first, int left,
+                             int top, int thread)
+{
+    const int total = scene.shapes.drawn.shape[0];
+    for (int place = thread; place < total; place += THREADS)
+        seen.marks[place] = 0;
+    if (thread == 0)
+        seen.count = 0;
+    block_barrier();
+    Pixel pixel;
+    pixel.lane = thread % LANES;
+#pragma unroll 1
+    for (unsigned tile = unsigned(thread) / LANES; tile < WIDTH / TILE_WIDTH * (HEIGHT / TILE_HEIGHT);
+         tile += THREADS / LANES) {
+        go_to<WIDTH, FACTS>(pixel, scene.frame, first, left, top, tile);
+        const int id = pixel.inside ? scene.frame.shape.data[pixel.at] : -1;
+        if (id >= 0 && id != scene.frame.plane)
+            seen.marks[scene.shapes.places.data[id]] = 1;
+    }
+    block_barrier();
+#pragma unroll 1
+    for (int place = thread; place < total; place += THREADS) {
+        if (!seen.marks[place])
+            continue;
+        const int slot = atomicAdd(&seen.count, 1);
+        seen.marks[place] = slot < ROOM ? slot + 1 : 0;
+        if (slot < ROOM)
+            seen.looks[slot] = look_of<Seen::TYPES, Bare<typename Seen::Wants>>(scene, camera, world,
+                                                                               wp::index(scene.shapes.drawn, place));
+    }
+}
+
 #endif
+
+// The look of the plane whose corners are kept.
+template <int KEPT, class Held, class Scene_> WARPCAM_FN const auto& plane_look(const Held* looks, const Scene_& scene)
+{
+    if constexpr (KEPT > 0)
+        return looks[scene.frame.plane >= 0 ? wp::index(scene.shapes.places, scene.frame.plane) : 0];
+    else
+        return looks->plane;
+}
 
 // Draws one region of one view; `index` counts worlds, then regions, then (CUDA) threads of the block.
 // VEILS: how many shapes may be transparent.
@@ -348,8 +462,20 @@ WARPCAM_FN void resolve(const Scene_& scene, const Lights& lights, int index)
     using Sheets = typename Kept<VEILS != 0, Veils<VEILS != 0 ? VEILS : 1>>::type;
     constexpr int ROOM = 44032 - (VEILS != 0 ? int(sizeof(Sheets)) : 0);
     constexpr int KEPT = CAPACITY * int(sizeof(Looks)) <= ROOM && (Wants::SURFACE || Wants::COLORED) ? CAPACITY : 0;
-    WARPCAM_SHARED Looks looks[KEPT > 0 ? KEPT : 1];
-    WARPCAM_SHARED typename Either<(FACTS & PHYSICAL) != 0, LampList, LightList>::type list;
+    constexpr bool SHADOWS = FACTS & HAS_SHADOWS;
+    constexpr int CORNERS = Wants::FACETED && (TYPES >> PLANE & 1) && LENS == PINHOLE && !(IMAGES & HDR)
+        ? corner_room(WIDTH * HEIGHT, ROOM - KEPT * int(sizeof(Looks)) - 1024)
+        : 0;
+    // Where not all looks can be kept, some are.
+    constexpr bool SOME = KEPT == 0 && (CAPACITY > 0 || CORNERS > 0) && (Wants::SURFACE || Wants::COLORED);
+    constexpr int PLACES = CAPACITY > 0 ? CAPACITY : 1, BARE = sizeof(Look<TYPES, Bare<Wants>>);
+    constexpr int LEFT = (ROOM - 1024 - CORNERS * int(sizeof(float)) - 2 * PLACES) / BARE;
+    constexpr int SEEN = CAPACITY > 0 && LEFT > 1 ? (LEFT < CAPACITY ? LEFT : CAPACITY) : 1;
+    using Held = typename Either<SOME, SeenLooks<TYPES, Wants, PLACES, SEEN>, Looks>::type;
+    constexpr int HELD = SOME ? -1 : KEPT;
+    WARPCAM_SHARED Held looks[KEPT > 0 ? KEPT : 1];
+    using Lit_ = typename Either<(CORNERS > 0), LitCorners<CORNERS, SHADOWS>, LightList>::type;
+    WARPCAM_SHARED typename Either<(FACTS & PHYSICAL) != 0, LampList, Lit_>::type list;
     WARPCAM_SHARED Camera kept_camera;
     WARPCAM_SHARED Sheets veils;
     const auto& frame = scene.frame;
@@ -364,7 +490,7 @@ WARPCAM_FN void resolve(const Scene_& scene, const Lights& lights, int index)
     if (thread == 0)
         kept_camera = camera;
     if (Wants::LIT && thread >= THREADS - TEAM)
-        gather_lights<(FACTS & HAS_SHADOWS) != 0>(lights, camera, world, headlight_of<FACTS>(world), thread - (THREADS - TEAM),
+        gather_lights<SHADOWS>(lights, camera, world, headlight_of<FACTS>(world), thread - (THREADS - TEAM),
                                                   list);
     if constexpr ((FACTS & MIRRORED) != 0) {
         const auto mirror = wp::index(frame.mirrors, world);
@@ -386,11 +512,17 @@ WARPCAM_FN void resolve(const Scene_& scene, const Lights& lights, int index)
         gather_veils<TYPES, LENS, (FACTS & PHYSICAL) == 0>(veils, scene, camera, seen, eye, mirror, world, thread);
     }
 #if defined(__CUDA_ARCH__)
-    if (KEPT > 0)
+    if constexpr (KEPT > 0)
         for (int i = thread; i < scene.shapes.drawn.shape[0]; i += THREADS) {
             const int id = wp::index(scene.shapes.drawn, i);
             looks[i] = look_of<TYPES, Wants>(scene, camera, world, id);
         }
+    if constexpr (SOME) {
+        if (thread == 0 && frame.plane >= 0)
+            looks->plane = look_of<TYPES, Wants>(scene, camera, world, frame.plane);
+        if constexpr (Held::MARKED)
+            gather_looks<WIDTH, HEIGHT, FACTS, SEEN>(*looks, scene, camera, world, first, left, top, thread);
+    }
     block_barrier();
 #else
     bool made[KEPT > 0 ? KEPT : 1] = {};
@@ -400,7 +532,24 @@ WARPCAM_FN void resolve(const Scene_& scene, const Lights& lights, int index)
             looks[place] = look_of<TYPES, Wants>(scene, camera, world, veils.ids[slot]);
             made[place] = true;
         }
+    if constexpr (CORNERS > 0 && KEPT > 0)
+        if (frame.plane >= 0) {
+            const int place = wp::index(scene.shapes.places, frame.plane);
+            looks[place] = look_of<TYPES, Wants>(scene, camera, world, frame.plane);
+            made[place] = true;
+        }
+    if constexpr (SOME)
+        if (frame.plane >= 0)
+            looks->plane = look_of<TYPES, Wants>(scene, camera, world, frame.plane);
 #endif
+    if constexpr (CORNERS > 0) {
+        const Looks& look = plane_look<KEPT>(looks, scene);
+        if (thread < TEAM)
+            choose_corners(list.grid, list, look, camera, region, frame, FACTS & MIRRORED, thread);
+        block_barrier();
+        light_corners(list.grid, list, look, thread);
+        block_barrier();
+    }
     Pixel pixel;
 #if defined(__CUDA_ARCH__)
     WARPCAM_SHARED float4 lanes[THREADS / LANES][3 * LANES / 4];
@@ -408,18 +557,18 @@ WARPCAM_FN void resolve(const Scene_& scene, const Lights& lights, int index)
     const unsigned warp = unsigned(thread) / LANES;
     pixel.lane = unsigned(thread) % LANES;
     pixel.row_of_lanes = reinterpret_cast<float*>(lanes[warp]);
-    go_to<WIDTH>(pixel, frame, first, left, top, warp);
+    go_to<WIDTH, FACTS>(pixel, frame, first, left, top, warp);
     Hit next = find<TYPES, IMAGES, FACTS>(frame, pixel);
 #pragma unroll 1
     for (unsigned tile = warp; tile < TILES; tile += STEP) {
         const Hit found = next;
         if (tile + STEP < TILES) {  // ask for the next tile's pixels before this one's are drawn
-            go_to<WIDTH>(pixel, frame, first, left, top, tile + STEP);
+            go_to<WIDTH, FACTS>(pixel, frame, first, left, top, tile + STEP);
             next = find<TYPES, IMAGES, FACTS>(frame, pixel);
         }
-        go_to<WIDTH>(pixel, frame, first, left, top, tile);
-        if (pixel.width > 0 && pixel.height > 0)
-            resolve_pixel<TYPES, LENS, KEPT, IMAGES, FACTS>(looks, list, scene, kept_camera, veils, region, world, pixel, found);
+        go_to<WIDTH, FACTS>(pixel, frame, first, left, top, tile);
+        if ((FACTS & WHOLE_REGIONS) || (pixel.width > 0 && pixel.height > 0))
+            resolve_pixel<TYPES, LENS, HELD, IMAGES, FACTS>(looks, list, scene, kept_camera, veils, region, world, pixel, found);
     }
 #else
     pixel.inside = true;
@@ -428,11 +577,12 @@ WARPCAM_FN void resolve(const Scene_& scene, const Lights& lights, int index)
             pixel.at = first + pixel.row * frame.width + pixel.column;
             const Hit found = find<TYPES, IMAGES, FACTS>(frame, pixel);
             const int place = KEPT > 0 && found.shape >= 0 ? wp::index(scene.shapes.places, found.shape) : 0;
-            if (KEPT > 0 && found.shape >= 0 && !made[place]) {
-                looks[place] = look_of<TYPES, Wants>(scene, camera, world, found.shape);
-                made[place] = true;
-            }
-            resolve_pixel<TYPES, LENS, KEPT, IMAGES, FACTS>(looks, list, scene, kept_camera, veils, region, world, pixel, found);
+            if constexpr (KEPT > 0)
+                if (found.shape >= 0 && !made[place]) {
+                    looks[place] = look_of<TYPES, Wants>(scene, camera, world, found.shape);
+                    made[place] = true;
+                }
+            resolve_pixel<TYPES, LENS, HELD, IMAGES, FACTS>(looks, list, scene, kept_camera, veils, region, world, pixel, found);
         }
 #endif
 }

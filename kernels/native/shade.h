@@ -127,6 +127,14 @@ struct Vertex {
     float reach, slant;
 };
 
+WARPCAM_FN Vertex vertex_at(Vec place, Vec normal)
+{
+    const float square = dot(place, place), rate = inverse_root(square);
+    Vertex vertex { -(rate * place), normal, square * rate, 0.0f };
+    vertex.slant = dot(vertex.to_eye, normal);
+    return vertex;
+}
+
 // A spot's strength at a corner, before its cone.
 WARPCAM_FN float faded(const Light& light, const Vertex& vertex)
 {
@@ -205,6 +213,13 @@ template <class Sum> WARPCAM_FN Vec reflected(const Glow<Sum>& glow, Vec base, c
     return base + times(in_channels(glow.matt), to_vec(finish.color)) + finish.gloss.y * in_channels(glow.gloss);
 }
 
+// What a surface sends wherever lights are.
+WARPCAM_FN Vec always_on(const LightList& list, const Finish& finish)
+{
+    return times(to_vec(finish.color), Vec { finish.gloss.x + list.ambient.x, finish.gloss.x + list.ambient.y,
+                                             finish.gloss.x + list.ambient.z });
+}
+
 template <bool IS_SPOT, int CORNERS, bool SHADOWS, class Sum>
 WARPCAM_FN void add_light(const Light& light, float strength, const Vertex* corners, const float* weights,
                           const Finish& finish, Glow<Sum>* glows, Lit& casting)
@@ -244,9 +259,7 @@ WARPCAM_FN Lit illuminate_as(const LightList& list, const Facet& facet, const Fi
     Glow<Sum> glows[CORNERS];
 #pragma unroll
     for (int k = 0; k < CORNERS; ++k) {
-        const float square = dot(facet.place[k], facet.place[k]), rate = inverse_root(square);
-        corners[k] = { -(rate * facet.place[k]), facet.normal[k], square * rate, 0.0f };
-        corners[k].slant = dot(corners[k].to_eye, corners[k].normal);
+        corners[k] = vertex_at(facet.place[k], facet.normal[k]);
         glows[k] = {};
     }
     Lit lit { { 0.0f, 0.0f, 0.0f }, { 0.0f, 0.0f, 0.0f } };
@@ -259,8 +272,7 @@ WARPCAM_FN Lit illuminate_as(const LightList& list, const Facet& facet, const Fi
         else
             add_light<false, CORNERS, SHADOWS>(light, strength, corners, weights, finish, glows, lit);
     }
-    const Vec base = times(to_vec(finish.color), Vec { finish.gloss.x + list.ambient.x, finish.gloss.x + list.ambient.y,
-                                                       finish.gloss.x + list.ambient.z });
+    const Vec base = always_on(list, finish);
 #pragma unroll
     for (int k = 0; k < CORNERS; ++k) {
         const Vec steady = reflected(glows[k], base, finish);

@@ -58,14 +58,9 @@ WARPCAM_FN Vec to_color(const Blend& blend)
     return (1.0f / (255.0f * WHOLE)) * Vec { float(blend.red), float(blend.green), float(blend.blue) };
 }
 
-// A float of this size has no places after the point: its last bits are a whole number.
+// A float of this size has no places after the point: what is added to it is rounded, and its last bits are a whole
+// number.
 constexpr float WHOLE_NUMBERS = 8388608.0f;
-
-// The nearest whole number to `part` of `total`, which is not negative, below 2^22.
-WARPCAM_FN int part_of(int total, float part)
-{
-    return as_int(muladd(float(total), part, WHOLE_NUMBERS)) - as_int(WHOLE_NUMBERS);
-}
 
 // Mipmap level, 0 to `levels - 1`, for squares of the steps in texels to the next pixel right and down.
 WARPCAM_FN float level_of_detail(float right, float down, int levels)
@@ -112,22 +107,42 @@ WARPCAM_FN Between between_texels(float unit, int size)
     return { as_int(base) - as_int(BASE), place - (base - BASE) };
 }
 
+// What comes before the first texel is the last.
+WARPCAM_FN int first_or_last(int first, int size)
+{
+#if defined(__CUDA_ARCH__)
+    return int(min(unsigned(first), unsigned(size - 1)));
+#else
+    return first < 0 ? size - 1 : first;
+#endif
+}
+
+// Two weights, of which none is negative and both make WHOLE at most, in the halves of a word: the first in the lower.
+WARPCAM_FN unsigned two_weights(float part, float first, float other, float second)
+{
+    const int low = as_int(muladd(part, first, WHOLE_NUMBERS)), high = as_int(muladd(other, second, WHOLE_NUMBERS));
+#if defined(__CUDA_ARCH__)
+    return __byte_perm(low, high, 0x5410);
+#else
+    return (unsigned(low) & 0xffffu) | unsigned(high) << 16;
+#endif
+}
+
 // Adds four neighbours, the upper two first, which together weigh `total`.
-WARPCAM_FN void add_quad(const unsigned* texels, const int* quad, const Between& x, const Between& y, int total,
+WARPCAM_FN void add_quad(const unsigned* texels, const int* quad, const Between& x, const Between& y, float total,
                          Blend& blend)
 {
-    const int low = part_of(total, y.on), high = total - low;
-    const int high_right = part_of(high, x.on), low_right = part_of(low, x.on);
-    add_texels(texels, quad[0], quad[1], unsigned(high - high_right) | unsigned(high_right) << 16, blend);
-    add_texels(texels, quad[2], quad[3], unsigned(low - low_right) | unsigned(low_right) << 16, blend);
+    const float low = y.on * total, high = total - low, left = 1.0f - x.on;
+    add_texels(texels, quad[0], quad[1], two_weights(left, high, x.on, high), blend);
+    add_texels(texels, quad[2], quad[3], two_weights(left, low, x.on, low), blend);
 }
 
 // Adds the colour at (u, v) in [0, 1].
-WARPCAM_FN void add_bilinear(const unsigned* texels, const Level& level, float u, float v, int total, Blend& blend)
+WARPCAM_FN void add_bilinear(const unsigned* texels, const Level& level, float u, float v, float total, Blend& blend)
 {
     const Between x = between_texels(u, level.width), y = between_texels(v, level.height);
-    const int left = x.first < 0 ? level.width - 1 : x.first, right = x.first + 1 >= level.width ? 0 : x.first + 1;
-    const int top = y.first < 0 ? level.height - 1 : y.first, bottom = y.first + 1 >= level.height ? 0 : y.first + 1;
+    const int left = first_or_last(x.first, level.width), right = x.first + 1 >= level.width ? 0 : x.first + 1;
+    const int top = first_or_last(y.first, level.height), bottom = y.first + 1 >= level.height ? 0 : y.first + 1;
     const int above = level.start + top * level.width, below = level.start + bottom * level.width;
     const int quad[4] = { above + left, above + right, below + left, below + right };
     add_quad(texels, quad, x, y, total, blend);
@@ -136,23 +151,37 @@ WARPCAM_FN void add_bilinear(const unsigned* texels, const Level& level, float u
 // The part of `unit` after the point; 0 of what has none.
 WARPCAM_FN float fraction(float unit) { return saturated(unit - round_down(unit)); }
 
-// Colour in [0, 1] of a 2-D texture at (u, v), in images: (0, 0) is the top left corner, and images repeat. The steps
-// are the changes of u and v from this pixel to the next on the right and to the next below.
-WARPCAM_FN Vec sample_2d(const unsigned* texels, const Image& image, float u, float v, Pair right, Pair down)
+// Colour in [0, 1] at (u, v), in images, between a level and the next, which starts at `next`; `on` says how far on.
+WARPCAM_FN Vec sample_levels(const unsigned* texels, const Level& level, int next, float u, float v, float on)
 {
-    const float width = float(image.width), height = float(image.height);
-    const float square_right = right.x * right.x * width * width + right.y * right.y * height * height;
-    const float square_down = down.x * down.x * width * width + down.y * down.y * height * height;
-    const float detail = level_of_detail(square_right, square_down, image.levels);
-    const int steps = int(detail), coarse = part_of(WHOLE, detail - float(steps));
-    const Level level = Level { image.start, image.width, image.height }.after(steps, 1);
+    const float coarse = float(WHOLE) * on;
     u = fraction(u);
     v = fraction(v);
     Blend blend { 0u, 0u, 0u };
-    add_bilinear(texels, level, u, v, WHOLE - coarse, blend);
-    if (coarse > 0)  // then there is a next level: detail is at most levels - 1
-        add_bilinear(texels, level.next(1), u, v, coarse, blend);
+    add_bilinear(texels, level, u, v, float(WHOLE) - coarse, blend);
+    if (coarse > 0.0f) {  // then there is a next level: detail is at most levels - 1
+        const int width = level.width >> 1, height = level.height >> 1;
+        add_bilinear(texels, { next, width > 1 ? width : 1, height > 1 ? height : 1 }, u, v, coarse, blend);
+    }
     return to_color(blend);
+}
+
+// Colour in [0, 1] of a 2-D texture at (u, v), in images: (0, 0) is the top left corner, and images repeat. The steps
+// from this pixel to the next on the right and to the next below are given by the squares of their lengths in texels.
+WARPCAM_FN Vec sample_level(const unsigned* texels, const Image& image, float u, float v, float right, float down)
+{
+    const float detail = level_of_detail(right, down, image.levels);
+    const int steps = int(detail);
+    const Level level = Level { image.start, image.width, image.height }.after(steps, 1);
+    return sample_levels(texels, level, level.start + level.width * level.height, u, v, detail - float(steps));
+}
+
+// The same for steps in images.
+WARPCAM_FN Vec sample_2d(const unsigned* texels, const Image& image, float u, float v, Pair right, Pair down)
+{
+    const float width = float(image.width), height = float(image.height);
+    const float right_u = right.x * width, right_v = right.y * height, down_u = down.x * width, down_v = down.y * height;
+    return sample_level(texels, image, u, v, right_u * right_u + right_v * right_v, down_u * down_u + down_v * down_v);
 }
 
 // The face of the cube that `v` points at: 0 to 5 for +x -x +y -y +z -z.
@@ -205,7 +234,7 @@ static WARPCAM_COLD int cube_texel(int start, int size, int face, int i, int j)
 }
 
 // Adds the colour at (s, t) in [0, 1] of a face.
-WARPCAM_FN void add_bilinear_cube(const unsigned* texels, const Level& level, int face, float s, float t, int total,
+WARPCAM_FN void add_bilinear_cube(const unsigned* texels, const Level& level, int face, float s, float t, float total,
                                   Blend& blend)
 {
     const int size = level.width;
@@ -234,12 +263,13 @@ static WARPCAM_COLD Vec sample_cube(const unsigned* texels, const Image& image, 
     const float down_x = scale * (step_down.x - x * step_down.z), down_y = scale * (step_down.y - y * step_down.z);
     const float detail = level_of_detail(right_x * right_x + right_y * right_y, down_x * down_x + down_y * down_y,
                                          image.levels);
-    const int steps = int(detail), coarse = part_of(WHOLE, detail - float(steps));
+    const int steps = int(detail);
+    const float coarse = float(WHOLE) * (detail - float(steps));
     const float s = saturated(0.5f * x + 0.5f), t = saturated(0.5f * y + 0.5f);
     const Level level = Level { image.start, size, size }.after(steps, 6);
     Blend blend { 0u, 0u, 0u };
-    add_bilinear_cube(texels, level, face, s, t, WHOLE - coarse, blend);
-    if (coarse > 0)
+    add_bilinear_cube(texels, level, face, s, t, float(WHOLE) - coarse, blend);
+    if (coarse > 0.0f)
         add_bilinear_cube(texels, level.next(6), face, s, t, coarse, blend);
     return to_color(blend);
 }

@@ -1,0 +1,425 @@
+// The corners of a plane's cells, which a block lights once for all of its pixels.
+//
+// A floor fills images, and few of its cells do: see facet.h. What a corner shows in each light that casts shadows, and
+// in all others together, is kept; a pixel adds up what three corners show in the lights that reach it.
+#pragma once
+#include "hits.h"
+#include "shade.h"
+#include "texels.h"
+
+namespace warpcam {
+
+// Numbers that a block keeps, for its pixels and the bytes that are left to it.
+constexpr int corner_room(int pixels, int bytes)
+{
+    const int most = pixels < 3072 ? pixels : 3072, room = bytes / int(sizeof(float));
+    return room < 256 ? 0 : room < most ? room : most;
+}
+
+// Along one side of the plane, in cells: `rate * x + start` is how far x is from the first corner that is kept. Where a
+// side ends its last cells are shorter: beyond `low` and `high` places are `stretch` times farther on.
+struct CellAxis {
+    float rate, start, low, high, stretch;
+
+    WARPCAM_FN float at(float x) const
+    {
+        const float cell = rate * x + start;
+        return cell + stretch * (cell - between(cell, low, high));
+    }
+};
+
+WARPCAM_FN CellAxis cell_axis(const Cells& cells)
+{
+    const float start = -cells.start * cells.inverse;
+    if (cells.rest < 0.0f)
+        return { cells.inverse, start, -FAR_AWAY, FAR_AWAY, 0.0f };
+    const float stretch = cells.rest > 1.0e-5f * cells.step ? cells.step / cells.rest - 1.0f : 0.0f;
+    return { cells.inverse, start, 0.0f, round_down(2.0f * start + 0.5f), stretch };
+}
+
+// Where corner `i` is on a side, counted from where its cells begin [m].
+WARPCAM_FN float corner_of(const Cells& cells, float i)
+{
+    const float x = cells.start + i * cells.step;
+    return cells.rest < 0.0f ? x : between(x, cells.start - cells.rest, cells.rest - cells.start);
+}
+
+constexpr int MAX_LEVELS = 16;
+
+// A plane as one view sees it: what its pixels need beside light.
+struct FloorView {
+    Row axis_x, axis_y, axis_z;  // as in Pose
+    Row place;                   // on the texture: u is x * local.x + z, v is y * local.y + w (a float's bits)
+    // Steps on the texture from pixel to pixel, to the right and down, at depth 1 [texels]: for a ray of direction r,
+    // that of u is x - y * r.x / r.z, that of v z - w * r.y / r.z (w: a float's bits).
+    Row right, down;
+    Row levels[MAX_LEVELS];      // of the texture: width, height and start (of floats the bits); w: start of the next
+    int count;                   // of levels
+    int plain;                   // 1: it has a texture of one image, or none
+};
+
+constexpr int FEW = 4;  // numbers that are loaded at once
+
+// The corners that are kept are a rectangle of columns and rows. One keeps `stride` numbers: what it shows in the lights
+// that cast no shadow, and then in each that does; one number where all of that is grey, else three. Where these are
+// few there are FEW of them, the last ones 0.
+template <int ROOM_, bool SHADOWS_> struct CornerGrid {
+    static constexpr int ROOM = ROOM_;
+    static constexpr bool SHADOWS = SHADOWS_;
+
+    alignas(16) float values[ROOM > 0 ? ROOM : 1];
+    alignas(16) int bits[MAX_LIGHTS];  // of shadow masks, of the lights that cast shadows
+    FloorView view;
+    CellAxis u, v;
+    int first_u, first_v;
+    int columns, rows, stride;
+    int shape;  // the plane, or -1 where nothing is kept
+    int grey;
+    int casting;  // lights that cast shadows
+    int few;      // 1: a corner keeps FEW numbers
+};
+
+// The lights of a world with the corners that they light.
+template <int ROOM, bool SHADOWS> struct LitCorners : LightList {
+    CornerGrid<ROOM, SHADOWS> grid;
+};
+
+template <class List> struct HasCorners {
+    static constexpr bool VALUE = false;
+};
+template <int ROOM, bool SHADOWS> struct HasCorners<LitCorners<ROOM, SHADOWS>> {
+    static constexpr bool VALUE = ROOM > 0;
+};
+
+// Whether pixels can be lit by the list's corners: with shadows only if these are.
+template <class List> constexpr bool lit_by_corners(bool shadows)
+{
+    if constexpr (HasCorners<List>::VALUE)
+        return decltype(List::grid)::SHADOWS == shadows;
+    return false;
+}
+
+// The least of what the threads of a team have.
+WARPCAM_FN float team_least(float value)
+{
+#if defined(__CUDA_ARCH__)
+    for (int step = LANES / 2; step > 0; step /= 2)
+        value = lower(value, __shfl_xor_sync(ALL, value, step));
+#endif
+    return value;
+}
+
+constexpr int SAMPLE_COLUMNS = 8, SAMPLE_ROWS = 16;
+
+// Chooses which corners of a plane are kept: those around what a region shows of it, and where there is no room for these
+// around what is near. A team calls it.
+template <class Grid, class Looks, class Frame>
+WARPCAM_FN void choose_corners(Grid& grid, const LightList& list, const Looks& look, const Camera& camera,
+                               const Region& region, const Frame& frame, bool mirrored, int lane)
+{
+    if (frame.plane < 0 || look.cells.u.step == 0.0f) {
+        if (lane == 0)
+            grid.shape = -1;
+        return;
+    }
+    constexpr int EACH = SAMPLE_COLUMNS * SAMPLE_ROWS / TEAM;
+    CellAxis u_axis = cell_axis(look.cells.u), v_axis = cell_axis(look.cells.v);
+    const Pose& pose = look.pose;
+    const Vec eye = pose.eye();
+    float u[EACH], v[EACH], depth[EACH];
+    int stride = 1, casting = 0;
+    const bool grey = !list.colored && look.finish.color.x == look.finish.color.y
+        && look.finish.color.x == look.finish.color.z;
+    for (int n = 0; n < list.count; ++n)
+        casting += Grid::SHADOWS && (list.lights[n].ambient.w & CASTS) ? 1 : 0;
+    const bool few = grey && casting > 0 && casting < FEW;
+    stride = few ? FEW : (1 + casting) * (grey ? 1 : 3);
+    for (int k = 0; k < EACH; ++k) {
+        const int sample = lane + k * TEAM;
+        const float i = float(region.left)
+            + float(sample % SAMPLE_COLUMNS) * (float(region.width - 1) / float(SAMPLE_COLUMNS - 1));
+        const float j = float(region.top)
+            + float(sample / SAMPLE_COLUMNS) * (float(region.height - 1) / float(SAMPLE_ROWS - 1));
+        const Vec ray = pose.local({ image_x(camera, mirrored ? float(frame.width - 1) - i : i), image_y(camera, j), -1.0f });
+        const float away = -eye.z * reciprocal(nonzero(ray.z));
+        const bool seen = eye.z * ray.z < 0.0f && away < camera.far;
+        depth[k] = seen ? away : FAR_AWAY;
+        u[k] = between(u_axis.at(eye.x + away * ray.x), u_axis.low - 1.0f, u_axis.high + 0.999f);
+        v[k] = between(v_axis.at(eye.y + away * ray.y), v_axis.low - 1.0f, v_axis.high + 0.999f);
+    }
+    float limit = FAR_AWAY;
+    int kept = -1;
+    for (int trial = 0; trial < 24 && limit > 0.0f; ++trial) {
+        float left = FAR_AWAY, right = FAR_AWAY, bottom = FAR_AWAY, top = FAR_AWAY, far = 0.0f;
+        for (int k = 0; k < EACH; ++k) {
+            const bool counts = depth[k] < limit;
+            left = counts ? lower(left, u[k]) : left;
+            right = counts ? lower(right, -u[k]) : right;
+            bottom = counts ? lower(bottom, v[k]) : bottom;
+            top = counts ? lower(top, -v[k]) : top;
+            far = counts ? lower(far, -depth[k]) : far;
+        }
+        left = round_down(team_least(left));
+        bottom = round_down(team_least(bottom));
+        const float columns = 2.0f + round_down(-team_least(right)) - left;
+        const float rows = 2.0f + round_down(-team_least(top)) - bottom;
+        far = -team_least(far);
+        if (!(far > 0.0f))
+            break;
+        if (columns * rows * float(stride) <= float(Grid::ROOM) && magnitude(left) < 1.0e6f && magnitude(bottom) < 1.0e6f) {
+            kept = frame.plane;
+            if (lane == 0) {
+                grid.first_u = int(left);
+                grid.first_v = int(bottom);
+                grid.columns = int(columns);
+                grid.rows = int(rows);
+            }
+            u_axis.start -= left;
+            u_axis.low -= left;
+            u_axis.high -= left;
+            v_axis.start -= bottom;
+            v_axis.low -= bottom;
+            v_axis.high -= bottom;
+            break;
+        }
+        limit = 0.75f * far;
+    }
+    list_levels(grid.view, look, lane);
+    if (lane != 0)
+        return;
+    grid.u = u_axis;
+    grid.v = v_axis;
+    grid.stride = stride;
+    grid.shape = kept;
+    view_floor(grid.view, look, camera);
+    grid.grey = grey;
+    grid.few = few;
+    grid.casting = 0;
+    for (int n = 0; n < FEW; ++n)
+        grid.bits[n] = 0;
+    for (int n = 0; n < list.count; ++n)
+        if (Grid::SHADOWS && (list.lights[n].ambient.w & CASTS))
+            grid.bits[grid.casting++] = list.lights[n].place.w;
+}
+
+WARPCAM_FN void keep(float* values, Vec color, float) { values[0] = color.x; }
+WARPCAM_FN void keep(float* values, Vec color, Vec)
+{
+    values[0] = color.x;
+    values[1] = color.y;
+    values[2] = color.z;
+}
+
+// What one corner shows. Sum: float where all of it is grey, else Vec.
+template <class Sum, bool SHADOWS>
+WARPCAM_FN void light_corner(const LightList& list, Vec place, Vec normal, const Finish& finish, float* values)
+{
+    constexpr int CHANNELS = sizeof(Sum) / sizeof(float);
+    const Vertex corner = vertex_at(place, normal);
+    Glow<Sum> steady {};
+    int slot = CHANNELS;
+#pragma unroll 1
+    for (int n = 0; n < list.count; ++n) {
+        const Light& light = list.lights[n];
+        Share share;
+        if (light.ambient.w & SPOT) {
+            Arrival arrival = arrival_of<true>(light, corner, 1.0f);
+            if (light.ambient.w & FADES)
+                arrival.strength *= faded(light, corner);
+            share = share_of<true>(light, corner, arrival, finish.gloss.z);
+        } else {
+            share = share_of<false>(light, corner, arrival_of<false>(light, corner, 1.0f), finish.gloss.z);
+        }
+        if (SHADOWS && (light.ambient.w & CASTS)) {
+            Glow<Sum> own {};
+            add_share(own, share, light);
+            keep(values + slot, clip(reflected(own, { 0.0f, 0.0f, 0.0f }, finish)), Sum {});
+            slot += CHANNELS;
+        } else {
+            add_share(steady, share, light);
+        }
+    }
+    keep(values, clip(reflected(steady, always_on(list, finish), finish)), Sum {});
+}
+
+// Lights the corners that are kept; the threads of a block share them.
+template <class Grid, class Looks>
+WARPCAM_FN void light_corners(Grid& grid, const LightList& list, const Looks& look, int thread)
+{
+    if (grid.shape < 0)
+        return;
+    const Vec eye = look.pose.eye(), normal = look.pose.seen({ 0.0f, 0.0f, 1.0f });
+#pragma unroll 1
+    for (int i = thread; i < grid.columns * grid.rows; i += THREADS) {
+        const int row = int(unsigned(i) / unsigned(grid.columns)), column = i - row * grid.columns;
+        const Vec place = look.pose.seen({ corner_of(look.cells.u, float(grid.first_u + column)) - eye.x,
+                                           corner_of(look.cells.v, float(grid.first_v + row)) - eye.y, -eye.z });
+        float* values = grid.values + i * grid.stride;
+        if (grid.grey)
+            light_corner<float, Grid::SHADOWS>(list, place, normal, look.finish, values);
+        if (grid.few)
+            for (int n = 1 + grid.casting; n < FEW; ++n)
+                values[n] = 0.0f;
+        if (!grid.grey)
+            light_corner<Vec, Grid::SHADOWS>(list, place, normal, look.finish, values);
+    }
+}
+
+template <class Looks> WARPCAM_FN void list_levels(FloorView& view, const Looks& look, int lane)
+{
+    if constexpr (Looks::TEXTURED) {
+        const Image& image = look.layout.image;
+        for (int i = lane; i < lower_int(image.levels, MAX_LEVELS); i += TEAM) {
+            const Level level = Level { image.start, image.width, image.height }.after(i, 1);
+            view.levels[i] = { as_float(level.width), as_float(level.height), as_float(level.start), level.next(1).start };
+        }
+    }
+}
+
+template <class Looks> WARPCAM_FN void view_floor(FloorView& view, const Looks& look, const Camera& camera)
+{
+    const Pose& pose = look.pose;
+    view.axis_x = pose.axis_x;
+    view.axis_y = pose.axis_y;
+    view.axis_z = pose.axis_z;
+    view.count = 0;
+    view.plain = 1;
+    if constexpr (Looks::TEXTURED) {
+        const Layout& layout = look.layout;
+        const float rate_u = layout.repeat[0], rate_v = layout.repeat[1];
+        const float u = rate_u * float(layout.image.width), v = rate_v * float(layout.image.height);
+        const float a = camera.scale_x, b = -camera.scale_y;
+        float start_u = layout.start[0], start_v = layout.start[1];
+        shift(look, start_u, start_v);
+        view.place = { rate_u, rate_v, start_u, as_int(start_v) };
+        view.right = { a * u * pose.axis_x.x, a * u * pose.axis_z.x, a * v * pose.axis_y.x,
+                       as_int(a * v * pose.axis_z.x) };
+        view.down = { b * u * pose.axis_x.y, b * u * pose.axis_z.y, b * v * pose.axis_y.y,
+                      as_int(b * v * pose.axis_z.y) };
+        view.count = layout.image.levels;
+        view.plain = !(layout.image.levels > 0 && layout.cube) && layout.image.levels <= MAX_LEVELS;
+    }
+}
+
+// The texture's colour where a ray, in the plane's frame, meets it.
+WARPCAM_FN Vec floor_texture(const FloorView& view, const unsigned* texels, Vec ray, float depth, float x, float y)
+{
+    const Row place = view.place, right = view.right, down = view.down;
+    const float slope = reciprocal(ray.z), along = ray.x * slope, across = ray.y * slope;
+    const float right_u = right.x - right.y * along, right_v = right.z - as_float(right.w) * across;
+    const float down_u = down.x - down.y * along, down_v = down.z - as_float(down.w) * across;
+    const float square = depth * depth;
+    const float detail = level_of_detail(square * (right_u * right_u + right_v * right_v),
+                                         square * (down_u * down_u + down_v * down_v), view.count);
+    const int steps = int(detail);
+    const Row row = view.levels[steps];
+    const Level level { as_int(row.z), as_int(row.x), as_int(row.y) };
+    return sample_levels(texels, level, row.w, place.x * x + place.z, place.y * y + as_float(place.w),
+                         detail - float(steps));
+}
+
+// A pixel among the corners that are kept: those of its half of a cell, and their weights.
+struct OnCorners {
+    int first, second, third;  // numbers of the corners
+    float weight1, weight2, weight3;
+    bool inside;
+};
+
+template <class Grid> WARPCAM_FN OnCorners on_corners(const Grid& grid, Vec local, bool on_plane)
+{
+    constexpr float BASE = 1.5f * 8388608.0f;  // of whole numbers of either sign
+    const float u = grid.u.at(local.x), v = grid.v.at(local.y);
+    const float base_u = (u - 0.5f) + BASE, base_v = (v - 0.5f) + BASE;
+    const int column = as_int(base_u) - as_int(BASE), row = as_int(base_v) - as_int(BASE);
+    const float a = u - (base_u - BASE), b = v - (base_v - BASE);
+    const bool high = a + b > 1.0f;
+    const int corner = row * grid.columns + column;
+    OnCorners on;
+    on.inside = on_plane && unsigned(column) < unsigned(grid.columns - 1) && unsigned(row) < unsigned(grid.rows - 1);
+    on.first = (on.inside ? corner + (high ? grid.columns + 1 : 0) : 0) * grid.stride;
+    on.second = (on.inside ? corner + 1 : 0) * grid.stride;
+    on.third = (on.inside ? corner + grid.columns : 0) * grid.stride;
+    on.weight2 = high ? 1.0f - b : a;
+    on.weight3 = high ? 1.0f - a : b;
+    on.weight1 = 1.0f - on.weight2 - on.weight3;
+    return on;
+}
+
+template <class Grid> WARPCAM_FN float shown_at(const Grid& grid, const OnCorners& on, int value)
+{
+    const float* values = grid.values + value;
+    return on.weight1 * values[on.first] + on.weight2 * values[on.second] + on.weight3 * values[on.third];
+}
+
+// FEW numbers that lie together, from a place that is a multiple of FEW.
+WARPCAM_FN void load_few(const float* from, float* to)
+{
+#if defined(__CUDA_ARCH__)
+    *reinterpret_cast<float4*>(to) = *reinterpret_cast<const float4*>(from);
+#else
+    for (int k = 0; k < FEW; ++k)
+        to[k] = from[k];
+#endif
+}
+
+// What a pixel shows in the lights that `shadow` leaves.
+template <class Grid> WARPCAM_FN Vec light_from_corners(const Grid& grid, const OnCorners& on, int shadow)
+{
+    if (Grid::SHADOWS && grid.few) {
+        alignas(16) float first[FEW], second[FEW], third[FEW];
+        load_few(grid.values + on.first, first);
+        load_few(grid.values + on.second, second);
+        load_few(grid.values + on.third, third);
+        float sum = on.weight1 * first[0] + on.weight2 * second[0] + on.weight3 * third[0];
+#pragma unroll
+        for (int n = 1; n < FEW; ++n) {
+            const float light = on.weight1 * first[n] + on.weight2 * second[n] + on.weight3 * third[n];
+            sum += grid.bits[n - 1] & shadow ? 0.0f : light;
+        }
+        return { sum, sum, sum };
+    }
+    if (grid.grey) {
+        float sum = shown_at(grid, on, 0);
+#pragma unroll 1
+        for (int n = 0; Grid::SHADOWS && n < grid.casting; ++n) {
+            const float light = shown_at(grid, on, 1 + n);
+            sum += grid.bits[n] & shadow ? 0.0f : light;
+        }
+        return { sum, sum, sum };
+    }
+    Vec sum { shown_at(grid, on, 0), shown_at(grid, on, 1), shown_at(grid, on, 2) };
+#pragma unroll 1
+    for (int n = 0; Grid::SHADOWS && n < grid.casting; ++n)
+        if (!(grid.bits[n] & shadow)) {
+            const int value = 3 + 3 * n;
+            sum = sum + Vec { shown_at(grid, on, value), shown_at(grid, on, value + 1), shown_at(grid, on, value + 2) };
+        }
+    return sum;
+}
+
+// What a tile shows of the plane, if there is nothing else on it and all of it is among the corners that are kept; false
+// if not. `found` and `at` are what the trace found at a pixel, and where.
+template <bool TEXTURED, class Grid, class Frame, class Textures>
+WARPCAM_FN bool draw_floor(const Grid& grid, const Frame& frame, const Textures& textures, const Hit& found, unsigned at,
+                           float x, float y, Vec& display)
+{
+    const bool hit = found.shape >= 0;
+    if (any_lane(hit && found.shape != grid.shape) || !any_lane(hit))
+        return false;
+    const FloorView& view = grid.view;
+    const Row axis_x = view.axis_x, axis_y = view.axis_y, axis_z = view.axis_z;
+    const Vec ray { axis_x.x * x + axis_x.y * y - axis_x.z, axis_y.x * x + axis_y.y * y - axis_y.z,
+                    axis_z.x * x + axis_z.y * y - axis_z.z };
+    const Vec local { as_float(axis_x.w) + found.depth * ray.x, as_float(axis_y.w) + found.depth * ray.y, 0.0f };
+    const OnCorners on = on_corners(grid, local, hit);
+    if (any_lane(hit && !on.inside) || !view.plain)
+        return false;
+    const int shadow = Grid::SHADOWS && hit ? frame.shadow.data[at] : 0;
+    Vec texture { 1.0f, 1.0f, 1.0f };
+    if (TEXTURED && view.count > 0)
+        texture = floor_texture(view, textures.texels.data, ray, found.depth, local.x, local.y);
+    display = times(light_from_corners(grid, on, shadow), texture);
+    return true;
+}
+
+}  // namespace warpcam
