@@ -33,6 +33,7 @@ class Case:
             turned up to this about each [rad].
         newton: warpcam looks at it through `from_newton`, as at the model that Newton's own camera sees.
         cloth: What hangs in each world; only Newton has it.
+        flexes: MuJoCo's flexes are drawn, too; what Newton makes of them is another thing.
     """
 
     name: str
@@ -45,9 +46,10 @@ class Case:
     scatter: tuple[float, float] = (0.05, 0.5)
     newton: bool = False
     cloth: Cloth | None = None
+    flexes: bool = False
 
     def seen_by(self, renderer: str) -> bool:
-        return renderer in ("warpcam", "newton") or not self.newton
+        return renderer in ("warpcam", "newton") if self.newton else not (self.flexes and renderer == "newton")
 
 
 @dataclass(frozen=True)
@@ -81,6 +83,7 @@ HUMANOID = partial(scenes.from_mujoco_warp, "humanoid/humanoid.xml")
 HUMANOIDS = partial(scenes.from_mujoco_warp, "humanoid/n_humanoid.xml")
 ALOHA = partial(scenes.from_mujoco_warp, "aloha_pot/scene.xml")
 MUG = partial(scenes.from_mujoco_warp, "mug/mug.xml")
+FLOPPY = partial(scenes.from_mujoco_warp, "flex/floppy.xml")
 
 CASES = {
     case.name: case
@@ -98,6 +101,9 @@ CASES = {
         Case("aloha_pot", "two arms, four cameras", ALOHA, ALOHA_CAMERAS, MUJOCO_WARP, share=4, cpu_worlds=4),
         Case("g1_terrain", "robot of 35 meshes on hills", scenes.g1_on_terrain, ("fixed",), MJLAB, cpu_worlds=16),
         Case("terrain_256", "hills of 256 x 256 cells", rooms.terrain, ("drone",), cpu_worlds=16, scatter=(3.0, 0.3)),
+        Case(
+            "flex", "a soft body of 384 points", FLOPPY, ("camera0",), MUJOCO_WARP, share=16, cpu_worlds=4, flexes=True
+        ),
         Case("franka_cabinet", "arm at a cabinet", cabinet.arm_at_cabinet, ("fixed",), MJLAB, cpu_worlds=16),
     )
 }

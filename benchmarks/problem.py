@@ -14,7 +14,7 @@ from warpcam.errors import WarpcamError
 # A frame is timed in each of these sets in turn, so that no world stays where it is from one frame to the next.
 POSE_SETS = 4
 # What renderers read of a state, kept for every set.
-LIVE = ("geom_xpos", "geom_xmat", "cam_xpos", "cam_xmat", "light_xpos", "light_xdir", "xpos", "xquat")
+LIVE = ("geom_xpos", "geom_xmat", "cam_xpos", "cam_xmat", "light_xpos", "light_xdir", "xpos", "xquat", "flexvert_xpos")
 
 
 @dataclass
@@ -36,6 +36,7 @@ class Problem:
             mjw.kinematics(self.m, self.d)
             mjw.com_pos(self.m, self.d)
             mjw.camlight(self.m, self.d)
+            mjw.flex(self.m, self.d)
             self.poses.append({name: wp.clone(getattr(self.d, name)) for name in LIVE})
         self.place(0)
         wp.synchronize_device(self.d.qpos.device)
@@ -70,12 +71,17 @@ class Problem:
         rgba[with_material] = self.mjm.mat_rgba[self.mjm.geom_matid[with_material]]
         return rgba
 
+    def one_id(self, ids: np.ndarray, kinds: np.ndarray) -> np.ndarray:
+        """A number for each pair of an id and its `mjtObj`: geoms have their ids, flexes count on from there."""
+        return np.where(kinds == mujoco.mjtObj.mjOBJ_FLEX, ids + self.mjm.ngeom, ids)
+
     def faces(self) -> int:
-        """Triangles of all meshes and cloths one world draws."""
+        """Triangles of all meshes, cloths and flexes one world draws."""
         drawn = self.drawn_geoms()
         meshes = self.mjm.geom_dataid[drawn[self.mjm.geom_type[drawn] == mujoco.mjtGeom.mjGEOM_MESH]]
         cloth = 0 if self.case.cloth is None else 2 * int(np.prod(self.case.cloth.cells))
-        return int(self.mjm.mesh_facenum[meshes].sum()) + cloth
+        flexes = int(self.mjm.flex_shellnum.sum()) if self.case.flexes else 0
+        return int(self.mjm.mesh_facenum[meshes].sum()) + cloth + flexes
 
     def facts(self, wanted: Wanted) -> dict[str, object]:
         """What a row of the results says about its problem."""

@@ -278,7 +278,7 @@ def _blocks(images: int, facts: int) -> int:
 
 
 def _capacity(tables: Tables) -> int:
-    """Shapes that a block keeps the looks of, all or those that it sees, in few sizes; 0 for scenes too large for it."""
+    """Shapes whose looks a block keeps, all or those that it sees, in few sizes; 0 for scenes too large for it."""
     step = 16 if tables.num_drawn <= MAX_KEPT else 256
     return -(-tables.num_drawn // step) * step if tables.num_drawn <= MAX_SEEN else 0
 

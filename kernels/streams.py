@@ -46,6 +46,17 @@ def context_kept() -> Iterator[None]:
             _driver().cuCtxSetCurrent(context)
 
 
+def driver_installed() -> bool:
+    """Whether there is a CUDA driver; Warp does not tell where ``CUDA_VISIBLE_DEVICES`` hides every GPU from it."""
+    if wp.get_cuda_driver_version() is not None:
+        return True
+    try:
+        _driver()
+    except OSError:
+        return False
+    return True
+
+
 @functools.cache
 def _driver() -> ctypes.CDLL:
     return ctypes.CDLL("nvcuda.dll" if sys.platform == "win32" else "libcuda.so.1")

@@ -42,7 +42,7 @@ class Machine:
 
     def __init__(self, setting: str | None, driver: tuple[int, int] | None = (13, 0)):
         cards = cards_shown(setting) if driver else []
-        self._driver = driver
+        self.driver = driver
         self._gpus = [SimpleNamespace(alias=f"cuda:{i}", card=card) for i, card in enumerate(cards)]
         self._all = {each.alias: each for each in [SimpleNamespace(alias="cpu", card=None), *self._gpus]}
 
@@ -51,9 +51,6 @@ class Machine:
 
     def get_cuda_device_count(self) -> int:
         return len(self._gpus)
-
-    def get_cuda_driver_version(self) -> tuple[int, int] | None:
-        return self._driver
 
     def get_device(self, name: str | None) -> Any:
         if name == "cuda":
@@ -76,7 +73,9 @@ def machine(monkeypatch: pytest.MonkeyPatch) -> Callable[..., None]:
             monkeypatch.delenv("CUDA_VISIBLE_DEVICES", raising=False)
         else:
             monkeypatch.setenv("CUDA_VISIBLE_DEVICES", setting)
-        monkeypatch.setattr(device_rule, "wp", Machine(setting, **more))
+        there = Machine(setting, **more)
+        monkeypatch.setattr(device_rule, "wp", there)
+        monkeypatch.setattr(device_rule, "driver_installed", lambda: there.driver is not None)
 
     return put
 

@@ -200,7 +200,7 @@ def test_variables_are_told_as_they_are(monkeypatch: pytest.MonkeyPatch) -> None
     for name in doctor.VARIABLES:
         monkeypatch.delenv(name, raising=False)
     assert [each.name for each in doctor.read_environment()] == ["CUDA_VISIBLE_DEVICES"]
-    monkeypatch.setattr(doctor.device_rule.wp, "get_cuda_driver_version", lambda: None)
+    monkeypatch.setattr(doctor.device_rule, "driver_installed", lambda: False)
     monkeypatch.setenv("CUDA_VISIBLE_DEVICES", " 2")
     monkeypatch.setenv("MUJOCO_EGL_DEVICE_ID", "3")
     report = two_devices(monkeypatch)
@@ -216,7 +216,7 @@ def test_variables_are_told_as_they_are(monkeypatch: pytest.MonkeyPatch) -> None
 
 def test_a_list_that_cuda_does_not_show_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("CUDA_VISIBLE_DEVICES", "0,7")
-    monkeypatch.setattr(doctor.device_rule.wp, "get_cuda_driver_version", lambda: (13, 0))
+    monkeypatch.setattr(doctor.device_rule, "driver_installed", lambda: True)
     monkeypatch.setattr(doctor.device_rule.wp, "get_cuda_device_count", lambda: 1)
     (remark,) = two_devices(monkeypatch).remarks
     assert remark.startswith("CUDA_VISIBLE_DEVICES='0,7': it names 2, and CUDA shows 1")

@@ -14,6 +14,7 @@ import numpy as np
 import warp as wp
 
 from warpcam.errors import WarpcamError
+from warpcam.kernels.streams import driver_installed
 
 VISIBLE = "CUDA_VISIBLE_DEVICES"
 
@@ -53,7 +54,7 @@ def resolve(device: Any = None) -> wp.Device:
 def ordinals() -> str:
     """``CUDA_VISIBLE_DEVICES``, and which GPU of the machine each visible ordinal is as far as it tells, in words."""
     setting = os.environ.get(VISIBLE)
-    if wp.get_cuda_driver_version() is None:
+    if not driver_installed():
         return meaning() + ("" if setting is None else f" ({VISIBLE}={setting!r})")
     if setting is None:
         return f"{VISIBLE} is not set: {meaning()}"
@@ -63,7 +64,7 @@ def ordinals() -> str:
 def meaning() -> str:
     """What ``CUDA_VISIBLE_DEVICES`` means here."""
     setting, count = os.environ.get(VISIBLE), wp.get_cuda_device_count()
-    if wp.get_cuda_driver_version() is None:
+    if not driver_installed():
         return "there is no CUDA driver"
     if setting is None:
         return "all GPUs that CUDA finds are visible"

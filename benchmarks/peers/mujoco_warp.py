@@ -60,7 +60,7 @@ class MujocoWarpPeer:
             if "segmentation" in self.wanted.outputs:
                 ids = wp.zeros(size, dtype=wp.vec2i)
                 mjw.get_segmentation(context, camera, ids)
-                images["segmentation"] = ids.numpy()[..., 0]
+                images["segmentation"] = self.problem.one_id(*np.moveaxis(ids.numpy(), -1, 0))
             if "depth" in self.wanted.outputs:
                 # The getter clamps depth into [0, 1]: the buffer itself holds metres, camera after camera.
                 start, pixels = int(context.depth_adr.numpy()[camera]), size[1] * size[2]

@@ -24,9 +24,8 @@ class WarpcamPeer:
 
     def _scene(self) -> wc.Scene:
         problem = self.problem
-        return wc.from_mujoco_warp(  # what peers draw
-            problem.mjm, problem.m, problem.d, draw=("geoms",), reflections=False, transparency=False
-        )
+        draw = ("geoms", "flexes") if problem.case.flexes else ("geoms",)  # what peers draw
+        return wc.from_mujoco_warp(problem.mjm, problem.m, problem.d, draw=draw, reflections=False, transparency=False)
 
     def release(self) -> None:
         self.renderer = None
@@ -65,6 +64,8 @@ class WarpcamPeer:
 
     def _image(self, camera: str, output: str) -> np.ndarray:
         image: np.ndarray = self._renderer().array(camera, output).numpy()
+        if output == "segmentation" and self.problem.case.flexes:
+            return self.problem.one_id(*np.moveaxis(self.scene.objects[image[..., 0]], -1, 0))
         return image[..., 0] if image.shape[-1] == 1 else image
 
     def _renderer(self) -> wc.Renderer:

@@ -12,7 +12,7 @@ namespace warpcam {
 // Numbers that a block keeps, for its pixels and the bytes that are left to it.
 constexpr int corner_room(int pixels, int bytes)
 {
-    const int most = pixels < 3072 ? pixels : 3072, room = bytes / int(sizeof(float));
+    const int most = pixels < 4096 ? pixels : 4096, room = bytes / int(sizeof(float));
     return room < 256 ? 0 : room < most ? room : most;
 }
 
@@ -109,6 +109,15 @@ WARPCAM_FN float team_least(float value)
     return value;
 }
 
+WARPCAM_FN float team_sum(float value)
+{
+#if defined(__CUDA_ARCH__)
+    for (int step = LANES / 2; step > 0; step /= 2)
+        value += __shfl_xor_sync(ALL, value, step);
+#endif
+    return value;
+}
+
 constexpr int SAMPLE_COLUMNS = 8, SAMPLE_ROWS = 16;
 
 // Chooses which corners of a plane are kept: those around what a region shows of it, and where there is no room for these
@@ -147,12 +156,13 @@ WARPCAM_FN void choose_corners(Grid& grid, const LightList& list, const Looks& l
         u[k] = between(u_axis.at(eye.x + away * ray.x), u_axis.low - 1.0f, u_axis.high + 0.999f);
         v[k] = between(v_axis.at(eye.y + away * ray.y), v_axis.low - 1.0f, v_axis.high + 0.999f);
     }
-    float limit = FAR_AWAY;
+    float limit = FAR_AWAY, all = 0.0f;  // samples that see the plane
     int kept = -1;
     for (int trial = 0; trial < 24 && limit > 0.0f; ++trial) {
-        float left = FAR_AWAY, right = FAR_AWAY, bottom = FAR_AWAY, top = FAR_AWAY, far = 0.0f;
+        float left = FAR_AWAY, right = FAR_AWAY, bottom = FAR_AWAY, top = FAR_AWAY, far = 0.0f, seen = 0.0f;
         for (int k = 0; k < EACH; ++k) {
             const bool counts = depth[k] < limit;
+            seen += counts ? 1.0f : 0.0f;
             left = counts ? lower(left, u[k]) : left;
             right = counts ? lower(right, -u[k]) : right;
             bottom = counts ? lower(bottom, v[k]) : bottom;
@@ -164,7 +174,9 @@ WARPCAM_FN void choose_corners(Grid& grid, const LightList& list, const Looks& l
         const float columns = 2.0f + round_down(-team_least(right)) - left;
         const float rows = 2.0f + round_down(-team_least(top)) - bottom;
         far = -team_least(far);
-        if (!(far > 0.0f))
+        seen = team_sum(seen);
+        all = upper(all, seen);
+        if (!(far > 0.0f) || seen < 0.6f * all)  // too little is near to be worth it
             break;
         if (columns * rows * float(stride) <= float(Grid::ROOM) && magnitude(left) < 1.0e6f && magnitude(bottom) < 1.0e6f) {
             kept = frame.plane;
@@ -182,7 +194,7 @@ WARPCAM_FN void choose_corners(Grid& grid, const LightList& list, const Looks& l
             v_axis.high -= bottom;
             break;
         }
-        limit = 0.75f * far;
+        limit = 0.85f * far;
     }
     list_levels(grid.view, look, lane);
     if (lane != 0)

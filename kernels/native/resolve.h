@@ -490,8 +490,7 @@ WARPCAM_FN void resolve(const Scene_& scene, const Lights& lights, int index)
     if (thread == 0)
         kept_camera = camera;
     if (Wants::LIT && thread >= THREADS - TEAM)
-        gather_lights<SHADOWS>(lights, camera, world, headlight_of<FACTS>(world), thread - (THREADS - TEAM),
-                                                  list);
+        gather_lights<SHADOWS>(lights, camera, world, headlight_of<FACTS>(world), thread - (THREADS - TEAM), list);
     if constexpr ((FACTS & MIRRORED) != 0) {
         const auto mirror = wp::index(frame.mirrors, world);
         if (mirror.shape < 0)

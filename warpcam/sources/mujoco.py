@@ -60,7 +60,8 @@ class MujocoSource:
             starts[name] = total
             size = int(np.prod(shape)) * wp.empty(1, dtype=dtypes[name], device="cpu").strides[0]
             total += -(-size // ALIGNMENT) * ALIGNMENT
-        self._host = wp.zeros(total, dtype=wp.uint8, device="cpu", pinned=device.is_cuda)
+        with wp.ScopedDevice(device):  # pinned memory belongs to the current context, and makes one where there is none
+            self._host = wp.zeros(total, dtype=wp.uint8, device="cpu", pinned=device.is_cuda)
         self._block = wp.zeros(total, dtype=wp.uint8, device=device)
         layout = [(name, starts[name], shapes[name], dtypes[name]) for name in shapes]
         self._staged = {name: self._view(self._host, *place).numpy() for name, *place in layout}

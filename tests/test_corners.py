@@ -1,0 +1,97 @@
+"""The corners of a floor's cells, lit once for many pixels, against each pixel lit by itself."""
+
+import mujoco
+import numpy as np
+import pytest
+import scenes
+import warp as wp
+
+import warpcam as wc
+
+TEXTURE = '<texture name="checks" type="2d" builtin="checker" rgb1=".9 .8 .7" rgb2=".2 .3 .4" width="64" height="48"/>'
+SPOTS = (
+    '<light pos="0 -1 3" dir=".1 .3 -1" cutoff="60" exponent="3" diffuse=".8 .8 .8" specular=".3 .3 .3"/>'
+    '<light pos="2 1 2" dir="-1 0 -1" cutoff="70" exponent="1" diffuse=".5 .5 .5" attenuation=".6 .1 .05"/>'
+)
+SUN = '<light type="directional" dir=".2 .4 -1" diffuse=".6 .6 .6" castshadow="false"/>'
+RED = '<light pos="-1 0 3" dir="0 0 -1" cutoff="80" diffuse=".7 .2 .1" ambient=".1 0 0"/>'
+MANY = (
+    SPOTS
+    + SUN
+    + '<light pos="1 -2 3" dir="0 .3 -1" diffuse=".4 .4 .4"/><light pos="-2 1 4" dir="0 0 -1" diffuse=".3 .3 .3"/>'
+)
+THINGS = (
+    '<geom type="sphere" pos="0 .4 .4" size=".4"/><geom type="box" pos=".9 1 .3" size=".3 .4 .3"/>'
+    '<geom type="capsule" pos="-.9 1.2 .6" size=".15 .4" material="plain"/>'
+)
+
+
+def model(size: str, material: str, lights: str, camera: str, pose: str = "") -> mujoco.MjModel:
+    return scenes.compile_xml(
+        lights + camera + f'<geom type="plane" size="{size}" material="{material}" {pose}/>' + THINGS,
+        assets=TEXTURE
+        + '<material name="grey" texture="checks" texrepeat="3 2"/><material name="plain" rgba=".6 .6 .6 1"/>'
+        + '<material name="blue" rgba=".3 .4 .8 1" emission=".1" texuniform="true" texture="checks"/>',
+        more='<statistic extent="2" center="0 0 0"/><visual><map zfar="30"/></visual>',
+    )
+
+
+NEAR = '<camera pos="0 -1.6 1.5" xyaxes="1 .1 0 0 .6 .8"/>'
+HORIZON = '<camera pos="0 -2 .8" xyaxes="1 0 0 0 .05 1"/>'
+TILTED = '<camera pos=".5 -2 1.6" xyaxes="1 .3 .2 -.2 .5 .9"/>'
+
+
+def pictures(
+    mjm: mujoco.MjModel, device: wp.Device, shadows: bool, width: int = 96, height: int = 64
+) -> list[np.ndarray]:
+    """With corners that are kept, and without: `hdr` has no use for them."""
+    data = scenes.forward(mjm)
+    scene = wc.from_mujoco(mjm, [data], device=device)
+    found = []
+    for outputs in (("rgb",), ("rgb", "hdr")):
+        camera = wc.Camera(0, width=width, height=height, outputs=outputs, shadows=shadows)
+        renderer = wc.Renderer(scene, [camera])
+        renderer.render()
+        found.append(renderer.array(0, "rgb").numpy().astype(int))
+    return found
+
+
+@pytest.mark.parametrize("shadows", [True, False])
+@pytest.mark.parametrize("lights", [SPOTS, SUN, RED + SPOTS, MANY], ids=["spots", "sun", "red", "many"])
+def test_lights(device: wp.Device, lights: str, shadows: bool) -> None:
+    kept, plain = pictures(model("0 0 .1", "grey", lights, NEAR), device, shadows)
+    assert np.abs(kept - plain).max() <= 1
+    assert plain.std() > 10
+
+
+@pytest.mark.parametrize("camera", [NEAR, HORIZON, TILTED], ids=["near", "horizon", "tilted"])
+@pytest.mark.parametrize("material", ["grey", "plain", "blue"])
+@pytest.mark.parametrize("size", ["0 0 .1", "3 0 .2", "2.3 1.9 .35", "20 20 .05"])
+def test_planes(device: wp.Device, size: str, material: str, camera: str) -> None:
+    kept, plain = pictures(model(size, material, SPOTS + SUN, camera, 'euler="2 -3 10"'), device, True)
+    assert np.abs(kept - plain).max() <= 1
+    assert plain.std() > 10
+
+
+@pytest.mark.parametrize(("width", "height"), [(64, 64), (37, 51), (130, 70)])
+def test_sizes(device: wp.Device, width: int, height: int) -> None:
+    kept, plain = pictures(model("2.3 1.9 .35", "grey", SPOTS, TILTED), device, True, width, height)
+    assert np.abs(kept - plain).max() <= 1
+
+
+@pytest.mark.parametrize("behind", [100, 900])
+def test_looks_of_what_is_seen(device: wp.Device, behind: int) -> None:
+    """Shapes that are not seen change nothing, even where they are too many for all looks to be kept."""
+    random = np.random.default_rng(5)
+    seen = "".join(
+        f'<geom type="{kind}" pos="{x:.3f} {y:.3f} {z:.3f}" size=".09 .08 .07" {more} '
+        f'rgba="{r:.2f} {g:.2f} {b:.2f} 1"/>'
+        for kind, more in (("sphere", ""), ("box", 'material="grey"'), ("ellipsoid", ""))
+        for x, y, z, r, g, b in random.uniform((-1, -1, 0.1, 0, 0, 0), (1, 2, 1, 1, 1, 1), (60, 6))
+    )
+    unseen = '<geom type="sphere" pos="0 -9 1" size=".1"/>' * behind
+    images = []
+    for more in ("", unseen):
+        mjm = model("0 0 .1", "grey", SPOTS + seen + more, NEAR)
+        images.append(pictures(mjm, device, False)[0])
+    assert np.abs(images[0] - images[1]).max() <= 1
