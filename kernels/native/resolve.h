@@ -302,8 +302,8 @@ WARPCAM_FN float resolve_veils(const Looks* looks, const List& lights, const Sce
 
 template <int TYPES, int LENS, int CAPACITY, int IMAGES, int FACTS, class Looks, class List, class Scene_,
           class Veils_, class Camera_>
-WARPCAM_FN void resolve_seen(const Looks* looks, const List& lights, const Scene_& scene, const Camera_& camera,
-                             const Veils_& veils, const Region& region, int world, const Pixel& pixel, Hit found)
+WARPCAM_FN void resolve_pixel(const Looks* looks, const List& lights, const Scene_& scene, const Camera_& camera,
+                              const Veils_& veils, const Region& region, int world, const Pixel& pixel, Hit found)
 {
     using Wants = Wanted<IMAGES, FACTS>;
     constexpr bool IN_QUADS = FACTS & QUADS;
@@ -376,19 +376,6 @@ WARPCAM_FN void resolve_seen(const Looks* looks, const List& lights, const Scene
         if (IMAGES & RGBA)
             put_word(images.rgba, pixel, word | alpha);
     }
-}
-
-template <int TYPES, int LENS, int CAPACITY, int IMAGES, int FACTS, class Looks, class List, class Scene_,
-          class Veils_>
-WARPCAM_FN void resolve_pixel(const Looks* looks, const List& lights, const Scene_& scene, const Camera& camera,
-                              const Veils_& veils, const Region& region, int world, const Pixel& pixel, Hit found)
-{
-    if constexpr (LENS == RAYS)
-        resolve_seen<TYPES, LENS, CAPACITY, IMAGES, FACTS>(
-            looks, lights, scene, camera_at(camera, pixel.column, pixel.row),
-            veils, region, world, pixel, found);
-    else
-        resolve_seen<TYPES, LENS, CAPACITY, IMAGES, FACTS>(looks, lights, scene, camera, veils, region, world, pixel, found);
 }
 
 #if defined(__CUDA_ARCH__)
@@ -566,8 +553,13 @@ WARPCAM_FN void resolve(const Scene_& scene, const Lights& lights, int index)
             next = find<TYPES, IMAGES, FACTS>(frame, pixel);
         }
         go_to<WIDTH, FACTS>(pixel, frame, first, left, top, tile);
-        if ((FACTS & WHOLE_REGIONS) || (pixel.width > 0 && pixel.height > 0))
-            resolve_pixel<TYPES, LENS, HELD, IMAGES, FACTS>(looks, list, scene, kept_camera, veils, region, world, pixel, found);
+        if ((FACTS & WHOLE_REGIONS) || (pixel.width > 0 && pixel.height > 0)) {
+            if constexpr (LENS == RAYS)
+                resolve_pixel<TYPES, LENS, HELD, IMAGES, FACTS>(looks, list, scene,
+                    camera_at(kept_camera, pixel.column, pixel.row), veils, region, world, pixel, found);
+            else
+                resolve_pixel<TYPES, LENS, HELD, IMAGES, FACTS>(looks, list, scene, kept_camera, veils, region, world, pixel, found);
+        }
     }
 #else
     pixel.inside = true;
@@ -581,7 +573,11 @@ WARPCAM_FN void resolve(const Scene_& scene, const Lights& lights, int index)
                     looks[place] = look_of<TYPES, Wants>(scene, camera, world, found.shape);
                     made[place] = true;
                 }
-            resolve_pixel<TYPES, LENS, HELD, IMAGES, FACTS>(looks, list, scene, kept_camera, veils, region, world, pixel, found);
+            if constexpr (LENS == RAYS)
+                resolve_pixel<TYPES, LENS, HELD, IMAGES, FACTS>(looks, list, scene,
+                    camera_at(kept_camera, pixel.column, pixel.row), veils, region, world, pixel, found);
+            else
+                resolve_pixel<TYPES, LENS, HELD, IMAGES, FACTS>(looks, list, scene, kept_camera, veils, region, world, pixel, found);
         }
 #endif
 }
