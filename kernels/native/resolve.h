@@ -68,12 +68,10 @@ WARPCAM_FN Vec texture_color(const Looks& look, const Meshes& meshes, const Text
         return { 1.0f, 1.0f, 1.0f };
     const Pose& pose = look.pose;
     const float stretch = LENS == PINHOLE ? depth : 1.0f;
-    Vec right = stretch * camera.scale_x * Vec { pose.axis_x.x, pose.axis_y.x, pose.axis_z.x };
-    Vec down = -stretch * camera.scale_y * Vec { pose.axis_x.y, pose.axis_y.y, pose.axis_z.y };
-    if constexpr (LENS == RAYS) {
-        right = pose.local(step_right<LENS>(camera, x, y, depth));
-        down = pose.local(step_down<LENS>(camera, x, y, depth));
-    }
+    const Vec right = LENS == RAYS ? pose.local(step_right<LENS>(camera, x, y, depth))
+                                   : stretch * camera.scale_x * Vec { pose.axis_x.x, pose.axis_y.x, pose.axis_z.x };
+    const Vec down = LENS == RAYS ? pose.local(step_down<LENS>(camera, x, y, depth))
+                                  : -stretch * camera.scale_y * Vec { pose.axis_x.y, pose.axis_y.y, pose.axis_z.y };
     if (layout.cube) {
         const CubeMapping mapping = map_cube<TYPES>(pose, layout, surface);
         return sample_cube(textures.texels.data, layout.image, mapping.direction,
@@ -102,10 +100,12 @@ WARPCAM_FN void resolve_surface(const Looks& look, const List& lights, const Sce
     if constexpr (Wants::SURFACE) {
         const Pose& pose = look.pose;
         place = LENS == PINHOLE ? Vec { depth * x, depth * y, -depth } : Vec { x, y, -depth };
-        ray = pose.local(ViewRay<LENS> { x, y }.direction());
-        if (LENS == RAYS)
+        ray = LENS == PINHOLE ? pose.local({ x, y, -1.0f }) : pose.local({ 0.0f, 0.0f, -1.0f });
+        if constexpr (LENS == RAYS) {
             place = depth * ViewRay<LENS> { x, y }.direction();
-        const Vec local = pose.eye() + (LENS == ORTHOGRAPHIC ? pose.local(place) : depth * ray);
+            ray = pose.local(ViewRay<LENS> { x, y }.direction());
+        }
+        const Vec local = pose.eye() + (LENS != ORTHOGRAPHIC ? depth * ray : pose.local(place));
         surface = surface_at<TYPES>(pose, scene.meshes, scene.fields, found.face, local, ray);
     }
     if constexpr (Wants::TURNED) {
