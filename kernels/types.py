@@ -214,6 +214,7 @@ class View:
     # Pixel (i, j), column and row from the top left, sees along (x, y, -1) from the origin, with
     # x = (i + 0.5 - center[0]) * scale[0] and y = (center[1] - j - 0.5) * scale[1].
     # Orthographic: from (x, y, 0) along (0, 0, -1) instead, x and y in metres.
+    # A lens that is a table of rays has its address and size here instead, as bits: native/ray_table.h.
     scale: wp.vec2
     center: wp.vec2  # principal point [pixels]
     near: wp.float32  # nothing nearer than this is seen: planar depth [m]

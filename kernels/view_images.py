@@ -25,7 +25,8 @@ class Clear:
 class Sources:
     """Images of one camera, (world, height, width, channels); those that are not asked for are empty."""
 
-    depth: wp.array4d(dtype=wp.float32)  # planar, inf where nothing is hit [m]
+    depth: wp.array4d(dtype=wp.float32)  # planar, or along the ray; inf where nothing is hit [m]
+    along: wp.int32  # 1: the latter
     color: wp.array4d(dtype=wp.uint8)
     hdr: wp.array4d(dtype=wp.float32)
     shape: wp.array4d(dtype=wp.int32)
@@ -156,7 +157,10 @@ def write_views(
     ray = rays[row, column, 0, 1]
     forward = wp.float32(0.0)
     distance = max_distance
-    if world >= 0 and ray[2] < 0.0:
+    if world >= 0 and seen.along != 0:
+        distance = seen.depth[world, row, column, 0]
+        forward = distance * -ray[2]
+    elif world >= 0 and ray[2] < 0.0:
         forward = seen.depth[world, row, column, 0]
         distance = forward / -ray[2]
     hit = distance < max_distance

@@ -35,6 +35,7 @@ FOVY = 0  # vertical field of view [degrees]
 INTRINSICS = 1  # focal lengths and principal point [pixels]
 SENSOR = 2  # focal lengths, principal point off the centre, and sensor size, all in one unit
 HEIGHT = 3  # orthographic: what the image spans vertically [m]
+TABLE = 4  # a table of rays: scale and center of View, ready made
 
 # What depth shows where nothing is hit: LensTable.clipping.
 CLIP_NONE = 0  # infinity
@@ -67,10 +68,10 @@ class Mount:
 class LensTable:
     """How one camera sees."""
 
-    kind: wp.int32  # FOVY, INTRINSICS, SENSOR or HEIGHT
+    kind: wp.int32  # FOVY, INTRINSICS, SENSOR, HEIGHT or TABLE
     column: wp.int32  # of the camera in `angles` and `intrinsics`
     angles: wp.array2d(dtype=wp.float32)  # (world*, camera) FOVY [degrees], HEIGHT [m]
-    intrinsics: wp.array2d(dtype=wp.vec4)  # (world*, camera) focal lengths x, y, principal point x, y
+    intrinsics: wp.array2d(dtype=wp.vec4)  # (world*, camera) focal lengths x, y, principal point x, y; TABLE: see there
     sensor: wp.vec2  # SENSOR: width and height
     near: wp.array(dtype=wp.float32)  # (world,) [m]
     far: wp.array(dtype=wp.float32)  # (world,) [m]
@@ -136,6 +137,8 @@ def write_views(
                 width * (0.5 - given[2] / lens.sensor[0]),
                 height * (0.5 - given[3] / lens.sensor[1]),
             )
+    elif lens.kind == TABLE:
+        scale = wp.vec2(1.0, 1.0)
     else:
         extent = lens.angles[world % lens.angles.shape[0], lens.column]
         if lens.kind == FOVY:
@@ -169,6 +172,10 @@ def write_views(
         view.center = wp.vec2(0.5 * width, 0.5 * height)
         view.near = 0.0
         view.far = wp.inf
+    if lens.kind == TABLE:  # its address is no number, and is needed where nothing is seen, too
+        table = lens.intrinsics[world % lens.intrinsics.shape[0], lens.column]
+        view.scale = wp.vec2(table[0], table[1])
+        view.center = wp.vec2(table[2], table[3])
     views[world] = view
 
 

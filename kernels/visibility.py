@@ -18,7 +18,7 @@ QUADS, TILED = 128, 256
 IDS, BY_WORLD = 1 << 16, 1 << 17  # ids by world: canvas.h
 OPAQUE = 1 << 20  # what is transparent is left out
 FLOW, FLOW_VALID, FLOW_MOVES = 1 << 24, 1 << 25, 1 << 26  # native/flow.h
-LENSES = {"pinhole": 0, "orthographic": 1}
+LENSES = {"pinhole": 0, "orthographic": 1, "rays": 2}
 THREADS = 128  # of a CUDA block; lanes.h has the same number
 REGIONS = ((64, 64), (64, 32), (32, 32), (32, 16), (16, 16), (16, 8))
 MANY = 64  # shapes
@@ -164,7 +164,8 @@ def record(
 
     Args:
         tables: The scene.
-        lens: "pinhole" or "orthographic".
+        lens: "pinhole", "orthographic" or "rays"; with the last, depth is the distance along the ray, and "distance"
+            the planar depth.
         views: View, (world,).
         mask: uint8, (world,); worlds with 0 are left alone.
         faults: uint8, (world,); set to 1 where a pose or size is not a number.

@@ -15,6 +15,7 @@ from warpcam.kernels.streams import context_kept as _context_kept
 from warpcam.lens import Lens, Orthographic, Pinhole
 from warpcam.light import Light
 from warpcam.memory import Memory, estimate_memory
+from warpcam.rays import Distorted, Fisheye, Rays
 from warpcam.recipes import Choice, Uniform, randomize
 from warpcam.renderer import Renderer
 from warpcam.scene import Scene
@@ -27,12 +28,15 @@ except _PackageNotFoundError:  # run from its sources
 __all__ = [
     "Camera",
     "Choice",
+    "Distorted",
     "DrivenScene",
+    "Fisheye",
     "Lens",
     "Light",
     "Memory",
     "Orthographic",
     "Pinhole",
+    "Rays",
     "Renderer",
     "Scene",
     "Uniform",

@@ -11,6 +11,7 @@ from warpcam.errors import WarpcamError
 from warpcam.kernels.antialias import SAMPLES
 from warpcam.lens import Lens
 from warpcam.outputs import check_outputs
+from warpcam.rays import TableLens, check_table_size
 
 DepthClipping = Literal["none", "max", "zero"]
 
@@ -33,7 +34,7 @@ class Camera:
         rotation: Quaternion, w x y z, (4,) or (world, 4), in the parent's frame; of any length but 0.
         parent: Name or index of the body to which a camera of your own is fixed; None is the world.
         near: Nothing nearer than this is seen: planar depth, at least 0 [m]; a number or (world,). None is the scene
-            camera's, or 0.
+            camera's, or 0. With Fisheye, Distorted and Rays it and ``far`` are distances along the ray.
         far: Nothing farther than this is seen: planar depth, beyond ``near`` [m]; a number or (world,). None is the
             scene camera's, or infinity.
         depth_clipping: What ``depth`` shows where nothing is hit: inf ("none"), ``far`` ("max") or 0 ("zero").
@@ -73,11 +74,20 @@ class Camera:
         object.__setattr__(self, "height", self._pixels("height"))
         object.__setattr__(self, "outputs", check_outputs(self.outputs, self.where))
         if self.lens is not None and not isinstance(self.lens, Lens):
-            raise WarpcamError(f"{self.where}: lens must be Pinhole, Orthographic or None, got {self.lens!r}")
+            raise WarpcamError(
+                f"{self.where}: lens must be Pinhole, Orthographic, Fisheye, Distorted, Rays or None, got {self.lens!r}"
+            )
         if self.is_own and self.lens is None:
             raise WarpcamError(
                 f"{self.where}: position, rotation or parent make it a camera of your own, which needs a lens: "
-                "Pinhole(...) or Orthographic(...)"
+                "Pinhole(...), Orthographic(...), Fisheye(...), Distorted(...) or Rays(...)"
+            )
+        check_table_size(self.lens, self.width, self.height, self.where)
+        flows = [name for name in self.outputs if name in ("flow", "flow_valid")]
+        if flows and isinstance(self.lens, TableLens):
+            raise WarpcamError(
+                f"{self.where}: outputs has {flows[0]!r}, which no lens that is a table of rays has "
+                f"({type(self.lens).__name__}); Pinhole and Orthographic have it"
             )
         if self.depth_clipping not in get_args(DepthClipping):
             allowed = ", ".join(repr(name) for name in get_args(DepthClipping))

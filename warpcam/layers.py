@@ -11,6 +11,7 @@ from warpcam.kernels.layers import Haze, LayerTables, Mirror
 from warpcam.kernels.tables import Tables
 from warpcam.kernels.types import BOX, PLANE, View
 from warpcam.outputs import OUTPUTS
+from warpcam.rays import TableLens
 
 SOLID = 0.995  # opacity from which MuJoCo draws a shape solid
 MAX_VEILS = 256  # shapes that a block can sort
@@ -115,7 +116,9 @@ def has_lit(camera: Camera) -> bool:
 
 
 def mirrors_of(camera: Camera, tables: Tables) -> bool:
-    """Whether that camera's images show mirrors."""
+    """Whether that camera's images show mirrors; not through a table of rays."""
+    if isinstance(camera.lens, TableLens):
+        return False
     return tables.layers is not None and tables.layers.reflect and has_lit(camera)
 
 

@@ -7,7 +7,7 @@ from typing import Any, ClassVar, Literal
 
 from warpcam.errors import WarpcamError
 
-Projection = Literal["pinhole", "orthographic"]
+Projection = Literal["pinhole", "orthographic", "rays"]
 
 
 class Lens(ABC):

@@ -13,6 +13,7 @@ from warpcam.kernels.types import View
 from warpcam.layers import world_bytes
 from warpcam.mounting import pose_bytes
 from warpcam.past import past_bytes
+from warpcam.rays import TableLens
 from warpcam.scene import Scene
 from warpcam.scratch import Scratch, image_bytes
 from warpcam.targets import check_size
@@ -63,7 +64,12 @@ def estimate_memory(scene: Scene, cameras: Sequence[Camera]) -> Memory:
         images={key: image_bytes(camera, tables) for key, camera in by_key.items()},
         scratch=Scratch(by_key, tables, scene.device).size,
         worlds=scene.num_worlds
-        * (10 + sum(view + pose_bytes(one) + world_bytes(one, tables) for one in by_key.values())),
+        * (10 + sum(view + pose_bytes(one) + world_bytes(one, tables) for one in by_key.values()))
+        + sum(
+            one.lens.bytes(one.width, one.height, scene.num_worlds)
+            for one in by_key.values()
+            if isinstance(one.lens, TableLens)
+        ),
         past=past_bytes(by_key, scene, tables),
     )
 

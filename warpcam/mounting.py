@@ -8,6 +8,7 @@ import numpy as np
 import warp as wp
 
 from warpcam import interop
+from warpcam.accel.rays import handles, pack_rays, pixel_angle
 from warpcam.camera import Camera
 from warpcam.errors import WarpcamError
 from warpcam.kernels import views as views_stage
@@ -16,6 +17,7 @@ from warpcam.kernels.tables import Tables
 from warpcam.kernels.variety import copied, empty_variety
 from warpcam.kernels.views import LensTable, Mount
 from warpcam.lens import Lens, Projection
+from warpcam.rays import TableLens
 from warpcam.scene import Scene
 
 CLIPPING = {"none": views_stage.CLIP_NONE, "max": views_stage.CLIP_MAX, "zero": views_stage.CLIP_ZERO}
@@ -61,7 +63,10 @@ class Mounted:
             if not np.linalg.norm(self.arrays["rotation"].numpy(), axis=1).all():
                 raise WarpcamError(f"{camera.where}: rotation must not be of length 0, got {camera.rotation!r}")
         if camera.lens is not None:
-            self._make_lens(camera.lens)
+            if isinstance(camera.lens, TableLens):
+                self._make_table(camera.lens)
+            else:
+                self._make_lens(camera.lens)
         clipping = None if camera.is_own else scene.camera_kind(self._index).clipping
         near, far = clipping or (0.0, math.inf)
         self._own("near", near if camera.near is None else camera.near, wp.float32)
@@ -133,6 +138,9 @@ class Mounted:
             else:
                 lens.kind = views_stage.FOVY
             return lens
+        if isinstance(camera.lens, TableLens):
+            lens.kind, lens.intrinsics = views_stage.TABLE, self._handles.reshape((-1, 1))
+            return lens
         for name, kind_of_lens in (
             ("fovy", views_stage.FOVY),
             ("height", views_stage.HEIGHT),
@@ -143,6 +151,34 @@ class Mounted:
                 values = self.arrays[name].reshape((scene.num_worlds, 1))
                 setattr(lens, "intrinsics" if name == "intrinsics" else "angles", values)
         return lens
+
+    def _make_table(self, lens: TableLens) -> None:
+        camera, device = self._camera, self._scene.device
+        rays = lens.rays(camera.width, camera.height, self._scene.num_worlds, camera.where)
+        self._table = wp.array(pack_rays(rays), dtype=wp.float32, device=device)
+        self._handles = wp.array(self._handles_of(rays), dtype=wp.vec4, device=device)
+
+    def set_table(self, lens: Any) -> None:
+        """Write another lens over the table there is."""
+        camera, own = self._camera, self._camera.lens
+        if not isinstance(own, TableLens) or not isinstance(lens, TableLens):
+            raise WarpcamError(
+                f"{camera.where}: set_lens puts Fisheye, Distorted or Rays in place of one of these, got "
+                f"{type(lens).__name__} in place of {type(own).__name__}; other lenses have arrays to write to"
+            )
+        rays = lens.rays(camera.width, camera.height, self._scene.num_worlds, camera.where)
+        if len(rays) > len(self._table):
+            raise WarpcamError(
+                f"{camera.where}: set_lens was given a lens for each world, and the renderer was built with one for "
+                "all; build it with a lens for each world"
+            )
+        rays = np.broadcast_to(rays, (len(self._table), *rays.shape[1:]))
+        self._table.assign(pack_rays(rays))
+        self._handles.assign(self._handles_of(rays))
+
+    def _handles_of(self, rays: np.ndarray) -> np.ndarray:
+        camera = self._camera
+        return handles(self._table.ptr or 0, len(rays), camera.width, camera.height, pixel_angle(rays[0]))
 
     def _make_lens(self, lens: Lens) -> None:
         camera, num_worlds = self._camera, self._scene.num_worlds

@@ -16,6 +16,7 @@ from warpcam.kernels.launch import Frame, Group, Stage, bind
 from warpcam.kernels.streams import context_kept, quiet_stream
 from warpcam.kernels.tables import Tables
 from warpcam.kernels.views import Tags, record_begin
+from warpcam.lens import Lens
 from warpcam.memory import check_cameras, estimate_memory, require_free
 from warpcam.mounting import CameraArrays, Mounted
 from warpcam.past import ShapesPast
@@ -161,6 +162,19 @@ class Renderer:
     def camera(self, camera: str | int) -> CameraArrays:
         """What of that camera may be written in place, seen at the next render."""
         return self._arrays[self._key(camera)]
+
+    def set_lens(self, camera: str | int, lens: Lens) -> None:
+        """Put another table of rays, a ``Fisheye``, ``Distorted`` or ``Rays``, in place of a camera's.
+
+        It is seen at the next render. The table is made on the host and copied. Graphs stay valid, a captured one of
+        the user's, too.
+
+        Args:
+            camera: Its name; it must have been built with such a lens.
+            lens: One for all worlds, or, if the camera was built with one for each, one for each.
+        """
+        with self._turn, interop.in_order(self._device):
+            self._mounted[self._key(camera)].set_table(lens)
 
     def _key(self, camera: str | int) -> str | int:
         if camera not in self._cameras:

@@ -18,6 +18,7 @@ from warpcam.kernels.tables import Tables
 from warpcam.kernels.types import HEIGHT_FIELD, MESH
 from warpcam.layers import mirrors_of, veils_of
 from warpcam.outputs import OUTPUTS, smooth_outputs, traced_as
+from warpcam.rays import TableLens
 
 # The block is at most half as large as the images, or this where they are small: a group must fill the device [bytes].
 ALWAYS_ALLOWED = 32 * 2**20
@@ -38,6 +39,8 @@ def buffers_of(camera: Camera, tables: Tables) -> dict[str, Any]:
         or any(traced_as(name, tables.shape_types) is None for name in camera.outputs)
     )
     images = {output.trace for output in asked} - ({"shape"} if tables.ids_by_world else set())
+    if isinstance(camera.lens, TableLens):  # whose trace has the distance where others have depth
+        images = images - {"depth", "distance"} | ({"depth"} if "distance" in images else set())
     faces = bool(tables.shape_types & {MESH, HEIGHT_FIELD}) and any(output.face for output in asked)
     # What is seen without the transparent shapes is nobody's image. It is there when all other outputs are made.
     apart, mirrors = veils_of(camera, tables), mirrors_of(camera, tables)

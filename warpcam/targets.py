@@ -92,6 +92,8 @@ class Target:
         if tables.ids_by_world and "shape" in traced:  # what is asked for are ids; the stages pass on columns
             traced["ids"] = traced.pop("shape")
         lit = {name: image for name, image in derived.items() if OUTPUTS[name].lit}
+        if projection == "rays":
+            traced = _swapped(traced)
         depth, shape, face = (traced.pop(name, buffers.get(name)) for name in ("depth", "shape", "face"))
         shadows = buffers.get("shadow") if lit else None
         veil_places = layers.veil_places if opaque and layers is not None else None
@@ -157,9 +159,10 @@ class Target:
         if tables.splats is not None:
             trail = None if self.past is None else self.past.trail
             stages.insert(0, splats.record_check(tables, views, mask, faults, device, group))
+            chosen = {name: self.images[name] for name in outputs}
             stages.append(
                 splats.record(
-                    {name: self.images[name] for name in outputs},
+                    _swapped(chosen) if projection == "rays" else chosen,
                     projection,
                     tables,
                     views,
@@ -252,3 +255,9 @@ class Target:
                 True,
             ),
         ]
+
+
+def _swapped(images: Mapping[str, wp.array]) -> dict[str, wp.array]:
+    """The same as a trace by a table of rays names them: what it has for depth is the distance."""
+    names = {"depth": "distance", "distance": "depth"}
+    return {names.get(name, name): image for name, image in images.items()}

@@ -67,13 +67,15 @@ template <int TYPES, int LENS, int OUTPUTS, int CAPACITY, class Target, class Sh
 
     WARPCAM_FN ViewRay<LENS> ray(int i, int j) const
     {
-        return { image_x(camera, float(i)), image_y(camera, float(j)) };
+        return view_ray<LENS>(camera, i, j);
     }
 
     // What a ray has met before a pass: nothing that is new. No ray outside of the image meets anything.
     WARPCAM_FN Hit start(int i, int j, bool first_pass) const
     {
         Hit hit { inside(i, j) ? camera.far : -1.0f, -1, -1 };
+        if (LENS == RAYS && ray(i, j).x >= BLIND)
+            hit.depth = -1.0f;
         if (!first_pass && inside(i, j) && target.shape.data[at(i, j)] >= 0)
             hit.depth = target.depth.data[at(i, j)];
         return hit;
@@ -86,13 +88,13 @@ template <int TYPES, int LENS, int OUTPUTS, int CAPACITY, class Target, class Sh
         const ViewRay<LENS> seen = ray(i, j);
         const int shape = names_slots(OUTPUTS) && hit.shape >= 0 ? list.ids[hit.shape] : hit.shape;
         if (WHAT & DEPTH)
-            target.depth.data[pixel] = hit.shape < 0 ? camera.miss : hit.depth;
+            target.depth.data[pixel] = hit.shape < 0 ? (LENS == RAYS ? infinity() : camera.miss) : hit.depth;
         if (WHAT & SHAPE)
             target.shape.data[pixel] = shape;
         if (WHAT & FACE)
             target.face.data[pixel] = hit.face;
         if (WHAT & DISTANCE)
-            target.distance.data[pixel] = distance_of(hit, seen);
+            target.distance.data[pixel] = LENS == RAYS && hit.shape < 0 ? camera.miss : distance_of(hit, seen);
         if (WHAT & BODIES)
             target.bodies.data[pixel] = body_of<(OUTPUTS & BY_WORLD) != 0>(shapes, world, shape);
         if (WHAT & IDS)

@@ -45,7 +45,7 @@ WARPCAM_FN Vec tilted(Vec normal, Vec map, Vec du, Vec dv)
 // `color` is that of the shape's texture there, linear; `normal` comes in smooth and goes out as the map tilts it.
 template <int TYPES, int LENS, bool MAPS, class Looks, class Meshes, class Textures>
 WARPCAM_FN Paint paint_at(const Looks& look, const Meshes& meshes, const Textures& textures, const Camera& camera,
-                          const Surface& surface, Vec ray, float depth, Vec color, Vec& normal)
+                          float x, float y, const Surface& surface, Vec ray, float depth, Vec color, Vec& normal)
 {
     const Coat& coat = look.finish;
     float roughness = coat.gloss.x, metallic = coat.gloss.y;
@@ -54,9 +54,8 @@ WARPCAM_FN Paint paint_at(const Looks& look, const Meshes& meshes, const Texture
         const int normals = coat.normals, packed = coat.gloss.w, glowing = coat.glow.w;
         const Pose& pose = look.pose;
         if ((normals >= 0 || packed >= 0 || glowing >= 0) && !((TYPES >> PLANE & 1) && pose.type() == PLANE)) {
-            const float stretch = LENS == PINHOLE ? depth : 1.0f;
-            const Vec right = pose.local({ stretch * camera.scale_x, 0.0f, 0.0f });
-            const Vec down = pose.local({ 0.0f, -stretch * camera.scale_y, 0.0f });
+            const Vec right = pose.local(step_right<LENS>(camera, x, y, depth));
+            const Vec down = pose.local(step_down<LENS>(camera, x, y, depth));
             Mapping at = map_2d<TYPES>(pose, look.layout, meshes, surface);
             shift(look, at.u, at.v);
             const Vec step_right = slide(right, ray, surface.normal), step_down = slide(down, ray, surface.normal);

@@ -48,7 +48,7 @@ struct Band {
     // With room for slopes that grow beyond the pixels' centres; `width` is that of a pixel at a depth of 1 m.
     template <int LENS> WARPCAM_FN Band widened(float width) const
     {
-        const float margin = BEYOND * (last - first) + ASIDE * width * (LENS == PINHOLE ? last : 1.0f);
+        const float margin = BEYOND * (last - first) + ASIDE * width * (LENS != ORTHOGRAPHIC ? last : 1.0f);
         return { first - margin, last + margin };
     }
 };
@@ -79,7 +79,7 @@ template <int LENS, class Target> struct Seen {
     WARPCAM_FN bool turns(unsigned before, unsigned here, unsigned after, float scale) const
     {
         const float a = depth(before), b = depth(here), c = depth(after);
-        if (LENS == PINHOLE)
+        if (LENS != ORTHOGRAPHIC)
             return magnitude(b * (a + c) - 2.0f * a * c) > CREASE * scale * (a * c);
         return magnitude(a + c - 2.0f * b) > CREASE * scale;
     }
@@ -146,7 +146,7 @@ template <int LENS, class Target> struct Seen {
     }
 
     // What is linear in the image of a plane.
-    WARPCAM_FN float level(float depth) const { return LENS == PINHOLE ? reciprocal(depth) : depth; }
+    WARPCAM_FN float level(float depth) const { return LENS != ORTHOGRAPHIC ? reciprocal(depth) : depth; }
 
     // How much the level of a pixel's surface rises towards a hit, from this pixel to the next, which is at `toward`: as
     // the pixel on the side away tells, or else that one; 0 if both show other shapes. All is loaded at once: tests on
@@ -175,7 +175,7 @@ template <int LENS, class Target> struct Seen {
             + magnitude(y) * rise(pixel, here, inside(i, j + down), at(i, j + down), inside(i, j - down), at(i, j - down),
                                   hit_shape);
         const float apart = magnitude(found - level(hit_depth));
-        return (LENS == PINHOLE ? apart * hit_depth : apart) * reciprocal(STEEP * scale_x);
+        return (LENS != ORTHOGRAPHIC ? apart * hit_depth : apart) * reciprocal(STEEP * scale_x);
     }
 
     // Which of the nine pixels around shows what a sample of pixel (i, j) has hit: the nearest, by place and by depth.

@@ -227,9 +227,14 @@ inline void trace_height_field(const HeightFields& fields, const Record& record,
         __builtin_memcpy(&y, rays.y + lane, sizeof y);
         __builtin_memcpy(&hit.depth, rays.depth + lane, sizeof hit.depth);
         const Floats across_x = ax.x * x + ax.y * y, across_y = ay.x * x + ay.y * y, across_z = az.x * x + az.y * y;
-        const RayPacket ray = LENS == ORTHOGRAPHIC
+        RayPacket ray = LENS == ORTHOGRAPHIC
             ? RayPacket { o.x + across_x, o.y + across_y, o.z + across_z, -ax.z, -ay.z, -az.z }
             : RayPacket { o.x, o.y, o.z, across_x - ax.z, across_y - ay.z, across_z - az.z };
+        if constexpr (LENS == RAYS) {
+            const Floats rate = 2.0f / (1.0f + x * x + y * y), back = 1.0f - rate;
+            ray = { o.x, o.y, o.z, rate * across_x + back * ax.z, rate * across_y + back * ay.z,
+                    rate * across_z + back * az.z };
+        }
         walk_packet(fields, record, ray, nears, hit);
         __builtin_memcpy(&shape, rays.shape + lane, sizeof shape);
         __builtin_memcpy(&face, rays.face + lane, sizeof face);

@@ -12,8 +12,11 @@ WARPCAM_FN Vec turned(const Matrix& m, Vec v)
              m.at[2][0] * v.x + m.at[2][1] * v.y + m.at[2][2] * v.z };
 }
 
+// With a table, whose depth is the distance, the planar depth: the other of the two.
 template <int LENS> WARPCAM_FN float distance_of(const Hit& hit, const ViewRay<LENS>& seen)
 {
+    if constexpr (LENS == RAYS)
+        return hit.shape >= 0 ? -hit.depth * seen.direction().z : infinity();
     const float length = LENS == PINHOLE ? root(seen.x * seen.x + seen.y * seen.y + 1.0f) : 1.0f;
     return hit.shape >= 0 ? hit.depth * length : infinity();
 }
@@ -22,6 +25,8 @@ template <int LENS> WARPCAM_FN Vec point_of(const Hit& hit, const Camera& camera
 {
     if (hit.shape < 0)
         return { infinity(), infinity(), infinity() };
+    if constexpr (LENS == RAYS)
+        return camera.origin + turned(camera.rotation, hit.depth * seen.direction());
     const float near = LENS == PINHOLE ? hit.depth : 1.0f;
     return camera.origin + turned(camera.rotation, { near * seen.x, near * seen.y, -hit.depth });
 }

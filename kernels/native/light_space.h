@@ -122,31 +122,53 @@ template <int LENS> struct Sight {
     }
 };
 
+// The same with a table, whose depths are distances.
+template <> struct Sight<RAYS> {
+    Vec right, up, back;  // the camera's axes
+    Vec along;            // where all rays begin
+    Camera camera;
+
+    WARPCAM_FN Vec point(float i, float j, float depth) const
+    {
+        const Vec d = table_ray(camera, int(i), int(j)).direction();
+        return along + depth * (d.x * right + d.y * up + d.z * back);
+    }
+};
+
 // Points from the camera, along the world's axes.
 template <int LENS> WARPCAM_FN Sight<LENS> sight_of(const Camera& camera)
 {
     const Matrix& r = camera.rotation;
     const Vec right { r.at[0][0], r.at[1][0], r.at[2][0] }, up { r.at[0][1], r.at[1][1], r.at[2][1] };
     const Vec forward { -r.at[0][2], -r.at[1][2], -r.at[2][2] };
-    const float x = image_x(camera, 0.0f), y = image_y(camera, 0.0f);
-    const bool parallel = LENS == ORTHOGRAPHIC;
-    const float ahead = parallel ? 0.0f : 1.0f;
-    return { { x * right.x + y * up.x + ahead * forward.x, x * right.y + y * up.y + ahead * forward.y,
-               x * right.z + y * up.z + ahead * forward.z },
-             camera.scale_x * right, -camera.scale_y * up, (1.0f - ahead) * forward };
+    if constexpr (LENS == RAYS) {
+        return { right, up, -forward, { 0.0f, 0.0f, 0.0f }, camera };
+    } else {
+        const float x = image_x(camera, 0.0f), y = image_y(camera, 0.0f);
+        const bool parallel = LENS == ORTHOGRAPHIC;
+        const float ahead = parallel ? 0.0f : 1.0f;
+        return { { x * right.x + y * up.x + ahead * forward.x, x * right.y + y * up.y + ahead * forward.y,
+                   x * right.z + y * up.z + ahead * forward.z },
+                 camera.scale_x * right, -camera.scale_y * up, (1.0f - ahead) * forward };
+    }
 }
 
 // Points along the light's axes; from the light, if it is not distant.
 template <int LENS> WARPCAM_FN Sight<LENS> lit_sight(const Light& light, const Sight<LENS>& sight)
 {
     const auto turned = [&](Vec a) { return Vec { dot(light.u, a), dot(light.v, a), dot(light.w, a) }; };
-    Sight<LENS> s { turned(sight.start), turned(sight.across), turned(sight.down), turned(sight.along) };
-    if (!light.distant) {
-        const Vec aim = turned(light.aim);
-        Vec& origin = LENS == ORTHOGRAPHIC ? s.start : s.along;
-        origin = { origin.x - aim.x, origin.y - aim.y, origin.z - aim.z };
+    if constexpr (LENS == RAYS) {
+        const Vec start = light.distant ? Vec { 0.0f, 0.0f, 0.0f } : -turned(light.aim);
+        return { turned(sight.right), turned(sight.up), turned(sight.back), start, sight.camera };
+    } else {
+        Sight<LENS> s { turned(sight.start), turned(sight.across), turned(sight.down), turned(sight.along) };
+        if (!light.distant) {
+            const Vec aim = turned(light.aim);
+            Vec& origin = LENS == ORTHOGRAPHIC ? s.start : s.along;
+            origin = { origin.x - aim.x, origin.y - aim.y, origin.z - aim.z };
+        }
+        return s;
     }
-    return s;
 }
 
 // The place of a point that is given along the light's axes.

@@ -29,7 +29,7 @@ template <int TYPES, int LENS, bool FACES, class Target> struct MirrorCanvas {
 
     WARPCAM_FN ClippedRay<LENS> ray(int i, int j) const
     {
-        const ViewRay<LENS> seen { image_x(camera, float(i)), image_y(camera, float(j)) };
+        const ViewRay<LENS> seen = view_ray<LENS>(camera, i, j);
         return { seen, plane.depth(seen) };
     }
 

@@ -13,8 +13,8 @@ struct MirrorPlane {
     // Where a ray of the mirrored view comes out of the mirror; infinity for one that does not.
     template <int LENS> WARPCAM_FN float depth(const ViewRay<LENS>& ray) const
     {
-        const float start = LENS == PINHOLE ? 0.0f : normal.x * ray.x + normal.y * ray.y;
-        const float rate = LENS == PINHOLE ? normal.x * ray.x + normal.y * ray.y - normal.z : -normal.z;
+        const float start = LENS != ORTHOGRAPHIC ? 0.0f : normal.x * ray.x + normal.y * ray.y;
+        const float rate = dot(normal, ray.direction());
         return rate > 0.0f ? (distance - start) / rate : ENDLESS;
     }
 };

@@ -68,13 +68,11 @@ WARPCAM_FN float mapped_opacity(const Looks& look, const Scene_& scene, const Ca
     if (!is_texture(scene.textures, texture) || !look.layout.own)
         return 1.0f;
     const Pose& pose = look.pose;
-    const bool pinhole = LENS == PINHOLE;
-    const float stretch = pinhole ? hit.depth : 1.0f;
-    const Vec ray = pinhole ? pose.local({ x, y, -1.0f }) : pose.local({ 0.0f, 0.0f, -1.0f });
-    const Vec local = pose.eye() + (pinhole ? hit.depth * ray : pose.local({ x, y, -hit.depth }));
+    const Vec ray = pose.local(ViewRay<LENS> { x, y }.direction());
+    const Vec local = pose.eye() + (LENS == ORTHOGRAPHIC ? pose.local({ x, y, -hit.depth }) : hit.depth * ray);
     const Surface surface = surface_at<TYPES>(pose, scene.meshes, scene.fields, hit.face, local, ray);
-    const Vec right = pose.local({ stretch * camera.scale_x, 0.0f, 0.0f });
-    const Vec down = pose.local({ 0.0f, -stretch * camera.scale_y, 0.0f });
+    const Vec right = pose.local(step_right<LENS>(camera, x, y, hit.depth));
+    const Vec down = pose.local(step_down<LENS>(camera, x, y, hit.depth));
     Footprint at = footprint_2d<TYPES>(pose, look.layout, scene.meshes, surface, ray, right, down);
     shift(look, at.u, at.v);
     const Image image = load_image(scene.textures, texture);

@@ -15,14 +15,15 @@ template <class Scene_, class Physical_> PhysicalScene(const Scene_&, const Phys
 // says that light l, of those that are kept, does not reach it.
 template <int TYPES, int LENS, int FACTS, class Looks, class Scene_>
 WARPCAM_FN Vec shade_physically(const Looks& look, const LampList& list, const Scene_& scene, const Camera& camera,
-                                const Surface& surface, Vec place, Vec ray, float depth, Vec color, int shadow)
+                                float x, float y, const Surface& surface, Vec place, Vec ray, float depth, Vec color, int shadow)
 {
     constexpr bool SHADOWS = FACTS & HAS_SHADOWS, MAPS = FACTS & HAS_MAPS, IMAGE = FACTS & HAS_SKYBOX;
     Vec normal = smooth_normal<TYPES>(look.pose, scene.meshes, surface);
     const Paint paint
-        = paint_at<TYPES, LENS, MAPS>(look, scene.meshes, scene.textures, camera, surface, ray, depth, color, normal);
+        = paint_at<TYPES, LENS, MAPS>(look, scene.meshes, scene.textures, camera, x, y, surface, ray, depth, color,
+                                      normal);
     normal = look.pose.seen(normal);
-    const Vec to_eye = LENS == PINHOLE ? -normalized(place) : Vec { 0.0f, 0.0f, 1.0f };
+    const Vec to_eye = LENS != ORTHOGRAPHIC ? -normalized(place) : Vec { 0.0f, 0.0f, 1.0f };
     const float slant = dot(normal, to_eye), eye_cosine = upper(magnitude(slant), 1.0e-4f);
     Vec light = paint.glow, around { 0.0f, 0.0f, 0.0f };
 #pragma unroll 1

@@ -1,21 +1,8 @@
 // From a shape's live pose to its record in one view, and the tiles of a region it may touch.
 #pragma once
-#include "record.h"
+#include "ray_table.h"
 
 namespace warpcam {
-
-constexpr int TILE_WIDTH = 8, TILE_HEIGHT = 4;  // pixels; one warp
-
-struct Matrix {
-    float at[3][3];
-};
-
-// One camera in one world (types.py, View).
-struct Camera {
-    Vec origin;
-    Matrix rotation;
-    float scale_x, scale_y, center_x, center_y, near, far, miss;
-};
 
 // A block of an image that one thread block draws.
 struct Region {
@@ -55,9 +42,6 @@ WARPCAM_FN Region region_of(const Target& target, int block, int& world)
     region.height = lower_int(HEIGHT, (target.height - region.top + TILE_HEIGHT - 1) / TILE_HEIGHT * TILE_HEIGHT);
     return region;
 }
-
-WARPCAM_FN float image_x(const Camera& camera, float i) { return (i + 0.5f - camera.center_x) * camera.scale_x; }
-WARPCAM_FN float image_y(const Camera& camera, float j) { return (camera.center_y - j - 0.5f) * camera.scale_y; }
 
 template <class Array> WARPCAM_FN auto shared_row(const Array& array, int world, int i)
 {
@@ -209,6 +193,56 @@ WARPCAM_FN void tile_span(float lo, float hi, int start, int length, int tile, s
     last = static_cast<signed char>(int(b) / tile);
 }
 
+// Between which distances from the camera, `offset` before its centre, a box lies. Its frame may be any.
+WARPCAM_FN void distances(Vec offset, Vec half, float& nearest, float& farthest)
+{
+    const Vec a { magnitude(offset.x), magnitude(offset.y), magnitude(offset.z) };
+    const Vec near { upper(a.x - half.x, 0.0f), upper(a.y - half.y, 0.0f), upper(a.z - half.z, 0.0f) };
+    const Vec far { a.x + half.x, a.y + half.y, a.z + half.z };
+    farthest = (1.0f + 1.0e-5f) * root(dot(far, far));
+    nearest = upper(root(dot(near, near)) - 1.0e-5f * farthest, 0.0f);
+}
+
+// The tiles of a region whose cones may meet a box: its middle in the camera's frame, the rotation from there to its own
+// frame, its half widths. Empty (left > right) if there are none.
+WARPCAM_FN TileBox ray_tiles(const Camera& camera, const Region& region, Vec center, const Matrix& m, Vec half)
+{
+    const int across = region.width / TILE_WIDTH, down = region.height / TILE_HEIGHT;
+    const TileBox all { 0, 0, static_cast<signed char>(across - 1), static_cast<signed char>(down - 1) };
+    const float length = root(dot(center, center)), rate = 1.0f / upper(length, 1.0e-30f);
+    const Vec axis { rate * center.x, rate * center.y, rate * center.z };
+    float cosine = 1.0f;  // of the angle between the box's middle and its corners, as seen from the camera
+#pragma unroll 1
+    for (int k = 0; k < 8; ++k) {
+        const Vec corner { k & 1 ? half.x : -half.x, k & 2 ? half.y : -half.y, k & 4 ? half.z : -half.z };
+        const Vec turned = turned_back(m, corner);
+        const Vec at { center.x + turned.x, center.y + turned.y, center.z + turned.z };
+        const float far = root(dot(at, at)), along = dot(axis, at);
+        if (!(along > 1.0e-3f * far))  // the box is not on one side of the camera
+            return all;
+        cosine = lower(cosine, along / far);
+    }
+    const float sine = root(upper(1.0f - cosine * cosine, 0.0f));
+    int left = across, right = -1, top = down, bottom = -1;
+    const Row* cones = tile_cones(camera, region.left / TILE_WIDTH, region.top / TILE_HEIGHT);
+#pragma unroll 1
+    for (int row = 0; row < down; ++row, cones += tiles_across(camera))
+#pragma unroll 1
+        for (int column = 0; column < across; ++column) {
+            const Row cone = cones[column];
+            const float wide = as_float(cone.w), narrow = root(upper(1.0f - wide * wide, 0.0f));
+            const float least = wide <= -cosine ? -2.0f : wide * cosine - narrow * sine - 5.0e-5f;
+            if (dot(axis, { cone.x, cone.y, cone.z }) < least)
+                continue;
+            left = lower_int(left, column);
+            right = column > right ? column : right;
+            top = lower_int(top, row);
+            bottom = row;
+        }
+    return { static_cast<signed char>(left), static_cast<signed char>(top), static_cast<signed char>(right),
+             static_cast<signed char>(bottom) };
+}
+
 // Without BOXES it is left open which tiles the shape touches, if any.
 template <int TYPES, int LENS, bool BOXES = true, class Meshes, class HeightFields>
 WARPCAM_FN Visible prepare(const Shape& shape, const Camera& camera, const Region& region, const Meshes& meshes,
@@ -247,9 +281,18 @@ WARPCAM_FN Visible prepare(const Shape& shape, const Camera& camera, const Regio
         const float reach = magnitude(m.at[0][2]) * e.x + magnitude(m.at[1][2]) * e.y + magnitude(m.at[2][2]) * e.z;
         const float slack = 1.0e-5f * (magnitude(depth) + reach);
         nearest = upper(depth - reach - slack, 0.0f);
-        if (depth + reach + slack < camera.near || nearest > camera.far)
+        float farthest = depth + reach + slack;
+        if constexpr (LENS == RAYS)
+            distances(offset, e, nearest, farthest);
+        if (farthest < camera.near || nearest > camera.far)
             return HIDDEN;
-        if (BOXES && (LENS == ORTHOGRAPHIC || nearest > 1.0e-3f * reach)) {
+        if constexpr (LENS == RAYS) {
+            if (BOXES) {
+                tiles = ray_tiles(camera, region, center, m, e);
+                if (tiles.left > tiles.right)
+                    return HIDDEN;
+            }
+        } else if (BOXES && (LENS == ORTHOGRAPHIC || nearest > 1.0e-3f * reach)) {
             float left = FAR_AWAY, right = -FAR_AWAY, top = FAR_AWAY, bottom = -FAR_AWAY;
 #pragma unroll 1  // unrolled, the corners would hold twice the registers of the trace
             for (int k = 0; k < 8; ++k) {
@@ -272,7 +315,7 @@ WARPCAM_FN Visible prepare(const Shape& shape, const Camera& camera, const Regio
                 return HIDDEN;
         }
     }
-    if (LENS == PINHOLE && shape.type == PLANE && !(o.z > 0.0f))
+    if (LENS != ORTHOGRAPHIC && shape.type == PLANE && !(o.z > 0.0f))
         return HIDDEN;  // seen from below
 
     record.axis_x = { m.at[0][0] * scale.x, m.at[0][1] * scale.x, m.at[0][2] * scale.x, shape.type };

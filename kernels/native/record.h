@@ -9,12 +9,13 @@ enum ShapeType {
     PLANE, HEIGHT_FIELD, SPHERE, CAPSULE, ELLIPSOID, CYLINDER, BOX, MESH, CONE, BARREL, SCALED, SPLATS, TWO_SIDED, MASKED,
     SHADING_BACKS, MOVING
 };
-enum Lens { PINHOLE, ORTHOGRAPHIC };
+enum Lens { PINHOLE, ORTHOGRAPHIC, RAYS };  // RAYS: from a table, see ray_table.h
 
 // The rows take camera coordinates to the shape's own, in which spheres and ellipsoids are the unit sphere, boxes
 // the cube of half width 1, cylinders and cones have radius and half length 1, capsules radius 1, barrels end radius 1;
 // meshes and height fields have their own coordinates; the rest is unscaled.
-// A ray of the view is then origin + t * row . (x, y, -1), and its t is planar depth.
+// A ray of the view is then origin + t * row . (x, y, -1), and its t is planar depth. Rays of a table have unit
+// directions instead, and t is the distance along them: then it stands for depth in all that follows.
 struct Record {
     Row axis_x;  // w: shape type
     Row axis_y;  // w: shape id
@@ -71,9 +72,23 @@ WARPCAM_FN RayFrame frame_along(const Ray& ray)
 template <int LENS> struct ViewRay {
     float x, y;
 
+    WARPCAM_FN Vec direction() const  // in the camera's frame; of a table's ray: see ray_table.h
+    {
+        if (LENS != RAYS)
+            return { LENS == PINHOLE ? x : 0.0f, LENS == PINHOLE ? y : 0.0f, -1.0f };
+        const float rate = 2.0f * reciprocal(1.0f + x * x + y * y);
+        return { rate * x, rate * y, 1.0f - rate };
+    }
+
     WARPCAM_FN Ray local(const Record& record) const
     {
         const Row ax = record.axis_x, ay = record.axis_y, az = record.axis_z, o = record.origin;
+        if constexpr (LENS == RAYS) {
+            const Vec d = direction();
+            return { { o.x, o.y, o.z },
+                     { ax.x * d.x + ax.y * d.y + ax.z * d.z, ay.x * d.x + ay.y * d.y + ay.z * d.z,
+                       az.x * d.x + az.y * d.y + az.z * d.z } };
+        }
         if (LENS == ORTHOGRAPHIC)
             return { { o.x + ax.x * x + ax.y * y, o.y + ay.x * x + ay.y * y, o.z + az.x * x + az.y * y },
                      { -ax.z, -ay.z, -az.z } };
@@ -83,7 +98,7 @@ template <int LENS> struct ViewRay {
 
     template <int TYPES> WARPCAM_FN RayFrame frame(const Record& record) const
     {
-        if constexpr ((TYPES >> SCALED & 1) != 0)
+        if constexpr ((TYPES >> SCALED & 1) != 0 || LENS == RAYS)
             return frame_along(local(record));
         const Row ax = record.axis_x, ay = record.axis_y, az = record.axis_z;
         const Vec origin = local(record).origin;

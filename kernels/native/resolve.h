@@ -61,15 +61,17 @@ WARPCAM_FN bool follow(bool hit, Hit& found)
 // The texture's colour at a hit; white where there is none.
 template <int TYPES, int LENS, class Looks, class Meshes, class Textures>
 WARPCAM_FN Vec texture_color(const Looks& look, const Meshes& meshes, const Textures& textures, const Camera& camera,
-                             const Surface& surface, Vec ray, float depth)
+                             float x, float y, const Surface& surface, Vec ray, float depth)
 {
     const Layout& layout = look.layout;
     if (layout.image.levels <= 0)
         return { 1.0f, 1.0f, 1.0f };
     const Pose& pose = look.pose;
     const float stretch = LENS == PINHOLE ? depth : 1.0f;
-    const Vec right = stretch * camera.scale_x * Vec { pose.axis_x.x, pose.axis_y.x, pose.axis_z.x };
-    const Vec down = -stretch * camera.scale_y * Vec { pose.axis_x.y, pose.axis_y.y, pose.axis_z.y };
+    const Vec right = LENS == RAYS ? pose.local(step_right<LENS>(camera, x, y, depth))
+                                   : stretch * camera.scale_x * Vec { pose.axis_x.x, pose.axis_y.x, pose.axis_z.x };
+    const Vec down = LENS == RAYS ? pose.local(step_down<LENS>(camera, x, y, depth))
+                                  : -stretch * camera.scale_y * Vec { pose.axis_x.y, pose.axis_y.y, pose.axis_z.y };
     if (layout.cube) {
         const CubeMapping mapping = map_cube<TYPES>(pose, layout, surface);
         return sample_cube(textures.texels.data, layout.image, mapping.direction,
@@ -99,7 +101,11 @@ WARPCAM_FN void resolve_surface(const Looks& look, const List& lights, const Sce
         const Pose& pose = look.pose;
         place = LENS == PINHOLE ? Vec { depth * x, depth * y, -depth } : Vec { x, y, -depth };
         ray = LENS == PINHOLE ? pose.local({ x, y, -1.0f }) : pose.local({ 0.0f, 0.0f, -1.0f });
-        const Vec local = pose.eye() + (LENS == PINHOLE ? depth * ray : pose.local(place));
+        if constexpr (LENS == RAYS) {
+            place = depth * ViewRay<LENS> { x, y }.direction();
+            ray = pose.local(ViewRay<LENS> { x, y }.direction());
+        }
+        const Vec local = pose.eye() + (LENS != ORTHOGRAPHIC ? depth * ray : pose.local(place));
         surface = surface_at<TYPES>(pose, scene.meshes, scene.fields, found.face, local, ray);
     }
     if constexpr (Wants::TURNED) {
@@ -109,7 +115,7 @@ WARPCAM_FN void resolve_surface(const Looks& look, const List& lights, const Sce
     }
     Vec texture { 1.0f, 1.0f, 1.0f };
     if constexpr (Wants::TEXTURED)
-        texture = texture_color<TYPES, LENS>(look, scene.meshes, scene.textures, camera, surface, ray, depth);
+        texture = texture_color<TYPES, LENS>(look, scene.meshes, scene.textures, camera, x, y, surface, ray, depth);
     if constexpr (Wants::COATED)
         texture = decoded(texture);
     if constexpr ((IMAGES & ALBEDO) != 0) {
@@ -118,8 +124,8 @@ WARPCAM_FN void resolve_surface(const Looks& look, const List& lights, const Sce
             shown.albedo = encoded(shown.albedo);
     }
     if constexpr (Wants::LIT && Wants::COATED) {
-        shown.linear = shade_physically<TYPES, LENS, FACTS>(look, lights, scene, camera, surface, place, ray, depth,
-                                                            texture, shadow);
+        shown.linear = shade_physically<TYPES, LENS, FACTS>(look, lights, scene, camera, x, y, surface, place, ray,
+                                                            depth, texture, shadow);
         shown.display = encoded(shown.linear);
     } else if constexpr (Wants::LIT) {
         constexpr bool SHADOWS = FACTS & HAS_SHADOWS;
@@ -295,8 +301,8 @@ WARPCAM_FN float resolve_veils(const Looks* looks, const List& lights, const Sce
 }
 
 template <int TYPES, int LENS, int CAPACITY, int IMAGES, int FACTS, class Looks, class List, class Scene_,
-          class Veils_>
-WARPCAM_FN void resolve_pixel(const Looks* looks, const List& lights, const Scene_& scene, const Camera& camera,
+          class Veils_, class Camera_>
+WARPCAM_FN void resolve_pixel(const Looks* looks, const List& lights, const Scene_& scene, const Camera_& camera,
                               const Veils_& veils, const Region& region, int world, const Pixel& pixel, Hit found)
 {
     using Wants = Wanted<IMAGES, FACTS>;
@@ -304,7 +310,7 @@ WARPCAM_FN void resolve_pixel(const Looks* looks, const List& lights, const Scen
     const auto& frame = scene.frame;
     const auto& images = scene.images;
     const int column = FACTS & MIRRORED ? frame.width - 1 - pixel.column : pixel.column;
-    const float x = image_x(camera, float(column)), y = image_y(camera, float(pixel.row));
+    const float x = ray_x<LENS>(camera, column), y = ray_y<LENS>(camera, pixel.row);
     const bool hit = found.shape >= 0;
     const Hit solid = found;
     Shown shown;
@@ -328,8 +334,8 @@ WARPCAM_FN void resolve_pixel(const Looks* looks, const List& lights, const Scen
     if (Wants::LIT) {
         bool seen = hit;
         Mist mist { 0.0f, 0.0f };
-        if constexpr ((FACTS & HAZY) != 0 && LENS == PINHOLE) {
-            const Vec ray = turned(camera.rotation, { x, y, -1.0f });
+        if constexpr ((FACTS & HAZY) != 0 && LENS != ORTHOGRAPHIC) {
+            const Vec ray = turned(camera.rotation, ViewRay<LENS> { x, y }.direction());
             seen = hit && solid.depth < skybox_depth(ray, frame.haze.radius);
             mist = haze_of(scene, camera, world, ray);
         }
@@ -547,8 +553,13 @@ WARPCAM_FN void resolve(const Scene_& scene, const Lights& lights, int index)
             next = find<TYPES, IMAGES, FACTS>(frame, pixel);
         }
         go_to<WIDTH, FACTS>(pixel, frame, first, left, top, tile);
-        if ((FACTS & WHOLE_REGIONS) || (pixel.width > 0 && pixel.height > 0))
-            resolve_pixel<TYPES, LENS, HELD, IMAGES, FACTS>(looks, list, scene, kept_camera, veils, region, world, pixel, found);
+        if ((FACTS & WHOLE_REGIONS) || (pixel.width > 0 && pixel.height > 0)) {
+            if constexpr (LENS == RAYS)
+                resolve_pixel<TYPES, LENS, HELD, IMAGES, FACTS>(looks, list, scene,
+                    camera_at(kept_camera, pixel.column, pixel.row), veils, region, world, pixel, found);
+            else
+                resolve_pixel<TYPES, LENS, HELD, IMAGES, FACTS>(looks, list, scene, kept_camera, veils, region, world, pixel, found);
+        }
     }
 #else
     pixel.inside = true;
@@ -562,7 +573,11 @@ WARPCAM_FN void resolve(const Scene_& scene, const Lights& lights, int index)
                     looks[place] = look_of<TYPES, Wants>(scene, camera, world, found.shape);
                     made[place] = true;
                 }
-            resolve_pixel<TYPES, LENS, HELD, IMAGES, FACTS>(looks, list, scene, kept_camera, veils, region, world, pixel, found);
+            if constexpr (LENS == RAYS)
+                resolve_pixel<TYPES, LENS, HELD, IMAGES, FACTS>(looks, list, scene,
+                    camera_at(kept_camera, pixel.column, pixel.row), veils, region, world, pixel, found);
+            else
+                resolve_pixel<TYPES, LENS, HELD, IMAGES, FACTS>(looks, list, scene, kept_camera, veils, region, world, pixel, found);
         }
 #endif
 }

@@ -50,7 +50,7 @@ WARPCAM_FN bool sample_record(const Shapes& shapes, const Meshes& meshes, const 
 template <int LENS> WARPCAM_FN ViewRay<LENS> sample_ray(const Camera& camera, int i, int j, int sample)
 {
     const Offset offset = sample_offset(sample);
-    return { image_x(camera, float(i) + offset.right), image_y(camera, float(j) + offset.down) };
+    return view_ray<LENS>(camera, i, j, offset.right, offset.down);
 }
 
 }  // namespace warpcam

@@ -206,9 +206,9 @@ WARPCAM_FN void smooth_region(const Shapes& shapes, const Meshes& meshes, const 
                 mine = lane == shapes_near ? id : mine;
             }
             if (HAS_MESH)
-                batch.meshes[lane] = on_meshes.widened<LENS>(camera.scale_x);
+                batch.meshes[lane] = on_meshes.widened<LENS>(pixel_width<LENS>(camera));
             if (HAS_FIELD)
-                batch.fields[lane] = on_fields.widened<LENS>(camera.scale_x);
+                batch.fields[lane] = on_fields.widened<LENS>(pixel_width<LENS>(camera));
             const Near shapes_around
                 = list_near<TYPES, LENS>(batch, shapes, meshes, fields, camera, region, world, mine, own);
             const auto ray_of = [&](int sample) {
@@ -300,7 +300,7 @@ WARPCAM_FN void smooth(const Shapes& shapes, const Meshes& meshes, const HeightF
     if (index % THREADS == 0)
         camera = load_camera(wp::index(views, world));
     block_barrier();
-    const Seen<LENS, Target> seen { target, unsigned(world) * target.height * target.width, camera.scale_x,
+    const Seen<LENS, Target> seen { target, unsigned(world) * target.height * target.width, pixel_width<LENS>(camera),
                                     camera.scale_y };
     smooth_region<TYPES, LENS, WIDTH, HEIGHT, IMAGES>(shapes, meshes, fields, target, camera, seen, region, world);
 }

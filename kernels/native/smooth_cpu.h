@@ -58,8 +58,8 @@ inline void smooth_pixels(const Edge* listed, int pixels, const Shapes& shapes, 
             if (type == MESH || type == HEIGHT_FIELD)
                 (type == MESH ? on_meshes : on_fields)[pixel].include(seen.depth(beside));
         }
-        on_meshes[pixel] = on_meshes[pixel].template widened<LENS>(camera.scale_x);
-        on_fields[pixel] = on_fields[pixel].template widened<LENS>(camera.scale_x);
+        on_meshes[pixel] = on_meshes[pixel].template widened<LENS>(pixel_width<LENS>(camera));
+        on_fields[pixel] = on_fields[pixel].template widened<LENS>(pixel_width<LENS>(camera));
     }
     for (int slot = 0; slot < found; ++slot) {
         NearShape& one = near[slot];

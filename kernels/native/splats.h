@@ -289,7 +289,7 @@ WARPCAM_FN void draw_splat_pixel(const Scene& scene, const Cloud* clouds, int nu
 {
     const int behind = scene.frame.shape.data[at];
     const float far = behind < 0 ? camera.far : scene.frame.depth.data[at];
-    const ViewRay<LENS> seen { image_x(camera, float(column)), image_y(camera, float(row)) };
+    const ViewRay<LENS> seen = view_ray<LENS>(camera, column, row);
     const unsigned mask = scene.splats.bits < 32 ? (1u << scene.splats.bits) - 1u : ~0u;
     constexpr float LEAST = (WANTED & SPLAT_COLORS) != 0 ? LEAST_LIGHT : HALF_LIGHT;
     Blend found { { 0.0f, 0.0f, 0.0f }, 1.0f, NO_KEY };

@@ -36,10 +36,10 @@ WARPCAM_FN Vec background_color(const Textures& textures, const Background& back
 {
     const Image image = FACTS & HAS_SKYBOX ? load_image(textures, background.skybox) : Image { 0, 0, 0, 0 };
     if ((FACTS & HAS_SKYBOX) && image.levels > 0) {
-        const bool pinhole = LENS == PINHOLE;
-        const Vec ray = turned(camera.rotation, { pinhole ? x : 0.0f, pinhole ? y : 0.0f, -1.0f });
-        const Vec right = turned(camera.rotation, { pinhole ? camera.scale_x : 0.0f, 0.0f, 0.0f });
-        const Vec down = turned(camera.rotation, { 0.0f, pinhole ? -camera.scale_y : 0.0f, 0.0f });
+        const Vec none { 0.0f, 0.0f, 0.0f };
+        const Vec ray = turned(camera.rotation, ViewRay<LENS> { x, y }.direction());
+        const Vec right = LENS == ORTHOGRAPHIC ? none : turned(camera.rotation, step_right<LENS>(camera, x, y, 1.0f));
+        const Vec down = LENS == ORTHOGRAPHIC ? none : turned(camera.rotation, step_down<LENS>(camera, x, y, 1.0f));
         return sample_cube(textures.texels.data, image, { ray.x, ray.z, -ray.y }, { right.x, right.z, -right.y },
                            { down.x, down.z, -down.y });
     }

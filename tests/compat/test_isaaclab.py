@@ -83,13 +83,15 @@ def proxies(values: np.ndarray, dtype: Any, device: Any) -> Any:
     return SimpleNamespace(warp=array, torch=wp.to_torch(array))
 
 
-def frame(simulation: Any, kinds: list[str], **settings: Any) -> tuple[dict[str, np.ndarray], Any, Any, Any]:
+def frame(
+    simulation: Any, kinds: list[str], spawn: Any = None, **settings: Any
+) -> tuple[dict[str, np.ndarray], Any, Any, Any]:
     """Images of a new renderer, in buffers as Isaac Lab's camera makes them."""
     cfg = ours.WarpcamRendererCfg(**settings)
     renderer = cfg.class_type(cfg) if callable(cfg.class_type) else ours.WarpcamRenderer(cfg)
     assert isinstance(renderer, BaseRenderer)
     renderer.initialize()
-    spawn = SimpleNamespace(clipping_range=(0.05, 50.0), distortion=None)
+    spawn = spawn or SimpleNamespace(clipping_range=(0.05, 50.0), distortion=None)
     camera = SimpleNamespace(
         width=WIDTH, height=HEIGHT, data_types=kinds, spawn=spawn, background_color=None, isp_cfg=None
     )
@@ -218,6 +220,59 @@ def test_motion_vectors(simulation: Any) -> None:
     renderer.render(data)
     after = output.output["motion_vectors"].warp.numpy()
     assert (after[0] != 0.0).any() and (after[1] == 0.0).all()
+
+
+def calibrated(model: str, **numbers: Any) -> Any:
+    """A camera's spawn with a calibration of an image twice the size."""
+    pixels = {"fx": 50.0, "fy": 52.0, "cx": 31.0, "cy": 23.0, "image_size": (2 * WIDTH, 2 * HEIGHT)}
+    terms = dict.fromkeys(("k1", "k2", "k3", "k4", "k5", "k6", "p1", "p2", "s1", "s2", "s3", "s4"), 0.0)
+    settings = {"model": model, "apply_lens_distortion": True, "max_fov": np.pi} | pixels | terms | numbers
+    return SimpleNamespace(clipping_range=(0.05, 50.0), distortion=SimpleNamespace(**settings))
+
+
+def test_calibrated_lenses_are_newtons(simulation: Any) -> None:
+    """The rays are those of the helpers that Isaac Lab's own Newton renderer calls."""
+    from warpcam.compat.isaaclab.lenses import lens_of
+
+    utils = newton.sensors.SensorTiledCamera(simulation.backend.model).utils
+    pixels = {"image_width": 2.0 * WIDTH, "image_height": 2.0 * HEIGHT}
+    for model, helper, numbers in (
+        ("opencvFisheye", utils.compute_camera_rays_fisheye_opencv, {"k1": 0.05, "k2": -0.01}),
+        ("opencvPinhole", utils.compute_camera_rays_pinhole_opencv, {"k1": -0.1, "p1": 0.01, "s2": 0.002, "k4": 0.01}),
+    ):
+        theirs = helper(WIDTH, HEIGHT, 50.0, 52.0, 31.0, 23.0, **numbers, **pixels).numpy()
+        theirs = theirs.reshape(HEIGHT, WIDTH, -1, 2, 3)[:, :, 0, 1]
+        mine = lens_of(calibrated(model, **numbers), WIDTH, HEIGHT).rays(WIDTH, HEIGHT, 1, "lens")[0]
+        np.testing.assert_allclose(mine / np.linalg.norm(mine, axis=-1, keepdims=True), theirs, atol=1e-4)
+        plain = lens_of(calibrated(model, apply_lens_distortion=False, **numbers), WIDTH, HEIGHT)
+        assert np.abs(plain.rays(WIDTH, HEIGHT, 1, "lens")[0] - mine).max() > 1e-3
+
+
+def test_fisheye_cameras(simulation: Any) -> None:
+    kinds = ["rgba", "depth", "distance_to_camera"]
+    narrow = frame(simulation, kinds)[0]
+    wide = frame(simulation, kinds, calibrated("opencvFisheye", fx=18.0, fy=18.0))[0]
+    ball = [np.isclose(one["rgba"][0, ..., :3].astype(int).argmax(axis=-1), 0).sum() for one in (narrow, wide)]
+    assert 0 < ball[1] != ball[0]
+    hit = np.isfinite(wide["depth"])
+    assert hit.any() and (wide["depth"][hit] <= wide["distance_to_camera"][hit] * (1.0 + 1e-6)).all()
+    numbers = {f"fisheye_polynomial_{base}": 0.0 for base in "acdef"} | {"fisheye_polynomial_b": 0.02}
+    polynomial = SimpleNamespace(
+        clipping_range=(0.05, 50.0), distortion=None, projection_type="fisheyePolynomial", fisheye_nominal_width=64.0,
+        fisheye_nominal_height=48.0, fisheye_optical_centre_x=32.0, fisheye_optical_centre_y=24.0,
+        fisheye_max_fov=100.0, **numbers,
+    )  # fmt: skip
+    equal = SimpleNamespace(
+        **{**vars(calibrated("opencvFisheye", fx=50.0, fy=50.0, cx=32.0, cy=24.0, max_fov=np.radians(100.0)))}
+    )
+    seen = [frame(simulation, kinds, spawn)[0] for spawn in (polynomial, equal)]
+    for kind in kinds:
+        np.testing.assert_allclose(seen[0][kind], seen[1][kind], atol=1e-4, err_msg=kind)
+    polynomial.projection_type = "fisheyeSpherical"
+    with pytest.raises(wc.WarpcamError, match="projection_type is 'fisheyeSpherical'; allowed are 'pinhole'"):
+        frame(simulation, kinds, polynomial)
+    with pytest.raises(wc.WarpcamError, match="motion_vectors are not offered for fisheye"):
+        frame(simulation, ["motion_vectors"], equal)
 
 
 def test_it_is_known_by_name_and_refuses_by_name(simulation: Any) -> None:

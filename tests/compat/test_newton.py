@@ -256,9 +256,12 @@ def test_what_is_not_offered_is_refused_by_name(worlds: tuple[Any, Any]) -> None
     sensor = SensorCamera(model)
     transforms = look_from([(2.0, -2.0, 1.0)] * 3, model.device)
     depth = sensor.allocate_image_depth(3, *SIZE)
-    fisheye = SensorCamera.compute_camera_rays_fisheye_opencv(*SIZE, 12.0, 12.0, 12.0, 8.0, k1=0.1, device=model.device)
-    with pytest.raises(wc.WarpcamError, match=r"camera_rays: they lie up to .* pixels beside the pinhole"):
-        sensor.update(state, transforms, fisheye, depth_image=depth)
+    spread = SensorCamera.compute_camera_rays_pinhole(*SIZE, camera_fov=0.8, device=model.device)
+    apart = spread.numpy()
+    apart[:, 3:, :, 0, 0] += 0.1
+    spread.assign(apart)
+    with pytest.raises(wc.WarpcamError, match="camera_rays: they come from several places"):
+        sensor.update(state, transforms, spread, depth_image=depth)
     rays = SensorCamera.compute_camera_rays_pinhole(*SIZE, camera_fov=0.8, device=model.device)
     for settings, message in (
         ({"enable_global_world": False}, "render_config.enable_global_world is False"),
@@ -271,6 +274,41 @@ def test_what_is_not_offered_is_refused_by_name(worlds: tuple[Any, Any]) -> None
         sensor.assign_checkerboard_material(shape_indices=[0])
     with pytest.raises(wc.WarpcamError, match="depth_image shape must be"):
         sensor.update(state, transforms, rays, depth_image=sensor.allocate_image_depth(2, *SIZE))
+
+
+FISHEYES = {
+    "fisheye_opencv": ((4.5, 4.7, 12.5, 8.0), {"k1": 0.02, "max_fov": 6.0}),
+    "fisheye_ftheta": ((12.0, 8.0), {"k1": 6.5, "k3": 0.1, "max_fov": 6.0}),
+    "fisheye_kannala_brandt": ((12.0, 8.5), {"k0": 6.0, "k1": 0.3}),
+    "pinhole_opencv": ((20.0, 20.0, 12.0, 8.0), {"k1": -0.1, "k2": 0.02, "p1": 0.01, "p2": -0.01}),
+}
+
+
+@pytest.mark.parametrize("helper", FISHEYES)
+def test_wide_and_distorted_rays_are_newtons_own(worlds: tuple[Any, Any], helper: str) -> None:
+    """All of Newton's helpers, and what lies behind the camera."""
+    model, state = worlds
+    numbers, settings = FISHEYES[helper]
+    positions = [(1.0, -1.0, 0.9), (0.5, -1.2, 1.2), (-0.8, -0.7, 1.0)]
+    found = []
+    for kind in (TheirCamera, SensorCamera):
+        sensor = kind(model)
+        sensor.create_default_light()
+        rays = getattr(kind, f"compute_camera_rays_{helper}")(*SIZE, *numbers, **settings, device=model.device)
+        images = {name: getattr(sensor, f"allocate_image_{what}")(3, *SIZE) for name, what in IMAGES.items()}
+        model.bvh_refit_shapes(state)
+        sensor.update(state, look_from(positions, model.device), rays, **images)
+        found.append({name: image.numpy().copy() for name, image in images.items()})
+    theirs, mine = found
+    same = mine["shape_index_image"] == theirs["shape_index_image"]
+    assert same.mean() > 0.99 and len(np.unique(theirs["shape_index_image"])) > 3
+    for name in ("depth_image", "forward_depth_image", "normal_image"):
+        np.testing.assert_allclose(mine[name][same], theirs[name][same], atol=2e-3, rtol=1e-3, err_msg=name)
+    for name in ("color_image", "albedo_image"):
+        channels = [images[name].view(np.uint8).reshape(*images[name].shape, 4)[same] for images in (mine, theirs)]
+        assert np.percentile(np.abs(channels[0].astype(int) - channels[1]), 99) <= 2, name
+    if helper == "fisheye_opencv":
+        assert (theirs["forward_depth_image"] < 0.0).any()  # or nothing behind was looked at
 
 
 @pytest.mark.parametrize(("width", "height"), [(24, 16), (1, 1), (1, 7), (7, 1)])

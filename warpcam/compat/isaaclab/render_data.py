@@ -10,6 +10,7 @@ from isaaclab.renderers.segmentation_colors import BACKGROUND_ID, UNLABELLED_ID,
 
 import warpcam as wc
 from warpcam import interop
+from warpcam.compat.isaaclab.lenses import lens_of
 from warpcam.errors import WarpcamError
 from warpcam.kernels import packing
 from warpcam.kernels.launch import Stage
@@ -53,8 +54,7 @@ class RenderData:
     def __init__(self, scene: wc.Scene, model: newton.Model, spec: Any, cfg: Any, mapper: Any = None):
         self._scene, self._model, self._spec, self._cfg, self._mapper = scene, model, spec, cfg, mapper
         spawn = spec.cfg.spawn
-        if spawn is not None and getattr(spawn, "distortion", None) is not None:
-            raise WarpcamError("CameraCfg.spawn.distortion is not offered: cameras are pinholes; allowed is None")
+        self._lens = lens_of(spawn, spec.cfg.width, spec.cfg.height)
         if getattr(spec.cfg, "isp_cfg", None) is not None:
             raise WarpcamError("CameraCfg.isp_cfg is not offered: ask for rgb_hdr and process it; allowed is None")
         if spec.view_count != scene.num_worlds:
@@ -77,7 +77,9 @@ class RenderData:
         for kind in kinds:
             if kind not in SOURCES:
                 raise WarpcamError(f"data type {kind!r} is not offered; allowed are rgb, {', '.join(SOURCES)}")
-        camera = self._spec.cfg
+        camera, pinhole = self._spec.cfg, isinstance(self._lens, wc.Pinhole)
+        if "motion_vectors" in kinds and not pinhole:
+            raise WarpcamError("motion_vectors are not offered for fisheye and distorted lenses")
         outputs = list(dict.fromkeys(SOURCES[kind] for kind in kinds))
         self.renderer = wc.Renderer(
             self._scene,
@@ -87,7 +89,7 @@ class RenderData:
                     width=camera.width,
                     height=camera.height,
                     outputs=outputs,
-                    lens=wc.Pinhole(fx=1.0),
+                    lens=self._lens,
                     position=(0.0, 0.0, 0.0),
                     near=self._near,
                     far=self._far,
@@ -102,7 +104,9 @@ class RenderData:
         self._targets = (
             wp.from_torch(arrays.position, dtype=wp.vec3),
             wp.from_torch(arrays.rotation, dtype=wp.vec4),
-            wp.from_torch(arrays.intrinsics, dtype=wp.vec4),
+            wp.from_torch(arrays.intrinsics, dtype=wp.vec4)
+            if pinhole
+            else wp.empty(self._scene.num_worlds, dtype=wp.vec4, device=self._scene.device),
         )
         self._after = [self._writer(kind, buffers[kind]) for kind in kinds]
         if self._pose:

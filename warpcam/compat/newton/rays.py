@@ -1,4 +1,4 @@
-"""Rays as Newton's helpers make them, recognised as lenses."""
+"""Rays as Newton's helpers make them, recognised as lenses, or taken as they are."""
 
 import weakref
 from dataclasses import dataclass
@@ -23,8 +23,8 @@ class Bundle:
     Attributes:
         size: Width and height [pixels].
         samples: Rays of each pixel.
-        lens: Of the same kind, with any numbers.
-        numbers: fx, fy, cx, cy [pixels], or the height [m] and zeros.
+        lens: Of the same kind, with any numbers; of a table of rays the lens itself.
+        numbers: fx, fy, cx, cy [pixels], or the height [m] and zeros; of a table zeros.
         origin: (3,) where the lens stands in the camera's frame [m].
     """
 
@@ -33,6 +33,12 @@ class Bundle:
     lens: wc.Lens
     numbers: tuple[float, float, float, float]
     origin: tuple[float, float, float]
+
+    @property
+    def kind(self) -> tuple[Any, ...]:
+        """What renderers can be shared by."""
+        table = isinstance(self.lens, wc.Rays)
+        return self.size, self.lens if table else type(self.lens)
 
 
 class Bundles:
@@ -71,12 +77,14 @@ def read_bundle(rays: np.ndarray) -> Bundle:
     """The lens that makes such rays.
 
     Raises:
-        WarpcamError: No pinhole and no parallel lens does.
+        WarpcamError: They neither come from one place nor are parallel.
     """
     height, width, samples = rays.shape[:3]
     rays = rays.astype(np.float64)
     # Newton's helpers send the first of three or more rays through the pixel's centre, and two around it.
     chosen = rays[:, :, 0] if samples != 2 else rays.mean(axis=2)
+    if not np.isfinite(chosen).all():
+        raise _unlike("some are not finite")
     origins, directions = chosen[..., 0, :].reshape(-1, 3), chosen[..., 1, :].reshape(-1, 3)
     column, row = (part.reshape(-1) + 0.5 for part in np.meshgrid(np.arange(width), np.arange(height)))
     used = (directions != 0.0).any(axis=1)
@@ -84,17 +92,20 @@ def read_bundle(rays: np.ndarray) -> Bundle:
     if not used.any():
         return Bundle(size, samples, wc.Pinhole(fx=1.0), (1.0, 1.0, 0.5 * width, 0.5 * height), (0.0, 0.0, 0.0))
     origins, directions, column, row = origins[used], directions[used], column[used], row[used]
+    together = np.ptp(origins, axis=0).max() <= 1e-6 * (1.0 + np.abs(origins).max())
     if (directions[:, 2] >= 0.0).any():
-        raise _unlike("some point backwards")
+        if together:
+            return _table(size, samples, chosen, origins[0])
+        raise _unlike("they come from several places, and some point backwards")
     slopes = directions[:, :2] / -directions[:, 2:]
-    if np.ptp(origins, axis=0).max() <= 1e-6 * (1.0 + np.abs(origins).max()):
+    if together:
         (fx, cx), (fy, cy) = _line(column, slopes[:, 0]), _line(row, -slopes[:, 1])
         if (width > 1) != (height > 1):  # one row or column does not tell the other focal length
             fx, fy = (fx, fx) if width > 1 else (fy, fy)
             cx, cy = column[0] - fx * slopes[0, 0], row[0] + fy * slopes[0, 1]
         aside = np.hypot(fx * slopes[:, 0] + cx - column, -fy * slopes[:, 1] + cy - row).max()
         if not (fx > 0.0 and fy > 0.0 and aside <= MOST):
-            raise _unlike(f"they lie up to {aside:.3g} pixels beside the pinhole lens that is nearest")
+            return _table(size, samples, chosen, origins[0])
         x, y, z = (float(value) for value in origins[0])
         return Bundle(size, samples, wc.Pinhole(fx=1.0), (float(fx), float(fy), float(cx), float(cy)), (x, y, z))
     if np.abs(slopes).max() <= 1e-6:
@@ -105,6 +116,12 @@ def read_bundle(rays: np.ndarray) -> Bundle:
             z = float(origins[0, 2])
             return Bundle(size, samples, wc.Orthographic(1.0), (height / scale, 0.0, 0.0, 0.0), (0.0, 0.0, z))
     raise _unlike("they come from several places")
+
+
+def _table(size: tuple[int, int], samples: int, chosen: np.ndarray, origin: np.ndarray) -> Bundle:
+    """Fisheyes, distorted lenses and all others whose rays come from one place."""
+    x, y, z = (float(value) for value in origin)
+    return Bundle(size, samples, wc.Rays(np.ascontiguousarray(chosen[..., 1, :])), (0.0, 0.0, 0.0, 0.0), (x, y, z))
 
 
 def _line(place: np.ndarray, slope: np.ndarray) -> tuple[float, float]:
@@ -119,6 +136,6 @@ def _line(place: np.ndarray, slope: np.ndarray) -> tuple[float, float]:
 
 def _unlike(why: str) -> WarpcamError:
     return WarpcamError(
-        f"camera_rays: {why}; allowed are rays of a pinhole, as compute_camera_rays_pinhole makes them, wherever its "
-        "principal point lies, and parallel rays. Fisheye and distorted lenses are not offered"
+        f"camera_rays: {why}; allowed are rays that come from one place, as all of Newton's helpers make them, and "
+        "parallel rays that come from a plane across the view"
     )

@@ -25,7 +25,14 @@ IMAGES: Mapping[str, tuple[str, str, Any]] = {
     "normal_image": ("normal", "normals", wp.vec3),
     "albedo_image": ("albedo", "albedo", wp.uint32),
 }
-SOURCES = {"depth": "depth", "rgb": "color", "rgba": "color", "hdr": "hdr", "segmentation": "shape"}
+SOURCES = {
+    "depth": "depth",
+    "distance": "depth",
+    "rgb": "color",
+    "rgba": "color",
+    "hdr": "hdr",
+    "segmentation": "shape",
+}
 SOURCES.update({"normals": "normal", "albedo": "albedo"})
 
 
@@ -109,9 +116,12 @@ class Views:
     def _traced(self, bundles: list[Bundle], views: list[Any], clear_data: Any, config: Any) -> "_Traced":
         smooth = any(bundle.samples > 1 for bundle in bundles)
         linear = config.output_color_space == newton.utils.ColorSpace.LINEAR
-        asked = tuple(tuple(_outputs(images, smooth, linear)) for *_, images in views)
+        asked = tuple(
+            tuple(_outputs(images, smooth, linear, isinstance(bundle.lens, wc.Rays)))
+            for bundle, (*_, images) in zip(bundles, views, strict=True)
+        )
         background = tuple((int(clear_data.clear_color) >> shift & 255) / 255.0 for shift in (0, 8, 16))
-        kinds = tuple((bundle.size, type(bundle.lens)) for bundle in bundles)
+        kinds = tuple(bundle.kind for bundle in bundles)
         key = (kinds, asked, smooth, bool(config.enable_shadows), background)
         traced = self._renderers.pop(key, None)
         if traced is None:
@@ -149,16 +159,17 @@ class _Traced:
         self._poses, self._sources = [], []
         for camera in cameras:
             arrays = self.renderer.camera(camera.name)
-            intrinsics = isinstance(camera.lens, wc.Pinhole)
+            intrinsics, flat = isinstance(camera.lens, wc.Pinhole), isinstance(camera.lens, wc.Orthographic)
             self._poses.append(
                 (
                     wp.from_torch(arrays.position, dtype=wp.vec3),
                     wp.from_torch(arrays.rotation, dtype=wp.vec4),
                     wp.from_torch(arrays.intrinsics, dtype=wp.vec4) if intrinsics else _none(1, wp.vec4, self._device),
-                    _none(1, wp.float32, self._device) if intrinsics else wp.from_torch(arrays.height),
+                    wp.from_torch(arrays.height) if flat else _none(1, wp.float32, self._device),
                 )
             )
             sources = view_images.Sources()
+            sources.along = int(isinstance(camera.lens, wc.Rays))
             for name, dtype in (("color", wp.uint8), ("albedo", wp.uint8), ("hdr", wp.float32)):
                 setattr(sources, name, _none(4, dtype, self._device))
             sources.shape, sources.normal = _none(4, wp.int32, self._device), _none(4, wp.float32, self._device)
@@ -188,12 +199,14 @@ class _Traced:
         record(view_images.write_views, count, [*inputs, self._sources[camera], out], self._device).launch()
 
 
-def _outputs(images: Mapping[str, wp.array], smooth: bool, linear: bool) -> list[str]:
-    outputs = ["depth"]
+def _outputs(images: Mapping[str, wp.array], smooth: bool, linear: bool, table: bool) -> list[str]:
+    outputs = ["distance" if table else "depth"]
     for name in images:
         output = IMAGES[name][1]
         if name == "color_image":
             output = "hdr" if linear else "rgba" if smooth else "rgb"
+        if table and output == "depth":
+            output = "distance"
         if output not in outputs:
             outputs.append(output)
     return sorted(outputs)

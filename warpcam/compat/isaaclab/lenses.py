@@ -1,0 +1,69 @@
+"""The lens of an Isaac Lab camera, from its ``spawn``."""
+
+from typing import Any
+
+import numpy as np
+
+import warpcam as wc
+from warpcam.errors import WarpcamError
+
+RADIAL = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6", "s1", "s2", "s3", "s4")  # OpenCV's order
+BASES = "abcdef"  # of fisheye_polynomial_*
+
+
+def lens_of(spawn: Any, width: int, height: int) -> wc.Lens:
+    """The lens of an image of that size [pixels]; a pinhole's numbers come with the camera's intrinsics.
+
+    Args:
+        spawn: CameraCfg.spawn, or None.
+        width: Of the image.
+        height: Of the image.
+    """
+    distortion = getattr(spawn, "distortion", None)
+    if distortion is not None:
+        return _calibrated(distortion, width, height)
+    projection = getattr(spawn, "projection_type", "pinhole")
+    if projection == "pinhole":
+        return wc.Pinhole(fx=1.0)
+    if projection == "fisheyePolynomial":
+        return _polynomial(spawn, width, height)
+    raise WarpcamError(
+        f"CameraCfg.spawn.projection_type is {projection!r}; allowed are 'pinhole' and 'fisheyePolynomial', and "
+        "CameraCfg.spawn.distortion"
+    )
+
+
+def _calibrated(distortion: Any, width: int, height: int) -> wc.Lens:
+    """As Isaac Lab's Newton renderer has it: pixels of the calibrated image, stretched to this one."""
+    size = distortion.image_size
+    if not (size[0] > 0 and size[1] > 0):
+        raise WarpcamError(f"CameraCfg.spawn.distortion.image_size must be positive, got {tuple(size)}")
+    across, down = width / float(size[0]), height / float(size[1])
+    pixels = {
+        "fx": across * float(distortion.fx),
+        "fy": down * float(distortion.fy),
+        "cx": across * float(distortion.cx),
+        "cy": down * float(distortion.cy),
+    }
+    share = 1.0 if distortion.apply_lens_distortion else 0.0
+    if distortion.model == "opencvFisheye":
+        k = [share * float(getattr(distortion, name)) for name in ("k1", "k2", "k3", "k4")]
+        return wc.Fisheye(**pixels, k=k, max_fov=min(float(np.degrees(distortion.max_fov)), 360.0))
+    if distortion.model == "opencvPinhole":
+        return wc.Distorted(**pixels, coefficients=[share * float(getattr(distortion, name)) for name in RADIAL])
+    raise WarpcamError(
+        f"CameraCfg.spawn.distortion.model is {distortion.model!r}; allowed are 'opencvPinhole' and 'opencvFisheye'"
+    )
+
+
+def _polynomial(spawn: Any, width: int, height: int) -> wc.Rays:
+    """The angle from the axis [rad] is a polynomial of the distance from the optical centre, in nominal pixels."""
+    column = (np.arange(width) + 0.5) / width * float(spawn.fisheye_nominal_width)
+    row = (np.arange(height) + 0.5) / height * float(spawn.fisheye_nominal_height)
+    x, y = np.meshgrid(column - float(spawn.fisheye_optical_centre_x), float(spawn.fisheye_optical_centre_y) - row)
+    radius = np.hypot(x, y)
+    angle = np.polynomial.polynomial.polyval(radius, [float(getattr(spawn, f"fisheye_polynomial_{b}")) for b in BASES])
+    rate = np.divide(np.sin(angle), radius, out=np.zeros_like(radius), where=radius > 0.0)
+    rays = np.stack([rate * x, rate * y, -np.cos(angle)], axis=-1)
+    seen = (angle >= 0.0) & (angle <= np.radians(0.5 * min(float(spawn.fisheye_max_fov), 360.0)))
+    return wc.Rays(np.where(seen[..., None], rays, 0.0))
