@@ -93,6 +93,59 @@ def test_segmentation_and_cameras(installed: None) -> None:
     env.close()
 
 
+VEILED = """
+<mujoco>
+  <visual><quality offsamples="0"/><global offwidth="80" offheight="64"/></visual><statistic extent="1"/>
+  <asset><material name="glass" rgba="0 1 0 .5"/></asset>
+  <worldbody>
+    <camera pos="0 0 3" fovy="60"/>
+    <geom type="box" size="2 2 .1" pos="0 0 -.1"/>
+    <body pos="0 0 .5"><joint type="slide"/><geom name="veil" type="box" size=".3 .3 .3" rgba="1 0 0 .4"/></body>
+    <geom type="box" size=".2 .2 .2" pos=".9 0 .3" material="glass"/>
+    <geom type="box" size=".2 .2 .2" pos="-.9 0 .3" rgba="0 0 1 1"/>
+    <site type="box" size=".2 .2 .2" pos="0 .9 .3" rgba="0 0 1 .3"/>
+  </worldbody>
+</mujoco>
+"""
+
+
+def test_depth_is_of_what_is_behind_what_is_transparent(installed: None) -> None:
+    """As the buffer of depth has it where colours are drawn; ids are of all."""
+    model = mujoco.MjModel.from_xml_string(VEILED)
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    viewer = ours.OffScreenViewer(model, data, WIDTH, HEIGHT)
+    near, far = model.vis.map.znear, model.vis.map.zfar
+
+    def metres(mode: str = "depth_array", **options: bool) -> np.ndarray:
+        image = viewer.render(mode, 0, **options)
+        return near / (1.0 - (image[1] if mode == "rgbd_tuple" else image).astype(float) * (1.0 - near / far))
+
+    floor, middle = 3.0, (HEIGHT // 2, WIDTH // 2)
+    for mode in ("depth_array", "rgbd_tuple"):
+        depth = metres(mode)
+        assert depth[middle] == pytest.approx(floor, rel=1e-4)
+        assert (np.abs(depth - 2.5) < 1e-3).sum() > 30  # the blue box
+        assert np.isclose(depth, floor, rtol=1e-4).mean() > 0.9
+    assert metres(segmentation=True)[middle] == pytest.approx(2.2, rel=1e-4)
+    model.geom("veil").rgba[3] = 1.0
+    assert metres()[middle] == pytest.approx(2.2, rel=1e-4)
+    data.qpos[0] = 0.2
+    mujoco.mj_forward(model, data)
+    assert metres()[middle] == pytest.approx(2.0, rel=1e-4)
+    model.geom("veil").rgba[3] = 0.4
+    expected = metres()
+    assert expected[middle] == pytest.approx(floor, rel=1e-4)
+    viewer.close()
+    if has_judge():
+        judge = ours._original(model, data, WIDTH, HEIGHT)
+        assert (
+            np.abs(near / (1.0 - judge.render("depth_array", 0).astype(float) * (1.0 - near / far)) - expected).mean()
+            < 0.01
+        )
+        judge.free()
+
+
 def test_it_follows_the_simulation(installed: None) -> None:
     env = make("rgb_array")
     first = env.render()

@@ -113,7 +113,7 @@ def _render(
         raise WarpcamError("render: the camera has no field of view")
     contexts.studio.take(physics.data.ptr)
     output = "depth" if depth else "objects" if segmentation else "rgb"
-    image = contexts.studio.look(view, style, camera.width, camera.height, (output,))[output]
+    image = contexts.studio.look(view, style, camera.width, camera.height, (output,), through=True)[output]
     return image[..., 0] if depth else image
 
 

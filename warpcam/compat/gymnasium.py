@@ -104,7 +104,7 @@ class OffScreenViewer:
         style = style_of(model, self.vopt, self.scn.flags)
         colors = "objects" if segmentation else "rgb"
         outputs = {"rgb_array": (colors,), "depth_array": ("depth",), "rgbd_tuple": (colors, "depth")}[render_mode]
-        images = self._studio.look(view, style, width, height, outputs)
+        images = self._studio.look(view, style, width, height, outputs, through=not segmentation)
         if "depth" in images:
             images["depth"] = depth_buffer(images["depth"][..., 0], view)
         if segmentation and colors in images:

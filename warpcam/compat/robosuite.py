@@ -138,7 +138,8 @@ class OffscreenContext:
             raise WarpcamError("read_pixels: the camera has no field of view")
         wanted = ["objects" if segmentation else "rgb", *(["depth"] if depth else [])]
         style = style_of(self.model._model, self.vopt, self.scn.flags)
-        images = self._pictures.look((self.cam.type, self.cam.fixedcamid), view, style, width, height, wanted)
+        camera, through = (self.cam.type, self.cam.fixedcamid), not (depth and segmentation)
+        images = self._pictures.look(camera, view, style, width, height, wanted, through)
         image = images[wanted[0]]
         pixels = np.ascontiguousarray(image[::-1, :, ::-1] if segmentation else image[::-1])
         if not depth:
@@ -174,15 +175,15 @@ class _Pictures:
             self._images.clear()
 
     def look(
-        self, camera: Any, view: Any, style: Any, width: int, height: int, outputs: Sequence[str]
+        self, camera: Any, view: Any, style: Any, width: int, height: int, outputs: Sequence[str], through: bool = True
     ) -> dict[str, np.ndarray]:
-        key = (camera, style, width, height)
+        key = (camera, style, width, height, through)
         asked = self._asked.setdefault(key, [])
         asked.extend(name for name in outputs if name not in asked)
         place = (*key, view.content())
         images = self._images.get(place, {})
         if not all(name in images for name in outputs):
-            images = self._images[place] = self._studio.look(view, style, width, height, asked, DRAWN)
+            images = self._images[place] = self._studio.look(view, style, width, height, asked, DRAWN, through=through)
         return images
 
     def reload(self) -> None:

@@ -10,6 +10,7 @@ import numpy as np
 import warp as wp
 
 import warpcam as wc
+from warpcam.compat.opaque import SOLID, Opaque, has_veils
 from warpcam.errors import WarpcamError
 from warpcam.sources.mujoco_model import DATA_NAMES, MODEL_NAMES
 
@@ -23,7 +24,6 @@ READ_ONCE = (
 )
 COLORS = ("site_rgba", "tendon_rgba", "flex_rgba", "skin_rgba")
 MORE_OF_DATA = ("site_xpos", "site_xmat", "wrap_xpos", "wrap_obj", "ten_wrapadr", "ten_wrapnum", "flexvert_xpos")
-SOLID = 0.995  # opacity from which on MuJoCo draws something solid
 
 
 @dataclass(frozen=True)
@@ -125,6 +125,7 @@ class Studio:
         self._sizes = _sizes(self._state)
         self._scenes: OrderedDict[Any, _Made] = OrderedDict()
         self._eyes: OrderedDict[Any, _Eye] = OrderedDict()
+        self._behind: tuple[Opaque, Studio] | None = None  # what is seen through all that is transparent
 
     def take(self, data: mujoco.MjData) -> None:
         """Keep the state as it is now: what is simulated later is not seen in pictures of this one."""
@@ -148,6 +149,7 @@ class Studio:
         """Read meshes, height fields and textures of the model again at the next picture."""
         self._scenes.clear()
         self._eyes.clear()
+        self._behind = None
 
     def scene(self, style: Style) -> wc.Scene:
         """The scene in which what that style names is drawn."""
@@ -168,14 +170,29 @@ class Studio:
         return scene
 
     def look(
-        self, view: View, style: Style, width: int, height: int, outputs: Sequence[str], drawn: Sequence[str] = ()
+        self,
+        view: View,
+        style: Style,
+        width: int,
+        height: int,
+        outputs: Sequence[str],
+        drawn: Sequence[str] = (),
+        *,
+        through: bool = False,
     ) -> dict[str, np.ndarray]:
         """Images (height, width, channels) by output, of the state that was taken last; they are the caller's own.
 
         ``depth`` is ``view.far`` where nothing is hit. ``objects`` is an output here, too: int32 id and ``mjtObj``,
         -1 twice where nothing is hit. With ``drawn`` these outputs are drawn and only ``outputs`` of them read: then
-        the same kernels serve whatever is asked.
+        the same kernels serve whatever is asked. With ``through`` depth is of what is not transparent, as MuJoCo's
+        buffer of depth has it where it draws colours.
         """
+        if through and has_veils(self._model, style.groups, style.draw):
+            drawn, rest = ([name for name in names if name != "depth"] for names in (drawn, outputs))
+            images = self.look(view, style, width, height, rest, drawn) if rest else {}
+            if "depth" in outputs:
+                images["depth"] = self._opaque().look(view, style, width, height, ("depth",))["depth"]
+            return images
         names, wanted = _outputs(drawn or outputs), _outputs(outputs)
         scene = self.scene(style)
         key = (id(scene), names, width, height, view.orthographic, style.shadows, style.sky, style.antialiasing)
@@ -187,6 +204,15 @@ class Studio:
         if "objects" in outputs:
             images["objects"] = scene.objects[images.pop("segmentation")[..., 0]]
         return images
+
+    def _opaque(self) -> "Studio":
+        """Of the same state, without what is transparent."""
+        if self._behind is None:
+            opaque = Opaque(self._model)
+            self._behind = opaque, Studio(opaque.model, self._device)
+            self._behind[1]._state = self._state
+        self._behind[0].follow()
+        return self._behind[1]
 
     def _fixed(self) -> tuple[Any, ...]:
         """Equal as long as a scene that was made needs not be made anew."""
