@@ -118,6 +118,21 @@ def test_what_rests_is_exactly_zero_and_known(lens: str, device: wp.Device) -> N
     assert (seen["flow"][seen["segmentation"] == BALL] != 0.0).any()
 
 
+@pytest.mark.parametrize("size", [(45, 27), (80, 72)])
+def test_images_of_any_size(size: tuple[int, int], device: wp.Device) -> None:
+    moving = Moving(width=size[0], height=size[1])
+    moving.see()
+    seen = moving.see()
+    np.testing.assert_array_equal(seen["flow_valid"] == 1, seen["segmentation"] >= 0)
+    moving.move(BALL, by=(0.3, 0.2, 0.0))
+    before, seen = seen, moving.see()
+    newly = (seen["segmentation"] == WALL) & (before["segmentation"] == BALL)
+    rests = (seen["segmentation"] != BALL) & (seen["segmentation"] == before["segmentation"])
+    assert newly.sum() > 20
+    assert not seen["flow_valid"][newly].any()
+    assert seen["flow_valid"][rests].all()
+
+
 def test_nothing_is_hit(device: wp.Device) -> None:
     moving = Moving(world='<geom size=".5" pos="0 0 -3"/>')
     for _ in range(2):
