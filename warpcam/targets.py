@@ -159,10 +159,10 @@ class Target:
         if tables.splats is not None:
             trail = None if self.past is None else self.past.trail
             stages.insert(0, splats.record_check(tables, views, mask, faults, device, group))
-            chosen = {name: self.images[name] for name in outputs}
+            blended = {name: self.images[name] for name in outputs}
             stages.append(
                 splats.record(
-                    _swapped(chosen) if projection == "rays" else chosen,
+                    _swapped(blended) if projection == "rays" else blended,
                     projection,
                     tables,
                     views,
