@@ -24,8 +24,8 @@ SAMPLES: Mapping[int, Sequence[tuple[float, float]]] = {
 }
 # The images whose edges can be smooth, with dtype and channels, in the order of their bits in native/smooth.h.
 IMAGES: Mapping[str, tuple[type, int]] = {"rgb": (wp.uint8, 3), "rgba": (wp.uint8, 4), "hdr": (wp.float32, 3)}
-# Pixels of which a thread block of a GPU smooths the edges. They take differently long: of larger blocks a launch has too
-# few for its last ones not to be waited for.
+# Pixels of which a thread block of a GPU smooths the edges. They take differently long: of larger blocks a launch has
+# too few for its last ones not to be waited for.
 REGION = (32, 32)
 BLOCKS, MESH_BLOCKS = 8, 6  # that a multiprocessor is to hold, without and with meshes or height fields
 
