@@ -41,8 +41,9 @@ WARPCAM_FN void meet_leaf(const Record& record, const Meshes& meshes, const Ray&
         for (int i = 0; i < TOGETHER; ++i) {
             const int f = face_of<TOGETHER>(begin, i, end);
             const Row &a = corners[i][0], &b = corners[i][1], &c = corners[i][2];
-            const float t = enter_triangle(frame, project(frame, a.x, a.y, a.z), project(frame, b.x, b.y, b.z),
-                                           project(frame, c.x, c.y, c.z), has_back<TYPES>(b.w));
+            const float t = enter_triangle(frame, project(frame, a.x, a.y, a.z),
+                                           project(frame, b.x, b.y, b.z), project(frame, c.x, c.y, c.z),
+                                           has_back<TYPES>(b.w));
             if (t < depth && t > near && is_there<TYPES>(meshes, record, ray.local(record), f, t)) {
                 depth = t;
                 shape = record.axis_y.w;
