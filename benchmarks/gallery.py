@@ -50,7 +50,8 @@ def write_page(path: Path, report: Mapping[str, Any], wanted: Mapping[str, float
         "",
         "PSNR is over all channels of all pixels; more is better. FLIP is what eyes see when two pictures are swapped, "
         "0 to 1; less is better. Mesa is told not to round while it filters textures (`GALLIVM_PERF`), and rays of "
-        "range finders are not drawn.",
+        "range finders are not drawn. Of mujoco_warp it is its own renderer, with everything on that it has: textures, "
+        "shadows, skybox and as many samples a pixel.",
         "",
         "| | shots | median PSNR [dB] | least PSNR [dB] | mean FLIP | largest FLIP |",
         "|---|---:|---:|---:|---:|---:|",
@@ -65,13 +66,18 @@ def write_page(path: Path, report: Mapping[str, Any], wanted: Mapping[str, float
     )
     lines += ["", "| shot | scene | " + " | ".join(f"{name}: PSNR [dB] | FLIP" for name in names) + " |"]
     lines += ["|---|---|" + "---:|---:|" * len(names)]
+    refused: list[str] = []
     for row in sorted(rows, key=lambda row: row["warpcam"]["psnr"]):
         cells = []
         for name in names:
             one = row.get(name, {})
             cells += [f"{one['psnr']:.1f}", f"{one['flip']:.3f}"] if "psnr" in one else ["-", "-"]
+            if "error" in one:
+                refused.append(f"`{row['shot']}` by {name}: {one['error']}")
         where = f"{row['package']}, {row['file']}, camera {row['camera']}"
         lines.append(f"| [{row['shot']}](#{row['shot']}) | {where} | {' | '.join(cells)} |")
+    if refused:
+        lines += ["", "Not drawn: " + "; ".join(refused)]
     lines += ["", f"In each row: mujoco.Renderer; warpcam; the difference of each channel, times {STRETCH}."]
     for row in rows:
         lines += ["", f"## {row['shot']}", "", f"![{row['shot']}](images/gallery/{row['shot']}.png)"]

@@ -28,7 +28,8 @@ OUTPUTS: Mapping[str, type] = {
     "instances": wp.int32,
     "semantics": wp.int32,
 }
-BY_WORLD, LINEAR = 1 << len(OUTPUTS), 2 << len(OUTPUTS)  # native/splats.h
+BY_WORLD, LINEAR, EXPOSED = 1 << len(OUTPUTS), 2 << len(OUTPUTS), 4 << len(OUTPUTS)  # native/splats.h
+LIT = ("rgb", "rgba", "hdr")  # what an exposure changes
 REGION = 16  # side of what a block draws [pixels], SPLAT_REGION
 BLOCKS = 6  # on a multiprocessor: bounds the registers of a thread
 CAPACITIES = (4, 16, 64, 128)  # clouds that a block keeps: few sizes, so that scenes share kernels
@@ -85,6 +86,25 @@ def _flow_frame_struct(shape_dtype: Any) -> Any:
         trail: Trail
 
     return FlowFrame
+
+
+@functools.cache
+def _exposed_frame_struct(shape_dtype: Any) -> Any:
+    """The same where the camera has an exposure; the trail may be empty."""
+
+    @wp.struct
+    class ExposedFrame:
+        views: wp.array(dtype=View)
+        mask: wp.array(dtype=wp.uint8)
+        depth: wp.array(dtype=wp.float32)
+        shape: wp.array(dtype=shape_dtype)
+        width: wp.int32
+        height: wp.int32
+        trail: Trail
+        exposures: wp.array(dtype=wp.float32)  # (world,) power of two that all light is multiplied by
+        gains: wp.array(dtype=wp.vec3)  # (world,) factors of red, green and blue
+
+    return ExposedFrame
 
 
 @functools.cache
@@ -187,8 +207,12 @@ def record(
         trail: Trail, where flow is wanted.
     """
     flows = FLOW * ("flow" in images) + FLOW_VALID * ("flow_valid" in images)
-    frame_type = (_flow_frame_struct if flows else _frame_struct)(shape.dtype)
+    exposed = tables.variety is not None and tables.variety.exposures.size > 0 and not set(LIT).isdisjoint(images)
+    make = _exposed_frame_struct if exposed else _flow_frame_struct if flows else _frame_struct
+    frame_type = make(shape.dtype)
     frame = frame_type()
+    if exposed:
+        frame.exposures, frame.gains = tables.variety.exposures, tables.variety.gains
     if flows:
         frame.trail = trail
         flows |= FLOW_MOVES * bool(tables.moving)
@@ -196,7 +220,7 @@ def record(
     frame.depth, frame.shape = depth.flatten(), shape.flatten()
     frame.width, frame.height = width, height
     changed = Images()
-    wanted = flows | (BY_WORLD if tables.ids_by_world else 0)
+    wanted = flows | (BY_WORLD if tables.ids_by_world else 0) | (EXPOSED if exposed else 0)
     if tables.physical is not None and "hdr" in images:
         wanted |= LINEAR
     for bit, (name, dtype) in enumerate(OUTPUTS.items()):

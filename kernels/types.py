@@ -24,6 +24,7 @@ SCALED = 10  # no type: stands among a scene's types where the sizes of meshes a
 SPLATS = 11  # a cloud of Gaussians: never among the drawn shapes, which the trace sees; see Splats
 TWO_SIDED = 12  # no type: stands among a scene's types where faces of some meshes are seen from behind, too
 MASKED = 13  # no type: stands among a scene's types where maps of opacity say which parts of meshes are there
+SHADING_BACKS = 14  # no type: stands among the types of shadows where faces of meshes cast them whichever side is lit
 
 # Light types.
 LIGHT_SPOT = 0

@@ -82,6 +82,56 @@ def capsule(o: np.ndarray, d: np.ndarray, radius: float, half: float) -> Entry:
     return _nearest(entries)
 
 
+def cone(o: np.ndarray, d: np.ndarray, radius: float, half: float) -> Entry:
+    """About z, its tip at +half."""
+    slope = 0.5 * radius / half
+    w, dw = slope * (half - o[..., 2]), -slope * d[..., 2]
+    a, b = (d[..., :2] ** 2).sum(-1) - dw**2, (o[..., :2] * d[..., :2]).sum(-1) - w * dw
+    c = (o[..., :2] ** 2).sum(-1) - w**2
+    square = b * b - a * c
+    with np.errstate(divide="ignore", invalid="ignore"):
+        t = (-b - np.sqrt(np.maximum(square, 0.0))) / a
+        cap = (-half - o[..., 2]) / d[..., 2]
+    at = o + t[..., None] * d
+    on_side = (square >= 0.0) & (t > 0.0) & (np.abs(at[..., 2]) <= half)
+    around = at / np.maximum(np.linalg.norm(at[..., :2], axis=-1, keepdims=True), 1e-12)
+    normal = np.stack((around[..., 0], around[..., 1], np.full(t.shape, slope)), axis=-1) / np.hypot(1.0, slope)
+    base = o + cap[..., None] * d
+    on_cap = (d[..., 2] > 0.0) & (cap > 0.0) & ((base[..., :2] ** 2).sum(-1) <= radius**2)
+    return _nearest(
+        [(np.where(on_side, t, np.inf), normal), (np.where(on_cap, cap, np.inf), np.array((0.0, 0.0, -1.0)))]
+    )
+
+
+def barrel(o: np.ndarray, d: np.ndarray, radius: float, half: float, arc: float) -> Entry:
+    """A cylinder about z whose side is bent outwards in an arc, by steps along the ray and bisection."""
+
+    def outside(t: np.ndarray) -> np.ndarray:
+        at = o + t[..., None] * d
+        z = np.clip(at[..., 2], -half, half)
+        side = np.hypot(at[..., 0], at[..., 1]) - radius - np.sqrt(arc**2 - z**2) + np.sqrt(arc**2 - half**2)
+        return np.maximum(side, np.abs(at[..., 2]) - half)
+
+    times = np.linspace(0.0, 6.0, 3001)
+    high, found = np.full(d.shape[:-1], np.inf), np.zeros(d.shape[:-1], bool)
+    for t in times:
+        inside = ~found & (outside(np.full(high.shape, t)) <= 0.0)
+        high[inside], found = t, found | inside
+    high = np.where(found, high, 0.0)
+    low = high - times[1]
+    for _ in range(40):
+        middle = 0.5 * (low + high)
+        inside = outside(middle) <= 0.0
+        low, high = np.where(inside, low, middle), np.where(inside, middle, high)
+    at = o + high[..., None] * d
+    around = at[..., :2] / np.maximum(np.hypot(at[..., 0], at[..., 1]), 1e-12)[..., None]
+    rise = at[..., 2] / np.sqrt(np.maximum(arc**2 - at[..., 2] ** 2, 1e-12))
+    normal = _unit(np.concatenate((around, rise[..., None]), axis=-1))
+    cap = np.abs(np.abs(at[..., 2]) - half) < 1e-7
+    normal = np.where(cap[..., None], np.sign(at[..., 2:]) * (0.0, 0.0, 1.0), normal)
+    return np.where(found, high, np.inf), normal
+
+
 def _first_root(o: np.ndarray, d: np.ndarray) -> np.ndarray:
     """First root of |o + t d| = 1 for a start outside."""
     a, b, c = (d * d).sum(-1), (o * d).sum(-1), (o * o).sum(-1) - 1.0

@@ -5,6 +5,7 @@ import os
 import sys
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 # Before anything imports mujoco: its own renderer judges some tests, and works without a display on Mesa.
 if ctypes.util.find_library("OSMesa"):
@@ -22,3 +23,12 @@ def device(request: pytest.FixtureRequest) -> Iterator[wp.Device]:
     """Each device of this machine in turn, as Warp's current device."""
     with wp.ScopedDevice(request.param) as current:
         yield current
+
+
+@pytest.fixture
+def stage(tmp_path: Path) -> Any:
+    """A stage of USD: empty, in metres, z up, in a file of its own."""
+    usd = pytest.importorskip("pxr.Usd", reason="needs USD: pip install warpcam[usd]")
+    from stages import metric
+
+    return metric(usd.Stage.CreateNew(str(tmp_path / "scene.usda")))

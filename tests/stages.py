@@ -3,7 +3,8 @@
 from typing import Any
 
 import numpy as np
-from pxr import Sdf, Usd, UsdGeom, UsdShade
+from pxr import Gf, Sdf, Usd, UsdGeom, UsdShade
+from views import Around
 
 import warpcam as wc
 
@@ -58,3 +59,19 @@ def add_material(stage: Usd.Stage, path: str, **inputs: Any) -> UsdShade.Shader:
         shader.CreateInput(name, kind).Set(value)
     material.CreateSurfaceOutput().ConnectToSource(shader.ConnectableAPI(), "surface")
     return shader
+
+
+def pose(prim: Any, scale: tuple = (1.0, 1.0, 1.0)) -> np.ndarray:
+    """Turn, shift and stretch a prim; returns the frame."""
+    matrix = Gf.Matrix4d().SetScale(Gf.Vec3d(*scale)) * Gf.Matrix4d().SetRotate(Gf.Rotation((1, 2, 3), 40.0))
+    matrix.SetTranslateOnly((0.3, -0.2, 0.5))
+    UsdGeom.Xformable(prim).AddTransformOp().Set(matrix)
+    return np.array(matrix).T
+
+
+def expected(entry: Any, frame: np.ndarray, around: Around) -> np.ndarray:
+    """Depth of a solid of ``closed_form`` in a frame, (4, 4)."""
+    back = np.linalg.inv(frame)
+    rays = around.rays()
+    t, _ = entry(np.broadcast_to(back[:3, :3] @ around.eye + back[:3, 3], rays.shape), rays @ back[:3, :3].T)
+    return t.reshape(around.size, around.size)

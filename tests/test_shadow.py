@@ -17,6 +17,8 @@ LIGHTS = {
     "upwards": '<light type="spot" pos="0.6 -0.4 3" dir="0 0 1" cutoff="180" ambient="0 0 0" diffuse="1 1 1"/>',
 }
 DARK = '<visual><headlight active="0"/></visual>'
+SHEET = "-0.5 -0.5 0  0.5 -0.5 0  0.5 0.5 0  -0.5 0.5 0  0 0 0.01"
+AWAY = "".join(scenes.geom_xml(kind, f"away {kind}", 'pos="0 -90 0"') for kind in CASTERS)  # so that kernels are shared
 FLOOR = '<geom name="floor" type="plane" size="9 9 1"/>'
 EYE = {"width": 64, "height": 64, "position": (0.0, -3.0, 3.0), "rotation": scenes.looking((0, -3, 3), (0, 0, 0))}
 
@@ -81,21 +83,57 @@ def test_lights_add_up(device: wp.Device, count: int) -> None:
     np.testing.assert_allclose(lit_by([True] * number), np.sum(alone, axis=0), rtol=1e-5, atol=1e-6)
 
 
-@pytest.mark.parametrize("ambient", [0.0, 0.25])
-def test_backs_lose_a_lights_ambient_part(device: wp.Device, ambient: float) -> None:
-    """The under side of a block is only lit by the light's ambient part, and not where a plate shades the block."""
-    light = f'<light type="directional" pos="0 0 5" dir="0 0 -1" ambient="{ambient} {ambient} {ambient}"/>'
-    plate = '<geom type="mesh" mesh="mesh" pos="0.5 0 3"/>'
-    block = '<body pos="0 0 1"><geom name="block" type="mesh" mesh="mesh" rgba="1 1 1 1"/></body>'
-    mjm = scenes.compile_xml(light + plate + block, assets=scenes.ASSETS, more=DARK)
-    below = {**EYE, "position": (0.0, -0.2, 0.0), "rotation": scenes.looking((0, -0.2, 0), (0, -0.1, 1))}
-    camera = scenes.own_camera(outputs=("hdr", "points", "segmentation"), shadows=True, **below)
+@pytest.mark.parametrize("kind", [kind for kind in CASTERS if kind != "hfield"])
+@pytest.mark.parametrize("light", ["directional", "spot"])
+def test_what_lies_in_its_own_shadow_loses_the_ambient_part(device: wp.Device, kind: str, light: str) -> None:
+    """In the map of the renderer a shape's dark side lies behind its lit one. Without shadows nothing is lost."""
+    white = scenes.geom_xml(kind, more='rgba="1 1 1 1"')
+    lamp = LIGHTS[light].replace('ambient="0 0 0"', 'ambient="0.25 0.25 0.25"')
+    mjm = scenes.compile_xml(f'{lamp}<body pos="0 0 1">{white}</body>{AWAY}', assets=scenes.ASSETS, more=DARK)
+    below = {**EYE, "position": (0.0, -0.2, -1.0), "rotation": scenes.looking((0, -0.2, -1), (0, -0.1, 1))}
+    for shadows in (True, False):
+        camera = scenes.own_camera(outputs=("hdr", "segmentation", "normals"), shadows=shadows, **below)
+        images = scenes.look(wc.from_mujoco_warp(mjm, *scenes.put(mjm, 1)), camera)
+        dark = (images["segmentation"][0] == mjm.geom(kind).id) & (images["normals"][0][..., 2] < -0.6)
+        assert dark.sum() > 100
+        light_left = images["hdr"][0][dark]
+        assert (light_left == 0.0).all() if shadows else (light_left > 0.1).all()
+
+
+def test_glass_keeps_the_ambient_part(device: wp.Device) -> None:
+    """It casts shadows and receives none, not even its own."""
+    lamp = LIGHTS["directional"].replace('ambient="0 0 0"', 'ambient="0.25 0.25 0.25"')
+    mjm = scenes.compile_xml(lamp + '<geom type="box" size=".5 .5 .5" pos="0 0 1" rgba="1 1 1 .5"/>', more=DARK)
+    below = {**EYE, "position": (0.0, -0.2, -1.0), "rotation": scenes.looking((0, -0.2, -1), (0, -0.1, 1))}
+    plain, shaded = (
+        scenes.look(
+            wc.from_mujoco_warp(mjm, *scenes.put(mjm, 1)),
+            scenes.own_camera(outputs=("hdr",), shadows=shadows, **below),
+        )["hdr"][0]
+        for shadows in (False, True)
+    )
+    np.testing.assert_allclose(shaded, plain, atol=1e-6)
+    assert plain[32, 32].min() > 0.15
+
+
+@pytest.mark.parametrize("light", ["directional", "spot"])
+@pytest.mark.parametrize("faces", ["0 1 4 1 2 4 2 3 4 3 0 4", "1 0 4 2 1 4 3 2 4 0 3 4"], ids=["up", "down"])
+def test_an_open_mesh_casts_whichever_side_is_lit(device: wp.Device, faces: str, light: str) -> None:
+    """The renderer draws both sides of a face into the maps of its lights. The sheet is flat but for its middle."""
+    sheet = f'<mesh name="sheet" inertia="shell" vertex="{SHEET}" face="{faces}"/>'
+    mjm = scenes.compile_xml(
+        LIGHTS[light] + FLOOR + '<geom type="mesh" mesh="sheet" pos="0 0 1"/>', assets=sheet, more=DARK
+    )
+    camera = scenes.own_camera(outputs=("hdr", "points", "segmentation"), shadows=True, **EYE)
     images = scenes.look(wc.from_mujoco_warp(mjm, *scenes.put(mjm, 1)), camera)
-    under = (images["segmentation"][0] == mjm.geom("block").id) & (images["points"][0][..., 2] < 0.71)
-    x, red = images["points"][0][under][:, 0], images["hdr"][0][under][:, 0]
-    assert (x > 0.01).sum() > 100
-    assert (red[x > 0.01] == 0.0).all()
-    np.testing.assert_allclose(red[x < -0.01], ambient, rtol=1e-5)
+    floor = images["segmentation"][0] == 0
+    points = images["points"][0][floor].astype(np.float64)
+    to_light = -np.array((0.3, 0.2, -1.0)) if light == "directional" else np.array((0.6, -0.4, 5.0)) - points
+    crossed = points + to_light / to_light[..., 2:]  # at the sheet's height
+    inside = 0.5 - np.abs(crossed[:, :2]).max(axis=1)  # how far within its rim [m]
+    dark = images["hdr"][0][floor].max(axis=-1) == 0.0
+    assert (inside > 0.02).sum() > 40
+    assert dark[inside > 0.02].all() and not dark[inside < -0.02].any()
 
 
 @pytest.mark.parametrize("headlight", [False, True])

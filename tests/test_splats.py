@@ -266,6 +266,61 @@ def test_linear_colours_are_shown_encoded(device: wp.Device) -> None:
     assert seen["rgb"][12, 16] == pytest.approx((188, 89, 3), abs=1)
 
 
+def decoded(display: np.ndarray) -> np.ndarray:
+    return np.where(display <= 0.04045, display / 12.92, ((display + 0.055) / 1.055) ** 2.4)
+
+
+def encoded(light: np.ndarray) -> np.ndarray:
+    return np.where(light <= 0.0031308, 12.92 * light, 1.055 * light ** (1.0 / 2.4) - 0.055)
+
+
+def test_exposure_and_gain_of_each_world(device: wp.Device) -> None:
+    """A cloud's colour is light as well: with what is behind exposed likewise, and its opacity as it is."""
+    robot = newton.ModelBuilder()
+    robot.add_shape_gaussian(-1, gaussian=gaussians(np.zeros((1, 3)), [RED], opacities=0.6))
+    worlds = newton.ModelBuilder()
+    worlds.replicate(robot, 3)
+    scene = wc.from_newton(*finalize(worlds, device))
+    outputs = ("rgb", "rgba", "hdr", "albedo")
+    plain = scenes.look(scene, eye(outputs=outputs))
+    renderer = wc.Renderer(scene, [eye(outputs=outputs, exposure=0.0, gain=1.0)])
+    same = scenes.on_host(renderer.render()["eye"])
+    assert np.abs(same["hdr"] - plain["hdr"]).max() < 1e-5
+    for name in ("rgb", "rgba", "albedo"):
+        assert np.abs(same[name].astype(int) - plain[name]).max() <= 1, name
+    front = renderer.camera("eye")
+    front.exposure[1] = -1.0
+    front.gain[1, 2] = 0.5
+    seen = scenes.on_host(renderer.render()["eye"])
+    gains = np.array((0.5, 0.5, 0.25))
+    splat, behind = (encoded(gains * decoded(np.array(color))) for color in (RED, GREY))
+    middle = 0.6 * splat + 0.4 * behind
+    assert seen["rgb"][1, 12, 16] * STEP == pytest.approx(middle, abs=2.0 * STEP)
+    assert seen["rgba"][1, 12, 16, :3] * STEP == pytest.approx(middle, abs=2.0 * STEP)
+    assert seen["hdr"][1, 12, 16] == pytest.approx(decoded(middle), abs=1e-4)
+    assert (seen["rgba"][..., 3] == same["rgba"][..., 3]).all()
+    assert (seen["albedo"] == same["albedo"]).all()
+    for world in (0, 2):
+        assert (seen["rgb"][world] == same["rgb"][world]).all() and (seen["hdr"][world] == same["hdr"][world]).all()
+    front.exposure[2] = 4.0
+    bright = scenes.on_host(renderer.render()["eye"])
+    assert bright["hdr"][2, 12, 16, 0] > 1.0 and bright["rgb"][2, 12, 16, 0] == 255
+
+
+def test_colours_are_blended_once_behind_transparent_shapes(device: wp.Device) -> None:
+    """Colour and albedo come from two traces then."""
+    builder = newton.ModelBuilder()
+    pane = builder.add_shape_box(-1, hx=1.0, hy=0.05, hz=1.0, xform=pose(0.0, 0.5, 0.0))
+    model, state = model_of(Placed(gaussians(np.zeros((1, 3)), [RED], opacities=0.6)), builder=builder, device=device)
+    scenes.write(model.shape_opacity, pane, 0.5)
+    scene = wc.from_newton(model, state)
+    both = scenes.look(scene, eye(outputs=("rgb", "albedo", "depth")))
+    alone = scenes.look(scene, eye(outputs=("albedo", "depth")))
+    assert scene.tables().layers is not None
+    for name in ("albedo", "depth"):
+        np.testing.assert_array_equal(both[name], alone[name])
+
+
 def test_hardly_any_gaussian_can_be_seen(device: wp.Device) -> None:
     """Transparent ones and flat ones."""
     source = gaussians(

@@ -15,6 +15,7 @@ from pxr import Usd
 
 import warpcam as wc
 from warpcam.errors import WarpcamError
+from warpcam.variety import names_of
 
 WORLDS = 3
 SIZE = 24
@@ -217,8 +218,29 @@ def test_cameras_have_backgrounds_for_each_world(device: wp.Device) -> None:
     assert renderer.render()["eye"]["rgb"][1, 0, 0].tolist() == [255, 255, 255]
 
 
+def test_nothing_may_be_varied_that_is_not_tried_here(device: wp.Device) -> None:
+    assert set(names_of(make("mujoco_warp", device)._parts)) == set(CHANGES)
+
+
+@pytest.mark.parametrize("seen_through", [False, True])
+def test_one_world_of_glass(seen_through: bool, device: wp.Device, loads: list[str]) -> None:
+    """Opacity is the alpha of the colours: of glass, and of what was solid when the scene was made."""
+    mjm = scenes.compile_xml(
+        WORLD.replace('material="paint"', f'rgba=".6 .5 .4 {0.9 if seen_through else 1}"'), assets=ASSETS
+    )
+    scene = wc.from_mujoco_warp(mjm, *scenes.put(mjm, WORLDS), transparency=True)
+    tensor = scene.vary("shape_colors")
+    eye = wc.Camera("eye", width=SIZE, height=SIZE, outputs=("rgb",))
+    check(scene, wc.Renderer(scene, [eye]), lambda: tensor[1, 1, 3].fill_(0.3), loads)
+
+
 NEWTON = {
     "shape_colors": lambda t: t[1].fill_(0.9),
+    "material_reflectance": lambda t: t[1].fill_(0.9),
+    "material_emissive": lambda t: t[1].fill_(0.2),
+    "light_diffuse": lambda t: t[1, 0, 0].fill_(0.1),
+    "light_active": lambda t: t[1].fill_(False),
+    "sky": lambda t: t[1].fill_(0.3),
     "material_roughness": lambda t: t[1].fill_(0.1),
     "material_metallic": lambda t: t[1].fill_(1.0),
     "light_directions": lambda t: t[1, 0].copy_(torch.tensor((0.0, 0.6, -0.8))),

@@ -171,8 +171,6 @@ class Mounted:
             self._no_skybox = wp.full(1, -1, dtype=wp.int32, device=device)
         if camera.exposure is None and camera.gain is None:
             return
-        if self._scene.has_splats:
-            raise WarpcamError(f"{camera.where}: exposure and gain are not for scenes with Gaussian splats")
         self._own("exposure", 0.0 if camera.exposure is None else camera.exposure, wp.float32)
         gain = 1.0 if camera.gain is None else camera.gain
         self._own("gain", np.tile(interop.to_numpy(gain), 3) if interop.to_numpy(gain).ndim == 0 else gain, wp.vec3)

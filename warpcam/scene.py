@@ -137,11 +137,6 @@ class Scene:
         return bounds_of(host, parts.shape_types, self._seen(), corners, parts.height_fields, parts.scaled, splats)
 
     @property
-    def has_splats(self) -> bool:
-        """Whether clouds of Gaussians are among what can be seen."""
-        return self._splats is not None
-
-    @property
     def live_on_device(self) -> bool:
         """Whether poses are read where the simulator writes them, with no copy from the host."""
         return self._source.live_on_device

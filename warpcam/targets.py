@@ -159,7 +159,18 @@ class Target:
             stages.insert(0, splats.record_check(tables, views, mask, faults, device, group))
             stages.append(
                 splats.record(
-                    self.images, projection, tables, views, mask, depth, shape, width, height, device, group, trail
+                    {name: self.images[name] for name in outputs},
+                    projection,
+                    tables,
+                    views,
+                    mask,
+                    depth,
+                    shape,
+                    width,
+                    height,
+                    device,
+                    group,
+                    trail,
                 )
             )
         return stages

@@ -68,13 +68,16 @@ inline Float4 edge4(const Corner4& a, const Corner4& b)
     return a.x * b.y - a.y * b.x;
 }
 
+// Which sides of faces a ray meets: fronts; backs, too, of those that have one; both of all.
+enum Sides { FRONTS, FRONTS_AND_MARKED, BOTH_SIDES };
+
 struct MeshHit {
     float depth;
     int face;
 };
 
 // The faces `first` to `end` - 1 of a mesh against one ray. there(face, depth): the face is there where it is met.
-template <bool BACKS, class There>
+template <Sides SIDES, class There>
 inline bool test_leaf(const float* faces, int first, int end, const RayFrame& frame, float near, const There& there,
                       MeshHit& hit)
 {
@@ -93,10 +96,11 @@ inline bool test_leaf(const float* faces, int first, int end, const RayFrame& fr
         const Float4 wc = edge4(corners[0], corners[1]), wa = edge4(corners[1], corners[2]);
         const Float4 wb = edge4(corners[2], corners[0]), total = wa + wb + wc;
         Int4 inside = (wa >= 0.0f) & (wb >= 0.0f) & (wc >= 0.0f) & (total > 0.0f);
-        if constexpr (BACKS) {
-            Int4 both;
-            for (int k = 0; k < 4; ++k)
-                both[k] = as_int(faces[4u * (rows[k] + 1) + 3]) != 0 ? -1 : 0;
+        if constexpr (SIDES != FRONTS) {
+            Int4 both = -1;
+            if constexpr (SIDES == FRONTS_AND_MARKED)
+                for (int k = 0; k < 4; ++k)
+                    both[k] = as_int(faces[4u * (rows[k] + 1) + 3]) != 0 ? -1 : 0;
             inside |= both & (wa <= 0.0f) & (wb <= 0.0f) & (wc <= 0.0f) & (total < 0.0f);
         }
         if (!bits_of(inside))
@@ -179,13 +183,15 @@ inline bool walk_mesh(const float* nodes, const float* faces, const Slabs& slabs
     Waiting stack[STACK];
     const BoxRay ray { slabs };
     int height = 0, node = 0;
+    constexpr Sides SIDES = ANY && (TYPES >> SHADING_BACKS & 1) ? BOTH_SIDES
+        : TYPES >> TWO_SIDED & 1 ? FRONTS_AND_MARKED : FRONTS;
     bool any = false;
     while (true) {
         while (node >= 0 && node != NO_NODE)
             node = test_node(nodes, node, ray, near, hit.depth, stack, height);
         if (node != NO_NODE) {
             const int code = -node - 1, first = code >> 4;
-            any |= test_leaf<(TYPES >> TWO_SIDED & 1) != 0>(faces, first, first + (code & 15), frame, near, there, hit);
+            any |= test_leaf<SIDES>(faces, first, first + (code & 15), frame, near, there, hit);
             if (ANY && any)
                 return true;
         }
@@ -208,7 +214,7 @@ template <class Meshes> inline const float* face_rows(const Meshes& meshes, int 
     return reinterpret_cast<const float*>(meshes.faces.data) + 4 * size_t(wp::index(meshes.face_start, mesh));
 }
 
-// Some front face of any mesh among some records, nearer than `hit`. `words` are these records as bits by slot.
+// Some front face, or any where backs shade, of any mesh among some records, nearer than `hit`. `words` are these records as bits by slot.
 template <int TYPES, class Meshes, class RayOf>
 inline void walk_meshes(const Meshes& meshes, const Record* records, const unsigned* words, int num_words,
                         const RayOf& source, float near, Hit& hit)

@@ -34,7 +34,7 @@ WARPCAM_FN bool meets_leaf(const Meshes& meshes, const Record& record, unsigned 
         const Row a = load(meshes.faces.data, at), b = load(meshes.faces.data, at + 1);
         const Row c = load(meshes.faces.data, at + 2);
         const float t = enter_triangle(frame, project(frame, a.x, a.y, a.z), project(frame, b.x, b.y, b.z),
-                                       project(frame, c.x, c.y, c.z), has_back<TYPES>(b.w));
+                                       project(frame, c.x, c.y, c.z), (TYPES >> SHADING_BACKS & 1) || has_back<TYPES>(b.w));
         met = (t > span.near) & (t < span.reach);
         if constexpr ((TYPES >> MASKED & 1) != 0)
             met = met && is_there<TYPES>(meshes, record, ray.local(record), face, t);
@@ -42,7 +42,7 @@ WARPCAM_FN bool meets_leaf(const Meshes& meshes, const Record& record, unsigned 
     return met;
 }
 
-// Calls shade(pixel) for each ray that `next_tile` finds (see Supply) and that meets a front face on its way to the light;
+// Calls shade(pixel) for each ray that `next_tile` finds (see Supply) and that meets a front face, or any where backs shade, on its way to the light;
 // start(pixel, span) is where it begins.
 template <int TYPES, int WORDS, class List, class Meshes, class NextTile, class Start, class Shade>
 WARPCAM_FN void cast_rays(ShadowRays<WORDS>& rays, const List& list, const Light& light, const Meshes& meshes,

@@ -209,12 +209,13 @@ template <bool IS_SPOT, int CORNERS, bool SHADOWS, class Sum>
 WARPCAM_FN void add_light(const Light& light, float strength, const Vertex* corners, const float* weights,
                           const Finish& finish, Glow<Sum>* glows, Lit& casting)
 {
+    constexpr int DARK_TOO = SHADOWS ? AMBIENT | CASTS : AMBIENT;  // lights the other side where only AMBIENT is set of these
     Arrival arrivals[CORNERS];
     bool lit = false;
 #pragma unroll
     for (int k = 0; k < CORNERS; ++k) {
         arrivals[k] = arrival_of<IS_SPOT>(light, corners[k], strength);
-        lit |= arrivals[k].strength > 0.0f && (arrivals[k].facing > 0.0f || (light.ambient.w & AMBIENT));
+        lit |= arrivals[k].strength > 0.0f && (arrivals[k].facing > 0.0f || (light.ambient.w & DARK_TOO) == AMBIENT);
     }
     if (!any_lane(lit))
         return;
@@ -223,10 +224,12 @@ WARPCAM_FN void add_light(const Light& light, float strength, const Vertex* corn
             arrivals[k].strength *= faded(light, corners[k]);
 #pragma unroll
     for (int k = 0; k < CORNERS; ++k) {
-        const Share share = share_of<IS_SPOT>(light, corners[k], arrivals[k], finish.gloss.z);
+        Share share = share_of<IS_SPOT>(light, corners[k], arrivals[k], finish.gloss.z);
         if (!SHADOWS || !(light.ambient.w & CASTS)) {
             add_share(glows[k], share, light);
         } else {
+            if (!(arrivals[k].facing > 0.0f))
+                share.ambient = 0.0f;  // it lies in its own shadow
             Glow<Sum> own {};
             add_share(own, share, light);
             const Vec added = reflected(own, Vec { 0.0f, 0.0f, 0.0f }, finish);

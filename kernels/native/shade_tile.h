@@ -7,10 +7,9 @@ namespace warpcam {
 // One light in one view.
 template <int LENS> struct LitView {
     Light light;
-    Sight<LENS> sight;   // points from the camera, along the world's axes
-    Sight<LENS> lit;     // the same along the light's axes
-    Vec origin;          // the camera, world frame
-    bool counts_behind;  // whether the light counts on surfaces that are turned away from it: its ambient part does
+    Sight<LENS> sight;  // points from the camera, along the world's axes
+    Sight<LENS> lit;    // the same along the light's axes
+    Vec origin;         // the camera, world frame
 };
 
 // A ray from a hit point to the light runs from t = 0 to 1, or to infinity if the light is distant. It counts from
@@ -216,8 +215,7 @@ inline void shade_tile(const List& list, const LitView<LENS>& view, int world, c
             walk |= met[word] != 0;
         }
         if (walk
-            && (view.counts_behind
-                || faces_light<TYPES>(shapes, meshes, world, points.ids[lane], points.faces[lane], view.light, view.origin)))
+            && faces_light<TYPES>(shapes, meshes, world, points.ids[lane], points.faces[lane], view.light, view.origin))
             walk_meshes<TYPES>(meshes, list.records, met, words, ray, points.near[lane], hit);
         points.open[lane] = hit.shape < 0;
     }

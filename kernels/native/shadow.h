@@ -19,12 +19,10 @@ WARPCAM_FN LitView<LENS> light_view(const Lights& lights, const Camera& camera, 
 {
     const bool distant = shared_row(lights.types, world, light) == LIGHT_DIRECTIONAL;
     const auto p = wp::index(lights.positions, world, light), d = wp::index(lights.directions, world, light);
-    const auto ambient = shared_row(lights.ambient, world, light);
     const Light made = make_light(distant, { p[0], p[1], p[2] }, { d[0], d[1], d[2] }, camera,
                                   map_size(lights, distant, world, light));
     const Sight<LENS> sight = sight_of<LENS>(camera);
-    return { made, sight, lit_sight(made, sight), camera.origin,
-             ambient[0] != 0.0f || ambient[1] != 0.0f || ambient[2] != 0.0f };
+    return { made, sight, lit_sight(made, sight), camera.origin };
 }
 
 // What there is to do for one light in one region. In shared memory on CUDA: in registers it would crowd out what the
@@ -154,9 +152,7 @@ WARPCAM_FN void cast_light(List& list, const Task<LENS>& task, const Shapes& sha
         const bool met_any = shade_tile<TYPES>(list, view, p, span, place, open, fields, met);
         if (HAS_MESH) {
             const bool keep = open && met_any
-                && (view.counts_behind
-                    || faces_light<TYPES>(shapes, meshes, task.world, id, target.face.data[at], view.light,
-                                   view.origin));
+                && faces_light<TYPES>(shapes, meshes, task.world, id, target.face.data[at], view.light, view.origin);
             const unsigned kept = __ballot_sync(ALL, keep);
             rays[warp].put(kept, met, (list.count + 31) / 32, row * 64 + column);
             __syncwarp();

@@ -12,7 +12,7 @@
 
 namespace warpcam {
 
-// What is wanted, in the order of OUTPUTS in splats.py; BY_WORLD: ids by world.
+// What is wanted, in the order of OUTPUTS in splats.py; BY_WORLD: ids by world; EXPOSED: the camera has an exposure.
 enum SplatOutput {
     SPLAT_RGB = 1,
     SPLAT_RGBA = 2,
@@ -27,7 +27,8 @@ enum SplatOutput {
     SPLAT_INSTANCES = 1024,
     SPLAT_SEMANTICS = 2048,
     SPLAT_BY_WORLD = 4096,
-    SPLAT_LINEAR = 8192  // hdr is light; else display values
+    SPLAT_LINEAR = 8192,  // hdr is light; else display values
+    SPLAT_EXPOSED = 16384
 };
 constexpr int SPLAT_COLORS = SPLAT_RGB | SPLAT_RGBA | SPLAT_HDR | SPLAT_ALBEDO;
 
@@ -241,12 +242,23 @@ template <class Array> WARPCAM_FN void blend_bytes(const Array& image, size_t at
         bytes[k] = static_cast<unsigned char>(to_byte(component(found.color, k) + found.light * (bytes[k] * (1.0f / 255.0f))));
 }
 
-template <int WANTED, class Images> WARPCAM_FN void put_colors(const Images& images, unsigned at, const Blend& found)
+// What the camera makes of the light that a ray has blended: of its mean colour. What is behind is exposed already.
+template <class Frame_> WARPCAM_FN void expose(const Frame_& frame, int world, Blend& found)
 {
-    if (WANTED & SPLAT_RGB)
-        blend_bytes(images.rgb, 3 * size_t(at), found);
+    const Vec factor = power(2.0f, wp::index(frame.exposures, world)) * to_vec(wp::index(frame.gains, world));
+    const float part = 1.0f - found.light;
+    found.color = part * encoded_beyond(times(factor, decoded(reciprocal(part) * found.color)));
+}
+
+template <int WANTED, class Frame_, class Images>
+WARPCAM_FN void put_colors(const Frame_& frame, const Images& images, int world, unsigned at, Blend found)
+{
     if (WANTED & SPLAT_ALBEDO)
         blend_bytes(images.albedo, 3 * size_t(at), found);
+    if constexpr ((WANTED & SPLAT_EXPOSED) != 0)
+        expose(frame, world, found);
+    if (WANTED & SPLAT_RGB)
+        blend_bytes(images.rgb, 3 * size_t(at), found);
     if (WANTED & SPLAT_RGBA) {
         blend_bytes(images.rgba, 4 * size_t(at), found);
         unsigned char& alpha = reinterpret_cast<unsigned char*>(images.rgba.data)[4 * size_t(at) + 3];
@@ -299,8 +311,8 @@ WARPCAM_FN void draw_splat_pixel(const Scene& scene, const Cloud* clouds, int nu
     }
     if (found.light == 1.0f)
         return;
-    put_colors<WANTED>(scene.images, at, found);
-    if ((WANTED & ~(SPLAT_COLORS | SPLAT_BY_WORLD | SPLAT_LINEAR)) == 0 || found.median == NO_KEY)
+    put_colors<WANTED>(scene.frame, scene.images, world, at, found);
+    if ((WANTED & ~(SPLAT_COLORS | SPLAT_BY_WORLD | SPLAT_LINEAR | SPLAT_EXPOSED)) == 0 || found.median == NO_KEY)
         return;
     const unsigned name = unsigned(found.median);
     const Cloud& cloud = clouds[scene.splats.bits < 32 ? name >> scene.splats.bits : 0];

@@ -12,15 +12,9 @@ import warpcam as wc
 
 pytest.importorskip("pxr.Usd")
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdLux, UsdShade, UsdUtils
-from stages import above, add_material, add_mesh, add_square, image, metric
+from stages import above, add_material, add_mesh, add_square, image
 
 QUARTERS = np.array([[[255, 0, 0], [0, 255, 0]], [[0, 0, 255], [200, 100, 50]]], np.uint8)  # from the top
-
-
-@pytest.fixture
-def stage(tmp_path: Path) -> Usd.Stage:
-    """Empty, in a file of its own."""
-    return metric(Usd.Stage.CreateNew(str(tmp_path / "scene.usda")))
 
 
 def save_image(path: Path, pixels: np.ndarray = QUARTERS, times: int = 16) -> Path:

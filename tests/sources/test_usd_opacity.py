@@ -13,15 +13,10 @@ import warpcam as wc
 
 pytest.importorskip("pxr.Usd")
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdLux, UsdShade
-from stages import above, add_material, add_mesh, add_square, metric
+from stages import above, add_material, add_mesh, add_square
 
 OUTPUTS = ("depth", "segmentation", "hdr", "rgba", "albedo", "normals", "points", "distance")
 ALPHA = np.array([[0, 255], [102, 204]], np.uint8)  # of the quarters, from the top
-
-
-@pytest.fixture
-def stage(tmp_path: Path) -> Usd.Stage:
-    return metric(Usd.Stage.CreateNew(str(tmp_path / "scene.usda")))
 
 
 def picture(path: Path, alpha: np.ndarray = ALPHA) -> Path:

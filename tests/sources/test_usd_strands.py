@@ -10,14 +10,9 @@ import warpcam as wc
 
 pytest.importorskip("pxr.Usd")
 from pxr import Usd, UsdGeom
-from stages import above, image, metric
+from stages import above, image
 
 from warpcam.sources.usd_strands import BASES, Line, icosphere, tube
-
-
-@pytest.fixture
-def stage() -> Usd.Stage:
-    return metric(Usd.Stage.CreateInMemory())
 
 
 def set_values(prim: Any, how: str, **arrays: Any) -> None:
