@@ -7,6 +7,7 @@ from .types import PLANE
 
 VISIBLE = 1  # bit of FlatShapes.flags
 ACTIVE = 1  # bit of FlatShapes.point_flags
+WHITE = -3  # less the number of a triangle: see WorldShapes.faces
 
 
 @wp.struct
@@ -36,7 +37,8 @@ class WorldShapes:
     ids: wp.array2d(dtype=wp.int32)  # (world, column) the shape, or -1
     faces: wp.array2d(
         dtype=wp.int32
-    )  # (world, soft column) a triangle of the surface, -1 for none, or -2 for a white one; these follow on the shapes
+    )  # (world, soft column) a triangle of the surface, -1 for none, -2 for a white one, WHITE less a triangle for one
+    # that is white but for its texture; these follow on the shapes
     particles: wp.array2d(dtype=wp.int32)  # (world, particle's column) the particle, or -1; these follow on those
     types: wp.array(dtype=wp.int32)  # (column,)
     # (world, column) where shapes may change, the type and the source that one must have to be seen in this column, of
@@ -89,14 +91,14 @@ def write_worlds(flat: FlatShapes, out: WorldShapes, first: wp.int32):
         face = out.faces[world, column - shapes]
         tint = wp.vec3(1.0, 1.0, 1.0)
         shown = wp.float32(0.0)
-        if face < -1:
+        if face != -1:
             shown = 1.0
-        if face >= 0:
-            shown = 1.0
-            if flat.face_colors.shape[0] > 0:
-                tint = flat.face_colors[face]
-            if flat.face_opacities.shape[0] > 0:
-                shown = flat.face_opacities[face]
+        if face >= 0 and flat.face_colors.shape[0] > 0:
+            tint = flat.face_colors[face]
+        if face <= wp.static(WHITE):
+            face = wp.static(WHITE) - face
+        if face >= 0 and flat.face_opacities.shape[0] > 0:
+            shown = flat.face_opacities[face]
         out.rotations[world, column] = wp.identity(n=3, dtype=wp.float32)
         out.sizes[world, column] = wp.vec3(1.0, 1.0, 1.0)
         out.colors[world, column] = wp.vec4(tint[0], tint[1], tint[2], shown)

@@ -52,7 +52,12 @@ class Stage:
 
     On a CPU device the launch is split over threads; Warp runs each part without holding the GIL. While a graph
     is being captured the parts run one after another on the calling thread, which is the one that records.
+
+    Attributes:
+        aside: Of a scene's stages those that wait for none that are not aside, and that cameras' poses do not need.
     """
+
+    aside = False
 
     def __init__(
         self, kernel: wp.Kernel, dim: int, inputs: Sequence[Any], device: wp.Device, start: int, block_dim: int

@@ -36,7 +36,7 @@ class Moving:
     offset: wp.float32  # how far points lie beside what they were made of, along their normals [m]
     num_smooth: wp.int32  # so many faces, the first as they were given, have the normals of their points
     num_flat: wp.int32  # the first that are flat as what they were made of; all others are as flat as they lie
-    backs: wp.int32  # 1 where each face is seen from behind, too: see Meshes.faces
+    backs: wp.int32  # 1 where each face is seen from behind, too, and flat: see Meshes.faces
     num_leaves: wp.int32
     entries: wp.array(dtype=wp.vec3i)  # (entry,) a node, a child's number, and the child: leaves, then nodes from below
     levels: wp.array(dtype=wp.int32)  # (level + 1,) where in `entries` the levels of nodes begin, and the end
@@ -153,13 +153,20 @@ class Tree:
         moving.levels = self._integers(self._starts)
         self._instances = len(assets)
 
-    def record(self, points: wp.array, normals: wp.array | None = None) -> list[Stage]:
+    def record(self, points: wp.array, normals: wp.array | None = None, aside: bool = False) -> list[Stage]:
         """Bind the stages that move all instances.
 
         Args:
             points: (point,) vec3, world frame [m].
             normals: (point,) vec3, unit, for faces that are not shaded as they lie.
+            aside: Whether nothing of the scene's writes ``points``: see ``Stage``.
         """
+        stages = self._record(points, normals)
+        for stage in stages:
+            stage.aside = aside
+        return stages
+
+    def _record(self, points: wp.array, normals: wp.array | None) -> list[Stage]:
         moving, meshes, device, instances = self._moving, self._meshes, self._device, self._instances
         if normals is None:
             normals = wp.empty(0, dtype=wp.vec3, device=device)
@@ -175,6 +182,8 @@ class Tree:
             level += 1
         finish = [moving, meshes, points, level]
         stages.append(record(finish_trees, instances * threads, finish, device, block_dim=THREADS))
+        if moving.backs:  # these have their normals from their faces
+            return stages
         faces = moving.triangles.shape[0]
         whole = -(-faces // LANES) * LANES if device.is_cuda else faces  # a warp works on faces of one instance
         stages.append(record(move_normals, instances * whole, [moving, meshes, points, normals], device))

@@ -25,6 +25,7 @@ SPLATS = 11  # a cloud of Gaussians: never among the drawn shapes, which the tra
 TWO_SIDED = 12  # no type: stands among a scene's types where faces of some meshes are seen from behind, too
 MASKED = 13  # no type: stands among a scene's types where maps of opacity say which parts of meshes are there
 SHADING_BACKS = 14  # no type: stands among the types of shadows where faces of meshes cast them whichever side is lit
+MOVING = 15  # no type: stands among a scene's types where corners of meshes move: most faces lie in no cache
 
 # Light types.
 LIGHT_SPOT = 0
@@ -95,7 +96,8 @@ class Meshes:
     nodes: wp.array(dtype=wp.vec4)
     # (row,) a face is 3 rows, its corners, counterclockwise seen from the front; in leaf order, and
     # once for each leaf that it stands in. The fourth component holds int bits: of the first row the face's index among
-    # the mesh's faces as they were given, of the second that of its back, with corners 0, 2, 1, if it has one, else 0.
+    # the mesh's faces as they were given, of the second that of its back, with corners 0, 2, 1, if it has one, else 0;
+    # of the third, only read of faces with a back, 1 where both sides are flat and `normals` does not have them.
     faces: wp.array(dtype=wp.vec4)
     # Shading data, by corner of the faces as given: corner 3 * (corner_start + face) + k.
     corner_start: wp.array(dtype=wp.int32)  # (mesh,) first face in the two arrays below

@@ -10,7 +10,7 @@ from .flow import Trail
 from .launch import Group, Stage, cpu_parts, native_options
 from .launch import record as record_launch
 from .tables import Tables
-from .types import HEIGHT_FIELD, MESH, HeightFields, Materials, Meshes, Shapes, View
+from .types import HEIGHT_FIELD, MESH, MOVING, HeightFields, Materials, Meshes, Shapes, View
 
 # What the trace can write, in the order of the bits in native/canvas.h; then the bits of two facts of the image's size.
 OUTPUTS = ("depth", "shape", "face", "distance", "points", "bodies", "normals")
@@ -27,6 +27,7 @@ BLOCKS = 10  # on a multiprocessor: bounds the registers of a thread
 SHARED_MEMORY = 228 * 1024  # of a multiprocessor [bytes]
 LISTED_BYTES = 99  # of it for each shape that a block lists: tiles.h, ShapeList
 MESH_BLOCKS = 8  # the same for scenes with meshes or height fields
+MOVING_BLOCKS = 6  # and where meshes move: native/record.h, faces_together
 
 
 @functools.cache
@@ -233,6 +234,7 @@ def blocks(types: int, capacity: int) -> int:
     if types >> MESH & 1:
         shared += THREADS * (8 * words + 6)
     bound = MESH_BLOCKS if types >> MESH & 1 or types >> HEIGHT_FIELD & 1 else BLOCKS
+    bound = MOVING_BLOCKS if types >> MOVING & 1 else bound
     return min(bound, SHARED_MEMORY // shared)
 
 

@@ -238,3 +238,47 @@ def test_swapping_states_builds_and_allocates_nothing(device: wp.Device, monkeyp
             renderer.render()
     assert counts == {"trees": 0, "bound": 0, "arrays": 0}
     assert len(renderer._recordings) == 2
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_shadows_fall_on_the_side_that_is_seen(device: wp.Device, side: float) -> None:
+    """On either side of a cloth as on that of a mesh whose faces stand there twice."""
+    builder = newton.ModelBuilder()
+    builder.add_cloth_grid(
+        pos=wp.vec3(-1.0, -1.0, 1.0), rot=wp.quat_identity(), vel=wp.vec3(), dim_x=6, dim_y=6, cell_x=0.33,
+        cell_y=0.33, mass=0.1,
+    )  # fmt: skip
+    ball = newton.Mesh.create_sphere(0.3, num_latitudes=12, num_longitudes=12, compute_inertia=False)
+    builder.add_shape_mesh(-1, mesh=ball, xform=pose(0.0, 0.0, 1.0 + 0.7 * side))
+    model, state = finalize(builder, device)
+    light = wc.Light(kind="directional", direction=(0.3, 0.2, -side), color=(0.6, 0.6, 0.6))
+    position = (0.0, -2.0, 1.0 + 2.0 * side)
+    camera = eye(outputs=("rgb",), shadows=True, position=position, rotation=scenes.looking(position, (0.0, 0.0, 1.0)))
+    lit = scenes.look(wc.from_newton(model, state, lights=[light]), replace(camera, shadows=False))["rgb"]
+    seen = scenes.look(wc.from_newton(model, state, lights=[light]), camera)["rgb"]
+    dark = (lit.astype(int) - seen).max(axis=-1) > 20
+    points, faces = state.particle_q.numpy(), model.tri_indices.numpy().reshape(-1, 3)
+    builder = newton.ModelBuilder()
+    corners = np.concatenate((faces, faces[:, ::-1])).ravel().astype(np.int32)
+    builder.add_shape_mesh(-1, mesh=newton.Mesh(points, corners, compute_inertia=False))
+    builder.add_shape_mesh(-1, mesh=ball, xform=pose(0.0, 0.0, 1.0 + 0.7 * side))
+    twice = wc.from_newton(*finalize(builder, device), lights=[light])
+    expected = scenes.look(twice, replace(camera, shadows=False))["rgb"].astype(int) - scenes.look(twice, camera)["rgb"]
+    assert dark.sum() > 0.01 * dark.size
+    assert ((expected.max(axis=-1) > 20) == dark).mean() > 0.998
+
+
+def test_a_graph_of_ones_own_refits_what_moves(device: wp.Device) -> None:
+    model, state = two_worlds(device)
+    camera = eye(outputs=("depth", "rgb"), position=(0.0, -3.0, 3.0), rotation=scenes.looking((0, -3, 3), (0, 0, 1)))
+    renderer = wc.Renderer(wc.from_newton(model, state), [camera])
+    before = scenes.on_host(renderer.render()["eye"])
+    with wp.ScopedCapture(device) as capture:
+        renderer.render()
+    waved(state, 1, 0.3)
+    wp.capture_launch(capture.graph)
+    wp.synchronize_device(device)
+    after = scenes.on_host(renderer.images["eye"])
+    assert (after["depth"][1] != before["depth"][1]).any()
+    fresh = scenes.look(wc.from_newton(model, state), camera)
+    assert all((after[name] == fresh[name]).all() for name in after)

@@ -1,6 +1,6 @@
 """What a source gives a scene: its parts, its live arrays, and how they are kept up to date."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Protocol
 
@@ -12,7 +12,7 @@ from warpcam.accel.meshes import Mesh
 from warpcam.accel.splats import Cloud
 from warpcam.accel.textures import TextureImage
 from warpcam.kernels.launch import Stage
-from warpcam.kernels.types import NUM_ROLES, Meshes
+from warpcam.kernels.types import NUM_ROLES, Meshes, Textures
 from warpcam.layers import Layers
 from warpcam.lens import Projection
 
@@ -74,6 +74,7 @@ class Parts:
         objects: (id + 1, 2) int32, what the source calls each id of ``segmentation``; the last row is for -1. None: the
             ids say all.
         clouds: What ``shape_assets`` counts for shapes of type SPLATS, none of which is in ``drawn``.
+        lend_textures: Called with the packed ``textures`` before the first frame, for sources that paint some of them.
     """
 
     num_worlds: int
@@ -102,6 +103,7 @@ class Parts:
     layers: Layers = field(default_factory=Layers)
     objects: np.ndarray | None = None
     clouds: Sequence[Cloud] = ()
+    lend_textures: Callable[[Textures], None] = lambda textures: None
 
 
 @dataclass(frozen=True)

@@ -223,10 +223,12 @@ class Renderer:
         if recording is None:
             if len(self._recordings) >= MAX_RECORDINGS:
                 self._recordings.pop(next(iter(self._recordings)))
-            frames = {
-                everything: Frame([phases[0], [stages], *phases[1:]], self._device)
-                for everything, phases in self._phases.items()
-            }
+            aside = [stage for stage in stages if stage.aside]
+            rest = [stage for stage in stages if not stage.aside]
+            frames = {}
+            for everything, (begin, (views,), *phases) in self._phases.items():
+                head = [[[*rest, *views], aside]] if aside else [[rest], [views]]
+                frames[everything] = Frame([begin, *head, *phases], self._device)
             recording = Recording(frames, {})
         self._recordings[stages] = recording
         return recording

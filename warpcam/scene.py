@@ -22,6 +22,7 @@ from warpcam.kernels.types import (
     HEIGHT_FIELD,
     MASKED,
     MESH,
+    MOVING,
     NUM_TYPES,
     SCALED,
     SKY_TERMS,
@@ -65,6 +66,7 @@ class Scene:
         self._moving = tuple(index for index, mesh in enumerate(parts.meshes) if mesh.moves)
         self._height_fields = pack_height_fields(parts.height_fields, self.device)
         self._textures = pack_textures(parts.textures, self.device)
+        parts.lend_textures(self._textures)
         self._masked = pack_masks(parts.meshes, self._textures, self._meshes, self.device)
         self._splats = self._pack_splats()
         self._drawn = wp.array(np.asarray(parts.drawn, np.int32), dtype=wp.int32, device=self.device)
@@ -315,10 +317,10 @@ class Scene:
         types = {int(self._parts.shape_types[shape]) for shape in self._parts.drawn}
         if self._parts.scaled and types & {MESH, HEIGHT_FIELD}:
             types.add(SCALED)
-        if MESH in types and any(mesh.two_sided for mesh in self._parts.meshes):
-            types.add(TWO_SIDED)
-        if self._masked and MESH in types:
-            types.add(MASKED)
+        if MESH in types:
+            sides = any(mesh.two_sided for mesh in self._parts.meshes)
+            found = ((TWO_SIDED, sides), (MOVING, self._moving), (MASKED, self._masked))
+            types |= {kind for kind, there in found if there}
         return frozenset(types)
 
     def _check_parts(self) -> None:

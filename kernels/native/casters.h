@@ -189,11 +189,12 @@ WARPCAM_FN int gather_casters(List& list, int begin, const Shapes& shapes, const
     return begin;
 }
 
-// Does the light shine on the front of what the pixel shows, anywhere on the face whose corners are lit? True where
-// that is not known. Light that shines on backs only adds nothing, so that its shadow does not matter.
+// Does the light shine on the side that the pixel shows, anywhere on the face whose corners are lit? True where that is
+// not known. Light that shines on the other side only adds nothing, so that its shadow does not matter. The pixel's ray
+// runs along `sight`, in the world's axes.
 template <int TYPES, class Shapes, class Meshes>
 WARPCAM_FN bool faces_light(const Shapes& shapes, const Meshes& meshes, int world, int id, int face, const Light& light,
-                            Vec origin)
+                            Vec origin, Vec sight)
 {
     if (wp::index(shapes.types, id) != MESH)
         return true;
@@ -204,15 +205,33 @@ WARPCAM_FN bool faces_light(const Shapes& shapes, const Meshes& meshes, int worl
     if (TYPES >> SCALED & 1)
         aim = { aim.x / shape.size.x, aim.y / shape.size.y, aim.z / shape.size.z };
     const unsigned row = unsigned(wp::index(meshes.face_start, shape.asset)) + unsigned(face * FACE_ROWS);
-    const int given = load(meshes.faces.data, row).w;
+    int given = load(meshes.faces.data, row).w;
+    bool back = false, flat = false;
+    Vec normal { 0.0f, 0.0f, 0.0f };
+    if constexpr ((TYPES >> TWO_SIDED & 1) != 0) {
+        const Row first = load(meshes.faces.data, row), second = load(meshes.faces.data, row + 1);
+        const Row third = load(meshes.faces.data, row + 2);
+        if (has_back<TYPES>(second.w)) {
+            flat = is_flat<TYPES>(second.w, third.w);
+            normal = normalized(cross(to_vec(second) - to_vec(first), to_vec(third) - to_vec(first)));
+            Vec ray = turned_back(shape.rotation, sight);
+            if (TYPES >> SCALED & 1)
+                ray = { ray.x / shape.size.x, ray.y / shape.size.y, ray.z / shape.size.z };
+            back = dot(normal, ray) > 0.0f;
+            if (back) {
+                given = second.w;
+                normal = -normal;
+            }
+        }
+    }
     const int corner = 3 * (wp::index(meshes.corner_start, shape.asset) + given);
     bool faces = false;
     for (int k = 0; k < 3; ++k) {
         const Row at = load(meshes.faces.data, row + k);
-        const auto n = wp::index(meshes.normals, corner + k);
+        const Vec n = flat ? normal : to_vec(wp::index(meshes.normals, corner + (back && k > 0 ? 3 - k : k)));
         const Vec to = light.distant ? aim : Vec { aim.x - at.x, aim.y - at.y, aim.z - at.z };
         const float slack = 1.0e-5f * (magnitude(to.x) + magnitude(to.y) + magnitude(to.z));
-        faces |= n[0] * to.x + n[1] * to.y + n[2] * to.z > -slack;
+        faces |= n.x * to.x + n.y * to.y + n.z * to.z > -slack;
     }
     return faces;
 }

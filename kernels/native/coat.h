@@ -17,7 +17,7 @@ struct Paint {
 template <int TYPES, class Meshes>
 WARPCAM_FN Vec smooth_normal(const Pose& pose, const Meshes& meshes, const Surface& surface)
 {
-    if ((TYPES >> MESH & 1) && pose.type() == MESH) {
+    if ((TYPES >> MESH & 1) && pose.type() == MESH && !surface.flat) {
         const float weights[3] = { 1.0f - surface.weight1 - surface.weight2, surface.weight1, surface.weight2 };
         Vec sum { 0.0f, 0.0f, 0.0f };
         for (int k = 0; k < 3; ++k) {

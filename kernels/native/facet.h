@@ -78,7 +78,7 @@ WARPCAM_FN void facet_at(const Looks& look, const Meshes& meshes, const Surface&
         facet.place[2] = facet.place[0] + pose.seen(triangle.edge2);
         facet.three = true;
     }
-    if ((TYPES >> MESH & 1) && type == MESH) {
+    if ((TYPES >> MESH & 1) && type == MESH && !surface.flat) {
         for (int k = 0; k < 3; ++k)
             facet.normal[k] = corner_normal<TYPES>(meshes, pose, surface.corner + k);
         return;

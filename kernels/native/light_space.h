@@ -115,6 +115,11 @@ template <int LENS> struct Sight {
             return { r.x + depth * along.x, r.y + depth * along.y, r.z + depth * along.z };
         return { depth * r.x + along.x, depth * r.y + along.y, depth * r.z + along.z };
     }
+
+    WARPCAM_FN Vec along_of(Vec point) const  // the way the ray to a point runs
+    {
+        return LENS == ORTHOGRAPHIC ? along : Vec { point.x - along.x, point.y - along.y, point.z - along.z };
+    }
 };
 
 // Points from the camera, along the world's axes.

@@ -135,16 +135,28 @@ WARPCAM_FN void trace_rays(MeshRays<WORDS>& rays, const List& list, const Meshes
                 const Record& record = list.records[slot];
                 const RayFrame frame = ray.template frame<TYPES>(record);
                 const unsigned faces = wp::index(meshes.face_start, record.axis_z.w);
-                for (int f = first; f < end; ++f) {
-                    const unsigned at = faces + unsigned(f * FACE_ROWS);
-                    const Row a = load(meshes.faces.data, at), b = load(meshes.faces.data, at + 1);
-                    const Row c = load(meshes.faces.data, at + 2);
-                    const float t = enter_triangle(frame, project(frame, a.x, a.y, a.z), project(frame, b.x, b.y, b.z),
-                                                   project(frame, c.x, c.y, c.z), has_back<TYPES>(b.w));
-                    if (t < depth && t > near && is_there<TYPES>(meshes, record, ray.local(record), f, t)) {
-                        depth = t;
-                        shape = record.axis_y.w;
-                        face = f;
+                constexpr int TOGETHER = faces_together(TYPES);
+                for (int begin = first; begin < end; begin += TOGETHER) {
+                    Row corners[TOGETHER][3];
+#pragma unroll
+                    for (int i = 0; i < TOGETHER; ++i) {
+                        const unsigned at = faces + unsigned(face_of<TOGETHER>(begin, i, end) * FACE_ROWS);
+#pragma unroll
+                        for (int k = 0; k < 3; ++k)
+                            corners[i][k] = load(meshes.faces.data, at + k);
+                    }
+#pragma unroll
+                    for (int i = 0; i < TOGETHER; ++i) {
+                        const int f = face_of<TOGETHER>(begin, i, end);
+                        const Row &a = corners[i][0], &b = corners[i][1], &c = corners[i][2];
+                        const float t = enter_triangle(frame, project(frame, a.x, a.y, a.z),
+                                                       project(frame, b.x, b.y, b.z), project(frame, c.x, c.y, c.z),
+                                                       has_back<TYPES>(b.w));
+                        if (t < depth && t > near && is_there<TYPES>(meshes, record, ray.local(record), f, t)) {
+                            depth = t;
+                            shape = record.axis_y.w;
+                            face = f;
+                        }
                     }
                 }
                 node = NO_NODE;

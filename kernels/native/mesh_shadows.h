@@ -28,16 +28,28 @@ WARPCAM_FN bool meets_leaf(const Meshes& meshes, const Record& record, unsigned 
     const int code = -leaf - 1, first = code >> 4, end = first + (code & 15);
     const WorldRay ray { point, ray_to(light, point) };
     const RayFrame frame = ray.template frame<TYPES>(record);
+    constexpr int TOGETHER = faces_together(TYPES);
     bool met = false;
-    for (int face = first; face < end && !met; ++face) {
-        const unsigned at = faces + unsigned(face * FACE_ROWS);
-        const Row a = load(meshes.faces.data, at), b = load(meshes.faces.data, at + 1);
-        const Row c = load(meshes.faces.data, at + 2);
-        const float t = enter_triangle(frame, project(frame, a.x, a.y, a.z), project(frame, b.x, b.y, b.z),
-                                       project(frame, c.x, c.y, c.z), (TYPES >> SHADING_BACKS & 1) || has_back<TYPES>(b.w));
-        met = (t > span.near) & (t < span.reach);
-        if constexpr ((TYPES >> MASKED & 1) != 0)
-            met = met && is_there<TYPES>(meshes, record, ray.local(record), face, t);
+    for (int begin = first; begin < end && !met; begin += TOGETHER) {
+        Row corners[TOGETHER][3];
+#pragma unroll
+        for (int i = 0; i < TOGETHER; ++i) {
+            const unsigned at = faces + unsigned(face_of<TOGETHER>(begin, i, end) * FACE_ROWS);
+#pragma unroll
+            for (int k = 0; k < 3; ++k)
+                corners[i][k] = load(meshes.faces.data, at + k);
+        }
+#pragma unroll
+        for (int i = 0; i < TOGETHER; ++i) {
+            const Row &a = corners[i][0], &b = corners[i][1], &c = corners[i][2];
+            const float t = enter_triangle(frame, project(frame, a.x, a.y, a.z), project(frame, b.x, b.y, b.z),
+                                           project(frame, c.x, c.y, c.z),
+                                           (TYPES >> SHADING_BACKS & 1) || has_back<TYPES>(b.w));
+            bool meets = (t > span.near) & (t < span.reach);
+            if constexpr ((TYPES >> MASKED & 1) != 0)
+                meets = meets && is_there<TYPES>(meshes, record, ray.local(record), face_of<TOGETHER>(begin, i, end), t);
+            met |= meets;
+        }
     }
     return met;
 }

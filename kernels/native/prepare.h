@@ -27,12 +27,29 @@ struct alignas(4) TileBox {
     signed char left, top, right, bottom;
 };
 
-// The block of an image that a thread block draws; `block` counts worlds, then regions.
-template <int WIDTH, int HEIGHT, class Target> WARPCAM_FN Region region_of(const Target& target, int block, int& world)
+// Which part of which world's image a thread block draws; `block` counts worlds, then parts. OUTWARDS: of all images of a
+// launch first the parts in the middle, which take longest, so that the last blocks are short ones, and that all
+// multiprocessors have as many of each kind.
+template <bool OUTWARDS> WARPCAM_FN int part_of(int block, int columns, int rows, int& world)
+{
+    const int parts = columns * rows;
+#if defined(__CUDA_ARCH__)
+    if constexpr (OUTWARDS) {
+        const int mine = int(blockIdx.x), worlds = int(gridDim.x) / parts, rank = mine / worlds, step = rank / columns;
+        world = (block - mine) / parts + mine % worlds;
+        return (rows / 2 + (step % 2 ? -(step + 1) / 2 : step / 2)) * columns + rank % columns;
+    }
+#endif
+    world = block / parts;
+    return block % parts;
+}
+
+// The block of an image that a thread block draws; see part_of.
+template <int WIDTH, int HEIGHT, bool OUTWARDS = false, class Target>
+WARPCAM_FN Region region_of(const Target& target, int block, int& world)
 {
     const int columns = (target.width + WIDTH - 1) / WIDTH, rows = (target.height + HEIGHT - 1) / HEIGHT;
-    const int part = block % (columns * rows);
-    world = block / (columns * rows);
+    const int part = part_of<OUTWARDS>(block, columns, rows, world);
     Region region { part % columns * WIDTH, part / columns * HEIGHT, WIDTH, HEIGHT };
     region.width = lower_int(WIDTH, (target.width - region.left + TILE_WIDTH - 1) / TILE_WIDTH * TILE_WIDTH);
     region.height = lower_int(HEIGHT, (target.height - region.top + TILE_HEIGHT - 1) / TILE_HEIGHT * TILE_HEIGHT);

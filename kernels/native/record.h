@@ -7,7 +7,7 @@ namespace warpcam {
 // Values of types.py.
 enum ShapeType {
     PLANE, HEIGHT_FIELD, SPHERE, CAPSULE, ELLIPSOID, CYLINDER, BOX, MESH, CONE, BARREL, SCALED, SPLATS, TWO_SIDED, MASKED,
-    SHADING_BACKS
+    SHADING_BACKS, MOVING
 };
 enum Lens { PINHOLE, ORTHOGRAPHIC };
 
@@ -26,6 +26,18 @@ struct Record {
 
 // Whether a face is seen from behind, too, by what its second row says: see Meshes.faces.
 template <int TYPES> WARPCAM_FN bool has_back(int mark) { return (TYPES >> TWO_SIDED & 1) && mark != 0; }
+
+// Whether the corners of a face have its own normal, by what its second and third row say.
+template <int TYPES> WARPCAM_FN bool is_flat(int back, int mark) { return has_back<TYPES>(back) && mark != 0; }
+
+// So many faces of a leaf are loaded before the first is tested: memory is waited for less often, in more registers.
+constexpr int faces_together(int types) { return types >> MOVING & 1 ? 2 : 1; }
+
+// The i-th of them; behind the end the last is taken again.
+template <int TOGETHER> WARPCAM_FN int face_of(int begin, int i, int end)
+{
+    return TOGETHER == 1 ? begin : lower_int(begin + i, end - 1);
+}
 
 template <int TYPES> WARPCAM_FN bool is_mesh(const Record& record)
 {

@@ -4,7 +4,7 @@
 
 namespace warpcam {
 
-constexpr int LEAF_LANES = 8;  // a leaf has at most 15 faces, most have fewer than 8
+constexpr int LEAF_LANES = 8;  // a leaf has at most 15 faces of three corners, most have 2 to 6
 
 WARPCAM_FN Bounds joined(const Bounds& a, const Bounds& b)
 {
@@ -12,16 +12,28 @@ WARPCAM_FN Bounds joined(const Bounds& a, const Bounds& b)
              { upper(a.high.x, b.high.x), upper(a.high.y, b.high.y), upper(a.high.z, b.high.z) } };
 }
 
-// A box of nothing, as of corners that are no numbers, makes a child that is not there.
-template <class Array> WARPCAM_FN void put_box(const Array& nodes, int row, int child, Bounds box)
+#if defined(__CUDA_ARCH__)
+
+// One of a child's two rows: see put_box.
+template <class Array> WARPCAM_FN void put_half(const Array& nodes, int row, int child, int code, const Bounds& box, int half)
 {
+    const bool there = box.low.x <= box.high.x;
+    const Vec at = half ? box.high : box.low;
+    reinterpret_cast<float4*>(nodes.data)[row + 2 * child + half] = make_float4(
+        there ? at.x : ABSENT, there ? at.y : ABSENT, there ? at.z : ABSENT, half ? 0.0f : as_float(code));
+}
+
+#endif
+
+// A child and its box. A box of nothing, as of corners that are no numbers, makes a child that is not there.
+template <class Array> WARPCAM_FN void put_box(const Array& nodes, int row, int child, int code, Bounds box)
+{
+#if defined(__CUDA_ARCH__)
+    for (int half = 0; half < 2; ++half)
+        put_half(nodes, row, child, code, box, half);
+#else
     if (!(box.low.x <= box.high.x))
         box = { { ABSENT, ABSENT, ABSENT }, { ABSENT, ABSENT, ABSENT } };
-#if defined(__CUDA_ARCH__)
-    float4* const rows = reinterpret_cast<float4*>(nodes.data) + row + 2 * child;
-    rows[0] = make_float4(box.low.x, box.low.y, box.low.z, rows[0].w);
-    rows[1] = make_float4(box.high.x, box.high.y, box.high.z, 0.0f);
-#else
     for (int axis = 0; axis < 3; ++axis) {
         nodes.data[row + axis][child] = component(box.low, axis);
         nodes.data[row + 3 + axis][child] = component(box.high, axis);
@@ -29,30 +41,27 @@ template <class Array> WARPCAM_FN void put_box(const Array& nodes, int row, int 
 #endif
 }
 
-// Writes a face's rows with its corners where they are now; its box.
+// Writes a corner of the face that stands in a row; where it is now.
 template <class Moving, class Meshes, class Points>
-WARPCAM_FN Bounds move_face(const Moving& moving, const Meshes& meshes, const Points& points, int instance, int first_face,
-                            int row)
+WARPCAM_FN Vec move_corner(const Moving& moving, const Meshes& meshes, const Points& points, int instance, int first_face,
+                           int row, int k)
 {
     const int base = wp::index(moving.bases, instance), face = wp::index(moving.order, instance, row);
-    const auto corners = wp::index(moving.triangles, face);
-    const int marks[3] = { face, moving.backs ? moving.triangles.shape[0] + face : 0, 0 };
-    Bounds box = nowhere();
-    for (int k = 0; k < 3; ++k) {
-        const Vec place = to_vec(points.data[base + corners[k]]);
-        box.include(place);
-        const int at = first_face + FACE_ROWS * row + k;
+    const Vec place = to_vec(points.data[base + moving.triangles.data[face][k]]);
+    const int back = moving.backs ? moving.triangles.shape[0] + face : 0;
+    const float mark = as_float(k == 0 ? face : k == 1 ? back : moving.backs);
+    const int at = first_face + FACE_ROWS * row + k;
 #if defined(__CUDA_ARCH__)
-        reinterpret_cast<float4*>(meshes.faces.data)[at] = make_float4(place.x, place.y, place.z, as_float(marks[k]));
+    reinterpret_cast<float4*>(meshes.faces.data)[at] = make_float4(place.x, place.y, place.z, mark);
 #else
-        auto& to = meshes.faces.data[at];
-        to[0] = place.x, to[1] = place.y, to[2] = place.z, to[3] = as_float(marks[k]);
+    auto& to = meshes.faces.data[at];
+    to[0] = place.x, to[1] = place.y, to[2] = place.z, to[3] = mark;
 #endif
-    }
-    return box;
+    return place;
 }
 
-// A leaf's faces and its box. `index` counts instances, leaves, then (CUDA) lanes, a face each.
+// A leaf's faces and its box. `index` counts instances, leaves, then (CUDA) lanes, a corner each: what they write lies in
+// a row, as half of a sector of memory takes as long as a whole one.
 template <class Moving, class Meshes, class Points>
 WARPCAM_FN void move_leaf(const Moving& moving, const Meshes& meshes, const Points& points, int index)
 {
@@ -65,11 +74,12 @@ WARPCAM_FN void move_leaf(const Moving& moving, const Meshes& meshes, const Poin
     const auto entry = wp::index(moving.entries, leaf - instance * moving.num_leaves);
     const int asset = wp::index(moving.assets, instance), code = -entry[2] - 1, first = code >> 4, count = code & 15;
     const int nodes = wp::index(meshes.node_start, asset), faces = wp::index(meshes.face_start, asset);
+    const int row = nodes + NODE_ROWS * entry[0];
     Bounds box = nowhere();
 #if defined(__CUDA_ARCH__)
-    for (int k = lane; k < count; k += LEAF_LANES)
-        box = joined(box, move_face(moving, meshes, points, instance, faces, first + k));
-    const unsigned mask = 0xffu << (threadIdx.x % LANES / LEAF_LANES * LEAF_LANES);
+    for (int i = lane; i < 3 * count; i += LEAF_LANES)
+        box.include(move_corner(moving, meshes, points, instance, faces, first + i / 3, i % 3));
+    const unsigned mask = ((1u << LEAF_LANES) - 1) << (threadIdx.x % LANES / LEAF_LANES * LEAF_LANES);
     for (int step = LEAF_LANES / 2; step > 0; step /= 2) {
         const Bounds other = { { __shfl_xor_sync(mask, box.low.x, step), __shfl_xor_sync(mask, box.low.y, step),
                                  __shfl_xor_sync(mask, box.low.z, step) },
@@ -77,12 +87,13 @@ WARPCAM_FN void move_leaf(const Moving& moving, const Meshes& meshes, const Poin
                                  __shfl_xor_sync(mask, box.high.z, step) } };
         box = joined(box, other);
     }
-    if (lane == 0)
+    if (lane < 2)
+        put_half(meshes.nodes, row, entry[1], entry[2], box, lane);
 #else
-    for (int k = 0; k < count; ++k)
-        box = joined(box, move_face(moving, meshes, points, instance, faces, first + k));
+    for (int i = 0; i < 3 * count; ++i)
+        box.include(move_corner(moving, meshes, points, instance, faces, first + i / 3, i % 3));
+    put_box(meshes.nodes, row, entry[1], entry[2], box);
 #endif
-        put_box(meshes.nodes, nodes + NODE_ROWS * entry[0], entry[1], box);
 }
 
 // How a face lies, or what it was made of (see Moving).
@@ -99,7 +110,7 @@ WARPCAM_FN Vec flat_normal(const Moving& moving, const Points& points, const Poi
     return normalized(cross(at[1] - at[0], at[2] - at[0]));
 }
 
-// Normals at the corners of a face and of its back. `index` counts instances, then faces, on CUDA filled up to whole warps,
+// Normals at the corners of a face without a back. `index` counts instances, then faces, on CUDA filled up to whole warps,
 // which write what their faces have to write one after another.
 template <class Moving, class Meshes, class Points>
 WARPCAM_FN void move_normals(const Moving& moving, const Meshes& meshes, const Points& points, const Points& normals,
@@ -127,19 +138,13 @@ WARPCAM_FN void move_normals(const Moving& moving, const Meshes& meshes, const P
         const int number = LANES * k + lane, whose = number / 9, axis = number % 3;
         const float x = __shfl_sync(ALL, normal.x, whose), y = __shfl_sync(ALL, normal.y, whose);
         const float z = __shfl_sync(ALL, normal.z, whose), value = axis == 0 ? x : axis == 1 ? y : z;
-        if (start + whose >= moving.num_smooth && start + whose < count) {
+        if (start + whose >= moving.num_smooth && start + whose < count)
             to[number] = value;
-            if (moving.backs)
-                to[9 * count + number] = -value;
-        }
     }
 #else
     for (int k = 0; flat && k < 3; ++k)
-        for (int axis = 0; axis < 3; ++axis) {
+        for (int axis = 0; axis < 3; ++axis)
             meshes.normals.data[corner + 3 * face + k][axis] = component(normal, axis);
-            if (moving.backs)
-                meshes.normals.data[corner + 3 * (count + face) + k][axis] = -component(normal, axis);
-        }
 #endif
 }
 
@@ -160,7 +165,7 @@ template <class Moving, class Meshes>
 WARPCAM_FN void move_inner(const Moving& moving, const Meshes& meshes, int nodes, int number)
 {
     const auto entry = wp::index(moving.entries, number);
-    put_box(meshes.nodes, nodes + NODE_ROWS * entry[0], entry[1], node_box(meshes, nodes, entry[2]));
+    put_box(meshes.nodes, nodes + NODE_ROWS * entry[0], entry[1], entry[2], node_box(meshes, nodes, entry[2]));
 }
 
 // A level of nodes, `count` of them from entry `begin` on; `index` counts instances, then children.

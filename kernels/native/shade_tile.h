@@ -215,7 +215,8 @@ inline void shade_tile(const List& list, const LitView<LENS>& view, int world, c
             walk |= met[word] != 0;
         }
         if (walk
-            && faces_light<TYPES>(shapes, meshes, world, points.ids[lane], points.faces[lane], view.light, view.origin))
+            && faces_light<TYPES>(shapes, meshes, world, points.ids[lane], points.faces[lane], view.light, view.origin,
+                                  view.sight.along_of(points.at[lane])))
             walk_meshes<TYPES>(meshes, list.records, met, words, ray, points.near[lane], hit);
         points.open[lane] = hit.shape < 0;
     }

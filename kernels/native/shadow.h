@@ -152,7 +152,8 @@ WARPCAM_FN void cast_light(List& list, const Task<LENS>& task, const Shapes& sha
         const bool met_any = shade_tile<TYPES>(list, view, p, span, place, open, fields, met);
         if (HAS_MESH) {
             const bool keep = open && met_any
-                && faces_light<TYPES>(shapes, meshes, task.world, id, target.face.data[at], view.light, view.origin);
+                && faces_light<TYPES>(shapes, meshes, task.world, id, target.face.data[at], view.light, view.origin,
+                                      view.sight.along_of(p));
             const unsigned kept = __ballot_sync(ALL, keep);
             rays[warp].put(kept, met, (list.count + 31) / 32, row * 64 + column);
             __syncwarp();
@@ -233,7 +234,8 @@ WARPCAM_FN void cast(const Shapes& shapes, const Materials& materials, const Mes
     WARPCAM_SHARED Task<LENS> task;
     const int thread = index % THREADS, block = index / THREADS;
     const int columns = (target.width + WIDTH - 1) / WIDTH, rows = (target.height + HEIGHT - 1) / HEIGHT;
-    const int world = block / (columns * rows), part = block % (columns * rows);
+    int world;
+    const int part = part_of<(TYPES >> MOVING & 1) != 0>(block, columns, rows, world);
     if (!wp::index(target.mask, world))
         return;
     const Region region { part % columns * WIDTH, part / columns * HEIGHT, WIDTH, HEIGHT };

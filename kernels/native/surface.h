@@ -41,6 +41,7 @@ struct Surface {
     Vec normal;              // unit, outwards, of the geometry itself: a mesh's flat face
     int part;                // SIDE, TOP, BOTTOM; of a box the axis
     int corner;              // mesh: first corner of the face in Meshes.normals and Meshes.uvs
+    bool flat;               // mesh: `normal` is that of its corners, too, and Meshes.normals is not to be read
     Triangle triangle;       // mesh, height field
     float weight1, weight2;  // barycentric weights of the triangle's second and third corner
 };
@@ -161,11 +162,12 @@ template <class Meshes> WARPCAM_FN Row face_row(const Meshes& meshes, int row)
 
 // The face that stands in a row, as the mesh's or, seen from behind, as its back, whose corners go the other way round.
 template <int TYPES, class Meshes>
-WARPCAM_FN Triangle load_triangle(const Meshes& meshes, int row, Vec ray, int& given)
+WARPCAM_FN Triangle load_triangle(const Meshes& meshes, int row, Vec ray, int& given, bool& flat)
 {
-    const Row first = face_row(meshes, row), second = face_row(meshes, row + 1);
-    const Vec origin = to_vec(first), edge1 = to_vec(second) - origin, edge2 = to_vec(face_row(meshes, row + 2)) - origin;
+    const Row first = face_row(meshes, row), second = face_row(meshes, row + 1), third = face_row(meshes, row + 2);
+    const Vec origin = to_vec(first), edge1 = to_vec(second) - origin, edge2 = to_vec(third) - origin;
     given = first.w;
+    flat = is_flat<TYPES>(second.w, third.w);
     if (has_back<TYPES>(second.w) && dot(cross(edge1, edge2), ray) > 0.0f) {
         given = second.w;
         return { origin, edge2, edge1 };
@@ -181,7 +183,7 @@ WARPCAM_FN void mesh_surface(const Meshes& meshes, const Pose& pose, int face, V
     const int faces = STRETCHED ? wp::index(meshes.face_start, pose.asset()) : as_int(pose.size.x);
     const int corners = STRETCHED ? wp::index(meshes.corner_start, pose.asset()) : as_int(pose.size.y);
     int given;
-    const Triangle triangle = load_triangle<TYPES>(meshes, faces + 3 * face, ray, given);
+    const Triangle triangle = load_triangle<TYPES>(meshes, faces + 3 * face, ray, given, surface.flat);
     const Vec normal = cross(triangle.edge1, triangle.edge2), place = surface.local - triangle.origin;
     const float rate = reciprocal(upper(dot(normal, normal), TINY));
     surface.corner = 3 * (corners + given);

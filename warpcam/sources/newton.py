@@ -12,7 +12,7 @@ from warpcam import device as device_rule
 from warpcam.accel.textures import TextureImage
 from warpcam.errors import WarpcamError
 from warpcam.kernels import types
-from warpcam.kernels.gather import FlatShapes, WorldShapes, record_gather
+from warpcam.kernels.gather import WHITE, FlatShapes, WorldShapes, record_gather
 from warpcam.kernels.launch import Stage
 from warpcam.kernels.refit import Tree
 from warpcam.layers import veils_alone
@@ -23,6 +23,7 @@ from warpcam.scene import Scene
 from warpcam.sources.newton_labels import read_labels
 from warpcam.sources.newton_model import PLAIN, Layout, read_layout
 from warpcam.sources.newton_soft import Soft, read_soft
+from warpcam.sources.newton_tints import Tints
 from warpcam.sources.newton_visual import Moves, Visual, read_visuals, with_visuals
 
 MAX_BOUND = 8  # states whose stages are kept
@@ -75,22 +76,26 @@ class NewtonSource:
         soft = with_visuals(read_soft(model, visuals.particles), visuals)
         more = [_image(pixels, index) for index, pixels in enumerate(textures)]
         first_finish, first_texture = len(layout.finishes), len(layout.textures)
+        images = [*layout.textures, *visuals.textures, *more]
+        self.tints = Tints(soft.parts, len(images), first_finish + len(visuals.textures), self.device)
+        of_visuals, of_more = (
+            [(*PLAIN[:2], start + index) for index in range(len(group))]
+            for start, group in ((first_texture, visuals.textures), (len(images) - len(more), more))
+        )
         layout = replace(
             layout,
-            textures=[*layout.textures, *visuals.textures, *more],
-            finishes=[
-                *layout.finishes,
-                *((*PLAIN[:2], first_texture + texture) for texture in range(len(visuals.textures) + len(more))),
-            ],
+            textures=[*images, *self.tints.images],
+            finishes=[*layout.finishes, *of_visuals, *([PLAIN] * len(self.tints.parts)), *of_more],
         )
         num_worlds = model.world_count
         if lights is None:
             lights = (default_light(model),)
-        tables = Columns(layout, soft, first_finish)
+        tables = Columns(layout, soft, first_finish, self.tints)
         instances, marks = read_labels(model, tables.ids, tables.bodies, semantics)
         if more:  # each world may have its own
             tables.materials = np.array(np.broadcast_to(tables.materials, (num_worlds, len(tables.kinds))))
         self._arrays = _tables(layout, tables, num_worlds, self.device)
+        self.tints.choose(self._arrays["material_texture"])
         self._arrays.update(light_arrays(lights, num_worlds, self.device))
         headlight = np.zeros((3, 3), np.float32)
         headlight[0] = per_world(ambient, "ambient", 1, (3,))[0]
@@ -117,6 +122,7 @@ class NewtonSource:
             scaled=True,
             physical=True,
             clouds=layout.clouds,
+            lend_textures=self.tints.lend,
             layers=veils_alone(tables.kinds, drawn, _opacity(model, tables), transparency),
         )
         self._out = WorldShapes()
@@ -180,7 +186,8 @@ class NewtonSource:
             if len(self._stages) >= MAX_BOUND:
                 self._stages.pop(next(iter(self._stages)))
             flat = self._flat()
-            stages = (record_gather(flat, self._out, self.device), *self._record_soft(meshes, flat))
+            gathered = record_gather(flat, self._out, self.device)
+            stages = (gathered, *self.tints.record(flat.face_colors), *self._record_soft(meshes, flat))
         self._stages[key] = stages
         self._read, self._bound = read, stages
         return stages
@@ -196,7 +203,7 @@ class NewtonSource:
         stages = []
         for part, tree in zip(self._soft.parts, self._move(meshes), strict=True):
             if not isinstance(part, Visual):
-                stages += tree.record(flat.points)
+                stages += tree.record(flat.points, aside=True)
             else:
                 moves = self._visual[part]
                 stages += [*moves.record(flat.points, flat.body_transforms), *tree.record(moves.points, moves.normals)]
@@ -263,7 +270,7 @@ def default_light(model: newton.Model) -> Light:
 class Columns:
     """The columns of all that is drawn: shapes, soft surfaces, particles."""
 
-    def __init__(self, layout: Layout, soft: Soft, first_finish: int):
+    def __init__(self, layout: Layout, soft: Soft, first_finish: int, tints: Tints):
         num_worlds, shapes = layout.ids.shape
         width, loose = soft.num_columns, soft.particles
         self.faces, self.first_soft = np.full((num_worlds, width), -1, np.int32), shapes
@@ -272,7 +279,8 @@ class Columns:
         for part in soft.parts:
             for number, (world, triangle) in enumerate(zip(part.worlds, part.triangles, strict=True)):
                 rows = slice(None) if world < 0 else world
-                self.faces[rows, part.column], assets[rows, part.column] = triangle, first + number
+                self.faces[rows, part.column] = WHITE - triangle if part.tinted else triangle
+                assets[rows, part.column] = first + number
             first += len(part.worlds)
         self.kinds = np.concatenate(
             (layout.kinds, np.full(width, types.MESH), np.full(loose.shape[1], types.SPHERE))
@@ -289,7 +297,9 @@ class Columns:
         for part in soft.parts:
             if isinstance(part, Visual) and part.texture >= 0:
                 plain[:, part.column] = first_finish + part.texture
-        self.materials = np.hstack((layout.materials, plain)).astype(np.int32)
+        plain = tints.materials(plain, num_worlds)
+        own = np.broadcast_to(layout.materials, (len(plain), shapes))
+        self.materials = np.hstack((own, plain)).astype(np.int32)
 
 
 def _tables(layout: Layout, tables: Columns, num_worlds: int, device: wp.Device) -> dict[str, wp.array]:
@@ -326,7 +336,8 @@ def _opacity(model: newton.Model, tables: Columns) -> np.ndarray:
     if soft is not None and soft.shape[0]:
         first = tables.first_soft
         faces = opacity[:, first : first + tables.faces.shape[1]]
-        faces[:] = np.where(tables.faces >= 0, np.append(soft.numpy(), 1.0)[np.maximum(tables.faces, -1)], faces)
+        triangles = np.where(tables.faces <= WHITE, WHITE - tables.faces, tables.faces)
+        faces[:] = np.where(triangles >= 0, np.append(soft.numpy(), 1.0)[np.maximum(triangles, -1)], faces)
     return opacity
 
 

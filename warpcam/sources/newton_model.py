@@ -88,12 +88,13 @@ def read_layout(model: newton.Model) -> Layout:
     ids = np.append(entries.shapes, -1)[table].astype(np.int32)
 
     assets, materials = np.full(len(kinds) + 1, -1, np.int32), np.zeros(len(kinds) + 1, np.int32)
-    sources = Sources()
+    sources, scales = Sources(), model.shape_scale.numpy() if count else np.ones((0, 3))
     for entry in map(int, np.flatnonzero(np.isin(kinds, (types.MESH, types.HEIGHT_FIELD, types.SPLATS)))):
         source = entries.sources[entry]
         if source is not None:
             convex = entries.types[entry] == int(GEO.CONVEX_MESH)
-            assets[entry], materials[entry] = sources.add(source, convex, model.shape_label[entries.shapes[entry]])
+            shape = entries.shapes[entry]
+            assets[entry], materials[entry] = sources.add(source, convex, model.shape_label[shape], scales[shape])
     variants = None
     if entries.chosen.any():
         wanted = np.append(np.where(entries.chosen, entries.types, -1), -1)
@@ -127,14 +128,22 @@ class Sources:
         self.height_fields: list[HeightField] = []
         self.textures: list[TextureImage] = []
         self.clouds: list[Cloud] = []
-        self._known: dict[tuple[int, bool], tuple[int, int]] = {}
+        self._known: dict[Any, tuple[int, int]] = {}
         self._meshes: dict[tuple[bytes, ...], int] = {}
         self._images: dict[Any, int] = {}
         self.finishes: dict[tuple[float, float, int], int] = {PLAIN: 0}
 
-    def add(self, source: Any, convex: bool, label: str) -> tuple[int, int]:
-        """Index of a mesh, a height field or a cloud among its kind, and its material."""
-        key = (id(source), convex)
+    def add(self, source: Any, convex: bool, label: str, scale: np.ndarray) -> tuple[int, int]:
+        """Index of a mesh, a height field or a cloud among its kind, and its material.
+
+        Args:
+            source: What the shape has.
+            convex: Whether it is its hull.
+            label: The shape's.
+            scale: (3,) of the shape.
+        """
+        projected = isinstance(source, newton.Mesh) and source.texture is not None and (convex or source.uvs is None)
+        key = (id(source), convex, scale.tobytes() if projected else b"")
         if key not in self._known:
             if isinstance(source, newton.Heightfield):
                 self.height_fields.append(_height_field(source, label))
@@ -143,7 +152,8 @@ class Sources:
                 self.clouds.append(read_cloud(source, label))
                 self._known[key] = len(self.clouds) - 1, 0
             elif isinstance(source, newton.Mesh):
-                self._known[key] = self._mesh(source, convex, label), self._material(source, convex, label)
+                material, stretch = self._material(source, label), scale if projected else None
+                self._known[key] = self._mesh(source, convex, label, stretch), material
             else:
                 raise WarpcamError(
                     f"model: the source of shape '{label}' must be a newton.Mesh, Heightfield or Gaussian, got "
@@ -151,8 +161,8 @@ class Sources:
                 )
         return self._known[key]
 
-    def _mesh(self, source: newton.Mesh, convex: bool, label: str) -> int:
-        mesh = _mesh(source, convex, label)
+    def _mesh(self, source: newton.Mesh, convex: bool, label: str, stretch: np.ndarray | None) -> int:
+        mesh = _mesh(source, convex, label, stretch)
         arrays = (mesh.vertices, mesh.faces, mesh.normals, mesh.uvs)
         key = tuple(b"" if array is None else array.tobytes() for array in arrays)
         if key not in self._meshes:
@@ -160,21 +170,18 @@ class Sources:
             self.meshes.append(mesh)
         return self._meshes[key]
 
-    def _material(self, source: newton.Mesh, convex: bool, label: str) -> int:
+    def _material(self, source: newton.Mesh, label: str) -> int:
         rough, metal = source.roughness, source.metallic
         finish = (
             PLAIN[0] if rough is None else float(np.clip(rough, 0.0, 1.0)),
             PLAIN[1] if metal is None else float(np.clip(metal, 0.0, 1.0)),
-            self._texture(source, convex, label),
+            self._texture(source, label),
         )
         return self.finishes.setdefault(finish, len(self.finishes))
 
-    def _texture(self, source: newton.Mesh, convex: bool, label: str) -> int:
+    def _texture(self, source: newton.Mesh, label: str) -> int:
         texture = source.texture
         if texture is None:
-            return -1
-        if source.uvs is None or convex:
-            _warn("shape '%s': its texture is not drawn, as its mesh has no texture coordinates", label)
             return -1
         key = str(texture) if isinstance(texture, str | Path) else id(texture)
         if key not in self._images:
@@ -196,7 +203,7 @@ class Sources:
         return self._images[key]
 
 
-def _mesh(source: newton.Mesh, convex: bool, label: str) -> Mesh:
+def _mesh(source: newton.Mesh, convex: bool, label: str, stretch: np.ndarray | None) -> Mesh:
     vertices = np.ascontiguousarray(source.vertices, np.float32)
     faces = np.ascontiguousarray(np.asarray(source.indices).reshape(-1, 3), np.int32)
     if faces.size and not (0 <= faces.min() and faces.max() < len(vertices)):
@@ -219,7 +226,20 @@ def _mesh(source: newton.Mesh, convex: bool, label: str) -> Mesh:
         _require_rows(given, len(vertices), "uvs", label)
         transform = np.asarray(source.texture_transform, np.float32)
         uvs = np.ascontiguousarray((given @ transform[:, :2].T + transform[:, 2])[faces], np.float32)
+    elif stretch is not None:
+        uvs = _projected(vertices * stretch.astype(np.float32), faces)
     return Mesh(label, vertices, faces, normals, uvs)
+
+
+def _projected(points: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    """Texture coordinates of a mesh that has none, (face, 3, 2), as Newton's camera lays textures there.
+
+    Along the axis that a face looks along most, one repeat a metre.
+    """
+    x, y, z = np.abs(face_normals(points, faces)).T
+    axis = np.where((x >= y) & (x >= z), 0, np.where(y >= z, 1, 2))
+    kept = np.array(((1, 2), (0, 2), (0, 1)))[axis]
+    return np.ascontiguousarray(np.take_along_axis(points[faces], kept[:, None, :], axis=2), np.float32)
 
 
 def _require_rows(values: np.ndarray, rows: int, what: str, label: str) -> None:

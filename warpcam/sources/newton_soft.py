@@ -2,13 +2,14 @@
 
 import logging
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import newton
 import numpy as np
 
 from warpcam.accel.meshes import Mesh
 from warpcam.errors import WarpcamError
+from warpcam.sources.newton_tints import differ, texel_coordinates
 
 MAX_PARTS = 32  # of one world; more are drawn as one, in one colour
 MAX_PARTICLES = 1024  # in one world
@@ -25,6 +26,8 @@ class Part:
         worlds: Where it is, -1 for all worlds.
         bases: Its first particle in each of these.
         triangles: One of its triangles in each, for the colour.
+        all_triangles: (face,) int32, all of them in each.
+        tinted: Whether their colours differ, in some world.
     """
 
     faces: np.ndarray
@@ -33,6 +36,8 @@ class Part:
     worlds: list[int] = field(default_factory=list)
     bases: list[int] = field(default_factory=list)
     triangles: list[int] = field(default_factory=list)
+    all_triangles: list[np.ndarray] = field(default_factory=list)
+    tinted: bool = False
 
     @property
     def is_open(self) -> bool:
@@ -41,9 +46,11 @@ class Part:
 
     def mesh(self) -> Mesh:
         faces, both = self.faces, self.is_open
+        uvs = texel_coordinates(len(faces)) if self.tinted else None
         if both:
             faces = np.concatenate((faces, faces[:, (0, 2, 1)]))
-        return Mesh(f"soft part {self.column}", self.vertices, faces, moves=True, two_sided=both)
+            uvs = None if uvs is None else np.concatenate((uvs, uvs))
+        return Mesh(f"soft part {self.column}", self.vertices, faces, uvs=uvs, moves=True, two_sided=both)
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,6 +102,9 @@ def read_soft(model: newton.Model, covered: np.ndarray) -> Soft:
             bound[elements[1].reshape(-1)] = True
         triangles, numbers = _uncovered(elements, covered)
         parts = _parts(triangles, numbers, worlds, positions) if len(triangles) else []
+        colors = model.tri_color
+        values = None if colors is None or colors.shape[0] != model.tri_count else colors.numpy()
+        parts = [replace(part, tinted=differ(values, part.all_triangles)) for part in parts]
     loose = np.flatnonzero(~bound)
     return Soft(parts, 1 + max((part.column for part in parts), default=-1), _particles(loose, worlds, num_worlds))
 
@@ -114,7 +124,7 @@ def _parts(triangles: np.ndarray, numbers: np.ndarray, worlds: np.ndarray, posit
     of_triangle = worlds[triangles[:, 0]]
     order = np.argsort(of_triangle, kind="stable")
     known: dict[bytes, list[Part]] = {}
-    starts: dict[bytes, list[int]] = {}
+    members: dict[bytes, list[np.ndarray]] = {}
     shared = 0
     for block in np.split(order, np.flatnonzero(np.diff(of_triangle[order])) + 1):
         base, world = int(triangles[block].min()), int(of_triangle[block[0]])
@@ -122,18 +132,19 @@ def _parts(triangles: np.ndarray, numbers: np.ndarray, worlds: np.ndarray, posit
         key = own.tobytes() + (b"all" if world < 0 else b"")
         if key not in known:
             labels = _components(own)
-            known[key], starts[key] = [], []
+            known[key], members[key] = [], []
             for number, label in enumerate(np.unique(labels)):
                 faces = own[labels == label]
                 vertices = positions[base : base + int(own.max()) + 1].astype(np.float32)
                 known[key].append(Part(np.ascontiguousarray(faces, np.int32), vertices, shared + number))
-                starts[key].append(int(np.flatnonzero(labels == label)[0]))
+                members[key].append(np.flatnonzero(labels == label))
             if world < 0:  # what is in all worlds has columns before the worlds' own
                 shared = len(known[key])
-        for part, start in zip(known[key], starts[key], strict=True):
+        for part, own_faces in zip(known[key], members[key], strict=True):
             part.worlds.append(world)
             part.bases.append(base)
-            part.triangles.append(int(numbers[block[start]]))
+            part.all_triangles.append(numbers[block[own_faces]])
+            part.triangles.append(int(part.all_triangles[-1][0]))
     return [part for parts in known.values() for part in parts]
 
 

@@ -25,7 +25,9 @@ class Looks:
     def __init__(self, scene: wc.Scene, model: newton.Model, physical: bool):
         self._scene, self._up = scene, np.eye(3)[int(model.up_axis)]
         self._textures = scene.array("material_texture")
-        self._all = wp.clone(self._textures)
+        self._all, self._none = wp.clone(self._textures), wp.full_like(self._textures, -1)
+        source: Any = scene._source
+        source.tints.choose(self._none)  # colours of triangles are no textures to Newton
         self._shown, self._ambient = True, True
         self._sky, self._ground = np.array(SKY), np.array(GROUND)
         self._write_sky()
@@ -54,10 +56,7 @@ class Looks:
         """Bring the scene to these settings; what is so already costs nothing."""
         if textures != self._shown:
             self._shown = textures
-            if textures:
-                wp.copy(self._textures, self._all)
-            else:
-                self._textures.fill_(-1)
+            wp.copy(self._textures, self._all if textures else self._none)
         if ambient != self._ambient:
             self._ambient = ambient
             if ambient:
