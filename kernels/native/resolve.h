@@ -456,7 +456,7 @@ WARPCAM_FN void resolve(const Scene_& scene, const Lights& lights, int index)
     // Where not all looks can be kept, some are.
     constexpr bool SOME = KEPT == 0 && (CAPACITY > 0 || CORNERS > 0) && (Wants::SURFACE || Wants::COLORED);
     constexpr int PLACES = CAPACITY > 0 ? CAPACITY : 1, BARE = sizeof(Look<TYPES, Bare<Wants>>);
-    constexpr int LEFT = (ROOM - 1024 - CORNERS * int(sizeof(float)) - 2 * PLACES) / BARE;
+    constexpr int LEFT = (ROOM - 2048 - CORNERS * int(sizeof(float)) - 2 * PLACES) / BARE;
     constexpr int SEEN = CAPACITY > 0 && LEFT > 1 ? (LEFT < CAPACITY ? LEFT : CAPACITY) : 1;
     using Held = typename Either<SOME, SeenLooks<TYPES, Wants, PLACES, SEEN>, Looks>::type;
     constexpr int HELD = SOME ? -1 : KEPT;
