@@ -133,6 +133,8 @@ template <> struct Sight<RAYS> {
         const Vec d = table_ray(camera, int(i), int(j)).direction();
         return along + depth * (d.x * right + d.y * up + d.z * back);
     }
+
+    WARPCAM_FN Vec along_of(Vec point) const { return point - along; }
 };
 
 // Points from the camera, along the world's axes.
