@@ -40,6 +40,20 @@ def has_veils(model: mujoco.MjModel, groups: Sequence[Sequence[int]], draw: Sequ
     return False
 
 
+def sees_veils(model: mujoco.MjModel, objects: np.ndarray) -> bool:
+    """Whether something transparent is to be seen in an image.
+
+    Args:
+        model: The model.
+        objects: (height, width, 2) ids and ``mjtObj``.
+    """
+    for kind in KINDS:
+        ids = objects[..., 0][objects[..., 1] == int(getattr(mujoco.mjtObj, f"mjOBJ_{kind.upper()}"))]
+        if ids.size and (_opacity(model, kind)[ids] < SOLID).any():
+            return True
+    return False
+
+
 class Opaque:
     """A copy of a model in which nothing that is transparent is to be seen.
 
