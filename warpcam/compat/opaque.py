@@ -9,7 +9,7 @@ import numpy as np
 from warpcam.sources.mujoco_model import MODEL_NAMES
 
 KINDS = ("geom", "site", "tendon", "flex", "skin")
-PLAIN = (0.5, 0.5, 0.5, 1.0)  # a colour that lets the material's count
+PLAIN = np.array((0.5, 0.5, 0.5, 1.0), np.float32)  # a colour that lets the material's count
 SOLID = 0.995  # opacity from which on MuJoCo draws something solid
 # What a copy of a model follows.
 FOLLOWED = tuple(
@@ -75,6 +75,6 @@ class Opaque:
 def _opacity(model: mujoco.MjModel, kind: str) -> np.ndarray:
     colors, materials = getattr(model, f"{kind}_rgba"), getattr(model, f"{kind}_matid")
     opacity = np.array(colors[:, 3])
-    by_material = (materials >= 0) & (colors == np.float32(PLAIN)).all(axis=1)
+    by_material = (materials >= 0) & (colors == PLAIN).all(axis=1)
     opacity[by_material] = model.mat_rgba[materials[by_material], 3]
     return opacity
