@@ -115,6 +115,23 @@ def compare(expected: tuple[np.ndarray, ...], seen: tuple[np.ndarray, ...], *, s
         assert np.quantile(off, 0.99) < 1e-4  # inside of a mesh there are edges, too
 
 
+def test_depth_looks_through_what_is_transparent(installed: None) -> None:
+    """As the buffer that its own context reads: the bins have markers of where objects belong."""
+    env = make("PickPlaceMilk", camera_names="agentview", camera_heights=32, camera_widths=32)
+    env.reset()
+    context, marker = env.sim._render_context_offscreen, env.sim.model.geom_name2id("VisualMilk_g0")
+    color, depth, ids = read(context, env.sim.model.camera_name2id("agentview"))
+    seen = ids[..., 1] == marker
+    assert seen.sum() > 10 and env.sim.model._model.geom_rgba[marker, 3] < 0.995
+    extent, limits = env.sim.model.stat.extent, env.sim.model.vis.map
+    near, far = limits.znear * extent, limits.zfar * extent
+    along = near / (1.0 - depth[seen] * (1.0 - near / far))
+    context.render(SIZE, SIZE, segmentation=True)
+    solid = context.read_pixels(SIZE, SIZE, depth=True, segmentation=True)[1]
+    assert (along > near / (1.0 - solid[seen] * (1.0 - near / far)) + 0.01).all() and color.any()
+    env.close()
+
+
 def test_every_camera_key(lift: Any) -> None:
     observations = lift._get_observations(force_update=True)
     for camera in CAMERAS:

@@ -9,7 +9,7 @@ import numpy as np
 from warpcam.sources.mujoco_model import MODEL_NAMES
 
 KINDS = ("geom", "site", "tendon", "flex", "skin")
-PLAIN = (0.5, 0.5, 0.5, 1.0)  # a colour that lets the material's count
+PLAIN = np.array((0.5, 0.5, 0.5, 1.0), np.float32)  # a colour that lets the material's count
 SOLID = 0.995  # opacity from which on MuJoCo draws something solid
 # What a copy of a model follows.
 FOLLOWED = tuple(
@@ -40,6 +40,20 @@ def has_veils(model: mujoco.MjModel, groups: Sequence[Sequence[int]], draw: Sequ
     return False
 
 
+def sees_veils(model: mujoco.MjModel, objects: np.ndarray) -> bool:
+    """Whether something transparent is to be seen in an image.
+
+    Args:
+        model: The model.
+        objects: (height, width, 2) ids and ``mjtObj``.
+    """
+    for kind in KINDS:
+        ids = objects[..., 0][objects[..., 1] == int(getattr(mujoco.mjtObj, f"mjOBJ_{kind.upper()}"))]
+        if ids.size and (_opacity(model, kind)[ids] < SOLID).any():
+            return True
+    return False
+
+
 class Opaque:
     """A copy of a model in which nothing that is transparent is to be seen.
 
@@ -61,6 +75,6 @@ class Opaque:
 def _opacity(model: mujoco.MjModel, kind: str) -> np.ndarray:
     colors, materials = getattr(model, f"{kind}_rgba"), getattr(model, f"{kind}_matid")
     opacity = np.array(colors[:, 3])
-    by_material = (materials >= 0) & (colors == np.float32(PLAIN)).all(axis=1)
+    by_material = (materials >= 0) & (colors == PLAIN).all(axis=1)
     opacity[by_material] = model.mat_rgba[materials[by_material], 3]
     return opacity

@@ -10,7 +10,7 @@ import numpy as np
 import warp as wp
 
 import warpcam as wc
-from warpcam.compat.opaque import SOLID, Opaque, has_veils
+from warpcam.compat.opaque import SOLID, Opaque, has_veils, sees_veils
 from warpcam.errors import WarpcamError
 from warpcam.sources.mujoco_model import DATA_NAMES, MODEL_NAMES
 
@@ -187,12 +187,12 @@ class Studio:
         the same kernels serve whatever is asked. With ``through`` depth is of what is not transparent, as MuJoCo's
         buffer of depth has it where it draws colours.
         """
-        if through and has_veils(self._model, style.groups, style.draw):
-            drawn, rest = ([name for name in names if name != "depth"] for names in (drawn, outputs))
-            images = self.look(view, style, width, height, rest, drawn) if rest else {}
-            if "depth" in outputs:
+        if through and "depth" in outputs and has_veils(self._model, style.groups, style.draw):
+            both = [[*names, "objects"] if names and "objects" not in names else names for names in (outputs, drawn)]
+            images = self.look(view, style, width, height, *both)
+            if sees_veils(self._model, images["objects"]):
                 images["depth"] = self._opaque().look(view, style, width, height, ("depth",))["depth"]
-            return images
+            return {name: images[name] for name in outputs}
         names, wanted = _outputs(drawn or outputs), _outputs(outputs)
         scene = self.scene(style)
         key = (id(scene), names, width, height, view.orthographic, style.shadows, style.sky, style.antialiasing)
