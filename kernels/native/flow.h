@@ -88,16 +88,14 @@ template <int WIDTH, int WANTED, class Trail, class Region_>
 WARPCAM_FN void expect_flow(const Trail& trail, const FlowPlaces& places, const Region_& region, int thread)
 {
 #if defined(__CUDA_ARCH__)
-    constexpr int SECTOR = 32, WORDS = SECTOR / 4, ACROSS = WIDTH / WORDS;  // bytes; words of that; those of a row
+    constexpr int LINE = 128, ACROSS = WIDTH * 4 > LINE ? WIDTH * 4 / LINE : 1;  // bytes; lines of a row of words
     const auto expect = [](const void* at) { asm volatile("prefetch.global.L1 [%0];" ::"l"(at)); };
     const int bytes = trail.columns * motion_rows<(WANTED & FLOW_MOVES) != 0>() * int(sizeof(Row));
-#pragma unroll 1
-    for (int at = thread * SECTOR; at < bytes; at += THREADS * SECTOR)
+    for (int at = thread * LINE; at < bytes; at += THREADS * LINE)
         expect(static_cast<const char*>(places.motions) + at);
     if (WANTED & FLOW_VALID)
-#pragma unroll 1
-        for (int sector = thread; sector < ACROSS * region.height; sector += THREADS) {
-            const int row = region.top + sector / ACROSS, column = region.left + sector % ACROSS * WORDS;
+        for (int line = thread; line < ACROSS * region.height; line += THREADS) {
+            const int row = region.top + line / ACROSS, column = region.left + line % ACROSS * (LINE / 4);
             if (row < trail.height && column < trail.width)
                 expect(places.words + row * trail.width + column);
         }
