@@ -47,16 +47,6 @@ template <int TYPES, int LENS, int OUTPUTS, int CAPACITY, class Target, class Sh
     Region region;
     int world;
     const typename Places<(OUTPUTS & FLOWS) != 0>::type& places;
-    unsigned char* gathered;  // flow_valid of the region, where it is wanted: see flow.h
-
-    WARPCAM_FN unsigned char* valid_at(int i, int j, unsigned pixel) const
-    {
-#if defined(__CUDA_ARCH__)
-        return gathered + gathered_at(i, j);
-#else
-        return target.trail.flow_valid.data + pixel;
-#endif
-    }
 
     WARPCAM_FN bool inside(int i, int j) const
     {
@@ -104,7 +94,7 @@ template <int TYPES, int LENS, int OUTPUTS, int CAPACITY, class Target, class Sh
         if (WHAT & NORMALS)
             put_three(target.normals.data, pixel, normal_of(hit, seen));
         if constexpr ((WHAT & FLOWS) != 0)
-            put_flow<TYPES, LENS, WHAT>(target.trail, valid_at(i, j, pixel), places, shapes, camera, seen, { hit.depth, shape, hit.face }, world, i, j,
+            put_flow<TYPES, LENS, WHAT>(target.trail, places, shapes, camera, seen, { hit.depth, shape, hit.face }, world, i, j,
                                         pixel);
     }
 

@@ -166,27 +166,9 @@ WARPCAM_FN bool was_seen(const Trail& trail, const unsigned* words, int shape, c
     return most <= DEPTHS && int(most << DEPTH_BITS) + LAST >= as_int(threshold);
 }
 
-// On CUDA a block gathers flow_valid of its region, to store 16 bytes at once: of column i and row j modulo these.
-constexpr int GATHERED = 64;  // no region is wider or higher
-WARPCAM_FN unsigned gathered_at(int i, int j) { return j % unsigned(GATHERED) * GATHERED + i % unsigned(GATHERED); }
-
-template <int STEP, class Word, class Trail, class Region_>
-WARPCAM_FN void put_gathered(const Trail& trail, const unsigned char* gathered, const Region_& region, int world,
-                             int thread)
-{
-    constexpr int ACROSS = GATHERED / STEP;
-    const int i = region.left + thread % ACROSS * STEP;
-    const int bottom = lower_int(region.top + region.height, trail.height);
-    if (i < lower_int(region.left + region.width, trail.width))
-#pragma unroll 1
-        for (int j = region.top + thread / ACROSS; j < bottom; j += THREADS / ACROSS)
-            *reinterpret_cast<Word*>(trail.flow_valid.data + (size_t(world) * trail.height + j) * trail.width + i)
-                = *reinterpret_cast<const Word*>(gathered + gathered_at(i, j));
-}
-
-// Writes pixel (i, j), number `pixel` of all worlds'; flow_valid goes to where `valid_at` points.
+// Writes pixel (i, j), number `pixel` of all worlds'.
 template <int TYPES, int LENS, int WANTED, class Trail, class Shapes>
-WARPCAM_FN void put_flow(const Trail& trail, unsigned char* valid_at, const FlowPlaces& places, const Shapes& shapes, const Camera& camera, const ViewRay<LENS>& seen,
+WARPCAM_FN void put_flow(const Trail& trail, const FlowPlaces& places, const Shapes& shapes, const Camera& camera, const ViewRay<LENS>& seen,
                          const Hit& hit, int world, int i, int j, unsigned pixel)
 {
     constexpr bool MOVES = WANTED & FLOW_MOVES;
@@ -244,7 +226,7 @@ WARPCAM_FN void put_flow(const Trail& trail, unsigned char* valid_at, const Flow
 #endif
     }
     if (WANTED & FLOW_VALID) {
-        *valid_at = static_cast<unsigned char>(valid);
+        trail.flow_valid.data[pixel] = static_cast<unsigned char>(valid);
         keep_word(places.kept, pixel, kept_word(hit.shape, hit.depth));
     }
 }

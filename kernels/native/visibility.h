@@ -198,10 +198,8 @@ WARPCAM_FN void draw(const Shapes& shapes, const Materials& materials, const Mes
     block_barrier();
     if constexpr (FLOWING)
         expect_flow<WIDTH, OUTPUTS>(target.trail, places, region, thread);
-    constexpr bool GATHERS = (OUTPUTS & FLOW_VALID) != 0;
-    alignas(16) WARPCAM_SHARED unsigned char gathered[GATHERS ? GATHERED * GATHERED : 1];
     const Canvas<TYPES, LENS, OUTPUTS, CAPACITY, Target, Shapes> canvas {
-        target, shapes, list, camera, region, world, places, gathered
+        target, shapes, list, camera, region, world, places
     };
     const auto hidden = [&](int id) {
         if constexpr ((OUTPUTS & OPAQUE) != 0)
@@ -211,15 +209,6 @@ WARPCAM_FN void draw(const Shapes& shapes, const Materials& materials, const Mes
     };
     draw_region<TYPES, LENS, names_slots(OUTPUTS), SEVERAL>(list, canvas, shapes, meshes, fields, hidden, world,
                                                             thread);
-#if defined(__CUDA_ARCH__)
-    if constexpr (GATHERS) {
-        const Region done = region_of<WIDTH, HEIGHT>(target, index / THREADS, world);
-        if (target.trail.width % 16 == 0)
-            put_gathered<16, uint4>(target.trail, gathered, done, world, thread);
-        else
-            put_gathered<1, unsigned char>(target.trail, gathered, done, world, thread);
-    }
-#endif
 }
 
 }  // namespace warpcam
