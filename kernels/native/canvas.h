@@ -63,6 +63,9 @@ template <int TYPES, int LENS, int OUTPUTS, int CAPACITY, class Target, class Sh
     // What a ray has met before a pass: nothing that is new. No ray outside of the image meets anything.
     WARPCAM_FN Hit start(int i, int j, bool first_pass) const
     {
+        if constexpr ((OUTPUTS & FLOW_VALID) != 0)
+            if (inside(i, j))
+                expect_flow(places, j * target.width + i);
         Hit hit { inside(i, j) ? camera.far : -1.0f, -1, -1 };
         if (LENS == RAYS && ray(i, j).x >= BLIND)
             hit.depth = -1.0f;

@@ -193,11 +193,9 @@ WARPCAM_FN void draw(const Shapes& shapes, const Materials& materials, const Mes
     if (thread == 0) {
         camera = load_camera(wp::index(views, world));
         if constexpr (FLOWING)
-            places = flow_places<(OUTPUTS & FLOW_MOVES) != 0>(target.trail, world);
+            places = flow_places(target.trail, world);
     }
     block_barrier();
-    if constexpr (FLOWING)
-        expect_flow<WIDTH, OUTPUTS>(target.trail, places, region, thread);
     const Canvas<TYPES, LENS, OUTPUTS, CAPACITY, Target, Shapes> canvas {
         target, shapes, list, camera, region, world, places
     };
