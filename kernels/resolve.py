@@ -27,7 +27,7 @@ OUTPUTS: Mapping[str, tuple[type, int]] = {
 VEILED_BLOCKS = 4  # blocks that a multiprocessor is to hold where some shapes may be transparent
 PHYSICAL, HAS_MAPS = 1 << 12, 1 << 13  # the same
 MAX_KEPT = 256  # shapes whose looks a block can keep
-MAX_SEEN = 1024  # shapes of which it can keep the looks of those that it sees
+MAX_SEEN = 512  # shapes of which it can keep the looks of those that it sees; with more it sees too many
 MIRRORED, REFLECTS, VEILED, HAZY = 1 << 8, 1 << 9, 1 << 10, 1 << 11  # facts of native/look.h
 LIT = ("rgb", "rgba", "hdr")  # what mirrors, transparent shapes and haze change
 

@@ -233,16 +233,20 @@ WARPCAM_FN void light_corner(const LightList& list, Vec place, Vec normal, const
 #pragma unroll 1
     for (int n = 0; n < list.count; ++n) {
         const Light& light = list.lights[n];
+        Arrival arrival;
         Share share;
         if (light.ambient.w & SPOT) {
-            Arrival arrival = arrival_of<true>(light, corner, 1.0f);
+            arrival = arrival_of<true>(light, corner, 1.0f);
             if (light.ambient.w & FADES)
                 arrival.strength *= faded(light, corner);
             share = share_of<true>(light, corner, arrival, finish.gloss.z);
         } else {
-            share = share_of<false>(light, corner, arrival_of<false>(light, corner, 1.0f), finish.gloss.z);
+            arrival = arrival_of<false>(light, corner, 1.0f);
+            share = share_of<false>(light, corner, arrival, finish.gloss.z);
         }
         if (SHADOWS && (light.ambient.w & CASTS)) {
+            if (!(arrival.facing > 0.0f))
+                share.ambient = 0.0f;  // it lies in its own shadow
             Glow<Sum> own {};
             add_share(own, share, light);
             keep(values + slot, clip(reflected(own, { 0.0f, 0.0f, 0.0f }, finish)), Sum {});
