@@ -22,14 +22,19 @@ def bench(*arguments: Any) -> int:
     return cli.main(["bench", *map(str, arguments)])
 
 
+def places(shared: problem.Problem) -> np.ndarray:
+    """Where geoms and the points of flexes are, (world, place, 3) [m]."""
+    return np.concatenate((shared.d.geom_xpos.numpy(), shared.d.flexvert_xpos.numpy()), axis=1)
+
+
 @pytest.mark.parametrize("case", cases.CASES.values(), ids=list(cases.CASES))
 def test_case_builds_and_moves(case: cases.Case) -> None:
     if not run.available(case):
         pytest.skip(f"its files come with {case.package}")
     shared = problem.build(case, worlds=2, width=16, height=16)
-    before = shared.d.geom_xpos.numpy().copy()
+    before = places(shared)
     shared.place(1)
-    moved = np.abs(shared.d.geom_xpos.numpy() - before).max(axis=(1, 2))
+    moved = np.abs(places(shared) - before).max(axis=(1, 2))
     assert (moved > 1e-3).all(), "a world stays where it is from one set of poses to the next"
     assert len(shared.drawn_geoms()) > 1 or shared.faces() > 0
     assert np.abs(before[0] - before[1]).max() > 1e-3, "both worlds are in the same pose"
