@@ -27,7 +27,7 @@ BLOCKS = 10  # on a multiprocessor: bounds the registers of a thread
 SHARED_MEMORY = 228 * 1024  # of a multiprocessor [bytes]
 LISTED_BYTES = 99  # of it for each shape that a block lists: tiles.h, ShapeList
 MESH_BLOCKS = 8  # the same for scenes with meshes or height fields
-MOVING_BLOCKS = 6  # and where meshes move: native/record.h, faces_together
+MOVING_BLOCKS = 6  # and where meshes move: native/bvh4.h, faces_together
 
 
 @functools.cache

@@ -29,6 +29,28 @@ WARPCAM_FN Row load(const void* rows, unsigned index)
 #endif
 }
 
+// So many faces of a leaf are loaded before the first is tested: memory is waited for less often, in more registers.
+constexpr int faces_together(int types) { return types >> MOVING & 1 ? 2 : 1; }
+
+// The i-th of them; behind the end the last is taken again.
+template <int TOGETHER> WARPCAM_FN int face_of(int begin, int i, int end)
+{
+    return TOGETHER == 1 ? begin : lower_int(begin + i, end - 1);
+}
+
+// Loads their corners; `first` is the mesh's first row.
+template <int TOGETHER>
+WARPCAM_FN void load_faces(const void* rows, unsigned first, int begin, int end, Row (&corners)[TOGETHER][3])
+{
+#pragma unroll
+    for (int i = 0; i < TOGETHER; ++i) {
+        const unsigned at = first + unsigned(face_of<TOGETHER>(begin, i, end) * FACE_ROWS);
+#pragma unroll
+        for (int k = 0; k < 3; ++k)
+            corners[i][k] = load(rows, at + k);
+    }
+}
+
 // What a ray needs to test boxes: with t = plane * scale + near or far offset, lower planes are moved down and upper
 // planes up by more than all rounding of the camera's and the mesh's coordinates.
 struct Slabs {

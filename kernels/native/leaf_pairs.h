@@ -30,13 +30,7 @@ WARPCAM_FN void meet_leaf(const Record& record, const Meshes& meshes, const Ray&
     constexpr int TOGETHER = faces_together(TYPES);
     for (int begin = first; begin < end; begin += TOGETHER) {
         Row corners[TOGETHER][3];
-#pragma unroll
-        for (int i = 0; i < TOGETHER; ++i) {
-            const unsigned at = faces + unsigned(face_of<TOGETHER>(begin, i, end) * FACE_ROWS);
-#pragma unroll
-            for (int k = 0; k < 3; ++k)
-                corners[i][k] = load(meshes.faces.data, at + k);
-        }
+        load_faces(meshes.faces.data, faces, begin, end, corners);
 #pragma unroll
         for (int i = 0; i < TOGETHER; ++i) {
             const int f = face_of<TOGETHER>(begin, i, end);

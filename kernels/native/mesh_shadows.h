@@ -32,13 +32,7 @@ WARPCAM_FN bool meets_leaf(const Meshes& meshes, const Record& record, unsigned 
     bool met = false;
     for (int begin = first; begin < end && !met; begin += TOGETHER) {
         Row corners[TOGETHER][3];
-#pragma unroll
-        for (int i = 0; i < TOGETHER; ++i) {
-            const unsigned at = faces + unsigned(face_of<TOGETHER>(begin, i, end) * FACE_ROWS);
-#pragma unroll
-            for (int k = 0; k < 3; ++k)
-                corners[i][k] = load(meshes.faces.data, at + k);
-        }
+        load_faces(meshes.faces.data, faces, begin, end, corners);
 #pragma unroll
         for (int i = 0; i < TOGETHER; ++i) {
             const Row &a = corners[i][0], &b = corners[i][1], &c = corners[i][2];
@@ -54,8 +48,8 @@ WARPCAM_FN bool meets_leaf(const Meshes& meshes, const Record& record, unsigned 
     return met;
 }
 
-// Calls shade(pixel) for each ray that `next_tile` finds (see Supply) and that meets a front face, or any where backs shade, on its way to the light;
-// start(pixel, span) is where it begins.
+// Calls shade(pixel) for each ray that `next_tile` finds (see Supply) and that meets a front face, or any where backs
+// shade, on its way to the light; start(pixel, span) is where it begins.
 template <int TYPES, int WORDS, class List, class Meshes, class NextTile, class Start, class Shade>
 WARPCAM_FN void cast_rays(ShadowRays<WORDS>& rays, const List& list, const Light& light, const Meshes& meshes,
                           const NextTile& next_tile, const Start& start, const Shade& shade)

@@ -31,15 +31,6 @@ template <int TYPES> WARPCAM_FN bool has_back(int mark) { return (TYPES >> TWO_S
 // Whether the corners of a face have its own normal, by what its second and third row say.
 template <int TYPES> WARPCAM_FN bool is_flat(int back, int mark) { return has_back<TYPES>(back) && mark != 0; }
 
-// So many faces of a leaf are loaded before the first is tested: memory is waited for less often, in more registers.
-constexpr int faces_together(int types) { return types >> MOVING & 1 ? 2 : 1; }
-
-// The i-th of them; behind the end the last is taken again.
-template <int TOGETHER> WARPCAM_FN int face_of(int begin, int i, int end)
-{
-    return TOGETHER == 1 ? begin : lower_int(begin + i, end - 1);
-}
-
 template <int TYPES> WARPCAM_FN bool is_mesh(const Record& record)
 {
     return (TYPES >> MESH & 1) && record.axis_x.w == MESH;
