@@ -58,10 +58,10 @@ class Trail:
     # (world, ROWS or MOVING_ROWS of each shape). Three rows take what pixel (column, row) sees to where it was: column,
     # row and 1 times the planar depth then, or for parallel rays column, row, depth. Each is
     # depth * (x column + y row + z) + w, or for parallel rays x column + y row + z depth + w. A fourth: a part of the
-    # depth then and what is added to it [m], and nothing nearer than that may have been seen there, the first negative
-    # where the shape's motion is not known; nearest planar depth then [m]; as int bits twice the first corner of a mesh
-    # that moves, or -2, and 1 more where the three rows lead to the same pixel. Three more: what a shift in the own
-    # frame of such a mesh adds to the first three.
+    # depth then and what is added to it [m], and nothing nearer than that may have been seen there; nearest planar
+    # depth then [m]; as int bits twice the first corner of a mesh that moves, or -2, and 1 more where the three rows
+    # lead to the same pixel. Three more: what a shift in the own frame of such a mesh adds to the first three. Of a
+    # motion that is not known the rows lead to the same pixel, but to a depth behind the camera.
     motions: wp.array2d(dtype=wp.vec4)
     corners: wp.array(dtype=wp.vec3)  # CornersBefore.corners; this and what follows only where meshes move
     faces: wp.array(dtype=wp.vec4)  # Meshes.faces
@@ -115,6 +115,13 @@ def get_row(rows: wp.array2d(dtype=wp.vec4), index: wp.int32) -> wp.vec4: ...
 #endif
 """)
 def put_row(rows: wp.array2d(dtype=wp.vec4), index: wp.int32, row: wp.vec4): ...
+
+
+@wp.func
+def put_unknown(motions: wp.array2d(dtype=wp.vec4), row: wp.int32):
+    put_row(motions, row, wp.vec4(1.0, 0.0, 0.0, 0.0))
+    put_row(motions, row + 1, wp.vec4(0.0, 1.0, 0.0, 0.0))
+    put_row(motions, row + 2, wp.vec4(0.0, 0.0, 0.0, -1.0))
 
 
 @wp.kernel(enable_backward=False)
@@ -213,9 +220,12 @@ def write_motions(
         if moved == 0.0:
             flags += 1
         if not wp.isfinite(moved) or old_asset != asset:
-            part = -1.0
+            put_unknown(motions, rows * index)
             flags = -2
         put_row(motions, rows * index + 3, wp.vec4(part, -slack, then.near, number_of(flags)))
+    else:
+        put_unknown(motions, rows * index)
+        put_row(motions, rows * index + 3, wp.vec4(0.0, 0.0, 0.0, number_of(-2)))
 
     if keep != 0 and not same:
         put_row(before, 4 * index, wp.vec4(position[0], position[1], position[2], size[0]))

@@ -11,35 +11,75 @@ namespace warpcam {
 enum FlowOutput { FLOW = 1 << 24, FLOW_VALID = 1 << 25, FLOW_MOVES = 1 << 26 };
 constexpr int FLOWS = FLOW | FLOW_VALID;
 
-// What is kept of a pixel: above the shape, below 16 bits of the depth's float, five of its exponent, which is enough
-// for 15 um to 65 km; 0: nothing.
+// Rows of Trail.motions that a shape has, and the last word of the fourth where it rests: see flow.py.
+template <bool MOVES> constexpr int motion_rows() { return MOVES ? 7 : 4; }
+constexpr int STILL = -1;
+
+// What is kept of a pixel: above the shape, all ones where nothing is seen; below 16 bits of the depth's float, five of
+// its exponent, which is enough for 15 um to 65 km.
 constexpr int DEPTH_BITS = 12, LEAST_DEPTH = 111 << 23;  // what is cut off the float, and bits of 2^-16 m
 constexpr unsigned DEPTHS = 0xffffu;
-WARPCAM_FN unsigned shape_bits(int shape) { return unsigned(shape + 1) << 16; }
-WARPCAM_FN int depth_bits(float depth) { return (as_int(depth) - LEAST_DEPTH) >> DEPTH_BITS; }
 WARPCAM_FN unsigned kept_word(int shape, float depth)
 {
-    return shape < 0 ? 0u : shape_bits(shape) | (unsigned(depth_bits(depth)) & DEPTHS);
+    const unsigned bits = unsigned(as_int(depth) - LEAST_DEPTH) << (16 - DEPTH_BITS);
+#if defined(__CUDA_ARCH__)
+    return __byte_perm(bits, shape, 0x5432);
+#else
+    return unsigned(shape) << 16 | bits >> 16;
+#endif
 }
+
+// The word of a pixel, of a trace that writes none that it reads.
+WARPCAM_FN unsigned word_at(const unsigned* words, unsigned place)
+{
+#if defined(__CUDA_ARCH__)
+    return __ldg(words + place);
+#else
+    return words[place];
+#endif
+}
+
+WARPCAM_FN void keep_word(unsigned* words, unsigned place, unsigned word)
+{
+#if defined(__CUDA_ARCH__)  // the compiler does not know that it is in global memory
+    asm volatile("st.global.u32 [%0], %1;" ::"l"(words + place), "r"(word) : "memory");
+#else
+    words[place] = word;
+#endif
+}
+
+// 1 or 0, of which the compiler makes no condition that it carries along.
+WARPCAM_FN unsigned settled(bool condition)
+{
+    unsigned number = condition;
+#if defined(__CUDA_ARCH__)
+    asm("" : "+r"(number));
+#endif
+    return number;
+}
+
+// By how much a word is above the least that a shape has: at most DEPTHS if it is of the shape.
+WARPCAM_FN unsigned above(unsigned word, int shape) { return word - (unsigned(shape) << 16); }
 
 // Trail.known: what was seen is kept in the first or the second of two places, what is seen goes to the other; or nothing
 // is known of what was. Values of views.py.
 enum Known { SECOND = 1, FIRST = 2, NEW = 4 };
 
-// Where what one world's last image showed is kept, and where this one's goes.
+// What the last images showed and where these are kept, of all worlds; the former of one world; how its shapes have moved.
 struct FlowPlaces {
-    const unsigned* words;
+    const unsigned* all_words;
     unsigned* kept;
-    int known;
+    const unsigned* words;
+    const void* motions;
 };
 
-template <class Trail> WARPCAM_FN FlowPlaces flow_places(const Trail& trail, int world)
+template <bool MOVES, class Trail> WARPCAM_FN FlowPlaces flow_places(const Trail& trail, int world)
 {
-    const int known = wp::index(trail.known, world);
-    const size_t first = size_t(world) * (trail.width * trail.height);
-    unsigned* one = trail.kept_first.data + first;
-    unsigned* other = trail.kept_second.data + first;
-    return { known == FIRST ? one : other, known == FIRST ? other : one, known };
+    const bool in_first = wp::index(trail.known, world) == FIRST;
+    unsigned* last = in_first ? trail.kept_first.data : trail.kept_second.data;
+    return { last, in_first ? trail.kept_second.data : trail.kept_first.data,
+             last + size_t(world) * (trail.width * trail.height),
+             trail.motions.data + size_t(world) * trail.columns * motion_rows<MOVES>() };
 }
 
 // Has the word on its way that a pixel that rests will need: it comes from far, and meanwhile the pixel is traced.
@@ -50,26 +90,14 @@ WARPCAM_FN void expect_flow(const FlowPlaces& places, int place)
 #endif
 }
 
-// How a shape has moved: rows of Trail.motions, see flow.py.
-template <bool MOVES, class Trail> struct Motion {
-    const void* rows;
-    unsigned first;
-
-    WARPCAM_FN Motion(const Trail& trail, int world, int shape)
-        : rows(trail.motions.data), first((unsigned(world) * trail.columns + shape) * (MOVES ? 7 : 4))
-    {
-    }
-    WARPCAM_FN Row row(int i) const { return load(rows, first + i); }
-    // Row i of the place then in homogeneous pixels, of what pixel (x, y) sees.
-    template <int LENS> WARPCAM_FN float then(int i, float x, float y, float depth) const
-    {
-        const Row by = row(i);
-        const float last = as_float(by.w);
-        if (LENS == PINHOLE)
-            return depth * (by.x * x + by.y * y + by.z) + last;
-        return by.x * x + by.y * y + (by.z * depth + last);
-    }
-};
+// Row i of the place then in homogeneous pixels, of what pixel (x, y) sees: Trail.motions of flow.py.
+template <int LENS> WARPCAM_FN float then(const Row& by, float x, float y, float depth)
+{
+    const float last = as_float(by.w);
+    if (LENS == PINHOLE)
+        return depth * (by.x * x + (by.y * y + by.z)) + last;
+    return by.x * x + (by.y * y + (by.z * depth + last));
+}
 
 // How a point of a mesh's face has moved in the mesh's own frame, as it would be without its shape's scale.
 template <int TYPES, int LENS, class Trail, class Shapes>
@@ -96,28 +124,34 @@ WARPCAM_COLD Vec moved_within(const Trail& trail, const Shapes& shapes, const Ca
         + weight1 * (to_vec(wp::index(trail.corners, at + 1)) - b) + weight2 * (to_vec(wp::index(trail.corners, at + 2)) - c);
 }
 
-// A whole number near a float that is less than 2^22, as bits of a float between 2^23 and 2^24.
-constexpr float TO_WHOLE = 12582912.0f;
-constexpr int ROUNDED_BITS = 0x4b400000;  // the bits of that
+// Places in an image are counted in steps of 1 / 64 pixel: the last bits of a float between 2^17 and 2^18.
+constexpr int STEP_BITS = 6, STEPS = 1 << STEP_BITS;
+constexpr float TO_STEPS = 196608.0f;
+constexpr int NO_STEPS = 0x48400000;  // the bits of that
 
-// The word of the pixel that (x, y) lies in, or nothing outside of the image.
-template <class Trail> WARPCAM_FN unsigned word_at(const Trail& trail, const unsigned* words, float x, float y)
-{
-    const unsigned column = unsigned(as_int(x + TO_WHOLE) - ROUNDED_BITS), row = unsigned(as_int(y + TO_WHOLE) - ROUNDED_BITS);
-    return column < unsigned(trail.width) && row < unsigned(trail.height) ? words[row * trail.width + column] : 0u;
-}
+// Along one axis the two pixels that have a quarter or more of what is interpolated at a place, mostly the same one.
+struct Beside {
+    unsigned steps;  // to the place from a quarter of a pixel before the middle of the image's first
 
-// Was the surface seen in the last image at (x, y), if nothing that is nearer than `threshold` hides it? The pixel there
-// must show the shape, and so must one that has a quarter or more of what is interpolated there; of one of them it must
-// be a part that is not nearer.
+    // The place is x * scale.
+    WARPCAM_FN Beside(float x, float scale) : steps(as_int(muladd(x, scale, TO_STEPS + 0.25f)) - NO_STEPS) { }
+    WARPCAM_FN bool inside(int pixels) const { return steps < unsigned(STEPS * pixels - STEPS / 2); }
+    WARPCAM_FN unsigned one() const { return steps >> STEP_BITS; }
+    WARPCAM_FN unsigned other() const { return (steps + STEPS / 2) >> STEP_BITS; }
+};
+
+// Was the surface seen in the last image at a place inside of it, if nothing that is nearer than `threshold` hides it?
+// The pixel there must show the shape, and so must one that has a quarter or more of what is interpolated there; of one
+// of them it must be a part that is not nearer.
 template <class Trail>
-WARPCAM_FN bool was_seen(const Trail& trail, const unsigned* words, unsigned shape, float x, float y, float threshold)
+WARPCAM_FN bool was_seen(const Trail& trail, const unsigned* words, int shape, const Beside& x, const Beside& y,
+                         float threshold)
 {
-    const unsigned one = word_at(trail, words, x + 0.25f, y + 0.25f), other = word_at(trail, words, x - 0.25f, y - 0.25f);
-    const unsigned least = one < other ? one : other, greatest = one < other ? other : one;
-    const int bits = depth_bits(threshold);
-    const unsigned farthest = shape | DEPTHS, nearest = shape + unsigned(bits > 0 ? bits : 0);
-    return least >= shape && greatest >= nearest && greatest <= farthest;
+    const unsigned one = above(word_at(words, y.one() * trail.width + x.one()), shape);
+    const unsigned other = above(word_at(words, y.other() * trail.width + x.other()), shape);
+    const unsigned most = one > other ? one : other;
+    constexpr int LAST = LEAST_DEPTH + (1 << DEPTH_BITS) - 1;  // of what is cut off
+    return most <= DEPTHS && int(most << DEPTH_BITS) + LAST >= as_int(threshold);
 }
 
 // Writes pixel (i, j), number `pixel` of all worlds'.
@@ -126,14 +160,16 @@ WARPCAM_FN void put_flow(const Trail& trail, const FlowPlaces& places, const Sha
                          const Hit& hit, int world, int i, int j, unsigned pixel)
 {
     constexpr bool MOVES = WANTED & FLOW_MOVES;
-    const int place = j * trail.width + i;
     float right = 0.0f, down = 0.0f;
-    bool valid = false;
-    if (hit.shape >= 0 && places.known != NEW) {
-        const Motion<MOVES, Trail> motion(trail, world, hit.shape);
-        const Row last = motion.row(3);  // x: scale of the depth that may hide, below 0: unknown; y: added to it; z: near
+    unsigned valid = 0;
+    if (hit.shape >= 0) {
+        const Row* rows = static_cast<const Row*>(places.motions) + size_t(unsigned(hit.shape)) * motion_rows<MOVES>();
+#if defined(__CUDA_ARCH__)
+        asm("" : "+l"(rows));  // one address with four offsets
+#endif
+        const Row last = load(rows, 3);  // x: scale of the depth that may hide; y: added to it; z: near
+        bool still = MOVES ? last.w & 1 : last.w == STILL;
         const int corners = last.w >> 1;
-        bool still = last.w & 1;
         Vec within { 0.0f, 0.0f, 0.0f };
         if constexpr (MOVES) {
             if (corners >= 0) {
@@ -143,31 +179,28 @@ WARPCAM_FN void put_flow(const Trail& trail, const FlowPlaces& places, const Sha
         }
         if (still) {
             if (WANTED & FLOW_VALID)
-                valid = (places.words[place] ^ shape_bits(hit.shape)) <= DEPTHS;
-        } else if (last.x >= 0.0f) {
+                valid = settled(above(word_at(places.all_words, pixel), hit.shape) <= DEPTHS);
+        } else {
             const float column = float(i), row = float(j);
-            float x = motion.template then<LENS>(0, column, row, hit.depth);
-            float y = motion.template then<LENS>(1, column, row, hit.depth);
-            float depth = motion.template then<LENS>(2, column, row, hit.depth);
+            float x = then<LENS>(load(rows, 0), column, row, hit.depth);
+            float y = then<LENS>(load(rows, 1), column, row, hit.depth);
+            float depth = then<LENS>(load(rows, 2), column, row, hit.depth);
             if constexpr (MOVES) {
                 if (corners >= 0) {
-                    x += dot(to_vec(motion.row(4)), within);
-                    y += dot(to_vec(motion.row(5)), within);
-                    depth += dot(to_vec(motion.row(6)), within);
+                    x += dot(to_vec(load(rows, 4)), within);
+                    y += dot(to_vec(load(rows, 5)), within);
+                    depth += dot(to_vec(load(rows, 6)), within);
                 }
             }
             if (LENS != PINHOLE || depth > 0.0f) {
-                if (LENS == PINHOLE) {
-                    const float rate = reciprocal(depth);
-                    x *= rate;
-                    y *= rate;
-                }
-                right = column - x;
-                down = row - y;
+                const float rate = LENS == PINHOLE ? reciprocal(depth) : 1.0f;
+                right = muladd(-x, rate, column);
+                down = muladd(-y, rate, row);
                 if (WANTED & FLOW_VALID) {
-                    const float threshold = last.x * depth + last.y;
-                    valid = depth >= last.z
-                        && was_seen(trail, places.words, shape_bits(hit.shape), x, y, threshold);
+                    const Beside across(x, rate), along(y, rate);
+                    if (depth >= last.z && across.inside(trail.width) && along.inside(trail.height))
+                        valid = settled(was_seen(trail, places.words, hit.shape, across, along,
+                                                 muladd(last.x, depth, last.y)));
                 }
             }
         }
@@ -181,8 +214,8 @@ WARPCAM_FN void put_flow(const Trail& trail, const FlowPlaces& places, const Sha
 #endif
     }
     if (WANTED & FLOW_VALID) {
-        trail.flow_valid.data[pixel] = valid ? 1 : 0;
-        places.kept[place] = kept_word(hit.shape, hit.depth);
+        trail.flow_valid.data[pixel] = static_cast<unsigned char>(valid);
+        keep_word(places.kept, pixel, kept_word(hit.shape, hit.depth));
     }
 }
 

@@ -193,7 +193,7 @@ WARPCAM_FN void draw(const Shapes& shapes, const Materials& materials, const Mes
     if (thread == 0) {
         camera = load_camera(wp::index(views, world));
         if constexpr (FLOWING)
-            places = flow_places(target.trail, world);
+            places = flow_places<(OUTPUTS & FLOW_MOVES) != 0>(target.trail, world);
     }
     block_barrier();
     const Canvas<TYPES, LENS, OUTPUTS, CAPACITY, Target, Shapes> canvas {
