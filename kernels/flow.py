@@ -13,9 +13,11 @@ from .launch import Stage, record
 from .tables import Tables
 from .types import (
     BARREL,
+    BOX,
     CAPSULE,
     CONE,
     CYLINDER,
+    ELLIPSOID,
     HEIGHT_FIELD,
     MESH,
     PLANE,
@@ -34,6 +36,8 @@ ROWS, MOVING_ROWS = 4, 7  # of a shape in Trail.motions, without and with meshes
 # a pixel's width there. Of what bends inwards neighbouring pixels may be nearer than what lies between them.
 CONVEX = wp.constant(wp.vec2(0.004, 0.25))
 HOLLOW = wp.constant(wp.vec2(0.004, 1.0))
+STEPS = 120.0
+BRIEF_SHAPES = 255  # as many have an id in eight bits, beside none
 
 
 @wp.struct
@@ -52,7 +56,8 @@ class Trail:
 
     flow: wp.array(dtype=wp.float32)  # (pixel * 2,) may be empty
     flow_valid: wp.array(dtype=wp.uint8)  # (pixel,) may be empty
-    kept_first: wp.array(dtype=wp.uint32)  # (pixel,) what was seen, and in the other what is seen; see native/flow.h
+    # (word / 2 or word,) what was seen, and in the other what is seen, 16 or 32 bits a pixel; see native/flow.h
+    kept_first: wp.array(dtype=wp.uint32)
     kept_second: wp.array(dtype=wp.uint32)
     known: wp.array(dtype=wp.uint8)  # (world,) which of these two has what was seen, or NEW: see views.py
     # (world, ROWS or MOVING_ROWS of each shape). Three rows take what pixel (column, row) sees to where it was: column,
@@ -61,7 +66,9 @@ class Trail:
     # depth then and what is added to it [m], and nothing nearer than that may have been seen there; nearest planar
     # depth then [m]; as int bits twice the first corner of a mesh that moves, or -2, and 1 more where the three rows
     # lead to the same pixel. Three more: what a shift in the own frame of such a mesh adds to the first three. Of a
-    # motion that is not known the rows lead to the same pixel, but to a depth behind the camera.
+    # motion that is not known the rows lead to the same pixel, but to a depth behind the camera. Where words are brief
+    # the fourth has: part and shift in the steps that the depth then was counted in; nearest depth, or -1 where the
+    # rows lead to the same pixel; how many steps a metre of the depth now has.
     motions: wp.array2d(dtype=wp.vec4)
     corners: wp.array(dtype=wp.vec3)  # CornersBefore.corners; this and what follows only where meshes move
     faces: wp.array(dtype=wp.vec4)  # Meshes.faces
@@ -118,6 +125,44 @@ def put_row(rows: wp.array2d(dtype=wp.vec4), index: wp.int32, row: wp.vec4): ...
 
 
 @wp.func
+def reach_of(kind: wp.int32, view: View, pinhole: wp.int32) -> wp.vec2:
+    """A part of a depth and what is added to it [m]: nothing nearer may have been seen at a point's place."""
+    reach = CONVEX
+    if kind == MESH or kind == HEIGHT_FIELD or kind == SPLATS:
+        reach = HOLLOW
+    wide = reach[1] * wp.max(view.scale[0], view.scale[1])
+    if kind == PLANE:
+        wide = wp.float32(0.0)  # it hides nothing of itself
+    if pinhole != 0:
+        return wp.vec2(1.0 / (1.0 + reach[0] + wide), 0.0)
+    return wp.vec2(1.0 / (1.0 + reach[0]), -wide)
+
+
+@wp.func
+def steps_of(
+    kind: wp.int32, position: wp.vec3, rotation: wp.mat33, size: wp.vec3, view: View, pinhole: wp.int32
+) -> wp.float32:
+    """Steps a metre in which the depths of a convex shape are counted.
+
+    What may be compared is at most 120 of 256 steps apart, of which eight bits are kept.
+    """
+    if kind == PLANE:
+        return 0.0
+    radius = size[0] + size[1]
+    if kind == SPHERE:
+        radius = size[0]
+    elif kind == BARREL:
+        radius += size[1]
+    elif kind == BOX or kind == ELLIPSOID:
+        radius = wp.length(size)
+    away = view.origin - position
+    r = view.rotation
+    farthest = wp.abs(r[0, 2] * away[0] + r[1, 2] * away[1] + r[2, 2] * away[2]) + radius
+    reach = reach_of(kind, view, pinhole)
+    return STEPS / wp.max(2.0 * radius + (1.0 - reach[0]) * farthest - reach[1], 1.0e-6 * farthest + 1.0e-12)
+
+
+@wp.func
 def put_unknown(motions: wp.array2d(dtype=wp.vec4), row: wp.int32):
     put_row(motions, row, wp.vec4(1.0, 0.0, 0.0, 0.0))
     put_row(motions, row + 1, wp.vec4(0.0, 1.0, 0.0, 0.0))
@@ -135,6 +180,7 @@ def write_motions(
     mask: wp.array(dtype=wp.uint8),
     pinhole: wp.int32,
     scaled: wp.int32,
+    brief: wp.int32,
     keep: wp.int32,
     rows: wp.int32,
     motions: wp.array2d(dtype=wp.vec4),
@@ -156,6 +202,7 @@ def write_motions(
     size = shapes.sizes[world % shapes.sizes.shape[0], shape]
     asset = shapes.assets[world % shapes.assets.shape[0], shape]
     same = False
+    last = wp.vec4()
     if known[world] != wp.uint8(NEW):
         now = views[world]
         then = views_before[world]
@@ -191,12 +238,12 @@ def write_motions(
             whole = into * (wp.identity(n=3, dtype=wp.float32) + motion)
             out = whole * wp.diag(wp.vec3(now.scale[0], -now.scale[1], -1.0))
             corner_ray = wp.vec3(0.5 - now.center[0], 0.5 - now.center[1], 0.0)  # of pixel (0, 0)
-            last = into * shift + middle
+            end = into * shift + middle
             for i in range(3):
                 start = out[i, 0] * corner_ray[0] + out[i, 1] * corner_ray[1]
-                row = wp.vec4(out[i, 0], out[i, 1], out[i, 2] + start, last[i])
+                row = wp.vec4(out[i, 0], out[i, 1], out[i, 2] + start, end[i])
                 if pinhole == 0:
-                    row = wp.vec4(out[i, 0], out[i, 1], out[i, 2], last[i] + start)
+                    row = wp.vec4(out[i, 0], out[i, 1], out[i, 2], end[i] + start)
                 put_row(motions, rows * index + i, row)
         if corner >= 0:
             within = into * back * old_rotation
@@ -205,27 +252,27 @@ def write_motions(
             for i in range(3):
                 put_row(motions, rows * index + 4 + i, wp.vec4(within[i, 0], within[i, 1], within[i, 2], 0.0))
 
-        reach = CONVEX
-        if kind == MESH or kind == HEIGHT_FIELD or kind == SPLATS:
-            reach = HOLLOW
-        wide = reach[1] * wp.max(then.scale[0], then.scale[1])
-        part = 1.0 / (1.0 + reach[0])
-        slack = wide
-        if pinhole != 0:
-            part = 1.0 / (1.0 + reach[0] + wide)
-            slack = wp.float32(0.0)
+        reach = reach_of(kind, then, pinhole)
         if kind == PLANE:
-            slack = 1.0e30  # it hides nothing of itself
+            reach[1] = -1.0e30
         flags = 2 * corner
         if moved == 0.0:
             flags += 1
         if not wp.isfinite(moved) or old_asset != asset:
             put_unknown(motions, rows * index)
             flags = -2
-        put_row(motions, rows * index + 3, wp.vec4(part, -slack, then.near, number_of(flags)))
+        last = wp.vec4(reach[0], reach[1], then.near, number_of(flags))
+        if brief != 0:
+            steps = steps_of(kind, old_position, old_rotation, old_size, then, pinhole)
+            last = wp.vec4(reach[0] * steps, reach[1] * steps, then.near, 0.0)
+            if flags == -1:
+                last[2] = -1.0
     else:
         put_unknown(motions, rows * index)
-        put_row(motions, rows * index + 3, wp.vec4(0.0, 0.0, 0.0, number_of(-2)))
+        last = wp.vec4(0.0, 0.0, 0.0, number_of(-2))
+    if brief != 0:
+        last[3] = steps_of(kind, position, rotation, size, views[world], pinhole)
+    put_row(motions, rows * index + 3, last)
 
     if keep != 0 and not same:
         put_row(before, 4 * index, wp.vec4(position[0], position[1], position[2], size[0]))
@@ -287,10 +334,26 @@ def record_motions(
     """
     inputs = [
         tables.shapes, before, starts, views, views_before, known, mask, int(lens == "pinhole"),
-        int(SCALED in tables.shape_types), int(keep),
+        int(SCALED in tables.shape_types), int(brief(tables)), int(keep),
         MOVING_ROWS if tables.moving else ROWS, trail.motions,
     ]  # fmt: skip
     return record(write_motions, tables.num_worlds * tables.num_shapes, inputs, device)
+
+
+def brief(tables: Tables) -> bool:
+    """Whether what is kept of a pixel has 16 bits, not 32: where all shapes are convex and few."""
+    convex = tables.splats is None and {MESH, HEIGHT_FIELD}.isdisjoint(tables.shape_types)
+    return convex and tables.num_shapes <= BRIEF_SHAPES
+
+
+def kept_words(tables: Tables, width: int, height: int) -> int:
+    """Numbers of 32 bits in which one image's words are kept: those of strips of eight pixels' width."""
+    return -(-width // 8) * 8 * height // (2 if brief(tables) else 1)
+
+
+def motion_rows(tables: Tables) -> int:
+    """Rows of Trail.motions a world; at least those of one shape, which are read where nothing is hit."""
+    return (MOVING_ROWS if tables.moving else ROWS) * max(tables.num_shapes, 1)
 
 
 def record_forget(known: wp.array, mask: wp.array, device: wp.Device) -> Stage:

@@ -36,11 +36,10 @@ class CameraPast:
         self.trail = flow.Trail()
         for name in set(OUTPUTS) & images.keys():
             setattr(self.trail, name, images[name].flatten())
-        kept = worlds * camera.width * camera.height if "flow_valid" in camera.outputs else 0
+        kept = worlds * _kept_words(camera, tables)
         self.trail.kept_first = wp.zeros(kept, dtype=wp.uint32, device=device)
         self.trail.kept_second = wp.zeros(kept, dtype=wp.uint32, device=device)
-        rows = _rows(tables) * tables.num_shapes
-        self.trail.motions = wp.zeros((worlds, rows), dtype=wp.vec4, device=device)
+        self.trail.motions = wp.zeros((worlds, flow.motion_rows(tables)), dtype=wp.vec4, device=device)
         self.trail.columns = tables.num_shapes
         self.trail.width, self.trail.height = camera.width, camera.height
 
@@ -100,16 +99,16 @@ def past_bytes(cameras: Mapping[str | int, Camera], scene: Scene, tables: Tables
     if not asking:
         return 0
     row = wp.types.type_size_in_bytes(wp.vec4)
-    view = wp.types.type_size_in_bytes(View) + _rows(tables) * row * tables.num_shapes
-    each = sum(view + 2 * 4 * camera.width * camera.height * ("flow_valid" in camera.outputs) for camera in asking)
+    view = wp.types.type_size_in_bytes(View) + flow.motion_rows(tables) * row
+    each = sum(view + 2 * 4 * _kept_words(camera, tables) for camera in asking)
     total = tables.num_worlds * (1 + each + 4 * row * tables.num_shapes)
     if tables.moving:
         total += flow.corners_bytes(tables.meshes, np.asarray(tables.moving), scene.moving_faces())
     return total
 
 
-def _rows(tables: Tables) -> int:
-    return flow.MOVING_ROWS if tables.moving else flow.ROWS
+def _kept_words(camera: Camera, tables: Tables) -> int:
+    return flow.kept_words(tables, camera.width, camera.height) if "flow_valid" in camera.outputs else 0
 
 
 def _worlds_of(scene: Scene, tables: Tables) -> np.ndarray:

@@ -65,7 +65,7 @@ template <int TYPES, int LENS, int OUTPUTS, int CAPACITY, class Target, class Sh
     {
         if constexpr ((OUTPUTS & FLOW_VALID) != 0)
             if (inside(i, j))
-                expect_flow(places, j * target.width + i);
+                expect_flow<OUTPUTS>(target.trail, places, i, j);
         Hit hit { inside(i, j) ? camera.far : -1.0f, -1, -1 };
         if (LENS == RAYS && ray(i, j).x >= BLIND)
             hit.depth = -1.0f;

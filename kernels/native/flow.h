@@ -7,30 +7,82 @@
 
 namespace warpcam {
 
-// What a trace writes of it: bits of visibility.py. FLOW_MOVES: some meshes move.
-enum FlowOutput { FLOW = 1 << 24, FLOW_VALID = 1 << 25, FLOW_MOVES = 1 << 26 };
+// What a trace writes of it: bits of visibility.py. FLOW_MOVES: some meshes move. FLOW_BRIEF: words of 16 bits.
+// FLOW_GATHERED: a block gathers flow_valid of its region, a tile's in a word.
+enum FlowOutput { FLOW = 1 << 24, FLOW_VALID = 1 << 25, FLOW_MOVES = 1 << 26, FLOW_BRIEF = 1 << 27, FLOW_GATHERED = 1 << 28 };
 constexpr int FLOWS = FLOW | FLOW_VALID;
 
 // Rows of Trail.motions that a shape has, and the last word of the fourth where it rests: see flow.py.
 template <bool MOVES> constexpr int motion_rows() { return MOVES ? 7 : 4; }
 constexpr int STILL = -1;
 
-// What is kept of a pixel: above the shape, all ones where nothing is seen; below 16 bits of the depth's float, five of
-// its exponent, which is enough for 15 um to 65 km.
-constexpr int DEPTH_BITS = 12, LEAST_DEPTH = 111 << 23;  // what is cut off the float, and bits of 2^-16 m
-constexpr unsigned DEPTHS = 0xffffu;
-WARPCAM_FN unsigned kept_word(int shape, float depth)
-{
-    const unsigned bits = unsigned(as_int(depth) - LEAST_DEPTH) << (16 - DEPTH_BITS);
+// A whole number near a float that is less than 2^22: the last bits of a float between 2^23 and 2^24.
+constexpr float TO_WHOLE = 12582912.0f;
+
+// What is kept of a pixel: above the shape, all ones where nothing is seen; below its depth. `last`: the fourth of the
+// shape's rows.
+template <bool BRIEF> struct Kept;
+
+// The depth is 16 bits of its float, five of the exponent, which is enough for 15 um to 65 km.
+template <> struct Kept<false> {
+    using Word = unsigned;
+    static constexpr int DEPTH_BITS = 12, LEAST_DEPTH = 111 << 23;  // what is cut off the float, and bits of 2^-16 m
+    static constexpr unsigned DEPTHS = 0xffffu;
+
+    WARPCAM_FN static Word word(int shape, float depth, const Row&)
+    {
+        const unsigned bits = unsigned(as_int(depth) - LEAST_DEPTH) << (16 - DEPTH_BITS);
 #if defined(__CUDA_ARCH__)
-    return __byte_perm(bits, shape, 0x5432);
+        return __byte_perm(bits, shape, 0x5432);
 #else
-    return unsigned(shape) << 16 | bits >> 16;
+        return unsigned(shape) << 16 | bits >> 16;
 #endif
+    }
+    // By how much a word is above the least that a shape has: at most DEPTHS if it is of the shape.
+    WARPCAM_FN static unsigned above(unsigned word, int shape) { return word - (unsigned(shape) << 16); }
+    WARPCAM_FN static bool shows(unsigned word, int shape) { return above(word, shape) <= DEPTHS; }
+    WARPCAM_FN static bool rests(const Row& last) { return last.w == STILL; }
+    // Both of two words show the shape, and one of them a part that is not nearer than the point then might be.
+    WARPCAM_FN static bool show(unsigned one, unsigned other, int shape, const Row& last, float depth)
+    {
+        const unsigned a = above(one, shape), b = above(other, shape), most = a > b ? a : b;
+        constexpr int CUT = LEAST_DEPTH + (1 << DEPTH_BITS) - 1;  // the last bits are any
+        return most <= DEPTHS && int(most << DEPTH_BITS) + CUT >= as_int(muladd(last.x, depth, last.y));
+    }
+};
+
+// The shape has eight bits; the depth is counted in steps of the shape's own, eight bits of which tell its parts apart.
+template <> struct Kept<true> {
+    using Word = unsigned short;
+
+    WARPCAM_FN static unsigned steps(float number) { return unsigned(as_int(number)); }
+    WARPCAM_FN static Word word(int shape, float depth, const Row& last)
+    {
+        const unsigned bits = steps(muladd(depth, as_float(last.w), TO_WHOLE));
+#if defined(__CUDA_ARCH__)
+        return static_cast<Word>(__byte_perm(bits, shape, 0x4440));
+#else
+        return static_cast<Word>((unsigned(shape) & 255u) << 8 | (bits & 255u));
+#endif
+    }
+    WARPCAM_FN static bool shows(unsigned word, int shape) { return (word ^ unsigned(shape) << 8) <= 255u; }
+    WARPCAM_FN static bool rests(const Row& last) { return last.z < 0.0f; }
+    WARPCAM_FN static bool show(unsigned one, unsigned other, int shape, const Row& last, float depth)
+    {
+        const unsigned a = one ^ unsigned(shape) << 8, b = other ^ unsigned(shape) << 8;
+        const unsigned nearest = steps(muladd(last.x, depth, last.y + TO_WHOLE));
+        return (a | b) <= 255u && ((a - nearest) & (b - nearest) & 128u) == 0u;
+    }
+};
+
+// Words of an image lie in strips of eight pixels' width, so that those of a tile are neighbours.
+template <class Trail> WARPCAM_FN unsigned place_of(const Trail& trail, unsigned column, unsigned row)
+{
+    return (column & ~7u) * trail.height + (8u * row + (column & 7u));
 }
 
 // The word of a pixel, of a trace that writes none that it reads.
-WARPCAM_FN unsigned word_at(const unsigned* words, unsigned place)
+template <class Word> WARPCAM_FN unsigned word_at(const Word* words, unsigned place)
 {
 #if defined(__CUDA_ARCH__)
     return __ldg(words + place);
@@ -47,6 +99,14 @@ WARPCAM_FN void keep_word(unsigned* words, unsigned place, unsigned word)
     words[place] = word;
 #endif
 }
+WARPCAM_FN void keep_word(unsigned short* words, unsigned place, unsigned short word)
+{
+#if defined(__CUDA_ARCH__)
+    asm volatile("st.global.u16 [%0], %1;" ::"l"(words + place), "h"(word) : "memory");
+#else
+    words[place] = word;
+#endif
+}
 
 // 1 or 0, of which the compiler makes no condition that it carries along.
 WARPCAM_FN unsigned settled(bool condition)
@@ -58,37 +118,63 @@ WARPCAM_FN unsigned settled(bool condition)
     return number;
 }
 
-// By how much a word is above the least that a shape has: at most DEPTHS if it is of the shape.
-WARPCAM_FN unsigned above(unsigned word, int shape) { return word - (unsigned(shape) << 16); }
-
 // Trail.known: what was seen is kept in the first or the second of two places, what is seen goes to the other; or nothing
 // is known of what was. Values of views.py.
 enum Known { SECOND = 1, FIRST = 2, NEW = 4 };
 
-// What the last images showed and where these are kept, of all worlds; the former of one world; how its shapes have moved.
+// Of one world: what the last image showed, where what this one shows is kept, and how its shapes have moved; where a
+// block gathers flow_valid.
 struct FlowPlaces {
-    const unsigned* all_words;
-    unsigned* kept;
-    const unsigned* words;
+    const void* words;
+    void* kept;
     const void* motions;
+    unsigned* gathered;
 };
 
-template <bool MOVES, class Trail> WARPCAM_FN FlowPlaces flow_places(const Trail& trail, int world)
+template <int WANTED, class Trail>
+WARPCAM_FN FlowPlaces flow_places(const Trail& trail, int world, unsigned* gathered = nullptr)
 {
     const bool in_first = wp::index(trail.known, world) == FIRST;
-    unsigned* last = in_first ? trail.kept_first.data : trail.kept_second.data;
-    return { last, in_first ? trail.kept_second.data : trail.kept_first.data,
-             last + size_t(world) * (trail.width * trail.height),
-             trail.motions.data + size_t(world) * trail.columns * motion_rows<MOVES>() };
+    constexpr size_t SIZE = sizeof(typename Kept<(WANTED & FLOW_BRIEF) != 0>::Word);
+    const size_t first = size_t(world) * ((trail.width + 7) / 8 * 8 * trail.height) * SIZE;
+    char* one = reinterpret_cast<char*>(trail.kept_first.data) + first;
+    char* other = reinterpret_cast<char*>(trail.kept_second.data) + first;
+    return { in_first ? one : other, in_first ? other : one,
+             trail.motions.data + size_t(world) * trail.columns * motion_rows<(WANTED & FLOW_MOVES) != 0>(), gathered };
 }
 
 // Has the word on its way that a pixel that rests will need: it comes from far, and meanwhile the pixel is traced.
-WARPCAM_FN void expect_flow(const FlowPlaces& places, int place)
+template <int WANTED, class Trail>
+WARPCAM_FN void expect_flow(const Trail& trail, const FlowPlaces& places, int i, int j)
 {
 #if defined(__CUDA_ARCH__)
-    asm volatile("prefetch.global.L1 [%0];" ::"l"(places.words + place));
+    using Word = typename Kept<(WANTED & FLOW_BRIEF) != 0>::Word;
+    asm volatile("prefetch.global.L1 [%0];" ::"l"(static_cast<const Word*>(places.words) + place_of(trail, i, j)));
 #endif
 }
+
+// A block's flow_valid: a word a tile, in which each pixel has a bit.
+constexpr int GATHERED = 64 / TILE_WIDTH * (64 / TILE_HEIGHT);  // no region is larger
+WARPCAM_FN int gathered_at(int i, int j) { return j / TILE_HEIGHT % 16 * 8 + i / TILE_WIDTH % 8; }
+
+#if defined(__CUDA_ARCH__)
+// Writes what a block has gathered, eight pixels at once; the image's width is a multiple of that.
+template <class Trail, class Region_>
+WARPCAM_FN void put_gathered(const Trail& trail, const unsigned* gathered, const Region_& region, int world, int thread)
+{
+    const int across = region.width / TILE_WIDTH;
+    const float per_row = 1.0f / float(across);
+#pragma unroll 1
+    for (int k = thread; k < across * region.height; k += THREADS) {
+        const int row = int((float(k) + 0.5f) * per_row), column = k - row * across;
+        const int i = region.left + column * TILE_WIDTH, j = region.top + row;
+        const unsigned bits = gathered[gathered_at(i, j)] >> j % TILE_HEIGHT * TILE_WIDTH;
+        const auto bytes = [](unsigned four) { return (four & 15u) * 0x204081u & 0x01010101u; };
+        *reinterpret_cast<uint2*>(trail.flow_valid.data + (size_t(world) * trail.height + j) * trail.width + i)
+            = make_uint2(bytes(bits), bytes(bits >> 4));
+    }
+}
+#endif
 
 // Row i of the place then in homogeneous pixels, of what pixel (x, y) sees: Trail.motions of flow.py.
 template <int LENS> WARPCAM_FN float then(const Row& by, float x, float y, float depth)
@@ -140,18 +226,16 @@ struct Beside {
     WARPCAM_FN unsigned other() const { return (steps + STEPS / 2) >> STEP_BITS; }
 };
 
-// Was the surface seen in the last image at a place inside of it, if nothing that is nearer than `threshold` hides it?
-// The pixel there must show the shape, and so must one that has a quarter or more of what is interpolated there; of one
-// of them it must be a part that is not nearer.
-template <class Trail>
-WARPCAM_FN bool was_seen(const Trail& trail, const unsigned* words, int shape, const Beside& x, const Beside& y,
-                         float threshold)
+// Was the surface seen in the last image at a place inside of it, `depth` away then? The pixel there must show the
+// shape, and so must one that has a quarter or more of what is interpolated there; of one of them it must be a part
+// that is not nearer by more than `last` allows.
+template <bool BRIEF, class Trail>
+WARPCAM_FN bool was_seen(const Trail& trail, const void* words, int shape, const Beside& x, const Beside& y,
+                         const Row& last, float depth)
 {
-    const unsigned one = above(word_at(words, y.one() * trail.width + x.one()), shape);
-    const unsigned other = above(word_at(words, y.other() * trail.width + x.other()), shape);
-    const unsigned most = one > other ? one : other;
-    constexpr int LAST = LEAST_DEPTH + (1 << DEPTH_BITS) - 1;  // of what is cut off
-    return most <= DEPTHS && int(most << DEPTH_BITS) + LAST >= as_int(threshold);
+    const auto* typed = static_cast<const typename Kept<BRIEF>::Word*>(words);
+    return Kept<BRIEF>::show(word_at(typed, place_of(trail, x.one(), y.one())),
+                             word_at(typed, place_of(trail, x.other(), y.other())), shape, last, depth);
 }
 
 // Writes pixel (i, j), number `pixel` of all worlds'.
@@ -160,15 +244,20 @@ WARPCAM_FN void put_flow(const Trail& trail, const FlowPlaces& places, const Sha
                          const Hit& hit, int world, int i, int j, unsigned pixel)
 {
     constexpr bool MOVES = WANTED & FLOW_MOVES;
+    using Keeps = Kept<(WANTED & FLOW_BRIEF) != 0>;
+    using Word = typename Keeps::Word;
+    const unsigned place = WANTED & FLOW_VALID ? place_of(trail, i, j) : 0u;
+    const Row* rows = static_cast<const Row*>(places.motions) + size_t(unsigned(hit.shape < 0 ? 0 : hit.shape)) * motion_rows<MOVES>();
+#if defined(__CUDA_ARCH__)
+    asm("" : "+l"(rows));  // one address with four offsets
+#endif
+    const Row last = load(rows, 3);
+    if (WANTED & FLOW_VALID)
+        keep_word(static_cast<Word*>(places.kept), place, Keeps::word(hit.shape, hit.depth, last));
     float right = 0.0f, down = 0.0f;
     unsigned valid = 0;
     if (hit.shape >= 0) {
-        const Row* rows = static_cast<const Row*>(places.motions) + size_t(unsigned(hit.shape)) * motion_rows<MOVES>();
-#if defined(__CUDA_ARCH__)
-        asm("" : "+l"(rows));  // one address with four offsets
-#endif
-        const Row last = load(rows, 3);  // x: scale of the depth that may hide; y: added to it; z: near
-        bool still = MOVES ? last.w & 1 : last.w == STILL;
+        bool still = MOVES ? last.w & 1 : Keeps::rests(last);
         const int corners = last.w >> 1;
         Vec within { 0.0f, 0.0f, 0.0f };
         if constexpr (MOVES) {
@@ -179,7 +268,7 @@ WARPCAM_FN void put_flow(const Trail& trail, const FlowPlaces& places, const Sha
         }
         if (still) {
             if (WANTED & FLOW_VALID)
-                valid = settled(above(word_at(places.all_words, pixel), hit.shape) <= DEPTHS);
+                valid = settled(Keeps::shows(word_at(static_cast<const Word*>(places.words), place), hit.shape));
         } else {
             const float column = float(i), row = float(j);
             float x = then<LENS>(load(rows, 0), column, row, hit.depth);
@@ -199,8 +288,8 @@ WARPCAM_FN void put_flow(const Trail& trail, const FlowPlaces& places, const Sha
                 if (WANTED & FLOW_VALID) {
                     const Beside across(x, rate), along(y, rate);
                     if (depth >= last.z && across.inside(trail.width) && along.inside(trail.height))
-                        valid = settled(was_seen(trail, places.words, hit.shape, across, along,
-                                                 muladd(last.x, depth, last.y)));
+                        valid = settled(was_seen<(WANTED & FLOW_BRIEF) != 0>(trail, places.words, hit.shape, across,
+                                                                             along, last, depth));
                 }
             }
         }
@@ -214,8 +303,15 @@ WARPCAM_FN void put_flow(const Trail& trail, const FlowPlaces& places, const Sha
 #endif
     }
     if (WANTED & FLOW_VALID) {
+#if defined(__CUDA_ARCH__)
+        if constexpr ((WANTED & FLOW_GATHERED) != 0) {
+            const unsigned bits = __ballot_sync(ALL, valid);
+            if (threadIdx.x % LANES == 0)
+                places.gathered[gathered_at(i, j)] = bits;
+            return;
+        }
+#endif
         trail.flow_valid.data[pixel] = static_cast<unsigned char>(valid);
-        keep_word(places.kept, pixel, kept_word(hit.shape, hit.depth));
     }
 }
 

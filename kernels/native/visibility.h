@@ -189,14 +189,18 @@ WARPCAM_FN void draw(const Shapes& shapes, const Materials& materials, const Mes
     if (!wp::index(target.mask, world))
         return;
     constexpr bool FLOWING = (OUTPUTS & FLOWS) != 0;
+    // Where all of a tile's pixels are written together: one pass, no rays that wait for others, no tile that is cut.
+    constexpr bool GATHERS = THREADS > 1 && (OUTPUTS & FLOW_VALID) && (OUTPUTS & TILED) && !SEVERAL && !(TYPES >> MESH & 1);
+    constexpr int WRITTEN = OUTPUTS | (GATHERS ? FLOW_GATHERED : 0);
     WARPCAM_SHARED typename Places<FLOWING>::type places;
+    WARPCAM_SHARED unsigned gathered[GATHERS ? GATHERED : 1];
     if (thread == 0) {
         camera = load_camera(wp::index(views, world));
         if constexpr (FLOWING)
-            places = flow_places<(OUTPUTS & FLOW_MOVES) != 0>(target.trail, world);
+            places = flow_places<OUTPUTS>(target.trail, world, gathered);
     }
     block_barrier();
-    const Canvas<TYPES, LENS, OUTPUTS, CAPACITY, Target, Shapes> canvas {
+    const Canvas<TYPES, LENS, WRITTEN, CAPACITY, Target, Shapes> canvas {
         target, shapes, list, camera, region, world, places
     };
     const auto hidden = [&](int id) {
@@ -207,6 +211,10 @@ WARPCAM_FN void draw(const Shapes& shapes, const Materials& materials, const Mes
     };
     draw_region<TYPES, LENS, names_slots(OUTPUTS), SEVERAL>(list, canvas, shapes, meshes, fields, hidden, world,
                                                             thread);
+#if defined(__CUDA_ARCH__)
+    if constexpr (GATHERS)
+        put_gathered(target.trail, gathered, region, world, thread);
+#endif
 }
 
 }  // namespace warpcam
