@@ -155,7 +155,7 @@ WARPCAM_FN void expect_flow(const Trail& trail, const FlowPlaces& places, int i,
 
 // A block's flow_valid: a word a tile, in which each pixel has a bit.
 constexpr int GATHERED = 64 / TILE_WIDTH * (64 / TILE_HEIGHT);  // no region is larger
-WARPCAM_FN int gathered_at(int i, int j) { return j / TILE_HEIGHT % 16 * 8 + i / TILE_WIDTH % 8; }
+WARPCAM_FN unsigned gathered_at(unsigned i, unsigned j) { return j / TILE_HEIGHT % 16 * 8 + i / TILE_WIDTH % 8; }
 
 #if defined(__CUDA_ARCH__)
 // Writes what a block has gathered, eight pixels at once; the image's width is a multiple of that.
