@@ -13,11 +13,9 @@ from .launch import Stage, record
 from .tables import Tables
 from .types import (
     BARREL,
-    BOX,
     CAPSULE,
     CONE,
     CYLINDER,
-    ELLIPSOID,
     HEIGHT_FIELD,
     MESH,
     PLANE,
@@ -148,16 +146,19 @@ def steps_of(
     """
     if kind == PLANE:
         return 0.0
-    radius = size[0] + size[1]
+    half = size
     if kind == SPHERE:
-        radius = size[0]
-    elif kind == BARREL:
-        radius += size[1]
-    elif kind == BOX or kind == ELLIPSOID:
-        radius = wp.length(size)
-    away = view.origin - position
-    r = view.rotation
-    farthest = wp.abs(r[0, 2] * away[0] + r[1, 2] * away[1] + r[2, 2] * away[2]) + radius
+        half = wp.vec3(size[0], size[0], size[0])
+    elif kind == CAPSULE:
+        half = wp.vec3(size[0], size[0], size[0] + size[1])
+    elif kind == CYLINDER or kind == CONE:
+        half = wp.vec3(size[0], size[0], size[1])
+    elif kind == BARREL:  # its side is bent by less than its half length
+        half = wp.vec3(size[0] + size[1], size[0] + size[1], size[1])
+    axis = wp.vec3(view.rotation[0, 2], view.rotation[1, 2], view.rotation[2, 2])
+    along = wp.abs(wp.transpose(rotation) * axis)
+    radius = wp.dot(along, half)
+    farthest = wp.abs(wp.dot(axis, view.origin - position)) + radius
     reach = reach_of(kind, view, pinhole)
     return STEPS / wp.max(2.0 * radius + (1.0 - reach[0]) * farthest - reach[1], 1.0e-6 * farthest + 1.0e-12)
 
