@@ -187,6 +187,20 @@ def test_out_of_the_image_and_behind_the_camera(device: wp.Device) -> None:
     assert not seen["flow_valid"].any() and np.isfinite(seen["flow"]).all()
 
 
+@pytest.mark.parametrize("shapes", [255, 256])
+def test_the_last_of_many_shapes_is_not_taken_for_nothing(shapes: int, device: wp.Device) -> None:
+    crowd = "".join(f'<geom size=".01" pos="0 {5 + i} 0"/>' for i in range(shapes - 1))
+    moving = Moving(world=crowd + '<geom size=".5" pos="0 0 -3"/>', near=5.0, far=10.0)
+    assert (moving.see()["segmentation"] < 0).all()
+    moving.arrays.near.fill_(0.0)
+    seen = moving.see()
+    ball = seen["segmentation"] == shapes - 1
+    assert ball.sum() > 50 and not seen["flow_valid"].any()
+    seen = moving.see()
+    np.testing.assert_array_equal(seen["flow_valid"] == 1, ball)
+    assert moving.renderer.memory.past == 1 + 76 + 128 * shapes + (4 if shapes < 256 else 8) * WIDTH * HEIGHT
+
+
 def test_nearer_than_the_camera_saw(device: wp.Device) -> None:
     moving = Moving(near=3.5, far=10.0)
     seen = moving.see()

@@ -84,9 +84,9 @@ def scratch_by_the_docs(num_worlds: int, cameras: list[wc.Camera], layers: str =
 
 
 def past_by_the_docs(num_worlds: int, num_shapes: int, cameras: list[wc.Camera]) -> int:
-    """The same, for scenes without meshes that move."""
+    """The same, for scenes with meshes none of which moves."""
     asking = [each for each in cameras if FLOWS & set(each.outputs)]
-    pixels = sum(each.width * each.height for each in asking if "flow_valid" in each.outputs)
+    pixels = sum(-(-each.width // 8) * 8 * each.height for each in asking if "flow_valid" in each.outputs)
     shapes = num_shapes * (64 * bool(asking) + 64 * len(asking))
     return num_worlds * (8 * pixels + shapes + 76 * len(asking) + bool(asking))
 
