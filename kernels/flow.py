@@ -192,31 +192,33 @@ def write_motions(
     columns = before.shape[1] // 4
     world = index // columns
     shape = index - world * columns
-    if mask[world] == wp.uint8(0):
-        return
-    kind = shapes.types[shape]
-    if shapes.places[shape] < 0 and kind != SPLATS:
-        return
-
+    # All is loaded before the first decision: memory is waited for once.
+    a = get_row(before, 4 * index)
+    b = get_row(before, 4 * index + 1)
+    c = get_row(before, 4 * index + 2)
+    d = get_row(before, 4 * index + 3)
     position = shapes.positions[world, shape]
     rotation = shapes.rotations[world, shape]
     size = shapes.sizes[world % shapes.sizes.shape[0], shape]
     asset = shapes.assets[world % shapes.assets.shape[0], shape]
+    now = views[world]
+    then = views_before[world]
+    state = known[world]
+    kind = shapes.types[shape]
+    drawn = shapes.places[shape] >= 0 or kind == SPLATS
+    if mask[world] == wp.uint8(0) or not drawn:
+        return
     same = False
     last = wp.vec4()
-    if known[world] != wp.uint8(NEW):
-        now = views[world]
-        then = views_before[world]
-        a = get_row(before, 4 * index)
-        b = get_row(before, 4 * index + 1)
-        c = get_row(before, 4 * index + 2)
-        d = get_row(before, 4 * index + 3)
+    if state != wp.uint8(NEW):
         old_position = wp.vec3(a[0], a[1], a[2])
         old_rotation = wp.mat33(b[0], b[1], b[2], c[0], c[1], c[2], d[0], d[1], d[2])
         old_size = wp.vec3(a[3], b[3], c[3])
         old_asset = wp.cast(d[3], wp.int32)
         same = old_position == position and old_rotation == rotation and old_size == size and old_asset == asset
-        grown = stretch(kind, old_size, size, scaled)
+        grown = wp.vec3(1.0, 1.0, 1.0)
+        if not (old_size == size):
+            grown = stretch(kind, old_size, size, scaled)
         # By how much a point of the shape, then one of the camera's frame, was elsewhere: 0 if nothing has moved.
         turn = (old_rotation * wp.diag(grown) - rotation) * wp.transpose(rotation)
         shift = (now.origin - then.origin) + (old_position - position) + turn * (now.origin - position)
@@ -272,7 +274,7 @@ def write_motions(
         put_unknown(motions, rows * index)
         last = wp.vec4(0.0, 0.0, 0.0, number_of(-2))
     if brief != 0:
-        last[3] = steps_of(kind, position, rotation, size, views[world], pinhole)
+        last[3] = steps_of(kind, position, rotation, size, now, pinhole)
     put_row(motions, rows * index + 3, last)
 
     if keep != 0 and not same:
