@@ -39,8 +39,7 @@ template <> struct Places<false> {
 };
 
 // Pixel (i, j) is column i and row j of the image.
-template <int TYPES, int LENS, int OUTPUTS, int CAPACITY, class Target, class Shapes, int WIDTH, int HEIGHT> struct Canvas {
-    static constexpr int REGION_WIDTH = WIDTH, REGION_HEIGHT = HEIGHT;
+template <int TYPES, int LENS, int OUTPUTS, int CAPACITY, class Target, class Shapes> struct Canvas {
     const Target& target;
     const Shapes& shapes;
     const ShapeList<CAPACITY>& list;
@@ -64,7 +63,7 @@ template <int TYPES, int LENS, int OUTPUTS, int CAPACITY, class Target, class Sh
     // What a ray has met before a pass: nothing that is new. No ray outside of the image meets anything.
     WARPCAM_FN Hit start(int i, int j, bool first_pass) const
     {
-        if constexpr ((OUTPUTS & FLOW_VALID) != 0 && !EXPECTS_REGIONS)
+        if constexpr ((OUTPUTS & FLOW_VALID) != 0)
             if (inside(i, j))
                 expect_flow<OUTPUTS>(target.trail, places, i, j);
         Hit hit { inside(i, j) ? camera.far : -1.0f, -1, -1 };
@@ -117,26 +116,6 @@ template <int TYPES, int LENS, int OUTPUTS, int CAPACITY, class Target, class Sh
     }
 
 #if defined(__CUDA_ARCH__)
-    // Whether four pixels may be written at once: wherever flow is, of images of whole tiles, in one pass.
-    static constexpr bool FOURS = (OUTPUTS & FLOWS) != 0 && (OUTPUTS & TILED) != 0
-        && !(TYPES >> MESH & 1) && !(OUTPUTS & (FACE | DISTANCE | POINTS | BODIES | NORMALS | IDS | OPAQUE));
-
-    // Writes four pixels from (i, j) to the right.
-    WARPCAM_FN void put_four(int i, int j, const float4& depth, const int4& shape) const
-    {
-        const unsigned pixel = at(i, j);
-        const float depths[4] { depth.x, depth.y, depth.z, depth.w };
-        const int shapes[4] { shape.x, shape.y, shape.z, shape.w };
-        if (OUTPUTS & DEPTH)
-            *reinterpret_cast<float4*>(target.depth.data + pixel)
-                = make_float4(shape.x < 0 ? camera.miss : depth.x, shape.y < 0 ? camera.miss : depth.y,
-                              shape.z < 0 ? camera.miss : depth.z, shape.w < 0 ? camera.miss : depth.w);
-        if (OUTPUTS & SHAPE)
-            store_four(target.shape.data + pixel, shapes);
-        if constexpr (FOURS)
-            put_four_flows<LENS, OUTPUTS>(target.trail, places, depths, shapes, i, j, pixel);
-    }
-
     static constexpr int THREES = OUTPUTS & QUADS ? OUTPUTS & (POINTS | NORMALS) : 0;  // stored by 16 bytes
 
     // The same for the pixels of a warp's tile, each lane's; `row_of_lanes` is room for 3 * LANES numbers where there

@@ -107,35 +107,6 @@ WARPCAM_FN void keep_word(unsigned short* words, unsigned place, unsigned short 
 #endif
 }
 
-#if defined(__CUDA_ARCH__)
-WARPCAM_FN void load_four(unsigned (&to)[4], const unsigned* words)
-{
-    const uint4 four = __ldg(reinterpret_cast<const uint4*>(words));
-    to[0] = four.x, to[1] = four.y, to[2] = four.z, to[3] = four.w;
-}
-WARPCAM_FN void load_four(unsigned short (&to)[4], const unsigned short* words)
-{
-    const uint2 four = __ldg(reinterpret_cast<const uint2*>(words));
-    to[0] = four.x & 0xffffu, to[1] = four.x >> 16, to[2] = four.y & 0xffffu, to[3] = four.y >> 16;
-}
-WARPCAM_FN void store_four(int* to, const int (&four)[4])
-{
-    *reinterpret_cast<int4*>(to) = make_int4(four[0], four[1], four[2], four[3]);
-}
-WARPCAM_FN void store_four(unsigned* to, const unsigned (&four)[4])
-{
-    *reinterpret_cast<uint4*>(to) = make_uint4(four[0], four[1], four[2], four[3]);
-}
-WARPCAM_FN void store_four(unsigned short* to, const unsigned short (&four)[4])
-{
-    *reinterpret_cast<uint2*>(to) = make_uint2(four[0] | unsigned(four[1]) << 16, four[2] | unsigned(four[3]) << 16);
-}
-WARPCAM_FN void store_four(short* to, const int (&four)[4])
-{
-    *reinterpret_cast<uint2*>(to) = make_uint2(__byte_perm(four[0], four[1], 0x5410), __byte_perm(four[2], four[3], 0x5410));
-}
-#endif
-
 // 1 or 0, of which the compiler makes no condition that it carries along.
 WARPCAM_FN unsigned settled(bool condition)
 {
@@ -176,26 +147,6 @@ WARPCAM_FN void expect_flow(const Trail& trail, const FlowPlaces& places, int i,
 #if defined(__CUDA_ARCH__)
     using Word = typename Kept<(WANTED & FLOW_BRIEF) != 0>::Word;
     asm volatile("prefetch.global.L1 [%0];" ::"l"(static_cast<const Word*>(places.words) + place_of(trail, i, j)));
-#endif
-}
-
-// The same for a region, whose words lie together where it is as high as the image.
-constexpr bool EXPECTS_REGIONS = true;
-template <int WIDTH, int WANTED, class Trail, class Region_>
-WARPCAM_FN void expect_words(const Trail& trail, const FlowPlaces& places, const Region_& region, int thread)
-{
-#if defined(__CUDA_ARCH__)
-    if constexpr (EXPECTS_REGIONS && (WANTED & FLOW_VALID) != 0) {
-        using Word = typename Kept<(WANTED & FLOW_BRIEF) != 0>::Word;
-        constexpr int SECTOR = 32 / sizeof(Word), ROWS = SECTOR / 8, STRIPS = WIDTH / 8;  // words; rows of a strip
-        const int sectors = (region.height + ROWS - 1) / ROWS * STRIPS;
-#pragma unroll 1
-        for (int k = thread; k < sectors; k += THREADS) {
-            const int column = region.left + k % STRIPS * 8, row = region.top + k / STRIPS * ROWS;
-            if (column < trail.width && row < trail.height)
-                asm volatile("prefetch.global.L2 [%0];" ::"l"(static_cast<const Word*>(places.words) + place_of(trail, column, row)));
-        }
-    }
 #endif
 }
 
@@ -328,68 +279,5 @@ WARPCAM_FN void put_flow(const Trail& trail, const FlowPlaces& places, const Sha
     if (WANTED & FLOW_VALID)
         trail.flow_valid.data[pixel] = static_cast<unsigned char>(valid);
 }
-
-#if defined(__CUDA_ARCH__)
-// The same for four pixels from (i, j) to the right, in whose image no mesh moves: numbers that lie beside each other
-// are stored at once, and what four have in common is done once.
-template <int LENS, int WANTED, class Trail>
-WARPCAM_FN void put_four_flows(const Trail& trail, const FlowPlaces& places, const float (&depths)[4],
-                               const int (&shapes)[4], int i, int j, unsigned pixel)
-{
-    using Keeps = Kept<(WANTED & FLOW_BRIEF) != 0>;
-    using Word = typename Keeps::Word;
-    const unsigned place = WANTED & FLOW_VALID ? place_of(trail, i, j) : 0u;
-    Word were[4];
-    if (WANTED & FLOW_VALID)
-        load_four(were, static_cast<const Word*>(places.words) + place);
-    const auto rows_of = [&](int shape) {
-        return static_cast<const Row*>(places.motions) + size_t(unsigned(shape < 0 ? 0 : shape)) * motion_rows<false>();
-    };
-    Word words[4];
-    unsigned valid = 0;
-    float2 before;
-    const Row* rows = rows_of(shapes[0]);
-    Row last = load(rows, 3);
-    const float row = float(j);
-#pragma unroll
-    for (int k = 0; k < 4; ++k) {
-        if (k > 0 && shapes[k] != shapes[k - 1]) {
-            rows = rows_of(shapes[k]);
-            last = load(rows, 3);
-        }
-        if (WANTED & FLOW_VALID)
-            words[k] = Keeps::word(shapes[k], depths[k], last);
-        float2 moved = make_float2(0.0f, 0.0f);
-        if (shapes[k] >= 0) {
-            if (Keeps::rests(last)) {
-                if (WANTED & FLOW_VALID)
-                    valid |= settled(Keeps::shows(were[k], shapes[k])) << 8 * k;
-            } else {
-                const float column = float(i + k);
-                const float x = then<LENS>(load(rows, 0), column, row, depths[k]);
-                const float y = then<LENS>(load(rows, 1), column, row, depths[k]);
-                const float depth = then<LENS>(load(rows, 2), column, row, depths[k]);
-                if (LENS != PINHOLE || depth > 0.0f) {
-                    const float rate = LENS == PINHOLE ? reciprocal(depth) : 1.0f;
-                    moved = make_float2(muladd(-x, rate, column), muladd(-y, rate, row));
-                    if (WANTED & FLOW_VALID) {
-                        const Beside across(x, rate), along(y, rate);
-                        if (depth >= last.z && across.inside(trail.width) && along.inside(trail.height))
-                            valid |= settled(was_seen<(WANTED & FLOW_BRIEF) != 0>(trail, places.words, shapes[k], across,
-                                                                                  along, last, depth)) << 8 * k;
-                    }
-                }
-            }
-        }
-        if ((WANTED & FLOW) && k % 2)
-            reinterpret_cast<float4*>(trail.flow.data)[pixel / 2 + k / 2] = make_float4(before.x, before.y, moved.x, moved.y);
-        before = moved;
-    }
-    if (WANTED & FLOW_VALID) {
-        store_four(static_cast<Word*>(places.kept) + place, words);
-        reinterpret_cast<unsigned*>(trail.flow_valid.data)[pixel / 4] = valid;
-    }
-}
-#endif
 
 }  // namespace warpcam

@@ -53,50 +53,6 @@ WARPCAM_FN int gather(ShapeList<CAPACITY>& list, int begin, const Shapes& shapes
 
 #if defined(__CUDA_ARCH__)
 
-// The same of a canvas that writes four pixels at once: a warp keeps what four tiles show, then each lane writes four.
-template <int TYPES, int CAPACITY, class Canvas_, class HeightFields>
-WARPCAM_FN void draw_four_tiles(ShapeList<CAPACITY>& list, const Canvas_& canvas, const HeightFields& fields)
-{
-    struct alignas(16) Seen {
-        float depths[4 * LANES];
-        int shapes[4 * LANES];
-    };
-    WARPCAM_SHARED Seen seen_by[THREADS / LANES];
-    const int lane = threadIdx.x % LANES;
-    Seen& seen = seen_by[threadIdx.x / LANES];
-    constexpr int ACROSS = Canvas_::REGION_WIDTH / TILE_WIDTH, TILES = ACROSS * (Canvas_::REGION_HEIGHT / TILE_HEIGHT);
-    int kept = 0;
-    unsigned own = 0;  // the tile whose pixels the lane will write, counted from 1 in columns and rows of the image
-    bool more = true;
-    while (more) {
-        const int tile = __shfl_sync(ALL, lane == 0 ? draw_next(list.next_tile) : 0, 0);
-        more = tile < TILES;
-        const int row = unsigned(tile) / ACROSS, column = unsigned(tile) % ACROSS;
-        const int i = canvas.region.left + column * TILE_WIDTH + lane % TILE_WIDTH;
-        const int j = canvas.region.top + row * TILE_HEIGHT + lane / TILE_WIDTH;
-        if (more && i < canvas.target.width && j < canvas.target.height) {
-            const auto ray = canvas.ray(i, j);
-            Hit hit = canvas.start(i, j, true);
-            trace_tile<TYPES>(list, column, row, ray, near_of(ray, canvas.camera.near), fields, hit);
-            seen.depths[kept * LANES + lane] = hit.depth;
-            seen.shapes[kept * LANES + lane] = hit.shape;
-            if (lane / (LANES / 4) == kept)
-                own = (unsigned(i) / TILE_WIDTH | unsigned(j) / TILE_HEIGHT << 16) + 1;
-            ++kept;
-        }
-        if (kept == 4 || !more) {
-            __syncwarp();
-            if (own)
-                canvas.put_four(((own - 1) & 0xffffu) * TILE_WIDTH + lane % 2 * 4, ((own - 1) >> 16) * TILE_HEIGHT + lane / 2 % 4,
-                                reinterpret_cast<const float4*>(seen.depths)[lane],
-                                reinterpret_cast<const int4*>(seen.shapes)[lane]);
-            __syncwarp();
-            kept = 0;
-            own = 0;
-        }
-    }
-}
-
 // Draws the tiles of a region against the list, a warp one after another.
 template <int TYPES, int LENS, int CAPACITY, class Canvas_, class Meshes, class HeightFields>
 WARPCAM_FN void draw_tiles(ShapeList<CAPACITY>& list, const Canvas_& canvas, const Meshes& meshes,
@@ -211,12 +167,7 @@ WARPCAM_FN void draw_region(ShapeList<CAPACITY>& list, const Canvas_& canvas, co
         }
         sort_by_depth(list, thread);
         block_barrier();
-#if defined(__CUDA_ARCH__)
-        if constexpr (Canvas_::FOURS && !SEVERAL)
-            draw_four_tiles<TYPES>(list, canvas, fields);
-        else
-#endif
-            draw_tiles<TYPES, LENS>(list, canvas, meshes, fields, !SEVERAL || first);
+        draw_tiles<TYPES, LENS>(list, canvas, meshes, fields, !SEVERAL || first);
         first = false;
         block_barrier();
     } while (SEVERAL && begin < total);
@@ -245,9 +196,7 @@ WARPCAM_FN void draw(const Shapes& shapes, const Materials& materials, const Mes
             places = flow_places<OUTPUTS>(target.trail, world);
     }
     block_barrier();
-    if constexpr (FLOWING)
-        expect_words<WIDTH, OUTPUTS>(target.trail, places, region, thread);
-    const Canvas<TYPES, LENS, OUTPUTS, CAPACITY, Target, Shapes, WIDTH, HEIGHT> canvas {
+    const Canvas<TYPES, LENS, OUTPUTS, CAPACITY, Target, Shapes> canvas {
         target, shapes, list, camera, region, world, places
     };
     const auto hidden = [&](int id) {
