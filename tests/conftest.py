@@ -13,29 +13,11 @@ if ctypes.util.find_library("OSMesa"):
 sys.path.append(str(Path(__file__).parent))
 
 import pytest
+import quick_simulators
 import warp as wp
 
 wp.config.quiet = True
-
-
-def _simulators_unoptimised() -> None:
-    """Warp's simulators and their renderers are compiled without optimising, in a fifth of the time.
-
-    They compute little here, and what is tested is ours, which is compiled as it always is.
-    """
-    resolve = wp.Module.resolve_options
-
-    def resolve_options(module: wp.Module, *args: Any, **kwargs: Any) -> dict[str, Any]:
-        options = resolve(module, *args, **kwargs)
-        homes = {kernel.func.__module__.partition(".")[0] for kernel in module.kernels.values()}
-        if homes and homes <= {"mujoco_warp", "newton"} and options["optimization_level"] is None:
-            options["optimization_level"] = 0
-        return options
-
-    wp.Module.resolve_options = resolve_options
-
-
-_simulators_unoptimised()
+quick_simulators.install()
 
 
 @pytest.fixture(params=[device.alias for device in wp.get_devices()])

@@ -11,6 +11,7 @@ import pytest
 from PIL import Image
 
 EXAMPLES = Path(__file__).resolve().parents[1] / "examples"
+QUICK = str(Path(__file__).with_name("quick_simulators.py"))
 
 
 def run(*command: str, folder: Path) -> str:
@@ -39,11 +40,12 @@ def test_hello_is_short() -> None:
 
 
 def test_torch_observations(tmp_path: Path) -> None:
-    assert "20 frames of 64 worlds on cpu" in run(str(EXAMPLES / "torch_observations.py"), folder=tmp_path)
+    assert "20 frames of 64 worlds on cpu" in run(QUICK, str(EXAMPLES / "torch_observations.py"), folder=tmp_path)
 
 
 def test_ci_on_cpu(tmp_path: Path) -> None:
-    printed = run("-m", "pytest", "-p", "no:cacheprovider", str(EXAMPLES / "ci_on_cpu.py"), folder=tmp_path)
+    command = ("-m", "pytest", "-n", "0", "-p", "no:cacheprovider", str(EXAMPLES / "ci_on_cpu.py"))
+    printed = run(*command, folder=tmp_path)
     assert "3 passed" in printed
 
 
@@ -64,7 +66,7 @@ def test_every_gpu(tmp_path: Path) -> None:
 
 def test_gymnasium_cartpole(tmp_path: Path) -> None:
     pytest.importorskip("gymnasium", reason="pip install 'warpcam[gymnasium]'")
-    printed = run(str(EXAMPLES / "gymnasium_cartpole.py"), folder=tmp_path)
+    printed = run(QUICK, str(EXAMPLES / "gymnasium_cartpole.py"), folder=tmp_path)
     assert "Box(0.0, inf, (1, 32, 32), float32)" in printed
     ended, lean = re.search(r"(\d+) episodes ended\nmean lean in their last images: (.*) rad", printed).groups()
     assert int(ended) > 5
@@ -97,7 +99,7 @@ def test_formats_are_rendered_as_the_readme_shows(tmp_path: Path) -> None:
 
 def test_isaacgym_cameras(tmp_path: Path) -> None:
     pytest.importorskip("newton")
-    printed = run(str(EXAMPLES / "isaacgym_cameras.py"), folder=tmp_path)
+    printed = run(QUICK, str(EXAMPLES / "isaacgym_cameras.py"), folder=tmp_path)
     assert "colour (4, 480, 640, 4), depth (4, 480, 640) on cpu" in printed
     wrist, side = np.vsplit(np.asarray(Image.open(tmp_path / "isaacgym_cameras.png")), 2)
     assert wrist.shape == side.shape == (240, 1280, 3)
