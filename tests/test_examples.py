@@ -1,5 +1,6 @@
 """Every example runs, as a user would run it: in a process of its own, in an empty folder."""
 
+import json
 import os
 import re
 import subprocess
@@ -78,19 +79,21 @@ def test_formats_are_rendered_as_the_readme_shows(tmp_path: Path) -> None:
     pytest.importorskip("trimesh")
     run(str(EXAMPLES / "formats.py"), folder=tmp_path)
     images = EXAMPLES.parent / "docs" / "images"
-    code = "import sys; from warpcam.cli import main; sys.exit(main(sys.argv[1:]))"
+    code = "import json, sys; from warpcam.cli import main; sys.exit(any(list(map(main, json.loads(sys.argv[1])))))"
     common = ("--worlds", "1", "--size", "320x240", "--outputs", "rgb", "--device", "cpu", "--out", ".")
     scenes = {
         "xml": ("overview", "--camera", "overview"),
         "usd": ("_World_Camera", "breakfast.usda", "--camera", "/World/Camera"),
-        "urdf": ("free", "rover.urdf"),
+        "urdf": ("free", "rover.urdf", "--out", "rover"),
         "glb": ("free", "vases.glb"),
     }
-    for kind, (camera, *scene) in scenes.items():
-        run("-c", code, "render", *scene, *common, folder=tmp_path)
+    commands = [["render", *common, *scene] for _, *scene in scenes.values()]
+    run("-c", code, json.dumps(commands), folder=tmp_path)
+    for kind, (camera, *_) in scenes.items():
+        folder = tmp_path / "rover" if kind == "urdf" else tmp_path
         made, kept = (
             np.asarray(Image.open(path).convert("RGB")).astype(int)
-            for path in (tmp_path / f"{camera}-rgb.png", images / f"format-{kind}.png")
+            for path in (folder / f"{camera}-rgb.png", images / f"format-{kind}.png")
         )
         assert made.shape == kept.shape == (240, 320, 3)
         # What may be drawn otherwise are edges, and colours a little: `warpcam render` makes them anew.
