@@ -11,7 +11,7 @@ from typing import Any
 
 import warp as wp
 
-from .launch import Group, Stage, native_module
+from .launch import Group, Stage, compiler_flags, native_module
 from .launch import record as record_launch
 from .tables import Tables
 from .types import HEIGHT_FIELD, MESH, HeightFields, Meshes, Shapes, View
@@ -90,7 +90,7 @@ def _kernel(types: int, lens: int, width: int, height: int, images: int, target_
 def _put(dtype: Any, channels: int, pack: Any) -> wp.Kernel:
     together = wp.constant(wp.types.type_size_in_bytes(pack))
 
-    @wp.kernel(module="unique", enable_backward=False)
+    @wp.kernel(module="unique", enable_backward=False, module_options=compiler_flags())
     def put_means(
         mask: wp.array(dtype=wp.uint8),
         edges: wp.array(dtype=pack),

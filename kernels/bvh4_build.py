@@ -3,7 +3,7 @@
 import numpy as np
 import warp as wp
 
-from .launch import NATIVE
+from .launch import NATIVE, compiler_flags
 
 MAX_DEPTH = 16  # levels of 4-wide nodes, as kMaxDepth
 MAX_LEAF = 12  # faces in a leaf, as kMaxLeaf
@@ -14,8 +14,7 @@ HEADERS = tuple(NATIVE / f"bvh4_{part}.h" for part in ("items", "split", "cut", 
 _SCRATCH = 320  # bytes a face, as kScratch
 
 _OPTIONS = wp.ModuleBuildOptions(  # for the CPU alone: a build for CUDA, which nothing launches, is of an empty kernel
-    extra_cpu_include_dirs=[str(NATIVE)],
-    extra_cpu_preamble='#include "bvh4_build.h"',
+    extra_cpu_preamble=f'#include "{(NATIVE / "bvh4_build.h").as_posix()}"',
     extra_build_dependencies=[str(header) for header in HEADERS],
 )
 
@@ -40,7 +39,7 @@ def _build(
 ): ...
 
 
-@wp.kernel(module="unique", enable_backward=False, module_options={"extra_build_options": _OPTIONS})
+@wp.kernel(module="unique", enable_backward=False, module_options={"extra_build_options": _OPTIONS, **compiler_flags()})
 def _build_kernel(
     vertices: wp.array(dtype=wp.float32),
     faces: wp.array(dtype=wp.int32),

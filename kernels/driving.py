@@ -2,7 +2,10 @@
 
 import warp as wp
 
+from .launch import compiler_flags
 from .views import rotation_of
+
+wp.set_module_options(compiler_flags())
 
 
 @wp.struct

@@ -5,7 +5,9 @@ from typing import Any
 import warp as wp
 
 from .catenary import hanging_point
-from .launch import Stage, record
+from .launch import Stage, compiler_flags, record
+
+wp.set_module_options(compiler_flags())
 
 # What stands in a column that is written each frame: Entries.what, first component. The second is the column.
 COPY, MARK, SEGMENT, EDGE, STRING = 0, 1, 2, 3, 4

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from .launch import Stage, record
+from .launch import Stage, compiler_flags, record
 from .tables import Tables
 from .types import (
     BARREL,
@@ -27,6 +27,8 @@ from .types import (
     View,
 )
 from .views import NEW
+
+wp.set_module_options(compiler_flags())
 
 ROWS, MOVING_ROWS = 4, 7  # of a shape in Trail.motions, without and with meshes that move
 

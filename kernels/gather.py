@@ -2,8 +2,10 @@
 
 import warp as wp
 
-from .launch import Stage, record
+from .launch import Stage, compiler_flags, record
 from .types import PLANE
+
+wp.set_module_options(compiler_flags())
 
 VISIBLE = 1  # bit of FlatShapes.flags
 ACTIVE = 1  # bit of FlatShapes.point_flags

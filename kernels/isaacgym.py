@@ -8,6 +8,10 @@ from typing import Any
 
 import warp as wp
 
+from .launch import compiler_flags
+
+wp.set_module_options(compiler_flags())
+
 FREE = 0  # modes of a camera: where it was put
 POSITION = 1  # at a fixed offset from a body, turned as it was
 TRANSFORM = 2  # fixed to a body

@@ -4,8 +4,10 @@ from typing import Any
 
 import warp as wp
 
-from .launch import Group, Stage
+from .launch import Group, Stage, compiler_flags
 from .launch import record as record_stage
+
+wp.set_module_options(compiler_flags())
 
 
 @wp.kernel(enable_backward=False)

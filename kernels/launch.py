@@ -18,29 +18,32 @@ STREAMS = 4  # chains of stages that really run side by side
 NATIVE = Path(__file__).resolve().parent / "native"
 
 
+def compiler_flags() -> dict[str, Any]:
+    """The module option with which all modules are compiled for CPUs.
+
+    Warp raises LLVM's thresholds of inlining. LLVM's own are enough, and modules take half as long to compile. With the
+    same flags, among them folders of headers, for all of them Warp's own headers are precompiled once in a process,
+    which takes longer than most kernels.
+    """
+    flags = getattr(wp.config, "cpu_compiler_flags", None)
+    if not flags:
+        return {}
+    return {"cpu_compiler_flags": " ".join(flag for flag in flags.split() if not flag.startswith("-mllvm=-inline"))}
+
+
 def native_options(header: str) -> wp.ModuleBuildOptions:
     """Build options of a module that calls ``header`` from ``kernels/native``, on CPU and CUDA alike."""
     return wp.ModuleBuildOptions(
         extra_cuda_include_dirs=[str(NATIVE)],
-        extra_cpu_include_dirs=[str(NATIVE)],
         extra_cuda_preamble=f'#include "{header}"',
-        extra_cpu_preamble=f'#include "{header}"',
+        extra_cpu_preamble=f'#include "{(NATIVE / header).as_posix()}"',
         extra_build_dependencies=[str(path) for path in sorted(NATIVE.glob("*.h"))],
     )
 
 
 def native_module(header: str) -> dict[str, Any]:
-    """Options of a module that calls ``header`` from ``kernels/native``.
-
-    Warp raises LLVM's thresholds of inlining for CPUs. LLVM's own are enough for these headers, which take twice as
-    long to compile with Warp's.
-    """
-    options: dict[str, Any] = {"extra_build_options": native_options(header)}
-    flags = getattr(wp.config, "cpu_compiler_flags", None)
-    if flags:
-        kept = [flag for flag in flags.split() if not flag.startswith("-mllvm=-inline")]
-        options["cpu_compiler_flags"] = " ".join(kept)
-    return options
+    """Options of a module that calls ``header`` from ``kernels/native``."""
+    return {"extra_build_options": native_options(header), **compiler_flags()}
 
 
 @dataclass(frozen=True)

@@ -13,13 +13,15 @@ from typing import Any
 
 import warp as wp
 
-from .launch import Group, Stage, native_module
+from .launch import Group, Stage, compiler_flags, native_module
 from .launch import record as record_launch
 from .layers import LayerTables, Mirror
 from .tables import Tables
 from .types import BOX, HeightFields, Materials, Meshes, Shapes, View
 from .views import is_finite
 from .visibility import LENSES, THREADS, blocks, list_capacity, region_size
+
+wp.set_module_options(compiler_flags())
 
 SOLID = 0.995  # opacity from which MuJoCo draws a shape solid
 

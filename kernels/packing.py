@@ -4,7 +4,9 @@ from typing import Any
 
 import warp as wp
 
-from .launch import Stage, record
+from .launch import Stage, compiler_flags, record
+
+wp.set_module_options(compiler_flags())
 
 RGBA = (0, 16)  # red in the lowest byte
 BGRA = (16, 0)  # blue in the lowest byte

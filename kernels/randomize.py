@@ -4,7 +4,9 @@ from typing import Any
 
 import warp as wp
 
-from .launch import Stage, record
+from .launch import Stage, compiler_flags, record
+
+wp.set_module_options(compiler_flags())
 
 # What is done with what was drawn.
 VALUE, OFFSET, FACTOR, TURN = 0, 1, 2, 3

@@ -26,6 +26,7 @@ OUTPUTS: Mapping[str, tuple[type, int]] = {
 
 VEILED_BLOCKS = 4  # blocks that a multiprocessor is to hold where some shapes may be transparent
 PHYSICAL, HAS_MAPS = 1 << 12, 1 << 13  # the same
+QUADS, WHOLE_REGIONS = 1 << 4, 1 << 5  # of an image's size, there; they change nothing on a CPU
 MAX_KEPT = 256  # shapes whose looks a block can keep
 MAX_SEEN = 512  # shapes of which it can keep the looks of those that it sees; with more it sees too many
 MIRRORED, REFLECTS, VEILED, HAZY = 1 << 8, 1 << 9, 1 << 10, 1 << 11  # facts of native/look.h
@@ -251,8 +252,10 @@ def record(
     group = group or Group.of_all(tables.num_worlds)
     region = region_size(tables, group.at_once, width, height, device)
     types = sum(1 << t for t in tables.shape_types)
-    whole = width % region[0] == 0 and height % region[1] == 0
-    facts = _facts(tables, shadow is not None, width, whole) | more | varied
+    facts = _facts(tables, shadow is not None) | more | varied
+    if device.is_cuda:
+        whole = width % region[0] == 0 and height % region[1] == 0
+        facts |= QUADS * (width % 4 == 0) | WHOLE_REGIONS * whole
     kernel = _kernel(types, LENSES[lens], _capacity(tables), *region, wanted, facts, frame_type, veils)
     inputs = [
         frame,
@@ -283,8 +286,8 @@ def _capacity(tables: Tables) -> int:
     return -(-tables.num_drawn // step) * step if tables.num_drawn <= MAX_SEEN else 0
 
 
-def _facts(tables: Tables, shadows: bool, width: int, whole: bool) -> int:
+def _facts(tables: Tables, shadows: bool) -> int:
     """Bits of native/look.h."""
-    facts = (tables.has_materials, tables.has_textures, tables.has_skybox, shadows, width % 4 == 0, whole)
+    facts = (tables.has_materials, tables.has_textures, tables.has_skybox, shadows)
     physical = PHYSICAL * (tables.physical is not None) + HAS_MAPS * (tables.has_maps and tables.has_textures)
     return sum(1 << bit for bit, fact in enumerate(facts) if fact) + physical

@@ -4,13 +4,12 @@ import numpy as np
 import warp as wp
 
 from .bvh4_build import HEADERS
-from .launch import NATIVE
+from .launch import NATIVE, compiler_flags
 
 SCRATCH = 320  # bytes a box, as kScratch
 
 _OPTIONS = wp.ModuleBuildOptions(  # for the CPU alone, as in bvh4_build.py
-    extra_cpu_include_dirs=[str(NATIVE)],
-    extra_cpu_preamble='#include "bvh4_boxes.h"',
+    extra_cpu_preamble=f'#include "{(NATIVE / "bvh4_boxes.h").as_posix()}"',
     extra_build_dependencies=[str(header) for header in (*HEADERS, NATIVE / "bvh4_boxes.h")],
 )
 
@@ -32,7 +31,7 @@ def _build(
 ): ...
 
 
-@wp.kernel(module="unique", enable_backward=False, module_options={"extra_build_options": _OPTIONS})
+@wp.kernel(module="unique", enable_backward=False, module_options={"extra_build_options": _OPTIONS, **compiler_flags()})
 def _build_kernel(
     boxes: wp.array(dtype=wp.float32),
     count: wp.int32,

@@ -7,11 +7,13 @@ from typing import Any
 import warp as wp
 
 from .flow import Trail
-from .launch import Group, Stage, native_module
+from .launch import Group, Stage, compiler_flags, native_module
 from .launch import record as record_stage
 from .tables import Tables
 from .types import Shapes, Splats, View
 from .visibility import FLOW, FLOW_MOVES, FLOW_VALID, LENSES, THREADS
+
+wp.set_module_options(compiler_flags())
 
 # The images that clouds change, in the order of their bits in native/splats.h, and the dtypes of their arrays.
 OUTPUTS: Mapping[str, type] = {

@@ -6,7 +6,9 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from .launch import Stage, record
+from .launch import Stage, compiler_flags, record
+
+wp.set_module_options(compiler_flags())
 
 
 @wp.struct

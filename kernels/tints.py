@@ -2,7 +2,9 @@
 
 import warp as wp
 
-from .launch import Stage, record
+from .launch import Stage, compiler_flags, record
+
+wp.set_module_options(compiler_flags())
 
 
 @wp.kernel(enable_backward=False)

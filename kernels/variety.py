@@ -4,7 +4,9 @@ from typing import Any
 
 import warp as wp
 
-from .launch import Stage, record
+from .launch import Stage, compiler_flags, record
+
+wp.set_module_options(compiler_flags())
 
 # Facts of native/look.h and native/variety.h.
 OFFSETS, BACKDROPS, HEADLIGHTS, EXPOSED = 1 << 20, 1 << 21, 1 << 22, 1 << 23

@@ -6,6 +6,10 @@ next by the second. Each pixel's ray is at hand, so that nothing depends on wher
 
 import warp as wp
 
+from .launch import compiler_flags
+
+wp.set_module_options(compiler_flags())
+
 PRESERVE = wp.constant(-101)  # leave the view's image as it is
 CLEAR = wp.constant(-102)  # nothing is seen by the view
 

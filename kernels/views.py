@@ -6,8 +6,10 @@ from typing import Any
 
 import warp as wp
 
-from .launch import Stage, record
+from .launch import Stage, compiler_flags, record
 from .types import View
+
+wp.set_module_options(compiler_flags())
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,7 +7,7 @@ from typing import Any
 import warp as wp
 
 from .flow import Trail, brief
-from .launch import Group, Stage, cpu_parts, native_module
+from .launch import Group, Stage, native_module
 from .launch import record as record_launch
 from .tables import Tables
 from .types import HEIGHT_FIELD, MESH, MOVING, HeightFields, Materials, Meshes, Shapes, View
@@ -211,10 +211,9 @@ def record(
         outputs |= OPAQUE
     if tables.ids_by_world and "bodies" in images:
         outputs |= BY_WORLD
-    if width % 4 == 0 and not images.keys().isdisjoint(("points", "normals")):
-        outputs |= QUADS
-    if width % 8 == 0 and height % 4 == 0:
-        outputs |= TILED
+    if device.is_cuda:  # nothing is faster by these on a CPU, and fewer kernels are compiled without
+        outputs |= QUADS * (width % 4 == 0 and not images.keys().isdisjoint(("points", "normals")))
+        outputs |= TILED * (width % 8 == 0 and height % 4 == 0)
     types = sum(1 << t for t in tables.shape_types)
     region = region_size(tables, group.at_once, width, height, device)
     kernel = _kernel(types, LENSES[lens], capacity, several, *region, outputs, target_type)
@@ -249,11 +248,14 @@ def region_size(tables: Tables, at_once: int, width: int, height: int, device: w
     """Pixels that one thread block draws: as many as leave enough blocks to fill the device.
 
     Fewer in scenes with meshes, whose blocks take long, if an image has several regions or there are many shapes: at
-    the end of a launch the last blocks are waited for.
+    the end of a launch the last blocks are waited for. Always the most on a CPU, where listing the shapes of a small
+    region takes longer than drawing it.
     """
-    wanted = device.sm_count * 10 if device.is_cuda else 2 * cpu_parts()
+    if not device.is_cuda:
+        return REGIONS[0]
+    wanted = device.sm_count * 10
     largest = 0
-    if device.is_cuda and MESH in tables.shape_types:
+    if MESH in tables.shape_types:
         several = width > REGIONS[0][0] or height > REGIONS[0][1]
         largest = 2 if tables.num_drawn > MANY else 1 if several else 0
     for size in REGIONS[largest:-1]:

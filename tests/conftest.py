@@ -13,9 +13,11 @@ if ctypes.util.find_library("OSMesa"):
 sys.path.append(str(Path(__file__).parent))
 
 import pytest
+import quick_simulators
 import warp as wp
 
 wp.config.quiet = True
+quick_simulators.install()
 
 
 @pytest.fixture(params=[device.alias for device in wp.get_devices()])

@@ -1,5 +1,6 @@
 """Every example runs, as a user would run it: in a process of its own, in an empty folder."""
 
+import json
 import os
 import re
 import subprocess
@@ -11,6 +12,7 @@ import pytest
 from PIL import Image
 
 EXAMPLES = Path(__file__).resolve().parents[1] / "examples"
+QUICK = str(Path(__file__).with_name("quick_simulators.py"))
 
 
 def run(*command: str, folder: Path) -> str:
@@ -39,11 +41,12 @@ def test_hello_is_short() -> None:
 
 
 def test_torch_observations(tmp_path: Path) -> None:
-    assert "20 frames of 64 worlds on cpu" in run(str(EXAMPLES / "torch_observations.py"), folder=tmp_path)
+    assert "20 frames of 64 worlds on cpu" in run(QUICK, str(EXAMPLES / "torch_observations.py"), folder=tmp_path)
 
 
 def test_ci_on_cpu(tmp_path: Path) -> None:
-    printed = run("-m", "pytest", "-p", "no:cacheprovider", str(EXAMPLES / "ci_on_cpu.py"), folder=tmp_path)
+    command = ("-m", "pytest", "-n", "0", "-p", "no:cacheprovider", str(EXAMPLES / "ci_on_cpu.py"))
+    printed = run(*command, folder=tmp_path)
     assert "3 passed" in printed
 
 
@@ -64,7 +67,7 @@ def test_every_gpu(tmp_path: Path) -> None:
 
 def test_gymnasium_cartpole(tmp_path: Path) -> None:
     pytest.importorskip("gymnasium", reason="pip install 'warpcam[gymnasium]'")
-    printed = run(str(EXAMPLES / "gymnasium_cartpole.py"), folder=tmp_path)
+    printed = run(QUICK, str(EXAMPLES / "gymnasium_cartpole.py"), folder=tmp_path)
     assert "Box(0.0, inf, (1, 32, 32), float32)" in printed
     ended, lean = re.search(r"(\d+) episodes ended\nmean lean in their last images: (.*) rad", printed).groups()
     assert int(ended) > 5
@@ -76,19 +79,21 @@ def test_formats_are_rendered_as_the_readme_shows(tmp_path: Path) -> None:
     pytest.importorskip("trimesh")
     run(str(EXAMPLES / "formats.py"), folder=tmp_path)
     images = EXAMPLES.parent / "docs" / "images"
-    code = "import sys; from warpcam.cli import main; sys.exit(main(sys.argv[1:]))"
+    code = "import json, sys; from warpcam.cli import main; sys.exit(any(list(map(main, json.loads(sys.argv[1])))))"
     common = ("--worlds", "1", "--size", "320x240", "--outputs", "rgb", "--device", "cpu", "--out", ".")
     scenes = {
         "xml": ("overview", "--camera", "overview"),
         "usd": ("_World_Camera", "breakfast.usda", "--camera", "/World/Camera"),
-        "urdf": ("free", "rover.urdf"),
+        "urdf": ("free", "rover.urdf", "--out", "rover"),
         "glb": ("free", "vases.glb"),
     }
-    for kind, (camera, *scene) in scenes.items():
-        run("-c", code, "render", *scene, *common, folder=tmp_path)
+    commands = [["render", *common, *scene] for _, *scene in scenes.values()]
+    run("-c", code, json.dumps(commands), folder=tmp_path)
+    for kind, (camera, *_) in scenes.items():
+        folder = tmp_path / "rover" if kind == "urdf" else tmp_path
         made, kept = (
             np.asarray(Image.open(path).convert("RGB")).astype(int)
-            for path in (tmp_path / f"{camera}-rgb.png", images / f"format-{kind}.png")
+            for path in (folder / f"{camera}-rgb.png", images / f"format-{kind}.png")
         )
         assert made.shape == kept.shape == (240, 320, 3)
         # What may be drawn otherwise are edges, and colours a little: `warpcam render` makes them anew.
@@ -97,7 +102,7 @@ def test_formats_are_rendered_as_the_readme_shows(tmp_path: Path) -> None:
 
 def test_isaacgym_cameras(tmp_path: Path) -> None:
     pytest.importorskip("newton")
-    printed = run(str(EXAMPLES / "isaacgym_cameras.py"), folder=tmp_path)
+    printed = run(QUICK, str(EXAMPLES / "isaacgym_cameras.py"), folder=tmp_path)
     assert "colour (4, 480, 640, 4), depth (4, 480, 640) on cpu" in printed
     wrist, side = np.vsplit(np.asarray(Image.open(tmp_path / "isaacgym_cameras.png")), 2)
     assert wrist.shape == side.shape == (240, 1280, 3)

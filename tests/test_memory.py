@@ -173,8 +173,8 @@ CAMERAS = {
         {"name": "side", "outputs": ("flow", "flow_valid"), "width": 50},
     ],
     "own": [
-        {"outputs": tuple(OUTPUTS), "position": (0, 0, 4), "lens": wc.Orthographic(height=3.0), "parent": 1},
-        {"name": "plain", "lens": wc.Pinhole(fovy=50.0), "position": (0, 0, 4)},
+        {"outputs": tuple(OUTPUTS), "position": (0, 0, 4), "lens": wc.Pinhole(fovy=50.0), "parent": 1, "shadows": True},
+        {"name": "plain", "lens": wc.Orthographic(height=3.0), "position": (0, 0, 4)},
     ],
 }
 
@@ -238,7 +238,10 @@ def test_groups_of_worlds_make_the_same_images(
 ) -> None:
     num_worlds = 11
     scene = scene_of(device, num_worlds, crowd)
-    cameras = [camera(outputs=outputs, shadows=True), camera("side", width=17, height=9, outputs=("rgba",))]
+    cameras = [
+        camera(outputs=outputs, shadows=True),
+        camera("side", width=17, height=9, outputs=("rgb",), shadows=True),
+    ]
     whole = wc.Renderer(scene, cameras)
     whole.render()  # the first frame knows no flow
     expected = {key: {n: t.clone() for n, t in images.items()} for key, images in whole.render().items()}

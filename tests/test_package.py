@@ -1,10 +1,13 @@
 """What is shipped: packages and data files are listed, and CI does what the README promises."""
 
+import importlib
 import re
 import tomllib
 from pathlib import Path
 
 import pytest
+import warp as wp
+from warpcam.kernels import launch
 
 ROOT = Path(__file__).resolve().parents[1]
 SETUPTOOLS = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["setuptools"]
@@ -29,6 +32,18 @@ def test_every_data_file_is_listed(folder: str, name: str) -> None:
     left_out = {".py", ".pyc", ".md"}
     there = {path for path in (ROOT / folder).rglob("*") if path.is_file() and path.suffix not in left_out}
     assert there == listed
+
+
+def test_all_kernels_are_compiled_with_the_same_flags() -> None:
+    """Else Warp's headers are precompiled again, which takes longer than most kernels."""
+    names = [f"warpcam.kernels.{path.stem}" for path in (ROOT / "kernels").glob("[a-z]*.py")]
+    values = [value for name in names for value in vars(importlib.import_module(name)).values()]
+    kernels = [value for value in values if isinstance(value, wp.Kernel)]
+    assert len(kernels) > 30
+    expected = launch.compiler_flags()["cpu_compiler_flags"]
+    assert {kernel.key: kernel.module.options["cpu_compiler_flags"] for kernel in kernels} == {
+        kernel.key: expected for kernel in kernels
+    }
 
 
 def readme_commands() -> list[str]:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import torch
 import warp as wp
-from warpcam.kernels import resolve
+from warpcam.kernels import resolve, shadow, visibility
 
 import warpcam as wc
 from warpcam.outputs import OUTPUTS
@@ -22,6 +22,7 @@ MODEL = """
   <worldbody>
     <camera name="top" pos="0 0 5" fovy="60"/>
     <camera name="side" pos="0 -4 1" xyaxes="1 0 0 0 0 1"/>
+    <light pos="1 -1 4" dir="-1 1 -4"/>
     <body name="ball" pos="0 0 1"><freejoint/><geom size=".6" rgba="1 0 0 1"/></body>
     <geom type="box" size="3 3 .1" pos="0 0 -.5"/>
   </worldbody>
@@ -81,6 +82,18 @@ def test_outputs_do_not_depend_on_each_other(device: str) -> None:
     for name in OUTPUTS:
         alone = host(simulation.renderer((name,)).render())[name]
         np.testing.assert_array_equal(alone, together[name], err_msg=name)
+
+
+@every_device
+def test_images_do_not_depend_on_regions(device: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Pixels that one block draws: fewer of them draw the same."""
+    simulation = Simulation(device)
+    camera = wc.Camera("side", width=21, height=13, outputs=("rgb", "depth", "segmentation"), shadows=True)
+    expected = host(wc.Renderer(simulation.scene, [camera]).render(), "side")
+    for module in (visibility, shadow, resolve):
+        monkeypatch.setattr(module, "region_size", lambda *_: (16, 8))
+    for name, image in host(wc.Renderer(simulation.scene, [camera]).render(), "side").items():
+        np.testing.assert_array_equal(image, expected[name], err_msg=name)
 
 
 @every_device

@@ -159,17 +159,22 @@ def test_lights_cast_that_give_light(device: wp.Device, headlight: bool) -> None
 
 @pytest.mark.parametrize("light", LIGHTS)
 def test_turned_away_surfaces_keep_their_colors(device: wp.Device, light: str) -> None:
-    """Alone in the world a convex shape looks the same with and without shadows: it has none on its lit side."""
-    for kind in ("sphere", "capsule", "ellipsoid", "cylinder", "box"):
-        body = f'<body pos="0 0 1" euler="20 10 30">{scenes.geom_xml(kind)}</body>'
-        mjm = scenes.compile_xml(LIGHTS[light] + body, assets=scenes.ASSETS, more=DARK)
-        scene = wc.from_mujoco_warp(mjm, *scenes.put(mjm, 1))
-        with_shadows, without = (
-            scenes.look(scene, scenes.own_camera(outputs=("hdr",), shadows=shadows, **EYE))["hdr"][0]
-            for shadows in (True, False)
-        )
-        assert without.max() > 0.0
-        np.testing.assert_allclose(with_shadows, without, rtol=1e-5, atol=1e-6)
+    """Alone in its world a convex shape looks the same with and without shadows: it has none on its lit side."""
+    kinds = ("sphere", "capsule", "ellipsoid", "cylinder", "box")
+    bodies = "".join(f'<body pos="0 0 1" euler="20 10 30">{scenes.geom_xml(kind)}</body>' for kind in kinds)
+    mjm = scenes.compile_xml(LIGHTS[light] + bodies, assets=scenes.ASSETS, more=DARK)
+    m, d = scenes.put(mjm, len(kinds))
+    positions = d.geom_xpos.numpy()
+    positions[~np.eye(len(kinds), dtype=bool)] = (1e4, 1e4, 1.0)
+    d.geom_xpos.assign(positions)
+    scene = wc.from_mujoco_warp(mjm, m, d)
+    with_shadows, without = (
+        scenes.look(scene, scenes.own_camera(outputs=("hdr",), shadows=shadows, **EYE))["hdr"]
+        for shadows in (True, False)
+    )
+    assert (without.max(axis=(1, 2, 3)) > 0.0).all()
+    assert len({image.tobytes() for image in without}) == len(kinds)
+    np.testing.assert_allclose(with_shadows, without, rtol=1e-5, atol=1e-6)
 
 
 MAPPED = {
