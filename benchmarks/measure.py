@@ -4,7 +4,7 @@ import contextlib
 import ctypes
 import functools
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from typing import Any
 
 import numpy as np
@@ -38,6 +38,35 @@ def time_first(frame: Callable[[], None], device: wp.Device) -> float:
     frame()
     wp.synchronize_device(device)
     return time.perf_counter() - start
+
+
+@contextlib.contextmanager
+def kernel_loads() -> Iterator[list[tuple[float, float]]]:
+    """Note from when to when kernels are compiled or read from caches; threads may do so at the same time."""
+    spans: list[tuple[float, float]] = []
+    load = wp.Module.load
+
+    def noted(module: wp.Module, *args: Any, **options: Any) -> Any:
+        known, start = len(module.execs), time.perf_counter()
+        found = load(module, *args, **options)
+        if len(module.execs) > known:
+            spans.append((start, time.perf_counter()))
+        return found
+
+    wp.Module.load = noted
+    try:
+        yield spans
+    finally:
+        wp.Module.load = load
+
+
+def covered(spans: Iterable[tuple[float, float]]) -> float:
+    """Seconds that lie in at least one of the spans."""
+    total, reached = 0.0, -np.inf
+    for start, end in sorted(spans):
+        total += max(0.0, end - max(start, reached))
+        reached = max(reached, end)
+    return float(total)
 
 
 def time_frames(
