@@ -249,7 +249,7 @@ def record(
         else:
             setattr(images, name, wp.empty(0, dtype=dtype, device=device))
     group = group or Group.of_all(tables.num_worlds)
-    region = region_size(tables, group.at_once, width, height, device)
+    region = region_size(tables, group.at_once, width, height, device, quick=True)
     types = sum(1 << t for t in tables.shape_types)
     whole = width % region[0] == 0 and height % region[1] == 0
     facts = _facts(tables, shadow is not None, width, whole) | more | varied
