@@ -121,7 +121,7 @@ def test_sweep_has_points_and_a_plot(name: str, tmp_path: Path) -> None:
     pytest.importorskip("matplotlib")
     out, plot = tmp_path / "sweep.json", tmp_path / "sweep.svg"
     points = ("16", "24") if name == "pixels" else ("2", "100") if name == "faces" else ("1", "3")
-    few = () if name == "worlds" else ("--worlds", "2")
+    few: tuple[str, ...] = () if name == "worlds" else ("--worlds", "2")
     few += () if name == "pixels" else ("--size", "16x16")
     asked = ("--points", *points, *few, "--replays", "1", "--device", "cpu")
     assert bench("--sweep", name, *asked, "--out", out, "--plot", plot) == 0
