@@ -21,7 +21,7 @@ CASES = (
     *("newton_shapes_256", "newton_quadruped", "newton_franka_cabinet", "newton_cloth"),
 )
 PEERS = ("mujoco_warp", "warpcam", "newton", "mujoco_warp_pbr")
-SETTINGS = ("8192x64", "4096x64", "1024x256", "1x640x480", "cpu")
+SETTINGS = ("8192x64", "4096x64", "1024x128", "1024x256", "1x640x480", "cpu")
 SWEEPS = ("worlds", "pixels", "shapes", "faces", "lights")
 
 # Which options each kind of run takes beside its own.
