@@ -14,13 +14,6 @@ struct alignas(4) TileBox {
     signed char left, top, right, bottom;
 };
 
-// Where the longest blocks of a launch are to come first: of surfaces that move, and where few worlds leave each warp of
-// a block one or two tiles, so that a launch is not much longer than its longest block.
-constexpr bool longest_first(int types, int pixels)
-{
-    return (types >> MOVING & 1) != 0 || ((types >> MESH & 1) != 0 && pixels <= 2 * THREADS);
-}
-
 // Which part of which world's image a thread block draws; `block` counts worlds, then parts. OUTWARDS: of all images of a
 // launch first the parts in the middle, which take longest, so that the last blocks are short ones, and that all
 // multiprocessors have as many of each kind.

@@ -185,8 +185,7 @@ WARPCAM_FN void draw(const Shapes& shapes, const Materials& materials, const Mes
     alignas(16) WARPCAM_SHARED Camera camera;  // kept in registers it would be spilled
     const int thread = index % THREADS;
     int world;
-    const Region region = region_of<WIDTH, HEIGHT, longest_first(TYPES, WIDTH * HEIGHT)>(target, index / THREADS,
-                                                                                         world);
+    const Region region = region_of<WIDTH, HEIGHT, (TYPES >> MOVING & 1) != 0>(target, index / THREADS, world);
     if (!wp::index(target.mask, world))
         return;
     constexpr bool FLOWING = (OUTPUTS & FLOWS) != 0;
