@@ -129,6 +129,7 @@ SETTINGS = {
         Setting("4096x64", 4096, 64, 64),
         Setting("1024x128", 1024, 128, 128),
         Setting("1024x256", 1024, 256, 256),
+        Setting("1x640x480", 1, 640, 480),
         Setting("cpu", None, 64, 64),
     )
 }

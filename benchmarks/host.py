@@ -51,14 +51,17 @@ def measure(cases: Iterable[Case], device: wp.Device, report: Report) -> None:
 
 
 def renderer_of(case: Case, wanted: Wanted, device: wp.Device) -> tuple[wc.Renderer, dict[str, float]]:
-    """A renderer of one world, and the seconds its parts took up to the first image."""
+    """A renderer of one world, and the seconds its parts took up to the first image.
+
+    ``cpu_s`` are those of CPUs, all threads together, which other work on the machine does not change.
+    """
     mjm = compile_case(case)
     mjd = mujoco.MjData(mjm)
     mujoco.mj_forward(mjm, mjd)
     with wp.ScopedDevice(device):
         m, d = mjw.put_model(mjm), mjw.put_data(mjm, mjd, nworld=1)
         wp.synchronize_device(device)
-        started = time.perf_counter()
+        started, spent = time.perf_counter(), time.process_time()
         scene = wc.from_mujoco_warp(mjm, m, d, reflections=False, transparency=False)
         looked = time.perf_counter()
         renderer = wc.Renderer(
@@ -71,9 +74,9 @@ def renderer_of(case: Case, wanted: Wanted, device: wp.Device) -> tuple[wc.Rende
         built = time.perf_counter()
         renderer.render()
         wp.synchronize_device(device)
-    drawn = time.perf_counter()
+    drawn, spent = time.perf_counter(), time.process_time() - spent
     parts = {"scene_s": looked - started, "renderer_s": built - looked, "first_render_s": drawn - built}
-    return renderer, {**parts, "total_s": drawn - started}
+    return renderer, {**parts, "total_s": drawn - started, "cpu_s": spent}
 
 
 def replayed(case: Case, wanted: Wanted, device: wp.Device, calls: int) -> dict[str, Any]:
@@ -109,7 +112,8 @@ def show(report: Report) -> None:
     for row in report["results"]:
         us = row["render_us"]
         first = [
-            f"{row[key]['total_s']:.2f} (scene {row[key]['scene_s']:.2f}, renderer {row[key]['renderer_s']:.2f})"
+            f"{row[key]['total_s']:.2f} (scene {row[key]['scene_s']:.2f}, renderer {row[key]['renderer_s']:.2f}; "
+            f"of CPUs {row[key]['cpu_s']:.2f})"
             for key in ("cold", "warm")
         ]
         table.add_row(row["case"], row["outputs"], f"{us['median']:.1f}", f"{us['p10']:.1f} - {us['p90']:.1f}", *first)

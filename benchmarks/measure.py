@@ -4,7 +4,7 @@ import contextlib
 import ctypes
 import functools
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from typing import Any
 
 import numpy as np
@@ -40,16 +40,50 @@ def time_first(frame: Callable[[], None], device: wp.Device) -> float:
     return time.perf_counter() - start
 
 
+@contextlib.contextmanager
+def kernel_loads() -> Iterator[list[tuple[float, float]]]:
+    """Note from when to when kernels are compiled or read from caches; threads may do so at the same time."""
+    spans: list[tuple[float, float]] = []
+    load = wp.Module.load
+
+    def noted(module: wp.Module, *args: Any, **options: Any) -> Any:
+        known, start = len(module.execs), time.perf_counter()
+        found = load(module, *args, **options)
+        if len(module.execs) > known:
+            spans.append((start, time.perf_counter()))
+        return found
+
+    wp.Module.load = noted
+    try:
+        yield spans
+    finally:
+        wp.Module.load = load
+
+
+def covered(spans: Iterable[tuple[float, float]]) -> float:
+    """Seconds that lie in at least one of the spans."""
+    total, reached = 0.0, -np.inf
+    for start, end in sorted(spans):
+        total += max(0.0, end - max(start, reached))
+        reached = max(reached, end)
+    return float(total)
+
+
 def time_frames(
     frame: Callable[[], None], place: Callable[[int], None], sets: int, device: wp.Device, frames: int | None
 ) -> dict[str, Any]:
     """Milliseconds a frame takes after `place` has moved all worlds to the next of `sets` poses.
 
     On a GPU both are CUDA graphs, replayed in turn; only the frame lies between the two events. On a CPU they are
-    plain calls.
+    plain calls; there ``cpu`` is the median of what processors spend on one, all threads together, which other work on
+    the machine hardly changes.
     """
-    timing = time_graphs if device.is_cuda else time_calls
-    times = timing(frame, place, sets, device, frames)
+    spent: dict[str, float] = {}
+    if device.is_cuda:
+        times = time_graphs(frame, place, sets, device, frames)
+    else:
+        times, processors = time_calls(frame, place, sets, frames)
+        spent["cpu"] = float(np.median(processors))
     low, middle, high = np.percentile(times, (10.0, 50.0, 90.0))
     return {
         "median": float(middle),
@@ -58,21 +92,25 @@ def time_frames(
         "min": float(np.min(times)),
         "max": float(np.max(times)),
         "frames": len(times),
+        **spent,
     }
 
 
 def time_calls(
-    frame: Callable[[], None], place: Callable[[int], None], sets: int, device: wp.Device, frames: int | None
-) -> list[float]:
+    frame: Callable[[], None], place: Callable[[int], None], sets: int, frames: int | None
+) -> tuple[list[float], list[float]]:
+    """Milliseconds of each frame by the clock, and by the processors."""
     times: list[float] = []
+    spent: list[float] = []
     while len(times) < (frames or MIN_CALLS) or (
         frames is None and len(times) < MAX_CALLS and sum(times) < 1e3 * CPU_BUDGET
     ):
         place(len(times) % sets)
-        start = time.perf_counter()
+        start, before = time.perf_counter(), time.process_time()
         frame()
+        spent.append(1e3 * (time.process_time() - before))
         times.append(1e3 * (time.perf_counter() - start))
-    return times
+    return times, spent
 
 
 def time_graphs(

@@ -3,32 +3,93 @@
 import argparse
 from pathlib import Path
 
+from warpcam.errors import WarpcamError
+
 ABOUT = "time warpcam and its peers side by side on the same scenes, and write a table, JSON and a plot"
-SWEEPS = ("worlds", "pixels", "shapes", "faces", "lights")  # of sweeps.py
+EXAMPLES = """examples:
+  warpcam bench                                        all cases, all renderers that are installed
+  warpcam bench --case humanoid yam --outputs ds rgb-shadows --setting 8192x64 1x640x480
+  warpcam bench --case humanoid --peer warpcam --worlds 1024 --size 128x96 --plot humanoid.png
+  warpcam bench --sweep worlds --plot worlds.png       how the cost grows
+  warpcam bench --host                                 Python time of a frame, seconds to the first image
+  warpcam bench --merge a.json b.json --plot all.png   show and draw what was measured
+"""
+# What is known elsewhere by these names, so that help needs no simulator.
+CASES = (
+    *("primitives", "primitives_rows", "humanoid", "n_humanoid", "shapes_256", "quadruped", "room_1000", "mug", "yam"),
+    *("go1", "aloha_pot", "g1_terrain", "terrain_256", "flex", "franka_cabinet"),
+    *("newton_shapes_256", "newton_quadruped", "newton_franka_cabinet", "newton_cloth"),
+)
+PEERS = ("mujoco_warp", "warpcam", "newton", "mujoco_warp_pbr")
+SETTINGS = ("8192x64", "4096x64", "1024x128", "1024x256", "1x640x480", "cpu")
+SWEEPS = ("worlds", "pixels", "shapes", "faces", "lights")
+
+# Which options each kind of run takes beside its own.
+MEASURED = {"peer", "worlds", "size", "replays", "device", "threads", "cold", "out", "plot"}
+TAKEN = {
+    "cases": {*MEASURED, "case", "setting", "outputs"},
+    "--sweep": {*MEASURED, "points"},
+    "--host": {"case", "device", "threads", "out"},
+    "--merge": {"out", "plot"},
+}
 
 
 def add(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--case", nargs="+", metavar="NAME", help="scenes (default: all whose files are installed)")
-    parser.add_argument("--peer", nargs="+", metavar="NAME", help="renderers (default: all that are installed)")
-    parser.add_argument(
-        "--setting", nargs="+", metavar="NAME", help="8192x64, 1024x256 or cpu (default: the first, on a CPU the last)"
+    parser.description, parser.epilog = ABOUT, EXAMPLES
+    parser.formatter_class = argparse.RawDescriptionHelpFormatter
+    what = parser.add_argument_group("what is measured")
+    what.add_argument(
+        "--case", nargs="+", metavar="NAME", help=f"scenes: {', '.join(CASES)} (default: all whose files are installed)"
     )
-    parser.add_argument(
+    what.add_argument(
+        "--peer", nargs="+", metavar="NAME", help=f"renderers: {', '.join(PEERS)} (default: all that are installed)"
+    )
+    what.add_argument(
+        "--setting",
+        nargs="+",
+        metavar="NAME",
+        help=f"worlds and pixels: {', '.join(SETTINGS)} (default: the first, on a CPU the last)",
+    )
+    what.add_argument(
         "--outputs",
         nargs="+",
         metavar="NAME",
-        help="sets of outputs: ds (depth and segmentation), rgb, rgb-shadows, rgb-ds-shadows, ds+OUTPUT for any one "
-        "more, or extras for all of the latter (default: the first four)",
+        help="sets of outputs: ds (depth and segmentation), rgb, rgb-shadows, rgb-ds-shadows, rgb-d-shadows, ds+OUTPUT "
+        "for any one more, or extras for all of the latter (default: the first four)",
     )
-    parser.add_argument("--worlds", type=int, metavar="N", help="in place of the setting's own")
-    parser.add_argument("--size", metavar="WxH", help="pixels of one image, in place of the setting's own")
-    parser.add_argument("--replays", type=int, metavar="N", help="frames to time (default: 12 or more)")
-    parser.add_argument("--device", metavar="D", help="cpu, cuda:0, ... (default: the first GPU, or the CPU)")
-    parser.add_argument("--threads", type=int, metavar="N", help="CPU threads warpcam may use; the peers use one")
-    parser.add_argument("--out", type=Path, metavar="FILE.json", help="default: warpcam-bench.json")
-    parser.add_argument("--plot", type=Path, metavar="FILE.png", help="draw the results; .svg and .pdf work, too")
-    parser.add_argument("--merge", nargs="+", type=Path, metavar="FILE.json", help="measure nothing: show these runs")
-    instead = parser.add_mutually_exclusive_group()
-    instead.add_argument("--sweep", choices=SWEEPS, help="instead of cases: one scene, ever more of something")
-    instead.add_argument("--host", action="store_true", help="instead of cases: what a frame costs in Python")
-    parser.add_argument("--points", nargs="+", type=int, metavar="N", help="of the sweep (default: all)")
+    what.add_argument("--worlds", type=int, metavar="N", help="in place of the setting's own")
+    what.add_argument("--size", metavar="WxH", help="pixels of one image, in place of the setting's own")
+    what.add_argument("--points", nargs="+", type=int, metavar="N", help="of the sweep (default: all)")
+    how = parser.add_argument_group("how")
+    how.add_argument("--replays", type=int, metavar="N", help="frames to time (default: 12 or more)")
+    how.add_argument("--device", metavar="D", help="cpu, cuda:0, ... (default: the first GPU, or the CPU)")
+    how.add_argument("--threads", type=int, metavar="N", help="CPU threads warpcam may use; the peers use one")
+    how.add_argument("--cold", action="store_true", help="begin with empty caches, so that all kernels are compiled")
+    results = parser.add_argument_group("results")
+    results.add_argument("--out", type=Path, metavar="FILE.json", help="default: warpcam-bench.json")
+    results.add_argument("--plot", type=Path, metavar="FILE.png", help="draw the results; .svg and .pdf work, too")
+    instead = parser.add_argument_group("instead of cases").add_mutually_exclusive_group()
+    instead.add_argument("--sweep", choices=SWEEPS, help="one scene, ever more of something")
+    instead.add_argument("--host", action="store_true", help="what a frame and a first image cost in Python")
+    instead.add_argument("--merge", nargs="+", type=Path, metavar="FILE.json", help="measure nothing: show these runs")
+
+
+def check(options: argparse.Namespace) -> None:
+    """Refuse options that would be passed over."""
+    kind = next((name for name in ("--sweep", "--host", "--merge") if getattr(options, name[2:])), "cases")
+    taken = set(TAKEN[kind])
+    if kind == "--sweep":
+        taken -= {"worlds": {"worlds"}, "pixels": {"size"}}.get(options.sweep, set())
+        kind = f"--sweep {options.sweep}"
+    for name in ("case", "peer", "setting", "outputs", "worlds", "size", "points", "replays", "device", "threads"):
+        if getattr(options, name) is not None and name not in taken:
+            refuse(name, kind, taken)
+    for name in ("cold", "out", "plot"):
+        if getattr(options, name) and name not in taken:
+            refuse(name, kind, taken)
+
+
+def refuse(name: str, kind: str, taken: set[str]) -> None:
+    known = ", ".join(f"--{one}" for one in sorted(taken))
+    what = "cases are measured" if kind == "cases" else f"{kind} was asked for"
+    raise WarpcamError(f"--{name}: came where {what}, which takes {known}")

@@ -8,6 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator
 from warpcam.benchmarks.cases import CASES
+from warpcam.benchmarks.options import SWEEPS
 from warpcam.benchmarks.report import OURS, Report, Row
 
 from warpcam.errors import WarpcamError
@@ -63,7 +64,8 @@ def draw_ratios(axes: Axes, setting: str, rows: list[Row]) -> None:
     axes.set_xticks(range(len(cases)), cases, rotation=20, ha="right", fontsize=8)
     axes.set_ylabel("best peer's time / warpcam's")
     worlds, pixels = max(row["worlds"] for row in rows), f"{rows[0]['width']}x{rows[0]['height']}"
-    axes.set_title(f"{worlds} worlds, {pixels}" if setting != "cpu" else f"CPU, {pixels}", fontsize=9, loc="left")
+    number = "1 world" if worlds == 1 else f"{worlds} worlds"
+    axes.set_title(f"{number}, {pixels}" if setting != "cpu" else f"CPU, {pixels}", fontsize=9, loc="left")
     axes.legend(fontsize=7, ncols=len(outputs), frameon=False, loc="upper right")
     axes.margins(x=0.01, y=0.2)
     axes.set_ylim(bottom=min([0.8, *(0.8 * row["best_peer"]["ratio"] for row in rows)]))
@@ -73,10 +75,15 @@ def draw_sweep(rows: list[Row]) -> Figure:
     """A panel for each sweep: milliseconds a frame against what there is ever more of."""
     if not rows:
         raise WarpcamError("--plot: the sweep has no results")
-    sweeps = list(dict.fromkeys(row["sweep"] for row in rows))
-    figure = Figure(figsize=(4.6 * len(sweeps), 3.6), layout="constrained")
-    for axes, sweep in zip(np.atleast_1d(figure.subplots(1, len(sweeps))), sweeps, strict=True):
+    sweeps = [name for name in SWEEPS if any(row["sweep"] == name for row in rows)]
+    across = min(3, len(sweeps))
+    down = -(-len(sweeps) // across)
+    figure = Figure(figsize=(4.4 * across, 0.2 + 3.5 * down), layout="constrained")
+    panels = np.ravel(figure.subplots(down, across))
+    for axes, sweep in zip(panels, sweeps, strict=False):
         draw_growth(axes, sweep, [row for row in rows if row["sweep"] == sweep])
+    for axes in panels[len(sweeps) :]:
+        axes.set_axis_off()
     return figure
 
 
@@ -93,10 +100,11 @@ def draw_growth(axes: Axes, sweep: str, rows: list[Row]) -> None:
         if renderer == OURS:  # what cost in proportion to the work would be, from the last point back
             work = (x / x[-1]) ** (2.0 if sweep == "pixels" else 1.0)
             axes.plot(x, line[-1]["ms"]["median"] * work, ":", color="#999999", linewidth=0.8)
+    axes.set_ylim(bottom=0.4 * min(row["ms"]["median"] for row in rows))
     axes.set_xscale("log")
     axes.set_yscale("log")
     points = sorted({row["x"] for row in rows})
-    axes.set_xticks(points, [f"{x:,}" for x in points], fontsize=7, rotation=30)
+    axes.set_xticks(points, [f"{x:,}" for x in points], fontsize=7, rotation=40, ha="right", rotation_mode="anchor")
     axes.minorticks_off()
     axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
     axes.yaxis.set_major_formatter("{x:g}")

@@ -103,7 +103,8 @@ def console() -> Console:
 
 def show(report: Report) -> None:
     columns = ["case", "worlds", "size", "outputs", "renderer", "ms", "p10 - p90", "G rays/s", "ratio", "ids", "depth"]
-    table = Table(*columns, "rgb", "PSNR", "set-up + first (s)", "peak MB", box=box.HORIZONTALS, header_style="bold")
+    columns += ["rgb", "PSNR", "set-up + first (s)", "of it kernels", "peak MB"]
+    table = Table(*columns, box=box.HORIZONTALS, header_style="bold")
     problems: dict[tuple[Any, ...], list[Row]] = {}
     for row in report["results"]:
         problems.setdefault(problem(row), []).append(row)
@@ -147,5 +148,6 @@ def cells(row: Row) -> list[str]:
         *(f"{gap[key]:.1e}" if key in gap else "" for key in ("ids_mismatch", "depth_mismatch")),
         *(f"{gap[key]:.1f}" if key in gap else "" for key in ("rgb_mean_difference", "rgb_psnr_db")),
         f"{row['setup_s'] + row['first_frame_s']:.1f}",
+        f"{row['compile_s']:.1f}" if "compile_s" in row else "",
         f"{row['peak_memory_mb']:.0f}" if "peak_memory_mb" in row else "",
     ]

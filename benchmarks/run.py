@@ -1,11 +1,15 @@
 """The command: checks what was asked for, measures it, and writes the JSON again after each renderer."""
 
 import argparse
+import contextlib
 import importlib.util
 import os
-from collections.abc import Mapping, Sequence
+import tempfile
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
+
+from warpcam.benchmarks.options import check
 
 from warpcam.errors import WarpcamError
 
@@ -15,6 +19,7 @@ NEEDED = {"mujoco": "warpcam[mujoco]", "mujoco_warp": "warpcam[mujoco]", "rich":
 
 def run(options: argparse.Namespace) -> int:
     """Returns 0, or 1 where something failed that was asked for."""
+    check(options)
     need(*NEEDED)
     if options.plot is not None:
         need("matplotlib", hint="warpcam[bench]")
@@ -53,6 +58,27 @@ def need(*packages: str, hint: str | None = None) -> None:
 
 
 def measured(options: argparse.Namespace) -> dict[str, Any]:
+    with empty_caches() if options.cold else contextlib.nullcontext():
+        return measured_here(options)
+
+
+@contextlib.contextmanager
+def empty_caches() -> Iterator[None]:
+    """With caches of kernels and trees that begin empty."""
+    import warp as wp
+
+    kernels, trees = wp.config.kernel_cache_dir, os.environ.get("WARPCAM_CACHE_DIR")
+    with tempfile.TemporaryDirectory() as folder:
+        wp.config.kernel_cache_dir = os.environ["WARPCAM_CACHE_DIR"] = folder
+        try:
+            yield
+        finally:
+            wp.config.kernel_cache_dir = kernels
+            os.environ.pop("WARPCAM_CACHE_DIR")
+            os.environ.update({} if trees is None else {"WARPCAM_CACHE_DIR": trees})
+
+
+def measured_here(options: argparse.Namespace) -> dict[str, Any]:
     from warpcam.benchmarks import cases
 
     if options.threads is not None:
@@ -75,7 +101,9 @@ def measured(options: argparse.Namespace) -> dict[str, Any]:
 
     timing = "CUDA graph replays between events" if device.is_cuda else "plain calls"
     threads = None if device.is_cuda else os.environ.get("WARPCAM_CPU_THREADS", "all")
-    report = reports.new("sweep" if options.sweep else "cases", device, timing=timing, warpcam_cpu_threads=threads)
+    report = reports.new(
+        "sweep" if options.sweep else "cases", device, timing=timing, warpcam_cpu_threads=threads, cold=options.cold
+    )
     default = ["warpcam"] if options.sweep else peers.installed()
     asked = chosen("--peer", options.peer or default, {name: name for name in peers.PEERS})
     renderers = [name for name in peers.PEERS if name in asked]
@@ -85,6 +113,10 @@ def measured(options: argparse.Namespace) -> dict[str, Any]:
         cases.positive("--replays", options.replays)
     points = sweeps.points(options) if options.sweep else [(point, {}) for point in case_points(options, device)]
     screen = reports.console()
+    if lacking := left_out(options):
+        report["runs"][0]["left_out"] = lacking
+        for name, install in lacking.items():
+            screen.print(f"left out: {name}, not installed; pip install {install}", style="yellow", markup=False)
     with measure.on_one_stream(device):
         for (case, setting, wanted), marks in points:
             worlds, size = setting.worlds_of(case), (setting.width, setting.height)
@@ -114,6 +146,22 @@ def case_points(options: argparse.Namespace, device: Any) -> list[Any]:
         for setting in chosen("--setting", settings, cases.SETTINGS)
         for case in found
     ]
+
+
+def left_out(options: argparse.Namespace) -> dict[str, str]:
+    """What a run would hold by default but for packages that are not installed, and their names for pip."""
+    from warpcam.benchmarks import peers
+
+    lacking: dict[str, str] = {}
+    if options.sweep:
+        return lacking
+    if not options.peer:
+        lacking = {name: peers.INSTALL[name] for name in peers.PEERS if name not in peers.installed()}
+    if not options.case:
+        for case in all_cases().values():
+            if not available(case):
+                lacking[f"case {case.name}"] = "newton" if case.newton else str(case.package).replace("_", "-")
+    return lacking
 
 
 def all_cases() -> Mapping[str, Any]:

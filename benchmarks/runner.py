@@ -45,17 +45,19 @@ def measure_case(
         shared.place(0)
         start = time.perf_counter()
         try:
-            peer = peers.create(renderer, shared)
+            with measure.kernel_loads() as loads:
+                peer = peers.create(renderer, shared)
         except Exception:
             for one in asked:
                 yield {**shared.facts(one), "renderer": renderer, "error": traceback.format_exc(limit=-4)}
             continue
-        create_s = time.perf_counter() - start
+        create_s, create_compile_s = time.perf_counter() - start, measure.covered(loads)
         for one in asked:
             row: Row = {**shared.facts(one), "renderer": renderer, "build_s": build_s}
             try:
                 row |= measure_outputs(renderer, peer, one, shared, memory, device, frames, references)
                 row["setup_s"] += create_s
+                row["compile_s"] += create_compile_s
             except Exception:
                 row["error"] = traceback.format_exc(limit=-4)
             yield row
@@ -77,16 +79,19 @@ def measure_outputs(
     gc.collect()
     memory.reset_peak()
     start = time.perf_counter()
-    peer.prepare(wanted)
-    wp.synchronize_device(device)
-    row: Row = {"setup_s": time.perf_counter() - start}
+    with measure.kernel_loads() as loads:
+        peer.prepare(wanted)
+        wp.synchronize_device(device)
+        row: Row = {"setup_s": time.perf_counter() - start}
+        # Each once before any is captured: a graph cannot hold a compilation.
+        firsts = [measure.time_first(functools.partial(peer.frame, variant), device) for variant in peer.variants]
+    row |= {"first_frame_s": firsts[0], "compile_s": measure.covered(loads)}
+    if peer.told_memory_mb is not None:
+        row["told_memory_mb"] = peer.told_memory_mb
 
     def timed(variant: str, count: int | None) -> dict[str, Any]:
         return measure.time_frames(functools.partial(peer.frame, variant), peer.place, POSE_SETS, device, count)
 
-    # Each once before any is captured: a graph cannot hold a compilation.
-    firsts = [measure.time_first(functools.partial(peer.frame, variant), device) for variant in peer.variants]
-    row["first_frame_s"] = firsts[0]
     best = peer.variants[0]
     if len(peer.variants) > 1:  # a few frames of each tell the fastest
         few = {variant: timed(variant, POSE_SETS)["median"] for variant in peer.variants}

@@ -22,12 +22,12 @@ def pixels_point(side: int) -> Point:
 def shapes_point(count: int) -> Point:
     spec = partial(rooms.shapes, count)
     case = Case(f"shapes_{count}", "free shapes in a grid", spec, ("fixed",), scatter=(0.1, 3.0))
-    return case, Setting("sweep", 1024, 64, 64), [DEPTH_AND_IDS]
+    return case, Setting("sweep", 1024, 64, 64), [DEPTH_AND_IDS, COMMON["rgb-shadows"]]
 
 
 def faces_point(count: int) -> Point:
     case = Case(f"faces_{count}", "one bumpy ball", partial(rooms.ball_of, count), ("fixed",), scatter=(0.1, 3.0))
-    return case, Setting("sweep", 1024, 64, 64), [DEPTH_AND_IDS]
+    return case, Setting("sweep", 1024, 64, 64), [DEPTH_AND_IDS, COMMON["rgb-shadows"]]
 
 
 def lights_point(count: int) -> Point:
@@ -38,7 +38,7 @@ def lights_point(count: int) -> Point:
 SWEEPS: dict[str, tuple[Callable[[int], Point], tuple[int, ...]]] = {
     "worlds": (worlds_point, (1, 4, 16, 64, 256, 1024, 4096, 16384)),
     "pixels": (pixels_point, (32, 64, 128, 256, 512, 1024)),
-    "shapes": (shapes_point, (1, 4, 16, 64, 256, 1000, 4000)),
+    "shapes": (shapes_point, (1, 4, 16, 64, 128, 256, 400, 600, 1000, 2000, 4000)),
     "faces": (faces_point, (100, 1000, 10000, 100000, 1000000, 2000000)),
     "lights": (lights_point, (1, 2, 3, 4, 6, 8, 10)),
 }
@@ -48,10 +48,8 @@ def points(options: argparse.Namespace) -> list[tuple[Point, dict[str, Any]]]:
     """The points of the sweep that was asked for, and what marks their results."""
     point, values = SWEEPS[options.sweep]
     found = []
-    worlds = None if options.sweep == "worlds" else options.worlds
-    size = None if options.sweep == "pixels" else options.size
     for value in options.points or values:
         case, setting, wanted = point(positive("--points", value))
         marks = {"sweep": options.sweep, "x": value}
-        found.append(((case, resized(setting, worlds, size), wanted), marks))
+        found.append(((case, resized(setting, options.worlds, options.size), wanted), marks))
     return found

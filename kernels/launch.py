@@ -170,7 +170,7 @@ def bind(stages: Sequence[Stage]) -> None:
         modules.setdefault(stage.block_dim if stage.device.is_cuda else 1, {})[stage.module] = None
     for block_dim, together in modules.items():
         device = stages[0].device
-        wp.force_load(device, list(together), block_dim=block_dim, max_workers=_threads() if device.is_cuda else 0)
+        wp.force_load(device, list(together), block_dim=block_dim, max_workers=cpu_threads() if device.is_cuda else 0)
     for stage in stages:
         stage.bind()
 
@@ -199,11 +199,11 @@ def record(
 
 def cpu_parts() -> int:
     """How many parts a CPU launch is split into: some for each thread, to even out uneven work."""
-    return 4 * _threads() if _threads() > 1 else 1
+    return 4 * cpu_threads() if cpu_threads() > 1 else 1
 
 
 @functools.cache
-def _threads() -> int:
+def cpu_threads() -> int:
     """Threads a CPU launch is split over: the cores this process may use, or WARPCAM_CPU_THREADS."""
     wanted = os.environ.get("WARPCAM_CPU_THREADS", "")
     if wanted.isdigit() and int(wanted) > 0:
@@ -221,4 +221,4 @@ def _spread(parts: Sequence[wp.Launch]) -> Iterator[None]:
 
 @functools.cache
 def _pool() -> ThreadPoolExecutor:
-    return ThreadPoolExecutor(_threads(), thread_name_prefix="warpcam")
+    return ThreadPoolExecutor(cpu_threads(), thread_name_prefix="warpcam")

@@ -250,7 +250,7 @@ def record(
         else:
             setattr(images, name, wp.empty(0, dtype=dtype, device=device))
     group = group or Group.of_all(tables.num_worlds)
-    region = region_size(tables, group.at_once, width, height, device)
+    region = region_size(tables, group.at_once, width, height, device, quick=True)
     types = sum(1 << t for t in tables.shape_types)
     facts = _facts(tables, shadow is not None) | more | varied
     if device.is_cuda:

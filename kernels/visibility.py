@@ -7,7 +7,7 @@ from typing import Any
 import warp as wp
 
 from .flow import Trail, brief
-from .launch import Group, Stage, native_module
+from .launch import Group, Stage, cpu_threads, native_module
 from .launch import record as record_launch
 from .tables import Tables
 from .types import HEIGHT_FIELD, MESH, MOVING, HeightFields, Materials, Meshes, Shapes, View
@@ -21,8 +21,10 @@ FLOW, FLOW_VALID, FLOW_MOVES, FLOW_BRIEF = 1 << 24, 1 << 25, 1 << 26, 1 << 27  #
 LENSES = {"pinhole": 0, "orthographic": 1, "rays": 2}
 THREADS = 128  # of a CUDA block; lanes.h has the same number
 REGIONS = ((64, 64), (64, 32), (32, 32), (32, 16), (16, 16), (16, 8))
+QUICK = (32, 16)  # pixels: a strip of tiles for each warp
 MANY = 64  # shapes
 MAX_LISTED = 256  # shapes that one pass draws
+FEW_BLOCKS = 3  # on a multiprocessor: as many are enough where a block's tiles take about as long as setting it up
 BLOCKS = 10  # on a multiprocessor: bounds the registers of a thread
 SHARED_MEMORY = 228 * 1024  # of a multiprocessor [bytes]
 LISTED_BYTES = 99  # of it for each shape that a block lists: tiles.h, ShapeList
@@ -244,21 +246,28 @@ def list_capacity(num_drawn: int) -> int:
     return next(size for size in (16, 32, 64, 96, 128, 192, MAX_LISTED) if size >= min(num_drawn, MAX_LISTED))
 
 
-def region_size(tables: Tables, at_once: int, width: int, height: int, device: wp.Device) -> tuple[int, int]:
+def region_size(
+    tables: Tables, at_once: int, width: int, height: int, device: wp.Device, quick: bool | None = None
+) -> tuple[int, int]:
     """Pixels that one thread block draws: as many as leave enough blocks to fill the device.
 
     Fewer in scenes with meshes, whose blocks take long, if an image has several regions or there are many shapes: at
-    the end of a launch the last blocks are waited for. Always the most on a CPU, where listing the shapes of a small
-    region takes longer than drawing it.
+    the end of a launch the last blocks are waited for. On a CPU no more than one for each core, as listing the shapes
+    of a small region takes longer than drawing it.
+
+    Args:
+        quick: Tiles take about as long as setting a block up, so that few worlds are not cut into blocks of a tile a
+            warp; None: in scenes without meshes and height fields.
     """
-    if not device.is_cuda:
-        return REGIONS[0]
-    wanted = device.sm_count * 10
+    if quick is None:
+        quick = {MESH, HEIGHT_FIELD}.isdisjoint(tables.shape_types)
+    wanted = device.sm_count * 10 if device.is_cuda else cpu_threads()
     largest = 0
-    if MESH in tables.shape_types:
+    if device.is_cuda and MESH in tables.shape_types:
         several = width > REGIONS[0][0] or height > REGIONS[0][1]
         largest = 2 if tables.num_drawn > MANY else 1 if several else 0
     for size in REGIONS[largest:-1]:
-        if at_once * -(-width // size[0]) * -(-height // size[1]) >= wanted:
+        count = at_once * -(-width // size[0]) * -(-height // size[1])
+        if count >= wanted or (device.is_cuda and quick and size == QUICK and count >= FEW_BLOCKS * device.sm_count):
             return size
     return REGIONS[-1]

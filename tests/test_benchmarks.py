@@ -2,6 +2,8 @@
 
 import argparse
 import json
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +12,7 @@ import pytest
 
 pytest.importorskip("mujoco_warp")
 
-from warpcam.benchmarks import cases, compare, options, peers, problem, report, rooms, run, sweeps
+from warpcam.benchmarks import cases, compare, measure, options, peers, problem, report, rooms, run, sweeps
 
 from warpcam import cli
 
@@ -56,6 +58,8 @@ def test_renderers_agree_and_the_json_says_so(name: str, tmp_path: Path) -> None
         assert row["rays"] == 2 * 16 * 16 and row["worlds"] == 2 and row["setting"] == "cpu"
         assert row["ms"]["frames"] == 2 and row["ms"]["p10"] <= row["ms"]["median"] <= row["ms"]["p90"]
         assert row["setup_s"] >= 0.0 and row["first_frame_s"] > 0.0
+        assert 0.0 <= row["compile_s"] <= row["setup_s"] + row["first_frame_s"]
+        assert (row.get("told_memory_mb", 0.0) > 0.0) == (name == "warpcam")
         if name == "mujoco_warp":
             continue
         assert row["compared_with"] == "mujoco_warp"
@@ -117,8 +121,9 @@ def test_sweep_has_points_and_a_plot(name: str, tmp_path: Path) -> None:
     pytest.importorskip("matplotlib")
     out, plot = tmp_path / "sweep.json", tmp_path / "sweep.svg"
     points = ("16", "24") if name == "pixels" else ("2", "100") if name == "faces" else ("1", "3")
-    few = () if name == "worlds" else ("--worlds", "2")
-    asked = ("--points", *points, *few, "--size", "16x16", "--replays", "1", "--device", "cpu")
+    few: tuple[str, ...] = () if name == "worlds" else ("--worlds", "2")
+    few += () if name == "pixels" else ("--size", "16x16")
+    asked = ("--points", *points, *few, "--replays", "1", "--device", "cpu")
     assert bench("--sweep", name, *asked, "--out", out, "--plot", plot) == 0
     rows = json.loads(out.read_text())["results"]
     assert sorted({row["x"] for row in rows}) == [int(point) for point in points]
@@ -130,6 +135,8 @@ def test_every_point_of_a_sweep_can_be_asked_for() -> None:
     parser = argparse.ArgumentParser()
     options.add(parser)
     assert tuple(sweeps.SWEEPS) == options.SWEEPS
+    assert options.CASES == tuple(cases.CASES) and options.SETTINGS == tuple(cases.SETTINGS)
+    assert options.PEERS == tuple(peers.PEERS)
     for name, (_, values) in sweeps.SWEEPS.items():
         points = sweeps.points(parser.parse_args(["--sweep", name]))
         assert [marks["x"] for _, marks in points] == list(values)
@@ -178,11 +185,17 @@ def test_differences_are_counted() -> None:
         (["--replays", "0"], "--replays: 0 came"),
         (["--merge", "nowhere.json"], "--merge: 'nowhere.json' cannot be read"),
         (["--sweep", "worlds", "--points", "0"], "--points: 0 came"),
+        (["--points", "1"], "--points: came where cases are measured, which takes --case, --cold"),
+        (["--sweep", "worlds", "--worlds", "4"], "--worlds: came where --sweep worlds was asked for, which takes"),
+        (["--sweep", "shapes", "--case", "humanoid"], "--case: came where --sweep shapes was asked for"),
+        (["--host", "--plot", "host.png"], "--plot: came where --host was asked for, which takes --case, --device"),
+        (["--host", "--cold"], "--cold: came where --host was asked for"),
+        (["--merge", "a.json", "--peer", "warpcam"], "--peer: came where --merge was asked for, which takes --out"),
     ],
     ids=lambda value: " ".join(value) if isinstance(value, list) else "",
 )
 def test_mistakes_get_one_line(arguments: list[str], said: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert bench(*arguments, "--device", "cpu") == 2
+    assert bench(*arguments, *(() if "--merge" in arguments else ("--device", "cpu"))) == 2
     assert said in capsys.readouterr().err
 
 
@@ -190,6 +203,41 @@ def test_missing_package_is_named(monkeypatch: pytest.MonkeyPatch, capsys: pytes
     monkeypatch.setitem(run.NEEDED, "no_such_package", "warpcam[bench]")
     assert bench("--device", "cpu") == 2
     assert "bench: no_such_package is not installed; pip install 'warpcam[bench]'" in capsys.readouterr().err
+
+
+def test_what_is_not_installed_is_said_and_written(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(peers, "installed", lambda: ["warpcam"])
+    out = tmp_path / "alone.json"
+    assert bench("--case", "humanoid", "--outputs", "ds", *TINY, "--out", out) == 0
+    said = capsys.readouterr().out
+    assert "left out: newton, not installed; pip install newton" in said
+    assert "left out: mujoco_warp_pbr, not installed; pip install mujoco-warp-pbr (Python 3.12 or newer)" in said
+    assert json.loads(out.read_text())["runs"][0]["left_out"].keys() == set(peers.PEERS) - {"warpcam"}
+    monkeypatch.setattr(run, "available", lambda case: case.package != "mjlab")
+    asked = argparse.Namespace(sweep=None, peer=["warpcam"], case=None)
+    assert run.left_out(asked)["case yam"] == "mjlab"
+    assert run.left_out(argparse.Namespace(sweep=None, peer=["warpcam"], case=["humanoid"])) == {}
+
+
+def test_empty_caches_make_everything_compile(tmp_path: Path) -> None:
+    """In a process of its own: what is loaded already is not compiled again."""
+    command = [sys.executable, "-m", "warpcam.benchmarks", "--case", "humanoid", "--outputs", "ds", "--peer", "warpcam"]
+    seconds = []
+    for cold in ([], ["--cold"]):
+        out = tmp_path / "out.json"
+        done = subprocess.run([*command, *TINY, *cold, "--out", out], capture_output=True, text=True, timeout=300)
+        assert done.returncode == 0, done.stdout + done.stderr
+        written = json.loads(out.read_text())
+        assert written["runs"][0]["cold"] == bool(cold)
+        seconds.append(written["results"][0]["compile_s"])
+    assert seconds[1] > max(1.0, 2.0 * seconds[0])
+
+
+def test_spans_that_overlap_are_counted_once() -> None:
+    assert measure.covered([]) == 0.0
+    assert measure.covered([(2.0, 5.0), (0.0, 1.0), (3.0, 4.0), (4.5, 6.0)]) == 5.0
 
 
 def test_a_failing_renderer_does_not_stop_the_others(

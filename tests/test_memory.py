@@ -274,3 +274,20 @@ def test_groups_of_worlds_may_be_captured(device: wp.Device, monkeypatch: pytest
     wp.capture_launch(capture.graph)
     for name, tensor in renderer.images["top"].items():
         np.testing.assert_array_equal(tensor.cpu().numpy(), expected[name].cpu().numpy())
+
+
+def test_8192_worlds_of_aloha_with_four_cameras_are_told_what_they_take() -> None:
+    cases = pytest.importorskip("warpcam.benchmarks.cases")
+    problem = pytest.importorskip("warpcam.benchmarks.problem")
+    mjm = problem.compile_case(cases.CASES["aloha_pot"])
+    with wp.ScopedDevice("cpu"):  # without room for contacts
+        m, d = mjw.put_model(mjm), mjw.make_data(mjm, nworld=8192, naconmax=1, naccdmax=1, njmax=1)
+    scene = wc.from_mujoco_warp(mjm, m, d, reflections=False, transparency=False)
+    for outputs in (("depth", "segmentation"), ("rgb", "depth", "segmentation")):
+        cameras = [camera(name, 64, 64, outputs=outputs, shadows=True) for name in cases.ALOHA_CAMERAS]
+        told = wc.estimate_memory(scene, cameras)
+        images = sum(sum(each.values()) for each in told.images.values())
+        assert images == 8192 * 4 * 64 * 64 * (8 + 3 * ("rgb" in outputs))
+        assert told.scratch == scratch_by_the_docs(8192, cameras)
+        assert told.total == images + told.scratch + 8192 * (10 + 4 * 84)
+        assert told.total < 1.5 * images < 3e9  # of the 24e9 bytes and more that a card has

@@ -13,6 +13,7 @@ from warpcam.errors import WarpcamError
 # Name, which is the package's, and module. The first that runs is what the others' images are compared with.
 PEERS = {"mujoco_warp": "mujoco_warp", "warpcam": "ours", "newton": "newton", "mujoco_warp_pbr": "mujoco_warp_pbr"}
 INSTALL = {name: name.replace("_", "-") for name in PEERS}
+INSTALL["mujoco_warp_pbr"] += " (Python 3.12 or newer)"
 
 
 class Peer(Protocol):
@@ -20,6 +21,7 @@ class Peer(Protocol):
 
     variants: tuple[str, ...]  # ways to render the same frame; the fastest counts
     lacks: tuple[str, ...]  # what of the scene it cannot show in these outputs
+    told_memory_mb: float | None  # what it said that it would take before it took it, if it says so
 
     def prepare(self, wanted: Wanted) -> None:
         """Set up for these outputs."""

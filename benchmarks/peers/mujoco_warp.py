@@ -15,6 +15,7 @@ class MujocoWarpPeer:
 
     variants: tuple[str, ...] = ("",)
     lacks: tuple[str, ...] = ()
+    told_memory_mb: float | None = None
 
     def __init__(self, problem: Problem) -> None:
         self.problem = problem

@@ -17,6 +17,7 @@ class NewtonPeer:
     """It owns its poses: each set is turned into its own form beforehand, and `place` copies that."""
 
     variants: tuple[str, ...] = ("TILED 8x8", "PIXEL_PRIORITY")
+    told_memory_mb: float | None = None
 
     def __init__(self, problem: Problem) -> None:
         self.problem = problem

@@ -16,6 +16,7 @@ class WarpcamPeer:
 
     variants: tuple[str, ...] = ("",)
     lacks: tuple[str, ...] = ()
+    told_memory_mb: float | None = None
 
     def __init__(self, problem: Problem) -> None:
         self.problem = problem
@@ -44,6 +45,7 @@ class WarpcamPeer:
             )
             for name, index in zip(self.problem.cameras, self.problem.camera_ids, strict=True)
         ]
+        self.told_memory_mb = 1e-6 * wc.estimate_memory(self.scene, cameras).total
         self.renderer = wc.Renderer(self.scene, cameras)
 
     def _own(self, index: int) -> dict[str, Any]:

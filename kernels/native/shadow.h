@@ -38,56 +38,64 @@ template <int LENS> struct Task {
 
 #if defined(__CUDA_ARCH__)
 
-// A strip of four tiles, which a warp looks through before it works on one of them: each lane has four pixels of a row.
+// A strip of tiles beside each other, which a warp looks through before it works on one of them: each lane has as many
+// pixels of a row as there are tiles. Four, or as few as leave each warp of the block a strip in small regions.
 template <int WIDTH, int HEIGHT> struct Strip {
-    static constexpr int COLUMNS = WIDTH < 32 ? WIDTH : 32, ROWS = 4 * LANES / COLUMNS, ACROSS = WIDTH / COLUMNS;
-    static constexpr unsigned COUNT = ACROSS * (HEIGHT / ROWS);
+    static constexpr int TILES = WIDTH * HEIGHT >= 4 * THREADS ? 4 : WIDTH * HEIGHT / THREADS;
+    static constexpr int ACROSS = WIDTH / (TILES * TILE_WIDTH);
+    static constexpr unsigned COUNT = ACROSS * (HEIGHT / TILE_HEIGHT);
+    static_assert(TILES * THREADS <= WIDTH * HEIGHT && ACROSS * TILES * TILE_WIDTH == WIDTH);
 
     // Where the strip, a lane's first pixel in it, and the tile that a lane's pixels belong to begin.
-    WARPCAM_FN static int column(unsigned strip) { return strip % ACROSS * COLUMNS; }
-    WARPCAM_FN static int row(unsigned strip) { return strip / ACROSS * ROWS; }
-    WARPCAM_FN static int lane_column(int lane) { return lane % (COLUMNS / 4) * 4; }
-    WARPCAM_FN static int lane_row(int lane) { return lane / (COLUMNS / 4); }
+    WARPCAM_FN static int column(unsigned strip) { return strip % ACROSS * (TILES * TILE_WIDTH); }
+    WARPCAM_FN static int row(unsigned strip) { return strip / ACROSS * TILE_HEIGHT; }
+    WARPCAM_FN static int lane_column(int lane) { return lane % TILE_WIDTH * TILES; }
+    WARPCAM_FN static int lane_row(int lane) { return lane / TILE_WIDTH; }
     WARPCAM_FN static int tile_column(int lane) { return lane_column(lane) & ~(TILE_WIDTH - 1); }
-    WARPCAM_FN static int tile_row(int lane) { return lane_row(lane) & ~(TILE_HEIGHT - 1); }
 
     // The lanes whose pixels belong to the same tile as a lane's.
     WARPCAM_FN static unsigned lanes_of(int lane)
     {
-        return (COLUMNS == 32 ? 0x03030303u : 0x3333u) << (tile_column(lane) / 4 + tile_row(lane) * (COLUMNS / 4));
+        return (TILES == 4 ? 0x03030303u : TILES == 2 ? 0x0f0f0f0fu : ALL) << (tile_column(lane) / TILES);
     }
 };
 
-template <class Value> struct alignas(4 * sizeof(Value)) Four {
-    Value at[4];
+template <class Value, int COUNT> struct alignas(COUNT * sizeof(Value)) Several {
+    Value at[COUNT];
 };
 
-template <class Value, class Result> WARPCAM_FN void load_four(const Value* from, Result* to)
+template <int COUNT, class Value, class Result> WARPCAM_FN void load_several(const Value* from, Result* to)
 {
-    const Four<Value> four = *reinterpret_cast<const Four<Value>*>(from);
+    const Several<Value, COUNT> values = *reinterpret_cast<const Several<Value, COUNT>*>(from);
 #pragma unroll
-    for (int k = 0; k < 4; ++k)
-        to[k] = four.at[k];
+    for (int k = 0; k < COUNT; ++k)
+        to[k] = values.at[k];
 }
 
-template <class Value> WARPCAM_FN void clear_four(Value* to) { *reinterpret_cast<Four<Value>*>(to) = {}; }
+template <int COUNT, class Value> WARPCAM_FN void clear_several(Value* to)
+{
+    *reinterpret_cast<Several<Value, COUNT>*>(to) = {};
+}
 
-// Whether any of the lane's four pixels in a strip shows a point below what the list's casters cover together. With
-// `fresh` their masks are cleared.
-template <int LENS, class List, class Target>
+// Whether any of the lane's pixels in a strip shows a point below what the list's casters cover together. With `fresh`
+// their masks are cleared.
+template <int COUNT, int LENS, class List, class Target>
 WARPCAM_FN bool find_asking(const Target& target, size_t at, int inside, float i, float j, const List& list,
                             const LitView<LENS>& view, bool fresh)
 {
-    int id[4] = { -1, -1, -1, -1 };
-    float depth[4] = {};
-    if (inside >= 4 && target.width % 4 == 0) {
-        load_four(target.shape.data + at, id);
-        load_four(target.depth.data + at, depth);
+    int id[COUNT];
+    float depth[COUNT] = {};
+#pragma unroll
+    for (int k = 0; k < COUNT; ++k)
+        id[k] = -1;
+    if (inside >= COUNT && target.width % COUNT == 0) {
+        load_several<COUNT>(target.shape.data + at, id);
+        load_several<COUNT>(target.depth.data + at, depth);
         if (fresh)
-            clear_four(target.shadow.data + at);
+            clear_several<COUNT>(target.shadow.data + at);
     } else {
 #pragma unroll
-        for (int k = 0; k < 4; ++k)
+        for (int k = 0; k < COUNT; ++k)
             if (k < inside) {
                 id[k] = target.shape.data[at + k];
                 depth[k] = target.depth.data[at + k];
@@ -97,7 +105,7 @@ WARPCAM_FN bool find_asking(const Target& target, size_t at, int inside, float i
     }
     bool asks = false;
 #pragma unroll
-    for (int k = 0; k < 4; ++k)
+    for (int k = 0; k < COUNT; ++k)
         asks |= id[k] >= 0 && may_shade(list.bounds, list.ceiling,
                                       place_of(view.light.distant, view.lit.point(i + float(k), j, depth[k])));
     return asks;
@@ -128,15 +136,16 @@ WARPCAM_FN void cast_light(List& list, const Task<LENS>& task, const Shapes& sha
             const int column = Strips::column(strip) + Strips::lane_column(lane);
             const int row = Strips::row(strip) + Strips::lane_row(lane);
             const int i = task.region.left + column, j = task.region.top + row;
-            asking = __ballot_sync(ALL, find_asking(target, task.corner + unsigned(row * target.width + column),
-                                                    j < target.height ? target.width - i : 0, float(i), float(j), list,
-                                                    view, task.fresh));
+            const size_t at = task.corner + unsigned(row * target.width + column);
+            const int inside = j < target.height ? target.width - i : 0;
+            asking = __ballot_sync(ALL, find_asking<Strips::TILES>(target, at, inside, float(i), float(j), list, view,
+                                                                   task.fresh));
             __syncwarp();  // masks that one lane clears another may write
         }
         const int first_lane = lowest_bit(asking);
         asking &= ~Strips::lanes_of(first_lane);
         const int column = Strips::column(strip) + Strips::tile_column(first_lane) + lane % TILE_WIDTH;
-        const int row = Strips::row(strip) + Strips::tile_row(first_lane) + lane / TILE_WIDTH;
+        const int row = Strips::row(strip) + lane / TILE_WIDTH;
         const size_t at = task.corner + unsigned(row * target.width + column);
         const int column_in_view = task.region.left + column, row_in_view = task.region.top + row;
         const bool inside = (column_in_view < target.width) & (row_in_view < target.height);
