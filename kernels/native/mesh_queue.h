@@ -57,7 +57,7 @@ WARPCAM_FN void trace_rays(Rays& rays, const List& list, const Meshes& meshes, f
     unsigned left = 0, nodes = 0;
     float depth = 0.0f;
     auto ray = ray_of(0);
-    Slabs s {};
+    NodeRay<by_child(TYPES)> boxes {};
     Supply supply { 0, 0, true };
     const auto take = [&](int waiting) {
         pixel = rays.pixel[waiting];
@@ -91,7 +91,7 @@ WARPCAM_FN void trace_rays(Rays& rays, const List& list, const Meshes& meshes, f
                 const Record& record = list.records[slot];
                 if (as_float(record.size.w) < depth) {
                     const Ray local = ray.local(record);
-                    s = slabs(local.origin, local.direction, record.size.x);
+                    boxes.set(slabs(local.origin, local.direction, record.size.x));
                     nodes = wp::index(meshes.node_start, record.axis_z.w);
                     node = 0;
                 } else {
@@ -104,27 +104,21 @@ WARPCAM_FN void trace_rays(Rays& rays, const List& list, const Meshes& meshes, f
         unsigned stepping = __ballot_sync(ALL, inner);
         while (stepping) {
             if (inner) {
-                const unsigned at = nodes + unsigned(node * NODE_ROWS);
-                float best = FAR_AWAY;
+                float enter[4], leave[4], best = FAR_AWAY;
+                int child[4];
+                boxes.meet(node_rows(meshes, nodes, node), near, depth, enter, leave, child);
                 node = NO_NODE;
 #pragma unroll
-                for (int k = 0; k < 4; ++k) {
-                    const Row low = load(meshes.nodes.data, at + 2 * k), high = load(meshes.nodes.data, at + 2 * k + 1);
-                    const float x0 = low.x * s.scale.x + s.down.x, x1 = high.x * s.scale.x + s.up.x;
-                    const float y0 = low.y * s.scale.y + s.down.y, y1 = high.y * s.scale.y + s.up.y;
-                    const float z0 = low.z * s.scale.z + s.down.z, z1 = high.z * s.scale.z + s.up.z;
-                    const float enter = upper(upper(lower(x0, x1), lower(y0, y1)), upper(lower(z0, z1), near));
-                    const float leave = lower(lower(upper(x0, x1), upper(y0, y1)), lower(upper(z0, z1), depth));
-                    if (enter <= leave) {
-                        const bool nearer = enter < best;
+                for (int k = 0; k < 4; ++k)
+                    if (enter[k] <= leave[k]) {
+                        const bool nearer = enter[k] < best;
                         if (node != NO_NODE) {
-                            stack[height] = nearer ? node : low.w;
-                            entries[height++] = nearer ? best : enter;
+                            stack[height] = nearer ? node : child[k];
+                            entries[height++] = nearer ? best : enter[k];
                         }
-                        node = nearer ? low.w : node;
-                        best = nearer ? enter : best;
+                        node = nearer ? child[k] : node;
+                        best = nearer ? enter[k] : best;
                     }
-                }
                 while (node == NO_NODE && height > 0)
                     if (entries[--height] < depth)
                         node = stack[height];

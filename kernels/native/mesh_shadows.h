@@ -59,7 +59,7 @@ WARPCAM_FN void cast_rays(ShadowRays<WORDS>& rays, const List& list, const Light
     int word = 0, slot = 0, node = NO_NODE, height = 0;
     unsigned left = 0, nodes = 0;
     Span span {};
-    Slabs s {};
+    NodeRay<by_child(TYPES)> boxes {};
     Supply supply { 0, 0, true };
     const auto take = [&](int ray) {
         const int pixel = rays.pixel[ray];
@@ -88,7 +88,7 @@ WARPCAM_FN void cast_rays(ShadowRays<WORDS>& rays, const List& list, const Light
                 const Record& record = list.records[slot];
                 const Vec point = rays.point();
                 const Ray local = WorldRay { point, ray_to(light, point) }.local(record);
-                s = slabs(local.origin, local.direction, record.size.x);
+                boxes.set(slabs(local.origin, local.direction, record.size.x));
                 nodes = record.origin.w;
                 node = 0;
             }
@@ -98,22 +98,17 @@ WARPCAM_FN void cast_rays(ShadowRays<WORDS>& rays, const List& list, const Light
         unsigned stepping = __ballot_sync(ALL, inner);
         while (stepping) {
             if (inner) {
-                const Row* rows = reinterpret_cast<const Row*>(meshes.nodes.data) + (nodes + unsigned(node * NODE_ROWS));
+                float enter[4], leave[4];
+                int child[4];
+                boxes.meet(node_rows(meshes, nodes, node), span.near, span.reach, enter, leave, child);
                 node = NO_NODE;
 #pragma unroll
-                for (int k = 0; k < 4; ++k) {
-                    const Row low = load(rows, 2 * k), high = load(rows, 2 * k + 1);
-                    const float x0 = low.x * s.scale.x + s.down.x, x1 = high.x * s.scale.x + s.up.x;
-                    const float y0 = low.y * s.scale.y + s.down.y, y1 = high.y * s.scale.y + s.up.y;
-                    const float z0 = low.z * s.scale.z + s.down.z, z1 = high.z * s.scale.z + s.up.z;
-                    const float enter = upper(upper(lower(x0, x1), lower(y0, y1)), upper(lower(z0, z1), span.near));
-                    const float leave = lower(lower(upper(x0, x1), upper(y0, y1)), lower(upper(z0, z1), span.reach));
-                    if (enter <= leave) {
+                for (int k = 0; k < 4; ++k)
+                    if (enter[k] <= leave[k]) {
                         if (node != NO_NODE)
                             stack[height++] = node;
-                        node = low.w;
+                        node = child[k];
                     }
-                }
                 if (node == NO_NODE && height > 0)
                     node = stack[--height];
             }
