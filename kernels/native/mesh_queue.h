@@ -16,7 +16,15 @@ template <int WORDS> struct MeshRays: WaitingRays<WORDS> {
 // Those of a warp that has few: its lanes test faces for each other, see leaf_pairs.h.
 template <int WORDS> struct PairedMeshRays: MeshRays<WORDS> {
     static constexpr bool PAIRED = true;
-    unsigned char owners[LANES];
+    PairRoom room;
+};
+
+// Those of a list. Where there are many meshes, of few faces each, a ray hits about as many faces as it tests.
+template <int CAPACITY, bool PAIRED = (CAPACITY <= 64)> struct MeshRaysOf {
+    using type = PairedMeshRays<(CAPACITY + LANES - 1) / LANES>;
+};
+template <int CAPACITY> struct MeshRaysOf<CAPACITY, false> {
+    using type = MeshRays<(CAPACITY + LANES - 1) / LANES>;
 };
 
 // Finds the rays of a tile that meet meshes before their hits and lets them wait; nobody waits yet. Returns how many.
@@ -132,7 +140,7 @@ WARPCAM_FN void trace_rays(Rays& rays, const List& list, const Meshes& meshes, f
         const unsigned leaves = __ballot_sync(ALL, node < 0);
         if (leaves && (__popc(leaves) >= (Rays::PAIRED ? FEW / 2 : FEW) || !stepping)) {
             if constexpr (Rays::PAIRED)
-                if (meet_leaves<TYPES>(rays.owners, list, meshes, ray, slot, node, near, depth, face))
+                if (meet_leaves<TYPES>(rays.room, list, meshes, ray, slot, node, near, depth, face))
                     shape = list.records[slot].axis_y.w;
             if (node < 0) {
                 if constexpr (!Rays::PAIRED)
