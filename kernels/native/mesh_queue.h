@@ -27,6 +27,8 @@ template <int CAPACITY> struct MeshRaysOf<CAPACITY, false> {
     using type = MeshRays<(CAPACITY + LANES - 1) / LANES>;
 };
 
+constexpr int A_FEW_MESHES = 3;
+
 // Finds the rays of a tile that meet meshes before their hits and lets them wait; nobody waits yet. Returns how many.
 template <int TYPES, int LENS, int CAPACITY, int WORDS, class Meshes>
 WARPCAM_FN int find_rays(MeshRays<WORDS>& rays, const ShapeList<CAPACITY>& list, int column, int row,
@@ -39,7 +41,12 @@ WARPCAM_FN int find_rays(MeshRays<WORDS>& rays, const ShapeList<CAPACITY>& list,
         const int rank = word * LANES + lane;
         const bool mine = rank < list.count && touches(list.tiles[rank], column, row)
             && is_mesh<TYPES>(list.records[list.order[rank]]);
-        met[word] = find_meshes(__ballot_sync(ALL, mine), list.records, list.order + word * LANES, ray, near, meshes,
+        unsigned mask = __ballot_sync(ALL, mine);
+        if (LENS == PINHOLE && __popc(mask) > A_FEW_MESHES) {  // a lane a mesh, before the rays try one after another
+            const TileRays tile = rays_of_tile(ray);
+            mask = __ballot_sync(ALL, mine && may_meet_mesh(meshes, list.records[list.order[rank]], tile));
+        }
+        met[word] = find_meshes(mask, list.records, list.order + word * LANES, ray, near, meshes,
                                 depth);
         any |= met[word] != 0;
     }
