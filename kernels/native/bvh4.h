@@ -69,13 +69,13 @@ WARPCAM_FN Slabs slabs(Vec o, Vec d, float extent)
 
 #if defined(__CUDA_ARCH__)
 
-// Are a scene's nodes child after child, of each the lower and the upper corner of its box? So they are where meshes move:
-// their boxes are written by children. Else bound after bound: lower x, y
-// and z of all four, the four themselves, upper x, y and z, and nothing.
+// Are a scene's nodes child after child, of each the lower and the upper corner of its box? So they are where meshes move,
+// as children write their boxes. Else bound after bound: lower x, y and z of all four, the four themselves, upper x, y and
+// z, and nothing.
 constexpr bool by_child(int types) { return types >> MOVING & 1; }
 
-// The middle of greatest and least of three. Bits order as numbers do that are not negative; negative ones are
-// lower than those, in no order of their own.
+// The greatest and the least of three numbers, one instruction each: bits order as the numbers do, but for negative ones,
+// which are below all others in no order of their own.
 WARPCAM_FN float greatest(float a, float b, float c)
 {
     return as_float(upper_int(upper_int(as_int(a), as_int(b)), as_int(c)));
@@ -85,7 +85,7 @@ WARPCAM_FN float least(float a, float b, float c)
     return as_float(lower_int(lower_int(as_int(a), as_int(b)), as_int(c)));
 }
 
-// Where a row lies that is `rows` behind another: two instructions, of which the compiler makes four.
+// The row that stands so many behind another. Left to itself the compiler takes twice as many instructions for it.
 WARPCAM_FN const Row* behind(const Row* row, unsigned rows)
 {
 #if defined(__CUDACC__)
@@ -121,7 +121,7 @@ template <bool BY_CHILD> struct NodeRay {
     }
 };
 
-// The ray's direction says which of two planes it meets first, once for all nodes: half of the comparisons are gone.
+// Its direction says once for all nodes which of two planes it meets first.
 template <> struct NodeRay<false> {
     Vec scale, in, out;  // t = plane * scale + in or out, see Slabs
     unsigned x, y, z;    // UPPER where it meets upper planes first, else 0
@@ -147,7 +147,7 @@ template <> struct NodeRay<false> {
         t[3] = as_float(planes.w) * scale + offset;
     }
 
-    // `near` and `depth` are not negative.
+    // The same; `near` is not negative.
     WARPCAM_FN void meet(const Row* rows, float near, float depth, float (&enter)[4], float (&leave)[4],
                          int (&child)[4]) const
     {
