@@ -124,7 +124,6 @@ template <bool BY_CHILD> struct NodeRay {
 // Its direction says once for all nodes which of two planes it meets first.
 template <> struct NodeRay<false> {
     Vec scale, in, out;  // t = plane * scale + in or out, see Slabs
-    unsigned x, y, z;    // UPPER where it meets upper planes first, else 0
 
     static constexpr unsigned UPPER = 4;  // rows from the lower planes to them
 
@@ -134,10 +133,10 @@ template <> struct NodeRay<false> {
         scale = s.scale;
         in = { left ? s.up.x : s.down.x, down ? s.up.y : s.down.y, back ? s.up.z : s.down.z };
         out = { left ? s.down.x : s.up.x, down ? s.down.y : s.up.y, back ? s.down.z : s.up.z };
-        x = left ? UPPER : 0;
-        y = down ? UPPER : 0;
-        z = back ? UPPER : 0;
     }
+
+    // UPPER where upper planes are met first, else 0.
+    WARPCAM_FN static unsigned first_of(float scale) { return unsigned(as_int(scale)) >> 29 & UPPER; }
 
     WARPCAM_FN static void times(const Row& planes, float scale, float offset, float (&t)[4])
     {
@@ -151,6 +150,7 @@ template <> struct NodeRay<false> {
     WARPCAM_FN void meet(const Row* rows, float near, float depth, float (&enter)[4], float (&leave)[4],
                          int (&child)[4]) const
     {
+        const unsigned x = first_of(scale.x), y = first_of(scale.y), z = first_of(scale.z);
         float tx[4], ty[4], tz[4];
         times(load(behind(rows, x), 0), scale.x, in.x, tx);
         times(load(behind(rows, y), 1), scale.y, in.y, ty);
