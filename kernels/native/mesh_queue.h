@@ -27,7 +27,7 @@ template <int CAPACITY> struct MeshRaysOf<CAPACITY, false> {
     using type = MeshRays<(CAPACITY + LANES - 1) / LANES>;
 };
 
-constexpr int A_FEW_MESHES = 3;
+constexpr int A_FEW_MESHES = 3;  // that rays try one after another at once
 
 // Finds the rays of a tile that meet meshes before their hits and lets them wait; nobody waits yet. Returns how many.
 template <int TYPES, int LENS, int CAPACITY, int WORDS, class Meshes>
@@ -44,10 +44,15 @@ WARPCAM_FN int find_rays(MeshRays<WORDS>& rays, const ShapeList<CAPACITY>& list,
         unsigned mask = __ballot_sync(ALL, mine);
         if (LENS == PINHOLE && __popc(mask) > A_FEW_MESHES) {  // a lane a mesh, before the rays try one after another
             const TileRays tile = rays_of_tile(ray);
-            mask = __ballot_sync(ALL, mine && may_meet_mesh(meshes, list.records[list.order[rank]], tile));
+            bool may = mine;
+            if (mine) {
+                const Record& record = list.records[list.order[rank]];
+                const auto low = wp::index(meshes.lower, record.axis_z.w), high = wp::index(meshes.upper, record.axis_z.w);
+                may = may_meet_box(record, { low[0], low[1], low[2] }, { high[0], high[1], high[2] }, tile);
+            }
+            mask = __ballot_sync(ALL, may);
         }
-        met[word] = find_meshes(mask, list.records, list.order + word * LANES, ray, near, meshes,
-                                depth);
+        met[word] = find_meshes(mask, list.records, list.order + word * LANES, ray, near, meshes, depth);
         any |= met[word] != 0;
     }
     const unsigned found = __ballot_sync(ALL, any);

@@ -3,6 +3,7 @@
 #include "heightfield.h"
 #include "prepare.h"
 #include "shapes.h"
+#include "tile_rays.h"
 #if !defined(__CUDA_ARCH__)
 #include "bvh4_cpu.h"
 #include "heightfield_cpu.h"
@@ -78,46 +79,10 @@ WARPCAM_FN bool meets_mesh(const Meshes& meshes, const Record& record, const Ray
     return enter <= lower(lower(upper(x0, x1), upper(y0, y1)), lower(upper(z0, z1), depth));
 }
 
-// Between which x and y a tile's rays lie, see ViewRay.
-struct TileRays {
-    float left, right, bottom, top;
-};
-
 template <int LENS> WARPCAM_FN TileRays rays_of_tile(const ViewRay<LENS>& ray)
 {
     return { __shfl_sync(ALL, ray.x, 0), __shfl_sync(ALL, ray.x, LANES - 1), __shfl_sync(ALL, ray.y, LANES - 1),
              __shfl_sync(ALL, ray.y, 0) };
-}
-
-// When the first of a tile's rays may enter, and the last leave, what lies between two planes across an axis of a shape,
-// which are `low` and `high` above where all rays begin. False if none does.
-WARPCAM_FN bool cross_slab(const TileRays& tile, const Row& axis, float low, float high, float& enter, float& leave)
-{
-    const float left = axis.x * tile.left, right = axis.x * tile.right, bottom = axis.y * tile.bottom, top = axis.y * tile.top;
-    const float slack = 1.0e-6f * (magnitude(left) + magnitude(right) + magnitude(bottom) + magnitude(top) + magnitude(axis.z));
-    const float least = lower(left, right) + lower(bottom, top) - axis.z - slack;  // of the rays' steps along the axis
-    const float most = upper(left, right) + upper(bottom, top) - axis.z + slack;
-    const bool above = low > 0.0f, below = high < 0.0f;
-    if ((above && !(most > 0.0f)) || (below && !(least < 0.0f)))
-        return false;
-    if (above || below)
-        enter = upper(enter, above ? low * reciprocal(most) : high * reciprocal(least));
-    if (least > 0.0f || most < 0.0f)
-        leave = lower(leave, least > 0.0f ? high * reciprocal(least) : low * reciprocal(most));
-    return true;
-}
-
-// May a ray of a tile meet the mesh's box? Widened by more than all rounding.
-template <class Meshes> WARPCAM_FN bool may_meet_mesh(const Meshes& meshes, const Record& record, const TileRays& tile)
-{
-    const auto lo = wp::index(meshes.lower, record.axis_z.w), hi = wp::index(meshes.upper, record.axis_z.w);
-    const Row o = record.origin;
-    const float pad = 2.0e-6f * (magnitude(o.x) + magnitude(o.y) + magnitude(o.z) + record.size.x);
-    float enter = 0.0f, leave = FAR_AWAY;
-    return cross_slab(tile, record.axis_x, lo[0] - pad - o.x, hi[0] + pad - o.x, enter, leave)
-        && cross_slab(tile, record.axis_y, lo[1] - pad - o.y, hi[1] + pad - o.y, enter, leave)
-        && cross_slab(tile, record.axis_z, lo[2] - pad - o.z, hi[2] + pad - o.z, enter, leave)
-        && 0.9999f * enter <= 1.0001f * leave;
 }
 
 // Which of 32 meshes, `mask` by bit, does the lane's ray meet before `depth`? `slots` leads from a bit to a record;
