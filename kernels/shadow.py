@@ -9,10 +9,11 @@ from .launch import Group, Stage, native_module
 from .launch import record as record_launch
 from .tables import Tables
 from .types import MESH, SHADING_BACKS, HeightFields, Lights, Materials, Meshes, Shapes, View
-from .visibility import LENSES, THREADS, region_size
+from .visibility import LENSES, SHARED_MEMORY, THREADS, region_size
 
 BLOCKS = 8  # on a multiprocessor: bounds the registers of a thread
-FEW_BLOCKS = 6  # as many as its shared memory holds of the longest lists with meshes
+LISTED_BYTES = 140  # of its shared memory for each shape of a list with meshes: casters.h, CasterList
+WALKED_BYTES, WORD_BYTES = 2720, 256  # and for the rays of a warp, also for each 32 shapes: mesh_shadows.h, ShadowRays
 CAPACITIES = (16, 32, 64, 128, 192)  # how many shapes a pass lists: few sizes, so that scenes share kernels
 CROWDS = (512, 1024)  # the same in scenes of many shapes without meshes: native/crowd.h
 MANY = 384  # shapes; more are such a crowd
@@ -60,7 +61,7 @@ def _kernel(
         module="unique",
         enable_backward=False,
         grid_stride=False,
-        launch_bounds=(THREADS, FEW_BLOCKS if types >> MESH & 1 and capacity == CAPACITIES[-1] else BLOCKS),
+        launch_bounds=(THREADS, blocks(types, capacity)),
         module_options=native_module("crowd.h" if crowded else "shadow.h"),
     )
     def shadow(
@@ -128,3 +129,11 @@ def record(
     return record_launch(
         kernel, len(group.worlds) * unit, arguments, device, start=group.worlds.start * unit, block_dim=THREADS
     )
+
+
+def blocks(types: int, capacity: int) -> int:
+    """Blocks that a multiprocessor is to hold: no more than its shared memory has room for."""
+    if not types >> MESH & 1:
+        return BLOCKS
+    rays = THREADS // 32 * (WALKED_BYTES + WORD_BYTES * -(-capacity // 32))
+    return min(BLOCKS, SHARED_MEMORY // (LISTED_BYTES * capacity + rays + 1536))

@@ -30,6 +30,7 @@ SHARED_MEMORY = 228 * 1024  # of a multiprocessor [bytes]
 LISTED_BYTES = 99  # of it for each shape that a block lists: tiles.h, ShapeList
 MESH_BLOCKS = 8  # the same for scenes with meshes or height fields
 MOVING_BLOCKS = 6  # and where meshes move: native/bvh4.h, faces_together
+MANY_MESHES_BLOCKS = 6  # and for more than MANY shapes
 
 
 @functools.cache
@@ -237,6 +238,7 @@ def blocks(types: int, capacity: int) -> int:
     if types >> MESH & 1:
         shared += THREADS * (8 * words + 6)
     bound = MESH_BLOCKS if types >> MESH & 1 or types >> HEIGHT_FIELD & 1 else BLOCKS
+    bound = MANY_MESHES_BLOCKS if types >> MESH & 1 and capacity > MANY else bound
     bound = MOVING_BLOCKS if types >> MOVING & 1 else bound
     return min(bound, SHARED_MEMORY // shared)
 

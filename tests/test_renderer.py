@@ -91,7 +91,7 @@ def test_images_do_not_depend_on_regions(device: str, monkeypatch: pytest.Monkey
     camera = wc.Camera("side", width=21, height=13, outputs=("rgb", "depth", "segmentation"), shadows=True)
     expected = host(wc.Renderer(simulation.scene, [camera]).render(), "side")
     for module in (visibility, shadow, resolve):
-        monkeypatch.setattr(module, "region_size", lambda *_: (16, 8))
+        monkeypatch.setattr(module, "region_size", lambda *_, **__: (16, 8))
     for name, image in host(wc.Renderer(simulation.scene, [camera]).render(), "side").items():
         np.testing.assert_array_equal(image, expected[name], err_msg=name)
 

@@ -5,7 +5,7 @@
 namespace warpcam {
 
 #if defined(__CUDA_ARCH__)
-constexpr int NODE_ROWS = 8;  // child after child, so that four lanes load a node together
+constexpr int NODE_ROWS = 8;  // see NodeRay
 #else
 constexpr int NODE_ROWS = 7;  // bound after bound, so that one vector has all four children's
 #endif
@@ -66,5 +66,117 @@ WARPCAM_FN Slabs slabs(Vec o, Vec d, float extent)
              { -(o.x + pad) * s.x, -(o.y + pad) * s.y, -(o.z + pad) * s.z },
              { -(o.x - pad) * s.x, -(o.y - pad) * s.y, -(o.z - pad) * s.z } };
 }
+
+#if defined(__CUDA_ARCH__)
+
+// Are a scene's nodes child after child, of each the lower and the upper corner of its box? So they are where meshes move,
+// as children write their boxes. Else bound after bound: lower x, y and z of all four, the four themselves, upper x, y and
+// z, and nothing.
+constexpr bool by_child(int types) { return types >> MOVING & 1; }
+
+// The greatest and the least of three numbers, one instruction each: bits order as the numbers do, but for negative ones,
+// which are below all others in no order of their own.
+WARPCAM_FN float greatest(float a, float b, float c)
+{
+    return as_float(upper_int(upper_int(as_int(a), as_int(b)), as_int(c)));
+}
+WARPCAM_FN float least(float a, float b, float c)
+{
+    return as_float(lower_int(lower_int(as_int(a), as_int(b)), as_int(c)));
+}
+
+// The row that stands so many behind another. Left to itself the compiler takes twice as many instructions for it.
+WARPCAM_FN const Row* behind(const Row* row, unsigned rows)
+{
+#if defined(__CUDACC__)
+    const Row* at;
+    asm("mad.wide.u32 %0, %1, 16, %2;" : "=l"(at) : "r"(rows), "l"(row));
+    return at;
+#else
+    return row + rows;
+#endif
+}
+
+// A ray as the nodes of one mesh see it.
+template <bool BY_CHILD> struct NodeRay {
+    Slabs s;
+
+    WARPCAM_FN void set(const Slabs& slabs) { s = slabs; }
+
+    // The children of the node whose rows these are, and where the ray enters and leaves their boxes between `near` and
+    // `depth`: it misses those that it leaves before it enters them.
+    WARPCAM_FN void meet(const Row* rows, float near, float depth, float (&enter)[4], float (&leave)[4],
+                         int (&child)[4]) const
+    {
+#pragma unroll
+        for (int k = 0; k < 4; ++k) {
+            const Row low = load(rows, 2 * k), high = load(rows, 2 * k + 1);
+            const float x0 = low.x * s.scale.x + s.down.x, x1 = high.x * s.scale.x + s.up.x;
+            const float y0 = low.y * s.scale.y + s.down.y, y1 = high.y * s.scale.y + s.up.y;
+            const float z0 = low.z * s.scale.z + s.down.z, z1 = high.z * s.scale.z + s.up.z;
+            enter[k] = upper(upper(lower(x0, x1), lower(y0, y1)), upper(lower(z0, z1), near));
+            leave[k] = lower(lower(upper(x0, x1), upper(y0, y1)), lower(upper(z0, z1), depth));
+            child[k] = low.w;
+        }
+    }
+};
+
+// Its direction says once for all nodes which of two planes it meets first.
+template <> struct NodeRay<false> {
+    Vec scale, in, out;  // t = plane * scale + in or out, see Slabs
+
+    static constexpr unsigned UPPER = 4;  // rows from the lower planes to them
+
+    WARPCAM_FN void set(const Slabs& s)
+    {
+        const bool left = s.scale.x < 0.0f, down = s.scale.y < 0.0f, back = s.scale.z < 0.0f;
+        scale = s.scale;
+        in = { left ? s.up.x : s.down.x, down ? s.up.y : s.down.y, back ? s.up.z : s.down.z };
+        out = { left ? s.down.x : s.up.x, down ? s.down.y : s.up.y, back ? s.down.z : s.up.z };
+    }
+
+    // UPPER where upper planes are met first, else 0.
+    WARPCAM_FN static unsigned first_of(float scale) { return unsigned(as_int(scale)) >> 29 & UPPER; }
+
+    WARPCAM_FN static void times(const Row& planes, float scale, float offset, float (&t)[4])
+    {
+        t[0] = planes.x * scale + offset;
+        t[1] = planes.y * scale + offset;
+        t[2] = planes.z * scale + offset;
+        t[3] = as_float(planes.w) * scale + offset;
+    }
+
+    // The same; `near` is not negative.
+    WARPCAM_FN void meet(const Row* rows, float near, float depth, float (&enter)[4], float (&leave)[4],
+                         int (&child)[4]) const
+    {
+        const unsigned x = first_of(scale.x), y = first_of(scale.y), z = first_of(scale.z);
+        float tx[4], ty[4], tz[4];
+        times(load(behind(rows, x), 0), scale.x, in.x, tx);
+        times(load(behind(rows, y), 1), scale.y, in.y, ty);
+        times(load(behind(rows, z), 2), scale.z, in.z, tz);
+#pragma unroll
+        for (int k = 0; k < 4; ++k)
+            enter[k] = greatest(greatest(tx[k], ty[k], tz[k]), near, near);
+        times(load(behind(rows, UPPER - x), 0), scale.x, out.x, tx);
+        times(load(behind(rows, UPPER - y), 1), scale.y, out.y, ty);
+        times(load(behind(rows, UPPER - z), 2), scale.z, out.z, tz);
+#pragma unroll
+        for (int k = 0; k < 4; ++k)
+            leave[k] = least(least(tx[k], ty[k], tz[k]), depth, depth);
+        const Row children = load(rows, 3);
+        child[0] = as_int(children.x);
+        child[1] = as_int(children.y);
+        child[2] = as_int(children.z);
+        child[3] = children.w;
+    }
+};
+
+template <class Meshes> WARPCAM_FN const Row* node_rows(const Meshes& meshes, unsigned nodes, int node)
+{
+    return reinterpret_cast<const Row*>(meshes.nodes.data) + (nodes + unsigned(node * NODE_ROWS));
+}
+
+#endif
 
 }  // namespace warpcam

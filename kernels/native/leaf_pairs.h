@@ -47,58 +47,104 @@ WARPCAM_FN void meet_leaf(const Record& record, const Meshes& meshes, const Ray&
     }
 }
 
-// The same for all lanes whose `node` is a leaf, of the mesh at `slot` of the list; says whether the lane's ray hits one.
-// `owners` is room for the warp.
-template <int TYPES, class List, class Meshes, class Ray>
-WARPCAM_FN bool meet_leaves(unsigned char (&owners)[LANES], const List& list, const Meshes& meshes, const Ray& ray,
-                            int slot, int node, float near, float& depth, int& face)
-{
-    const int lane = threadIdx.x % LANES;
-    const int code = node < 0 ? -node - 1 : 0, first = code >> 4, faces = code & 15;
-    int end = faces;  // of the lane's pairs of a ray and a face
-    for (int step = 1; step < LANES; step *= 2) {
-        const int before = __shfl_up_sync(ALL, end, step);
-        end += lane >= step ? before : 0;
+// The faces of all leaves that lanes of a warp have come to, lane after lane, each with its lane's ray.
+struct LeafPairs {
+    int first;       // the lane's first face
+    int begin, end;  // where its faces stand
+    int count;       // of all
+
+    // Lanes whose `node` is no leaf have none.
+    WARPCAM_FN explicit LeafPairs(int node)
+    {
+        const int lane = threadIdx.x % LANES, code = node < 0 ? -node - 1 : 0, faces = code & 15;
+        first = code >> 4;
+        end = faces;
+        for (int step = 1; step < LANES; step *= 2) {
+            const int before = __shfl_up_sync(ALL, end, step);
+            end += lane >= step ? before : 0;
+        }
+        begin = end - faces;
+        count = __shfl_sync(ALL, end, LANES - 1);
     }
-    const int begin = end - faces, pairs = __shfl_sync(ALL, end, LANES - 1);
-    bool met = false;
-    for (int window = 0; window < pairs; window += LANES) {
-        // the lane that brought this lane's pair is the last that begins at or before it
-        const bool begins = faces > 0 && begin < window + LANES && end > window;
-        const int place = begin > window ? begin - window : 0;
+
+    // Whose pair stands so many places behind `window` as the lane's number is, and where his begin in the window.
+    WARPCAM_FN int owner(unsigned char (&owners)[LANES], int window, int& start) const
+    {
+        const int lane = threadIdx.x % LANES, place = begin > window ? begin - window : 0;
+        const bool begins = end > begin && begin < window + LANES && end > window;
         const unsigned places = bits_of_all(begins ? 1u << place : 0);
         if (begins)
             owners[place] = static_cast<unsigned char>(lane);
         __syncwarp();
-        const int from = owners[LANES - 1 - __clz(places & ((2u << lane) - 1))];
-        const bool mine = window + lane < pairs;
+        start = LANES - 1 - __clz(places & ((2u << lane) - 1));
+        return owners[start];
+    }
+
+    // The face there, of lane `from`.
+    WARPCAM_FN int face(int window, int from) const
+    {
+        return __shfl_sync(ALL, first - begin, from) + window + threadIdx.x % LANES;
+    }
+
+    // The lane's own places in a window, by bit.
+    WARPCAM_FN unsigned places(int window) const
+    {
+        const int last = lower_int(end - window, LANES);
+        const unsigned until = last <= 0 ? 0 : ALL >> (LANES - last), from = begin > window ? begin - window : 0;
+        return from < LANES ? until >> from << from : 0;
+    }
+};
+
+// A warp's room for such pairs.
+struct PairRoom {
+    unsigned char owners[LANES];
+    float depth[LANES];  // of the lanes' nearest hits
+    int face[LANES];
+};
+
+// The same for all lanes whose `node` is a leaf, of the mesh at `slot` of the list; says whether the lane's ray hits one.
+template <int TYPES, class List, class Meshes, class Ray>
+WARPCAM_FN bool meet_leaves(PairRoom& room, const List& list, const Meshes& meshes, const Ray& ray, int slot, int node,
+                            float near, float& depth, int& face)
+{
+    const int lane = threadIdx.x % LANES;
+    const LeafPairs pairs(node);
+    room.depth[lane] = depth;
+    for (int window = 0; window < pairs.count; window += LANES) {
+        int start;
+        const int from = pairs.owner(room.owners, window, start), number = pairs.face(window, from);
         Ray its = ray;
         its.x = __shfl_sync(ALL, ray.x, from);
         its.y = __shfl_sync(ALL, ray.y, from);
         const Record& record = list.records[__shfl_sync(ALL, slot, from)];
-        const int number = __shfl_sync(ALL, first - begin, from) + window + lane;
-        const float from_on = __shfl_sync(ALL, near, from), until = __shfl_sync(ALL, depth, from);
+        const float from_on = __shfl_sync(ALL, near, from);
         float t = FAR_AWAY;
-        if (mine) {
+        if (window + lane < pairs.count) {
             const unsigned row = wp::index(meshes.face_start, record.axis_z.w) + unsigned(number * FACE_ROWS);
             const Row a = load(meshes.faces.data, row), b = load(meshes.faces.data, row + 1);
             const Row c = load(meshes.faces.data, row + 2);
             const RayFrame frame = its.template frame<TYPES>(record);
             t = enter_triangle(frame, project(frame, a.x, a.y, a.z), project(frame, b.x, b.y, b.z),
                                project(frame, c.x, c.y, c.z), has_back<TYPES>(b.w));
-            if (!(t < until && t > from_on && is_there<TYPES>(meshes, record, its.local(record), number, t)))
+            if (!(t < room.depth[from] && t > from_on
+                  && is_there<TYPES>(meshes, record, its.local(record), number, t)))
                 t = FAR_AWAY;
         }
-        for (unsigned hits = __ballot_sync(ALL, t < FAR_AWAY); hits; hits &= hits - 1) {
-            const int hit = lowest_bit(hits);
-            const float found = __shfl_sync(ALL, t, hit);
-            const int its_face = __shfl_sync(ALL, number, hit);
-            if (lane == __shfl_sync(ALL, from, hit) && found < depth) {
-                depth = found;
-                face = its_face;
-                met = true;
-            }
-        }
+        const bool hits = t < FAR_AWAY;
+        if (!__any_sync(ALL, hits))
+            continue;
+        if (hits)
+            atomicMin(reinterpret_cast<int*>(&room.depth[from]), as_int(t));  // none is negative
+        __syncwarp();
+        const unsigned nearest = __ballot_sync(ALL, hits && room.depth[from] == t);
+        if ((nearest >> lane & 1) && !(nearest & ((1u << lane) - (1u << start))))  // of equals the first
+            room.face[from] = number;
+    }
+    __syncwarp();
+    const bool met = node < 0 && room.depth[lane] < depth;
+    if (met) {
+        depth = room.depth[lane];
+        face = room.face[lane];
     }
     return met;
 }

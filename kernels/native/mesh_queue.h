@@ -16,8 +16,18 @@ template <int WORDS> struct MeshRays: WaitingRays<WORDS> {
 // Those of a warp that has few: its lanes test faces for each other, see leaf_pairs.h.
 template <int WORDS> struct PairedMeshRays: MeshRays<WORDS> {
     static constexpr bool PAIRED = true;
-    unsigned char owners[LANES];
+    PairRoom room;
 };
+
+// Those of a list. Where there are many meshes, of few faces each, a ray hits about as many faces as it tests.
+template <int CAPACITY, bool PAIRED = (CAPACITY <= 64)> struct MeshRaysOf {
+    using type = PairedMeshRays<(CAPACITY + LANES - 1) / LANES>;
+};
+template <int CAPACITY> struct MeshRaysOf<CAPACITY, false> {
+    using type = MeshRays<(CAPACITY + LANES - 1) / LANES>;
+};
+
+constexpr int A_FEW_MESHES = 3;  // that rays try one after another at once
 
 // Finds the rays of a tile that meet meshes before their hits and lets them wait; nobody waits yet. Returns how many.
 template <int TYPES, int LENS, int CAPACITY, int WORDS, class Meshes>
@@ -31,8 +41,18 @@ WARPCAM_FN int find_rays(MeshRays<WORDS>& rays, const ShapeList<CAPACITY>& list,
         const int rank = word * LANES + lane;
         const bool mine = rank < list.count && touches(list.tiles[rank], column, row)
             && is_mesh<TYPES>(list.records[list.order[rank]]);
-        met[word] = find_meshes(__ballot_sync(ALL, mine), list.records, list.order + word * LANES, ray, near, meshes,
-                                depth);
+        unsigned mask = __ballot_sync(ALL, mine);
+        if (LENS == PINHOLE && __popc(mask) > A_FEW_MESHES) {  // a lane a mesh, before the rays try one after another
+            const TileRays tile = rays_of_tile(ray);
+            bool may = mine;
+            if (mine) {
+                const Record& record = list.records[list.order[rank]];
+                const auto low = wp::index(meshes.lower, record.axis_z.w), high = wp::index(meshes.upper, record.axis_z.w);
+                may = may_meet_box(record, { low[0], low[1], low[2] }, { high[0], high[1], high[2] }, tile);
+            }
+            mask = __ballot_sync(ALL, may);
+        }
+        met[word] = find_meshes(mask, list.records, list.order + word * LANES, ray, near, meshes, depth);
         any |= met[word] != 0;
     }
     const unsigned found = __ballot_sync(ALL, any);
@@ -57,7 +77,7 @@ WARPCAM_FN void trace_rays(Rays& rays, const List& list, const Meshes& meshes, f
     unsigned left = 0, nodes = 0;
     float depth = 0.0f;
     auto ray = ray_of(0);
-    Slabs s {};
+    NodeRay<by_child(TYPES)> boxes {};
     Supply supply { 0, 0, true };
     const auto take = [&](int waiting) {
         pixel = rays.pixel[waiting];
@@ -91,7 +111,7 @@ WARPCAM_FN void trace_rays(Rays& rays, const List& list, const Meshes& meshes, f
                 const Record& record = list.records[slot];
                 if (as_float(record.size.w) < depth) {
                     const Ray local = ray.local(record);
-                    s = slabs(local.origin, local.direction, record.size.x);
+                    boxes.set(slabs(local.origin, local.direction, record.size.x));
                     nodes = wp::index(meshes.node_start, record.axis_z.w);
                     node = 0;
                 } else {
@@ -104,27 +124,21 @@ WARPCAM_FN void trace_rays(Rays& rays, const List& list, const Meshes& meshes, f
         unsigned stepping = __ballot_sync(ALL, inner);
         while (stepping) {
             if (inner) {
-                const unsigned at = nodes + unsigned(node * NODE_ROWS);
-                float best = FAR_AWAY;
+                float enter[4], leave[4], best = FAR_AWAY;
+                int child[4];
+                boxes.meet(node_rows(meshes, nodes, node), near, depth, enter, leave, child);
                 node = NO_NODE;
 #pragma unroll
-                for (int k = 0; k < 4; ++k) {
-                    const Row low = load(meshes.nodes.data, at + 2 * k), high = load(meshes.nodes.data, at + 2 * k + 1);
-                    const float x0 = low.x * s.scale.x + s.down.x, x1 = high.x * s.scale.x + s.up.x;
-                    const float y0 = low.y * s.scale.y + s.down.y, y1 = high.y * s.scale.y + s.up.y;
-                    const float z0 = low.z * s.scale.z + s.down.z, z1 = high.z * s.scale.z + s.up.z;
-                    const float enter = upper(upper(lower(x0, x1), lower(y0, y1)), upper(lower(z0, z1), near));
-                    const float leave = lower(lower(upper(x0, x1), upper(y0, y1)), lower(upper(z0, z1), depth));
-                    if (enter <= leave) {
-                        const bool nearer = enter < best;
+                for (int k = 0; k < 4; ++k)
+                    if (enter[k] <= leave[k]) {
+                        const bool nearer = enter[k] < best;
                         if (node != NO_NODE) {
-                            stack[height] = nearer ? node : low.w;
-                            entries[height++] = nearer ? best : enter;
+                            stack[height] = nearer ? node : child[k];
+                            entries[height++] = nearer ? best : enter[k];
                         }
-                        node = nearer ? low.w : node;
-                        best = nearer ? enter : best;
+                        node = nearer ? child[k] : node;
+                        best = nearer ? enter[k] : best;
                     }
-                }
                 while (node == NO_NODE && height > 0)
                     if (entries[--height] < depth)
                         node = stack[height];
@@ -138,7 +152,7 @@ WARPCAM_FN void trace_rays(Rays& rays, const List& list, const Meshes& meshes, f
         const unsigned leaves = __ballot_sync(ALL, node < 0);
         if (leaves && (__popc(leaves) >= (Rays::PAIRED ? FEW / 2 : FEW) || !stepping)) {
             if constexpr (Rays::PAIRED)
-                if (meet_leaves<TYPES>(rays.owners, list, meshes, ray, slot, node, near, depth, face))
+                if (meet_leaves<TYPES>(rays.room, list, meshes, ray, slot, node, near, depth, face))
                     shape = list.records[slot].axis_y.w;
             if (node < 0) {
                 if constexpr (!Rays::PAIRED)

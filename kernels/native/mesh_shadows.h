@@ -1,7 +1,7 @@
 // Shadow rays at triangle meshes, on CUDA. Any face in the way will do, so that, unlike in mesh_queue.h, nothing is sorted
 // and nothing remembered but where to go on.
 #pragma once
-#include "mask.h"
+#include "leaf_pairs.h"
 #include "shade_tile.h"
 #include "waiting_rays.h"
 
@@ -10,64 +10,107 @@ namespace warpcam {
 
 // The rays of one warp. What its lanes seldom need of their own rays is here too.
 template <int WORDS> struct ShadowRays: WaitingRays<WORDS> {
-    float x[LANES], y[LANES], z[LANES];  // where they begin
-    unsigned short own[LANES];           // their pixels
+    struct Start {
+        float x[LANES], y[LANES], z[LANES];
 
-    WARPCAM_FN Vec point() const
+        WARPCAM_FN Vec at(int ray) const { return { x[ray], y[ray], z[ray] }; }
+        WARPCAM_FN void put(int ray, Vec point)
+        {
+            x[ray] = point.x;
+            y[ray] = point.y;
+            z[ray] = point.z;
+        }
+    };
+
+    Start waiting_start;                // of the rays that wait
+    float near[LANES], reach[LANES];
+    Start start;                        // of the lanes' own
+    unsigned short own[LANES];          // their pixels
+    float frame[12][LANES];             // see RayFrame, for the mesh that the lane is at
+    unsigned char owners[LANES];
+
+    // As put() of those who wait, with where the lane's ray begins.
+    WARPCAM_FN void put(unsigned found, const unsigned* met, int words, int place, Vec point, const Span& span)
+    {
+        const int at = WaitingRays<WORDS>::put(found, met, words, place);
+        if (found >> threadIdx.x % LANES & 1) {
+            waiting_start.put(at, point);
+            near[at] = span.near;
+            reach[at] = span.reach;
+        }
+    }
+
+    WARPCAM_FN void put_frame(const RayFrame& f)
     {
         const int lane = threadIdx.x % LANES;
-        return { x[lane], y[lane], z[lane] };
+        const Vec parts[4] = { f.origin, f.across, f.up, f.depth };
+#pragma unroll
+        for (int k = 0; k < 4; ++k) {
+            frame[3 * k][lane] = parts[k].x;
+            frame[3 * k + 1][lane] = parts[k].y;
+            frame[3 * k + 2][lane] = parts[k].z;
+        }
+    }
+
+    WARPCAM_FN RayFrame frame_of(int lane) const
+    {
+        return { { frame[0][lane], frame[1][lane], frame[2][lane] }, { frame[3][lane], frame[4][lane], frame[5][lane] },
+                 { frame[6][lane], frame[7][lane], frame[8][lane] }, { frame[9][lane], frame[10][lane], frame[11][lane] } };
     }
 };
 
-// Is one of a leaf's faces in the way of the ray that runs from a point to the light?
-template <int TYPES, class Meshes>
-WARPCAM_FN bool meets_leaf(const Meshes& meshes, const Record& record, unsigned faces, int leaf, const Light& light,
-                           Vec point, const Span& span)
+// Is one of the faces of the lane's leaf, if its `node` is one, in the way of its ray to the light? All lanes test faces
+// for all.
+template <int TYPES, int WORDS, class List, class Meshes>
+WARPCAM_FN bool meets_leaves(ShadowRays<WORDS>& rays, const List& list, const Light& light, const Meshes& meshes,
+                             int slot, int node, const Span& span)
 {
-    const int code = -leaf - 1, first = code >> 4, end = first + (code & 15);
-    const WorldRay ray { point, ray_to(light, point) };
-    const RayFrame frame = ray.template frame<TYPES>(record);
-    constexpr int TOGETHER = faces_together(TYPES);
+    const LeafPairs pairs(node);
     bool met = false;
-    for (int begin = first; begin < end && !met; begin += TOGETHER) {
-        Row corners[TOGETHER][3];
-        load_faces(meshes.faces.data, faces, begin, end, corners);
-#pragma unroll
-        for (int i = 0; i < TOGETHER; ++i) {
-            const Row &a = corners[i][0], &b = corners[i][1], &c = corners[i][2];
+    for (int window = 0; window < pairs.count; window += LANES) {
+        int start;
+        const int from = pairs.owner(rays.owners, window, start), number = pairs.face(window, from);
+        const int its_slot = __shfl_sync(ALL, slot, from);
+        const float near = __shfl_sync(ALL, span.near, from), reach = __shfl_sync(ALL, span.reach, from);
+        bool meets = false;
+        if (window + threadIdx.x % LANES < pairs.count) {
+            const unsigned row = unsigned(list.aims[its_slot].w) + unsigned(number * FACE_ROWS);
+            const Row a = load(meshes.faces.data, row), b = load(meshes.faces.data, row + 1);
+            const Row c = load(meshes.faces.data, row + 2);
+            const RayFrame frame = rays.frame_of(from);
             const float t = enter_triangle(frame, project(frame, a.x, a.y, a.z), project(frame, b.x, b.y, b.z),
                                            project(frame, c.x, c.y, c.z),
                                            (TYPES >> SHADING_BACKS & 1) || has_back<TYPES>(b.w));
-            bool meets = (t > span.near) & (t < span.reach);
-            if constexpr ((TYPES >> MASKED & 1) != 0)
-                meets = meets && is_there<TYPES>(meshes, record, ray.local(record), face_of<TOGETHER>(begin, i, end), t);
-            met |= meets;
+            meets = (t > near) & (t < reach);
+            if constexpr ((TYPES >> MASKED & 1) != 0) {
+                const Vec point = rays.start.at(from);
+                const Record& record = list.records[its_slot];
+                meets = meets && is_there<TYPES>(meshes, record, WorldRay { point, ray_to(light, point) }.local(record),
+                                                 number, t);
+            }
         }
+        met |= (__ballot_sync(ALL, meets) & pairs.places(window)) != 0;
     }
     return met;
 }
 
 // Calls shade(pixel) for each ray that `next_tile` finds (see Supply) and that meets a front face, or any where backs
-// shade, on its way to the light; start(pixel, span) is where it begins.
-template <int TYPES, int WORDS, class List, class Meshes, class NextTile, class Start, class Shade>
+// shade, on its way to the light.
+template <int TYPES, int WORDS, class List, class Meshes, class NextTile, class Shade>
 WARPCAM_FN void cast_rays(ShadowRays<WORDS>& rays, const List& list, const Light& light, const Meshes& meshes,
-                          const NextTile& next_tile, const Start& start, const Shade& shade)
+                          const NextTile& next_tile, const Shade& shade)
 {
     const int lane = threadIdx.x % LANES, words = (list.count + LANES - 1) / LANES;
     int stack[STACK];
     int word = 0, slot = 0, node = NO_NODE, height = 0;
     unsigned left = 0, nodes = 0;
     Span span {};
-    Slabs s {};
+    NodeRay<by_child(TYPES)> boxes {};
     Supply supply { 0, 0, true };
     const auto take = [&](int ray) {
-        const int pixel = rays.pixel[ray];
-        const Vec point = start(pixel, span);
-        rays.own[lane] = static_cast<unsigned short>(pixel);
-        rays.x[lane] = point.x;
-        rays.y[lane] = point.y;
-        rays.z[lane] = point.z;
+        rays.own[lane] = rays.pixel[ray];
+        rays.start.put(lane, rays.waiting_start.at(ray));
+        span = { rays.near[ray], rays.reach[ray] };
         word = 0;
         left = rays.take(ray, words);
         rays.go_on(words, word, left);
@@ -86,9 +129,11 @@ WARPCAM_FN void cast_rays(ShadowRays<WORDS>& rays, const List& list, const Light
                 left &= left - 1;
                 rays.go_on(words, word, left);
                 const Record& record = list.records[slot];
-                const Vec point = rays.point();
-                const Ray local = WorldRay { point, ray_to(light, point) }.local(record);
-                s = slabs(local.origin, local.direction, record.size.x);
+                const Vec point = rays.start.at(lane);
+                const WorldRay ray { point, ray_to(light, point) };
+                const Ray local = ray.local(record);
+                rays.put_frame(ray.template frame<TYPES>(record));
+                boxes.set(slabs(local.origin, local.direction, record.size.x));
                 nodes = record.origin.w;
                 node = 0;
             }
@@ -98,22 +143,17 @@ WARPCAM_FN void cast_rays(ShadowRays<WORDS>& rays, const List& list, const Light
         unsigned stepping = __ballot_sync(ALL, inner);
         while (stepping) {
             if (inner) {
-                const Row* rows = reinterpret_cast<const Row*>(meshes.nodes.data) + (nodes + unsigned(node * NODE_ROWS));
+                float enter[4], leave[4];
+                int child[4];
+                boxes.meet(node_rows(meshes, nodes, node), span.near, span.reach, enter, leave, child);
                 node = NO_NODE;
 #pragma unroll
-                for (int k = 0; k < 4; ++k) {
-                    const Row low = load(rows, 2 * k), high = load(rows, 2 * k + 1);
-                    const float x0 = low.x * s.scale.x + s.down.x, x1 = high.x * s.scale.x + s.up.x;
-                    const float y0 = low.y * s.scale.y + s.down.y, y1 = high.y * s.scale.y + s.up.y;
-                    const float z0 = low.z * s.scale.z + s.down.z, z1 = high.z * s.scale.z + s.up.z;
-                    const float enter = upper(upper(lower(x0, x1), lower(y0, y1)), upper(lower(z0, z1), span.near));
-                    const float leave = lower(lower(upper(x0, x1), upper(y0, y1)), lower(upper(z0, z1), span.reach));
-                    if (enter <= leave) {
+                for (int k = 0; k < 4; ++k)
+                    if (enter[k] <= leave[k]) {
                         if (node != NO_NODE)
                             stack[height++] = node;
-                        node = low.w;
+                        node = child[k];
                     }
-                }
                 if (node == NO_NODE && height > 0)
                     node = stack[--height];
             }
@@ -124,9 +164,11 @@ WARPCAM_FN void cast_rays(ShadowRays<WORDS>& rays, const List& list, const Light
         }
 
         const unsigned leaves = __ballot_sync(ALL, node < 0);
-        if (leaves && (__popc(leaves) >= FEW || !stepping)) {
+        if (leaves && (__popc(leaves) >= FEW / 2 || !stepping)) {
+            __syncwarp();  // frames that one lane writes another may read
+            const bool met = meets_leaves<TYPES>(rays, list, light, meshes, slot, node, span);
             if (node < 0) {
-                if (meets_leaf<TYPES>(meshes, list.records[slot], list.aims[slot].w, node, light, rays.point(), span)) {
+                if (met) {
                     shade(rays.own[lane]);
                     left = 0;
                     height = 0;

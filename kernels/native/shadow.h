@@ -164,7 +164,7 @@ WARPCAM_FN void cast_light(List& list, const Task<LENS>& task, const Shapes& sha
                 && faces_light<TYPES>(shapes, meshes, task.world, id, target.face.data[at], view.light, view.origin,
                                       view.sight.along_of(p));
             const unsigned kept = __ballot_sync(ALL, keep);
-            rays[warp].put(kept, met, (list.count + 31) / 32, row * 64 + column);
+            rays[warp].put(kept, met, (list.count + 31) / 32, row * 64 + column, p, span);
             __syncwarp();
             found = __popc(kept);
         }
@@ -173,18 +173,11 @@ WARPCAM_FN void cast_light(List& list, const Task<LENS>& task, const Shapes& sha
         return true;
     };
     if (HAS_MESH) {
-        const auto start = [&](int pixel, Span& span) {
-            const float depth = target.depth.data[task.corner + unsigned(pixel / 64 * target.width + pixel % 64)];
-            const Vec p = view.sight.point(float(task.region.left + pixel % 64), float(task.region.top + pixel / 64),
-                                           depth);
-            span = span_of(view.light, view.origin, p, depth);
-            return p;
-        };
         const auto shade = [&](int pixel) {
             const size_t at = task.corner + unsigned(pixel / 64 * target.width + pixel % 64);
             target.shadow.data[at] |= static_cast<int>(task.bit);
         };
-        cast_rays<TYPES>(rays[warp], list, view.light, meshes, next_tile, start, shade);
+        cast_rays<TYPES>(rays[warp], list, view.light, meshes, next_tile, shade);
     } else {
         int none;
         while (next_tile(none)) { }

@@ -3,6 +3,7 @@
 #include "heightfield.h"
 #include "prepare.h"
 #include "shapes.h"
+#include "tile_rays.h"
 #if !defined(__CUDA_ARCH__)
 #include "bvh4_cpu.h"
 #include "heightfield_cpu.h"
@@ -76,6 +77,12 @@ WARPCAM_FN bool meets_mesh(const Meshes& meshes, const Record& record, const Ray
     const float z0 = lo[2] * s.scale.z + s.down.z, z1 = hi[2] * s.scale.z + s.up.z;
     const float enter = upper(upper(lower(x0, x1), lower(y0, y1)), upper(lower(z0, z1), near));
     return enter <= lower(lower(upper(x0, x1), upper(y0, y1)), lower(upper(z0, z1), depth));
+}
+
+template <int LENS> WARPCAM_FN TileRays rays_of_tile(const ViewRay<LENS>& ray)
+{
+    return { __shfl_sync(ALL, ray.x, 0), __shfl_sync(ALL, ray.x, LANES - 1), __shfl_sync(ALL, ray.y, LANES - 1),
+             __shfl_sync(ALL, ray.y, 0) };
 }
 
 // Which of 32 meshes, `mask` by bit, does the lane's ray meet before `depth`? `slots` leads from a bit to a record;

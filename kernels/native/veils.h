@@ -107,29 +107,26 @@ WARPCAM_FN void walk_mesh(const Meshes& meshes, const Record& record, const RayO
 {
     const Ray ray = source.local(record);
     const RayFrame frame = source.template frame<TYPES>(record);
-    const Slabs s = slabs(ray.origin, ray.direction, record.size.x);
+    NodeRay<by_child(TYPES)> boxes;
+    boxes.set(slabs(ray.origin, ray.direction, record.size.x));
     const unsigned nodes = wp::index(meshes.node_start, record.axis_z.w);
     const unsigned faces = wp::index(meshes.face_start, record.axis_z.w);
     int stack[STACK], height = 0, node = 0;
     while (node != NO_NODE) {
         if (node >= 0) {
-            const unsigned at = nodes + unsigned(node * NODE_ROWS);
-            float best = FAR_AWAY;
+            float enter[4], leave[4], best = FAR_AWAY;
+            int child[4];
+            boxes.meet(node_rows(meshes, nodes, node), near, hit.depth, enter, leave, child);
             node = NO_NODE;
-            for (int k = 0; k < 4; ++k) {
-                const Row low = load(meshes.nodes.data, at + 2 * k), high = load(meshes.nodes.data, at + 2 * k + 1);
-                const float x0 = low.x * s.scale.x + s.down.x, x1 = high.x * s.scale.x + s.up.x;
-                const float y0 = low.y * s.scale.y + s.down.y, y1 = high.y * s.scale.y + s.up.y;
-                const float z0 = low.z * s.scale.z + s.down.z, z1 = high.z * s.scale.z + s.up.z;
-                const float enter = upper(upper(lower(x0, x1), lower(y0, y1)), upper(lower(z0, z1), near));
-                if (enter <= lower(lower(upper(x0, x1), upper(y0, y1)), lower(upper(z0, z1), hit.depth))) {
-                    const bool nearer = enter < best;
+#pragma unroll
+            for (int k = 0; k < 4; ++k)
+                if (enter[k] <= leave[k]) {
+                    const bool nearer = enter[k] < best;
                     if (node != NO_NODE)
-                        stack[height++] = nearer ? node : low.w;
-                    node = nearer ? low.w : node;
-                    best = nearer ? enter : best;
+                        stack[height++] = nearer ? node : child[k];
+                    node = nearer ? child[k] : node;
+                    best = nearer ? enter[k] : best;
                 }
-            }
         } else {
             const int code = -node - 1, first = code >> 4, end = first + (code & 15);
             for (int f = first; f < end; ++f) {

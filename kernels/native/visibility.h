@@ -59,7 +59,7 @@ WARPCAM_FN void draw_tiles(ShapeList<CAPACITY>& list, const Canvas_& canvas, con
                            const HeightFields& fields, bool first_pass)
 {
     constexpr bool HAS_MESH = TYPES >> MESH & 1, HAS_THREES = Canvas_::THREES != 0;
-    WARPCAM_SHARED MeshRays<HAS_MESH ? (CAPACITY + LANES - 1) / LANES : 1> rays[HAS_MESH ? THREADS / LANES : 1];
+    WARPCAM_SHARED typename MeshRaysOf<HAS_MESH ? CAPACITY : 1>::type rays[HAS_MESH ? THREADS / LANES : 1];
     WARPCAM_SHARED float4 lanes[HAS_THREES ? THREADS / LANES : 1][3 * LANES / 4];
     const int lane = threadIdx.x % LANES, warp = threadIdx.x / LANES;
     float* row_of_lanes = reinterpret_cast<float*>(lanes[HAS_THREES ? warp : 0]);

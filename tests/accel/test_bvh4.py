@@ -8,6 +8,7 @@ import pytest
 from warpcam.kernels.bvh4_build import MAX_LEAF, max_listed
 
 from warpcam.accel.bvh4 import MAX_DEPTH, Bvh4, build_bvh4
+from warpcam.accel.meshes import _bound_by_bound, _child_by_child
 from warpcam.errors import WarpcamError
 
 ABSENT = np.float32(1e30)
@@ -392,3 +393,17 @@ def test_bad_meshes_are_refused_by_name(vertices: np.ndarray, faces: np.ndarray,
         build_bvh4(vertices, faces, name="gripper")
     with pytest.raises(WarpcamError, match="^mesh: .*" + message):
         build_bvh4(vertices, faces)
+
+
+def test_rows_for_cuda() -> None:
+    tree = build_bvh4(*soup(500))
+    given = tree.nodes.view(np.int32).reshape(-1, 7, 4)
+    rows = _bound_by_bound(tree.nodes).view(np.int32).reshape(-1, 8, 4)
+    assert (rows[:, :3] == given[:, :3]).all()
+    assert (rows[:, 3] == given[:, 6]).all()
+    assert (rows[:, 4:7] == given[:, 3:6]).all()
+    assert (rows[:, 7] == 0).all()
+    children = _child_by_child(tree.nodes).view(np.int32).reshape(-1, 4, 2, 4)
+    assert (children[:, :, 0, :3].transpose(0, 2, 1) == given[:, :3]).all()
+    assert (children[:, :, 1, :3].transpose(0, 2, 1) == given[:, 3:6]).all()
+    assert (children[:, :, 0, 3] == given[:, 6]).all()

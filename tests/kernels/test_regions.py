@@ -4,6 +4,7 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
+from warpcam.kernels import visibility
 from warpcam.kernels.types import HEIGHT_FIELD, MESH, SPHERE
 from warpcam.kernels.visibility import MANY, region_size
 
@@ -34,6 +35,12 @@ def test_regions_leave_enough_blocks(
     scene: Any, worlds: int, size: tuple[int, int], quick: bool | None, expected: tuple[int, int]
 ) -> None:
     assert region_size(scene, worlds, *size, CARD, quick) == expected
+
+
+@pytest.mark.parametrize(("cores", "expected"), [(1, (64, 64)), (2, (64, 32)), (8, (16, 16))])
+def test_a_cpu_draws_a_region_a_core(cores: int, expected: tuple[int, int], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(visibility, "cpu_threads", lambda: cores)
+    assert region_size(tables(MESH, shapes=MANY + 1), 1, 64, 64, SimpleNamespace(is_cuda=False)) == expected
 
 
 @pytest.mark.parametrize("scene", [tables(), tables(MESH), tables(MESH, shapes=MANY + 1)])

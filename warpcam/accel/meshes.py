@@ -67,11 +67,12 @@ def pack_meshes(meshes: Sequence[Mesh], device: wp.Device) -> tuple[Meshes, int]
     upper = np.full((len(meshes), 3), -1.0, np.float32)
     normals, uvs = [], []
     node_rows = face_rows = corners = 0
+    arranged = _child_by_child if any(mesh.moves for mesh in meshes) else _bound_by_bound
     for index, mesh in enumerate(meshes):
         key = (mesh.vertices.tobytes(), mesh.faces.tobytes(), b"two-sided" * mesh.two_sided)
         if key not in built:
             tree = _tree(mesh)
-            nodes = _child_by_child(tree.nodes) if device.is_cuda else tree.nodes
+            nodes = arranged(tree.nodes) if device.is_cuda else tree.nodes
             built[key] = len(trees)
             trees.append((nodes, _with_backs(tree.faces, len(mesh.fronts)) if mesh.two_sided else tree.faces))
         elif mesh.moves or key not in places:
@@ -136,8 +137,16 @@ def face_normals(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
     return np.where(length > 0.0, cross / np.where(length > 0.0, length, 1.0), (0.0, 0.0, 1.0)).astype(np.float32)
 
 
-def _child_by_child(nodes: np.ndarray) -> np.ndarray:
+def _bound_by_bound(nodes: np.ndarray) -> np.ndarray:
     """Rows of nodes as CUDA reads them, (8 * node, 4), from those of build_bvh4: see ``Meshes.nodes``."""
+    by_bound = nodes.reshape(-1, 7, 4)
+    padded = np.zeros((len(by_bound), 8, 4), np.int32)
+    padded[:, (0, 1, 2, 4, 5, 6, 3)] = by_bound.view(np.int32)  # bits, some of them those of NaNs
+    return padded.view(np.float32).reshape(-1, 4)
+
+
+def _child_by_child(nodes: np.ndarray) -> np.ndarray:
+    """The same in scenes where meshes move."""
     by_bound = nodes.reshape(-1, 7, 4)
     by_child = np.zeros((len(by_bound), 4, 2, 4), np.float32)
     by_child[:, :, 0, :3] = by_bound[:, 0:3].transpose(0, 2, 1)
