@@ -98,7 +98,9 @@ class MaterialReader:
             primvar = UsdGeom.PrimvarsAPI(prim).FindPrimvarWithInheritance(name)
             values = primvar.Get(time) if primvar and primvar.HasValue() else self.inherited.get(name)
             if primvar and primvar.ValueMightBeTimeVarying():
-                self._notes.warn(f"has {name} that changes with time, and keeps what it has at first", str(prim.GetPath()))
+                self._notes.warn(
+                    f"has {name} that changes with time, and keeps what it has at first", str(prim.GetPath())
+                )
             values = (
                 np.asarray(values, np.float64).reshape(-1, len(default)) if values is not None else np.zeros((0, 1))
             )

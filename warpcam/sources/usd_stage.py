@@ -228,7 +228,10 @@ class StageReader:
             if not prototype or not prototype.IsActive():
                 self._notes.warn("is a prototype that does not exist", str(targets[which]))
                 continue
-            self._materials.inherited = {**above, **{key: values[place % len(values)] for key, values in colors.items()}}
+            self._materials.inherited = {
+                **above,
+                **{key: values[place % len(values)] for key, values in colors.items()},
+            }
             self._walk(prototype, nodes[-1][0], f"{own}/{prototype.GetName()}", purpose, (*instancers, path), rest=True)
         self._materials.inherited = above
         attributes = (
