@@ -19,12 +19,10 @@ TELLING = ("baseColorTexture", "metallicRoughnessTexture", "normalTexture", "occ
 def tell(path: Path, notes: Notes) -> None:
     """Warn of it, by the names of the materials."""
     tree = _tree(path)
-    required = tree.get("extensionsRequired")
-    for name in required if isinstance(required, list) else ():
+    for name in _listed(tree, "extensionsRequired"):
         if name != MOVES and not str(name).startswith(KNOWN):
             notes.warn("needs an extension of glTF that is not known here, and may be drawn wrongly", str(name))
-    materials = tree.get("materials")
-    for place, material in enumerate(materials if isinstance(materials, list) else ()):
+    for place, material in enumerate(_listed(tree, "materials")):
         where = str(material.get("name") or f"material {place}") if isinstance(material, Mapping) else ""
         for texture in _textures(material):
             extensions = texture.get("extensions")
@@ -40,22 +38,27 @@ def tell(path: Path, notes: Notes) -> None:
 
 
 def _misread(tree: Mapping[str, Any]) -> Iterator[bool]:
-    accessors, meshes = tree.get("accessors"), tree.get("meshes")
-    for mesh in meshes if isinstance(meshes, list) and isinstance(accessors, list) else ():
-        primitives = mesh.get("primitives") if isinstance(mesh, Mapping) else None
-        for primitive in primitives if isinstance(primitives, list) else ():
+    accessors = _listed(tree, "accessors")
+    for mesh in _listed(tree, "meshes"):
+        for primitive in _listed(mesh, "primitives"):
             attributes = primitive.get("attributes") if isinstance(primitive, Mapping) else None
             place = attributes.get("COLOR_0") if isinstance(attributes, Mapping) else None
             if isinstance(place, int) and 0 <= place < len(accessors) and "material" not in primitive:
                 yield isinstance(accessors[place], Mapping) and accessors[place].get("componentType") == WORD
 
 
+def _listed(tree: Any, name: str) -> list[Any]:
+    found = tree.get(name) if isinstance(tree, Mapping) else None
+    return found if isinstance(found, list) else []
+
+
 def _textures(material: Any) -> Iterator[Mapping[str, Any]]:
-    parts = [material, material.get("pbrMetallicRoughness")] if isinstance(material, Mapping) else []
+    parts: list[Any] = [material, material.get("pbrMetallicRoughness")] if isinstance(material, Mapping) else []
     for part in parts:
-        for name in TELLING if isinstance(part, Mapping) else ():
-            if isinstance(part.get(name), Mapping):
-                yield part[name]
+        for name in TELLING:
+            texture = part.get(name) if isinstance(part, Mapping) else None
+            if isinstance(texture, Mapping):
+                yield texture
 
 
 def _tree(path: Path) -> Mapping[str, Any]:
