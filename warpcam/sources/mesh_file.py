@@ -283,7 +283,7 @@ def _channels(pixels: np.ndarray) -> np.ndarray:
 
 def _tint(colors: Any, count: int) -> np.ndarray | None:
     """Colours of glTF's vertices, (count, 3) linear, of what trimesh keeps of them; None if there are none."""
-    array = np.asarray(colors) if colors is not None else np.zeros(0)
+    array: Any = np.asarray(colors) if colors is not None else np.zeros(0)
     if array.ndim != 2 or len(array) != count or array.shape[1] < 3:
         return None
     most = np.iinfo(array.dtype).max if np.issubdtype(array.dtype, np.integer) else 1.0
