@@ -8,7 +8,7 @@ import warp as wp
 from .launch import Group, Stage, native_module
 from .launch import record as record_launch
 from .tables import Tables
-from .types import MESH, SHADING_BACKS, HeightFields, Lights, Materials, Meshes, Shapes, View
+from .types import GLASS, MESH, SHADING_BACKS, HeightFields, Lights, Materials, Meshes, Shapes, View
 from .visibility import LENSES, SHARED_MEMORY, THREADS, region_size
 
 BLOCKS = 8  # on a multiprocessor: bounds the registers of a thread
@@ -118,6 +118,8 @@ def record(
     types = sum(1 << t for t in tables.shape_types)
     if tables.physical is None and MESH in tables.shape_types:
         types |= 1 << SHADING_BACKS
+    if tables.layers is not None and tables.layers.veiled:
+        types |= 1 << GLASS
     crowded = MANY < tables.num_drawn <= MOST and MESH not in tables.shape_types
     capacities = CROWDS if crowded else CAPACITIES
     capacity = next(size for size in capacities if size >= min(tables.num_drawn, capacities[-1]))

@@ -26,6 +26,7 @@ TWO_SIDED = 12  # no type: stands among a scene's types where faces of some mesh
 MASKED = 13  # no type: stands among a scene's types where maps of opacity say which parts of meshes are there
 SHADING_BACKS = 14  # no type: stands among the types of shadows where faces of meshes cast them whichever side is lit
 MOVING = 15  # no type: stands among a scene's types where corners of meshes move: most faces lie in no cache
+GLASS = 16  # no type: stands among the types of shadows where some shapes may be seen through
 
 # Light types.
 LIGHT_SPOT = 0

@@ -25,6 +25,8 @@ LIGHTS: dict[str, tuple[str, str, bool]] = {
     "spot": (SPOT.format("") + BALL + FLOOR, "", False),
     "cutoff": (SPOT.format('cutoff="20" exponent="0"') + BALL + FLOOR, "", False),
     "exponent": (SPOT.format('exponent="40"') + BALL + FLOOR, "", False),
+    "cutoffs over 90 degrees are none": (SPOT.format('cutoff="120" exponent="4"') + BALL + FLOOR, "", False),
+    "exponents over 128 are none": (SPOT.format('cutoff="85" exponent="200"') + BALL + FLOOR, "", False),
     "attenuation": (SPOT.format('attenuation="1 .5 .3"') + BALL + FLOOR, "", False),
     "ambient of a spot": (SPOT.format('ambient=".3 .2 .1"') + BALL + FLOOR, "", False),
     "point lights are ignored": ('<light type="point" pos="0 -1 2"/>' + SUN.format("") + BALL, "", False),

@@ -233,3 +233,33 @@ def test_layers_of_one_surface_do_not_shade_each_other(device: wp.Device, light:
     floor = images["segmentation"] == 0
     assert floor.sum() > 200
     assert (images["hdr"][floor].max(axis=-1) == 0.0).mean() == pytest.approx(float(dark), abs=0.3)
+
+
+@pytest.mark.parametrize("crowd", [0, 400])
+@pytest.mark.parametrize("light", ["directional", "spot"])
+def test_what_stands_inside_of_glass_lies_in_its_shadow(device: wp.Device, light: str, crowd: int) -> None:
+    """Glass casts whole shadows, in the renderer's maps also on what it holds: here on balls that light would reach."""
+    kinds = [kind for kind in CASTERS if kind not in ("mesh", "hfield")]
+    places, black = [1.4 * i - 2.8 for i in range(len(kinds))], 'material="black"'
+    rooms = "".join(
+        f'<body pos="{x} 0 1" euler="20 10 30">{scenes.geom_xml(kind, more=black)}'
+        '<geom size=".08" rgba="1 1 1 1"/></body>'
+        for x, kind in zip(places, kinds, strict=True)
+    )
+    alone = '<geom size=".08" pos="0 1 1" rgba="1 1 1 1"/>'
+    far = "".join(f'<geom size="0.01" pos="0 {-80 - 0.1 * i} 0"/>' for i in range(crowd))
+    mjm = scenes.compile_xml(
+        LIGHTS[light] + FLOOR + rooms + alone + far,
+        assets='<material name="black" rgba="0 0 0 .4" specular="0"/>',
+        more=DARK,
+    )
+    mjm.vis.map.shadowclip = 0.0
+    view = {"position": (0, 0, 3), "lens": wc.Orthographic(height=3.2), "width": 160, "height": 64}
+    lit = {}
+    for shadows in (True, False):
+        camera = scenes.own_camera(outputs=("hdr",), shadows=shadows, **view)
+        image = scenes.look(wc.from_mujoco_warp(mjm, *scenes.put(mjm, 1)), camera)["hdr"][0].max(axis=-1)
+        lit[shadows] = [image[31:33, round(20 * x) + 80] for x in places], image[11:13, 80]
+    assert np.min(lit[False][0]) > 0.02
+    assert np.max(lit[True][0]) == 0.0
+    assert np.min(lit[True][1]) > 0.2  # in the open

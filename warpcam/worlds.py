@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import warp as wp
 
+from warpcam import urdf
 from warpcam.errors import WarpcamError
 
 # How far a joint without limits is moved at most.
@@ -29,7 +30,7 @@ class Worlds:
 
 
 def load(path: Path, *, num_worlds: int, seed: int | None, device: wp.Device) -> Worlds:
-    """Read an MJCF file (or .mjb) and put `num_worlds` worlds of it on the device, posed and ready to be seen.
+    """Read an MJCF or URDF file (or .mjb) and put `num_worlds` worlds of it on the device, posed and ready to be seen.
 
     World 0 is the scene as the file has it, with its first keyframe if there is one; the joints of the others
     are random within their ranges, or the same without a seed.
@@ -43,8 +44,11 @@ def load(path: Path, *, num_worlds: int, seed: int | None, device: wp.Device) ->
         ) from None
 
     try:
-        read = mujoco.MjModel.from_binary_path if path.suffix == ".mjb" else mujoco.MjModel.from_xml_path
-        host = read(str(path))
+        if path.suffix.lower() == ".urdf":
+            host = urdf.load(path)
+        else:
+            read = mujoco.MjModel.from_binary_path if path.suffix == ".mjb" else mujoco.MjModel.from_xml_path
+            host = read(str(path))
     except ValueError as error:
         raise WarpcamError(f"scene: MuJoCo cannot read {str(path)!r}: {' '.join(str(error).split())}") from None
 

@@ -139,6 +139,16 @@ WARPCAM_FN bool prepare_caster(const Shape& shape, const Light& light, const Cam
     return true;
 }
 
+// Marks an analytic caster that is seen through: what stands inside of it lies in its shadow.
+template <int TYPES, class Shapes, class Materials>
+WARPCAM_FN void mark_glass(Row& aim, const Record& record, const Shapes& shapes, const Materials& materials, int world,
+                           int id)
+{
+    if constexpr ((TYPES >> GLASS & 1) != 0)
+        if (record.axis_x.w != MESH)
+            aim.w = opacity(shapes, materials, world, id) < SOLID;
+}
+
 // Fills the list with shapes from `begin` on until it is full; returns where to go on.
 template <int TYPES, class List, class Shapes, class Materials, class Meshes, class HeightFields>
 WARPCAM_FN int gather_casters(List& list, int begin, const Shapes& shapes, const Materials& materials,
@@ -161,6 +171,7 @@ WARPCAM_FN int gather_casters(List& list, int begin, const Shapes& shapes, const
 #endif
                 list.records[slot] = caster.record;
                 list.aims[slot] = caster.aim;
+                mark_glass<TYPES>(list.aims[slot], caster.record, shapes, materials, world, id);
                 if (TYPES >> MESH & 1)
                     list.boxes[slot] = caster.box;
                 list.windows[slot] = caster.window;

@@ -180,9 +180,9 @@ WARPCAM_FN int pick(const Crowd_& crowd, const Outline& points, int from, int* p
     return from;
 }
 
-template <int TYPES, class Shapes, class Meshes, class HeightFields>
-WARPCAM_FN void prepare_picks(Picks& picks, int picked, const Shapes& shapes, const Meshes& meshes,
-                              const HeightFields& fields, const Light& light, const Camera& camera, int world, int lane)
+template <int TYPES, class Shapes, class Materials, class Meshes, class HeightFields>
+WARPCAM_FN void prepare_picks(Picks& picks, int picked, const Shapes& shapes, const Materials& materials,
+                              const Meshes& meshes, const HeightFields& fields, const Light& light, const Camera& camera, int world, int lane)
 {
     auto& list = picks.list;
     if (lane == 0)
@@ -193,6 +193,7 @@ WARPCAM_FN void prepare_picks(Picks& picks, int picked, const Shapes& shapes, co
         prepare_caster<TYPES, true>(load_shape(shapes, world, id), light, camera, meshes, fields, caster);
         list.records[slot] = caster.record;
         list.aims[slot] = caster.aim;
+        mark_glass<TYPES>(list.aims[slot], caster.record, shapes, materials, world, id);
         list.windows[slot] = caster.window;
         list.heights[slot] = caster.height;
     }
@@ -223,6 +224,11 @@ WARPCAM_FN bool is_shaded(const CasterList<PICKED, false>& list, const LitView<L
             const float t = enter_any<analytic_types(TYPES)>(record, ray);
             if ((t > a.span.near) & (t < a.span.reach))
                 return true;
+            if constexpr ((TYPES >> GLASS & 1) != 0) {
+                const float out = list.aims[slot].w ? leave_any<analytic_types(TYPES)>(record, ray) : FAR_AWAY;
+                if ((out > a.span.near) & (out < a.span.reach))
+                    return true;
+            }
         }
     }
     return false;
@@ -262,11 +268,12 @@ WARPCAM_FN void cast_tile(const CasterList<PICKED, false>& list, const Task<LENS
 }
 
 // Casts the shadows of one light, as far as they come from the crowd.
-template <int TYPES, int LENS, int WIDTH, int HEIGHT, class Crowd_, class Shapes, class Meshes, class HeightFields,
-          class Target>
+template <int TYPES, int LENS, int WIDTH, int HEIGHT, class Crowd_, class Shapes, class Materials, class Meshes,
+          class HeightFields, class Target>
 WARPCAM_FN void cast_patches(Crowd_& crowd, Picks& picks, const Patch* patches, const Grid& grid,
-                             const Task<LENS>& task, const Camera& camera, const Shapes& shapes, const Meshes& meshes,
-                             const HeightFields& fields, const Target& target, int lane)
+                             const Task<LENS>& task, const Camera& camera, const Shapes& shapes,
+                             const Materials& materials, const Meshes& meshes, const HeightFields& fields,
+                             const Target& target, int lane)
 {
     constexpr int ACROSS = WIDTH / PATCH, COUNT = ACROSS * (HEIGHT / PATCH);
     while (true) {
@@ -289,7 +296,7 @@ WARPCAM_FN void cast_patches(Crowd_& crowd, Picks& picks, const Patch* patches, 
             if (picked == 0)
                 break;
             warp_barrier();
-            prepare_picks<TYPES>(picks, picked, shapes, meshes, fields, task.view.light, camera, task.world, lane);
+            prepare_picks<TYPES>(picks, picked, shapes, materials, meshes, fields, task.view.light, camera, task.world, lane);
             warp_barrier();
             for (int tile = 0; tile < PATCH / TILE_HEIGHT; ++tile)
                 if (tiles >> tile & 1)
@@ -364,7 +371,7 @@ WARPCAM_FN void cast_crowd(const Shapes& shapes, const Materials& materials, con
                                            all, grid, world, thread);
             if (crowd.count > 0)
                 cast_patches<TYPES, LENS, WIDTH, HEIGHT>(crowd, picks[warp], patches, grid, task, camera, shapes,
-                                                         meshes, fields, target, lane);
+                                                         materials, meshes, fields, target, lane);
             if (begin < total)
                 block_barrier();  // the crowd is still in use
         } while (begin < total);

@@ -41,7 +41,10 @@ WARPCAM_FN Light load_light(const Lights& lights, const Camera& camera, int worl
     const float cutoff = row_of(lights.cutoff, world, index);
     const Vec falloff = to_vec(row_of(lights.attenuation, world, index));
     const bool fades = spot && (falloff.y != 0.0f || falloff.z != 0.0f);
-    const bool wide = !(cutoff < 180.0f);
+    // What OpenGL takes; anything else leaves a spot without a cone, or without a falloff to its sides.
+    const bool wide = !(cutoff >= 0.0f && cutoff <= 90.0f);
+    const float exponent = row_of(lights.exponent, world, index);
+    const bool even = wide || !(exponent >= 0.0f && exponent <= 128.0f);
     const float strength = spot && !fades ? 1.0f / upper(falloff.x, 1.0e-12f) : 1.0f;
     const Vec ambient = strength * to_vec(row_of(lights.ambient, world, index));
     int nature = (spot ? SPOT : 0) | (fades ? FADES : 0);
@@ -53,7 +56,7 @@ WARPCAM_FN Light load_light(const Lights& lights, const Camera& camera, int worl
     light.place = to_row(spot ? turned_back(camera.rotation, position - camera.origin) : -direction,
                          SHADOWS ? 1 << place : 0);
     light.axis = to_row(direction, as_int(wide ? -2.0f : cosine(0.017453292519943295f * cutoff)));
-    light.falloff = to_row(falloff, as_int(wide ? 0.0f : row_of(lights.exponent, world, index)));
+    light.falloff = to_row(falloff, as_int(even ? 0.0f : exponent));
     light.ambient = to_row(ambient, nature);
     light.diffuse = to_row(strength * to_vec(row_of(lights.diffuse, world, index)),
                            as_int(1.0f + dot(direction, direction)));

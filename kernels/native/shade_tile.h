@@ -1,6 +1,7 @@
 // The points of one tile against the casters that may stand between them and a light.
 #pragma once
 #include "casters.h"
+#include "leave.h"
 
 namespace warpcam {
 
@@ -93,6 +94,12 @@ WARPCAM_FN bool shade_tile(const List& list, const LitView<LENS>& view, Vec p, c
                 const Ray ray = look_back(record, list.aims[slot], p, distant);
                 const float t = enter_any<analytic_types(TYPES)>(record, ray);
                 open = open & !((t > span.near) & (t < span.reach));
+                if constexpr ((TYPES >> GLASS & 1) != 0) {
+                    if (list.aims[slot].w) {
+                        const float out = leave_any<analytic_types(TYPES)>(record, ray);
+                        open = open & !((out > span.near) & (out < span.reach));
+                    }
+                }
             }
         }
         if (HAS_MESH) {
@@ -120,6 +127,17 @@ template <int TYPE> inline void shade_points(const Record& record, const Row& ai
     const Row a = aim;
     for (int lane = 0; lane < LANES; ++lane) {
         const float t = enter<TYPE>(r, look_back(r, a, points.at[lane], distant));
+        points.open[lane] &= !((t > points.near[lane]) & (t < points.reach[lane]));
+    }
+}
+
+// The same of points inside of the shape.
+template <int TYPE> inline void shade_points_inside(const Record& record, const Row& aim, bool distant, Points& points)
+{
+    const Record r = record;
+    const Row a = aim;
+    for (int lane = 0; lane < LANES; ++lane) {
+        const float t = leave<TYPE>(r, look_back(r, a, points.at[lane], distant));
         points.open[lane] &= !((t > points.near[lane]) & (t < points.reach[lane]));
     }
 }
@@ -176,6 +194,8 @@ inline void shade_tile(const List& list, const LitView<LENS>& view, int world, c
     case TYPE: \
         if (TYPES >> TYPE & 1) \
             shade_points<TYPE>(record, list.aims[slot], view.light.distant, points); \
+        if ((TYPES >> TYPE & 1) && (TYPES >> GLASS & 1) && list.aims[slot].w) \
+            shade_points_inside<TYPE>(record, list.aims[slot], view.light.distant, points); \
         break;
             WARPCAM_CASE(PLANE)
             WARPCAM_CASE(SPHERE)

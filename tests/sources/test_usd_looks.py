@@ -318,25 +318,28 @@ def test_a_dome_is_everywhere(stage: Usd.Stage, tmp_path: Path, device: wp.Devic
     np.testing.assert_allclose(shown(stage, device), 0.25, rtol=0.01)
 
 
-def test_the_sky_is_where_usd_says(stage: Usd.Stage, tmp_path: Path, device: wp.Device) -> None:
-    """The image's middle lies along +z of the dome, its left quarter along +x, its top is +y."""
+@pytest.mark.parametrize(("kind", "pole"), [("DomeLight", ""), ("DomeLight_1", "Y"), ("DomeLight_1", "scene")])
+def test_the_sky_is_where_usd_says(kind: str, pole: str, stage: Usd.Stage, tmp_path: Path, device: wp.Device) -> None:
+    """The image's middle lies along +z of the dome, its left quarter along +x, its top is +y; or turned to its pole."""
     pixels = np.zeros((8, 16, 3), np.uint8)
     pixels[4:] = 20
     pixels[:, 7:9] = (255, 0, 0)
     pixels[:, 3:5] = (0, 255, 0)
     pixels[:1] = (0, 0, 255)
     save_image(tmp_path / "sky.png", pixels, 32)
-    dome = UsdLux.DomeLight.Define(stage, "/dome")
-    dome.CreateTextureFileAttr("./sky.png")
-    UsdGeom.SetStageUpAxis(stage, "Y")
+    dome = stage.DefinePrim("/dome", kind)
+    dome.GetAttribute("inputs:texture:file").Set("./sky.png")
+    if pole:
+        dome.GetAttribute("poleAxis").Set(pole)
+    turned = pole == "scene"
+    UsdGeom.SetStageUpAxis(stage, "Z" if turned else "Y")
     UsdGeom.Cube.Define(stage, "/far").AddTranslateOp().Set((0, 0, -500))
     scene = wc.from_usd(stage, device=device, up_axis=None)
     half = np.sqrt(0.5)
-    for turn, color in (
-        ((0.0, 0.0, 1.0, 0.0), [255, 0, 0]),  # looks along +z
-        ((half, 0.0, -half, 0.0), [0, 255, 0]),  # along +x
-        ((half, half, 0.0, 0.0), [0, 0, 255]),  # up
-    ):
+    middle, left, top = (0.0, 0.0, 1.0, 0.0), (half, 0.0, -half, 0.0), (half, half, 0.0, 0.0)  # along +z, +x, +y
+    if turned:
+        middle, top = (half, -half, 0.0, 0.0), middle  # along -y, +z
+    for turn, color in ((middle, [255, 0, 0]), (left, [0, 255, 0]), (top, [0, 0, 255])):
         camera = wc.Camera("c", width=3, height=3, lens=wc.Pinhole(fovy=5.0), rotation=turn, outputs=("rgb",))
         assert np.abs(image(scene, "rgb", camera)[1, 1].astype(int) - color).max() < 12
 

@@ -15,7 +15,7 @@ from warpcam import device as device_rule
 from warpcam.accel.textures import TextureImage
 from warpcam.driven import DrivenScene
 from warpcam.errors import WarpcamError
-from warpcam.sources import looks
+from warpcam.sources import gltf_notes, looks
 from warpcam.sources.forms import Form, Surface, unit
 from warpcam.sources.graph import Graph, Item, Look, Node
 from warpcam.sources.graph_source import GraphSource
@@ -65,6 +65,8 @@ def load(
         root = np.eye(4) * (meters_per_unit or 1.0)
         root[3, 3] = 1.0
         graph = Graph(str(path), [Node("/", -1, root @ Y_UP if is_gltf and up_axis == "Z" else root)])
+        if is_gltf:
+            gltf_notes.tell(path, notes)
         _Reader(scene, graph, is_gltf, notes).read()
     if not graph.items:
         notes.say()
@@ -172,6 +174,9 @@ class _Reader:
             look = self._look(visual.material)
             if self._is_gltf:
                 both = bool(getattr(visual.material, "doubleSided", False))
+                tint = _tint(visual.vertex_attributes.get("color"), len(vertices))
+                if tint is not None:
+                    look, uvs = self._tinted(name, look, tint[faces], uvs)
         elif visual.kind in ("vertex", "face"):
             per_corner = visual.vertex_colors[faces] if visual.kind == "vertex" else visual.face_colors[:, None]
             per_corner = np.broadcast_to(np.asarray(per_corner, np.uint8), (len(faces), 3, 4))[..., :3]
@@ -184,6 +189,20 @@ class _Reader:
                 look = len(self._graph.looks) - 1
         surface = Surface(name, vertices, faces.astype(np.int32), normals, uvs, both)
         return surface, look, color
+
+    def _tinted(self, name: str, look: int, tint: np.ndarray, uvs: Any) -> tuple[int, Any]:
+        """A look and texture coordinates with colours of corners on top, (face, 3, 3), linear."""
+        base = self._graph.looks[look]
+        if np.ptp(tint.reshape(-1, 3), axis=0).max() < 1.0 / 255.0:
+            red, green, blue = (float(x) for x in tint[0, 0] * base.color)
+            self._graph.looks.append(replace(base, name=f"{name}/colors", color=(red, green, blue)))
+        elif max(base.texture, *base.maps) >= 0:
+            self._notes.warn("has colours of corners beside textures, and is drawn without them", name)
+            return look, uvs
+        else:
+            image, uvs = corner_colors(np.rint(255.0 * looks.encoded(tint)).astype(np.uint8))
+            self._graph.looks.append(replace(base, name=f"{name}/colors", texture=self._texture(name, image)))
+        return len(self._graph.looks) - 1, uvs
 
     def _look(self, material: Any) -> int:
         if id(material) not in self._looks:
@@ -260,6 +279,16 @@ class _Reader:
 def _channels(pixels: np.ndarray) -> np.ndarray:
     """(height, width, 3) in [0, 1]."""
     return TRANSFER[np.repeat(pixels, 3, axis=-1) if pixels.shape[2] == 1 else pixels[..., :3]]
+
+
+def _tint(colors: Any, count: int) -> np.ndarray | None:
+    """Colours of glTF's vertices, (count, 3) linear, of what trimesh keeps of them; None if there are none."""
+    array: Any = np.asarray(colors) if colors is not None else np.zeros(0)
+    if array.ndim != 2 or len(array) != count or array.shape[1] < 3:
+        return None
+    most = np.iinfo(array.dtype).max if np.issubdtype(array.dtype, np.integer) else 1.0
+    tint = np.clip(np.nan_to_num(array[:, :3].astype(np.float64) / most), 0.0, 1.0)
+    return None if tint.min(initial=1.0) == 1.0 else tint
 
 
 def _factors(value: Any, default: float = 1.0) -> list[float]:

@@ -4,7 +4,7 @@ import math
 from collections.abc import Callable
 
 import numpy as np
-from pxr import Sdf, Usd, UsdLux
+from pxr import Sdf, Usd, UsdGeom, UsdLux
 
 from warpcam.sources import looks
 from warpcam.sources.graph import Lamp
@@ -17,6 +17,15 @@ DOME = ("DomeLight", "DomeLight_1")
 
 def is_light(prim: Usd.Prim) -> bool:
     return str(prim.GetTypeName()) in (*LOCAL, *SUN, *DOME, "GeometryLight", "PortalLight")
+
+
+def pole_of(prim: Usd.Prim) -> np.ndarray:
+    """How a dome lies in its own frame, (3, 3): its pole is y unless it says z, or the stage's up axis."""
+    pole = prim.GetAttribute("poleAxis")
+    pole = pole.Get() if pole else "Y"
+    if pole == "scene":
+        pole = UsdGeom.GetStageUpAxis(prim.GetStage())
+    return np.array(((1, 0, 0), (0, 0, -1), (0, 1, 0)), np.float64) if pole == "Z" else np.eye(3)
 
 
 def read_light(

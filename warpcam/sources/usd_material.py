@@ -9,7 +9,6 @@ from pxr import Ar, Sdf, Usd, UsdGeom, UsdShade
 
 from warpcam.accel.textures import TextureImage
 from warpcam.sources import looks
-from warpcam.sources.forms import polar
 from warpcam.sources.graph import Graph, Look
 from warpcam.sources.images import (
     ENCODED,
@@ -60,6 +59,7 @@ class MaterialReader:
         self._wrapped: dict[tuple[Any, ...], tuple[int, np.ndarray, np.ndarray]] = {}
         self._packed: dict[tuple[Any, ...], int] = {}
         self._skies: dict[tuple[Any, ...], np.ndarray | None] = {}
+        self.inherited: dict[str, np.ndarray] = {}  # of the point instance that is read: displayColor, displayOpacity
 
     def bound_to(self, prim: Usd.Prim) -> Bound:
         """The material of a prim or a subset of one."""
@@ -96,7 +96,11 @@ class MaterialReader:
         found = []
         for name, default in (("displayColor", looks.BARE), ("displayOpacity", (1.0,))):
             primvar = UsdGeom.PrimvarsAPI(prim).FindPrimvarWithInheritance(name)
-            values = primvar.Get(time) if primvar and primvar.HasValue() else None
+            values = primvar.Get(time) if primvar and primvar.HasValue() else self.inherited.get(name)
+            if primvar and primvar.ValueMightBeTimeVarying():
+                self._notes.warn(
+                    f"has {name} that changes with time, and keeps what it has at first", str(prim.GetPath())
+                )
             values = (
                 np.asarray(values, np.float64).reshape(-1, len(default)) if values is not None else np.zeros((0, 1))
             )
@@ -157,14 +161,13 @@ class MaterialReader:
             self._skies[key] = None if pixels is None else looks.sky_of_panorama(_rgb(pixels), turn)
         return self._skies[key]
 
-    def add_skybox(self, prim: Usd.Prim, time: Usd.TimeCode) -> None:
-        """Show a dome's image behind everything."""
+    def add_skybox(self, prim: Usd.Prim, time: Usd.TimeCode, turn: np.ndarray) -> None:
+        """Show a dome's image behind everything; ``turn`` (3, 3) is from the dome's axes to the world's."""
         asset = prim.GetAttribute("inputs:texture:file").Get(time)
         if asset is None or not asset.path or self._graph.skybox >= 0:
             return
         pixels = self._load(asset, "", str(prim.GetPath()))
         if pixels is not None:
-            turn = polar(self._graph.worlds_of(len(self._graph.nodes) - 1)[:3, :3])[0]
             self._graph.skybox = len(self._graph.textures)
             self._graph.textures.append(cube_of_panorama(_rgb(pixels), turn))
             self._graph.texture_names.append(asset.path)

@@ -54,7 +54,7 @@ class MeshReader:
         self.double_sided = double_sided
         self._materials, self._notes = materials, notes
         self._cut: dict[Sdf.Path, Triangles | None] = {}
-        self._parts: dict[tuple[Any, ...], tuple[Surface, int, Any]] = {}
+        self._parts: dict[tuple[Any, ...], tuple[Surface, int, bool]] = {}
         self.updates: list[Callable[[Usd.TimeCode], None]] = []
 
     def read(self, prim: Usd.Prim, node: int, name: str, time: Usd.TimeCode) -> list[Item]:
@@ -97,22 +97,22 @@ class MeshReader:
     ) -> Item:
         # Of an instance the same unless what is inherited from outside differs: that is colours and bindings.
         color = self._materials.own_color(bound, prim, time)
-        key = (path, part.rsplit("/", 1)[-1], bound.look, bound.uv, color)
+        key = (path, part.rsplit("/", 1)[-1], bound.look, bound.uv)
         if key not in self._parts:
-            self._parts[key] = self._part(prim, str(path), bound, color, triangles, mine, time)
-        surface, look, shown = self._parts[key]
-        return Item(name, node, surface, look, shown)
+            self._parts[key] = self._part(prim, str(path), bound, triangles, mine, time)
+        surface, look, painted = self._parts[key]
+        return Item(name, node, surface, look, (1.0, 1.0, 1.0, color[3]) if painted and color is not None else color)
 
     def _part(
         self,
         prim: Usd.Prim,
         name: str,
         bound: Bound,
-        color: Any,
         triangles: Triangles,
         mine: np.ndarray,
         time: Usd.TimeCode,
-    ) -> tuple[Surface, int, Any]:
+    ) -> tuple[Surface, int, bool]:
+        """Its surface and look, and whether that has the colours of its corners."""
         look = bound.look
         uvs = self._uvs(prim, bound, triangles, time)
         if look >= 0 and uvs is not None:
@@ -121,7 +121,6 @@ class MeshReader:
         if painted is not None:
             image, uvs = corner_colors(np.rint(255.0 * encoded(painted[mine])).astype(np.uint8))
             look = self._materials.painted(look, image, name)
-            color = (1.0, 1.0, 1.0, color[3])
         elif uvs is not None:
             uvs = uvs[mine]
         normals = self._normals(prim, triangles, time)
@@ -137,7 +136,7 @@ class MeshReader:
         )
         if triangles.moves:
             self.updates.append(lambda time: self._move(surface, prim, vertices, len(triangles.points), time))
-        return surface, look, color
+        return surface, look, painted is not None
 
     def _move(self, surface: Surface, prim: Usd.Prim, vertices: np.ndarray, count: int, time: Usd.TimeCode) -> None:
         points = np.array(UsdGeom.PointBased(prim).GetPointsAttr().Get(time) or [], np.float64).reshape(-1, 3)

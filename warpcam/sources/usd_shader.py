@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import Any
 
-from pxr import Sdf, UsdShade
+from pxr import Sdf, Usd, UsdShade
 
 from warpcam.sources.notes import Notes
 from warpcam.sources.usd_texture import TextureInput, input_value, plain_texture, texture_input
@@ -60,7 +60,9 @@ def value_of(given: UsdShade.Input, notes: Notes) -> tuple[Any, TextureInput | N
                 return None, None, str(input_value(shader, "varname", ""))
             notes.remark(f"uses {identifier or 'a shader'}, which is not known here", str(prim.GetPath()))
             continue
-        value = attribute.Get()
+        value = attribute.Get(Usd.TimeCode.EarliestTime())
+        if attribute.ValueMightBeTimeVarying():
+            notes.warn("has a value that changes with time, and keeps its first", str(attribute.GetPath()))
         if isinstance(value, Sdf.AssetPath) and value.path:
             return None, plain_texture(value, attribute), ""
         return value, None, ""

@@ -11,7 +11,7 @@ from warpcam.sources.forms import Form, polar
 from warpcam.sources.graph import Graph, Item, Node
 from warpcam.sources.notes import Notes
 from warpcam.sources.usd_camera import read_camera
-from warpcam.sources.usd_light import is_light, read_light
+from warpcam.sources.usd_light import DOME, is_light, pole_of, read_light
 from warpcam.sources.usd_material import MaterialReader
 from warpcam.sources.usd_mesh import MeshReader
 from warpcam.sources.usd_solids import SOLIDS, back_of, read_solid, update_solid
@@ -58,7 +58,10 @@ class StageReader:
 
     @staticmethod
     def _children(prim: Usd.Prim) -> list[Usd.Prim]:
-        return list(prim.GetFilteredChildren(Usd.TraverseInstanceProxies(Usd.PrimDefaultPredicate)))
+        shown = Usd.PrimDefaultPredicate
+        if prim.IsAbstract() or not (prim.IsDefined() or prim.IsPseudoRoot()):  # below a class or an over: a prototype
+            shown = Usd.PrimIsActive & Usd.PrimIsLoaded
+        return list(prim.GetFilteredChildren(Usd.TraverseInstanceProxies(shown)))
 
     def _walk(
         self,
@@ -148,8 +151,8 @@ class StageReader:
             self._add_live(graph.eyes, lambda t: read_camera(UsdGeom.Camera(prim), node, name, t, self._unit), prim)
         elif is_light(prim):
             self._add_live(graph.lamps, lambda t: self._light(prim, node, name, t), prim)
-            if kind == "DomeLight":
-                self._materials.add_skybox(prim, self._time)
+            if kind in DOME:
+                self._materials.add_skybox(prim, self._time, self._turn(prim, node))
         elif kind == KIND:
             self._add_splats(prim, node, name)
         elif kind in NOT_DRAWN or kind.startswith("ParticleField"):
@@ -169,11 +172,14 @@ class StageReader:
 
     def _light(self, prim: Usd.Prim, node: int, name: str, time: Usd.TimeCode) -> Any:
         scale = abs(np.linalg.det(self._graph.worlds_of(node)[:3, :3])) ** (1.0 / 3.0)
-        turn = polar(self._graph.worlds_of(node)[:3, :3])[0]
+        turn = self._turn(prim, node) if str(prim.GetTypeName()) in DOME else np.eye(3)
         materials = self._materials
         return read_light(
             prim, node, name, time, scale, self._notes, materials.mean_of, lambda a, w: materials.sky_of(a, w, turn)
         )
+
+    def _turn(self, dome: Usd.Prim, node: int) -> np.ndarray:
+        return polar(self._graph.worlds_of(node)[:3, :3])[0] @ pole_of(dome)
 
     def _add_live(self, things: list[Any], read: Callable[[Usd.TimeCode], Any], prim: Usd.Prim) -> None:
         place = len(things)
@@ -208,6 +214,7 @@ class StageReader:
                 "scales of another number"
             )
         mask = instancer.ComputeMaskAtTime(self._time) or [True] * len(indices)
+        above, colors = self._materials.inherited, self._instance_colors(instancer, len(indices))
         nodes = []
         for place, (which, matrix) in enumerate(zip(indices, placed, strict=True)):
             own = f"{name}[{place}]"
@@ -221,7 +228,12 @@ class StageReader:
             if not prototype or not prototype.IsActive():
                 self._notes.warn("is a prototype that does not exist", str(targets[which]))
                 continue
+            self._materials.inherited = {
+                **above,
+                **{key: values[place % len(values)] for key, values in colors.items()},
+            }
             self._walk(prototype, nodes[-1][0], f"{own}/{prototype.GetName()}", purpose, (*instancers, path), rest=True)
+        self._materials.inherited = above
         attributes = (
             instancer.GetPositionsAttr(),
             instancer.GetOrientationsAttr(),
@@ -242,6 +254,19 @@ class StageReader:
                     instance.local, instance.visible = matrix, bool(visible)
 
             self._updates.append(update)
+
+    def _instance_colors(self, instancer: UsdGeom.PointInstancer, count: int) -> dict[str, np.ndarray]:
+        """Display colours and opacities of instances, (count or 1, channels), as far as there are some."""
+        found = {}
+        for name, channels in (("displayColor", 3), ("displayOpacity", 1)):
+            primvar = UsdGeom.PrimvarsAPI(instancer).FindPrimvarWithInheritance(name)
+            values = primvar.ComputeFlattened(self._time) if primvar and primvar.HasValue() else None
+            if values is not None and len(values):
+                if len(values) in (1, count):
+                    found[name] = np.asarray(values, np.float64).reshape(-1, channels)
+                else:
+                    self._notes.warn(f"has {name} of another number than its instances", str(instancer.GetPath()))
+        return found
 
     def _instance_matrices(self, instancer: UsdGeom.PointInstancer, time: Usd.TimeCode) -> np.ndarray | None:
         """Of each instance, with its prototype's own, (instance, 4, 4), in the instancer's frame; None if they differ.

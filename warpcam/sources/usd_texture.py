@@ -30,7 +30,7 @@ class TextureInput:
 def texture_input(shader: UsdShade.Shader, channel: str) -> TextureInput:
     file = shader.GetInput("file")
     attribute = next(iter(UsdShade.Utils.GetValueProducingAttributes(file)), None) if file else None
-    asset = attribute.Get() if attribute else None
+    asset = attribute.Get(Usd.TimeCode.EarliestTime()) if attribute else None
     uv, turn = "", None
     st = shader.GetInput("st")
     for source in UsdShade.Utils.GetValueProducingAttributes(st) if st else ():
@@ -106,7 +106,7 @@ def file_bytes(path: str) -> bytes:
 def input_value(shader: UsdShade.Shader, name: str, default: Any) -> Any:
     given = shader.GetInput(name)
     attributes = UsdShade.Utils.GetValueProducingAttributes(given) if given else []
-    value = attributes[0].Get() if attributes else None
+    value = attributes[0].Get(Usd.TimeCode.EarliestTime()) if attributes else None
     return default if value is None else value
 
 
