@@ -53,7 +53,10 @@ struct FloorView {
     // Steps on the texture from pixel to pixel, to the right and down, at depth 1 [texels]: for a ray of direction r,
     // that of u is x - y * r.x / r.z, that of v z - w * r.y / r.z (w: a float's bits).
     Row right, down;
-    Row levels[MAX_LEVELS];      // of the texture: width, height and start (of floats the bits); w: start of the next
+    // Of the texture: width, height and start (of floats the bits); w: start of the next. With a sheet all are floats,
+    // the last two where the level begins there, left and top.
+    Row levels[MAX_LEVELS];
+    unsigned long long sheet;    // see Textures.sheets; 0: none
     int count;                   // of levels
     int plain;                   // 1: it has a texture of one image, or none
 };
@@ -122,9 +125,9 @@ constexpr int SAMPLE_COLUMNS = 8, SAMPLE_ROWS = 16;
 
 // Chooses which corners of a plane are kept: those around what a region shows of it, and where there is no room for these
 // around what is near. A team calls it.
-template <class Grid, class Looks, class Frame>
-WARPCAM_FN void choose_corners(Grid& grid, const LightList& list, const Looks& look, const Camera& camera,
-                               const Region& region, const Frame& frame, bool mirrored, int lane)
+template <class Grid, class Looks, class Textures, class Frame>
+WARPCAM_FN void choose_corners(Grid& grid, const LightList& list, const Looks& look, const Textures& textures,
+                               const Camera& camera, const Region& region, const Frame& frame, bool mirrored, int lane)
 {
     if (frame.plane < 0 || look.cells.u.step == 0.0f) {
         if (lane == 0)
@@ -196,7 +199,7 @@ WARPCAM_FN void choose_corners(Grid& grid, const LightList& list, const Looks& l
         }
         limit = 0.85f * far;
     }
-    list_levels(grid.view, look, lane);
+    list_levels(grid.view, look, textures, lane);
     if (lane != 0)
         return;
     grid.u = u_axis;
@@ -281,12 +284,20 @@ WARPCAM_FN void light_corners(Grid& grid, const LightList& list, const Looks& lo
     }
 }
 
-template <class Looks> WARPCAM_FN void list_levels(FloorView& view, const Looks& look, int lane)
+template <class Looks, class Textures>
+WARPCAM_FN void list_levels(FloorView& view, const Looks& look, const Textures& textures, int lane)
 {
     if constexpr (Looks::TEXTURED) {
         const Image& image = look.layout.image;
+        const unsigned long long sheet = sheet_of(textures, look.finish.color.w);
+        if (lane == 0)
+            view.sheet = sheet;
         for (int i = lane; i < lower_int(image.levels, MAX_LEVELS); i += TEAM) {
             const Level level = Level { image.start, image.width, image.height }.after(i, 1);
+            if (sheet) {
+                view.levels[i] = level_on_sheet(image, i);
+                continue;
+            }
             view.levels[i] = { as_float(level.width), as_float(level.height), as_float(level.start), level.next(1).start };
         }
     }

@@ -15,6 +15,11 @@ WARPCAM_FN Vec floor_texture(const FloorView& view, const unsigned* texels, Vec 
     const float detail = level_of_detail(square * (right_u * right_u + right_v * right_v),
                                          square * (down_u * down_u + down_v * down_v), view.count);
     const int steps = int(detail);
+#if defined(__CUDA_ARCH__)
+    if (view.sheet)
+        return sample_sheet(view.sheet, view.levels[steps], view.levels[lower_int(steps + 1, view.count - 1)],
+                            place.x * x + place.z, place.y * y + as_float(place.w), detail - float(steps));
+#endif
     const Row row = view.levels[steps];
     const Level level { as_int(row.z), as_int(row.x), as_int(row.y) };
     return sample_levels(texels, level, row.w, place.x * x + place.z, place.y * y + as_float(place.w),

@@ -148,6 +148,17 @@ WARPCAM_FN void add_bilinear(const unsigned* texels, const Level& level, float u
     add_quad(texels, quad, x, y, total, blend);
 }
 
+#if defined(__CUDA_ARCH__)
+WARPCAM_FN Vec look_up(unsigned long long sheet, float x, float y)
+{
+    float red, green, blue, alpha;
+    asm("tex.2d.v4.f32.f32 {%0, %1, %2, %3}, [%4, {%5, %6}];"
+        : "=f"(red), "=f"(green), "=f"(blue), "=f"(alpha)
+        : "l"(sheet), "f"(x), "f"(y));
+    return { red, green, blue };
+}
+#endif
+
 // The part of `unit` after the point; 0 of what has none.
 WARPCAM_FN float fraction(float unit) { return saturated(unit - round_down(unit)); }
 
@@ -165,6 +176,43 @@ WARPCAM_FN Vec sample_levels(const unsigned* texels, const Level& level, int nex
     }
     return to_color(blend);
 }
+
+// The sheet that a texture lies on; 0 where it has none.
+template <class Textures> WARPCAM_FN unsigned long long sheet_of(const Textures& textures, int texture)
+{
+#if defined(__CUDA_ARCH__)
+    if (texture >= 0 && texture < textures.sheets.shape[0])
+        return wp::index(textures.sheets, texture);
+#endif
+    return 0;
+}
+
+// Where a level lies on its image's sheet: width, height, and where it begins, left and top, all floats. Level 0 stands
+// on the left, the others below each other beside it; each has a border of a texel, which repeats the other side's.
+WARPCAM_FN Row level_on_sheet(const Image& image, int number)
+{
+    int width = image.width, height = image.height, left = 1, top = 1;
+    for (int i = 0; i < number; ++i) {
+        left = image.width + 3;
+        top = i == 0 ? 1 : top + height + 2;
+        width = width > 1 ? width >> 1 : 1;
+        height = height > 1 ? height >> 1 : 1;
+    }
+    return { float(width), float(height), float(left), as_int(float(top)) };
+}
+
+#if defined(__CUDA_ARCH__)
+// Colour in [0, 1] at (u, v), in images, between two levels of a sheet; `on` says how far on. The hardware's filter
+// rounds how far a place is from a texel to 1/256.
+WARPCAM_FN Vec sample_sheet(unsigned long long sheet, const Row& near, const Row& far, float u, float v, float on)
+{
+    u = fraction(u);
+    v = fraction(v);
+    const Vec first = look_up(sheet, muladd(u, near.x, near.z), muladd(v, near.y, as_float(near.w)));
+    const Vec second = look_up(sheet, muladd(u, far.x, far.z), muladd(v, far.y, as_float(far.w)));
+    return first + on * (second - first);
+}
+#endif
 
 // Colour in [0, 1] of a 2-D texture at (u, v), in images: (0, 0) is the top left corner, and images repeat. The steps
 // from this pixel to the next on the right and to the next below are given by the squares of their lengths in texels.

@@ -31,6 +31,7 @@ class TextureImage:
             as OpenGL does for a texture of MuJoCo's colour space "sRGB".
         blend_light: Whether the texels are sRGB-coded and stay so, but for the mipmaps, where light is averaged.
         from_middle: Whether repeats on a plane count from the plane's middle, not from its corner.
+        painted: Whether the texels are written later, too, where ``Textures`` has them.
     """
 
     kind: Literal["2d", "cube"]
@@ -38,6 +39,7 @@ class TextureImage:
     srgb: bool = False
     blend_light: bool = False
     from_middle: bool = False
+    painted: bool = False
 
 
 Chain = list[npt.NDArray[np.uint32]]
@@ -52,7 +54,7 @@ def pack_textures(images: Sequence[TextureImage], device: wp.DeviceLike = None) 
         WarpcamError: An image has another shape or dtype than allowed, or the texels are 2^31 or more.
     """
     faces = [_faces(index, image) for index, image in enumerate(images)]
-    sizes = [_level_sizes(pixels.shape[2], pixels.shape[1]) for pixels in faces]
+    sizes = [level_sizes(pixels.shape[2], pixels.shape[1]) for pixels in faces]
     counts = [len(pixels) * sum(w * h for w, h in levels) for pixels, levels in zip(faces, sizes, strict=True)]
     total = sum(counts)
     if total > MAX_TEXELS:
@@ -108,7 +110,7 @@ def _faces(index: int, image: TextureImage) -> Bytes:
     return pixels
 
 
-def _level_sizes(width: int, height: int) -> list[tuple[int, int]]:
+def level_sizes(width: int, height: int) -> list[tuple[int, int]]:
     """(width, height) of each mipmap level, halving down to 1 x 1."""
     sizes = [(width, height)]
     while sizes[-1] != (1, 1):
