@@ -105,29 +105,28 @@ template <class Grid> WARPCAM_FN Vec light_from_corners(const Grid& grid, const 
     return sum;
 }
 
-// What a tile shows of the plane, if there is nothing else on it and all of it is among the corners that are kept; false
-// if not. `found` and `at` are what the trace found at a pixel, and where.
-template <bool TEXTURED, class Grid, class Frame, class Textures>
-WARPCAM_FN bool draw_floor(const Grid& grid, const Frame& frame, const Textures& textures, const Hit& found, unsigned at,
-                           float x, float y, Vec& display)
+// What a pixel shows of the plane, if it is among the corners that are kept; false if not. `found` is what the trace
+// found there. All threads of a warp call it together.
+template <bool TEXTURED, class Grid, class Textures>
+WARPCAM_FN bool draw_floor(const Grid& grid, const Textures& textures, const Hit& found, int shadow, float x, float y,
+                           Vec& display)
 {
-    const bool hit = found.shape >= 0;
-    if (any_lane(hit && found.shape != grid.shape) || !any_lane(hit))
-        return false;
     const FloorView& view = grid.view;
+    const bool on_plane = found.shape >= 0 && found.shape == grid.shape;
+    if (!any_lane(on_plane) || !view.plain)
+        return false;
     const Row axis_x = view.axis_x, axis_y = view.axis_y, axis_z = view.axis_z;
     const Vec ray { axis_x.x * x + axis_x.y * y - axis_x.z, axis_y.x * x + axis_y.y * y - axis_y.z,
                     axis_z.x * x + axis_z.y * y - axis_z.z };
     const Vec local { as_float(axis_x.w) + found.depth * ray.x, as_float(axis_y.w) + found.depth * ray.y, 0.0f };
-    const OnCorners on = on_corners(grid, local, hit);
-    if (any_lane(hit && !on.inside) || !view.plain)
+    const OnCorners on = on_corners(grid, local, on_plane);
+    if (!any_lane(on.inside))
         return false;
-    const int shadow = Grid::SHADOWS && hit ? frame.shadow.data[at] : 0;
     Vec texture { 1.0f, 1.0f, 1.0f };
     if (TEXTURED && view.count > 0)
         texture = floor_texture(view, textures.texels.data, ray, found.depth, local.x, local.y);
     display = times(light_from_corners(grid, on, shadow), texture);
-    return true;
+    return on.inside;
 }
 
 }  // namespace warpcam

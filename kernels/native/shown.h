@@ -125,9 +125,11 @@ WARPCAM_FN void resolve_surface(const Looks& look, const List& lights, const Sce
         shown.display = encoded(shown.linear);
     } else if constexpr (Wants::LIT) {
         constexpr bool SHADOWS = FACTS & HAS_SHADOWS;
+        // else draw_floor() did
+        constexpr bool BY_CORNERS = lit_by_corners<List>(SHADOWS) && (IMAGES & (NORMALS | ALBEDO));
         OnCorners on;
         on.inside = false;
-        if constexpr (lit_by_corners<List>(SHADOWS)) {
+        if constexpr (BY_CORNERS) {
             on.inside = found.shape == lights.grid.shape;
             if (any_lane(on.inside))
                 on = on_corners(lights.grid, surface.local, on.inside);
@@ -140,7 +142,7 @@ WARPCAM_FN void resolve_surface(const Looks& look, const List& lights, const Sce
             lit = three ? illuminate<3, SHADOWS>(lights, facet, look.finish, shadow)
                         : illuminate<1, SHADOWS>(lights, facet, look.finish, shadow);
         }
-        if constexpr (lit_by_corners<List>(SHADOWS))
+        if constexpr (BY_CORNERS)
             if (any_lane(on.inside)) {
                 const Vec light = light_from_corners(lights.grid, on, shadow);
                 lit.display = on.inside ? light : lit.display;
