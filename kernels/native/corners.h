@@ -125,9 +125,9 @@ constexpr int SAMPLE_COLUMNS = 8, SAMPLE_ROWS = 16;
 
 // Chooses which corners of a plane are kept: those around what a region shows of it, and where there is no room for these
 // around what is near. A team calls it.
-template <class Grid, class Looks, class Textures, class Frame>
-WARPCAM_FN void choose_corners(Grid& grid, const LightList& list, const Looks& look, const Textures& textures,
-                               const Camera& camera, const Region& region, const Frame& frame, bool mirrored, int lane)
+template <class Grid, class Looks, class Frame>
+WARPCAM_FN void choose_corners(Grid& grid, const LightList& list, const Looks& look, const Camera& camera,
+                               const Region& region, const Frame& frame, bool mirrored, int lane)
 {
     if (frame.plane < 0 || look.cells.u.step == 0.0f) {
         if (lane == 0)
@@ -199,7 +199,7 @@ WARPCAM_FN void choose_corners(Grid& grid, const LightList& list, const Looks& l
         }
         limit = 0.85f * far;
     }
-    list_levels(grid.view, look, textures, lane);
+    list_levels(grid.view, look, lane);
     if (lane != 0)
         return;
     grid.u = u_axis;
@@ -284,12 +284,11 @@ WARPCAM_FN void light_corners(Grid& grid, const LightList& list, const Looks& lo
     }
 }
 
-template <class Looks, class Textures>
-WARPCAM_FN void list_levels(FloorView& view, const Looks& look, const Textures& textures, int lane)
+template <class Looks> WARPCAM_FN void list_levels(FloorView& view, const Looks& look, int lane)
 {
     if constexpr (Looks::TEXTURED) {
         const Image& image = look.layout.image;
-        const unsigned long long sheet = sheet_of(textures, look.finish.color.w);
+        const unsigned long long sheet = look.layout.sheet;
         if (lane == 0)
             view.sheet = sheet;
         for (int i = lane; i < lower_int(image.levels, MAX_LEVELS); i += TEAM) {

@@ -62,6 +62,7 @@ struct Layout {
     float start[2];   // u and v in a plane's middle
     int cube;         // 1: a cube texture
     int own;          // 1: a mesh with texture coordinates of its own
+    unsigned long long sheet;  // see Textures.sheets; 0: none
 };
 
 // The shape's axes in the world.
@@ -244,7 +245,8 @@ WARPCAM_FN Layout load_layout(const Shapes& shapes, const Materials& materials, 
                               const Meshes& meshes, const HeightFields& fields, const Pose& pose, int texture,
                               int world, int id)
 {
-    Layout layout { { 0.0f, 0.0f, 0.0f, 0 }, load_image(textures, texture), { 1.0f, 1.0f }, {}, 0, 0 };
+    Layout layout { { 0.0f, 0.0f, 0.0f, 0 }, load_image(textures, texture), { 1.0f, 1.0f }, {}, 0, 0,
+                    sheet_of(textures, texture) };
     const int index = material_of(shapes, materials, world, id);
     if (index < 0)
         return layout;

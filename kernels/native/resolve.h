@@ -271,7 +271,7 @@ WARPCAM_FN void resolve(const Scene_& scene, const Lights& lights, int index)
     if constexpr (CORNERS > 0) {
         const Looks& look = plane_look<KEPT>(looks, scene);
         if (thread < TEAM)
-            choose_corners(list.grid, list, look, scene.textures, camera, region, frame, FACTS & MIRRORED, thread);
+            choose_corners(list.grid, list, look, camera, region, frame, FACTS & MIRRORED, thread);
         block_barrier();
         light_corners(list.grid, list, look, thread);
         block_barrier();

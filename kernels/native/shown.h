@@ -70,12 +70,20 @@ WARPCAM_FN Vec texture_color(const Looks& look, const Meshes& meshes, const Text
                                   : -stretch * camera.scale_y * Vec { pose.axis_x.y, pose.axis_y.y, pose.axis_z.y };
     if (layout.cube) {
         const CubeMapping mapping = map_cube<TYPES>(pose, layout, surface);
-        return sample_cube(textures.texels.data, layout.image, mapping.direction,
-                           times(mapping.scale, slide(right, ray, surface.normal)),
-                           times(mapping.scale, slide(down, ray, surface.normal)));
+        const Vec to_right = times(mapping.scale, slide(right, ray, surface.normal));
+        const Vec to_below = times(mapping.scale, slide(down, ray, surface.normal));
+#if defined(__CUDA_ARCH__)
+        if (layout.sheet)
+            return sample_cube_sheet(layout.sheet, layout.image, mapping.direction, to_right, to_below);
+#endif
+        return sample_cube(textures.texels.data, layout.image, mapping.direction, to_right, to_below);
     }
     Footprint at = footprint_2d<TYPES>(pose, layout, meshes, surface, ray, right, down);
     shift(look, at.u, at.v);
+#if defined(__CUDA_ARCH__)
+    if (layout.sheet)
+        return sample_2d_sheet(layout.sheet, layout.image, at.u, at.v, at.right, at.down);
+#endif
     return sample_2d(textures.texels.data, layout.image, at.u, at.v, at.right, at.down);
 }
 
