@@ -288,7 +288,7 @@ template <class Looks> WARPCAM_FN void list_levels(FloorView& view, const Looks&
 {
     if constexpr (Looks::TEXTURED) {
         const Image& image = look.layout.image;
-        const unsigned long long sheet = look.layout.sheet;
+        const unsigned long long sheet = Looks::ON_SHEETS ? look.layout.sheet : 0;
         if (lane == 0)
             view.sheet = sheet;
         for (int i = lane; i < lower_int(image.levels, MAX_LEVELS); i += TEAM) {

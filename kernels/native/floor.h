@@ -5,6 +5,7 @@
 namespace warpcam {
 
 // The texture's colour where a ray, in the plane's frame, meets it.
+template <bool ON_SHEETS>
 WARPCAM_FN Vec floor_texture(const FloorView& view, const unsigned* texels, Vec ray, float depth, float x, float y)
 {
     const Row place = view.place, right = view.right, down = view.down;
@@ -16,7 +17,7 @@ WARPCAM_FN Vec floor_texture(const FloorView& view, const unsigned* texels, Vec 
                                          square * (down_u * down_u + down_v * down_v), view.count);
     const int steps = int(detail);
 #if defined(__CUDA_ARCH__)
-    if (view.sheet)
+    if (ON_SHEETS && view.sheet)
         return sample_sheet(view.sheet, view.levels[steps], view.levels[lower_int(steps + 1, view.count - 1)],
                             place.x * x + place.z, place.y * y + as_float(place.w), detail - float(steps));
 #endif
@@ -106,27 +107,29 @@ template <class Grid> WARPCAM_FN Vec light_from_corners(const Grid& grid, const 
 }
 
 // What a pixel shows of the plane, if it is among the corners that are kept; false if not. `found` is what the trace
-// found there. All threads of a warp call it together.
-template <bool TEXTURED, class Grid, class Textures>
-WARPCAM_FN bool draw_floor(const Grid& grid, const Textures& textures, const Hit& found, int shadow, float x, float y,
-                           Vec& display)
+// found there, `shadow_at()` the lights that do not reach it. All threads of a warp call it together. APART: where some
+// of their pixels show something else, these are left out; otherwise it then returns false for all of them.
+template <bool TEXTURED, bool APART, class Grid, class Textures, class Shadow>
+WARPCAM_FN bool draw_floor(const Grid& grid, const Textures& textures, const Hit& found, const Shadow& shadow_at,
+                           float x, float y, Vec& display)
 {
     const FloorView& view = grid.view;
-    const bool on_plane = found.shape >= 0 && found.shape == grid.shape;
-    if (!any_lane(on_plane) || !view.plain)
+    const bool hit = found.shape >= 0, on_plane = hit && found.shape == grid.shape;
+    if (!any_lane(on_plane) || (!APART && any_lane(hit && !on_plane)) || !view.plain)
         return false;
     const Row axis_x = view.axis_x, axis_y = view.axis_y, axis_z = view.axis_z;
     const Vec ray { axis_x.x * x + axis_x.y * y - axis_x.z, axis_y.x * x + axis_y.y * y - axis_y.z,
                     axis_z.x * x + axis_z.y * y - axis_z.z };
     const Vec local { as_float(axis_x.w) + found.depth * ray.x, as_float(axis_y.w) + found.depth * ray.y, 0.0f };
     const OnCorners on = on_corners(grid, local, on_plane);
-    if (!any_lane(on.inside))
+    if (APART ? !any_lane(on.inside) : any_lane(hit && !on.inside))
         return false;
+    const int shadow = Grid::SHADOWS ? shadow_at() : 0;
     Vec texture { 1.0f, 1.0f, 1.0f };
     if (TEXTURED && view.count > 0)
-        texture = floor_texture(view, textures.texels.data, ray, found.depth, local.x, local.y);
+        texture = floor_texture<APART>(view, textures.texels.data, ray, found.depth, local.x, local.y);
     display = times(light_from_corners(grid, on, shadow), texture);
-    return on.inside;
+    return !APART || on.inside;
 }
 
 }  // namespace warpcam

@@ -10,7 +10,7 @@ namespace warpcam {
 
 // What the trace and the shadow pass found at a pixel.
 struct Seen : Hit {
-    int shadow;
+    int shadow;  // where FACTS have SPARE; otherwise it is asked for when the pixel is drawn
 };
 
 template <int TYPES, int IMAGES, int FACTS, class Frame_> WARPCAM_FN Seen find(const Frame_& frame, const Pixel& pixel)
@@ -22,7 +22,7 @@ template <int TYPES, int IMAGES, int FACTS, class Frame_> WARPCAM_FN Seen find(c
             found.depth = frame.depth.data[pixel.at];
         if (Wanted<IMAGES, FACTS>::SURFACE && (TYPES & (1 << MESH | 1 << HEIGHT_FIELD)))
             found.face = frame.face.data[pixel.at];
-        if (Wanted<IMAGES, FACTS>::LIT && (FACTS & HAS_SHADOWS))
+        if (Wanted<IMAGES, FACTS>::LIT && (FACTS & HAS_SHADOWS) && (FACTS & SPARE))
             found.shadow = frame.shadow.data[pixel.at];
     }
     return found;
@@ -114,14 +114,22 @@ WARPCAM_FN void resolve_pixel(const Looks* looks, const List& lights, const Scen
     const float x = ray_x<LENS>(camera, column), y = ray_y<LENS>(camera, pixel.row);
     const bool hit = found.shape >= 0;
     const Hit solid = found;
+    const auto shadow = [&] {
+        if constexpr (!Wants::LIT || !(FACTS & HAS_SHADOWS))
+            return 0;
+        else if constexpr ((FACTS & SPARE) != 0)
+            return found.shadow;
+        else
+            return hit ? int(frame.shadow.data[pixel.at]) : 0;
+    };
     Shown shown;
     bool drawn = false;
-    Vec floor;
+    Vec apart;
+    Vec& floor = FACTS & SPARE ? apart : shown.display;
     if constexpr (lit_by_corners<List>(FACTS & HAS_SHADOWS) && !(IMAGES & (NORMALS | ALBEDO)))
-        drawn = draw_floor<Wants::TEXTURED>(lights.grid, scene.textures, found, found.shadow, x, y, floor);
-    if ((Wants::SURFACE || Wants::COLORED) && follow(hit && !drawn, found))
-        resolve_hit<TYPES, LENS, CAPACITY, IMAGES, FACTS>(looks, lights, scene, camera, world, x, y, found, found.shadow,
-                                                          shown);
+        drawn = draw_floor<Wants::TEXTURED, (FACTS & SPARE) != 0>(lights.grid, scene.textures, found, shadow, x, y, floor);
+    if (((FACTS & SPARE) || !drawn) && (Wants::SURFACE || Wants::COLORED) && follow(hit && !drawn, found))
+        resolve_hit<TYPES, LENS, CAPACITY, IMAGES, FACTS>(looks, lights, scene, camera, world, x, y, found, shadow(), shown);
     if (drawn) {
         shown.linear = shown.display = floor;
         expose<FACTS>(scene, world, shown.linear, shown.display);

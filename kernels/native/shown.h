@@ -73,7 +73,7 @@ WARPCAM_FN Vec texture_color(const Looks& look, const Meshes& meshes, const Text
         const Vec to_right = times(mapping.scale, slide(right, ray, surface.normal));
         const Vec to_below = times(mapping.scale, slide(down, ray, surface.normal));
 #if defined(__CUDA_ARCH__)
-        if (layout.sheet)
+        if (Looks::ON_SHEETS && layout.sheet)
             return sample_cube_sheet(layout.sheet, layout.image, mapping.direction, to_right, to_below);
 #endif
         return sample_cube(textures.texels.data, layout.image, mapping.direction, to_right, to_below);
@@ -81,7 +81,7 @@ WARPCAM_FN Vec texture_color(const Looks& look, const Meshes& meshes, const Text
     Footprint at = footprint_2d<TYPES>(pose, layout, meshes, surface, ray, right, down);
     shift(look, at.u, at.v);
 #if defined(__CUDA_ARCH__)
-    if (layout.sheet)
+    if (Looks::ON_SHEETS && layout.sheet)
         return sample_2d_sheet(layout.sheet, layout.image, at.u, at.v, at.right, at.down);
 #endif
     return sample_2d(textures.texels.data, layout.image, at.u, at.v, at.right, at.down);
@@ -133,8 +133,8 @@ WARPCAM_FN void resolve_surface(const Looks& look, const List& lights, const Sce
         shown.display = encoded(shown.linear);
     } else if constexpr (Wants::LIT) {
         constexpr bool SHADOWS = FACTS & HAS_SHADOWS;
-        // else draw_floor() did
-        constexpr bool BY_CORNERS = lit_by_corners<List>(SHADOWS) && (IMAGES & (NORMALS | ALBEDO));
+        // else draw_floor() did, or left this pixel out
+        constexpr bool BY_CORNERS = lit_by_corners<List>(SHADOWS) && (!(FACTS & SPARE) || (IMAGES & (NORMALS | ALBEDO)));
         OnCorners on;
         on.inside = false;
         if constexpr (BY_CORNERS) {

@@ -36,7 +36,7 @@ _FROM_FACE = np.array(
 def pack_sheets(images: Sequence[TextureImage], textures: Textures, device: wp.Device) -> list[wp.Texture2D]:
     """Put images on sheets and write these into ``textures``.
 
-    Images that are painted later have none, nor has anything on a CPU.
+    On a CPU there are none. What writes ``textures.texels`` later does not change them.
 
     Args:
         images: As they were packed.
@@ -53,9 +53,10 @@ def pack_sheets(images: Sequence[TextureImage], textures: Textures, device: wp.D
         for index, image in enumerate(images):
             width, height = int(widths[index]), int(heights[index])
             faces = 6 if image.kind == "cube" else 1
-            left -= 6 * (width + 2) * (height + 2) if faces == 1 else 48 * (width + 2) * (height + 2)
-            if image.painted or faces * max(width, height) > LARGEST or left < 0:
+            size = (6 if faces == 1 else 48) * (width + 2) * (height + 2)
+            if faces * max(width, height) > LARGEST or size > left:
                 continue
+            left -= size
             count = faces * sum(w * h for w, h in level_sizes(width, height))
             texels = textures.texels[int(starts[index]) : int(starts[index]) + count].numpy()
             sheet = sheet_of(texels, width, height) if faces == 1 else cube_sheet_of(texels, width)

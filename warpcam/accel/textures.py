@@ -31,7 +31,6 @@ class TextureImage:
             as OpenGL does for a texture of MuJoCo's colour space "sRGB".
         blend_light: Whether the texels are sRGB-coded and stay so, but for the mipmaps, where light is averaged.
         from_middle: Whether repeats on a plane count from the plane's middle, not from its corner.
-        painted: Whether the texels are written later, too, where ``Textures`` has them.
     """
 
     kind: Literal["2d", "cube"]
@@ -39,7 +38,6 @@ class TextureImage:
     srgb: bool = False
     blend_light: bool = False
     from_middle: bool = False
-    painted: bool = False
 
 
 Chain = list[npt.NDArray[np.uint32]]

@@ -96,4 +96,4 @@ class Tints:
 
 def _blank(count: int) -> TextureImage:
     width, height = _size(count)
-    return TextureImage("2d", np.full((height, width, 3), 255, np.uint8), blend_light=True, painted=True)
+    return TextureImage("2d", np.full((height, width, 3), 255, np.uint8), blend_light=True)
