@@ -1,7 +1,7 @@
 """From the visibility buffer to images: one kernel per camera writes every output that was asked for."""
 
 import functools
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from typing import Any
 
 import warp as wp
@@ -10,7 +10,20 @@ from .launch import Group, Stage, native_module
 from .launch import record as record_stage
 from .layers import Haze, LayerTables, Mirror
 from .tables import Tables
-from .types import Background, HeightFields, Lights, Materials, Meshes, Physical, Shapes, Textures, View
+from .types import (
+    HEIGHT_FIELD,
+    MESH,
+    PLANE,
+    Background,
+    HeightFields,
+    Lights,
+    Materials,
+    Meshes,
+    Physical,
+    Shapes,
+    Textures,
+    View,
+)
 from .variety import Variety, facts_of
 from .visibility import LENSES, THREADS, region_size
 
@@ -27,7 +40,9 @@ OUTPUTS: Mapping[str, tuple[type, int]] = {
 VEILED_BLOCKS = 4  # blocks that a multiprocessor is to hold where some shapes may be transparent
 PHYSICAL, HAS_MAPS = 1 << 12, 1 << 13  # the same
 QUADS, WHOLE_REGIONS = 1 << 4, 1 << 5  # of an image's size, there; they change nothing on a CPU
+SPARE = 1 << 6  # the same: see is_spare
 MAX_KEPT = 256  # shapes whose looks a block can keep
+MAX_SPARE = 64  # shapes of a scene without meshes that leave room for SPARE
 MAX_SEEN = 512  # shapes of which it can keep the looks of those that it sees; with more it sees too many
 MIRRORED, REFLECTS, VEILED, HAZY = 1 << 8, 1 << 9, 1 << 10, 1 << 11  # facts of native/look.h
 LIT = ("rgb", "rgba", "hdr")  # what mirrors, transparent shapes and haze change
@@ -280,6 +295,11 @@ def _blocks(images: int, facts: int) -> int:
     return 4 if lit and facts & PHYSICAL else 5 if lit else 7 if albedo else 8
 
 
+def is_spare(shape_types: Collection[int], num_drawn: int) -> bool:
+    """Whether textures are looked up on sheets and floors drawn apart: see native/look.h."""
+    return PLANE in shape_types and {MESH, HEIGHT_FIELD}.isdisjoint(shape_types) and num_drawn <= MAX_SPARE
+
+
 def _capacity(tables: Tables) -> int:
     """Shapes whose looks a block keeps, all or those that it sees, in few sizes; 0 for scenes too large for it."""
     step = 16 if tables.num_drawn <= MAX_KEPT else 256
@@ -289,5 +309,6 @@ def _capacity(tables: Tables) -> int:
 def _facts(tables: Tables, shadows: bool) -> int:
     """Bits of native/look.h."""
     facts = (tables.has_materials, tables.has_textures, tables.has_skybox, shadows)
+    spare = SPARE * is_spare(tables.shape_types, tables.num_drawn)
     physical = PHYSICAL * (tables.physical is not None) + HAS_MAPS * (tables.has_maps and tables.has_textures)
-    return sum(1 << bit for bit, fact in enumerate(facts) if fact) + physical
+    return sum(1 << bit for bit, fact in enumerate(facts) if fact) + spare + physical

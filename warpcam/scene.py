@@ -12,11 +12,13 @@ from warpcam import device as device_rule
 from warpcam import interop
 from warpcam.accel.heightfields import pack_height_fields
 from warpcam.accel.meshes import pack_masks, pack_meshes
+from warpcam.accel.sheets import pack_sheets
 from warpcam.accel.splats import Packed, pack_splats
 from warpcam.accel.textures import pack_textures
 from warpcam.bounds import Bounds, bounds_of
 from warpcam.errors import WarpcamError
 from warpcam.kernels.launch import Stage
+from warpcam.kernels.resolve import is_spare
 from warpcam.kernels.tables import Tables
 from warpcam.kernels.types import (
     HEIGHT_FIELD,
@@ -67,6 +69,8 @@ class Scene:
         self._moving = tuple(index for index, mesh in enumerate(parts.meshes) if mesh.moves)
         self._height_fields = pack_height_fields(parts.height_fields, self.device)
         self._textures = pack_textures(parts.textures, self.device)
+        if is_spare({int(parts.shape_types[shape]) for shape in parts.drawn}, len(parts.drawn)):
+            self._sheets = pack_sheets(parts.textures, self._textures, self.device)
         parts.lend_textures(self._textures)
         self._masked = pack_masks(parts.meshes, self._textures, self._meshes, self.device)
         self._splats = self._pack_splats()

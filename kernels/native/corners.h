@@ -53,7 +53,10 @@ struct FloorView {
     // Steps on the texture from pixel to pixel, to the right and down, at depth 1 [texels]: for a ray of direction r,
     // that of u is x - y * r.x / r.z, that of v z - w * r.y / r.z (w: a float's bits).
     Row right, down;
-    Row levels[MAX_LEVELS];      // of the texture: width, height and start (of floats the bits); w: start of the next
+    // Of the texture: width, height and start (of floats the bits); w: start of the next. With a sheet all are floats,
+    // the last two where the level begins there, left and top.
+    Row levels[MAX_LEVELS];
+    unsigned long long sheet;    // see Textures.sheets; 0: none
     int count;                   // of levels
     int plain;                   // 1: it has a texture of one image, or none
 };
@@ -285,8 +288,15 @@ template <class Looks> WARPCAM_FN void list_levels(FloorView& view, const Looks&
 {
     if constexpr (Looks::TEXTURED) {
         const Image& image = look.layout.image;
+        const unsigned long long sheet = Looks::ON_SHEETS ? look.layout.sheet : 0;
+        if (lane == 0)
+            view.sheet = sheet;
         for (int i = lane; i < lower_int(image.levels, MAX_LEVELS); i += TEAM) {
             const Level level = Level { image.start, image.width, image.height }.after(i, 1);
+            if (sheet) {
+                view.levels[i] = level_on_sheet(image, i);
+                continue;
+            }
             view.levels[i] = { as_float(level.width), as_float(level.height), as_float(level.start), level.next(1).start };
         }
     }

@@ -5,6 +5,7 @@
 namespace warpcam {
 
 // The texture's colour where a ray, in the plane's frame, meets it.
+template <bool ON_SHEETS>
 WARPCAM_FN Vec floor_texture(const FloorView& view, const unsigned* texels, Vec ray, float depth, float x, float y)
 {
     const Row place = view.place, right = view.right, down = view.down;
@@ -15,6 +16,11 @@ WARPCAM_FN Vec floor_texture(const FloorView& view, const unsigned* texels, Vec 
     const float detail = level_of_detail(square * (right_u * right_u + right_v * right_v),
                                          square * (down_u * down_u + down_v * down_v), view.count);
     const int steps = int(detail);
+#if defined(__CUDA_ARCH__)
+    if (ON_SHEETS && view.sheet)
+        return sample_sheet(view.sheet, view.levels[steps], view.levels[lower_int(steps + 1, view.count - 1)],
+                            place.x * x + place.z, place.y * y + as_float(place.w), detail - float(steps));
+#endif
     const Row row = view.levels[steps];
     const Level level { as_int(row.z), as_int(row.x), as_int(row.y) };
     return sample_levels(texels, level, row.w, place.x * x + place.z, place.y * y + as_float(place.w),
@@ -100,29 +106,30 @@ template <class Grid> WARPCAM_FN Vec light_from_corners(const Grid& grid, const 
     return sum;
 }
 
-// What a tile shows of the plane, if there is nothing else on it and all of it is among the corners that are kept; false
-// if not. `found` and `at` are what the trace found at a pixel, and where.
-template <bool TEXTURED, class Grid, class Frame, class Textures>
-WARPCAM_FN bool draw_floor(const Grid& grid, const Frame& frame, const Textures& textures, const Hit& found, unsigned at,
+// What a pixel shows of the plane, if it is among the corners that are kept; false if not. `found` is what the trace
+// found there, `shadow_at()` the lights that do not reach it. All threads of a warp call it together. APART: where some
+// of their pixels show something else, these are left out; otherwise it then returns false for all of them.
+template <bool TEXTURED, bool APART, class Grid, class Textures, class Shadow>
+WARPCAM_FN bool draw_floor(const Grid& grid, const Textures& textures, const Hit& found, const Shadow& shadow_at,
                            float x, float y, Vec& display)
 {
-    const bool hit = found.shape >= 0;
-    if (any_lane(hit && found.shape != grid.shape) || !any_lane(hit))
-        return false;
     const FloorView& view = grid.view;
+    const bool hit = found.shape >= 0, on_plane = hit && found.shape == grid.shape;
+    if (!any_lane(on_plane) || (!APART && any_lane(hit && !on_plane)) || !view.plain)
+        return false;
     const Row axis_x = view.axis_x, axis_y = view.axis_y, axis_z = view.axis_z;
     const Vec ray { axis_x.x * x + axis_x.y * y - axis_x.z, axis_y.x * x + axis_y.y * y - axis_y.z,
                     axis_z.x * x + axis_z.y * y - axis_z.z };
     const Vec local { as_float(axis_x.w) + found.depth * ray.x, as_float(axis_y.w) + found.depth * ray.y, 0.0f };
-    const OnCorners on = on_corners(grid, local, hit);
-    if (any_lane(hit && !on.inside) || !view.plain)
+    const OnCorners on = on_corners(grid, local, on_plane);
+    if (APART ? !any_lane(on.inside) : any_lane(hit && !on.inside))
         return false;
-    const int shadow = Grid::SHADOWS && hit ? frame.shadow.data[at] : 0;
+    const int shadow = Grid::SHADOWS ? shadow_at() : 0;
     Vec texture { 1.0f, 1.0f, 1.0f };
     if (TEXTURED && view.count > 0)
-        texture = floor_texture(view, textures.texels.data, ray, found.depth, local.x, local.y);
+        texture = floor_texture<APART>(view, textures.texels.data, ray, found.depth, local.x, local.y);
     display = times(light_from_corners(grid, on, shadow), texture);
-    return true;
+    return !APART || on.inside;
 }
 
 }  // namespace warpcam

@@ -16,6 +16,7 @@ enum Fact {
     HAS_SHADOWS = 8,
     QUADS = 16,
     WHOLE_REGIONS = 32,  // the image has no part of a region
+    SPARE = 64,  // few shapes and no meshes: there is room to draw floors apart and for lookups on sheets
     PHYSICAL = 1 << 12,  // is lit as physical.h does it, else as shade.h does
     HAS_MAPS = 1 << 13,  // some material has more than the texture of its colour
     HAS_OFFSETS = 1 << 20  // textures are moved: variety.h
@@ -32,6 +33,7 @@ template <int IMAGES, int FACTS> struct Wanted {
     static constexpr bool MATERIAL = FACTS & HAS_MATERIALS;
     static constexpr bool TEXTURED = COLORED && MATERIAL && (FACTS & HAS_TEXTURES);
     static constexpr bool SHIFTED = TEXTURED && (FACTS & HAS_OFFSETS);
+    static constexpr bool ON_SHEETS = TEXTURED && (FACTS & SPARE);
     static constexpr bool TURNED = IMAGES & NORMALS;
     static constexpr bool SURFACE = LIT || TEXTURED || TURNED;
     static constexpr bool COATED = COLORED && (FACTS & PHYSICAL);
@@ -62,6 +64,7 @@ struct Layout {
     float start[2];   // u and v in a plane's middle
     int cube;         // 1: a cube texture
     int own;          // 1: a mesh with texture coordinates of its own
+    unsigned long long sheet;  // see Textures.sheets; 0: none
 };
 
 // The shape's axes in the world.
@@ -108,7 +111,7 @@ template <class Looks> WARPCAM_FN void shift(const Looks& look, float& u, float&
 
 // Only what the images need.
 template <int TYPES, class Wants> struct Look : Either<Wants::SHIFTED, Shift, Unmoved>::type {
-    static constexpr bool SHIFTED = Wants::SHIFTED, TEXTURED = Wants::TEXTURED;
+    static constexpr bool SHIFTED = Wants::SHIFTED, TEXTURED = Wants::TEXTURED, ON_SHEETS = Wants::ON_SHEETS;
     typename Kept<Wants::SURFACE, Pose>::type pose;
     typename Kept<Wants::COLORED, typename Either<Wants::COATED, Coat, Finish>::type>::type finish;
     typename Kept<Wants::TURNED, Turn>::type turn;
@@ -244,7 +247,7 @@ WARPCAM_FN Layout load_layout(const Shapes& shapes, const Materials& materials, 
                               const Meshes& meshes, const HeightFields& fields, const Pose& pose, int texture,
                               int world, int id)
 {
-    Layout layout { { 0.0f, 0.0f, 0.0f, 0 }, load_image(textures, texture), { 1.0f, 1.0f }, {}, 0, 0 };
+    Layout layout { { 0.0f, 0.0f, 0.0f, 0 }, load_image(textures, texture), { 1.0f, 1.0f }, {}, 0, 0, 0 };
     const int index = material_of(shapes, materials, world, id);
     if (index < 0)
         return layout;
@@ -281,6 +284,8 @@ WARPCAM_FN void load_rest(Look<TYPES, Wants>& look, const Shapes& shapes, const 
     if constexpr (Wants::TEXTURED)
         look.layout = load_layout<TYPES>(shapes, materials, textures, meshes, fields, look.pose,
                                          look.finish.color.w, world, id);
+    if constexpr (Wants::ON_SHEETS)
+        look.layout.sheet = sheet_of(textures, look.finish.color.w);
     if constexpr (Wants::FACETED && (TYPES >> PLANE & 1)) {
         const int index = Wants::MATERIAL ? material_of(shapes, materials, world, id) : -1;
         float repeat[2] = { 0.0f, 0.0f };
@@ -312,7 +317,7 @@ WARPCAM_FN Look<TYPES, Wants> load_look(const Shapes& shapes, const Materials& m
 
 // Looks without that: enough of most shapes.
 template <class Wants> struct Bare : Wants {
-    static constexpr bool TEXTURED = false, SHIFTED = false, FACETED = false;
+    static constexpr bool TEXTURED = false, SHIFTED = false, ON_SHEETS = false, FACETED = false;
 };
 
 // What a block keeps where it cannot keep the looks of all shapes: of those that it sees, as far as there is room.

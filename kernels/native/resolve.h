@@ -8,16 +8,22 @@
 
 namespace warpcam {
 
-// What the trace found at a pixel.
-template <int TYPES, int IMAGES, int FACTS, class Frame_> WARPCAM_FN Hit find(const Frame_& frame, const Pixel& pixel)
+// What the trace and the shadow pass found at a pixel.
+struct Seen : Hit {
+    int shadow;  // where FACTS have SPARE; otherwise it is asked for when the pixel is drawn
+};
+
+template <int TYPES, int IMAGES, int FACTS, class Frame_> WARPCAM_FN Seen find(const Frame_& frame, const Pixel& pixel)
 {
-    Hit found { 0.0f, -1, 0 };
+    Seen found { { 0.0f, -1, 0 }, 0 };
     if (pixel.inside) {
         found.shape = frame.shape.data[pixel.at];
         if (Wanted<IMAGES, FACTS>::SURFACE)
             found.depth = frame.depth.data[pixel.at];
         if (Wanted<IMAGES, FACTS>::SURFACE && (TYPES & (1 << MESH | 1 << HEIGHT_FIELD)))
             found.face = frame.face.data[pixel.at];
+        if (Wanted<IMAGES, FACTS>::LIT && (FACTS & HAS_SHADOWS) && (FACTS & SPARE))
+            found.shadow = frame.shadow.data[pixel.at];
     }
     return found;
 }
@@ -98,7 +104,7 @@ WARPCAM_FN float resolve_veils(const Looks* looks, const List& lights, const Sce
 template <int TYPES, int LENS, int CAPACITY, int IMAGES, int FACTS, class Looks, class List, class Scene_,
           class Veils_, class Camera_>
 WARPCAM_FN void resolve_pixel(const Looks* looks, const List& lights, const Scene_& scene, const Camera_& camera,
-                              const Veils_& veils, const Region& region, int world, const Pixel& pixel, Hit found)
+                              const Veils_& veils, const Region& region, int world, const Pixel& pixel, Seen found)
 {
     using Wants = Wanted<IMAGES, FACTS>;
     constexpr bool IN_QUADS = FACTS & QUADS;
@@ -108,18 +114,25 @@ WARPCAM_FN void resolve_pixel(const Looks* looks, const List& lights, const Scen
     const float x = ray_x<LENS>(camera, column), y = ray_y<LENS>(camera, pixel.row);
     const bool hit = found.shape >= 0;
     const Hit solid = found;
+    const auto shadow = [&] {
+        if constexpr (!Wants::LIT || !(FACTS & HAS_SHADOWS))
+            return 0;
+        else if constexpr ((FACTS & SPARE) != 0)
+            return found.shadow;
+        else
+            return hit ? int(frame.shadow.data[pixel.at]) : 0;
+    };
     Shown shown;
     bool drawn = false;
-    if constexpr (lit_by_corners<List>(FACTS & HAS_SHADOWS) && !(IMAGES & (NORMALS | ALBEDO))) {
-        drawn = draw_floor<Wants::TEXTURED>(lights.grid, frame, scene.textures, found, pixel.at, x, y, shown.display);
-        if (drawn) {
-            shown.linear = shown.display;
-            expose<FACTS>(scene, world, shown.linear, shown.display);
-        }
-    }
-    if (!drawn && (Wants::SURFACE || Wants::COLORED) && follow(hit, found)) {
-        const int shadow = (FACTS & HAS_SHADOWS) && Wants::LIT && hit ? frame.shadow.data[pixel.at] : 0;
-        resolve_hit<TYPES, LENS, CAPACITY, IMAGES, FACTS>(looks, lights, scene, camera, world, x, y, found, shadow, shown);
+    Vec apart;
+    Vec& floor = FACTS & SPARE ? apart : shown.display;
+    if constexpr (lit_by_corners<List>(FACTS & HAS_SHADOWS) && !(IMAGES & (NORMALS | ALBEDO)))
+        drawn = draw_floor<Wants::TEXTURED, (FACTS & SPARE) != 0>(lights.grid, scene.textures, found, shadow, x, y, floor);
+    if (((FACTS & SPARE) || !drawn) && (Wants::SURFACE || Wants::COLORED) && follow(hit && !drawn, found))
+        resolve_hit<TYPES, LENS, CAPACITY, IMAGES, FACTS>(looks, lights, scene, camera, world, x, y, found, shadow(), shown);
+    if (drawn) {
+        shown.linear = shown.display = floor;
+        expose<FACTS>(scene, world, shown.linear, shown.display);
     }
     const Vec black { 0.0f, 0.0f, 0.0f };
     if (IMAGES & NORMALS)
@@ -148,7 +161,7 @@ WARPCAM_FN void resolve_pixel(const Looks* looks, const List& lights, const Scen
             expose<FACTS>(scene, world, shown.linear, shown.display);
         }
         if constexpr ((FACTS & REFLECTS) != 0)
-            if (seen && found.shape == wp::index(frame.mirrors, world).shape)
+            if (seen && solid.shape == wp::index(frame.mirrors, world).shape)
                 add_mirrored<IMAGES>(images, pixel.at, shown.linear, shown.display);
         if constexpr ((FACTS & HAZY) != 0)
             if (mist.density > 0.0f && !(seen && solid.depth < mist.depth)) {
@@ -279,10 +292,10 @@ WARPCAM_FN void resolve(const Scene_& scene, const Lights& lights, int index)
     pixel.lane = unsigned(thread) % LANES;
     pixel.row_of_lanes = reinterpret_cast<float*>(lanes[warp]);
     go_to<WIDTH, FACTS>(pixel, frame, first, left, top, warp);
-    Hit next = find<TYPES, IMAGES, FACTS>(frame, pixel);
+    Seen next = find<TYPES, IMAGES, FACTS>(frame, pixel);
 #pragma unroll 1
     for (unsigned tile = warp; tile < TILES; tile += STEP) {
-        const Hit found = next;
+        const Seen found = next;
         if (tile + STEP < TILES) {  // ask for the next tile's pixels before this one's are drawn
             go_to<WIDTH, FACTS>(pixel, frame, first, left, top, tile + STEP);
             next = find<TYPES, IMAGES, FACTS>(frame, pixel);
@@ -301,7 +314,7 @@ WARPCAM_FN void resolve(const Scene_& scene, const Lights& lights, int index)
     for (pixel.row = top; pixel.row < lower_int(top + HEIGHT, frame.height); ++pixel.row)
         for (pixel.column = left; pixel.column < lower_int(left + WIDTH, frame.width); ++pixel.column) {
             pixel.at = first + pixel.row * frame.width + pixel.column;
-            const Hit found = find<TYPES, IMAGES, FACTS>(frame, pixel);
+            const Seen found = find<TYPES, IMAGES, FACTS>(frame, pixel);
             const int place = KEPT > 0 && found.shape >= 0 ? wp::index(scene.shapes.places, found.shape) : 0;
             if constexpr (KEPT > 0)
                 if (found.shape >= 0 && !made[place]) {

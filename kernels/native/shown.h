@@ -70,12 +70,20 @@ WARPCAM_FN Vec texture_color(const Looks& look, const Meshes& meshes, const Text
                                   : -stretch * camera.scale_y * Vec { pose.axis_x.y, pose.axis_y.y, pose.axis_z.y };
     if (layout.cube) {
         const CubeMapping mapping = map_cube<TYPES>(pose, layout, surface);
-        return sample_cube(textures.texels.data, layout.image, mapping.direction,
-                           times(mapping.scale, slide(right, ray, surface.normal)),
-                           times(mapping.scale, slide(down, ray, surface.normal)));
+        const Vec to_right = times(mapping.scale, slide(right, ray, surface.normal));
+        const Vec to_below = times(mapping.scale, slide(down, ray, surface.normal));
+#if defined(__CUDA_ARCH__)
+        if (Looks::ON_SHEETS && layout.sheet)
+            return sample_cube_sheet(layout.sheet, layout.image, mapping.direction, to_right, to_below);
+#endif
+        return sample_cube(textures.texels.data, layout.image, mapping.direction, to_right, to_below);
     }
     Footprint at = footprint_2d<TYPES>(pose, layout, meshes, surface, ray, right, down);
     shift(look, at.u, at.v);
+#if defined(__CUDA_ARCH__)
+    if (Looks::ON_SHEETS && layout.sheet)
+        return sample_2d_sheet(layout.sheet, layout.image, at.u, at.v, at.right, at.down);
+#endif
     return sample_2d(textures.texels.data, layout.image, at.u, at.v, at.right, at.down);
 }
 
@@ -125,9 +133,11 @@ WARPCAM_FN void resolve_surface(const Looks& look, const List& lights, const Sce
         shown.display = encoded(shown.linear);
     } else if constexpr (Wants::LIT) {
         constexpr bool SHADOWS = FACTS & HAS_SHADOWS;
+        // else draw_floor() did, or left this pixel out
+        constexpr bool BY_CORNERS = lit_by_corners<List>(SHADOWS) && (!(FACTS & SPARE) || (IMAGES & (NORMALS | ALBEDO)));
         OnCorners on;
         on.inside = false;
-        if constexpr (lit_by_corners<List>(SHADOWS)) {
+        if constexpr (BY_CORNERS) {
             on.inside = found.shape == lights.grid.shape;
             if (any_lane(on.inside))
                 on = on_corners(lights.grid, surface.local, on.inside);
@@ -140,7 +150,7 @@ WARPCAM_FN void resolve_surface(const Looks& look, const List& lights, const Sce
             lit = three ? illuminate<3, SHADOWS>(lights, facet, look.finish, shadow)
                         : illuminate<1, SHADOWS>(lights, facet, look.finish, shadow);
         }
-        if constexpr (lit_by_corners<List>(SHADOWS))
+        if constexpr (BY_CORNERS)
             if (any_lane(on.inside)) {
                 const Vec light = light_from_corners(lights.grid, on, shadow);
                 lit.display = on.inside ? light : lit.display;

@@ -148,6 +148,17 @@ WARPCAM_FN void add_bilinear(const unsigned* texels, const Level& level, float u
     add_quad(texels, quad, x, y, total, blend);
 }
 
+#if defined(__CUDA_ARCH__)
+WARPCAM_FN Vec look_up(unsigned long long sheet, float x, float y)
+{
+    float red, green, blue, alpha;
+    asm("tex.2d.v4.f32.f32 {%0, %1, %2, %3}, [%4, {%5, %6}];"
+        : "=f"(red), "=f"(green), "=f"(blue), "=f"(alpha)
+        : "l"(sheet), "f"(x), "f"(y));
+    return { red, green, blue };
+}
+#endif
+
 // The part of `unit` after the point; 0 of what has none.
 WARPCAM_FN float fraction(float unit) { return saturated(unit - round_down(unit)); }
 
@@ -165,6 +176,77 @@ WARPCAM_FN Vec sample_levels(const unsigned* texels, const Level& level, int nex
     }
     return to_color(blend);
 }
+
+// The sheet that a texture lies on; 0 where it has none.
+template <class Textures> WARPCAM_FN unsigned long long sheet_of(const Textures& textures, int texture)
+{
+#if defined(__CUDA_ARCH__)
+    if (texture >= 0 && texture < textures.sheets.shape[0])
+        return wp::index(textures.sheets, texture);
+#endif
+    return 0;
+}
+
+// Where a level lies on its image's sheet: width, height, and where it begins, left and top, all floats. Level 0 stands
+// on the left, the others below each other beside it; each has a border of a texel, which repeats the other side's.
+WARPCAM_FN Row level_on_sheet(const Image& image, int number)
+{
+    int width = image.width >> number, height = image.height >> number, left = image.width + 3, top;
+    if (number == 0) {
+        left = top = 1;
+    } else if (height << number == image.height) {  // sides that halve without a rest are a geometric series
+        top = image.height - 2 * height + 2 * number - 1;
+    } else {
+        top = 1;
+#pragma unroll 1
+        for (int i = 1; i < number; ++i)
+            top += upper_int(image.height >> i, 1) + 2;
+    }
+    return { float(upper_int(width, 1)), float(upper_int(height, 1)), float(left), as_int(float(top)) };
+}
+
+// The same of a cube: side, how far its faces are apart, and where it begins, left and top. A level's faces stand in a
+// row, with borders of the faces that they meet, the levels below each other.
+WARPCAM_FN Row level_of_cube_on_sheet(int size, int number)
+{
+    const int side = size >> number;
+    int top = 1;
+    if (side << number == size)
+        top += 2 * (size - side) + 2 * number;
+    else
+#pragma unroll 1
+        for (int i = 0; i < number; ++i)
+            top += upper_int(size >> i, 1) + 2;
+    const float shown = float(upper_int(side, 1));
+    return { shown, shown + 2.0f, 1.0f, as_int(float(top)) };
+}
+
+#if defined(__CUDA_ARCH__)
+// Colour in [0, 1] at (u, v), in images, between two levels of a sheet; `on` says how far on. The hardware's filter
+// rounds how far a place is from a texel to 1/256.
+WARPCAM_FN Vec sample_sheet(unsigned long long sheet, const Row& near, const Row& far, float u, float v, float on)
+{
+    u = fraction(u);
+    v = fraction(v);
+    const Vec first = look_up(sheet, muladd(u, near.x, near.z), muladd(v, near.y, as_float(near.w)));
+    const Vec second = look_up(sheet, muladd(u, far.x, far.z), muladd(v, far.y, as_float(far.w)));
+    return first + on * (second - first);
+}
+#endif
+
+#if defined(__CUDA_ARCH__)
+// As sample_2d(), from a sheet.
+WARPCAM_FN Vec sample_2d_sheet(unsigned long long sheet, const Image& image, float u, float v, Pair right, Pair down)
+{
+    const float width = float(image.width), height = float(image.height);
+    const float right_u = right.x * width, right_v = right.y * height, down_u = down.x * width, down_v = down.y * height;
+    const float detail = level_of_detail(right_u * right_u + right_v * right_v, down_u * down_u + down_v * down_v,
+                                         image.levels);
+    const int steps = int(detail);
+    return sample_sheet(sheet, level_on_sheet(image, steps),
+                        level_on_sheet(image, lower_int(steps + 1, image.levels - 1)), u, v, detail - float(steps));
+}
+#endif
 
 // Colour in [0, 1] of a 2-D texture at (u, v), in images: (0, 0) is the top left corner, and images repeat. The steps
 // from this pixel to the next on the right and to the next below are given by the squares of their lengths in texels.
@@ -250,9 +332,13 @@ WARPCAM_FN void add_bilinear_cube(const unsigned* texels, const Level& level, in
     add_quad(texels, quad, x, y, total, blend);
 }
 
-// Colour in [0, 1] of a cube texture in a direction of any length from its middle. The steps are the changes of
-// `direction` from this pixel to the next on the right and to the next below.
-static WARPCAM_COLD Vec sample_cube(const unsigned* texels, const Image& image, Vec direction, Vec right, Vec down)
+// Where a direction meets a cube: the face, the place on it in [0, 1], and the mipmap level.
+struct OnCube {
+    int face;
+    float s, t, detail;
+};
+
+WARPCAM_FN OnCube on_cube(const Image& image, Vec direction, Vec right, Vec down)
 {
     const int face = cube_face(direction), size = image.width;
     const Vec place = to_face(face, direction), step_right = to_face(face, right), step_down = to_face(face, down);
@@ -263,15 +349,39 @@ static WARPCAM_COLD Vec sample_cube(const unsigned* texels, const Image& image, 
     const float down_x = scale * (step_down.x - x * step_down.z), down_y = scale * (step_down.y - y * step_down.z);
     const float detail = level_of_detail(right_x * right_x + right_y * right_y, down_x * down_x + down_y * down_y,
                                          image.levels);
-    const int steps = int(detail);
-    const float coarse = float(WHOLE) * (detail - float(steps));
-    const float s = saturated(0.5f * x + 0.5f), t = saturated(0.5f * y + 0.5f);
-    const Level level = Level { image.start, size, size }.after(steps, 6);
+    return { face, saturated(0.5f * x + 0.5f), saturated(0.5f * y + 0.5f), detail };
+}
+
+// Colour in [0, 1] of a cube texture in a direction of any length from its middle. The steps are the changes of
+// `direction` from this pixel to the next on the right and to the next below.
+static WARPCAM_COLD Vec sample_cube(const unsigned* texels, const Image& image, Vec direction, Vec right, Vec down)
+{
+    const OnCube on = on_cube(image, direction, right, down);
+    const int steps = int(on.detail);
+    const float coarse = float(WHOLE) * (on.detail - float(steps));
+    const Level level = Level { image.start, image.width, image.width }.after(steps, 6);
     Blend blend { 0u, 0u, 0u };
-    add_bilinear_cube(texels, level, face, s, t, float(WHOLE) - coarse, blend);
+    add_bilinear_cube(texels, level, on.face, on.s, on.t, float(WHOLE) - coarse, blend);
     if (coarse > 0.0f)
-        add_bilinear_cube(texels, level.next(6), face, s, t, coarse, blend);
+        add_bilinear_cube(texels, level.next(6), on.face, on.s, on.t, coarse, blend);
     return to_color(blend);
 }
+
+#if defined(__CUDA_ARCH__)
+// The same, from a sheet.
+WARPCAM_FN Vec sample_cube_sheet(unsigned long long sheet, const Image& image, Vec direction, Vec right, Vec down)
+{
+    const OnCube on = on_cube(image, direction, right, down);
+    const int steps = int(on.detail);
+    const Row near = level_of_cube_on_sheet(image.width, steps);
+    const Row far = level_of_cube_on_sheet(image.width, lower_int(steps + 1, image.levels - 1));
+    const float face = float(on.face), part = on.detail - float(steps);
+    const Vec first = look_up(sheet, muladd(face, near.y, muladd(on.s, near.x, near.z)),
+                              muladd(on.t, near.x, as_float(near.w)));
+    const Vec second = look_up(sheet, muladd(face, far.y, muladd(on.s, far.x, far.z)),
+                               muladd(on.t, far.x, as_float(far.w)));
+    return first + part * (second - first);
+}
+#endif
 
 }  // namespace warpcam

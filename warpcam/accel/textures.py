@@ -52,7 +52,7 @@ def pack_textures(images: Sequence[TextureImage], device: wp.DeviceLike = None) 
         WarpcamError: An image has another shape or dtype than allowed, or the texels are 2^31 or more.
     """
     faces = [_faces(index, image) for index, image in enumerate(images)]
-    sizes = [_level_sizes(pixels.shape[2], pixels.shape[1]) for pixels in faces]
+    sizes = [level_sizes(pixels.shape[2], pixels.shape[1]) for pixels in faces]
     counts = [len(pixels) * sum(w * h for w, h in levels) for pixels, levels in zip(faces, sizes, strict=True)]
     total = sum(counts)
     if total > MAX_TEXELS:
@@ -108,7 +108,7 @@ def _faces(index: int, image: TextureImage) -> Bytes:
     return pixels
 
 
-def _level_sizes(width: int, height: int) -> list[tuple[int, int]]:
+def level_sizes(width: int, height: int) -> list[tuple[int, int]]:
     """(width, height) of each mipmap level, halving down to 1 x 1."""
     sizes = [(width, height)]
     while sizes[-1] != (1, 1):
