@@ -28,7 +28,7 @@ VEILED_BLOCKS = 4  # blocks that a multiprocessor is to hold where some shapes m
 PHYSICAL, HAS_MAPS = 1 << 12, 1 << 13  # the same
 MAX_KEPT = 256  # shapes whose looks a block can keep
 MAX_SEEN = 512  # shapes of which it can keep the looks of those that it sees; with more it sees too many
-MIRRORED, REFLECTS, VEILED, HAZY = 1 << 8, 1 << 9, 1 << 10, 1 << 11  # facts of native/look.h
+MIRRORED, REFLECTS, VEILED, HAZY, NOTED = 1 << 8, 1 << 9, 1 << 10, 1 << 11, 1 << 14  # facts of native/look.h
 LIT = ("rgb", "rgba", "hdr")  # what mirrors, transparent shapes and haze change
 
 
@@ -181,6 +181,7 @@ def record(
     layers: LayerTables | None = None,
     mirrors: wp.array | None = None,
     mirrored: bool = False,
+    noted: bool = False,
 ) -> Stage:
     """Bind the kernel that writes ``outputs`` to one camera's buffers.
 
@@ -204,6 +205,7 @@ def record(
         mirrored: The buffers are those of the view from behind the mirrors, ``views``: the outputs, all ``LIT``, are
             what the mirrors show, black where they show nothing. Otherwise that lies in the outputs already where there
             are ``mirrors``, and is added to.
+        noted: Write transparent shapes that cover half of what lies behind them into ``depth`` and ``shape``.
     """
     unknown = sorted(set(outputs) - set(OUTPUTS))
     if unknown:
@@ -212,7 +214,7 @@ def record(
     if layers is not None and not set(LIT).isdisjoint(outputs):
         more = (MIRRORED if mirrored else REFLECTS) if mirrors is not None else 0
         if layers.veiled:
-            more |= VEILED
+            more |= VEILED | (NOTED if noted else 0)
             veils = -(-layers.veils.size // 8) * 8
         if layers.haze is not None and tables.has_skybox and not mirrored:
             more |= HAZY

@@ -96,6 +96,7 @@ class Target:
             traced = _swapped(traced)
         depth, shape, face = (traced.pop(name, buffers.get(name)) for name in ("depth", "shape", "face"))
         shadows = buffers.get("shadow") if lit else None
+        smooth = bool(lit and smooth_outputs(self._camera.outputs, self._camera.antialiasing))
         veil_places = layers.veil_places if opaque and layers is not None else None
         stages = [
             visibility.record(
@@ -152,9 +153,10 @@ class Target:
                     group,
                     layers,
                     self._mirrors if reflecting else None,
+                    noted=smooth and opaque and tables.physical is None and tables.splats is None,
                 )
             )
-        if lit and smooth_outputs(self._camera.outputs, self._camera.antialiasing):
+        if smooth:
             stages += self._smooth(tables, projection, group, buffers, mask, depth, shape)
         if tables.splats is not None:
             trail = None if self.past is None else self.past.trail

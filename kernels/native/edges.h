@@ -142,6 +142,16 @@ template <int LENS, class Target> struct Seen {
             keep(2, left, up + west, up);
             keep(3, up, up + east, right);
         }
+        if (!within && here >= 0) {  // beside another shape, its own may be bent
+            const auto bends = [&](int sample, unsigned beside, unsigned across) {
+                if (!(samples >> sample & 1) && shape(beside) == here && shape(across) == here && (differ<IMAGES>(pixel, beside, FAINT_WITHIN) || differ<IMAGES>(pixel, across, FAINT_WITHIN)))
+                    samples |= 1u << sample;
+            };
+            bends(0, down, down + west);
+            bends(1, right, down + east);
+            bends(2, left, up + west);
+            bends(3, up, up + east);
+        }
         return samples;
     }
 
