@@ -157,7 +157,7 @@ class Target:
                 )
             )
         if smooth:
-            stages += self._smooth(tables, projection, group, buffers, mask, depth, shape)
+            stages += self._smooth(tables, projection, group, buffers, mask, depth, shape, face)
         if tables.splats is not None:
             trail = None if self.past is None else self.past.trail
             stages.insert(0, splats.record_check(tables, views, mask, faults, device, group))
@@ -189,6 +189,7 @@ class Target:
         mask: wp.array,
         depth: wp.array,
         shape: wp.array,
+        face: wp.array,
     ) -> list[Stage]:
         """The stages that smooth the edges of images that are there, by what was found in the pixels' centres."""
         images = {name: self.images[name] for name in smooth_outputs(self._camera.outputs, self._camera.antialiasing)}
@@ -197,7 +198,18 @@ class Target:
             for name, image in images.items()
         }
         return antialias.record(
-            images, means, tables, projection, self.views, mask, depth, shape, buffers["edges"], self._device, group
+            images,
+            means,
+            tables,
+            projection,
+            self.views,
+            mask,
+            depth,
+            shape,
+            face,
+            buffers["edges"],
+            self._device,
+            group,
         )
 
     def _record_mirrors(

@@ -12,6 +12,8 @@ constexpr int FAINT = 8, FAINT_WITHIN = 16;
 // Of the pixels that may show a sample's surface one whose plane lies apart from it by so many pixels' widths in depth
 // is as bad as one that lies a pixel's width aside.
 constexpr float STEEP = 1.0f;
+// One whose face is turned by a right angle is as bad as one that lies so many pixels' widths aside, squared.
+constexpr float TURNED = 2.0f;
 // How far beyond the depths around a sample is followed: parts of their range, and pixels' widths.
 constexpr float BEYOND = 2.5f, ASIDE = 4.0f;
 constexpr int SAMPLES = 4;  // of a pixel
@@ -188,9 +190,10 @@ template <int LENS, class Target> struct Seen {
         return (LENS != ORTHOGRAPHIC ? apart * hit_depth : apart) * reciprocal(STEEP * scale_x);
     }
 
-    // Which of the nine pixels around shows what a sample of pixel (i, j) has hit: the nearest, by place and by depth.
-    // It is the pixel itself if none does.
-    WARPCAM_FN unsigned shown(int i, int j, Offset offset, float hit_depth, int hit_shape) const
+    // Which of the nine pixels around shows what a sample of pixel (i, j) has hit: the nearest, by place, by depth and by
+    // turned(pixel), how far its face turns from the one hit. It is the pixel itself if none does.
+    template <class Turned>
+    WARPCAM_FN unsigned shown(int i, int j, Offset offset, float hit_depth, int hit_shape, const Turned& turned) const
     {
         // The nine from near to far, 1 being the pixel's own line and 2 that on the sample's side: bits by twos for the
         // direction in which the sample is farther from the centre, and for the other.
@@ -218,6 +221,8 @@ template <int LENS, class Target> struct Seen {
                 break;
             if (hit_shape >= 0)
                 cost += off_plane(i + at_k.right, j + at_k.down, right, down, hit_depth, hit_shape);
+            if (cost < best)
+                cost += turned(at(i + at_k.right, j + at_k.down));
             if (cost < best) {
                 best = cost;
                 chosen = at(i + at_k.right, j + at_k.down);

@@ -99,6 +99,8 @@ WARPCAM_FN float resolve_veils(const Looks* looks, const List& lights, const Sce
             if (first.shape >= 0) {
                 scene.frame.shape.data[pixel.at] = first.shape;
                 scene.frame.depth.data[pixel.at] = first.depth;
+                if constexpr ((TYPES & (1 << MESH | 1 << HEIGHT_FIELD)) != 0)
+                    scene.frame.face.data[pixel.at] = first.face;
             }
         shown.linear = covered.final_linear();
         shown.display = covered.final_display();

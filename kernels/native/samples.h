@@ -53,4 +53,44 @@ template <int LENS> WARPCAM_FN ViewRay<LENS> sample_ray(const Camera& camera, in
     return view_ray<LENS>(camera, i, j, offset.right, offset.down);
 }
 
+template <class Meshes> WARPCAM_FN Vec face_normal(const Meshes& meshes, unsigned first, int face)
+{
+    const unsigned row = first + unsigned(face * FACE_ROWS);
+    const Vec corner = to_vec(load(meshes.faces.data, row));
+    return normalized(cross(to_vec(load(meshes.faces.data, row + 1)) - corner,
+                            to_vec(load(meshes.faces.data, row + 2)) - corner));
+}
+
+// How far the face of a mesh that a sample has hit is turned from those that pixels with the same shape show: two that
+// meet in an edge are near each other in depth, but not of one colour.
+template <int TYPES, class Meshes, class Target> struct TurnedFaces {
+    const Meshes& meshes;
+    const Target& target;
+    unsigned first;  // of the mesh's rows
+    Vec normal;
+    bool known;  // what is hit is a mesh
+
+    WARPCAM_FN float operator()(unsigned pixel) const
+    {
+        if constexpr ((TYPES >> MESH & 1) != 0)
+            if (known)
+                return TURNED * (1.0f - dot(normal, face_normal(meshes, first, int(target.face.data[pixel]))));
+        return 0.0f;
+    }
+};
+
+template <int TYPES, class Shapes, class Meshes, class Target>
+WARPCAM_FN TurnedFaces<TYPES, Meshes, Target> turned_faces(const Shapes& shapes, const Meshes& meshes,
+                                                          const Target& target, int world, int shape, int face)
+{
+    TurnedFaces<TYPES, Meshes, Target> turned { meshes, target, 0, { 0.0f, 0.0f, 0.0f }, false };
+    if constexpr ((TYPES >> MESH & 1) != 0)
+        if (shape >= 0 && face >= 0 && wp::index(shapes.types, shape) == MESH) {
+            turned.first = unsigned(wp::index(meshes.face_start, row_of(shapes.assets, world, shape)));
+            turned.normal = face_normal(meshes, turned.first, face);
+            turned.known = true;
+        }
+    return turned;
+}
+
 }  // namespace warpcam

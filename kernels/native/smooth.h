@@ -30,6 +30,7 @@ template <bool SLOW> struct Batch {
     Record records[LANES];  // nearest first where there are meshes
     float depth[SAMPLES * LANES];
     int shape[SAMPLES * LANES];  // in the end: the pixel of the image that shows it
+    int face[SLOW ? SAMPLES * LANES : 1];
     unsigned char traced[SAMPLES * LANES];  // the samples that are
     Band meshes[SLOW ? LANES : 1], fields[SLOW ? LANES : 1];  // of each pixel
 };
@@ -258,6 +259,7 @@ WARPCAM_FN void smooth_region(const Shapes& shapes, const Meshes& meshes, const 
                 const auto store = [&](int sample, const Hit& hit) {
                     batch.depth[sample] = hit.depth;
                     batch.shape[sample] = hit.shape;
+                    batch.face[sample] = hit.face;
                 };
                 trace_rays<TYPES>(waiting[HAS_MESH ? warp : 0], Ranked { batch.records, {}, LANES }, meshes, near,
                                   next_rays, ray_of, store);
@@ -271,7 +273,9 @@ WARPCAM_FN void smooth_region(const Shapes& shapes, const Meshes& meshes, const 
             const int sample = batch.traced[k], at = listed[begin + sample % LANES] >> SAMPLES;
             batch.shape[sample] = int(seen.shown(region.left + at % 64, region.top + at / 64,
                                                  sample_offset(sample / LANES), batch.depth[sample],
-                                                 batch.shape[sample]));
+                                                 batch.shape[sample],
+                                                 turned_faces<TYPES>(shapes, meshes, target, world, batch.shape[sample],
+                                                                     HAS_MESH ? batch.face[SLOW ? sample : 0] : -1)));
         }
         __syncwarp();
         if (lane < pixels) {

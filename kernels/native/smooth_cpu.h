@@ -121,7 +121,8 @@ inline void smooth_pixels(const Edge* listed, int pixels, const Shapes& shapes, 
         for (int sample = 0; sample < SAMPLES; ++sample) {
             const int lane = pixel * SAMPLES + sample;
             shown[sample] = at.samples >> sample & 1
-                ? seen.shown(at.i, at.j, sample_offset(sample), rays.depth[lane], rays.shape[lane])
+                ? seen.shown(at.i, at.j, sample_offset(sample), rays.depth[lane], rays.shape[lane],
+                             turned_faces<TYPES>(shapes, meshes, target, world, rays.shape[lane], rays.face[lane]))
                 : seen.at(at.i, at.j);
         }
         put_means<IMAGES>(target, seen.at(at.i, at.j), shown);
