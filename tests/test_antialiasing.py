@@ -69,14 +69,15 @@ def level(depth: np.ndarray, pinhole: bool) -> np.ndarray:
         return 1.0 / depth if pinhole else depth
 
 
-FAINT, FAINT_WITHIN = 8, 16  # of native/edges.h
+FAINT, FAINT_WITHIN, TURNED = 8, 16, 2.0  # of native/edges.h
 
 
 def edges_of(depth: np.ndarray, shape: np.ndarray, rgb: np.ndarray, width: float, pinhole: bool) -> np.ndarray:
     """Which samples of each pixel are to be traced, (size, size, 4): ``width`` is a pixel's.
 
     All of a bent surface. If another shape is beside the pixel, those in whose triangle of pixels it is. But only where
-    the colours of the pixels that a sample lies among differ from its own.
+    the colours of the pixels that a sample lies among differ from its own. Beside another shape also those in whose
+    triangle there is none, if its colours differ by more.
     """
     edges = np.zeros((*shape.shape, 4), bool)
     last = len(shape) - 1
@@ -97,15 +98,20 @@ def edges_of(depth: np.ndarray, shape: np.ndarray, rgb: np.ndarray, width: float
             y, x = np.clip((i + np.sign(down), j + np.sign(right)), 0, last).astype(int)
             differences = [np.abs(rgb[at].astype(int) - rgb[i, j]).max() for at in ((y, j), (i, x), (y, x))]
             edges[i, j, k] &= max(differences) > (FAINT if beside_another else FAINT_WITHIN)
+            lies_in = [(y, x), (y, j) if abs(down) > abs(right) else (i, x)]
+            if beside_another and shape[i, j] >= 0 and all(shape[at] == shape[i, j] for at in lies_in):
+                edges[i, j, k] |= any(np.abs(rgb[at].astype(int) - rgb[i, j]).max() > FAINT_WITHIN for at in lies_in)
     return edges
 
 
 def shown_pixel(
     at: tuple[int, int],
     offset: tuple[float, float],
-    hit: tuple[float, int],
+    hit: tuple[float, int, np.ndarray],
     depth: np.ndarray,
     shape: np.ndarray,
+    normals: np.ndarray,
+    is_mesh: np.ndarray,
     width: float,
     pinhole: bool,
 ) -> tuple[int, int]:
@@ -126,6 +132,7 @@ def shown_pixel(
                         break
             apart = abs(plane - level(hit[0], pinhole))
             cost += apart * (hit[0] if pinhole else 1.0) / width
+            cost += TURNED * (1.0 - normals[i, j] @ hit[2]) * is_mesh[hit[1]]
         costs[i, j] = cost
     return min(costs, key=costs.__getitem__, default=at)
 
@@ -149,7 +156,7 @@ def test_every_pixel_is_as_by_brute_force(device: wp.Device, world: str, pinhole
     width = 1.0 / focal if pinhole else height / size
 
     def look(right: float, down: float, samples: int = 1) -> dict[str, np.ndarray]:
-        settings: dict[str, object] = {"position": (0.0, 0.0, 3.5), "outputs": ("rgb", "depth", "segmentation")}
+        settings: dict[str, object] = {"position": (0.0, 0.0, 3.5), "outputs": ("rgb", "depth", "segmentation", "normals")}
         if pinhole:
             settings["lens"] = wc.Pinhole(fx=focal, cx=0.5 * size - right, cy=0.5 * size - down)
         else:
@@ -160,15 +167,16 @@ def test_every_pixel_is_as_by_brute_force(device: wp.Device, world: str, pinhole
     samples = [look(*offset) for offset in SAMPLES[4]]
     depth, shape = plain["depth"].astype(float), plain["segmentation"]
     expected = plain["rgb"].astype(float)
+    is_mesh = mjm.geom_type == mujoco.mjtGeom.mjGEOM_MESH
     tried, hidden = 0, np.zeros((size, size), bool)
     traced = edges_of(depth, shape, plain["rgb"], width, pinhole)
     for at in zip(*np.nonzero(traced.any(-1)), strict=True):
         around = shape[tuple(slice(max(c - 1, 0), c + 2) for c in at)]
-        hits = [(sample["depth"][at], sample["segmentation"][at]) for sample in samples]
+        hits = [(sample["depth"][at], sample["segmentation"][at], sample["normals"][at]) for sample in samples]
         # of what lies between the centres of all pixels around samples see what is behind
-        hidden[at] = any(number not in around for _, number in hits)
+        hidden[at] = any(number not in around for _, number, _ in hits)
         chosen = [
-            shown_pixel(at, offset, hit, depth, shape, width, pinhole) if needed else at
+            shown_pixel(at, offset, hit, depth, shape, plain["normals"], is_mesh, width, pinhole) if needed else at
             for offset, hit, needed in zip(SAMPLES[4], hits, traced[at], strict=True)
         ]
         expected[at] = np.mean([plain["rgb"][one] for one in chosen], axis=0)
