@@ -63,6 +63,42 @@ def test_samples_lie_where_the_views_say(device: wp.Device) -> None:
     assert np.abs(smooth - total / 4.0).max() <= 1.0
 
 
+def mean_of_samples(scene: wc.Scene) -> np.ndarray:
+    """Of four images whose principal point is moved to where the samples are, (size, size, 3)."""
+    focal = 16.0 / np.tan(30.0 * scenes.DEGREE)
+    lenses = [wc.Pinhole(fx=focal, cx=16.0 - right, cy=16.0 - down) for right, down in SAMPLES[4]]
+    return np.mean([scenes.look(scene, camera(1, lens=lens))["rgb"][0] for lens in lenses], axis=0)
+
+
+def test_what_covers_most_of_a_pixel_has_edges(device: wp.Device) -> None:
+    """Of transparent shapes, and with others what lies behind them."""
+    under = '<geom type="box" size="0.3 0.3 0.01" pos="0.2 0.1 -0.02" euler="0 0 50" rgba="0 1 0 1"/>'
+    for alpha in (0.1, 0.5, 0.9):
+        mjm = scenes.compile_xml(SQUARE.format(turn=20).replace("1 1 1 1", f"1 1 1 {alpha}") + under, more=LIT)
+        scene = wc.from_mujoco(mjm, scenes.forward(mjm), device=device)
+        plain, smooth = (scenes.look(scene, camera(samples))["rgb"][0].astype(float) for samples in (1, 4))
+        truth = mean_of_samples(scene)
+        before, off = (np.square(image - truth).mean(axis=(0, 1)) for image in (plain, smooth))
+        # the square is all of what is red, most of what is green is what lies behind
+        channel = 1 if alpha < 0.3 else 0
+        assert off[channel] < 0.2 * before[channel]
+
+
+def test_a_sample_has_the_colour_of_its_face(device: wp.Device) -> None:
+    """Where two faces of a mesh meet, which are about as deep there, each is lit as it is turned."""
+    corners = [(x, y, z) for y, z in ((-0.6, -0.6), (0.0, 0.0), (0.6, -0.6)) for x in (-0.7, 0.7)]
+    roof = " ".join(str(number) for corner in corners for number in corner)
+    mjm = scenes.compile_xml(
+        '<geom type="mesh" mesh="roof" euler="0 0 23" rgba="1 1 1 1"/><light directional="true" dir="0.5 1 -1"/>',
+        assets=f'<mesh name="roof" vertex="{roof}" face="0 1 3 0 3 2 2 3 5 2 5 4" inertia="shell"/>',
+        more='<visual><headlight ambient="0.1 0.1 0.1" diffuse="0 0 0" specular="0 0 0"/></visual>',
+    )
+    scene = wc.from_mujoco(mjm, scenes.forward(mjm), device=device)
+    smooth, plain = (scenes.look(scene, camera(samples))["rgb"][0].astype(float) for samples in (4, 1))
+    off, before = (np.square(image - mean_of_samples(scene)) for image in (smooth, plain))
+    assert off.mean() < 0.001 * before.mean()
+
+
 def level(depth: np.ndarray, pinhole: bool) -> np.ndarray:
     """What is linear in the image of a plane."""
     with np.errstate(divide="ignore"):
