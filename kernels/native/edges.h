@@ -12,7 +12,7 @@ constexpr int FAINT = 8, FAINT_WITHIN = 16;
 // Of the pixels that may show a sample's surface one whose plane lies apart from it by so many pixels' widths in depth
 // is as bad as one that lies a pixel's width aside.
 constexpr float STEEP = 1.0f;
-// One whose face is turned by a right angle is as bad as one that lies so many pixels' widths aside, squared.
+// One whose surface is turned by a right angle is as bad as one that lies so many pixels' widths aside, squared.
 constexpr float TURNED = 2.0f;
 // How far beyond the depths around a sample is followed: parts of their range, and pixels' widths.
 constexpr float BEYOND = 2.5f, ASIDE = 4.0f;
@@ -191,7 +191,7 @@ template <int LENS, class Target> struct Seen {
     }
 
     // Which of the nine pixels around shows what a sample of pixel (i, j) has hit: the nearest, by place, by depth and by
-    // turned(pixel), how far its face turns from the one hit. It is the pixel itself if none does.
+    // turned(i, j, pixel), how far its surface turns from the one hit. It is the pixel itself if none does.
     template <class Turned>
     WARPCAM_FN unsigned shown(int i, int j, Offset offset, float hit_depth, int hit_shape, const Turned& turned) const
     {
@@ -222,7 +222,7 @@ template <int LENS, class Target> struct Seen {
             if (hit_shape >= 0)
                 cost += off_plane(i + at_k.right, j + at_k.down, right, down, hit_depth, hit_shape);
             if (cost < best)
-                cost += turned(at(i + at_k.right, j + at_k.down));
+                cost += turned(i + at_k.right, j + at_k.down, at(i + at_k.right, j + at_k.down));
             if (cost < best) {
                 best = cost;
                 chosen = at(i + at_k.right, j + at_k.down);

@@ -61,34 +61,68 @@ template <class Meshes> WARPCAM_FN Vec face_normal(const Meshes& meshes, unsigne
                             to_vec(load(meshes.faces.data, row + 2)) - corner));
 }
 
-// How far the face of a mesh that a sample has hit is turned from those that pixels with the same shape show: two that
-// meet in an edge are near each other in depth, but not of one colour.
-template <int TYPES, class Meshes, class Target> struct TurnedFaces {
+// Which of its smooth parts a shape shows at a depth of a ray: a box's sides, a cylinder's side and ends.
+template <int LENS> WARPCAM_FN int part_at(const Record& record, const ViewRay<LENS>& ray, float depth)
+{
+    const Ray local = ray.local(record);
+    const Vec p = local.origin + depth * local.direction;
+    const float x = p.x * p.x, y = p.y * p.y, z = p.z * p.z;
+    if (record.axis_x.w == CYLINDER)
+        return x + y < z;
+    return x > y && x > z ? 0 : y > z ? 1 : 2;
+}
+
+// How far the surface that a sample has hit is turned from those that pixels with the same shape show: two that meet in
+// an edge are near each other in depth, but not of one colour.
+template <int TYPES, int LENS, class Meshes, class Target> struct TurnedSurface {
+    enum Known { NOTHING, FACE, PART };
+
     const Meshes& meshes;
     const Target& target;
-    unsigned first;  // of the mesh's rows
-    Vec normal;
-    bool known;  // what is hit is a mesh
+    const Camera& camera;
+    Known known;
+    unsigned rows;  // where those of the mesh begin
+    Vec normal;     // of the face
+    Record record;
+    int part;
 
-    WARPCAM_FN float operator()(unsigned pixel) const
+    WARPCAM_FN float operator()(int i, int j, unsigned pixel) const
     {
         if constexpr ((TYPES >> MESH & 1) != 0)
-            if (known)
-                return TURNED * (1.0f - dot(normal, face_normal(meshes, first, int(target.face.data[pixel]))));
+            if (known == FACE)
+                return TURNED * (1.0f - dot(normal, face_normal(meshes, rows, int(target.face.data[pixel]))));
+        if constexpr ((TYPES & (1 << BOX | 1 << CYLINDER)) != 0)
+            if (known == PART)
+                return part_at<LENS>(record, view_ray<LENS>(camera, i, j, 0.0f, 0.0f), target.depth.data[pixel]) == part
+                    ? 0.0f
+                    : TURNED;
         return 0.0f;
     }
 };
 
-template <int TYPES, class Shapes, class Meshes, class Target>
-WARPCAM_FN TurnedFaces<TYPES, Meshes, Target> turned_faces(const Shapes& shapes, const Meshes& meshes,
-                                                          const Target& target, int world, int shape, int face)
+template <int TYPES, int LENS, class Shapes, class Meshes, class HeightFields, class Target>
+WARPCAM_FN TurnedSurface<TYPES, LENS, Meshes, Target>
+turned_surface(const Shapes& shapes, const Meshes& meshes, const HeightFields& fields, const Target& target,
+               const Camera& camera, const Region& region, int world, const ViewRay<LENS>& ray, float depth, int shape,
+               int face)
 {
-    TurnedFaces<TYPES, Meshes, Target> turned { meshes, target, 0, { 0.0f, 0.0f, 0.0f }, false };
+    TurnedSurface<TYPES, LENS, Meshes, Target> turned { meshes, target, camera };
+    turned.known = turned.NOTHING;
+    if (shape < 0)
+        return turned;
+    const int type = wp::index(shapes.types, shape);
     if constexpr ((TYPES >> MESH & 1) != 0)
-        if (shape >= 0 && face >= 0 && wp::index(shapes.types, shape) == MESH) {
-            turned.first = unsigned(wp::index(meshes.face_start, row_of(shapes.assets, world, shape)));
-            turned.normal = face_normal(meshes, turned.first, face);
-            turned.known = true;
+        if (type == MESH && face >= 0) {
+            turned.rows = unsigned(wp::index(meshes.face_start, row_of(shapes.assets, world, shape)));
+            turned.normal = face_normal(meshes, turned.rows, face);
+            turned.known = turned.FACE;
+        }
+    if constexpr ((TYPES & (1 << BOX | 1 << CYLINDER)) != 0)
+        if ((type == BOX || type == CYLINDER)
+            && sample_record<TYPES & (1 << BOX | 1 << CYLINDER), LENS>(shapes, meshes, fields, camera, region, world, shape,
+                                                                      turned.record)) {
+            turned.part = part_at<LENS>(turned.record, ray, depth);
+            turned.known = turned.PART;
         }
     return turned;
 }

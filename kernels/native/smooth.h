@@ -271,11 +271,12 @@ WARPCAM_FN void smooth_region(const Shapes& shapes, const Meshes& meshes, const 
         }
         for (int k = lane; k < total; k += LANES) {
             const int sample = batch.traced[k], at = listed[begin + sample % LANES] >> SAMPLES;
-            batch.shape[sample] = int(seen.shown(region.left + at % 64, region.top + at / 64,
-                                                 sample_offset(sample / LANES), batch.depth[sample],
-                                                 batch.shape[sample],
-                                                 turned_faces<TYPES>(shapes, meshes, target, world, batch.shape[sample],
-                                                                     HAS_MESH ? batch.face[SLOW ? sample : 0] : -1)));
+            const int i = region.left + at % 64, j = region.top + at / 64;
+            const auto turned = turned_surface<TYPES, LENS>(
+                shapes, meshes, fields, target, camera, region, world, sample_ray<LENS>(camera, i, j, sample / LANES),
+                batch.depth[sample], batch.shape[sample], HAS_MESH ? batch.face[SLOW ? sample : 0] : -1);
+            batch.shape[sample] = int(seen.shown(i, j, sample_offset(sample / LANES), batch.depth[sample],
+                                                 batch.shape[sample], turned));
         }
         __syncwarp();
         if (lane < pixels) {

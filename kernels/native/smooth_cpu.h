@@ -122,7 +122,9 @@ inline void smooth_pixels(const Edge* listed, int pixels, const Shapes& shapes, 
             const int lane = pixel * SAMPLES + sample;
             shown[sample] = at.samples >> sample & 1
                 ? seen.shown(at.i, at.j, sample_offset(sample), rays.depth[lane], rays.shape[lane],
-                             turned_faces<TYPES>(shapes, meshes, target, world, rays.shape[lane], rays.face[lane]))
+                             turned_surface<TYPES, LENS>(shapes, meshes, fields, target, camera, region, world,
+                                                         ViewRay<LENS> { rays.x[lane], rays.y[lane] }, rays.depth[lane],
+                                                         rays.shape[lane], rays.face[lane]))
                 : seen.at(at.i, at.j);
         }
         put_means<IMAGES>(target, seen.at(at.i, at.j), shown);
