@@ -130,12 +130,13 @@ WARPCAM_FN void smooth_region(const Shapes& shapes, const Meshes& meshes, const 
         count = next = 0;
     block_barrier();
 
+    const auto sided = [&](int shape) { return has_sides<TYPES>(shapes, shape); };
     const int across = region.width / TILE_WIDTH, tiles = across * (region.height / TILE_HEIGHT);
     for (int tile = warp; tile < tiles; tile += WARPS) {
         const int i = region.left + tile % across * TILE_WIDTH + lane % TILE_WIDTH;
         const int j = region.top + tile / across * TILE_HEIGHT + lane / TILE_WIDTH;
         const bool inside = i < target.width && j < target.height;
-        const unsigned samples = inside ? seen.template edge<IMAGES>(i, j) : 0;
+        const unsigned samples = inside ? seen.template edge<IMAGES>(i, j, sided) : 0;
         if (inside)
             target.edges.data[seen.at(i, j)] = samples != 0;
         const unsigned found = __ballot_sync(ALL, samples != 0);
@@ -271,12 +272,9 @@ WARPCAM_FN void smooth_region(const Shapes& shapes, const Meshes& meshes, const 
         }
         for (int k = lane; k < total; k += LANES) {
             const int sample = batch.traced[k], at = listed[begin + sample % LANES] >> SAMPLES;
-            const int i = region.left + at % 64, j = region.top + at / 64;
-            const auto turned = turned_surface<TYPES, LENS>(
-                shapes, meshes, fields, target, camera, region, world, sample_ray<LENS>(camera, i, j, sample / LANES),
-                batch.depth[sample], batch.shape[sample], HAS_MESH ? batch.face[SLOW ? sample : 0] : -1);
-            batch.shape[sample] = int(seen.shown(i, j, sample_offset(sample / LANES), batch.depth[sample],
-                                                 batch.shape[sample], turned));
+            batch.shape[sample] = int(shown_sample<TYPES, IMAGES>(
+                seen, shapes, meshes, fields, camera, region, world, region.left + at % 64, region.top + at / 64,
+                sample / LANES, batch.depth[sample], batch.shape[sample], HAS_MESH ? batch.face[SLOW ? sample : 0] : -1));
         }
         __syncwarp();
         if (lane < pixels) {
