@@ -1,6 +1,7 @@
 """Smooth edges: what they change, and what they must leave alone."""
 
 import itertools
+from collections.abc import Callable
 
 import mujoco
 import numpy as np
@@ -105,15 +106,17 @@ def level(depth: np.ndarray, pinhole: bool) -> np.ndarray:
         return 1.0 / depth if pinhole else depth
 
 
-FAINT, FAINT_WITHIN, TURNED = 8, 16, 2.0  # of native/edges.h
+FAINT, FAINT_WITHIN, FAINT_SIDES, TURNED = 8, 16, 32, 2.0  # of native/edges.h
 
 
-def edges_of(depth: np.ndarray, shape: np.ndarray, rgb: np.ndarray, width: float, pinhole: bool) -> np.ndarray:
+def edges_of(
+    depth: np.ndarray, shape: np.ndarray, rgb: np.ndarray, sided: np.ndarray, width: float, pinhole: bool
+) -> np.ndarray:
     """Which samples of each pixel are to be traced, (size, size, 4): ``width`` is a pixel's.
 
     All of a bent surface. If another shape is beside the pixel, those in whose triangle of pixels it is. But only where
     the colours of the pixels that a sample lies among differ from its own. Beside another shape also those in whose
-    triangle there is none, if its colours differ by more.
+    triangle there is none, if its colours differ by more, of shapes that have sides.
     """
     edges = np.zeros((*shape.shape, 4), bool)
     last = len(shape) - 1
@@ -135,8 +138,13 @@ def edges_of(depth: np.ndarray, shape: np.ndarray, rgb: np.ndarray, width: float
             differences = [np.abs(rgb[at].astype(int) - rgb[i, j]).max() for at in ((y, j), (i, x), (y, x))]
             edges[i, j, k] &= max(differences) > (FAINT if beside_another else FAINT_WITHIN)
             lies_in = [(y, x), (y, j) if abs(down) > abs(right) else (i, x)]
-            if beside_another and shape[i, j] >= 0 and all(shape[at] == shape[i, j] for at in lies_in):
-                edges[i, j, k] |= any(np.abs(rgb[at].astype(int) - rgb[i, j]).max() > FAINT_WITHIN for at in lies_in)
+            if (
+                beside_another
+                and shape[i, j] >= 0
+                and sided[shape[i, j]]
+                and all(shape[at] == shape[i, j] for at in lies_in)
+            ):
+                edges[i, j, k] |= any(np.abs(rgb[at].astype(int) - rgb[i, j]).max() > FAINT_SIDES for at in lies_in)
     return edges
 
 
@@ -144,33 +152,38 @@ def shown_pixel(
     at: tuple[int, int],
     offset: tuple[float, float],
     hit: tuple[float, int, np.ndarray],
-    depth: np.ndarray,
-    shape: np.ndarray,
-    normals: np.ndarray,
-    is_mesh: np.ndarray,
+    plain: dict[str, np.ndarray],
+    turned: Callable[[int, np.ndarray, np.ndarray], float],
     width: float,
     pinhole: bool,
 ) -> tuple[int, int]:
-    """Whose colour a sample has: of all nine pixels around, every one tried."""
-    costs = {}
-    for i, j in itertools.product(*(range(max(c - 1, 0), min(c + 2, len(shape))) for c in at)):
-        if shape[i, j] != hit[1]:
-            continue
+    """Whose colour a sample has: of all nine pixels around, every one tried that has a colour of its own."""
+    depth, shape, rgb = plain["depth"].astype(float), plain["segmentation"], plain["rgb"].astype(int)
+
+    def aside(one: tuple[int, int]) -> float:
+        return (one[0] - at[0] - offset[1]) ** 2 + (one[1] - at[1] - offset[0]) ** 2
+
+    def cost_of(one: tuple[int, int]) -> float:
+        if hit[1] < 0:
+            return aside(one)
+        i, j = one
         down, right = i - at[0] - offset[1], j - at[1] - offset[0]
-        cost = down * down + right * right
-        if hit[1] >= 0:
-            here = plane = level(depth[i, j], pinhole)
-            y, x = int(np.sign(down)), int(np.sign(right))
-            for pair, far in ((((i + y, j), (i - y, j)), down), (((i, j + x), (i, j - x)), right)):
-                for beside, way in zip(pair, (1, -1), strict=True):  # away from the sample, or else on its side
-                    if 0 <= min(beside) and max(beside) < len(shape) and shape[beside] == hit[1]:
-                        plane = plane + way * abs(far) * (here - level(depth[beside], pinhole))
-                        break
-            apart = abs(plane - level(hit[0], pinhole))
-            cost += apart * (hit[0] if pinhole else 1.0) / width
-            cost += TURNED * (1.0 - normals[i, j] @ hit[2]) * is_mesh[hit[1]]
-        costs[i, j] = cost
-    return min(costs, key=costs.__getitem__, default=at)
+        here = plane = level(depth[i, j], pinhole)
+        y, x = int(np.sign(down)), int(np.sign(right))
+        for pair, far in ((((i + y, j), (i - y, j)), down), (((i, j + x), (i, j - x)), right)):
+            for beside, way in zip(pair, (1, -1), strict=True):  # away from the sample, or else on its side
+                if 0 <= min(beside) and max(beside) < len(shape) and shape[beside] == hit[1]:
+                    plane = plane + way * abs(far) * (here - level(depth[beside], pinhole))
+                    break
+        apart = abs(plane - level(hit[0], pinhole)) * (hit[0] if pinhole else 1.0) / width
+        return aside(one) + apart + TURNED * turned(hit[1], plain["normals"][one], hit[2])
+
+    around = itertools.product(*(range(max(c - 1, 0), min(c + 2, len(shape))) for c in at))
+    chosen = None
+    for one in sorted((one for one in around if shape[one] == hit[1]), key=aside):
+        if chosen is None or (np.abs(rgb[one] - rgb[chosen]).max() > FAINT and cost_of(one) < cost_of(chosen)):
+            chosen = one
+    return chosen or at
 
 
 EVERY_TYPE = "".join(
@@ -192,7 +205,10 @@ def test_every_pixel_is_as_by_brute_force(device: wp.Device, world: str, pinhole
     width = 1.0 / focal if pinhole else height / size
 
     def look(right: float, down: float, samples: int = 1) -> dict[str, np.ndarray]:
-        settings: dict[str, object] = {"position": (0.0, 0.0, 3.5), "outputs": ("rgb", "depth", "segmentation", "normals")}
+        settings: dict[str, object] = {
+            "position": (0.0, 0.0, 3.5),
+            "outputs": ("rgb", "depth", "segmentation", "normals"),
+        }
         if pinhole:
             settings["lens"] = wc.Pinhole(fx=focal, cx=0.5 * size - right, cy=0.5 * size - down)
         else:
@@ -203,16 +219,26 @@ def test_every_pixel_is_as_by_brute_force(device: wp.Device, world: str, pinhole
     samples = [look(*offset) for offset in SAMPLES[4]]
     depth, shape = plain["depth"].astype(float), plain["segmentation"]
     expected = plain["rgb"].astype(float)
-    is_mesh = mjm.geom_type == mujoco.mjtGeom.mjGEOM_MESH
+    kinds = [mujoco.mjtGeom(kind) for kind in mjm.geom_type]
+    axes = scenes.forward(mjm).geom_xmat.reshape(-1, 3, 3)[..., 2]
+
+    def turned(number: int, one: np.ndarray, other: np.ndarray) -> float:
+        if kinds[number] == mujoco.mjtGeom.mjGEOM_MESH:
+            return 1.0 - one @ other
+        if kinds[number] == mujoco.mjtGeom.mjGEOM_CYLINDER:
+            return float((abs(axes[number] @ one) > 0.5) != (abs(axes[number] @ other) > 0.5))
+        return float(kinds[number] == mujoco.mjtGeom.mjGEOM_BOX and one @ other < 0.5)
+
+    sided = np.isin(mjm.geom_type, [getattr(mujoco.mjtGeom, f"mjGEOM_{name}") for name in ("MESH", "BOX", "CYLINDER")])
     tried, hidden = 0, np.zeros((size, size), bool)
-    traced = edges_of(depth, shape, plain["rgb"], width, pinhole)
+    traced = edges_of(depth, shape, plain["rgb"], sided, width, pinhole)
     for at in zip(*np.nonzero(traced.any(-1)), strict=True):
         around = shape[tuple(slice(max(c - 1, 0), c + 2) for c in at)]
         hits = [(sample["depth"][at], sample["segmentation"][at], sample["normals"][at]) for sample in samples]
         # of what lies between the centres of all pixels around samples see what is behind
         hidden[at] = any(number not in around for _, number, _ in hits)
         chosen = [
-            shown_pixel(at, offset, hit, depth, shape, plain["normals"], is_mesh, width, pinhole) if needed else at
+            shown_pixel(at, offset, hit, plain, turned, width, pinhole) if needed else at
             for offset, hit, needed in zip(SAMPLES[4], hits, traced[at], strict=True)
         ]
         expected[at] = np.mean([plain["rgb"][one] for one in chosen], axis=0)
