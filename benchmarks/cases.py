@@ -127,6 +127,7 @@ SETTINGS = {
     for setting in (
         Setting("8192x64", 8192, 64, 64),
         Setting("4096x64", 4096, 64, 64),
+        Setting("1024x128", 1024, 128, 128),
         Setting("1024x256", 1024, 256, 256),
         Setting("cpu", None, 64, 64),
     )
