@@ -31,7 +31,7 @@ BLOCKS, MESH_BLOCKS = 8, 6  # that a multiprocessor is to hold, without and with
 
 
 @functools.cache
-def _target_struct(shape_dtype: Any) -> Any:
+def _target_struct(shape_dtype: Any, face_dtype: Any) -> Any:
     """One camera's images in all worlds. Arrays that were not asked for are empty."""
 
     @wp.struct
@@ -39,6 +39,7 @@ def _target_struct(shape_dtype: Any) -> Any:
         mask: wp.array(dtype=wp.uint8)  # (world,) 0 leaves the world's images alone
         depth: wp.array(dtype=wp.float32)  # (world * height * width,) planar depth in the pixels' centres [m]
         shape: wp.array(dtype=shape_dtype)  # (world * height * width,) shape id there, negative where nothing is hit
+        face: wp.array(dtype=face_dtype)  # (world * height * width,) of a mesh, in leaf order; empty without meshes
         edges: wp.array(dtype=wp.uint8)  # (world * height * width,) written: 1 where an edge runs through the pixel
         rgb: wp.array(dtype=wp.uint8)  # (world * height * width * channels,), as the following
         rgba: wp.array(dtype=wp.uint8)
@@ -121,6 +122,7 @@ def record(
     mask: wp.array,
     depth: wp.array,
     shape: wp.array,
+    face: wp.array,
     edges: wp.array,
     device: wp.Device,
     group: Group,
@@ -136,15 +138,17 @@ def record(
         mask: uint8, (world,); worlds with 0 are left alone.
         depth: Planar depth in the pixels' centres [m], float32 (world, height, width, 1).
         shape: Shape ids there, likewise, negative where nothing is hit. What is left out of it no sample hits.
+        face: Faces there, likewise, as the trace wrote them; empty if there are no meshes.
         edges: uint8, likewise; written: 1 where there is one.
         device: Where all of these lie.
         group: Which worlds.
     """
     height, width = depth.shape[1:3]
-    target_type = _target_struct(shape.dtype)
+    target_type = _target_struct(shape.dtype, face.dtype)
     target = target_type()
     target.mask, target.width, target.height = mask, width, height
     target.depth, target.shape, target.edges = depth.flatten(), shape.flatten(), edges.flatten()
+    target.face = face.flatten()
     wanted = 0
     for bit, name in enumerate(IMAGES):
         if name in images:

@@ -44,7 +44,7 @@ SPARE = 1 << 6  # the same: see is_spare
 MAX_KEPT = 256  # shapes whose looks a block can keep
 MAX_SPARE = 64  # shapes of a scene without meshes that leave room for SPARE
 MAX_SEEN = 512  # shapes of which it can keep the looks of those that it sees; with more it sees too many
-MIRRORED, REFLECTS, VEILED, HAZY = 1 << 8, 1 << 9, 1 << 10, 1 << 11  # facts of native/look.h
+MIRRORED, REFLECTS, VEILED, HAZY, NOTED = 1 << 8, 1 << 9, 1 << 10, 1 << 11, 1 << 14  # facts of native/look.h
 LIT = ("rgb", "rgba", "hdr")  # what mirrors, transparent shapes and haze change
 
 
@@ -197,6 +197,7 @@ def record(
     layers: LayerTables | None = None,
     mirrors: wp.array | None = None,
     mirrored: bool = False,
+    noted: bool = False,
 ) -> Stage:
     """Bind the kernel that writes ``outputs`` to one camera's buffers.
 
@@ -220,6 +221,7 @@ def record(
         mirrored: The buffers are those of the view from behind the mirrors, ``views``: the outputs, all ``LIT``, are
             what the mirrors show, black where they show nothing. Otherwise that lies in the outputs already where there
             are ``mirrors``, and is added to.
+        noted: Write transparent shapes that cover half of what lies behind them into ``depth`` and ``shape``.
     """
     unknown = sorted(set(outputs) - set(OUTPUTS))
     if unknown:
@@ -228,7 +230,7 @@ def record(
     if layers is not None and not set(LIT).isdisjoint(outputs):
         more = (MIRRORED if mirrored else REFLECTS) if mirrors is not None else 0
         if layers.veiled:
-            more |= VEILED
+            more |= VEILED | (NOTED if noted else 0)
             veils = -(-layers.veils.size // 8) * 8
         if layers.haze is not None and tables.has_skybox and not mirrored:
             more |= HAZY

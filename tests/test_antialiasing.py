@@ -1,6 +1,7 @@
 """Smooth edges: what they change, and what they must leave alone."""
 
 import itertools
+from collections.abc import Callable
 
 import mujoco
 import numpy as np
@@ -63,20 +64,59 @@ def test_samples_lie_where_the_views_say(device: wp.Device) -> None:
     assert np.abs(smooth - total / 4.0).max() <= 1.0
 
 
+def mean_of_samples(scene: wc.Scene) -> np.ndarray:
+    """Of four images whose principal point is moved to where the samples are, (size, size, 3)."""
+    focal = 16.0 / np.tan(30.0 * scenes.DEGREE)
+    lenses = [wc.Pinhole(fx=focal, cx=16.0 - right, cy=16.0 - down) for right, down in SAMPLES[4]]
+    return np.mean([scenes.look(scene, camera(1, lens=lens))["rgb"][0] for lens in lenses], axis=0)
+
+
+def test_what_covers_most_of_a_pixel_has_edges(device: wp.Device) -> None:
+    """Of transparent shapes, and with others what lies behind them."""
+    under = '<geom type="box" size="0.3 0.3 0.01" pos="0.2 0.1 -0.02" euler="0 0 50" rgba="0 1 0 1"/>'
+    for alpha in (0.1, 0.5, 0.9):
+        mjm = scenes.compile_xml(SQUARE.format(turn=20).replace("1 1 1 1", f"1 1 1 {alpha}") + under, more=LIT)
+        scene = wc.from_mujoco(mjm, scenes.forward(mjm), device=device)
+        plain, smooth = (scenes.look(scene, camera(samples))["rgb"][0].astype(float) for samples in (1, 4))
+        truth = mean_of_samples(scene)
+        before, off = (np.square(image - truth).mean(axis=(0, 1)) for image in (plain, smooth))
+        # the square is all of what is red, most of what is green is what lies behind
+        channel = 1 if alpha < 0.3 else 0
+        assert off[channel] < 0.2 * before[channel]
+
+
+def test_a_sample_has_the_colour_of_its_face(device: wp.Device) -> None:
+    """Where two faces of a mesh meet, which are about as deep there, each is lit as it is turned."""
+    corners = [(x, y, z) for y, z in ((-0.6, -0.6), (0.0, 0.0), (0.6, -0.6)) for x in (-0.7, 0.7)]
+    roof = " ".join(str(number) for corner in corners for number in corner)
+    mjm = scenes.compile_xml(
+        '<geom type="mesh" mesh="roof" euler="0 0 23" rgba="1 1 1 1"/><light directional="true" dir="0.5 1 -1"/>',
+        assets=f'<mesh name="roof" vertex="{roof}" face="0 1 3 0 3 2 2 3 5 2 5 4" inertia="shell"/>',
+        more='<visual><headlight ambient="0.1 0.1 0.1" diffuse="0 0 0" specular="0 0 0"/></visual>',
+    )
+    scene = wc.from_mujoco(mjm, scenes.forward(mjm), device=device)
+    smooth, plain = (scenes.look(scene, camera(samples))["rgb"][0].astype(float) for samples in (4, 1))
+    off, before = (np.square(image - mean_of_samples(scene)) for image in (smooth, plain))
+    assert off.mean() < 0.001 * before.mean()
+
+
 def level(depth: np.ndarray, pinhole: bool) -> np.ndarray:
     """What is linear in the image of a plane."""
     with np.errstate(divide="ignore"):
         return 1.0 / depth if pinhole else depth
 
 
-FAINT, FAINT_WITHIN = 8, 16  # of native/edges.h
+FAINT, FAINT_WITHIN, FAINT_SIDES, TURNED = 8, 16, 32, 2.0  # of native/edges.h
 
 
-def edges_of(depth: np.ndarray, shape: np.ndarray, rgb: np.ndarray, width: float, pinhole: bool) -> np.ndarray:
+def edges_of(
+    depth: np.ndarray, shape: np.ndarray, rgb: np.ndarray, sided: np.ndarray, width: float, pinhole: bool
+) -> np.ndarray:
     """Which samples of each pixel are to be traced, (size, size, 4): ``width`` is a pixel's.
 
     All of a bent surface. If another shape is beside the pixel, those in whose triangle of pixels it is. But only where
-    the colours of the pixels that a sample lies among differ from its own.
+    the colours of the pixels that a sample lies among differ from its own. Beside another shape also those in whose
+    triangle there is none, if its colours differ by more, of shapes that have sides.
     """
     edges = np.zeros((*shape.shape, 4), bool)
     last = len(shape) - 1
@@ -97,37 +137,53 @@ def edges_of(depth: np.ndarray, shape: np.ndarray, rgb: np.ndarray, width: float
             y, x = np.clip((i + np.sign(down), j + np.sign(right)), 0, last).astype(int)
             differences = [np.abs(rgb[at].astype(int) - rgb[i, j]).max() for at in ((y, j), (i, x), (y, x))]
             edges[i, j, k] &= max(differences) > (FAINT if beside_another else FAINT_WITHIN)
+            lies_in = [(y, x), (y, j) if abs(down) > abs(right) else (i, x)]
+            if (
+                beside_another
+                and shape[i, j] >= 0
+                and sided[shape[i, j]]
+                and all(shape[at] == shape[i, j] for at in lies_in)
+            ):
+                edges[i, j, k] |= any(np.abs(rgb[at].astype(int) - rgb[i, j]).max() > FAINT_SIDES for at in lies_in)
     return edges
 
 
 def shown_pixel(
     at: tuple[int, int],
     offset: tuple[float, float],
-    hit: tuple[float, int],
-    depth: np.ndarray,
-    shape: np.ndarray,
+    hit: tuple[float, int, np.ndarray],
+    plain: dict[str, np.ndarray],
+    turned: Callable[[int, np.ndarray, np.ndarray], float],
     width: float,
     pinhole: bool,
 ) -> tuple[int, int]:
-    """Whose colour a sample has: of all nine pixels around, every one tried."""
-    costs = {}
-    for i, j in itertools.product(*(range(max(c - 1, 0), min(c + 2, len(shape))) for c in at)):
-        if shape[i, j] != hit[1]:
-            continue
+    """Whose colour a sample has: of all nine pixels around, every one tried that has a colour of its own."""
+    depth, shape, rgb = plain["depth"].astype(float), plain["segmentation"], plain["rgb"].astype(int)
+
+    def aside(one: tuple[int, int]) -> float:
+        return (one[0] - at[0] - offset[1]) ** 2 + (one[1] - at[1] - offset[0]) ** 2
+
+    def cost_of(one: tuple[int, int]) -> float:
+        if hit[1] < 0:
+            return aside(one)
+        i, j = one
         down, right = i - at[0] - offset[1], j - at[1] - offset[0]
-        cost = down * down + right * right
-        if hit[1] >= 0:
-            here = plane = level(depth[i, j], pinhole)
-            y, x = int(np.sign(down)), int(np.sign(right))
-            for pair, far in ((((i + y, j), (i - y, j)), down), (((i, j + x), (i, j - x)), right)):
-                for beside, way in zip(pair, (1, -1), strict=True):  # away from the sample, or else on its side
-                    if 0 <= min(beside) and max(beside) < len(shape) and shape[beside] == hit[1]:
-                        plane = plane + way * abs(far) * (here - level(depth[beside], pinhole))
-                        break
-            apart = abs(plane - level(hit[0], pinhole))
-            cost += apart * (hit[0] if pinhole else 1.0) / width
-        costs[i, j] = cost
-    return min(costs, key=costs.__getitem__, default=at)
+        here = plane = level(depth[i, j], pinhole)
+        y, x = int(np.sign(down)), int(np.sign(right))
+        for pair, far in ((((i + y, j), (i - y, j)), down), (((i, j + x), (i, j - x)), right)):
+            for beside, way in zip(pair, (1, -1), strict=True):  # away from the sample, or else on its side
+                if 0 <= min(beside) and max(beside) < len(shape) and shape[beside] == hit[1]:
+                    plane = plane + way * abs(far) * (here - level(depth[beside], pinhole))
+                    break
+        apart = abs(plane - level(hit[0], pinhole)) * (hit[0] if pinhole else 1.0) / width
+        return aside(one) + apart + TURNED * turned(hit[1], plain["normals"][one], hit[2])
+
+    around = itertools.product(*(range(max(c - 1, 0), min(c + 2, len(shape))) for c in at))
+    chosen = None
+    for one in sorted((one for one in around if shape[one] == hit[1]), key=aside):
+        if chosen is None or (np.abs(rgb[one] - rgb[chosen]).max() > FAINT and cost_of(one) < cost_of(chosen)):
+            chosen = one
+    return chosen or at
 
 
 EVERY_TYPE = "".join(
@@ -149,7 +205,10 @@ def test_every_pixel_is_as_by_brute_force(device: wp.Device, world: str, pinhole
     width = 1.0 / focal if pinhole else height / size
 
     def look(right: float, down: float, samples: int = 1) -> dict[str, np.ndarray]:
-        settings: dict[str, object] = {"position": (0.0, 0.0, 3.5), "outputs": ("rgb", "depth", "segmentation")}
+        settings: dict[str, object] = {
+            "position": (0.0, 0.0, 3.5),
+            "outputs": ("rgb", "depth", "segmentation", "normals"),
+        }
         if pinhole:
             settings["lens"] = wc.Pinhole(fx=focal, cx=0.5 * size - right, cy=0.5 * size - down)
         else:
@@ -160,15 +219,26 @@ def test_every_pixel_is_as_by_brute_force(device: wp.Device, world: str, pinhole
     samples = [look(*offset) for offset in SAMPLES[4]]
     depth, shape = plain["depth"].astype(float), plain["segmentation"]
     expected = plain["rgb"].astype(float)
+    kinds = [mujoco.mjtGeom(kind) for kind in mjm.geom_type]
+    axes = scenes.forward(mjm).geom_xmat.reshape(-1, 3, 3)[..., 2]
+
+    def turned(number: int, one: np.ndarray, other: np.ndarray) -> float:
+        if kinds[number] == mujoco.mjtGeom.mjGEOM_MESH:
+            return 1.0 - one @ other
+        if kinds[number] == mujoco.mjtGeom.mjGEOM_CYLINDER:
+            return float((abs(axes[number] @ one) > 0.5) != (abs(axes[number] @ other) > 0.5))
+        return float(kinds[number] == mujoco.mjtGeom.mjGEOM_BOX and one @ other < 0.5)
+
+    sided = np.isin(mjm.geom_type, [getattr(mujoco.mjtGeom, f"mjGEOM_{name}") for name in ("MESH", "BOX", "CYLINDER")])
     tried, hidden = 0, np.zeros((size, size), bool)
-    traced = edges_of(depth, shape, plain["rgb"], width, pinhole)
+    traced = edges_of(depth, shape, plain["rgb"], sided, width, pinhole)
     for at in zip(*np.nonzero(traced.any(-1)), strict=True):
         around = shape[tuple(slice(max(c - 1, 0), c + 2) for c in at)]
-        hits = [(sample["depth"][at], sample["segmentation"][at]) for sample in samples]
+        hits = [(sample["depth"][at], sample["segmentation"][at], sample["normals"][at]) for sample in samples]
         # of what lies between the centres of all pixels around samples see what is behind
-        hidden[at] = any(number not in around for _, number in hits)
+        hidden[at] = any(number not in around for _, number, _ in hits)
         chosen = [
-            shown_pixel(at, offset, hit, depth, shape, width, pinhole) if needed else at
+            shown_pixel(at, offset, hit, plain, turned, width, pinhole) if needed else at
             for offset, hit, needed in zip(SAMPLES[4], hits, traced[at], strict=True)
         ]
         expected[at] = np.mean([plain["rgb"][one] for one in chosen], axis=0)

@@ -96,6 +96,7 @@ class Target:
             traced = _swapped(traced)
         depth, shape, face = (traced.pop(name, buffers.get(name)) for name in ("depth", "shape", "face"))
         shadows = buffers.get("shadow") if lit else None
+        smooth = bool(lit and smooth_outputs(self._camera.outputs, self._camera.antialiasing))
         veil_places = layers.veil_places if opaque and layers is not None else None
         stages = [
             visibility.record(
@@ -152,10 +153,11 @@ class Target:
                     group,
                     layers,
                     self._mirrors if reflecting else None,
+                    noted=smooth and opaque and tables.physical is None and tables.splats is None,
                 )
             )
-        if lit and smooth_outputs(self._camera.outputs, self._camera.antialiasing):
-            stages += self._smooth(tables, projection, group, buffers, mask, depth, shape)
+        if smooth:
+            stages += self._smooth(tables, projection, group, buffers, mask, depth, shape, face)
         if tables.splats is not None:
             trail = None if self.past is None else self.past.trail
             stages.insert(0, splats.record_check(tables, views, mask, faults, device, group))
@@ -187,6 +189,7 @@ class Target:
         mask: wp.array,
         depth: wp.array,
         shape: wp.array,
+        face: wp.array,
     ) -> list[Stage]:
         """The stages that smooth the edges of images that are there, by what was found in the pixels' centres."""
         images = {name: self.images[name] for name in smooth_outputs(self._camera.outputs, self._camera.antialiasing)}
@@ -195,7 +198,18 @@ class Target:
             for name, image in images.items()
         }
         return antialias.record(
-            images, means, tables, projection, self.views, mask, depth, shape, buffers["edges"], self._device, group
+            images,
+            means,
+            tables,
+            projection,
+            self.views,
+            mask,
+            depth,
+            shape,
+            face,
+            buffers["edges"],
+            self._device,
+            group,
         )
 
     def _record_mirrors(

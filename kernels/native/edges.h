@@ -8,10 +8,12 @@ namespace warpcam {
 constexpr float CREASE = 1.0f;
 // Colours that differ by so much or less are about the same [levels of 255], at an edge of a shape and within one. Of a
 // pixel's mean a sample is a quarter.
-constexpr int FAINT = 8, FAINT_WITHIN = 16;
+constexpr int FAINT = 8, FAINT_WITHIN = 16, FAINT_SIDES = 32;
 // Of the pixels that may show a sample's surface one whose plane lies apart from it by so many pixels' widths in depth
 // is as bad as one that lies a pixel's width aside.
 constexpr float STEEP = 1.0f;
+// One whose surface is turned by a right angle is as bad as one that lies so many pixels' widths aside, squared.
+constexpr float TURNED = 2.0f;
 // How far beyond the depths around a sample is followed: parts of their range, and pixels' widths.
 constexpr float BEYOND = 2.5f, ASIDE = 4.0f;
 constexpr int SAMPLES = 4;  // of a pixel
@@ -107,8 +109,10 @@ template <int LENS, class Target> struct Seen {
     // neighbours is another shape: then those that have another shape at a corner of the triangle that they lie in, of
     // the pixel's centre, that of a neighbour and that of one across, for three pixels that show the same shape have no
     // edge between them. Or if its surface is bent: then all. In both cases it must show: where the three other pixels
-    // that a sample lies among have about the colour of its own, nothing is traced.
-    template <int IMAGES> WARPCAM_FN unsigned edge(int i, int j) const
+    // that a sample lies among have about the colour of its own, nothing is traced. Beside another shape, where bends are not
+    // looked for, colours alone tell them, of shapes of which has_sides(id) says that they have any.
+    template <int IMAGES, class HasSides>
+    WARPCAM_FN unsigned edge(int i, int j, const HasSides& has_sides) const
     {
         const unsigned pixel = at(i, j), line = unsigned(target.width);
         const bool has_left = i > 0, has_right = i + 1 < target.width;
@@ -141,6 +145,17 @@ template <int LENS, class Target> struct Seen {
             keep(1, right, down + east, down);
             keep(2, left, up + west, up);
             keep(3, up, up + east, right);
+        }
+        if (!within && has_sides(here)) {  // of which two may meet in the triangle
+            const auto add = [&](int sample, unsigned beside, unsigned across) {
+                if (!(samples >> sample & 1) && shape(beside) == here && shape(across) == here
+                    && (differ<IMAGES>(pixel, beside, FAINT_SIDES) || differ<IMAGES>(pixel, across, FAINT_SIDES)))
+                    samples |= 1u << sample;
+            };
+            add(0, down, down + west);
+            add(1, right, down + east);
+            add(2, left, up + west);
+            add(3, up, up + east);
         }
         return samples;
     }
@@ -178,9 +193,11 @@ template <int LENS, class Target> struct Seen {
         return (LENS != ORTHOGRAPHIC ? apart * hit_depth : apart) * reciprocal(STEEP * scale_x);
     }
 
-    // Which of the nine pixels around shows what a sample of pixel (i, j) has hit: the nearest, by place and by depth.
-    // It is the pixel itself if none does.
-    WARPCAM_FN unsigned shown(int i, int j, Offset offset, float hit_depth, int hit_shape) const
+    // Which of the nine pixels around shows what a sample of pixel (i, j) has hit: the nearest, by place, by depth and by
+    // turned(i, j, pixel), how far its surface turns from the one hit, if they differ in colour. It is the pixel itself if none
+    // does.
+    template <int IMAGES, class Turned>
+    WARPCAM_FN unsigned shown(int i, int j, Offset offset, float hit_depth, int hit_shape, const Turned& turned) const
     {
         // The nine from near to far, 1 being the pixel's own line and 2 that on the sample's side: bits by twos for the
         // direction in which the sample is farther from the centre, and for the other.
@@ -198,19 +215,33 @@ template <int LENS, class Target> struct Seen {
             const bool there = inside(i + at_k.right, j + at_k.down);
             left |= unsigned(there & (shape(there ? at(i + at_k.right, j + at_k.down) : at(i, j)) == hit_shape)) << k;
         }
-        float best = FAR_AWAY;
-        unsigned chosen = at(i, j);
-        for (; left; left &= left - 1) {
-            const Place at_k = aside(lowest_bit(left));
+        const auto cost_of = [&](const Place& at_k) {
             const float right = float(at_k.right) - offset.right, down = float(at_k.down) - offset.down;
             float cost = right * right + down * down;
-            if (cost >= best)
-                break;
             if (hit_shape >= 0)
-                cost += off_plane(i + at_k.right, j + at_k.down, right, down, hit_depth, hit_shape);
+                cost += off_plane(i + at_k.right, j + at_k.down, right, down, hit_depth, hit_shape)
+                    + turned(i + at_k.right, j + at_k.down, at(i + at_k.right, j + at_k.down));
+            return cost;
+        };
+        if (!left)
+            return at(i, j);
+        Place best_at = aside(lowest_bit(left));
+        unsigned chosen = at(i + best_at.right, j + best_at.down);
+        float best = FAR_AWAY;  // not known before some other pixel has another colour
+        for (left &= left - 1; left; left &= left - 1) {
+            const Place at_k = aside(lowest_bit(left));
+            const float right = float(at_k.right) - offset.right, down = float(at_k.down) - offset.down;
+            const unsigned pixel = at(i + at_k.right, j + at_k.down);
+            if (!differ<IMAGES>(chosen, pixel, FAINT))
+                continue;
+            if (best == FAR_AWAY)
+                best = cost_of(best_at);
+            if (right * right + down * down >= best)
+                break;
+            const float cost = cost_of(at_k);
             if (cost < best) {
                 best = cost;
-                chosen = at(i + at_k.right, j + at_k.down);
+                chosen = pixel;
             }
         }
         return chosen;

@@ -22,8 +22,9 @@ enum Fact {
     HAS_OFFSETS = 1 << 20  // textures are moved: variety.h
 };
 // Of what one layer cannot show. MIRRORED: the view is the one from behind the mirror; REFLECTS: the images hold what is
-// seen from there; VEILED: some shapes may be transparent; HAZY: an endless plane has a haze over its horizon.
-enum LayerFact { MIRRORED = 1 << 8, REFLECTS = 1 << 9, VEILED = 1 << 10, HAZY = 1 << 11 };
+// seen from there; VEILED: some shapes may be transparent; HAZY: an endless plane has a haze over its horizon; NOTED: what
+// covers most of a pixel is written over what the trace has found there, for its edges to be made smooth.
+enum LayerFact { MIRRORED = 1 << 8, REFLECTS = 1 << 9, VEILED = 1 << 10, HAZY = 1 << 11, NOTED = 1 << 14 };
 
 // What follows from a set of images and facts.
 template <int IMAGES, int FACTS> struct Wanted {

@@ -94,7 +94,20 @@ WARPCAM_FN float resolve_veils(const Looks* looks, const List& lights, const Sce
             linear = sheet.linear;
             display = sheet.display;
         };
-        cover<TYPES>(veils, scene, ray, near, takes_part ? limit : -1.0f, column, row, shade, covered);
+        Hit first { limit, -1, -1 };
+        const auto note = [&](const Hit& hit, float opacity) {
+            if constexpr ((FACTS & NOTED) != 0)
+                if (opacity >= NOTEWORTHY && hit.depth < first.depth && wp::index(scene.shapes.types, hit.shape) != PLANE)
+                    first = hit;
+        };
+        cover<TYPES>(veils, scene, ray, near, takes_part ? limit : -1.0f, column, row, shade, note, covered);
+        if constexpr ((FACTS & NOTED) != 0)
+            if (first.shape >= 0) {
+                scene.frame.shape.data[pixel.at] = first.shape;
+                scene.frame.depth.data[pixel.at] = first.depth;
+                if constexpr ((TYPES & (1 << MESH | 1 << HEIGHT_FIELD)) != 0)
+                    scene.frame.face.data[pixel.at] = first.face;
+            }
         shown.linear = covered.final_linear();
         shown.display = covered.final_display();
         return covered.left * covered.left;

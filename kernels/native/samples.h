@@ -53,4 +53,61 @@ template <int LENS> WARPCAM_FN ViewRay<LENS> sample_ray(const Camera& camera, in
     return view_ray<LENS>(camera, i, j, offset.right, offset.down);
 }
 
+template <class Meshes> WARPCAM_FN Vec face_normal(const Meshes& meshes, unsigned first, int face)
+{
+    const unsigned row = first + unsigned(face * FACE_ROWS);
+    const Vec corner = to_vec(load(meshes.faces.data, row));
+    return normalized(cross(to_vec(load(meshes.faces.data, row + 1)) - corner,
+                            to_vec(load(meshes.faces.data, row + 2)) - corner));
+}
+
+// Whether a shape, which may be none, has sides that meet in edges.
+template <int TYPES, class Shapes> WARPCAM_FN bool has_sides(const Shapes& shapes, int shape)
+{
+    constexpr int SIDED = TYPES & (1 << MESH | 1 << BOX | 1 << CYLINDER);
+    return SIDED && shape >= 0 && (SIDED >> wp::index(shapes.types, shape) & 1);
+}
+
+// Which of its smooth parts a shape shows at a depth of a ray: a box's sides, a cylinder's side and ends.
+template <int LENS> WARPCAM_FN int part_at(const Record& record, const ViewRay<LENS>& ray, float depth)
+{
+    const Ray local = ray.local(record);
+    const Vec p = local.origin + depth * local.direction;
+    const float x = p.x * p.x, y = p.y * p.y, z = p.z * p.z;
+    if (record.axis_x.w == CYLINDER)
+        return x + y < z;
+    return x > y && x > z ? 0 : y > z ? 1 : 2;
+}
+
+// The pixel that shows what a sample of pixel (i, j) has hit. Two surfaces that meet in an edge are near each other in
+// depth, but not of one colour: so it counts how a mesh's face is turned from those of the pixels around, and whether
+// these show the same side.
+template <int TYPES, int IMAGES, int LENS, class Shapes, class Meshes, class HeightFields, class Target>
+WARPCAM_FN unsigned shown_sample(const Seen<LENS, Target>& seen, const Shapes& shapes, const Meshes& meshes,
+                                 const HeightFields& fields, const Camera& camera, const Region& region, int world, int i,
+                                 int j, int sample, float depth, int shape, int face)
+{
+    constexpr int SIDED = TYPES & (1 << BOX | 1 << CYLINDER);
+    const int type = (TYPES >> MESH & 1 || SIDED) && shape >= 0 ? wp::index(shapes.types, shape) : -1;
+    const bool is_face = (TYPES >> MESH & 1) && type == MESH && face >= 0;
+    unsigned rows = 0;
+    Vec normal { 0.0f, 0.0f, 0.0f };
+    if (is_face) {
+        rows = unsigned(wp::index(meshes.face_start, row_of(shapes.assets, world, shape)));
+        normal = face_normal(meshes, rows, face);
+    }
+    Record record {};
+    int part = -1;
+    if (SIDED && (type == BOX || type == CYLINDER)
+        && sample_record<SIDED, LENS>(shapes, meshes, fields, camera, region, world, shape, record))
+        part = part_at<LENS>(record, sample_ray<LENS>(camera, i, j, sample), depth);
+    const auto turned = [&](int column, int row, unsigned pixel) {
+        if (is_face)
+            return TURNED * (1.0f - dot(normal, face_normal(meshes, rows, int(seen.target.face.data[pixel]))));
+        return part < 0 || part_at<LENS>(record, view_ray<LENS>(camera, column, row), seen.depth(pixel)) == part ? 0.0f
+                                                                                                                : TURNED;
+    };
+    return seen.template shown<IMAGES>(i, j, sample_offset(sample), depth, shape, turned);
+}
+
 }  // namespace warpcam

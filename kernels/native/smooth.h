@@ -30,6 +30,7 @@ template <bool SLOW> struct Batch {
     Record records[LANES];  // nearest first where there are meshes
     float depth[SAMPLES * LANES];
     int shape[SAMPLES * LANES];  // in the end: the pixel of the image that shows it
+    int face[SLOW ? SAMPLES * LANES : 1];
     unsigned char traced[SAMPLES * LANES];  // the samples that are
     Band meshes[SLOW ? LANES : 1], fields[SLOW ? LANES : 1];  // of each pixel
 };
@@ -129,12 +130,13 @@ WARPCAM_FN void smooth_region(const Shapes& shapes, const Meshes& meshes, const 
         count = next = 0;
     block_barrier();
 
+    const auto sided = [&](int shape) { return has_sides<TYPES>(shapes, shape); };
     const int across = region.width / TILE_WIDTH, tiles = across * (region.height / TILE_HEIGHT);
     for (int tile = warp; tile < tiles; tile += WARPS) {
         const int i = region.left + tile % across * TILE_WIDTH + lane % TILE_WIDTH;
         const int j = region.top + tile / across * TILE_HEIGHT + lane / TILE_WIDTH;
         const bool inside = i < target.width && j < target.height;
-        const unsigned samples = inside ? seen.template edge<IMAGES>(i, j) : 0;
+        const unsigned samples = inside ? seen.template edge<IMAGES>(i, j, sided) : 0;
         if (inside)
             target.edges.data[seen.at(i, j)] = samples != 0;
         const unsigned found = __ballot_sync(ALL, samples != 0);
@@ -258,6 +260,7 @@ WARPCAM_FN void smooth_region(const Shapes& shapes, const Meshes& meshes, const 
                 const auto store = [&](int sample, const Hit& hit) {
                     batch.depth[sample] = hit.depth;
                     batch.shape[sample] = hit.shape;
+                    batch.face[sample] = hit.face;
                 };
                 trace_rays<TYPES>(waiting[HAS_MESH ? warp : 0], Ranked { batch.records, {}, LANES }, meshes, near,
                                   next_rays, ray_of, store);
@@ -269,9 +272,9 @@ WARPCAM_FN void smooth_region(const Shapes& shapes, const Meshes& meshes, const 
         }
         for (int k = lane; k < total; k += LANES) {
             const int sample = batch.traced[k], at = listed[begin + sample % LANES] >> SAMPLES;
-            batch.shape[sample] = int(seen.shown(region.left + at % 64, region.top + at / 64,
-                                                 sample_offset(sample / LANES), batch.depth[sample],
-                                                 batch.shape[sample]));
+            batch.shape[sample] = int(shown_sample<TYPES, IMAGES>(
+                seen, shapes, meshes, fields, camera, region, world, region.left + at % 64, region.top + at / 64,
+                sample / LANES, batch.depth[sample], batch.shape[sample], HAS_MESH ? batch.face[SLOW ? sample : 0] : -1));
         }
         __syncwarp();
         if (lane < pixels) {

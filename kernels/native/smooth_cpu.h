@@ -121,7 +121,8 @@ inline void smooth_pixels(const Edge* listed, int pixels, const Shapes& shapes, 
         for (int sample = 0; sample < SAMPLES; ++sample) {
             const int lane = pixel * SAMPLES + sample;
             shown[sample] = at.samples >> sample & 1
-                ? seen.shown(at.i, at.j, sample_offset(sample), rays.depth[lane], rays.shape[lane])
+                ? shown_sample<TYPES, IMAGES>(seen, shapes, meshes, fields, camera, region, world, at.i, at.j, sample,
+                                      rays.depth[lane], rays.shape[lane], rays.face[lane])
                 : seen.at(at.i, at.j);
         }
         put_means<IMAGES>(target, seen.at(at.i, at.j), shown);
@@ -143,9 +144,10 @@ inline void smooth_region(const Shapes& shapes, const Meshes& meshes, const Heig
                                                world);
         count = 0;
     };
+    const auto sided = [&](int shape) { return has_sides<TYPES>(shapes, shape); };
     for (int j = region.top; j < bottom; ++j)
         for (int i = region.left; i < right; ++i) {
-            const unsigned samples = seen.template edge<IMAGES>(i, j);
+            const unsigned samples = seen.template edge<IMAGES>(i, j, sided);
             target.edges.data[seen.at(i, j)] = samples != 0;
             if (samples)
                 listed[count++] = { i, j, samples };

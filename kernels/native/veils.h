@@ -13,6 +13,7 @@ namespace warpcam {
 
 constexpr int MAX_SHEETS = 8;           // of one shape in one ray that can be seen through one another
 constexpr float FROM_BEHIND = 0.3f;     // how solid a plane is that is seen from behind, of what it is from its front
+constexpr float NOTEWORTHY = 0.2929f;   // opacity from which a shape, drawn twice, covers half of what lies behind
 constexpr float PLANES_LAST = 1.0e10f;  // the distance by which planes are sorted [m]
 
 // Transparent shapes of a region.
@@ -204,10 +205,11 @@ struct Covered {
 
 // Covers a pixel's colour. `hit` is what is solid there; `limit` is its depth, negative where nothing is to be covered.
 // `column` and `row` are the tile's in the list's region. shade(met, hit, linear, display) is the colour of a sheet; the
-// whole warp comes there together, and those who have not met it do not look at what they get.
-template <int TYPES, class Veils_, class RayOf, class Scene_, class Shade>
+// whole warp comes there together, and those who have not met it do not look at what they get. note(hit, opacity) is told
+// of each sheet that is met.
+template <int TYPES, class Veils_, class RayOf, class Scene_, class Shade, class Note>
 WARPCAM_FN void cover(const Veils_& veils, const Scene_& scene, const RayOf& ray, float near, float limit, int column,
-                      int row, const Shade& shade, Covered& covered)
+                      int row, const Shade& shade, const Note& note, Covered& covered)
 {
     const auto draw = [&](int rank) {
         const int slot = veils.order[rank], type = veils.records[slot].axis_x.w;
@@ -222,8 +224,10 @@ WARPCAM_FN void cover(const Veils_& veils, const Scene_& scene, const RayOf& ray
                 break;
             Vec linear, display;
             shade(met, hit, linear, display);
-            if (met)
+            if (met) {
                 covered.add(veils.opacity[slot], linear, display);
+                note(hit, veils.opacity[slot]);
+            }
             from = type == HEIGHT_FIELD ? 1.00001f * hit.depth : hit.depth;  // not the same ground once more
             to = met ? limit : -1.0f;
         }

@@ -77,11 +77,15 @@ def read(context: Any, camera: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]
     return color, depth, context.read_pixels(SIZE, SIZE, segmentation=True)
 
 
-def test_images_are_those_of_its_own_context(lift: Any) -> None:
+def needs_its_own_context() -> None:
     if os.environ.get("MUJOCO_GL") != "osmesa":
         pytest.skip(
             "robosuite's own context needs a library on a machine without a display: apt-get install libosmesa6"
         )
+
+
+def test_images_are_those_of_its_own_context(lift: Any) -> None:
+    needs_its_own_context()
     from robosuite.utils import binding_utils
 
     sim, mine = lift.sim, lift.sim._render_context_offscreen
@@ -272,6 +276,28 @@ def test_every_task(installed: None, task: str) -> None:
         assert images[-1].std() > 5.0 and observations["agentview_depth"].std() > 0.0
     assert (images[-1] != images[0]).any()
     env.close()
+
+
+@pytest.mark.parametrize("task", tasks())
+def test_every_task_has_the_colours_of_its_own_context(installed: None, task: str) -> None:
+    """With its antialiasing as shipped."""
+    needs_its_own_context()
+    from robosuite.utils import binding_utils
+
+    env = make(task, camera_names="agentview", camera_heights=SIZE, camera_widths=SIZE)
+    seen = env.reset()["agentview_image"]
+    sim = env.sim
+    mine, camera = sim._render_context_offscreen, sim.model.camera_name2id("agentview")
+    assert sim.model.vis.quality.offsamples == 4
+    sim._render_context_offscreen = None
+    theirs = ours._originals[binding_utils](sim, -1)
+    theirs.vopt.geomgroup[:] = mine.vopt.geomgroup
+    theirs.render(SIZE, SIZE, camera)
+    expected = theirs.read_pixels(SIZE, SIZE)
+    sim.add_render_context(mine)
+    env.close()
+    print(f"{task}: {psnr(expected, seen):.2f} dB")
+    assert psnr(expected, seen) >= 32.0
 
 
 class Fake:
