@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 import scenes
 import warp as wp
+from ray_tables import HEIGHT, WIDTH, curled_rays, random_rays
 
 import warpcam as wc
 from warpcam.accel import rays as tables
 
-WIDTH, HEIGHT = 45, 27
 TURN = np.array([0.93, 0.19, -0.08, 0.3])
 PLACE = (0.15, 0.1, 0.45)
 ASSETS = (
@@ -49,15 +49,6 @@ def model() -> tuple[mujoco.MjModel, mujoco.MjData]:
     # without MuJoCo's headlight, which shines the way a camera looks
     mjm = scenes.compile_xml(SCENE, assets=ASSETS, more='<visual><headlight active="0"/></visual>')
     return mjm, scenes.forward(mjm)
-
-
-def random_rays(seed: int) -> np.ndarray:
-    return np.random.default_rng(seed).normal(size=(HEIGHT, WIDTH, 3))
-
-
-def curled_rays() -> np.ndarray:
-    across, down = np.meshgrid(np.linspace(-3, 3, WIDTH), np.linspace(-3, 3, HEIGHT))
-    return np.stack([np.sin(1.1 * across + down), np.cos(1.7 * down), np.sin(2 * across - 0.5 * down)], -1) + 0.05
 
 
 LENSES: dict[str, Callable[[], wc.Lens]] = {
@@ -336,72 +327,6 @@ def test_images_of_all_sizes(model: tuple[Any, Any], shape: tuple[int, int], dev
     part = rendered(scene, camera(wc.Rays(wide), width=width + 11, height=height + 5, **settings))[0]
     for name, image in seen.items():
         assert (part[name][2 : 2 + height, 3 : 3 + width] == image).all()
-
-
-def test_cones_hold_their_rays() -> None:
-    """Whatever a tile's rays are, they lie in its cone; and all are in the table."""
-    for rays in (random_rays(7), curled_rays(), -np.abs(random_rays(8)), np.tile(random_rays(9)[:1, :1], (6, 5, 1))):
-        unit = tables.unit(rays[None])
-        height, width = rays.shape[:2]
-        packed = tables.pack_rays(rays[None])
-        tiles = -(-width // 8) * -(-height // 4)
-        cones = packed[0, : 4 * tiles].reshape(-(-height // 4), -(-width // 8), 4).repeat(4, axis=0).repeat(8, axis=1)
-        cones = cones[:height, :width]
-        along = (cones[..., :3] * unit[0]).sum(axis=-1)
-        assert (along >= cones[..., 3] - 1e-6).all()
-        x, y = np.moveaxis(packed[0, 4 * tiles : 4 * tiles + 2 * height * width].reshape(height, width, 2), -1, 0)
-        x, y = x.astype(np.float64), y.astype(np.float64)
-        rate = 2.0 / (1.0 + x * x + y * y)
-        back = np.stack([rate * x, rate * y, 1.0 - rate], axis=-1)
-        assert np.abs(back - unit[0]).max() < 3e-7
-    narrow = tables.tile_cones(tables.unit(wc.Fisheye(fovy=90.0).rays(64, 64, 1, "lens")))[0]
-    assert (np.degrees(np.arccos(narrow[:, 3])) < 8.0).all()  # or tiles would see what they need not
-
-
-def test_directions_straight_back() -> None:
-    points = tables.flattened(
-        tables.unit(np.array([[0.0, 0.0, 1.0], [1e-9, 0.0, 1.0], [1e-3, 0.0, 1.0], [0.0, 0.0, 0.0]]))
-    )
-    assert np.isfinite(points).all()
-    rate = 2.0 / (1.0 + (points[:3] ** 2).sum(axis=-1))
-    np.testing.assert_allclose(rate * points[:3, 0], [0.0, 0.0, 1e-3], atol=1e-6)
-    assert points[3, 0] >= 1e18  # sees nothing
-
-
-def test_fisheyes_numbers() -> None:
-    k = (0.05, -0.01, 0.002, -0.0003)
-    rays = tables.unit(wc.Fisheye(fx=20.0, fy=21.0, cx=22.0, cy=14.0, k=k).rays(WIDTH, HEIGHT, 1, "lens")[0])
-    angle = np.arccos(-rays[..., 2])
-    bent = angle * (1 + sum(one * angle ** (2 * power + 2) for power, one in enumerate(k)))
-    length = np.hypot(rays[..., 0], rays[..., 1])
-    column, row = np.meshgrid(np.arange(WIDTH) + 0.5, np.arange(HEIGHT) + 0.5)
-    np.testing.assert_allclose(20.0 * bent * rays[..., 0] / length + 22.0, column, atol=1e-9)
-    np.testing.assert_allclose(14.0 - 21.0 * bent * rays[..., 1] / length, row, atol=1e-9)
-    edge = wc.Fisheye(fovy=220.0, k=(0.02, 0.0, 0.0, 0.0)).rays(1, 2001, 1, "lens")[0, :, 0]
-    assert np.degrees(np.arccos(-tables.unit(edge)[0, 2])) == pytest.approx(110.0, abs=0.2)
-    folds = wc.Fisheye(fx=10.0, k=(-0.2, 0.0, 0.0, 0.0)).rays(64, 64, 1, "lens")
-    greatest = np.degrees(np.arccos(-tables.unit(folds)[folds.any(axis=-1)][:, 2]).max())
-    assert greatest < np.degrees(np.sqrt(1 / 0.6)) and not folds[0, 0, 0].any()
-
-
-def test_distortion_is_opencvs() -> None:
-    """The rays, distorted as OpenCV's manual says, come to the pixels' centres."""
-    k1, k2, p1, p2, k3, k4, k5, k6, s1, s2, s3, s4 = numbers = (
-        -0.28, 0.07, 0.001, -0.002, 0.01, 0.02, 0.003, 0.001, 0.002, -0.001, 0.001, 0.0005,
-    )  # fmt: skip
-    lens = wc.Distorted(fx=40.0, fy=41.0, cx=23.0, cy=13.0, coefficients=numbers)
-    rays = lens.rays(WIDTH, HEIGHT, 1, "lens")[0]
-    assert rays.any(axis=-1).all()
-    x, y = -rays[..., 0] / rays[..., 2], rays[..., 1] / rays[..., 2]
-    r = x * x + y * y
-    radial = (1 + k1 * r + k2 * r**2 + k3 * r**3) / (1 + k4 * r + k5 * r**2 + k6 * r**3)
-    u = x * radial + 2 * p1 * x * y + p2 * (r + 2 * x * x) + s1 * r + s2 * r * r
-    v = y * radial + p1 * (r + 2 * y * y) + 2 * p2 * x * y + s3 * r + s4 * r * r
-    column, row = np.meshgrid(np.arange(WIDTH) + 0.5, np.arange(HEIGHT) + 0.5)
-    np.testing.assert_allclose(40.0 * u + 23.0, column, atol=1e-3)
-    np.testing.assert_allclose(41.0 * v + 13.0, row, atol=1e-3)
-    folded = wc.Distorted(fx=10.0, coefficients=(-0.4, 0.0, 0.0, 0.0)).rays(WIDTH, HEIGHT, 1, "lens")[0]
-    assert folded[13, 22].any() and not folded[0, 0].any()  # no ray comes to the corner
 
 
 @pytest.mark.parametrize(

@@ -37,7 +37,7 @@ def test_regions_leave_enough_blocks(
     assert region_size(scene, worlds, *size, CARD, quick) == expected
 
 
-@pytest.mark.parametrize(("cores", "expected"), [(1, (64, 64)), (2, (64, 32)), (8, (16, 16))])
+@pytest.mark.parametrize(("cores", "expected"), [(1, (64, 64)), (2, (64, 32)), (8, (32, 16))])
 def test_a_cpu_draws_a_region_a_core(cores: int, expected: tuple[int, int], monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(visibility, "cpu_threads", lambda: cores)
     assert region_size(tables(MESH, shapes=MANY + 1), 1, 64, 64, SimpleNamespace(is_cuda=False)) == expected

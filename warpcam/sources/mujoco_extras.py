@@ -19,6 +19,7 @@ from warpcam.kernels.swell import Hull
 from warpcam.kernels.types import CAPSULE, CYLINDER, MESH, SPHERE
 from warpcam.parts import Parts
 from warpcam.sources.mujoco_model import KINDS, Groups, groups_by_kind
+from warpcam.sources.mujoco_soft import flex_surface, skin_surface
 
 OBJECTS = (
     mujoco.mjtObj.mjOBJ_GEOM,
@@ -273,14 +274,14 @@ class _Reader:
                     column = self._beyond(CYLINDER, row)
                     self._add((EDGE, column, vertex + int(a), vertex + int(b)), column, radius)
             else:
-                self._move(row, *_flex_surface(mjm, start, flex), of_skin=False)
+                self._move(row, *flex_surface(mjm, start, flex), of_skin=False)
 
     def _read_skins(self, start: mujoco.MjData) -> None:
         mjm = self._mjm
         for skin in range(mjm.nskin):
             row = self._column(4, skin, mjm.skin_group, mjm.skin_rgba, mjm.skin_matid)
             if row >= 0:
-                self._move(row, *_skin_surface(mjm, skin), of_skin=True)
+                self._move(row, *skin_surface(mjm, skin), of_skin=True)
 
     def _move(self, row: int, mesh: Mesh, hull: Hull, shading: Shading, of_skin: bool) -> None:
         hull = replace(hull, first_point=self._points)
@@ -336,88 +337,6 @@ def _string_length(mjm: mujoco.MjModel, tendon: int) -> float:
     if not falls or held or mjm.tendon_num[tendon] != 2 or by_spring == by_limit:
         return 0.0
     return float(limit[1] if by_limit else spring[1])
-
-
-def _flex_surface(mjm: mujoco.MjModel, start: mujoco.MjData, flex: int) -> tuple[Mesh, Hull, Shading]:
-    """As MuJoCo draws it: sheets on both sides with their rims closed, or the shell of what is solid."""
-    dim, vertex, count = int(mjm.flex_dim[flex]), int(mjm.flex_vertadr[flex]), int(mjm.flex_vertnum[flex])
-    radius = float(mjm.flex_radius[flex])
-    first, number = int(mjm.flex_shelldataadr[flex]), int(mjm.flex_shellnum[flex])
-    shell = mjm.flex_shell[first : first + number * dim].reshape(-1, dim)
-    vertices = start.flexvert_xpos[vertex : vertex + count]
-    name = f"flex {mujoco.mj_id2name(mjm, mujoco.mjtObj.mjOBJ_FLEX, flex) or flex}"
-
-    def shading(count: int) -> Shading:
-        return Shading(num_flat=count, offset=radius) if mjm.flex_flatskin[flex] else Shading(num_smooth=count)
-
-    texture = None
-    if mjm.flex_texcoordadr[flex] >= 0:
-        texture = mjm.flex_texcoord[mjm.flex_texcoordadr[flex] :]
-    if dim == 3:
-        hull = Hull(shell, count, radius, by_area=False, first_vertex=vertex, first_point=0, both=False)
-        mesh = _mesh(name, vertices + radius * _normals(vertices, shell), shell, texture, shell)
-        return mesh, hull, shading(len(shell))
-    first, number = int(mjm.flex_elemdataadr[flex]), int(mjm.flex_elemnum[flex])
-    sheet = mjm.flex_elem[first : first + 3 * number].reshape(-1, 3)
-    mapped = mjm.flex_elemtexcoord[first : first + 3 * number].reshape(-1, 3)
-    a, b = shell[:, 0], shell[:, 1]
-    back = np.array((0, 2, 1))
-    faces = np.concatenate(
-        (
-            sheet,
-            sheet[:, back] + count,
-            np.stack((a, b + count, b), axis=1),
-            np.stack((b + count, a, a + count), axis=1),
-        )
-    )
-    corners = np.concatenate((mapped, mapped[:, back], np.stack((a, b, b), axis=1), np.stack((b, a, a), axis=1)))
-    normals = radius * _normals(vertices, sheet)
-    mesh = _mesh(name, np.concatenate((vertices + normals, vertices - normals)), faces, texture, corners)
-    hull = Hull(sheet, count, radius, by_area=False, first_vertex=vertex, first_point=0, both=True)
-    return mesh, hull, shading(2 * number)
-
-
-def _skin_surface(mjm: mujoco.MjModel, skin: int) -> tuple[Mesh, Hull, Shading]:
-    first, count = int(mjm.skin_vertadr[skin]), int(mjm.skin_vertnum[skin])
-    start = int(mjm.skin_faceadr[skin])
-    faces = mjm.skin_face[start : start + mjm.skin_facenum[skin]]
-    texture = None
-    if mjm.skin_texcoordadr[skin] >= 0:
-        texture = mjm.skin_texcoord[mjm.skin_texcoordadr[skin] :]
-    hull = Hull(
-        faces=faces, num_vertices=count, offset=float(mjm.skin_inflate[skin]), by_area=True, first_vertex=first,
-        first_point=0, both=False,
-    )  # fmt: skip
-    name = f"skin {mjm.skin(skin).name or skin}"
-    return (
-        _mesh(name, mjm.skin_vert[first : first + count], faces, texture, faces),
-        hull,
-        Shading(num_smooth=len(faces)),
-    )
-
-
-def _mesh(name: str, vertices: np.ndarray, faces: np.ndarray, texture: np.ndarray | None, corners: np.ndarray) -> Mesh:
-    uvs = None
-    if texture is not None:
-        uvs = texture[corners].astype(np.float32)
-        uvs[..., 1] = 1.0 - uvs[..., 1]  # MuJoCo's v counts from the image's first row
-    return Mesh(
-        name, np.ascontiguousarray(vertices, np.float32), np.ascontiguousarray(faces, np.int32), uvs=uvs, moves=True
-    )
-
-
-def _normals(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    """Of each vertex, the mean of its faces', (vertex, 3)."""
-
-    def unit(vectors: np.ndarray) -> np.ndarray:
-        return vectors / np.maximum(np.linalg.norm(vectors, axis=1, keepdims=True), 1e-15)
-
-    corners = vertices[faces]
-    flat = unit(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]))
-    sums = np.zeros_like(vertices)
-    for corner in range(3):
-        np.add.at(sums, faces[:, corner], flat)
-    return unit(sums)
 
 
 def _no_bonds() -> Bonds:
