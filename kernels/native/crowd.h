@@ -182,7 +182,8 @@ WARPCAM_FN int pick(const Crowd_& crowd, const Outline& points, int from, int* p
 
 template <int TYPES, class Shapes, class Materials, class Meshes, class HeightFields>
 WARPCAM_FN void prepare_picks(Picks& picks, int picked, const Shapes& shapes, const Materials& materials,
-                              const Meshes& meshes, const HeightFields& fields, const Light& light, const Camera& camera, int world, int lane)
+                              const Meshes& meshes, const HeightFields& fields, const Light& light, const Camera& camera,
+                              int world, int lane)
 {
     auto& list = picks.list;
     if (lane == 0)
@@ -296,7 +297,8 @@ WARPCAM_FN void cast_patches(Crowd_& crowd, Picks& picks, const Patch* patches, 
             if (picked == 0)
                 break;
             warp_barrier();
-            prepare_picks<TYPES>(picks, picked, shapes, materials, meshes, fields, task.view.light, camera, task.world, lane);
+            prepare_picks<TYPES>(picks, picked, shapes, materials, meshes, fields, task.view.light, camera, task.world,
+                                 lane);
             warp_barrier();
             for (int tile = 0; tile < PATCH / TILE_HEIGHT; ++tile)
                 if (tiles >> tile & 1)

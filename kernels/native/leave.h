@@ -1,4 +1,4 @@
-// Where a ray comes out of an analytic shape: what stands inside of glass lies in the shadow of the side it looks out by.
+// Where a ray comes out of an analytic shape: what is inside of glass lies in the shadow of the side it looks out by.
 #pragma once
 #include "shapes.h"
 
