@@ -2,6 +2,7 @@
 
 import functools
 import gc
+from pathlib import Path
 from typing import Any
 
 import mujoco
@@ -30,6 +31,8 @@ MODEL = """
   </worldbody>
 </mujoco>
 """
+CAMERAS_MORE = '<camera name="left" pos="-4 0 1"/><camera name="right" pos="4 0 1"/>'
+DOCS = Path(__file__).resolve().parents[1] / "docs" / "memory.md"
 LIT = {"rgb", "rgba", "hdr"}
 FACED = {*LIT, "normals", "albedo"}
 FLOWS = {"flow", "flow_valid"}
@@ -207,6 +210,26 @@ def test_the_table_names_every_image_and_the_total() -> None:
     assert "'top' rgb" in text
     assert "'top' depth" in text
     assert f"{told.total / 1e6:,.3f} MB" in text.splitlines()[-1]
+
+
+def test_the_table_of_the_docs_is_what_is_told() -> None:
+    scene, four = one_scene_of("cpu", 8192, CAMERAS_MORE), ("top", "side", "left", "right")
+    both = ("rgb", "depth")
+    asked = [
+        [camera(width=64, height=64, outputs=("depth", "segmentation"))],
+        [camera(width=64, height=64)],
+        [camera(width=64, height=64, shadows=True)],
+        [camera(width=64, height=64, outputs=both, shadows=True)],
+        [camera(name, 64, 64, outputs=both, shadows=True) for name in four],
+        [camera(width=64, height=64, outputs=("depth", "segmentation", "normals"))],
+    ]
+    table = DOCS.read_text().split("| 8192 worlds with meshes")[1].splitlines()[2:]
+    for cameras, row in zip(asked, table, strict=False):  # the last row is of the test below
+        told = wc.estimate_memory(scene, cameras)
+        images = sum(sum(each.values()) for each in told.images.values())
+        assert row.split(" | ")[1:] == [
+            f"{number / 1e6:,.0f} MB{end}" for number, end in ((images, ""), (told.scratch, ""), (told.total, " |"))
+        ], row
 
 
 def test_more_than_is_free_is_an_error_before_anything_is_taken(monkeypatch: pytest.MonkeyPatch) -> None:

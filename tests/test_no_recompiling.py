@@ -83,13 +83,19 @@ CHANGES: dict[str, tuple[Callable[[Simulation, Any], None], str, str]] = {
     "light color": (lambda s, mine: write(s.m.light_diffuse, lambda c: 0.3 * c), "top", "rgb"),
     "light place": (lambda s, mine: write(s.d.light_xpos, lambda p: p + 1.0), "top", "rgb"),
     "light direction": (lambda s, mine: write(s.d.light_xdir, lambda d: d * (1, 1, -1)), "top", "rgb"),
+    "light off": (lambda s, mine: s.m.light_active.zero_(), "top", "rgb"),
+    "background": (lambda s, mine: mine.background.fill_(0.7), "mine", "rgb"),
+    "gain": (lambda s, mine: mine.gain.fill_(0.5), "mine", "rgb"),
 }
+
+# What the camera must have been given for there to be an array of it.
+MADE_WITH: dict[str, dict[str, Any]] = {"background": {"background": np.zeros((2, 3))}, "gain": {"gain": 1.0}}
 
 
 @pytest.mark.parametrize("what", CHANGES)
 def test_changes_in_place_are_seen_and_cost_nothing(what: str, device: wp.Device, loads: list[str]) -> None:
     simulation = Simulation(device)
-    renderer = simulation.renderer()
+    renderer = simulation.renderer(**MADE_WITH.get(what, {}))
     change, camera, output = CHANGES[what]
     before = renderer.render()[camera][output].clone()
     loads.clear()
