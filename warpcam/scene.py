@@ -1,7 +1,7 @@
-"""The scene: what can be seen, on one device, checked here and nowhere else."""
+"""The scene: what can be seen, on one device, and checked when it is made."""
 
 import operator
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -16,6 +16,7 @@ from warpcam.accel.sheets import pack_sheets
 from warpcam.accel.splats import Packed, pack_splats
 from warpcam.accel.textures import pack_textures
 from warpcam.bounds import Bounds, bounds_of
+from warpcam.checks import check_array, check_indices, check_parts
 from warpcam.errors import WarpcamError
 from warpcam.kernels.launch import Stage
 from warpcam.kernels.resolve import is_spare
@@ -25,7 +26,6 @@ from warpcam.kernels.types import (
     MASKED,
     MESH,
     MOVING,
-    NUM_TYPES,
     PLANE,
     SCALED,
     SKY_TERMS,
@@ -38,7 +38,7 @@ from warpcam.kernels.types import (
     Shapes,
 )
 from warpcam.kernels.variety import without_backdrop
-from warpcam.parts import FIELDS, PHYSICAL_FIELDS, Field, SceneCamera, Source, fields_of
+from warpcam.parts import FIELDS, PHYSICAL_FIELDS, SceneCamera, Source, fields_of
 from warpcam.variety import OwnArrays
 
 
@@ -60,7 +60,7 @@ class Scene:
             "terms of the sky": SKY_TERMS + 1,
         }
         self._fields = fields_of(parts)
-        self._check_parts()
+        check_parts(parts, self._counts)
         self._own = OwnArrays(parts, parts.num_worlds, self.device)
         self._arrays: Mapping[str, wp.array] = {}
         self._key: tuple[Any, ...] = ()
@@ -101,7 +101,7 @@ class Scene:
         for stage in self.stages():
             stage.launch()
         self._tables = self.tables()
-        self._check_indices()
+        check_indices(self._arrays, parts, self._seen(), source.label)
 
     @property
     def cameras(self) -> tuple[str, ...]:
@@ -228,7 +228,8 @@ class Scene:
         key = (ambient, *map(_identity, arrays.values()))
         if key != self._key:
             for name, field in self._fields.items():
-                self._check_array(name, field, arrays[name])
+                rows, label = self._counts[field.rows], self._source.label(name)
+                check_array(label, field, arrays[name], rows, self.num_worlds, self.device)
             self._arrays = arrays
             self._tables = self._build(arrays, ambient)
             self._key = key
@@ -328,63 +329,6 @@ class Scene:
             found = ((TWO_SIDED, sides), (MOVING, self._moving), (MASKED, self._masked))
             types |= {kind for kind, there in found if there}
         return frozenset(types)
-
-    def _check_parts(self) -> None:
-        parts = self._parts
-        if parts.num_worlds < 1:
-            raise WarpcamError(f"worlds: the scene has {parts.num_worlds}; at least 1 is needed")
-        for name, rows in self._counts.items():
-            if rows >= 2**31 // parts.num_worlds:
-                raise WarpcamError(f"{name}: {rows} in {parts.num_worlds} worlds are 2^31 or more; fewer are allowed")
-        for shape in parts.drawn:
-            if not 0 <= parts.shape_types[shape] < NUM_TYPES:
-                raise WarpcamError(
-                    f"shape {shape}: its type is {parts.shape_types[shape]}; allowed are 0 to {NUM_TYPES - 1}"
-                )
-        if not -1 <= parts.skybox < len(parts.textures):
-            raise WarpcamError(
-                f"skybox: texture {parts.skybox} of {len(parts.textures)}; allowed are -1 for none and those"
-            )
-
-    def _check_array(self, name: str, field: Field, array: Any) -> None:
-        label = self._source.label(name)
-        if not isinstance(array, wp.array):
-            raise WarpcamError(f"{label}: a Warp array is needed, got {type(array).__name__}")
-        device_rule.require_same(self.device, "the scene's other arrays are", array.device, label)
-        rows, more = self._counts[field.rows], len(field.more)
-        shape = tuple(array.shape)
-        leading = f"{self.num_worlds}" if field.every_world else "1 or more"
-        expected = f"({leading}, {rows}{''.join(f', {n} or more' for n in field.more)})"
-        fits = (
-            len(shape) == 2 + more
-            and (shape[0] == self.num_worlds if field.every_world else shape[0] >= 1)
-            and shape[1] == rows
-            and all(have >= need for have, need in zip(shape[2:], field.more, strict=True))
-        )
-        # Without rows nothing is read, and a source may leave the array as empty as it likes.
-        if (rows > 0 and not fits) or array.ndim != 2 + more or array.dtype is not field.dtype:
-            raise WarpcamError(
-                f"{label}: expected {field.dtype.__name__} of shape {expected}, got {array.dtype.__name__} of {shape}"
-            )
-
-    def _check_indices(self) -> None:
-        """Indices as they are when the scene is made; one written later is the user's own responsibility."""
-        parts = self._parts
-        self._check_range("shape_materials", parts.num_materials)
-        self._check_range("material_texture", len(parts.textures))
-        for kind, assets in ((MESH, parts.meshes), (HEIGHT_FIELD, parts.height_fields), (SPLATS, parts.clouds)):
-            shapes = [shape for shape in self._seen() if parts.shape_types[shape] == kind]
-            if shapes:
-                self._check_range("shape_assets", len(assets), shapes)
-
-    def _check_range(self, name: str, count: int, rows: Sequence[int] | None = None) -> None:
-        array = self._arrays[name]
-        if array.size == 0:
-            return
-        values = array.numpy() if rows is None else array.numpy()[:, rows]
-        if values.min() < -1 or values.max() >= count:
-            worst = int(values.min()) if values.min() < -1 else int(values.max())
-            raise WarpcamError(f"{self._source.label(name)}: has {worst}; allowed are -1 for none and 0 to {count - 1}")
 
 
 def _identity(array: Any) -> tuple[Any, ...] | None:

@@ -3,7 +3,7 @@
 Everything is in the file's own units and axes but for what the root's frame does to it: below it are metres.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -240,3 +240,19 @@ class Graph:
             if not isinstance(name, str) or isinstance(number, bool) or not isinstance(number, int | np.integer):
                 raise WarpcamError(f"semantics: must map labels to whole numbers, got {name!r}: {number!r}")
         return {name: int(number) for name, number in labels.items()}
+
+
+def middle_of(items: Sequence[Item], worlds: np.ndarray) -> np.ndarray:
+    """Of where things stand, endless ones aside, (3,) [m]; ``worlds`` are the nodes' frames, (node, 4, 4)."""
+    corners = [np.zeros((0, 3))]
+    for item in items:
+        matrix = worlds[item.node]
+        fit = item.form.fitted(matrix[:3, :3]) if np.isfinite(matrix).all() else None
+        if fit is not None and fit.mesh is not None:
+            vertices = fit.mesh.vertices
+            box = np.stack((vertices.min(axis=0), vertices.max(axis=0)))
+            corners.append(matrix[:3, 3] + box @ fit.rotation.T)
+        elif fit is not None:
+            corners.append(matrix[None, :3, 3])
+    points = np.concatenate(corners)
+    return 0.5 * (points.min(axis=0) + points.max(axis=0)) if len(points) else np.zeros(3)

@@ -18,7 +18,7 @@ from warpcam.layers import veils_alone
 from warpcam.parts import Parts, fields_of
 from warpcam.sources import looks
 from warpcam.sources.forms import Fitted, Surface, polar
-from warpcam.sources.graph import Graph, Item, Lamp, Look
+from warpcam.sources.graph import Graph, Item, Lamp, Look, middle_of
 from warpcam.sources.notes import Notes
 
 KINDS = ("shape", "body", "light", "camera")
@@ -323,7 +323,7 @@ class GraphSource:
     def _brightest(self, worlds: np.ndarray, seen: np.ndarray) -> list[int]:
         """The lights that there is room for, those before others that light the middle of the scene more."""
         lamps = self._lit(range(len(self.graph.lamps)), seen)
-        middle = self._middle(worlds)
+        middle = middle_of(self.items, worlds)
         arriving = [looks.arriving(lamp, worlds[lamp.node, :3, 3], middle) for lamp in lamps]
         order = sorted(range(len(lamps)), key=lambda place: -arriving[place])
         local = [place for place in order if lamps[place].kind != "dome"]
@@ -345,21 +345,6 @@ class GraphSource:
         for name, rows in looks.light_rows(lamps, self._gain or 1.0).items():
             self._put(f"light_{name}", rows)
         self._put("sky", looks.sky_rows(lamps, self._gain or 1.0))
-
-    def _middle(self, worlds: np.ndarray) -> np.ndarray:
-        """Of what is drawn, endless things aside, (3,) [m]."""
-        corners = [np.zeros((0, 3))]
-        for item in self.items:
-            matrix = worlds[item.node]
-            fit = item.form.fitted(matrix[:3, :3]) if np.isfinite(matrix).all() else None
-            if fit is not None and fit.mesh is not None:
-                vertices = fit.mesh.vertices
-                box = np.stack((vertices.min(axis=0), vertices.max(axis=0)))
-                corners.append(matrix[:3, 3] + box @ fit.rotation.T)
-            elif fit is not None:
-                corners.append(matrix[None, :3, 3])
-        points = np.concatenate(corners)
-        return 0.5 * (points.min(axis=0) + points.max(axis=0)) if len(points) else np.zeros(3)
 
     def _place_followers(self, worlds: np.ndarray) -> None:
         """Where each thing stands: in the world, or in the frame of the nearest driven node above it."""
