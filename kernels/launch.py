@@ -222,3 +222,7 @@ def _spread(parts: Sequence[wp.Launch]) -> Iterator[None]:
 @functools.cache
 def _pool() -> ThreadPoolExecutor:
     return ThreadPoolExecutor(cpu_threads(), thread_name_prefix="warpcam")
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_pool.cache_clear)  # threads stay behind

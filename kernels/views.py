@@ -84,8 +84,9 @@ class LensTable:
 
 @wp.func
 def rotation_of(quaternion: wp.vec4) -> wp.mat33:
-    """``quaternion`` is w x y z; NaN for one of length 0."""
-    q = quaternion / wp.length(quaternion)
+    """``quaternion`` is w x y z; not finite for one of length 0, or whose length is not."""
+    length = wp.length(quaternion)
+    q = quaternion / wp.where(wp.isfinite(length), length, 0.0)
     return wp.quat_to_matrix(wp.quat(q[1], q[2], q[3], q[0]))
 
 

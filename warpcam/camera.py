@@ -94,7 +94,7 @@ class Camera:
             raise WarpcamError(f"{self.where}: depth_clipping is {self.depth_clipping!r}; allowed are {allowed}")
         if not isinstance(self.shadows, bool | np.bool_):
             raise WarpcamError(f"{self.where}: shadows must be True or False, got {self.shadows!r}")
-        if isinstance(self.antialiasing, bool) or self.antialiasing not in (1, *SAMPLES):
+        if type(self.antialiasing) is not int or self.antialiasing not in (1, *SAMPLES):
             allowed = ", ".join(map(str, (1, *SAMPLES)))
             raise WarpcamError(f"{self.where}: antialiasing is {self.antialiasing!r}; allowed are {allowed}")
         self._check_background()

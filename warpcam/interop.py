@@ -13,18 +13,24 @@ Tensor = torch.Tensor
 
 
 def to_torch(array: wp.array) -> torch.Tensor:
-    """The same memory as a tensor; it keeps the memory alive."""
-    return wp.to_torch(array, requires_grad=False)
+    """The same memory as a tensor; it keeps the memory alive.
+
+    Whatever torch's default device is, and also within its inference mode, whose tensors cannot be written later.
+    """
+    with torch.inference_mode(False):
+        if array.device.is_cpu:
+            return torch.from_numpy(array.numpy())
+        return wp.to_torch(array, requires_grad=False)
 
 
 def as_array(value: Any) -> wp.array | None:
-    """The same memory as a Warp array, if it is one or a tensor; else None. None too for dtypes that Warp lacks."""
+    """The same memory as a Warp array, if it is one or a tensor; else None. None too for what Warp lacks."""
     if isinstance(value, wp.array):
         return value
     if isinstance(value, torch.Tensor):
         try:
             return wp.from_torch(value.detach())
-        except TypeError:
+        except (TypeError, RuntimeError):  # a dtype, or a device
             return None
     return None
 
@@ -52,7 +58,8 @@ def concatenate(tensors: Sequence[torch.Tensor], axis: int) -> torch.Tensor:
 def to_numpy(value: Any) -> np.ndarray:
     """A copy on the host of numbers in any form: torch, Warp, numpy or plain."""
     if isinstance(value, torch.Tensor):
-        return value.detach().cpu().numpy()
+        host = value.detach().cpu()
+        return host.float().numpy() if host.dtype is torch.bfloat16 else host.numpy()
     if isinstance(value, wp.array):
         return value.numpy()
     return np.asarray(value)

@@ -2,11 +2,13 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 import warp as wp
 
 from warpcam.camera import Camera
+from warpcam.errors import WarpcamError
 from warpcam.kernels.layers import Haze, LayerTables, Mirror
 from warpcam.kernels.tables import Tables
 from warpcam.kernels.types import BOX, PLANE, View
@@ -63,6 +65,11 @@ class Layers:
         )
 
 
+def require_choice(name: str, wanted: Any) -> None:
+    if not isinstance(wanted, bool | np.bool_ | None):
+        raise WarpcamError(f"{name} must be True, False or None, got {wanted!r}")
+
+
 def find_mirrors(
     types: np.ndarray, drawn: Sequence[int], materials: np.ndarray, reflectance: np.ndarray, wanted: bool | None
 ) -> list[int]:
@@ -75,6 +82,7 @@ def find_mirrors(
         reflectance: (material,).
         wanted: None looks; True and False are the user's word.
     """
+    require_choice("reflections", wanted)
     able = [shape for shape in drawn if types[shape] in (PLANE, BOX)]
     if wanted is not None:
         return able if wanted else []
@@ -96,6 +104,7 @@ def find_veils(
         wanted: None looks; True and False are the user's word.
         backs: Whether planes are seen from behind.
     """
+    require_choice("transparency", wanted)
     veils = [shape for shape in drawn if ((opacity[:, shape] > 0.0) & (opacity[:, shape] < SOLID)).any()]
     if wanted is False or (wanted is None and not veils):
         return []

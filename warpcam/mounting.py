@@ -23,6 +23,10 @@ from warpcam.scene import Scene
 CLIPPING = {"none": views_stage.CLIP_NONE, "max": views_stage.CLIP_MAX, "zero": views_stage.CLIP_ZERO}
 
 
+class NoArrayError(WarpcamError, AttributeError):
+    """An array that a camera has not, or that is not to be replaced."""
+
+
 class CameraArrays:
     """What of one camera may be written in place, seen at the next render: tensors on the scene's device.
 
@@ -36,13 +40,18 @@ class CameraArrays:
     def __init__(self, where: str, arrays: dict[str, wp.array]):
         self._where = where
         self._names = tuple(arrays)
-        for name, array in arrays.items():
-            setattr(self, name, interop.to_torch(array))
+        self.__dict__.update({name: interop.to_torch(array) for name, array in arrays.items()})
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        if name.startswith("_"):
+            super().__setattr__(name, value)
+        elif value is not getattr(self, name):  # front.fovy += 1.0 puts back what it has written to
+            raise NoArrayError(f"{self._where}: {name} cannot be replaced; write to it in place: {name}[:] = ...")
 
     def __getattr__(self, name: str) -> Any:
         if name.startswith("_"):
             raise AttributeError(name)
-        raise AttributeError(
+        raise NoArrayError(
             f"{self._where} has no array {name!r} of its own, it has {', '.join(self._names)}; the rest is the "
             "simulator's to hold"
         )
@@ -60,8 +69,12 @@ class Mounted:
         if camera.is_own:
             self._own("position", (0.0, 0.0, 0.0) if camera.position is None else camera.position, wp.vec3)
             self._own("rotation", (1.0, 0.0, 0.0, 0.0) if camera.rotation is None else camera.rotation, wp.vec4)
-            if not np.linalg.norm(self.arrays["rotation"].numpy(), axis=1).all():
+            rotations = self.arrays["rotation"].numpy().astype(np.float64)
+            lengths = np.linalg.norm(rotations, axis=1, keepdims=True)
+            if not lengths.all():
                 raise WarpcamError(f"{camera.where}: rotation must not be of length 0, got {camera.rotation!r}")
+            fit = (lengths > 1e-6) & (lengths < 1e6)  # to be squared
+            self.arrays["rotation"].assign(np.where(fit, rotations, rotations / lengths).astype(np.float32))
         if camera.lens is not None:
             if isinstance(camera.lens, TableLens):
                 self._make_table(camera.lens)
@@ -257,11 +270,12 @@ def per_world(
     allowed = f"{width or 'a number'} or {several}"
     try:
         raw = np.asarray(interop.to_numpy(value))
-        numbers = raw.astype(np.float32)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, RuntimeError):
         raise WarpcamError(f"{where} must be numbers, {allowed}, got {value!r}") from None
     if raw.dtype.kind not in "iuf":
         raise WarpcamError(f"{where} must be numbers, {allowed}, got {value!r}")
+    with np.errstate(over="ignore"):  # what float32 cannot hold is not finite
+        numbers = raw.astype(np.float32)
     if numbers.shape not in (width, (num_worlds, *width)):
         raise WarpcamError(f"{where} must have shape {allowed}, got {numbers.shape}")
     unusable = np.isnan(numbers) | (np.isinf(numbers) & (numbers < 0.0 if may_be_infinite else True))

@@ -1,5 +1,6 @@
 """Domain randomisation: what looks different in every world, drawn on the device."""
 
+import operator
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
@@ -140,9 +141,9 @@ def _stage(state: Recipes, target: Any, name: str, recipe: Any, seeds: wp.array,
         recipe = Choice(recipe)
     if not isinstance(recipe, Uniform | Choice):
         raise WarpcamError(f"randomize: {name} must be (low, high), a list, Uniform or Choice, got {recipe!r}")
-    rows = None if recipe.rows is None else tuple(int(row) for row in recipe.rows)
+    rows = None if recipe.rows is None else _whole(f"{name}: rows", recipe.rows)
     if isinstance(recipe, Choice):
-        what: tuple[Any, ...] = (tuple(int(value) for value in recipe.values),)
+        what: tuple[Any, ...] = (_whole(f"{name}: what is chosen from", recipe.values),)
     else:
         what = (_bounds(name, recipe.low), _bounds(name, recipe.high), recipe.of, bool(recipe.linked))
     key = (name, what, rows, seeds.ptr, seeds.shape)
@@ -152,6 +153,13 @@ def _stage(state: Recipes, target: Any, name: str, recipe: Any, seeds: wp.array,
         state.stages[key] = _record(state, target, name, recipe, what, rows, seeds)
         state.stages[key].bind()
     return state.stages[key]
+
+
+def _whole(what: str, values: Any) -> tuple[int, ...]:
+    try:
+        return tuple(operator.index(value.item() if isinstance(value, np.bool_) else value) for value in values)
+    except TypeError:
+        raise WarpcamError(f"randomize: {what} must be whole numbers, got {values!r}") from None
 
 
 def _bounds(name: str, value: Any) -> tuple[float, ...]:
@@ -203,6 +211,11 @@ def _record(
     if isinstance(recipe, Choice):
         if not what[0]:
             raise WarpcamError(f"randomize: {name}: a choice needs at least one value")
+        most = target.count_of(name) if isinstance(target, Scene) else None
+        if most is not None and (min(what[0]) < -1 or max(what[0]) >= most):
+            raise WarpcamError(
+                f"randomize: {name}: a choice of indices takes -1 for none and 0 to {most - 1}, got {recipe.values!r}"
+            )
         if out.dtype is wp.uint8 and not set(what[0]) <= {0, 1}:
             raise WarpcamError(f"randomize: {name}: a choice of on and off takes 1 and 0, got {recipe.values!r}")
         choices = wp.array(np.array(what[0]), dtype=wp.int32, device=device)

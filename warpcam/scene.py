@@ -49,8 +49,7 @@ class Scene:
         parts = source.parts
         self._source = source
         self._parts = parts
-        self.device: wp.Device = device_rule.resolve(source.device)
-        self.num_worlds: int = parts.num_worlds
+        self._device: wp.Device = device_rule.resolve(source.device)
         self._counts = {
             "shapes": len(parts.shape_types),
             "materials": parts.num_materials,
@@ -103,6 +102,19 @@ class Scene:
         self._tables = self.tables()
         check_indices(self._arrays, parts, self._seen(), source.label)
 
+    def __reduce__(self) -> Any:
+        raise WarpcamError("Scene: it cannot be copied or pickled, as it holds memory of a device; make another one")
+
+    @property
+    def device(self) -> wp.Device:
+        """Where everything of it lies."""
+        return self._device
+
+    @property
+    def num_worlds(self) -> int:
+        """How many worlds it has."""
+        return self._parts.num_worlds
+
     @property
     def cameras(self) -> tuple[str, ...]:
         """Names of the source's cameras in their order, "" for one without a name."""
@@ -127,6 +139,12 @@ class Scene:
         """
         ids = self._parts.shape_ids
         return np.arange(self._counts["shapes"], dtype=np.int32)[None] if ids is None else ids.copy()
+
+    def count_of(self, name: str) -> int | None:
+        """How many things an array of indices that ``vary`` gives counts, None for other arrays."""
+        parts = self._parts
+        textures = len(parts.textures)
+        return {"shape_materials": parts.num_materials, "material_texture": textures, "skybox": textures}.get(name)
 
     def bounds(self) -> Bounds:
         """Lowest and highest corner of what can be seen now, over all worlds, infinite planes aside.
@@ -175,6 +193,8 @@ class Scene:
 
     def array(self, field: str) -> wp.array:
         """The live array of that name in ``FIELDS`` or ``PHYSICAL_FIELDS``, as of the last call of ``tables()``."""
+        if not isinstance(field, str) or field not in self._arrays:
+            raise WarpcamError(f"array: {field!r} came; this scene has {', '.join(self._arrays)}")
         return self._arrays[field]
 
     def vary(self, name: str) -> interop.Tensor:
@@ -191,7 +211,7 @@ class Scene:
             name: "shape_colors", "shape_materials", "headlight", "background", "skybox", or one that begins with
                 "material_" or "light_": see docs/randomize.md.
         """
-        if name not in self._own:
+        if not isinstance(name, str) or name not in self._own:
             self.tables()
             self._own.make(name, self._source, self._arrays)
             self._ambient, self._key, self._last = -1.0, (), ()

@@ -54,7 +54,7 @@ class Selection:
             )
         try:
             values = np.asarray(worlds)
-        except (TypeError, ValueError):
+        except (TypeError, ValueError, RuntimeError):
             values = np.zeros((), object)
         if values.ndim == 1 and values.size == 0 and not isinstance(worlds, np.ndarray):
             values = values.astype(np.int64)

@@ -1,0 +1,203 @@
+"""Odd uses: each works, or gives an error that names what came."""
+
+import copy
+import os
+import pickle
+import re
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import balls
+import mujoco
+import numpy as np
+import pytest
+import torch
+import warp as wp
+
+import warpcam as wc
+
+WORLDS = 3
+HALFWAY = np.sqrt(0.5)
+
+
+@pytest.fixture(scope="module")
+def scene() -> wc.Scene:
+    return balls.Simulation("cpu", WORLDS).scene
+
+
+def own(**changes: Any) -> wc.Camera:
+    settings: dict[str, Any] = {"lens": wc.Pinhole(fovy=60.0), "position": (0.0, 0.0, 5.0), "outputs": ("depth",)}
+    return wc.Camera("own", width=8, height=8, **{**settings, **changes})
+
+
+def depth(scene: wc.Scene, **changes: Any) -> torch.Tensor:
+    return wc.Renderer(scene, [own(**changes)]).render()["own"]["depth"]
+
+
+def says(text: str) -> Any:
+    return pytest.raises(wc.WarpcamError, match=re.escape(text))
+
+
+# Position and rotation in other forms, which mean what (0, 0, 5) and a quarter turn about z do.
+FORMS: dict[str, dict[str, Any]] = {
+    "doubles": {"position": torch.tensor([0.0, 0.0, 5.0], dtype=torch.float64)},
+    "brain floats": {"position": torch.tensor([0.0, 0.0, 5.0], dtype=torch.bfloat16)},
+    "whole numbers": {"position": torch.tensor([0, 0, 5])},
+    "with a gradient": {"position": torch.tensor([0.0, 0.0, 5.0], requires_grad=True)},
+    "strided": {"position": torch.tensor([[0.0, 9.0], [0.0, 9.0], [5.0, 9.0]])[:, 0]},
+    "a vector of Warp": {"position": wp.vec3(0.0, 0.0, 5.0)},
+    "an array of Warp": {"position": wp.array([(0.0, 0.0, 5.0)] * WORLDS, dtype=wp.vec3, device="cpu")},
+    "short": {"rotation": (1e-25 * HALFWAY, 0.0, 0.0, 1e-25 * HALFWAY)},
+    "long": {"rotation": (1e30 * HALFWAY, 0.0, 0.0, 1e30 * HALFWAY)},
+}
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_poses_in_other_forms(form: str, scene: wc.Scene) -> None:
+    plain = {"rotation": (HALFWAY, 0.0, 0.0, HALFWAY)}
+    assert torch.equal(depth(scene, **{**plain, **FORMS[form]}), depth(scene, **plain))
+
+
+@contextmanager
+def default_device() -> Iterator[None]:
+    torch.set_default_device("meta")
+    try:
+        yield
+    finally:
+        torch.set_default_device(None)
+
+
+@contextmanager
+def default_dtype() -> Iterator[None]:
+    torch.set_default_dtype(torch.float64)
+    try:
+        yield
+    finally:
+        torch.set_default_dtype(torch.float32)
+
+
+@pytest.mark.parametrize("state", [default_device, default_dtype, torch.inference_mode, torch.no_grad])
+def test_torchs_own_state_changes_nothing(state: Callable[[], Any], scene: wc.Scene) -> None:
+    expected = depth(scene)
+    with state():
+        renderer = wc.Renderer(scene, [own()])
+        image = renderer.render(worlds=[0, 1, 2])["own"]["depth"]
+    renderer.camera("own").position[:] = torch.tensor([0.0, 0.0, 6.0])
+    assert image.device.type == "cpu" and torch.equal(image, expected)
+    assert (renderer.render()["own"]["depth"] > expected).all()
+
+
+def test_numbers_that_make_no_image_cost_their_world(scene: wc.Scene) -> None:
+    expected = depth(scene).clone()
+    nan, inf = float("nan"), float("inf")
+    bad = {"position": (nan, inf), "rotation": (nan, 0.0, 1e-25, 1e30), "fovy": (nan, 0.0, 180.0, -30.0)}
+    bad |= {"near": (nan, -1.0, inf), "far": (nan, -1.0, 0.0)}
+    for name, values in bad.items():
+        for value in values:
+            renderer = wc.Renderer(scene, [own()])
+            getattr(renderer.camera("own"), name)[1] = value
+            image = renderer.render()["own"]["depth"]
+            assert renderer.faulty.tolist() == [0, 1, 0], (name, value)
+            assert image[1].isinf().all() and torch.equal(image[[0, 2]], expected[[0, 2]])
+
+
+def test_arrays_of_a_camera_are_written_in_place(scene: wc.Scene) -> None:
+    renderer = wc.Renderer(scene, [own()])
+    front = renderer.camera("own")
+    front.fovy += 1.0
+    assert front.fovy.tolist() == [61.0] * WORLDS
+    with says("Camera('own'): position cannot be replaced; write to it in place: position[:] = ..."):
+        front.position = torch.zeros(WORLDS, 3)
+    with says("Camera('own') has no array 'background' of its own, it has position, rotation, fovy, near, far"):
+        front.background = torch.zeros(WORLDS, 3)
+    assert not hasattr(front, "gain")
+    with says("randomize: fovy takes Uniform or (low, high), got Choice"):
+        wc.randomize(front, seed=1, fovy=[1, 2])
+    with says("has no array 'exposure' of its own"):
+        wc.randomize(front, seed=1, exposure=(0.0, 1.0))
+
+
+META = "tensor(..., device='meta'"
+CAMERAS = {
+    f"Camera('own'): position must be numbers, (3,) or (3, 3), got {META}": {"position": torch.ones(3, device="meta")},
+    "Camera('own'): position must be numbers, (3,) or (3, 3), got array([0.+1.j": {"position": np.array([1j, 0, 0])},
+    "Camera('own'): position must be finite, got inf": {"position": (0.0, 0.0, 1e300)},
+    "Camera('own'): antialiasing is 4.0; allowed are 1, 4": {"antialiasing": 4.0},
+}
+
+
+@pytest.mark.parametrize("text", CAMERAS)
+def test_cameras(text: str, scene: wc.Scene) -> None:
+    with says(text):
+        wc.Renderer(scene, [own(**CAMERAS[text])])
+
+
+def test_renderers(scene: wc.Scene) -> None:
+    renderer = wc.Renderer(scene, [own()])
+    with says(f"render: worlds must be ids (n,), or a mask (3,) of bool or uint8, got {META}"):
+        renderer.render(worlds=torch.ones(WORLDS, dtype=torch.bool, device="meta"))
+    with says("Renderer: camera [] came, it renders 'own'"):
+        renderer.array([], "depth")  # type: ignore[arg-type]
+    with says("Renderer.array: output [] came, 'own' renders depth"):
+        renderer.array("own", [])  # type: ignore[arg-type]
+    for way in (pickle.dumps, copy.copy, copy.deepcopy):
+        with says("Renderer: it cannot be copied or pickled, as it holds memory of a device"):
+            way(renderer)
+
+
+def test_scenes(scene: wc.Scene) -> None:
+    with says("array: 'shape_colours' came; this scene has shape_positions, "):
+        scene.array("shape_colours")
+    with says("vary: [] came; in this scene it may be shape_colors, "):
+        scene.vary([])  # type: ignore[arg-type]
+    for way in (pickle.dumps, copy.copy, copy.deepcopy):
+        with says("Scene: it cannot be copied or pickled, as it holds memory of a device"):
+            way(scene)
+    with pytest.raises(AttributeError):
+        scene.num_worlds = 5  # type: ignore[misc]
+    mjm = mujoco.MjModel.from_xml_string(balls.MODEL)
+    for name in ("reflections", "transparency"):
+        with says(f"{name} must be True, False or None, got 'no'"):
+            wc.from_mujoco(mjm, mujoco.MjData(mjm), device="cpu", **{name: "no"})
+
+
+def test_recipes() -> None:
+    model = balls.MODEL.replace("<worldbody>", '<asset><material name="m"/></asset><worldbody>')
+    mjm = mujoco.MjModel.from_xml_string(model)
+    scene = wc.from_mujoco(mjm, mujoco.MjData(mjm), device="cpu")
+    with says("randomize: material_texture: a choice of indices takes -1 for none and 0 to -1, got [99]"):
+        wc.randomize(scene, seed=1, material_texture=[99])
+    with says("randomize: shape_materials: a choice of indices takes -1 for none and 0 to 0, got [-2]"):
+        wc.randomize(scene, seed=1, shape_materials=[-2])
+    with says("randomize: shape_materials: what is chosen from must be whole numbers, got [0.7]"):
+        wc.randomize(scene, seed=1, shape_materials=[0.7])
+    with says("randomize: shape_colors: rows must be whole numbers, got 'a'"):
+        wc.randomize(scene, seed=1, shape_colors=wc.Uniform(0.0, 1.0, rows="a"))  # type: ignore[arg-type]
+
+
+# Renders, and renders again in a child that has been forked off, where the threads of the parent are not.
+FORKING = """
+import os, sys
+sys.path.append(sys.argv[1])
+import balls
+renderer = balls.Simulation("cpu").renderer(("depth",))
+expected = renderer.render()["top"]["depth"].clone().numpy()
+child = os.fork()
+if child == 0:
+    renderer.images["top"]["depth"].zero_()
+    os._exit(0 if (renderer.render()["top"]["depth"].numpy() == expected).all() else 3)
+sys.exit(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]))
+"""
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="it forks")
+def test_a_forked_process_renders_on() -> None:
+    folder = os.path.dirname(balls.__file__)
+    environment = {**os.environ, "CUDA_VISIBLE_DEVICES": "", "WARPCAM_CPU_THREADS": "2"}
+    done = subprocess.run(
+        [sys.executable, "-c", FORKING, folder], env=environment, capture_output=True, text=True, timeout=120
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
