@@ -201,3 +201,62 @@ def test_a_forked_process_renders_on() -> None:
         [sys.executable, "-c", FORKING, folder], env=environment, capture_output=True, text=True, timeout=120
     )
     assert done.returncode == 0, done.stdout + done.stderr
+
+
+def test_files(tmp_path: Any) -> None:
+    path = tmp_path / "balls.xml"
+    path.write_text(balls.MODEL)
+    for count in (0, -1, 2.5, "2", True):
+        with says(f"num_worlds must be a whole number, at least 1, got {count!r}"):
+            wc.load(path, count)
+    with says("num_worlds must be less than 2^31, got 1000000000000"):
+        wc.load(path, 10**12)
+
+
+def test_stages(stage: Any) -> None:
+    from pxr import UsdGeom
+
+    UsdGeom.Sphere.Define(stage, "/Ball")
+    with says("num_worlds must be less than 2^31, got 2147483648"):
+        wc.from_usd(stage, 2**31)
+    with says("semantics must map labels to whole numbers, got list"):
+        wc.from_usd(stage, semantics=["ball"])  # type: ignore[arg-type]
+    with says("double_sided must be True, False or None, got 'both'"):
+        wc.from_usd(stage, double_sided="both")  # type: ignore[arg-type]
+    for exposure in ("bright", float("nan")):
+        with says(f"exposure must be a finite number or None, got {exposure!r}"):
+            wc.from_usd(stage, exposure=exposure)
+    with says(f"set_poses: poses must be an array of float32, got {META}"):
+        wc.from_usd(stage, device="cpu").set_poses(["/Ball"], torch.zeros(1, 1, 7, device="meta"))
+
+
+LIGHTS = {
+    "lights[0]: color must not be negative, got (-1, 0, 0)": {"color": (-1, 0, 0)},
+    "lights[0]: intensity must not be negative, got -1.0": {"intensity": -1.0},
+    "lights[0]: ambient must not be negative, got (0, 0, -1)": {"ambient": (0, 0, -1)},
+    "lights[0]: exponent must not be negative, got -2.0": {"kind": "spot", "exponent": -2.0},
+    "lights[0]: active must be True, False or (2,) bool, got 1": {"active": 1},
+    "lights[0]: shadows must be True, False or (2,) bool, got [True, False, True]": {"shadows": [True, False, True]},
+}
+
+
+def lit(**changes: Any) -> wc.Scene:
+    newton = pytest.importorskip("newton")
+    robot, builder = newton.ModelBuilder(), newton.ModelBuilder()
+    robot.add_shape_box(-1, hx=2.0, hy=2.0, hz=0.1)
+    builder.replicate(robot, 2)
+    with wp.ScopedDevice("cpu"):
+        model = builder.finalize()
+        return wc.from_newton(model, model.state(), lights=[wc.Light(**changes)], ambient=(0.0, 0.0, 0.0))
+
+
+@pytest.mark.parametrize("text", LIGHTS)
+def test_lights(text: str) -> None:
+    with says(text):
+        lit(**LIGHTS[text])
+
+
+def test_a_light_is_on_where_it_is_told() -> None:
+    scene = lit(active=torch.tensor([False, True]))
+    image = wc.Renderer(scene, [own(outputs=("rgb",))]).render()["own"]["rgb"]
+    assert (image[0] == 0).all() and (image[1, 2:6, 2:6] > 100).all()

@@ -3,12 +3,31 @@
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
+import numpy as np
 import warp as wp
 
 from warpcam import device as device_rule
 from warpcam.errors import WarpcamError
 from warpcam.kernels.types import HEIGHT_FIELD, MESH, NUM_TYPES, SPLATS
 from warpcam.parts import Field, Parts
+
+
+def check_num_worlds(num_worlds: Any) -> None:
+    """What a user gives as the number of worlds of a scene of a file."""
+    if isinstance(num_worlds, bool) or not isinstance(num_worlds, int | np.integer) or num_worlds < 1:
+        raise WarpcamError(f"num_worlds must be a whole number, at least 1, got {num_worlds!r}")
+    if num_worlds >= 2**31:
+        raise WarpcamError(f"num_worlds must be less than 2^31, got {num_worlds}")
+
+
+def check_semantics(labels: Any) -> dict[str, int]:
+    """A user's numbers of labels."""
+    if not isinstance(labels, Mapping):
+        raise WarpcamError(f"semantics must map labels to whole numbers, got {type(labels).__name__}")
+    for name, number in labels.items():
+        if not isinstance(name, str) or isinstance(number, bool) or not isinstance(number, int | np.integer):
+            raise WarpcamError(f"semantics: must map labels to whole numbers, got {name!r}: {number!r}")
+    return {name: int(number) for name, number in labels.items()}
 
 
 def check_parts(parts: Parts, counts: Mapping[str, int]) -> None:

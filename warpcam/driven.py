@@ -219,7 +219,7 @@ class DrivenScene(Scene):
             allowed = {wp.uint8: "bu", wp.int32: "iu"}.get(dtype, "fiu")
             if numbers.dtype.kind not in allowed:
                 raise TypeError
-        except (TypeError, ValueError):
+        except (TypeError, ValueError, RuntimeError):
             raise WarpcamError(f"{what} must be an array of {dtype.__name__}, got {value!r}") from None
         return wp.array(np.ascontiguousarray(numbers.astype(wp.dtype_to_numpy(dtype))), dtype=dtype, device=self.device)
 

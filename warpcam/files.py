@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from warpcam.checks import check_num_worlds
 from warpcam.device import resolve
 from warpcam.errors import WarpcamError
 from warpcam.scene import Scene
@@ -36,8 +37,7 @@ def load(
         raise WarpcamError(f"load: {str(path)!r} came; known are {', '.join((*MUJOCO, *USD, *MESHES))}")
     if not file.is_file():
         raise WarpcamError(f"load: there is no file {str(path)!r}")
-    if isinstance(num_worlds, bool) or not isinstance(num_worlds, int | np.integer) or num_worlds < 1:
-        raise WarpcamError(f"num_worlds must be a whole number, at least 1, got {num_worlds!r}")
+    check_num_worlds(num_worlds)
     if up_axis not in ("Z", None):
         raise WarpcamError(f'up_axis must be "Z", or None for the file\'s own axes, got {up_axis!r}')
     if meters_per_unit is not None and not (

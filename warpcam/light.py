@@ -7,6 +7,7 @@ from typing import Any, Literal
 import numpy as np
 import warp as wp
 
+from warpcam import interop
 from warpcam.errors import WarpcamError
 from warpcam.kernels.types import FORM_POINT, LIGHT_DIRECTIONAL, LIGHT_SPOT
 from warpcam.mounting import per_world
@@ -22,14 +23,14 @@ class Light:
         kind: "directional" is as far away as the sun; "point" shines all around; "spot" shines in a cone.
         direction: (3,) or (world, 3): the way it shines, world frame, of any length but 0. Not read for "point".
         position: (3,) or (world, 3) [m], world frame. Not read for "directional".
-        color: (3,) or (world, 3): what a white surface that faces it shows, linear.
-        intensity: A factor of ``color``.
+        color: (3,) or (world, 3): what a white surface that faces it shows, linear, not negative.
+        intensity: A factor of ``color``, a number or (world,).
         ambient: (3,) or (world, 3): what every surface shows of it, whichever way it faces; not in its shadows.
         attenuation: (3,) or (world, 3): a, b, c of the strength 1 / (a + b d + c d^2) at a distance d [m].
-        cutoff: Half angle of a spot's cone [degrees], from 0 to 90.
-        exponent: How a spot falls off towards the edge of its cone; 0 is not at all.
-        shadows: Whether it casts any, in cameras with ``shadows=True``.
-        active: Whether it is on.
+        cutoff: Half angle of a spot's cone [degrees], from 0 to 90; a number or (world,).
+        exponent: How a spot falls off towards the edge of its cone, a number or (world,); 0 is not at all.
+        shadows: Whether it casts any, in cameras with ``shadows=True``; a bool, or (world,).
+        active: Whether it is on; a bool, or (world,).
     """
 
     kind: Literal["directional", "point", "spot"] = "directional"
@@ -41,8 +42,8 @@ class Light:
     attenuation: Any = (1.0, 0.0, 0.0)
     cutoff: Any = 45.0
     exponent: Any = 10.0
-    shadows: bool = True
-    active: bool = True
+    shadows: Any = True
+    active: Any = True
 
 
 def light_arrays(lights: Any, num_worlds: int, device: wp.Device) -> Mapping[str, wp.array]:
@@ -87,6 +88,13 @@ def _row(light: Light, where: str, num_worlds: int) -> dict[str, Any]:
     def numbers(name: str, width: tuple[int, ...] = (3,)) -> np.ndarray:
         return per_world(getattr(light, name), f"{where}: {name}", num_worlds, width)
 
+    def switch(name: str) -> np.ndarray:
+        value = np.asarray(interop.to_numpy(getattr(light, name)))
+        if value.dtype != np.bool_ or value.shape not in ((), (num_worlds,)):
+            allowed = f"True, False or ({num_worlds},) bool"
+            raise WarpcamError(f"{where}: {name} must be {allowed}, got {getattr(light, name)!r}")
+        return value
+
     direction = numbers("direction")
     length = np.linalg.norm(direction, axis=1, keepdims=True)
     if light.kind != "point" and not length.all():
@@ -99,11 +107,14 @@ def _row(light: Light, where: str, num_worlds: int) -> dict[str, Any]:
     attenuation = numbers("attenuation")
     if attenuation.min() < 0.0 or not attenuation.any(axis=1).all():
         raise WarpcamError(f"{where}: attenuation must not be negative or all 0, got {light.attenuation!r}")
+    for name in ("color", "intensity", "ambient", "exponent"):
+        if numbers(name, () if name in ("intensity", "exponent") else (3,)).min() < 0.0:
+            raise WarpcamError(f"{where}: {name} must not be negative, got {getattr(light, name)!r}")
     color = numbers("color") * numbers("intensity", ())[:, None]
     return {
         "types": LIGHT_DIRECTIONAL if light.kind == "directional" else LIGHT_SPOT,
-        "active": bool(light.active),
-        "casts_shadow": bool(light.shadows),
+        "active": switch("active"),
+        "casts_shadow": switch("shadows"),
         "positions": numbers("position"),
         "directions": direction / np.where(length > 0.0, length, 1.0),
         "attenuation": attenuation,

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from warpcam.accel.textures import TextureImage
-from warpcam.errors import WarpcamError
+from warpcam.checks import check_semantics
 from warpcam.lens import Projection
 from warpcam.parts import SceneCamera
 from warpcam.sources.forms import Form
@@ -236,10 +236,7 @@ class Graph:
         """The user's label map, or all labels there are from 1 on, in alphabetical order."""
         if labels is None:
             return {name: 1 + place for place, name in enumerate(sorted({x for n in self.nodes for x in n.labels}))}
-        for name, number in labels.items():
-            if not isinstance(name, str) or isinstance(number, bool) or not isinstance(number, int | np.integer):
-                raise WarpcamError(f"semantics: must map labels to whole numbers, got {name!r}: {number!r}")
-        return {name: int(number) for name, number in labels.items()}
+        return check_semantics(labels)
 
 
 def middle_of(items: Sequence[Item], worlds: np.ndarray) -> np.ndarray:

@@ -1,12 +1,11 @@
 """What the shapes of a Newton model are part of, and what a user calls them."""
 
-from collections.abc import Mapping
 from typing import Any
 
 import newton
 import numpy as np
 
-from warpcam.errors import WarpcamError
+from warpcam.checks import check_semantics
 
 
 def read_labels(
@@ -49,13 +48,8 @@ class Numbers:
     """Numbers by label, where a label is some of the parts of a path in their order."""
 
     def __init__(self, semantics: Any):
-        if semantics is not None and not isinstance(semantics, Mapping):
-            raise WarpcamError(f"semantics must map labels to whole numbers, got {type(semantics).__name__}")
-        self._numbers: dict[tuple[str, ...], int] = {}
-        for name, number in (semantics or {}).items():
-            if not isinstance(name, str) or isinstance(number, bool) or not isinstance(number, int | np.integer):
-                raise WarpcamError(f"semantics: must map labels to whole numbers, got {name!r}: {number!r}")
-            self._numbers[tuple(name.strip("/").split("/"))] = int(number)
+        numbers = {} if semantics is None else check_semantics(semantics)
+        self._numbers = {tuple(name.strip("/").split("/")): number for name, number in numbers.items()}
         self._lengths = sorted({len(key) for key in self._numbers}, reverse=True)
 
     def __bool__(self) -> bool:

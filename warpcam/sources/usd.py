@@ -9,6 +9,7 @@ import numpy as np
 from pxr import Tf, Usd, UsdGeom
 
 from warpcam import device as device_rule
+from warpcam.checks import check_num_worlds
 from warpcam.driven import DrivenScene
 from warpcam.errors import WarpcamError
 from warpcam.sources.graph import Graph, Node
@@ -36,8 +37,11 @@ def load(
     exposure: float | None,
     transparency: bool | None,
 ) -> DrivenScene:
-    if isinstance(num_worlds, bool) or not isinstance(num_worlds, int | np.integer) or num_worlds < 1:
-        raise WarpcamError(f"num_worlds must be a whole number, at least 1, got {num_worlds!r}")
+    check_num_worlds(num_worlds)
+    if not isinstance(double_sided, bool | None):
+        raise WarpcamError(f"double_sided must be True, False or None, got {double_sided!r}")
+    if exposure is not None and not (isinstance(exposure, int | float) and np.isfinite(exposure)):
+        raise WarpcamError(f"exposure must be a finite number or None, got {exposure!r}")
     for purpose in purposes if not isinstance(purposes, str) else [purposes]:
         if purpose not in PURPOSES or isinstance(purposes, str):
             raise WarpcamError(f"purposes must be a sequence of {', '.join(map(repr, PURPOSES))}, got {purposes!r}")
