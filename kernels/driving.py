@@ -125,7 +125,10 @@ def finish_colors(
 def set_textures(
     values: wp.array2d(dtype=wp.int32),
     materials: wp.array(dtype=wp.int32),
+    count: wp.int32,
     textures: wp.array3d(dtype=wp.int32),
 ):
+    """What is none of the ``count`` textures is no texture."""
     world, place = wp.tid()
-    textures[world, materials[place], 1] = values[world % values.shape[0], place]
+    value = values[world % values.shape[0], place]
+    textures[world, materials[place], 1] = wp.where(value < count, wp.max(value, -1), -1)

@@ -28,6 +28,22 @@ def device(request: pytest.FixtureRequest) -> Iterator[wp.Device]:
 
 
 @pytest.fixture
+def loads(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """Names of the modules that Warp compiles or loads from now on."""
+    names: list[str] = []
+    load = wp.Module.load
+
+    def counted(module: wp.Module, *args: Any, **options: Any) -> Any:
+        before = len(module.execs)
+        result = load(module, *args, **options)
+        names.extend([module.name] * (len(module.execs) - before))
+        return result
+
+    monkeypatch.setattr(wp.Module, "load", counted)
+    return names
+
+
+@pytest.fixture
 def stage(tmp_path: Path) -> Any:
     """A stage of USD: empty, in metres, z up, in a file of its own."""
     usd = pytest.importorskip("pxr.Usd", reason="needs USD: pip install warpcam[usd]")

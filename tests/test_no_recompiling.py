@@ -43,22 +43,6 @@ class Simulation:
         return wc.Renderer(self.scene, cameras)
 
 
-@pytest.fixture
-def loads(monkeypatch: pytest.MonkeyPatch) -> list[str]:
-    """Names of the modules that Warp compiles or loads from now on."""
-    names: list[str] = []
-    load = wp.Module.load
-
-    def counted(module: wp.Module, *args: Any, **options: Any) -> Any:
-        before = len(module.execs)
-        result = load(module, *args, **options)
-        names.extend([module.name] * (len(module.execs) - before))
-        return result
-
-    monkeypatch.setattr(wp.Module, "load", counted)
-    return names
-
-
 def write(array: wp.array, values: Callable[[np.ndarray], Any]) -> None:
     """Change a simulator's array in place."""
     array.assign(np.asarray(values(array.numpy()), np.float32).reshape(array.numpy().shape))

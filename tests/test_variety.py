@@ -41,22 +41,6 @@ def camera(**options: Any) -> wc.Camera:
     return wc.Camera("eye", width=SIZE, height=SIZE, outputs=("rgb", "hdr"), shadows=True, **options)
 
 
-@pytest.fixture
-def loads(monkeypatch: pytest.MonkeyPatch) -> list[str]:
-    """Names of the modules that Warp compiles or loads from now on."""
-    names: list[str] = []
-    load = wp.Module.load
-
-    def counted(module: wp.Module, *args: Any, **options: Any) -> Any:
-        before = len(module.execs)
-        result = load(module, *args, **options)
-        names.extend([module.name] * (len(module.execs) - before))
-        return result
-
-    monkeypatch.setattr(wp.Module, "load", counted)
-    return names
-
-
 def make(source: str, device: wp.Device) -> wc.Scene:
     mjm = scenes.compile_xml(WORLD, assets=ASSETS)
     if source == "mujoco":

@@ -64,6 +64,8 @@ def from_mujoco_warp(
 ) -> Scene:
     """The worlds of a MuJoCo-Warp simulation, read where they lie: nothing that changes is copied.
 
+    This and the others that make a scene raise ``WarpcamError`` for what they cannot use, by the argument's name.
+
     What a world may change in ``m`` and ``d`` is seen at the next render: poses, sizes, colours, materials, lights,
     cameras, which mesh a geom shows. Meshes, height fields, textures and the headlight are read once.
 

@@ -87,7 +87,7 @@ class DrivenScene(Scene):
 
         Args:
             paths: Of what is to be seen or not. What was hidden when the scene was read is not there at all.
-            visible: (world, path) bool or uint8.
+            visible: (world, path) or (1, path), bool or uint8.
         """
         key = self._check_paths("set_visible", paths)
         array = self._take("set_visible: visible", visible, (len(key),), wp.uint8)
@@ -103,7 +103,8 @@ class DrivenScene(Scene):
 
         Args:
             paths: Of what to paint.
-            colors: Display colours in [0, 1], (world, path, 3 or 4) float32; what has an alpha of 0 is not seen.
+            colors: Display colours in [0, 1], (world, path, 3 or 4) float32, or (1, path, 3 or 4); what has an alpha
+                of 0 is not seen.
         """
         key = self._check_paths("set_colors", paths)
         array = self._take("set_colors: colors", colors, (len(key), (3, 4)), wp.float32)
@@ -121,10 +122,19 @@ class DrivenScene(Scene):
 
         Args:
             materials: Paths of materials, see ``materials``.
-            textures: (world, material) int32, places in ``textures``, -1 for none.
+            textures: (world, material) int32, places in ``textures``, -1 for none. Others are an error, or on a GPU,
+                where they are not looked at, none.
         """
         key = self._check_paths("set_textures", materials)
         array = self._take("set_textures: textures", textures, (len(key),), wp.int32)
+        count, given = len(self.textures), interop.as_array(textures)
+        if given is None or given.device.is_cpu:
+            places = interop.to_numpy(textures)
+            wrong = places[(places < -1) | (places >= count)]
+            if wrong.size:
+                raise WarpcamError(
+                    f"set_textures: textures has {wrong[0]}; allowed are -1 for none and 0 to {count - 1}"
+                )
         if key not in self._materials:
             known = self.materials
             for name in key:
@@ -134,7 +144,7 @@ class DrivenScene(Scene):
             self._materials[key] = wp.array(rows, dtype=wp.int32, device=self.device)
         rows = self._graph_source.make_room("textures")
         with interop.in_order(self.device):
-            inputs = [array, self._materials[key]]
+            inputs = [array, self._materials[key], count]
             wp.launch(driving.set_textures, (self.num_worlds, len(key)), inputs, [rows], device=self.device)
 
     def set_time(self, time: float) -> None:

@@ -37,6 +37,7 @@ class Memory:
 
     @property
     def total(self) -> int:
+        """All of it."""
         return sum(sum(images.values()) for images in self.images.values()) + self.scratch + self.worlds + self.past
 
     def __str__(self) -> str:
@@ -52,9 +53,17 @@ class Memory:
 
 
 def estimate_memory(scene: Scene, cameras: Sequence[Camera]) -> Memory:
-    """What ``Renderer(scene, cameras)`` would allocate. Allocates nothing.
+    """What ``Renderer(scene, cameras)`` would allocate on the scene's device [bytes]. Allocates nothing.
 
     Beside this a process needs what CUDA takes for itself: a context, the code of the kernels, a graph.
+
+    Args:
+        scene: What to look at.
+        cameras: Each under its own name.
+
+    Raises:
+        WarpcamError: The cameras are none of this scene, or their images too large. Not where the device has too
+            little free: that is the renderer's to say.
     """
     by_key = check_cameras(scene, cameras)
     tables, view = scene.tables(), wp.types.type_size_in_bytes(View)

@@ -64,6 +64,9 @@ class Renderer:
         frames: int32 tensor, (world,): how many frames have drawn the world. Counted on the device, so in graphs, too.
         times: float32 tensor, (world,): the simulation's time [s] in the last of them; NaN where it keeps none.
         memory: What was allocated for it all; ``estimate_memory`` tells before.
+
+    Raises:
+        WarpcamError: A camera does not fit the scene, or more memory is needed than the device has free.
     """
 
     @context_kept()
@@ -153,14 +156,14 @@ class Renderer:
             self._forget.launch()
 
     def array(self, camera: str | int, output: str) -> wp.array:
-        """The Warp array behind ``images[camera][output]``."""
+        """The Warp array behind ``images[camera][output]``: the same memory, (world, height, width, channels)."""
         target = self._targets[self._key(camera)]
         if not isinstance(output, Hashable) or output not in target.images:
             raise WarpcamError(f"Renderer.array: output {output!r} came, {camera!r} renders {', '.join(target.images)}")
         return target.images[output]
 
     def camera(self, camera: str | int) -> CameraArrays:
-        """What of that camera may be written in place, seen at the next render."""
+        """What of that camera may be written in place, seen at the next render: tensors on the scene's device."""
         return self._arrays[self._key(camera)]
 
     def set_lens(self, camera: str | int, lens: Lens) -> None:

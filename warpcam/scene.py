@@ -176,7 +176,7 @@ class Scene:
         return (*stages, *self._own.stages) if self._own.stages else stages
 
     def clock(self) -> wp.array | None:
-        """The simulator's own array of its time in each world [s], (world,) float32; None where it keeps none."""
+        """The simulator's own live array of its time in each world [s], (world,) float32; None where it keeps none."""
         return self._source.clock()
 
     def bind(self, state: Any) -> None:
@@ -192,7 +192,11 @@ class Scene:
         self._source.forward()
 
     def array(self, field: str) -> wp.array:
-        """The live array of that name in ``FIELDS`` or ``PHYSICAL_FIELDS``, as of the last call of ``tables()``."""
+        """The live array of that name, (world or 1, row, ...) on the scene's device: what the next render reads.
+
+        Names are those of ``FIELDS`` and ``PHYSICAL_FIELDS`` in ``warpcam/parts.py``, which say what each holds. Where
+        nobody but you writes it, as Newton's lights, it may be written in place; see also ``vary``.
+        """
         if not isinstance(field, str) or field not in self._arrays:
             raise WarpcamError(f"array: {field!r} came; this scene has {', '.join(self._arrays)}")
         return self._arrays[field]

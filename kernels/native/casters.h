@@ -164,11 +164,7 @@ WARPCAM_FN int gather_casters(List& list, int begin, const Shapes& shapes, const
             const int id = wp::index(shapes.drawn, i);
             if (prepare_caster<TYPES>(load_shape(shapes, world, id), light, camera, meshes, fields, caster)
                 && !transparent(shapes, materials, world, id)) {
-#if defined(__CUDA_ARCH__)
-                const int slot = atomicAdd(&list.count, 1);
-#else
-                const int slot = list.count++;
-#endif
+                const int slot = claimed(list.count);
                 list.records[slot] = caster.record;
                 list.aims[slot] = caster.aim;
                 mark_glass<TYPES>(list.aims[slot], caster.record, shapes, materials, world, id);

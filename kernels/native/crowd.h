@@ -130,11 +130,7 @@ WARPCAM_FN int gather_outlines(Crowd_& crowd, int begin, const Shapes& shapes, c
             if (prepare_caster<TYPES, true>(load_shape(shapes, world, id), light, camera, meshes, fields, caster)
                 && (grid.endless || may_shade(caster.window, caster.height, all.window, all.floor))
                 && !transparent(shapes, materials, world, id)) {
-#if defined(__CUDA_ARCH__)
-                const int slot = atomicAdd(&crowd.count, 1);
-#else
-                const int slot = crowd.count++;
-#endif
+                const int slot = claimed(crowd.count);
                 crowd.outlines[slot] = grid.of_shape(caster.window, caster.height, i);
             }
         }

@@ -100,11 +100,7 @@ WARPCAM_FN void gather_lights(const Physical& physical, const Camera& camera, in
         const int place = lights_before.next(lights, world, light);
         if (place >= 0) {
             list.lamps[headlight + place] = load_lamp<SHADOWS>(physical, camera, world, light, place);
-#if defined(__CUDA_ARCH__)
-            atomicAdd(&list.count, 1);
-#else
-            ++list.count;
-#endif
+            claimed(list.count);
         }
     }
     team_barrier();

@@ -115,6 +115,16 @@ WARPCAM_FN float as_float(int a)
     return u.f;
 }
 
+// A place in a shared list of so many, which it makes longer by one.
+WARPCAM_FN int claimed(int& count)
+{
+#if defined(__CUDA_ARCH__)
+    return atomicAdd(&count, 1);
+#else
+    return count++;
+#endif
+}
+
 WARPCAM_FN void block_barrier()
 {
 #if defined(__CUDA_ARCH__)

@@ -100,11 +100,7 @@ WARPCAM_FN void gather_lights(const Lights& lights, const Camera& camera, int wo
             list.used = 1;
         if (place >= 0) {
             list.lights[headlight + place] = load_light<SHADOWS>(lights, camera, world, light, place);
-#if defined(__CUDA_ARCH__)
-            atomicAdd(&list.count, 1);
-#else
-            ++list.count;
-#endif
+            claimed(list.count);
         }
     }
     team_barrier();

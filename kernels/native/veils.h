@@ -77,11 +77,7 @@ WARPCAM_FN void gather_veils(Veils<CAPACITY>& list, const Scene_& scene, const C
         TileBox tiles;
         if (prepare<TYPES, LENS>(shape, camera, region, scene.meshes, scene.fields, record, tiles) != SEEN)
             continue;
-#if defined(__CUDA_ARCH__)
-        const int slot = atomicAdd(&list.count, 1);
-#else
-        const int slot = list.count++;
-#endif
+        const int slot = claimed(list.count);
         list.records[slot] = record;
         const float reach = wp::index(scene.frame.reach, id);
         list.distance[slot]

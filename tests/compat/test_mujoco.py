@@ -325,7 +325,7 @@ def test_larger_than_the_framebuffer(monkeypatch: pytest.MonkeyPatch) -> None:
     assert unraisable == []
 
 
-def test_nothing_is_built_per_frame(device: wp.Device, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_nothing_is_built_per_frame(device: wp.Device, loads: list[str], monkeypatch: pytest.MonkeyPatch) -> None:
     """Many states, cameras and renderers: as many scenes as renderers, and the first one's kernels."""
     model, data = made()
     made_scenes: list[object] = []
@@ -335,16 +335,7 @@ def test_nothing_is_built_per_frame(device: wp.Device, monkeypatch: pytest.Monke
         renderer.update_scene(data)
         three(renderer)
         assert len(made_scenes) == 1
-    loaded: list[str] = []
-    load = wp.Module.load
-
-    def counted(module: wp.Module, *args: object, **options: object) -> object:
-        before = len(module.execs)
-        result = load(module, *args, **options)
-        loaded.extend([module.name] * (len(module.execs) - before))
-        return result
-
-    monkeypatch.setattr(wp.Module, "load", counted)
+    loads.clear()
     with ours(model, device) as renderer:
         for step in range(4):
             data.qpos[0] = 0.1 * step
@@ -352,7 +343,7 @@ def test_nothing_is_built_per_frame(device: wp.Device, monkeypatch: pytest.Monke
             for camera in ("fixed", "riding", "sensor", -1):
                 renderer.update_scene(data, camera)
                 three(renderer)
-    assert len(made_scenes) == 2 and loaded == []
+    assert len(made_scenes) == 2 and loads == []
 
 
 def test_ways_to_look_are_let_go(device: wp.Device) -> None:

@@ -233,6 +233,12 @@ def test_images_by_the_world(stage: Usd.Stage, tmp_path: Path, device: wp.Device
     assert corners(albedo(scene)) == PLAIN
     assert corners(albedo(scene, world=1)) == [[0, 0, 255]] * 4
     assert corners(albedo(scene, world=2)) == [[255] * 3] * 4
+    for place in (3, -2):
+        with pytest.raises(wc.WarpcamError, match=f"set_textures: textures has {place}; allowed are -1 for none and 0"):
+            scene.set_textures(["/Looks/m"], [[place]])
+    if device.is_cuda:  # where nobody waits to look at them
+        scene.set_textures(["/Looks/m"], wp.array([[3]], dtype=wp.int32, device=device))
+        assert corners(albedo(scene)) == [[255] * 3] * 4
 
 
 # Lights. With an exposure of 0 a white surface shows what arrives, divided by pi.
