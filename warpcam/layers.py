@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 import warp as wp
@@ -65,8 +64,8 @@ class Layers:
         )
 
 
-def require_choice(name: str, wanted: Any) -> None:
-    if not isinstance(wanted, bool | np.bool_ | None):
+def require_choice(name: str, wanted: object) -> None:
+    if not isinstance(wanted, bool | np.bool_ | None) and wanted != "backs":  # which is a front end's own word
         raise WarpcamError(f"{name} must be True, False or None, got {wanted!r}")
 
 

@@ -3,7 +3,7 @@
 import itertools
 import threading
 from collections import defaultdict
-from collections.abc import Hashable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -158,7 +158,7 @@ class Renderer:
     def array(self, camera: str | int, output: str) -> wp.array:
         """The Warp array behind ``images[camera][output]``: the same memory, (world, height, width, channels)."""
         target = self._targets[self._key(camera)]
-        if not isinstance(output, Hashable) or output not in target.images:
+        if output not in tuple(target.images):
             raise WarpcamError(f"Renderer.array: output {output!r} came, {camera!r} renders {', '.join(target.images)}")
         return target.images[output]
 
@@ -183,7 +183,7 @@ class Renderer:
         raise WarpcamError("Renderer: it cannot be copied or pickled, as it holds memory of a device; make another one")
 
     def _key(self, camera: str | int) -> str | int:
-        if not isinstance(camera, Hashable) or camera not in self._cameras:
+        if camera not in tuple(self._cameras):
             known = ", ".join(repr(key) for key in self._cameras)
             raise WarpcamError(f"Renderer: camera {camera!r} came, it renders {known}")
         return camera
