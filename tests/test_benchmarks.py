@@ -12,7 +12,7 @@ import pytest
 
 pytest.importorskip("mujoco_warp")
 
-from warpcam.benchmarks import cases, compare, measure, options, peers, problem, report, rooms, run, sweeps
+from warpcam.benchmarks import cases, compare, host, measure, options, peers, problem, report, rooms, run, sweeps
 
 from warpcam import cli
 
@@ -233,6 +233,20 @@ def test_empty_caches_make_everything_compile(tmp_path: Path) -> None:
         assert written["runs"][0]["cold"] == bool(cold)
         seconds.append(written["results"][0]["compile_s"])
     assert seconds[1] > max(1.0, 2.0 * seconds[0])
+
+
+def test_host_cost_and_the_first_image(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setattr(host, "WANTED", host.WANTED[:1])
+    out = tmp_path / "host.json"
+    assert bench("--host", "--case", "humanoid", "--device", "cpu", "--out", out) == 0
+    written = json.loads(out.read_text())
+    (row,) = written["results"]
+    assert written["kind"] == "host" and row["outputs"] == "ds"
+    assert 0.0 < row["render_us"]["p10"] <= row["render_us"]["median"] <= row["render_us"]["p90"]
+    assert row["cold"]["total_s"] > row["warm"]["total_s"] > 0.0  # the first child has empty caches, the second its
+    for first in (row["cold"], row["warm"]):
+        parts = first["scene_s"] + first["renderer_s"] + first["first_render_s"]
+        assert first["total_s"] == pytest.approx(parts)
 
 
 def test_spans_that_overlap_are_counted_once() -> None:
