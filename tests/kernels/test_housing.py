@@ -56,9 +56,8 @@ def test_faces_that_rays_meet_are_kept(device: str, both: bool) -> None:
     away = np.einsum("nji,nj->ni", turn, np.einsum("nk,nki->ni", random.dirichlet((1.0, 1.0, 1.0), FACES), face))
     aimed &= away[:, 2] < -0.1
     center[aimed] = (-away[:, :2] / away[:, 2:])[aimed]
-    part = np.stack(
-        [center[:, 0] - size[:, 0], center[:, 0] + size[:, 0], center[:, 1] - size[:, 1], center[:, 1] + size[:, 1]], 1
-    )
+    first, last = center - size, center + size
+    part = np.stack([first[:, 0], last[:, 0], first[:, 1], last[:, 1]], 1)
     turn, face, part = (np.asarray(values, np.float32) for values in (turn, face, part))
 
     a, b, c = np.moveaxis(face.astype(np.float64), 1, 0)
