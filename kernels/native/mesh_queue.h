@@ -149,15 +149,18 @@ WARPCAM_FN void trace_rays(Rays& rays, const List& list, const Meshes& meshes, f
                 break;
         }
 
-        const unsigned leaves = __ballot_sync(ALL, node < 0);
-        if (leaves && (__popc(leaves) >= (Rays::PAIRED ? FEW / 2 : FEW) || !stepping)) {
+        const bool enough = Rays::PAIRED ? sum_of_all(LeafPairs::faces_of(node)) >= ENOUGH_PAIRS
+                                         : __popc(__ballot_sync(ALL, node < 0)) >= FEW;
+        if (enough || (!stepping && __any_sync(ALL, node < 0))) {
+            int left_of_leaf = NO_NODE;
             if constexpr (Rays::PAIRED)
-                if (meet_leaves<TYPES>(rays.room, list, meshes, ray, slot, node, near, depth, face))
+                if (meet_leaves<TYPES>(rays.room, list, meshes, ray, slot, node, near, stepping != 0, depth, face,
+                                       left_of_leaf))
                     shape = list.records[slot].axis_y.w;
             if (node < 0) {
                 if constexpr (!Rays::PAIRED)
                     meet_leaf<TYPES>(list.records[slot], meshes, ray, node, near, depth, shape, face);
-                node = NO_NODE;
+                node = left_of_leaf;
                 while (node == NO_NODE && height > 0)
                     if (entries[--height] < depth)
                         node = stack[height];
