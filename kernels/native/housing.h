@@ -11,6 +11,8 @@ namespace warpcam {
 constexpr int HOUSING_NODES = 32;  // a mesh counts as seen after so many nodes without an answer
 constexpr int HOUSING_STACK = 16;  // nodes that wait
 
+WARPCAM_FN float length_bound(Vec v) { return magnitude(v.x) + magnitude(v.y) + magnitude(v.z); }
+
 // The rays through four corners of an image's part, as a shape sees them.
 struct CornerRays {
     Vec directions[4];
@@ -25,12 +27,10 @@ struct CornerRays {
             const float x = i & 1 ? part.right : part.left, y = i & 2 ? part.top : part.bottom;
             const Vec d { ax.x * x + ax.y * y - ax.z, ay.x * x + ay.y * y - ay.z, az.x * x + az.y * y - az.z };
             directions[i] = d;
-            size = upper(size, magnitude(d.x) + magnitude(d.y) + magnitude(d.z));
+            size = upper(size, length_bound(d));
         }
     }
 };
-
-WARPCAM_FN float length_bound(Vec v) { return magnitude(v.x) + magnitude(v.y) + magnitude(v.z); }
 
 // May a ray between these, from the origin, meet the face? No if all pass the same edge on its outer side, or if its plane
 // shows its back to where they begin; by more than all rounding in enter_triangle().
@@ -97,8 +97,7 @@ WARPCAM_FN bool may_be_seen_from_inside(const Record& record, const Meshes& mesh
     constexpr bool BY_CHILD = false;
 #endif
     const CornerRays rays(record, part);
-    const unsigned nodes = wp::index(meshes.node_start, record.axis_z.w);
-    const unsigned faces = wp::index(meshes.face_start, record.axis_z.w);
+    const unsigned nodes = as_int(record.size.y), faces = as_int(record.size.z);
     int stack[HOUSING_STACK], height = 0, node = 0;
     for (int visited = 0; visited < HOUSING_NODES; ++visited) {
 #pragma unroll 1

@@ -40,7 +40,7 @@ WARPCAM_FN void meet_leaf(const Record& record, const Meshes& meshes, const Ray&
 {
     const int code = -leaf - 1, first = code >> 4, end = first + (code & 15);
     const RayFrame frame = ray.template frame<TYPES>(record);
-    const unsigned faces = wp::index(meshes.face_start, record.axis_z.w);
+    const unsigned faces = as_int(record.size.z);
     constexpr int TOGETHER = faces_together(TYPES);
     for (int begin = first; begin < end; begin += TOGETHER) {
         Row corners[TOGETHER][3];
@@ -147,7 +147,7 @@ WARPCAM_FN bool meet_leaves(PairRoom& room, const List& list, const Meshes& mesh
         const float from_on = __shfl_sync(ALL, near, from);
         float t = FAR_AWAY;
         if (window + lane < pairs.count) {
-            const unsigned row = wp::index(meshes.face_start, record.axis_z.w) + unsigned(number * FACE_ROWS);
+            const unsigned row = as_int(record.size.z) + unsigned(number * FACE_ROWS);
             const Row a = load(meshes.faces.data, row), b = load(meshes.faces.data, row + 1);
             const Row c = load(meshes.faces.data, row + 2);
             const RayFrame frame = its.template frame<TYPES>(record);

@@ -112,7 +112,7 @@ WARPCAM_FN void trace_rays(Rays& rays, const List& list, const Meshes& meshes, f
                 if (as_float(record.size.w) < depth) {
                     const Ray local = ray.local(record);
                     boxes.set(slabs(local.origin, local.direction, record.size.x));
-                    nodes = wp::index(meshes.node_start, record.axis_z.w);
+                    nodes = as_int(record.size.y);
                     node = 0;
                 } else {
                     left = 0;  // what follows is farther still
