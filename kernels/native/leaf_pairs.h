@@ -7,6 +7,20 @@
 #if defined(__CUDA_ARCH__)
 namespace warpcam {
 
+constexpr int ENOUGH_PAIRS = 16;  // of a ray and a face; fewer wait for company
+
+// The sum of all lanes' numbers.
+WARPCAM_FN int sum_of_all(int number)
+{
+#if __CUDA_ARCH__ >= 800
+    return __reduce_add_sync(ALL, number);
+#else
+    for (int step = LANES / 2; step > 0; step /= 2)
+        number += __shfl_xor_sync(ALL, number, step);
+    return number;
+#endif
+}
+
 // Bits of all lanes.
 WARPCAM_FN unsigned bits_of_all(unsigned bits)
 {
@@ -26,7 +40,7 @@ WARPCAM_FN void meet_leaf(const Record& record, const Meshes& meshes, const Ray&
 {
     const int code = -leaf - 1, first = code >> 4, end = first + (code & 15);
     const RayFrame frame = ray.template frame<TYPES>(record);
-    const unsigned faces = wp::index(meshes.face_start, record.axis_z.w);
+    const unsigned faces = as_int(record.size.z);
     constexpr int TOGETHER = faces_together(TYPES);
     for (int begin = first; begin < end; begin += TOGETHER) {
         Row corners[TOGETHER][3];
@@ -52,6 +66,9 @@ struct LeafPairs {
     int first;       // the lane's first face
     int begin, end;  // where its faces stand
     int count;       // of all
+
+    // Of a leaf; of what is none 0.
+    WARPCAM_FN static int faces_of(int node) { return node < 0 ? (-node - 1) & 15 : 0; }
 
     // Lanes whose `node` is no leaf have none.
     WARPCAM_FN explicit LeafPairs(int node)
@@ -86,6 +103,13 @@ struct LeafPairs {
         return __shfl_sync(ALL, first - begin, from) + window + threadIdx.x % LANES;
     }
 
+    // What is left of the lane's leaf if only the first so many pairs were tested: a leaf's code, or NO_NODE.
+    WARPCAM_FN int left_of(int tested) const
+    {
+        const int from = upper_int(begin, tested);
+        return from < end ? -((first + from - begin) * 16 + end - from) - 1 : NO_NODE;
+    }
+
     // The lane's own places in a window, by bit.
     WARPCAM_FN unsigned places(int window) const
     {
@@ -103,14 +127,17 @@ struct PairRoom {
 };
 
 // The same for all lanes whose `node` is a leaf, of the mesh at `slot` of the list; says whether the lane's ray hits one.
+// With `full` lanes wait for company again rather than leave most of a warp idle: `node` becomes what is left of the leaf.
 template <int TYPES, class List, class Meshes, class Ray>
 WARPCAM_FN bool meet_leaves(PairRoom& room, const List& list, const Meshes& meshes, const Ray& ray, int slot, int node,
-                            float near, float& depth, int& face)
+                            float near, bool full, float& depth, int& face, int& left)
 {
     const int lane = threadIdx.x % LANES;
     const LeafPairs pairs(node);
+    const bool some = full && pairs.count > LANES && pairs.count % LANES < ENOUGH_PAIRS;
+    const int tested = some ? pairs.count / LANES * LANES : pairs.count;
     room.depth[lane] = depth;
-    for (int window = 0; window < pairs.count; window += LANES) {
+    for (int window = 0; window < tested; window += LANES) {
         int start;
         const int from = pairs.owner(room.owners, window, start), number = pairs.face(window, from);
         Ray its = ray;
@@ -120,7 +147,7 @@ WARPCAM_FN bool meet_leaves(PairRoom& room, const List& list, const Meshes& mesh
         const float from_on = __shfl_sync(ALL, near, from);
         float t = FAR_AWAY;
         if (window + lane < pairs.count) {
-            const unsigned row = wp::index(meshes.face_start, record.axis_z.w) + unsigned(number * FACE_ROWS);
+            const unsigned row = as_int(record.size.z) + unsigned(number * FACE_ROWS);
             const Row a = load(meshes.faces.data, row), b = load(meshes.faces.data, row + 1);
             const Row c = load(meshes.faces.data, row + 2);
             const RayFrame frame = its.template frame<TYPES>(record);
@@ -140,6 +167,7 @@ WARPCAM_FN bool meet_leaves(PairRoom& room, const List& list, const Meshes& mesh
         if ((nearest >> lane & 1) && !(nearest & ((1u << lane) - (1u << start))))  // of equals the first
             room.face[from] = number;
     }
+    left = pairs.left_of(tested);
     __syncwarp();
     const bool met = node < 0 && room.depth[lane] < depth;
     if (met) {

@@ -27,6 +27,18 @@ template <int CAPACITY> struct MeshRaysOf<CAPACITY, false> {
     using type = MeshRays<(CAPACITY + LANES - 1) / LANES>;
 };
 
+// A node that waits, and where the ray enters it: loaded and stored at once.
+struct alignas(8) Pending {
+    int node;
+    float enter;
+
+    WARPCAM_FN int before(float depth) const
+    {
+        const Pending one = *this;
+        return one.enter < depth ? one.node : NO_NODE;
+    }
+};
+
 constexpr int A_FEW_MESHES = 3;  // that rays try one after another at once
 
 // Finds the rays of a tile that meet meshes before their hits and lets them wait; nobody waits yet. Returns how many.
@@ -71,8 +83,7 @@ WARPCAM_FN void trace_rays(Rays& rays, const List& list, const Meshes& meshes, f
                            const NextTile& next_tile, const RayOf& ray_of, const Store& store)
 {
     const int lane = threadIdx.x % LANES, words = (list.count + LANES - 1) / LANES;
-    int stack[STACK];
-    float entries[STACK];
+    Pending stack[STACK];
     int pixel = 0, word = 0, slot = 0, node = NO_NODE, height = 0, shape = -1, face = -1;
     unsigned left = 0, nodes = 0;
     float depth = 0.0f;
@@ -112,7 +123,7 @@ WARPCAM_FN void trace_rays(Rays& rays, const List& list, const Meshes& meshes, f
                 if (as_float(record.size.w) < depth) {
                     const Ray local = ray.local(record);
                     boxes.set(slabs(local.origin, local.direction, record.size.x));
-                    nodes = wp::index(meshes.node_start, record.axis_z.w);
+                    nodes = as_int(record.size.y);
                     node = 0;
                 } else {
                     left = 0;  // what follows is farther still
@@ -133,15 +144,13 @@ WARPCAM_FN void trace_rays(Rays& rays, const List& list, const Meshes& meshes, f
                     if (enter[k] <= leave[k]) {
                         const bool nearer = enter[k] < best;
                         if (node != NO_NODE) {
-                            stack[height] = nearer ? node : child[k];
-                            entries[height++] = nearer ? best : enter[k];
+                            stack[height++] = { nearer ? node : child[k], nearer ? best : enter[k] };
                         }
                         node = nearer ? child[k] : node;
                         best = nearer ? enter[k] : best;
                     }
                 while (node == NO_NODE && height > 0)
-                    if (entries[--height] < depth)
-                        node = stack[height];
+                    node = stack[--height].before(depth);
             }
             inner = node >= 0 && node != NO_NODE;
             stepping = __ballot_sync(ALL, inner);
@@ -149,18 +158,20 @@ WARPCAM_FN void trace_rays(Rays& rays, const List& list, const Meshes& meshes, f
                 break;
         }
 
-        const unsigned leaves = __ballot_sync(ALL, node < 0);
-        if (leaves && (__popc(leaves) >= (Rays::PAIRED ? FEW / 2 : FEW) || !stepping)) {
+        const bool enough = Rays::PAIRED ? sum_of_all(LeafPairs::faces_of(node)) >= ENOUGH_PAIRS
+                                         : __popc(__ballot_sync(ALL, node < 0)) >= FEW;
+        if (enough || (!stepping && __any_sync(ALL, node < 0))) {
+            int left_of_leaf = NO_NODE;
             if constexpr (Rays::PAIRED)
-                if (meet_leaves<TYPES>(rays.room, list, meshes, ray, slot, node, near, depth, face))
+                if (meet_leaves<TYPES>(rays.room, list, meshes, ray, slot, node, near, stepping != 0, depth, face,
+                                       left_of_leaf))
                     shape = list.records[slot].axis_y.w;
             if (node < 0) {
                 if constexpr (!Rays::PAIRED)
                     meet_leaf<TYPES>(list.records[slot], meshes, ray, node, near, depth, shape, face);
-                node = NO_NODE;
+                node = left_of_leaf;
                 while (node == NO_NODE && height > 0)
-                    if (entries[--height] < depth)
-                        node = stack[height];
+                    node = stack[--height].before(depth);
             }
         }
     }

@@ -143,6 +143,8 @@ WARPCAM_FN bool describe(const Shape& shape, const Meshes& meshes, const HeightF
         extent.half = { 0.5f * (hi[0] - lo[0]), 0.5f * (hi[1] - lo[1]), 0.5f * (hi[2] - lo[2]) };
         record.size.x = upper(upper(magnitude(lo[0]), magnitude(hi[0])),
                               upper(upper(magnitude(lo[1]), magnitude(hi[1])), upper(magnitude(lo[2]), magnitude(hi[2]))));
+        record.size.y = as_float(wp::index(meshes.node_start, asset));
+        record.size.z = as_float(wp::index(meshes.face_start, asset));
         if (stretched)
             extent = stretched_by(extent, stretch);
         return hi[0] >= lo[0];

@@ -22,7 +22,9 @@ struct Record {
     Row axis_z;  // w: asset, the index of a mesh or height field
     Row origin;  // the camera's centre in the shape's frame; w: see casters.h, else unused
     Row size;    // plane: half widths, 0 infinite; capsule: x = half length / radius; barrel: x = half length, y = radius of
-                 // its side's arc, both / end radius; height field: half widths, base depth. w: bits of `nearest`, a lower bound of the planar depth of every point of the shape
+                 // its side's arc, both / end radius; height field: half widths, base depth; mesh: x = greatest magnitude
+                 // of its box, y, z = bits of Meshes.node_start and Meshes.face_start. w: bits of `nearest`, a lower
+                 // bound of the planar depth of every point of the shape
 };
 
 // Whether a face is seen from behind, too, by what its second row says: see Meshes.faces.

@@ -1,6 +1,7 @@
 // The trace: for every pixel of a view the nearest shape, its face and depth, and what follows from these alone.
 #pragma once
 #include "canvas.h"
+#include "housing.h"
 #include "mesh_queue.h"
 #include "opacity.h"
 
@@ -165,6 +166,8 @@ WARPCAM_FN void draw_region(ShapeList<CAPACITY>& list, const Canvas_& canvas, co
             first = true;
             block_barrier();
         }
+        if constexpr ((TYPES >> MESH & 1) && LENS == PINHOLE)
+            leave_out_housings<TYPES>(list, meshes, rays_of_region(canvas.camera, canvas.region), thread);
         sort_by_depth(list, thread);
         block_barrier();
         draw_tiles<TYPES, LENS>(list, canvas, meshes, fields, !SEVERAL || first);
