@@ -27,6 +27,8 @@ MASKED = 13  # no type: stands among a scene's types where maps of opacity say w
 SHADING_BACKS = 14  # no type: stands among the types of shadows where faces of meshes cast them whichever side is lit
 MOVING = 15  # no type: stands among a scene's types where corners of meshes move: most faces lie in no cache
 GLASS = 16  # no type: stands among the types of shadows where some shapes may be seen through
+FROM_ABOVE = 17  # no type: stands among a scene's types where 2-D textures lie as before MuJoCo 3.12: native/mapping.h
+BARE = 18  # no type: stands among a scene's types where textures do not show on cylinders whose third size is -1
 
 # Light types.
 LIGHT_SPOT = 0
@@ -52,7 +54,6 @@ SKY_TERMS = 9  # of spherical harmonics of order 2; see native/sky.h
 # Texture kinds.
 TEXTURE_2D = 0
 TEXTURE_CUBE = 1
-TEXTURE_FROM_MIDDLE = 2  # 2-D; its repeats on a plane count from the plane's middle, as before MuJoCo 3.17
 
 
 @wp.struct
@@ -150,7 +151,7 @@ class Materials:
 class Textures:
     """Images with their mipmaps, packed one after another."""
 
-    kind: wp.array(dtype=wp.int32)  # (texture,) TEXTURE_2D, TEXTURE_FROM_MIDDLE or TEXTURE_CUBE (also skyboxes)
+    kind: wp.array(dtype=wp.int32)  # (texture,) TEXTURE_2D or TEXTURE_CUBE (also skyboxes)
     width: wp.array(dtype=wp.int32)  # (texture,) of level 0 [pixels]
     height: wp.array(dtype=wp.int32)  # (texture,) of level 0, of one face for cubes [pixels]
     levels: wp.array(dtype=wp.int32)  # (texture,) number of mipmap levels
