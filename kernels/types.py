@@ -28,7 +28,9 @@ SHADING_BACKS = 14  # no type: stands among the types of shadows where faces of 
 MOVING = 15  # no type: stands among a scene's types where corners of meshes move: most faces lie in no cache
 GLASS = 16  # no type: stands among the types of shadows where some shapes may be seen through
 FROM_ABOVE = 17  # no type: stands among a scene's types where 2-D textures lie as before MuJoCo 3.12: native/mapping.h
-BARE = 18  # no type: stands among a scene's types where textures do not show on cylinders whose third size is -1
+BARE = (
+    18  # no type: stands among a scene's types where textures do not show on some shapes: native/look.h, load_layout()
+)
 
 # Light types.
 LIGHT_SPOT = 0
@@ -105,7 +107,9 @@ class Meshes:
     corner_start: wp.array(dtype=wp.int32)  # (mesh,) first face in the two arrays below
     normals: wp.array(dtype=wp.vec3)  # (corner,) unit, mesh frame
     uvs: wp.array(dtype=wp.vec2)  # (corner,) texture coordinates, v up; only read where has_uvs
-    has_uvs: wp.array(dtype=wp.int32)  # (mesh,) 1 where the mesh has texture coordinates
+    # (mesh,) 1 where the mesh has texture coordinates, else 0. If BARE is among the scene's types also 2: it has, and
+    # no texture is `texture_uniform`; and -1: it has none, and shows no texture
+    has_uvs: wp.array(dtype=wp.int32)
     # Only where MASKED is among the scene's types. (mesh,) as int bits first texel, width and height of the map of its
     # opacity, in red, or zeros; least opacity at which it is there
     masks: wp.array(dtype=wp.vec4)

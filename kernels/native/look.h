@@ -273,9 +273,12 @@ WARPCAM_FN Layout load_layout(const Shapes& shapes, const Materials& materials, 
         layout.own = wp::index(meshes.has_uvs, pose.asset());
     if (layout.cube && layout.own)  // on such a mesh a cube texture does not show
         layout.image.levels = 0;
-    if constexpr ((TYPES >> BARE & 1) != 0)
-        if (pose.type() == CYLINDER && pose.size.z < 0.0f)
+    if constexpr ((TYPES >> BARE & 1) != 0) {  // cylinders whose third size is -1, and some meshes
+        if (layout.own < 0 || (pose.type() == CYLINDER && pose.size.z < 0.0f))
             layout.image.levels = 0;
+        for (int axis = 0; axis < 2 && layout.own == 2; ++axis)
+            layout.repeat[axis] = repeat[axis];
+    }
     return layout;
 }
 

@@ -52,10 +52,12 @@ def coordinates() -> bytes:
     return file.getvalue()
 
 
-def compiled(world: str, texture: str = "coordinates", uniform: bool = False) -> tuple[mujoco.MjModel, mujoco.MjData]:
+def compiled(
+    world: str, texture: str = "coordinates", uniform: bool = False, more: str = ""
+) -> tuple[mujoco.MjModel, mujoco.MjData]:
     assets = ASSETS.format(texture=texture, uniform=str(uniform).lower())
     mjm = mujoco.MjModel.from_xml_string(
-        f"<mujoco>{LIT}<asset>{assets}</asset><worldbody>{world}{CAMERA}</worldbody></mujoco>",
+        f"<mujoco>{LIT}<asset>{assets}</asset><worldbody>{world}{CAMERA}</worldbody>{more}</mujoco>",
         {"coordinates.png": coordinates()},
     )
     mjd = mujoco.MjData(mjm)
@@ -86,10 +88,10 @@ def all_shapes() -> str:
     return "".join(f'<geom pos="{x} {y} 0" material="m" {shape}/>' for (x, y), shape in shapes)
 
 
-def shares(painted: np.ndarray, seen: np.ndarray, ids: np.ndarray) -> list[float]:
-    """Of each shape's pixels those that differ."""
+def shares(painted: np.ndarray, seen: np.ndarray, ids: np.ndarray) -> dict[int, float]:
+    """Of each shape's pixels those that differ, by its id."""
     wrong = ~near(painted, seen)
-    return [float(wrong[ids == shape].mean()) for shape in range(int(ids.max()) + 1)]
+    return {int(shape): float(wrong[ids == shape].mean()) for shape in np.unique(ids) if shape >= 0}
 
 
 def looked(mjm: mujoco.MjModel, mjd: mujoco.MjData, device: wp.Device, *outputs: str) -> dict[str, np.ndarray]:
@@ -107,12 +109,13 @@ def test_textures_lie_as_the_installed_version_lays_them(
     painted = paint(mjm, mjd)
     seen = looked(mjm, mjd, device, "rgb", "segmentation")
     by_shape = shares(painted, seen["rgb"], seen["segmentation"])
-    print({name: f"{share:.1%}" for name, share in zip(SHAPES, by_shape, strict=True)})
-    assert max(by_shape) < 0.03
+    print({name: f"{share:.1%}" for name, share in zip(SHAPES, by_shape.values(), strict=True)})
+    assert max(by_shape.values()) < 0.03
     # The rule of the other versions would be seen.
     monkeypatch.setattr(mujoco_model, "VERSION", (3, 17) if mujoco_model.VERSION < (3, 12) else (3, 11))
     other = looked(mjm, mjd, device, "rgb", "segmentation")
-    for name, share in zip(SHAPES, shares(painted, other["rgb"], other["segmentation"]), strict=True):
+    by_shape = shares(painted, other["rgb"], other["segmentation"])
+    for name, share in zip(SHAPES, by_shape.values(), strict=True):
         assert (share > 0.3) == (name in CHANGED), (name, share)
 
 
@@ -134,7 +137,7 @@ def test_lights_that_have_no_place(device: wp.Device, monkeypatch: pytest.Monkey
     mjm, mjd = compiled(all_shapes() + light)
     painted = paint(mjm, mjd)
     seen = looked(mjm, mjd, device, "rgb", "segmentation")
-    assert max(shares(painted, seen["rgb"], seen["segmentation"])) < 0.03
+    assert max(shares(painted, seen["rgb"], seen["segmentation"]).values()) < 0.03
     for version, brighter in (((3, 11), True), ((3, 12), False)):
         monkeypatch.setattr(mujoco_model, "VERSION", version)
         with_it = mujoco_model.headlight(mjm).sum() - mjm.vis.headlight.ambient.sum() - mjm.vis.headlight.diffuse.sum()
@@ -144,18 +147,53 @@ def test_lights_that_have_no_place(device: wp.Device, monkeypatch: pytest.Monkey
         mjm.vis.headlight.active = 1
 
 
-@pytest.mark.parametrize("texture", ["coordinates", "cube"])
-def test_flexes_that_are_lines_show_no_texture(device: wp.Device, texture: str) -> None:
-    line = """
-      <flexcomp name="line" type="grid" dim="1" count="4 1 1" spacing=".5 .5 .5" mass="1" radius=".2" material="m">
-        <contact selfcollide="none"/></flexcomp>
+SMALL = " ".join(f"{0.5 * float(value):g}" for value in VERTICES.split())
+
+
+def flex(kind: str, more: str = "") -> str:
+    return f"""
+      <body name="held"><flexcomp name="soft" type="{kind}" mass="1" material="m" {more}>
+        <contact selfcollide="none"/></flexcomp></body>
       <geom type="cylinder" size=".3 .2" pos="0 .8 0" material="m"/>
     """
-    mjm, mjd = compiled(line, texture=texture)
+
+
+def skin() -> str:
+    bone = '<bone body="held" bindpos="0 0 0" bindquat="1 0 0 0" vertid="0 1 2 3 4" vertweight="1 1 1 1 1"/>'
+    return f"""
+      <deformable><skin name="skin" vertex="{SMALL}" face="{FACES}" inflate=".01" material="m"
+        texcoord="0 0 1 0 1 1 0 1 .5 .5">{bone}</skin></deformable>
+    """
+
+
+HELD = '<body name="held"><geom size=".05"/></body><geom type="cylinder" size=".3 .2" pos="0 .8 0" material="m"/>'
+PYRAMID = f'point="{SMALL}" element="{FACES}" radius=".01"'
+SOFT = {  # the world, what stands beside it, and whether 2-D textures show
+    "line": (flex("grid", 'dim="1" count="4 1 1" spacing=".5 .5 .5" radius=".2"'), "", False),
+    "cloth": (flex("grid", 'dim="2" count="4 3 1" spacing=".5 .5 .5" radius=".02"'), "", True),
+    "solid": (flex("grid", 'dim="3" count="4 3 2" spacing=".5 .5 .5" radius=".02"'), "", True),
+    "cloth without coordinates": (flex("direct", f'dim="2" {PYRAMID}'), "", False),
+    "skin": (HELD, skin(), True),
+}
+
+
+@pytest.mark.parametrize(
+    ("name", "texture"),
+    [*((name, "coordinates") for name in SOFT), *((name, "cube") for name in SOFT if not SOFT[name][2])],
+)
+def test_what_is_soft_shows_textures_by_its_own_coordinates_alone(device: wp.Device, name: str, texture: str) -> None:
+    """And repeats them as often as the material says, uniform or not.
+
+    With such coordinates a cube texture is not shown; what is instead is anything.
+    """
+    world, more, shows = SOFT[name]
+    mjm, mjd = compiled(world, texture=texture, uniform=True, more=more)
     painted = paint(mjm, mjd)
     seen = looked(mjm, mjd, device, "rgb", "segmentation")
-    of_can, of_line = shares(painted, seen["rgb"], seen["segmentation"])
-    assert of_can < 0.03 and of_line < 0.03
-    colours = (seen["rgb"][seen["segmentation"] == which].astype(int) for which in (0, 1))
-    textured = [bool((np.ptp(colour, axis=1) > 40).any()) for colour in colours]
-    assert textured == [True, False]
+    ids, rgb = seen["segmentation"], seen["rgb"].astype(int)
+    can, soft = 0, int(ids.max())
+    assert soft == mjm.ngeom
+    by_shape = shares(painted, rgb, ids)
+    assert by_shape[can] < 0.03 and by_shape[soft] < 0.04
+    textured = [bool((np.ptp(rgb[ids == which], axis=1) > 40).any()) for which in (can, soft)]
+    assert textured == [True, shows]

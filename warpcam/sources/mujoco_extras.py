@@ -198,7 +198,8 @@ class _Reader:
                 shape_ids=np.ascontiguousarray(np.broadcast_to(ids, worlds)),
                 body_ids=np.ascontiguousarray(np.broadcast_to(bodies, worlds)),
             )
-        if parts.textures and any(kind == EDGE for kind, *_ in self._entries):
+        soft = bool(self._moved) or any(kind == EDGE for kind, *_ in self._entries)
+        if soft and any(texture != parts.skybox for texture in range(len(parts.textures))):
             parts = replace(parts, more_types=parts.more_types | {BARE})
         meshes = [*parts.meshes, *(part.mesh for part in self._moved for _ in range(parts.num_worlds))]
         return replace(
