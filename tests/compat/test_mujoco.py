@@ -348,8 +348,8 @@ def test_nothing_is_built_per_frame(device: wp.Device, monkeypatch: pytest.Monke
     """Many states, cameras and renderers: as many scenes as renderers, and the first one's kernels."""
     model, data = made()
     made_scenes: list[object] = []
-    real = wc.from_mujoco
-    monkeypatch.setattr(studio.wc, "from_mujoco", lambda *a, **k: made_scenes.append(real(*a, **k)) or made_scenes[-1])
+    real = studio.load
+    monkeypatch.setattr(studio, "load", lambda *a, **k: made_scenes.append(real(*a, **k)) or made_scenes[-1])
     with ours(model, device) as renderer:
         renderer.update_scene(data)
         three(renderer)
