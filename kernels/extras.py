@@ -123,7 +123,7 @@ def write_table(live: Entries, out: Table, first: wp.int32):
         axis = along / length
     out.positions[world, column] = 0.5 * (start + end)
     out.rotations[world, column] = turn_to(axis)
-    out.sizes[world, column] = wp.vec3(radius, 0.5 * length, 0.0)
+    out.sizes[world, column] = wp.vec3(radius, 0.5 * length, wp.where(kind == EDGE, -1.0, 0.0))
 
 
 def record_table(live: Any, out: Any, device: wp.Device) -> Stage:

@@ -27,6 +27,10 @@ MASKED = 13  # no type: stands among a scene's types where maps of opacity say w
 SHADING_BACKS = 14  # no type: stands among the types of shadows where faces of meshes cast them whichever side is lit
 MOVING = 15  # no type: stands among a scene's types where corners of meshes move: most faces lie in no cache
 GLASS = 16  # no type: stands among the types of shadows where some shapes may be seen through
+FROM_ABOVE = 17  # no type: stands among a scene's types where 2-D textures lie as before MuJoCo 3.12: native/mapping.h
+BARE = (
+    18  # no type: stands among a scene's types where textures do not show on some shapes: native/look.h, load_layout()
+)
 
 # Light types.
 LIGHT_SPOT = 0
@@ -52,7 +56,6 @@ SKY_TERMS = 9  # of spherical harmonics of order 2; see native/sky.h
 # Texture kinds.
 TEXTURE_2D = 0
 TEXTURE_CUBE = 1
-TEXTURE_FROM_MIDDLE = 2  # 2-D; its repeats on a plane count from the plane's middle, as before MuJoCo 3.17
 
 
 @wp.struct
@@ -104,7 +107,9 @@ class Meshes:
     corner_start: wp.array(dtype=wp.int32)  # (mesh,) first face in the two arrays below
     normals: wp.array(dtype=wp.vec3)  # (corner,) unit, mesh frame
     uvs: wp.array(dtype=wp.vec2)  # (corner,) texture coordinates, v up; only read where has_uvs
-    has_uvs: wp.array(dtype=wp.int32)  # (mesh,) 1 where the mesh has texture coordinates
+    # (mesh,) 1 where the mesh has texture coordinates, else 0. If BARE is among the scene's types also 2: it has, and
+    # no texture is `texture_uniform`; and -1: it has none, and shows no texture
+    has_uvs: wp.array(dtype=wp.int32)
     # Only where MASKED is among the scene's types. (mesh,) as int bits first texel, width and height of the map of its
     # opacity, in red, or zeros; least opacity at which it is there
     masks: wp.array(dtype=wp.vec4)
@@ -150,7 +155,7 @@ class Materials:
 class Textures:
     """Images with their mipmaps, packed one after another."""
 
-    kind: wp.array(dtype=wp.int32)  # (texture,) TEXTURE_2D, TEXTURE_FROM_MIDDLE or TEXTURE_CUBE (also skyboxes)
+    kind: wp.array(dtype=wp.int32)  # (texture,) TEXTURE_2D or TEXTURE_CUBE (also skyboxes)
     width: wp.array(dtype=wp.int32)  # (texture,) of level 0 [pixels]
     height: wp.array(dtype=wp.int32)  # (texture,) of level 0, of one face for cubes [pixels]
     levels: wp.array(dtype=wp.int32)  # (texture,) number of mipmap levels

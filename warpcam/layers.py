@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import Literal
 
 import numpy as np
 import warp as wp
@@ -16,6 +17,9 @@ from warpcam.rays import TableLens
 
 SOLID = 0.995  # opacity from which MuJoCo draws a shape solid
 MAX_VEILS = 256  # shapes that a block can sort
+
+# Which shapes are transparent: all, none, those that are now. "backs": those, and planes from behind in any case.
+Transparency = bool | None | Literal["backs"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,7 +94,7 @@ def find_mirrors(
 
 
 def find_veils(
-    types: np.ndarray, drawn: Sequence[int], opacity: np.ndarray, wanted: bool | None, backs: bool = True
+    types: np.ndarray, drawn: Sequence[int], opacity: np.ndarray, wanted: Transparency, backs: bool = True
 ) -> list[int]:
     """Shapes that are transparent in some world and planes, which are so from behind, or with ``wanted`` all.
 
@@ -100,7 +104,7 @@ def find_veils(
         types: (shape,).
         drawn: ids.
         opacity: (n, shape).
-        wanted: None looks; True and False are the user's word.
+        wanted: None looks, and so does "backs"; True and False are the user's word.
         backs: Whether planes are seen from behind.
     """
     require_choice("transparency", wanted)
@@ -108,7 +112,7 @@ def find_veils(
     if wanted is False or (wanted is None and not veils):
         return []
     veils += [shape for shape in drawn if backs and types[shape] == PLANE]
-    if wanted:
+    if wanted is True:
         veils += drawn
     return sorted(list(dict.fromkeys(veils))[:MAX_VEILS])
 

@@ -345,7 +345,7 @@ class Scene:
         return [*self._parts.drawn, *self._clouds()]
 
     def _shape_types(self) -> frozenset[int]:
-        types = {int(self._parts.shape_types[shape]) for shape in self._parts.drawn}
+        types = {int(self._parts.shape_types[shape]) for shape in self._parts.drawn} | self._parts.more_types
         if self._parts.scaled and types & {MESH, HEIGHT_FIELD}:
             types.add(SCALED)
         if MESH in types:

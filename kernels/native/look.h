@@ -261,11 +261,11 @@ WARPCAM_FN Layout load_layout(const Shapes& shapes, const Materials& materials, 
     layout.repeat[0] = repeat[0] * (uniform && extent.x > 0.0f ? extent.x : 1.0f);
     layout.repeat[1] = repeat[1] * (uniform && extent.y > 0.0f ? extent.y : 1.0f);
     if ((TYPES >> PLANE & 1) && pose.type() == PLANE) {  // a side of length 0 is endless, two metres an image
-        const bool from_middle = kind == TEXTURE_FROM_MIDDLE;
-        const float offset = extent.x <= 0.0f || extent.y <= 0.0f || from_middle ? -0.5f : 0.0f;
+        constexpr bool FROM_MIDDLE = TYPES >> FROM_ABOVE & 1;
+        const float offset = extent.x <= 0.0f || extent.y <= 0.0f || FROM_MIDDLE ? -0.5f : 0.0f;
         const float half[2] = { extent.x, extent.y };
         for (int axis = 0; axis < 2; ++axis) {
-            layout.start[axis] = (half[axis] > 0.0f && !from_middle ? 0.5f * layout.repeat[axis] : 0.0f) + offset;
+            layout.start[axis] = (half[axis] > 0.0f && !FROM_MIDDLE ? 0.5f * layout.repeat[axis] : 0.0f) + offset;
             layout.repeat[axis] *= (axis == 0 ? 0.5f : -0.5f) * (half[axis] > 0.0f ? reciprocal(half[axis]) : 1.0f);
         }
     }
@@ -273,6 +273,12 @@ WARPCAM_FN Layout load_layout(const Shapes& shapes, const Materials& materials, 
         layout.own = wp::index(meshes.has_uvs, pose.asset());
     if (layout.cube && layout.own)  // on such a mesh a cube texture does not show
         layout.image.levels = 0;
+    if constexpr ((TYPES >> BARE & 1) != 0) {  // cylinders whose third size is -1, and some meshes
+        if (layout.own < 0 || (pose.type() == CYLINDER && pose.size.z < 0.0f))
+            layout.image.levels = 0;
+        for (int axis = 0; axis < 2 && layout.own == 2; ++axis)
+            layout.repeat[axis] = repeat[axis];
+    }
     return layout;
 }
 

@@ -1,7 +1,9 @@
 // Where a point of a surface lies on its texture, as MuJoCo maps it.
 //
 // A mapping gives the place and its gradient over the shape's frame; the gradient turns the step to the next pixel into
-// a step on the texture. Measured against `mujoco.Renderer` 3.17 with a texture that shows its own coordinates.
+// a step on the texture. Measured against `mujoco.Renderer` 3.17 with a texture that shows its own coordinates. Up to 3.11
+// it lays a 2-D texture on all shapes from above, but for meshes with coordinates of their own, where it does not repeat:
+// FROM_ABOVE.
 #pragma once
 #include "look.h"
 
@@ -78,6 +80,14 @@ WARPCAM_FN void map_by_corners(const Meshes& meshes, const Surface& surface, Map
     mapping.dv = -(v1 * weight1 + v2 * weight2);
 }
 
+WARPCAM_FN void repeat(const Layout& layout, float offset, Mapping& mapping)
+{
+    mapping.u = mapping.u * layout.repeat[0] + offset;
+    mapping.v = mapping.v * layout.repeat[1] + offset;
+    mapping.du = layout.repeat[0] * mapping.du;
+    mapping.dv = layout.repeat[1] * mapping.dv;
+}
+
 // Not of planes.
 template <int TYPES, class Meshes>
 WARPCAM_FN Mapping map_2d(const Pose& pose, const Layout& layout, const Meshes& meshes, const Surface& surface)
@@ -86,6 +96,16 @@ WARPCAM_FN Mapping map_2d(const Pose& pose, const Layout& layout, const Meshes& 
     const Vec half = to_vec(layout.extent), local = surface.local;
     Mapping mapping { 0.0f, 0.0f, { 0.0f, 0.0f, 0.0f }, { 0.0f, 0.0f, 0.0f } };
     float offset = 0.0f;
+    const bool own = (TYPES >> MESH & 1) && type == MESH && layout.own;
+    if constexpr ((TYPES >> FROM_ABOVE & 1) != 0) {
+        if (own) {
+            map_by_corners(meshes, surface, mapping);
+        } else {
+            map_from_above(local, half, mapping);
+            repeat(layout, -0.5f, mapping);
+        }
+        return mapping;
+    }
     if ((TYPES >> BOX & 1) && type == BOX)
         map_flat(local, half, part == 0 ? 1 : 0, part == 2 ? 1 : 2, mapping);
     const bool round = (TYPES & (1 << CYLINDER | 1 << CONE | 1 << BARREL))
@@ -109,17 +129,13 @@ WARPCAM_FN Mapping map_2d(const Pose& pose, const Layout& layout, const Meshes& 
         }
         map_round(ball, radii, top, scale, mapping);
     }
-    const bool own = (TYPES >> MESH & 1) && type == MESH && layout.own;
     if (own)
         map_by_corners(meshes, surface, mapping);
     if ((TYPES & (1 << MESH | 1 << HEIGHT_FIELD)) && (type == HEIGHT_FIELD || (type == MESH && !own))) {
         map_from_above(local, half, mapping);
         offset = -0.5f;
     }
-    mapping.u = mapping.u * layout.repeat[0] + offset;
-    mapping.v = mapping.v * layout.repeat[1] + offset;
-    mapping.du = layout.repeat[0] * mapping.du;
-    mapping.dv = layout.repeat[1] * mapping.dv;
+    repeat(layout, offset, mapping);
     return mapping;
 }
 

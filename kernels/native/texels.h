@@ -7,7 +7,7 @@
 
 namespace warpcam {
 
-enum TextureKind { TEXTURE_2D, TEXTURE_CUBE, TEXTURE_FROM_MIDDLE };  // values of types.py
+enum TextureKind { TEXTURE_2D, TEXTURE_CUBE };  // values of types.py
 
 // Does `texture` name a texture? Indices can be written by the user at any time.
 template <class Textures> WARPCAM_FN bool is_texture(const Textures& textures, int texture)

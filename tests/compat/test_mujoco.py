@@ -142,6 +142,25 @@ def test_pictures_are_those_of_mujocos_own(device: wp.Device, name: str) -> None
     assert np.allclose(expected[1][miss], seen[1][miss], rtol=2e-3)
 
 
+def test_a_floor_is_seen_through_from_below(device: wp.Device, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Though nothing is transparent but for that; from above no layer is drawn for it."""
+    model, data = made()
+    camera = free()
+    camera.elevation = 30.0
+    with judge(model) as theirs, ours(model, device) as renderer:
+        theirs.update_scene(data, camera)
+        renderer.update_scene(data, camera)
+        expected = theirs.render()
+        assert psnr(expected, renderer.render()) > 30.0
+        monkeypatch.setattr(studio.Studio, "_sees_backs", lambda *_: False)
+        assert psnr(expected, renderer.render()) < 25.0
+        monkeypatch.undo()
+        renderer.update_scene(data, "fixed")
+        renderer.render()
+        layers = [made.scene.tables().layers for made in renderer._studio._scenes.values()]
+        assert [each is not None and each.veiled for each in layers] == [True, False]
+
+
 def test_kinds_of_objects(device: wp.Device) -> None:
     model, data = made()
     with ours(model, device) as renderer:
@@ -329,8 +348,8 @@ def test_nothing_is_built_per_frame(device: wp.Device, loads: list[str], monkeyp
     """Many states, cameras and renderers: as many scenes as renderers, and the first one's kernels."""
     model, data = made()
     made_scenes: list[object] = []
-    real = wc.from_mujoco
-    monkeypatch.setattr(studio.wc, "from_mujoco", lambda *a, **k: made_scenes.append(real(*a, **k)) or made_scenes[-1])
+    real = studio.load
+    monkeypatch.setattr(studio, "load", lambda *a, **k: made_scenes.append(real(*a, **k)) or made_scenes[-1])
     with ours(model, device) as renderer:
         renderer.update_scene(data)
         three(renderer)

@@ -32,6 +32,7 @@ class Mesh:
             holds the first.
         mask: Index of the texture whose red is its opacity, or -1; only with ``uvs``.
         least: Opacity below which it is not there.
+        bare: Whether it shows textures by ``uvs`` alone, as often as materials say but never by the metre.
     """
 
     name: str
@@ -43,6 +44,14 @@ class Mesh:
     mask: int = -1
     least: float = 0.0
     two_sided: bool = False
+    bare: bool = False
+
+    @property
+    def mapped(self) -> int:
+        """How textures lie on it: see ``kernels.types.Meshes.has_uvs``."""
+        if self.bare:
+            return -1 if self.uvs is None else 2
+        return int(self.uvs is not None)
 
     @property
     def fronts(self) -> np.ndarray:
@@ -106,7 +115,7 @@ def pack_meshes(meshes: Sequence[Mesh], device: wp.Device) -> tuple[Meshes, int]
     packed.faces = wp.array(_joined([tree[1] for tree in trees], 4), dtype=wp.vec4, device=device)
     packed.normals = wp.array(_joined(normals, 3), dtype=wp.vec3, device=device)
     packed.uvs = wp.array(_joined(uvs, 2), dtype=wp.vec2, device=device)
-    packed.has_uvs = _integers([mesh.uvs is not None for mesh in meshes], device)
+    packed.has_uvs = _integers([mesh.mapped for mesh in meshes], device)
     return packed, max((len(tree[1]) // 3 for tree in trees), default=0)
 
 

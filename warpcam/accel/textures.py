@@ -10,7 +10,7 @@ import warp as wp
 
 from warpcam.accel.kept import Kept, key_of
 from warpcam.errors import WarpcamError
-from warpcam.kernels.types import TEXTURE_2D, TEXTURE_CUBE, TEXTURE_FROM_MIDDLE, Textures
+from warpcam.kernels.types import TEXTURE_2D, TEXTURE_CUBE, Textures
 
 MAX_TEXELS = 2**31 - 1
 KEPT = 2**27  # bytes of images with their mipmaps, for the next scene that has them, too
@@ -30,14 +30,12 @@ class TextureImage:
         srgb: Whether the texels are sRGB-coded and are to be decoded to linear factors before they are filtered,
             as OpenGL does for a texture of MuJoCo's colour space "sRGB".
         blend_light: Whether the texels are sRGB-coded and stay so, but for the mipmaps, where light is averaged.
-        from_middle: Whether repeats on a plane count from the plane's middle, not from its corner.
     """
 
     kind: Literal["2d", "cube"]
     pixels: Bytes
     srgb: bool = False
     blend_light: bool = False
-    from_middle: bool = False
 
 
 Chain = list[npt.NDArray[np.uint32]]
@@ -71,19 +69,13 @@ def pack_textures(images: Sequence[TextureImage], device: wp.DeviceLike = None) 
         return wp.array(np.asarray(values, np.int32), dtype=wp.int32, device=device)
 
     textures = Textures()
-    textures.kind = integers([_kind(image) for image in images])
+    textures.kind = integers([TEXTURE_CUBE if image.kind == "cube" else TEXTURE_2D for image in images])
     textures.width = integers([levels[0][0] for levels in sizes])
     textures.height = integers([levels[0][1] for levels in sizes])
     textures.levels = integers([len(levels) for levels in sizes])
     textures.start = integers([int(start) for start in starts])
     textures.texels = wp.array(texels, dtype=wp.uint32, device=device)
     return textures
-
-
-def _kind(image: TextureImage) -> int:
-    if image.kind == "cube":
-        return TEXTURE_CUBE
-    return TEXTURE_FROM_MIDDLE if image.from_middle else TEXTURE_2D
 
 
 def _faces(index: int, image: TextureImage) -> Bytes:

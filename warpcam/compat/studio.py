@@ -12,6 +12,7 @@ import warp as wp
 import warpcam as wc
 from warpcam.compat.opaque import SOLID, Opaque, has_veils, sees_veils
 from warpcam.errors import WarpcamError
+from warpcam.sources.mujoco import load
 from warpcam.sources.mujoco_model import DATA_NAMES, MODEL_NAMES
 
 VIEW = "view"  # the one camera's name
@@ -151,19 +152,19 @@ class Studio:
         self._eyes.clear()
         self._behind = None
 
-    def scene(self, style: Style) -> wc.Scene:
-        """The scene in which what that style names is drawn."""
+    def scene(self, style: Style, backs: bool = False) -> wc.Scene:
+        """The scene in which what that style names is drawn; with ``backs`` planes are seen from behind."""
         model = self._model
-        known = (style.groups, style.draw, style.reflections, self._fixed())
+        known = (style.groups, style.draw, style.reflections, backs, self._fixed())
         seen, veils = self._opacity()
         for key, made in reversed(self._scenes.items()):
             if key[0] == known and (made.seen >= seen).all() and (made.veils == veils)[seen].all():
                 self._scenes.move_to_end(key)
                 return made.scene
         groups = dict(zip(("geoms", "sites", "tendons", "flexes", "skins"), style.groups, strict=True))
-        scene = wc.from_mujoco(
-            model, self._state, groups=groups, draw=style.draw, device=self._device,
-            reflections=None if style.reflections else False,
+        scene = load(
+            model, self._state, groups, self._device, style.draw, None if style.reflections else False,
+            "backs" if backs else None,
         )  # fmt: skip
         self._scenes[known, seen.tobytes(), veils.tobytes()] = _Made(scene, seen, veils)
         _shorten(self._scenes)
@@ -194,7 +195,7 @@ class Studio:
                 images["depth"] = self._opaque().look(view, style, width, height, ("depth",))["depth"]
             return {name: images[name] for name in outputs}
         names, wanted = _outputs(drawn or outputs), _outputs(outputs)
-        scene = self.scene(style)
+        scene = self.scene(style, "rgb" in wanted and self._sees_backs(view, style))
         key = (id(scene), names, width, height, view.orthographic, style.shadows, style.sky, style.antialiasing)
         if key not in self._eyes or self._eyes[key].scene is not scene:
             self._eyes[key] = _Eye(scene, style, view, width, height, names)
@@ -204,6 +205,17 @@ class Studio:
         if "objects" in outputs:
             images["objects"] = scene.objects[images.pop("segmentation")[..., 0]]
         return images
+
+    def _sees_backs(self, view: View, style: Style) -> bool:
+        """Whether a plane has its back to the camera, and a scene would not show it unless told to."""
+        model, state = self._model, self._state
+        planes = np.flatnonzero(model.geom_type == int(mujoco.mjtGeom.mjGEOM_PLANE))
+        if "geoms" not in style.draw or not len(planes):
+            return False
+        up = state.geom_xmat[planes].reshape(-1, 3, 3)[:, :, 2]
+        behind = ((view.position - state.geom_xpos[planes]) * up).sum(axis=1) < 0.0
+        seen = np.isin(model.geom_group[planes], style.groups[0]) & (model.geom_rgba[planes, 3] > 0.0)
+        return bool((behind & seen).any()) and not has_veils(model, style.groups, style.draw)
 
     def _opaque(self) -> "Studio":
         """Of the same state, without what is transparent."""

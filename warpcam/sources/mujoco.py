@@ -11,6 +11,7 @@ from warpcam import device as device_rule
 from warpcam.errors import WarpcamError
 from warpcam.kernels.launch import Stage
 from warpcam.kernels.types import Meshes
+from warpcam.layers import Transparency
 from warpcam.parts import FIELDS
 from warpcam.scene import Scene
 from warpcam.sources import mujoco_model as model
@@ -37,7 +38,7 @@ class MujocoSource:
         device: wp.Device,
         draw: Collection[str] = model.KINDS,
         reflections: bool | None = None,
-        transparency: bool | None = None,
+        transparency: Transparency = None,
     ):
         self.device = device
         self._mjm, self._mjds = mjm, mjds
@@ -143,7 +144,7 @@ def load(
     device: Any,
     draw: Collection[str] = model.KINDS,
     reflections: bool | None = None,
-    transparency: bool | None = None,
+    transparency: Transparency = None,
 ) -> Scene:
     model.check_model(mjm, "mjm")
     several = isinstance(mjd, list | tuple)

@@ -16,7 +16,7 @@ from warpcam.errors import WarpcamError
 from warpcam.kernels.extras import COPY, EDGE, MARK, SEGMENT, STRING
 from warpcam.kernels.refit import Shading
 from warpcam.kernels.swell import Hull
-from warpcam.kernels.types import CAPSULE, CYLINDER, MESH, SPHERE
+from warpcam.kernels.types import BARE, CAPSULE, CYLINDER, MESH, SPHERE
 from warpcam.parts import Parts
 from warpcam.sources.mujoco_model import KINDS, Groups, groups_by_kind
 from warpcam.sources.mujoco_soft import flex_surface, skin_surface
@@ -198,6 +198,9 @@ class _Reader:
                 shape_ids=np.ascontiguousarray(np.broadcast_to(ids, worlds)),
                 body_ids=np.ascontiguousarray(np.broadcast_to(bodies, worlds)),
             )
+        soft = bool(self._moved) or any(kind == EDGE for kind, *_ in self._entries)
+        if soft and any(texture != parts.skybox for texture in range(len(parts.textures))):
+            parts = replace(parts, more_types=parts.more_types | {BARE})
         meshes = [*parts.meshes, *(part.mesh for part in self._moved for _ in range(parts.num_worlds))]
         return replace(
             parts,

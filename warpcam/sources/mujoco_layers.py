@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 
 from warpcam.kernels.types import PLANE
-from warpcam.layers import Layers, find_mirrors, find_veils
+from warpcam.layers import Layers, Transparency, find_mirrors, find_veils
 from warpcam.parts import Parts
 from warpcam.sources.mujoco_extras import Extras
 
@@ -19,7 +19,7 @@ def with_layers(
     mjm: mujoco.MjModel,
     extras: Extras | None,
     reflections: bool | None,
-    transparency: bool | None,
+    transparency: Transparency,
     colors: np.ndarray | None = None,
     materials: np.ndarray | None = None,
     material_colors: np.ndarray | None = None,
@@ -31,7 +31,7 @@ def with_layers(
         mjm: The host's model.
         extras: What is drawn beside geoms.
         reflections: Whether planes and boxes reflect; None looks for materials with reflectance.
-        transparency: Whether shapes are transparent; None looks for colours that are.
+        transparency: Whether shapes are transparent; None looks for colours that are, "backs" adds planes from behind.
         colors: (n, geom, 4), where worlds have their own; None is the model's.
         materials: (n, geom), likewise.
         material_colors: (n, material, 4), likewise.

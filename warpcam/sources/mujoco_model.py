@@ -10,7 +10,7 @@ from warpcam.accel.heightfields import HeightField
 from warpcam.accel.meshes import Mesh, face_normals
 from warpcam.accel.textures import TextureImage
 from warpcam.errors import WarpcamError
-from warpcam.kernels.types import MESH
+from warpcam.kernels.types import FROM_ABOVE, LIGHT_DIRECTIONAL, LIGHT_SPOT, MESH
 from warpcam.parts import Parts, SceneCamera
 
 VERSION = tuple(int(part) for part in mujoco.__version__.split(".")[:2])
@@ -21,6 +21,7 @@ APART = 0.25
 SHOWN = (0, 1, 2)  # groups, unless told
 KINDS = ("geoms", "sites", "tendons", "flexes", "skins")
 Groups = Collection[int] | Mapping[str, Collection[int]]
+REVISED = (3, 12)  # the version from which on MuJoCo draws textures on shapes, and point lights, as it does now
 SMOOTH_BELOW = 0.8  # cosine to the face's normal under which MuJoCo takes that instead of the vertex's
 
 # Where MuJoCo and MuJoCo-Warp keep each live array: in the data, or in the model.
@@ -90,6 +91,7 @@ def read_parts(mjm: mujoco.MjModel, num_worlds: int, groups: Groups) -> Parts:
         meshes=[_mesh(mjm, index) for index in range(mjm.nmesh)],
         height_fields=[_height_field(mjm, index) for index in range(mjm.nhfield)],
         textures=textures,
+        more_types=frozenset({FROM_ABOVE} if VERSION < REVISED and any(t.kind == "2d" for t in textures) else ()),
         skybox=int(skyboxes[0]) if len(skyboxes) else -1,
         horizon=float(mjm.vis.map.zfar * mjm.stat.extent),
         shadow_map=(
@@ -102,15 +104,29 @@ def read_parts(mjm: mujoco.MjModel, num_worlds: int, groups: Groups) -> Parts:
 
 
 def headlight(mjm: mujoco.MjModel) -> np.ndarray:
-    """Ambient, diffuse and specular of the light that moves with each camera, (3, 3) float32; zeros when it is off."""
+    """Ambient, diffuse and specular of the light that moves with each camera, (3, 3) float32; zeros when it is off.
+
+    What MuJoCo's renderer cannot place, as point lights, it leaves out from 3.12 on; up to there it adds to this.
+    """
     light = mjm.vis.headlight
     colors = np.stack((light.ambient, light.diffuse, light.specular)).astype(np.float32)
-    return colors if light.active else np.zeros_like(colors)
+    colors *= bool(light.active)
+    for index in _unplaced(mjm):
+        colors += (mjm.light_ambient[index], mjm.light_diffuse[index], mjm.light_specular[index])
+    return colors
 
 
 def global_ambient(mjm: mujoco.MjModel) -> float:
     """MuJoCo lights a scene evenly that has no light at all; the shading looks whether other lights are on."""
-    return 0.0 if mjm.vis.headlight.active else 0.3
+    return 0.0 if mjm.vis.headlight.active or len(_unplaced(mjm)) else 0.3
+
+
+def _unplaced(mjm: mujoco.MjModel) -> np.ndarray:
+    """Lights that are neither directional nor spots but are seen all the same."""
+    if VERSION >= REVISED:
+        return np.zeros(0, np.int64)
+    placed = np.isin(mjm.light_type, (LIGHT_SPOT, LIGHT_DIRECTIONAL))
+    return np.flatnonzero(~placed & (np.asarray(mjm.light_active) != 0))
 
 
 def groups_by_kind(groups: Any) -> Mapping[str, list[int]]:
@@ -201,6 +217,6 @@ def _texture(mjm: mujoco.MjModel, index: int) -> TextureImage:
     if channels == 2:  # grey and alpha
         pixels = np.concatenate((np.repeat(pixels[..., :1], 3, axis=-1), pixels[..., 1:]), axis=-1)
     if mjm.tex_type[index] == mujoco.mjtTexture.mjTEXTURE_2D:
-        return TextureImage("2d", pixels, srgb, from_middle=VERSION < (3, 17))
+        return TextureImage("2d", pixels, srgb)
     faces = pixels.reshape(6, width, width, -1) if height == 6 * width else pixels
     return TextureImage("cube", faces)  # of these MuJoCo's renderer does not ask how they are coded

@@ -73,8 +73,9 @@ def _mesh(name: str, vertices: np.ndarray, faces: np.ndarray, texture: np.ndarra
         uvs = texture[corners].astype(np.float32)
         uvs[..., 1] = 1.0 - uvs[..., 1]  # MuJoCo's v counts from the image's first row
     return Mesh(
-        name, np.ascontiguousarray(vertices, np.float32), np.ascontiguousarray(faces, np.int32), uvs=uvs, moves=True
-    )
+        name, np.ascontiguousarray(vertices, np.float32), np.ascontiguousarray(faces, np.int32), uvs=uvs, moves=True,
+        bare=True,
+    )  # fmt: skip
 
 
 def _normals(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:

@@ -1,0 +1,199 @@
+"""Textures on shapes beside ``mujoco.Renderer`` of the version that is installed: MuJoCo 3.12 lays them another way."""
+
+import io
+
+import mujoco
+import numpy as np
+import pytest
+import warp as wp
+from PIL import Image
+
+import warpcam as wc
+from warpcam.sources import mujoco_model
+
+SIZE = 128
+FINE = 120  # slices and stacks of what MuJoCo draws round
+LIMIT = 6  # of 255
+VERTICES = "-1 -1 0  1 -1 0  1 1 .4  -1 1 0  0 0 1"
+FACES = "0 1 4  1 2 4  2 3 4  3 0 4  3 2 1  3 1 0"
+ASSETS = f"""
+  <texture name="coordinates" type="2d" file="coordinates.png"/>
+  <texture name="cube" type="cube" file="coordinates.png"/>
+  <material name="m" texture="{{texture}}" texrepeat="1.5 2" texuniform="{{uniform}}" specular="0"/>
+  <mesh name="own" vertex="{VERTICES}" face="{FACES}" texcoord="0 0 1 0 1 1 0 1 .5 .5" scale=".3 .25 .3"/>
+  <mesh name="plain" vertex="{VERTICES}" face="{FACES}" scale=".3 .25 .3"/>
+  <hfield name="hills" nrow="3" ncol="3" size=".3 .25 .2 .1" elevation="0 .5 0 .2 1 .3 0 .4 .1"/>
+"""
+PLACES = [(x, y) for y in (0.8, 0.0, -0.8) for x in (-0.8, 0.0, 0.8)]
+SHAPES = {
+    "box": 'type="box" size=".3 .25 .2"',
+    "sphere": 'type="sphere" size=".3"',
+    "ellipsoid": 'type="ellipsoid" size=".3 .25 .2"',
+    "capsule": 'type="capsule" size=".2 .15" euler="50 0 20"',
+    "cylinder": 'type="cylinder" size=".25 .2" euler="30 0 20"',
+    "plane": 'type="plane" size=".3 .2 .1"',
+    "mesh with coordinates": 'type="mesh" mesh="own"',
+    "mesh without": 'type="mesh" mesh="plain"',
+    "height field": 'type="hfield" hfield="hills"',
+}
+CHANGED = ("box", "sphere", "ellipsoid", "capsule", "cylinder", "plane", "mesh with coordinates")
+LIT = f"""
+  <visual><quality offsamples="0" numslices="{FINE}" numstacks="{FINE}"/>
+    <headlight ambient=".6 .6 .6" diffuse=".4 .4 .4" specular="0 0 0"/></visual>
+"""
+CAMERA = '<camera pos="0 -2.2 2.6" xyaxes="1 0 0 0 2.6 2.2" fovy="48"/>'
+
+
+def coordinates() -> bytes:
+    """An image whose red grows to the right and whose green grows downwards."""
+    down, right = np.mgrid[0:64, 0:64] * 4
+    file = io.BytesIO()
+    Image.fromarray(np.stack((right, down, np.full_like(right, 128)), axis=-1).astype(np.uint8)).save(file, "PNG")
+    return file.getvalue()
+
+
+def compiled(
+    world: str, texture: str = "coordinates", uniform: bool = False, more: str = ""
+) -> tuple[mujoco.MjModel, mujoco.MjData]:
+    assets = ASSETS.format(texture=texture, uniform=str(uniform).lower())
+    mjm = mujoco.MjModel.from_xml_string(
+        f"<mujoco>{LIT}<asset>{assets}</asset><worldbody>{world}{CAMERA}</worldbody>{more}</mujoco>",
+        {"coordinates.png": coordinates()},
+    )
+    mjd = mujoco.MjData(mjm)
+    mujoco.mj_forward(mjm, mjd)
+    return mjm, mjd
+
+
+def paint(mjm: mujoco.MjModel, mjd: mujoco.MjData) -> np.ndarray:
+    """(height, width, 3) uint8."""
+    try:
+        renderer = mujoco.Renderer(mjm, SIZE, SIZE)
+    except Exception as error:
+        pytest.skip(f"MuJoCo's own renderer needs a library: apt-get install libosmesa6 ({type(error).__name__})")
+    with renderer:
+        renderer.update_scene(mjd, camera=0)
+        return renderer.render().copy()
+
+
+def near(painted: np.ndarray, seen: np.ndarray) -> np.ndarray:
+    """Pixels no farther than LIMIT from what the others have there and around, (height, width) bool."""
+    padded = np.pad(painted.astype(int), ((1, 1), (1, 1), (0, 0)), mode="edge")
+    around = np.stack([padded[i : i + SIZE, j : j + SIZE] for i in range(3) for j in range(3)])
+    return ((seen >= around.min(axis=0) - LIMIT) & (seen <= around.max(axis=0) + LIMIT)).all(axis=-1)
+
+
+def all_shapes() -> str:
+    shapes = zip(PLACES, SHAPES.values(), strict=True)
+    return "".join(f'<geom pos="{x} {y} 0" material="m" {shape}/>' for (x, y), shape in shapes)
+
+
+def shares(painted: np.ndarray, seen: np.ndarray, ids: np.ndarray) -> dict[int, float]:
+    """Of each shape's pixels those that differ, by its id."""
+    wrong = ~near(painted, seen)
+    return {int(shape): float(wrong[ids == shape].mean()) for shape in np.unique(ids) if shape >= 0}
+
+
+def looked(mjm: mujoco.MjModel, mjd: mujoco.MjData, device: wp.Device, *outputs: str) -> dict[str, np.ndarray]:
+    camera = wc.Camera(0, width=SIZE, height=SIZE, outputs=outputs)
+    images = wc.Renderer(wc.from_mujoco(mjm, mjd, device=device), [camera]).render()[0]
+    host = {name: image[0].cpu().numpy() for name, image in images.items()}
+    return {name: image[..., 0] if image.shape[-1] == 1 else image for name, image in host.items()}
+
+
+@pytest.mark.parametrize("uniform", [False, True])
+def test_textures_lie_as_the_installed_version_lays_them(
+    device: wp.Device, uniform: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    mjm, mjd = compiled(all_shapes(), uniform=uniform)
+    painted = paint(mjm, mjd)
+    seen = looked(mjm, mjd, device, "rgb", "segmentation")
+    by_shape = shares(painted, seen["rgb"], seen["segmentation"])
+    print({name: f"{share:.1%}" for name, share in zip(SHAPES, by_shape.values(), strict=True)})
+    assert max(by_shape.values()) < 0.03
+    # The rule of the other versions would be seen.
+    monkeypatch.setattr(mujoco_model, "VERSION", (3, 17) if mujoco_model.VERSION < (3, 12) else (3, 11))
+    other = looked(mjm, mjd, device, "rgb", "segmentation")
+    by_shape = shares(painted, other["rgb"], other["segmentation"])
+    for name, share in zip(SHAPES, by_shape.values(), strict=True):
+        assert (share > 0.3) == (name in CHANGED), (name, share)
+
+
+def test_up_to_3_11_they_lie_on_shapes_from_above(device: wp.Device, monkeypatch: pytest.MonkeyPatch) -> None:
+    """With any version: the texture shows its own coordinates."""
+    monkeypatch.setattr(mujoco_model, "VERSION", (3, 11))
+    mjm, mjd = compiled('<geom type="box" size=".6 .5 .4" material="m"/>')
+    seen = looked(mjm, mjd, device, "albedo", "points", "segmentation")
+    seen = {name: image[seen["segmentation"] == 0] for name, image in seen.items()}
+    place = (np.array((0.75, -1.0)) * seen["points"][:, :2] / (0.6, 0.5) - 0.5) % 1.0
+    inner = ((place > 0.1) & (place < 0.9)).all(axis=-1)
+    off = np.abs((seen["albedo"][:, :2] / 4.0 + 0.5) / 64.0 - place)[inner]
+    assert inner.sum() > 1500 and off.max() < 0.02
+
+
+def test_lights_that_have_no_place(device: wp.Device, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Point lights are not drawn, and shone as the headlight does before 3.12."""
+    light = '<light type="point" pos="1 1 2" diffuse=".5 .1 0" ambient="0 .1 0" specular="0 0 0" castshadow="false"/>'
+    mjm, mjd = compiled(all_shapes() + light)
+    painted = paint(mjm, mjd)
+    seen = looked(mjm, mjd, device, "rgb", "segmentation")
+    assert max(shares(painted, seen["rgb"], seen["segmentation"]).values()) < 0.03
+    for version, brighter in (((3, 11), True), ((3, 12), False)):
+        monkeypatch.setattr(mujoco_model, "VERSION", version)
+        with_it = mujoco_model.headlight(mjm).sum() - mjm.vis.headlight.ambient.sum() - mjm.vis.headlight.diffuse.sum()
+        assert with_it == pytest.approx(0.7 if brighter else 0.0, abs=1e-6)
+        mjm.vis.headlight.active = 0
+        assert mujoco_model.global_ambient(mjm) == (0.0 if brighter else 0.3)
+        mjm.vis.headlight.active = 1
+
+
+SMALL = " ".join(f"{0.5 * float(value):g}" for value in VERTICES.split())
+
+
+def flex(kind: str, more: str = "") -> str:
+    return f"""
+      <body name="held"><flexcomp name="soft" type="{kind}" mass="1" material="m" {more}>
+        <contact selfcollide="none"/></flexcomp></body>
+      <geom type="cylinder" size=".3 .2" pos="0 .8 0" material="m"/>
+    """
+
+
+def skin() -> str:
+    bone = '<bone body="held" bindpos="0 0 0" bindquat="1 0 0 0" vertid="0 1 2 3 4" vertweight="1 1 1 1 1"/>'
+    return f"""
+      <deformable><skin name="skin" vertex="{SMALL}" face="{FACES}" inflate=".01" material="m"
+        texcoord="0 0 1 0 1 1 0 1 .5 .5">{bone}</skin></deformable>
+    """
+
+
+HELD = '<body name="held"><geom size=".05"/></body><geom type="cylinder" size=".3 .2" pos="0 .8 0" material="m"/>'
+PYRAMID = f'point="{SMALL}" element="{FACES}" radius=".01"'
+SOFT = {  # the world, what stands beside it, and whether 2-D textures show
+    "line": (flex("grid", 'dim="1" count="4 1 1" spacing=".5 .5 .5" radius=".2"'), "", False),
+    "cloth": (flex("grid", 'dim="2" count="4 3 1" spacing=".5 .5 .5" radius=".02"'), "", True),
+    "solid": (flex("grid", 'dim="3" count="4 3 2" spacing=".5 .5 .5" radius=".02"'), "", True),
+    "cloth without coordinates": (flex("direct", f'dim="2" {PYRAMID}'), "", False),
+    "skin": (HELD, skin(), True),
+}
+
+
+@pytest.mark.parametrize(
+    ("name", "texture"),
+    [*((name, "coordinates") for name in SOFT), *((name, "cube") for name in SOFT if not SOFT[name][2])],
+)
+def test_what_is_soft_shows_textures_by_its_own_coordinates_alone(device: wp.Device, name: str, texture: str) -> None:
+    """And repeats them as often as the material says, uniform or not.
+
+    With such coordinates a cube texture is not shown; what is instead is anything.
+    """
+    world, more, shows = SOFT[name]
+    mjm, mjd = compiled(world, texture=texture, uniform=True, more=more)
+    painted = paint(mjm, mjd)
+    seen = looked(mjm, mjd, device, "rgb", "segmentation")
+    ids, rgb = seen["segmentation"], seen["rgb"].astype(int)
+    can, soft = 0, int(ids.max())
+    assert soft == mjm.ngeom
+    by_shape = shares(painted, rgb, ids)
+    assert by_shape[can] < 0.03 and by_shape[soft] < 0.04
+    textured = [bool((np.ptp(rgb[ids == which], axis=1) > 40).any()) for which in (can, soft)]
+    assert textured == [True, shows]
