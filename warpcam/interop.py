@@ -21,7 +21,7 @@ def to_torch(array: wp.array) -> torch.Tensor:
     """
     with torch.inference_mode(False):
         if array.device.is_cpu:
-            return torch.from_numpy(array.numpy())
+            return torch.from_numpy(np.asarray(array))
         return wp.to_torch(array, requires_grad=False)
 
 
