@@ -260,3 +260,29 @@ def test_a_light_is_on_where_it_is_told() -> None:
     scene = lit(active=torch.tensor([False, True]))
     image = wc.Renderer(scene, [own(outputs=("rgb",))]).render()["own"]["rgb"]
     assert (image[0] == 0).all() and (image[1, 2:6, 2:6] > 100).all()
+
+
+def test_nothing_is_made_within_a_capture(stage: Any, device: wp.Device) -> None:
+    from pxr import UsdGeom
+
+    UsdGeom.Sphere.Define(stage, "/Ball")
+    scene = wc.from_usd(stage, device=device)
+    poses = torch.tensor([[[0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0]]], device=wp.device_to_torch(device))
+    visible = torch.ones(1, 1, dtype=torch.bool, device=poses.device)
+    renderer = wc.Renderer(scene, [own()])
+    renderer.render()
+    tries: dict[str, Callable[[], Any]] = {
+        "Renderer": lambda: wc.Renderer(scene, [own()]),
+        "set_lens": lambda: renderer.set_lens("own", wc.Fisheye(fovy=90.0)),
+        "set_poses, for the first time of these paths": lambda: scene.set_poses(["/Ball"], poses),
+        "set_visible, for the first time of these paths": lambda: scene.set_visible(["/Ball"], visible),
+        "set_time": lambda: scene.set_time(0.0),
+    }
+    with wp.ScopedCapture(device):
+        for what, call in tries.items():
+            with says(f"{what}: a capture is under way; do this before it"):
+                call()
+    scene.set_poses(["/Ball"], poses)
+    with wp.ScopedCapture(device):
+        scene.set_poses(["/Ball"], poses)
+    wc.Renderer(scene, [own()]).render()

@@ -77,6 +77,7 @@ class DrivenScene(Scene):
         key = self._check_paths("set_poses", paths)
         array = self._take("set_poses: poses", poses, (len(key), 7), wp.float32)
         if key not in self._columns:
+            interop.require_no_capture(self.device, "set_poses, for the first time of these paths")
             nodes = [self._node("set_poses", path) for path in key]
             self._columns[key] = nodes, self._graph_source.columns_of(nodes)
         with interop.in_order(self.device):
@@ -127,6 +128,14 @@ class DrivenScene(Scene):
         """
         key = self._check_paths("set_textures", materials)
         array = self._take("set_textures: textures", textures, (len(key),), wp.int32)
+        if key not in self._materials:
+            interop.require_no_capture(self.device, "set_textures, for the first time of these materials")
+            known = self.materials
+            for name in key:
+                if name not in known:
+                    raise WarpcamError(f"set_textures: the scene has no material {name!r}; it has: {_some(known)}")
+            rows = np.array([known.index(name) for name in key], np.int32)
+            self._materials[key] = wp.array(rows, dtype=wp.int32, device=self.device)
         count, given = len(self.textures), interop.as_array(textures)
         if given is None or given.device.is_cpu:
             places = interop.to_numpy(textures)
@@ -135,13 +144,6 @@ class DrivenScene(Scene):
                 raise WarpcamError(
                     f"set_textures: textures has {wrong[0]}; allowed are -1 for none and 0 to {count - 1}"
                 )
-        if key not in self._materials:
-            known = self.materials
-            for name in key:
-                if name not in known:
-                    raise WarpcamError(f"set_textures: the scene has no material {name!r}; it has: {_some(known)}")
-            rows = np.array([known.index(name) for name in key], np.int32)
-            self._materials[key] = wp.array(rows, dtype=wp.int32, device=self.device)
         rows = self._graph_source.make_room("textures")
         with interop.in_order(self.device):
             inputs = [array, self._materials[key], count]
@@ -152,6 +154,7 @@ class DrivenScene(Scene):
         if isinstance(time, bool) or not isinstance(time, int | float | np.number) or not np.isfinite(time):
             raise WarpcamError(f"set_time: time must be a finite number, got {time!r}")
         with interop.in_order(self.device):
+            interop.require_no_capture(self.device, "set_time")
             self._graph_source.set_time(float(time))
 
     def _check_paths(self, where: str, paths: Any) -> tuple[str, ...]:
@@ -172,6 +175,7 @@ class DrivenScene(Scene):
     def _shapes_of(self, where: str, key: tuple[str, ...]) -> tuple[wp.array, wp.array]:
         """For each shape that a path stands for: the path's place, and the shape."""
         if key not in self._groups:
+            interop.require_no_capture(self.device, f"{where}, for the first time of these paths")
             groups: list[int] = []
             shapes: list[int] = []
             above = self._ancestors()

@@ -9,6 +9,8 @@ import numpy as np
 import torch
 import warp as wp
 
+from warpcam.errors import WarpcamError
+
 Tensor = torch.Tensor
 
 
@@ -19,7 +21,7 @@ def to_torch(array: wp.array) -> torch.Tensor:
     """
     with torch.inference_mode(False):
         if array.device.is_cpu:
-            return torch.from_numpy(array.numpy())
+            return torch.from_numpy(np.asarray(array))
         return wp.to_torch(array, requires_grad=False)
 
 
@@ -78,6 +80,20 @@ def is_capturing(device: wp.Device) -> bool:
         return False
     with torch.cuda.device(device.ordinal):
         return torch.cuda.is_current_stream_capturing()
+
+
+def require_no_capture(device: wp.Device, what: str) -> None:
+    """Raise if what is to be made now would become part of a capture of the user's own.
+
+    A renderer that records a graph in another thread does so on a stream of its own, and is none of that.
+    """
+    if device.is_cuda:
+        with torch.cuda.device(device.ordinal):
+            capturing = device.stream.is_capturing or torch.cuda.is_current_stream_capturing()
+    else:
+        capturing = device.is_capturing
+    if capturing:
+        raise WarpcamError(f"{what}: a capture is under way; do this before it")
 
 
 @contextmanager

@@ -72,6 +72,7 @@ class Renderer:
     @context_kept()
     def __init__(self, scene: Scene, cameras: Sequence[Camera], *, graph: bool = True):
         self._cameras = check_cameras(scene, cameras)
+        interop.require_no_capture(scene.device, "Renderer")
         self._scene, self._device = scene, scene.device
         self.memory = estimate_memory(scene, cameras)
         require_free(self.memory, scene.device)
@@ -176,6 +177,7 @@ class Renderer:
             camera: Its name; it must have been built with such a lens.
             lens: One for all worlds, or, if the camera was built with one for each, one for each.
         """
+        interop.require_no_capture(self._device, "set_lens")
         with self._turn, interop.in_order(self._device):
             self._mounted[self._key(camera)].set_table(lens)
 

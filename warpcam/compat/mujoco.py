@@ -43,6 +43,8 @@ class Renderer:
         device: Any = None,
     ):
         self._studio: Studio | None = None
+        if not isinstance(model, mujoco.MjModel):
+            raise TypeError(f"model must be a mujoco.MjModel, got {type(model).__name__}")
         for side, pixels, most in (
             ("width", width, model.vis.global_.offwidth),
             ("height", height, model.vis.global_.offheight),

@@ -106,6 +106,8 @@ def create_render_context(
     """
     settings = dict(locals())
     del settings["mjm"]
+    if not isinstance(mjm, mujoco.MjModel):
+        raise WarpcamError(f"create_render_context: mjm must be a mujoco.MjModel, got {type(mjm).__name__}")
     check_settings(settings)
     return RenderContext(mjm, int(nworld), read_views(mjm, settings), settings)
 
