@@ -3,7 +3,7 @@
 import itertools
 import threading
 from collections import defaultdict
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -200,6 +200,9 @@ class Renderer:
             phases = list(scratch.phases(images if everything else None))
             if everything:
                 busiest = max((sum(map(self._pixels, phase)) for phase in phases), default=0)
+            if everything and (chains := self._chains(images, phases)):
+                frames[everything].append([self._record_chain(tables, chain, busiest) for chain in chains])
+                phases = []
             for phase in phases:
                 frames[everything].append(
                     [chain for portion in phase for chain in self._record_portion(tables, portion, len(phase), busiest)]
@@ -250,6 +253,23 @@ class Renderer:
     def _pixels(self, portion: Portion) -> int:
         camera = self._cameras[portion.camera]
         return len(portion.worlds) * camera.width * camera.height
+
+    def _chains(
+        self, images: Mapping[str | int, Iterable[wp.array]], phases: list[list[Portion]]
+    ) -> list[list[list[Portion]]] | None:
+        """Phases that need not wait for each other, where that is better than ``phases`` one after another."""
+        pixels = sum(map(self._pixels, phases[0])) if len(phases) > 1 else 0
+        large = self._device.is_cuda and pixels >= WORTH_PARTING
+        return self._scratch.chains(images, PARTS) if large else None
+
+    def _record_chain(self, tables: Tables, chain: list[list[Portion]], busiest: int) -> list[Stage]:
+        """Stages one after another, of portions each of which waits for the one before."""
+        return [
+            stage
+            for portion in itertools.chain(*chain)
+            for stages in self._record_portion(tables, portion, PARTS, busiest)
+            for stage in stages
+        ]
 
     def _record_portion(self, tables: Tables, portion: Portion, beside: int, busiest: int) -> Iterator[list[Stage]]:
         """Chains of stages that may run side by side.
