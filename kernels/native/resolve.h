@@ -311,12 +311,11 @@ WARPCAM_FN void resolve(const Scene_& scene, const Lights& lights, int index)
             resolve_pixel<TYPES, LENS, HELD, IMAGES, FACTS>(looks, list, scene, kept_camera, veils, region, world, pixel, found);
     };
     if constexpr (AHEAD) {
-        static_assert(WIDTH % 16 == 0);
         WARPCAM_SHARED Words kept_words[WARPS][2];
         const Fetcher<Words> fetcher(frame, kept_words[warp], pixel.lane);
         const auto ask = [&](unsigned tile) {
             const unsigned row = top + tile / ACROSS * TILE_HEIGHT, column = left + tile % ACROSS * TILE_WIDTH;
-            fetcher.ask(first + row * frame.width + column, tile / STEP % 2, pixel.lane);
+            fetcher.ask(kept_words[warp] + tile / STEP % 2, first + row * frame.width + column, pixel.lane);
         };
         ask(warp);
         end_copies();
@@ -328,7 +327,7 @@ WARPCAM_FN void resolve(const Scene_& scene, const Lights& lights, int index)
             wait_for_one();
             __syncwarp();
             go_to<WIDTH, FACTS>(pixel, frame, first, left, top, tile);
-            draw(kept_words[warp][tile / STEP % 2].at(pixel.lane, pixel.column));
+            draw(kept_words[warp][tile / STEP % 2].at(pixel.lane));
         }
     } else {
         go_to<WIDTH, FACTS>(pixel, frame, first, left, top, warp);
