@@ -1,12 +1,17 @@
 // From the visibility buffer to images: a block draws one region of one view.
 #pragma once
-#include "ahead.h"
 #include "haze.h"
+#include "kept_looks.h"
 #include "peel.h"
 #include "reflected.h"
 #include "veils.h"
 
 namespace warpcam {
+
+// What the trace and the shadow pass found at a pixel.
+struct Seen : Hit {
+    int shadow;  // where FACTS have SPARE; otherwise it is asked for when the pixel is drawn
+};
 
 template <int TYPES, int IMAGES, int FACTS, class Frame_> WARPCAM_FN Seen find(const Frame_& frame, const Pixel& pixel)
 {
@@ -125,7 +130,7 @@ WARPCAM_FN void resolve_pixel(const Looks* looks, const List& lights, const Scen
     const auto shadow = [&] {
         if constexpr (!Wants::LIT || !(FACTS & HAS_SHADOWS))
             return 0;
-        else if constexpr ((FACTS & (SPARE | WHOLE_REGIONS)) != 0)
+        else if constexpr ((FACTS & SPARE) != 0)
             return found.shadow;
         else
             return hit ? int(frame.shadow.data[pixel.at]) : 0;
@@ -203,13 +208,9 @@ WARPCAM_FN void resolve(const Scene_& scene, const Lights& lights, int index)
     using Wants = Wanted<IMAGES, FACTS>;
     using Looks = Look<TYPES, Wants>;
     using Sheets = typename Kept<VEILS != 0, Veils<VEILS != 0 ? VEILS : 1>>::type;
-    constexpr bool SHADOWS = FACTS & HAS_SHADOWS, AHEAD = FACTS & WHOLE_REGIONS;
-    using Buffers = FrameOf<decltype(Scene_::frame)>;
-    using Words = TileWords<typename Buffers::Shape, typename Buffers::Face, Wants::SURFACE,
-                            Wants::SURFACE && (TYPES & (1 << MESH | 1 << HEIGHT_FIELD)) != 0, Wants::LIT && SHADOWS>;
-    constexpr int WARPS = THREADS < LANES ? 1 : THREADS / LANES;
-    constexpr int ROOM = 44032 - (VEILS != 0 ? int(sizeof(Sheets)) : 0) - (AHEAD ? 2 * WARPS * int(sizeof(Words)) : 0);
+    constexpr int ROOM = 44032 - (VEILS != 0 ? int(sizeof(Sheets)) : 0);
     constexpr int KEPT = CAPACITY * int(sizeof(Looks)) <= ROOM && (Wants::SURFACE || Wants::COLORED) ? CAPACITY : 0;
+    constexpr bool SHADOWS = FACTS & HAS_SHADOWS;
     constexpr int CORNERS = Wants::FACETED && (TYPES >> PLANE & 1) && LENS == PINHOLE && !(IMAGES & HDR)
         ? corner_room(WIDTH * HEIGHT, ROOM - KEPT * int(sizeof(Looks)) - 1024)
         : 0;
@@ -299,49 +300,26 @@ WARPCAM_FN void resolve(const Scene_& scene, const Lights& lights, int index)
     Pixel pixel;
 #if defined(__CUDA_ARCH__)
     WARPCAM_SHARED float4 lanes[THREADS / LANES][3 * LANES / 4];
-    constexpr unsigned ACROSS = WIDTH / TILE_WIDTH, TILES = ACROSS * (HEIGHT / TILE_HEIGHT), STEP = WARPS;
+    constexpr unsigned TILES = WIDTH / TILE_WIDTH * (HEIGHT / TILE_HEIGHT), STEP = THREADS / LANES;
     const unsigned warp = unsigned(thread) / LANES;
     pixel.lane = unsigned(thread) % LANES;
     pixel.row_of_lanes = reinterpret_cast<float*>(lanes[warp]);
-    const auto draw = [&](const Seen& found) {
-        if constexpr (LENS == RAYS)
-            resolve_pixel<TYPES, LENS, HELD, IMAGES, FACTS>(looks, list, scene,
-                camera_at(kept_camera, pixel.column, pixel.row), veils, region, world, pixel, found);
-        else
-            resolve_pixel<TYPES, LENS, HELD, IMAGES, FACTS>(looks, list, scene, kept_camera, veils, region, world, pixel, found);
-    };
-    if constexpr (AHEAD) {
-        WARPCAM_SHARED Words kept_words[WARPS][2];
-        const Fetcher<Words> fetcher(frame, kept_words[warp], pixel.lane);
-        const auto ask = [&](unsigned tile) {
-            const unsigned row = top + tile / ACROSS * TILE_HEIGHT, column = left + tile % ACROSS * TILE_WIDTH;
-            fetcher.ask(kept_words[warp] + tile / STEP % 2, first + row * frame.width + column, pixel.lane);
-        };
-        ask(warp);
-        end_copies();
+    go_to<WIDTH, FACTS>(pixel, frame, first, left, top, warp);
+    Seen next = find<TYPES, IMAGES, FACTS>(frame, pixel);
 #pragma unroll 1
-        for (unsigned tile = warp; tile < TILES; tile += STEP) {
-            __syncwarp();  // the tile before is done with
-            if (tile + STEP < TILES)
-                ask(tile + STEP);
-            wait_for_one();
-            __syncwarp();
-            go_to<WIDTH, FACTS>(pixel, frame, first, left, top, tile);
-            draw(kept_words[warp][tile / STEP % 2].at(pixel.lane));
+    for (unsigned tile = warp; tile < TILES; tile += STEP) {
+        const Seen found = next;
+        if (tile + STEP < TILES) {  // ask for the next tile's pixels before this one's are drawn
+            go_to<WIDTH, FACTS>(pixel, frame, first, left, top, tile + STEP);
+            next = find<TYPES, IMAGES, FACTS>(frame, pixel);
         }
-    } else {
-        go_to<WIDTH, FACTS>(pixel, frame, first, left, top, warp);
-        Seen next = find<TYPES, IMAGES, FACTS>(frame, pixel);
-#pragma unroll 1
-        for (unsigned tile = warp; tile < TILES; tile += STEP) {
-            const Seen found = next;
-            if (tile + STEP < TILES) {  // ask for the next tile's pixels before this one's are drawn
-                go_to<WIDTH, FACTS>(pixel, frame, first, left, top, tile + STEP);
-                next = find<TYPES, IMAGES, FACTS>(frame, pixel);
-            }
-            go_to<WIDTH, FACTS>(pixel, frame, first, left, top, tile);
-            if (pixel.width > 0 && pixel.height > 0)
-                draw(found);
+        go_to<WIDTH, FACTS>(pixel, frame, first, left, top, tile);
+        if ((FACTS & WHOLE_REGIONS) || (pixel.width > 0 && pixel.height > 0)) {
+            if constexpr (LENS == RAYS)
+                resolve_pixel<TYPES, LENS, HELD, IMAGES, FACTS>(looks, list, scene,
+                    camera_at(kept_camera, pixel.column, pixel.row), veils, region, world, pixel, found);
+            else
+                resolve_pixel<TYPES, LENS, HELD, IMAGES, FACTS>(looks, list, scene, kept_camera, veils, region, world, pixel, found);
         }
     }
 #else
