@@ -63,7 +63,7 @@ GLASS = '<geom size=".2" pos="1 -1 1" rgba="1 1 1 .5"/>'
 
 
 def scratch_by_the_docs(num_worlds: int, cameras: list[wc.Camera], layers: str = "") -> float:
-    """The formula of docs/memory.md, for a scene of meshes and lights with at most 256 shapes."""
+    """The formula of docs/memory.md, for a scene of meshes and lights with at most 127 shapes."""
     images, largest = 0, 0.0
     for each in cameras:
         for name in each.outputs:
@@ -74,8 +74,8 @@ def scratch_by_the_docs(num_worlds: int, cameras: list[wc.Camera], layers: str =
         outputs, buffers = set(each.outputs), []  # bytes a pixel of each
         if outputs - TRACED:
             apart = GLASS in layers and bool(outputs & LIT)
-            buffers += [4] * (apart or "depth" not in outputs) + [2] * (apart or "segmentation" not in outputs)
-            buffers += [4, 2, 2] * (MIRROR in layers and bool(outputs & LIT))
+            buffers += [4] * (apart or "depth" not in outputs) + [1] * (apart or "segmentation" not in outputs)
+            buffers += [4, 1, 2] * (MIRROR in layers and bool(outputs & LIT))
             buffers += [2] * bool(outputs & FACED) + [1] * (each.shadows and bool(outputs & LIT))
         one, every = (
             sum(-(-worlds * each.width * each.height * size // 256) * 256 for size in buffers)

@@ -24,6 +24,7 @@ from warpcam.rays import TableLens
 ALWAYS_ALLOWED = 32 * 2**20
 PIXELS = {"rgb": wp.vec3ub, "rgba": wp.vec4ub, "hdr": wp.vec3}  # of the images whose edges can be smooth
 ALIGNMENT = 256  # of a buffer [bytes]
+SHAPE_IDS = {wp.int8: 127, wp.int16: 2**15, wp.int32: 2**31}  # up to how many shapes
 
 Name = TypeVar("Name", bound=Hashable)
 
@@ -55,9 +56,10 @@ def buffers_of(camera: Camera, tables: Tables) -> dict[str, Any]:
     }
     smooth = smooth_outputs(camera.outputs, camera.antialiasing)
     wanted["edges"] = bool(smooth)
+    ids = next(dtype for dtype, most in SHAPE_IDS.items() if tables.num_shapes <= most)
     dtypes = {
         "depth": wp.float32,
-        "shape": wp.int16 if tables.num_shapes <= 2**15 else wp.int32,
+        "shape": ids,
         "face": wp.uint16 if tables.num_faces <= 2**16 and HEIGHT_FIELD not in tables.shape_types else wp.int32,
         "shadow": wp.uint8,
         "edges": wp.uint8,
