@@ -297,7 +297,7 @@ def test_groups_in_chains_beside_each_other_make_the_same_images(
     monkeypatch.setattr(Interleaved, "backwards", backwards)
     made: list[Any] = []
 
-    def in_chains(self: wc.Renderer, images: Any, phases: Any) -> Any:
+    def in_chains(self: wc.Renderer, tables: Any, images: Any, phases: Any) -> Any:
         made.append(self._scratch.chains(images, rendering.PARTS))
         return made[-1]
 

@@ -15,6 +15,7 @@ from warpcam.errors import WarpcamError
 from warpcam.kernels.launch import Frame, Group, Stage, bind
 from warpcam.kernels.streams import context_kept, quiet_stream
 from warpcam.kernels.tables import Tables
+from warpcam.kernels.types import HEIGHT_FIELD, MESH
 from warpcam.kernels.views import Tags, record_begin
 from warpcam.lens import Lens
 from warpcam.memory import check_cameras, estimate_memory, require_free
@@ -29,6 +30,7 @@ from warpcam.targets import Target
 # for.
 WORTH_PARTING = 2**22
 PARTS = 3
+WALKED = {MESH, HEIGHT_FIELD}  # shapes that rays walk through
 
 # While one thread records a graph, Warp counts its device as capturing: the others wait their turn.
 _turns: defaultdict[str, threading.Lock] = defaultdict(threading.Lock)
@@ -200,7 +202,7 @@ class Renderer:
             phases = list(scratch.phases(images if everything else None))
             if everything:
                 busiest = max((sum(map(self._pixels, phase)) for phase in phases), default=0)
-            if everything and (chains := self._chains(images, phases)):
+            if everything and (chains := self._chains(tables, images, phases)):
                 frames[everything].append([self._record_chain(tables, chain, busiest) for chain in chains])
                 phases = []
             for phase in phases:
@@ -255,12 +257,15 @@ class Renderer:
         return len(portion.worlds) * camera.width * camera.height
 
     def _chains(
-        self, images: Mapping[str | int, Iterable[wp.array]], phases: list[list[Portion]]
+        self, tables: Tables, images: Mapping[str | int, Iterable[wp.array]], phases: list[list[Portion]]
     ) -> list[list[list[Portion]]] | None:
-        """Phases that need not wait for each other, where that is better than ``phases`` one after another."""
+        """Phases that need not wait for each other, where that is better than ``phases`` one after another.
+
+        It is not where rays walk through meshes and terrain, which they do best while nothing else runs beside them.
+        """
         pixels = sum(map(self._pixels, phases[0])) if len(phases) > 1 else 0
         large = self._device.is_cuda and pixels >= WORTH_PARTING
-        return self._scratch.chains(images, PARTS) if large else None
+        return self._scratch.chains(images, PARTS) if large and WALKED.isdisjoint(tables.shape_types) else None
 
     def _record_chain(self, tables: Tables, chain: list[list[Portion]], busiest: int) -> list[Stage]:
         """Stages one after another, of portions each of which waits for the one before."""
