@@ -31,7 +31,7 @@ def write_labels(
     image[index] = label
 
 
-for _dtype in (wp.int16, wp.int32):  # compiled with the module, whichever a scene has
+for _dtype in (wp.int8, wp.int16, wp.int32):  # compiled with the module, whichever a scene has
     wp.overload(
         write_labels,
         {"shape": wp.array(dtype=_dtype)},
@@ -47,7 +47,7 @@ def record(
         labels: int32, (world or 1, shape).
         miss: The label where nothing is hit.
         mask: uint8, (world,); worlds with 0 are left alone.
-        shape: Shape ids, int16 or int32 (world, height, width, 1), -1 where nothing is hit.
+        shape: Shape ids, int8, int16 or int32 (world, height, width, 1), -1 where nothing is hit.
         image: int32 (world, height, width, 1); written.
         device: Where all of these lie.
         group: Which worlds are drawn.

@@ -12,6 +12,7 @@ from .types import GLASS, MESH, SHADING_BACKS, HeightFields, Lights, Materials, 
 from .visibility import LENSES, SHARED_MEMORY, THREADS, region_size
 
 BLOCKS = 8  # on a multiprocessor: bounds the registers of a thread
+CROWD_BLOCKS = 6  # the same in crowds, for which those of 8 are too few
 LISTED_BYTES = 140  # of its shared memory for each shape of a list with meshes: casters.h, CasterList
 WALKED_BYTES, WORD_BYTES = 2720, 256  # and for the rays of a warp, also for each 32 shapes: mesh_shadows.h, ShadowRays
 CAPACITIES = (16, 32, 64, 128, 192)  # how many shapes a pass lists: few sizes, so that scenes share kernels
@@ -61,7 +62,7 @@ def _kernel(
         module="unique",
         enable_backward=False,
         grid_stride=False,
-        launch_bounds=(THREADS, blocks(types, capacity)),
+        launch_bounds=(THREADS, CROWD_BLOCKS if crowded else blocks(types, capacity)),
         module_options=native_module("crowd.h" if crowded else "shadow.h"),
     )
     def shadow(

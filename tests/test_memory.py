@@ -2,6 +2,7 @@
 
 import functools
 import gc
+import itertools
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,7 @@ import warp as wp
 
 import warpcam as wc
 from warpcam import memory, scratch
+from warpcam import renderer as rendering
 from warpcam.outputs import OUTPUTS
 
 MODEL = """
@@ -64,7 +66,7 @@ GLASS = '<geom size=".2" pos="1 -1 1" rgba="1 1 1 .5"/>'
 
 
 def scratch_by_the_docs(num_worlds: int, cameras: list[wc.Camera], layers: str = "") -> float:
-    """The formula of docs/memory.md, for a scene of meshes and lights with at most 256 shapes."""
+    """The formula of docs/memory.md, for a scene of meshes and lights with at most 127 shapes."""
     images, largest = 0, 0.0
     for each in cameras:
         for name in each.outputs:
@@ -75,8 +77,8 @@ def scratch_by_the_docs(num_worlds: int, cameras: list[wc.Camera], layers: str =
         outputs, buffers = set(each.outputs), []  # bytes a pixel of each
         if outputs - TRACED:
             apart = GLASS in layers and bool(outputs & LIT)
-            buffers += [4] * (apart or "depth" not in outputs) + [2] * (apart or "segmentation" not in outputs)
-            buffers += [4, 2, 2] * (MIRROR in layers and bool(outputs & LIT))
+            buffers += [4] * (apart or "depth" not in outputs) + [1] * (apart or "segmentation" not in outputs)
+            buffers += [4, 1, 2] * (MIRROR in layers and bool(outputs & LIT))
             buffers += [2] * bool(outputs & FACED) + [1] * (each.shadows and bool(outputs & LIT))
         one, every = (
             sum(-(-worlds * each.width * each.height * size // 256) * 256 for size in buffers)
@@ -284,6 +286,59 @@ def test_groups_of_worlds_make_the_same_images(
     for name, tensor in grouped.images["top"].items():
         assert (tensor[1:7] == 7).all()
         np.testing.assert_array_equal(tensor[[0, 7]].cpu().numpy(), expected["top"][name][[0, 7]].cpu().numpy())
+
+
+class Interleaved(rendering.Frame):
+    """Chains that run beside each other, as they may on a GPU: a stage of each in turn, or one chain after another."""
+
+    backwards = False
+
+    def launch(self, stream: wp.Stream | None = None) -> None:
+        for chains in self.phases:
+            order = chains[::-1] if self.backwards else chains
+            turns = order if self.backwards else itertools.zip_longest(*order)
+            for stage in itertools.chain(*turns):
+                if stage is not None:
+                    stage.launch(stream)
+
+
+@pytest.mark.parametrize("backwards", [False, True])
+@pytest.mark.parametrize("outputs", [("rgb",), ("rgb", "depth", "flow")], ids="+".join)
+def test_groups_in_chains_beside_each_other_make_the_same_images(
+    outputs: tuple[str, ...], backwards: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    scene = scene_of("cpu", 23, CROWD)
+    cameras = [
+        camera(outputs=outputs, shadows=True),
+        camera("side", width=17, height=9, outputs=("rgb",), shadows=True),
+    ]
+    whole = wc.Renderer(scene, cameras)
+    whole.render()
+    expected = {key: {n: t.clone() for n, t in images.items()} for key, images in whole.render().items()}
+    monkeypatch.setattr(scratch, "ALWAYS_ALLOWED", 24 * 20 * 4 * 3)
+    monkeypatch.setattr(rendering, "Frame", Interleaved)
+    monkeypatch.setattr(Interleaved, "backwards", backwards)
+    made: list[Any] = []
+
+    def in_chains(self: wc.Renderer, tables: Any, images: Any, phases: Any) -> Any:
+        made.append(self._scratch.chains(images, rendering.PARTS))
+        return made[-1]
+
+    monkeypatch.setattr(wc.Renderer, "_chains", in_chains)
+    chained = wc.Renderer(scene, cameras)
+    assert [len(chain) > 1 for chain in made[0]] == [True] * rendering.PARTS
+    chained.render()
+    for _ in range(2):
+        for key, images in chained.render().items():
+            for name, tensor in images.items():
+                np.testing.assert_array_equal(tensor.cpu().numpy(), expected[key][name].cpu().numpy(), err_msg=name)
+
+
+def test_no_chains_where_their_share_has_no_room_for_a_world(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(scratch, "ALWAYS_ALLOWED", 1)
+    camera_of_few = camera(outputs=("rgb",), shadows=True)
+    tables = scene_of("cpu", 2).tables()
+    assert scratch.Scratch({"top": camera_of_few}, tables, wp.get_device("cpu")).chains({}, rendering.PARTS) is None
 
 
 def test_groups_of_worlds_may_be_captured(device: wp.Device, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -3,7 +3,7 @@
 import itertools
 import threading
 from collections import defaultdict
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,6 +15,7 @@ from warpcam.errors import WarpcamError
 from warpcam.kernels.launch import Frame, Group, Stage, bind
 from warpcam.kernels.streams import context_kept, quiet_stream
 from warpcam.kernels.tables import Tables
+from warpcam.kernels.types import HEIGHT_FIELD, MESH
 from warpcam.kernels.views import Tags, record_begin
 from warpcam.lens import Lens
 from warpcam.memory import check_cameras, estimate_memory, require_free
@@ -29,6 +30,7 @@ from warpcam.targets import Target
 # for.
 WORTH_PARTING = 2**22
 PARTS = 3
+WALKED = {MESH, HEIGHT_FIELD}  # shapes that rays walk through
 
 # While one thread records a graph, Warp counts its device as capturing: the others wait their turn.
 _turns: defaultdict[str, threading.Lock] = defaultdict(threading.Lock)
@@ -208,6 +210,9 @@ class Renderer:
             phases = list(scratch.phases(images if everything else None))
             if everything:
                 busiest = max((sum(map(self._pixels, phase)) for phase in phases), default=0)
+            if everything and (chains := self._chains(tables, images, phases)):
+                frames[everything].append([self._record_chain(tables, chain, busiest) for chain in chains])
+                phases = []
             for phase in phases:
                 frames[everything].append(
                     [chain for portion in phase for chain in self._record_portion(tables, portion, len(phase), busiest)]
@@ -258,6 +263,26 @@ class Renderer:
     def _pixels(self, portion: Portion) -> int:
         camera = self._cameras[portion.camera]
         return len(portion.worlds) * camera.width * camera.height
+
+    def _chains(
+        self, tables: Tables, images: Mapping[str | int, Iterable[wp.array]], phases: list[list[Portion]]
+    ) -> list[list[list[Portion]]] | None:
+        """Phases that need not wait for each other, where that is better than ``phases`` one after another.
+
+        It is not where rays walk through meshes and terrain, which they do best while nothing else runs beside them.
+        """
+        pixels = sum(map(self._pixels, phases[0])) if len(phases) > 1 else 0
+        large = self._device.is_cuda and pixels >= WORTH_PARTING
+        return self._scratch.chains(images, PARTS) if large and WALKED.isdisjoint(tables.shape_types) else None
+
+    def _record_chain(self, tables: Tables, chain: list[list[Portion]], busiest: int) -> list[Stage]:
+        """Stages one after another, of portions each of which waits for the one before."""
+        return [
+            stage
+            for portion in itertools.chain(*chain)
+            for stages in self._record_portion(tables, portion, PARTS, busiest)
+            for stage in stages
+        ]
 
     def _record_portion(self, tables: Tables, portion: Portion, beside: int, busiest: int) -> Iterator[list[Stage]]:
         """Chains of stages that may run side by side.

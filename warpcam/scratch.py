@@ -24,6 +24,7 @@ from warpcam.rays import TableLens
 ALWAYS_ALLOWED = 32 * 2**20
 PIXELS = {"rgb": wp.vec3ub, "rgba": wp.vec4ub, "hdr": wp.vec3}  # of the images whose edges can be smooth
 ALIGNMENT = 256  # of a buffer [bytes]
+SHAPE_IDS = {wp.int8: 127, wp.int16: 2**15, wp.int32: 2**31}  # up to how many shapes
 
 Name = TypeVar("Name", bound=Hashable)
 
@@ -55,9 +56,10 @@ def buffers_of(camera: Camera, tables: Tables) -> dict[str, Any]:
     }
     smooth = smooth_outputs(camera.outputs, camera.antialiasing)
     wanted["edges"] = bool(smooth)
+    ids = next(dtype for dtype, most in SHAPE_IDS.items() if tables.num_shapes <= most)
     dtypes = {
         "depth": wp.float32,
-        "shape": wp.int16 if tables.num_shapes <= 2**15 else wp.int32,
+        "shape": ids,
         "face": wp.uint16 if tables.num_faces <= 2**16 and HEIGHT_FIELD not in tables.shape_types else wp.int32,
         "shadow": wp.uint8,
         "edges": wp.uint8,
@@ -130,16 +132,48 @@ class Scratch:
             images: Of all cameras, in the order of drawing, where all worlds are drawn; None where other worlds' images
                 must stay.
         """
-        first, total = 0, len(self._cameras) * self._tables.num_worlds
-        while first < total:
-            fits, too_far = first + 1, total + 1  # the block has room for one world
+        start = self._block.ptr or 0
+        total = len(self._cameras) * self._tables.num_worlds
+        yield from self._portions(0, total, Piece(start, start + self.size), images)
+
+    def chains(self, images: Mapping[str | int, Iterable[wp.array]], count: int) -> list[list[list[Portion]]] | None:
+        """The same phases in chains that need not wait for each other; None where the block is too small for that.
+
+        Each chain has worlds of its own, lent memory of these alone, and a share of the block.
+
+        Args:
+            images: As above.
+            count: How many chains.
+        """
+        start, total = self._block.ptr or 0, len(self._cameras) * self._tables.num_worlds
+        share = self.size // count // ALIGNMENT * ALIGNMENT
+        if any(self._bytes(camera, 1) > share for camera in self._cameras.values()):
+            return None
+        return [
+            list(
+                self._portions(
+                    total * number // count,
+                    total * (number + 1) // count,
+                    Piece(start + number * share, start + (number + 1) * share),
+                    images,
+                )
+            )
+            for number in range(count)
+        ]
+
+    def _portions(
+        self, first: int, last: int, block: Piece, images: Mapping[str | int, Iterable[wp.array]] | None
+    ) -> Iterator[list[Portion]]:
+        """What is drawn together from one place to another, phase after phase, in a block and what is lent."""
+        while first < last:
+            fits, too_far = first + 1, last + 1  # the block has room for one world
             while too_far - fits > 1:
                 end = (fits + too_far) // 2
-                if self._places(first, end, images) is None:
+                if self._places(first, end, last, block, images) is None:
                     too_far = end
                 else:
                     fits = end
-            places = self._places(first, fits, images)
+            places = self._places(first, fits, last, block, images)
             if places is None:
                 raise AssertionError(f"scratch: {self.size} bytes have no room for one world")
             yield [Portion(key, worlds, self._buffers(key, worlds, places)) for key, worlds in self._share(first, fits)]
@@ -154,14 +188,16 @@ class Scratch:
                 yield key, range(begin, stop)
 
     def _places(
-        self, first: int, end: int, images: Mapping[str | int, Iterable[wp.array]] | None
+        self, first: int, end: int, last: int, block: Piece, images: Mapping[str | int, Iterable[wp.array]] | None
     ) -> dict[tuple[str | int, str], int] | None:
-        """Addresses of all buffers of a phase, by camera and name; None if there is no room for them."""
-        num_worlds, start = self._tables.num_worlds, self._block.ptr or 0
-        pieces = [Piece(start, start + self.size)]
+        """Addresses of all buffers of a phase, by camera and name; None if there is no room for them.
+
+        Images from ``end`` to ``last`` lend their memory.
+        """
+        pieces = [block]
         if images is not None:
-            for key, worlds in self._share(end, len(self._cameras) * num_worlds):
-                pieces += [_rows(image, worlds.start) for image in images[key]]
+            for key, worlds in self._share(end, last):
+                pieces += [_rows(image, worlds) for image in images[key]]
         sizes = {
             (key, name): size
             for key, worlds in self._share(first, end)
@@ -193,11 +229,11 @@ class Scratch:
         return sum(self._needed(camera, worlds).values())
 
 
-def _rows(image: wp.array, first: int) -> Piece:
-    """The memory of an image's worlds from one on."""
+def _rows(image: wp.array, worlds: range) -> Piece:
+    """The memory of some worlds of an image."""
     start = image.ptr or 0
-    end = start + image.size * wp.types.type_size_in_bytes(image.dtype)
-    return Piece(min(_aligned(start + first * image.strides[0]), end), end)
+    end = start + worlds.stop * image.strides[0]
+    return Piece(min(_aligned(start + worlds.start * image.strides[0]), end), end)
 
 
 def _aligned(count: int) -> int:

@@ -199,6 +199,14 @@ WARPCAM_FN void resolve_pixel(const Looks* looks, const List& lights, const Scen
     }
 }
 
+// Bytes that a block may keep for corners to be kept as well: with more it leaves the cache of its multiprocessor too
+// little.
+#if defined(__CUDA_ARCH__)
+constexpr int CORNERED = 30720;
+#else
+constexpr int CORNERED = 44032;
+#endif
+
 // Draws one region of one view; `index` counts worlds, then regions, then (CUDA) threads of the block.
 // VEILS: how many shapes may be transparent.
 template <int TYPES, int LENS, int CAPACITY, int WIDTH, int HEIGHT, int IMAGES, int FACTS, int VEILS = 0, class Scene_,
@@ -212,7 +220,7 @@ WARPCAM_FN void resolve(const Scene_& scene, const Lights& lights, int index)
     constexpr int KEPT = CAPACITY * int(sizeof(Looks)) <= ROOM && (Wants::SURFACE || Wants::COLORED) ? CAPACITY : 0;
     constexpr bool SHADOWS = FACTS & HAS_SHADOWS;
     constexpr int CORNERS = Wants::FACETED && (TYPES >> PLANE & 1) && LENS == PINHOLE && !(IMAGES & HDR)
-        ? corner_room(WIDTH * HEIGHT, ROOM - KEPT * int(sizeof(Looks)) - 1024)
+        ? corner_room(WIDTH * HEIGHT, (ROOM < CORNERED ? ROOM : CORNERED) - KEPT * int(sizeof(Looks)) - 1024)
         : 0;
     // Where not all looks can be kept, some are.
     constexpr bool SOME = KEPT == 0 && (CAPACITY > 0 || CORNERS > 0) && (Wants::SURFACE || Wants::COLORED);
