@@ -208,6 +208,7 @@ class Target:
             shape,
             face,
             buffers["edges"],
+            buffers["shares"],
             self._device,
             group,
         )
