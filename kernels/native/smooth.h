@@ -37,23 +37,51 @@ WARPCAM_FN int greatest(int value)
 #endif
 }
 
-// What the samples of a warp's pixels are traced against, and what they hit. A sample: 32 * its number + its pixel.
-// SLOW: there are meshes or height fields.
-template <bool SLOW> struct Batch {
+// A share's pixels, and what their samples hit. A sample: 32 * its number + its pixel.
+template <int TYPES> struct Share {
+    static constexpr bool HAS_MESH = TYPES >> MESH & 1, HAS_FIELD = TYPES >> HEIGHT_FIELD & 1;
     alignas(16) Camera camera;
-    alignas(16) Record records[LANES];  // nearest first where there are meshes
+    Region region;
+    int world;
+    int pixels, total;  // how many are there, and how many samples are traced
     float depth[SAMPLES * LANES];
     int shape[SAMPLES * LANES];  // in the end: the pixel of the image that shows it
-    int face[SLOW ? SAMPLES * LANES : 1];
+    int face[HAS_MESH ? SAMPLES * LANES : 1];
     unsigned char traced[SAMPLES * LANES];  // the samples that are
     unsigned short listed[LANES];  // the pixels: their places and which of their samples are traced
-    Band meshes[SLOW ? LANES : 1], fields[SLOW ? LANES : 1];  // of each pixel
+    unsigned own[LANES];  // the shapes around each, as bits by their places among the records
+    Band meshes[HAS_MESH ? LANES : 1], fields[HAS_FIELD ? LANES : 1];  // of each pixel
+
+    WARPCAM_FN Place at(int pixel) const
+    {
+        const int place = listed[lower_int(pixel, pixels - 1)] >> SAMPLES;
+        return { region.left + place % 64, region.top + place / 64 };
+    }
 };
 
-// Shapes of a batch, as bits by their places among its records.
-struct Near {
-    unsigned own;     // those around the lane's pixel
-    unsigned meshes;  // those that are meshes
+// The shares that a warp has under way: where rays walk through meshes, the last ones of a share do so beside the first
+// ones of the next. Each has its part of the records, nearest first where there are meshes.
+template <int TYPES> struct Batch {
+    static constexpr int SHARES = TYPES >> MESH & 1 ? 2 : 1, SHAPES = LANES / SHARES;
+    alignas(16) Record records[LANES];
+    Share<TYPES> shares[SHARES];
+};
+
+// The rays of its samples. A lane's own is of the share that it holds, -1 if it has none.
+struct ShareRays : PairedMeshRays<1> {
+    signed char holds[LANES];
+
+    WARPCAM_FN void note(unsigned idles)
+    {
+        if (idles >> threadIdx.x % LANES & 1)
+            holds[threadIdx.x % LANES] = -1;
+    }
+    WARPCAM_FN bool busy(int share) const { return __any_sync(ALL, holds[threadIdx.x % LANES] == share); }
+    WARPCAM_FN unsigned take(int ray, int words)
+    {
+        holds[threadIdx.x % LANES] = static_cast<signed char>(pixel[ray] / (SAMPLES * LANES));
+        return PairedMeshRays<1>::take(ray, words);
+    }
 };
 
 // The records as trace_rays() reads a list.
@@ -66,15 +94,16 @@ struct Ranked {
     int count;
 };
 
-// Makes the records of the warp's shapes, a lane each, -1 for none. `own` are bits by lane.
-template <int TYPES, int LENS, bool SLOW, class Shapes, class Meshes, class HeightFields>
-WARPCAM_FN Near list_near(Batch<SLOW>& batch, const Shapes& shapes, const Meshes& meshes, const HeightFields& fields,
-                          const Camera& camera, const Region& region, int world, int id, unsigned own)
+// Makes the records of a share's shapes, a lane each, -1 for none, from a place on. `own` are bits by lane: says which
+// records are around the lane's pixel, by their places, and returns which are meshes.
+template <int TYPES, int LENS, class Shapes, class Meshes, class HeightFields>
+WARPCAM_FN unsigned list_near(Record* records, int place, const Shapes& shapes, const Meshes& meshes,
+                              const HeightFields& fields, const Share<TYPES>& share, int id, unsigned& own)
 {
     const int lane = threadIdx.x % LANES;
     Record record;
     const bool seen = id >= 0
-        && sample_record<TYPES, LENS>(shapes, meshes, fields, camera, region, world, id, record);
+        && sample_record<TYPES, LENS>(shapes, meshes, fields, share.camera, share.region, share.world, id, record);
     const unsigned listed = __ballot_sync(ALL, seen);
     int rank = lane;
     if (TYPES >> MESH & 1) {  // the lanes have the ids in descending order
@@ -86,18 +115,22 @@ WARPCAM_FN Near list_near(Batch<SLOW>& batch, const Shapes& shapes, const Meshes
             rank += other < key || (other == key && from < lane);
         }
     }
+    rank += place;
     if (seen)
-        batch.records[rank] = record;
-    Near near { own & listed, 0 };
+        records[rank] = record;
+    own &= listed;
+    unsigned are_meshes = 0;
     if (TYPES >> MESH & 1) {
-        near = { 0, bits_of_all(seen && is_mesh<TYPES>(record) ? 1u << rank : 0) };
+        are_meshes = bits_of_all(seen && is_mesh<TYPES>(record) ? 1u << rank : 0);
+        unsigned by_rank = 0;
         for (unsigned left = listed; left; left &= left - 1) {
             const int from = lowest_bit(left);
-            near.own |= (own >> from & 1) << __shfl_sync(ALL, rank, from);
+            by_rank |= (own >> from & 1) << __shfl_sync(ALL, rank, from);
         }
+        own = by_rank;
     }
     __syncwarp();
-    return near;
+    return are_meshes;
 }
 
 // The nearest hit of the lane's ray among the shapes in `own` that are in `walked`.
@@ -160,19 +193,13 @@ WARPCAM_FN int list_share(unsigned short (&listed)[LANES], const Target& target,
     return lower_int(size, total - begin);
 }
 
-// Smooths the listed pixels of a region; all of a warp together.
-template <int TYPES, int LENS, int IMAGES, bool SLOW, class Rays, class Shapes, class Meshes, class HeightFields,
-          class Target>
-WARPCAM_FN void smooth_share(Batch<SLOW>& batch, Rays& waiting, int pixels, const Shapes& shapes, const Meshes& meshes,
-                             const HeightFields& fields, const Target& target, const Camera& camera,
-                             const Seen<LENS, Target>& seen, const Region& region, int world)
+// Begins with a share: which samples of its listed pixels are traced.
+template <int TYPES, int LENS, class Target>
+WARPCAM_FN void begin_share(Share<TYPES>& share, const Seen<LENS, Target>& seen)
 {
-    constexpr bool HAS_MESH = TYPES >> MESH & 1, HAS_FIELD = TYPES >> HEIGHT_FIELD & 1;
     const int lane = threadIdx.x % LANES;
-    const float near = camera.near;
-    const unsigned word = batch.listed[lower_int(lane, pixels - 1)], place = word >> SAMPLES;
-    const unsigned samples = lane < pixels ? word & EVERY_SAMPLE : 0;
-    const int i = region.left + int(place % 64), j = region.top + int(place / 64);
+    const Place at = share.at(lane);
+    const unsigned samples = lane < share.pixels ? share.listed[lane] & EVERY_SAMPLE : 0;
     int traced = 0, total = 0;  // before this lane's, and all
     for (int sample = 0; sample < SAMPLES; ++sample) {
         const unsigned lanes = __ballot_sync(ALL, samples >> sample & 1);
@@ -181,119 +208,195 @@ WARPCAM_FN void smooth_share(Batch<SLOW>& batch, Rays& waiting, int pixels, cons
     }
     for (int sample = 0; sample < SAMPLES; ++sample) {
         const bool needed = samples >> sample & 1;
-        batch.depth[sample * LANES + lane] = camera.far;
-        batch.shape[sample * LANES + lane] = needed ? -1 : int(seen.at(i, j));
+        share.depth[sample * LANES + lane] = share.camera.far;
+        share.shape[sample * LANES + lane] = needed ? -1 : int(seen.at(at.right, at.down));
         if (needed)
-            batch.traced[traced++] = static_cast<unsigned char>(sample * LANES + lane);
+            share.traced[traced++] = static_cast<unsigned char>(sample * LANES + lane);
     }
+    if (lane == 0)
+        share.total = total;
     __syncwarp();
+}
+
+// Lists the shapes around a share's pixels whose ids are below `id`, as many as there is room for: their records begin at
+// `place`. Returns which are meshes; `id` becomes the last of them, 0 if none is left.
+template <int TYPES, int LENS, class Shapes, class Meshes, class HeightFields, class Target>
+WARPCAM_FN unsigned list_shapes(Batch<TYPES>& batch, Share<TYPES>& share, int place, const Shapes& shapes,
+                                const Meshes& meshes, const HeightFields& fields, const Seen<LENS, Target>& seen, int& id)
+{
+    constexpr bool HAS_MESH = TYPES >> MESH & 1, HAS_FIELD = TYPES >> HEIGHT_FIELD & 1;
+    const int lane = threadIdx.x % LANES;
+    const Place at = share.at(lane);
     int around[9];
 #pragma unroll
-    for (int k = 0; k < 9; ++k)
-        around[k] = lane < pixels ? seen.shape(seen.around(i, j, k)) : -1;
+    for (int k = 0; k < 9; ++k) {
+        const int its = lane < share.pixels ? seen.shape(seen.around(at.right, at.down, k)) : -1;
+        around[k] = its < id ? its : -1;
+    }
     const auto next_id = [&] {
-        int id = around[0];
+        int next = around[0];
 #pragma unroll
         for (int k = 1; k < 9; ++k)
-            id = around[k] > id ? around[k] : id;
-        return greatest(id);
+            next = around[k] > next ? around[k] : next;
+        return greatest(next);
     };
-    int id = next_id();
-    while (id >= 0) {  // 32 shapes at a time
-        int mine = -1, shapes_near = 0;
-        unsigned own = 0;
-        Band on_meshes = NOWHERE, on_fields = NOWHERE;
-        for (; id >= 0 && shapes_near < LANES; ++shapes_near, id = next_id()) {
-            const int type = SLOW ? wp::index(shapes.types, id) : 0;
-            bool seen_here = false;
+    int mine = -1, count = 0, next = next_id();
+    unsigned own = 0;
+    Band on_meshes = NOWHERE, on_fields = NOWHERE;
+    for (; next >= 0 && count < Batch<TYPES>::SHAPES; ++count, next = next_id()) {
+        const int type = HAS_MESH || HAS_FIELD ? wp::index(shapes.types, next) : 0;
+        bool seen_here = false;
 #pragma unroll
-            for (int k = 0; k < 9; ++k) {
-                const bool same = around[k] == id;
-                seen_here |= same;
-                around[k] = same ? -1 : around[k];
-                if (HAS_MESH && same && type == MESH)
-                    on_meshes.include(seen.depth(seen.around(i, j, k)));
-                if (HAS_FIELD && same && type == HEIGHT_FIELD)
-                    on_fields.include(seen.depth(seen.around(i, j, k)));
-            }
-            own |= unsigned(seen_here) << shapes_near;
-            mine = lane == shapes_near ? id : mine;
+        for (int k = 0; k < 9; ++k) {
+            const bool same = around[k] == next;
+            seen_here |= same;
+            around[k] = same ? -1 : around[k];
+            if (HAS_MESH && same && type == MESH)
+                on_meshes.include(seen.depth(seen.around(at.right, at.down, k)));
+            if (HAS_FIELD && same && type == HEIGHT_FIELD)
+                on_fields.include(seen.depth(seen.around(at.right, at.down, k)));
         }
-        if (HAS_MESH)
-            batch.meshes[lane] = on_meshes.widened<LENS>(pixel_width<LENS>(camera));
-        if (HAS_FIELD)
-            batch.fields[lane] = on_fields.widened<LENS>(pixel_width<LENS>(camera));
-        const Near shapes_around
-            = list_near<TYPES, LENS>(batch, shapes, meshes, fields, camera, region, world, mine, own);
-        const auto ray_of = [&](int sample) {
-            const int pixel = sample % LANES, at = batch.listed[lower_int(pixel, pixels - 1)] >> SAMPLES;
-            const ViewRay<LENS> ray
-                = sample_ray<LENS>(camera, region.left + at % 64, region.top + at / 64, sample / LANES);
-            return ClippedRay<LENS> { ray, HAS_MESH ? upper(near, batch.meshes[pixel].first) : near };
-        };
-        int first = 0;
-        const auto next_rays = [&](int& found) {
-            if (first >= total)
-                return false;
-            const bool active = first + lane < total;
-            const int sample = batch.traced[active ? first + lane : first], pixel = sample % LANES;
-            first += LANES;
-            const unsigned own_of_pixel = __shfl_sync(ALL, shapes_around.own, pixel);
-            const unsigned around_it = active ? own_of_pixel : 0, together = bits_of_all(around_it);
-            const auto ray = ray_of(sample);
-            Hit hit { batch.depth[sample], batch.shape[sample], -1 };
-            trace_own<TYPES, LENS>(batch.records, together & ~shapes_around.meshes, around_it, ray, near, fields,
-                                   batch.fields[SLOW ? pixel : 0], hit);
-            if (active) {
-                batch.depth[sample] = hit.depth;
-                batch.shape[sample] = hit.shape;
-            }
-            if (HAS_MESH) {
-                const float until = lower(hit.depth, batch.meshes[pixel].last);
-                unsigned met = 0;
-                for (unsigned left = together & shapes_around.meshes; left; left &= left - 1) {
-                    const int rank = lowest_bit(left);
-                    const Record& record = batch.records[rank];
-                    if ((around_it >> rank & 1) && as_float(record.size.w) < until
-                        && meets_mesh(meshes, record, ray.local(record), ray.near, until))
-                        met |= 1u << rank;
-                }
-                                const unsigned meeting = __ballot_sync(ALL, met != 0);
-                const int at = waiting.put(meeting, &met, 1, sample);
-                if (met)
-                    waiting.depth[at] = until;
-                __syncwarp();
-                found = __popc(meeting);
-            }
-            return true;
-        };
-        if (HAS_MESH) {
-            const auto store = [&](int sample, const Hit& hit) {
-                batch.depth[sample] = hit.depth;
-                batch.shape[sample] = hit.shape;
-                batch.face[sample] = hit.face;
-            };
-            trace_rays<TYPES>(waiting, Ranked { batch.records, {}, LANES }, meshes, near, next_rays, ray_of, store);
-        } else {
-            int none;
-            while (next_rays(none)) { }
-        }
-        __syncwarp();
+        own |= unsigned(seen_here) << count;
+        mine = lane == count ? next : mine;
+        id = next;
     }
-    for (int k = lane; k < total; k += LANES) {
-        const int sample = batch.traced[k], at = batch.listed[sample % LANES] >> SAMPLES;
-        batch.shape[sample] = int(shown_sample<TYPES, IMAGES>(
-            seen, shapes, meshes, fields, camera, region, world, region.left + at % 64, region.top + at / 64,
-            sample / LANES, batch.depth[sample], batch.shape[sample], HAS_MESH ? batch.face[SLOW ? sample : 0] : -1));
+    id = next < 0 ? 0 : id;
+    const float width = pixel_width<LENS>(share.camera);
+    if (HAS_MESH)
+        share.meshes[lane] = on_meshes.widened<LENS>(width);
+    if (HAS_FIELD)
+        share.fields[lane] = on_fields.widened<LENS>(width);
+    const unsigned are_meshes = list_near<TYPES, LENS>(batch.records, place, shapes, meshes, fields, share, mine, own);
+    share.own[lane] = HAS_MESH ? own : own << place;
+    __syncwarp();
+    return are_meshes;
+}
+
+// Writes what the pixels of a share are to show, all of whose samples are traced.
+template <int TYPES, int LENS, int IMAGES, class Shapes, class Meshes, class HeightFields, class Target>
+WARPCAM_FN void finish_share(Share<TYPES>& share, const Shapes& shapes, const Meshes& meshes, const HeightFields& fields,
+                             const Target& target)
+{
+    const int lane = threadIdx.x % LANES;
+    const Seen<LENS, Target> seen = seen_by<LENS>(target, share.camera, share.world);
+    __syncwarp();
+    for (int k = lane; k < share.total; k += LANES) {
+        const int sample = share.traced[k];
+        const Place at = share.at(sample % LANES);
+        share.shape[sample] = int(shown_sample<TYPES, IMAGES>(
+            seen, shapes, meshes, fields, share.camera, share.region, share.world, at.right, at.down, sample / LANES,
+            share.depth[sample], share.shape[sample], TYPES >> MESH & 1 ? share.face[TYPES >> MESH & 1 ? sample : 0] : -1));
     }
     __syncwarp();
-    if (lane < pixels) {
+    if (lane < share.pixels) {
+        const Place at = share.at(lane);
         unsigned shown[SAMPLES];
         for (int sample = 0; sample < SAMPLES; ++sample)
-            shown[sample] = unsigned(batch.shape[sample * LANES + lane]);
-        put_means<IMAGES>(target, seen.at(i, j), shown);
+            shown[sample] = unsigned(share.shape[sample * LANES + lane]);
+        put_means<IMAGES>(target, seen.at(at.right, at.down), shown);
     }
     __syncwarp();
+}
+
+// Smooths the pixels of all shares that the warp gets; next_share(share) lists one, false if none is left.
+template <int TYPES, int LENS, int IMAGES, class Shapes, class Meshes, class HeightFields, class Target, class NextShare>
+WARPCAM_FN void smooth_shares(Batch<TYPES>& batch, ShareRays& waiting, const Shapes& shapes, const Meshes& meshes,
+                              const HeightFields& fields, const Target& target, const NextShare& next_share)
+{
+    constexpr bool HAS_MESH = TYPES >> MESH & 1, HAS_FIELD = TYPES >> HEIGHT_FIELD & 1;
+    constexpr int SHARES = Batch<TYPES>::SHARES, SHAPES = Batch<TYPES>::SHAPES, EACH = SAMPLES * LANES;
+    const int lane = threadIdx.x % LANES;
+    int current = 0, first = 0, total = 0, id = 0, before = 0;  // before: shares that are not finished, by bit
+    unsigned mesh_bits = 0;
+    if (HAS_MESH) {
+        waiting.holds[lane] = -1;
+        batch.shares[0].pixels = 1;  // for the rays that lanes begin with
+    }
+    __syncwarp();
+    const auto ray_of = [&](int code) {
+        const Share<TYPES>& share = batch.shares[SHARES > 1 ? code / EACH : 0];
+        const int sample = code % EACH, pixel = sample % LANES;
+        const Place at = share.at(pixel);
+        const ViewRay<LENS> ray = sample_ray<LENS>(share.camera, at.right, at.down, sample / LANES);
+        const float near = share.camera.near;
+        return ClippedRay<LENS> { ray, HAS_MESH ? upper(near, share.meshes[HAS_MESH ? pixel : 0].first) : near };
+    };
+    const auto next_rays = [&](int& found) {
+        while (first >= total) {
+            if (id > 0) {  // more shapes than there is room for
+                if (HAS_MESH && waiting.busy(current)) {
+                    found = LATER;
+                    return true;
+                }
+            } else {
+                const int other = SHARES - 1 - current;
+                if (HAS_MESH && waiting.busy(other)) {
+                    found = LATER;
+                    return true;
+                }
+                if (before >> other & 1)
+                    finish_share<TYPES, LENS, IMAGES>(batch.shares[other], shapes, meshes, fields, target);
+                before &= ~(1 << other);
+                if (!next_share(batch.shares[other]))
+                    return false;
+                current = other;
+                before |= 1 << current;
+                begin_share<TYPES, LENS>(batch.shares[current],
+                                         seen_by<LENS>(target, batch.shares[current].camera, batch.shares[current].world));
+                id = 0x7fffffff;
+            }
+            Share<TYPES>& share = batch.shares[current];
+            first = 0;
+            total = share.total;
+            mesh_bits = list_shapes<TYPES, LENS>(batch, share, current * SHAPES, shapes, meshes, fields,
+                                                 seen_by<LENS>(target, share.camera, share.world), id);
+        }
+        Share<TYPES>& share = batch.shares[current];
+        const bool active = first + lane < total;
+        const int sample = share.traced[active ? first + lane : first], pixel = sample % LANES;
+        first += LANES;
+        const unsigned around_it = active ? share.own[pixel] : 0, together = bits_of_all(around_it);
+        const auto ray = ray_of(current * EACH + sample);
+        Hit hit { share.depth[sample], share.shape[sample], -1 };
+        trace_own<TYPES, LENS>(batch.records, together & ~mesh_bits, around_it, ray, share.camera.near, fields,
+                               share.fields[HAS_FIELD ? pixel : 0], hit);
+        if (active) {
+            share.depth[sample] = hit.depth;
+            share.shape[sample] = hit.shape;
+        }
+        if (HAS_MESH) {
+            const float until = lower(hit.depth, share.meshes[HAS_MESH ? pixel : 0].last);
+            unsigned met = 0;
+            for (unsigned left = together & mesh_bits; left; left &= left - 1) {
+                const int rank = lowest_bit(left);
+                const Record& record = batch.records[rank];
+                if ((around_it >> rank & 1) && as_float(record.size.w) < until
+                    && meets_mesh(meshes, record, ray.local(record), ray.near, until))
+                    met |= 1u << rank;
+            }
+            const unsigned meeting = __ballot_sync(ALL, met != 0);
+            const int at = waiting.put(meeting, &met, 1, current * EACH + sample);
+            if (met)
+                waiting.depth[at] = until;
+            __syncwarp();
+            found = __popc(meeting);
+        }
+        return true;
+    };
+    if (HAS_MESH) {
+        const auto store = [&](int code, const Hit& hit) {
+            Share<TYPES>& share = batch.shares[SHARES > 1 ? code / EACH : 0];
+            share.depth[code % EACH] = hit.depth;
+            share.shape[code % EACH] = hit.shape;
+            share.face[HAS_MESH ? code % EACH : 0] = hit.face;
+        };
+        trace_rays<TYPES>(waiting, Ranked { batch.records, {}, LANES }, meshes, 0.0f, next_rays, ray_of, store);
+    } else {
+        int none;
+        while (next_rays(none)) { }
+    }
+    if (before)
+        finish_share<TYPES, LENS, IMAGES>(batch.shares[current], shapes, meshes, fields, target);
 }
 
 #endif
@@ -347,27 +450,30 @@ WARPCAM_FN void smooth(const Shapes& shapes, const Meshes& meshes, const HeightF
                        const Target& target, int index)
 {
 #if defined(__CUDA_ARCH__)
-    constexpr bool SLOW = TYPES & (1 << MESH | 1 << HEIGHT_FIELD);
     constexpr int WARPS = THREADS / LANES;
-    WARPCAM_SHARED Batch<SLOW> batches[WARPS];
-    WARPCAM_SHARED PairedMeshRays<1> waiting[TYPES >> MESH & 1 ? WARPS : 1];
+    WARPCAM_SHARED Batch<TYPES> batches[WARPS];
+    WARPCAM_SHARED ShareRays waiting[TYPES >> MESH & 1 ? WARPS : 1];
     const int lane = threadIdx.x % LANES, warp = threadIdx.x / LANES;
-    Batch<SLOW>& batch = batches[warp];
-    while (true) {
+    const auto next_share = [&](Share<TYPES>& share) {
         const int number = __shfl_sync(ALL, lane == 0 ? atomicAdd(&target.shares.data[TAKEN], 1) : 0, 0);
         if (number >= target.shares.data[FOUND])
-            return;
-        const int share = target.shares.data[FIRST_SHARE + number];
+            return false;
+        const int code = target.shares.data[FIRST_SHARE + number];
         int world;
-        const Region region = region_of<WIDTH, HEIGHT>(target, share / MOST_SHARES, world);
-        if (lane == 0)
-            batch.camera = load_camera(wp::index(views, world));
+        const Region region = region_of<WIDTH, HEIGHT>(target, code / MOST_SHARES, world);
+        const unsigned first = unsigned(world) * target.height * target.width;
+        const int pixels = list_share(share.listed, target, first, region, code % MOST_SHARES);
+        if (lane == 0) {
+            share.camera = load_camera(wp::index(views, world));
+            share.region = region;
+            share.world = world;
+            share.pixels = pixels;
+        }
         __syncwarp();
-        const Seen<LENS, Target> seen = seen_by<LENS>(target, batch.camera, world);
-        const int pixels = list_share(batch.listed, target, seen.first, region, share % MOST_SHARES);
-        smooth_share<TYPES, LENS, IMAGES>(batch, waiting[TYPES >> MESH & 1 ? warp : 0], pixels, shapes, meshes, fields,
-                                          target, batch.camera, seen, region, world);
-    }
+        return true;
+    };
+    smooth_shares<TYPES, LENS, IMAGES>(batches[warp], waiting[TYPES >> MESH & 1 ? warp : 0], shapes, meshes, fields,
+                                       target, next_share);
 #else
     int world;
     const Region region = region_of<WIDTH, HEIGHT>(target, index, world);
