@@ -418,10 +418,9 @@ WARPCAM_FN void find_edges(const Shapes& shapes, const Views& views, const Targe
     if (thread == 0)
         count = 0;
     block_barrier();
-    const int across = region.width / TILE_WIDTH, tiles = across * (region.height / TILE_HEIGHT);
-    for (int tile = thread / LANES; tile < tiles; tile += THREADS / LANES) {
-        const int i = region.left + tile % across * TILE_WIDTH + lane % TILE_WIDTH;
-        const int j = region.top + tile / across * TILE_HEIGHT + lane / TILE_WIDTH;
+    constexpr int ROWS = HEIGHT / (THREADS / LANES);  // of a warp
+    for (int row = 0; row < ROWS; ++row) {
+        const int i = region.left + lane, j = region.top + thread / LANES * ROWS + row;
         const bool inside = i < target.width && j < target.height;
         const unsigned samples = inside ? seen.template edge<IMAGES>(i, j, sided) : 0;
         if (inside)
