@@ -24,9 +24,9 @@ SAMPLES: Mapping[int, Sequence[tuple[float, float]]] = {
 }
 # The images whose edges can be smooth, with dtype and channels, in the order of their bits in native/smooth.h.
 IMAGES: Mapping[str, tuple[type, int]] = {"rgb": (wp.uint8, 3), "rgba": (wp.uint8, 4), "hdr": (wp.float32, 3)}
-# Pixels of which a thread block of a GPU finds the edges, and the shares of these that it can list. native/smooth.h has
-# the same numbers.
-REGION, SHARES = (32, 32), 32
+# Pixels of which a thread block of a GPU smooths the edges. They take differently long: of larger blocks a launch has
+# too few for its last ones not to be waited for.
+REGION = (32, 32)
 BLOCKS, MESH_BLOCKS = 8, 6  # that a multiprocessor is to hold, without and with meshes or height fields
 
 
@@ -40,8 +40,7 @@ def _target_struct(shape_dtype: Any, face_dtype: Any) -> Any:
         depth: wp.array(dtype=wp.float32)  # (world * height * width,) planar depth in the pixels' centres [m]
         shape: wp.array(dtype=shape_dtype)  # (world * height * width,) shape id there, negative where nothing is hit
         face: wp.array(dtype=face_dtype)  # (world * height * width,) of a mesh, in leaf order; empty without meshes
-        edges: wp.array(dtype=wp.uint8)  # (world * height * width,) written: samples that are traced, by bit
-        shares: wp.array(dtype=wp.int32)  # a GPU's lists of pixels with edges, see native/smooth.h
+        edges: wp.array(dtype=wp.uint8)  # (world * height * width,) written: 1 where an edge runs through the pixel
         rgb: wp.array(dtype=wp.uint8)  # (world * height * width * channels,), as the following
         rgba: wp.array(dtype=wp.uint8)
         hdr: wp.array(dtype=wp.float32)
@@ -55,16 +54,10 @@ def _target_struct(shape_dtype: Any, face_dtype: Any) -> Any:
 
 
 @functools.cache
-def _kernels(
-    types: int, lens: int, width: int, height: int, images: int, target_type: Any
-) -> tuple[wp.Kernel, wp.Kernel]:
-    """That which finds edges and that which smooths them."""
-    arguments = f"{types}, {lens}, {width}, {height}, {images}"
-
-    @wp.func_native(f"warpcam::find_edges<{arguments}>(shapes, views, target, index);")
-    def find(shapes: Shapes, views: wp.array(dtype=View), target: target_type, index: int): ...
-
-    @wp.func_native(f"warpcam::smooth<{arguments}>(shapes, meshes, fields, views, target, index);")
+def _kernel(types: int, lens: int, width: int, height: int, images: int, target_type: Any) -> wp.Kernel:
+    @wp.func_native(
+        f"warpcam::smooth<{types}, {lens}, {width}, {height}, {images}>(shapes, meshes, fields, views, target, index);"
+    )
     def smooth(
         shapes: Shapes,
         meshes: Meshes,
@@ -74,15 +67,11 @@ def _kernels(
         index: int,
     ): ...
 
-    @wp.kernel(module="unique", enable_backward=False, grid_stride=False, module_options=native_module("smooth.h"))
-    def find_edges(shapes: Shapes, views: wp.array(dtype=View), target: target_type, first: wp.int32):
-        find(shapes, views, target, first + wp.tid())
-
     @wp.kernel(
         module="unique",
         enable_backward=False,
         grid_stride=False,
-        launch_bounds=(THREADS, blocks_of(types)),
+        launch_bounds=(THREADS, MESH_BLOCKS if types >> MESH & 1 or types >> HEIGHT_FIELD & 1 else BLOCKS),
         module_options=native_module("smooth.h"),
     )
     def smooth_edges(
@@ -95,24 +84,7 @@ def _kernels(
     ):
         smooth(shapes, meshes, fields, views, target, first + wp.tid())
 
-    return find_edges, smooth_edges
-
-
-def blocks_of(types: int) -> int:
-    """How many blocks of the kernel that smooths edges a multiprocessor is to hold."""
-    return MESH_BLOCKS if types >> MESH & 1 or types >> HEIGHT_FIELD & 1 else BLOCKS
-
-
-def shares_of(width: int, height: int) -> int:
-    """How many numbers a GPU needs to list an image's pixels with edges: at most so many shares, and two."""
-    return -(-width // REGION[0]) * -(-height // REGION[1]) * SHARES + 2
-
-
-@wp.kernel(enable_backward=False, module="unique", module_options=compiler_flags())
-def begin_shares(shares: wp.array2d(dtype=wp.int32), first: wp.int32):
-    world = first + wp.tid()
-    shares[world, 0] = 0
-    shares[world, 1] = 0
+    return smooth_edges
 
 
 @functools.cache
@@ -133,7 +105,7 @@ def _put(dtype: Any, channels: int, pack: Any) -> wp.Kernel:
             return
         found = wp.uint32(edges[index])
         for k in range(together):
-            if (found >> wp.uint32(8 * k) & wp.uint32(0xFF)) != wp.uint32(0):
+            if (found >> wp.uint32(8 * k) & wp.uint32(1)) != wp.uint32(0):
                 pixel = together * index + k
                 for channel in range(channels):
                     image[pixel, channel] = means[pixel, channel]
@@ -152,7 +124,6 @@ def record(
     shape: wp.array,
     face: wp.array,
     edges: wp.array,
-    shares: wp.array,
     device: wp.Device,
     group: Group,
 ) -> list[Stage]:
@@ -168,8 +139,7 @@ def record(
         depth: Planar depth in the pixels' centres [m], float32 (world, height, width, 1).
         shape: Shape ids there, likewise, negative where nothing is hit. What is left out of it no sample hits.
         face: Faces there, likewise, as the trace wrote them; empty if there are no meshes.
-        edges: uint8, likewise; written: not 0 where there is one.
-        shares: int32, (world, shares_of(width, height)), for a GPU's lists.
+        edges: uint8, likewise; written: 1 where there is one.
         device: Where all of these lie.
         group: Which worlds.
     """
@@ -186,37 +156,14 @@ def record(
             setattr(target, f"mean_{name}", means[name].flatten())
             wanted |= 1 << bit
     types = sum(1 << t for t in tables.shape_types)
-    start, count = group.worlds.start, len(group.worlds)
-    region = REGION if device.is_cuda else region_size(tables, group.at_once, width, height, device)
-    unit = -(-width // region[0]) * -(-height // region[1])  # regions a world
-    find, smooth = _kernels(types, LENSES[lens], *region, wanted, target_type)
-    arguments = [tables.shapes, tables.meshes, tables.height_fields, views, target]
+    region = region_size(tables, group.at_once, width, height, device)
     if device.is_cuda:
-        # those of these worlds alone, as if they were one list
-        target.shares = wp.array(ptr=shares[start:].ptr, dtype=wp.int32, shape=count * shares.shape[1], device=device)
-        stages = [
-            record_launch(begin_shares, 1, [shares], device, start=start),
-            record_launch(
-                find,
-                count * unit * THREADS,
-                [tables.shapes, views, target],
-                device,
-                start=start * unit * THREADS,
-                block_dim=THREADS,
-            ),
-            record_launch(
-                smooth,
-                THREADS * min(device.sm_count * blocks_of(types), count * unit * SHARES),
-                arguments,
-                device,
-                block_dim=THREADS,
-            ),
-        ]
-    else:
-        stages = [
-            record_launch(find, count * unit, [tables.shapes, views, target], device, start=start * unit),
-            record_launch(smooth, count * unit, arguments, device, start=start * unit),
-        ]
+        region = min(region, REGION)
+    unit = -(-width // region[0]) * -(-height // region[1]) * (THREADS if device.is_cuda else 1)  # threads a world
+    kernel = _kernel(types, LENSES[lens], *region, wanted, target_type)
+    arguments = [tables.shapes, tables.meshes, tables.height_fields, views, target]
+    start, count = group.worlds.start, len(group.worlds)
+    stages = [record_launch(kernel, count * unit, arguments, device, start=start * unit, block_dim=THREADS)]
     pixels = height * width
     pack = wp.uint32 if pixels % 4 == 0 else wp.uint8  # a thread looks at four pixels at once
     packs = pixels // wp.types.type_size_in_bytes(pack)

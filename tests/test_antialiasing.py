@@ -306,20 +306,6 @@ def test_worlds_keep_their_own_edges(device: wp.Device) -> None:
     assert not np.array_equal(some[1], together[1])
 
 
-@pytest.mark.parametrize(("width", "height"), [(64, 64), (33, 20), (1, 1)])
-@pytest.mark.parametrize("outputs", [("rgb",), ("rgba", "hdr", "depth"), ("depth",)], ids="+".join)
-def test_scratch_follows_the_formula(outputs: tuple[str, ...], width: int, height: int, device: wp.Device) -> None:
-    """That of docs/memory.md."""
-    mjm = square()
-    scene = wc.from_mujoco(mjm, [scenes.forward(mjm) for _ in range(3)], device=device)
-    size = {"width": width, "height": height, "outputs": outputs}
-    plain, smooth = (wc.estimate_memory(scene, [camera(samples, **size)]).scratch for samples in (1, 4))
-    lit = [{"rgb": 3, "rgba": 4, "hdr": 12}[name] for name in outputs if name != "depth"]
-    shares = 8 + 128 * -(-width // 32) * -(-height // 32)
-    buffers = [3 * width * height * each for each in (1, *lit)] + [3 * shares] if lit else []
-    assert smooth - plain == sum(-(-each // 256) * 256 for each in buffers)
-
-
 @pytest.mark.parametrize("samples", [0, 2, 3, 8, True, None, "4"])
 def test_other_numbers_are_refused(samples: object) -> None:
     with pytest.raises(wc.WarpcamError, match=r"antialiasing is .*; allowed are 1, 4"):

@@ -6,7 +6,6 @@ which makes groups large: the larger, the better they fill the device. Where onl
 images must stay, and there is only the block.
 """
 
-import math
 from collections.abc import Hashable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, TypeVar
@@ -14,7 +13,7 @@ from typing import Any, TypeVar
 import warp as wp
 
 from warpcam.camera import Camera
-from warpcam.kernels import antialias, visibility
+from warpcam.kernels import visibility
 from warpcam.kernels.tables import Tables
 from warpcam.kernels.types import HEIGHT_FIELD, MESH
 from warpcam.layers import mirrors_of, veils_of
@@ -55,24 +54,16 @@ def buffers_of(camera: Camera, tables: Tables) -> dict[str, Any]:
         "mirror face": mirrors and faces,
     }
     smooth = smooth_outputs(camera.outputs, camera.antialiasing)
-    wanted["edges"] = wanted["shares"] = bool(smooth)
+    wanted["edges"] = bool(smooth)
     dtypes = {
         "depth": wp.float32,
         "shape": wp.int16 if tables.num_shapes <= 2**15 else wp.int32,
         "face": wp.uint16 if tables.num_faces <= 2**16 and HEIGHT_FIELD not in tables.shape_types else wp.int32,
         "shadow": wp.uint8,
         "edges": wp.uint8,
-        "shares": wp.int32,
     }
     chosen = {name: dtypes[name.removeprefix("mirror ")] for name, there in wanted.items() if there}
     return chosen | {f"smooth {name}": PIXELS[name] for name in smooth}
-
-
-def _shape(name: str, camera: Camera, num_worlds: int) -> tuple[int, ...]:
-    """That of one of its buffers, the first dimension for worlds."""
-    if name == "shares":
-        return num_worlds, antialias.shares_of(camera.width, camera.height)
-    return num_worlds, camera.height, camera.width, 1
 
 
 def image_bytes(camera: Camera, tables: Tables) -> dict[str, int]:
@@ -182,18 +173,19 @@ class Scratch:
         self, key: str | int, worlds: range, places: Mapping[tuple[str | int, str], int]
     ) -> dict[str, wp.array]:
         camera = self._cameras[key]
+        shape = (self._tables.num_worlds, camera.height, camera.width, 1)
         buffers = {}
         for name, dtype in buffers_of(camera, self._tables).items():
-            shape = _shape(name, camera, self._tables.num_worlds)
-            stride = math.prod(shape[1:]) * wp.types.type_size_in_bytes(dtype)
+            stride = camera.height * camera.width * wp.types.type_size_in_bytes(dtype)
             start = places[key, name] - worlds.start * stride
             buffers[name] = wp.array(ptr=start, shape=shape, dtype=dtype, device=self._device)
         return buffers
 
     def _needed(self, camera: Camera, worlds: int) -> dict[str, int]:
         """Bytes of each buffer of a group."""
+        pixels = worlds * camera.width * camera.height
         return {
-            name: _aligned(math.prod(_shape(name, camera, worlds)) * wp.types.type_size_in_bytes(dtype))
+            name: _aligned(pixels * wp.types.type_size_in_bytes(dtype))
             for name, dtype in buffers_of(camera, self._tables).items()
         }
 

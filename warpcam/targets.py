@@ -208,7 +208,6 @@ class Target:
             shape,
             face,
             buffers["edges"],
-            buffers["shares"],
             self._device,
             group,
         )

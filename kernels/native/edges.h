@@ -138,8 +138,7 @@ template <int LENS, class Target> struct Seen {
             const int levels = within ? FAINT_WITHIN : FAINT;
             const auto differs = [&](unsigned other) { return differ<IMAGES>(pixel, other, levels); };
             const auto keep = [&](int sample, unsigned beside, unsigned across, unsigned other) {
-                // all are loaded at once
-                if ((samples >> sample & 1) && !(differs(beside) | differs(across) | differs(other)))
+                if ((samples >> sample & 1) && !(differs(beside) || differs(across) || differs(other)))
                     samples &= ~(1u << sample);
             };
             keep(0, down, down + west, left);

@@ -95,7 +95,6 @@ WARPCAM_FN void trace_rays(Rays& rays, const List& list, const Meshes& meshes, f
                 store(pixel, Hit { depth, shape, face });
                 shape = -1;
             }
-            rays.note(idles);
             supply.hand_out(idles, next_tile, take);
         } else if (idles == ALL) {
             if (shape >= 0)

@@ -7,7 +7,6 @@
 #if defined(__CUDA_ARCH__)
 namespace warpcam {
 
-constexpr int LATER = -1;  // says who has no rays before others are done
 constexpr int FEW = 8;  // lanes; fewer wait for company before they do what the others do not need
 
 // The rays of one warp. WORDS: 32 shapes of the block's list each.
@@ -37,9 +36,6 @@ template <int WORDS> struct WaitingRays {
         return waiting[0][ray];
     }
 
-    // Called when these lanes have no ray any more.
-    WARPCAM_FN void note(unsigned) { }
-
     // Goes on to the next word of the lane's ray with a mesh, if `left` of this one has none.
     WARPCAM_FN void go_on(int words, int& word, unsigned& left) const
     {
@@ -56,7 +52,7 @@ struct Supply {
     WARPCAM_FN bool any() const { return more || first < end; }
 
     // Gives rays to the lanes in `idles`, as far as there are any: take(ray). `next_tile(found)` draws another tile as
-    // far as it goes without meshes and says how many rays wait then, or LATER; false if there is none left.
+    // far as it goes without meshes and says how many rays wait then; false if there is none left.
     template <class NextTile, class Take>
     WARPCAM_FN void hand_out(unsigned idles, const NextTile& next_tile, const Take& take)
     {
@@ -65,10 +61,6 @@ struct Supply {
             if (first == end) {
                 first = end = 0;
                 more = next_tile(end);
-                if (end == LATER) {
-                    end = 0;
-                    return;
-                }
                 continue;
             }
             const int mine = first + __popc(idles & ((1u << lane) - 1));
