@@ -17,7 +17,7 @@ OUTPUTS = ("depth", "shape", "face", "distance", "points", "bodies", "normals")
 QUADS, TILED = 128, 256
 IDS, BY_WORLD = 1 << 16, 1 << 17  # ids by world: canvas.h
 OPAQUE = 1 << 20  # what is transparent is left out
-FLOW, FLOW_VALID, FLOW_MOVES, FLOW_BRIEF = 1 << 24, 1 << 25, 1 << 26, 1 << 27  # native/flow.h
+FLOW, FLOW_VALID, FLOW_MOVES, FLOW_BRIEF, FLOW_LISTED = 1 << 24, 1 << 25, 1 << 26, 1 << 27, 1 << 28  # native/flow_places.h
 LENSES = {"pinhole": 0, "orthographic": 1, "rays": 2}
 THREADS = 128  # of a CUDA block; lanes.h has the same number
 REGIONS = ((64, 64), (64, 32), (32, 32), (32, 16), (16, 16), (16, 8))
@@ -206,6 +206,7 @@ def record(
         target.trail = trail
         outputs |= FLOW * ("flow" in images) + FLOW_VALID * ("flow_valid" in images) + FLOW_MOVES * bool(tables.moving)
         outputs |= FLOW_BRIEF * brief(tables)
+        outputs |= FLOW_LISTED * (tables.num_shapes <= capacity <= MANY and not tables.moving)
     if "ids" in images:
         target.ids = images["ids"].flatten()
         outputs |= IDS

@@ -29,24 +29,24 @@ enum Output {
 constexpr bool names_slots(int outputs) { return outputs & NORMALS; }
 
 // Where flow has what was seen, if it is wanted.
-template <bool WANTED> struct Places {
-    using type = FlowPlaces;
+template <int OUTPUTS, int WIDTH, int HEIGHT, int SHAPES, bool WANTED = (OUTPUTS & FLOWS) != 0> struct Places {
+    using type = FlowPlaces<OUTPUTS, WIDTH, HEIGHT, SHAPES>;
 };
 struct NoPlaces {
 };
-template <> struct Places<false> {
+template <int OUTPUTS, int WIDTH, int HEIGHT, int SHAPES> struct Places<OUTPUTS, WIDTH, HEIGHT, SHAPES, false> {
     using type = NoPlaces;
 };
 
 // Pixel (i, j) is column i and row j of the image.
-template <int TYPES, int LENS, int OUTPUTS, int CAPACITY, class Target, class Shapes> struct Canvas {
+template <int TYPES, int LENS, int OUTPUTS, int CAPACITY, class Target, class Shapes, class Places_> struct Canvas {
     const Target& target;
     const Shapes& shapes;
     const ShapeList<CAPACITY>& list;
     const Camera& camera;
     Region region;
     int world;
-    const typename Places<(OUTPUTS & FLOWS) != 0>::type& places;
+    const Places_& places;
 
     WARPCAM_FN bool inside(int i, int j) const
     {
@@ -60,12 +60,19 @@ template <int TYPES, int LENS, int OUTPUTS, int CAPACITY, class Target, class Sh
         return view_ray<LENS>(camera, i, j);
     }
 
+    // What was on its way is there, once the threads of the block have met.
+    WARPCAM_FN void ready() const
+    {
+        if (OUTPUTS & FLOWS)
+            await_rows();
+    }
+
     // What a ray has met before a pass: nothing that is new. No ray outside of the image meets anything.
     WARPCAM_FN Hit start(int i, int j, bool first_pass) const
     {
         if constexpr ((OUTPUTS & FLOW_VALID) != 0)
             if (inside(i, j))
-                expect_flow<OUTPUTS>(target.trail, places, i, j);
+                places.expect(target.trail, i, j);
         Hit hit { inside(i, j) ? camera.far : -1.0f, -1, -1 };
         if (LENS == RAYS && ray(i, j).x >= BLIND)
             hit.depth = -1.0f;

@@ -165,6 +165,7 @@ WARPCAM_FN void draw_region(ShapeList<CAPACITY>& list, const Canvas_& canvas, co
             first = true;
             block_barrier();
         }
+        canvas.ready();
         sort_by_depth(list, thread);
         block_barrier();
         draw_tiles<TYPES, LENS>(list, canvas, meshes, fields, !SEVERAL || first);
@@ -189,14 +190,18 @@ WARPCAM_FN void draw(const Shapes& shapes, const Materials& materials, const Mes
     if (!wp::index(target.mask, world))
         return;
     constexpr bool FLOWING = (OUTPUTS & FLOWS) != 0;
-    WARPCAM_SHARED typename Places<FLOWING>::type places;
+    constexpr bool SMALL = CAPACITY <= MOST_NEAR;
+    using Near = typename Places<OUTPUTS, SMALL ? WIDTH : 0, SMALL ? HEIGHT : 0, (OUTPUTS & FLOW_LISTED) ? CAPACITY : 0>::type;
+    WARPCAM_SHARED Near places;
     if (thread == 0) {
         camera = load_camera(wp::index(views, world));
         if constexpr (FLOWING)
-            places = flow_places<OUTPUTS>(target.trail, world);
+            places.locate(target.trail, world);
     }
     block_barrier();
-    const Canvas<TYPES, LENS, OUTPUTS, CAPACITY, Target, Shapes> canvas {
+    if constexpr (FLOWING)
+        places.fetch(target.trail, region, thread);
+    const Canvas<TYPES, LENS, OUTPUTS, CAPACITY, Target, Shapes, Near> canvas {
         target, shapes, list, camera, region, world, places
     };
     const auto hidden = [&](int id) {
