@@ -7,7 +7,7 @@ import numpy as np
 import warp as wp
 
 from warpcam.camera import Camera
-from warpcam.kernels import flow
+from warpcam.kernels import corners, flow
 from warpcam.kernels.launch import Stage
 from warpcam.kernels.tables import Tables
 from warpcam.kernels.types import View
@@ -59,7 +59,7 @@ class ShapesPast:
     Attributes:
         known: uint8, (world,): what is known of each world's last frame, see ``kernels/views.py``.
         rows: vec4, (world, 4 for each shape): see ``kernels.flow.write_motions``.
-        corners: ``kernels.flow.CornersBefore``, or None where no mesh moves.
+        corners: ``kernels.corners.CornersBefore``, or None where no mesh moves.
     """
 
     def __init__(self, scene: Scene, tables: Tables):
@@ -70,7 +70,7 @@ class ShapesPast:
         if tables.moving:
             moving = np.asarray(tables.moving)
             counts, worlds = scene.moving_faces(), _worlds_of(scene, tables)
-            self.corners = flow.corners_before(tables.meshes, moving, counts, worlds, device)
+            self.corners = corners.corners_before(tables.meshes, moving, counts, worlds, device)
         self._device = device
 
     @property
@@ -86,7 +86,7 @@ class ShapesPast:
 
     def record_after(self, tables: Tables, mask: wp.array) -> list[Stage]:
         """The stages after all traces."""
-        return [] if self.corners is None else [flow.record_corners(self.corners, tables.meshes, mask, self._device)]
+        return [] if self.corners is None else [corners.record_corners(self.corners, tables.meshes, mask, self._device)]
 
     def record_forget(self, mask: wp.array) -> Stage:
         """The stage after which nothing is known of the worlds that a mask has."""
@@ -103,7 +103,7 @@ def past_bytes(cameras: Mapping[str | int, Camera], scene: Scene, tables: Tables
     each = sum(view + 2 * 4 * _kept_words(camera, tables) for camera in asking)
     total = tables.num_worlds * (1 + each + 4 * row * tables.num_shapes)
     if tables.moving:
-        total += flow.corners_bytes(tables.meshes, np.asarray(tables.moving), scene.moving_faces())
+        total += corners.corners_bytes(tables.meshes, np.asarray(tables.moving), scene.moving_faces())
     return total
 
 
