@@ -40,17 +40,13 @@ class CameraPast:
         self.trail.kept_first = wp.zeros(kept, dtype=wp.uint32, device=device)
         self.trail.kept_second = wp.zeros(kept, dtype=wp.uint32, device=device)
         self.trail.motions = wp.zeros((worlds, flow.motion_rows(tables)), dtype=wp.vec4, device=device)
+        self.trail.views_before = self.views
         self.trail.columns = tables.num_shapes
         self.trail.width, self.trail.height = camera.width, camera.height
 
-    def record(
-        self, shapes: "ShapesPast", tables: Tables, views: wp.array, projection: Projection, mask: wp.array, keep: bool
-    ) -> Stage:
+    def record(self, tables: Tables, views: wp.array, projection: Projection, mask: wp.array, keep: bool) -> Stage:
         """The stage before the trace; with ``keep`` the last of its kind in the frame."""
-        return flow.record_motions(
-            tables, shapes.rows, shapes.starts, views, self.views, shapes.known, mask, projection, keep, self.trail,
-            self._device,
-        )  # fmt: skip
+        return flow.record_motions(tables, views, mask, projection, keep, self.trail, self._device)
 
 
 class ShapesPast:
@@ -58,7 +54,7 @@ class ShapesPast:
 
     Attributes:
         known: uint8, (world,): what is known of each world's last frame, see ``kernels/views.py``.
-        rows: vec4, (world, 4 for each shape): see ``kernels.flow.write_motions``.
+        rows: vec4, (world, 4 for each shape): ``kernels.flow.Trail.before``.
         corners: ``kernels.corners.CornersBefore``, or None where no mesh moves.
     """
 
@@ -73,15 +69,11 @@ class ShapesPast:
             self.corners = corners.corners_before(tables.meshes, moving, counts, worlds, device)
         self._device = device
 
-    @property
-    def starts(self) -> wp.array:
-        return wp.empty(0, dtype=wp.int32, device=self._device) if self.corners is None else self.corners.starts
-
     def lend(self, trail: Any, tables: Tables) -> None:
         """Give a camera's trace what is shared."""
-        trail.known = self.known
+        trail.known, trail.before = self.known, self.rows
         if self.corners is not None:
-            trail.corners = self.corners.corners
+            trail.corners, trail.corner_starts = self.corners.corners, self.corners.starts
             trail.faces, trail.face_start = tables.meshes.faces, tables.meshes.face_start
 
     def record_after(self, tables: Tables, mask: wp.array) -> list[Stage]:

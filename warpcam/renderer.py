@@ -221,7 +221,7 @@ class Renderer:
             self._shapes_past.lend(past.trail, tables)
             views, projection = self._targets[key].views, self._mounted[key].projection
             last = number == len(self._past) - 1
-            stages.append(past.record(self._shapes_past, tables, views, projection, self._selection.mask, keep=last))
+            stages.append(past.record(tables, views, projection, self._selection.mask, keep=last))
         return [[stages]]
 
     def _record_keeping(self, tables: Tables) -> list[list[list[Stage]]]:
