@@ -206,7 +206,7 @@ def record(
         target.trail = trail
         outputs |= FLOW * ("flow" in images) + FLOW_VALID * ("flow_valid" in images) + FLOW_MOVES * bool(tables.moving)
         outputs |= FLOW_BRIEF * brief(tables)
-        outputs |= FLOW_LISTED * (tables.num_shapes <= capacity <= MANY and not tables.moving)
+        outputs |= FLOW_LISTED * composes(tables, device)
     if "ids" in images:
         target.ids = images["ids"].flatten()
         outputs |= IDS
@@ -242,6 +242,12 @@ def blocks(types: int, capacity: int) -> int:
     bound = MANY_MESHES_BLOCKS if types >> MESH & 1 and capacity > MANY else bound
     bound = MOVING_BLOCKS if types >> MOVING & 1 else bound
     return min(bound, SHARED_MEMORY // shared)
+
+
+def composes(tables: Tables, device: wp.Device) -> bool:
+    """Whether each block of the trace composes by itself how the shapes have moved: where these are few."""
+    few = tables.num_shapes <= list_capacity(tables.num_drawn) <= MANY
+    return device.is_cuda and few and not tables.moving and tables.splats is None
 
 
 def list_capacity(num_drawn: int) -> int:

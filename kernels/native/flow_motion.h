@@ -21,7 +21,7 @@ template <class View> WARPCAM_FN Reach reach_of(int kind, const View& view, bool
     const float pixel = upper(view.scale[0], view.scale[1]);
     const float wide = kind == PLANE ? 0.0f : (hollow ? HOLLOW : CONVEX) * pixel;  // a plane hides nothing of itself
     if (pinhole)
-        return { 1.0f / (1.0f + FARTHER + wide), 0.0f };
+        return { reciprocal(1.0f + FARTHER + wide), 0.0f };
     return { 1.0f / (1.0f + FARTHER), -wide };
 }
 
@@ -53,10 +53,11 @@ template <class View> WARPCAM_FN float steps_of(int kind, const Pose& pose, cons
     const float radius = magnitude(along[0]) * half[0] + magnitude(along[1]) * half[1] + magnitude(along[2]) * half[2];
     const float farthest = magnitude(wp::dot(axis, wp::sub(view.origin, pose.position))) + radius;
     const Reach reach = reach_of(kind, view, pinhole);
-    return MOST_APART / upper(2.0f * radius + (1.0f - reach.part) * farthest - reach.shift, 1.0e-6f * farthest + 1.0e-12f);
+    return MOST_APART
+        * reciprocal(upper(2.0f * radius + (1.0f - reach.part) * farthest - reach.shift, 1.0e-6f * farthest + 1.0e-12f));
 }
 
-WARPCAM_FN float ratio(float then, float now) { return now == 0.0f ? 1.0f : then / now; }
+WARPCAM_FN float ratio(float then, float now) { return now == 0.0f ? 1.0f : then * reciprocal(now); }
 
 // How many times as large the shape was along its axes.
 WARPCAM_FN wp::vec3 stretch(int kind, wp::vec3 then, wp::vec3 now, bool scaled)
@@ -106,16 +107,15 @@ WARPCAM_FN void keep_pose(Row* before, const Pose& pose)
     put_row(before, 3, r[2][0], r[2][1], r[2][2], as_float(pose.asset));
 }
 
-// Writes the rows of Trail.motions that a shape has. KEEP: what was becomes what is.
+// Writes the rows of Trail.motions that a shape has, and its pose now to `after`, if not null: `before` itself or another.
 template <bool MOVES, class Trail, class Shapes, class Views>
 WARPCAM_FN void compose_motion(const Trail& trail, const Shapes& shapes, const Views& views, int world, int shape,
-                               bool pinhole, bool scaled, bool brief, bool keep, Row* motion)
+                               bool pinhole, bool scaled, bool brief, const Row* before, Row* after, Row* motion)
 {
-    Row* before = reinterpret_cast<Row*>(trail.before.data) + 4 * size_t(unsigned(world * trail.columns + shape));
     // All is loaded before the first decision: memory is waited for once.
     const Pose old = pose_before(before);
     const Pose pose { wp::index(shapes.positions, world, shape), wp::index(shapes.rotations, world, shape),
-                      row_of(shapes.sizes, world, shape), row_of(shapes.assets, world, shape) };
+                      shared_row(shapes.sizes, world, shape), shared_row(shapes.assets, world, shape) };
     const auto now = wp::index(views, world), then = wp::index(trail.views_before, world);
     const int state = wp::index(trail.known, world), kind = wp::index(shapes.types, shape);
     if (wp::index(shapes.places, shape) < 0 && kind != SPLATS)
@@ -124,12 +124,14 @@ WARPCAM_FN void compose_motion(const Trail& trail, const Shapes& shapes, const V
     if (state == NEW) {
         put_unknown(motion);
         put_row(motion, 3, 0.0f, 0.0f, 0.0f, brief ? steps : as_float(-2));
-        if (keep)
-            keep_pose(before, pose);
+        if (after)
+            keep_pose(after, pose);
         return;
     }
     const bool same = old.position == pose.position && old.rotation == pose.rotation && old.size == pose.size
         && old.asset == pose.asset;
+    if (after && !(same && after == before))
+        keep_pose(after, pose);
     const wp::vec3 grown = old.size == pose.size ? wp::vec3(1.0f, 1.0f, 1.0f) : stretch(kind, old.size, pose.size, scaled);
     // By how much a point of the shape, then one of the camera's frame, was elsewhere: 0 if nothing has moved.
     const wp::mat33 turn = wp::mul(wp::sub(wp::mul(old.rotation, wp::diag(grown)), pose.rotation), wp::transpose(pose.rotation));
@@ -141,7 +143,7 @@ WARPCAM_FN void compose_motion(const Trail& trail, const Shapes& shapes, const V
     float moved = wp::dot(shift, shift) + wp::ddot(motion_of, motion_of);
     moved += wp::length_sq(wp::sub(now.center, then.center)) + wp::length_sq(wp::sub(now.scale, then.scale));
     // From pixels, and to pixels as they were. The camera looks along -z, and rows run down.
-    wp::mat33 into(1.0f / then.scale[0], 0.0f, 0.0f, 0.0f, -1.0f / then.scale[1], 0.0f, 0.0f, 0.0f, -1.0f);
+    wp::mat33 into(reciprocal(then.scale[0]), 0.0f, 0.0f, 0.0f, -reciprocal(then.scale[1]), 0.0f, 0.0f, 0.0f, -1.0f);
     wp::vec3 middle(then.center[0] - 0.5f, then.center[1] - 0.5f, 0.0f);
     if (pinhole) {
         into.data[0][2] = -middle[0];
@@ -182,8 +184,6 @@ WARPCAM_FN void compose_motion(const Trail& trail, const Shapes& shapes, const V
     } else {
         put_row(motion, 3, reach.part, reach.shift, then.near, as_float(known ? 2 * corner + int(rests) : -2));
     }
-    if (keep && !same)
-        keep_pose(before, pose);
 }
 
 // A shape of a world by a thread; `index` counts worlds, then shapes.
@@ -196,10 +196,29 @@ WARPCAM_FN void write_motion(const Shapes& shapes, const Views& views, const Mas
         return;
     Row* motion = reinterpret_cast<Row*>(trail.motions.data)
         + (moves ? motion_rows<true>() : motion_rows<false>()) * size_t(unsigned(index));
+    Row* before = reinterpret_cast<Row*>(trail.before.data) + 4 * size_t(unsigned(index));
+    Row* after = keep ? before : nullptr;
     if (moves)
-        compose_motion<true>(trail, shapes, views, world, shape, pinhole, scaled, brief, keep, motion);
+        compose_motion<true>(trail, shapes, views, world, shape, pinhole, scaled, brief, before, after, motion);
     else
-        compose_motion<false>(trail, shapes, views, world, shape, pinhole, scaled, brief, keep, motion);
+        compose_motion<false>(trail, shapes, views, world, shape, pinhole, scaled, brief, before, after, motion);
+}
+
+// The same for all shapes of a world, by the threads of a block, into its shared memory; the last threads do it, since the
+// first prepare shapes. KEEP: this block writes the poses.
+template <int WANTED, int TYPES, int LENS, class Trail, class Shapes, class Views>
+WARPCAM_FN void compose_motions(const Trail& trail, const Shapes& shapes, const Views& views, int world, bool keep, int thread,
+                                Row* motions)
+{
+    const bool in_first = wp::index(trail.known, world) == FIRST;
+    const Row* one = reinterpret_cast<const Row*>(trail.before.data) + 4 * size_t(unsigned(world * trail.columns));
+    const Row* other = reinterpret_cast<const Row*>(trail.after.data) + 4 * size_t(unsigned(world * trail.columns));
+    const Row* before = in_first ? one : other;
+    Row* after = const_cast<Row*>(in_first ? other : one);
+    for (int shape = THREADS - 1 - thread; shape < trail.columns; shape += THREADS)
+        compose_motion<false>(trail, shapes, views, world, shape, LENS == PINHOLE, (TYPES >> SCALED & 1) != 0,
+                              (WANTED & FLOW_BRIEF) != 0, before + 4 * shape, keep ? after + 4 * shape : nullptr,
+                              motions + motion_rows<false>() * shape);
 }
 
 }  // namespace warpcam

@@ -6,7 +6,7 @@
 namespace warpcam {
 
 // What a trace writes of it: bits of visibility.py. FLOW_MOVES: some meshes move. FLOW_BRIEF: words of 16 bits.
-// FLOW_LISTED: there are no more shapes than a block lists, and no meshes move.
+// FLOW_LISTED: there are no more shapes than a block lists, and no meshes move; each block composes their motions.
 enum FlowOutput { FLOW = 1 << 24, FLOW_VALID = 1 << 25, FLOW_MOVES = 1 << 26, FLOW_BRIEF = 1 << 27, FLOW_LISTED = 1 << 28 };
 constexpr int FLOWS = FLOW | FLOW_VALID;
 
@@ -160,18 +160,19 @@ struct Beside {
 constexpr int MOST_NEAR = 128;
 
 // Of one world: what the last image showed, where what this one shows is kept, and how its shapes have moved.
-// WIDTH and HEIGHT: a block of CUDA threads has the words of its region in shared memory, if these have 16 bits; SHAPES:
-// and the motions of as many shapes. All of it is on its way while shapes are listed: memory is far, and a pixel that
-// asked for its own words would wait for them.
+// WIDTH and HEIGHT: a block of CUDA threads has the words of its region in shared memory, if these have 16 bits. They are on
+// their way while shapes are listed: memory is far, and a pixel that asked for its own words would wait for them. SHAPES:
+// it has the motions of as many shapes.
 template <int WANTED, int WIDTH = 0, int HEIGHT = 0, int SHAPES = 0> struct FlowPlaces {
     using Keeps = Kept<(WANTED & FLOW_BRIEF) != 0>;
     using Word = typename Keeps::Word;
     static constexpr int ROWS = motion_rows<(WANTED & FLOW_MOVES) != 0>();
 #if defined(__CUDA_ARCH__)
-    static constexpr bool NEAR = WIDTH > 0 && (WANTED & FLOW_VALID) && (WANTED & FLOW_BRIEF), LISTED = SHAPES > 0;
+    static constexpr bool NEAR = WIDTH > 0 && (WANTED & FLOW_VALID) && (WANTED & FLOW_BRIEF);
 #else
-    static constexpr bool NEAR = false, LISTED = false;
+    static constexpr bool NEAR = false;
 #endif
+    static constexpr bool LISTED = SHAPES > 0;
 
     const Word* words;
     Word* kept;
@@ -238,7 +239,8 @@ template <int WANTED, int WIDTH = 0, int HEIGHT = 0, int SHAPES = 0> struct Flow
         Word* other = reinterpret_cast<Word*>(trail.kept_second.data) + first;
         words = in_first ? one : other;
         kept = in_first ? other : one;
-        motions = reinterpret_cast<const Row*>(trail.motions.data) + size_t(world) * trail.columns * ROWS;
+        if (!LISTED)
+            motions = reinterpret_cast<const Row*>(trail.motions.data) + size_t(world) * trail.columns * ROWS;
     }
 
     // Has on its way what is kept near; for all threads of a block.
@@ -255,9 +257,6 @@ template <int WANTED, int WIDTH = 0, int HEIGHT = 0, int SHAPES = 0> struct Flow
                     copy_row(near_words + near_place(strip, row), words + place_of(trail, region.left + strip, region.top + row));
             }
         }
-        if (LISTED)
-            for (int i = thread; i < trail.columns * ROWS; i += THREADS)
-                copy_row(near_motions + i, motions + i);
     }
 };
 

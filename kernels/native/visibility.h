@@ -1,6 +1,7 @@
 // The trace: for every pixel of a view the nearest shape, its face and depth, and what follows from these alone.
 #pragma once
 #include "canvas.h"
+#include "flow_motion.h"
 #include "mesh_queue.h"
 #include "opacity.h"
 
@@ -201,6 +202,10 @@ WARPCAM_FN void draw(const Shapes& shapes, const Materials& materials, const Mes
     block_barrier();
     if constexpr (FLOWING)
         places.fetch(target.trail, region, thread);
+    if constexpr (FLOWING && (OUTPUTS & FLOW_LISTED))
+        compose_motions<OUTPUTS, TYPES, LENS>(target.trail, shapes, views, world,
+                                              target.trail.keep && region.left == 0 && region.top == 0, thread,
+                                              places.near_motions);
     const Canvas<TYPES, LENS, OUTPUTS, CAPACITY, Target, Shapes, Near> canvas {
         target, shapes, list, camera, region, world, places
     };
