@@ -43,7 +43,8 @@ class Trail:
     face_start: wp.array(dtype=wp.int32)  # Meshes.face_start
     # (world, 4 for each shape): a shape's position and the rows of its rotation as they were, with its size and asset
     before: wp.array2d(dtype=wp.vec4)
-    after: wp.array2d(dtype=wp.vec4)  # as they are, where the trace composes motions; then both change places as words do
+    # The same as they are, where the trace composes motions; then both change places, as words do
+    after: wp.array2d(dtype=wp.vec4)
     views_before: wp.array(dtype=View)  # (world,)
     corner_starts: wp.array(dtype=wp.int32)  # CornersBefore.starts; empty where no mesh moves
     keep: wp.int32  # 1: the trace writes `after`
