@@ -23,6 +23,7 @@ THREADS = 128  # of a CUDA block; lanes.h has the same number
 REGIONS = ((64, 64), (64, 32), (32, 32), (32, 16), (16, 16), (16, 8))
 QUICK = (32, 16)  # pixels: a strip of tiles for each warp
 MANY = 64  # shapes
+MOST_COMPOSED = 128  # shapes whose motions each block composes
 MAX_LISTED = 256  # shapes that one pass draws
 FEW_BLOCKS = 3  # on a multiprocessor: as many are enough where a block's tiles take about as long as setting it up
 BLOCKS = 10  # on a multiprocessor: bounds the registers of a thread
@@ -246,7 +247,7 @@ def blocks(types: int, capacity: int) -> int:
 
 def composes(tables: Tables, device: wp.Device) -> bool:
     """Whether each block of the trace composes by itself how the shapes have moved: where these are few."""
-    few = tables.num_shapes <= list_capacity(tables.num_drawn) <= MANY
+    few = tables.num_shapes <= list_capacity(tables.num_drawn) <= MOST_COMPOSED
     return device.is_cuda and few and not tables.moving and tables.splats is None
 
 

@@ -11,14 +11,16 @@ constexpr float FARTHER = 0.004f, CONVEX = 0.25f, HOLLOW = 1.0f;
 // So many of the 256 steps in which depths are counted may what is compared be apart, of which eight bits are kept.
 constexpr float MOST_APART = 120.0f;
 
+WARPCAM_FN bool same_vec(Vec a, Vec b) { return a.x == b.x && a.y == b.y && a.z == b.z; }
+
 struct Reach {
     float part, shift;  // of a depth, and what is added to it [m]: nothing nearer may have been seen at a point's place
 };
 
-template <class View> WARPCAM_FN Reach reach_of(int kind, const View& view, bool pinhole)
+WARPCAM_FN Reach reach_of(int kind, const Camera& camera, bool pinhole)
 {
     const bool hollow = kind == MESH || kind == HEIGHT_FIELD || kind == SPLATS;
-    const float pixel = upper(view.scale[0], view.scale[1]);
+    const float pixel = upper(camera.scale_x, camera.scale_y);
     const float wide = kind == PLANE ? 0.0f : (hollow ? HOLLOW : CONVEX) * pixel;  // a plane hides nothing of itself
     if (pinhole)
         return { reciprocal(1.0f + FARTHER + wide), 0.0f };
@@ -27,32 +29,31 @@ template <class View> WARPCAM_FN Reach reach_of(int kind, const View& view, bool
 
 // Where a shape is and which.
 struct Pose {
-    wp::vec3 position;
-    wp::mat33 rotation;
-    wp::vec3 size;
+    Vec position;
+    Matrix rotation;
+    Vec size;
     int asset;
 };
 
 // Steps a metre in which the depths of a convex shape are counted.
-template <class View> WARPCAM_FN float steps_of(int kind, const Pose& pose, const View& view, bool pinhole)
+WARPCAM_FN float steps_of(int kind, const Pose& pose, const Camera& camera, bool pinhole)
 {
     if (kind == PLANE)
         return 0.0f;
-    const wp::vec3 size = pose.size;
-    wp::vec3 half = size;
+    Vec half = pose.size;
     if (kind == SPHERE)
-        half = wp::vec3(size[0], size[0], size[0]);
+        half = { half.x, half.x, half.x };
     else if (kind == CAPSULE)
-        half = wp::vec3(size[0], size[0], size[0] + size[1]);
+        half = { half.x, half.x, half.x + half.y };
     else if (kind == CYLINDER || kind == CONE)
-        half = wp::vec3(size[0], size[0], size[1]);
+        half = { half.x, half.x, half.y };
     else if (kind == BARREL)  // its side is bent by less than its half length
-        half = wp::vec3(size[0] + size[1], size[0] + size[1], size[1]);
-    const wp::vec3 axis(view.rotation.data[0][2], view.rotation.data[1][2], view.rotation.data[2][2]);
-    const wp::vec3 along = wp::mul(wp::transpose(pose.rotation), axis);
-    const float radius = magnitude(along[0]) * half[0] + magnitude(along[1]) * half[1] + magnitude(along[2]) * half[2];
-    const float farthest = magnitude(wp::dot(axis, wp::sub(view.origin, pose.position))) + radius;
-    const Reach reach = reach_of(kind, view, pinhole);
+        half = { half.x + half.y, half.x + half.y, half.y };
+    const Vec axis { camera.rotation.at[0][2], camera.rotation.at[1][2], camera.rotation.at[2][2] };
+    const Vec along = turned_back(pose.rotation, axis);
+    const float radius = magnitude(along.x) * half.x + magnitude(along.y) * half.y + magnitude(along.z) * half.z;
+    const float farthest = magnitude(dot(axis, camera.origin - pose.position)) + radius;
+    const Reach reach = reach_of(kind, camera, pinhole);
     return MOST_APART
         * reciprocal(upper(2.0f * radius + (1.0f - reach.part) * farthest - reach.shift, 1.0e-6f * farthest + 1.0e-12f));
 }
@@ -60,129 +61,173 @@ template <class View> WARPCAM_FN float steps_of(int kind, const Pose& pose, cons
 WARPCAM_FN float ratio(float then, float now) { return now == 0.0f ? 1.0f : then * reciprocal(now); }
 
 // How many times as large the shape was along its axes.
-WARPCAM_FN wp::vec3 stretch(int kind, wp::vec3 then, wp::vec3 now, bool scaled)
+WARPCAM_FN Vec stretch(int kind, Vec then, Vec now, bool scaled)
 {
-    if (kind == PLANE || ((kind == MESH || kind == HEIGHT_FIELD) && !scaled))
-        return wp::vec3(1.0f, 1.0f, 1.0f);
-    const float x = ratio(then[0], now[0]);
+    if (same_vec(then, now) || kind == PLANE || ((kind == MESH || kind == HEIGHT_FIELD) && !scaled))
+        return { 1.0f, 1.0f, 1.0f };
+    const float x = ratio(then.x, now.x), y = ratio(then.y, now.y);
     if (kind == SPHERE)
-        return wp::vec3(x, x, x);
-    const float y = ratio(then[1], now[1]);
+        return { x, x, x };
     if (kind == CAPSULE || kind == CYLINDER || kind == CONE || kind == BARREL)
-        return wp::vec3(x, x, y);
-    return wp::vec3(x, y, ratio(then[2], now[2]));
+        return { x, x, y };
+    return { x, y, ratio(then.z, now.z) };
 }
 
-WARPCAM_FN void put_row(Row* rows, int row, float x, float y, float z, float w)
+WARPCAM_FN void put_row(Row* rows, int row, Vec v, float w)
 {
 #if defined(__CUDA_ARCH__)
-    *reinterpret_cast<float4*>(rows + row) = make_float4(x, y, z, w);
+    *reinterpret_cast<float4*>(rows + row) = make_float4(v.x, v.y, v.z, w);
 #else
-    rows[row] = { x, y, z, as_int(w) };
+    rows[row] = { v.x, v.y, v.z, as_int(w) };
 #endif
 }
 
 // To the same pixel, but to a depth behind the camera.
 WARPCAM_FN void put_unknown(Row* motion)
 {
-    put_row(motion, 0, 1.0f, 0.0f, 0.0f, 0.0f);
-    put_row(motion, 1, 0.0f, 1.0f, 0.0f, 0.0f);
-    put_row(motion, 2, 0.0f, 0.0f, 0.0f, -1.0f);
+    put_row(motion, 0, { 1.0f, 0.0f, 0.0f }, 0.0f);
+    put_row(motion, 1, { 0.0f, 1.0f, 0.0f }, 0.0f);
+    put_row(motion, 2, { 0.0f, 0.0f, 0.0f }, -1.0f);
 }
 
-// A shape's rows of ShapesPast.rows.
+// A shape's rows of Trail.before.
 WARPCAM_FN Pose pose_before(const Row* before)
 {
     const Row a = load(before, 0), b = load(before, 1), c = load(before, 2), d = load(before, 3);
-    return { wp::vec3(a.x, a.y, a.z), wp::mat33(b.x, b.y, b.z, c.x, c.y, c.z, d.x, d.y, d.z),
-             wp::vec3(as_float(a.w), as_float(b.w), as_float(c.w)), d.w };
+    return { to_vec(a), { { { b.x, b.y, b.z }, { c.x, c.y, c.z }, { d.x, d.y, d.z } } },
+             { as_float(a.w), as_float(b.w), as_float(c.w) }, d.w };
+}
+
+template <class Shapes> WARPCAM_FN Pose pose_now(const Shapes& shapes, int world, int shape)
+{
+    Pose pose;
+    pose.position = to_vec(wp::index(shapes.positions, world, shape));
+    const auto r = wp::index(shapes.rotations, world, shape);
+    for (int i = 0; i < 3; ++i)
+        for (int j = 0; j < 3; ++j)
+            pose.rotation.at[i][j] = r.data[i][j];
+    pose.size = to_vec(shared_row(shapes.sizes, world, shape));
+    pose.asset = shared_row(shapes.assets, world, shape);
+    return pose;
 }
 
 WARPCAM_FN void keep_pose(Row* before, const Pose& pose)
 {
-    const auto& r = pose.rotation.data;
-    put_row(before, 0, pose.position[0], pose.position[1], pose.position[2], pose.size[0]);
-    put_row(before, 1, r[0][0], r[0][1], r[0][2], pose.size[1]);
-    put_row(before, 2, r[1][0], r[1][1], r[1][2], pose.size[2]);
-    put_row(before, 3, r[2][0], r[2][1], r[2][2], as_float(pose.asset));
+    const auto& r = pose.rotation.at;
+    put_row(before, 0, pose.position, pose.size.x);
+    put_row(before, 1, { r[0][0], r[0][1], r[0][2] }, pose.size.y);
+    put_row(before, 2, { r[1][0], r[1][1], r[1][2] }, pose.size.z);
+    put_row(before, 3, { r[2][0], r[2][1], r[2][2] }, as_float(pose.asset));
 }
 
+WARPCAM_FN bool same_pose(const Pose& a, const Pose& b)
+{
+    bool same = same_vec(a.position, b.position) && same_vec(a.size, b.size) && a.asset == b.asset;
+    for (int i = 0; i < 9; ++i)
+        same = same && a.rotation.at[i / 3][i % 3] == b.rotation.at[i / 3][i % 3];
+    return same;
+}
+
+// From a camera's frame to pixels, all times the planar depth. It looks along -z, and rows run down.
+struct ToPixels {
+    float right, down, column, row;
+
+    WARPCAM_FN ToPixels(const Camera& camera, bool pinhole)
+        : right(reciprocal(camera.scale_x)), down(-reciprocal(camera.scale_y)), column(pinhole ? camera.center_x - 0.5f : 0.0f),
+          row(pinhole ? camera.center_y - 0.5f : 0.0f)
+    {
+    }
+    // Row i of what that makes of a vector's or three vectors' rows.
+    WARPCAM_FN float of(int i, float x, float y, float z) const
+    {
+        return i == 0 ? right * x - column * z : i == 1 ? down * y - row * z : -z;
+    }
+};
+
 // Writes the rows of Trail.motions that a shape has, and its pose now to `after`, if not null: `before` itself or another.
-template <bool MOVES, class Trail, class Shapes, class Views>
-WARPCAM_FN void compose_motion(const Trail& trail, const Shapes& shapes, const Views& views, int world, int shape,
-                               bool pinhole, bool scaled, bool brief, const Row* before, Row* after, Row* motion)
+template <bool MOVES, class Trail, class Shapes>
+WARPCAM_FN void compose_motion(const Trail& trail, const Shapes& shapes, const Camera& now, const Camera& then, int world,
+                               int shape, bool pinhole, bool scaled, bool brief, const Row* before, Row* after, Row* motion)
 {
     // All is loaded before the first decision: memory is waited for once.
-    const Pose old = pose_before(before);
-    const Pose pose { wp::index(shapes.positions, world, shape), wp::index(shapes.rotations, world, shape),
-                      shared_row(shapes.sizes, world, shape), shared_row(shapes.assets, world, shape) };
-    const auto now = wp::index(views, world), then = wp::index(trail.views_before, world);
+    const Pose old = pose_before(before), pose = pose_now(shapes, world, shape);
     const int state = wp::index(trail.known, world), kind = wp::index(shapes.types, shape);
     if (wp::index(shapes.places, shape) < 0 && kind != SPLATS)
         return;
     const float steps = brief ? steps_of(kind, pose, now, pinhole) : 0.0f;
     if (state == NEW) {
         put_unknown(motion);
-        put_row(motion, 3, 0.0f, 0.0f, 0.0f, brief ? steps : as_float(-2));
+        put_row(motion, 3, { 0.0f, 0.0f, 0.0f }, brief ? steps : as_float(-2));
         if (after)
             keep_pose(after, pose);
         return;
     }
-    const bool same = old.position == pose.position && old.rotation == pose.rotation && old.size == pose.size
-        && old.asset == pose.asset;
-    if (after && !(same && after == before))
+    if (after && !(after == before && same_pose(old, pose)))
         keep_pose(after, pose);
-    const wp::vec3 grown = old.size == pose.size ? wp::vec3(1.0f, 1.0f, 1.0f) : stretch(kind, old.size, pose.size, scaled);
     // By how much a point of the shape, then one of the camera's frame, was elsewhere: 0 if nothing has moved.
-    const wp::mat33 turn = wp::mul(wp::sub(wp::mul(old.rotation, wp::diag(grown)), pose.rotation), wp::transpose(pose.rotation));
-    const wp::mat33 back = wp::transpose(then.rotation);
-    const wp::vec3 away = wp::add(wp::sub(now.origin, then.origin), wp::sub(old.position, pose.position));
-    const wp::vec3 shift = wp::mul(back, wp::add(away, wp::mul(turn, wp::sub(now.origin, pose.position))));
-    const wp::mat33 motion_of = wp::add(wp::mul(wp::sub(back, wp::transpose(now.rotation)), now.rotation),
-                                        wp::mul(wp::mul(back, turn), now.rotation));
-    float moved = wp::dot(shift, shift) + wp::ddot(motion_of, motion_of);
-    moved += wp::length_sq(wp::sub(now.center, then.center)) + wp::length_sq(wp::sub(now.scale, then.scale));
-    // From pixels, and to pixels as they were. The camera looks along -z, and rows run down.
-    wp::mat33 into(reciprocal(then.scale[0]), 0.0f, 0.0f, 0.0f, -reciprocal(then.scale[1]), 0.0f, 0.0f, 0.0f, -1.0f);
-    wp::vec3 middle(then.center[0] - 0.5f, then.center[1] - 0.5f, 0.0f);
-    if (pinhole) {
-        into.data[0][2] = -middle[0];
-        into.data[1][2] = -middle[1];
-        middle = wp::vec3(0.0f, 0.0f, 0.0f);
+    const Vec grown = stretch(kind, old.size, pose.size, scaled);
+    Matrix turn, change;
+    for (int i = 0; i < 3; ++i) {
+        const auto& o = old.rotation.at[i];
+        const auto& r = pose.rotation.at[i];
+        const Vec row { o[0] * grown.x - r[0], o[1] * grown.y - r[1], o[2] * grown.z - r[2] };
+        for (int j = 0; j < 3; ++j)
+            turn.at[i][j] = dot(row, { pose.rotation.at[j][0], pose.rotation.at[j][1], pose.rotation.at[j][2] });
     }
+    const Vec away = (now.origin - then.origin) + (old.position - pose.position) + turned(turn, now.origin - pose.position);
+    const Vec shift = turned_back(then.rotation, away);
+    float moved = dot(shift, shift);
+    for (int i = 0; i < 3; ++i) {
+        const Vec axis { then.rotation.at[0][i], then.rotation.at[1][i], then.rotation.at[2][i] };
+        const Vec sooner { now.rotation.at[0][i], now.rotation.at[1][i], now.rotation.at[2][i] };
+        const Vec row = turned_back(now.rotation, (axis - sooner) + turned_back(turn, axis));
+        change.at[i][0] = row.x;
+        change.at[i][1] = row.y;
+        change.at[i][2] = row.z;
+        moved += dot(row, row);
+    }
+    const float center_x = now.center_x - then.center_x, center_y = now.center_y - then.center_y;
+    const float scale_x = now.scale_x - then.scale_x, scale_y = now.scale_y - then.scale_y;
+    moved += center_x * center_x + center_y * center_y + scale_x * scale_x + scale_y * scale_y;
     const int corner = MOVES && kind == MESH && pose.asset >= 0 ? wp::index(trail.corner_starts, pose.asset) : -1;
-    const bool known = wp::isfinite(moved) && old.asset == pose.asset;
+    const bool known = magnitude(moved) < infinity() && old.asset == pose.asset, rests = known && moved == 0.0f;
+    const ToPixels pixels(then, pinhole);
     if (!known) {
         put_unknown(motion);
-    } else if (moved != 0.0f || corner >= 0) {
-        const wp::mat33 whole = wp::mul(into, wp::add(wp::diag(wp::vec3(1.0f, 1.0f, 1.0f)), motion_of));
-        const wp::mat33 out = wp::mul(whole, wp::diag(wp::vec3(now.scale[0], -now.scale[1], -1.0f)));
-        const wp::vec3 end = wp::add(wp::mul(into, shift), middle);
+    } else if (!rests || corner >= 0) {
+        for (int i = 0; i < 3; ++i)
+            change.at[i][i] += 1.0f;
+        const auto& c = change.at;
         for (int i = 0; i < 3; ++i) {
-            const float x = out.data[i][0], y = out.data[i][1], z = out.data[i][2];
-            const float start = x * (0.5f - now.center[0]) + y * (0.5f - now.center[1]);  // of pixel (0, 0)
-            if (pinhole)
-                put_row(motion, i, x, y, z + start, end[i]);
-            else
-                put_row(motion, i, x, y, z, end[i] + start);
+            const float x = pixels.of(i, c[0][0], c[1][0], c[2][0]) * now.scale_x;
+            const float y = pixels.of(i, c[0][1], c[1][1], c[2][1]) * -now.scale_y;
+            const float z = -pixels.of(i, c[0][2], c[1][2], c[2][2]);
+            const float start = x * (0.5f - now.center_x) + y * (0.5f - now.center_y);  // of pixel (0, 0)
+            const float end = pixels.of(i, shift.x, shift.y, shift.z);
+            const float middle = i == 0 ? then.center_x - 0.5f : i == 1 ? then.center_y - 0.5f : 0.0f;
+            put_row(motion, i, { x, y, pinhole ? z + start : z }, pinhole ? end : end + middle + start);
         }
     }
     if (MOVES && corner >= 0) {
-        wp::mat33 within = wp::mul(wp::mul(into, back), old.rotation);
-        if (scaled)
-            within = wp::mul(within, wp::diag(old.size));
+        Vec columns[3];  // of the mesh's frame, in the camera's
+        for (int j = 0; j < 3; ++j) {
+            columns[j] = turned_back(then.rotation, { old.rotation.at[0][j], old.rotation.at[1][j], old.rotation.at[2][j] });
+            if (scaled)
+                columns[j] = (j == 0 ? old.size.x : j == 1 ? old.size.y : old.size.z) * columns[j];
+        }
         for (int i = 0; i < 3; ++i)
-            put_row(motion, 4 + i, within.data[i][0], within.data[i][1], within.data[i][2], 0.0f);
+            put_row(motion, 4 + i, { pixels.of(i, columns[0].x, columns[0].y, columns[0].z),
+                                     pixels.of(i, columns[1].x, columns[1].y, columns[1].z),
+                                     pixels.of(i, columns[2].x, columns[2].y, columns[2].z) }, 0.0f);
     }
     Reach reach = reach_of(kind, then, pinhole);
     if (kind == PLANE)
         reach.shift = -1.0e30f;
-    const bool rests = known && moved == 0.0f;
     if (brief) {
         const float old_steps = steps_of(kind, old, then, pinhole);
-        put_row(motion, 3, reach.part * old_steps, reach.shift * old_steps, rests && corner < 0 ? -1.0f : then.near, steps);
+        put_row(motion, 3, { reach.part * old_steps, reach.shift * old_steps, rests && corner < 0 ? -1.0f : then.near }, steps);
     } else {
-        put_row(motion, 3, reach.part, reach.shift, then.near, as_float(known ? 2 * corner + int(rests) : -2));
+        put_row(motion, 3, { reach.part, reach.shift, then.near }, as_float(known ? 2 * corner + int(rests) : -2));
     }
 }
 
@@ -194,21 +239,22 @@ WARPCAM_FN void write_motion(const Shapes& shapes, const Views& views, const Mas
     const int world = index / trail.columns, shape = index - world * trail.columns;
     if (!wp::index(mask, world))
         return;
+    const Camera now = load_camera(wp::index(views, world)), then = load_camera(wp::index(trail.views_before, world));
     Row* motion = reinterpret_cast<Row*>(trail.motions.data)
         + (moves ? motion_rows<true>() : motion_rows<false>()) * size_t(unsigned(index));
     Row* before = reinterpret_cast<Row*>(trail.before.data) + 4 * size_t(unsigned(index));
     Row* after = keep ? before : nullptr;
     if (moves)
-        compose_motion<true>(trail, shapes, views, world, shape, pinhole, scaled, brief, before, after, motion);
+        compose_motion<true>(trail, shapes, now, then, world, shape, pinhole, scaled, brief, before, after, motion);
     else
-        compose_motion<false>(trail, shapes, views, world, shape, pinhole, scaled, brief, before, after, motion);
+        compose_motion<false>(trail, shapes, now, then, world, shape, pinhole, scaled, brief, before, after, motion);
 }
 
 // The same for all shapes of a world, by the threads of a block, into its shared memory; the last threads do it, since the
 // first prepare shapes. KEEP: this block writes the poses.
-template <int WANTED, int TYPES, int LENS, class Trail, class Shapes, class Views>
-WARPCAM_FN void compose_motions(const Trail& trail, const Shapes& shapes, const Views& views, int world, bool keep, int thread,
-                                Row* motions)
+template <int WANTED, int TYPES, int LENS, class Trail, class Shapes>
+WARPCAM_FN void compose_motions(const Trail& trail, const Shapes& shapes, const Camera& now, const Camera& then, int world,
+                                bool keep, int thread, Row* motions)
 {
     const bool in_first = wp::index(trail.known, world) == FIRST;
     const Row* one = reinterpret_cast<const Row*>(trail.before.data) + 4 * size_t(unsigned(world * trail.columns));
@@ -216,7 +262,7 @@ WARPCAM_FN void compose_motions(const Trail& trail, const Shapes& shapes, const 
     const Row* before = in_first ? one : other;
     Row* after = const_cast<Row*>(in_first ? other : one);
     for (int shape = THREADS - 1 - thread; shape < trail.columns; shape += THREADS)
-        compose_motion<false>(trail, shapes, views, world, shape, LENS == PINHOLE, (TYPES >> SCALED & 1) != 0,
+        compose_motion<false>(trail, shapes, now, then, world, shape, LENS == PINHOLE, (TYPES >> SCALED & 1) != 0,
                               (WANTED & FLOW_BRIEF) != 0, before + 4 * shape, keep ? after + 4 * shape : nullptr,
                               motions + motion_rows<false>() * shape);
 }

@@ -156,8 +156,8 @@ struct Beside {
     WARPCAM_FN unsigned other() const { return (steps + STEPS / 2) >> STEP_BITS; }
 };
 
-// Shapes that a block lists at most where it has room in shared memory for words as well.
-constexpr int MOST_NEAR = 128;
+// Shapes that a block lists at most where it has room in shared memory for words beside their motions.
+constexpr int MOST_NEAR = 64;
 
 // Of one world: what the last image showed, where what this one shows is kept, and how its shapes have moved.
 // WIDTH and HEIGHT: a block of CUDA threads has the words of its region in shared memory, if these have 16 bits. They are on
@@ -181,6 +181,7 @@ template <int WANTED, int WIDTH = 0, int HEIGHT = 0, int SHAPES = 0> struct Flow
     struct alignas(16) Bounds {
         unsigned left, top, width, height;
     } bounds;
+    alignas(16) Camera then;  // as it was, where motions are listed
     alignas(16) Word near_words[NEAR ? WIDTH * HEIGHT : 8];
     Row near_motions[LISTED ? SHAPES * ROWS : 1];
 

@@ -199,11 +199,14 @@ WARPCAM_FN void draw(const Shapes& shapes, const Materials& materials, const Mes
         if constexpr (FLOWING)
             places.locate(target.trail, world);
     }
+    if constexpr (FLOWING && (OUTPUTS & FLOW_LISTED))
+        if (thread == THREADS / 2)
+            places.then = load_camera(wp::index(target.trail.views_before, world));
     block_barrier();
     if constexpr (FLOWING)
         places.fetch(target.trail, region, thread);
     if constexpr (FLOWING && (OUTPUTS & FLOW_LISTED))
-        compose_motions<OUTPUTS, TYPES, LENS>(target.trail, shapes, views, world,
+        compose_motions<OUTPUTS, TYPES, LENS>(target.trail, shapes, camera, places.then, world,
                                               target.trail.keep && region.left == 0 && region.top == 0, thread,
                                               places.near_motions);
     const Canvas<TYPES, LENS, OUTPUTS, CAPACITY, Target, Shapes, Near> canvas {
