@@ -17,7 +17,8 @@ OUTPUTS = ("depth", "shape", "face", "distance", "points", "bodies", "normals")
 QUADS, TILED = 128, 256
 IDS, BY_WORLD = 1 << 16, 1 << 17  # ids by world: canvas.h
 OPAQUE = 1 << 20  # what is transparent is left out
-FLOW, FLOW_VALID, FLOW_MOVES, FLOW_BRIEF, FLOW_LISTED = (1 << bit for bit in range(24, 29))  # flow_places.h
+# native/flow_places.h
+FLOW, FLOW_VALID, FLOW_MOVES, FLOW_BRIEF, FLOW_LISTED, FLOW_WHOLE = (1 << bit for bit in range(24, 30))
 LENSES = {"pinhole": 0, "orthographic": 1, "rays": 2}
 THREADS = 128  # of a CUDA block; lanes.h has the same number
 REGIONS = ((64, 64), (64, 32), (32, 32), (32, 16), (16, 16), (16, 8))
@@ -221,6 +222,8 @@ def record(
         outputs |= TILED * (width % 8 == 0 and height % 4 == 0)
     types = sum(1 << t for t in tables.shape_types)
     region = region_size(tables, group.at_once, width, height, device)
+    if outputs & FLOW_VALID:
+        outputs |= FLOW_WHOLE * (region[0] >= width and region[1] >= height and keeps_near(tables, device))
     kernel = _kernel(types, LENSES[lens], capacity, several, *region, outputs, target_type)
     unit = -(-width // region[0]) * -(-height // region[1]) * (THREADS if device.is_cuda else 1)  # threads a world
     arguments = [tables.shapes, tables.materials, tables.meshes, tables.height_fields, views, target]
@@ -249,6 +252,11 @@ def composes(tables: Tables, device: wp.Device) -> bool:
     """Whether each block of the trace composes by itself how the shapes have moved: where these are few."""
     few = tables.num_shapes <= list_capacity(tables.num_drawn) <= MOST_COMPOSED
     return device.is_cuda and few and not tables.moving and tables.splats is None
+
+
+def keeps_near(tables: Tables, device: wp.Device) -> bool:
+    """Whether a block has what a whole image showed in shared memory: with many shapes it has no room for that."""
+    return device.is_cuda and brief(tables) and tables.num_drawn <= MANY
 
 
 def list_capacity(num_drawn: int) -> int:

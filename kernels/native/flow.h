@@ -41,25 +41,31 @@ WARPCAM_COLD Vec moved_within(const Trail& trail, const Shapes& shapes, const Ca
         + weight1 * (to_vec(wp::index(trail.corners, at + 1)) - b) + weight2 * (to_vec(wp::index(trail.corners, at + 2)) - c);
 }
 
-// Was the surface seen in the last image at a place, `depth` away then? The pixel there must show the shape, and so must
-// one that has a quarter or more of what is interpolated there; of one of them it must be a part that is not nearer by
-// more than `last` allows.
+// Places in an image are counted in steps of 1 / 64 pixel: the last bits of a float between 2^17 and 2^18.
+constexpr int STEP_BITS = 6, STEPS = 1 << STEP_BITS;
+constexpr float TO_STEPS = 196608.0f;
+constexpr int NO_STEPS = 0x48400000;  // the bits of that
+
+// Along one axis the two pixels that have a quarter or more of what is interpolated at a place, mostly the same one.
+struct Beside {
+    unsigned steps;  // to the place from a quarter of a pixel before the middle of the image's first
+
+    // The place is x * scale.
+    WARPCAM_FN Beside(float x, float scale) : steps(as_int(muladd(x, scale, TO_STEPS + 0.25f)) - NO_STEPS) { }
+    WARPCAM_FN bool inside(int pixels) const { return steps < unsigned(STEPS * pixels - STEPS / 2); }
+    WARPCAM_FN unsigned one() const { return steps >> STEP_BITS; }
+    WARPCAM_FN unsigned other() const { return (steps + STEPS / 2) >> STEP_BITS; }
+};
+
+// Was the surface seen in the last image at a place inside of it, `depth` away then? The pixel there must show the
+// shape, and so must one that has a quarter or more of what is interpolated there; of one of them it must be a part
+// that is not nearer by more than `last` allows.
 template <class Trail, class Places>
 WARPCAM_FN bool was_seen(const Trail& trail, const Places& places, int shape, const Beside& x, const Beside& y,
                          const Row& last, float depth)
 {
-    using Keeps = typename Places::Keeps;
-    if constexpr (Places::NEAR) {
-        const auto bounds = places.bounds;
-        const Beside column(x.steps - bounds.left), row(y.steps - bounds.top);
-        if ((column.steps < bounds.width) & (row.steps < bounds.height))
-            return Keeps::show(places.near_words[Places::near_place(column.one(), row.one())],
-                               places.near_words[Places::near_place(column.other(), row.other())], shape, last, depth);
-    }
-    if (x.steps >= within(trail.width) || y.steps >= within(trail.height))
-        return false;
-    return Keeps::show(word_at(places.words, place_of(trail, x.one(), y.one())),
-                       word_at(places.words, place_of(trail, x.other(), y.other())), shape, last, depth);
+    return Places::Keeps::show(places.word(place_of(trail, x.one(), y.one())),
+                               places.word(place_of(trail, x.other(), y.other())), shape, last, depth);
 }
 
 // Writes pixel (i, j), number `pixel` of all worlds'.
@@ -70,13 +76,13 @@ WARPCAM_FN void put_flow(const Trail& trail, const Places& places, const Shapes&
     constexpr bool MOVES = WANTED & FLOW_MOVES;
     using Keeps = typename Places::Keeps;
     const unsigned place = WANTED & FLOW_VALID ? place_of(trail, i, j) : 0u;
-    const auto rows = places.of_shape(hit.shape < 0 ? 0 : hit.shape);
+    const auto rows = places.of_shape(hit.shape);
     const Row last = rows.at(3);
     if (WANTED & FLOW_VALID)
         keep_word(places.kept, place, Keeps::word(hit.shape, hit.depth, last));
     float right = 0.0f, down = 0.0f;
     unsigned valid = 0;
-    if (hit.shape >= 0) {
+    if (Places::LISTED || hit.shape >= 0) {  // listed, nothing rests
         bool still = MOVES ? last.w & 1 : Keeps::rests(last);
         const int corners = last.w >> 1;
         Vec within { 0.0f, 0.0f, 0.0f };
@@ -88,7 +94,7 @@ WARPCAM_FN void put_flow(const Trail& trail, const Places& places, const Shapes&
         }
         if (still) {
             if (WANTED & FLOW_VALID)
-                valid = settled(Keeps::shows(places.word_of(i, j, place), hit.shape));
+                valid = settled(Keeps::shows(places.word(place), hit.shape));
         } else {
             const float column = float(i), row = float(j);
             float x = then<LENS>(rows.at(0), column, row, hit.depth);
@@ -105,9 +111,11 @@ WARPCAM_FN void put_flow(const Trail& trail, const Places& places, const Shapes&
                 const float rate = LENS == PINHOLE ? reciprocal(depth) : 1.0f;
                 right = muladd(-x, rate, column);
                 down = muladd(-y, rate, row);
-                if (WANTED & FLOW_VALID)
-                    if (depth >= last.z)
-                        valid = settled(was_seen(trail, places, hit.shape, Beside(x, rate), Beside(y, rate), last, depth));
+                if (WANTED & FLOW_VALID) {
+                    const Beside across(x, rate), along(y, rate);
+                    if ((depth >= last.z) & across.inside(trail.width) & along.inside(trail.height))
+                        valid = settled(was_seen(trail, places, hit.shape, across, along, last, depth));
+                }
             }
         }
     }

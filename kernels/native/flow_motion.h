@@ -225,7 +225,8 @@ WARPCAM_FN void compose_motion(const Trail& trail, const Shapes& shapes, const C
         reach.shift = -1.0e30f;
     if (brief) {
         const float old_steps = steps_of(kind, old, then, pinhole);
-        put_row(motion, 3, { reach.part * old_steps, reach.shift * old_steps, rests && corner < 0 ? -1.0f : then.near }, steps);
+        const float nearest = product(reach.shift, old_steps) + TO_WHOLE;
+        put_row(motion, 3, { reach.part * old_steps, nearest, rests && corner < 0 ? -1.0f : then.near }, steps);
     } else {
         put_row(motion, 3, { reach.part, reach.shift, then.near }, as_float(known ? 2 * corner + int(rests) : -2));
     }
@@ -264,7 +265,9 @@ WARPCAM_FN void compose_motions(const Trail& trail, const Shapes& shapes, const 
     for (int shape = THREADS - 1 - thread; shape < trail.columns; shape += THREADS)
         compose_motion<false>(trail, shapes, now, then, world, shape, LENS == PINHOLE, (TYPES >> SCALED & 1) != 0,
                               (WANTED & FLOW_BRIEF) != 0, before + 4 * shape, keep ? after + 4 * shape : nullptr,
-                              motions + motion_rows<false>() * shape);
+                              motions + motion_rows<false>() * (shape + 1));
+    if (thread == 0)  // of nothing, which rests
+        put_row(motions, 3, { 0.0f, 0.0f, -1.0f }, (WANTED & FLOW_BRIEF) ? 0.0f : as_float(STILL));
 }
 
 }  // namespace warpcam

@@ -6,8 +6,15 @@
 namespace warpcam {
 
 // What a trace writes of it: bits of visibility.py. FLOW_MOVES: some meshes move. FLOW_BRIEF: words of 16 bits.
-// FLOW_LISTED: there are no more shapes than a block lists, and no meshes move; each block composes their motions.
-enum FlowOutput { FLOW = 1 << 24, FLOW_VALID = 1 << 25, FLOW_MOVES = 1 << 26, FLOW_BRIEF = 1 << 27, FLOW_LISTED = 1 << 28 };
+// FLOW_LISTED: each block composes motions, of no more shapes than it lists. FLOW_WHOLE: it draws whole images.
+enum FlowOutput {
+    FLOW = 1 << 24,
+    FLOW_VALID = 1 << 25,
+    FLOW_MOVES = 1 << 26,
+    FLOW_BRIEF = 1 << 27,
+    FLOW_LISTED = 1 << 28,
+    FLOW_WHOLE = 1 << 29
+};
 constexpr int FLOWS = FLOW | FLOW_VALID;
 
 // Rows of Trail.motions that a shape has, and the last word of the fourth where it rests: see flow.py.
@@ -38,7 +45,7 @@ template <> struct Kept<false> {
     }
     // By how much a word is above the least that a shape has: at most DEPTHS if it is of the shape.
     WARPCAM_FN static unsigned above(unsigned word, int shape) { return word - (unsigned(shape) << 16); }
-    WARPCAM_FN static bool shows(unsigned word, int shape) { return above(word, shape) <= DEPTHS; }
+    WARPCAM_FN static bool shows(unsigned word, int shape) { return shape >= 0 && above(word, shape) <= DEPTHS; }
     WARPCAM_FN static bool rests(const Row& last) { return last.w == STILL; }
     // Both of two words show the shape, and one of them a part that is not nearer than the point then might be.
     WARPCAM_FN static bool show(unsigned one, unsigned other, int shape, const Row& last, float depth)
@@ -68,7 +75,7 @@ template <> struct Kept<true> {
     WARPCAM_FN static bool show(unsigned one, unsigned other, int shape, const Row& last, float depth)
     {
         const unsigned a = one ^ unsigned(shape) << 8, b = other ^ unsigned(shape) << 8;
-        const unsigned nearest = steps(muladd(last.x, depth, last.y + TO_WHOLE));
+        const unsigned nearest = steps(muladd(last.x, depth, last.y));
         return (a | b) <= 255u && ((a - nearest) & (b - nearest) & 128u) == 0u;
     }
 };
@@ -137,59 +144,22 @@ WARPCAM_FN void await_rows()
 #endif
 }
 
-// Places in an image are counted in steps of 1 / 64 pixel: the last bits of a float between 2^17 and 2^18.
-constexpr int STEP_BITS = 6, STEPS = 1 << STEP_BITS;
-constexpr float TO_STEPS = 196608.0f;
-constexpr int NO_STEPS = 0x48400000;  // the bits of that
-
-// Of places that have both of their pixels among the first ones: as many steps.
-WARPCAM_FN unsigned within(int pixels) { return unsigned(STEPS * pixels - STEPS / 2); }
-
-// Along one axis the two pixels that have a quarter or more of what is interpolated at a place, mostly the same one.
-struct Beside {
-    unsigned steps;  // to the place from a quarter of a pixel before the middle of the image's first
-
-    // The place is x * scale.
-    WARPCAM_FN Beside(float x, float scale) : steps(as_int(muladd(x, scale, TO_STEPS + 0.25f)) - NO_STEPS) { }
-    WARPCAM_FN explicit Beside(unsigned count) : steps(count) { }
-    WARPCAM_FN unsigned one() const { return steps >> STEP_BITS; }
-    WARPCAM_FN unsigned other() const { return (steps + STEPS / 2) >> STEP_BITS; }
-};
-
-// Shapes that a block lists at most where it has room in shared memory for words beside their motions.
-constexpr int MOST_NEAR = 64;
-
 // Of one world: what the last image showed, where what this one shows is kept, and how its shapes have moved.
-// WIDTH and HEIGHT: a block of CUDA threads has the words of its region in shared memory, if these have 16 bits. They are on
-// their way while shapes are listed: memory is far, and a pixel that asked for its own words would wait for them. SHAPES:
-// it has the motions of as many shapes.
-template <int WANTED, int WIDTH = 0, int HEIGHT = 0, int SHAPES = 0> struct FlowPlaces {
+// WORDS: a block of CUDA threads draws a whole image, of at most as many words of 16 bits, which it has in shared memory;
+// they are on their way while shapes are listed. Memory is far, and a pixel that asked for its own words would wait for
+// them. SHAPES: it has the motions of as many shapes there, too.
+template <int WANTED, int WORDS = 0, int SHAPES = 0> struct FlowPlaces {
     using Keeps = Kept<(WANTED & FLOW_BRIEF) != 0>;
     using Word = typename Keeps::Word;
     static constexpr int ROWS = motion_rows<(WANTED & FLOW_MOVES) != 0>();
-#if defined(__CUDA_ARCH__)
-    static constexpr bool NEAR = WIDTH > 0 && (WANTED & FLOW_VALID) && (WANTED & FLOW_BRIEF);
-#else
-    static constexpr bool NEAR = false;
-#endif
-    static constexpr bool LISTED = SHAPES > 0;
+    static constexpr bool NEAR = WORDS > 0, LISTED = SHAPES > 0;
 
     const Word* words;
     Word* kept;
     const Row* motions;
-    // Steps (flow.h) to the region, and of the places whose two pixels along an axis lie in what of it is in the image.
-    struct alignas(16) Bounds {
-        unsigned left, top, width, height;
-    } bounds;
     alignas(16) Camera then;  // as it was, where motions are listed
-    alignas(16) Word near_words[NEAR ? WIDTH * HEIGHT : 8];
-    Row near_motions[LISTED ? SHAPES * ROWS : 1];
-
-    // Where in `near_words` a pixel of the region stands: those of a tile are in different banks.
-    WARPCAM_FN static unsigned near_place(unsigned column, unsigned row)
-    {
-        return row * WIDTH + (column ^ (row << 3 & 24u & (WIDTH - 1)));
-    }
+    alignas(16) Word near_words[NEAR ? WORDS : 1];
+    Row near_motions[LISTED ? (SHAPES + 1) * ROWS : 1];  // the first of nothing
 
     // The motion of a shape; `at` has its rows.
     struct Rows {
@@ -205,19 +175,19 @@ template <int WANTED, int WIDTH = 0, int HEIGHT = 0, int SHAPES = 0> struct Flow
     WARPCAM_FN Rows of_shape(int shape) const
     {
         if constexpr (LISTED)
-            return { near_motions + ROWS * shape };
-        const Row* rows = motions + size_t(unsigned(shape)) * ROWS;
+            return { near_motions + ROWS * (shape + 1) };
+        const Row* rows = motions + size_t(unsigned(shape < 0 ? 0 : shape)) * ROWS;
 #if defined(__CUDA_ARCH__)
         asm("" : "+l"(rows));  // one address with four offsets
 #endif
         return { rows };
     }
 
-    // What was seen at pixel (i, j), whose word is kept at `place`.
-    WARPCAM_FN unsigned word_of(int i, int j, unsigned place) const
+    // What was seen at a place.
+    WARPCAM_FN unsigned word(unsigned place) const
     {
         if constexpr (NEAR)
-            return near_words[near_place(unsigned(i) & (WIDTH - 1), unsigned(j) & (HEIGHT - 1))];
+            return near_words[place];
         else
             return word_at(words, place);
     }
@@ -244,20 +214,12 @@ template <int WANTED, int WIDTH = 0, int HEIGHT = 0, int SHAPES = 0> struct Flow
             motions = reinterpret_cast<const Row*>(trail.motions.data) + size_t(world) * trail.columns * ROWS;
     }
 
-    // Has on its way what is kept near; for all threads of a block.
-    template <class Trail> WARPCAM_FN void fetch(const Trail& trail, const Region& region, int thread)
+    // Has all words on their way, if they are to be near; for all threads of a block.
+    template <class Trail> WARPCAM_FN void fetch(const Trail& trail, int thread)
     {
-        if (NEAR) {
-            if (thread == 0)
-                bounds = { unsigned(STEPS * region.left), unsigned(STEPS * region.top),
-                           within(lower_int(WIDTH, trail.width - region.left)),
-                           within(lower_int(HEIGHT, trail.height - region.top)) };
-            for (int i = thread; i < WIDTH / 8 * HEIGHT; i += THREADS) {
-                const int strip = i / (HEIGHT > 0 ? HEIGHT : 1) * 8, row = i % (HEIGHT > 0 ? HEIGHT : 1);
-                if (region.left + strip < trail.width && region.top + row < trail.height)
-                    copy_row(near_words + near_place(strip, row), words + place_of(trail, region.left + strip, region.top + row));
-            }
-        }
+        if (NEAR)
+            for (int i = thread; i < (trail.width + 7) / 8 * trail.height; i += THREADS)
+                copy_row(near_words + 8 * i, words + 8 * i);
     }
 };
 
