@@ -223,7 +223,7 @@ def record(
     types = sum(1 << t for t in tables.shape_types)
     region = region_size(tables, group.at_once, width, height, device)
     if outputs & FLOW_VALID:
-        outputs |= FLOW_WHOLE * (region[0] >= width and region[1] >= height and keeps_near(tables, device))
+        outputs |= FLOW_WHOLE * (region == (width, height) and keeps_near(tables, device))
     kernel = _kernel(types, LENSES[lens], capacity, several, *region, outputs, target_type)
     unit = -(-width // region[0]) * -(-height // region[1]) * (THREADS if device.is_cuda else 1)  # threads a world
     arguments = [tables.shapes, tables.materials, tables.meshes, tables.height_fields, views, target]

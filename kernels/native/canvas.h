@@ -29,12 +29,12 @@ enum Output {
 constexpr bool names_slots(int outputs) { return outputs & NORMALS; }
 
 // Where flow has what was seen, if it is wanted.
-template <int OUTPUTS, int WORDS, int SHAPES, bool WANTED = (OUTPUTS & FLOWS) != 0> struct Places {
-    using type = FlowPlaces<OUTPUTS, WORDS, SHAPES>;
+template <int OUTPUTS, int WIDTH, int HEIGHT, int SHAPES, bool WANTED = (OUTPUTS & FLOWS) != 0> struct Places {
+    using type = FlowPlaces<OUTPUTS, WIDTH, HEIGHT, SHAPES>;
 };
 struct NoPlaces {
 };
-template <int OUTPUTS, int WORDS, int SHAPES> struct Places<OUTPUTS, WORDS, SHAPES, false> {
+template <int OUTPUTS, int WIDTH, int HEIGHT, int SHAPES> struct Places<OUTPUTS, WIDTH, HEIGHT, SHAPES, false> {
     using type = NoPlaces;
 };
 

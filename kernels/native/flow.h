@@ -42,19 +42,19 @@ WARPCAM_COLD Vec moved_within(const Trail& trail, const Shapes& shapes, const Ca
 }
 
 // Places in an image are counted in steps of 1 / 64 pixel: the last bits of a float between 2^17 and 2^18.
-constexpr int STEP_BITS = 6, STEPS = 1 << STEP_BITS;
+constexpr int STEPS = 64;
 constexpr float TO_STEPS = 196608.0f;
 constexpr int NO_STEPS = 0x48400000;  // the bits of that
 
-// Along one axis the two pixels that have a quarter or more of what is interpolated at a place, mostly the same one.
+// Along one axis what leads to the two pixels that have a quarter or more of what is interpolated at a place, mostly the
+// same one.
 struct Beside {
-    unsigned steps;  // to the place from a quarter of a pixel before the middle of the image's first
+    unsigned steps;  // to the place from a quarter of a pixel before the middle of the image's first: to one of the pixels
 
     // The place is x * scale.
     WARPCAM_FN Beside(float x, float scale) : steps(as_int(muladd(x, scale, TO_STEPS + 0.25f)) - NO_STEPS) { }
     WARPCAM_FN bool inside(int pixels) const { return steps < unsigned(STEPS * pixels - STEPS / 2); }
-    WARPCAM_FN unsigned one() const { return steps >> STEP_BITS; }
-    WARPCAM_FN unsigned other() const { return (steps + STEPS / 2) >> STEP_BITS; }
+    WARPCAM_FN unsigned other() const { return steps + STEPS / 2; }
 };
 
 // Was the surface seen in the last image at a place inside of it, `depth` away then? The pixel there must show the
@@ -64,8 +64,8 @@ template <class Trail, class Places>
 WARPCAM_FN bool was_seen(const Trail& trail, const Places& places, int shape, const Beside& x, const Beside& y,
                          const Row& last, float depth)
 {
-    return Places::Keeps::show(places.word(place_of(trail, x.one(), y.one())),
-                               places.word(place_of(trail, x.other(), y.other())), shape, last, depth);
+    return Places::Keeps::show(places.word(Places::place_in(trail, x.steps, y.steps)),
+                               places.word(Places::place_in(trail, x.other(), y.other())), shape, last, depth);
 }
 
 // Writes pixel (i, j), number `pixel` of all worlds'.
@@ -75,7 +75,7 @@ WARPCAM_FN void put_flow(const Trail& trail, const Places& places, const Shapes&
 {
     constexpr bool MOVES = WANTED & FLOW_MOVES;
     using Keeps = typename Places::Keeps;
-    const unsigned place = WANTED & FLOW_VALID ? place_of(trail, i, j) : 0u;
+    const unsigned place = WANTED & FLOW_VALID ? Places::place_of(trail, i, j) : 0u;
     const auto rows = places.of_shape(hit.shape);
     const Row last = rows.at(3);
     if (WANTED & FLOW_VALID)
@@ -113,7 +113,7 @@ WARPCAM_FN void put_flow(const Trail& trail, const Places& places, const Shapes&
                 down = muladd(-y, rate, row);
                 if (WANTED & FLOW_VALID) {
                     const Beside across(x, rate), along(y, rate);
-                    if ((depth >= last.z) & across.inside(trail.width) & along.inside(trail.height))
+                    if ((depth >= last.z) & across.inside(Places::width(trail)) & along.inside(Places::height(trail)))
                         valid = settled(was_seen(trail, places, hit.shape, across, along, last, depth));
                 }
             }

@@ -80,12 +80,6 @@ template <> struct Kept<true> {
     }
 };
 
-// Words of an image lie in strips of eight pixels' width, so that those of a tile are neighbours.
-template <class Trail> WARPCAM_FN unsigned place_of(const Trail& trail, unsigned column, unsigned row)
-{
-    return (column & ~7u) * trail.height + (8u * row + (column & 7u));
-}
-
 // The word of a pixel, of a trace that writes none that it reads.
 template <class Word> WARPCAM_FN unsigned word_at(const Word* words, unsigned place)
 {
@@ -145,20 +139,20 @@ WARPCAM_FN void await_rows()
 }
 
 // Of one world: what the last image showed, where what this one shows is kept, and how its shapes have moved.
-// WORDS: a block of CUDA threads draws a whole image, of at most as many words of 16 bits, which it has in shared memory;
-// they are on their way while shapes are listed. Memory is far, and a pixel that asked for its own words would wait for
-// them. SHAPES: it has the motions of as many shapes there, too.
-template <int WANTED, int WORDS = 0, int SHAPES = 0> struct FlowPlaces {
+// WIDTH and HEIGHT: a block of CUDA threads draws a whole image of that size, whose words of 16 bits it has in shared
+// memory; they are on their way while shapes are listed. Memory is far, and a pixel that asked for its own words would
+// wait for them. SHAPES: it has the motions of as many shapes there, too.
+template <int WANTED, int WIDTH = 0, int HEIGHT = 0, int SHAPES = 0> struct FlowPlaces {
     using Keeps = Kept<(WANTED & FLOW_BRIEF) != 0>;
     using Word = typename Keeps::Word;
     static constexpr int ROWS = motion_rows<(WANTED & FLOW_MOVES) != 0>();
-    static constexpr bool NEAR = WORDS > 0, LISTED = SHAPES > 0;
+    static constexpr bool NEAR = WIDTH > 0, LISTED = SHAPES > 0;
 
     const Word* words;
     Word* kept;
     const Row* motions;
     alignas(16) Camera then;  // as it was, where motions are listed
-    alignas(16) Word near_words[NEAR ? WORDS : 1];
+    alignas(16) Word near_words[NEAR ? WIDTH * HEIGHT : 1];
     Row near_motions[LISTED ? (SHAPES + 1) * ROWS : 1];  // the first of nothing
 
     // The motion of a shape; `at` has its rows.
@@ -181,6 +175,22 @@ template <int WANTED, int WORDS = 0, int SHAPES = 0> struct FlowPlaces {
         asm("" : "+l"(rows));  // one address with four offsets
 #endif
         return { rows };
+    }
+
+    template <class Trail> WARPCAM_FN static int width(const Trail& trail) { return NEAR ? WIDTH : trail.width; }
+    template <class Trail> WARPCAM_FN static int height(const Trail& trail) { return NEAR ? HEIGHT : trail.height; }
+
+    // Where the word of a pixel is kept: in strips of eight pixels' width, so that those of a tile are neighbours.
+    template <class Trail> WARPCAM_FN static unsigned place_of(const Trail& trail, unsigned column, unsigned row)
+    {
+        return (column & ~7u) * height(trail) + (8u * row + (column & 7u));
+    }
+    // The same of places that are counted in steps of 1 / 64 pixel.
+    template <class Trail> WARPCAM_FN static unsigned place_in(const Trail& trail, unsigned across, unsigned along)
+    {
+        const unsigned strip = (across >> 9) * (8u * height(trail));
+        const unsigned within = (along >> 3 & ~7u) | (across >> 6 & 7u);
+        return NEAR ? strip | within : strip + within;
     }
 
     // What was seen at a place.
@@ -215,10 +225,10 @@ template <int WANTED, int WORDS = 0, int SHAPES = 0> struct FlowPlaces {
     }
 
     // Has all words on their way, if they are to be near; for all threads of a block.
-    template <class Trail> WARPCAM_FN void fetch(const Trail& trail, int thread)
+    WARPCAM_FN void fetch(int thread)
     {
         if (NEAR)
-            for (int i = thread; i < (trail.width + 7) / 8 * trail.height; i += THREADS)
+            for (int i = thread; i < WIDTH * HEIGHT / 8; i += THREADS)
                 copy_row(near_words + 8 * i, words + 8 * i);
     }
 };

@@ -191,8 +191,8 @@ WARPCAM_FN void draw(const Shapes& shapes, const Materials& materials, const Mes
     if (!wp::index(target.mask, world))
         return;
     constexpr bool FLOWING = (OUTPUTS & FLOWS) != 0;
-    constexpr int WORDS = (OUTPUTS & FLOW_WHOLE) ? WIDTH * HEIGHT : 0, SHAPES = (OUTPUTS & FLOW_LISTED) ? CAPACITY : 0;
-    using Near = typename Places<OUTPUTS, WORDS, SHAPES>::type;
+    constexpr bool WHOLE = OUTPUTS & FLOW_WHOLE;
+    using Near = typename Places<OUTPUTS, WHOLE ? WIDTH : 0, WHOLE ? HEIGHT : 0, (OUTPUTS & FLOW_LISTED) ? CAPACITY : 0>::type;
     WARPCAM_SHARED Near places;
     if (thread == 0) {
         camera = load_camera(wp::index(views, world));
@@ -204,7 +204,7 @@ WARPCAM_FN void draw(const Shapes& shapes, const Materials& materials, const Mes
             places.then = load_camera(wp::index(target.trail.views_before, world));
     block_barrier();
     if constexpr (FLOWING)
-        places.fetch(target.trail, thread);
+        places.fetch(thread);
     if constexpr (FLOWING && (OUTPUTS & FLOW_LISTED))
         compose_motions<OUTPUTS, TYPES, LENS>(target.trail, shapes, camera, places.then, world,
                                               target.trail.keep && region.left == 0 && region.top == 0, thread,
