@@ -63,7 +63,7 @@ template <int TYPES, int LENS, int OUTPUTS, int CAPACITY, class Target, class Sh
     // What was on its way is there, once the threads of the block have met.
     WARPCAM_FN void ready() const
     {
-        if (OUTPUTS & FLOWS)
+        if (OUTPUTS & FLOW_WHOLE)
             await_rows();
     }
 
