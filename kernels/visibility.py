@@ -18,7 +18,7 @@ QUADS, TILED = 128, 256
 IDS, BY_WORLD = 1 << 16, 1 << 17  # ids by world: canvas.h
 OPAQUE = 1 << 20  # what is transparent is left out
 # native/flow_places.h
-FLOW, FLOW_VALID, FLOW_MOVES, FLOW_BRIEF, FLOW_LISTED, FLOW_WHOLE = (1 << bit for bit in range(24, 30))
+FLOW, FLOW_VALID, FLOW_MOVES, FLOW_BRIEF, FLOW_LISTED, FLOW_WHOLE, FLOW_NEAR = (1 << bit for bit in range(24, 31))
 LENSES = {"pinhole": 0, "orthographic": 1, "rays": 2}
 THREADS = 128  # of a CUDA block; lanes.h has the same number
 REGIONS = ((64, 64), (64, 32), (32, 32), (32, 16), (16, 16), (16, 8))
@@ -222,8 +222,8 @@ def record(
         outputs |= TILED * (width % 8 == 0 and height % 4 == 0)
     types = sum(1 << t for t in tables.shape_types)
     region = region_size(tables, group.at_once, width, height, device)
-    if outputs & FLOW_VALID:
-        outputs |= FLOW_WHOLE * (region == (width, height) and keeps_near(tables, device))
+    if struct is flow_target_struct and region == (width, height):
+        outputs |= facts_of_whole(tables, device, "flow_valid" in images)
     kernel = _kernel(types, LENSES[lens], capacity, several, *region, outputs, target_type)
     unit = -(-width // region[0]) * -(-height // region[1]) * (THREADS if device.is_cuda else 1)  # threads a world
     arguments = [tables.shapes, tables.materials, tables.meshes, tables.height_fields, views, target]
@@ -254,9 +254,11 @@ def composes(tables: Tables, device: wp.Device) -> bool:
     return device.is_cuda and few and not tables.moving and tables.splats is None
 
 
-def keeps_near(tables: Tables, device: wp.Device) -> bool:
-    """Whether a block has what a whole image showed in shared memory: with many shapes it has no room for that."""
-    return device.is_cuda and brief(tables) and tables.num_drawn <= MANY
+def facts_of_whole(tables: Tables, device: wp.Device, valid: bool) -> int:
+    """What a trace of flow is told whose blocks draw whole images. With many shapes they have no room for words."""
+    if not device.is_cuda:
+        return 0
+    return FLOW_WHOLE | FLOW_NEAR * (valid and brief(tables) and tables.num_drawn <= MANY)
 
 
 def list_capacity(num_drawn: int) -> int:

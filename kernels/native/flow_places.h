@@ -6,14 +6,16 @@
 namespace warpcam {
 
 // What a trace writes of it: bits of visibility.py. FLOW_MOVES: some meshes move. FLOW_BRIEF: words of 16 bits.
-// FLOW_LISTED: each block composes motions, of no more shapes than it lists. FLOW_WHOLE: it draws whole images.
+// FLOW_LISTED: each block composes motions, of no more shapes than it lists. FLOW_WHOLE: it draws
+// whole images. FLOW_NEAR: it has room in shared memory for what one of 16 bits a pixel showed.
 enum FlowOutput {
     FLOW = 1 << 24,
     FLOW_VALID = 1 << 25,
     FLOW_MOVES = 1 << 26,
     FLOW_BRIEF = 1 << 27,
     FLOW_LISTED = 1 << 28,
-    FLOW_WHOLE = 1 << 29
+    FLOW_WHOLE = 1 << 29,
+    FLOW_NEAR = 1 << 30
 };
 constexpr int FLOWS = FLOW | FLOW_VALID;
 
@@ -139,14 +141,14 @@ WARPCAM_FN void await_rows()
 }
 
 // Of one world: what the last image showed, where what this one shows is kept, and how its shapes have moved.
-// WIDTH and HEIGHT: a block of CUDA threads draws a whole image of that size, whose words of 16 bits it has in shared
-// memory; they are on their way while shapes are listed. Memory is far, and a pixel that asked for its own words would
-// wait for them. SHAPES: it has the motions of as many shapes there, too.
-template <int WANTED, int WIDTH = 0, int HEIGHT = 0, int SHAPES = 0> struct FlowPlaces {
+// WIDTH and HEIGHT: a block of CUDA threads draws a whole image of that size. NEAR: it has the words of what was seen in
+// shared memory; they are on their way while shapes are listed. Memory is far, and a pixel that asked for its own words
+// would wait for them. SHAPES: it has the motions of as many shapes there, too.
+template <int WANTED, int WIDTH = 0, int HEIGHT = 0, int SHAPES = 0, bool NEAR = false> struct FlowPlaces {
     using Keeps = Kept<(WANTED & FLOW_BRIEF) != 0>;
     using Word = typename Keeps::Word;
     static constexpr int ROWS = motion_rows<(WANTED & FLOW_MOVES) != 0>();
-    static constexpr bool NEAR = WIDTH > 0, LISTED = SHAPES > 0;
+    static constexpr bool WHOLE = WIDTH > 0, LISTED = SHAPES > 0;
 
     const Word* words;
     Word* kept;
@@ -177,8 +179,8 @@ template <int WANTED, int WIDTH = 0, int HEIGHT = 0, int SHAPES = 0> struct Flow
         return { rows };
     }
 
-    template <class Trail> WARPCAM_FN static int width(const Trail& trail) { return NEAR ? WIDTH : trail.width; }
-    template <class Trail> WARPCAM_FN static int height(const Trail& trail) { return NEAR ? HEIGHT : trail.height; }
+    template <class Trail> WARPCAM_FN static int width(const Trail& trail) { return WHOLE ? WIDTH : trail.width; }
+    template <class Trail> WARPCAM_FN static int height(const Trail& trail) { return WHOLE ? HEIGHT : trail.height; }
 
     // Where the word of a pixel is kept: in strips of eight pixels' width, so that those of a tile are neighbours.
     template <class Trail> WARPCAM_FN static unsigned place_of(const Trail& trail, unsigned column, unsigned row)
@@ -190,7 +192,7 @@ template <int WANTED, int WIDTH = 0, int HEIGHT = 0, int SHAPES = 0> struct Flow
     {
         const unsigned strip = (across >> 9) * (8u * height(trail));
         const unsigned within = (along >> 3 & ~7u) | (across >> 6 & 7u);
-        return NEAR ? strip | within : strip + within;
+        return WHOLE ? strip | within : strip + within;
     }
 
     // What was seen at a place.

@@ -1,7 +1,6 @@
 // The trace: for every pixel of a view the nearest shape, its face and depth, and what follows from these alone.
 #pragma once
 #include "canvas.h"
-#include "flow_motion.h"
 #include "mesh_queue.h"
 #include "opacity.h"
 
@@ -72,7 +71,8 @@ WARPCAM_FN void draw_tiles(ShapeList<CAPACITY>& list, const Canvas_& canvas, con
         const int tile = __shfl_sync(ALL, lane == 0 ? draw_next(list.next_tile) : 0, 0);
         if (tile >= tiles)
             return false;
-        const int row = int((float(tile) + 0.5f) * per_row), column = tile - row * across;
+        const int row = Canvas_::WHOLE ? unsigned(tile) / unsigned(across) : int((float(tile) + 0.5f) * per_row);
+        const int column = tile - row * across;
         const int i = region.left + column * TILE_WIDTH + lane % TILE_WIDTH;
         const int j = region.top + row * TILE_HEIGHT + lane / TILE_WIDTH;
         const auto ray = canvas.ray(i, j);
@@ -153,6 +153,7 @@ WARPCAM_FN void draw_region(ShapeList<CAPACITY>& list, const Canvas_& canvas, co
             list.next_tile = 0;
         }
         block_barrier();
+        canvas.begin(thread);
         if (!blind)
             begin = gather<TYPES, LENS, SLOTS>(list, begin, shapes, meshes, fields, hidden, canvas.camera,
                                                canvas.region, world, thread);
@@ -186,13 +187,14 @@ WARPCAM_FN void draw(const Shapes& shapes, const Materials& materials, const Mes
     WARPCAM_SHARED ShapeList<CAPACITY> list;
     alignas(16) WARPCAM_SHARED Camera camera;  // kept in registers it would be spilled
     const int thread = index % THREADS;
-    int world;
-    const Region region = region_of<WIDTH, HEIGHT, (TYPES >> MOVING & 1) != 0>(target, index / THREADS, world);
+    int world = index / THREADS;
+    Region region { 0, 0, WIDTH, HEIGHT };
+    if constexpr (!(OUTPUTS & FLOW_WHOLE))
+        region = region_of<WIDTH, HEIGHT, (TYPES >> MOVING & 1) != 0>(target, index / THREADS, world);
     if (!wp::index(target.mask, world))
         return;
     constexpr bool FLOWING = (OUTPUTS & FLOWS) != 0;
-    constexpr bool WHOLE = OUTPUTS & FLOW_WHOLE;
-    using Near = typename Places<OUTPUTS, WHOLE ? WIDTH : 0, WHOLE ? HEIGHT : 0, (OUTPUTS & FLOW_LISTED) ? CAPACITY : 0>::type;
+    using Near = typename Places<OUTPUTS, WIDTH, HEIGHT, (OUTPUTS & FLOW_LISTED) ? CAPACITY : 0>::type;
     WARPCAM_SHARED Near places;
     if (thread == 0) {
         camera = load_camera(wp::index(views, world));
@@ -205,10 +207,6 @@ WARPCAM_FN void draw(const Shapes& shapes, const Materials& materials, const Mes
     block_barrier();
     if constexpr (FLOWING)
         places.fetch(thread);
-    if constexpr (FLOWING && (OUTPUTS & FLOW_LISTED))
-        compose_motions<OUTPUTS, TYPES, LENS>(target.trail, shapes, camera, places.then, world,
-                                              target.trail.keep && region.left == 0 && region.top == 0, thread,
-                                              places.near_motions);
     const Canvas<TYPES, LENS, OUTPUTS, CAPACITY, Target, Shapes, Near> canvas {
         target, shapes, list, camera, region, world, places
     };
