@@ -252,7 +252,8 @@ def test_files(device: wp.Device) -> None:
 
 def frames_of(size: tuple[int, int]) -> list[dict[str, np.ndarray]]:
     """What three worlds show of themselves, some of which rest, are left out or are reset, on the current device."""
-    moving = Moving(num_worlds=3, width=size[0], height=size[1], outputs=("flow", "flow_valid", "depth", "segmentation"))
+    outputs = ("flow", "flow_valid", "depth", "segmentation")
+    moving = Moving(num_worlds=3, width=size[0], height=size[1], outputs=outputs)
     frames = [moving.see(), moving.see()]
     for step in range(4):
         moving.move(step % 3, by=(0.05, 0.1, -0.05), turned=(0.0, 0.1, 0.2), world=step % 2)
