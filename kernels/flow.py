@@ -1,53 +1,21 @@
 """What was where when a world was last drawn, and how shapes have moved in a camera's image since.
 
 The trace itself writes ``flow`` and ``flow_valid`` (native/flow.h). Before it one thread for each shape composes how it
-has moved; after it what is seen now becomes what was.
+has moved (native/flow_motion.h); after it what is seen now becomes what was.
 """
 
 from typing import Any
 
-import numpy as np
 import warp as wp
 
-from .launch import Stage, compiler_flags, record
+from .launch import Stage, compiler_flags, native_module, record
 from .tables import Tables
-from .types import (
-    BARREL,
-    CAPSULE,
-    CONE,
-    CYLINDER,
-    HEIGHT_FIELD,
-    MESH,
-    PLANE,
-    SCALED,
-    SPHERE,
-    SPLATS,
-    Meshes,
-    Shapes,
-    View,
-)
-from .views import NEW
+from .types import HEIGHT_FIELD, MESH, SCALED, Shapes, View
 
 wp.set_module_options(compiler_flags())
 
 ROWS, MOVING_ROWS = 4, 7  # of a shape in Trail.motions, without and with meshes that move
-
-# What of a surface was farther than what was seen around it was hidden: by more than this, as parts of its depth and of
-# a pixel's width there. Of what bends inwards neighbouring pixels may be nearer than what lies between them.
-CONVEX = wp.constant(wp.vec2(0.004, 0.25))
-HOLLOW = wp.constant(wp.vec2(0.004, 1.0))
-STEPS = 120.0
 BRIEF_SHAPES = 255  # as many have an id in eight bits, beside none
-
-
-@wp.struct
-class CornersBefore:
-    """The faces of meshes that move, as they were."""
-
-    starts: wp.array(dtype=wp.int32)  # (mesh,) first in `corners`, or -1 for a mesh that does not move
-    worlds: wp.array(dtype=wp.int32)  # (mesh,) the world that has it, or -1 for several
-    rows: wp.array(dtype=wp.vec2i)  # (row,) a row of Meshes.faces where one of these faces begins, and its mesh
-    corners: wp.array(dtype=wp.vec3)  # (corner,) corner k of the mesh's face f, as given, at start + 3 f + k
 
 
 @wp.struct
@@ -67,239 +35,53 @@ class Trail:
     # depth then [m]; as int bits twice the first corner of a mesh that moves, or -2, and 1 more where the three rows
     # lead to the same pixel. Three more: what a shift in the own frame of such a mesh adds to the first three. Of a
     # motion that is not known the rows lead to the same pixel, but to a depth behind the camera. Where words are brief
-    # the fourth has: part and shift in the steps that the depth then was counted in; nearest depth, or -1 where the
-    # rows lead to the same pixel; how many steps a metre of the depth now has.
+    # the fourth has: part and shift in the steps that the depth then was counted in, the shift with TO_WHOLE added;
+    # nearest depth, or -1 where the rows lead to the same pixel; how many steps a metre of the depth now has.
     motions: wp.array2d(dtype=wp.vec4)
     corners: wp.array(dtype=wp.vec3)  # CornersBefore.corners; this and what follows only where meshes move
     faces: wp.array(dtype=wp.vec4)  # Meshes.faces
     face_start: wp.array(dtype=wp.int32)  # Meshes.face_start
+    # (world, 4 for each shape): a shape's position and the rows of its rotation as they were, with its size and asset
+    before: wp.array2d(dtype=wp.vec4)
+    # The same as they are, where the trace composes motions; then both change places, as words do
+    after: wp.array2d(dtype=wp.vec4)
+    views_before: wp.array(dtype=View)  # (world,)
+    corner_starts: wp.array(dtype=wp.int32)  # CornersBefore.starts; empty where no mesh moves
+    keep: wp.int32  # 1: the trace writes `after`
     columns: wp.int32  # shapes
     width: wp.int32
     height: wp.int32
 
 
-@wp.func
-def ratio(then: wp.float32, now: wp.float32) -> wp.float32:
-    if now == 0.0:
-        return 1.0
-    return then / now
+@wp.func_native("warpcam::write_motion(shapes, views, mask, trail, pinhole, scaled, brief, keep, moves, index);")
+def write_motion(
+    shapes: Shapes,
+    views: wp.array(dtype=View),
+    mask: wp.array(dtype=wp.uint8),
+    trail: Trail,
+    pinhole: int,
+    scaled: int,
+    brief: int,
+    keep: int,
+    moves: int,
+    index: int,
+): ...
 
 
-@wp.func
-def stretch(kind: wp.int32, then: wp.vec3, now: wp.vec3, scaled: wp.int32) -> wp.vec3:
-    """How many times as large the shape was along its axes."""
-    if kind == SPHERE:
-        return ratio(then[0], now[0]) * wp.vec3(1.0, 1.0, 1.0)
-    if kind == CAPSULE or kind == CYLINDER or kind == CONE or kind == BARREL:
-        wide = ratio(then[0], now[0])
-        return wp.vec3(wide, wide, ratio(then[1], now[1]))
-    if kind == PLANE or ((kind == MESH or kind == HEIGHT_FIELD) and scaled == 0):
-        return wp.vec3(1.0, 1.0, 1.0)
-    return wp.vec3(ratio(then[0], now[0]), ratio(then[1], now[1]), ratio(then[2], now[2]))
-
-
-@wp.func
-def number_of(bits: wp.int32) -> wp.float32:
-    return wp.cast(bits, wp.float32)
-
-
-@wp.func_native("""
-#if defined(__CUDA_ARCH__)
-    const float4 r = reinterpret_cast<const float4*>(rows.data)[index];
-    return wp::vec_t<4, float>(r.x, r.y, r.z, r.w);
-#else
-    return rows.data[index];
-#endif
-""")
-def get_row(rows: wp.array2d(dtype=wp.vec4), index: wp.int32) -> wp.vec4: ...
-
-
-@wp.func_native("""
-#if defined(__CUDA_ARCH__)
-    reinterpret_cast<float4*>(rows.data)[index] = make_float4(row[0], row[1], row[2], row[3]);
-#else
-    rows.data[index] = row;
-#endif
-""")
-def put_row(rows: wp.array2d(dtype=wp.vec4), index: wp.int32, row: wp.vec4): ...
-
-
-@wp.func
-def reach_of(kind: wp.int32, view: View, pinhole: wp.int32) -> wp.vec2:
-    """A part of a depth and what is added to it [m]: nothing nearer may have been seen at a point's place."""
-    reach = CONVEX
-    if kind == MESH or kind == HEIGHT_FIELD or kind == SPLATS:
-        reach = HOLLOW
-    wide = reach[1] * wp.max(view.scale[0], view.scale[1])
-    if kind == PLANE:
-        wide = wp.float32(0.0)  # it hides nothing of itself
-    if pinhole != 0:
-        return wp.vec2(1.0 / (1.0 + reach[0] + wide), 0.0)
-    return wp.vec2(1.0 / (1.0 + reach[0]), -wide)
-
-
-@wp.func
-def steps_of(
-    kind: wp.int32, position: wp.vec3, rotation: wp.mat33, size: wp.vec3, view: View, pinhole: wp.int32
-) -> wp.float32:
-    """Steps a metre in which the depths of a convex shape are counted.
-
-    What may be compared is at most 120 of 256 steps apart, of which eight bits are kept.
-    """
-    if kind == PLANE:
-        return 0.0
-    half = size
-    if kind == SPHERE:
-        half = wp.vec3(size[0], size[0], size[0])
-    elif kind == CAPSULE:
-        half = wp.vec3(size[0], size[0], size[0] + size[1])
-    elif kind == CYLINDER or kind == CONE:
-        half = wp.vec3(size[0], size[0], size[1])
-    elif kind == BARREL:  # its side is bent by less than its half length
-        half = wp.vec3(size[0] + size[1], size[0] + size[1], size[1])
-    axis = wp.vec3(view.rotation[0, 2], view.rotation[1, 2], view.rotation[2, 2])
-    along = wp.abs(wp.transpose(rotation) * axis)
-    radius = wp.dot(along, half)
-    farthest = wp.abs(wp.dot(axis, view.origin - position)) + radius
-    reach = reach_of(kind, view, pinhole)
-    return STEPS / wp.max(2.0 * radius + (1.0 - reach[0]) * farthest - reach[1], 1.0e-6 * farthest + 1.0e-12)
-
-
-@wp.func
-def put_unknown(motions: wp.array2d(dtype=wp.vec4), row: wp.int32):
-    put_row(motions, row, wp.vec4(1.0, 0.0, 0.0, 0.0))
-    put_row(motions, row + 1, wp.vec4(0.0, 1.0, 0.0, 0.0))
-    put_row(motions, row + 2, wp.vec4(0.0, 0.0, 0.0, -1.0))
-
-
-@wp.kernel(enable_backward=False)
+@wp.kernel(module="unique", enable_backward=False, module_options=native_module("flow_motion.h"))
 def write_motions(
     shapes: Shapes,
-    before: wp.array2d(dtype=wp.vec4),
-    starts: wp.array(dtype=wp.int32),
     views: wp.array(dtype=View),
-    views_before: wp.array(dtype=View),
-    known: wp.array(dtype=wp.uint8),
     mask: wp.array(dtype=wp.uint8),
+    trail: Trail,
     pinhole: wp.int32,
     scaled: wp.int32,
     brief: wp.int32,
     keep: wp.int32,
-    rows: wp.int32,
-    motions: wp.array2d(dtype=wp.vec4),
+    moves: wp.int32,
     first: wp.int32,
 ):
-    """``before`` has four rows for each shape: its position and the rows of its rotation, with its size and asset."""
-    index = first + wp.tid()
-    columns = before.shape[1] // 4
-    world = index // columns
-    shape = index - world * columns
-    # All is loaded before the first decision: memory is waited for once.
-    a = get_row(before, 4 * index)
-    b = get_row(before, 4 * index + 1)
-    c = get_row(before, 4 * index + 2)
-    d = get_row(before, 4 * index + 3)
-    position = shapes.positions[world, shape]
-    rotation = shapes.rotations[world, shape]
-    size = shapes.sizes[world % shapes.sizes.shape[0], shape]
-    asset = shapes.assets[world % shapes.assets.shape[0], shape]
-    now = views[world]
-    then = views_before[world]
-    state = known[world]
-    kind = shapes.types[shape]
-    drawn = shapes.places[shape] >= 0 or kind == SPLATS
-    if mask[world] == wp.uint8(0) or not drawn:
-        return
-    same = False
-    last = wp.vec4()
-    if state != wp.uint8(NEW):
-        old_position = wp.vec3(a[0], a[1], a[2])
-        old_rotation = wp.mat33(b[0], b[1], b[2], c[0], c[1], c[2], d[0], d[1], d[2])
-        old_size = wp.vec3(a[3], b[3], c[3])
-        old_asset = wp.cast(d[3], wp.int32)
-        same = old_position == position and old_rotation == rotation and old_size == size and old_asset == asset
-        grown = wp.vec3(1.0, 1.0, 1.0)
-        if not (old_size == size):
-            grown = stretch(kind, old_size, size, scaled)
-        # By how much a point of the shape, then one of the camera's frame, was elsewhere: 0 if nothing has moved.
-        turn = (old_rotation * wp.diag(grown) - rotation) * wp.transpose(rotation)
-        shift = (now.origin - then.origin) + (old_position - position) + turn * (now.origin - position)
-        back = wp.transpose(then.rotation)
-        motion = (back - wp.transpose(now.rotation)) * now.rotation + back * turn * now.rotation
-        shift = back * shift
-        moved = wp.length_sq(shift) + wp.ddot(motion, motion)
-        moved += wp.length_sq(now.center - then.center) + wp.length_sq(now.scale - then.scale)
-        # From pixels, and to pixels as they were. The camera looks along -z, and rows run down.
-        into = wp.diag(wp.vec3(1.0 / then.scale[0], -1.0 / then.scale[1], -1.0))
-        middle = wp.vec3(then.center[0] - 0.5, then.center[1] - 0.5, 0.0)
-        if pinhole != 0:
-            into[0, 2] = -middle[0]
-            into[1, 2] = -middle[1]
-            middle = wp.vec3(0.0, 0.0, 0.0)
-        corner = wp.int32(-1)
-        if rows > 4 and kind == MESH and asset >= 0:
-            corner = starts[asset]
-        if moved != 0.0 or corner >= 0:
-            whole = into * (wp.identity(n=3, dtype=wp.float32) + motion)
-            out = whole * wp.diag(wp.vec3(now.scale[0], -now.scale[1], -1.0))
-            corner_ray = wp.vec3(0.5 - now.center[0], 0.5 - now.center[1], 0.0)  # of pixel (0, 0)
-            end = into * shift + middle
-            for i in range(3):
-                start = out[i, 0] * corner_ray[0] + out[i, 1] * corner_ray[1]
-                row = wp.vec4(out[i, 0], out[i, 1], out[i, 2] + start, end[i])
-                if pinhole == 0:
-                    row = wp.vec4(out[i, 0], out[i, 1], out[i, 2], end[i] + start)
-                put_row(motions, rows * index + i, row)
-        if corner >= 0:
-            within = into * back * old_rotation
-            if scaled != 0:
-                within = within * wp.diag(old_size)
-            for i in range(3):
-                put_row(motions, rows * index + 4 + i, wp.vec4(within[i, 0], within[i, 1], within[i, 2], 0.0))
-
-        reach = reach_of(kind, then, pinhole)
-        if kind == PLANE:
-            reach[1] = -1.0e30
-        flags = 2 * corner
-        if moved == 0.0:
-            flags += 1
-        if not wp.isfinite(moved) or old_asset != asset:
-            put_unknown(motions, rows * index)
-            flags = -2
-        last = wp.vec4(reach[0], reach[1], then.near, number_of(flags))
-        if brief != 0:
-            steps = steps_of(kind, old_position, old_rotation, old_size, then, pinhole)
-            last = wp.vec4(reach[0] * steps, reach[1] * steps, then.near, 0.0)
-            if flags == -1:
-                last[2] = -1.0
-    else:
-        put_unknown(motions, rows * index)
-        last = wp.vec4(0.0, 0.0, 0.0, number_of(-2))
-    if brief != 0:
-        last[3] = steps_of(kind, position, rotation, size, now, pinhole)
-    put_row(motions, rows * index + 3, last)
-
-    if keep != 0 and not same:
-        put_row(before, 4 * index, wp.vec4(position[0], position[1], position[2], size[0]))
-        put_row(before, 4 * index + 1, wp.vec4(rotation[0, 0], rotation[0, 1], rotation[0, 2], size[1]))
-        put_row(before, 4 * index + 2, wp.vec4(rotation[1, 0], rotation[1, 1], rotation[1, 2], size[2]))
-        put_row(before, 4 * index + 3, wp.vec4(rotation[2, 0], rotation[2, 1], rotation[2, 2], number_of(asset)))
-
-
-@wp.kernel(enable_backward=False)
-def keep_corners(
-    before: CornersBefore, faces: wp.array(dtype=wp.vec4), mask: wp.array(dtype=wp.uint8), first: wp.int32
-):
-    row = before.rows[first + wp.tid()]
-    world = before.worlds[row[1]]
-    if world >= 0:
-        if mask[world] == wp.uint8(0):
-            return
-    mark = faces[row[0]]
-    at = before.starts[row[1]] + 3 * wp.cast(mark[3], wp.int32)
-    for k in range(3):
-        corner = faces[row[0] + k]
-        before.corners[at + k] = wp.vec3(corner[0], corner[1], corner[2])
+    write_motion(shapes, views, mask, trail, pinhole, scaled, brief, keep, moves, first + wp.tid())
 
 
 @wp.kernel(enable_backward=False)
@@ -310,38 +92,21 @@ def forget(known: wp.array(dtype=wp.uint8), mask: wp.array(dtype=wp.uint8), firs
 
 
 def record_motions(
-    tables: Tables,
-    before: wp.array,
-    starts: wp.array,
-    views: wp.array,
-    views_before: wp.array,
-    known: wp.array,
-    mask: wp.array,
-    lens: str,
-    keep: bool,
-    trail: Any,
-    device: wp.Device,
+    tables: Tables, views: wp.array, mask: wp.array, lens: str, keep: bool, trail: Any, device: wp.Device
 ) -> Stage:
     """Bind the stage that composes how shapes have moved in one camera's image.
 
     Args:
         tables: The scene.
-        before: vec4, (world, 4 for each shape), shapes as they were: see ``write_motions``.
-        starts: CornersBefore.starts; empty where no mesh moves.
         views: View, (world,).
-        views_before: View, (world,), as they were.
-        known: uint8, (world,); NEW where nothing is known of what was: see views.py.
         mask: uint8, (world,); worlds with 0 are left alone.
         lens: "pinhole" or "orthographic".
-        keep: ``before`` becomes what is now: so for the last camera.
+        keep: ``Trail.before`` becomes what is now: so for the last camera.
         trail: Trail; its motions are written.
         device: Where all of these lie.
     """
-    inputs = [
-        tables.shapes, before, starts, views, views_before, known, mask, int(lens == "pinhole"),
-        int(SCALED in tables.shape_types), int(brief(tables)), int(keep),
-        MOVING_ROWS if tables.moving else ROWS, trail.motions,
-    ]  # fmt: skip
+    facts = (lens == "pinhole", SCALED in tables.shape_types, brief(tables), keep, bool(tables.moving))
+    inputs = [tables.shapes, views, mask, trail, *map(int, facts)]
     return record(write_motions, tables.num_worlds * tables.num_shapes, inputs, device)
 
 
@@ -364,48 +129,3 @@ def motion_rows(tables: Tables) -> int:
 def record_forget(known: wp.array, mask: wp.array, device: wp.Device) -> Stage:
     """Bind the stage after which nothing is known of the worlds that a mask has."""
     return record(forget, known.shape[0], [known, mask], device)
-
-
-def record_corners(before: CornersBefore, meshes: Meshes, mask: wp.array, device: wp.Device) -> Stage:
-    """Bind the stage after all traces that keeps where the corners of moving meshes are."""
-    return record(keep_corners, before.rows.shape[0], [before, meshes.faces, mask], device)
-
-
-def corners_before(
-    meshes: Meshes, moving: np.ndarray, counts: np.ndarray, worlds: np.ndarray, device: wp.Device
-) -> Any:
-    """Room for the corners of the meshes that move.
-
-    Args:
-        meshes: Of the scene.
-        moving: ids of those that move, each with rows of its own.
-        counts: Faces of each, as given.
-        worlds: (mesh,) int32: CornersBefore.worlds.
-        device: Where it is to lie.
-    """
-    starts = np.full(meshes.face_start.shape[0], -1, np.int32)
-    starts[moving] = 3 * np.append(0, np.cumsum(counts)[:-1])
-    before = CornersBefore()
-    before.starts = wp.array(starts, dtype=wp.int32, device=device)
-    before.worlds = wp.array(worlds.astype(np.int32), dtype=wp.int32, device=device)
-    before.rows = wp.array(_face_rows(meshes, moving), dtype=wp.vec2i, device=device)
-    before.corners = wp.zeros(3 * int(counts.sum()), dtype=wp.vec3, device=device)
-    return before
-
-
-def corners_bytes(meshes: Meshes, moving: np.ndarray, counts: np.ndarray) -> int:
-    """Bytes of ``corners_before``."""
-    return 8 * int(meshes.face_start.shape[0]) + 8 * len(_face_rows(meshes, moving)) + 36 * int(counts.sum())
-
-
-def _face_rows(meshes: Meshes, moving: np.ndarray) -> np.ndarray:
-    """CornersBefore.rows."""
-    first = meshes.face_start.numpy()
-    ends = np.append(np.unique(first), meshes.faces.shape[0])
-    last = ends[np.searchsorted(ends, first[moving], "right")]
-    return np.concatenate(
-        [
-            np.stack(np.broadcast_arrays(np.arange(first[mesh], end, 3), mesh), axis=1)
-            for mesh, end in zip(moving, last, strict=True)
-        ]
-    ).astype(np.int32)

@@ -17,12 +17,14 @@ OUTPUTS = ("depth", "shape", "face", "distance", "points", "bodies", "normals")
 QUADS, TILED = 128, 256
 IDS, BY_WORLD = 1 << 16, 1 << 17  # ids by world: canvas.h
 OPAQUE = 1 << 20  # what is transparent is left out
-FLOW, FLOW_VALID, FLOW_MOVES, FLOW_BRIEF = 1 << 24, 1 << 25, 1 << 26, 1 << 27  # native/flow.h
+# native/flow_places.h
+FLOW, FLOW_VALID, FLOW_MOVES, FLOW_BRIEF, FLOW_LISTED, FLOW_WHOLE, FLOW_NEAR = (1 << bit for bit in range(24, 31))
 LENSES = {"pinhole": 0, "orthographic": 1, "rays": 2}
 THREADS = 128  # of a CUDA block; lanes.h has the same number
 REGIONS = ((64, 64), (64, 32), (32, 32), (32, 16), (16, 16), (16, 8))
 QUICK = (32, 16)  # pixels: a strip of tiles for each warp
 MANY = 64  # shapes
+MOST_COMPOSED = 128  # shapes whose motions each block composes
 MAX_LISTED = 256  # shapes that one pass draws
 FEW_BLOCKS = 3  # on a multiprocessor: as many are enough where a block's tiles take about as long as setting it up
 BLOCKS = 10  # on a multiprocessor: bounds the registers of a thread
@@ -206,6 +208,7 @@ def record(
         target.trail = trail
         outputs |= FLOW * ("flow" in images) + FLOW_VALID * ("flow_valid" in images) + FLOW_MOVES * bool(tables.moving)
         outputs |= FLOW_BRIEF * brief(tables)
+        outputs |= FLOW_LISTED * composes(tables, device)
     if "ids" in images:
         target.ids = images["ids"].flatten()
         outputs |= IDS
@@ -219,6 +222,8 @@ def record(
         outputs |= TILED * (width % 8 == 0 and height % 4 == 0)
     types = sum(1 << t for t in tables.shape_types)
     region = region_size(tables, group.at_once, width, height, device)
+    if struct is flow_target_struct and region == (width, height):
+        outputs |= facts_of_whole(tables, device, "flow_valid" in images)
     kernel = _kernel(types, LENSES[lens], capacity, several, *region, outputs, target_type)
     unit = -(-width // region[0]) * -(-height // region[1]) * (THREADS if device.is_cuda else 1)  # threads a world
     arguments = [tables.shapes, tables.materials, tables.meshes, tables.height_fields, views, target]
@@ -241,6 +246,19 @@ def blocks(types: int, capacity: int) -> int:
     bound = MANY_MESHES_BLOCKS if types >> MESH & 1 and capacity > MANY else bound
     bound = MOVING_BLOCKS if types >> MOVING & 1 else bound
     return min(bound, SHARED_MEMORY // shared)
+
+
+def composes(tables: Tables, device: wp.Device) -> bool:
+    """Whether each block of the trace composes by itself how the shapes have moved: where these are few."""
+    few = tables.num_shapes <= list_capacity(tables.num_drawn) <= MOST_COMPOSED
+    return device.is_cuda and few and not tables.moving and tables.splats is None
+
+
+def facts_of_whole(tables: Tables, device: wp.Device, valid: bool) -> int:
+    """What a trace of flow is told whose blocks draw whole images. With many shapes they have no room for words."""
+    if not device.is_cuda:
+        return 0
+    return FLOW_WHOLE | FLOW_NEAR * (valid and brief(tables) and tables.num_drawn <= MANY)
 
 
 def list_capacity(num_drawn: int) -> int:

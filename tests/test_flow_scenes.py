@@ -248,3 +248,32 @@ def test_files(device: wp.Device) -> None:
     hit = seen["segmentation"] >= 0
     assert not seen["flow"][0].any() and hit[1].any()
     np.testing.assert_allclose(seen["flow"][1][hit[1]], np.broadcast_to((-1.0, 0.0), (hit[1].sum(), 2)), atol=EXACT)
+
+
+def frames_of(size: tuple[int, int]) -> list[dict[str, np.ndarray]]:
+    """What three worlds show of themselves, some of which rest, are left out or are reset, on the current device."""
+    outputs = ("flow", "flow_valid", "depth", "segmentation")
+    moving = Moving(num_worlds=3, width=size[0], height=size[1], outputs=outputs)
+    frames = [moving.see(), moving.see()]
+    for step in range(4):
+        moving.move(step % 3, by=(0.05, 0.1, -0.05), turned=(0.0, 0.1, 0.2), world=step % 2)
+        if step == 2:
+            moving.renderer.reset([1])
+        frames.append(moving.see(worlds=[0, 1] if step == 1 else None))
+    return frames
+
+
+@pytest.mark.parametrize("size", [(16, 8), (32, 16), (24, 20)])  # the first a block draws as a whole
+def test_a_gpu_finds_what_a_cpu_finds(size: tuple[int, int], device: wp.Device) -> None:
+    if not device.is_cuda:
+        pytest.skip("compares a GPU with the CPU")
+    found = frames_of(size)
+    with wp.ScopedDevice("cpu"):
+        wanted = frames_of(size)
+    for mine, theirs in zip(found, wanted, strict=True):
+        same = mine["segmentation"] == theirs["segmentation"]
+        assert same.mean() > 0.99
+        off = np.abs(mine["flow"] - theirs["flow"]).max(axis=-1, keepdims=True)
+        assert off.reshape(same.shape)[same].max() < EXACT
+        assert (mine["flow_valid"] == theirs["flow_valid"])[same].mean() > 0.99
+    assert any(frame["flow"].any() and 0.2 < frame["flow_valid"].mean() < 1.0 for frame in found)

@@ -7,7 +7,7 @@ import numpy as np
 import warp as wp
 
 from warpcam.camera import Camera
-from warpcam.kernels import flow
+from warpcam.kernels import corners, flow, visibility
 from warpcam.kernels.launch import Stage
 from warpcam.kernels.tables import Tables
 from warpcam.kernels.types import View
@@ -39,18 +39,15 @@ class CameraPast:
         kept = worlds * _kept_words(camera, tables)
         self.trail.kept_first = wp.zeros(kept, dtype=wp.uint32, device=device)
         self.trail.kept_second = wp.zeros(kept, dtype=wp.uint32, device=device)
-        self.trail.motions = wp.zeros((worlds, flow.motion_rows(tables)), dtype=wp.vec4, device=device)
+        rows = 0 if visibility.composes(tables, device) else flow.motion_rows(tables)
+        self.trail.motions = wp.zeros((worlds, rows), dtype=wp.vec4, device=device)
+        self.trail.views_before = self.views
         self.trail.columns = tables.num_shapes
         self.trail.width, self.trail.height = camera.width, camera.height
 
-    def record(
-        self, shapes: "ShapesPast", tables: Tables, views: wp.array, projection: Projection, mask: wp.array, keep: bool
-    ) -> Stage:
+    def record(self, tables: Tables, views: wp.array, projection: Projection, mask: wp.array, keep: bool) -> Stage:
         """The stage before the trace; with ``keep`` the last of its kind in the frame."""
-        return flow.record_motions(
-            tables, shapes.rows, shapes.starts, views, self.views, shapes.known, mask, projection, keep, self.trail,
-            self._device,
-        )  # fmt: skip
+        return flow.record_motions(tables, views, mask, projection, keep, self.trail, self._device)
 
 
 class ShapesPast:
@@ -58,35 +55,36 @@ class ShapesPast:
 
     Attributes:
         known: uint8, (world,): what is known of each world's last frame, see ``kernels/views.py``.
-        rows: vec4, (world, 4 for each shape): see ``kernels.flow.write_motions``.
-        corners: ``kernels.flow.CornersBefore``, or None where no mesh moves.
+        composed: The traces compose motions; else stages before them do.
+        rows: vec4, (world, 4 for each shape): ``kernels.flow.Trail.before``.
+        next_rows: The same, ``kernels.flow.Trail.after``; empty where traces do not compose motions.
+        corners: ``kernels.corners.CornersBefore``, or None where no mesh moves.
     """
 
     def __init__(self, scene: Scene, tables: Tables):
         device = scene.device
         self.known = wp.zeros(tables.num_worlds, dtype=wp.uint8, device=device)
-        self.rows = wp.zeros((tables.num_worlds, 4 * tables.num_shapes), dtype=wp.vec4, device=device)
+        self.composed = visibility.composes(tables, device)
+        size = (tables.num_worlds, 4 * tables.num_shapes)
+        self.rows = wp.zeros(size, dtype=wp.vec4, device=device)
+        self.next_rows = wp.zeros(size if self.composed else (0, 0), dtype=wp.vec4, device=device)
         self.corners = None
         if tables.moving:
             moving = np.asarray(tables.moving)
             counts, worlds = scene.moving_faces(), _worlds_of(scene, tables)
-            self.corners = flow.corners_before(tables.meshes, moving, counts, worlds, device)
+            self.corners = corners.corners_before(tables.meshes, moving, counts, worlds, device)
         self._device = device
 
-    @property
-    def starts(self) -> wp.array:
-        return wp.empty(0, dtype=wp.int32, device=self._device) if self.corners is None else self.corners.starts
-
-    def lend(self, trail: Any, tables: Tables) -> None:
-        """Give a camera's trace what is shared."""
-        trail.known = self.known
+    def lend(self, trail: Any, tables: Tables, keep: bool) -> None:
+        """Give a camera's trace what is shared; with ``keep`` it is the last of its kind in the frame."""
+        trail.known, trail.before, trail.after, trail.keep = self.known, self.rows, self.next_rows, int(keep)
         if self.corners is not None:
-            trail.corners = self.corners.corners
+            trail.corners, trail.corner_starts = self.corners.corners, self.corners.starts
             trail.faces, trail.face_start = tables.meshes.faces, tables.meshes.face_start
 
     def record_after(self, tables: Tables, mask: wp.array) -> list[Stage]:
         """The stages after all traces."""
-        return [] if self.corners is None else [flow.record_corners(self.corners, tables.meshes, mask, self._device)]
+        return [] if self.corners is None else [corners.record_corners(self.corners, tables.meshes, mask, self._device)]
 
     def record_forget(self, mask: wp.array) -> Stage:
         """The stage after which nothing is known of the worlds that a mask has."""
@@ -99,11 +97,12 @@ def past_bytes(cameras: Mapping[str | int, Camera], scene: Scene, tables: Tables
     if not asking:
         return 0
     row = wp.types.type_size_in_bytes(wp.vec4)
-    view = wp.types.type_size_in_bytes(View) + flow.motion_rows(tables) * row
+    composed = visibility.composes(tables, scene.device)
+    view = wp.types.type_size_in_bytes(View) + (0 if composed else flow.motion_rows(tables) * row)
     each = sum(view + 2 * 4 * _kept_words(camera, tables) for camera in asking)
-    total = tables.num_worlds * (1 + each + 4 * row * tables.num_shapes)
+    total = tables.num_worlds * (1 + each + (2 if composed else 1) * 4 * row * tables.num_shapes)
     if tables.moving:
-        total += flow.corners_bytes(tables.meshes, np.asarray(tables.moving), scene.moving_faces())
+        total += corners.corners_bytes(tables.meshes, np.asarray(tables.moving), scene.moving_faces())
     return total
 
 

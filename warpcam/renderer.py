@@ -231,11 +231,12 @@ class Renderer:
             return []
         stages = []
         for number, (key, past) in enumerate(self._past):
-            self._shapes_past.lend(past.trail, tables)
-            views, projection = self._targets[key].views, self._mounted[key].projection
             last = number == len(self._past) - 1
-            stages.append(past.record(self._shapes_past, tables, views, projection, self._selection.mask, keep=last))
-        return [[stages]]
+            self._shapes_past.lend(past.trail, tables, last)
+            views, projection = self._targets[key].views, self._mounted[key].projection
+            if not self._shapes_past.composed:
+                stages.append(past.record(tables, views, projection, self._selection.mask, keep=last))
+        return [[stages]] if stages else []
 
     def _record_keeping(self, tables: Tables) -> list[list[list[Stage]]]:
         """The phase after it in which what is becomes what was, if that is not done yet."""

@@ -1,6 +1,7 @@
 // Where a block draws: one region of one view, and what the trace writes there.
 #pragma once
 #include "flow.h"
+#include "flow_motion.h"
 #include "gradient.h"
 #include "hits.h"
 #include "tiles.h"
@@ -29,35 +30,59 @@ enum Output {
 constexpr bool names_slots(int outputs) { return outputs & NORMALS; }
 
 // Where flow has what was seen, if it is wanted.
-template <bool WANTED> struct Places {
-    using type = FlowPlaces;
+template <int OUTPUTS, int WIDTH, int HEIGHT, int SHAPES, bool WANTED = (OUTPUTS & FLOWS) != 0> struct Places {
+    static constexpr bool WHOLE = (OUTPUTS & FLOW_WHOLE) != 0, NEAR = (OUTPUTS & FLOW_NEAR) != 0;
+    using type = FlowPlaces<OUTPUTS, WHOLE ? WIDTH : 0, WHOLE ? HEIGHT : 0, SHAPES, NEAR>;
 };
 struct NoPlaces {
+    static constexpr bool WHOLE = false;
 };
-template <> struct Places<false> {
+template <int OUTPUTS, int WIDTH, int HEIGHT, int SHAPES> struct Places<OUTPUTS, WIDTH, HEIGHT, SHAPES, false> {
     using type = NoPlaces;
 };
 
 // Pixel (i, j) is column i and row j of the image.
-template <int TYPES, int LENS, int OUTPUTS, int CAPACITY, class Target, class Shapes> struct Canvas {
+template <int TYPES, int LENS, int OUTPUTS, int CAPACITY, class Target, class Shapes, class Places_> struct Canvas {
     const Target& target;
     const Shapes& shapes;
     const ShapeList<CAPACITY>& list;
     const Camera& camera;
     Region region;
     int world;
-    const typename Places<(OUTPUTS & FLOWS) != 0>::type& places;
+    Places_& places;
+    static constexpr bool WHOLE = Places_::WHOLE;  // the region is an image of known size
 
     WARPCAM_FN bool inside(int i, int j) const
     {
         return (OUTPUTS & TILED) || (i < target.width && j < target.height);
     }
 
-    WARPCAM_FN unsigned at(int i, int j) const { return (unsigned(world) * target.height + j) * target.width + i; }
+    WARPCAM_FN unsigned at(int i, int j) const
+    {
+        if (WHOLE)
+            return (unsigned(world) * region.height + j) * region.width + i;
+        return (unsigned(world) * target.height + j) * target.width + i;
+    }
 
     WARPCAM_FN ViewRay<LENS> ray(int i, int j) const
     {
         return view_ray<LENS>(camera, i, j);
+    }
+
+    // What the block's last threads do while its first ones list shapes.
+    WARPCAM_FN void begin(int thread) const
+    {
+        if constexpr ((OUTPUTS & FLOWS) && (OUTPUTS & FLOW_LISTED))
+            compose_motions<OUTPUTS, TYPES, LENS>(target.trail, shapes, camera, places.then, world,
+                                                  target.trail.keep && region.left == 0 && region.top == 0, thread,
+                                                  places.near_motions);
+    }
+
+    // What was on its way is there, once the threads of the block have met.
+    WARPCAM_FN void ready() const
+    {
+        if (OUTPUTS & FLOW_NEAR)
+            await_rows();
     }
 
     // What a ray has met before a pass: nothing that is new. No ray outside of the image meets anything.
@@ -65,7 +90,7 @@ template <int TYPES, int LENS, int OUTPUTS, int CAPACITY, class Target, class Sh
     {
         if constexpr ((OUTPUTS & FLOW_VALID) != 0)
             if (inside(i, j))
-                expect_flow<OUTPUTS>(target.trail, places, i, j);
+                places.expect(target.trail, i, j);
         Hit hit { inside(i, j) ? camera.far : -1.0f, -1, -1 };
         if (LENS == RAYS && ray(i, j).x >= BLIND)
             hit.depth = -1.0f;

@@ -334,8 +334,11 @@ WARPCAM_FN void draw_splat_pixel(const Scene& scene, const Cloud* clouds, int nu
         images.instances.data[at] = row_of(images.instance_of, world, hit.shape);
     if (WANTED & SPLAT_SEMANTICS)
         images.semantics.data[at] = row_of(images.semantic_of, world, hit.shape);
-    if constexpr ((WANTED & FLOWS) != 0)
-        put_flow<0, LENS, WANTED>(scene.frame.trail, flow_places<WANTED>(scene.frame.trail, world), scene.shapes, camera, seen, hit, world, column, row, at);
+    if constexpr ((WANTED & FLOWS) != 0) {
+        FlowPlaces<WANTED> places;
+        places.locate(scene.frame.trail, world);
+        put_flow<0, LENS, WANTED>(scene.frame.trail, places, scene.shapes, camera, seen, hit, world, column, row, at);
+    }
 }
 
 // Draws one region of one view; `index` counts worlds, then regions, then (CUDA) threads of the block. CAPACITY: clouds.

@@ -72,7 +72,8 @@ WARPCAM_FN void draw_tiles(ShapeList<CAPACITY>& list, const Canvas_& canvas, con
         const int tile = __shfl_sync(ALL, lane == 0 ? draw_next(list.next_tile) : 0, 0);
         if (tile >= tiles)
             return false;
-        const int row = int((float(tile) + 0.5f) * per_row), column = tile - row * across;
+        const int row = Canvas_::WHOLE ? unsigned(tile) / unsigned(across) : int((float(tile) + 0.5f) * per_row);
+        const int column = tile - row * across;
         const int i = region.left + column * TILE_WIDTH + lane % TILE_WIDTH;
         const int j = region.top + row * TILE_HEIGHT + lane / TILE_WIDTH;
         const auto ray = canvas.ray(i, j);
@@ -153,6 +154,7 @@ WARPCAM_FN void draw_region(ShapeList<CAPACITY>& list, const Canvas_& canvas, co
             list.next_tile = 0;
         }
         block_barrier();
+        canvas.begin(thread);
         if (!blind)
             begin = gather<TYPES, LENS, SLOTS>(list, begin, shapes, meshes, fields, hidden, canvas.camera,
                                                canvas.region, world, thread);
@@ -168,6 +170,7 @@ WARPCAM_FN void draw_region(ShapeList<CAPACITY>& list, const Canvas_& canvas, co
         }
         if constexpr ((TYPES >> MESH & 1) && LENS == PINHOLE)
             leave_out_housings<TYPES>(list, meshes, rays_of_region(canvas.camera, canvas.region), thread);
+        canvas.ready();
         sort_by_depth(list, thread);
         block_barrier();
         draw_tiles<TYPES, LENS>(list, canvas, meshes, fields, !SEVERAL || first);
@@ -187,19 +190,27 @@ WARPCAM_FN void draw(const Shapes& shapes, const Materials& materials, const Mes
     WARPCAM_SHARED ShapeList<CAPACITY> list;
     alignas(16) WARPCAM_SHARED Camera camera;  // kept in registers it would be spilled
     const int thread = index % THREADS;
-    int world;
-    const Region region = region_of<WIDTH, HEIGHT, (TYPES >> MOVING & 1) != 0>(target, index / THREADS, world);
+    int world = index / THREADS;
+    Region region { 0, 0, WIDTH, HEIGHT };
+    if constexpr (!(OUTPUTS & FLOW_WHOLE))
+        region = region_of<WIDTH, HEIGHT, (TYPES >> MOVING & 1) != 0>(target, index / THREADS, world);
     if (!wp::index(target.mask, world))
         return;
     constexpr bool FLOWING = (OUTPUTS & FLOWS) != 0;
-    WARPCAM_SHARED typename Places<FLOWING>::type places;
+    using Near = typename Places<OUTPUTS, WIDTH, HEIGHT, (OUTPUTS & FLOW_LISTED) ? CAPACITY : 0>::type;
+    WARPCAM_SHARED Near places;
     if (thread == 0) {
         camera = load_camera(wp::index(views, world));
         if constexpr (FLOWING)
-            places = flow_places<OUTPUTS>(target.trail, world);
+            places.locate(target.trail, world);
     }
+    if constexpr (FLOWING && (OUTPUTS & FLOW_LISTED))
+        if (thread == THREADS / 2)
+            places.then = load_camera(wp::index(target.trail.views_before, world));
     block_barrier();
-    const Canvas<TYPES, LENS, OUTPUTS, CAPACITY, Target, Shapes> canvas {
+    if constexpr (FLOWING)
+        places.fetch(thread);
+    const Canvas<TYPES, LENS, OUTPUTS, CAPACITY, Target, Shapes, Near> canvas {
         target, shapes, list, camera, region, world, places
     };
     const auto hidden = [&](int id) {
