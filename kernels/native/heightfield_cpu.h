@@ -1,47 +1,9 @@
 // Height fields on a CPU: the walk of heightfield.h for eight rays of a tile at once.
 #pragma once
+#include "eight.h"
 #include "heightfield.h"
 
 namespace warpcam {
-
-constexpr int PACKET = 8;  // rays
-typedef float Floats __attribute__((ext_vector_type(PACKET)));
-typedef int Ints __attribute__((ext_vector_type(PACKET)));
-
-inline Floats lower(Floats a, Floats b) { return a < b ? a : b; }
-inline Floats upper(Floats a, Floats b) { return a > b ? a : b; }
-inline Floats magnitude(Floats a) { return __builtin_elementwise_abs(a); }
-
-inline Floats muladd(Floats a, Floats b, Floats c)
-{
-#if defined(__FMA__)
-    return __builtin_elementwise_fma(a, b, c);
-#else
-    return a * b + c;
-#endif
-}
-
-// Is an element true (all ones)?
-inline bool any_of(Ints truth)
-{
-#if defined(__AVX__)
-    return __builtin_ia32_movmskps256((Floats)truth) != 0;
-#else
-    return __builtin_reduce_or(truth) != 0;
-#endif
-}
-
-inline Floats gather(const float* entries, Ints at)
-{
-#if defined(__AVX2__)
-    return __builtin_ia32_gatherd_ps256((Floats)0.0f, entries, at, (Floats)(Ints)-1, 4);
-#else
-    Floats r;
-    for (int k = 0; k < PACKET; ++k)
-        r[k] = entries[at[k]];
-    return r;
-#endif
-}
 
 struct Planes {
     Floats height, rise_x, rise_y, fold;

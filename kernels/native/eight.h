@@ -1,0 +1,139 @@
+// Eight numbers at once, on a CPU.
+#pragma once
+#include "vectors.h"
+
+namespace warpcam {
+
+constexpr int PACKET = 8;
+typedef float Floats __attribute__((ext_vector_type(PACKET)));
+typedef int Ints __attribute__((ext_vector_type(PACKET)));
+
+inline Floats lower(Floats a, Floats b) { return a < b ? a : b; }
+inline Floats upper(Floats a, Floats b) { return a > b ? a : b; }
+inline Ints lower(Ints a, Ints b) { return a < b ? a : b; }
+inline Ints upper(Ints a, Ints b) { return a > b ? a : b; }
+inline Floats magnitude(Floats a) { return __builtin_elementwise_abs(a); }
+inline Floats root(Floats a) { return __builtin_elementwise_sqrt(a); }
+inline Floats reciprocal(Floats a) { return 1.0f / a; }
+inline Floats inverse_root(Floats a) { return 1.0f / root(a); }
+inline Floats round_down(Floats a) { return __builtin_elementwise_floor(a); }
+inline Floats sign(Floats a) { return a < 0.0f ? (Floats)-1.0f : (Floats)1.0f; }
+inline Floats between(Floats a, Floats low, Floats high) { return lower(upper(a, low), high); }
+inline Ints between(Ints a, Ints low, Ints high) { return lower(upper(a, low), high); }
+inline Floats saturated(Floats a) { return between(a, (Floats)0.0f, (Floats)1.0f); }
+inline Floats fraction(Floats a) { return saturated(a - round_down(a)); }
+inline Floats to_floats(Ints a) { return __builtin_convertvector(a, Floats); }
+inline Ints to_whole(Floats a) { return __builtin_convertvector(a, Ints); }  // towards 0
+
+inline Floats muladd(Floats a, Floats b, Floats c)
+{
+#if defined(__FMA__)
+    return __builtin_elementwise_fma(a, b, c);
+#else
+    return a * b + c;
+#endif
+}
+
+// Is an element true (all ones)?
+inline bool any_of(Ints truth)
+{
+#if defined(__AVX__)
+    return __builtin_ia32_movmskps256((Floats)truth) != 0;
+#else
+    return __builtin_reduce_or(truth) != 0;
+#endif
+}
+
+inline Floats gather(const float* entries, Ints at)
+{
+#if defined(__AVX2__)
+    return __builtin_ia32_gatherd_ps256((Floats)0.0f, entries, at, (Floats)(Ints)-1, 4);
+#else
+    Floats r;
+    for (int k = 0; k < PACKET; ++k)
+        r[k] = entries[at[k]];
+    return r;
+#endif
+}
+
+inline Ints gather(const int* entries, Ints at)
+{
+#if defined(__AVX2__)
+    typedef int Whole __attribute__((vector_size(32)));
+    return (Ints)__builtin_ia32_gatherd_d256((Whole)(Ints)0, entries, (Whole)at, (Whole)(Ints)-1, 4);
+#else
+    Ints r;
+    for (int k = 0; k < PACKET; ++k)
+        r[k] = entries[at[k]];
+    return r;
+#endif
+}
+
+// Of normal numbers above zero: to two units in the last place of 1, or of itself where it is more.
+inline Floats logarithm2(Floats a)
+{
+    constexpr int HALF_ROOT = 0x3f3504f3;  // bits of the square root of a half, where the fractions begin
+    const Ints bits = (Ints)a - HALF_ROOT;
+    const Floats part = (Floats)((bits & 0x7fffff) + HALF_ROOT), s = (part - 1.0f) / (part + 1.0f), square = s * s;
+    const Floats series = 2.885390082f + square * (0.961796694f + square * (0.577078016f + square * 0.412198583f));
+    return to_floats(bits >> 23) + s * series;
+}
+
+inline Floats power_of_two(Floats a)
+{
+    a = between(a, (Floats)-126.0f, (Floats)127.0f);
+    const Floats whole = round_down(a + 0.5f), x = a - whole;
+    const Floats series = 1.0f
+        + x * (0.693147182f
+               + x * (0.240226507f + x * (0.0555041087f + x * (0.00961812911f + x * (0.00133335581f + x * 0.00015403530f)))));
+    return series * (Floats)((to_whole(whole) + 127) << 23);
+}
+
+inline Floats power(Floats base, float exponent) { return power_of_two(exponent * logarithm2(base)); }
+
+// Eight vectors.
+struct Vecs {
+    Floats x, y, z;
+};
+
+inline Vecs operator+(Vecs a, Vecs b) { return { a.x + b.x, a.y + b.y, a.z + b.z }; }
+inline Vecs operator-(Vecs a, Vecs b) { return { a.x - b.x, a.y - b.y, a.z - b.z }; }
+inline Vecs operator-(Vecs a) { return { -a.x, -a.y, -a.z }; }
+inline Vecs operator*(Floats s, Vecs a) { return { s * a.x, s * a.y, s * a.z }; }
+inline Vecs times(Vecs a, Vecs b) { return { a.x * b.x, a.y * b.y, a.z * b.z }; }
+inline Floats dot(Vecs a, Vecs b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
+inline Vecs cross(Vecs a, Vecs b)
+{
+    return { a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x };
+}
+inline Vecs chosen(Ints truth, Vecs a, Vecs b)
+{
+    return { truth ? a.x : b.x, truth ? a.y : b.y, truth ? a.z : b.z };
+}
+inline Vecs normalized(Vecs a) { return inverse_root(upper(dot(a, a), (Floats)TINY)) * a; }
+inline Vecs clip(Vecs a) { return { saturated(a.x), saturated(a.y), saturated(a.z) }; }
+inline Vecs divided(Vecs a, Vecs b) { return { a.x / b.x, a.y / b.y, a.z / b.z }; }
+inline Floats component(Vecs v, Ints axis) { return axis == 0 ? v.x : axis == 1 ? v.y : v.z; }
+
+// The same vector eight times.
+inline Vecs eight_of(Vec v) { return { (Floats)v.x, (Floats)v.y, (Floats)v.z }; }
+
+// One of them.
+inline Vec one_of(const Vecs& v, int k) { return { v.x[k], v.y[k], v.z[k] }; }
+
+inline void put_one(Vecs& v, int k, Vec value)
+{
+    v.x[k] = value.x;
+    v.y[k] = value.y;
+    v.z[k] = value.z;
+}
+
+// Colours as the bytes R, G, B of words.
+inline Ints to_bytes(Vecs color)
+{
+    const Vecs steps { saturated(color.x) * 255.0f + 0.5f, saturated(color.y) * 255.0f + 0.5f,
+                       saturated(color.z) * 255.0f + 0.5f };
+    return to_whole(steps.x) | to_whole(steps.y) << 8 | to_whole(steps.z) << 16;
+}
+
+}  // namespace warpcam
