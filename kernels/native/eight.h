@@ -44,6 +44,28 @@ inline bool any_of(Ints truth)
 #endif
 }
 
+// The same of each, a bit.
+inline unsigned bits_of(Ints truth)
+{
+#if defined(__AVX__)
+    return unsigned(__builtin_ia32_movmskps256((Floats)truth));
+#else
+    unsigned bits = 0;
+    for (int k = 0; k < PACKET; ++k)
+        bits |= truth[k] ? 1u << k : 0u;
+    return bits;
+#endif
+}
+
+inline float least_of(Floats a)
+{
+    typedef float Four __attribute__((ext_vector_type(4)));
+    typedef float Two __attribute__((ext_vector_type(2)));
+    const Four four = a.lo < a.hi ? a.lo : a.hi;
+    const Two two = four.lo < four.hi ? four.lo : four.hi;
+    return two.x < two.y ? two.x : two.y;
+}
+
 inline Floats gather(const float* entries, Ints at)
 {
 #if defined(__AVX2__)
