@@ -66,29 +66,17 @@ inline float least_of(Floats a)
     return two.x < two.y ? two.x : two.y;
 }
 
+// One by one: on many processors quicker than their instructions for it.
 inline Floats gather(const float* entries, Ints at)
 {
-#if defined(__AVX2__)
-    return __builtin_ia32_gatherd_ps256((Floats)0.0f, entries, at, (Floats)(Ints)-1, 4);
-#else
-    Floats r;
-    for (int k = 0; k < PACKET; ++k)
-        r[k] = entries[at[k]];
-    return r;
-#endif
+    return { entries[at[0]], entries[at[1]], entries[at[2]], entries[at[3]],
+             entries[at[4]], entries[at[5]], entries[at[6]], entries[at[7]] };
 }
 
 inline Ints gather(const int* entries, Ints at)
 {
-#if defined(__AVX2__)
-    typedef int Whole __attribute__((vector_size(32)));
-    return (Ints)__builtin_ia32_gatherd_d256((Whole)(Ints)0, entries, (Whole)at, (Whole)(Ints)-1, 4);
-#else
-    Ints r;
-    for (int k = 0; k < PACKET; ++k)
-        r[k] = entries[at[k]];
-    return r;
-#endif
+    return { entries[at[0]], entries[at[1]], entries[at[2]], entries[at[3]],
+             entries[at[4]], entries[at[5]], entries[at[6]], entries[at[7]] };
 }
 
 // Of normal numbers above zero: to two units in the last place of 1, or of itself where it is more.
@@ -101,9 +89,10 @@ inline Floats logarithm2(Floats a)
     return to_floats(bits >> 23) + s * series;
 }
 
+// Never so small that products with it are not normal numbers: these would take a hundred times longer.
 inline Floats power_of_two(Floats a)
 {
-    a = between(a, (Floats)-126.0f, (Floats)127.0f);
+    a = between(a, (Floats)-64.0f, (Floats)127.0f);
     const Floats whole = round_down(a + 0.5f), x = a - whole;
     const Floats series = 1.0f
         + x * (0.693147182f

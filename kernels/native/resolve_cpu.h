@@ -34,26 +34,38 @@ template <int ROOM> struct Sorted {
         for (unsigned slot = 0; slot < SLOTS; ++slot)
             table[slot] = -1;
         count = 0;
-        int last = -1, last_group = find(-1);
+        int last = -1, last_group = find(-1), run = 0;
         for (int row = 0; row < rows; ++row)
             for (int column = 0; column < width; ++column) {
                 const int id = ids.data[first + size_t(row) * pitch + column], shape = id < 0 ? -1 : id;
-                if (shape != last)
+                if (shape != last) {
+                    ends[last_group] += run;
+                    last = shape;
                     last_group = find(shape);
-                last = shape;
+                    run = 0;
+                }
+                ++run;
                 group[row * WIDTH + column] = short(last_group);
-                ++ends[last_group];
             }
+        ends[last_group] += run;
         for (int g = 0, sum = 0; g < count; ++g) {
             const int size = ends[g];
             ends[g] = sum;  // grows to its end below
             sum += size;
         }
+        int at = ends[0];
+        last_group = 0;
         for (int row = 0; row < rows; ++row)
             for (int column = 0; column < width; ++column) {
                 const int pixel = row * WIDTH + column;
-                order[ends[group[pixel]]++] = short(pixel);
+                if (group[pixel] != last_group) {
+                    ends[last_group] = at;
+                    last_group = group[pixel];
+                    at = ends[last_group];
+                }
+                order[at++] = short(pixel);
             }
+        ends[last_group] = at;
     }
 };
 
