@@ -79,6 +79,63 @@ inline Ints gather(const int* entries, Ints at)
              entries[at[4]], entries[at[5]], entries[at[6]], entries[at[7]] };
 }
 
+struct Columns {
+    Floats a, b, c, d;
+};
+
+// Rows of four, transposed.
+inline Columns gather_rows(const float* rows, Ints at)
+{
+    typedef float Four __attribute__((ext_vector_type(4)));
+    Floats pairs[4];  // rows k and k + 4
+    for (int k = 0; k < 4; ++k) {
+        Four a, b;
+        __builtin_memcpy(&a, rows + 4 * size_t(unsigned(at[k])), sizeof a);
+        __builtin_memcpy(&b, rows + 4 * size_t(unsigned(at[k + 4])), sizeof b);
+        pairs[k] = __builtin_shufflevector(a, b, 0, 1, 2, 3, 4, 5, 6, 7);
+    }
+    const Floats low01 = __builtin_shufflevector(pairs[0], pairs[1], 0, 8, 1, 9, 4, 12, 5, 13);
+    const Floats low23 = __builtin_shufflevector(pairs[2], pairs[3], 0, 8, 1, 9, 4, 12, 5, 13);
+    const Floats high01 = __builtin_shufflevector(pairs[0], pairs[1], 2, 10, 3, 11, 6, 14, 7, 15);
+    const Floats high23 = __builtin_shufflevector(pairs[2], pairs[3], 2, 10, 3, 11, 6, 14, 7, 15);
+    return { __builtin_shufflevector(low01, low23, 0, 1, 8, 9, 4, 5, 12, 13),
+             __builtin_shufflevector(low01, low23, 2, 3, 10, 11, 6, 7, 14, 15),
+             __builtin_shufflevector(high01, high23, 0, 1, 8, 9, 4, 5, 12, 13),
+             __builtin_shufflevector(high01, high23, 2, 3, 10, 11, 6, 7, 14, 15) };
+}
+
+// Each entry, and the one after it.
+inline void gather_pairs(const int* entries, Ints at, Ints& first, Ints& second)
+{
+    typedef int Two __attribute__((ext_vector_type(2)));
+    Two pairs[PACKET];
+    for (int k = 0; k < PACKET; ++k)
+        __builtin_memcpy(pairs + k, entries + at[k], sizeof(Two));
+    const auto four = [&](int k) {
+        const auto low = __builtin_shufflevector(pairs[k], pairs[k + 1], 0, 1, 2, 3);
+        return __builtin_shufflevector(low, __builtin_shufflevector(pairs[k + 4], pairs[k + 5], 0, 1, 2, 3), 0, 1, 2, 3, 4,
+                                       5, 6, 7);
+    };
+    const Ints even = four(0), odd = four(2);
+    first = __builtin_shufflevector(even, odd, 0, 2, 8, 10, 4, 6, 12, 14);
+    second = __builtin_shufflevector(even, odd, 1, 3, 9, 11, 5, 7, 13, 15);
+}
+
+// Entries of a table of 16.
+inline Ints look_up(const int* table, Ints at)
+{
+#if defined(__AVX2__)
+    typedef int Whole __attribute__((vector_size(32)));
+    Whole low, high;
+    __builtin_memcpy(&low, table, sizeof low);
+    __builtin_memcpy(&high, table + PACKET, sizeof high);
+    const Ints below = (Ints)__builtin_ia32_permvarsi256(low, (Whole)at);
+    return at < PACKET ? below : (Ints)__builtin_ia32_permvarsi256(high, (Whole)at);
+#else
+    return gather(table, at);
+#endif
+}
+
 // Of normal numbers above zero: to two units in the last place of 1, or of itself where it is more.
 inline Floats logarithm2(Floats a)
 {

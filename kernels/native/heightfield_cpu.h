@@ -9,25 +9,10 @@ struct Planes {
     Floats height, rise_x, rise_y, fold;
 };
 
-// Rows of four, transposed.
-inline Planes gather_rows(const float* rows, Ints at)
+inline Planes gather_planes(const float* cells, Ints at)
 {
-    typedef float Four __attribute__((ext_vector_type(4)));
-    Floats pairs[4];  // rows k and k + 4
-    for (int k = 0; k < 4; ++k) {
-        Four a, b;
-        __builtin_memcpy(&a, rows + 4 * size_t(unsigned(at[k])), sizeof a);
-        __builtin_memcpy(&b, rows + 4 * size_t(unsigned(at[k + 4])), sizeof b);
-        pairs[k] = __builtin_shufflevector(a, b, 0, 1, 2, 3, 4, 5, 6, 7);
-    }
-    const Floats low01 = __builtin_shufflevector(pairs[0], pairs[1], 0, 8, 1, 9, 4, 12, 5, 13);
-    const Floats low23 = __builtin_shufflevector(pairs[2], pairs[3], 0, 8, 1, 9, 4, 12, 5, 13);
-    const Floats high01 = __builtin_shufflevector(pairs[0], pairs[1], 2, 10, 3, 11, 6, 14, 7, 15);
-    const Floats high23 = __builtin_shufflevector(pairs[2], pairs[3], 2, 10, 3, 11, 6, 14, 7, 15);
-    return { __builtin_shufflevector(low01, low23, 0, 1, 8, 9, 4, 5, 12, 13),
-             __builtin_shufflevector(low01, low23, 2, 3, 10, 11, 6, 7, 14, 15),
-             __builtin_shufflevector(high01, high23, 0, 1, 8, 9, 4, 5, 12, 13),
-             __builtin_shufflevector(high01, high23, 2, 3, 10, 11, 6, 7, 14, 15) };
+    const Columns four = gather_rows(cells, at);
+    return { four.a, four.b, four.c, four.d };
 }
 
 inline Floats line_of(Ints code) { return (Floats)code - INDEX_BASE; }
@@ -135,7 +120,7 @@ inline void walk_packet(const HeightFields& fields, const Record& record, const 
             return;
         const Floats next = lower(lower(x.leaves(line_of(i)), y.leaves(line_of(j))), end);
         const Ints cell = walks ? ((j ^ y.flip) & INDEX) * columns + ((i ^ x.flip) & INDEX) : 0;
-        const Planes plane = gather_rows(cells, cell);
+        const Planes plane = gather_planes(cells, cell);
         const Floats u = x.place(t, i), v = y.place(t, j), side = u - v;
         const Floats span = next - t, to_fold = side * unturn;
         const Ints split = (to_fold > 0.0f) & (to_fold < span);

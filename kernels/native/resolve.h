@@ -377,21 +377,18 @@ WARPCAM_FN void resolve(const Scene_& scene, const Lights& lights, int index)
             sorted.template sort<WIDTH>(frame.shape, corner, frame.width, width, rows);
             paint_sorted<TYPES, IMAGES, FACTS, WIDTH, ROWS * WIDTH, !APART>(sorted, list, scene, camera, world, corner, x, y,
                                                                            look_at, painted);
-            for (int row = 0; row < rows; ++row)
-                for (int column = 0; column < width; ++column) {
-                    pixel.row = start + row;
-                    pixel.column = left + column;
-                    pixel.at = unsigned(corner) + row * frame.width + column;
-                    const int place = row * WIDTH + column;
-                    if constexpr (APART) {
-                        const Seen solid = find<TYPES, IMAGES, FACTS>(frame, pixel);
-                        Shown shown = painted.shown(place);
-                        finish_pixel<TYPES, LENS, HELD, IMAGES, FACTS>(looks, list, scene, kept_camera, veils, region,
-                                                                       world, pixel, x[column], y[row], solid, shown);
-                    } else {
-                        painted.write(scene.images, pixel, place, frame.shape.data[pixel.at] >= 0);
-                    }
+            for (int row = 0; row < rows; ++row) {
+                const size_t at = corner + size_t(row) * frame.width;
+                if constexpr (!APART)
+                    painted.write(scene.images, frame.shape, at, row * WIDTH, width);
+                for (int column = 0; APART && column < width; ++column) {
+                    pixel = { left + column, start + row, unsigned(at) + column, true };
+                    const Hit solid = find<TYPES, IMAGES, FACTS>(frame, pixel);
+                    Shown shown = painted.shown(row * WIDTH + column);
+                    finish_pixel<TYPES, LENS, HELD, IMAGES, FACTS>(looks, list, scene, kept_camera, veils, region, world,
+                                                                   pixel, x[column], y[row], solid, shown);
                 }
+            }
         }
     } else {
         for (pixel.row = top; pixel.row < lower_int(top + HEIGHT, frame.height); ++pixel.row)

@@ -10,10 +10,12 @@ namespace warpcam {
 // Pixels by shape. Those that see nothing are a shape of their own, -1.
 template <int ROOM> struct Sorted {
     static constexpr unsigned SLOTS = 2 * ROOM;
-    short group[ROOM];  // by pixel
     short order[ROOM];  // pixels, group after group
     int shapes[ROOM], ends[ROOM];  // by group; where its pixels end
     short table[SLOTS];  // groups by a hash of their shape; -1: free
+    struct Run {
+        short group, first, end;  // pixels of one row
+    } runs[ROOM];
     int count;
 
     int find(int shape)
@@ -34,40 +36,37 @@ template <int ROOM> struct Sorted {
         for (unsigned slot = 0; slot < SLOTS; ++slot)
             table[slot] = -1;
         count = 0;
-        int last = -1, last_group = find(-1), run = 0;
-        for (int row = 0; row < rows; ++row)
-            for (int column = 0; column < width; ++column) {
-                const int id = ids.data[first + size_t(row) * pitch + column], shape = id < 0 ? -1 : id;
-                if (shape != last) {
-                    ends[last_group] += run;
-                    last = shape;
-                    last_group = find(shape);
-                    run = 0;
-                }
-                ++run;
-                group[row * WIDTH + column] = short(last_group);
+        int total = 0, last = -1, group = find(-1);
+        for (int row = 0; row < rows; ++row) {
+            const auto* const line = ids.data + first + size_t(row) * pitch;
+            for (int column = 0, end; column < width; column = end) {
+                const auto id = line[column];
+                for (end = column + 1; end < width && line[end] == id; ++end) { }
+                const int shape = id < 0 ? -1 : int(id);
+                if (shape != last)
+                    group = find(shape);
+                last = shape;
+                runs[total++] = { short(group), short(row * WIDTH + column), short(row * WIDTH + end) };
+                ends[group] += end - column;
             }
-        ends[last_group] += run;
+        }
         for (int g = 0, sum = 0; g < count; ++g) {
             const int size = ends[g];
             ends[g] = sum;  // grows to its end below
             sum += size;
         }
-        int at = ends[0];
-        last_group = 0;
-        for (int row = 0; row < rows; ++row)
-            for (int column = 0; column < width; ++column) {
-                const int pixel = row * WIDTH + column;
-                if (group[pixel] != last_group) {
-                    ends[last_group] = at;
-                    last_group = group[pixel];
-                    at = ends[last_group];
-                }
-                order[at++] = short(pixel);
-            }
-        ends[last_group] = at;
+        for (int i = 0; i < total; ++i) {
+            const Run run = runs[i];
+            short* const to = order + ends[run.group];
+            ends[run.group] += run.end - run.first;
+            for (int k = run.first; k < run.end; ++k)
+                to[k - run.first] = short(k);
+        }
     }
 };
+
+// Whether eight pixels of a group, which stand in order, follow each other.
+inline bool in_a_row(const short* pixels) { return pixels[PACKET - 1] - pixels[0] == PACKET - 1; }
 
 // What the pixels of a few rows show. APART: as numbers, for what else covers them; else as bytes.
 template <int ROOM, int IMAGES, bool APART> struct Painted {
@@ -86,9 +85,12 @@ template <int ROOM, int IMAGES, bool APART> struct Painted {
             for (int k = 0; k < count; ++k)
                 display[pixels[k]] = one_of(own_display, k);
         if constexpr (WORDS) {
-            const Ints bytes = to_bytes(own_display);
-            for (int k = 0; k < count; ++k)
-                words[pixels[k]] = unsigned(bytes[k]) | alpha;
+            const Ints bytes = to_bytes(own_display) | int(alpha);
+            if (count == PACKET && in_a_row(pixels))
+                __builtin_memcpy(words + pixels[0], &bytes, sizeof bytes);
+            else
+                for (int k = 0; k < count; ++k)
+                    words[pixels[k]] = unsigned(bytes[k]);
         }
     }
 
@@ -109,18 +111,44 @@ template <int ROOM, int IMAGES, bool APART> struct Painted {
         return (1.0f / 255.0f) * Vec { float(word & 0xff), float(word >> 8 & 0xff), float(word >> 16 & 0xff) };
     }
 
-    template <class Images> void write(const Images& images, const Pixel& pixel, int place, bool hit) const
+    // Writes a row of pixels that begins at `at`.
+    template <class Images, class Ids> void write(const Images& images, const Ids& ids, size_t at, int place, int width) const
     {
-        if (IMAGES & NORMALS)
-            put_vec<false>(images.normals, pixel, hit ? normal[place] : Vec { 0.0f, 0.0f, 0.0f });
-        if (IMAGES & ALBEDO)
-            put_bytes<false>(images.albedo, pixel, hit ? albedo[place] : 0u);
-        if (IMAGES & HDR)
-            put_vec<false>(images.hdr, pixel, linear[place]);
-        if (IMAGES & RGB)
-            put_bytes<false>(images.rgb, pixel, words[place]);
-        if (IMAGES & RGBA)
-            put_word(images.rgba, pixel, words[place]);
+        if constexpr (WORDS && (IMAGES & RGB))
+            put_colors(images.rgb.data + 3 * at, words + place, width);
+        if constexpr (WORDS && (IMAGES & RGBA))
+            __builtin_memcpy(images.rgba.data + 4 * at, words + place, 4 * size_t(width));
+        if constexpr ((IMAGES & HDR) != 0)
+            __builtin_memcpy(images.hdr.data + 3 * at, linear + place, sizeof(Vec) * width);
+        if constexpr ((IMAGES & (NORMALS | ALBEDO)) != 0)
+            for (int k = 0; k < width; ++k) {
+                const bool hit = ids.data[at + k] >= 0;
+                if constexpr ((IMAGES & NORMALS) != 0)
+                    put_three(images.normals.data, unsigned(at) + k, hit ? normal[place + k] : Vec { 0.0f, 0.0f, 0.0f });
+                if constexpr ((IMAGES & ALBEDO) != 0)
+                    put_color(images.albedo.data + 3 * (at + k), hit ? albedo[place + k] : 0u);
+            }
+    }
+
+    static void put_color(unsigned char* to, unsigned word)
+    {
+        for (int k = 0; k < 3; ++k)
+            to[k] = static_cast<unsigned char>(word >> 8 * k);
+    }
+
+    static void put_colors(unsigned char* to, const unsigned* from, int count)
+    {
+        typedef unsigned char Bytes __attribute__((ext_vector_type(32)));
+        int done = 0;
+        for (; done + PACKET <= count; done += PACKET) {
+            Bytes bytes;
+            __builtin_memcpy(&bytes, from + done, sizeof bytes);
+            bytes = __builtin_shufflevector(bytes, bytes, 0, 1, 2, 4, 5, 6, 8, 9, 10, 12, 13, 14, 16, 17, 18, 20, 21, 22, 24,
+                                            25, 26, 28, 29, 30, -1, -1, -1, -1, -1, -1, -1, -1);
+            __builtin_memcpy(to + 3 * done, &bytes, 3 * PACKET);
+        }
+        for (; done < count; ++done)
+            put_color(to + 3 * done, from[done]);
     }
 };
 
@@ -251,16 +279,29 @@ inline void paint_sorted(const Sorted<ROOM>& sorted, const List& lights, const S
         for (int done = 0; done < total; done += PACKET) {
             EightHits hits;
             hits.shadow = 0;
-            for (int k = 0; k < PACKET; ++k) {
-                const int pixel = pixels[lower_int(done + k, total - 1)];
-                const size_t at = first + size_t(pixel / WIDTH) * frame.width + pixel % WIDTH;
-                hits.x[k] = x[pixel % WIDTH];
-                hits.y[k] = y[pixel / WIDTH];
-                hits.depth[k] = frame.depth.data[at];
+            const auto load = [&](int k, size_t at) {
                 if ((TYPES & (1 << MESH | 1 << HEIGHT_FIELD)) != 0)
                     hits.faces[k] = frame.face.data[at];
                 if (Wants::LIT && (FACTS & HAS_SHADOWS))
                     hits.shadow[k] = frame.shadow.data[at];
+            };
+            const int row = pixels[done] / WIDTH, column = pixels[done] % WIDTH;
+            if (done + PACKET <= total && column + PACKET <= WIDTH && in_a_row(pixels + done)) {
+                const size_t at = first + size_t(row) * frame.width + column;
+                __builtin_memcpy(&hits.x, x + column, sizeof hits.x);
+                hits.y = y[row];
+                __builtin_memcpy(&hits.depth, frame.depth.data + at, sizeof hits.depth);
+                for (int k = 0; k < PACKET; ++k)
+                    load(k, at + k);
+            } else {
+                for (int k = 0; k < PACKET; ++k) {
+                    const int pixel = pixels[lower_int(done + k, total - 1)];
+                    const size_t at = first + size_t(pixel / WIDTH) * frame.width + pixel % WIDTH;
+                    hits.x[k] = x[pixel % WIDTH];
+                    hits.y[k] = y[pixel / WIDTH];
+                    hits.depth[k] = frame.depth.data[at];
+                    load(k, at);
+                }
             }
             paint_eight<TYPES, IMAGES, FACTS>(look, textured ? &levels : nullptr, id, lights, scene, camera, gain, hits,
                                               pixels + done, lower_int(PACKET, total - done), painted);

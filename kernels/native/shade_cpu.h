@@ -202,6 +202,15 @@ struct OnCornersOfEight {
     Ints first, second, third, inside;
     Floats weight1, weight2, weight3;
 
+    // Rows of FEW numbers.
+    Columns few(const float* values) const
+    {
+        const Columns a = gather_rows(values, first >> 2), b = gather_rows(values, second >> 2);
+        const Columns c = gather_rows(values, third >> 2);
+        return { weight1 * a.a + weight2 * b.a + weight3 * c.a, weight1 * a.b + weight2 * b.b + weight3 * c.b,
+                 weight1 * a.c + weight2 * b.c + weight3 * c.c, weight1 * a.d + weight2 * b.d + weight3 * c.d };
+    }
+
     Floats shown(const float* values) const
     {
         return weight1 * gather(values, first) + weight2 * gather(values, second) + weight3 * gather(values, third);
@@ -240,6 +249,13 @@ template <class Grid> inline Vecs light_from_corners(const Grid& grid, const OnC
     const float* const values = grid.values;
     const Floats none = 0.0f;
     const int casting = Grid::SHADOWS ? grid.casting : 0;
+    if (Grid::SHADOWS && grid.few) {
+        static_assert(FEW == 4);
+        const Columns lights = on.few(values);
+        const auto lit = [&](int n, Floats light) { return (shadow & grid.bits[n]) != 0 ? none : light; };
+        const Floats sum = lights.a + lit(0, lights.b) + lit(1, lights.c) + lit(2, lights.d);
+        return { sum, sum, sum };
+    }
     if (grid.grey) {
         Floats sum = on.shown(values);
         for (int n = 0; n < casting; ++n)

@@ -34,37 +34,46 @@ inline Floats levels_of_detail(Floats right, Floats down, int levels)
     return longer > 1.0f ? level : (Floats)0.0f;
 }
 
-// Adds the colours of texels.
-inline void add_texels(const unsigned* texels, Ints at, Floats weight, Vecs& sum)
+inline void add_texels(Ints texel, Floats weight, Vecs& sum)
 {
-    const Ints texel = gather(reinterpret_cast<const int*>(texels), at);
     sum.x += weight * to_floats(texel & 0xff);
     sum.y += weight * to_floats(texel >> 8 & 0xff);
     sum.z += weight * to_floats(texel >> 16 & 0xff);
 }
 
-inline void add_quads(const unsigned* texels, const Ints* quad, Floats x, Floats y, Floats total, Vecs& sum)
+// Adds the colours of four neighbours: two above, two below. JOINED: these stand beside each other.
+inline void add_quads(const unsigned* texels, const Ints* quad, bool joined, Floats x, Floats y, Floats total, Vecs& sum)
 {
+    const int* const entries = reinterpret_cast<const int*>(texels);
     const Floats low = y * total, high = total - low, left = 1.0f - x;
-    add_texels(texels, quad[0], left * high, sum);
-    add_texels(texels, quad[1], x * high, sum);
-    add_texels(texels, quad[2], left * low, sum);
-    add_texels(texels, quad[3], x * low, sum);
+    Ints found[4];
+    if (joined) {
+        gather_pairs(entries, quad[0], found[0], found[1]);
+        gather_pairs(entries, quad[2], found[2], found[3]);
+    } else {
+        for (int k = 0; k < 4; ++k)
+            found[k] = gather(entries, quad[k]);
+    }
+    add_texels(found[0], left * high, sum);
+    add_texels(found[1], x * high, sum);
+    add_texels(found[2], left * low, sum);
+    add_texels(found[3], x * low, sum);
 }
 
 inline void add_bilinear(const unsigned* texels, const Levels& levels, Ints step, Floats u, Floats v, Floats total,
                          Vecs& sum)
 {
-    const Ints width = gather(levels.width, step), height = gather(levels.height, step);
-    const Ints start = gather(levels.start, step);
+    const Ints width = look_up(levels.width, step), height = look_up(levels.height, step);
+    const Ints start = look_up(levels.start, step);
     const Floats x = u * to_floats(width) - 0.5f, y = v * to_floats(height) - 0.5f;
     const Floats whole_x = round_down(x), whole_y = round_down(y);
     const Ints i = to_whole(whole_x), j = to_whole(whole_y);
-    const Ints left = i < 0 ? width - 1 : i, right = i + 1 >= width ? (Ints)0 : i + 1;
+    const Ints first = i < 0, last = i + 1 >= width;
+    const Ints left = first ? width - 1 : i, right = last ? (Ints)0 : i + 1;
     const Ints top = j < 0 ? height - 1 : j, bottom = j + 1 >= height ? (Ints)0 : j + 1;
     const Ints above = start + top * width, below = start + bottom * width;
     const Ints quad[4] = { above + left, above + right, below + left, below + right };
-    add_quads(texels, quad, x - whole_x, y - whole_y, total, sum);
+    add_quads(texels, quad, !any_of(first | last), x - whole_x, y - whole_y, total, sum);
 }
 
 inline Vecs sample_levels(const unsigned* texels, const Levels& levels, Floats detail, Floats u, Floats v)
@@ -135,15 +144,16 @@ inline Ints cube_texels(Ints start, Ints size, Ints face, Ints i, Ints j)
 inline void add_bilinear_cube(const unsigned* texels, const Levels& levels, Ints step, Ints face, Floats s, Floats t,
                               Floats total, Vecs& sum)
 {
-    const Ints size = gather(levels.width, step), start = gather(levels.start, step);
+    const Ints size = look_up(levels.width, step), start = look_up(levels.start, step);
     const Floats x = s * to_floats(size) - 0.5f, y = t * to_floats(size) - 0.5f;
     const Floats whole_x = round_down(x), whole_y = round_down(y);
     const Ints i = to_whole(whole_x), j = to_whole(whole_y), corner = start + (face * size + j) * size + i;
     Ints quad[4] = { corner, corner + 1, corner + size, corner + size + 1 };
-    if (any_of((i < 0) | (j < 0) | (i + 1 >= size) | (j + 1 >= size)))
+    const bool beyond = any_of((i < 0) | (j < 0) | (i + 1 >= size) | (j + 1 >= size));
+    if (beyond)
         for (int k = 0; k < 4; ++k)
             quad[k] = cube_texels(start, size, face, i + (k & 1), j + (k >> 1));
-    add_quads(texels, quad, x - whole_x, y - whole_y, total, sum);
+    add_quads(texels, quad, !beyond, x - whole_x, y - whole_y, total, sum);
 }
 
 static WARPCAM_COLD void sample_cubes(const unsigned* texels, const Levels& levels, const Vecs& direction, const Vecs& right,
