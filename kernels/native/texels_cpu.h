@@ -207,7 +207,7 @@ template <int TYPES, class Meshes>
 inline void footprints_2d(const Pose& pose, const Layout& layout, const Meshes& meshes, const Surfaces& surface,
                           const Vecs& ray, const Vecs& right, const Vecs& down, Footprints& at)
 {
-    constexpr int OTHERS = TYPES & ~(1 << PLANE);
+    constexpr int OTHERS = TYPES & ~(1 << PLANE | 1 << HEIGHT_FIELD);
     if constexpr ((TYPES >> PLANE & 1) != 0) {
         if (pose.type() == PLANE) {
             const float rate_u = layout.repeat[0], rate_v = layout.repeat[1];
@@ -218,6 +218,16 @@ inline void footprints_2d(const Pose& pose, const Layout& layout, const Meshes& 
                    rate_v * (right.y - rise_right * ray.y),
                    rate_u * (down.x - rise_down * ray.x),
                    rate_v * (down.y - rise_down * ray.y) };
+            return;
+        }
+    }
+    if constexpr ((TYPES & (1 << MESH | 1 << HEIGHT_FIELD)) != 0) {
+        if (pose.type() == HEIGHT_FIELD || (pose.type() == MESH && !layout.own)) {  // laid on from above
+            const float rate_u = layout.repeat[0] * 0.5f * reciprocal(upper(layout.extent.x, 1.0e-12f));
+            const float rate_v = layout.repeat[1] * -0.5f * reciprocal(upper(layout.extent.y, 1.0e-12f));
+            const Vecs to_right = slide(right, ray, surface.normal), to_below = slide(down, ray, surface.normal);
+            at = { rate_u * surface.local.x - 0.5f, rate_v * surface.local.y - 0.5f, rate_u * to_right.x,
+                   rate_v * to_right.y, rate_u * to_below.x, rate_v * to_below.y };
             return;
         }
     }
