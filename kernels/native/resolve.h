@@ -117,18 +117,44 @@ WARPCAM_FN float resolve_veils(const Looks* looks, const List& lights, const Sce
     }
 }
 
-// Writes a pixel. `solid` is what the trace found there, `shown` what that shows.
+// `painted`: what the pixel shows, a Shown, where that is known.
 template <int TYPES, int LENS, int CAPACITY, int IMAGES, int FACTS, class Looks, class List, class Scene_,
-          class Veils_>
-WARPCAM_FN void finish_pixel(const Looks* looks, const List& lights, const Scene_& scene, const Camera& camera,
-                             const Veils_& veils, const Region& region, int world, const Pixel& pixel, float x, float y,
-                             const Hit& solid, Shown& shown)
+          class Veils_, class Camera_, class... Painted_>
+WARPCAM_FN void resolve_pixel(const Looks* looks, const List& lights, const Scene_& scene, const Camera_& camera,
+                              const Veils_& veils, const Region& region, int world, const Pixel& pixel, Seen found,
+                              const Painted_&... painted)
 {
+    constexpr bool IS_PAINTED = sizeof...(Painted_) > 0;
     using Wants = Wanted<IMAGES, FACTS>;
     constexpr bool IN_QUADS = FACTS & QUADS;
     const auto& frame = scene.frame;
     const auto& images = scene.images;
-    const bool hit = solid.shape >= 0;
+    const int column = FACTS & MIRRORED ? frame.width - 1 - pixel.column : pixel.column;
+    const float x = ray_x<LENS>(camera, column), y = ray_y<LENS>(camera, pixel.row);
+    const bool hit = found.shape >= 0;
+    const Hit solid = found;
+    const auto shadow = [&] {
+        if constexpr (!Wants::LIT || !(FACTS & HAS_SHADOWS))
+            return 0;
+        else if constexpr ((FACTS & SPARE) != 0)
+            return found.shadow;
+        else
+            return hit ? int(frame.shadow.data[pixel.at]) : 0;
+    };
+    Shown shown;
+    bool drawn = false;
+    Vec apart;
+    Vec& floor = FACTS & SPARE ? apart : shown.display;
+    if constexpr (!IS_PAINTED && lit_by_corners<List>(FACTS & HAS_SHADOWS) && !(IMAGES & (NORMALS | ALBEDO)))
+        drawn = draw_floor<Wants::TEXTURED, (FACTS & SPARE) != 0>(lights.grid, scene.textures, found, shadow, x, y, floor);
+    if constexpr (IS_PAINTED)
+        shown = (painted, ...);
+    else if (((FACTS & SPARE) || !drawn) && (Wants::SURFACE || Wants::COLORED) && follow(hit && !drawn, found))
+        resolve_hit<TYPES, LENS, CAPACITY, IMAGES, FACTS>(looks, lights, scene, camera, world, x, y, found, shadow(), shown);
+    if (drawn) {
+        shown.linear = shown.display = floor;
+        expose<FACTS>(scene, world, shown.linear, shown.display);
+    }
     const Vec black { 0.0f, 0.0f, 0.0f };
     if (IMAGES & NORMALS)
         put_vec<IN_QUADS>(images.normals, pixel, hit ? shown.normal : black);
@@ -179,41 +205,6 @@ WARPCAM_FN void finish_pixel(const Looks* looks, const List& lights, const Scene
         if (IMAGES & RGBA)
             put_word(images.rgba, pixel, word | alpha);
     }
-}
-
-template <int TYPES, int LENS, int CAPACITY, int IMAGES, int FACTS, class Looks, class List, class Scene_,
-          class Veils_, class Camera_>
-WARPCAM_FN void resolve_pixel(const Looks* looks, const List& lights, const Scene_& scene, const Camera_& camera,
-                              const Veils_& veils, const Region& region, int world, const Pixel& pixel, Seen found)
-{
-    using Wants = Wanted<IMAGES, FACTS>;
-    const auto& frame = scene.frame;
-    const int column = FACTS & MIRRORED ? frame.width - 1 - pixel.column : pixel.column;
-    const float x = ray_x<LENS>(camera, column), y = ray_y<LENS>(camera, pixel.row);
-    const bool hit = found.shape >= 0;
-    const Hit solid = found;
-    const auto shadow = [&] {
-        if constexpr (!Wants::LIT || !(FACTS & HAS_SHADOWS))
-            return 0;
-        else if constexpr ((FACTS & SPARE) != 0)
-            return found.shadow;
-        else
-            return hit ? int(frame.shadow.data[pixel.at]) : 0;
-    };
-    Shown shown;
-    bool drawn = false;
-    Vec apart;
-    Vec& floor = FACTS & SPARE ? apart : shown.display;
-    if constexpr (lit_by_corners<List>(FACTS & HAS_SHADOWS) && !(IMAGES & (NORMALS | ALBEDO)))
-        drawn = draw_floor<Wants::TEXTURED, (FACTS & SPARE) != 0>(lights.grid, scene.textures, found, shadow, x, y, floor);
-    if (((FACTS & SPARE) || !drawn) && (Wants::SURFACE || Wants::COLORED) && follow(hit && !drawn, found))
-        resolve_hit<TYPES, LENS, CAPACITY, IMAGES, FACTS>(looks, lights, scene, camera, world, x, y, found, shadow(), shown);
-    if (drawn) {
-        shown.linear = shown.display = floor;
-        expose<FACTS>(scene, world, shown.linear, shown.display);
-    }
-    finish_pixel<TYPES, LENS, CAPACITY, IMAGES, FACTS>(looks, lights, scene, camera, veils, region, world, pixel, x, y, solid,
-                                                       shown);
 }
 
 // Draws one region of one view; `index` counts worlds, then regions, then (CUDA) threads of the block.
@@ -346,20 +337,19 @@ WARPCAM_FN void resolve(const Scene_& scene, const Lights& lights, int index)
 #else
     pixel.inside = true;
     const auto make_look = [&](int id) {
-        if constexpr (KEPT > 0) {
-            const int place = wp::index(scene.shapes.places, id);
-            if (!made[place])
+        if constexpr (KEPT > 0)
+            if (const int place = wp::index(scene.shapes.places, id); !made[place]) {
                 looks[place] = look_of<TYPES, Wants>(scene, camera, world, id);
-            made[place] = true;
-        }
+                made[place] = true;
+            }
     };
     if constexpr (LENS == PINHOLE && Wants::SURFACE && !(FACTS & PHYSICAL)) {
         constexpr bool APART = (FACTS & (MIRRORED | REFLECTS | VEILED | HAZY)) != 0;
         constexpr int ROWS = lower_int(HEIGHT, 1024 / WIDTH);
         Sorted<ROWS * WIDTH> sorted;
         Painted<ROWS * WIDTH, IMAGES, APART> painted;
-        float x[WIDTH], y[ROWS];
         const int width = lower_int(WIDTH, frame.width - left), bottom = lower_int(top + HEIGHT, frame.height);
+        float x[WIDTH], y[ROWS];
         for (int column = 0; column < width; ++column)
             x[column] = image_x(camera, float(FACTS & MIRRORED ? frame.width - 1 - left - column : left + column));
         const auto look_at = [&](int id) -> decltype(auto) {
@@ -381,13 +371,13 @@ WARPCAM_FN void resolve(const Scene_& scene, const Lights& lights, int index)
                 const size_t at = corner + size_t(row) * frame.width;
                 if constexpr (!APART)
                     painted.write(scene.images, frame.shape, at, row * WIDTH, width);
-                for (int column = 0; APART && column < width; ++column) {
-                    pixel = { left + column, start + row, unsigned(at) + column, true };
-                    const Hit solid = find<TYPES, IMAGES, FACTS>(frame, pixel);
-                    Shown shown = painted.shown(row * WIDTH + column);
-                    finish_pixel<TYPES, LENS, HELD, IMAGES, FACTS>(looks, list, scene, kept_camera, veils, region, world,
-                                                                   pixel, x[column], y[row], solid, shown);
-                }
+                else
+                    for (int column = 0; column < width; ++column) {
+                        pixel = { left + column, start + row, unsigned(at) + column, true };
+                        resolve_pixel<TYPES, LENS, HELD, IMAGES, FACTS>(looks, list, scene, kept_camera, veils, region,
+                                                                        world, pixel, find<TYPES, IMAGES, FACTS>(frame, pixel),
+                                                                        painted.shown(row * WIDTH + column));
+                    }
             }
         }
     } else {

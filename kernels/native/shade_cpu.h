@@ -57,8 +57,11 @@ inline Shares shares_of(const Light& light, const Vertices& vertex, const Arriva
         const float length = light.ambient.w & SPOT ? 2.0f : as_float(light.diffuse.w);
         const Floats halfway = length + 2.0f * dot(arrival.to_light, vertex.to_eye);
         const Floats highlight = saturated((arrival.facing + vertex.slant) * inverse_root(halfway));
-        const Floats shine = power(upper(highlight, (Floats)TINY), finish.gloss.z);
-        share.specular = arrival.facing > 0.0f ? arrival.strength * shine : none;
+        // h^e is at most exp(-e (1 - h)): where that is nothing anywhere, no power is taken.
+        if (!(finish.gloss.z > 0.0f) || any_of(finish.gloss.z * (1.0f - highlight) < 12.0f)) {
+            const Floats shine = power(upper(highlight, (Floats)TINY), finish.gloss.z);
+            share.specular = arrival.facing > 0.0f ? arrival.strength * shine : none;
+        }
     }
     return share;
 }
