@@ -117,7 +117,10 @@ def test_around_each_face_of_a_cube_is_what_a_step_over_its_edge_shows(size):
 
 @pytest.mark.parametrize("kind", ["2d", "cube"])
 def test_the_hardware_shows_what_the_texels_do(device, kind):
-    """It rounds a place between two texels to 1/256; on a CPU there are no sheets."""
+    """It rounds a place between two texels to 1/256; on a CPU there are no sheets.
+
+    At the corners of a cube three texels meet where four are filtered: there the two may take another fourth.
+    """
     rng = np.random.default_rng(2)
     shape = (6, 24, 24, 3) if kind == "cube" else (40, 24, 3)
     images = [TextureImage(kind, rng.integers(0, 256, shape, np.uint8))]
@@ -136,7 +139,10 @@ def test_the_hardware_shows_what_the_texels_do(device, kind):
         differences,
     ]
     wp.launch(compare, count, inputs, device=device)
-    assert differences.numpy().max() < 1.5 / 255.0
+    sizes = np.sort(np.abs(directions), axis=1)
+    corners = (sizes[:, 0] > 0.85 * sizes[:, 2]) & (kind == "cube")
+    assert differences.numpy()[~corners].max() < 1.5 / 255.0
+    assert differences.numpy()[corners].max(initial=0.0) < 8.0 / 255.0
 
 
 def test_images_too_large_have_no_sheet_and_leave_room_to_others(device, monkeypatch):
