@@ -244,23 +244,13 @@ WARPCAM_FN void cast_tile(const CasterList<PICKED, false>& list, const Task<LENS
     if (is_shaded<TYPES>(list, task.view, a, fields))
         target.shadow.data[a.at] |= static_cast<int>(task.bit);
 #else
+    const Region region = task.region;
+    const size_t first = task.corner + size_t(row) * target.width + column;
     Points points;
-    size_t at[LANES];
-    bool asks[LANES];
-    for (int k = 0; k < LANES; ++k) {
-        const Asking a = asking_at(task, target, column + k % TILE_WIDTH, row + k / TILE_WIDTH);
-        asks[k] = a.asks && !(target.shadow.data[a.at] & task.bit);
-        at[k] = a.at;
-        points.at[k] = a.p;
-        points.places[k] = a.place;
-        points.near[k] = a.span.near;
-        points.reach[k] = a.span.reach;
-        points.open[k] = asks[k];
-    }
-    shade_tile<TYPES>(list, task.view, task.world, shapes, meshes, fields, points);
-    for (int k = 0; k < LANES; ++k)
-        if (asks[k] && !points.open[k])
-            target.shadow.data[at[k]] |= static_cast<int>(task.bit);
+    if (!points.load<false>(task.view, target, first, region.left + column, region.top + row, task.bit, false))
+        return;
+    shade_tile<TYPES>(list, Windows<PICKED>(list), task.view, task.world, shapes, meshes, fields, points);
+    points.mark(target, first, task.bit);
 #endif
 }
 

@@ -1,71 +1,18 @@
 // Height fields on a CPU: the walk of heightfield.h for eight rays of a tile at once.
 #pragma once
+#include "eight.h"
 #include "heightfield.h"
 
 namespace warpcam {
-
-constexpr int PACKET = 8;  // rays
-typedef float Floats __attribute__((ext_vector_type(PACKET)));
-typedef int Ints __attribute__((ext_vector_type(PACKET)));
-
-inline Floats lower(Floats a, Floats b) { return a < b ? a : b; }
-inline Floats upper(Floats a, Floats b) { return a > b ? a : b; }
-inline Floats magnitude(Floats a) { return __builtin_elementwise_abs(a); }
-
-inline Floats muladd(Floats a, Floats b, Floats c)
-{
-#if defined(__FMA__)
-    return __builtin_elementwise_fma(a, b, c);
-#else
-    return a * b + c;
-#endif
-}
-
-// Is an element true (all ones)?
-inline bool any_of(Ints truth)
-{
-#if defined(__AVX__)
-    return __builtin_ia32_movmskps256((Floats)truth) != 0;
-#else
-    return __builtin_reduce_or(truth) != 0;
-#endif
-}
-
-inline Floats gather(const float* entries, Ints at)
-{
-#if defined(__AVX2__)
-    return __builtin_ia32_gatherd_ps256((Floats)0.0f, entries, at, (Floats)(Ints)-1, 4);
-#else
-    Floats r;
-    for (int k = 0; k < PACKET; ++k)
-        r[k] = entries[at[k]];
-    return r;
-#endif
-}
 
 struct Planes {
     Floats height, rise_x, rise_y, fold;
 };
 
-// Rows of four, transposed.
-inline Planes gather_rows(const float* rows, Ints at)
+inline Planes gather_planes(const float* cells, Ints at)
 {
-    typedef float Four __attribute__((ext_vector_type(4)));
-    Floats pairs[4];  // rows k and k + 4
-    for (int k = 0; k < 4; ++k) {
-        Four a, b;
-        __builtin_memcpy(&a, rows + 4 * size_t(unsigned(at[k])), sizeof a);
-        __builtin_memcpy(&b, rows + 4 * size_t(unsigned(at[k + 4])), sizeof b);
-        pairs[k] = __builtin_shufflevector(a, b, 0, 1, 2, 3, 4, 5, 6, 7);
-    }
-    const Floats low01 = __builtin_shufflevector(pairs[0], pairs[1], 0, 8, 1, 9, 4, 12, 5, 13);
-    const Floats low23 = __builtin_shufflevector(pairs[2], pairs[3], 0, 8, 1, 9, 4, 12, 5, 13);
-    const Floats high01 = __builtin_shufflevector(pairs[0], pairs[1], 2, 10, 3, 11, 6, 14, 7, 15);
-    const Floats high23 = __builtin_shufflevector(pairs[2], pairs[3], 2, 10, 3, 11, 6, 14, 7, 15);
-    return { __builtin_shufflevector(low01, low23, 0, 1, 8, 9, 4, 5, 12, 13),
-             __builtin_shufflevector(low01, low23, 2, 3, 10, 11, 6, 7, 14, 15),
-             __builtin_shufflevector(high01, high23, 0, 1, 8, 9, 4, 5, 12, 13),
-             __builtin_shufflevector(high01, high23, 2, 3, 10, 11, 6, 7, 14, 15) };
+    const Columns four = gather_rows(cells, at);
+    return { four.a, four.b, four.c, four.d };
 }
 
 inline Floats line_of(Ints code) { return (Floats)code - INDEX_BASE; }
@@ -173,7 +120,7 @@ inline void walk_packet(const HeightFields& fields, const Record& record, const 
             return;
         const Floats next = lower(lower(x.leaves(line_of(i)), y.leaves(line_of(j))), end);
         const Ints cell = walks ? ((j ^ y.flip) & INDEX) * columns + ((i ^ x.flip) & INDEX) : 0;
-        const Planes plane = gather_rows(cells, cell);
+        const Planes plane = gather_planes(cells, cell);
         const Floats u = x.place(t, i), v = y.place(t, j), side = u - v;
         const Floats span = next - t, to_fold = side * unturn;
         const Ints split = (to_fold > 0.0f) & (to_fold < span);

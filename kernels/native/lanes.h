@@ -43,7 +43,7 @@ WARPCAM_FN float lower(float a, float b) { return a < b ? a : b; }
 WARPCAM_FN float upper(float a, float b) { return a > b ? a : b; }
 WARPCAM_FN float magnitude(float a) { return __builtin_fabsf(a); }
 #endif
-WARPCAM_FN int lower_int(int a, int b) { return a < b ? a : b; }
+WARPCAM_FN constexpr int lower_int(int a, int b) { return a < b ? a : b; }
 WARPCAM_FN int upper_int(int a, int b) { return a > b ? a : b; }
 
 // a * b and a * b + c, each rounded exactly as written, so that equal inputs give equal results everywhere.

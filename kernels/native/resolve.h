@@ -5,6 +5,9 @@
 #include "peel.h"
 #include "reflected.h"
 #include "veils.h"
+#if !defined(__CUDA_ARCH__)
+#include "resolve_cpu.h"
+#endif
 
 namespace warpcam {
 
@@ -114,11 +117,14 @@ WARPCAM_FN float resolve_veils(const Looks* looks, const List& lights, const Sce
     }
 }
 
+// `painted`: what the pixel shows, a Shown, where that is known.
 template <int TYPES, int LENS, int CAPACITY, int IMAGES, int FACTS, class Looks, class List, class Scene_,
-          class Veils_, class Camera_>
+          class Veils_, class Camera_, class... Painted_>
 WARPCAM_FN void resolve_pixel(const Looks* looks, const List& lights, const Scene_& scene, const Camera_& camera,
-                              const Veils_& veils, const Region& region, int world, const Pixel& pixel, Seen found)
+                              const Veils_& veils, const Region& region, int world, const Pixel& pixel, Seen found,
+                              const Painted_&... painted)
 {
+    constexpr bool IS_PAINTED = sizeof...(Painted_) > 0;
     using Wants = Wanted<IMAGES, FACTS>;
     constexpr bool IN_QUADS = FACTS & QUADS;
     const auto& frame = scene.frame;
@@ -139,9 +145,11 @@ WARPCAM_FN void resolve_pixel(const Looks* looks, const List& lights, const Scen
     bool drawn = false;
     Vec apart;
     Vec& floor = FACTS & SPARE ? apart : shown.display;
-    if constexpr (lit_by_corners<List>(FACTS & HAS_SHADOWS) && !(IMAGES & (NORMALS | ALBEDO)))
+    if constexpr (!IS_PAINTED && lit_by_corners<List>(FACTS & HAS_SHADOWS) && !(IMAGES & (NORMALS | ALBEDO)))
         drawn = draw_floor<Wants::TEXTURED, (FACTS & SPARE) != 0>(lights.grid, scene.textures, found, shadow, x, y, floor);
-    if (((FACTS & SPARE) || !drawn) && (Wants::SURFACE || Wants::COLORED) && follow(hit && !drawn, found))
+    if constexpr (IS_PAINTED)
+        shown = (painted, ...);
+    else if (((FACTS & SPARE) || !drawn) && (Wants::SURFACE || Wants::COLORED) && follow(hit && !drawn, found))
         resolve_hit<TYPES, LENS, CAPACITY, IMAGES, FACTS>(looks, lights, scene, camera, world, x, y, found, shadow(), shown);
     if (drawn) {
         shown.linear = shown.display = floor;
@@ -302,7 +310,11 @@ WARPCAM_FN void resolve(const Scene_& scene, const Lights& lights, int index)
         if (thread < TEAM)
             choose_corners(list.grid, list, look, camera, region, frame, FACTS & MIRRORED, thread);
         block_barrier();
+#if defined(__CUDA_ARCH__)
         light_corners(list.grid, list, look, thread);
+#else
+        light_all_corners(list.grid, list, look);
+#endif
         block_barrier();
     }
     Pixel pixel;
@@ -332,22 +344,64 @@ WARPCAM_FN void resolve(const Scene_& scene, const Lights& lights, int index)
     }
 #else
     pixel.inside = true;
-    for (pixel.row = top; pixel.row < lower_int(top + HEIGHT, frame.height); ++pixel.row)
-        for (pixel.column = left; pixel.column < lower_int(left + WIDTH, frame.width); ++pixel.column) {
-            pixel.at = first + pixel.row * frame.width + pixel.column;
-            const Seen found = find<TYPES, IMAGES, FACTS>(frame, pixel);
-            const int place = KEPT > 0 && found.shape >= 0 ? wp::index(scene.shapes.places, found.shape) : 0;
+    const auto make_look = [&](int id) {
+        if constexpr (KEPT > 0)
+            if (const int place = wp::index(scene.shapes.places, id); !made[place]) {
+                looks[place] = look_of<TYPES, Wants>(scene, camera, world, id);
+                made[place] = true;
+            }
+    };
+    if constexpr (LENS == PINHOLE && Wants::SURFACE && !(FACTS & PHYSICAL)) {
+        constexpr bool APART = (FACTS & (MIRRORED | REFLECTS | VEILED | HAZY)) != 0;
+        constexpr int ROWS = lower_int(HEIGHT, 1024 / WIDTH);
+        Sorted<ROWS * WIDTH> sorted;
+        Painted<ROWS * WIDTH, IMAGES, APART> painted;
+        const int width = lower_int(WIDTH, frame.width - left), bottom = lower_int(top + HEIGHT, frame.height);
+        float x[WIDTH], y[ROWS];
+        for (int column = 0; column < width; ++column)
+            x[column] = image_x(camera, float(FACTS & MIRRORED ? frame.width - 1 - left - column : left + column));
+        const auto look_at = [&](int id) -> decltype(auto) {
+            make_look(id);
             if constexpr (KEPT > 0)
-                if (found.shape >= 0 && !made[place]) {
-                    looks[place] = look_of<TYPES, Wants>(scene, camera, world, found.shape);
-                    made[place] = true;
-                }
-            if constexpr (LENS == RAYS)
-                resolve_pixel<TYPES, LENS, HELD, IMAGES, FACTS>(looks, list, scene,
-                    camera_at(kept_camera, pixel.column, pixel.row), veils, region, world, pixel, found);
+                return (looks[wp::index(scene.shapes.places, id)]);
             else
-                resolve_pixel<TYPES, LENS, HELD, IMAGES, FACTS>(looks, list, scene, kept_camera, veils, region, world, pixel, found);
+                return kept_look<TYPES, HELD, Wants>(looks, list, scene, camera, world, id);
+        };
+        for (int start = top; start < bottom; start += ROWS) {
+            const int rows = lower_int(ROWS, bottom - start);
+            const size_t corner = first + size_t(start) * frame.width + left;
+            for (int row = 0; row < rows; ++row)
+                y[row] = image_y(camera, float(start + row));
+            sorted.template sort<WIDTH>(frame.shape, corner, frame.width, width, rows);
+            paint_sorted<TYPES, IMAGES, FACTS, WIDTH, ROWS * WIDTH, !APART>(sorted, list, scene, camera, world, corner, x, y,
+                                                                           look_at, painted);
+            for (int row = 0; row < rows; ++row) {
+                const size_t at = corner + size_t(row) * frame.width;
+                if constexpr (!APART)
+                    painted.write(scene.images, frame.shape, at, row * WIDTH, width);
+                else
+                    for (int column = 0; column < width; ++column) {
+                        pixel = { left + column, start + row, unsigned(at) + column, true };
+                        resolve_pixel<TYPES, LENS, HELD, IMAGES, FACTS>(looks, list, scene, kept_camera, veils, region,
+                                                                        world, pixel, find<TYPES, IMAGES, FACTS>(frame, pixel),
+                                                                        painted.shown(row * WIDTH + column));
+                    }
+            }
         }
+    } else {
+        for (pixel.row = top; pixel.row < lower_int(top + HEIGHT, frame.height); ++pixel.row)
+            for (pixel.column = left; pixel.column < lower_int(left + WIDTH, frame.width); ++pixel.column) {
+                pixel.at = first + pixel.row * frame.width + pixel.column;
+                const Seen found = find<TYPES, IMAGES, FACTS>(frame, pixel);
+                if (found.shape >= 0)
+                    make_look(found.shape);
+                if constexpr (LENS == RAYS)
+                    resolve_pixel<TYPES, LENS, HELD, IMAGES, FACTS>(looks, list, scene,
+                        camera_at(kept_camera, pixel.column, pixel.row), veils, region, world, pixel, found);
+                else
+                    resolve_pixel<TYPES, LENS, HELD, IMAGES, FACTS>(looks, list, scene, kept_camera, veils, region, world, pixel, found);
+            }
+    }
 #endif
 }
 

@@ -187,39 +187,18 @@ WARPCAM_FN void cast_light(List& list, const Task<LENS>& task, const Shapes& sha
     const size_t corner = task.corner;
     const int world = task.world;
     const unsigned bit = task.bit;
-    const bool fresh = task.fresh, distant = view.light.distant;
+    const bool fresh = task.fresh;
+    const Windows<List::CAPACITY> windows(list);
     Points points;
     constexpr int across = WIDTH / TILE_WIDTH, tiles = across * (HEIGHT / TILE_HEIGHT);
     for (int tile = 0; tile < tiles; ++tile) {
-        size_t at[LANES];
-        bool asks[LANES], any = false;
-        for (int lane = 0; lane < LANES; ++lane) {
-            const int column = tile % across * TILE_WIDTH + lane % TILE_WIDTH;
-            const int row = tile / across * TILE_HEIGHT + lane / TILE_WIDTH;
-            const int i = region.left + column, j = region.top + row;
-            const bool inside = i < target.width && j < target.height;
-            at[lane] = corner + size_t(row) * target.width + column;
-            if (fresh && inside)
-                target.shadow.data[at[lane]] = 0;
-            points.ids[lane] = inside ? target.shape.data[at[lane]] : -1;
-            asks[lane] = points.ids[lane] >= 0 && !(target.shadow.data[at[lane]] & bit);
-            any |= asks[lane];
-            const float depth = asks[lane] ? target.depth.data[at[lane]] : 0.0f;
-            const Vec p = view.sight.point(float(i), float(j), depth);
-            const Span span = span_of(view.light, view.origin, p, depth);
-            points.at[lane] = p;
-            points.places[lane] = place_of(distant, view.lit.point(float(i), float(j), depth));
-            points.near[lane] = span.near;
-            points.reach[lane] = span.reach;
-            points.faces[lane] = HAS_MESH && asks[lane] ? target.face.data[at[lane]] : 0;
-            points.open[lane] = asks[lane];
-        }
-        if (!any)
+        const int column = tile % across * TILE_WIDTH, left = region.left + column;
+        const int row = tile / across * TILE_HEIGHT;
+        const size_t first = corner + size_t(row) * target.width + column;
+        if (!points.template load<HAS_MESH>(view, target, first, left, region.top + row, bit, fresh))
             continue;
-        shade_tile<TYPES>(list, view, world, shapes, meshes, fields, points);
-        for (int lane = 0; lane < LANES; ++lane)
-            if (asks[lane] && !points.open[lane])
-                target.shadow.data[at[lane]] |= static_cast<int>(bit);
+        shade_tile<TYPES>(list, windows, view, world, shapes, meshes, fields, points);
+        points.mark(target, first, bit);
     }
 #endif
 }

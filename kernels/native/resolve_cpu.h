@@ -1,0 +1,312 @@
+// From the visibility buffer to colours on a CPU: pixels of a few rows are sorted by the shape that they show, and those of
+// one shape are drawn eight at once.
+#pragma once
+#include "kept_looks.h"
+#include "shade_cpu.h"
+#include "texels_cpu.h"
+
+namespace warpcam {
+
+// Pixels by shape. Those that see nothing are a shape of their own, -1.
+template <int ROOM> struct Sorted {
+    static constexpr unsigned SLOTS = 2 * ROOM;
+    short order[ROOM];  // pixels, group after group
+    int shapes[ROOM], ends[ROOM];  // by group; where its pixels end
+    short table[SLOTS];  // groups by a hash of their shape; -1: free
+    struct Run {
+        short group, first, end;  // pixels of one row
+    } runs[ROOM];
+    int count;
+
+    int find(int shape)
+    {
+        unsigned slot = (unsigned(shape) * 0x9e3779b1u >> 16) % SLOTS;
+        for (; table[slot] >= 0; slot = (slot + 1) % SLOTS)
+            if (shapes[table[slot]] == shape)
+                return table[slot];
+        table[slot] = short(count);
+        shapes[count] = shape;
+        ends[count] = 0;
+        return count++;
+    }
+
+    // The pixels of rows that are `width` long; a row has room for WIDTH.
+    template <int WIDTH, class Array> void sort(const Array& ids, size_t first, int pitch, int width, int rows)
+    {
+        for (unsigned slot = 0; slot < SLOTS; ++slot)
+            table[slot] = -1;
+        count = 0;
+        int total = 0, last = -1, group = find(-1);
+        for (int row = 0; row < rows; ++row) {
+            const auto* const line = ids.data + first + size_t(row) * pitch;
+            for (int column = 0, end; column < width; column = end) {
+                const auto id = line[column];
+                for (end = column + 1; end < width && line[end] == id; ++end) { }
+                const int shape = id < 0 ? -1 : int(id);
+                if (shape != last)
+                    group = find(shape);
+                last = shape;
+                runs[total++] = { short(group), short(row * WIDTH + column), short(row * WIDTH + end) };
+                ends[group] += end - column;
+            }
+        }
+        for (int g = 0, sum = 0; g < count; ++g) {
+            const int size = ends[g];
+            ends[g] = sum;  // grows to its end below
+            sum += size;
+        }
+        for (int i = 0; i < total; ++i) {
+            const Run run = runs[i];
+            short* const to = order + ends[run.group];
+            ends[run.group] += run.end - run.first;
+            for (int k = run.first; k < run.end; ++k)
+                to[k - run.first] = short(k);
+        }
+    }
+};
+
+// Whether eight pixels of a group, which stand in order, follow each other.
+inline bool in_a_row(const short* pixels) { return pixels[PACKET - 1] - pixels[0] == PACKET - 1; }
+
+// What the pixels of a few rows show. APART: as numbers, for what else covers them; else as bytes.
+template <int ROOM, int IMAGES, bool APART> struct Painted {
+    static constexpr bool LINEAR = APART || (IMAGES & HDR), DISPLAY = APART;
+    static constexpr bool WORDS = !APART && (IMAGES & (RGB | RGBA));
+    Vec linear[LINEAR ? ROOM : 1], display[DISPLAY ? ROOM : 1], normal[IMAGES & NORMALS ? ROOM : 1];
+    unsigned words[WORDS ? ROOM : 1];  // R, G, B, A
+    unsigned albedo[IMAGES & ALBEDO ? ROOM : 1];
+
+    void put_light(const short* pixels, int count, const Vecs& own_linear, const Vecs& own_display, unsigned alpha)
+    {
+        if constexpr (LINEAR)
+            for (int k = 0; k < count; ++k)
+                linear[pixels[k]] = one_of(own_linear, k);
+        if constexpr (DISPLAY)
+            for (int k = 0; k < count; ++k)
+                display[pixels[k]] = one_of(own_display, k);
+        if constexpr (WORDS) {
+            const Ints bytes = to_bytes(own_display) | int(alpha);
+            if (count == PACKET && in_a_row(pixels))
+                __builtin_memcpy(words + pixels[0], &bytes, sizeof bytes);
+            else
+                for (int k = 0; k < count; ++k)
+                    words[pixels[k]] = unsigned(bytes[k]);
+        }
+    }
+
+    Shown shown(int place) const
+    {
+        Shown shown;
+        shown.linear = linear[LINEAR ? place : 0];
+        shown.display = display[DISPLAY ? place : 0];
+        if (IMAGES & NORMALS)
+            shown.normal = normal[place];
+        if (IMAGES & ALBEDO)
+            shown.albedo = color_of(albedo[place]);
+        return shown;
+    }
+
+    static Vec color_of(unsigned word)
+    {
+        return (1.0f / 255.0f) * Vec { float(word & 0xff), float(word >> 8 & 0xff), float(word >> 16 & 0xff) };
+    }
+
+    // Writes a row of pixels that begins at `at`.
+    template <class Images, class Ids> void write(const Images& images, const Ids& ids, size_t at, int place, int width) const
+    {
+        if constexpr (WORDS && (IMAGES & RGB))
+            put_colors(images.rgb.data + 3 * at, words + place, width);
+        if constexpr (WORDS && (IMAGES & RGBA))
+            __builtin_memcpy(images.rgba.data + 4 * at, words + place, 4 * size_t(width));
+        if constexpr ((IMAGES & HDR) != 0)
+            __builtin_memcpy(images.hdr.data + 3 * at, linear + place, sizeof(Vec) * width);
+        if constexpr ((IMAGES & (NORMALS | ALBEDO)) != 0)
+            for (int k = 0; k < width; ++k) {
+                const bool hit = ids.data[at + k] >= 0;
+                if constexpr ((IMAGES & NORMALS) != 0)
+                    put_three(images.normals.data, unsigned(at) + k, hit ? normal[place + k] : Vec { 0.0f, 0.0f, 0.0f });
+                if constexpr ((IMAGES & ALBEDO) != 0)
+                    put_color(images.albedo.data + 3 * (at + k), hit ? albedo[place + k] : 0u);
+            }
+    }
+
+    static void put_color(unsigned char* to, unsigned word)
+    {
+        for (int k = 0; k < 3; ++k)
+            to[k] = static_cast<unsigned char>(word >> 8 * k);
+    }
+
+    static void put_colors(unsigned char* to, const unsigned* from, int count)
+    {
+        typedef unsigned char Bytes __attribute__((ext_vector_type(32)));
+        int done = 0;
+        for (; done + PACKET <= count; done += PACKET) {
+            Bytes bytes;
+            __builtin_memcpy(&bytes, from + done, sizeof bytes);
+            bytes = __builtin_shufflevector(bytes, bytes, 0, 1, 2, 4, 5, 6, 8, 9, 10, 12, 13, 14, 16, 17, 18, 20, 21, 22, 24,
+                                            25, 26, 28, 29, 30, -1, -1, -1, -1, -1, -1, -1, -1);
+            __builtin_memcpy(to + 3 * done, &bytes, 3 * PACKET);
+        }
+        for (; done < count; ++done)
+            put_color(to + 3 * done, from[done]);
+    }
+};
+
+// Eight pixels of one shape.
+struct EightHits {
+    Floats x, y, depth;
+    Ints shadow;
+    int faces[PACKET];
+};
+
+template <int TYPES, int IMAGES, int FACTS, class Looks, class List, class Scene_, class Paint>
+inline void paint_eight(const Looks& look, const Levels* levels, int id, const List& lights, const Scene_& scene,
+                        const Camera& camera, Vec gain, const EightHits& hits, const short* pixels, int count,
+                        Paint& painted)
+{
+    using Wants = Wanted<IMAGES, FACTS>;
+    constexpr bool SHADOWS = FACTS & HAS_SHADOWS, BY_CORNERS = Wants::FACETED && lit_by_corners<List>(SHADOWS);
+    const Pose& pose = look.pose;
+    const Floats depth = hits.depth, one = 1.0f;
+    const Vecs place { depth * hits.x, depth * hits.y, -depth };
+    const Vecs ray = local_of(pose, { hits.x, hits.y, -one });
+    Surfaces surface;
+    surfaces_at<TYPES>(pose, scene.meshes, scene.fields, hits.faces, eight_of(pose.eye()) + depth * ray, ray, surface);
+    if constexpr ((IMAGES & NORMALS) != 0) {
+        const Vecs n = surface.normal;
+        const Turn& turn = look.turn;
+        const Row a = turn.axis_x, b = turn.axis_y, c = turn.axis_z;
+        const Vecs normal { a.x * n.x + a.y * n.y + a.z * n.z, b.x * n.x + b.y * n.y + b.z * n.z,
+                            c.x * n.x + c.y * n.y + c.z * n.z };
+        const Vecs facing = chosen(dot(n, ray) > 0.0f, -normal, normal);
+        for (int k = 0; k < count; ++k)
+            painted.normal[pixels[k]] = one_of(facing, k);
+    }
+    Vecs texture { one, one, one };
+    if constexpr (Wants::TEXTURED)
+        if (levels)
+            texture = texture_colors<TYPES>(look, *levels, scene.meshes, scene.textures, camera, surface, ray, depth);
+    if constexpr ((IMAGES & ALBEDO) != 0) {
+        const Ints bytes = to_bytes(times(eight_of(clip(to_vec(look.finish.color))), texture));
+        for (int k = 0; k < count; ++k)
+            painted.albedo[pixels[k]] = unsigned(bytes[k]);
+    }
+    if constexpr (Wants::LIT) {
+        Lits lit;
+        Ints inside = 0;
+        if constexpr (BY_CORNERS) {
+            if (id == lights.grid.shape) {
+                const OnCornersOfEight on = on_corners(lights.grid, surface.local);
+                lit.display = light_from_corners(lights.grid, on, hits.shadow);
+                inside = on.inside;
+            }
+        }
+        if (any_of(~inside)) {
+            Facets facet;
+            facets_at<TYPES>(look, scene.meshes, surface, place, facet);
+            Lits own;
+            if ((TYPES & (1 << PLANE | 1 << HEIGHT_FIELD | 1 << BOX | 1 << MESH)) && lit_at_corners<TYPES>(look))
+                illuminate_eight<3, SHADOWS>(lights, facet, look.finish, hits.shadow, own);
+            else
+                illuminate_eight<1, SHADOWS>(lights, facet, look.finish, hits.shadow, own);
+            lit = BY_CORNERS ? Lits { own.linear, chosen(inside, lit.display, own.display) } : own;
+        } else {
+            lit.linear = lit.display;
+        }
+        const Vecs scaled = FACTS & EXPOSED ? times(eight_of(gain), texture) : texture;
+        painted.put_light(pixels, count, times(lit.linear, scaled), times(lit.display, scaled), 0xff000000u);
+    }
+}
+
+// What is behind everything.
+template <int IMAGES, int FACTS, class Scene_, class Paint>
+inline void paint_background(const Scene_& scene, const Camera& camera, int world, Vec gain, const float* x, const float* y,
+                             int width, const short* pixels, int count, Paint& painted)
+{
+    const auto& background = background_of<FACTS>(scene, world);
+    Vecs color = eight_of(times(gain, to_vec(background.color)));
+    const Image image = FACTS & HAS_SKYBOX ? load_image(scene.textures, background.skybox) : Image { 0, 0, 0, 0 };
+    const Matrix& r = camera.rotation;
+    const auto to_sky = [](Vec v) { return Vec { v.x, v.z, -v.y }; };
+    const Vec right = to_sky({ r.at[0][0], r.at[1][0], r.at[2][0] }), up = to_sky({ r.at[0][1], r.at[1][1], r.at[2][1] });
+    const Vec back = to_sky({ r.at[0][2], r.at[1][2], r.at[2][2] });
+    const Levels levels(image, 6);
+    for (int first = 0; first < count; first += PACKET) {
+        const int some = lower_int(PACKET, count - first);
+        if ((FACTS & HAS_SKYBOX) && image.levels > 0) {
+            Floats at_x, at_y;
+            for (int k = 0; k < PACKET; ++k) {
+                const int pixel = pixels[first + lower_int(k, some - 1)];
+                at_x[k] = x[pixel % width];
+                at_y[k] = y[pixel / width];
+            }
+            const Vecs ray = at_x * eight_of(right) + at_y * eight_of(up) - eight_of(back);
+            sample_cubes(scene.textures.texels.data, levels, ray, eight_of(camera.scale_x * right),
+                         eight_of(-camera.scale_y * up), color);
+            color = times(eight_of(gain), color);
+        }
+        painted.put_light(pixels + first, some, color, color, 0u);
+    }
+}
+
+// Paints what the pixels of a few rows show. `look_at(id)` gives a shape's look.
+template <int TYPES, int IMAGES, int FACTS, int WIDTH, int ROOM, bool BEHIND, class List, class Scene_, class LookAt,
+          class Paint>
+inline void paint_sorted(const Sorted<ROOM>& sorted, const List& lights, const Scene_& scene, const Camera& camera,
+                         int world, size_t first, const float* x, const float* y, const LookAt& look_at, Paint& painted)
+{
+    using Wants = Wanted<IMAGES, FACTS>;
+    const auto& frame = scene.frame;
+    const Vec gain = exposed<FACTS>(scene, world, { 1.0f, 1.0f, 1.0f });
+    for (int group = 0, begin = 0; group < sorted.count; begin = sorted.ends[group++]) {
+        const int id = sorted.shapes[group], total = sorted.ends[group] - begin;
+        const short* const pixels = sorted.order + begin;
+        if (id < 0) {
+            if constexpr (BEHIND && Wants::LIT)
+                paint_background<IMAGES, FACTS>(scene, camera, world, gain, x, y, WIDTH, pixels, total, painted);
+            continue;
+        }
+        const auto& look = look_at(id);
+        bool textured = false;
+        Image image { 0, 0, 0, 0 };
+        int faces = 1;
+        if constexpr (Wants::TEXTURED) {
+            image = look.layout.image;
+            textured = image.levels > 0;
+            faces = look.layout.cube ? 6 : 1;
+        }
+        const Levels levels(image, faces);
+        for (int done = 0; done < total; done += PACKET) {
+            EightHits hits;
+            hits.shadow = 0;
+            const auto load = [&](int k, size_t at) {
+                if ((TYPES & (1 << MESH | 1 << HEIGHT_FIELD)) != 0)
+                    hits.faces[k] = frame.face.data[at];
+                if (Wants::LIT && (FACTS & HAS_SHADOWS))
+                    hits.shadow[k] = frame.shadow.data[at];
+            };
+            const int row = pixels[done] / WIDTH, column = pixels[done] % WIDTH;
+            if (done + PACKET <= total && column + PACKET <= WIDTH && in_a_row(pixels + done)) {
+                const size_t at = first + size_t(row) * frame.width + column;
+                __builtin_memcpy(&hits.x, x + column, sizeof hits.x);
+                hits.y = y[row];
+                __builtin_memcpy(&hits.depth, frame.depth.data + at, sizeof hits.depth);
+                for (int k = 0; k < PACKET; ++k)
+                    load(k, at + k);
+            } else {
+                for (int k = 0; k < PACKET; ++k) {
+                    const int pixel = pixels[lower_int(done + k, total - 1)];
+                    const size_t at = first + size_t(pixel / WIDTH) * frame.width + pixel % WIDTH;
+                    hits.x[k] = x[pixel % WIDTH];
+                    hits.y[k] = y[pixel / WIDTH];
+                    hits.depth[k] = frame.depth.data[at];
+                    load(k, at);
+                }
+            }
+            paint_eight<TYPES, IMAGES, FACTS>(look, textured ? &levels : nullptr, id, lights, scene, camera, gain, hits,
+                                              pixels + done, lower_int(PACKET, total - done), painted);
+        }
+    }
+}
+
+}  // namespace warpcam
