@@ -16,7 +16,7 @@ from warpcam.kernels.launch import Frame
 import warpcam as wc
 from warpcam.outputs import OUTPUTS
 
-MOST = 60  # calls of Python functions in `render()`, of which thirty microseconds are more than enough for a hundred
+MOST = 100  # calls of Python functions in `render()`, of which thirty microseconds are enough for more
 MODEL = """
 <light pos="0 0 3"/>
 <camera name="a" pos="0 0 3"/><camera name="b" pos="0 0 4"/><camera name="c" pos="0 0 5"/><camera name="d" pos="0 0 6"/>
