@@ -28,9 +28,8 @@ SHADING_BACKS = 14  # no type: stands among the types of shadows where faces of 
 MOVING = 15  # no type: stands among a scene's types where corners of meshes move: most faces lie in no cache
 GLASS = 16  # no type: stands among the types of shadows where some shapes may be seen through
 FROM_ABOVE = 17  # no type: stands among a scene's types where 2-D textures lie as before MuJoCo 3.12: native/mapping.h
-BARE = (
-    18  # no type: stands among a scene's types where textures do not show on some shapes: native/look.h, load_layout()
-)
+BARE = 18  # no type: stands among a scene's types where textures do not show on some shapes: native/look.h
+LOOKS_ALONE = frozenset({FROM_ABOVE, BARE})  # what only colours ask for
 
 # Light types.
 LIGHT_SPOT = 0

@@ -10,7 +10,7 @@ from .flow import Trail, brief
 from .launch import Group, Stage, cpu_threads, native_module
 from .launch import record as record_launch
 from .tables import Tables
-from .types import HEIGHT_FIELD, MESH, MOVING, HeightFields, Materials, Meshes, Shapes, View
+from .types import HEIGHT_FIELD, LOOKS_ALONE, MESH, MOVING, HeightFields, Materials, Meshes, Shapes, View
 
 # What the trace can write, in the order of the bits in native/canvas.h; then the bits of two facts of the image's size.
 OUTPUTS = ("depth", "shape", "face", "distance", "points", "bodies", "normals")
@@ -220,7 +220,7 @@ def record(
     if device.is_cuda:  # nothing is faster by these on a CPU, and fewer kernels are compiled without
         outputs |= QUADS * (width % 4 == 0 and not images.keys().isdisjoint(("points", "normals")))
         outputs |= TILED * (width % 8 == 0 and height % 4 == 0)
-    types = sum(1 << t for t in tables.shape_types)
+    types = sum(1 << t for t in tables.shape_types - LOOKS_ALONE)
     region = region_size(tables, group.at_once, width, height, device)
     if struct is flow_target_struct and region == (width, height):
         outputs |= facts_of_whole(tables, device, "flow_valid" in images)

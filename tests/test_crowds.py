@@ -72,3 +72,20 @@ def test_shadows_are_those_of_every_caster(
     mjm.light_castshadow[:] = False
     assert (wanted != lit(mjm, lens)).any(axis=-1).mean() > 0.2
     assert (images != wanted).any(axis=-1).sum() <= 2  # pixels on an edge
+
+
+def test_each_pixel_may_show_a_shape_of_its_own(device: wp.Device) -> None:
+    """And none shows nothing."""
+    width, height = 16, 8
+    pixel = 2.0 * np.tan(np.radians(25.0)) / height  # at a distance of 1
+    colors = np.stack((np.arange(width * height) * 2, 255 - np.arange(width * height)), axis=-1)
+    wall = "".join(
+        f'<geom type="box" size="{pixel / 2} {pixel / 2} .01" rgba="{red / 255} {green / 255} .2 1" '
+        f'pos="{(i % width - width / 2 + 0.5) * pixel} {(height / 2 - 0.5 - i // width) * pixel} -1.01"/>'
+        for i, (red, green) in enumerate(colors)
+    )
+    plain = '<visual><headlight ambient="1 1 1" diffuse="0 0 0" specular="0 0 0"/></visual>'
+    mjm = scenes.compile_xml(wall, more=plain)
+    camera = scenes.own_camera(width=width, height=height, outputs=("rgb",), lens=wc.Pinhole(fovy=50.0))
+    seen = scenes.look(wc.from_mujoco(mjm, scenes.forward(mjm), device=device), camera)["rgb"][0]
+    assert np.abs(seen[..., :2].reshape(-1, 2).astype(int) - colors).max() <= 1

@@ -226,7 +226,7 @@ def test_the_table_of_the_docs_is_what_is_told() -> None:
         [camera(width=64, height=64, outputs=("depth", "segmentation", "normals"))],
     ]
     table = DOCS.read_text().split("| 8192 worlds with meshes")[1].splitlines()[2:]
-    for cameras, row in zip(asked, table, strict=False):  # the last row is of the test below
+    for cameras, row in zip(asked, table[: len(asked)], strict=True):  # the last row is aloha's
         told = wc.estimate_memory(scene, cameras)
         images = sum(sum(each.values()) for each in told.images.values())
         assert row.split(" | ")[1:] == [

@@ -135,6 +135,16 @@ def test_only_mujoco_has_kinds_of_objects(device: wp.Device) -> None:
         _ = wc.from_usd(stage, device=device).objects
 
 
+def test_normals_where_a_texture_does_not_show(device: wp.Device) -> None:
+    """On a flex that is a line, which is the only shape that bends: the trace itself writes them."""
+    mjm, mjd = soft_scenes.bent("line")
+    camera = scenes.own_camera(position=(0.0, 0.0, 3.0), outputs=("segmentation", "normals"))
+    seen = scenes.look(wc.from_mujoco(mjm, mjd, device=device), camera)
+    line = seen["segmentation"] == mjm.ngeom
+    assert line.any() and np.allclose(np.linalg.norm(seen["normals"][line], axis=-1), 1.0, atol=1e-5)
+    assert np.allclose(seen["normals"][seen["segmentation"] == 0], (0.0, 0.0, 1.0), atol=1e-6)
+
+
 def test_a_world_is_moved_in_place(device: wp.Device) -> None:
     mjm, mjd = soft_scenes.bent("cloth")
     m, d = scenes.put(mjm, 2, mjd=mjd)

@@ -160,15 +160,16 @@ def test_scenes(scene: wc.Scene) -> None:
         scene.num_worlds = 5  # type: ignore[misc]
     mjm = mujoco.MjModel.from_xml_string(balls.MODEL)
     for name in ("reflections", "transparency"):
-        with says(f"{name} must be True, False or None, got 'no'"):
-            wc.from_mujoco(mjm, mujoco.MjData(mjm), device="cpu", **{name: "no"})
+        for word in ("no", "backs"):
+            with says(f"{name} must be True, False or None, got {word!r}"):
+                wc.from_mujoco(mjm, mujoco.MjData(mjm), device="cpu", **{name: word})
 
 
 def test_recipes() -> None:
     model = balls.MODEL.replace("<worldbody>", '<asset><material name="m"/></asset><worldbody>')
     mjm = mujoco.MjModel.from_xml_string(model)
     scene = wc.from_mujoco(mjm, mujoco.MjData(mjm), device="cpu")
-    with says("randomize: material_texture: a choice of indices takes -1 for none and 0 to -1, got [99]"):
+    with says("randomize: material_texture: a choice of indices takes -1 for none alone, got [99]"):
         wc.randomize(scene, seed=1, material_texture=[99])
     with says("randomize: shape_materials: a choice of indices takes -1 for none and 0 to 0, got [-2]"):
         wc.randomize(scene, seed=1, shape_materials=[-2])

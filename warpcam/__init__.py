@@ -12,6 +12,7 @@ from warpcam.camera import Camera
 from warpcam.driven import DrivenScene
 from warpcam.errors import WarpcamError
 from warpcam.kernels.streams import context_kept as _context_kept
+from warpcam.layers import choice_of as _choice_of
 from warpcam.lens import Lens, Orthographic, Pinhole
 from warpcam.light import Light
 from warpcam.memory import Memory, estimate_memory
@@ -82,7 +83,9 @@ def from_mujoco_warp(
             now, and if there is such planes seen from behind. True: all, whatever colour is written later. False: all
             is drawn solid.
     """
-    scene: Scene = _source("mujoco_warp").load(mjm, m, d, groups, draw, reflections, transparency)
+    scene: Scene = _source("mujoco_warp").load(
+        mjm, m, d, groups, draw, reflections, _choice_of("transparency", transparency)
+    )
     return scene
 
 
@@ -109,7 +112,9 @@ def from_mujoco(
         reflections: As ``from_mujoco_warp`` has it.
         transparency: As ``from_mujoco_warp`` has it.
     """
-    scene: Scene = _source("mujoco").load(mjm, mjd, groups, device, draw, reflections, transparency)
+    scene: Scene = _source("mujoco").load(
+        mjm, mjd, groups, device, draw, reflections, _choice_of("transparency", transparency)
+    )
     return scene
 
 

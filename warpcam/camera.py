@@ -94,9 +94,11 @@ class Camera:
             raise WarpcamError(f"{self.where}: depth_clipping is {self.depth_clipping!r}; allowed are {allowed}")
         if not isinstance(self.shadows, bool | np.bool_):
             raise WarpcamError(f"{self.where}: shadows must be True or False, got {self.shadows!r}")
-        if type(self.antialiasing) is not int or self.antialiasing not in (1, *SAMPLES):
+        is_whole = isinstance(self.antialiasing, int | np.integer) and not isinstance(self.antialiasing, bool)
+        if not is_whole or self.antialiasing not in (1, *SAMPLES):
             allowed = ", ".join(map(str, (1, *SAMPLES)))
             raise WarpcamError(f"{self.where}: antialiasing is {self.antialiasing!r}; allowed are {allowed}")
+        object.__setattr__(self, "antialiasing", int(self.antialiasing))
         self._check_background()
 
     @property
@@ -119,8 +121,8 @@ class Camera:
         if self.background is None:
             return
         try:
-            color = np.asarray(interop.to_numpy(self.background), np.float64)
-        except (TypeError, ValueError):
+            color = np.asarray(interop.to_numpy(self.background)).astype(np.float64, casting="same_kind")
+        except (TypeError, ValueError, RuntimeError):
             color = np.zeros(0)
         if color.shape[-1:] != (3,) or color.ndim > 2 or not ((color >= 0.0) & (color <= 1.0)).all():
             raise WarpcamError(

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 import warp as wp
@@ -68,9 +68,11 @@ class Layers:
         )
 
 
-def require_choice(name: str, wanted: object) -> None:
-    if not isinstance(wanted, bool | np.bool_ | None) and wanted != "backs":  # which is a front end's own word
+def choice_of(name: str, wanted: Any) -> bool | None:
+    """What the user wants of ``name``: True, False, or None where the scene decides."""
+    if not isinstance(wanted, bool | np.bool_ | None):
         raise WarpcamError(f"{name} must be True, False or None, got {wanted!r}")
+    return None if wanted is None else bool(wanted)
 
 
 def find_mirrors(
@@ -85,7 +87,7 @@ def find_mirrors(
         reflectance: (material,).
         wanted: None looks; True and False are the user's word.
     """
-    require_choice("reflections", wanted)
+    wanted = choice_of("reflections", wanted)
     able = [shape for shape in drawn if types[shape] in (PLANE, BOX)]
     if wanted is not None:
         return able if wanted else []
@@ -104,10 +106,11 @@ def find_veils(
         types: (shape,).
         drawn: ids.
         opacity: (n, shape).
-        wanted: None looks, and so does "backs"; True and False are the user's word.
+        wanted: None looks, and so does "backs", which front ends say; True and False are the user's word.
         backs: Whether planes are seen from behind.
     """
-    require_choice("transparency", wanted)
+    if wanted != "backs":
+        wanted = choice_of("transparency", wanted)
     veils = [shape for shape in drawn if ((opacity[:, shape] > 0.0) & (opacity[:, shape] < SOLID)).any()]
     if wanted is False or (wanted is None and not veils):
         return []
@@ -120,6 +123,7 @@ def find_veils(
 def veils_alone(types: np.ndarray, drawn: Sequence[int], opacity: np.ndarray, wanted: bool | None) -> Layers:
     """The layers of a physically based scene, whose planes are not seen from behind; see ``find_veils``."""
     reach = np.where(types == PLANE, np.inf, -1.0).astype(np.float32)
+    wanted = choice_of("transparency", wanted)
     return Layers(veils=find_veils(types, drawn, opacity, wanted, backs=False), reach=reach)
 
 

@@ -24,11 +24,13 @@ class Light:
         direction: (3,) or (world, 3): the way it shines, world frame, of any length but 0. Not read for "point".
         position: (3,) or (world, 3) [m], world frame. Not read for "directional".
         color: (3,) or (world, 3): what a white surface that faces it shows, linear, not negative.
-        intensity: A factor of ``color``, a number or (world,).
-        ambient: (3,) or (world, 3): what every surface shows of it, whichever way it faces; not in its shadows.
+        intensity: A factor of ``color``, a number or (world,), not negative.
+        ambient: (3,) or (world, 3): what every surface shows of it, whichever way it faces; not in its shadows;
+            not negative.
         attenuation: (3,) or (world, 3): a, b, c of the strength 1 / (a + b d + c d^2) at a distance d [m].
         cutoff: Half angle of a spot's cone [degrees], from 0 to 90; a number or (world,).
-        exponent: How a spot falls off towards the edge of its cone, a number or (world,); 0 is not at all.
+        exponent: How a spot falls off towards the edge of its cone, a number or (world,), not negative;
+            0 is not at all.
         shadows: Whether it casts any, in cameras with ``shadows=True``; a bool, or (world,).
         active: Whether it is on; a bool, or (world,).
     """
@@ -89,7 +91,10 @@ def _row(light: Light, where: str, num_worlds: int) -> dict[str, Any]:
         return per_world(getattr(light, name), f"{where}: {name}", num_worlds, width)
 
     def switch(name: str) -> np.ndarray:
-        value = np.asarray(interop.to_numpy(getattr(light, name)))
+        try:
+            value = np.asarray(interop.to_numpy(getattr(light, name)))
+        except (TypeError, ValueError, RuntimeError):
+            value = np.zeros(0)
         if value.dtype != np.bool_ or value.shape not in ((), (num_worlds,)):
             allowed = f"True, False or ({num_worlds},) bool"
             raise WarpcamError(f"{where}: {name} must be {allowed}, got {getattr(light, name)!r}")

@@ -222,7 +222,11 @@ class Mounted:
             return
         self._own("exposure", 0.0 if camera.exposure is None else camera.exposure, wp.float32)
         gain = 1.0 if camera.gain is None else camera.gain
-        self._own("gain", np.tile(interop.to_numpy(gain), 3) if interop.to_numpy(gain).ndim == 0 else gain, wp.vec3)
+        try:
+            is_one = interop.to_numpy(gain).ndim == 0
+        except (TypeError, ValueError):
+            is_one = False  # what it is instead, is told with the numbers
+        self._own("gain", np.tile(interop.to_numpy(gain), 3) if is_one else gain, wp.vec3)
         if self.arrays["gain"].numpy().min() < 0.0:
             raise WarpcamError(f"{camera.where}: gain must not be negative, got {camera.gain!r}")
 

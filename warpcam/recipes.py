@@ -213,9 +213,8 @@ def _record(
             raise WarpcamError(f"randomize: {name}: a choice needs at least one value")
         most = target.count_of(name) if isinstance(target, Scene) else None
         if most is not None and (min(what[0]) < -1 or max(what[0]) >= most):
-            raise WarpcamError(
-                f"randomize: {name}: a choice of indices takes -1 for none and 0 to {most - 1}, got {recipe.values!r}"
-            )
+            allowed = f"-1 for none and 0 to {most - 1}" if most else "-1 for none alone"
+            raise WarpcamError(f"randomize: {name}: a choice of indices takes {allowed}, got {recipe.values!r}")
         if out.dtype is wp.uint8 and not set(what[0]) <= {0, 1}:
             raise WarpcamError(f"randomize: {name}: a choice of on and off takes 1 and 0, got {recipe.values!r}")
         choices = wp.array(np.array(what[0]), dtype=wp.int32, device=device)

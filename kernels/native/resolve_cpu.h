@@ -11,7 +11,7 @@ namespace warpcam {
 template <int ROOM> struct Sorted {
     static constexpr unsigned SLOTS = 2 * ROOM;
     short order[ROOM];  // pixels, group after group
-    int shapes[ROOM], ends[ROOM];  // by group; where its pixels end
+    int shapes[ROOM + 1], ends[ROOM + 1];  // by group, the first of nothing; where its pixels end
     short table[SLOTS];  // groups by a hash of their shape; -1: free
     struct Run {
         short group, first, end;  // pixels of one row

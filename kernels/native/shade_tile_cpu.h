@@ -197,6 +197,8 @@ template <class HeightFields>
 inline void shade_points_by_field(const HeightFields& fields, const Record& r, const Light& light, Points& points)
 {
     for (int row = 0; row < Points::ROWS; ++row) {
+        if (!any_of(points.open[row]))
+            continue;
         const Vecs p = points.at[row], to = rays_to(light, p);
         const auto turned = [](const Row& axis, Vecs v) { return axis.x * v.x + axis.y * v.y + axis.z * v.z; };
         const RayPacket rays { turned(r.axis_x, p) + r.origin.x, turned(r.axis_y, p) + r.origin.y,

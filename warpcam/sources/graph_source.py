@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import warp as wp
 
+from warpcam import interop
 from warpcam.accel.meshes import Mesh
 from warpcam.accel.splats import Cloud
 from warpcam.errors import WarpcamError
@@ -174,6 +175,7 @@ class GraphSource:
     def make_room(self, name: str) -> wp.array:
         """An array of which each world has a row of its own from now on: "visible", "colors" or "textures"."""
         if self._own[name].shape[0] < self.num_worlds:
+            interop.require_no_capture(self.device, f"set_{name}, for the first time")
             host = self._own[name].numpy()
             host = np.ascontiguousarray(np.broadcast_to(host, (self.num_worlds, *host.shape[1:])))
             self._own[name] = wp.array(host, dtype=self._own[name].dtype, device=self.device)

@@ -38,9 +38,10 @@ def load(
     transparency: bool | None,
 ) -> DrivenScene:
     check_num_worlds(num_worlds)
-    if not isinstance(double_sided, bool | None):
+    if not isinstance(double_sided, bool | np.bool_ | None):
         raise WarpcamError(f"double_sided must be True, False or None, got {double_sided!r}")
-    if exposure is not None and not (isinstance(exposure, int | float) and np.isfinite(exposure)):
+    is_number = isinstance(exposure, int | float | np.number) and not isinstance(exposure, bool)
+    if exposure is not None and not (is_number and np.isfinite(exposure)):
         raise WarpcamError(f"exposure must be a finite number or None, got {exposure!r}")
     for purpose in purposes if not isinstance(purposes, str) else [purposes]:
         if purpose not in PURPOSES or isinstance(purposes, str):
