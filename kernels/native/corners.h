@@ -9,6 +9,14 @@
 
 namespace warpcam {
 
+// Bytes that a block may keep for corners to be kept as well: with more it leaves the cache of its multiprocessor too
+// little.
+#if defined(__CUDA_ARCH__)
+constexpr int CORNERED = 30720;
+#else
+constexpr int CORNERED = 44032;
+#endif
+
 // Numbers that a block keeps, for its pixels and the bytes that are left to it.
 constexpr int corner_room(int pixels, int bytes)
 {

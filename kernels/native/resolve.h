@@ -207,14 +207,6 @@ WARPCAM_FN void resolve_pixel(const Looks* looks, const List& lights, const Scen
     }
 }
 
-// Bytes that a block may keep for corners to be kept as well: with more it leaves the cache of its multiprocessor too
-// little.
-#if defined(__CUDA_ARCH__)
-constexpr int CORNERED = 30720;
-#else
-constexpr int CORNERED = 44032;
-#endif
-
 // Draws one region of one view; `index` counts worlds, then regions, then (CUDA) threads of the block.
 // VEILS: how many shapes may be transparent.
 template <int TYPES, int LENS, int CAPACITY, int WIDTH, int HEIGHT, int IMAGES, int FACTS, int VEILS = 0, class Scene_,
