@@ -26,6 +26,14 @@ enum Output {
     OPAQUE = 1 << 20
 };
 
+// Tiles, one below the other, that a warp of a CUDA block draws at once: what a tile takes and what a shape takes of it
+// besides the rays is then paid once. Small regions have too few of them. visibility.py has the same.
+constexpr int tiles_at_once(int types, int width, int height)
+{
+    const bool quick = !(types >> MESH & 1) && !(types >> HEIGHT_FIELD & 1);
+    return quick && width * height >= 32 * 32 ? 2 : 1;
+}
+
 // Where the normals are written, hits name the slot of their shape's record instead of the shape: see gather().
 constexpr bool names_slots(int outputs) { return outputs & NORMALS; }
 
@@ -42,7 +50,8 @@ template <int OUTPUTS, int WIDTH, int HEIGHT, int SHAPES> struct Places<OUTPUTS,
 };
 
 // Pixel (i, j) is column i and row j of the image.
-template <int TYPES, int LENS, int OUTPUTS, int CAPACITY, class Target, class Shapes, class Places_> struct Canvas {
+template <int TYPES, int LENS, int OUTPUTS, int CAPACITY, int TALL_, class Target, class Shapes, class Places_> struct Canvas {
+    static constexpr int TALL = TALL_;
     const Target& target;
     const Shapes& shapes;
     const ShapeList<CAPACITY>& list;

@@ -136,13 +136,16 @@ template <int TYPE> WARPCAM_FN float enter(const Record& record, Ray ray)
     }
 }
 
-// The same for a type known only now, out of a set of types known at compile time.
-template <int TYPES> WARPCAM_FN float enter_any(const Record& record, Ray ray)
+// The same of several rays for a type known only now, out of a set of types known at compile time.
+template <int TYPES, int COUNT> WARPCAM_FN void enter_any(const Record& record, const Ray (&rays)[COUNT], float (&t)[COUNT])
 {
     const int type = record.axis_x.w;
 #define WARPCAM_TRY(TYPE) \
-    if ((TYPES >> TYPE & 1) && type == TYPE) \
-        return enter<TYPE>(record, ray);
+    if ((TYPES >> TYPE & 1) && type == TYPE) { \
+        for (int k = 0; k < COUNT; ++k) \
+            t[k] = enter<TYPE>(record, rays[k]); \
+        return; \
+    }
     WARPCAM_TRY(PLANE)
     WARPCAM_TRY(SPHERE)
     WARPCAM_TRY(ELLIPSOID)
@@ -152,7 +155,16 @@ template <int TYPES> WARPCAM_FN float enter_any(const Record& record, Ray ray)
     WARPCAM_TRY(CONE)
     WARPCAM_TRY(BARREL)
 #undef WARPCAM_TRY
-    return FAR_AWAY;
+    for (int k = 0; k < COUNT; ++k)
+        t[k] = FAR_AWAY;
+}
+
+template <int TYPES> WARPCAM_FN float enter_any(const Record& record, const Ray& ray)
+{
+    const Ray rays[] = { ray };
+    float t[1];
+    enter_any<TYPES>(record, rays, t);
+    return t[0];
 }
 
 }  // namespace warpcam

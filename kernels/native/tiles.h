@@ -47,9 +47,10 @@ template <int CAPACITY> WARPCAM_FN void sort_by_depth(ShapeList<CAPACITY>& list,
     }
 }
 
-WARPCAM_FN bool touches(const TileBox& box, int column, int row)
+// Does it touch one of `rows` tiles, `row` and those below?
+WARPCAM_FN bool touches(const TileBox& box, int column, int row, int rows = 1)
 {
-    return (column >= box.left) & (column <= box.right) & (row >= box.top) & (row <= box.bottom);
+    return (column >= box.left) & (column <= box.right) & (row >= box.top + 1 - rows) & (row <= box.bottom);
 }
 
 // Thirty-two rays: of a warp, one a lane; of a CPU thread, all of them.
@@ -104,29 +105,38 @@ WARPCAM_FN unsigned find_meshes(unsigned mask, const Record* records, const unsi
     return met;
 }
 
-// The nearest of all shapes but meshes.
-template <int TYPES, int LENS, int CAPACITY, class HeightFields>
-WARPCAM_FN void trace_tile(const ShapeList<CAPACITY>& list, int column, int row, const ViewRay<LENS>& ray, float near,
-                           const HeightFields& fields, Hit& hit)
+// The nearest of all shapes but meshes, of TALL tiles one below the other; of each a lane has a ray.
+template <int TYPES, int TALL, class Ray_, int CAPACITY, class HeightFields>
+WARPCAM_FN void trace_tiles(const ShapeList<CAPACITY>& list, int column, int row, const Ray_ (&rays)[TALL], float near,
+                            const HeightFields& fields, Hit (&hits)[TALL])
 {
     for (int begin = 0; begin < list.count; begin += LANES) {
         bool mine = false;
         const int rank = begin + threadIdx.x % LANES;
         if (rank < list.count)
-            mine = touches(list.tiles[rank], column, row) && !is_mesh<TYPES>(list.records[list.order[rank]]);
+            mine = touches(list.tiles[rank], column, row, TALL) && !is_mesh<TYPES>(list.records[list.order[rank]]);
         for (unsigned mask = __ballot_sync(ALL, mine); mask; mask &= mask - 1) {
             const Record& record = list.records[list.order[begin + lowest_bit(mask)]];
-            if (!__any_sync(ALL, as_float(record.size.w) < hit.depth))
-                return;  // every lane has a hit nearer than all that follows
+            float farthest = hits[0].depth;
+            for (int k = 1; k < TALL; ++k)
+                farthest = upper(farthest, hits[k].depth);
+            if (!__any_sync(ALL, as_float(record.size.w) < farthest))
+                return;  // every lane has hits nearer than all that follows
             if ((TYPES >> HEIGHT_FIELD & 1) && record.axis_x.w == HEIGHT_FIELD) {
-                walk_height_field(fields, record, ray, near, hit);
+                for (int k = 0; k < TALL; ++k)
+                    walk_height_field(fields, record, rays[k], near_of(rays[k], near), hits[k]);
                 __syncwarp();
             } else {
-                const float t = enter_any<analytic_types(TYPES)>(record, ray.local(record));
-                if (t < hit.depth && t > near) {
-                    hit.depth = t;
-                    hit.shape = record.axis_y.w;
-                }
+                Ray local[TALL];
+                for (int k = 0; k < TALL; ++k)
+                    local[k] = rays[k].local(record);
+                float t[TALL];
+                enter_any<analytic_types(TYPES)>(record, local, t);
+                for (int k = 0; k < TALL; ++k)
+                    if (t[k] < hits[k].depth && t[k] > near_of(rays[k], near)) {
+                        hits[k].depth = t[k];
+                        hits[k].shape = record.axis_y.w;
+                    }
             }
         }
     }

@@ -54,11 +54,12 @@ WARPCAM_FN int gather(ShapeList<CAPACITY>& list, int begin, const Shapes& shapes
 
 #if defined(__CUDA_ARCH__)
 
-// Draws the tiles of a region against the list, a warp one after another.
+// Draws the tiles of a region against the list, a warp TALL of them at once, one below the other.
 template <int TYPES, int LENS, int CAPACITY, class Canvas_, class Meshes, class HeightFields>
 WARPCAM_FN void draw_tiles(ShapeList<CAPACITY>& list, const Canvas_& canvas, const Meshes& meshes,
                            const HeightFields& fields, bool first_pass)
 {
+    constexpr int TALL = Canvas_::TALL;
     constexpr bool HAS_MESH = TYPES >> MESH & 1, HAS_THREES = Canvas_::THREES != 0;
     WARPCAM_SHARED typename MeshRaysOf<HAS_MESH ? CAPACITY : 1>::type rays[HAS_MESH ? THREADS / LANES : 1];
     WARPCAM_SHARED float4 lanes[HAS_THREES ? THREADS / LANES : 1][3 * LANES / 4];
@@ -66,23 +67,28 @@ WARPCAM_FN void draw_tiles(ShapeList<CAPACITY>& list, const Canvas_& canvas, con
     float* row_of_lanes = reinterpret_cast<float*>(lanes[HAS_THREES ? warp : 0]);
     const Region region = canvas.region;
     const float near = canvas.camera.near;
-    const int across = region.width / TILE_WIDTH, tiles = across * (region.height / TILE_HEIGHT);
+    const int across = region.width / TILE_WIDTH, stacks = across * ((region.height / TILE_HEIGHT + TALL - 1) / TALL);
     const float per_row = 1.0f / float(across);
     const auto next_tile = [&](int& found) {
-        const int tile = __shfl_sync(ALL, lane == 0 ? draw_next(list.next_tile) : 0, 0);
-        if (tile >= tiles)
+        const int stack = __shfl_sync(ALL, lane == 0 ? draw_next(list.next_tile) : 0, 0);
+        if (stack >= stacks)
             return false;
-        const int row = Canvas_::WHOLE ? unsigned(tile) / unsigned(across) : int((float(tile) + 0.5f) * per_row);
-        const int column = tile - row * across;
+        const int level = Canvas_::WHOLE ? unsigned(stack) / unsigned(across) : int((float(stack) + 0.5f) * per_row);
+        const int column = stack - level * across, row = TALL * level;
         const int i = region.left + column * TILE_WIDTH + lane % TILE_WIDTH;
         const int j = region.top + row * TILE_HEIGHT + lane / TILE_WIDTH;
-        const auto ray = canvas.ray(i, j);
-        Hit hit = canvas.start(i, j, first_pass);
-        trace_tile<TYPES>(list, column, row, ray, near_of(ray, near), fields, hit);
-        canvas.put_tile(i, j, hit, first_pass, row_of_lanes);
+        decltype(canvas.ray(i, j)) ray[TALL];
+        Hit hit[TALL];
+        for (int k = 0; k < TALL; ++k) {
+            ray[k] = canvas.ray(i, j + k * TILE_HEIGHT);
+            hit[k] = canvas.start(i, j + k * TILE_HEIGHT, first_pass);
+        }
+        trace_tiles<TYPES>(list, column, row, ray, near, fields, hit);
+        for (int k = 0; k < TALL; ++k)
+            canvas.put_tile(i, j + k * TILE_HEIGHT, hit[k], first_pass, row_of_lanes);
         if (HAS_MESH)
-            found = find_rays<TYPES>(rays[HAS_MESH ? warp : 0], list, column, row, ray, near_of(ray, near), meshes,
-                                     hit.depth);
+            found = find_rays<TYPES>(rays[HAS_MESH ? warp : 0], list, column, row, ray[0], near_of(ray[0], near), meshes,
+                                     hit[0].depth);
         return true;
     };
     if (HAS_MESH) {
@@ -210,7 +216,7 @@ WARPCAM_FN void draw(const Shapes& shapes, const Materials& materials, const Mes
     block_barrier();
     if constexpr (FLOWING)
         places.fetch(thread);
-    const Canvas<TYPES, LENS, OUTPUTS, CAPACITY, Target, Shapes, Near> canvas {
+    const Canvas<TYPES, LENS, OUTPUTS, CAPACITY, tiles_at_once(TYPES, WIDTH, HEIGHT), Target, Shapes, Near> canvas {
         target, shapes, list, camera, region, world, places
     };
     const auto hidden = [&](int id) {
