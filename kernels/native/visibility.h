@@ -185,6 +185,13 @@ WARPCAM_FN void draw_region(ShapeList<CAPACITY>& list, const Canvas_& canvas, co
     } while (SEVERAL && begin < total);
 }
 
+// What a block shares.
+template <int CAPACITY, class Places_> struct DrawRoom {
+    ShapeList<CAPACITY> list;
+    alignas(16) Camera camera;  // kept in registers it would be spilled
+    Places_ places;
+};
+
 // Draws one region of one view; `index` counts worlds, then regions, then (CUDA) threads of the block.
 // SEVERAL: depth and shape are always written. With OPAQUE outputs shapes that are transparent are left out.
 template <int TYPES, int LENS, int CAPACITY, bool SEVERAL, int WIDTH, int HEIGHT, int OUTPUTS, class Shapes,
@@ -193,8 +200,13 @@ WARPCAM_FN void draw(const Shapes& shapes, const Materials& materials, const Mes
                      const HeightFields& fields, const Views& views, const Target& target, int index)
 {
     static_assert(!names_slots(OUTPUTS) || analytic_types(TYPES) == TYPES);
-    WARPCAM_SHARED ShapeList<CAPACITY> list;
-    alignas(16) WARPCAM_SHARED Camera camera;  // kept in registers it would be spilled
+    constexpr bool FLOWING = (OUTPUTS & FLOWS) != 0;
+    using Near = typename Places<OUTPUTS, WIDTH, HEIGHT, (OUTPUTS & FLOW_LISTED) ? CAPACITY : 0>::type;
+    WARPCAM_SHARED DrawRoom<CAPACITY, Near> shared;
+    DrawRoom<CAPACITY, Near>& room = by_address(shared);
+    ShapeList<CAPACITY>& list = room.list;
+    Camera& camera = room.camera;
+    Near& places = room.places;
     const int thread = index % THREADS;
     int world = index / THREADS;
     Region region { 0, 0, WIDTH, HEIGHT };
@@ -202,9 +214,6 @@ WARPCAM_FN void draw(const Shapes& shapes, const Materials& materials, const Mes
         region = region_of<WIDTH, HEIGHT, (TYPES >> MOVING & 1) != 0>(target, index / THREADS, world);
     if (!wp::index(target.mask, world))
         return;
-    constexpr bool FLOWING = (OUTPUTS & FLOWS) != 0;
-    using Near = typename Places<OUTPUTS, WIDTH, HEIGHT, (OUTPUTS & FLOW_LISTED) ? CAPACITY : 0>::type;
-    WARPCAM_SHARED Near places;
     if (thread == 0) {
         camera = load_camera(wp::index(views, world));
         if constexpr (FLOWING)
