@@ -147,7 +147,7 @@ WARPCAM_FN void block_barrier()
 WARPCAM_FN int lowest_bit(unsigned bits)
 {
 #if defined(__CUDA_ARCH__)
-    return __ffs(bits) - 1;
+    return 31 - __clz(bits & -bits);  // not __ffs(), which reverses all bits first
 #else
     return __builtin_ctz(bits);
 #endif

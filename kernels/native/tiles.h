@@ -23,7 +23,11 @@ template <int CAPACITY> struct ShapeList {
     float nearest[CAPACITY];        // by slot
     int ids[CAPACITY];              // by slot
     TileBox touched[CAPACITY];      // by slot
+#if defined(__CUDA_ARCH__)
+    TileSpans tiles[(CAPACITY + LANES - 1) / LANES * LANES];  // the same by rank, then none to a multiple of LANES
+#else
     TileBox tiles[CAPACITY];        // the same by rank
+#endif
     unsigned char order[CAPACITY];  // by rank: the slot
     int count;
     int next_tile;
@@ -43,14 +47,22 @@ template <int CAPACITY> WARPCAM_FN void sort_by_depth(ShapeList<CAPACITY>& list,
             rank += other < key || (other == key && list.ids[j] > id);
         }
         list.order[rank] = static_cast<unsigned char>(i);
+#if defined(__CUDA_ARCH__)
+        list.tiles[rank] = { TileSpans::of(list.touched[i]) };
+#else
         list.tiles[rank] = list.touched[i];
+#endif
     }
+#if defined(__CUDA_ARCH__)
+    const int room = list.count == 0 ? LANES : (list.count + LANES - 1) / LANES * LANES;
+    for (int rank = list.count + thread; rank < room; rank += THREADS)
+        list.tiles[rank] = { TileSpans::NONE };
+#endif
 }
 
-// Does it touch one of `rows` tiles, `row` and those below?
-WARPCAM_FN bool touches(const TileBox& box, int column, int row, int rows = 1)
+WARPCAM_FN bool touches(const TileBox& box, int column, int row)
 {
-    return (column >= box.left) & (column <= box.right) & (row >= box.top + 1 - rows) & (row <= box.bottom);
+    return (column >= box.left) & (column <= box.right) & (row >= box.top) & (row <= box.bottom);
 }
 
 // Thirty-two rays: of a warp, one a lane; of a CPU thread, all of them.
@@ -110,11 +122,11 @@ template <int TYPES, int TALL, class Ray_, int CAPACITY, class HeightFields>
 WARPCAM_FN void trace_tiles(const ShapeList<CAPACITY>& list, int column, int row, const Ray_ (&rays)[TALL], float near,
                             const HeightFields& fields, Hit (&hits)[TALL])
 {
-    for (int begin = 0; begin < list.count; begin += LANES) {
-        bool mine = false;
+    const unsigned steps = TileSpans::steps(column, row, TALL);
+    int begin = 0;
+    do {
         const int rank = begin + threadIdx.x % LANES;
-        if (rank < list.count)
-            mine = touches(list.tiles[rank], column, row, TALL) && !is_mesh<TYPES>(list.records[list.order[rank]]);
+        const bool mine = list.tiles[rank].touches(steps) && !is_mesh<TYPES>(list.records[list.order[rank]]);
         for (unsigned mask = __ballot_sync(ALL, mine); mask; mask &= mask - 1) {
             const Record& record = list.records[list.order[begin + lowest_bit(mask)]];
             float farthest = hits[0].depth;
@@ -131,7 +143,8 @@ WARPCAM_FN void trace_tiles(const ShapeList<CAPACITY>& list, int column, int row
                 for (int k = 0; k < TALL; ++k)
                     local[k] = rays[k].local(record);
                 float t[TALL];
-                enter_any<analytic_types(TYPES)>(record, local, t);
+                enter_each<analytic_types(TYPES), TALL, PLANE, SPHERE, ELLIPSOID, CAPSULE, CYLINDER, BOX, CONE, BARREL>(
+                    record, local, t);
                 for (int k = 0; k < TALL; ++k)
                     if (t[k] < hits[k].depth && t[k] > near_of(rays[k], near)) {
                         hits[k].depth = t[k];
@@ -139,7 +152,8 @@ WARPCAM_FN void trace_tiles(const ShapeList<CAPACITY>& list, int column, int row
                     }
             }
         }
-    }
+        begin += LANES;
+    } while (CAPACITY > LANES && begin < list.count);
 }
 
 #else

@@ -68,12 +68,12 @@ WARPCAM_FN void draw_tiles(ShapeList<CAPACITY>& list, const Canvas_& canvas, con
     const Region region = canvas.region;
     const float near = canvas.camera.near;
     const int across = region.width / TILE_WIDTH, stacks = across * ((region.height / TILE_HEIGHT + TALL - 1) / TALL);
-    const float per_row = 1.0f / float(across);
+    const unsigned per_level = unsigned(65536.0f * reciprocal(float(across))) + 1u;  // of 65536; exact below 8192 stacks
     const auto next_tile = [&](int& found) {
         const int stack = __shfl_sync(ALL, lane == 0 ? draw_next(list.next_tile) : 0, 0);
         if (stack >= stacks)
             return false;
-        const int level = Canvas_::WHOLE ? unsigned(stack) / unsigned(across) : int((float(stack) + 0.5f) * per_row);
+        const int level = Canvas_::WHOLE ? unsigned(stack) / unsigned(across) : unsigned(stack) * per_level >> 16;
         const int column = stack - level * across, row = TALL * level;
         const int i = region.left + column * TILE_WIDTH + lane % TILE_WIDTH;
         const int j = region.top + row * TILE_HEIGHT + lane / TILE_WIDTH;
