@@ -51,7 +51,8 @@ template <int OUTPUTS, int WIDTH, int HEIGHT, int SHAPES> struct Places<OUTPUTS,
 
 // Pixel (i, j) is column i and row j of the image.
 template <int TYPES, int LENS, int OUTPUTS, int CAPACITY, int TALL_, class Target, class Shapes, class Places_> struct Canvas {
-    static constexpr int TALL = TALL_;
+    static constexpr int TALL = TALL_;  // tiles at once
+
     const Target& target;
     const Shapes& shapes;
     const ShapeList<CAPACITY>& list;

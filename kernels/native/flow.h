@@ -68,11 +68,10 @@ WARPCAM_FN bool was_seen(const Trail& trail, const Places& places, int shape, co
                                places.word(Places::place_in(trail, x.other(), y.other())), shape, last, depth);
 }
 
-// Writes the pixel `below` pixel (i, j), number `pixel` of all worlds'.
+// Writes the pixel that is `below` rows below pixel (i, j), number `pixel` of all worlds'.
 template <int TYPES, int LENS, int WANTED, class Trail, class Places, class Shapes, class Index>
 WARPCAM_FN void put_flow(const Trail& trail, const Places& places, const Shapes& shapes, const Camera& camera,
-                         const ViewRay<LENS>& seen, const Hit& hit, int world, int i, int j, int below,
-                         Index pixel)
+                         const ViewRay<LENS>& seen, const Hit& hit, int world, int i, int j, int below, Index pixel)
 {
     constexpr bool MOVES = WANTED & FLOW_MOVES;
     using Keeps = typename Places::Keeps;

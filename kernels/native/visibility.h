@@ -69,10 +69,12 @@ WARPCAM_FN void draw_tiles(ShapeList<CAPACITY>& list, const Canvas_& canvas, con
     const float near = canvas.camera.near;
     const int across = region.width / TILE_WIDTH, stacks = across * ((region.height / TILE_HEIGHT + TALL - 1) / TALL);
     const unsigned per_level = unsigned(65536.0f * reciprocal(float(across))) + 1u;  // of 65536; exact below 8192 stacks
-    int own = warp;  // where tiles take about as long as each other, each warp has its own: of four another from four to four
+    // Where tiles take about as long as each other, each warp has its own: one of four, and of the next four the next.
+    constexpr int WARPS = THREADS / LANES;
+    int own = warp;
     const auto next_tile = [&](int& found) {
         const int stack = TALL > 1 ? own : __shfl_sync(ALL, lane == 0 ? draw_next(list.next_tile) : 0, 0);
-        own = (((own + 1) & 3) | (own & ~3)) + 4;
+        own = (((own + 1) & (WARPS - 1)) | (own & ~(WARPS - 1))) + WARPS;
         if (stack >= stacks)
             return false;
         const int level = Canvas_::WHOLE ? unsigned(stack) / unsigned(across) : unsigned(stack) * per_level >> 16;
