@@ -20,7 +20,7 @@ constexpr int analytic_types(int types)
 // What a region's rays are tested against. Ranks run from near to far.
 template <int CAPACITY> struct ShapeList {
     Record records[CAPACITY];
-    float nearest[CAPACITY];        // by slot
+    int nearest[CAPACITY];          // by slot; the bits of a depth, which are in order
     int ids[CAPACITY];              // by slot
     TileBox touched[CAPACITY];      // by slot
 #if defined(__CUDA_ARCH__)
@@ -39,13 +39,16 @@ template <int CAPACITY> struct ShapeList {
 template <int CAPACITY> WARPCAM_FN void sort_by_depth(ShapeList<CAPACITY>& list, int thread)
 {
     for (int i = thread; i < list.count; i += THREADS) {
-        const float key = list.nearest[i];
-        const int id = list.ids[i];
-        int rank = 0;
+        const int key = list.nearest[i], id = list.ids[i];
+        unsigned rank = 0, with_equals = 0;
         for (int j = 0; j < list.count; ++j) {
-            const float other = list.nearest[j];
-            rank += other < key || (other == key && list.ids[j] > id);
+            const int beyond = list.nearest[j] - key;
+            rank += unsigned(beyond) >> 31;
+            with_equals += unsigned(beyond - 1) >> 31;
         }
+        if (with_equals > rank + 1)
+            for (int j = 0; j < list.count; ++j)
+                rank += list.nearest[j] == key && list.ids[j] > id;
         list.order[rank] = static_cast<unsigned char>(i);
 #if defined(__CUDA_ARCH__)
         list.tiles[rank] = { TileSpans::of(list.touched[i]) };

@@ -35,7 +35,7 @@ WARPCAM_FN int gather(ShapeList<CAPACITY>& list, int begin, const Shapes& shapes
                 if (SLOTS)
                     record.axis_y.w = slot;
                 list.records[slot] = record;
-                list.nearest[slot] = as_float(record.size.w);
+                list.nearest[slot] = record.size.w & 0x7fffffff;
                 list.ids[slot] = id;
                 list.touched[slot] = tiles;
             }
