@@ -207,6 +207,37 @@ WARPCAM_FN void resolve_pixel(const Looks* looks, const List& lights, const Scen
     }
 }
 
+#if defined(__CUDA_ARCH__)
+// Writes the pixels of two tiles where all of them show the plane whose corners are kept; false where not.
+template <int IMAGES, int FACTS, class List, class Scene_>
+WARPCAM_FN bool resolve_floors(const List& lights, const Scene_& scene, const Camera& camera, int world,
+                               const Pixel* pixels, const Seen* found)
+{
+    using Wants = Wanted<IMAGES, FACTS>;
+    float x[2], y[2];
+    int shadow[2];
+    Vec display[2];
+    for (int k = 0; k < 2; ++k) {
+        x[k] = ray_x<PINHOLE>(camera, pixels[k].column);
+        y[k] = ray_y<PINHOLE>(camera, pixels[k].row);
+        shadow[k] = found[k].shadow;
+    }
+    const Hit hits[2] = { found[0], found[1] };
+    if (!draw_floors<Wants::TEXTURED>(lights.grid, scene.textures, hits, shadow, x, y, display))
+        return false;
+    for (int k = 0; k < 2; ++k) {
+        Vec linear = display[k];
+        expose<FACTS>(scene, world, linear, display[k]);
+        const unsigned word = to_bytes(display[k]);
+        if (IMAGES & RGB)
+            put_bytes<(FACTS & QUADS) != 0>(scene.images.rgb, pixels[k], word);
+        if (IMAGES & RGBA)
+            put_word(scene.images.rgba, pixels[k], word | 0xff000000u);
+    }
+    return true;
+}
+#endif
+
 // Draws one region of one view; `index` counts worlds, then regions, then (CUDA) threads of the block.
 // VEILS: how many shapes may be transparent.
 template <int TYPES, int LENS, int CAPACITY, int WIDTH, int HEIGHT, int IMAGES, int FACTS, int VEILS = 0, class Scene_,
@@ -316,22 +347,47 @@ WARPCAM_FN void resolve(const Scene_& scene, const Lights& lights, int index)
     const unsigned warp = unsigned(thread) / LANES;
     pixel.lane = unsigned(thread) % LANES;
     pixel.row_of_lanes = reinterpret_cast<float*>(lanes[warp]);
-    go_to<WIDTH, FACTS>(pixel, frame, first, left, top, warp);
-    Seen next = find<TYPES, IMAGES, FACTS>(frame, pixel);
+    const auto resolve_tile = [&](const Seen& found) {
+        if (!(FACTS & WHOLE_REGIONS) && (pixel.width <= 0 || pixel.height <= 0))
+            return;
+        if constexpr (LENS == RAYS)
+            resolve_pixel<TYPES, LENS, HELD, IMAGES, FACTS>(looks, list, scene,
+                camera_at(kept_camera, pixel.column, pixel.row), veils, region, world, pixel, found);
+        else
+            resolve_pixel<TYPES, LENS, HELD, IMAGES, FACTS>(looks, list, scene, kept_camera, veils, region, world, pixel, found);
+    };
+    if constexpr (CORNERS > 0 && (FACTS & SPARE) && !(FACTS & (MIRRORED | REFLECTS | VEILED | HAZY))
+                  && !(IMAGES & (NORMALS | ALBEDO))) {
+        // Two tiles at once: their pixels are asked for together, and where both show nothing but floor they are drawn
+        // together.
 #pragma unroll 1
-    for (unsigned tile = warp; tile < TILES; tile += STEP) {
-        const Seen found = next;
-        if (tile + STEP < TILES) {  // ask for the next tile's pixels before this one's are drawn
-            go_to<WIDTH, FACTS>(pixel, frame, first, left, top, tile + STEP);
-            next = find<TYPES, IMAGES, FACTS>(frame, pixel);
+        for (unsigned tile = warp; tile < TILES; tile += 2 * STEP) {
+            Pixel pixels[2] = { pixel, pixel };
+            Seen found[2];
+            for (int k = 0; k < 2; ++k) {
+                go_to<WIDTH, FACTS>(pixels[k], frame, first, left, top, tile + k * STEP);
+                pixels[k].inside &= tile + k * STEP < TILES;
+                found[k] = find<TYPES, IMAGES, FACTS>(frame, pixels[k]);
+            }
+            if (!resolve_floors<IMAGES, FACTS>(list, scene, kept_camera, world, pixels, found))
+#pragma unroll 1
+                for (int k = 0; k < 2 && tile + k * STEP < TILES; ++k) {
+                    go_to<WIDTH, FACTS>(pixel, frame, first, left, top, tile + k * STEP);
+                    resolve_tile(find<TYPES, IMAGES, FACTS>(frame, pixel));
+                }
         }
-        go_to<WIDTH, FACTS>(pixel, frame, first, left, top, tile);
-        if ((FACTS & WHOLE_REGIONS) || (pixel.width > 0 && pixel.height > 0)) {
-            if constexpr (LENS == RAYS)
-                resolve_pixel<TYPES, LENS, HELD, IMAGES, FACTS>(looks, list, scene,
-                    camera_at(kept_camera, pixel.column, pixel.row), veils, region, world, pixel, found);
-            else
-                resolve_pixel<TYPES, LENS, HELD, IMAGES, FACTS>(looks, list, scene, kept_camera, veils, region, world, pixel, found);
+    } else {
+        go_to<WIDTH, FACTS>(pixel, frame, first, left, top, warp);
+        Seen next = find<TYPES, IMAGES, FACTS>(frame, pixel);
+#pragma unroll 1
+        for (unsigned tile = warp; tile < TILES; tile += STEP) {
+            const Seen found = next;
+            if (tile + STEP < TILES) {  // ask for the next tile's pixels before this one's are drawn
+                go_to<WIDTH, FACTS>(pixel, frame, first, left, top, tile + STEP);
+                next = find<TYPES, IMAGES, FACTS>(frame, pixel);
+            }
+            go_to<WIDTH, FACTS>(pixel, frame, first, left, top, tile);
+            resolve_tile(found);
         }
     }
 #else
