@@ -294,7 +294,7 @@ def record(
 def _blocks(images: int, facts: int) -> int:
     """Blocks that a multiprocessor is to hold, for a set of images: bounds the registers of a thread."""
     lit, albedo = images & 0b00111, images & 0b10000
-    return 4 if lit and facts & PHYSICAL else 5 if lit else 7 if albedo else 8
+    return 5 if lit else 7 if albedo else 8
 
 
 def is_spare(shape_types: Collection[int], num_drawn: int) -> bool:
