@@ -234,7 +234,8 @@ class DrivenScene(Scene):
             if numbers.dtype.kind not in allowed:
                 raise TypeError
         except (TypeError, ValueError, RuntimeError):
-            raise WarpcamError(f"{what} must be an array of {dtype.__name__}, got {value!r}") from None
+            name = "bool or uint8" if dtype is wp.uint8 else dtype.__name__
+            raise WarpcamError(f"{what} must be an array of {name}, got {value!r}") from None
         return wp.array(np.ascontiguousarray(numbers.astype(wp.dtype_to_numpy(dtype))), dtype=dtype, device=self.device)
 
 
