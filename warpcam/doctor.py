@@ -272,7 +272,7 @@ def _remarks(environment: Sequence[Variable]) -> list[str]:
         for each in environment
         if each.name == device_rule.VISIBLE
         and (each.value or "").strip() not in ("", "-1")
-        and not device_rule.driver_installed()
+        and each.meaning == "there is no CUDA driver"
     ]
     return remarks
 
