@@ -105,7 +105,7 @@ class DrivenScene(Scene):
         Args:
             paths: Of what to paint.
             colors: Display colours in [0, 1], (world, path, 3 or 4) float32, or (1, path, 3 or 4); what has an alpha
-                of 0 is not seen.
+                of 0 is not seen. Without an alpha that of before stays.
         """
         key = self._check_paths("set_colors", paths)
         array = self._take("set_colors: colors", colors, (len(key), (3, 4)), wp.float32)
