@@ -1,7 +1,7 @@
 """The trace: for each pixel of a camera's views the nearest shape, its face and its depth."""
 
 import functools
-from collections.abc import Mapping
+from collections.abc import Mapping, Set
 from typing import Any
 
 import warp as wp
@@ -198,6 +198,7 @@ def record(
     target = target_type()
     target.mask, target.faults = mask, faults
     target.width, target.height = width, height
+    region = region_size(tables, group.at_once, width, height, device)
     outputs = 0
     arrays = {"depth": depth, "shape": shape, "face": face, **images}
     for bit, name in enumerate(OUTPUTS):
@@ -219,9 +220,8 @@ def record(
         outputs |= BY_WORLD
     if device.is_cuda:  # nothing is faster by these on a CPU, and fewer kernels are compiled without
         outputs |= QUADS * (width % 4 == 0 and not images.keys().isdisjoint(("points", "normals")))
-        outputs |= TILED * (width % 8 == 0 and height % 4 == 0)
+        outputs |= TILED * (width % 8 == 0 and height % (4 * tiles_at_once(tables.shape_types, region)) == 0)
     types = sum(1 << t for t in tables.shape_types - LOOKS_ALONE)
-    region = region_size(tables, group.at_once, width, height, device)
     if struct is flow_target_struct and region == (width, height):
         outputs |= facts_of_whole(tables, device, "flow_valid" in images)
     kernel = _kernel(types, LENSES[lens], capacity, several, *region, outputs, target_type)
@@ -252,6 +252,11 @@ def composes(tables: Tables, device: wp.Device) -> bool:
     """Whether each block of the trace composes by itself how the shapes have moved: where these are few."""
     few = tables.num_shapes <= list_capacity(tables.num_drawn) <= MOST_COMPOSED
     return device.is_cuda and few and not tables.moving and tables.splats is None
+
+
+def tiles_at_once(shape_types: Set[int], region: tuple[int, int]) -> int:
+    """How many tiles, one below the other, a warp of a CUDA block draws at once: native/canvas.h has the same."""
+    return 2 if {MESH, HEIGHT_FIELD}.isdisjoint(shape_types) and region[0] * region[1] >= 32 * 32 else 1
 
 
 def facts_of_whole(tables: Tables, device: wp.Device, valid: bool) -> int:

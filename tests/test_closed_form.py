@@ -206,3 +206,12 @@ def test_wall_is_as_far_everywhere(device: wp.Device, zoo: mujoco.MjModel, kind:
     assert np.abs(seen["depth"] - 2.0).max() <= 2e-6
     assert np.abs(seen["distance"] - 2.0 / cosine).max() <= 5e-6
     assert (seen["normals"] == (0.0, 0.0, 1.0)).all()
+
+
+def test_of_shapes_at_one_place_the_later_is_seen(device: wp.Device) -> None:
+    ball = '<geom type="sphere" size=".5" pos="{} 0 -3"/>'
+    mjm = scenes.compile_xml("".join(ball.format(x) for x in (-0.8, 0.8, -0.8, 0.0, 0.8, -0.8)))
+    m, d = scenes.put(mjm, 2)
+    renderer = wc.Renderer(wc.from_mujoco_warp(mjm, m, d), [scenes.own_camera()])
+    seen = scenes.on_host(renderer.render()["eye"])["segmentation"]
+    assert set(np.unique(seen)) == {-1, 3, 4, 5}

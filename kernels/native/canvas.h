@@ -26,6 +26,14 @@ enum Output {
     OPAQUE = 1 << 20
 };
 
+// Tiles, one below the other, that a warp of a CUDA block draws at once: what a tile takes and what a shape takes of it
+// besides the rays is then paid once. Small regions have too few of them. visibility.py has the same.
+constexpr int tiles_at_once(int types, int width, int height)
+{
+    const bool quick = !(types >> MESH & 1) && !(types >> HEIGHT_FIELD & 1);
+    return quick && width * height >= 32 * 32 ? 2 : 1;
+}
+
 // Where the normals are written, hits name the slot of their shape's record instead of the shape: see gather().
 constexpr bool names_slots(int outputs) { return outputs & NORMALS; }
 
@@ -42,7 +50,9 @@ template <int OUTPUTS, int WIDTH, int HEIGHT, int SHAPES> struct Places<OUTPUTS,
 };
 
 // Pixel (i, j) is column i and row j of the image.
-template <int TYPES, int LENS, int OUTPUTS, int CAPACITY, class Target, class Shapes, class Places_> struct Canvas {
+template <int TYPES, int LENS, int OUTPUTS, int CAPACITY, int TALL_, class Target, class Shapes, class Places_> struct Canvas {
+    static constexpr int TALL = TALL_;  // tiles at once
+
     const Target& target;
     const Shapes& shapes;
     const ShapeList<CAPACITY>& list;
@@ -57,11 +67,14 @@ template <int TYPES, int LENS, int OUTPUTS, int CAPACITY, class Target, class Sh
         return (OUTPUTS & TILED) || (i < target.width && j < target.height);
     }
 
-    WARPCAM_FN unsigned at(int i, int j) const
+    // The number of a pixel, of all worlds': that of the k-th tile below pixel (i, j). In images of known size these are
+    // at known distances from one address.
+    WARPCAM_FN auto at(int i, int j, int k = 0) const
     {
-        if (WHOLE)
-            return (unsigned(world) * region.height + j) * region.width + i;
-        return (unsigned(world) * target.height + j) * target.width + i;
+        if constexpr (WHOLE)
+            return size_t((unsigned(world) * region.height + j) * region.width + i) + size_t(k * TILE_HEIGHT * region.width);
+        else
+            return (unsigned(world) * target.height + (j + k * TILE_HEIGHT)) * target.width + i;
     }
 
     WARPCAM_FN ViewRay<LENS> ray(int i, int j) const
@@ -99,11 +112,11 @@ template <int TYPES, int LENS, int OUTPUTS, int CAPACITY, class Target, class Sh
         return hit;
     }
 
-    // Writes a pixel of the image, WHAT of it.
-    template <int WHAT> WARPCAM_FN void put(int i, int j, const Hit& hit) const
+    // Writes a pixel of the image, that of the k-th tile below (i, j): WHAT of it.
+    template <int WHAT> WARPCAM_FN void put(int i, int j, const Hit& hit, int k = 0) const
     {
-        const unsigned pixel = at(i, j);
-        const ViewRay<LENS> seen = ray(i, j);
+        const auto pixel = at(i, j, k);
+        const ViewRay<LENS> seen = ray(i, j + k * TILE_HEIGHT);
         const int shape = names_slots(OUTPUTS) && hit.shape >= 0 ? list.ids[hit.shape] : hit.shape;
         if (WHAT & DEPTH)
             target.depth.data[pixel] = hit.shape < 0 ? (LENS == RAYS ? infinity() : camera.miss) : hit.depth;
@@ -123,14 +136,14 @@ template <int TYPES, int LENS, int OUTPUTS, int CAPACITY, class Target, class Sh
             put_three(target.normals.data, pixel, normal_of(hit, seen));
         if constexpr ((WHAT & FLOWS) != 0)
             put_flow<TYPES, LENS, WHAT>(target.trail, places, shapes, camera, seen, { hit.depth, shape, hit.face }, world, i, j,
-                                        pixel);
+                                        k * TILE_HEIGHT, pixel);
     }
 
     // Writes what a pass has found.
-    WARPCAM_FN void put_new(int i, int j, const Hit& hit, bool first_pass) const
+    WARPCAM_FN void put_new(int i, int j, const Hit& hit, bool first_pass, int k = 0) const
     {
-        if (inside(i, j) && (first_pass || hit.shape >= 0))
-            put<OUTPUTS>(i, j, hit);
+        if (inside(i, j + k * TILE_HEIGHT) && (first_pass || hit.shape >= 0))
+            put<OUTPUTS>(i, j, hit, k);
     }
 
     WARPCAM_FN Vec normal_of(const Hit& hit, const ViewRay<LENS>& seen) const
@@ -143,16 +156,17 @@ template <int TYPES, int LENS, int OUTPUTS, int CAPACITY, class Target, class Sh
 #if defined(__CUDA_ARCH__)
     static constexpr int THREES = OUTPUTS & QUADS ? OUTPUTS & (POINTS | NORMALS) : 0;  // stored by 16 bytes
 
-    // The same for the pixels of a warp's tile, each lane's; `row_of_lanes` is room for 3 * LANES numbers where there
-    // are THREES.
-    WARPCAM_FN void put_tile(int i, int j, const Hit& hit, bool first_pass, float* row_of_lanes) const
+    // The same for the pixels of a warp's tile, each lane's, the k-th below theirs of the first; `row_of_lanes` is room for
+    // 3 * LANES numbers where there are THREES.
+    WARPCAM_FN void put_tile(int i, int j, int k, const Hit& hit, bool first_pass, float* row_of_lanes) const
     {
         if (THREES == 0 || !first_pass)
-            return put_new(i, j, hit, first_pass);
-        if (inside(i, j))
-            put<OUTPUTS & ~THREES>(i, j, hit);
+            return put_new(i, j, hit, first_pass, k);
+        if (inside(i, j + k * TILE_HEIGHT))
+            put<OUTPUTS & ~THREES>(i, j, hit, k);
+        j += k * TILE_HEIGHT;
         const int lane = threadIdx.x % LANES, left = i - lane % TILE_WIDTH, top = j - lane / TILE_WIDTH;
-        Pixel pixel { i, j, at(i, j), inside(i, j), row_of_lanes, lane };
+        Pixel pixel { i, j, unsigned(at(i, j)), inside(i, j), row_of_lanes, lane };
         pixel.width = OUTPUTS & TILED ? TILE_WIDTH : target.width - left;
         pixel.height = OUTPUTS & TILED ? TILE_HEIGHT : target.height - top;
         const ViewRay<LENS> seen = ray(i, j);

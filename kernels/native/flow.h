@@ -68,18 +68,18 @@ WARPCAM_FN bool was_seen(const Trail& trail, const Places& places, int shape, co
                                places.word(Places::place_in(trail, x.other(), y.other())), shape, last, depth);
 }
 
-// Writes pixel (i, j), number `pixel` of all worlds'.
-template <int TYPES, int LENS, int WANTED, class Trail, class Places, class Shapes>
+// Writes the pixel that is `below` rows below pixel (i, j), number `pixel` of all worlds'.
+template <int TYPES, int LENS, int WANTED, class Trail, class Places, class Shapes, class Index>
 WARPCAM_FN void put_flow(const Trail& trail, const Places& places, const Shapes& shapes, const Camera& camera,
-                         const ViewRay<LENS>& seen, const Hit& hit, int world, int i, int j, unsigned pixel)
+                         const ViewRay<LENS>& seen, const Hit& hit, int world, int i, int j, int below, Index pixel)
 {
     constexpr bool MOVES = WANTED & FLOW_MOVES;
     using Keeps = typename Places::Keeps;
-    const unsigned place = WANTED & FLOW_VALID ? Places::place_of(trail, i, j) : 0u;
+    const unsigned place = WANTED & FLOW_VALID ? Places::place_of(trail, i, j) : 0u, further = 8u * below;
     const auto rows = places.of_shape(hit.shape);
     const Row last = rows.at(3);
     if (WANTED & FLOW_VALID)
-        keep_word(places.kept, place, Keeps::word(hit.shape, hit.depth, last));
+        keep_word(places.kept + further, place, Keeps::word(hit.shape, hit.depth, last));
     float right = 0.0f, down = 0.0f;
     unsigned valid = 0;
     if (Places::LISTED || hit.shape >= 0) {  // listed, nothing rests
@@ -94,9 +94,9 @@ WARPCAM_FN void put_flow(const Trail& trail, const Places& places, const Shapes&
         }
         if (still) {
             if (WANTED & FLOW_VALID)
-                valid = settled(Keeps::shows(places.word(place), hit.shape));
+                valid = settled(Keeps::shows(places.word(place + further), hit.shape));
         } else {
-            const float column = float(i), row = float(j);
+            const float column = float(i), row = float(j + below);
             float x = then<LENS>(rows.at(0), column, row, hit.depth);
             float y = then<LENS>(rows.at(1), column, row, hit.depth);
             float depth = then<LENS>(rows.at(2), column, row, hit.depth);

@@ -125,6 +125,18 @@ WARPCAM_FN int claimed(int& count)
 #endif
 }
 
+// The same object in shared memory, by an address that stays in a register: a variable's own the compiler works out anew
+// at each use, in three or four instructions. For whole warps.
+template <class Shared> WARPCAM_FN Shared& by_address(Shared& shared)
+{
+#if defined(__CUDA_ARCH__)
+    const unsigned address = __shfl_sync(ALL, static_cast<unsigned>(__cvta_generic_to_shared(&shared)), 0);
+    return *static_cast<Shared*>(__cvta_shared_to_generic(address));
+#else
+    return shared;
+#endif
+}
+
 WARPCAM_FN void block_barrier()
 {
 #if defined(__CUDA_ARCH__)
@@ -135,7 +147,7 @@ WARPCAM_FN void block_barrier()
 WARPCAM_FN int lowest_bit(unsigned bits)
 {
 #if defined(__CUDA_ARCH__)
-    return __ffs(bits) - 1;
+    return 31 - __clz(bits & -bits);  // not __ffs(), which reverses all bits first
 #else
     return __builtin_ctz(bits);
 #endif

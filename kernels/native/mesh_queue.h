@@ -47,11 +47,12 @@ WARPCAM_FN int find_rays(MeshRays<WORDS>& rays, const ShapeList<CAPACITY>& list,
                          const ViewRay<LENS>& ray, float near, const Meshes& meshes, float depth)
 {
     const int lane = threadIdx.x % LANES, words = (list.count + LANES - 1) / LANES;
+    const unsigned steps = TileSpans::steps(column, row, 1);
     unsigned met[WORDS];
     bool any = false;
     for (int word = 0; word < words; ++word) {
         const int rank = word * LANES + lane;
-        const bool mine = rank < list.count && touches(list.tiles[rank], column, row)
+        const bool mine = rank < list.count && list.tiles[rank].touches(steps)
             && is_mesh<TYPES>(list.records[list.order[rank]]);
         unsigned mask = __ballot_sync(ALL, mine);
         if (LENS == PINHOLE && __popc(mask) > A_FEW_MESHES) {  // a lane a mesh, before the rays try one after another

@@ -11,7 +11,7 @@ constexpr float ON_MIRROR = 1.0e-3f;  // of a depth: a box shows other sides bes
 
 // Pixel (i, j) is column i of the mirrored view, counted from the other side in the images.
 template <int TYPES, int LENS, bool FACES, class Target> struct MirrorCanvas {
-    static constexpr int THREES = 0;
+    static constexpr int THREES = 0, TALL = 1;
 
     const Target& target;
     const Camera& camera;
@@ -64,7 +64,7 @@ template <int TYPES, int LENS, bool FACES, class Target> struct MirrorCanvas {
     WARPCAM_FN void begin(int) const { }
     WARPCAM_FN void ready() const { }
 
-    WARPCAM_FN void put_tile(int i, int j, const Hit& hit, bool first_pass, float*) const
+    WARPCAM_FN void put_tile(int i, int j, int, const Hit& hit, bool first_pass, float*) const
     {
         put_new(i, j, hit, first_pass);
     }

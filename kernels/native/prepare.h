@@ -14,6 +14,25 @@ struct alignas(4) TileBox {
     signed char left, top, right, bottom;
 };
 
+// A box from which one addition tells whether it has a tile: it counts from each of its sides, and from 128.
+struct TileSpans {
+    static constexpr unsigned NONE = 0x40404040u;  // has no tile
+
+    unsigned counts;
+
+    WARPCAM_FN static unsigned of(const TileBox& box)
+    {
+        return unsigned(128 - box.left) | unsigned(128 - box.top) << 8 | unsigned(128 + box.right) << 16
+            | unsigned(128 + box.bottom) << 24;
+    }
+    // What is to be added for any of `rows` tiles, `row` and those below it.
+    WARPCAM_FN static unsigned steps(int column, int row, int rows)
+    {
+        return unsigned(column * (1 - (1 << 16)) + row * ((1 << 8) - (1 << 24)) + ((rows - 1) << 8));
+    }
+    WARPCAM_FN bool touches(unsigned steps) const { return (~(counts + steps) & 0x80808080u) == 0u; }
+};
+
 // Whether some parts of an image take much longer than others.
 constexpr bool outwards(int types) { return types & (1 << MESH | 1 << MOVING | 1 << HEIGHT_FIELD); }
 

@@ -86,7 +86,7 @@ template <int LENS> struct ViewRay {
             return { { o.x + ax.x * x + ax.y * y, o.y + ay.x * x + ay.y * y, o.z + az.x * x + az.y * y },
                      { -ax.z, -ay.z, -az.z } };
         return { { o.x, o.y, o.z },
-                 { ax.x * x + ax.y * y - ax.z, ay.x * x + ay.y * y - ay.z, az.x * x + az.y * y - az.z } };
+                 { (ax.x * x - ax.z) + ax.y * y, (ay.x * x - ay.z) + ay.y * y, (az.x * x - az.z) + az.y * y } };
     }
 
     template <int TYPES> WARPCAM_FN RayFrame frame(const Record& record) const

@@ -7,16 +7,26 @@ namespace warpcam {
 
 constexpr int BARREL_STEPS = 7;
 
+struct Side {
+    float t;
+    bool hit;
+};
+
 // Unit sphere. The discriminant is taken from the ray's nearest point to the centre, which keeps its digits when
 // the sphere is far away and small (Haines et al., Ray Tracing Gems, chapter 7).
-WARPCAM_FN float enter_sphere(Vec o, Vec d)
+WARPCAM_FN Side enter_ball(Vec o, Vec d)
 {
     const float inverse = reciprocal(dot(d, d));
     const float middle = -dot(o, d) * inverse;
     const Vec f { o.x + middle * d.x, o.y + middle * d.y, o.z + middle * d.z };
     const float gap = 1.0f - dot(f, f);
-    const float t = middle - root(upper(gap, 0.0f) * inverse);
-    return gap >= 0.0f ? t : FAR_AWAY;
+    return { middle - root(upper(gap, 0.0f) * inverse), gap >= 0.0f };
+}
+
+WARPCAM_FN float enter_sphere(Vec o, Vec d)
+{
+    const Side side = enter_ball(o, d);
+    return side.hit ? side.t : FAR_AWAY;
 }
 
 // The xy-plane seen from above, cut to half widths where they are positive.
@@ -38,11 +48,6 @@ WARPCAM_FN float enter_box(Vec o, Vec d)
     const float leave = lower(lower(mx + wx, my + wy), mz + wz);
     return enter <= leave ? enter : FAR_AWAY;
 }
-
-struct Side {
-    float t;
-    bool hit;
-};
 
 // The endless cylinder of radius 1 about z.
 WARPCAM_FN Side enter_side(Vec o, Vec d)
@@ -67,12 +72,12 @@ WARPCAM_FN float enter_cylinder(Vec o, Vec d)
 }
 
 // Radius 1, half length `half`.
-WARPCAM_FN float enter_capsule(Vec o, Vec d, float half)
+WARPCAM_FN float enter_capsule(Vec o, Vec d, const Side& side, float half)
 {
-    const Side side = enter_side(o, d);
     const float z = o.z + side.t * d.z;
-    const float end = enter_sphere({ o.x, o.y, o.z - (z > 0.0f ? half : -half) }, d);
-    return !side.hit ? FAR_AWAY : magnitude(z) <= half ? side.t : end;
+    const Side end = enter_ball({ o.x, o.y, o.z - (z > 0.0f ? half : -half) }, d);
+    const float found = magnitude(z) <= half ? side.t : end.t;
+    return (side.hit & (end.hit | (magnitude(z) <= half))) ? found : FAR_AWAY;
 }
 
 // Tip at z = 1, base of radius 1 at z = -1. The side is where |xy| = w / 2 for w = 1 - z from 0 to 2; of the two roots the
@@ -128,11 +133,32 @@ template <int TYPE> WARPCAM_FN float enter(const Record& record, Ray ray)
     case PLANE: return enter_plane(o, d, record.size.x, record.size.y);
     case SPHERE:
     case ELLIPSOID: return enter_sphere(o, d);
-    case CAPSULE: return enter_capsule(o, d, record.size.x);
+    case CAPSULE: return enter_capsule(o, d, enter_side(o, d), record.size.x);
     case CYLINDER: return enter_cylinder(o, d);
     case CONE: return enter_cone(o, d);
     case BARREL: return enter_barrel(o, d, record.size.x, record.size.y);
     default: return enter_box(o, d);
+    }
+}
+
+// The same of several rays.
+template <int TYPE, int COUNT>
+WARPCAM_FN void enter_all(const Record& record, const Ray (&rays)[COUNT], float (&t)[COUNT])
+{
+    if constexpr (TYPE == CAPSULE) {
+        Side sides[COUNT];
+        bool any = false;
+        for (int k = 0; k < COUNT; ++k) {
+            sides[k] = enter_side(rays[k].origin, rays[k].direction);
+            any |= sides[k].hit;
+            t[k] = FAR_AWAY;
+        }
+        if (any)
+            for (int k = 0; k < COUNT; ++k)
+                t[k] = enter_capsule(rays[k].origin, rays[k].direction, sides[k], record.size.x);
+    } else {
+        for (int k = 0; k < COUNT; ++k)
+            t[k] = enter<TYPE>(record, rays[k]);
     }
 }
 
@@ -153,6 +179,21 @@ template <int TYPES> WARPCAM_FN float enter_any(const Record& record, Ray ray)
     WARPCAM_TRY(BARREL)
 #undef WARPCAM_TRY
     return FAR_AWAY;
+}
+
+// The same of several rays; the type is surely one of TYPES, which are looked through in the order that follows.
+template <int TYPES, int COUNT, int TYPE, int... LATER>
+WARPCAM_FN void enter_each(const Record& record, const Ray (&rays)[COUNT], float (&t)[COUNT])
+{
+    constexpr bool last = (TYPES & (0 | ... | (1 << LATER))) == 0;
+    if constexpr ((TYPES >> TYPE & 1) != 0) {
+        if (last || record.axis_x.w == TYPE) {
+            enter_all<TYPE>(record, rays, t);
+            return;
+        }
+    }
+    if constexpr (!last)
+        enter_each<TYPES, COUNT, LATER...>(record, rays, t);
 }
 
 }  // namespace warpcam

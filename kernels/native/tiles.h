@@ -20,10 +20,14 @@ constexpr int analytic_types(int types)
 // What a region's rays are tested against. Ranks run from near to far.
 template <int CAPACITY> struct ShapeList {
     Record records[CAPACITY];
-    float nearest[CAPACITY];        // by slot
+    int nearest[CAPACITY];          // by slot; the bits of a depth, which are in order
     int ids[CAPACITY];              // by slot
     TileBox touched[CAPACITY];      // by slot
+#if defined(__CUDA_ARCH__)
+    TileSpans tiles[(CAPACITY + LANES - 1) / LANES * LANES];  // the same by rank, then none to a multiple of LANES
+#else
     TileBox tiles[CAPACITY];        // the same by rank
+#endif
     unsigned char order[CAPACITY];  // by rank: the slot
     int count;
     int next_tile;
@@ -35,16 +39,28 @@ template <int CAPACITY> struct ShapeList {
 template <int CAPACITY> WARPCAM_FN void sort_by_depth(ShapeList<CAPACITY>& list, int thread)
 {
     for (int i = thread; i < list.count; i += THREADS) {
-        const float key = list.nearest[i];
-        const int id = list.ids[i];
-        int rank = 0;
+        const int key = list.nearest[i], id = list.ids[i];
+        unsigned rank = 0, with_equals = 0;
         for (int j = 0; j < list.count; ++j) {
-            const float other = list.nearest[j];
-            rank += other < key || (other == key && list.ids[j] > id);
+            const int beyond = list.nearest[j] - key;
+            rank += unsigned(beyond) >> 31;
+            with_equals += unsigned(beyond - 1) >> 31;
         }
+        if (with_equals > rank + 1)
+            for (int j = 0; j < list.count; ++j)
+                rank += list.nearest[j] == key && list.ids[j] > id;
         list.order[rank] = static_cast<unsigned char>(i);
+#if defined(__CUDA_ARCH__)
+        list.tiles[rank] = { TileSpans::of(list.touched[i]) };
+#else
         list.tiles[rank] = list.touched[i];
+#endif
     }
+#if defined(__CUDA_ARCH__)
+    const int room = list.count == 0 ? LANES : (list.count + LANES - 1) / LANES * LANES;
+    for (int rank = list.count + thread; rank < room; rank += THREADS)
+        list.tiles[rank] = { TileSpans::NONE };
+#endif
 }
 
 WARPCAM_FN bool touches(const TileBox& box, int column, int row)
@@ -104,32 +120,43 @@ WARPCAM_FN unsigned find_meshes(unsigned mask, const Record* records, const unsi
     return met;
 }
 
-// The nearest of all shapes but meshes.
-template <int TYPES, int LENS, int CAPACITY, class HeightFields>
-WARPCAM_FN void trace_tile(const ShapeList<CAPACITY>& list, int column, int row, const ViewRay<LENS>& ray, float near,
-                           const HeightFields& fields, Hit& hit)
+// The nearest of all shapes but meshes, of TALL tiles one below the other; of each a lane has a ray.
+template <int TYPES, int TALL, class Ray_, int CAPACITY, class HeightFields>
+WARPCAM_FN void trace_tiles(const ShapeList<CAPACITY>& list, int column, int row, const Ray_ (&rays)[TALL], float near,
+                            const HeightFields& fields, Hit (&hits)[TALL])
 {
-    for (int begin = 0; begin < list.count; begin += LANES) {
-        bool mine = false;
+    const unsigned steps = TileSpans::steps(column, row, TALL);
+    int begin = 0;
+    do {
         const int rank = begin + threadIdx.x % LANES;
-        if (rank < list.count)
-            mine = touches(list.tiles[rank], column, row) && !is_mesh<TYPES>(list.records[list.order[rank]]);
+        const bool mine = list.tiles[rank].touches(steps) && !is_mesh<TYPES>(list.records[list.order[rank]]);
         for (unsigned mask = __ballot_sync(ALL, mine); mask; mask &= mask - 1) {
             const Record& record = list.records[list.order[begin + lowest_bit(mask)]];
-            if (!__any_sync(ALL, as_float(record.size.w) < hit.depth))
-                return;  // every lane has a hit nearer than all that follows
+            float farthest = hits[0].depth;
+            for (int k = 1; k < TALL; ++k)
+                farthest = upper(farthest, hits[k].depth);
+            if (!__any_sync(ALL, as_float(record.size.w) < farthest))
+                return;  // every lane has hits nearer than all that follows
             if ((TYPES >> HEIGHT_FIELD & 1) && record.axis_x.w == HEIGHT_FIELD) {
-                walk_height_field(fields, record, ray, near, hit);
+                for (int k = 0; k < TALL; ++k)
+                    walk_height_field(fields, record, rays[k], near_of(rays[k], near), hits[k]);
                 __syncwarp();
             } else {
-                const float t = enter_any<analytic_types(TYPES)>(record, ray.local(record));
-                if (t < hit.depth && t > near) {
-                    hit.depth = t;
-                    hit.shape = record.axis_y.w;
-                }
+                Ray local[TALL];
+                for (int k = 0; k < TALL; ++k)
+                    local[k] = rays[k].local(record);
+                float t[TALL];
+                enter_each<analytic_types(TYPES), TALL, PLANE, SPHERE, ELLIPSOID, CAPSULE, CYLINDER, BOX, CONE, BARREL>(
+                    record, local, t);
+                for (int k = 0; k < TALL; ++k)
+                    if (t[k] < hits[k].depth && t[k] > near_of(rays[k], near)) {
+                        hits[k].depth = t[k];
+                        hits[k].shape = record.axis_y.w;
+                    }
             }
         }
-    }
+        begin += LANES;
+    } while (CAPACITY > LANES && begin < list.count);
 }
 
 #else

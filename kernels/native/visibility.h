@@ -35,7 +35,7 @@ WARPCAM_FN int gather(ShapeList<CAPACITY>& list, int begin, const Shapes& shapes
                 if (SLOTS)
                     record.axis_y.w = slot;
                 list.records[slot] = record;
-                list.nearest[slot] = as_float(record.size.w);
+                list.nearest[slot] = record.size.w & 0x7fffffff;
                 list.ids[slot] = id;
                 list.touched[slot] = tiles;
             }
@@ -54,11 +54,12 @@ WARPCAM_FN int gather(ShapeList<CAPACITY>& list, int begin, const Shapes& shapes
 
 #if defined(__CUDA_ARCH__)
 
-// Draws the tiles of a region against the list, a warp one after another.
+// Draws the tiles of a region against the list, a warp TALL of them at once, one below the other.
 template <int TYPES, int LENS, int CAPACITY, class Canvas_, class Meshes, class HeightFields>
 WARPCAM_FN void draw_tiles(ShapeList<CAPACITY>& list, const Canvas_& canvas, const Meshes& meshes,
                            const HeightFields& fields, bool first_pass)
 {
+    constexpr int TALL = Canvas_::TALL;
     constexpr bool HAS_MESH = TYPES >> MESH & 1, HAS_THREES = Canvas_::THREES != 0;
     WARPCAM_SHARED typename MeshRaysOf<HAS_MESH ? CAPACITY : 1>::type rays[HAS_MESH ? THREADS / LANES : 1];
     WARPCAM_SHARED float4 lanes[HAS_THREES ? THREADS / LANES : 1][3 * LANES / 4];
@@ -66,23 +67,32 @@ WARPCAM_FN void draw_tiles(ShapeList<CAPACITY>& list, const Canvas_& canvas, con
     float* row_of_lanes = reinterpret_cast<float*>(lanes[HAS_THREES ? warp : 0]);
     const Region region = canvas.region;
     const float near = canvas.camera.near;
-    const int across = region.width / TILE_WIDTH, tiles = across * (region.height / TILE_HEIGHT);
-    const float per_row = 1.0f / float(across);
+    const int across = region.width / TILE_WIDTH, stacks = across * ((region.height / TILE_HEIGHT + TALL - 1) / TALL);
+    const unsigned per_level = unsigned(65536.0f * reciprocal(float(across))) + 1u;  // of 65536; exact below 8192 stacks
+    // Where tiles take about as long as each other, each warp has its own: one of four, and of the next four the next.
+    constexpr int WARPS = THREADS / LANES;
+    int own = warp;
     const auto next_tile = [&](int& found) {
-        const int tile = __shfl_sync(ALL, lane == 0 ? draw_next(list.next_tile) : 0, 0);
-        if (tile >= tiles)
+        const int stack = TALL > 1 ? own : __shfl_sync(ALL, lane == 0 ? draw_next(list.next_tile) : 0, 0);
+        own = (((own + 1) & (WARPS - 1)) | (own & ~(WARPS - 1))) + WARPS;
+        if (stack >= stacks)
             return false;
-        const int row = Canvas_::WHOLE ? unsigned(tile) / unsigned(across) : int((float(tile) + 0.5f) * per_row);
-        const int column = tile - row * across;
+        const int level = Canvas_::WHOLE ? unsigned(stack) / unsigned(across) : unsigned(stack) * per_level >> 16;
+        const int column = stack - level * across, row = TALL * level;
         const int i = region.left + column * TILE_WIDTH + lane % TILE_WIDTH;
         const int j = region.top + row * TILE_HEIGHT + lane / TILE_WIDTH;
-        const auto ray = canvas.ray(i, j);
-        Hit hit = canvas.start(i, j, first_pass);
-        trace_tile<TYPES>(list, column, row, ray, near_of(ray, near), fields, hit);
-        canvas.put_tile(i, j, hit, first_pass, row_of_lanes);
+        decltype(canvas.ray(i, j)) ray[TALL];
+        Hit hit[TALL];
+        for (int k = 0; k < TALL; ++k) {
+            ray[k] = canvas.ray(i, j + k * TILE_HEIGHT);
+            hit[k] = canvas.start(i, j + k * TILE_HEIGHT, first_pass);
+        }
+        trace_tiles<TYPES>(list, column, row, ray, near, fields, hit);
+        for (int k = 0; k < TALL; ++k)
+            canvas.put_tile(i, j, k, hit[k], first_pass, row_of_lanes);
         if (HAS_MESH)
-            found = find_rays<TYPES>(rays[HAS_MESH ? warp : 0], list, column, row, ray, near_of(ray, near), meshes,
-                                     hit.depth);
+            found = find_rays<TYPES>(rays[HAS_MESH ? warp : 0], list, column, row, ray[0], near_of(ray[0], near), meshes,
+                                     hit[0].depth);
         return true;
     };
     if (HAS_MESH) {
@@ -179,6 +189,13 @@ WARPCAM_FN void draw_region(ShapeList<CAPACITY>& list, const Canvas_& canvas, co
     } while (SEVERAL && begin < total);
 }
 
+// What a block shares.
+template <int CAPACITY, class Places_> struct DrawRoom {
+    ShapeList<CAPACITY> list;
+    alignas(16) Camera camera;  // kept in registers it would be spilled
+    Places_ places;
+};
+
 // Draws one region of one view; `index` counts worlds, then regions, then (CUDA) threads of the block.
 // SEVERAL: depth and shape are always written. With OPAQUE outputs shapes that are transparent are left out.
 template <int TYPES, int LENS, int CAPACITY, bool SEVERAL, int WIDTH, int HEIGHT, int OUTPUTS, class Shapes,
@@ -187,8 +204,13 @@ WARPCAM_FN void draw(const Shapes& shapes, const Materials& materials, const Mes
                      const HeightFields& fields, const Views& views, const Target& target, int index)
 {
     static_assert(!names_slots(OUTPUTS) || analytic_types(TYPES) == TYPES);
-    WARPCAM_SHARED ShapeList<CAPACITY> list;
-    alignas(16) WARPCAM_SHARED Camera camera;  // kept in registers it would be spilled
+    constexpr bool FLOWING = (OUTPUTS & FLOWS) != 0;
+    using Near = typename Places<OUTPUTS, WIDTH, HEIGHT, (OUTPUTS & FLOW_LISTED) ? CAPACITY : 0>::type;
+    WARPCAM_SHARED DrawRoom<CAPACITY, Near> shared;
+    DrawRoom<CAPACITY, Near>& room = by_address(shared);
+    ShapeList<CAPACITY>& list = room.list;
+    Camera& camera = room.camera;
+    Near& places = room.places;
     const int thread = index % THREADS;
     int world = index / THREADS;
     Region region { 0, 0, WIDTH, HEIGHT };
@@ -196,9 +218,6 @@ WARPCAM_FN void draw(const Shapes& shapes, const Materials& materials, const Mes
         region = region_of<WIDTH, HEIGHT, outwards(TYPES)>(target, index / THREADS, world);
     if (!wp::index(target.mask, world))
         return;
-    constexpr bool FLOWING = (OUTPUTS & FLOWS) != 0;
-    using Near = typename Places<OUTPUTS, WIDTH, HEIGHT, (OUTPUTS & FLOW_LISTED) ? CAPACITY : 0>::type;
-    WARPCAM_SHARED Near places;
     if (thread == 0) {
         camera = load_camera(wp::index(views, world));
         if constexpr (FLOWING)
@@ -210,7 +229,7 @@ WARPCAM_FN void draw(const Shapes& shapes, const Materials& materials, const Mes
     block_barrier();
     if constexpr (FLOWING)
         places.fetch(thread);
-    const Canvas<TYPES, LENS, OUTPUTS, CAPACITY, Target, Shapes, Near> canvas {
+    const Canvas<TYPES, LENS, OUTPUTS, CAPACITY, tiles_at_once(TYPES, WIDTH, HEIGHT), Target, Shapes, Near> canvas {
         target, shapes, list, camera, region, world, places
     };
     const auto hidden = [&](int id) {
