@@ -223,9 +223,13 @@ def test_variables_are_told_as_they_are(monkeypatch: pytest.MonkeyPatch) -> None
         ("CUDA_VISIBLE_DEVICES", " 2"),
         ("MUJOCO_EGL_DEVICE_ID", "3"),
     ]
-    (remark,) = report.remarks
-    assert remark.startswith("CUDA_VISIBLE_DEVICES=' 2' has spaces")
+    spaces, missing = report.remarks
+    assert spaces.startswith("CUDA_VISIBLE_DEVICES=' 2' has spaces")
+    assert missing.startswith("CUDA_VISIBLE_DEVICES=' 2' names GPUs, but there is no CUDA driver")
     assert report.problems == []
+    for hidden in ("", "-1"):  # on purpose
+        monkeypatch.setenv("CUDA_VISIBLE_DEVICES", hidden)
+        assert two_devices(monkeypatch).remarks == []
     monkeypatch.setenv("CUDA_VISIBLE_DEVICES", "2\t")
     assert two_devices(monkeypatch).remarks[0].startswith("CUDA_VISIBLE_DEVICES='2\\t' has spaces")
     assert re.search(r"MUJOCO_EGL_DEVICE_ID +'3' +chooses a GPU for OpenGL; ignored here", text_of(report))

@@ -130,7 +130,7 @@ def test_a_mesh_with_bad_indices_is_named(device: wp.Device) -> None:
         wc.from_newton(model, state)
 
 
-def test_labels_of_articulations_bodies_and_paths(device: wp.Device) -> None:
+def test_labels_of_articulations_bodies_and_paths(device: wp.Device, caplog: pytest.LogCaptureFixture) -> None:
     robot = newton.ModelBuilder()
     hand = robot.add_link(label="robot/arm/hand", xform=pose(0.0, 0.0, 1.0))
     arm = robot.add_link(label="robot/arm", xform=pose(0.8, 0.0, 1.0))
@@ -149,6 +149,7 @@ def test_labels_of_articulations_bodies_and_paths(device: wp.Device) -> None:
     model, state = finalize(builder, device)
     numbers = {"arm": 1, "hand": 2, "arm/hand": 3, "mug": 4, "lid": 5, "ground_plane": 6, "tail": 7}
     scene = wc.from_newton(model, state, semantics=numbers)
+    assert caplog.messages == ["from_newton: semantics has names that no shape is part of: 'tail'"]
     seen = scenes.look(scene, eye(outputs=("segmentation", "instances", "semantics")))
     expected = {"upper": 1, "palm": 3, "mug": 4, "lid": 5, "ground_plane": 6}
     for world in range(3):

@@ -16,6 +16,7 @@ from newton_scenes import eye, finalize, pose  # noqa: E402
 pytestmark = pytest.mark.filterwarnings("ignore")  # Newton's own
 
 CLOTH = 13 * 13  # particles of the cloth
+CLOTH_TRIANGLES = 2 * 12 * 12
 SOFT, PARTICLE = -3, -2
 
 
@@ -108,6 +109,31 @@ def test_two_states_are_swapped(device: wp.Device) -> None:
         scene.bind(first)
         assert (scenes.on_host(renderer.render()["eye"])["depth"] == flat).all()
     assert len(renderer._recordings) == 2
+
+
+def test_a_particle_that_is_no_number_takes_its_triangles_along(device: wp.Device) -> None:
+    model, state = two_worlds(device)
+    outputs = ("depth", "segmentation", "normals", "rgb")
+    above = {"position": (0.0, 0.0, 4.0), "rotation": (1.0, 0.0, 0.0, 0.0), "lens": wc.Pinhole(fovy=24.0)}
+    renderer = wc.Renderer(wc.from_newton(model, state), [eye(width=96, height=96, outputs=outputs, **above)])
+    images = renderer.render()["eye"]
+    before = {name: image.clone() for name, image in images.items()}
+    points = state.particle_q.numpy().copy()
+    broken = points.copy()
+    middle = len(points) // 2 + CLOTH // 2
+    broken[middle] = np.nan
+    state.particle_q.assign(broken)
+    renderer.render()
+    cloth, was = images["segmentation"][1] == SOFT, before["segmentation"][1] == SOFT
+    of_it = (model.tri_indices.numpy() == middle).any(axis=1).sum() / CLOTH_TRIANGLES  # of the cloth's area
+    assert float((was & ~cloth).sum()) == pytest.approx(of_it * float(was.sum()), rel=0.15)
+    assert not (cloth & ~was).any() and not images["depth"].isnan().any() and not renderer.faulty.any()
+    for name, image in images.items():
+        assert (image[0] == before[name][0]).all(), name
+    state.particle_q.assign(points)
+    renderer.render()
+    for name, image in images.items():
+        assert (image == before[name]).all(), name
 
 
 def test_particles_and_colours_change_in_place(device: wp.Device) -> None:

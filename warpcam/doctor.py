@@ -267,6 +267,13 @@ def _remarks(environment: Sequence[Variable]) -> list[str]:
         for each in environment
         if each.name == device_rule.VISIBLE and each.meaning.startswith("it names")
     ]
+    remarks += [
+        f"{each.name}={each.value!r} names GPUs, but there is no CUDA driver: nothing but the CPU is seen"
+        for each in environment
+        if each.name == device_rule.VISIBLE
+        and (each.value or "").strip() not in ("", "-1")
+        and each.meaning == "there is no CUDA driver"
+    ]
     return remarks
 
 

@@ -105,7 +105,7 @@ class DrivenScene(Scene):
         Args:
             paths: Of what to paint.
             colors: Display colours in [0, 1], (world, path, 3 or 4) float32, or (1, path, 3 or 4); what has an alpha
-                of 0 is not seen.
+                of 0 is not seen. Without an alpha that of before stays.
         """
         key = self._check_paths("set_colors", paths)
         array = self._take("set_colors: colors", colors, (len(key), (3, 4)), wp.float32)
@@ -234,7 +234,8 @@ class DrivenScene(Scene):
             if numbers.dtype.kind not in allowed:
                 raise TypeError
         except (TypeError, ValueError, RuntimeError):
-            raise WarpcamError(f"{what} must be an array of {dtype.__name__}, got {value!r}") from None
+            name = "bool or uint8" if dtype is wp.uint8 else dtype.__name__
+            raise WarpcamError(f"{what} must be an array of {name}, got {value!r}") from None
         return wp.array(np.ascontiguousarray(numbers.astype(wp.dtype_to_numpy(dtype))), dtype=dtype, device=self.device)
 
 

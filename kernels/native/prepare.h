@@ -34,7 +34,7 @@ struct TileSpans {
 };
 
 // Whether some parts of an image take much longer than others.
-constexpr bool outwards(int types) { return types & (1 << MESH | 1 << MOVING); }
+constexpr bool outwards(int types) { return types & (1 << MESH | 1 << MOVING | 1 << HEIGHT_FIELD); }
 
 // Which part of which world's image a thread block draws; `block` counts worlds, then parts. OUTWARDS: of all images of a
 // launch first the parts in the middle, which take longest, so that the last blocks are short ones, and that all

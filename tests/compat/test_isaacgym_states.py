@@ -158,7 +158,9 @@ def test_after_a_teleport_the_image_is_that_of_a_fresh_one(device: wp.Device) ->
 
 
 @pytest.mark.parametrize("solver", ["mujoco", "xpbd"])
-def test_what_falls_is_seen_to_fall(device: wp.Device, solver: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_falls_is_seen_to_fall(
+    device: wp.Device, solver: str, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
     if solver == "xpbd":  # what is left where MuJoCo cannot
 
         def refuse(*_: Any, **__: Any) -> None:
@@ -197,6 +199,7 @@ def test_what_falls_is_seen_to_fall(device: wp.Device, solver: str, monkeypatch:
     for _ in range(60):
         GYM.simulate(sim)
     np.testing.assert_allclose(depths(), (-2.8, -2.6, -2.8, -2.6), atol=0.02)  # on the ground
+    assert ("by XPBD, as MuJoCo cannot: " in caplog.text) == (solver == "xpbd")
 
 
 def test_drives_move_joints(device: wp.Device, tmp_path: Path) -> None:
@@ -220,7 +223,7 @@ def test_drives_move_joints(device: wp.Device, tmp_path: Path) -> None:
     np.testing.assert_allclose(dofs[:, 0].cpu(), targets.cpu(), atol=0.05)
 
 
-def test_environments_may_differ(device: wp.Device) -> None:
+def test_environments_may_differ(device: wp.Device, caplog: pytest.LogCaptureFixture) -> None:
     sim = new_sim(device, dt=0.01)
     images = []
     for index in range(2):
@@ -236,6 +239,7 @@ def test_environments_may_differ(device: wp.Device) -> None:
     GYM.simulate(sim)
     roots = wrapped(GYM.acquire_actor_root_state_tensor(sim))
     np.testing.assert_allclose(roots[:, 9].cpu(), -0.0981, atol=0.02)
+    assert "by XPBD, as MuJoCo cannot: " in caplog.text  # whose worlds are alike
 
 
 @pytest.mark.parametrize("name", ["arm.usda", "arm.xml", "cart.urdf"])

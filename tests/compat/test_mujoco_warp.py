@@ -65,6 +65,17 @@ def bytes_of(packed: np.ndarray) -> np.ndarray:
     return np.ascontiguousarray(packed).view(np.uint8).reshape(*packed.shape, 4)
 
 
+def test_a_program_changes_its_import_alone() -> None:
+    for name in ("put_model", "put_data", "step", "Model", "BiasType"):
+        assert getattr(ours, name) is getattr(mjw, name)
+    for name in ours.__all__:
+        assert getattr(ours, name) is not getattr(mjw, name)
+    drawing = {name for name in dir(mjw) if any(word in name for word in ("render", "Render", "bvh", "get_rgb"))}
+    assert drawing <= set(ours.__all__)
+    with pytest.raises(AttributeError, match="nor mujoco_warp has 'put_modle'"):
+        ours.put_modle  # noqa: B018, it is asked for
+
+
 def test_images_are_packed_as_its_own(mjm: mujoco.MjModel, worlds: Any) -> None:
     theirs, mine = (frame(system, worlds, mjm, **ALL) for system in (mjw, ours))
     for name in ("nrender", "total_rays", "znear", "zfar", "bvh_ngeom", "render_skybox", "headlight_active"):

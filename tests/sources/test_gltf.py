@@ -128,6 +128,14 @@ TOLD: dict[str, tuple[dict, dict]] = {
         {},
         {"extensionsRequired": ["EXT_meshopt_compression"], "extensionsUsed": ["EXT_meshopt_compression"]},
     ),
+    "has things of glTF that are not read: cameras, lights, animations": (
+        {},
+        {
+            "cameras": [{"type": "perspective", "perspective": {"yfov": 0.7, "znear": 0.1}}],
+            "extensions": {"KHR_lights_punctual": {"lights": [{"type": "point"}]}},
+            "animations": [{"channels": [], "samplers": []}],
+        },
+    ),
 }
 
 

@@ -84,6 +84,13 @@ WARNINGS: dict[str, str] = {
         'texCoord2f[] primvars:st = [(0, 0)] (interpolation = "vertex")\nint[] faceVertexCounts',
     ),
     "is a light of type GeometryLight, which gives no light here: /a": 'def GeometryLight "a" {}',
+    "shines, which meshes do not here: /a": SQUARE.replace('"it"', '"a" (prepend apiSchemas = ["MeshLightAPI"])'),
+    "changes its faces with time, and is drawn as it was at first: /a": SQUARE.replace("it", "a").replace(
+        "int[] faceVertexCounts = [4]", "int[] faceVertexCounts.timeSamples = {0: [4], 1: [4]}"
+    ),
+    "is moved by a skeleton, which is not followed: its points are drawn as they stand: /a": SQUARE.replace(
+        '"it"', '"a" (prepend apiSchemas = ["SkelBindingAPI"])'
+    ).replace("int[] faceVertexCounts", "int[] primvars:skel:jointIndices = [0, 0, 0, 0]\nint[] faceVertexCounts"),
     "has faces of less than three corners, which are left out: /a": SQUARE.replace("it", "a")
     .replace("[4]", "[4, 2]")
     .replace("0, 1, 2, 3]", "0, 1, 2, 3, 0, 1]"),

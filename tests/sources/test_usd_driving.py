@@ -160,7 +160,7 @@ BAD_DRIVING = {
     "set_colors: colors must have shape (3 or 1, 1, 3 or 4), got (1, 1, 5)": lambda s: s.set_colors(
         ["/x"], np.zeros((1, 1, 5), np.float32)
     ),
-    "set_visible: visible must be an array of uint8, got": lambda s: s.set_visible(["/x"], np.zeros((1, 1))),
+    "set_visible: visible must be an array of bool or uint8, got": lambda s: s.set_visible(["/x"], np.zeros((1, 1))),
     "set_visible: '/empty' has no shapes that were visible when the scene was read": lambda s: s.set_visible(
         ["/empty"], np.zeros((1, 1), bool)
     ),

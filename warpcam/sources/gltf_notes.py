@@ -13,6 +13,7 @@ HEADER = 12  # bytes before the first chunk, and 8 before what that holds
 KNOWN = ("KHR_draco_mesh_compression", "KHR_mesh_quantization", "EXT_texture_webp", "KHR_materials_", "KHR_lights_")
 WORD = 5123  # the type of whole numbers of 16 bits
 MOVES = "KHR_texture_transform"
+UNREAD = ("cameras", "lights", "animations", "skins")
 TELLING = ("baseColorTexture", "metallicRoughnessTexture", "normalTexture", "occlusionTexture", "emissiveTexture")
 
 
@@ -33,6 +34,11 @@ def tell(path: Path, notes: Notes) -> None:
             if moved.get("texCoord", texture.get("texCoord", 0)):
                 notes.warn("has a texture for other texture coordinates than its first, and is laid on by these", where)
 
+    extensions = tree.get("extensions")
+    lit = extensions.get("KHR_lights_punctual") if isinstance(extensions, Mapping) else None
+    for kind in UNREAD:
+        if _listed(lit if kind == "lights" else tree, kind):
+            notes.warn("has things of glTF that are not read", kind)
     if any(_misread(tree)):
         notes.warn("has colours of corners of 16 bits without a material, which trimesh misreads")
 

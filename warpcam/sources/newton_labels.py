@@ -1,5 +1,6 @@
 """What the shapes of a Newton model are part of, and what a user calls them."""
 
+import logging
 from typing import Any
 
 import newton
@@ -39,8 +40,12 @@ def read_labels(
             model.articulation_label[articulation] if articulation >= 0 else "",
         )
         if labels not in known:
-            known[labels] = next((number for number in map(numbers.find, labels) if number is not None), 0)
+            found = [numbers.find(each) for each in labels]
+            known[labels] = next((number for number in found if number is not None), 0)
         marks[shape] = known[labels]
+    if numbers.idle:
+        names = ", ".join(map(repr, numbers.idle))
+        logging.getLogger("warpcam").warning("from_newton: semantics has names that no shape is part of: %s", names)
     return instances, marks[np.where(ids >= 0, ids, -1)]
 
 
@@ -51,16 +56,23 @@ class Numbers:
         numbers = {} if semantics is None else check_semantics(semantics)
         self._numbers = {tuple(name.strip("/").split("/")): number for name, number in numbers.items()}
         self._lengths = sorted({len(key) for key in self._numbers}, reverse=True)
+        self._found: set[tuple[str, ...]] = set()
 
     def __bool__(self) -> bool:
         return bool(self._numbers)
 
+    @property
+    def idle(self) -> list[str]:
+        """The labels that no path has had yet."""
+        return ["/".join(key) for key in self._numbers if key not in self._found]
+
     def find(self, path: str) -> int | None:
         """Of the label that ends last in a path, of those the longest."""
-        parts = path.strip("/").split("/")
+        parts, first = path.strip("/").split("/"), None
         for end in range(len(parts), 0, -1):
             for length in self._lengths:
-                number = self._numbers.get(tuple(parts[max(end - length, 0) : end]))
-                if number is not None:
-                    return number
-        return None
+                key = tuple(parts[max(end - length, 0) : end])
+                if key in self._numbers:
+                    self._found.add(key)
+                    first = self._numbers[key] if first is None else first
+        return first

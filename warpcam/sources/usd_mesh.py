@@ -17,6 +17,7 @@ from warpcam.sources.looks import encoded
 from warpcam.sources.notes import Notes
 from warpcam.sources.usd_material import Bound, MaterialReader
 
+SKINNING = ("primvars:skel:jointIndices", "skel:blendShapes")  # of what UsdSkel moves
 SMOOTH_BELOW = 0.8  # cosine to the face's normal under which a control cage is not smoothed
 
 
@@ -193,12 +194,14 @@ class MeshReader:
         two_sided = sides if self.double_sided is None else self.double_sided
         totals = (len(counts), len(points), len(indices))
         moves = UsdGeom.PointBased(prim).GetPointsAttr().ValueMightBeTimeVarying()
-        if moves and prim.IsA(UsdGeom.Mesh):
+        if prim.IsA(UsdGeom.Mesh):
             mesh = UsdGeom.Mesh(prim)
             fixed = (mesh.GetFaceVertexCountsAttr(), mesh.GetFaceVertexIndicesAttr(), mesh.GetHoleIndicesAttr())
             if any(attribute.ValueMightBeTimeVarying() for attribute in fixed):
                 self._notes.warn("changes its faces with time, and is drawn as it was at first", name)
                 moves = False
+        if any(prim.GetAttribute(skinning).HasAuthoredValue() for skinning in SKINNING):
+            self._notes.warn("is moved by a skeleton, which is not followed: its points are drawn as they stand", name)
         return Triangles(name, points, indices[corners], corners, faces, totals, smooth, two_sided, moves)
 
     def _uvs(self, prim: Usd.Prim, bound: Bound, triangles: Triangles, time: Usd.TimeCode) -> np.ndarray | None:

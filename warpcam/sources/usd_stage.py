@@ -133,7 +133,7 @@ class StageReader:
         if prim.IsA(UsdGeom.Mesh) or kind == "TetMesh":
             graph.items += self._meshes.read(prim, node, name, self._time)
             if prim.HasAPI(UsdLux.MeshLightAPI):
-                self._notes.remark("shines, which meshes do not here", name)
+                self._notes.warn("shines, which meshes do not here", name)
         elif kind in STRANDS:
             graph.items += self._strands.read(prim, node, name, self._time)
         elif kind in SOLIDS:

@@ -215,15 +215,15 @@ class Physics:
             self._moved = False
 
     def _make_solver(self) -> Any:
-        """MuJoCo where it can: its own on a CPU, which compiles nothing, else MuJoCo-Warp; if not, XPBD."""
+        """MuJoCo-Warp, or for one environment on a CPU MuJoCo, which compiles nothing; where they cannot, XPBD."""
         self._pipeline, per_world = None, self.model.shape_count // max(self.model.world_count, 1)
         most = max(LEAST_CONTACTS, CONTACTS_PER_SHAPE * per_world)
         try:
-            if self.device.is_cpu:
+            if self.device.is_cpu and self.model.world_count <= 1:
                 return newton.solvers.SolverMuJoCo(self.model, use_mujoco_cpu=True)
             return newton.solvers.SolverMuJoCo(self.model, nconmax=most, njmax=4 * most)
         except (ImportError, ValueError, NotImplementedError) as error:
-            logging.getLogger("warpcam").info("simulate: not by MuJoCo-Warp: %s", error)
+            logging.getLogger("warpcam").warning("simulate: by XPBD, as MuJoCo cannot: %s", error)
         self._pipeline = newton.CollisionPipeline(self.model)
         self._contacts = self._pipeline.contacts()
         return newton.solvers.SolverXPBD(self.model, iterations=8)

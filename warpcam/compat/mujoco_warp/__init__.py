@@ -2,7 +2,7 @@
 
 ``create_render_context``, ``refit_bvh``, ``render``, ``get_rgb``, ``get_depth`` and ``get_segmentation`` take the same
 arguments, and images are packed alike. What is drawn looks as ``mujoco.Renderer`` draws it: see
-docs/compat/mujoco_warp.md.
+docs/compat/mujoco_warp.md. All other names are MuJoCo-Warp's own: ``mjr.put_model`` is ``mujoco_warp.put_model``.
 """
 
 from collections.abc import Sequence
@@ -26,6 +26,16 @@ __all__ = [
     "refit_splat_bvh",
     "render",
 ]
+
+
+def __getattr__(name: str) -> Any:
+    """What is not rendering is the simulator's."""
+    if not name.startswith("__"):
+        import mujoco_warp
+
+        if hasattr(mujoco_warp, name):
+            return getattr(mujoco_warp, name)
+    raise AttributeError(f"neither warpcam.compat.mujoco_warp nor mujoco_warp has {name!r}")
 
 
 def create_render_context(
