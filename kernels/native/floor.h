@@ -106,33 +106,6 @@ template <class Grid> WARPCAM_FN Vec light_from_corners(const Grid& grid, const 
     return sum;
 }
 
-// Where a pixel's ray meets the plane, and between which corners.
-struct FloorPoint {
-    Vec ray, local;
-    OnCorners on;
-};
-
-template <class Grid>
-WARPCAM_FN FloorPoint floor_point(const Grid& grid, const Hit& found, bool on_plane, float x, float y)
-{
-    const FloorView& view = grid.view;
-    const Row axis_x = view.axis_x, axis_y = view.axis_y, axis_z = view.axis_z;
-    FloorPoint point;
-    point.ray = { axis_x.x * x + axis_x.y * y - axis_x.z, axis_y.x * x + axis_y.y * y - axis_y.z,
-                  axis_z.x * x + axis_z.y * y - axis_z.z };
-    point.local = { as_float(axis_x.w) + found.depth * point.ray.x, as_float(axis_y.w) + found.depth * point.ray.y, 0.0f };
-    point.on = on_corners(grid, point.local, on_plane);
-    return point;
-}
-
-template <bool TEXTURED, bool ON_SHEETS, class Grid, class Textures>
-WARPCAM_FN Vec floor_color(const Grid& grid, const Textures& textures, const FloorPoint& point, float depth)
-{
-    if (TEXTURED && grid.view.count > 0)
-        return floor_texture<ON_SHEETS>(grid.view, textures.texels.data, point.ray, depth, point.local.x, point.local.y);
-    return { 1.0f, 1.0f, 1.0f };
-}
-
 // What a pixel shows of the plane, if it is among the corners that are kept; false if not. `found` is what the trace
 // found there, `shadow_at()` the lights that do not reach it. All threads of a warp call it together. APART: where some
 // of their pixels show something else, these are left out; otherwise it then returns false for all of them.
@@ -140,36 +113,23 @@ template <bool TEXTURED, bool APART, class Grid, class Textures, class Shadow>
 WARPCAM_FN bool draw_floor(const Grid& grid, const Textures& textures, const Hit& found, const Shadow& shadow_at,
                            float x, float y, Vec& display)
 {
+    const FloorView& view = grid.view;
     const bool hit = found.shape >= 0, on_plane = hit && found.shape == grid.shape;
-    if (!any_lane(on_plane) || (!APART && any_lane(hit && !on_plane)) || !grid.view.plain)
+    if (!any_lane(on_plane) || (!APART && any_lane(hit && !on_plane)) || !view.plain)
         return false;
-    const FloorPoint point = floor_point(grid, found, on_plane, x, y);
-    if (APART ? !any_lane(point.on.inside) : any_lane(hit && !point.on.inside))
+    const Row axis_x = view.axis_x, axis_y = view.axis_y, axis_z = view.axis_z;
+    const Vec ray { axis_x.x * x + axis_x.y * y - axis_x.z, axis_y.x * x + axis_y.y * y - axis_y.z,
+                    axis_z.x * x + axis_z.y * y - axis_z.z };
+    const Vec local { as_float(axis_x.w) + found.depth * ray.x, as_float(axis_y.w) + found.depth * ray.y, 0.0f };
+    const OnCorners on = on_corners(grid, local, on_plane);
+    if (APART ? !any_lane(on.inside) : any_lane(hit && !on.inside))
         return false;
     const int shadow = Grid::SHADOWS ? shadow_at() : 0;
-    const Vec texture = floor_color<TEXTURED, APART>(grid, textures, point, found.depth);
-    display = times(light_from_corners(grid, point.on, shadow), texture);
-    return !APART || point.on.inside;
-}
-
-// The same of two tiles side by side, so that one is worked on while the other waits for its texels; false where not
-// all of their pixels are among the corners that are kept.
-template <bool TEXTURED, class Grid, class Textures>
-WARPCAM_FN bool draw_floors(const Grid& grid, const Textures& textures, const Hit* found, const int* shadow,
-                            const float* x, const float* y, Vec* display)
-{
-    const bool on_plane = found[0].shape == grid.shape && found[1].shape == grid.shape;
-    if (any_lane(!on_plane) || !grid.view.plain || grid.shape < 0)
-        return false;
-    const FloorPoint points[2] = { floor_point(grid, found[0], true, x[0], y[0]),
-                                   floor_point(grid, found[1], true, x[1], y[1]) };
-    if (any_lane(!points[0].on.inside || !points[1].on.inside))
-        return false;
-    const Vec colors[2] = { floor_color<TEXTURED, true>(grid, textures, points[0], found[0].depth),
-                            floor_color<TEXTURED, true>(grid, textures, points[1], found[1].depth) };
-    for (int k = 0; k < 2; ++k)
-        display[k] = times(light_from_corners(grid, points[k].on, shadow[k]), colors[k]);
-    return true;
+    Vec texture { 1.0f, 1.0f, 1.0f };
+    if (TEXTURED && view.count > 0)
+        texture = floor_texture<APART>(view, textures.texels.data, ray, found.depth, local.x, local.y);
+    display = times(light_from_corners(grid, on, shadow), texture);
+    return !APART || on.inside;
 }
 
 }  // namespace warpcam

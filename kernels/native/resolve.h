@@ -1,42 +1,211 @@
 // From the visibility buffer to images: a block draws one region of one view.
 #pragma once
-#include "resolve_pixel.h"
+#include "haze.h"
+#include "kept_looks.h"
+#include "peel.h"
+#include "reflected.h"
+#include "veils.h"
 #if !defined(__CUDA_ARCH__)
 #include "resolve_cpu.h"
 #endif
 
 namespace warpcam {
 
-#if defined(__CUDA_ARCH__)
-// Writes the pixels of two tiles where all of them show the plane whose corners are kept; false where not.
-template <int IMAGES, int FACTS, class List, class Scene_>
-WARPCAM_FN bool resolve_floors(const List& lights, const Scene_& scene, const Camera& camera, int world,
-                               const Pixel* pixels, const Seen* found)
+// What the trace and the shadow pass found at a pixel.
+struct Seen : Hit {
+    int shadow;  // where FACTS have SPARE; otherwise it is asked for when the pixel is drawn
+};
+
+template <int TYPES, int IMAGES, int FACTS, class Frame_> WARPCAM_FN Seen find(const Frame_& frame, const Pixel& pixel)
+{
+    Seen found { { 0.0f, -1, 0 }, 0 };
+    if (pixel.inside) {
+        found.shape = frame.shape.data[pixel.at];
+        if (Wanted<IMAGES, FACTS>::SURFACE)
+            found.depth = frame.depth.data[pixel.at];
+        if (Wanted<IMAGES, FACTS>::SURFACE && (TYPES & (1 << MESH | 1 << HEIGHT_FIELD)))
+            found.face = frame.face.data[pixel.at];
+        if (Wanted<IMAGES, FACTS>::LIT && (FACTS & HAS_SHADOWS) && (FACTS & SPARE))
+            found.shadow = frame.shadow.data[pixel.at];
+    }
+    return found;
+}
+
+// CAPACITY: the looks a block keeps, one for each shape that may be visible; 0 if they are made anew for each pixel, less
+// if `looks` are SeenLooks.
+template <int TYPES, int LENS, int CAPACITY, int IMAGES, int FACTS, class Looks, class List, class Scene_>
+WARPCAM_FN void resolve_hit(const Looks* looks, const List& lights, const Scene_& scene, const Camera& camera,
+                            int world, float x, float y, const Hit& found, int shadow, Shown& shown)
 {
     using Wants = Wanted<IMAGES, FACTS>;
-    float x[2], y[2];
-    int shadow[2];
-    Vec display[2];
-    for (int k = 0; k < 2; ++k) {
-        x[k] = ray_x<PINHOLE>(camera, pixels[k].column);
-        y[k] = ray_y<PINHOLE>(camera, pixels[k].row);
-        shadow[k] = found[k].shadow;
-    }
-    const Hit hits[2] = { found[0], found[1] };
-    if (!draw_floors<Wants::TEXTURED>(lights.grid, scene.textures, hits, shadow, x, y, display))
-        return false;
-    for (int k = 0; k < 2; ++k) {
-        Vec linear = display[k];
-        expose<FACTS>(scene, world, linear, display[k]);
-        const unsigned word = to_bytes(display[k]);
-        if (IMAGES & RGB)
-            put_bytes<(FACTS & QUADS) != 0>(scene.images.rgb, pixels[k], word);
-        if (IMAGES & RGBA)
-            put_word(scene.images.rgba, pixels[k], word | 0xff000000u);
-    }
-    return true;
+    if constexpr (CAPACITY > 0)
+        resolve_surface<TYPES, LENS, IMAGES, FACTS>(looks[scene.shapes.places.data[found.shape]], lights, scene,
+                                                    camera, x, y, found, shadow, shown);
+    else
+        resolve_surface<TYPES, LENS, IMAGES, FACTS>(
+            kept_look<TYPES, CAPACITY, Wants>(looks, lights, scene, camera, world, found.shape), lights, scene, camera, x,
+            y, found, shadow, shown);
+    if constexpr (Wants::LIT)
+        expose<FACTS>(scene, world, shown.linear, shown.display);
 }
-#endif
+
+// Covers what is seen of a pixel with the transparent shapes before it. Returns how much is still seen of it.
+template <int TYPES, int LENS, int CAPACITY, int IMAGES, int FACTS, class Looks, class List, class Scene_,
+          class Veils_>
+WARPCAM_FN float resolve_veils(const Looks* looks, const List& lights, const Scene_& scene, const Camera& camera,
+                               const Veils_& veils, const Region& region, int world, const Pixel& pixel, float x,
+                               float y, const Hit& solid, Shown& shown)
+{
+    const float limit = solid.shape >= 0 ? solid.depth : camera.far;
+    const bool takes_part = pixel.inside && !((FACTS & MIRRORED) && solid.shape == -1);
+    const ViewRay<LENS> ray { x, y };
+    float near = camera.near;
+    int column = (pixel.column - region.left) / TILE_WIDTH;
+    const int row = (pixel.row - region.top) / TILE_HEIGHT;
+    if constexpr ((FACTS & MIRRORED) != 0) {
+        near = plane_of(wp::index(scene.frame.mirrors, world)).depth(ray);
+        column = region.width / TILE_WIDTH - 1 - column;
+    }
+    if constexpr ((FACTS & PHYSICAL) != 0) {
+        const auto paint = [&](bool met, Hit hit, Vec& light) {
+            Shown sheet;
+            follow(met, hit);
+            resolve_hit<TYPES, LENS, CAPACITY, IMAGES & (RGB | RGBA | HDR), FACTS & ~HAS_SHADOWS>(
+                looks, lights, scene, camera, world, x, y, hit, 0, sheet);
+            light = sheet.linear;
+            float alpha = opacity(scene.shapes, scene.materials, world, hit.shape);
+            if constexpr ((TYPES >> MASKED & 1) && (FACTS & HAS_MAPS))
+                alpha *= mapped_opacity<TYPES, LENS>(
+                    kept_look<TYPES, CAPACITY, Wanted<IMAGES, FACTS>>(looks, lights, scene, camera, world, hit.shape), scene,
+                    camera, world, x, y, hit);
+            return alpha;
+        };
+        Peeled peeled { { 0.0f, 0.0f, 0.0f }, 1.0f };
+        peel<TYPES>(veils, scene, ray, near, takes_part ? limit : -1.0f, column, row, paint, peeled);
+        if (peeled.left < 1.0f) {
+            shown.linear = peeled.light + peeled.left * shown.linear;
+            shown.display = encoded(shown.linear);
+        }
+        return peeled.left;
+    } else {
+        Covered covered(shown.linear, clip(shown.display));
+        const auto shade = [&](bool met, Hit hit, Vec& linear, Vec& display) {
+            Shown sheet;
+            follow(met, hit);
+            resolve_hit<TYPES, LENS, CAPACITY, IMAGES & (RGB | RGBA | HDR), FACTS & ~HAS_SHADOWS>(looks, lights, scene, camera, world, x,
+                                                                                 y, hit, 0, sheet);
+            linear = sheet.linear;
+            display = sheet.display;
+        };
+        Hit first { limit, -1, -1 };
+        const auto note = [&](const Hit& hit, float opacity) {
+            if constexpr ((FACTS & NOTED) != 0)
+                if (opacity >= NOTEWORTHY && hit.depth < first.depth && wp::index(scene.shapes.types, hit.shape) != PLANE)
+                    first = hit;
+        };
+        cover<TYPES>(veils, scene, ray, near, takes_part ? limit : -1.0f, column, row, shade, note, covered);
+        if constexpr ((FACTS & NOTED) != 0)
+            if (first.shape >= 0) {
+                scene.frame.shape.data[pixel.at] = first.shape;
+                scene.frame.depth.data[pixel.at] = first.depth;
+                if constexpr ((TYPES & (1 << MESH | 1 << HEIGHT_FIELD)) != 0)
+                    scene.frame.face.data[pixel.at] = first.face;
+            }
+        shown.linear = covered.final_linear();
+        shown.display = covered.final_display();
+        return covered.left * covered.left;
+    }
+}
+
+// `painted`: what the pixel shows, a Shown, where that is known.
+template <int TYPES, int LENS, int CAPACITY, int IMAGES, int FACTS, class Looks, class List, class Scene_,
+          class Veils_, class Camera_, class... Painted_>
+WARPCAM_FN void resolve_pixel(const Looks* looks, const List& lights, const Scene_& scene, const Camera_& camera,
+                              const Veils_& veils, const Region& region, int world, const Pixel& pixel, Seen found,
+                              const Painted_&... painted)
+{
+    constexpr bool IS_PAINTED = sizeof...(Painted_) > 0;
+    using Wants = Wanted<IMAGES, FACTS>;
+    constexpr bool IN_QUADS = FACTS & QUADS;
+    const auto& frame = scene.frame;
+    const auto& images = scene.images;
+    const int column = FACTS & MIRRORED ? frame.width - 1 - pixel.column : pixel.column;
+    const float x = ray_x<LENS>(camera, column), y = ray_y<LENS>(camera, pixel.row);
+    const bool hit = found.shape >= 0;
+    const Hit solid = found;
+    const auto shadow = [&] {
+        if constexpr (!Wants::LIT || !(FACTS & HAS_SHADOWS))
+            return 0;
+        else if constexpr ((FACTS & SPARE) != 0)
+            return found.shadow;
+        else
+            return hit ? int(frame.shadow.data[pixel.at]) : 0;
+    };
+    Shown shown;
+    bool drawn = false;
+    Vec apart;
+    Vec& floor = FACTS & SPARE ? apart : shown.display;
+    if constexpr (!IS_PAINTED && lit_by_corners<List>(FACTS & HAS_SHADOWS) && !(IMAGES & (NORMALS | ALBEDO)))
+        drawn = draw_floor<Wants::TEXTURED, (FACTS & SPARE) != 0>(lights.grid, scene.textures, found, shadow, x, y, floor);
+    if constexpr (IS_PAINTED)
+        shown = (painted, ...);
+    else if (((FACTS & SPARE) || !drawn) && (Wants::SURFACE || Wants::COLORED) && follow(hit && !drawn, found))
+        resolve_hit<TYPES, LENS, CAPACITY, IMAGES, FACTS>(looks, lights, scene, camera, world, x, y, found, shadow(), shown);
+    if (drawn) {
+        shown.linear = shown.display = floor;
+        expose<FACTS>(scene, world, shown.linear, shown.display);
+    }
+    const Vec black { 0.0f, 0.0f, 0.0f };
+    if (IMAGES & NORMALS)
+        put_vec<IN_QUADS>(images.normals, pixel, hit ? shown.normal : black);
+    if (IMAGES & ALBEDO)
+        put_bytes<IN_QUADS>(images.albedo, pixel, hit ? to_bytes(shown.albedo) : 0u);
+    if (Wants::LIT) {
+        bool seen = hit;
+        Mist mist { 0.0f, 0.0f };
+        if constexpr ((FACTS & HAZY) != 0 && LENS != ORTHOGRAPHIC) {
+            const Vec ray = turned(camera.rotation, ViewRay<LENS> { x, y }.direction());
+            seen = hit && solid.depth < skybox_depth(ray, frame.haze.radius);
+            mist = haze_of(scene, camera, world, ray);
+        }
+        if (!seen) {
+            shown.linear = shown.display = FACTS & MIRRORED
+                ? black
+                : background_color<LENS, FACTS>(scene.textures, background_of<FACTS>(scene, world), camera, x, y);
+            if constexpr (Wants::COATED) {
+                shown.linear = decoded(shown.linear);
+                if constexpr ((FACTS & HAS_SKYBOX) != 0) {
+                    shown.linear = times(lights.sky.gain, shown.linear);
+                    shown.display = encoded(shown.linear);
+                }
+            }
+            expose<FACTS>(scene, world, shown.linear, shown.display);
+        }
+        if constexpr ((FACTS & REFLECTS) != 0)
+            if (seen && solid.shape == wp::index(frame.mirrors, world).shape)
+                add_mirrored<IMAGES>(images, pixel.at, shown.linear, shown.display);
+        if constexpr ((FACTS & HAZY) != 0)
+            if (mist.density > 0.0f && !(seen && solid.depth < mist.depth)) {
+                const Vec haze = exposed<FACTS>(scene, world, mist.density * to_vec(frame.haze.color));
+                shown.linear = (1.0f - mist.density) * shown.linear + haze;
+                shown.display = (1.0f - mist.density) * clip(shown.display) + haze;
+            }
+        unsigned alpha = hit ? 0xff000000u : 0u;
+        if constexpr ((FACTS & VEILED) != 0) {
+            const float left = resolve_veils<TYPES, LENS, CAPACITY, IMAGES, FACTS>(looks, lights, scene, camera, veils,
+                                                                                   region, world, pixel, x, y, solid,
+                                                                                   shown);
+            alpha = hit ? alpha : to_byte(1.0f - left) << 24;
+        }
+        const unsigned word = to_bytes(shown.display);
+        if (IMAGES & HDR)
+            put_vec<IN_QUADS>(images.hdr, pixel, shown.linear);
+        if (IMAGES & RGB)
+            put_bytes<IN_QUADS>(images.rgb, pixel, word);
+        if (IMAGES & RGBA)
+            put_word(images.rgba, pixel, word | alpha);
+    }
+}
 
 // Draws one region of one view; `index` counts worlds, then regions, then (CUDA) threads of the block.
 // VEILS: how many shapes may be transparent.
@@ -147,47 +316,22 @@ WARPCAM_FN void resolve(const Scene_& scene, const Lights& lights, int index)
     const unsigned warp = unsigned(thread) / LANES;
     pixel.lane = unsigned(thread) % LANES;
     pixel.row_of_lanes = reinterpret_cast<float*>(lanes[warp]);
-    const auto resolve_tile = [&](const Seen& found) {
-        if (!(FACTS & WHOLE_REGIONS) && (pixel.width <= 0 || pixel.height <= 0))
-            return;
-        if constexpr (LENS == RAYS)
-            resolve_pixel<TYPES, LENS, HELD, IMAGES, FACTS>(looks, list, scene,
-                camera_at(kept_camera, pixel.column, pixel.row), veils, region, world, pixel, found);
-        else
-            resolve_pixel<TYPES, LENS, HELD, IMAGES, FACTS>(looks, list, scene, kept_camera, veils, region, world, pixel, found);
-    };
-    if constexpr (CORNERS > 0 && (FACTS & SPARE) && !(FACTS & (MIRRORED | REFLECTS | VEILED | HAZY))
-                  && !(IMAGES & (NORMALS | ALBEDO))) {
-        // Two tiles at once: their pixels are asked for together, and where both show nothing but floor they are drawn
-        // together.
+    go_to<WIDTH, FACTS>(pixel, frame, first, left, top, warp);
+    Seen next = find<TYPES, IMAGES, FACTS>(frame, pixel);
 #pragma unroll 1
-        for (unsigned tile = warp; tile < TILES; tile += 2 * STEP) {
-            Pixel pixels[2] = { pixel, pixel };
-            Seen found[2];
-            for (int k = 0; k < 2; ++k) {
-                go_to<WIDTH, FACTS>(pixels[k], frame, first, left, top, tile + k * STEP);
-                pixels[k].inside &= tile + k * STEP < TILES;
-                found[k] = find<TYPES, IMAGES, FACTS>(frame, pixels[k]);
-            }
-            if (!resolve_floors<IMAGES, FACTS>(list, scene, kept_camera, world, pixels, found))
-#pragma unroll 1
-                for (int k = 0; k < 2 && tile + k * STEP < TILES; ++k) {
-                    go_to<WIDTH, FACTS>(pixel, frame, first, left, top, tile + k * STEP);
-                    resolve_tile(find<TYPES, IMAGES, FACTS>(frame, pixel));
-                }
+    for (unsigned tile = warp; tile < TILES; tile += STEP) {
+        const Seen found = next;
+        if (tile + STEP < TILES) {  // ask for the next tile's pixels before this one's are drawn
+            go_to<WIDTH, FACTS>(pixel, frame, first, left, top, tile + STEP);
+            next = find<TYPES, IMAGES, FACTS>(frame, pixel);
         }
-    } else {
-        go_to<WIDTH, FACTS>(pixel, frame, first, left, top, warp);
-        Seen next = find<TYPES, IMAGES, FACTS>(frame, pixel);
-#pragma unroll 1
-        for (unsigned tile = warp; tile < TILES; tile += STEP) {
-            const Seen found = next;
-            if (tile + STEP < TILES) {  // ask for the next tile's pixels before this one's are drawn
-                go_to<WIDTH, FACTS>(pixel, frame, first, left, top, tile + STEP);
-                next = find<TYPES, IMAGES, FACTS>(frame, pixel);
-            }
-            go_to<WIDTH, FACTS>(pixel, frame, first, left, top, tile);
-            resolve_tile(found);
+        go_to<WIDTH, FACTS>(pixel, frame, first, left, top, tile);
+        if ((FACTS & WHOLE_REGIONS) || (pixel.width > 0 && pixel.height > 0)) {
+            if constexpr (LENS == RAYS)
+                resolve_pixel<TYPES, LENS, HELD, IMAGES, FACTS>(looks, list, scene,
+                    camera_at(kept_camera, pixel.column, pixel.row), veils, region, world, pixel, found);
+            else
+                resolve_pixel<TYPES, LENS, HELD, IMAGES, FACTS>(looks, list, scene, kept_camera, veils, region, world, pixel, found);
         }
     }
 #else
