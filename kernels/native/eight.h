@@ -93,15 +93,15 @@ struct Columns {
     Floats a, b, c, d;
 };
 
-// Rows of four, transposed.
-inline Columns gather_rows(const float* rows, Ints at)
+// Rows of four, transposed: `skip` behind each place.
+inline Columns columns_of(const float* const (&rows)[PACKET], int skip)
 {
     typedef float Four __attribute__((ext_vector_type(4)));
     Floats pairs[4];  // rows k and k + 4
     for (int k = 0; k < 4; ++k) {
         Four a, b;
-        __builtin_memcpy(&a, rows + 4 * size_t(unsigned(at[k])), sizeof a);
-        __builtin_memcpy(&b, rows + 4 * size_t(unsigned(at[k + 4])), sizeof b);
+        __builtin_memcpy(&a, rows[k] + skip, sizeof a);
+        __builtin_memcpy(&b, rows[k + 4] + skip, sizeof b);
         pairs[k] = __builtin_shufflevector(a, b, 0, 1, 2, 3, 4, 5, 6, 7);
     }
     const Floats low01 = __builtin_shufflevector(pairs[0], pairs[1], 0, 8, 1, 9, 4, 12, 5, 13);
@@ -112,6 +112,14 @@ inline Columns gather_rows(const float* rows, Ints at)
              __builtin_shufflevector(low01, low23, 2, 3, 10, 11, 6, 7, 14, 15),
              __builtin_shufflevector(high01, high23, 0, 1, 8, 9, 4, 5, 12, 13),
              __builtin_shufflevector(high01, high23, 2, 3, 10, 11, 6, 7, 14, 15) };
+}
+
+inline Columns gather_rows(const float* rows, Ints at)
+{
+    const float* places[PACKET];
+    for (int k = 0; k < PACKET; ++k)
+        places[k] = rows + 4 * size_t(unsigned(at[k]));
+    return columns_of(places, 0);
 }
 
 // Each entry, and the one after it.

@@ -232,39 +232,56 @@ template <int TYPES, int LENS, class List, class Shapes, class Meshes>
 inline void shade_points_by_meshes(const List& list, const LitView<LENS>& view, int world, const Shapes& shapes,
                                    const Meshes& meshes, const unsigned* behind, Points& points)
 {
-    constexpr int WORDS = List::WORDS;
-    const int words = (list.count + 31) / 32;
-    for (int row = 0; row < Points::ROWS; ++row) {
-        Ints met[WORDS], walks = 0;
-        for (int word = 0; word < words; ++word) {
-            met[word] = 0;
-            for (unsigned left = behind[word]; left; left &= left - 1) {
-                const int bit = lowest_bit(left), slot = word * 32 + bit;
+    const Light& light = view.light;
+    unsigned facing = 0, known = 0;  // points on sides that see the light, and those of which it is known
+    for (int word = 0; word < (list.count + 31) / 32; ++word)
+        for (unsigned left = behind[word]; left; left &= left - 1) {
+            const int slot = word * 32 + lowest_bit(left);
+            const Record& record = list.records[slot];
+            MeshRays walk(node_rows(meshes, record.axis_z.w), face_rows(meshes, record.axis_z.w));
+            unsigned walks = 0;
+            for (int row = 0; row < Points::ROWS; ++row) {
                 const Ints asks = points.may_be_shaded(row, list.windows[slot], list.heights[slot]);
                 if (!any_of(asks))
                     continue;
-                const Ints meets = asks
-                    & meet_box(list.records[slot], list.aims[slot], list.boxes[slot], points.at[row], points.near[row],
-                               points.reach[row], view.light.distant);
-                met[word] |= meets & int(1u << bit);
-                walks |= meets;
+                unsigned met = bits_of(asks & meet_box(record, list.aims[slot], list.boxes[slot], points.at[row],
+                                                       points.near[row], points.reach[row], light.distant));
+                for (unsigned asked = met & ~(known >> row * PACKET); asked; asked &= asked - 1) {
+                    const int lane = row * PACKET + lowest_bit(asked);
+                    if (faces_light<TYPES>(shapes, meshes, world, points.ids[lane], points.faces[lane], light,
+                                           view.origin, view.sight.along_of(points.point(lane))))
+                        facing |= 1u << lane;
+                }
+                known |= met << row * PACKET;
+                met &= facing >> row * PACKET;
+                if (!met)
+                    continue;
+                walks |= met << row * PACKET;
+                float x[PACKET], y[PACKET], z[PACKET], near[PACKET], reach[PACKET];
+                __builtin_memcpy(x, &points.at[row].x, sizeof x);
+                __builtin_memcpy(y, &points.at[row].y, sizeof y);
+                __builtin_memcpy(z, &points.at[row].z, sizeof z);
+                __builtin_memcpy(near, &points.near[row], sizeof near);
+                __builtin_memcpy(reach, &points.reach[row], sizeof reach);
+                for (int k = 0; k < PACKET; ++k) {
+                    const WorldRay source { { x[k], y[k], z[k] }, ray_to(light, { x[k], y[k], z[k] }) };
+                    const Ray ray = source.local(record);
+                    walk.put(row * PACKET + k, slabs(ray.origin, ray.direction, record.size.x),
+                             source.template frame<TYPES>(record), near[k], reach[k]);
+                }
+            }
+            for (unsigned some = walks; some; some &= some - 1)
+                walk.start(lowest_bit(some));
+            walk.template walk<SIDES_OF<TYPES, true>, true>([&](int lane, int face, float t) {
+                const Vec p = points.point(lane);
+                return is_there<TYPES>(meshes, record, WorldRay { p, ray_to(light, p) }.local(record), face, t);
+            });
+            for (unsigned some = walks; some; some &= some - 1) {
+                const int lane = lowest_bit(some);
+                if (walk.face[lane] >= 0)
+                    points.open[lane / PACKET][lane % PACKET] = 0;
             }
         }
-        for (unsigned left = bits_of(walks); left; left &= left - 1) {
-            const int k = lowest_bit(left), lane = row * PACKET + k;
-            const Vec p = points.point(lane);
-            if (!faces_light<TYPES>(shapes, meshes, world, points.ids[lane], points.faces[lane], view.light, view.origin,
-                                    view.sight.along_of(p)))
-                continue;
-            unsigned own[WORDS];
-            for (int word = 0; word < words; ++word)
-                own[word] = unsigned(met[word][k]);
-            Hit hit { points.reach[row][k], -1, -1 };
-            walk_meshes<TYPES>(meshes, list.records, own, words, WorldRay { p, ray_to(view.light, p) },
-                               points.near[row][k], hit);
-            points.open[row][k] = hit.shape < 0 ? points.open[row][k] : 0;
-        }
-    }
 }
 
 // Clears `open` of the points that lie in the shadow of a caster in the list.
