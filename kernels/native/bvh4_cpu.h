@@ -118,6 +118,34 @@ struct MeshRays {
         depth[ray] = to;
     }
 
+    // Eight rays, `first_ray` and those after it, through slabs and frames as those of bvh4.h and record.h.
+    void put_eight(int first_ray, Vecs o, Vecs d, float extent, const Vecs (&rows)[3], Floats from, Floats to)
+    {
+        const Floats pad = 1.0e-6f * (magnitude(o.x) + magnitude(o.y) + magnitude(o.z) + extent);
+        const Floats from_origin[3] = { o.x, o.y, o.z }, along[3] = { d.x, d.y, d.z };
+        for (int axis = 0; axis < 3; ++axis) {
+            const Floats rate = reciprocal(nonzero(along[axis]));
+            const Floats down = -(from_origin[axis] + pad) * rate, up = -(from_origin[axis] - pad) * rate;
+            const Ints back = rate < 0.0f;
+            put(scale[axis] + first_ray, rate);
+            put(in[axis] + first_ray, back ? up : down);
+            put(out[axis] + first_ray, back ? down : up);
+            put(first[axis] + first_ray, back & 3);
+            put(frame[axis] + first_ray, from_origin[axis]);
+            put(frame[3 * axis + 3] + first_ray, rows[axis].x);
+            put(frame[3 * axis + 4] + first_ray, rows[axis].y);
+            put(frame[3 * axis + 5] + first_ray, rows[axis].z);
+        }
+        put(near + first_ray, from);
+        put(depth + first_ray, to);
+    }
+
+    template <class Value, class Values> static void put(Value* to, Values values)
+    {
+        static_assert(sizeof values == PACKET * sizeof(Value));
+        __builtin_memcpy(to, &values, sizeof values);
+    }
+
     // Makes a ray that was put walk.
     void start(int ray)
     {

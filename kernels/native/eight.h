@@ -15,6 +15,7 @@ inline Ints upper(Ints a, Ints b) { return a > b ? a : b; }
 inline Floats magnitude(Floats a) { return __builtin_elementwise_abs(a); }
 inline Floats root(Floats a) { return __builtin_elementwise_sqrt(a); }
 inline Floats reciprocal(Floats a) { return 1.0f / a; }
+inline Floats nonzero(Floats a) { return magnitude(a) < 1.0e-18f ? (Floats)1.0e-18f : a; }
 
 // Of normal numbers above zero, to about two units in the last place: an estimate and one of Newton's steps.
 inline Floats inverse_root(Floats a)

@@ -227,6 +227,28 @@ inline Ints meet_box(const Record& r, const Row& aim, const Box& box, Vecs p, Fl
     return enter <= leave;
 }
 
+// Eight rays as WorldRay, whose comments hold here, at a mesh.
+template <int TYPES>
+inline void put_rays(MeshRays& rays, int first, const Record& r, Vecs p, Vecs to, Floats near, Floats reach)
+{
+    const auto turned = [&](Vecs v, Vec start) {
+        return Vecs { r.axis_x.x * v.x + r.axis_x.y * v.y + r.axis_x.z * v.z + start.x,
+                      r.axis_y.x * v.x + r.axis_y.y * v.y + r.axis_y.z * v.z + start.y,
+                      r.axis_z.x * v.x + r.axis_z.y * v.y + r.axis_z.z * v.z + start.z };
+    };
+    const Vec none { 0.0f, 0.0f, 0.0f };
+    const Vecs own = turned(to, none), d = TYPES >> SCALED & 1 ? own : to;
+    const Floats zero = 0.0f;
+    const Vecs across = chosen(magnitude(d.z) > magnitude(d.x), { zero, d.z, -d.y }, { d.y, -d.x, zero });
+    const Vecs frame[3] = { across, cross(across, d), reciprocal(dot(d, d)) * d };
+    const Vecs origin = turned(p, { r.origin.x, r.origin.y, r.origin.z });
+    if constexpr (TYPES >> SCALED & 1)
+        rays.put_eight(first, origin, own, r.size.x, frame, near, reach);
+    else
+        rays.put_eight(first, origin, own, r.size.x,
+                       { turned(frame[0], none), turned(frame[1], none), turned(frame[2], none) }, near, reach);
+}
+
 // Clears `open` of the points that lie in the shadow of a mesh. `behind`: bits of the meshes that may shade any.
 template <int TYPES, int LENS, class List, class Shapes, class Meshes>
 inline void shade_points_by_meshes(const List& list, const LitView<LENS>& view, int world, const Shapes& shapes,
@@ -248,27 +270,18 @@ inline void shade_points_by_meshes(const List& list, const LitView<LENS>& view, 
                                                        points.near[row], points.reach[row], light.distant));
                 for (unsigned asked = met & ~(known >> row * PACKET); asked; asked &= asked - 1) {
                     const int lane = row * PACKET + lowest_bit(asked);
-                    if (faces_light<TYPES>(shapes, meshes, world, points.ids[lane], points.faces[lane], light,
-                                           view.origin, view.sight.along_of(points.point(lane))))
-                        facing |= 1u << lane;
+                    const bool faces = faces_light<TYPES>(shapes, meshes, world, points.ids[lane], points.faces[lane],
+                                                          light, view.origin,
+                                                          view.sight.along_of(points.point(lane)));
+                    facing |= unsigned(faces) << lane;
                 }
                 known |= met << row * PACKET;
                 met &= facing >> row * PACKET;
                 if (!met)
                     continue;
                 walks |= met << row * PACKET;
-                float x[PACKET], y[PACKET], z[PACKET], near[PACKET], reach[PACKET];
-                __builtin_memcpy(x, &points.at[row].x, sizeof x);
-                __builtin_memcpy(y, &points.at[row].y, sizeof y);
-                __builtin_memcpy(z, &points.at[row].z, sizeof z);
-                __builtin_memcpy(near, &points.near[row], sizeof near);
-                __builtin_memcpy(reach, &points.reach[row], sizeof reach);
-                for (int k = 0; k < PACKET; ++k) {
-                    const WorldRay source { { x[k], y[k], z[k] }, ray_to(light, { x[k], y[k], z[k] }) };
-                    const Ray ray = source.local(record);
-                    walk.put(row * PACKET + k, slabs(ray.origin, ray.direction, record.size.x),
-                             source.template frame<TYPES>(record), near[k], reach[k]);
-                }
+                put_rays<TYPES>(walk, row * PACKET, record, points.at[row], rays_to(light, points.at[row]),
+                                points.near[row], points.reach[row]);
             }
             for (unsigned some = walks; some; some &= some - 1)
                 walk.start(lowest_bit(some));
