@@ -45,6 +45,15 @@ inline Floats muladd(Floats a, Floats b, Floats c)
 #endif
 }
 
+// Eight numbers of any kind that follow each other, as whole ones.
+template <class Value> inline Ints load_eight(const Value* from)
+{
+    typedef Value Values __attribute__((ext_vector_type(PACKET)));
+    Values values;
+    __builtin_memcpy(&values, from, sizeof values);
+    return __builtin_convertvector(values, Ints);
+}
+
 // Is an element true (all ones)?
 inline bool any_of(Ints truth)
 {

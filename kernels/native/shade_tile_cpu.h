@@ -54,17 +54,33 @@ struct Points {
             const int width = top + row < target.height ? target.width - left : 0;
             Floats depth = 0.0f;
             Ints asks = 0;
-            for (int k = 0; k < PACKET && k < width; ++k) {
-                const int lane = row * PACKET + k;
+            if (width >= PACKET) {
+                const Ints shown = load_eight(target.shape.data + start);
+                asks = shown >= 0;
                 if (fresh)
-                    target.shadow.data[start + k] = 0;
-                ids[lane] = target.shape.data[start + k];
-                if (ids[lane] < 0 || (target.shadow.data[start + k] & bit))
-                    continue;
-                asks[k] = -1;
-                depth[k] = target.depth.data[start + k];
-                if (FACES)
-                    faces[lane] = target.face.data[start + k];
+                    __builtin_memset(target.shadow.data + start, 0, PACKET * sizeof *target.shadow.data);
+                else
+                    asks &= (load_eight(target.shadow.data + start) & int(bit)) == 0;
+                __builtin_memcpy(&depth, target.depth.data + start, sizeof depth);
+                depth = asks ? depth : (Floats)0.0f;
+                if (FACES) {
+                    const Ints met = load_eight(target.face.data + start);
+                    __builtin_memcpy(ids + row * PACKET, &shown, sizeof shown);
+                    __builtin_memcpy(faces + row * PACKET, &met, sizeof met);
+                }
+            } else {
+                for (int k = 0; k < width; ++k) {
+                    const int lane = row * PACKET + k;
+                    if (fresh)
+                        target.shadow.data[start + k] = 0;
+                    ids[lane] = target.shape.data[start + k];
+                    if (ids[lane] < 0 || (target.shadow.data[start + k] & bit))
+                        continue;
+                    asks[k] = -1;
+                    depth[k] = target.depth.data[start + k];
+                    if (FACES)
+                        faces[lane] = target.face.data[start + k];
+                }
             }
             open[row] = asks;
             if (any_of(asks)) {
