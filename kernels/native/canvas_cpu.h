@@ -1,6 +1,7 @@
 // A tile's rays, and what they have found, on a CPU: row by row where the whole tile lies in the image.
 #pragma once
 #include "canvas.h"
+#include "eight.h"
 
 namespace warpcam {
 
@@ -48,14 +49,6 @@ inline bool start_whole(const Canvas<TYPES, LENS, OUTPUTS, CAPACITY, Target, Sha
     return true;
 }
 
-template <class Value, class From> inline void put_row(Value* to, const From* from)
-{
-    Value row[TILE_WIDTH];
-    for (int k = 0; k < TILE_WIDTH; ++k)
-        row[k] = static_cast<Value>(from[k]);
-    __builtin_memcpy(to, row, sizeof row);
-}
-
 // Writes depth, shape and face of a tile that lies in the image; the rest is left to be done pixel by pixel.
 template <int TYPES, int LENS, int OUTPUTS, int CAPACITY, class Target, class Shapes, class Places_>
 inline void put_whole(const Canvas<TYPES, LENS, OUTPUTS, CAPACITY, Target, Shapes, Places_>& canvas, int left, int top,
@@ -64,18 +57,20 @@ inline void put_whole(const Canvas<TYPES, LENS, OUTPUTS, CAPACITY, Target, Shape
     constexpr int IN_ROWS = DEPTH | FACE | (names_slots(OUTPUTS) ? 0 : SHAPE);
     constexpr int PIXELWISE = SHAPE | DISTANCE | POINTS | BODIES | NORMALS | IDS | FLOWS;
     const float miss = LENS == RAYS ? infinity() : canvas.camera.miss;
+    static_assert(TILE_WIDTH == PACKET);
     for (int row = 0; row < TILE_HEIGHT; ++row) {
         const int lane = row * TILE_WIDTH;
         const unsigned first = canvas.at(left, top + row);
-        float depth[TILE_WIDTH];
-        for (int k = 0; k < TILE_WIDTH; ++k)
-            depth[k] = rays.shape[lane + k] < 0 ? miss : rays.depth[lane + k];
+        const Ints shape = load_eight(rays.shape + lane);
+        Floats depth;
+        __builtin_memcpy(&depth, rays.depth + lane, sizeof depth);
+        depth = shape < 0 ? (Floats)miss : depth;
         if constexpr ((OUTPUTS & DEPTH) != 0)
-            put_row(canvas.target.depth.data + first, depth);
+            __builtin_memcpy(canvas.target.depth.data + first, &depth, sizeof depth);
         if constexpr ((OUTPUTS & IN_ROWS & SHAPE) != 0)
-            put_row(canvas.target.shape.data + first, rays.shape + lane);
+            store_eight(canvas.target.shape.data + first, shape);
         if constexpr ((OUTPUTS & FACE) != 0)
-            put_row(canvas.target.face.data + first, rays.face + lane);
+            store_eight(canvas.target.face.data + first, load_eight(rays.face + lane));
     }
     if constexpr ((OUTPUTS & PIXELWISE & ~IN_ROWS) != 0)
         for (int lane = 0; lane < LANES; ++lane)

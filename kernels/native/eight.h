@@ -54,6 +54,13 @@ template <class Value> inline Ints load_eight(const Value* from)
     return __builtin_convertvector(values, Ints);
 }
 
+template <class Value> inline void store_eight(Value* to, Ints from)
+{
+    typedef Value Values __attribute__((ext_vector_type(PACKET)));
+    const Values values = __builtin_convertvector(from, Values);
+    __builtin_memcpy(to, &values, sizeof values);
+}
+
 // Is an element true (all ones)?
 inline bool any_of(Ints truth)
 {

@@ -172,14 +172,15 @@ template <int CAPACITY> struct TileRow {
 
 template <int CAPACITY> inline void pick_row(const ShapeList<CAPACITY>& list, int row, TileRow<CAPACITY>& picked)
 {
-    picked.count = 0;
+    int count = 0;  // in a register
     for (int rank = 0; rank < list.count; ++rank) {
         const TileBox box = list.tiles[rank];
-        picked.left[picked.count] = box.left;
-        picked.right[picked.count] = box.right;
-        picked.ranks[picked.count] = static_cast<unsigned char>(rank);
-        picked.count += row >= box.top && row <= box.bottom;
+        picked.left[count] = box.left;
+        picked.right[count] = box.right;
+        picked.ranks[count] = static_cast<unsigned char>(rank);
+        count += (row >= box.top) & (row <= box.bottom);
     }
+    picked.count = count;
 }
 
 template <int TYPE, int LENS, class Near> inline void trace_shape(const Record& record, const Near& near, Rays& rays)
