@@ -164,8 +164,12 @@ inline Ints look_up(const int* table, Ints at)
     Whole low, high;
     __builtin_memcpy(&low, table, sizeof low);
     __builtin_memcpy(&high, table + PACKET, sizeof high);
+#if defined(__AVX512VL__)
+    return (Ints)__builtin_ia32_vpermi2vard256(low, (Whole)at, high);
+#else
     const Ints below = (Ints)__builtin_ia32_permvarsi256(low, (Whole)at);
     return at < PACKET ? below : (Ints)__builtin_ia32_permvarsi256(high, (Whole)at);
+#endif
 #else
     return gather(table, at);
 #endif

@@ -305,20 +305,18 @@ inline void paint_sorted(const Sorted<ROOM>& sorted, const List& lights, const S
         for (int done = 0; done < total; done += PACKET) {
             EightHits hits;
             hits.shadow = 0;
-            const auto load = [&](int k, size_t at) {
-                if ((TYPES & (1 << MESH | 1 << HEIGHT_FIELD)) != 0)
-                    hits.faces[k] = frame.face.data[at];
-                if (Wants::LIT && (FACTS & HAS_SHADOWS))
-                    hits.shadow[k] = frame.shadow.data[at];
-            };
+            constexpr bool FACES = (TYPES & (1 << MESH | 1 << HEIGHT_FIELD)) != 0;
+            constexpr bool SHADOWS = Wants::LIT && (FACTS & HAS_SHADOWS);
             const int row = pixels[done] / WIDTH, column = pixels[done] % WIDTH;
             if (done + PACKET <= total && column + PACKET <= WIDTH && in_a_row(pixels + done)) {
                 const size_t at = first + size_t(row) * frame.width + column;
                 __builtin_memcpy(&hits.x, x + column, sizeof hits.x);
                 hits.y = y[row];
                 __builtin_memcpy(&hits.depth, frame.depth.data + at, sizeof hits.depth);
-                for (int k = 0; k < PACKET; ++k)
-                    load(k, at + k);
+                if (FACES)
+                    store_eight(hits.faces, load_eight(frame.face.data + at));
+                if (SHADOWS)
+                    hits.shadow = load_eight(frame.shadow.data + at);
             } else {
                 for (int k = 0; k < PACKET; ++k) {
                     const int pixel = pixels[lower_int(done + k, total - 1)];
@@ -326,7 +324,10 @@ inline void paint_sorted(const Sorted<ROOM>& sorted, const List& lights, const S
                     hits.x[k] = x[pixel % WIDTH];
                     hits.y[k] = y[pixel / WIDTH];
                     hits.depth[k] = frame.depth.data[at];
-                    load(k, at);
+                    if (FACES)
+                        hits.faces[k] = frame.face.data[at];
+                    if (SHADOWS)
+                        hits.shadow[k] = frame.shadow.data[at];
                 }
             }
             paint_eight<TYPES, IMAGES, FACTS>(look, textured ? &levels : nullptr, id, lights, scene, camera, gain, hits,
