@@ -334,9 +334,13 @@ inline void shade_tile(const List& list, const Windows<CAPACITY>& windows, const
     const bool distant = view.light.distant;
     unsigned behind[List::WORDS] = {};  // meshes
     bool any = false;
-    for (int packet = 0; packet * PACKET < list.count; ++packet)
-        for (unsigned some = windows.may_shade(packet, tile, floor); some; some &= some - 1) {
-            const int slot = packet * PACKET + lowest_bit(some);
+    constexpr int TOGETHER = 64;  // casters that are looked through before one of them is tried
+    for (int first = 0; first < list.count; first += TOGETHER) {
+        unsigned long long some = 0;
+        for (int slot = first; slot < first + TOGETHER && slot < list.count; slot += PACKET)
+            some |= static_cast<unsigned long long>(windows.may_shade(slot / PACKET, tile, floor)) << (slot - first);
+        for (; some; some &= some - 1) {
+            const int slot = first + __builtin_ctzll(some);
             const Record& record = list.records[slot];
             const Row& aim = list.aims[slot];
             const Window& window = list.windows[slot];
@@ -368,6 +372,7 @@ inline void shade_tile(const List& list, const Windows<CAPACITY>& windows, const
                 any = true;
             }
         }
+    }
     if constexpr (HAS_MESH)
         if (any)
             shade_points_by_meshes<TYPES>(list, view, world, shapes, meshes, behind, points);
