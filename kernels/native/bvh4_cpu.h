@@ -235,7 +235,8 @@ struct MeshRays {
         at_leaf[num_at_leaf] = ray;
         num_at_leaf += next < 0;
         const unsigned row = next < 0 ? unsigned(-next - 1) >> 4 : unsigned(next);
-        const char* memory = reinterpret_cast<const char*>((next < 0 ? faces : nodes) + size_t(row) * (next < 0 ? FACE : NODE));
+        const float* const place = next < 0 ? faces + size_t(row) * FACE : nodes + size_t(row) * NODE;
+        const char* const memory = reinterpret_cast<const char*>(place);
         __builtin_prefetch(memory);
         __builtin_prefetch(memory + 64);
         __builtin_prefetch(memory + 128);
