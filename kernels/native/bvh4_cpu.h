@@ -1,6 +1,8 @@
-// Triangle meshes on a CPU: a tile's rays meet one mesh after another; a ray tests the four children of a node, and four
-// faces of a leaf, at once.
+// Triangle meshes on a CPU: a tile's rays walk one mesh after another, side by side. Each step of a ray is a few
+// instructions that wait for each other; those of one ray run while another's are waited for. A ray tests the four
+// children of a node, and eight faces of a leaf, at once.
 #pragma once
+#include "eight.h"
 #include "mask.h"
 
 namespace warpcam {
@@ -20,49 +22,54 @@ inline Float4 muladd4(Float4 a, float b, float c)
 #endif
 }
 
-inline Float4 load4(const float* rows, unsigned row)
+inline Float4 load4(const float* from)
 {
     Float4 r;
-    __builtin_memcpy(&r, rows + 4u * row, sizeof r);
+    __builtin_memcpy(&r, from, sizeof r);
     return r;
 }
 
-// Bit k is set where element k is true (all ones).
-inline unsigned bits_of(Int4 truth)
+inline void store4(int* to, Int4 a) { __builtin_memcpy(to, &a, sizeof a); }
+
+// How many elements are true (all ones)?
+inline int count_of(Int4 truth)
 {
 #if defined(__x86_64__)
-    return static_cast<unsigned>(__builtin_ia32_movmskps((Float4)truth));
+    return __builtin_popcount(static_cast<unsigned>(__builtin_ia32_movmskps((Float4)truth)));
 #else
-    return static_cast<unsigned>(__builtin_reduce_or(truth & Int4 { 1, 2, 4, 8 }));
+    return -__builtin_reduce_add(truth);
 #endif
 }
 
-// Four points: first rows, each a point, in; then a coordinate each.
-inline void transpose(Float4 a, Float4 b, Float4 c, Float4 d, Float4& x, Float4& y, Float4& z)
+// Four numbers, the greatest first.
+inline Int4 sorted4(Int4 a)
 {
-    const Float4 ab = __builtin_shufflevector(a, b, 0, 4, 1, 5), cd = __builtin_shufflevector(c, d, 0, 4, 1, 5);
-    x = __builtin_shufflevector(ab, cd, 0, 1, 4, 5);
-    y = __builtin_shufflevector(ab, cd, 2, 3, 6, 7);
-    const Float4 abz = __builtin_shufflevector(a, b, 2, 6, 2, 6), cdz = __builtin_shufflevector(c, d, 2, 6, 2, 6);
-    z = __builtin_shufflevector(abz, cdz, 0, 1, 4, 5);
+    const auto greater = [](Int4 a, Int4 b) { return a > b ? a : b; };
+    const auto less = [](Int4 a, Int4 b) { return a < b ? a : b; };
+    Int4 b = __builtin_shufflevector(a, a, 1, 0, 3, 2);
+    a = __builtin_shufflevector(greater(a, b), less(a, b), 0, 5, 2, 7);
+    b = __builtin_shufflevector(a, a, 2, 3, 0, 1);
+    a = __builtin_shufflevector(greater(a, b), less(a, b), 0, 1, 6, 7);
+    b = __builtin_shufflevector(a, a, 0, 2, 1, 3);
+    return __builtin_shufflevector(greater(a, b), less(a, b), 0, 1, 6, 3);
 }
 
-// As Corner and project() of triangle.h, for four faces.
-struct Corner4 {
-    Float4 x, y, along;
+// Elements by the two lowest bits of `at`.
+inline Int4 pick4(Int4 from, Int4 at)
+{
+#if defined(__AVX__)
+    return (Int4)__builtin_ia32_vpermilvarps((Float4)from, at);
+#else
+    return { from[at[0] & 3], from[at[1] & 3], from[at[2] & 3], from[at[3] & 3] };
+#endif
+}
+
+// As Corner and project() of triangle.h, for eight faces.
+struct Corners {
+    Floats x, y, along;
 };
 
-inline Corner4 project4(const RayFrame& f, Float4 x, Float4 y, Float4 z)
-{
-#pragma clang fp contract(off)
-    x -= f.origin.x;
-    y -= f.origin.y;
-    z -= f.origin.z;
-    return { f.across.x * x + (f.across.y * y + f.across.z * z), f.up.x * x + (f.up.y * y + f.up.z * z),
-             f.depth.x * x + f.depth.y * y + f.depth.z * z };
-}
-
-inline Float4 edge4(const Corner4& a, const Corner4& b)
+inline Floats edges(const Corners& a, const Corners& b)
 {
 #pragma clang fp contract(off)
     return a.x * b.y - a.y * b.x;
@@ -71,138 +78,195 @@ inline Float4 edge4(const Corner4& a, const Corner4& b)
 // Which sides of faces a ray meets: fronts; backs, too, of those that have one; both of all.
 enum Sides { FRONTS, FRONTS_AND_MARKED, BOTH_SIDES };
 
-struct MeshHit {
-    float depth;
-    int face;
-};
+template <int TYPES, bool ANY>
+constexpr Sides SIDES_OF = ANY && (TYPES >> SHADING_BACKS & 1) ? BOTH_SIDES
+    : TYPES >> TWO_SIDED & 1 ? FRONTS_AND_MARKED : FRONTS;
 
-// The faces `first` to `end` - 1 of a mesh against one ray. there(face, depth): the face is there where it is met.
-template <Sides SIDES, class There>
-inline bool test_leaf(const float* faces, int first, int end, const RayFrame& frame, float near, const There& there,
-                      MeshHit& hit)
-{
-    bool any = false;
-    for (int face = first; face < end; face += 4) {
-        Corner4 corners[3];
-        unsigned rows[4];
-        for (int k = 0; k < 4; ++k)
-            rows[k] = unsigned(lower_int(face + k, end - 1)) * FACE_ROWS;
-        for (unsigned corner = 0; corner < 3; ++corner) {
-            Float4 x, y, z;
-            transpose(load4(faces, rows[0] + corner), load4(faces, rows[1] + corner), load4(faces, rows[2] + corner),
-                      load4(faces, rows[3] + corner), x, y, z);
-            corners[corner] = project4(frame, x, y, z);
+// Rays at one mesh, by number.
+struct MeshRays {
+    static constexpr int ROOM = STACK + 5;  // with what ends it, and three that a step writes too many
+    static constexpr int NODE = 4 * NODE_ROWS, FACE = 4 * FACE_ROWS;  // floats
+    static constexpr int FEW = 4;  // so many rays are enough to walk side by side
+
+    const float *nodes, *faces;
+    float scale[3][LANES], in[3][LANES], out[3][LANES];  // see Slabs; which of a box's planes is met first is known
+    int first[3][LANES];                                 // rows from a node's lower planes to these
+    float frame[12][LANES];                              // see RayFrame
+    float near[LANES], depth[LANES];
+    int face[LANES];  // the nearest so far, or -1
+    // What waits, the nearest on top: children of nodes, and bits of where the ray enters them, less the two lowest. At
+    // the bottom is 0, which is no child.
+    int height[LANES];
+    int child[LANES][ROOM], entry[LANES][ROOM];
+    int walking[LANES + 1], at_leaf[LANES + 1];  // rays whose next is a node, or a leaf
+    int num_walking, num_at_leaf;
+
+    MeshRays(const float* nodes, const float* faces): nodes(nodes), faces(faces), num_walking(0), num_at_leaf(0) { }
+
+    void put(int ray, const Slabs& s, const RayFrame& f, float from, float to)
+    {
+        const bool x = s.scale.x < 0.0f, y = s.scale.y < 0.0f, z = s.scale.z < 0.0f;
+        scale[0][ray] = s.scale.x, scale[1][ray] = s.scale.y, scale[2][ray] = s.scale.z;
+        in[0][ray] = x ? s.up.x : s.down.x, in[1][ray] = y ? s.up.y : s.down.y, in[2][ray] = z ? s.up.z : s.down.z;
+        out[0][ray] = x ? s.down.x : s.up.x, out[1][ray] = y ? s.down.y : s.up.y, out[2][ray] = z ? s.down.z : s.up.z;
+        first[0][ray] = x ? 3 : 0, first[1][ray] = y ? 3 : 0, first[2][ray] = z ? 3 : 0;
+        frame[0][ray] = f.origin.x, frame[1][ray] = f.origin.y, frame[2][ray] = f.origin.z;
+        frame[3][ray] = f.across.x, frame[4][ray] = f.across.y, frame[5][ray] = f.across.z;
+        frame[6][ray] = f.up.x, frame[7][ray] = f.up.y, frame[8][ray] = f.up.z;
+        frame[9][ray] = f.depth.x, frame[10][ray] = f.depth.y, frame[11][ray] = f.depth.z;
+        near[ray] = from;
+        depth[ray] = to;
+    }
+
+    // Eight rays, `first_ray` and those after it, through slabs and frames as those of bvh4.h and record.h.
+    void put_eight(int first_ray, Vecs o, Vecs d, float extent, const Vecs (&rows)[3], Floats from, Floats to)
+    {
+        const Floats pad = 1.0e-6f * (magnitude(o.x) + magnitude(o.y) + magnitude(o.z) + extent);
+        const Floats from_origin[3] = { o.x, o.y, o.z }, along[3] = { d.x, d.y, d.z };
+        for (int axis = 0; axis < 3; ++axis) {
+            const Floats rate = reciprocal(nonzero(along[axis]));
+            const Floats down = -(from_origin[axis] + pad) * rate, up = -(from_origin[axis] - pad) * rate;
+            const Ints back = rate < 0.0f;
+            put(scale[axis] + first_ray, rate);
+            put(in[axis] + first_ray, back ? up : down);
+            put(out[axis] + first_ray, back ? down : up);
+            put(first[axis] + first_ray, back & 3);
+            put(frame[axis] + first_ray, from_origin[axis]);
+            put(frame[3 * axis + 3] + first_ray, rows[axis].x);
+            put(frame[3 * axis + 4] + first_ray, rows[axis].y);
+            put(frame[3 * axis + 5] + first_ray, rows[axis].z);
         }
-        const Float4 wc = edge4(corners[0], corners[1]), wa = edge4(corners[1], corners[2]);
-        const Float4 wb = edge4(corners[2], corners[0]), total = wa + wb + wc;
-        Int4 inside = (wa >= 0.0f) & (wb >= 0.0f) & (wc >= 0.0f) & (total > 0.0f);
-        if constexpr (SIDES != FRONTS) {
-            Int4 both = -1;
-            if constexpr (SIDES == FRONTS_AND_MARKED)
-                for (int k = 0; k < 4; ++k)
-                    both[k] = as_int(faces[4u * (rows[k] + 1) + 3]) != 0 ? -1 : 0;
-            inside |= both & (wa <= 0.0f) & (wb <= 0.0f) & (wc <= 0.0f) & (total < 0.0f);
-        }
-        if (!bits_of(inside))
-            continue;
-        const Float4 t = (wa * corners[0].along + wb * corners[1].along + wc * corners[2].along) / total;
-        for (unsigned left = bits_of(inside & (t < hit.depth) & (t > near)); left; left &= left - 1) {
-            const int k = lowest_bit(left);
-            const int met = lower_int(face + k, end - 1);
-            if (t[k] < hit.depth && there(met, t[k])) {
-                hit = { t[k], met };
-                any = true;
+        put(near + first_ray, from);
+        put(depth + first_ray, to);
+    }
+
+    template <class Value, class Values> static void put(Value* to, Values values)
+    {
+        static_assert(sizeof values == PACKET * sizeof(Value));
+        __builtin_memcpy(to, &values, sizeof values);
+    }
+
+    // Makes a ray that was put walk.
+    void start(int ray)
+    {
+        face[ray] = -1;
+        height[ray] = 1;
+        child[ray][0] = child[ray][1] = 0;
+        entry[ray][0] = 0;
+        walking[num_walking++] = ray;
+    }
+
+    // Tests the children of the node on top; returns what is on top then.
+    int step(int ray)
+    {
+        const int top = height[ray];
+        const float* rows = nodes + size_t(unsigned(child[ray][top])) * NODE;
+        const auto planes = [&](int axis, int row, const float (&offset)[3][LANES]) {
+            return muladd4(load4(rows + 4 * (axis + row)), scale[axis][ray], offset[axis][ray]);
+        };
+        const int x = first[0][ray], y = first[1][ray], z = first[2][ray];
+        const Float4 enter = upper4(upper4(planes(0, x, in), planes(1, y, in)),
+                                    upper4(planes(2, z, in), (Float4)near[ray]));
+        const Float4 leave = lower4(lower4(planes(0, 3 - x, out), planes(1, 3 - y, out)),
+                                    lower4(planes(2, 3 - z, out), (Float4)depth[ray]));
+        const Int4 met = enter <= leave;
+        const Int4 keys = sorted4(((Int4)enter & 0x7ffffffc) | Int4 { 0, 1, 2, 3 } | ~met);
+        store4(child[ray] + top, pick4((Int4)load4(rows + 4 * 6), keys));
+        store4(entry[ray] + top, keys);
+        height[ray] = top + count_of(met) - 1;
+        return child[ray][height[ray]];
+    }
+
+    // The leaf on top against its ray. there(ray, face, depth): the face is there where it is met.
+    template <Sides SIDES, class There> void test_leaf(int ray, const There& there)
+    {
+        const int code = -child[ray][height[ray]] - 1, begin = code >> 4, end = begin + (code & 15);
+        const auto of_frame = [&](int k) { return (Floats)frame[k][ray]; };
+        for (int number = begin; number < end; number += PACKET) {
+            const float* rows[PACKET];
+            for (int k = 0; k < PACKET; ++k)
+                rows[k] = faces + size_t(unsigned(lower_int(number + k, end - 1))) * FACE;
+            Corners corners[3];
+            Ints both = -1;
+            for (int corner = 0; corner < 3; ++corner) {
+#pragma clang fp contract(off)
+                const Columns at = columns_of(rows, 4 * corner);
+                const Floats x = at.a - of_frame(0), y = at.b - of_frame(1), z = at.c - of_frame(2);
+                corners[corner] = { of_frame(3) * x + (of_frame(4) * y + of_frame(5) * z),
+                                    of_frame(6) * x + (of_frame(7) * y + of_frame(8) * z),
+                                    of_frame(9) * x + of_frame(10) * y + of_frame(11) * z };
+                if (SIDES == FRONTS_AND_MARKED && corner == 1)
+                    both = (Ints)at.d != 0;
+            }
+            const Floats wc = edges(corners[0], corners[1]), wa = edges(corners[1], corners[2]);
+            const Floats wb = edges(corners[2], corners[0]), total = wa + wb + wc;
+            const Floats none = 0.0f;
+            Ints inside = (wa >= none) & (wb >= none) & (wc >= none) & (total > none);
+            if constexpr (SIDES != FRONTS)
+                inside |= both & (wa <= none) & (wb <= none) & (wc <= none) & (total < none);
+            if (!any_of(inside))
+                continue;
+            const Floats t = (wa * corners[0].along + wb * corners[1].along + wc * corners[2].along) / total;
+            for (unsigned left = bits_of(inside & (t < depth[ray]) & (t > near[ray])); left; left &= left - 1) {
+                const int k = lowest_bit(left), met = lower_int(number + k, end - 1);
+                if (t[k] < depth[ray] && there(ray, met, t[k])) {
+                    depth[ray] = t[k];
+                    face[ray] = met;
+                }
             }
         }
     }
-    return any;
-}
 
-// A child of a node, and where the ray enters its box.
-struct Waiting {
-    int node;
-    float entry;
-};
-
-// A ray as boxes see it: which of a box's planes it comes through first, and those moved as Slabs says.
-struct BoxRay {
-    Vec scale, in, out;
-    unsigned near_x, near_y, near_z, far_x, far_y, far_z;  // rows of a node
-
-    explicit BoxRay(const Slabs& s): scale(s.scale)
+    // Takes what is on top away, and what lies behind the ray's hit; returns what is on top then.
+    int drop(int ray)
     {
-        const bool x = s.scale.x < 0.0f, y = s.scale.y < 0.0f, z = s.scale.z < 0.0f;
-        near_x = x ? 3 : 0, near_y = y ? 4 : 1, near_z = z ? 5 : 2;
-        far_x = x ? 0 : 3, far_y = y ? 1 : 4, far_z = z ? 2 : 5;
-        in = { x ? s.up.x : s.down.x, y ? s.up.y : s.down.y, z ? s.up.z : s.down.z };
-        out = { x ? s.down.x : s.up.x, y ? s.down.y : s.up.y, z ? s.down.z : s.up.z };
+        int top = height[ray] - 1;
+        while (as_float(entry[ray][top]) >= depth[ray])
+            --top;
+        height[ray] = top;
+        return child[ray][top];
+    }
+
+    // Puts a ray where it goes on, if it does; its memory is asked for.
+    void sort(int ray, int next)
+    {
+        walking[num_walking] = ray;
+        num_walking += next > 0;
+        at_leaf[num_at_leaf] = ray;
+        num_at_leaf += next < 0;
+        const unsigned row = next < 0 ? unsigned(-next - 1) >> 4 : unsigned(next);
+        const float* const place = next < 0 ? faces + size_t(row) * FACE : nodes + size_t(row) * NODE;
+        const char* const memory = reinterpret_cast<const char*>(place);
+        __builtin_prefetch(memory);
+        __builtin_prefetch(memory + 64);
+        __builtin_prefetch(memory + 128);
+        __builtin_prefetch(memory + 192);
+    }
+
+    // The nearest face of each ray that was started, nearer than its depth; with ANY, the first one found.
+    template <Sides SIDES, bool ANY, class There> void walk(const There& there)
+    {
+        while (num_walking + num_at_leaf > 0) {
+            if (num_walking >= FEW || num_at_leaf == 0) {
+                const int count = num_walking;
+                num_walking = 0;
+                for (int i = 0; i < count; ++i) {
+                    const int ray = walking[i];
+                    sort(ray, step(ray));
+                }
+            } else {
+                const int count = num_at_leaf;
+                num_at_leaf = 0;
+                for (int i = 0; i < count; ++i) {
+                    const int ray = at_leaf[i];
+                    test_leaf<SIDES>(ray, there);
+                    if (!ANY || face[ray] < 0)
+                        sort(ray, drop(ray));
+                }
+            }
+        }
     }
 };
-
-// The nearest child of a node that the ray meets, or NO_NODE. The others wait on the stack, the farthest lowest.
-inline int test_node(const float* nodes, int node, const BoxRay& ray, float near, float depth, Waiting* stack, int& height)
-{
-    const unsigned at = unsigned(node) * NODE_ROWS;
-    const Float4 x0 = muladd4(load4(nodes, at + ray.near_x), ray.scale.x, ray.in.x);
-    const Float4 y0 = muladd4(load4(nodes, at + ray.near_y), ray.scale.y, ray.in.y);
-    const Float4 z0 = muladd4(load4(nodes, at + ray.near_z), ray.scale.z, ray.in.z);
-    const Float4 x1 = muladd4(load4(nodes, at + ray.far_x), ray.scale.x, ray.out.x);
-    const Float4 y1 = muladd4(load4(nodes, at + ray.far_y), ray.scale.y, ray.out.y);
-    const Float4 z1 = muladd4(load4(nodes, at + ray.far_z), ray.scale.z, ray.out.z);
-    const Float4 enter = upper4(upper4(x0, y0), upper4(z0, (Float4)near));
-    const Float4 leave = lower4(lower4(x1, y1), lower4(z1, (Float4)depth));
-    unsigned left = bits_of(enter <= leave);
-    if (!left)
-        return NO_NODE;
-    const Int4 children = (Int4)load4(nodes, at + 6);
-    int k = lowest_bit(left);
-    left &= left - 1;
-    Waiting best { children[k], enter[k] };
-    const int bottom = height;
-    for (; left; left &= left - 1) {
-        k = lowest_bit(left);
-        Waiting other { children[k], enter[k] };
-        if (other.entry < best.entry) {
-            const Waiting nearer = other;
-            other = best;
-            best = nearer;
-        }
-        int place = height++;
-        for (; place > bottom && stack[place - 1].entry < other.entry; --place)
-            stack[place] = stack[place - 1];
-        stack[place] = other;
-    }
-    return best.node;
-}
-
-// Nearest face of one mesh that is nearer than `hit`; with ANY, the first one found. Says whether there is one.
-template <int TYPES, bool ANY, class There>
-inline bool walk_mesh(const float* nodes, const float* faces, const Slabs& slabs, const RayFrame& frame, float near,
-                      const There& there, MeshHit& hit)
-{
-    Waiting stack[STACK];
-    const BoxRay ray { slabs };
-    int height = 0, node = 0;
-    constexpr Sides SIDES = ANY && (TYPES >> SHADING_BACKS & 1) ? BOTH_SIDES
-        : TYPES >> TWO_SIDED & 1 ? FRONTS_AND_MARKED : FRONTS;
-    bool any = false;
-    while (true) {
-        while (node >= 0 && node != NO_NODE)
-            node = test_node(nodes, node, ray, near, hit.depth, stack, height);
-        if (node != NO_NODE) {
-            const int code = -node - 1, first = code >> 4;
-            any |= test_leaf<SIDES>(faces, first, first + (code & 15), frame, near, there, hit);
-            if (ANY && any)
-                return true;
-        }
-        do {
-            if (height == 0)
-                return any;
-            --height;
-        } while (stack[height].entry >= hit.depth);
-        node = stack[height].node;
-    }
-}
 
 template <class Meshes> inline const float* node_rows(const Meshes& meshes, int mesh)
 {
@@ -214,26 +278,6 @@ template <class Meshes> inline const float* face_rows(const Meshes& meshes, int 
     return reinterpret_cast<const float*>(meshes.faces.data) + 4 * size_t(wp::index(meshes.face_start, mesh));
 }
 
-// Some front face, or any where backs shade, of any mesh among some records, nearer than `hit`. `words` are these records as bits by slot.
-template <int TYPES, class Meshes, class RayOf>
-inline void walk_meshes(const Meshes& meshes, const Record* records, const unsigned* words, int num_words,
-                        const RayOf& source, float near, Hit& hit)
-{
-    for (int word = 0; word < num_words; ++word)
-        for (unsigned left = words[word]; left; left &= left - 1) {
-            const Record& record = records[word * 32 + lowest_bit(left)];
-            const int mesh = record.axis_z.w;
-            const Ray ray = source.local(record);
-            const auto there = [&](int face, float t) { return is_there<TYPES>(meshes, record, ray, face, t); };
-            MeshHit found { hit.depth, 0 };
-            if (walk_mesh<TYPES, true>(node_rows(meshes, mesh), face_rows(meshes, mesh),
-                                slabs(ray.origin, ray.direction, record.size.x), source.template frame<TYPES>(record), near, there, found)) {
-                hit = { found.depth, record.axis_y.w, found.face };
-                return;
-            }
-        }
-}
-
 // The nearest faces of a mesh for a tile's rays: those that miss its box, most of them, are found together.
 template <int TYPES, int LENS, class Meshes, class Near, class Rays>
 inline void trace_mesh(const Meshes& meshes, const Record& record, const Near& near, Rays& rays)
@@ -242,32 +286,39 @@ inline void trace_mesh(const Meshes& meshes, const Record& record, const Near& n
     const int mesh = r.axis_z.w;
     const auto low = wp::index(meshes.lower, mesh), high = wp::index(meshes.upper, mesh);
     const float lx = low[0], ly = low[1], lz = low[2], ux = high[0], uy = high[1], uz = high[2];
-    int met[LANES];
-    for (int lane = 0; lane < LANES; ++lane) {
+    const auto slabs_of = [&](int lane) {
         const Ray ray = ViewRay<LENS> { rays.x[lane], rays.y[lane] }.local(r);
-        const Slabs s = slabs(ray.origin, ray.direction, r.size.x);
+        return slabs(ray.origin, ray.direction, r.size.x);
+    };
+    int met[LANES], any = 0;
+    for (int lane = 0; lane < LANES; ++lane) {
+        const Slabs s = slabs_of(lane);
         const float x0 = lx * s.scale.x + s.down.x, x1 = ux * s.scale.x + s.up.x;
         const float y0 = ly * s.scale.y + s.down.y, y1 = uy * s.scale.y + s.up.y;
         const float z0 = lz * s.scale.z + s.down.z, z1 = uz * s.scale.z + s.up.z;
         const float enter = upper(upper(lower(x0, x1), lower(y0, y1)), upper(lower(z0, z1), near.at(lane)));
         const float leave = lower(lower(upper(x0, x1), upper(y0, y1)), lower(upper(z0, z1), rays.depth[lane]));
         met[lane] = enter <= leave;
+        any |= met[lane];
     }
-    for (int lane = 0; lane < LANES; ++lane) {
-        if (!met[lane])
-            continue;
-        const ViewRay<LENS> source { rays.x[lane], rays.y[lane] };
-        const Ray ray = source.local(r);
-        const auto there = [&](int face, float t) { return is_there<TYPES>(meshes, r, ray, face, t); };
-        MeshHit found { rays.depth[lane], 0 };
-        if (!walk_mesh<TYPES, false>(node_rows(meshes, mesh), face_rows(meshes, mesh),
-                              slabs(ray.origin, ray.direction, r.size.x), source.template frame<TYPES>(r),
-                              near.at(lane), there, found))
-            continue;
-        rays.depth[lane] = found.depth;
-        rays.shape[lane] = r.axis_y.w;
-        rays.face[lane] = found.face;
-    }
+    if (!any)
+        return;
+    MeshRays walk(node_rows(meshes, mesh), face_rows(meshes, mesh));
+    for (int lane = 0; lane < LANES; ++lane)
+        walk.put(lane, slabs_of(lane), ViewRay<LENS> { rays.x[lane], rays.y[lane] }.template frame<TYPES>(r),
+                 near.at(lane), rays.depth[lane]);
+    for (int lane = 0; lane < LANES; ++lane)
+        if (met[lane])
+            walk.start(lane);
+    walk.walk<SIDES_OF<TYPES, false>, false>([&](int lane, int face, float t) {
+        return is_there<TYPES>(meshes, r, ViewRay<LENS> { rays.x[lane], rays.y[lane] }.local(r), face, t);
+    });
+    for (int lane = 0; lane < LANES; ++lane)
+        if (met[lane] && walk.face[lane] >= 0) {
+            rays.depth[lane] = walk.depth[lane];
+            rays.shape[lane] = r.axis_y.w;
+            rays.face[lane] = walk.face[lane];
+        }
 }
 
 }  // namespace warpcam

@@ -15,6 +15,7 @@ inline Ints upper(Ints a, Ints b) { return a > b ? a : b; }
 inline Floats magnitude(Floats a) { return __builtin_elementwise_abs(a); }
 inline Floats root(Floats a) { return __builtin_elementwise_sqrt(a); }
 inline Floats reciprocal(Floats a) { return 1.0f / a; }
+inline Floats nonzero(Floats a) { return magnitude(a) < 1.0e-18f ? (Floats)1.0e-18f : a; }
 
 // Of normal numbers above zero, to about two units in the last place: an estimate and one of Newton's steps.
 inline Floats inverse_root(Floats a)
@@ -42,6 +43,22 @@ inline Floats muladd(Floats a, Floats b, Floats c)
 #else
     return a * b + c;
 #endif
+}
+
+// Eight numbers of any kind that follow each other, as whole ones.
+template <class Value> inline Ints load_eight(const Value* from)
+{
+    typedef Value Values __attribute__((ext_vector_type(PACKET)));
+    Values values;
+    __builtin_memcpy(&values, from, sizeof values);
+    return __builtin_convertvector(values, Ints);
+}
+
+template <class Value> inline void store_eight(Value* to, Ints from)
+{
+    typedef Value Values __attribute__((ext_vector_type(PACKET)));
+    const Values values = __builtin_convertvector(from, Values);
+    __builtin_memcpy(to, &values, sizeof values);
 }
 
 // Is an element true (all ones)?
@@ -93,15 +110,15 @@ struct Columns {
     Floats a, b, c, d;
 };
 
-// Rows of four, transposed.
-inline Columns gather_rows(const float* rows, Ints at)
+// Rows of four, transposed: `skip` behind each place.
+inline Columns columns_of(const float* const (&rows)[PACKET], int skip)
 {
     typedef float Four __attribute__((ext_vector_type(4)));
     Floats pairs[4];  // rows k and k + 4
     for (int k = 0; k < 4; ++k) {
         Four a, b;
-        __builtin_memcpy(&a, rows + 4 * size_t(unsigned(at[k])), sizeof a);
-        __builtin_memcpy(&b, rows + 4 * size_t(unsigned(at[k + 4])), sizeof b);
+        __builtin_memcpy(&a, rows[k] + skip, sizeof a);
+        __builtin_memcpy(&b, rows[k + 4] + skip, sizeof b);
         pairs[k] = __builtin_shufflevector(a, b, 0, 1, 2, 3, 4, 5, 6, 7);
     }
     const Floats low01 = __builtin_shufflevector(pairs[0], pairs[1], 0, 8, 1, 9, 4, 12, 5, 13);
@@ -112,6 +129,14 @@ inline Columns gather_rows(const float* rows, Ints at)
              __builtin_shufflevector(low01, low23, 2, 3, 10, 11, 6, 7, 14, 15),
              __builtin_shufflevector(high01, high23, 0, 1, 8, 9, 4, 5, 12, 13),
              __builtin_shufflevector(high01, high23, 2, 3, 10, 11, 6, 7, 14, 15) };
+}
+
+inline Columns gather_rows(const float* rows, Ints at)
+{
+    const float* places[PACKET];
+    for (int k = 0; k < PACKET; ++k)
+        places[k] = rows + 4 * size_t(unsigned(at[k]));
+    return columns_of(places, 0);
 }
 
 // Each entry, and the one after it.
@@ -139,8 +164,12 @@ inline Ints look_up(const int* table, Ints at)
     Whole low, high;
     __builtin_memcpy(&low, table, sizeof low);
     __builtin_memcpy(&high, table + PACKET, sizeof high);
+#if defined(__AVX512VL__)
+    return (Ints)__builtin_ia32_vpermi2vard256(low, (Whole)at, high);
+#else
     const Ints below = (Ints)__builtin_ia32_permvarsi256(low, (Whole)at);
     return at < PACKET ? below : (Ints)__builtin_ia32_permvarsi256(high, (Whole)at);
+#endif
 #else
     return gather(table, at);
 #endif

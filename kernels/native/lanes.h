@@ -1,6 +1,11 @@
 // What differs between a CUDA block and a CPU thread: barriers, lanes, a few arithmetic helpers.
 #pragma once
 
+// Products are added to without being rounded first, as on CUDA, but where a function says otherwise.
+#if !defined(__CUDA_ARCH__)
+#pragma clang fp contract(on)
+#endif
+
 namespace warpcam {
 
 #if defined(__CUDA_ARCH__)

@@ -10,12 +10,13 @@ namespace warpcam {
 // Pixels by shape. Those that see nothing are a shape of their own, -1.
 template <int ROOM> struct Sorted {
     static constexpr unsigned SLOTS = 2 * ROOM;
-    short order[ROOM];  // pixels, group after group
+    short order[ROOM + PACKET];  // pixels, group after group; with room for what is written too many
     int shapes[ROOM + 1], ends[ROOM + 1];  // by group, the first of nothing; where its pixels end
-    short table[SLOTS];  // groups by a hash of their shape; -1: free
+    short places[ROOM + 1];  // by group: how many runs it has, then where its next goes
+    short table[SLOTS];      // groups by a hash of their shape; -1: free
     struct Run {
         short group, first, end;  // pixels of one row
-    } runs[ROOM];
+    } runs[ROOM], in_order[ROOM];
     int count;
 
     int find(int shape)
@@ -26,7 +27,7 @@ template <int ROOM> struct Sorted {
                 return table[slot];
         table[slot] = short(count);
         shapes[count] = shape;
-        ends[count] = 0;
+        ends[count] = places[count] = 0;
         return count++;
     }
 
@@ -39,28 +40,53 @@ template <int ROOM> struct Sorted {
         int total = 0, last = -1, group = find(-1);
         for (int row = 0; row < rows; ++row) {
             const auto* const line = ids.data + first + size_t(row) * pitch;
-            for (int column = 0, end; column < width; column = end) {
+            short begins[WIDTH + 1];  // of its runs
+            int number = 0;
+            for (int column = 0; column < width;) {
+                unsigned long long changes = 0;  // pixels that show another shape than the one before, of 64
+                const int base = column, end = lower_int(width, base + 64);
+                for (; column + PACKET <= end; column += PACKET) {
+                    const Ints own = load_eight(line + column);
+                    const Ints before = column == 0 ? ~own : load_eight(line + column - 1);
+                    changes |= static_cast<unsigned long long>(bits_of(own != before)) << (column - base);
+                }
+                for (; column < end; ++column)
+                    if (column == 0 || line[column] != line[column - 1])
+                        changes |= 1ull << (column - base);
+                for (; changes; changes &= changes - 1)
+                    begins[number++] = short(base + __builtin_ctzll(changes));
+            }
+            begins[number] = short(width);
+            for (int run = 0; run < number; ++run) {
+                const int column = begins[run], end = begins[run + 1];
                 const auto id = line[column];
-                for (end = column + 1; end < width && line[end] == id; ++end) { }
                 const int shape = id < 0 ? -1 : int(id);
                 if (shape != last)
                     group = find(shape);
                 last = shape;
                 runs[total++] = { short(group), short(row * WIDTH + column), short(row * WIDTH + end) };
                 ends[group] += end - column;
+                ++places[group];
             }
         }
-        for (int g = 0, sum = 0; g < count; ++g) {
-            const int size = ends[g];
-            ends[g] = sum;  // grows to its end below
-            sum += size;
+        for (int g = 0, pixels = 0, place = 0; g < count; ++g) {
+            ends[g] = pixels += ends[g];
+            const int its = places[g];
+            places[g] = short(place);
+            place += its;
         }
+        for (int i = 0; i < total; ++i)
+            in_order[places[runs[i].group]++] = runs[i];
+        short* to = order;
         for (int i = 0; i < total; ++i) {
-            const Run run = runs[i];
-            short* const to = order + ends[run.group];
-            ends[run.group] += run.end - run.first;
-            for (int k = run.first; k < run.end; ++k)
-                to[k - run.first] = short(k);
+            int k = in_order[i].first;
+            const int end = in_order[i].end;
+            for (short* at = to; k < end; k += PACKET, at += PACKET) {  // what it writes too many is written over by the next
+                typedef short Shorts __attribute__((ext_vector_type(PACKET)));
+                const Shorts pixels = short(k) + Shorts { 0, 1, 2, 3, 4, 5, 6, 7 };
+                __builtin_memcpy(at, &pixels, sizeof pixels);
+            }
+            to += end - in_order[i].first;
         }
     }
 };
@@ -279,20 +305,18 @@ inline void paint_sorted(const Sorted<ROOM>& sorted, const List& lights, const S
         for (int done = 0; done < total; done += PACKET) {
             EightHits hits;
             hits.shadow = 0;
-            const auto load = [&](int k, size_t at) {
-                if ((TYPES & (1 << MESH | 1 << HEIGHT_FIELD)) != 0)
-                    hits.faces[k] = frame.face.data[at];
-                if (Wants::LIT && (FACTS & HAS_SHADOWS))
-                    hits.shadow[k] = frame.shadow.data[at];
-            };
+            constexpr bool FACES = (TYPES & (1 << MESH | 1 << HEIGHT_FIELD)) != 0;
+            constexpr bool SHADOWS = Wants::LIT && (FACTS & HAS_SHADOWS);
             const int row = pixels[done] / WIDTH, column = pixels[done] % WIDTH;
             if (done + PACKET <= total && column + PACKET <= WIDTH && in_a_row(pixels + done)) {
                 const size_t at = first + size_t(row) * frame.width + column;
                 __builtin_memcpy(&hits.x, x + column, sizeof hits.x);
                 hits.y = y[row];
                 __builtin_memcpy(&hits.depth, frame.depth.data + at, sizeof hits.depth);
-                for (int k = 0; k < PACKET; ++k)
-                    load(k, at + k);
+                if (FACES)
+                    store_eight(hits.faces, load_eight(frame.face.data + at));
+                if (SHADOWS)
+                    hits.shadow = load_eight(frame.shadow.data + at);
             } else {
                 for (int k = 0; k < PACKET; ++k) {
                     const int pixel = pixels[lower_int(done + k, total - 1)];
@@ -300,7 +324,10 @@ inline void paint_sorted(const Sorted<ROOM>& sorted, const List& lights, const S
                     hits.x[k] = x[pixel % WIDTH];
                     hits.y[k] = y[pixel / WIDTH];
                     hits.depth[k] = frame.depth.data[at];
-                    load(k, at);
+                    if (FACES)
+                        hits.faces[k] = frame.face.data[at];
+                    if (SHADOWS)
+                        hits.shadow[k] = frame.shadow.data[at];
                 }
             }
             paint_eight<TYPES, IMAGES, FACTS>(look, textured ? &levels : nullptr, id, lights, scene, camera, gain, hits,

@@ -54,17 +54,33 @@ struct Points {
             const int width = top + row < target.height ? target.width - left : 0;
             Floats depth = 0.0f;
             Ints asks = 0;
-            for (int k = 0; k < PACKET && k < width; ++k) {
-                const int lane = row * PACKET + k;
+            if (width >= PACKET) {
+                const Ints shown = load_eight(target.shape.data + start);
+                asks = shown >= 0;
                 if (fresh)
-                    target.shadow.data[start + k] = 0;
-                ids[lane] = target.shape.data[start + k];
-                if (ids[lane] < 0 || (target.shadow.data[start + k] & bit))
-                    continue;
-                asks[k] = -1;
-                depth[k] = target.depth.data[start + k];
-                if (FACES)
-                    faces[lane] = target.face.data[start + k];
+                    __builtin_memset(target.shadow.data + start, 0, PACKET * sizeof *target.shadow.data);
+                else
+                    asks &= (load_eight(target.shadow.data + start) & int(bit)) == 0;
+                __builtin_memcpy(&depth, target.depth.data + start, sizeof depth);
+                depth = asks ? depth : (Floats)0.0f;
+                if (FACES) {
+                    const Ints met = load_eight(target.face.data + start);
+                    __builtin_memcpy(ids + row * PACKET, &shown, sizeof shown);
+                    __builtin_memcpy(faces + row * PACKET, &met, sizeof met);
+                }
+            } else {
+                for (int k = 0; k < width; ++k) {
+                    const int lane = row * PACKET + k;
+                    if (fresh)
+                        target.shadow.data[start + k] = 0;
+                    ids[lane] = target.shape.data[start + k];
+                    if (ids[lane] < 0 || (target.shadow.data[start + k] & bit))
+                        continue;
+                    asks[k] = -1;
+                    depth[k] = target.depth.data[start + k];
+                    if (FACES)
+                        faces[lane] = target.face.data[start + k];
+                }
             }
             open[row] = asks;
             if (any_of(asks)) {
@@ -227,44 +243,74 @@ inline Ints meet_box(const Record& r, const Row& aim, const Box& box, Vecs p, Fl
     return enter <= leave;
 }
 
+// Eight rays as WorldRay, whose comments hold here, at a mesh.
+template <int TYPES>
+inline void put_rays(MeshRays& rays, int first, const Record& r, Vecs p, Vecs to, Floats near, Floats reach)
+{
+    const auto turned = [&](Vecs v, Vec start) {
+        return Vecs { r.axis_x.x * v.x + r.axis_x.y * v.y + r.axis_x.z * v.z + start.x,
+                      r.axis_y.x * v.x + r.axis_y.y * v.y + r.axis_y.z * v.z + start.y,
+                      r.axis_z.x * v.x + r.axis_z.y * v.y + r.axis_z.z * v.z + start.z };
+    };
+    const Vec none { 0.0f, 0.0f, 0.0f };
+    const Vecs own = turned(to, none), d = TYPES >> SCALED & 1 ? own : to;
+    const Floats zero = 0.0f;
+    const Vecs across = chosen(magnitude(d.z) > magnitude(d.x), { zero, d.z, -d.y }, { d.y, -d.x, zero });
+    const Vecs frame[3] = { across, cross(across, d), reciprocal(dot(d, d)) * d };
+    const Vecs origin = turned(p, { r.origin.x, r.origin.y, r.origin.z });
+    if constexpr (TYPES >> SCALED & 1)
+        rays.put_eight(first, origin, own, r.size.x, frame, near, reach);
+    else
+        rays.put_eight(first, origin, own, r.size.x,
+                       { turned(frame[0], none), turned(frame[1], none), turned(frame[2], none) }, near, reach);
+}
+
 // Clears `open` of the points that lie in the shadow of a mesh. `behind`: bits of the meshes that may shade any.
 template <int TYPES, int LENS, class List, class Shapes, class Meshes>
 inline void shade_points_by_meshes(const List& list, const LitView<LENS>& view, int world, const Shapes& shapes,
                                    const Meshes& meshes, const unsigned* behind, Points& points)
 {
-    constexpr int WORDS = List::WORDS;
-    const int words = (list.count + 31) / 32;
-    for (int row = 0; row < Points::ROWS; ++row) {
-        Ints met[WORDS], walks = 0;
-        for (int word = 0; word < words; ++word) {
-            met[word] = 0;
-            for (unsigned left = behind[word]; left; left &= left - 1) {
-                const int bit = lowest_bit(left), slot = word * 32 + bit;
+    const Light& light = view.light;
+    unsigned facing = 0, known = 0;  // points on sides that see the light, and those of which it is known
+    for (int word = 0; word < (list.count + 31) / 32; ++word)
+        for (unsigned left = behind[word]; left; left &= left - 1) {
+            const int slot = word * 32 + lowest_bit(left);
+            const Record& record = list.records[slot];
+            MeshRays walk(node_rows(meshes, record.axis_z.w), face_rows(meshes, record.axis_z.w));
+            unsigned walks = 0;
+            for (int row = 0; row < Points::ROWS; ++row) {
                 const Ints asks = points.may_be_shaded(row, list.windows[slot], list.heights[slot]);
                 if (!any_of(asks))
                     continue;
-                const Ints meets = asks
-                    & meet_box(list.records[slot], list.aims[slot], list.boxes[slot], points.at[row], points.near[row],
-                               points.reach[row], view.light.distant);
-                met[word] |= meets & int(1u << bit);
-                walks |= meets;
+                unsigned met = bits_of(asks & meet_box(record, list.aims[slot], list.boxes[slot], points.at[row],
+                                                       points.near[row], points.reach[row], light.distant));
+                for (unsigned asked = met & ~(known >> row * PACKET); asked; asked &= asked - 1) {
+                    const int lane = row * PACKET + lowest_bit(asked);
+                    const bool faces = faces_light<TYPES>(shapes, meshes, world, points.ids[lane], points.faces[lane],
+                                                          light, view.origin,
+                                                          view.sight.along_of(points.point(lane)));
+                    facing |= unsigned(faces) << lane;
+                }
+                known |= met << row * PACKET;
+                met &= facing >> row * PACKET;
+                if (!met)
+                    continue;
+                walks |= met << row * PACKET;
+                put_rays<TYPES>(walk, row * PACKET, record, points.at[row], rays_to(light, points.at[row]),
+                                points.near[row], points.reach[row]);
+            }
+            for (unsigned some = walks; some; some &= some - 1)
+                walk.start(lowest_bit(some));
+            walk.template walk<SIDES_OF<TYPES, true>, true>([&](int lane, int face, float t) {
+                const Vec p = points.point(lane);
+                return is_there<TYPES>(meshes, record, WorldRay { p, ray_to(light, p) }.local(record), face, t);
+            });
+            for (unsigned some = walks; some; some &= some - 1) {
+                const int lane = lowest_bit(some);
+                if (walk.face[lane] >= 0)
+                    points.open[lane / PACKET][lane % PACKET] = 0;
             }
         }
-        for (unsigned left = bits_of(walks); left; left &= left - 1) {
-            const int k = lowest_bit(left), lane = row * PACKET + k;
-            const Vec p = points.point(lane);
-            if (!faces_light<TYPES>(shapes, meshes, world, points.ids[lane], points.faces[lane], view.light, view.origin,
-                                    view.sight.along_of(p)))
-                continue;
-            unsigned own[WORDS];
-            for (int word = 0; word < words; ++word)
-                own[word] = unsigned(met[word][k]);
-            Hit hit { points.reach[row][k], -1, -1 };
-            walk_meshes<TYPES>(meshes, list.records, own, words, WorldRay { p, ray_to(view.light, p) },
-                               points.near[row][k], hit);
-            points.open[row][k] = hit.shape < 0 ? points.open[row][k] : 0;
-        }
-    }
 }
 
 // Clears `open` of the points that lie in the shadow of a caster in the list.
@@ -288,9 +334,13 @@ inline void shade_tile(const List& list, const Windows<CAPACITY>& windows, const
     const bool distant = view.light.distant;
     unsigned behind[List::WORDS] = {};  // meshes
     bool any = false;
-    for (int packet = 0; packet * PACKET < list.count; ++packet)
-        for (unsigned some = windows.may_shade(packet, tile, floor); some; some &= some - 1) {
-            const int slot = packet * PACKET + lowest_bit(some);
+    constexpr int TOGETHER = 64;  // casters that are looked through before one of them is tried
+    for (int first = 0; first < list.count; first += TOGETHER) {
+        unsigned long long some = 0;
+        for (int slot = first; slot < first + TOGETHER && slot < list.count; slot += PACKET)
+            some |= static_cast<unsigned long long>(windows.may_shade(slot / PACKET, tile, floor)) << (slot - first);
+        for (; some; some &= some - 1) {
+            const int slot = first + __builtin_ctzll(some);
             const Record& record = list.records[slot];
             const Row& aim = list.aims[slot];
             const Window& window = list.windows[slot];
@@ -322,6 +372,7 @@ inline void shade_tile(const List& list, const Windows<CAPACITY>& windows, const
                 any = true;
             }
         }
+    }
     if constexpr (HAS_MESH)
         if (any)
             shade_points_by_meshes<TYPES>(list, view, world, shapes, meshes, behind, points);

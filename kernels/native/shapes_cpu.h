@@ -5,8 +5,6 @@
 
 namespace warpcam {
 
-inline Floats nonzero(Floats a) { return magnitude(a) < 1.0e-18f ? (Floats)1.0e-18f : a; }
-
 inline Floats enter_spheres(Vecs o, Vecs d)
 {
     const Floats inverse = reciprocal(dot(d, d)), middle = -dot(o, d) * inverse, none = 0.0f;

@@ -70,8 +70,12 @@ inline void add_bilinear(const unsigned* texels, const Levels& levels, Ints step
     const Ints i = to_whole(whole_x), j = to_whole(whole_y);
     const Ints first = i < 0, last = i + 1 >= width;
     const Ints left = first ? width - 1 : i, right = last ? (Ints)0 : i + 1;
-    const Ints top = j < 0 ? height - 1 : j, bottom = j + 1 >= height ? (Ints)0 : j + 1;
-    const Ints above = start + top * width, below = start + bottom * width;
+    const Ints rows = (j + 1) * width, over = j < 0;
+    Ints above = rows - width;
+    if (any_of(over))
+        above = over ? (height - 1) * width : above;
+    above += start;
+    const Ints below = start + (j + 1 >= height ? (Ints)0 : rows);
     const Ints quad[4] = { above + left, above + right, below + left, below + right };
     add_quads(texels, quad, !any_of(first | last), x - whole_x, y - whole_y, total, sum);
 }

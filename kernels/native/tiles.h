@@ -192,21 +192,44 @@ inline float farthest_of(const Rays& rays)
 
 // The shapes that touch one row of tiles, nearest first.
 template <int CAPACITY> struct TileRow {
-    signed char left[CAPACITY], right[CAPACITY];
-    unsigned char ranks[CAPACITY];
+    static constexpr int ROOM = (CAPACITY + 31) / 32 * 32;
+    signed char left[ROOM], right[ROOM];
+    unsigned char ranks[ROOM];
     int count;
+
+    // Of the 32 from `first` on those that touch a column, a bit each.
+    unsigned touching(int first, int column) const
+    {
+        typedef signed char Bytes __attribute__((ext_vector_type(32)));
+        Bytes from, to;
+        __builtin_memcpy(&from, left + first, sizeof from);
+        __builtin_memcpy(&to, right + first, sizeof to);
+        const Bytes own = static_cast<signed char>(column);
+        const auto touch = (from <= own) & (to >= own);
+        const unsigned there = count - first >= 32 ? ~0u : (1u << (count - first)) - 1u;
+#if defined(__AVX2__)
+        typedef char Whole __attribute__((vector_size(32)));
+        return static_cast<unsigned>(__builtin_ia32_pmovmskb256((Whole)touch)) & there;
+#else
+        unsigned bits = 0;
+        for (int k = 0; k < 32; ++k)
+            bits |= (touch[k] ? 1u : 0u) << k;
+        return bits & there;
+#endif
+    }
 };
 
 template <int CAPACITY> inline void pick_row(const ShapeList<CAPACITY>& list, int row, TileRow<CAPACITY>& picked)
 {
-    picked.count = 0;
+    int count = 0;  // in a register
     for (int rank = 0; rank < list.count; ++rank) {
         const TileBox box = list.tiles[rank];
-        picked.left[picked.count] = box.left;
-        picked.right[picked.count] = box.right;
-        picked.ranks[picked.count] = static_cast<unsigned char>(rank);
-        picked.count += row >= box.top && row <= box.bottom;
+        picked.left[count] = box.left;
+        picked.right[count] = box.right;
+        picked.ranks[count] = static_cast<unsigned char>(rank);
+        count += (row >= box.top) & (row <= box.bottom);
     }
+    picked.count = count;
 }
 
 template <int TYPE, int LENS, class Near> inline void trace_shape(const Record& record, const Near& near, Rays& rays)
@@ -253,20 +276,21 @@ inline void trace_tile(const ShapeList<CAPACITY>& list, const TileRow<CAPACITY>&
     unsigned char behind[CAPACITY];  // slots of meshes, nearest first
     int meshes_behind = 0;
     float farthest = FAR_AWAY;
-    for (int i = 0; i < row.count; ++i) {
-        if (column < row.left[i] || column > row.right[i])
-            continue;
-        const int rank = row.ranks[i];
-        const Record& record = list.records[list.order[rank]];
-        if (as_float(record.size.w) >= farthest)
-            break;
-        if (record.axis_x.w == MESH) {
-            behind[meshes_behind++] = list.order[rank];
-            continue;
+    for (int first = 0; first < row.count; first += 32)
+        for (unsigned some = row.touching(first, column); some; some &= some - 1) {
+            const int slot = list.order[row.ranks[first + lowest_bit(some)]];
+            const Record& record = list.records[slot];
+            if (as_float(record.size.w) >= farthest) {
+                first = row.count;  // nor is any of those behind it nearer
+                break;
+            }
+            if (record.axis_x.w == MESH) {
+                behind[meshes_behind++] = static_cast<unsigned char>(slot);
+                continue;
+            }
+            trace_record<TYPES, LENS>(record, near, fields, rays);
+            farthest = farthest_of(rays);
         }
-        trace_record<TYPES, LENS>(record, near, fields, rays);
-        farthest = farthest_of(rays);
-    }
     if (TYPES >> MESH & 1)
         for (int i = 0; i < meshes_behind; ++i) {
             const Record& record = list.records[behind[i]];

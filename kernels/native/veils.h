@@ -147,12 +147,13 @@ inline void walk_mesh(const Meshes& meshes, const Record& record, const RayOf& s
 {
     const Ray ray = source.local(record);
     const int mesh = record.axis_z.w;
-    const auto there = [&](int face, float t) { return is_not_cut<TYPES>(meshes, record, ray, face, t); };
-    MeshHit found { hit.depth, 0 };
-    if (walk_mesh<TYPES, false>(node_rows(meshes, mesh), face_rows(meshes, mesh),
-                         slabs(ray.origin, ray.direction, record.size.x), source.template frame<TYPES>(record), near,
-                         there, found))
-        hit = { found.depth, record.axis_y.w, found.face };
+    MeshRays walk(node_rows(meshes, mesh), face_rows(meshes, mesh));
+    walk.put(0, slabs(ray.origin, ray.direction, record.size.x), source.template frame<TYPES>(record), near, hit.depth);
+    walk.start(0);
+    walk.template walk<SIDES_OF<TYPES, false>, false>(
+        [&](int, int face, float t) { return is_not_cut<TYPES>(meshes, record, ray, face, t); });
+    if (walk.face[0] >= 0)
+        hit = { walk.depth[0], record.axis_y.w, walk.face[0] };
 }
 #endif
 

@@ -4,6 +4,9 @@
 #include "housing.h"
 #include "mesh_queue.h"
 #include "opacity.h"
+#if !defined(__CUDA_ARCH__)
+#include "canvas_cpu.h"
+#endif
 
 namespace warpcam {
 
@@ -122,22 +125,9 @@ inline void draw_tiles(ShapeList<CAPACITY>& list, const Canvas_& canvas, const M
             const int left = region.left + column * TILE_WIDTH, top = region.top + row * TILE_HEIGHT;
             Rays rays;
             NearOf<decltype(canvas.ray(0, 0))> near { canvas.camera.near };
-            for (int lane = 0; lane < LANES; ++lane) {
-                const int i = left + lane % TILE_WIDTH, j = top + lane / TILE_WIDTH;
-                const auto ray = canvas.ray(i, j);
-                near.set(lane, ray);
-                const Hit hit = canvas.start(i, j, first_pass);
-                rays.x[lane] = ray.x;
-                rays.y[lane] = ray.y;
-                rays.depth[lane] = hit.depth;
-                rays.shape[lane] = hit.shape;
-                rays.face[lane] = hit.face;
-            }
+            start_tile(canvas, left, top, first_pass, near, rays);
             trace_tile<TYPES, LENS>(list, picked, column, near, meshes, fields, rays);
-            for (int lane = 0; lane < LANES; ++lane) {
-                const int i = left + lane % TILE_WIDTH, j = top + lane / TILE_WIDTH;
-                canvas.put_new(i, j, { rays.depth[lane], rays.shape[lane], rays.face[lane] }, first_pass);
-            }
+            put_tile(canvas, left, top, first_pass, rays);
         }
     }
 }
