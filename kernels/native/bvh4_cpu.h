@@ -235,7 +235,7 @@ inline void walk_meshes(const Meshes& meshes, const Record* records, const unsig
 }
 
 // The nearest faces of a mesh for a tile's rays: those that miss its box, most of them, are found together.
-template <int TYPES, int LENS, class Meshes, class Near, class Rays>
+template <int TYPES, int LENS, bool ANY = false, class Meshes, class Near, class Rays>
 inline void trace_mesh(const Meshes& meshes, const Record& record, const Near& near, Rays& rays)
 {
     const Record r = record;
@@ -260,7 +260,7 @@ inline void trace_mesh(const Meshes& meshes, const Record& record, const Near& n
         const Ray ray = source.local(r);
         const auto there = [&](int face, float t) { return is_there<TYPES>(meshes, r, ray, face, t); };
         MeshHit found { rays.depth[lane], 0 };
-        if (!walk_mesh<TYPES, false>(node_rows(meshes, mesh), face_rows(meshes, mesh),
+        if (!walk_mesh<TYPES, ANY>(node_rows(meshes, mesh), face_rows(meshes, mesh),
                               slabs(ray.origin, ray.direction, r.size.x), source.template frame<TYPES>(r),
                               near.at(lane), there, found))
             continue;
