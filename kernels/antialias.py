@@ -24,8 +24,8 @@ SAMPLES: Mapping[int, Sequence[tuple[float, float]]] = {
 }
 # The images whose edges can be smooth, with dtype and channels, in the order of their bits in native/smooth.h.
 IMAGES: Mapping[str, tuple[type, int]] = {"rgb": (wp.uint8, 3), "rgba": (wp.uint8, 4), "hdr": (wp.float32, 3)}
-# Pixels of which a thread block of a GPU smooths the edges. They take differently long: of larger blocks a launch has
-# too few for its last ones not to be waited for.
+# Pixels of which a thread block of a GPU smooths the edges, at most, in scenes without meshes and height fields. With
+# them a block has as many as the trace's: the more samples it has, the fewer of its lanes wait for the longest ones.
 REGION = (32, 32)
 BLOCKS, MESH_BLOCKS = 8, 6  # that a multiprocessor is to hold, without and with meshes or height fields
 
@@ -157,7 +157,7 @@ def record(
             wanted |= 1 << bit
     types = sum(1 << t for t in tables.shape_types)
     region = region_size(tables, group.at_once, width, height, device)
-    if device.is_cuda:
+    if device.is_cuda and {MESH, HEIGHT_FIELD}.isdisjoint(tables.shape_types):
         region = min(region, REGION)
     unit = -(-width // region[0]) * -(-height // region[1]) * (THREADS if device.is_cuda else 1)  # threads a world
     kernel = _kernel(types, LENSES[lens], *region, wanted, target_type)

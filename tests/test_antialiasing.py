@@ -148,12 +148,16 @@ def edges_of(
     return edges
 
 
+STEEP = 8.0  # of native/edges.h
+
+
 def shown_pixel(
     at: tuple[int, int],
     offset: tuple[float, float],
     hit: tuple[float, int, np.ndarray],
     plain: dict[str, np.ndarray],
     turned: Callable[[int, np.ndarray, np.ndarray], float],
+    sided: np.ndarray,
     width: float,
     pinhole: bool,
 ) -> tuple[int, int]:
@@ -164,23 +168,15 @@ def shown_pixel(
         return (one[0] - at[0] - offset[1]) ** 2 + (one[1] - at[1] - offset[0]) ** 2
 
     def cost_of(one: tuple[int, int]) -> float:
-        if hit[1] < 0:
-            return aside(one)
-        i, j = one
-        down, right = i - at[0] - offset[1], j - at[1] - offset[0]
-        here = plane = level(depth[i, j], pinhole)
-        y, x = int(np.sign(down)), int(np.sign(right))
-        for pair, far in ((((i + y, j), (i - y, j)), down), (((i, j + x), (i, j - x)), right)):
-            for beside, way in zip(pair, (1, -1), strict=True):  # away from the sample, or else on its side
-                if 0 <= min(beside) and max(beside) < len(shape) and shape[beside] == hit[1]:
-                    plane = plane + way * abs(far) * (here - level(depth[beside], pinhole))
-                    break
-        apart = abs(plane - level(hit[0], pinhole)) * (hit[0] if pinhole else 1.0) / width
+        apart = abs(depth[one] - hit[0]) / (STEEP * width * (hit[0] if pinhole else 1.0))
         return aside(one) + apart + TURNED * turned(hit[1], plain["normals"][one], hit[2])
 
     around = itertools.product(*(range(max(c - 1, 0), min(c + 2, len(shape))) for c in at))
+    alike = sorted((one for one in around if shape[one] == hit[1]), key=aside)
+    if hit[1] < 0 or not sided[hit[1]]:
+        return alike[0] if alike else at
     chosen = None
-    for one in sorted((one for one in around if shape[one] == hit[1]), key=aside):
+    for one in alike:
         if chosen is None or (np.abs(rgb[one] - rgb[chosen]).max() > FAINT and cost_of(one) < cost_of(chosen)):
             chosen = one
     return chosen or at
@@ -230,6 +226,7 @@ def test_every_pixel_is_as_by_brute_force(device: wp.Device, world: str, pinhole
         return float(kinds[number] == mujoco.mjtGeom.mjGEOM_BOX and one @ other < 0.5)
 
     sided = np.isin(mjm.geom_type, [getattr(mujoco.mjtGeom, f"mjGEOM_{name}") for name in ("MESH", "BOX", "CYLINDER")])
+    bent = sided | (mjm.geom_type == mujoco.mjtGeom.mjGEOM_HFIELD)
     tried, hidden = 0, np.zeros((size, size), bool)
     traced = edges_of(depth, shape, plain["rgb"], sided, width, pinhole)
     for at in zip(*np.nonzero(traced.any(-1)), strict=True):
@@ -238,7 +235,7 @@ def test_every_pixel_is_as_by_brute_force(device: wp.Device, world: str, pinhole
         # of what lies between the centres of all pixels around samples see what is behind
         hidden[at] = any(number not in around for _, number, _ in hits)
         chosen = [
-            shown_pixel(at, offset, hit, plain, turned, width, pinhole) if needed else at
+            shown_pixel(at, offset, hit, plain, turned, bent, width, pinhole) if needed else at
             for offset, hit, needed in zip(SAMPLES[4], hits, traced[at], strict=True)
         ]
         expected[at] = np.mean([plain["rgb"][one] for one in chosen], axis=0)

@@ -278,8 +278,8 @@ template <class Meshes> inline const float* face_rows(const Meshes& meshes, int 
     return reinterpret_cast<const float*>(meshes.faces.data) + 4 * size_t(wp::index(meshes.face_start, mesh));
 }
 
-// The nearest faces of a mesh for a tile's rays: those that miss its box, most of them, are found together.
-template <int TYPES, int LENS, class Meshes, class Near, class Rays>
+// The nearest faces of a mesh for a tile's rays, with ANY the first ones found: those that miss its box, most of them, are found together.
+template <int TYPES, int LENS, bool ANY = false, class Meshes, class Near, class Rays>
 inline void trace_mesh(const Meshes& meshes, const Record& record, const Near& near, Rays& rays)
 {
     const Record r = record;
@@ -310,7 +310,7 @@ inline void trace_mesh(const Meshes& meshes, const Record& record, const Near& n
     for (int lane = 0; lane < LANES; ++lane)
         if (met[lane])
             walk.start(lane);
-    walk.walk<SIDES_OF<TYPES, false>, false>([&](int lane, int face, float t) {
+    walk.walk<SIDES_OF<TYPES, false>, ANY>([&](int lane, int face, float t) {
         return is_there<TYPES>(meshes, r, ViewRay<LENS> { rays.x[lane], rays.y[lane] }.local(r), face, t);
     });
     for (int lane = 0; lane < LANES; ++lane)

@@ -9,14 +9,15 @@ constexpr float CREASE = 1.0f;
 // Colours that differ by so much or less are about the same [levels of 255], at an edge of a shape and within one. Of a
 // pixel's mean a sample is a quarter.
 constexpr int FAINT = 8, FAINT_WITHIN = 24, FAINT_SIDES = 32;
-// Of the pixels that may show a sample's surface one whose plane lies apart from it by so many pixels' widths in depth
-// is as bad as one that lies a pixel's width aside.
-constexpr float STEEP = 1.0f;
+// Of the pixels that may show a sample's surface one that lies apart from it by so many pixels' widths in depth is as bad
+// as one that lies a pixel's width aside.
+constexpr float STEEP = 8.0f;
 // One whose surface is turned by a right angle is as bad as one that lies so many pixels' widths aside, squared.
 constexpr float TURNED = 2.0f;
 // How far beyond the depths around a sample is followed: parts of their range, and pixels' widths.
 constexpr float BEYOND = 2.5f, ASIDE = 4.0f;
 constexpr int SAMPLES = 4;  // of a pixel
+constexpr int ITSELF = 4;  // of the nine pixels around one
 constexpr unsigned EVERY_SAMPLE = (1u << SAMPLES) - 1;
 // Images: bits in the order of antialias.py.
 constexpr int SMOOTH_RGB = 1, SMOOTH_RGBA = 2, SMOOTH_HDR = 4;
@@ -86,23 +87,32 @@ template <int LENS, class Target> struct Seen {
         return magnitude(a + c - 2.0f * b) > CREASE * scale;
     }
 
-    // Do the colours of two pixels differ by more levels, in any channel?
-    template <int IMAGES> WARPCAM_FN bool differ(unsigned one, unsigned other, int levels) const
+    // The samples in whose pair, the pixel beside and the one across, any bit of a ring is set: see edge().
+    WARPCAM_FN static unsigned of_pairs(unsigned ring)
+    {
+        return unsigned((ring & 0x03) != 0) | unsigned((ring & 0xc0) != 0) << 1 | unsigned((ring & 0x0c) != 0) << 2
+            | unsigned((ring & 0x30) != 0) << 3;
+    }
+
+    // By how many levels the colours of two pixels differ, in the channel where they do most.
+    template <int IMAGES> WARPCAM_FN float gap(unsigned one, unsigned other) const
     {
         constexpr int CHANNELS = IMAGES & SMOOTH_RGBA ? 4 : 3;  // the first three are the same in both
-        bool found = false;
+        float most = 0.0f;
         if (IMAGES & SMOOTH_HDR)
             for (int k = 0; k < 3; ++k)
-                found |= magnitude(target.hdr.data[3 * size_t(one) + k] - target.hdr.data[3 * size_t(other) + k])
-                    > float(levels) * (1.0f / 255.0f);
+                most = upper(most, 255.0f
+                                 * magnitude(target.hdr.data[3 * size_t(one) + k] - target.hdr.data[3 * size_t(other) + k]));
         if (IMAGES & (SMOOTH_RGB | SMOOTH_RGBA)) {
             const unsigned char* image = IMAGES & SMOOTH_RGBA ? target.rgba.data : target.rgb.data;
+            int levels = 0;
             for (int k = 0; k < CHANNELS; ++k) {
                 const int rise = int(image[CHANNELS * size_t(other) + k]) - int(image[CHANNELS * size_t(one) + k]);
-                found |= rise > levels || -rise > levels;
+                levels = upper_int(levels, rise < 0 ? -rise : rise);
             }
+            most = upper(most, float(levels));
         }
-        return found;
+        return most;
     }
 
     // Which of the pixel's samples may hit what its centre does not, by bit. A pixel has an edge if one of its four
@@ -117,87 +127,61 @@ template <int LENS, class Target> struct Seen {
         const unsigned pixel = at(i, j), line = unsigned(target.width);
         const bool has_left = i > 0, has_right = i + 1 < target.width;
         const bool has_up = j > 0, has_down = j + 1 < target.height;
-        const unsigned left = has_left ? pixel - 1 : pixel, right = has_right ? pixel + 1 : pixel;
-        const unsigned up = has_up ? pixel - line : pixel, down = has_down ? pixel + line : pixel;
-        const int here = shape(pixel), west = has_left ? -1 : 0, east = has_right ? 1 : 0;
-        const bool at_left = shape(left) != here, at_right = shape(right) != here;
-        const bool at_up = shape(up) != here, at_down = shape(down) != here;
-        const bool within = !(at_left | at_right | at_up | at_down);
+        const unsigned west = has_left ? pixel - 1 : pixel, east = has_right ? pixel + 1 : pixel;
+        const unsigned above = has_up ? line : 0, below = has_down ? line : 0;
+        // the pixels around, from the one below on by way of the left: as bits, too
+        const unsigned ring[8] { pixel + below, west + below, west, west - above, pixel - above, east - above, east,
+                                 east + below };
+        const int here = shape(pixel);
+        unsigned other = 0;  // that show another shape
+#pragma unroll
+        for (int k = 0; k < 8; k += 2)
+            other |= unsigned(shape(ring[k]) != here) << k;
+        const bool within = !other, sided = !within && has_sides(here);
         unsigned samples = 0;
         if (!within) {
-            const bool down_left = shape(down + west) != here, down_right = shape(down + east) != here;
-            const bool up_left = shape(up + west) != here, up_right = shape(up + east) != here;
-            samples = unsigned(at_down | down_left) | unsigned(at_right | down_right) << 1
-                | unsigned(at_left | up_left) << 2 | unsigned(at_up | up_right) << 3;
+#pragma unroll
+            for (int k = 1; k < 8; k += 2)
+                other |= unsigned(shape(ring[k]) != here) << k;
+            samples = of_pairs(other);
         } else if (here >= 0
-                   && ((has_left && has_right && turns(left, pixel, right, scale_x))
-                       || (has_up && has_down && turns(up, pixel, down, scale_y)))) {
+                   && ((has_left && has_right && turns(west, pixel, east, scale_x))
+                       || (has_up && has_down && turns(ring[4], pixel, ring[0], scale_y)))) {
             samples = EVERY_SAMPLE;
         }
-        if (samples) {
-            const int levels = within ? FAINT_WITHIN : FAINT;
-            const auto differs = [&](unsigned other) { return differ<IMAGES>(pixel, other, levels); };
-            const auto keep = [&](int sample, unsigned beside, unsigned across, unsigned other) {
-                if ((samples >> sample & 1) && !(differs(beside) || differs(across) || differs(other)))
-                    samples &= ~(1u << sample);
-            };
-            keep(0, down, down + west, left);
-            keep(1, right, down + east, down);
-            keep(2, left, up + west, up);
-            keep(3, up, up + east, right);
-        }
-        if (!within && has_sides(here)) {  // of which two may meet in the triangle
-            const auto add = [&](int sample, unsigned beside, unsigned across) {
-                if (!(samples >> sample & 1) && shape(beside) == here && shape(across) == here
-                    && (differ<IMAGES>(pixel, beside, FAINT_SIDES) || differ<IMAGES>(pixel, across, FAINT_SIDES)))
-                    samples |= 1u << sample;
-            };
-            add(0, down, down + west);
-            add(1, right, down + east);
-            add(2, left, up + west);
-            add(3, up, up + east);
+        if (samples || sided) {
+            unsigned differ = 0, differ_much = 0;
+#pragma unroll
+            for (int k = 0; k < 8; ++k) {
+                const float found = gap<IMAGES>(pixel, ring[k]);
+                differ |= unsigned(found > float(within ? FAINT_WITHIN : FAINT)) << k;
+                differ_much |= unsigned(found > float(FAINT_SIDES)) << k;
+            }
+            samples &= of_pairs(differ | (differ >> 1) | differ << 7);
+            if (sided)  // of which two may meet in the triangle
+                samples |= of_pairs(differ_much) & ~of_pairs(other);
         }
         return samples;
     }
 
-    // What is linear in the image of a plane.
-    WARPCAM_FN float level(float depth) const { return LENS != ORTHOGRAPHIC ? reciprocal(depth) : depth; }
-
-    // How much the level of a pixel's surface rises towards a hit, from this pixel to the next, which is at `toward`: as
-    // the pixel on the side away tells, or else that one; 0 if both show other shapes. All is loaded at once: tests on
-    // the way would cost more.
-    WARPCAM_FN float rise(unsigned pixel, float here, bool has_away, unsigned away, bool has_toward, unsigned toward,
-                          int hit_shape) const
+    // What shows a sample of pixel (i, j) that hits nothing, as shown() has it.
+    WARPCAM_FN int beyond(int i, int j, int sample) const
     {
-        away = has_away ? away : pixel;
-        toward = has_toward ? toward : pixel;
-        const bool on_away = has_away & (shape(away) == hit_shape);
-        const bool on_toward = has_toward & (shape(toward) == hit_shape);
-        const float far = depth(away), close = depth(toward), other = level(on_away ? far : close);
-        return on_away ? here - other : on_toward ? other - here : 0.0f;
+        return shown<0>(i, j, sample_offset(sample), 0.0f, -1, false, [](int, int, unsigned) { return 0.0f; });
     }
 
-    // How far a hit lies from the plane of a pixel's surface, in pixels' widths. The pixels on the side away from the
-    // hit, which is (x, y) pixels before the centre, tell the plane, or those on its side where these show other shapes.
-    WARPCAM_FN float off_plane(int i, int j, float x, float y, float hit_depth, int hit_shape) const
+    // How far a hit is from what a pixel shows, in depth.
+    WARPCAM_FN float apart(unsigned pixel, float hit_depth) const
     {
-        const unsigned pixel = at(i, j);
-        const float here = level(depth(pixel));
-        const int right = x > 0.0f ? 1 : -1, down = y > 0.0f ? 1 : -1;
-        const float found = here
-            + magnitude(x) * rise(pixel, here, inside(i + right, j), at(i + right, j), inside(i - right, j), at(i - right, j),
-                                  hit_shape)
-            + magnitude(y) * rise(pixel, here, inside(i, j + down), at(i, j + down), inside(i, j - down), at(i, j - down),
-                                  hit_shape);
-        const float apart = magnitude(found - level(hit_depth));
-        return (LENS != ORTHOGRAPHIC ? apart * hit_depth : apart) * reciprocal(STEEP * scale_x);
+        return magnitude(depth(pixel) - hit_depth)
+            * reciprocal(STEEP * scale_x * (LENS != ORTHOGRAPHIC ? hit_depth : 1.0f));
     }
 
-    // Which of the nine pixels around shows what a sample of pixel (i, j) has hit: the nearest, by place, by depth and by
-    // turned(i, j, pixel), how far its surface turns from the one hit, if they differ in colour. It is the pixel itself if none
-    // does.
+    // Which of the nine pixels around shows what a sample of pixel (i, j) has hit: the nearest by place and, of a shape
+    // that has sides, by depth and by turned(i, j, pixel), how far its surface turns from the one hit, if they differ in
+    // colour. It is the pixel itself if none does. By number, see around().
     template <int IMAGES, class Turned>
-    WARPCAM_FN unsigned shown(int i, int j, Offset offset, float hit_depth, int hit_shape, const Turned& turned) const
+    WARPCAM_FN int shown(int i, int j, Offset offset, float hit_depth, int hit_shape, bool sided, const Turned& turned) const
     {
         // The nine from near to far, 1 being the pixel's own line and 2 that on the sample's side: bits by twos for the
         // direction in which the sample is farther from the centre, and for the other.
@@ -218,21 +202,23 @@ template <int LENS, class Target> struct Seen {
         const auto cost_of = [&](const Place& at_k) {
             const float right = float(at_k.right) - offset.right, down = float(at_k.down) - offset.down;
             float cost = right * right + down * down;
-            if (hit_shape >= 0)
-                cost += off_plane(i + at_k.right, j + at_k.down, right, down, hit_depth, hit_shape)
-                    + turned(i + at_k.right, j + at_k.down, at(i + at_k.right, j + at_k.down));
-            return cost;
+            const unsigned pixel = at(i + at_k.right, j + at_k.down);
+            return cost + apart(pixel, hit_depth) + turned(i + at_k.right, j + at_k.down, pixel);
         };
+        const auto number = [](const Place& place) { return 3 * (place.down + 1) + place.right + 1; };
         if (!left)
-            return at(i, j);
+            return ITSELF;
         Place best_at = aside(lowest_bit(left));
+        int found = number(best_at);
+        if (!sided)
+            return found;
         unsigned chosen = at(i + best_at.right, j + best_at.down);
         float best = FAR_AWAY;  // not known before some other pixel has another colour
         for (left &= left - 1; left; left &= left - 1) {
             const Place at_k = aside(lowest_bit(left));
             const float right = float(at_k.right) - offset.right, down = float(at_k.down) - offset.down;
             const unsigned pixel = at(i + at_k.right, j + at_k.down);
-            if (!differ<IMAGES>(chosen, pixel, FAINT))
+            if (!(gap<IMAGES>(chosen, pixel) > float(FAINT)))
                 continue;
             if (best == FAR_AWAY)
                 best = cost_of(best_at);
@@ -242,9 +228,10 @@ template <int LENS, class Target> struct Seen {
             if (cost < best) {
                 best = cost;
                 chosen = pixel;
+                found = number(at_k);
             }
         }
-        return chosen;
+        return found;
     }
 };
 

@@ -9,6 +9,7 @@ namespace warpcam {
 
 // The rays of one warp.
 template <int WORDS> struct MeshRays: WaitingRays<WORDS> {
+    static constexpr bool ANY = false;     // the nearest of a mesh's faces
     static constexpr bool PAIRED = false;  // each lane tests the faces of its own ray
     float depth[LANES];  // of the waiting rays' nearest hits so far
 };
@@ -17,6 +18,11 @@ template <int WORDS> struct MeshRays: WaitingRays<WORDS> {
 template <int WORDS> struct PairedMeshRays: MeshRays<WORDS> {
     static constexpr bool PAIRED = true;
     PairRoom room;
+};
+
+// The same where what is nearest matters between meshes, not within one: any face that is hit will do.
+template <int WORDS> struct AnyMeshRays: PairedMeshRays<WORDS> {
+    static constexpr bool ANY = true;
 };
 
 // Those of a list. Where there are many meshes, of few faces each, a ray hits about as many faces as it tests.
@@ -163,14 +169,18 @@ WARPCAM_FN void trace_rays(Rays& rays, const List& list, const Meshes& meshes, f
                                          : __popc(__ballot_sync(ALL, node < 0)) >= FEW;
         if (enough || (!stepping && __any_sync(ALL, node < 0))) {
             int left_of_leaf = NO_NODE;
+            bool ends = false;
             if constexpr (Rays::PAIRED)
                 if (meet_leaves<TYPES>(rays.room, list, meshes, ray, slot, node, near, stepping != 0, depth, face,
-                                       left_of_leaf))
+                                       left_of_leaf)) {
                     shape = list.records[slot].axis_y.w;
+                    ends = Rays::ANY;
+                }
             if (node < 0) {
                 if constexpr (!Rays::PAIRED)
                     meet_leaf<TYPES>(list.records[slot], meshes, ray, node, near, depth, shape, face);
-                node = left_of_leaf;
+                node = ends ? NO_NODE : left_of_leaf;
+                height = ends ? 0 : height;
                 while (node == NO_NODE && height > 0)
                     node = stack[--height].before(depth);
             }

@@ -37,14 +37,18 @@ WARPCAM_FN void put_means(const Target& target, unsigned pixel, const unsigned (
         }
 }
 
-// The record of a shape as the view sees it; false if it is not seen.
+// The record of a shape as the view sees it, with its id at the origin; false if it is not seen. Who lists it gives it
+// its place in the list for an id: what is hit then leads to it.
 template <int TYPES, int LENS, class Shapes, class Meshes, class HeightFields>
 WARPCAM_FN bool sample_record(const Shapes& shapes, const Meshes& meshes, const HeightFields& fields,
                               const Camera& camera, const Region& region, int world, int id, Record& record)
 {
     TileBox tiles;
-    return prepare<TYPES, LENS, false>(load_shape(shapes, world, id), camera, region, meshes, fields, record, tiles)
+    const bool seen = prepare<TYPES, LENS, false>(load_shape(shapes, world, id), camera, region, meshes, fields, record,
+                                                  tiles)
         == SEEN;
+    record.origin.w = id;
+    return seen;
 }
 
 template <int LENS> WARPCAM_FN ViewRay<LENS> sample_ray(const Camera& camera, int i, int j, int sample)
@@ -79,35 +83,30 @@ template <int LENS> WARPCAM_FN int part_at(const Record& record, const ViewRay<L
     return x > y && x > z ? 0 : y > z ? 1 : 2;
 }
 
-// The pixel that shows what a sample of pixel (i, j) has hit. Two surfaces that meet in an edge are near each other in
-// depth, but not of one colour: so it counts how a mesh's face is turned from those of the pixels around, and whether
-// these show the same side.
-template <int TYPES, int IMAGES, int LENS, class Shapes, class Meshes, class HeightFields, class Target>
-WARPCAM_FN unsigned shown_sample(const Seen<LENS, Target>& seen, const Shapes& shapes, const Meshes& meshes,
-                                 const HeightFields& fields, const Camera& camera, const Region& region, int world, int i,
-                                 int j, int sample, float depth, int shape, int face)
+// Which pixel shows what a sample of pixel (i, j) has hit, as shown() has it. Two surfaces that meet in an edge are near
+// each other in depth, but not of one colour: so it counts how a mesh's face is turned from those of the pixels around,
+// and whether these show the same side. `record` is that of the shape hit.
+template <int TYPES, int IMAGES, int LENS, class Meshes, class Target>
+WARPCAM_FN int shown_sample(const Seen<LENS, Target>& seen, const Meshes& meshes, const Camera& camera, int i, int j,
+                                 int sample, float depth, int face, const Record& record)
 {
     constexpr int SIDED = TYPES & (1 << BOX | 1 << CYLINDER);
-    const int type = (TYPES >> MESH & 1 || SIDED) && shape >= 0 ? wp::index(shapes.types, shape) : -1;
+    const int type = record.axis_x.w;
     const bool is_face = (TYPES >> MESH & 1) && type == MESH && face >= 0;
-    unsigned rows = 0;
+    const bool is_sided = SIDED && (type == BOX || type == CYLINDER);
+    const unsigned rows = as_int(record.size.z);
     Vec normal { 0.0f, 0.0f, 0.0f };
-    if (is_face) {
-        rows = unsigned(wp::index(meshes.face_start, row_of(shapes.assets, world, shape)));
+    if (is_face)
         normal = face_normal(meshes, rows, face);
-    }
-    Record record {};
-    int part = -1;
-    if (SIDED && (type == BOX || type == CYLINDER)
-        && sample_record<SIDED, LENS>(shapes, meshes, fields, camera, region, world, shape, record))
-        part = part_at<LENS>(record, sample_ray<LENS>(camera, i, j, sample), depth);
+    const int part = is_sided ? part_at<LENS>(record, sample_ray<LENS>(camera, i, j, sample), depth) : -1;
     const auto turned = [&](int column, int row, unsigned pixel) {
         if (is_face)
             return TURNED * (1.0f - dot(normal, face_normal(meshes, rows, int(seen.target.face.data[pixel]))));
-        return part < 0 || part_at<LENS>(record, view_ray<LENS>(camera, column, row), seen.depth(pixel)) == part ? 0.0f
+        return !is_sided || part_at<LENS>(record, view_ray<LENS>(camera, column, row), seen.depth(pixel)) == part ? 0.0f
                                                                                                                 : TURNED;
     };
-    return seen.template shown<IMAGES>(i, j, sample_offset(sample), depth, shape, turned);
+    return seen.template shown<IMAGES>(i, j, sample_offset(sample), depth, record.origin.w,
+                                       is_face || is_sided || type == HEIGHT_FIELD, turned);
 }
 
 }  // namespace warpcam

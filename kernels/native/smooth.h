@@ -1,44 +1,35 @@
 // Smooth edges: a pixel that an edge runs through shows the mean of what its samples hit, as in OpenGL.
 //
-// A block finds the edges of one region and lists their pixels. A warp then takes 32 of them: what their samples may hit
-// are the shapes that are seen in the pixels around, which are few, so that a list of shapes is made for each 32 pixels
-// and nothing else is traced. Samples on a side where there is no edge are not traced either. A sample has the colour of
-// the nearest pixel that shows the same surface: nothing is lit anew, whatever made the image.
+// A block looks for edges in one region until it has a few hundred pixels. What their samples may hit are the shapes that
+// are seen in the pixels around, of which it makes the records once; nothing else is traced, nor are samples on a side
+// where there is no edge. Its warps take 32 samples at a time, as long as there are any: a ray that takes long holds up
+// no others. A sample has the colour of the nearest pixel that shows the same surface: nothing is lit anew, whatever made
+// the image.
 #pragma once
 #include "mesh_queue.h"
-#include "samples.h"
+#include "near_shapes.h"
 #include "smooth_cpu.h"
 
 namespace warpcam {
 
 #if defined(__CUDA_ARCH__)
 
-WARPCAM_FN int greatest(int value)
-{
-#if __CUDA_ARCH__ >= 800
-    return __reduce_max_sync(ALL, value);
-#else
-    for (int step = LANES / 2; step > 0; step /= 2)
-        value = max(value, __shfl_xor_sync(ALL, value, step));
-    return value;
-#endif
-}
+constexpr int STRIP = 32;    // tiles in which a block looks for edges at once
+constexpr int ENOUGH = 256;  // pixels with edges; a block looks for more before it traces fewer
 
-// What the samples of a warp's pixels are traced against, and what they hit. A sample: 32 * its number + its pixel.
-// SLOW: there are meshes or height fields.
-template <bool SLOW> struct Batch {
-    Record records[LANES];  // nearest first where there are meshes
-    float depth[SAMPLES * LANES];
-    int shape[SAMPLES * LANES];  // in the end: the pixel of the image that shows it
-    int face[SLOW ? SAMPLES * LANES : 1];
-    unsigned char traced[SAMPLES * LANES];  // the samples that are
-    Band meshes[SLOW ? LANES : 1], fields[SLOW ? LANES : 1];  // of each pixel
-};
+// Pixels that a block smooths together.
+template <int TYPES> struct Chunk {
+    static constexpr bool HAS_MESH = TYPES >> MESH & 1, HAS_FIELD = TYPES >> HEIGHT_FIELD & 1;
+    static constexpr int MOST = HAS_MESH || HAS_FIELD ? 384 : 512;
 
-// Shapes of a batch, as bits by their places among its records.
-struct Near {
-    unsigned own;     // those around the lane's pixel
-    unsigned meshes;  // those that are meshes
+    const unsigned short* pixels;             // 16 * the pixel's place in the region + its samples as bits
+    NearBits own[MOST];                       // the shapes around
+    Band meshes[HAS_MESH ? MOST : 1], fields[HAS_FIELD ? MOST : 1];
+    unsigned short samples[SAMPLES * MOST];   // that are traced: 4 * the pixel's number + the sample's
+    unsigned char shown[SAMPLES * MOST];      // by which of the pixels around
+    int total, next;                          // of `samples`, and which comes next
+
+    WARPCAM_FN int place(int pixel) const { return pixels[pixel] >> SAMPLES; }
 };
 
 // The records as trace_rays() reads a list.
@@ -50,40 +41,6 @@ struct Ranked {
     Itself order;
     int count;
 };
-
-// Makes the records of the warp's shapes, a lane each, -1 for none. `own` are bits by lane.
-template <int TYPES, int LENS, bool SLOW, class Shapes, class Meshes, class HeightFields>
-WARPCAM_FN Near list_near(Batch<SLOW>& batch, const Shapes& shapes, const Meshes& meshes, const HeightFields& fields,
-                          const Camera& camera, const Region& region, int world, int id, unsigned own)
-{
-    const int lane = threadIdx.x % LANES;
-    Record record;
-    const bool seen = id >= 0
-        && sample_record<TYPES, LENS>(shapes, meshes, fields, camera, region, world, id, record);
-    const unsigned listed = __ballot_sync(ALL, seen);
-    int rank = lane;
-    if (TYPES >> MESH & 1) {  // the lanes have the ids in descending order
-        const float key = seen ? as_float(record.size.w) : 0.0f;
-        rank = 0;
-        for (unsigned left = listed; left; left &= left - 1) {
-            const int from = lowest_bit(left);
-            const float other = __shfl_sync(ALL, key, from);
-            rank += other < key || (other == key && from < lane);
-        }
-    }
-    if (seen)
-        batch.records[rank] = record;
-    Near near { own & listed, 0 };
-    if (TYPES >> MESH & 1) {
-        near = { 0, bits_of_all(seen && is_mesh<TYPES>(record) ? 1u << rank : 0) };
-        for (unsigned left = listed; left; left &= left - 1) {
-            const int from = lowest_bit(left);
-            near.own |= (own >> from & 1) << __shfl_sync(ALL, rank, from);
-        }
-    }
-    __syncwarp();
-    return near;
-}
 
 // The nearest hit of the lane's ray among the shapes in `own` that are in `walked`.
 template <int TYPES, int LENS, class HeightFields>
@@ -112,6 +69,121 @@ WARPCAM_FN void trace_own(const Record* records, unsigned walked, unsigned own, 
     }
 }
 
+// Finds what may be hit by the samples of a pixel whose shapes are listed, and lists these samples.
+template <int TYPES, int LENS, class Target>
+WARPCAM_FN void list_samples(Chunk<TYPES>& chunk, int pixel, const NearShapes& list, const Camera& camera,
+                             const Seen<LENS, Target>& seen, const Region& region)
+{
+    const int place = chunk.place(pixel), i = region.left + place % 64, j = region.top + place / 64;
+    NearBits own {};
+    Band on_meshes = NOWHERE, on_fields = NOWHERE;
+    int before = -1, rank = NEAR_SHAPES;
+#pragma unroll 1
+    for (int k = 0; k < 9; ++k) {
+        const unsigned beside = seen.around(i, j, k);
+        const int id = seen.shape(beside);
+        if (id < 0)
+            continue;
+        if (id != before)
+            rank = list.place(id);
+        before = id;
+#pragma unroll
+        for (int w = 0; w < NEAR_WORDS; ++w) {
+            const unsigned bit = rank / LANES == w ? 1u << rank % LANES : 0;
+            own[w] |= bit;
+            if (Chunk<TYPES>::HAS_MESH && (bit & list.meshes[w]))
+                on_meshes.include(seen.depth(beside));
+            if (Chunk<TYPES>::HAS_FIELD && (bit & list.fields[w]))
+                on_fields.include(seen.depth(beside));
+        }
+    }
+    for (int w = 0; w < NEAR_WORDS; ++w)
+        chunk.own[pixel][w] = own[w];
+    if (Chunk<TYPES>::HAS_MESH)
+        chunk.meshes[pixel] = on_meshes.template widened<LENS>(pixel_width<LENS>(camera));
+    if (Chunk<TYPES>::HAS_FIELD)
+        chunk.fields[pixel] = on_fields.template widened<LENS>(pixel_width<LENS>(camera));
+    const unsigned samples = chunk.pixels[pixel] & EVERY_SAMPLE;
+    int at = atomicAdd(&chunk.total, __popc(samples));
+    for (int sample = 0; sample < SAMPLES; ++sample) {
+        chunk.shown[SAMPLES * pixel + sample] = ITSELF;
+        if (samples >> sample & 1)
+            chunk.samples[at++] = static_cast<unsigned short>(SAMPLES * pixel + sample);
+    }
+}
+
+// Traces the samples of a chunk; each warp takes 32 at a time.
+template <int TYPES, int LENS, int IMAGES, class Rays, class Meshes, class HeightFields, class Target>
+WARPCAM_FN void trace_samples(Chunk<TYPES>& chunk, const NearShapes& list, Rays& waiting, const Meshes& meshes,
+                              const HeightFields& fields, const Camera& camera, const Seen<LENS, Target>& seen,
+                              const Region& region)
+{
+    constexpr bool HAS_MESH = Chunk<TYPES>::HAS_MESH, HAS_FIELD = Chunk<TYPES>::HAS_FIELD;
+    const int lane = threadIdx.x % LANES, words = (list.count + LANES - 1) / LANES;
+    const float near = camera.near;
+    const auto ray_of = [&](int sample) {
+        const int pixel = sample / SAMPLES, at = chunk.place(pixel);
+        const ViewRay<LENS> ray
+            = sample_ray<LENS>(camera, region.left + at % 64, region.top + at / 64, sample % SAMPLES);
+        return ClippedRay<LENS> { ray, HAS_MESH ? upper(near, chunk.meshes[HAS_MESH ? pixel : 0].first) : near };
+    };
+    const auto store = [&](int sample, const Hit& hit) {
+        const int at = chunk.place(sample / SAMPLES), i = region.left + at % 64, j = region.top + at / 64;
+        const int its = sample % SAMPLES;
+        chunk.shown[sample] = static_cast<unsigned char>(
+            hit.shape < 0 ? seen.beyond(i, j, its)
+                          : shown_sample<TYPES, IMAGES>(seen, meshes, camera, i, j, its, hit.depth, hit.face,
+                                                        list.records[hit.shape]));
+    };
+    const auto next_rays = [&](int& found) {
+        const int first = __shfl_sync(ALL, lane == 0 ? atomicAdd(&chunk.next, LANES) : 0, 0);
+        if (first >= chunk.total)
+            return false;
+        const bool active = first + lane < chunk.total;
+        const int sample = chunk.samples[active ? first + lane : first], pixel = sample / SAMPLES;
+        const auto ray = ray_of(sample);
+        Hit hit { camera.far, -1, -1 };
+        NearBits around, met {};
+#pragma unroll
+        for (int w = 0; w < NEAR_WORDS; ++w) {
+            around[w] = active ? chunk.own[pixel][w] : 0;
+            if (w < words)
+                trace_own<TYPES, LENS>(list.records + w * LANES, bits_of_all(around[w]) & ~list.meshes[w], around[w],
+                                       ray, near, fields, chunk.fields[HAS_FIELD ? pixel : 0], hit);
+        }
+        if (active)
+            store(sample, hit);
+        if constexpr (HAS_MESH) {
+            const float until = lower(hit.depth, chunk.meshes[pixel].last);
+            bool meets = false;
+#pragma unroll
+            for (int w = 0; w < NEAR_WORDS; ++w)
+                for (unsigned left = w < words ? bits_of_all(around[w]) & list.meshes[w] : 0; left; left &= left - 1) {
+                    const int bit = lowest_bit(left);
+                    const Record& record = list.records[w * LANES + bit];
+                    if ((around[w] >> bit & 1) && as_float(record.size.w) < until
+                        && meets_mesh(meshes, record, ray.local(record), ray.near, until)) {
+                        met[w] |= 1u << bit;
+                        meets = true;
+                    }
+                }
+            const unsigned meeting = __ballot_sync(ALL, meets);
+            const int at = waiting.put(meeting, met, words, sample);
+            if (meets)
+                waiting.depth[at] = until;
+            __syncwarp();
+            found = __popc(meeting);
+        }
+        return true;
+    };
+    if constexpr (HAS_MESH) {
+        trace_rays<TYPES>(waiting, Ranked { list.records, {}, list.count }, meshes, near, next_rays, ray_of, store);
+    } else {
+        int none;
+        while (next_rays(none)) { }
+    }
+}
+
 // Smooths the edges of a region.
 template <int TYPES, int LENS, int WIDTH, int HEIGHT, int IMAGES, class Shapes, class Meshes, class HeightFields,
           class Target>
@@ -119,171 +191,84 @@ WARPCAM_FN void smooth_region(const Shapes& shapes, const Meshes& meshes, const 
                               const Target& target, const Camera& camera, const Seen<LENS, Target>& seen,
                               const Region& region, int world)
 {
-    constexpr bool HAS_MESH = TYPES >> MESH & 1, HAS_FIELD = TYPES >> HEIGHT_FIELD & 1, SLOW = HAS_MESH || HAS_FIELD;
+    constexpr bool HAS_MESH = TYPES >> MESH & 1;
     constexpr int WARPS = THREADS / LANES;
-    WARPCAM_SHARED unsigned short listed[WIDTH * HEIGHT];
-    WARPCAM_SHARED int count, next;
-    WARPCAM_SHARED Batch<SLOW> batches[WARPS];
-    WARPCAM_SHARED PairedMeshRays<1> waiting[HAS_MESH ? WARPS : 1];
+    WARPCAM_SHARED unsigned short listed[ENOUGH + STRIP * LANES];
+    WARPCAM_SHARED int count;
+    WARPCAM_SHARED Chunk<TYPES> chunk;
+    WARPCAM_SHARED NearShapes list;
+    WARPCAM_SHARED AnyMeshRays<NEAR_WORDS> waiting[HAS_MESH ? WARPS : 1];
     const int lane = threadIdx.x % LANES, warp = threadIdx.x / LANES;
-    if (threadIdx.x == 0)
-        count = next = 0;
-    block_barrier();
-
     const auto sided = [&](int shape) { return has_sides<TYPES>(shapes, shape); };
     const int across = region.width / TILE_WIDTH, tiles = across * (region.height / TILE_HEIGHT);
-    for (int tile = warp; tile < tiles; tile += WARPS) {
-        const int i = region.left + tile % across * TILE_WIDTH + lane % TILE_WIDTH;
-        const int j = region.top + tile / across * TILE_HEIGHT + lane / TILE_WIDTH;
-        const bool inside = i < target.width && j < target.height;
-        const unsigned samples = inside ? seen.template edge<IMAGES>(i, j, sided) : 0;
-        if (inside)
-            target.edges.data[seen.at(i, j)] = samples != 0;
-        const unsigned found = __ballot_sync(ALL, samples != 0);
-        if (found) {
-            const int begin = __shfl_sync(ALL, lane == 0 ? atomicAdd(&count, __popc(found)) : 0, 0);
-            if (samples)
-                listed[begin + __popc(found & ((1u << lane) - 1))]
-                    = static_cast<unsigned short>(place_of(region, i, j) << SAMPLES | samples);
-        }
-    }
-    block_barrier();
-
-    Batch<SLOW>& batch = batches[warp];
-    const float near = camera.near;
-    const int turns = (count + THREADS - 1) / THREADS;  // of each warp, which get equal shares of the pixels
-    const int share = turns ? (count + WARPS * turns - 1) / (WARPS * turns) : 0;
-    while (true) {
-        const int begin = __shfl_sync(ALL, lane == 0 ? atomicAdd(&next, share) : 0, 0);
-        if (begin >= count)
-            return;
-        const int pixels = lower_int(count - begin, share);
-        const unsigned word = listed[begin + lower_int(lane, pixels - 1)], place = word >> SAMPLES;
-        const unsigned samples = lane < pixels ? word & EVERY_SAMPLE : 0;
-        const int i = region.left + int(place % 64), j = region.top + int(place / 64);
-        int traced = 0, total = 0;  // before this lane's, and all
-        for (int sample = 0; sample < SAMPLES; ++sample) {
-            const unsigned lanes = __ballot_sync(ALL, samples >> sample & 1);
-            traced += __popc(lanes & ((1u << lane) - 1));
-            total += __popc(lanes);
-        }
-        for (int sample = 0; sample < SAMPLES; ++sample) {
-            const bool needed = samples >> sample & 1;
-            batch.depth[sample * LANES + lane] = camera.far;
-            batch.shape[sample * LANES + lane] = needed ? -1 : int(seen.at(i, j));
-            if (needed)
-                batch.traced[traced++] = static_cast<unsigned char>(sample * LANES + lane);
-        }
-        __syncwarp();
-        int around[9];
-#pragma unroll
-        for (int k = 0; k < 9; ++k)
-            around[k] = lane < pixels ? seen.shape(seen.around(i, j, k)) : -1;
-        const auto next_id = [&] {
-            int id = around[0];
-#pragma unroll
-            for (int k = 1; k < 9; ++k)
-                id = around[k] > id ? around[k] : id;
-            return greatest(id);
-        };
-        int id = next_id();
-        while (id >= 0) {  // 32 shapes at a time
-            int mine = -1, shapes_near = 0;
-            unsigned own = 0;
-            Band on_meshes = NOWHERE, on_fields = NOWHERE;
-            for (; id >= 0 && shapes_near < LANES; ++shapes_near, id = next_id()) {
-                const int type = SLOW ? wp::index(shapes.types, id) : 0;
-                bool seen_here = false;
-#pragma unroll
-                for (int k = 0; k < 9; ++k) {
-                    const bool same = around[k] == id;
-                    seen_here |= same;
-                    around[k] = same ? -1 : around[k];
-                    if (HAS_MESH && same && type == MESH)
-                        on_meshes.include(seen.depth(seen.around(i, j, k)));
-                    if (HAS_FIELD && same && type == HEIGHT_FIELD)
-                        on_fields.include(seen.depth(seen.around(i, j, k)));
+    for (int tile = 0; tile < tiles;) {
+        if (threadIdx.x == 0)
+            count = 0;
+        block_barrier();
+        int found_so_far = 0;
+        for (; tile < tiles && found_so_far < ENOUGH; tile += STRIP) {
+            for (int k = tile + warp; k < lower_int(tile + STRIP, tiles); k += WARPS) {
+                const int i = region.left + k % across * TILE_WIDTH + lane % TILE_WIDTH;
+                const int j = region.top + k / across * TILE_HEIGHT + lane / TILE_WIDTH;
+                const bool inside = i < target.width && j < target.height;
+                const unsigned samples = inside ? seen.template edge<IMAGES>(i, j, sided) : 0;
+                if (inside)
+                    target.edges.data[seen.at(i, j)] = samples != 0;
+                const unsigned found = __ballot_sync(ALL, samples != 0);
+                if (found) {
+                    const int begin = __shfl_sync(ALL, lane == 0 ? atomicAdd(&count, __popc(found)) : 0, 0);
+                    if (samples)
+                        listed[begin + __popc(found & ((1u << lane) - 1))]
+                            = static_cast<unsigned short>(place_of(region, i, j) << SAMPLES | samples);
                 }
-                own |= unsigned(seen_here) << shapes_near;
-                mine = lane == shapes_near ? id : mine;
             }
-            if (HAS_MESH)
-                batch.meshes[lane] = on_meshes.widened<LENS>(pixel_width<LENS>(camera));
-            if (HAS_FIELD)
-                batch.fields[lane] = on_fields.widened<LENS>(pixel_width<LENS>(camera));
-            const Near shapes_around
-                = list_near<TYPES, LENS>(batch, shapes, meshes, fields, camera, region, world, mine, own);
-            const auto ray_of = [&](int sample) {
-                const int pixel = sample % LANES, at = listed[begin + lower_int(pixel, pixels - 1)] >> SAMPLES;
-                const ViewRay<LENS> ray
-                    = sample_ray<LENS>(camera, region.left + at % 64, region.top + at / 64, sample / LANES);
-                return ClippedRay<LENS> { ray, HAS_MESH ? upper(near, batch.meshes[pixel].first) : near };
-            };
-            int first = 0;
-            const auto next_rays = [&](int& found) {
-                if (first >= total)
-                    return false;
-                const bool active = first + lane < total;
-                const int sample = batch.traced[active ? first + lane : first], pixel = sample % LANES;
-                first += LANES;
-                const unsigned own_of_pixel = __shfl_sync(ALL, shapes_around.own, pixel);
-                const unsigned around_it = active ? own_of_pixel : 0, together = bits_of_all(around_it);
-                const auto ray = ray_of(sample);
-                Hit hit { batch.depth[sample], batch.shape[sample], -1 };
-                trace_own<TYPES, LENS>(batch.records, together & ~shapes_around.meshes, around_it, ray, near, fields,
-                                       batch.fields[SLOW ? pixel : 0], hit);
-                if (active) {
-                    batch.depth[sample] = hit.depth;
-                    batch.shape[sample] = hit.shape;
-                }
-                if (HAS_MESH) {
-                    const float until = lower(hit.depth, batch.meshes[pixel].last);
-                    unsigned met = 0;
-                    for (unsigned left = together & shapes_around.meshes; left; left &= left - 1) {
-                        const int rank = lowest_bit(left);
-                        const Record& record = batch.records[rank];
-                        if ((around_it >> rank & 1) && as_float(record.size.w) < until
-                            && meets_mesh(meshes, record, ray.local(record), ray.near, until))
-                            met |= 1u << rank;
+            block_barrier();
+            found_so_far = count;
+            block_barrier();
+        }
+        const int chunks = (found_so_far + Chunk<TYPES>::MOST - 1) / Chunk<TYPES>::MOST;
+        for (int from = 0, pixels; from < found_so_far; from += pixels) {
+            pixels = lower_int(found_so_far - from, (found_so_far + chunks - 1) / chunks);
+            while (true) {  // fewer, until they do not show too many shapes
+                list.clear();
+                block_barrier();
+                for (int k = threadIdx.x; k < pixels; k += THREADS) {
+                    const int at = listed[from + k] >> SAMPLES, i = region.left + at % 64, j = region.top + at / 64;
+                    int before = -1;
+#pragma unroll 1
+                    for (int around = 0; around < 9; ++around) {
+                        const int id = seen.shape(seen.around(i, j, around));
+                        if (id >= 0 && id != before)
+                            list.add(id);
+                        before = id;
                     }
-                    PairedMeshRays<1>& rays = waiting[HAS_MESH ? warp : 0];
-                    const unsigned meeting = __ballot_sync(ALL, met != 0);
-                    const int at = rays.put(meeting, &met, 1, sample);
-                    if (met)
-                        rays.depth[at] = until;
-                    __syncwarp();
-                    found = __popc(meeting);
                 }
-                return true;
-            };
-            if (HAS_MESH) {
-                const auto store = [&](int sample, const Hit& hit) {
-                    batch.depth[sample] = hit.depth;
-                    batch.shape[sample] = hit.shape;
-                    batch.face[sample] = hit.face;
-                };
-                trace_rays<TYPES>(waiting[HAS_MESH ? warp : 0], Ranked { batch.records, {}, LANES }, meshes, near,
-                                  next_rays, ray_of, store);
-            } else {
-                int none;
-                while (next_rays(none)) { }
+                block_barrier();
+                if (list.count <= NEAR_SHAPES)
+                    break;
+                pixels = (pixels + 1) / 2;
+                block_barrier();
             }
-            __syncwarp();
+            if (threadIdx.x == 0) {
+                chunk.pixels = listed + from;
+                chunk.total = chunk.next = 0;
+            }
+            list.template prepare_all<TYPES, LENS>(shapes, meshes, fields, camera, region, world);
+            for (int k = threadIdx.x; k < pixels; k += THREADS)
+                list_samples<TYPES, LENS>(chunk, k, list, camera, seen, region);
+            block_barrier();
+            trace_samples<TYPES, LENS, IMAGES>(chunk, list, waiting[HAS_MESH ? warp : 0], meshes, fields, camera, seen,
+                                               region);
+            block_barrier();
+            for (int k = threadIdx.x; k < pixels; k += THREADS) {
+                const int at = chunk.place(k), i = region.left + at % 64, j = region.top + at / 64;
+                unsigned by[SAMPLES];
+                for (int sample = 0; sample < SAMPLES; ++sample)
+                    by[sample] = seen.around(i, j, chunk.shown[SAMPLES * k + sample]);
+                put_means<IMAGES>(target, seen.at(i, j), by);
+            }
+            block_barrier();
         }
-        for (int k = lane; k < total; k += LANES) {
-            const int sample = batch.traced[k], at = listed[begin + sample % LANES] >> SAMPLES;
-            batch.shape[sample] = int(shown_sample<TYPES, IMAGES>(
-                seen, shapes, meshes, fields, camera, region, world, region.left + at % 64, region.top + at / 64,
-                sample / LANES, batch.depth[sample], batch.shape[sample], HAS_MESH ? batch.face[SLOW ? sample : 0] : -1));
-        }
-        __syncwarp();
-        if (lane < pixels) {
-            unsigned shown[SAMPLES];
-            for (int sample = 0; sample < SAMPLES; ++sample)
-                shown[sample] = unsigned(batch.shape[sample * LANES + lane]);
-            put_means<IMAGES>(target, seen.at(i, j), shown);
-        }
-        __syncwarp();
     }
 }
 

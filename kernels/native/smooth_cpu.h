@@ -65,6 +65,7 @@ inline void smooth_pixels(const Edge* listed, int pixels, const Shapes& shapes, 
         NearShape& one = near[slot];
         if (!sample_record<TYPES, LENS>(shapes, meshes, fields, camera, region, world, one.id, one.record))
             continue;
+        one.record.axis_y.w = slot;
         int rank = count++;  // as in list_near()
         const float key = TYPES >> MESH & 1 ? as_float(one.record.size.w) : 0.0f;
         for (; rank > 0; --rank) {
@@ -102,7 +103,7 @@ inline void smooth_pixels(const Edge* listed, int pixels, const Shapes& shapes, 
                 from.own[lane] = !traced ? FAR_AWAY : slow ? upper(camera.near, bands[pixel].first) : camera.near;
             }
             if (type == MESH)
-                trace_mesh<TYPES, LENS>(meshes, one.record, from, rays);
+                trace_mesh<TYPES, LENS, true>(meshes, one.record, from, rays);
             else
                 trace_record<TYPES, LENS>(one.record, from, fields, rays);
         }
@@ -117,15 +118,17 @@ inline void smooth_pixels(const Edge* listed, int pixels, const Shapes& shapes, 
         trace_type(MESH);
     for (int pixel = 0; pixel < pixels; ++pixel) {
         const Edge at = listed[pixel];
-        unsigned shown[SAMPLES];
+        unsigned by[SAMPLES];
         for (int sample = 0; sample < SAMPLES; ++sample) {
             const int lane = pixel * SAMPLES + sample;
-            shown[sample] = at.samples >> sample & 1
-                ? shown_sample<TYPES, IMAGES>(seen, shapes, meshes, fields, camera, region, world, at.i, at.j, sample,
-                                      rays.depth[lane], rays.shape[lane], rays.face[lane])
-                : seen.at(at.i, at.j);
+            const int shown = !(at.samples >> sample & 1) ? ITSELF
+                : rays.shape[lane] < 0                    ? seen.beyond(at.i, at.j, sample)
+                                       : shown_sample<TYPES, IMAGES>(seen, meshes, camera, at.i, at.j, sample,
+                                                                     rays.depth[lane], rays.face[lane],
+                                                                     near[rays.shape[lane]].record);
+            by[sample] = seen.around(at.i, at.j, shown);
         }
-        put_means<IMAGES>(target, seen.at(at.i, at.j), shown);
+        put_means<IMAGES>(target, seen.at(at.i, at.j), by);
     }
 }
 
