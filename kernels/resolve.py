@@ -25,7 +25,7 @@ from .types import (
     View,
 )
 from .variety import Variety, facts_of
-from .visibility import LENSES, THREADS, region_size
+from .visibility import LENSES, THREADS, in_order, region_size
 
 # The outputs made here, with the dtype and the number of channels of their arrays (world, height, width, channels), in
 # the order of their bits in native/look.h.
@@ -160,7 +160,7 @@ def _kernel(
         module="unique",
         enable_backward=False,
         grid_stride=False,
-        launch_bounds=(THREADS, VEILED_BLOCKS if veils else _blocks(images, facts)),
+        launch_bounds=(THREADS, VEILED_BLOCKS if veils else _blocks(images)),
         module_options=native_module("resolve.h"),
     )
     def write_images(
@@ -273,6 +273,8 @@ def record(
     if device.is_cuda:
         whole = width % region[0] == 0 and height % region[1] == 0
         facts |= QUADS * (width % 4 == 0) | WHOLE_REGIONS * whole
+    unit = -(-width // region[0]) * -(-height // region[1]) * (THREADS if device.is_cuda else 1)  # threads a world
+    types = in_order(types, len(group.worlds) * unit, device)
     kernel = _kernel(types, LENSES[lens], _capacity(tables), *region, wanted, facts, frame_type, veils)
     inputs = [
         frame,
@@ -285,13 +287,12 @@ def record(
         tables.physical or tables.lights,
         tables.background,
     ]
-    unit = -(-width // region[0]) * -(-height // region[1]) * (THREADS if device.is_cuda else 1)  # threads a world
     return record_stage(
         kernel, len(group.worlds) * unit, inputs, device, start=group.worlds.start * unit, block_dim=THREADS
     )
 
 
-def _blocks(images: int, facts: int) -> int:
+def _blocks(images: int) -> int:
     """Blocks that a multiprocessor is to hold, for a set of images: bounds the registers of a thread."""
     lit, albedo = images & 0b00111, images & 0b10000
     return 5 if lit else 7 if albedo else 8

@@ -9,7 +9,7 @@ from .launch import Group, Stage, native_module
 from .launch import record as record_launch
 from .tables import Tables
 from .types import GLASS, MESH, SHADING_BACKS, HeightFields, Lights, Materials, Meshes, Shapes, View
-from .visibility import LENSES, SHARED_MEMORY, THREADS, region_size
+from .visibility import LENSES, SHARED_MEMORY, THREADS, in_order, region_size
 
 BLOCKS = 8  # on a multiprocessor: bounds the registers of a thread
 CROWD_BLOCKS = 6  # the same in crowds, for which those of 8 are too few
@@ -126,8 +126,9 @@ def record(
     capacity = next(size for size in capacities if size >= min(tables.num_drawn, capacities[-1]))
     group = group or Group.of_all(views.shape[0])
     region = region_size(tables, group.at_once, width, height, device)
-    kernel = _kernel(crowded, types, LENSES[lens], capacity, *region, target_type)
     unit = -(-width // region[0]) * -(-height // region[1]) * (THREADS if device.is_cuda else 1)  # threads a world
+    types = in_order(types, len(group.worlds) * unit, device)
+    kernel = _kernel(crowded, types, LENSES[lens], capacity, *region, target_type)
     arguments = [tables.shapes, tables.materials, tables.meshes, tables.height_fields, tables.lights, views, target]
     return record_launch(
         kernel, len(group.worlds) * unit, arguments, device, start=group.worlds.start * unit, block_dim=THREADS

@@ -29,6 +29,8 @@ MOVING = 15  # no type: stands among a scene's types where corners of meshes mov
 GLASS = 16  # no type: stands among the types of shadows where some shapes may be seen through
 FROM_ABOVE = 17  # no type: stands among a scene's types where 2-D textures lie as before MuJoCo 3.12: native/mapping.h
 BARE = 18  # no type: stands among a scene's types where textures do not show on some shapes: native/look.h
+# No type: stands among the types of launches that draw the middles of all images before the rest: native/prepare.h.
+MIDDLE_FIRST = 19
 LOOKS_ALONE = frozenset({FROM_ABOVE, BARE})  # what only colours ask for
 
 # Light types.

@@ -10,7 +10,7 @@ from .flow import Trail, brief
 from .launch import Group, Stage, cpu_threads, native_module
 from .launch import record as record_launch
 from .tables import Tables
-from .types import HEIGHT_FIELD, LOOKS_ALONE, MESH, MOVING, HeightFields, Materials, Meshes, Shapes, View
+from .types import HEIGHT_FIELD, LOOKS_ALONE, MESH, MIDDLE_FIRST, MOVING, HeightFields, Materials, Meshes, Shapes, View
 
 # What the trace can write, in the order of the bits in native/canvas.h; then the bits of two facts of the image's size.
 OUTPUTS = ("depth", "shape", "face", "distance", "points", "bodies", "normals")
@@ -27,6 +27,7 @@ MANY = 64  # shapes
 MOST_COMPOSED = 128  # shapes whose motions each block composes
 MAX_LISTED = 256  # shapes that one pass draws
 FEW_BLOCKS = 3  # on a multiprocessor: as many are enough where a block's tiles take about as long as setting it up
+ROW_OF_BLOCKS = 2**24 // THREADS  # Warp lays out a launch's threads in rows of so many
 BLOCKS = 10  # on a multiprocessor: bounds the registers of a thread
 SHARED_MEMORY = 228 * 1024  # of a multiprocessor [bytes]
 LISTED_BYTES = 99  # of it for each shape that a block lists: tiles.h, ShapeList
@@ -224,8 +225,9 @@ def record(
     types = sum(1 << t for t in tables.shape_types - LOOKS_ALONE)
     if struct is flow_target_struct and region == (width, height):
         outputs |= facts_of_whole(tables, device, "flow_valid" in images)
-    kernel = _kernel(types, LENSES[lens], capacity, several, *region, outputs, target_type)
     unit = -(-width // region[0]) * -(-height // region[1]) * (THREADS if device.is_cuda else 1)  # threads a world
+    types = in_order(types, len(group.worlds) * unit, device)
+    kernel = _kernel(types, LENSES[lens], capacity, several, *region, outputs, target_type)
     arguments = [tables.shapes, tables.materials, tables.meshes, tables.height_fields, views, target]
     return record_launch(
         kernel, len(group.worlds) * unit, arguments, device, start=group.worlds.start * unit, block_dim=THREADS
@@ -246,6 +248,12 @@ def blocks(types: int, capacity: int) -> int:
     bound = MANY_MESHES_BLOCKS if types >> MESH & 1 and capacity > MANY else bound
     bound = MOVING_BLOCKS if types >> MOVING & 1 else bound
     return min(bound, SHARED_MEMORY // shared)
+
+
+def in_order(types: int, threads: int, device: wp.Device) -> int:
+    """The types of a launch, with MIDDLE_FIRST where rays are walked: the longest ones are in the middle of images."""
+    walked = types & (1 << MESH | 1 << HEIGHT_FIELD | 1 << MOVING)
+    return types | 1 << MIDDLE_FIRST if device.is_cuda and walked and threads <= ROW_OF_BLOCKS * THREADS else types
 
 
 def composes(tables: Tables, device: wp.Device) -> bool:

@@ -271,10 +271,15 @@ def _remarks(environment: Sequence[Variable]) -> list[str]:
         f"{each.name}={each.value!r} names GPUs, but there is no CUDA driver: nothing but the CPU is seen"
         for each in environment
         if each.name == device_rule.VISIBLE
-        and (each.value or "").strip() not in ("", "-1")
+        and any(_names_gpu(entry.strip()) for entry in (each.value or "").split(","))
         and each.meaning == "there is no CUDA driver"
     ]
     return remarks
+
+
+def _names_gpu(entry: str) -> bool:
+    """Of ``CUDA_VISIBLE_DEVICES``, where schedulers may also write that there is none."""
+    return entry.isdigit() or entry.startswith(("GPU-", "MIG-"))
 
 
 def _why_torch_differs(gpus: int, torchs: int) -> str:

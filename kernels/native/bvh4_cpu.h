@@ -152,7 +152,7 @@ struct MeshRays {
         face[ray] = -1;
         height[ray] = 1;
         child[ray][0] = child[ray][1] = 0;
-        entry[ray][0] = 0;
+        entry[ray][0] = -1;  // the bits of no number: not beyond any depth
         walking[num_walking++] = ray;
     }
 

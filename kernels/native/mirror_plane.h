@@ -10,12 +10,12 @@ struct MirrorPlane {
     Vec normal;
     float distance;
 
-    // Where a ray of the mirrored view comes out of the mirror; infinity for one that does not.
+    // Where a ray of the mirrored view comes out of the mirror, 0 where it begins beyond; infinity for one that does not.
     template <int LENS> WARPCAM_FN float depth(const ViewRay<LENS>& ray) const
     {
         const float start = LENS != ORTHOGRAPHIC ? 0.0f : normal.x * ray.x + normal.y * ray.y;
         const float rate = dot(normal, ray.direction());
-        return rate > 0.0f ? (distance - start) / rate : ENDLESS;
+        return rate > 0.0f ? upper((distance - start) / rate, 0.0f) : ENDLESS;
     }
 };
 

@@ -33,12 +33,9 @@ struct TileSpans {
     WARPCAM_FN bool touches(unsigned steps) const { return (~(counts + steps) & 0x80808080u) == 0u; }
 };
 
-// Whether some parts of an image take much longer than others.
-constexpr bool outwards(int types) { return types & (1 << MESH | 1 << MOVING | 1 << HEIGHT_FIELD); }
-
 // Which part of which world's image a thread block draws; `block` counts worlds, then parts. OUTWARDS: of all images of a
 // launch first the parts in the middle, which take longest, so that the last blocks are short ones, and that all
-// multiprocessors have as many of each kind.
+// multiprocessors have as many of each kind; for launches of one row of blocks: see visibility.py.
 template <bool OUTWARDS> WARPCAM_FN int part_of(int block, int columns, int rows, int& world)
 {
     const int parts = columns * rows;

@@ -7,7 +7,8 @@ namespace warpcam {
 // Values of types.py.
 enum ShapeType {
     PLANE, HEIGHT_FIELD, SPHERE, CAPSULE, ELLIPSOID, CYLINDER, BOX, MESH, CONE, BARREL, SCALED, SPLATS, TWO_SIDED, MASKED,
-    SHADING_BACKS, MOVING, GLASS, FROM_ABOVE, BARE
+    SHADING_BACKS, MOVING, GLASS, FROM_ABOVE, BARE,
+    MIDDLE_FIRST
 };
 enum Lens { PINHOLE, ORTHOGRAPHIC, RAYS };  // RAYS: from a table, see ray_table.h
 

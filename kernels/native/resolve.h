@@ -237,7 +237,7 @@ WARPCAM_FN void resolve(const Scene_& scene, const Lights& lights, int index)
     const auto& frame = scene.frame;
     const int thread = index % THREADS;
     int world;
-    const Region region = region_of<WIDTH, HEIGHT, outwards(TYPES)>(frame, index / THREADS, world);
+    const Region region = region_of<WIDTH, HEIGHT, (TYPES >> MIDDLE_FIRST & 1) != 0>(frame, index / THREADS, world);
     if (!wp::index(frame.mask, world))
         return;
     const int left = region.left, top = region.top;

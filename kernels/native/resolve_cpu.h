@@ -47,7 +47,8 @@ template <int ROOM> struct Sorted {
                 const int base = column, end = lower_int(width, base + 64);
                 for (; column + PACKET <= end; column += PACKET) {
                     const Ints own = load_eight(line + column);
-                    const Ints before = column == 0 ? ~own : load_eight(line + column - 1);
+                    const Ints before = column == 0 ? __builtin_shufflevector(own, ~own, 8, 0, 1, 2, 3, 4, 5, 6)
+                                                    : load_eight(line + column - 1);
                     changes |= static_cast<unsigned long long>(bits_of(own != before)) << (column - base);
                 }
                 for (; column < end; ++column)

@@ -216,7 +216,7 @@ WARPCAM_FN void cast(const Shapes& shapes, const Materials& materials, const Mes
     const int thread = index % THREADS, block = index / THREADS;
     const int columns = (target.width + WIDTH - 1) / WIDTH, rows = (target.height + HEIGHT - 1) / HEIGHT;
     int world;
-    const int part = part_of<outwards(TYPES)>(block, columns, rows, world);
+    const int part = part_of<(TYPES >> MIDDLE_FIRST & 1) != 0>(block, columns, rows, world);
     if (!wp::index(target.mask, world))
         return;
     const Region region { part % columns * WIDTH, part / columns * HEIGHT, WIDTH, HEIGHT };

@@ -186,6 +186,9 @@ template <int TYPES, int COUNT, int TYPE, int... LATER>
 WARPCAM_FN void enter_each(const Record& record, const Ray (&rays)[COUNT], float (&t)[COUNT])
 {
     constexpr bool last = (TYPES & (0 | ... | (1 << LATER))) == 0;
+    if constexpr (TYPES == 0)
+        for (int k = 0; k < COUNT; ++k)
+            t[k] = FAR_AWAY;
     if constexpr ((TYPES >> TYPE & 1) != 0) {
         if (last || record.axis_x.w == TYPE) {
             enter_all<TYPE>(record, rays, t);

@@ -205,7 +205,7 @@ WARPCAM_FN void draw(const Shapes& shapes, const Materials& materials, const Mes
     int world = index / THREADS;
     Region region { 0, 0, WIDTH, HEIGHT };
     if constexpr (!(OUTPUTS & FLOW_WHOLE))
-        region = region_of<WIDTH, HEIGHT, outwards(TYPES)>(target, index / THREADS, world);
+        region = region_of<WIDTH, HEIGHT, (TYPES >> MIDDLE_FIRST & 1) != 0>(target, index / THREADS, world);
     if (!wp::index(target.mask, world))
         return;
     if (thread == 0) {

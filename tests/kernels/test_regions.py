@@ -8,8 +8,8 @@ import pytest
 import scenes
 import warp as wp
 from warpcam.kernels import visibility
-from warpcam.kernels.types import HEIGHT_FIELD, MESH, SPHERE
-from warpcam.kernels.visibility import MANY, region_size
+from warpcam.kernels.types import HEIGHT_FIELD, MESH, MIDDLE_FIRST, SPHERE
+from warpcam.kernels.visibility import MANY, in_order, region_size
 
 import warpcam as wc
 
@@ -98,3 +98,37 @@ def test_images_do_not_depend_on_the_regions(
             # Of one tile at once and of two the compiler rounds sums differently.
             close = np.isclose(other[name], image, rtol=1e-5, atol=1e-4 if name in ("flow", "normals") else 1e-6)
             assert close.all() if name != "flow_valid" else close.mean() > 0.999, name
+
+
+@pytest.mark.parametrize(
+    ("shape_type", "threads", "card", "first"),
+    [
+        (MESH, 2**24, CARD, True),
+        (HEIGHT_FIELD, 128, CARD, True),
+        (MESH, 2**24 + 128, CARD, False),  # numbers of blocks begin anew in each row
+        (SPHERE, 128, CARD, False),
+        (MESH, 128, SimpleNamespace(is_cuda=False), False),
+    ],
+)
+def test_the_middle_of_images_comes_first_in_launches_of_one_row(
+    shape_type: int, threads: int, card: Any, first: bool
+) -> None:
+    assert in_order(1 << shape_type, threads, card) == 1 << shape_type | first << MIDDLE_FIRST
+
+
+def test_a_launch_may_have_more_blocks_than_a_row_of_its_grid(
+    device: wp.Device, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Warp puts 2^24 threads in a row; regions in the middle come first only in launches of one."""
+    worlds = 15000 if device.is_cuda else 3  # a CPU knows no blocks
+    mjm = scenes.compile_xml(
+        '<geom type="hfield" hfield="hills" pos="0 0 -.5"/><geom type="sphere" size=".3"/>',
+        assets='<hfield name="hills" nrow="2" ncol="2" elevation="0 1 1 0" size="1 1 .2 .1"/>',
+    )
+    m, d = scenes.put(mjm, worlds)
+    monkeypatch.setattr(visibility, "region_size", lambda *_: (16, 8))  # nine of them: 135,000 blocks
+    camera = scenes.own_camera(width=48, height=24, outputs=("depth", "segmentation"), position=(0.0, 0.0, 3.0))
+    images = wc.Renderer(wc.from_mujoco_warp(mjm, m, d), [camera]).render()["eye"]
+    assert len(images["segmentation"][0].unique()) == 3
+    for image in images.values():
+        assert bool((image == image[:1]).all())

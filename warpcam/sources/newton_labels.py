@@ -75,4 +75,6 @@ class Numbers:
                 if key in self._numbers:
                     self._found.add(key)
                     first = self._numbers[key] if first is None else first
+                    if len(self._found) == len(self._numbers):  # there is no other to be heard of
+                        return first
         return first

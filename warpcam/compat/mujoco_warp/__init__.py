@@ -30,12 +30,16 @@ __all__ = [
 
 def __getattr__(name: str) -> Any:
     """What is not rendering is the simulator's."""
-    if not name.startswith("__"):
+    message = f"neither warpcam.compat.mujoco_warp nor mujoco_warp has {name!r}"
+    if name.startswith("_"):
+        raise AttributeError(message)
+    try:
         import mujoco_warp
-
-        if hasattr(mujoco_warp, name):
-            return getattr(mujoco_warp, name)
-    raise AttributeError(f"neither warpcam.compat.mujoco_warp nor mujoco_warp has {name!r}")
+    except ImportError as error:
+        raise AttributeError(f"warpcam.compat.mujoco_warp has no {name!r}, and MuJoCo-Warp is not installed") from error
+    if not hasattr(mujoco_warp, name):
+        raise AttributeError(message)
+    return getattr(mujoco_warp, name)
 
 
 def create_render_context(
