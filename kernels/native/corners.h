@@ -63,7 +63,7 @@ struct FloorView {
     Row right, down;
     // Of the texture: width, height and start (of floats the bits); w: start of the next. With a sheet all are floats,
     // the last two where the level begins there, left and top.
-    Row levels[MAX_LEVELS];
+    Row levels[MAX_LEVELS + 1];  // on a sheet the last of them twice
     unsigned long long sheet;    // see Textures.sheets; 0: none
     int count;                   // of levels
     int plain;                   // 1: it has a texture of one image, or none
@@ -73,7 +73,7 @@ constexpr int FEW = 4;  // numbers that are loaded at once
 
 // The corners that are kept are a rectangle of columns and rows. One keeps `stride` numbers: what it shows in the lights
 // that cast no shadow, and then in each that does; one number where all of that is grey, else three. Where these are
-// few there are FEW of them, the last ones 0.
+// few there are FEW of them, the last ones 0, and on CUDA the first is what it shows in all lights.
 template <int ROOM_, bool SHADOWS_> struct CornerGrid {
     static constexpr int ROOM = ROOM_;
     static constexpr bool SHADOWS = SHADOWS_;
@@ -284,9 +284,12 @@ WARPCAM_FN void light_corners(Grid& grid, const LightList& list, const Looks& lo
         float* values = grid.values + i * grid.stride;
         if (grid.grey)
             light_corner<float, Grid::SHADOWS>(list, place, normal, look.finish, values);
-        if (grid.few)
+        if (grid.few) {
             for (int n = 1 + grid.casting; n < FEW; ++n)
                 values[n] = 0.0f;
+            for (int n = 1; n < FEW; ++n)
+                values[0] += values[n];
+        }
         if (!grid.grey)
             light_corner<Vec, Grid::SHADOWS>(list, place, normal, look.finish, values);
     }
@@ -299,10 +302,10 @@ template <class Looks> WARPCAM_FN void list_levels(FloorView& view, const Looks&
         const unsigned long long sheet = Looks::ON_SHEETS ? look.layout.sheet : 0;
         if (lane == 0)
             view.sheet = sheet;
-        for (int i = lane; i < lower_int(image.levels, MAX_LEVELS); i += TEAM) {
+        for (int i = lane; i < lower_int(image.levels, MAX_LEVELS) + 1; i += TEAM) {
             const Level level = Level { image.start, image.width, image.height }.after(i, 1);
             if (sheet) {
-                view.levels[i] = level_on_sheet(image, i);
+                view.levels[i] = level_on_sheet(image, lower_int(i, image.levels - 1));
                 continue;
             }
             view.levels[i] = { as_float(level.width), as_float(level.height), as_float(level.start), level.next(1).start };

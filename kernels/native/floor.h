@@ -83,7 +83,11 @@ template <class Grid> WARPCAM_FN Vec light_from_corners(const Grid& grid, const 
 #pragma unroll
         for (int n = 1; n < FEW; ++n) {
             const float light = on.weight1 * first[n] + on.weight2 * second[n] + on.weight3 * third[n];
+#if defined(__CUDA_ARCH__)
+            sum -= grid.bits[n - 1] & shadow ? light : 0.0f;
+#else
             sum += grid.bits[n - 1] & shadow ? 0.0f : light;
+#endif
         }
         return { sum, sum, sum };
     }

@@ -39,6 +39,16 @@ struct Vec {
     float x, y, z;
 };
 
+// Neighbours that are loaded with one instruction.
+template <class Value, int COUNT> struct alignas(COUNT * sizeof(Value)) Several {
+    Value at[COUNT];
+};
+
+template <int COUNT, class Value> WARPCAM_FN Several<Value, COUNT> several(const Value* from)
+{
+    return *reinterpret_cast<const Several<Value, COUNT>*>(from);
+}
+
 #if defined(__CUDA_ARCH__)
 WARPCAM_FN float lower(float a, float b) { return fminf(a, b); }
 WARPCAM_FN float upper(float a, float b) { return fmaxf(a, b); }

@@ -1,5 +1,6 @@
 // From the visibility buffer to images: a block draws one region of one view.
 #pragma once
+#include "floor_strips.h"
 #include "haze.h"
 #include "kept_looks.h"
 #include "peel.h"
@@ -232,6 +233,12 @@ WARPCAM_FN void resolve(const Scene_& scene, const Lights& lights, int index)
     WARPCAM_SHARED Held looks[KEPT > 0 ? KEPT : 1];
     using Lit_ = typename Either<(CORNERS > 0), LitCorners<CORNERS, SHADOWS>, LightList>::type;
     WARPCAM_SHARED typename Either<(FACTS & PHYSICAL) != 0, LampList, Lit_>::type list;
+#if defined(__CUDA_ARCH__)
+    constexpr int BARRED = MIRRORED | REFLECTS | VEILED | HAZY | EXPOSED;
+    constexpr bool IN_STRIPS = IMAGES == RGB && (FACTS & SPARE) && (FACTS & QUADS) && (FACTS & WHOLE_REGIONS)
+        && !(FACTS & BARRED) && lit_by_corners<Lit_>(SHADOWS) && Strips<WIDTH, HEIGHT>::FIT;
+    WARPCAM_SHARED typename Kept<IN_STRIPS, StripPlan>::type plan;
+#endif
     WARPCAM_SHARED Camera kept_camera;
     WARPCAM_SHARED Sheets veils;
     const auto& frame = scene.frame;
@@ -301,6 +308,11 @@ WARPCAM_FN void resolve(const Scene_& scene, const Lights& lights, int index)
         const Looks& look = plane_look<KEPT>(looks, scene);
         if (thread < TEAM)
             choose_corners(list.grid, list, look, camera, region, frame, FACTS & MIRRORED, thread);
+#if defined(__CUDA_ARCH__)
+        if constexpr (IN_STRIPS)
+            if (thread == 0)
+                plan_strips(plan, list.grid, camera);
+#endif
         block_barrier();
 #if defined(__CUDA_ARCH__)
         light_corners(list.grid, list, look, thread);
@@ -316,6 +328,41 @@ WARPCAM_FN void resolve(const Scene_& scene, const Lights& lights, int index)
     const unsigned warp = unsigned(thread) / LANES;
     pixel.lane = unsigned(thread) % LANES;
     pixel.row_of_lanes = reinterpret_cast<float*>(lanes[warp]);
+    if constexpr (IN_STRIPS) {
+        using Own = Strips<WIDTH, HEIGHT>;
+        WARPCAM_SHARED Waiting<Own::EACH> lists[THREADS / LANES];
+        Waiting<Own::EACH>& waiting = lists[warp];
+        const unsigned corner = first + unsigned(top * frame.width + left);
+        unsigned rest;
+        if (!Wants::TEXTURED || list.grid.view.count == 0)
+            rest = draw_strips<false, WIDTH, HEIGHT>(plan, list.grid, frame.shape, frame.shadow, scene.images.rgb, left, top,
+                                                     corner, frame.width, warp, pixel.lane, pixel.row_of_lanes);
+        else
+            rest = draw_strips<Wants::TEXTURED, WIDTH, HEIGHT>(plan, list.grid, frame.shape, frame.shadow, scene.images.rgb,
+                                                               left, top, corner, frame.width, warp, pixel.lane,
+                                                               pixel.row_of_lanes);
+        __syncwarp();  // what one lane has stored another may store again
+        int count = 0, strip = 0;
+#pragma unroll 1
+        while (true) {
+            for (; count < LANES && strip < Own::EACH; ++strip)
+                count = waiting.add(count, strip, rest >> 4 * strip & 15u, pixel.lane);
+            if (count == 0)
+                break;
+            const int last = count - 1;
+            count = upper_int(count - LANES, 0);
+            const int number = waiting.pixels[lower_int(count + pixel.lane, last)];
+            __syncwarp();
+            const int at_strip = number / (QUAD * LANES), from = number / QUAD % LANES;
+            pixel.column = left + Own::column(warp, from) + number % QUAD;
+            pixel.row = top + Own::row(warp, from, at_strip);
+            pixel.at = first + pixel.row * frame.width + pixel.column;
+            pixel.inside = true;
+            resolve_pixel<TYPES, LENS, HELD, IMAGES, FACTS & ~QUADS>(looks, list, scene, kept_camera, veils, region, world,
+                                                                     pixel, find<TYPES, IMAGES, FACTS>(frame, pixel));
+        }
+        return;
+    }
     go_to<WIDTH, FACTS>(pixel, frame, first, left, top, warp);
     Seen next = find<TYPES, IMAGES, FACTS>(frame, pixel);
 #pragma unroll 1

@@ -60,13 +60,9 @@ template <int WIDTH, int HEIGHT> struct Strip {
     }
 };
 
-template <class Value, int COUNT> struct alignas(COUNT * sizeof(Value)) Several {
-    Value at[COUNT];
-};
-
 template <int COUNT, class Value, class Result> WARPCAM_FN void load_several(const Value* from, Result* to)
 {
-    const Several<Value, COUNT> values = *reinterpret_cast<const Several<Value, COUNT>*>(from);
+    const Several<Value, COUNT> values = several<COUNT>(from);
 #pragma unroll
     for (int k = 0; k < COUNT; ++k)
         to[k] = values.at[k];

@@ -1,0 +1,275 @@
+// A floor that is lit by its corners, drawn apart from what stands on it: a lane draws four pixels beside each other, so
+// that what a strip of 128 takes, its numbers and its stores are paid once for four tiles.
+#pragma once
+#include "floor.h"
+#include "pixels.h"
+
+namespace warpcam {
+
+#if defined(__CUDA_ARCH__)
+
+constexpr int QUAD = 4;  // pixels of a lane
+
+// A region's strips, 32 pixels wide and a tile high, dealt out to its warps: each has one column of them.
+template <int WIDTH, int HEIGHT> struct Strips {
+    static constexpr int PIXELS = QUAD * LANES, ACROSS = WIDTH / LANES, WARPS = THREADS / LANES;
+    static constexpr int EACH = WIDTH * HEIGHT / (PIXELS * WARPS);  // of a warp
+    static constexpr bool FIT = WIDTH % LANES == 0 && WARPS % ACROSS == 0 && EACH * PIXELS * WARPS == WIDTH * HEIGHT
+        && EACH * QUAD <= 32;
+
+    // Of a lane's first pixel in the region; `strip` counts those of a warp.
+    WARPCAM_FN static int column(int warp, int lane) { return warp % ACROSS * LANES + lane % TILE_WIDTH * QUAD; }
+    WARPCAM_FN static int row(int warp, int lane, int strip)
+    {
+        return (warp / ACROSS + strip * (WARPS / ACROSS)) * TILE_HEIGHT + lane / TILE_WIDTH;
+    }
+};
+
+// A plane whose corners are kept, by the numbers of pixels: what follows from these in steps.
+struct StripPlan {
+    // How fast a pixel's ray approaches the plane, and how it runs along its sides in cells, times that: changes from
+    // column to column and from row to row, and at the image's first pixel. w: bits of where the eye is [cells].
+    Row height, u, v;
+    Row texture;      // u is x * cells + y, v is z * cells + w (a float's bits)
+    Row right, down;  // steps on the texture, times the square of the height: x * row + y, z * row + w; `down` by column
+    float columns, rows;  // of what is kept
+    float coarsest;   // level of the texture
+    unsigned bias;    // of a corner's number
+    int plain;        // 1: pixels can be drawn by all of this
+};
+
+template <class Grid> WARPCAM_FN void plan_strips(StripPlan& plan, const Grid& grid, const Camera& camera)
+{
+    const FloorView& view = grid.view;
+    const bool lit = Grid::SHADOWS ? grid.few : grid.grey;
+    plan.plain = grid.shape >= 0 && lit && view.plain && (view.count == 0 || view.sheet) && grid.u.stretch == 0.0f
+        && grid.v.stretch == 0.0f;
+    const float x = image_x(camera, 0.0f), y = image_y(camera, 0.0f), dx = camera.scale_x, dy = -camera.scale_y;
+    const Row ax = view.axis_x, ay = view.axis_y, az = view.axis_z;
+    const float away = -as_float(az.w), side = away < 0.0f ? -1.0f : 1.0f;
+    const auto along = [&](const Row& axis, float scale, float eye) {
+        return Row { scale * axis.x * dx, scale * axis.y * dy, scale * (axis.x * x + axis.y * y - axis.z), as_int(eye) };
+    };
+    plan.height = along(az, side, 0.0f);
+    plan.u = along(ax, side * away * grid.u.rate, grid.u.rate * as_float(ax.w) + grid.u.start);
+    plan.v = along(ay, side * away * grid.v.rate, grid.v.rate * as_float(ay.w) + grid.v.start);
+    const float rate_u = view.place.x / grid.u.rate, rate_v = view.place.y / grid.v.rate;
+    plan.texture = { rate_u, view.place.z - rate_u * grid.u.start, rate_v,
+                     as_int(as_float(view.place.w) - rate_v * grid.v.start) };
+    // Along its own direction a step does not change these.
+    const Row right = view.right, down = view.down;
+    const float right_w = as_float(right.w), down_w = as_float(down.w);
+    plan.right = { away * dy * (right.x * az.y - right.y * ax.y),
+                   away * (right.x * (az.y * y - az.z) - right.y * (ax.y * y - ax.z)),
+                   away * dy * (right.z * az.y - right_w * ay.y),
+                   as_int(away * (right.z * (az.y * y - az.z) - right_w * (ay.y * y - ay.z))) };
+    plan.down = { away * dx * (down.x * az.x - down.y * ax.x),
+                  away * (down.x * (az.x * x - az.z) - down.y * (ax.x * x - ax.z)),
+                  away * dx * (down.z * az.x - down_w * ay.x),
+                  as_int(away * (down.z * (az.x * x - az.z) - down_w * (ay.x * x - ay.z))) };
+    plan.columns = float(grid.columns) - 1.0001f;
+    plan.rows = float(grid.rows) - 1.0001f;
+    plan.coarsest = float(view.count - 1);
+    plan.bias = unsigned(as_int(WHOLE_NUMBERS)) * unsigned(grid.columns + 1);
+}
+
+// Half the logarithm of the square of a step.
+WARPCAM_FN float step_size(const Row& steps, float at)
+{
+    const float u = steps.x * at + steps.y, v = steps.z * at + as_float(steps.w);
+    return 0.5f * logarithm2(upper(u * u + v * v, TINY));
+}
+
+// What a lane's pixels share in all rows.
+struct StripColumn {
+    float height, u, v;  // at the first one, in the image's first row
+    float down[QUAD];    // step_size()
+};
+
+WARPCAM_FN StripColumn strip_column(const StripPlan& plan, float column)
+{
+    StripColumn own { plan.height.z + column * plan.height.x, plan.u.z + column * plan.u.x,
+                      plan.v.z + column * plan.v.x };
+    for (int k = 0; k < QUAD; ++k)
+        own.down[k] = step_size(plan.down, column + float(k));
+    return own;
+}
+
+// A number of 0 to 255 in the lowest byte.
+WARPCAM_FN unsigned low_byte(float unit) { return unsigned(as_int(saturated(unit) * 255.0f + WHOLE_NUMBERS)); }
+
+WARPCAM_FN unsigned four_bytes(unsigned a, unsigned b, unsigned c, unsigned d)
+{
+    return __byte_perm(__byte_perm(a, b, 0x0040), __byte_perm(c, d, 0x0040), 0x5410);
+}
+
+// Draws four pixels of the plane; `words` are their bytes. `shadows`: the lights that do not reach them, a byte each, if
+// SHADED. False if what is kept does not reach as far.
+template <bool TEXTURED, bool SHADED, class Grid>
+WARPCAM_FN bool draw_quad(const StripPlan& plan, const Grid& grid, const StripColumn& own, float row, unsigned shadows,
+                          unsigned (&words)[3])
+{
+    constexpr int STRIDE = Grid::SHADOWS ? FEW : 1;
+    const FloorView& view = grid.view;
+    const Row height = plan.height, across_u = plan.u, across_v = plan.v;
+    const float start = own.height + row * height.y, start_u = own.u + row * across_u.y, start_v = own.v + row * across_v.y;
+    float rate[QUAD], u[QUAD], v[QUAD];
+#pragma unroll
+    for (int k = 0; k < QUAD; ++k) {
+        rate[k] = reciprocal(start + float(k) * height.x);
+        u[k] = muladd(start_u + float(k) * across_u.x, rate[k], as_float(across_u.w));
+        v[k] = muladd(start_v + float(k) * across_v.x, rate[k], as_float(across_v.w));
+    }
+    // What lies between two pixels that are among the corners is, too.
+    const bool within = (lower(rate[0], rate[3]) > 0.0f) & (lower(u[0], u[3]) >= 0.0f) & (upper(u[0], u[3]) < plan.columns)
+        & (lower(v[0], v[3]) >= 0.0f) & (upper(v[0], v[3]) < plan.rows);
+    if (!within)
+        return false;
+    const float right = TEXTURED ? step_size(plan.right, row) : 0.0f;
+    const Row texture = plan.texture;
+    unsigned bytes[QUAD][3];
+#pragma unroll
+    for (int k = 0; k < QUAD; ++k) {
+        const float base_u = __fadd_rd(u[k], WHOLE_NUMBERS), base_v = __fadd_rd(v[k], WHOLE_NUMBERS);
+        const float a = u[k] - (base_u - WHOLE_NUMBERS), b = v[k] - (base_v - WHOLE_NUMBERS);
+        const bool high = a > 1.0f - b;
+        const float second = high ? 1.0f - b : a, third = high ? 1.0f - a : b;
+        const unsigned corner = unsigned(as_int(base_v)) * unsigned(grid.columns) + unsigned(as_int(base_u)) - plan.bias;
+        const float* values = grid.values + int(corner) * STRIDE;
+        const float* at_first = values + (high ? (grid.columns + 1) * STRIDE : 0);
+        const float* at_second = values + STRIDE;
+        const float* at_third = values + grid.columns * STRIDE;
+        float light;
+        if constexpr (SHADED) {
+            alignas(16) float one[FEW], two[FEW], three[FEW];
+            load_few(at_first, one);
+            load_few(at_second, two);
+            load_few(at_third, three);
+            const unsigned shadow = shadows >> 8 * k;
+#pragma unroll
+            for (int n = 0; n < FEW; ++n) {
+                const float own_light = one[n] + second * (two[n] - one[n]) + third * (three[n] - one[n]);
+                if (n == 0)
+                    light = own_light;
+                else
+                    light -= grid.bits[n - 1] & shadow ? own_light : 0.0f;
+            }
+        } else {
+            const float one = *at_first;
+            light = one + second * (*at_second - one) + third * (*at_third - one);
+        }
+        Vec color { 1.0f, 1.0f, 1.0f };
+        if constexpr (TEXTURED) {
+            const float detail = lower(upper(2.0f * logarithm2(rate[k]) + upper(own.down[k], right), 0.0f), plan.coarsest);
+            const float base = __fadd_rd(detail, WHOLE_NUMBERS);
+            const int level = as_int(base) - as_int(WHOLE_NUMBERS);
+            color = sample_sheet(view.sheet, view.levels[level], view.levels[level + 1], texture.x * u[k] + texture.y,
+                                 texture.z * v[k] + as_float(texture.w), detail - (base - WHOLE_NUMBERS));
+        }
+        bytes[k][0] = low_byte(light * color.x);
+        bytes[k][1] = low_byte(light * color.y);
+        bytes[k][2] = low_byte(light * color.z);
+    }
+    words[0] = four_bytes(bytes[0][0], bytes[0][1], bytes[0][2], bytes[1][0]);
+    words[1] = four_bytes(bytes[1][1], bytes[1][2], bytes[2][0], bytes[2][1]);
+    words[2] = four_bytes(bytes[2][2], bytes[3][0], bytes[3][1], bytes[3][2]);
+    return true;
+}
+
+// The shapes of a lane's quad, in as many words as one has bytes: what is asked for long before it is used stays whole.
+template <class Value> WARPCAM_FN Several<unsigned, sizeof(Value)> quad_at(const Value* shapes)
+{
+    return several<sizeof(Value)>(reinterpret_cast<const unsigned*>(shapes));
+}
+
+// Which of them are a plane, a bit a pixel.
+template <int BYTES> WARPCAM_FN unsigned showing(const Several<unsigned, BYTES>& ids, int plane)
+{
+    constexpr unsigned MASK = BYTES == 4 ? ALL : (1u << 8 * (BYTES % 4)) - 1u;
+    unsigned bits = 0;
+#pragma unroll
+    for (int k = 0; k < QUAD; ++k)
+        bits |= (ids.at[k * BYTES / 4] >> k * BYTES * 8 % 32 & MASK) == (unsigned(plane) & MASK) ? 1u << k : 0u;
+    return bits;
+}
+
+// Draws what a warp's strips show of the plane. Returns which of a lane's pixels are left, four bits a strip.
+template <bool TEXTURED, int WIDTH, int HEIGHT, class Grid, class Shapes_, class Shadows_, class Image_>
+WARPCAM_FN unsigned draw_strips(const StripPlan& plan, const Grid& grid, const Shapes_& shapes, const Shadows_& shadows,
+                                const Image_& image, int left, int top, unsigned corner, int width, int warp, int lane,
+                                float* row_of_lanes)
+{
+    using Own = Strips<WIDTH, HEIGHT>;
+    if (!plan.plain)
+        return ALL;
+    const int column = Own::column(warp, lane);
+    const StripColumn own = strip_column(plan, float(left + column));
+    const unsigned first = corner + unsigned(Own::row(warp, lane, 0) * width + column);
+    const unsigned step = unsigned(Own::row(0, 0, 1) * width);
+    const auto ids_at = [&](unsigned at) { return quad_at(shapes.data + at); };
+    const auto shadows_at = [&](unsigned at) {
+        return Grid::SHADOWS ? *reinterpret_cast<const unsigned*>(shadows.data + at) : 0u;
+    };
+    // Twelve bytes of each lane, stored by sixteen.
+    const int piece_row = lane / 6, piece = lane % 6;
+    const unsigned stored = corner + unsigned((Own::row(warp, 0, 0) + piece_row) * width + Own::column(warp, 0));
+    auto ids = ids_at(first);
+    unsigned dark = shadows_at(first), all = 0;
+#pragma unroll 1
+    for (int strip = 0; strip < Own::EACH; ++strip) {
+        const unsigned on = showing(ids, grid.shape), shadow = dark;
+        if (strip + 1 < Own::EACH) {
+            ids = ids_at(first + unsigned(strip + 1) * step);
+            dark = shadows_at(first + unsigned(strip + 1) * step);
+        }
+        const float row = float(top + Own::row(warp, lane, strip));
+        unsigned words[3] = {};
+        bool drawn = false;
+        if (Grid::SHADOWS && any_lane(on && shadow)) {
+            if (on)
+                drawn = draw_quad<TEXTURED, true>(plan, grid, own, row, shadow, words);
+        } else if (on) {
+            drawn = draw_quad<TEXTURED, false>(plan, grid, own, row, 0u, words);
+        }
+        all |= (drawn ? ~on & 15u : 15u) << 4 * strip;
+        if (any_lane(drawn)) {
+            for (int n = 0; n < 3; ++n)
+                row_of_lanes[3 * lane + n] = as_float(int(words[n]));
+            __syncwarp();
+            if (lane < 24)
+                *reinterpret_cast<float4*>(image.data + 3 * size_t(stored + unsigned(strip) * step) + 16 * piece)
+                    = *reinterpret_cast<const float4*>(row_of_lanes + 4 * lane);
+            __syncwarp();
+        }
+    }
+    return all;
+}
+
+// Pixels that a warp has still to draw, by their numbers in its strips.
+template <int EACH> struct Waiting {
+    static constexpr int ROOM = QUAD * LANES + LANES;
+    unsigned short pixels[ROOM];
+
+    // Adds the pixels of a strip that lanes have left, a bit each; returns how many there are then.
+    WARPCAM_FN int add(int count, int strip, unsigned left, int lane)
+    {
+        const unsigned before = (1u << lane) - 1u;
+        int place = count;
+#pragma unroll
+        for (int k = 0; k < QUAD; ++k) {
+            const unsigned lanes = __ballot_sync(ALL, left >> k & 1);
+            place += __popc(lanes & before);
+            count += __popc(lanes);
+        }
+#pragma unroll
+        for (int k = 0; k < QUAD; ++k)
+            if (left >> k & 1)
+                pixels[place++] = static_cast<unsigned short>((strip * LANES + lane) * QUAD + k);
+        __syncwarp();
+        return count;
+    }
+};
+
+#endif
+
+}  // namespace warpcam
