@@ -35,6 +35,7 @@ def shaded_struct(shape_dtype: Any, face_dtype: Any) -> Any:
         shadow: wp.array(dtype=wp.uint8)
         width: wp.int32
         height: wp.int32
+        plane: wp.int32  # id of a plane, or -1: native/floor_shade.h
 
     return Shaded
 
@@ -113,6 +114,7 @@ def record(
     target_type = shaded_struct(shape.dtype, wp.int32 if face is None else face.dtype)
     target = target_type()
     target.mask, target.width, target.height = mask, width, height
+    target.plane = tables.first_plane
     target.depth, target.shape, target.shadow = depth.flatten(), shape.flatten(), shadow.flatten()
     if face is not None:
         target.face = face.flatten()

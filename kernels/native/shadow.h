@@ -1,6 +1,7 @@
 // Which lights reach what a view sees. Each pixel's hit point looks back at each light; the shapes that may stand
 // between a tile's points and the light are picked once for the whole tile.
 #pragma once
+#include "floor_shade.h"
 #include "kept_lights.h"
 #include "mesh_shadows.h"
 
@@ -107,6 +108,26 @@ WARPCAM_FN bool find_asking(const Target& target, size_t at, int inside, float i
     return asks;
 }
 
+// Whether the lanes' pixels of a strip all show a plane.
+template <int COUNT, class Target> WARPCAM_FN bool shows_floor(const Target& target, size_t at, int inside, int plane)
+{
+    bool all = inside >= COUNT && target.width % COUNT == 0;
+    if (all) {
+        int id[COUNT];
+        load_several<COUNT>(target.shape.data + at, id);
+#pragma unroll
+        for (int k = 0; k < COUNT; ++k)
+            all &= id[k] == plane;
+    }
+    return __all_sync(ALL, all);
+}
+
+// Whether it is told apart: see floor_shade.h.
+template <int TYPES, int LENS, int WIDTH, int HEIGHT> constexpr bool sees_floor()
+{
+    return (TYPES >> PLANE & 1) && LENS == PINHOLE && Strip<WIDTH, HEIGHT>::TILES == 4;
+}
+
 #endif
 
 // Casts the shadows of one light, as far as they come from the list's shapes, in one region: adds its bit to the masks
@@ -114,7 +135,7 @@ WARPCAM_FN bool find_asking(const Target& target, size_t at, int inside, float i
 template <int TYPES, int LENS, int WIDTH, int HEIGHT, class List, class Shapes, class Meshes, class HeightFields,
           class Target>
 WARPCAM_FN void cast_light(List& list, const Task<LENS>& task, const Shapes& shapes, const Meshes& meshes,
-                           const HeightFields& fields, const Target& target)
+                           const HeightFields& fields, const Target& target, const Floor& floor)
 {
     constexpr bool HAS_MESH = TYPES >> MESH & 1;
     const LitView<LENS>& view = task.view;
@@ -123,6 +144,10 @@ WARPCAM_FN void cast_light(List& list, const Task<LENS>& task, const Shapes& sha
     using Strips = Strip<WIDTH, HEIGHT>;
     WARPCAM_SHARED ShadowRays<HAS_MESH ? WORDS : 1> rays[HAS_MESH ? THREADS / LANES : 1];
     const int lane = threadIdx.x % LANES, warp = HAS_MESH ? threadIdx.x / LANES : 0;
+    constexpr bool ON_FLOOR = sees_floor<TYPES, LENS, WIDTH, HEIGHT>();
+    FloorShade shade_of_floor;
+    if constexpr (ON_FLOOR)
+        shade_of_floor = floor_shade(view, floor, list.bounds, task.region, lane);
     unsigned strip = 0, asking = 0;  // lanes that have found pixels in a strip's tiles, as far as these are to be done
     const auto next_tile = [&](int& found) {
         while (!asking) {
@@ -134,6 +159,14 @@ WARPCAM_FN void cast_light(List& list, const Task<LENS>& task, const Shapes& sha
             const int i = task.region.left + column, j = task.region.top + row;
             const size_t at = task.corner + unsigned(row * target.width + column);
             const int inside = j < target.height ? target.width - i : 0;
+            if constexpr (ON_FLOOR)
+                if (shade_of_floor.misses(float(task.region.left + Strips::column(strip)),
+                                          float(task.region.top + Strips::row(strip)))
+                    && shows_floor<Strips::TILES>(target, at, inside, floor.shape)) {
+                    if (task.fresh)
+                        clear_several<Strips::TILES>(target.shadow.data + at);
+                    continue;
+                }
             asking = __ballot_sync(ALL, find_asking<Strips::TILES>(target, at, inside, float(i), float(j), list, view,
                                                                    task.fresh));
             __syncwarp();  // masks that one lane clears another may write
@@ -211,6 +244,7 @@ WARPCAM_FN void cast(const Shapes& shapes, const Materials& materials, const Mes
     WARPCAM_SHARED Task<LENS> task;
     const int thread = index % THREADS, block = index / THREADS;
     const int columns = (target.width + WIDTH - 1) / WIDTH, rows = (target.height + HEIGHT - 1) / HEIGHT;
+    WARPCAM_SHARED Floor floor;
     int world;
     const int part = part_of<(TYPES >> MIDDLE_FIRST & 1) != 0>(block, columns, rows, world);
     if (!wp::index(target.mask, world))
@@ -218,6 +252,11 @@ WARPCAM_FN void cast(const Shapes& shapes, const Materials& materials, const Mes
     const Region region { part % columns * WIDTH, part / columns * HEIGHT, WIDTH, HEIGHT };
     const int total = shapes.drawn.shape[0], num_lights = lights.types.shape[1];
 
+#if defined(__CUDA_ARCH__)
+    if constexpr (sees_floor<TYPES, LENS, WIDTH, HEIGHT>())
+        if (thread == THREADS - 1)
+            floor = load_floor(shapes, load_camera(wp::index(views, world)), world, target.plane);
+#endif
     KeptLights kept = kept_lights(lights);
     bool fresh = true;
     for (int number = 0; number < num_lights; ++number) {
@@ -240,7 +279,7 @@ WARPCAM_FN void cast(const Shapes& shapes, const Materials& materials, const Mes
                                               thread);
             }
             if (list.count > 0)
-                cast_light<TYPES, LENS, WIDTH, HEIGHT>(list, task, shapes, meshes, fields, target);
+                cast_light<TYPES, LENS, WIDTH, HEIGHT>(list, task, shapes, meshes, fields, target, floor);
             fresh = fresh && list.count == 0;
         } while (begin < total);
     }
