@@ -24,17 +24,40 @@ template <class Shapes> WARPCAM_FN Floor load_floor(const Shapes& shapes, const 
                                    shape.position.z - camera.origin.z }), id };
 }
 
+// Four neighbours as they are loaded, in as many words as one has bytes.
+template <class Value> WARPCAM_FN Several<unsigned, sizeof(Value)> four_at(const Value* from)
+{
+    return several<sizeof(Value)>(reinterpret_cast<const unsigned*>(from));
+}
+
+// Whether all four are the same number.
+template <int BYTES> WARPCAM_FN bool all_are(const Several<unsigned, BYTES>& words, int number)
+{
+    const unsigned wanted = BYTES == 1 ? (unsigned(number) & 0xffu) * 0x01010101u
+        : BYTES == 2 ? (unsigned(number) & 0xffffu) * 0x00010001u : unsigned(number);
+    bool all = true;
+#pragma unroll
+    for (int k = 0; k < BYTES; ++k)
+        all &= words.at[k] == wanted;
+    return all;
+}
+
+// Strips of 32x4 pixels that a warp looks through, four bits each of which the lowest counts.
+constexpr unsigned EACH_STRIP = 0x11111111u;
+
 // The sides of a window are straight lines in the image of a plane. A lane has one of the four: by how much the pixel of a
-// strip of 32x4 that lies farthest inside of it does, times something positive; changes from column to column and from row
-// to row, and of the strip at the image's first pixel.
+// strip that lies farthest inside of it does, times something positive; changes from column to column and from row to row,
+// and of the strip at the image's first pixel.
 struct FloorShade {
     float across, down, start;
     bool known;
 
-    // Whether no caster shades the plane anywhere in the strip that begins at column i and row j.
-    WARPCAM_FN bool misses(float i, float j) const
+    // Of eight strips, four lanes each, those in which no caster shades the plane. A lane's begins at column i and row j.
+    WARPCAM_FN unsigned missed(float i, float j) const
     {
-        return __any_sync(ALL, known & (start + i * across + j * down < 0.0f));
+        unsigned outside = __ballot_sync(ALL, known & (start + i * across + j * down < 0.0f));
+        outside |= outside >> 1;
+        return (outside | outside >> 2) & EACH_STRIP;
     }
 };
 

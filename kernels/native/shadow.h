@@ -54,6 +54,11 @@ template <int WIDTH, int HEIGHT> struct Strip {
     WARPCAM_FN static int lane_row(int lane) { return lane / TILE_WIDTH; }
     WARPCAM_FN static int tile_column(int lane) { return lane_column(lane) & ~(TILE_WIDTH - 1); }
 
+    // Those that a warp has where they are dealt out: see floor_shade.h.
+    static constexpr int WARPS = THREADS / LANES, EACH = COUNT / WARPS;
+    static constexpr unsigned ALL_OF_WARP = EACH < 8 ? EACH_STRIP & ((1u << 4 * (EACH % 8)) - 1u) : EACH_STRIP;
+    WARPCAM_FN static unsigned of_warp(unsigned warp, unsigned number) { return warp + WARPS * number; }
+
     // The lanes whose pixels belong to the same tile as a lane's.
     WARPCAM_FN static unsigned lanes_of(int lane)
     {
@@ -108,24 +113,37 @@ WARPCAM_FN bool find_asking(const Target& target, size_t at, int inside, float i
     return asks;
 }
 
-// Whether the lanes' pixels of a strip all show a plane.
-template <int COUNT, class Target> WARPCAM_FN bool shows_floor(const Target& target, size_t at, int inside, int plane)
-{
-    bool all = inside >= COUNT && target.width % COUNT == 0;
-    if (all) {
-        int id[COUNT];
-        load_several<COUNT>(target.shape.data + at, id);
-#pragma unroll
-        for (int k = 0; k < COUNT; ++k)
-            all &= id[k] == plane;
-    }
-    return __all_sync(ALL, all);
-}
-
-// Whether it is told apart: see floor_shade.h.
+// Whether warps have strips of their own, of which those that show nothing but a plane are told apart: see floor_shade.h.
 template <int TYPES, int LENS, int WIDTH, int HEIGHT> constexpr bool sees_floor()
 {
-    return (TYPES >> PLANE & 1) && LENS == PINHOLE && Strip<WIDTH, HEIGHT>::TILES == 4;
+    using Strips = Strip<WIDTH, HEIGHT>;
+    return (TYPES >> PLANE & 1) && !(TYPES >> MESH & 1) && LENS == PINHOLE && Strips::TILES == 4
+        && Strips::EACH * Strips::WARPS == Strips::COUNT && Strips::EACH <= 8 && Strips::WARPS % Strips::ACROSS == 0;
+}
+
+// Which of a warp's strips show nothing but a plane. Clears the masks of all of them, in a region that the image holds.
+template <int WIDTH, int HEIGHT, class Target>
+WARPCAM_FN unsigned find_floors(const Target& target, size_t corner, int plane)
+{
+    using Strips = Strip<WIDTH, HEIGHT>;
+    constexpr int COUNT = Strips::TILES;
+    const int lane = threadIdx.x % LANES;
+    const unsigned first = Strips::of_warp(threadIdx.x / LANES, 0);
+    const size_t start = corner + unsigned((Strips::row(first) + Strips::lane_row(lane)) * target.width + Strips::column(first)
+                                           + Strips::lane_column(lane));
+    decltype(four_at(target.shape.data)) ids[Strips::EACH];
+#pragma unroll
+    for (int number = 0; number < Strips::EACH; ++number) {
+        const size_t at = start + unsigned(number * (Strips::WARPS / Strips::ACROSS * TILE_HEIGHT) * target.width);
+        ids[number] = four_at(target.shape.data + at);
+        clear_several<COUNT>(target.shadow.data + at);
+    }
+    unsigned floors = 0;
+#pragma unroll
+    for (int number = 0; number < Strips::EACH; ++number)
+        floors |= __all_sync(ALL, all_are(ids[number], plane)) ? 1u << 4 * number : 0u;
+    __syncwarp();  // masks that one lane clears another may write
+    return floors;
 }
 
 #endif
@@ -135,7 +153,7 @@ template <int TYPES, int LENS, int WIDTH, int HEIGHT> constexpr bool sees_floor(
 template <int TYPES, int LENS, int WIDTH, int HEIGHT, class List, class Shapes, class Meshes, class HeightFields,
           class Target>
 WARPCAM_FN void cast_light(List& list, const Task<LENS>& task, const Shapes& shapes, const Meshes& meshes,
-                           const HeightFields& fields, const Target& target, const Floor& floor)
+                           const HeightFields& fields, const Target& target, const Floor& floor, unsigned floors)
 {
     constexpr bool HAS_MESH = TYPES >> MESH & 1;
     const LitView<LENS>& view = task.view;
@@ -145,28 +163,31 @@ WARPCAM_FN void cast_light(List& list, const Task<LENS>& task, const Shapes& sha
     WARPCAM_SHARED ShadowRays<HAS_MESH ? WORDS : 1> rays[HAS_MESH ? THREADS / LANES : 1];
     const int lane = threadIdx.x % LANES, warp = HAS_MESH ? threadIdx.x / LANES : 0;
     constexpr bool ON_FLOOR = sees_floor<TYPES, LENS, WIDTH, HEIGHT>();
-    FloorShade shade_of_floor;
-    if constexpr (ON_FLOOR)
-        shade_of_floor = floor_shade(view, floor, list.bounds, task.region, lane);
+    unsigned todo = 0;  // a warp's own strips that are still to be looked through
+    if constexpr (ON_FLOOR) {
+        const unsigned own = Strips::of_warp(threadIdx.x / LANES, lane / 4);
+        const unsigned missed = floor_shade(view, floor, list.bounds, task.region, lane)
+                                    .missed(float(task.region.left + Strips::column(own)), float(task.region.top + Strips::row(own)));
+        todo = Strips::ALL_OF_WARP & ~(floors & missed);
+    }
     unsigned strip = 0, asking = 0;  // lanes that have found pixels in a strip's tiles, as far as these are to be done
     const auto next_tile = [&](int& found) {
         while (!asking) {
-            strip = __shfl_sync(ALL, lane == 0 ? draw_next(list.next_tile) : 0, 0);
-            if (strip >= Strips::COUNT)
-                return false;
+            if constexpr (ON_FLOOR) {
+                if (!todo)
+                    return false;
+                strip = Strips::of_warp(threadIdx.x / LANES, lowest_bit(todo) / 4);
+                todo &= todo - 1;
+            } else {
+                strip = __shfl_sync(ALL, lane == 0 ? draw_next(list.next_tile) : 0, 0);
+                if (strip >= Strips::COUNT)
+                    return false;
+            }
             const int column = Strips::column(strip) + Strips::lane_column(lane);
             const int row = Strips::row(strip) + Strips::lane_row(lane);
             const int i = task.region.left + column, j = task.region.top + row;
             const size_t at = task.corner + unsigned(row * target.width + column);
             const int inside = j < target.height ? target.width - i : 0;
-            if constexpr (ON_FLOOR)
-                if (shade_of_floor.misses(float(task.region.left + Strips::column(strip)),
-                                          float(task.region.top + Strips::row(strip)))
-                    && shows_floor<Strips::TILES>(target, at, inside, floor.shape)) {
-                    if (task.fresh)
-                        clear_several<Strips::TILES>(target.shadow.data + at);
-                    continue;
-                }
             asking = __ballot_sync(ALL, find_asking<Strips::TILES>(target, at, inside, float(i), float(j), list, view,
                                                                    task.fresh));
             __syncwarp();  // masks that one lane clears another may write
@@ -258,7 +279,17 @@ WARPCAM_FN void cast(const Shapes& shapes, const Materials& materials, const Mes
             floor = load_floor(shapes, load_camera(wp::index(views, world)), world, target.plane);
 #endif
     KeptLights kept = kept_lights(lights);
+    const size_t corner = (size_t(world) * target.height + region.top) * target.width + region.left;
     bool fresh = true;
+    unsigned floors = 0;
+#if defined(__CUDA_ARCH__)
+    if constexpr (sees_floor<TYPES, LENS, WIDTH, HEIGHT>()) {
+        if (target.width % 4 == 0 && region.left + WIDTH <= target.width && region.top + HEIGHT <= target.height) {
+            floors = find_floors<WIDTH, HEIGHT>(target, corner, target.plane);
+            fresh = false;
+        }
+    }
+#endif
     for (int number = 0; number < num_lights; ++number) {
         const int place = kept.next(lights, world, number);
         if (place < 0 || !casts(lights, world, number))
@@ -272,14 +303,13 @@ WARPCAM_FN void cast(const Shapes& shapes, const Materials& materials, const Mes
                 const Camera camera = load_camera(wp::index(views, world));
                 const LitView<LENS> own = light_view<LENS>(lights, camera, world, number);
                 if (thread == 0)
-                    task = { own, region, (size_t(world) * target.height + region.top) * target.width + region.left,
-                             world, 1u << place, fresh };
+                    task = { own, region, corner, world, 1u << place, fresh };
                 block_barrier();
                 begin = gather_casters<TYPES>(list, begin, shapes, materials, meshes, fields, own.light, camera, world,
                                               thread);
             }
             if (list.count > 0)
-                cast_light<TYPES, LENS, WIDTH, HEIGHT>(list, task, shapes, meshes, fields, target, floor);
+                cast_light<TYPES, LENS, WIDTH, HEIGHT>(list, task, shapes, meshes, fields, target, floor, floors);
             fresh = fresh && list.count == 0;
         } while (begin < total);
     }
