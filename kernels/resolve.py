@@ -160,7 +160,7 @@ def _kernel(
         module="unique",
         enable_backward=False,
         grid_stride=False,
-        launch_bounds=(THREADS, VEILED_BLOCKS if veils else _blocks(images)),
+        launch_bounds=(THREADS, VEILED_BLOCKS if veils else _blocks(images, facts)),
         module_options=native_module("resolve.h"),
     )
     def write_images(
@@ -292,10 +292,10 @@ def record(
     )
 
 
-def _blocks(images: int) -> int:
+def _blocks(images: int, facts: int) -> int:
     """Blocks that a multiprocessor is to hold, for a set of images: bounds the registers of a thread."""
     lit, albedo = images & 0b00111, images & 0b10000
-    return 5 if lit else 7 if albedo else 8
+    return (6 if facts & SPARE else 5) if lit else 7 if albedo else 8
 
 
 def is_spare(shape_types: Collection[int], num_drawn: int) -> bool:

@@ -3,6 +3,7 @@
 #pragma once
 #include "floor.h"
 #include "pixels.h"
+#include "tiles.h"
 
 namespace warpcam {
 
@@ -36,12 +37,14 @@ struct StripPlan {
     float coarsest;   // level of the texture
     unsigned bias;    // of a corner's number
     int plain;        // 1: pixels can be drawn by all of this
+    int count, next;  // of pixels that are left; of 32 of them the next that no warp has
 };
 
 template <class Grid> WARPCAM_FN void plan_strips(StripPlan& plan, const Grid& grid, const Camera& camera)
 {
     const FloorView& view = grid.view;
     const bool lit = Grid::SHADOWS ? grid.few : grid.grey;
+    plan.count = plan.next = 0;
     plan.plain = grid.shape >= 0 && lit && view.plain && (view.count == 0 || view.sheet) && grid.u.stretch == 0.0f
         && grid.v.stretch == 0.0f;
     const float x = image_x(camera, 0.0f), y = image_y(camera, 0.0f), dx = camera.scale_x, dy = -camera.scale_y;
@@ -194,35 +197,31 @@ template <int BYTES> WARPCAM_FN unsigned showing(const Several<unsigned, BYTES>&
 }
 
 // Draws what a warp's strips show of the plane. Returns which of a lane's pixels are left, four bits a strip.
-template <bool TEXTURED, int WIDTH, int HEIGHT, class Grid, class Shapes_, class Shadows_, class Image_>
-WARPCAM_FN unsigned draw_strips(const StripPlan& plan, const Grid& grid, const Shapes_& shapes, const Shadows_& shadows,
-                                const Image_& image, int left, int top, unsigned corner, int width, int warp, int lane,
-                                float* row_of_lanes)
+template <bool TEXTURED, int WIDTH, int HEIGHT, class Grid, class Frame_, class Image_>
+WARPCAM_FN unsigned draw_strips(const StripPlan& plan, const Grid& grid, const Frame_& frame, const Image_& image,
+                                const Region& region, unsigned corner, int warp, int lane, float* row_of_lanes)
 {
     using Own = Strips<WIDTH, HEIGHT>;
-    if (!plan.plain)
-        return ALL;
     const int column = Own::column(warp, lane);
-    const StripColumn own = strip_column(plan, float(left + column));
-    const unsigned first = corner + unsigned(Own::row(warp, lane, 0) * width + column);
-    const unsigned step = unsigned(Own::row(0, 0, 1) * width);
-    const auto ids_at = [&](unsigned at) { return quad_at(shapes.data + at); };
+    const StripColumn own = strip_column(plan, float(region.left + column));
+    const unsigned first = corner + unsigned(Own::row(warp, lane, 0) * frame.width + column);
+    const unsigned step = unsigned(Own::row(0, 0, 1) * frame.width);
     const auto shadows_at = [&](unsigned at) {
-        return Grid::SHADOWS ? *reinterpret_cast<const unsigned*>(shadows.data + at) : 0u;
+        return Grid::SHADOWS ? *reinterpret_cast<const unsigned*>(frame.shadow.data + at) : 0u;
     };
     // Twelve bytes of each lane, stored by sixteen.
     const int piece_row = lane / 6, piece = lane % 6;
-    const unsigned stored = corner + unsigned((Own::row(warp, 0, 0) + piece_row) * width + Own::column(warp, 0));
-    auto ids = ids_at(first);
-    unsigned dark = shadows_at(first), all = 0;
+    const unsigned stored = corner + unsigned((Own::row(warp, 0, 0) + piece_row) * frame.width + Own::column(warp, 0));
+    auto ids = quad_at(frame.shape.data + first);
+    unsigned dark = shadows_at(first), left = 0;
 #pragma unroll 1
     for (int strip = 0; strip < Own::EACH; ++strip) {
         const unsigned on = showing(ids, grid.shape), shadow = dark;
-        if (strip + 1 < Own::EACH) {
-            ids = ids_at(first + unsigned(strip + 1) * step);
+        if (strip + 1 < Own::EACH) {  // ask for the next strip's pixels before this one's are drawn
+            ids = quad_at(frame.shape.data + (first + unsigned(strip + 1) * step));
             dark = shadows_at(first + unsigned(strip + 1) * step);
         }
-        const float row = float(top + Own::row(warp, lane, strip));
+        const float row = float(region.top + Own::row(warp, lane, strip));
         unsigned words[3] = {};
         bool drawn = false;
         if (Grid::SHADOWS && any_lane(on && shadow)) {
@@ -231,7 +230,7 @@ WARPCAM_FN unsigned draw_strips(const StripPlan& plan, const Grid& grid, const S
         } else if (on) {
             drawn = draw_quad<TEXTURED, false>(plan, grid, own, row, 0u, words);
         }
-        all |= (drawn ? ~on & 15u : 15u) << 4 * strip;
+        left |= (drawn ? ~on & 15u : 15u) << 4 * strip;
         if (any_lane(drawn)) {
             for (int n = 0; n < 3; ++n)
                 row_of_lanes[3 * lane + n] = as_float(int(words[n]));
@@ -242,33 +241,80 @@ WARPCAM_FN unsigned draw_strips(const StripPlan& plan, const Grid& grid, const S
             __syncwarp();
         }
     }
-    return all;
+    return left;
 }
 
-// Pixels that a warp has still to draw, by their numbers in its strips.
-template <int EACH> struct Waiting {
-    static constexpr int ROOM = QUAD * LANES + LANES;
-    unsigned short pixels[ROOM];
-
-    // Adds the pixels of a strip that lanes have left, a bit each; returns how many there are then.
-    WARPCAM_FN int add(int count, int strip, unsigned left, int lane)
-    {
-        const unsigned before = (1u << lane) - 1u;
-        int place = count;
+// Lists the pixels that a warp's lanes have left, strip after strip; `count` is the block's.
+template <int EACH> WARPCAM_FN void list_pixels(unsigned short* list, int& count, unsigned left, int warp, int lane)
+{
+    const int total = __reduce_add_sync(ALL, __popc(left));
+    if (total == 0)
+        return;
+    int place = __shfl_sync(ALL, lane == 0 ? atomicAdd(&count, total) : 0, 0);
+    const unsigned before = (1u << lane) - 1u;
+#pragma unroll 1
+    for (int strip = 0; strip < EACH; ++strip) {
+        const unsigned mine = left >> 4 * strip & 15u;
+        if (!any_lane(mine))
+            continue;
+        int own = place;
 #pragma unroll
         for (int k = 0; k < QUAD; ++k) {
-            const unsigned lanes = __ballot_sync(ALL, left >> k & 1);
-            place += __popc(lanes & before);
-            count += __popc(lanes);
+            const unsigned lanes = __ballot_sync(ALL, mine >> k & 1u);
+            own += __popc(lanes & before);
+            place += __popc(lanes);
         }
 #pragma unroll
         for (int k = 0; k < QUAD; ++k)
-            if (left >> k & 1)
-                pixels[place++] = static_cast<unsigned short>((strip * LANES + lane) * QUAD + k);
-        __syncwarp();
-        return count;
+            if (mine >> k & 1u)
+                list[own++] = static_cast<unsigned short>(((warp * EACH + strip) * LANES + lane) * QUAD + k);
     }
-};
+}
+
+// Draws a region: the plane by strips, then what they leave, 32 pixels at once, with `draw`.
+template <bool TEXTURED, int WIDTH, int HEIGHT, class Grid, class Frame_, class Image_, class Draw>
+WARPCAM_FN void draw_by_strips(StripPlan& plan, Grid& grid, const Frame_& frame, const Image_& image, const Region& region,
+                               unsigned first, int warp, Pixel& pixel, const Draw& draw)
+{
+    using Own = Strips<WIDTH, HEIGHT>;
+    static_assert(sizeof(grid.values) >= WIDTH * HEIGHT * sizeof(unsigned short));
+    unsigned short* list = reinterpret_cast<unsigned short*>(grid.values);  // once the plane is drawn
+    const bool plain = plan.plain;
+    if (plain) {
+        const unsigned corner = first + unsigned(region.top * frame.width + region.left);
+        const unsigned left = TEXTURED && grid.view.count > 0
+            ? draw_strips<TEXTURED, WIDTH, HEIGHT>(plan, grid, frame, image, region, corner, warp, pixel.lane, pixel.row_of_lanes)
+            : draw_strips<false, WIDTH, HEIGHT>(plan, grid, frame, image, region, corner, warp, pixel.lane, pixel.row_of_lanes);
+        block_barrier();  // what is stored may be stored again, and no corner is asked for any more
+        if (threadIdx.x == 0)
+            grid.shape = -1;
+        list_pixels<Own::EACH>(list, plan.count, left, warp, pixel.lane);
+        block_barrier();
+    }
+    const int count = plain ? plan.count : WIDTH * HEIGHT;
+    pixel.inside = true;
+#pragma unroll 1
+    while (true) {
+        const int start = LANES * __shfl_sync(ALL, pixel.lane == 0 ? draw_next(plan.next) : 0, 0);
+        if (start >= count)
+            return;
+        int column, row;
+        if (plain) {
+            const int number = list[lower_int(start + pixel.lane, count - 1)], strip = number / (QUAD * LANES);
+            const int lane = number / QUAD % LANES;
+            column = Own::column(strip / Own::EACH, lane) + number % QUAD;
+            row = Own::row(strip / Own::EACH, lane, strip % Own::EACH);
+        } else {
+            const int tile = start / LANES;
+            column = tile % (WIDTH / TILE_WIDTH) * TILE_WIDTH + pixel.lane % TILE_WIDTH;
+            row = tile / (WIDTH / TILE_WIDTH) * TILE_HEIGHT + pixel.lane / TILE_WIDTH;
+        }
+        pixel.column = region.left + column;
+        pixel.row = region.top + row;
+        pixel.at = first + pixel.row * frame.width + pixel.column;
+        draw(pixel);
+    }
+}
 
 #endif
 

@@ -329,38 +329,11 @@ WARPCAM_FN void resolve(const Scene_& scene, const Lights& lights, int index)
     pixel.lane = unsigned(thread) % LANES;
     pixel.row_of_lanes = reinterpret_cast<float*>(lanes[warp]);
     if constexpr (IN_STRIPS) {
-        using Own = Strips<WIDTH, HEIGHT>;
-        WARPCAM_SHARED Waiting<Own::EACH> lists[THREADS / LANES];
-        Waiting<Own::EACH>& waiting = lists[warp];
-        const unsigned corner = first + unsigned(top * frame.width + left);
-        unsigned rest;
-        if (!Wants::TEXTURED || list.grid.view.count == 0)
-            rest = draw_strips<false, WIDTH, HEIGHT>(plan, list.grid, frame.shape, frame.shadow, scene.images.rgb, left, top,
-                                                     corner, frame.width, warp, pixel.lane, pixel.row_of_lanes);
-        else
-            rest = draw_strips<Wants::TEXTURED, WIDTH, HEIGHT>(plan, list.grid, frame.shape, frame.shadow, scene.images.rgb,
-                                                               left, top, corner, frame.width, warp, pixel.lane,
-                                                               pixel.row_of_lanes);
-        __syncwarp();  // what one lane has stored another may store again
-        int count = 0, strip = 0;
-#pragma unroll 1
-        while (true) {
-            for (; count < LANES && strip < Own::EACH; ++strip)
-                count = waiting.add(count, strip, rest >> 4 * strip & 15u, pixel.lane);
-            if (count == 0)
-                break;
-            const int last = count - 1;
-            count = upper_int(count - LANES, 0);
-            const int number = waiting.pixels[lower_int(count + pixel.lane, last)];
-            __syncwarp();
-            const int at_strip = number / (QUAD * LANES), from = number / QUAD % LANES;
-            pixel.column = left + Own::column(warp, from) + number % QUAD;
-            pixel.row = top + Own::row(warp, from, at_strip);
-            pixel.at = first + pixel.row * frame.width + pixel.column;
-            pixel.inside = true;
-            resolve_pixel<TYPES, LENS, HELD, IMAGES, FACTS & ~QUADS>(looks, list, scene, kept_camera, veils, region, world,
-                                                                     pixel, find<TYPES, IMAGES, FACTS>(frame, pixel));
-        }
+        draw_by_strips<Wants::TEXTURED, WIDTH, HEIGHT>(
+            plan, list.grid, frame, scene.images.rgb, region, first, warp, pixel, [&](const Pixel& one) {
+                resolve_pixel<TYPES, LENS, HELD, IMAGES, FACTS & ~QUADS>(looks, list, scene, kept_camera, veils, region, world,
+                                                                         one, find<TYPES, IMAGES, FACTS>(frame, one));
+            });
         return;
     }
     go_to<WIDTH, FACTS>(pixel, frame, first, left, top, warp);
