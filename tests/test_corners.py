@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 import scenes
 import warp as wp
+from warpcam.kernels import resolve, shadow, visibility
 
 import warpcam as wc
 
@@ -95,3 +96,38 @@ def test_looks_of_what_is_seen(device: wp.Device, behind: int) -> None:
         mjm = model("0 0 .1", "grey", SPOTS + seen + more, NEAR)
         images.append(pictures(mjm, device, False)[0])
     assert np.abs(images[0] - images[1]).max() <= 1
+
+
+@pytest.mark.parametrize("camera", [NEAR, HORIZON, TILTED], ids=["near", "horizon", "tilted"])
+@pytest.mark.parametrize("material", ["grey", "plain"])
+@pytest.mark.parametrize("lights", [SPOTS, SUN.replace("false", "true")], ids=["spots", "sun"])
+@pytest.mark.parametrize("shadows", [True, False])
+def test_regions(
+    device: wp.Device, monkeypatch: pytest.MonkeyPatch, shadows: bool, lights: str, material: str, camera: str
+) -> None:
+    """Strips of a region show what tiles do: those of four tiles are drawn, and looked through for shadows, at once."""
+    mjm = model("0 0 .1", material, lights, camera, 'euler="2 -3 10"')
+    images = []
+    for region in ((16, 8), (32, 16), (64, 32), (64, 64)):  # in the first there are none
+        for module in (resolve, shadow, visibility):
+            monkeypatch.setattr(module, "region_size", lambda *_, region=region, **__: region)
+        images += pictures(mjm, device, shadows, 128, 64)
+    assert images[0].std() > 10
+    for image in images[1:]:
+        assert np.abs(image - images[0]).max() <= 1
+
+
+def test_the_sky_is_no_floor(device: wp.Device) -> None:
+    """A wide view has pixels of the sky and of the floor in one strip, and shapes that hide both."""
+    sky = '<texture type="skybox" builtin="gradient" rgb1="1 0 0" rgb2="0 0 1" width="16" height="16"/>'
+    seen = []
+    for assets in ("", sky):
+        mjm = scenes.compile_xml(
+            SPOTS + HORIZON + '<geom type="plane" size="0 0 .1" material="grey"/>' + THINGS,
+            assets=TEXTURE + '<material name="grey" texture="checks"/><material name="plain"/>' + assets,
+        )
+        kept, plain = pictures(mjm, device, True, 256, 256)
+        assert np.abs(kept - plain).max() <= 1
+        seen.append(kept)
+    differ = (seen[0] != seen[1]).any(axis=-1)
+    assert 0.1 < differ.mean() < 0.9
