@@ -40,9 +40,10 @@ OUTPUTS: Mapping[str, tuple[type, int]] = {
 VEILED_BLOCKS = 4  # blocks that a multiprocessor is to hold where some shapes may be transparent
 PHYSICAL, HAS_MAPS = 1 << 12, 1 << 13  # the same
 QUADS, WHOLE_REGIONS = 1 << 4, 1 << 5  # of an image's size, there; they change nothing on a CPU
-SPARE = 1 << 6  # of a scene, there: see is_spare
+SPARE, STRIPS = 1 << 6, 1 << 7  # of a scene, there: see is_spare, has_strips
 MAX_KEPT = 256  # shapes whose looks a block can keep
 MAX_SPARE = 64  # shapes of a scene without meshes that leave room for SPARE
+MAX_STRIPS = 128  # shapes of a scene whose floors are drawn by strips
 MAX_SEEN = 512  # shapes of which it can keep the looks of those that it sees; with more it sees too many
 MIRRORED, REFLECTS, VEILED, HAZY, NOTED = 1 << 8, 1 << 9, 1 << 10, 1 << 11, 1 << 14  # facts of native/look.h
 LIT = ("rgb", "rgba", "hdr")  # what mirrors, transparent shapes and haze change
@@ -273,6 +274,7 @@ def record(
     if device.is_cuda:
         whole = width % region[0] == 0 and height % region[1] == 0
         facts |= QUADS * (width % 4 == 0) | WHOLE_REGIONS * whole
+        facts |= STRIPS * has_strips(tables.shape_types, tables.num_drawn)
     unit = -(-width // region[0]) * -(-height // region[1]) * (THREADS if device.is_cuda else 1)  # threads a world
     types = in_order(types, len(group.worlds) * unit, device)
     kernel = _kernel(types, LENSES[lens], _capacity(tables), *region, wanted, facts, frame_type, veils)
@@ -301,6 +303,11 @@ def _blocks(images: int, facts: int) -> int:
 def is_spare(shape_types: Collection[int], num_drawn: int) -> bool:
     """Whether textures are looked up on sheets and floors drawn apart: see native/look.h."""
     return PLANE in shape_types and {MESH, HEIGHT_FIELD}.isdisjoint(shape_types) and num_drawn <= MAX_SPARE
+
+
+def has_strips(shape_types: Collection[int], num_drawn: int) -> bool:
+    """Whether floors may be drawn by strips, from sheets of their textures: see native/floor_strips.h."""
+    return PLANE in shape_types and {MESH, HEIGHT_FIELD}.isdisjoint(shape_types) and num_drawn <= MAX_STRIPS
 
 
 def _capacity(tables: Tables) -> int:

@@ -19,7 +19,7 @@ from warpcam.bounds import Bounds, bounds_of
 from warpcam.checks import check_array, check_indices, check_parts
 from warpcam.errors import WarpcamError
 from warpcam.kernels.launch import Stage
-from warpcam.kernels.resolve import is_spare
+from warpcam.kernels.resolve import has_strips, is_spare
 from warpcam.kernels.tables import Tables
 from warpcam.kernels.types import (
     HEIGHT_FIELD,
@@ -68,8 +68,9 @@ class Scene:
         self._moving = tuple(index for index, mesh in enumerate(parts.meshes) if mesh.moves)
         self._height_fields = pack_height_fields(parts.height_fields, self.device)
         self._textures = pack_textures(parts.textures, self.device)
-        if is_spare({int(parts.shape_types[shape]) for shape in parts.drawn}, len(parts.drawn)):
-            self._sheets = pack_sheets(parts.textures, self._textures, self.device)
+        types, num_drawn = {int(parts.shape_types[shape]) for shape in parts.drawn}, len(parts.drawn)
+        if is_spare(types, num_drawn) or has_strips(types, num_drawn):
+            self._sheets = pack_sheets(parts.textures, self._textures, self.device, is_spare(types, num_drawn))
         parts.lend_textures(self._textures)
         self._masked = pack_masks(parts.meshes, self._textures, self._meshes, self.device)
         self._splats = self._pack_splats()

@@ -132,10 +132,10 @@ WARPCAM_FN float team_sum(float value)
 constexpr int SAMPLE_COLUMNS = 8, SAMPLE_ROWS = 16;
 
 // Chooses which corners of a plane are kept: those around what a region shows of it, and where there is no room for these
-// around what is near. A team calls it.
+// around what is near. A team calls it. `sheet`: of the plane's texture, see Textures.sheets; 0: none.
 template <class Grid, class Looks, class Frame>
 WARPCAM_FN void choose_corners(Grid& grid, const LightList& list, const Looks& look, const Camera& camera,
-                               const Region& region, const Frame& frame, bool mirrored, int lane)
+                               const Region& region, const Frame& frame, unsigned long long sheet, bool mirrored, int lane)
 {
     if (frame.plane < 0 || look.cells.u.step == 0.0f) {
         if (lane == 0)
@@ -207,7 +207,7 @@ WARPCAM_FN void choose_corners(Grid& grid, const LightList& list, const Looks& l
         }
         limit = 0.85f * far;
     }
-    list_levels(grid.view, look, lane);
+    list_levels(grid.view, look, sheet, lane);
     if (lane != 0)
         return;
     grid.u = u_axis;
@@ -295,11 +295,11 @@ WARPCAM_FN void light_corners(Grid& grid, const LightList& list, const Looks& lo
     }
 }
 
-template <class Looks> WARPCAM_FN void list_levels(FloorView& view, const Looks& look, int lane)
+template <class Looks>
+WARPCAM_FN void list_levels(FloorView& view, const Looks& look, unsigned long long sheet, int lane)
 {
     if constexpr (Looks::TEXTURED) {
         const Image& image = look.layout.image;
-        const unsigned long long sheet = Looks::ON_SHEETS ? look.layout.sheet : 0;
         if (lane == 0)
             view.sheet = sheet;
         for (int i = lane; i < lower_int(image.levels, MAX_LEVELS) + 1; i += TEAM) {

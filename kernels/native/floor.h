@@ -113,7 +113,7 @@ template <class Grid> WARPCAM_FN Vec light_from_corners(const Grid& grid, const 
 // What a pixel shows of the plane, if it is among the corners that are kept; false if not. `found` is what the trace
 // found there, `shadow_at()` the lights that do not reach it. All threads of a warp call it together. APART: where some
 // of their pixels show something else, these are left out; otherwise it then returns false for all of them.
-template <bool TEXTURED, bool APART, class Grid, class Textures, class Shadow>
+template <bool TEXTURED, bool APART, bool ON_SHEETS, class Grid, class Textures, class Shadow>
 WARPCAM_FN bool draw_floor(const Grid& grid, const Textures& textures, const Hit& found, const Shadow& shadow_at,
                            float x, float y, Vec& display)
 {
@@ -131,7 +131,7 @@ WARPCAM_FN bool draw_floor(const Grid& grid, const Textures& textures, const Hit
     const int shadow = Grid::SHADOWS ? shadow_at() : 0;
     Vec texture { 1.0f, 1.0f, 1.0f };
     if (TEXTURED && view.count > 0)
-        texture = floor_texture<APART>(view, textures.texels.data, ray, found.depth, local.x, local.y);
+        texture = floor_texture<ON_SHEETS>(view, textures.texels.data, ray, found.depth, local.x, local.y);
     display = times(light_from_corners(grid, on, shadow), texture);
     return !APART || on.inside;
 }

@@ -271,14 +271,13 @@ template <int EACH> WARPCAM_FN void list_pixels(unsigned short* list, int& count
     }
 }
 
-// Draws a region: the plane by strips, then what they leave, 32 pixels at once, with `draw`.
+// Draws a region: the plane by strips, then what they leave, 32 pixels at once, with `draw`. `list`: room for all of them,
+// which may be that of the grid's values.
 template <bool TEXTURED, int WIDTH, int HEIGHT, class Grid, class Frame_, class Image_, class Draw>
-WARPCAM_FN void draw_by_strips(StripPlan& plan, Grid& grid, const Frame_& frame, const Image_& image, const Region& region,
+WARPCAM_FN void draw_by_strips(StripPlan& plan, unsigned short* list, Grid& grid, const Frame_& frame, const Image_& image, const Region& region,
                                unsigned first, int warp, Pixel& pixel, const Draw& draw)
 {
     using Own = Strips<WIDTH, HEIGHT>;
-    static_assert(sizeof(grid.values) >= WIDTH * HEIGHT * sizeof(unsigned short));
-    unsigned short* list = reinterpret_cast<unsigned short*>(grid.values);  // once the plane is drawn
     const bool plain = plan.plain;
     if (plain) {
         const unsigned corner = first + unsigned(region.top * frame.width + region.left);

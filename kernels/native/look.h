@@ -17,6 +17,7 @@ enum Fact {
     QUADS = 16,
     WHOLE_REGIONS = 32,  // the image has no part of a region
     SPARE = 64,  // few shapes and no meshes: there is room to draw floors apart and for lookups on sheets
+    STRIPS = 128,  // floors may be drawn by strips: floor_strips.h
     PHYSICAL = 1 << 12,  // is lit as physical.h does it, else as shade.h does
     HAS_MAPS = 1 << 13,  // some material has more than the texture of its colour
     HAS_OFFSETS = 1 << 20  // textures are moved: variety.h

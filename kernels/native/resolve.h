@@ -147,7 +147,7 @@ WARPCAM_FN void resolve_pixel(const Looks* looks, const List& lights, const Scen
     Vec apart;
     Vec& floor = FACTS & SPARE ? apart : shown.display;
     if constexpr (!IS_PAINTED && lit_by_corners<List>(FACTS & HAS_SHADOWS) && !(IMAGES & (NORMALS | ALBEDO)))
-        drawn = draw_floor<Wants::TEXTURED, (FACTS & SPARE) != 0>(lights.grid, scene.textures, found, shadow, x, y, floor);
+        drawn = draw_floor<Wants::TEXTURED, (FACTS & SPARE) != 0, (FACTS & (SPARE | STRIPS)) != 0>(lights.grid, scene.textures, found, shadow, x, y, floor);
     if constexpr (IS_PAINTED)
         shown = (painted, ...);
     else if (((FACTS & SPARE) || !drawn) && (Wants::SURFACE || Wants::COLORED) && follow(hit && !drawn, found))
@@ -234,10 +234,16 @@ WARPCAM_FN void resolve(const Scene_& scene, const Lights& lights, int index)
     using Lit_ = typename Either<(CORNERS > 0), LitCorners<CORNERS, SHADOWS>, LightList>::type;
     WARPCAM_SHARED typename Either<(FACTS & PHYSICAL) != 0, LampList, Lit_>::type list;
 #if defined(__CUDA_ARCH__)
-    constexpr int BARRED = MIRRORED | REFLECTS | VEILED | HAZY | EXPOSED;
-    constexpr bool IN_STRIPS = IMAGES == RGB && (FACTS & SPARE) && (FACTS & QUADS) && (FACTS & WHOLE_REGIONS)
-        && !(FACTS & BARRED) && lit_by_corners<Lit_>(SHADOWS) && Strips<WIDTH, HEIGHT>::FIT;
+    constexpr int NEEDED = STRIPS | QUADS | WHOLE_REGIONS, BARRED = MIRRORED | REFLECTS | VEILED | HAZY | EXPOSED;
+    constexpr bool IN_STRIPS = IMAGES == RGB && (FACTS & (NEEDED | BARRED)) == NEEDED && KEPT > 0
+        && lit_by_corners<Lit_>(SHADOWS) && Strips<WIDTH, HEIGHT>::FIT;
+    constexpr int OWN_FACTS = IN_STRIPS ? FACTS & ~QUADS : FACTS & ~STRIPS;
+    constexpr bool ROOMY = CORNERS * sizeof(float) >= WIDTH * HEIGHT * sizeof(short);
     WARPCAM_SHARED typename Kept<IN_STRIPS, StripPlan>::type plan;
+    WARPCAM_SHARED unsigned short pixels_left[IN_STRIPS && !ROOMY ? WIDTH * HEIGHT : 1];
+#else
+    constexpr bool IN_STRIPS = false;
+    constexpr int OWN_FACTS = FACTS;
 #endif
     WARPCAM_SHARED Camera kept_camera;
     WARPCAM_SHARED Sheets veils;
@@ -306,8 +312,13 @@ WARPCAM_FN void resolve(const Scene_& scene, const Lights& lights, int index)
 #endif
     if constexpr (CORNERS > 0) {
         const Looks& look = plane_look<KEPT>(looks, scene);
+        unsigned long long sheet = 0;
+        if constexpr (Wants::ON_SHEETS)
+            sheet = look.layout.sheet;
+        else if constexpr (Wants::TEXTURED && IN_STRIPS)
+            sheet = sheet_of(scene.textures, look.finish.color.w);
         if (thread < TEAM)
-            choose_corners(list.grid, list, look, camera, region, frame, FACTS & MIRRORED, thread);
+            choose_corners(list.grid, list, look, camera, region, frame, sheet, FACTS & MIRRORED, thread);
 #if defined(__CUDA_ARCH__)
         if constexpr (IN_STRIPS)
             if (thread == 0)
@@ -329,10 +340,12 @@ WARPCAM_FN void resolve(const Scene_& scene, const Lights& lights, int index)
     pixel.lane = unsigned(thread) % LANES;
     pixel.row_of_lanes = reinterpret_cast<float*>(lanes[warp]);
     if constexpr (IN_STRIPS) {
+        // Where there is room they lie among the corners, which are not needed any more.
+        unsigned short* rest = ROOMY ? reinterpret_cast<unsigned short*>(list.grid.values) : pixels_left;
         draw_by_strips<Wants::TEXTURED, WIDTH, HEIGHT>(
-            plan, list.grid, frame, scene.images.rgb, region, first, warp, pixel, [&](const Pixel& one) {
-                resolve_pixel<TYPES, LENS, HELD, IMAGES, FACTS & ~QUADS>(looks, list, scene, kept_camera, veils, region, world,
-                                                                         one, find<TYPES, IMAGES, FACTS>(frame, one));
+            plan, rest, list.grid, frame, scene.images.rgb, region, first, warp, pixel, [&](const Pixel& one) {
+                resolve_pixel<TYPES, LENS, HELD, IMAGES, OWN_FACTS>(looks, list, scene, kept_camera, veils, region, world,
+                                                                             one, find<TYPES, IMAGES, FACTS>(frame, one));
             });
         return;
     }
@@ -348,10 +361,10 @@ WARPCAM_FN void resolve(const Scene_& scene, const Lights& lights, int index)
         go_to<WIDTH, FACTS>(pixel, frame, first, left, top, tile);
         if ((FACTS & WHOLE_REGIONS) || (pixel.width > 0 && pixel.height > 0)) {
             if constexpr (LENS == RAYS)
-                resolve_pixel<TYPES, LENS, HELD, IMAGES, FACTS>(looks, list, scene,
+                resolve_pixel<TYPES, LENS, HELD, IMAGES, OWN_FACTS>(looks, list, scene,
                     camera_at(kept_camera, pixel.column, pixel.row), veils, region, world, pixel, found);
             else
-                resolve_pixel<TYPES, LENS, HELD, IMAGES, FACTS>(looks, list, scene, kept_camera, veils, region, world, pixel, found);
+                resolve_pixel<TYPES, LENS, HELD, IMAGES, OWN_FACTS>(looks, list, scene, kept_camera, veils, region, world, pixel, found);
         }
     }
 #else
@@ -411,7 +424,7 @@ WARPCAM_FN void resolve(const Scene_& scene, const Lights& lights, int index)
                     resolve_pixel<TYPES, LENS, HELD, IMAGES, FACTS>(looks, list, scene,
                         camera_at(kept_camera, pixel.column, pixel.row), veils, region, world, pixel, found);
                 else
-                    resolve_pixel<TYPES, LENS, HELD, IMAGES, FACTS>(looks, list, scene, kept_camera, veils, region, world, pixel, found);
+                    resolve_pixel<TYPES, LENS, HELD, IMAGES, OWN_FACTS>(looks, list, scene, kept_camera, veils, region, world, pixel, found);
             }
     }
 #endif

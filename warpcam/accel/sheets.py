@@ -33,7 +33,9 @@ _FROM_FACE = np.array(
 )
 
 
-def pack_sheets(images: Sequence[TextureImage], textures: Textures, device: wp.Device) -> list[wp.Texture2D]:
+def pack_sheets(
+    images: Sequence[TextureImage], textures: Textures, device: wp.Device, cubes: bool = True
+) -> list[wp.Texture2D]:
     """Put images on sheets and write these into ``textures``.
 
     On a CPU there are none. What writes ``textures.texels`` later does not change them.
@@ -42,6 +44,7 @@ def pack_sheets(images: Sequence[TextureImage], textures: Textures, device: wp.D
         images: As they were packed.
         textures: What ``pack_textures`` made of them.
         device: Where they lie.
+        cubes: Whether cubes have sheets, too.
 
     Returns:
         The sheets. They go when these go, and ``textures`` must not be used after that.
@@ -54,7 +57,7 @@ def pack_sheets(images: Sequence[TextureImage], textures: Textures, device: wp.D
             width, height = int(widths[index]), int(heights[index])
             faces = 6 if image.kind == "cube" else 1
             size = (6 if faces == 1 else 48) * (width + 2) * (height + 2)
-            if faces * max(width, height) > LARGEST or size > left:
+            if faces * max(width, height) > LARGEST or size > left or (faces == 6 and not cubes):
                 continue
             left -= size
             count = faces * sum(w * h for w, h in level_sizes(width, height))
