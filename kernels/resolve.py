@@ -44,6 +44,7 @@ SPARE, STRIPS = 1 << 6, 1 << 7  # of a scene, there: see is_spare, has_strips
 MAX_KEPT = 256  # shapes whose looks a block can keep
 MAX_SPARE = 64  # shapes of a scene without meshes that leave room for SPARE
 MAX_STRIPS = 128  # shapes of a scene whose floors are drawn by strips
+MAX_CASTING = 3  # lights that cast shadows on floors that are drawn by strips: FEW in native/corners.h
 MAX_SEEN = 512  # shapes of which it can keep the looks of those that it sees; with more it sees too many
 MIRRORED, REFLECTS, VEILED, HAZY, NOTED = 1 << 8, 1 << 9, 1 << 10, 1 << 11, 1 << 14  # facts of native/look.h
 LIT = ("rgb", "rgba", "hdr")  # what mirrors, transparent shapes and haze change
@@ -274,7 +275,8 @@ def record(
     if device.is_cuda:
         whole = width % region[0] == 0 and height % region[1] == 0
         facts |= QUADS * (width % 4 == 0) | WHOLE_REGIONS * whole
-        facts |= STRIPS * has_strips(tables.shape_types, tables.num_drawn)
+        by_corners = shadow is None or tables.num_lights <= MAX_CASTING
+        facts |= STRIPS * (by_corners and has_strips(tables.shape_types, tables.num_drawn))
     unit = -(-width // region[0]) * -(-height // region[1]) * (THREADS if device.is_cuda else 1)  # threads a world
     types = in_order(types, len(group.worlds) * unit, device)
     kernel = _kernel(types, LENSES[lens], _capacity(tables), *region, wanted, facts, frame_type, veils)
@@ -297,7 +299,7 @@ def record(
 def _blocks(images: int, facts: int) -> int:
     """Blocks that a multiprocessor is to hold, for a set of images: bounds the registers of a thread."""
     lit, albedo = images & 0b00111, images & 0b10000
-    return (6 if facts & SPARE else 5) if lit else 7 if albedo else 8
+    return (6 if facts & SPARE and facts & STRIPS else 5) if lit else 7 if albedo else 8
 
 
 def is_spare(shape_types: Collection[int], num_drawn: int) -> bool:

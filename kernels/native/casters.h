@@ -65,6 +65,7 @@ template <int SIZE, bool MESHES> struct CasterList {
     float ceiling;  // CUDA: how high they reach
     int count;
     int next_tile;  // of those that are drawn with the list
+    unsigned strips;  // in place of it, see take_strip(): those that are still to be looked through
 };
 
 #if defined(__CUDA_ARCH__)

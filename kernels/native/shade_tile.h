@@ -55,23 +55,42 @@ WARPCAM_FN bool meets_box(const Record& record, const Row& aim, const Box& box, 
 
 #if defined(__CUDA_ARCH__)
 
+// What a tile's points that ask cover, and the lowest of them.
+struct TileWindow {
+    Window window;
+    float floor;
+};
+
+WARPCAM_FN TileWindow window_around(const Place& place, bool asks)
+{
+    const float u = place.beside ? -FAR_AWAY : place.u, v = place.beside ? -FAR_AWAY : place.v;
+    return { { warp_min(asks ? u : FAR_AWAY), -warp_min(asks ? place.beside ? u : -u : FAR_AWAY),
+               warp_min(asks ? v : FAR_AWAY), -warp_min(asks ? place.beside ? v : -v : FAR_AWAY) },
+             warp_min(asks ? place.height : FAR_AWAY) };
+}
+
+// Whether any caster of a list may shade a tile.
+template <class List> WARPCAM_FN bool may_shade(const List& list, const TileWindow& tile)
+{
+    bool any = false;
+    for (int slot = threadIdx.x % LANES; slot < (list.count + 31) / 32 * 32; slot += LANES)
+        any |= may_shade(list.windows[slot], list.heights[slot], tile.window, tile.floor);
+    return __any_sync(ALL, any);
+}
+
 // Is the lane's point, which the light sees at `place`, in the shadow of a caster? `open` is false in lanes that do not
 // ask; afterwards it is true in those that still do. Meshes are not tried but named in `met`, bits by slot, if the way
 // to the light leads through their boxes; true if there are any.
 template <int TYPES, int LENS, class List, class HeightFields>
 WARPCAM_FN bool shade_tile(const List& list, const LitView<LENS>& view, Vec p, const Span& span,
-                           const Place& place, bool& open, const HeightFields& fields, unsigned* met)
+                           const Place& place, const TileWindow& tile, bool& open, const HeightFields& fields, unsigned* met)
 {
     constexpr bool HAS_MESH = TYPES >> MESH & 1, HAS_FIELD = TYPES >> HEIGHT_FIELD & 1;
     const int lane = threadIdx.x % LANES, words = (list.count + 31) / 32;
     const bool distant = view.light.distant;
-    const float u = place.beside ? -FAR_AWAY : place.u, v = place.beside ? -FAR_AWAY : place.v;
-    const Window tile { warp_min(open ? u : FAR_AWAY), -warp_min(open ? place.beside ? u : -u : FAR_AWAY),
-                        warp_min(open ? v : FAR_AWAY), -warp_min(open ? place.beside ? v : -v : FAR_AWAY) };
-    const float floor = warp_min(open ? place.height : FAR_AWAY);
     bool met_any = false;
     for (int word = 0; word < words; ++word) {
-        const bool mine = may_shade(list.windows[word * 32 + lane], list.heights[word * 32 + lane], tile, floor);
+        const bool mine = may_shade(list.windows[word * 32 + lane], list.heights[word * 32 + lane], tile.window, tile.floor);
         unsigned word_met = 0;
         for (unsigned mask = __ballot_sync(ALL, mine); mask; mask &= mask - 1) {
             const int bit = lowest_bit(mask), slot = word * 32 + bit;

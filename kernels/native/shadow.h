@@ -56,6 +56,7 @@ template <int WIDTH, int HEIGHT> struct Strip {
 
     // Those that a warp has where they are dealt out: see floor_shade.h.
     static constexpr int WARPS = THREADS / LANES, EACH = COUNT / WARPS;
+    static_assert(WARPS <= 4);
     static constexpr unsigned ALL_OF_WARP = EACH < 8 ? EACH_STRIP & ((1u << 4 * (EACH % 8)) - 1u) : EACH_STRIP;
     WARPCAM_FN static unsigned of_warp(unsigned warp, unsigned number) { return warp + WARPS * number; }
 
@@ -121,6 +122,23 @@ template <int TYPES, int LENS, int WIDTH, int HEIGHT> constexpr bool sees_floor(
         && Strips::EACH * Strips::WARPS == Strips::COUNT && Strips::EACH <= 8 && Strips::WARPS % Strips::ACROSS == 0;
 }
 
+// Takes one of a block's strips, of which each is a bit: those of its four warps lie beside each other. False if there is none.
+WARPCAM_FN bool take_strip(unsigned& strips, unsigned& strip, int lane)
+{
+    unsigned bit = 0;
+    if (lane == 0)
+        for (unsigned left = *const_cast<volatile unsigned*>(&strips); left && !bit;) {
+            const unsigned lowest = left & -left;
+            bit = atomicAnd(&strips, ~lowest) & lowest;
+            left &= ~lowest;
+        }
+    bit = __shfl_sync(ALL, bit, 0);
+    if (!bit)
+        return false;
+    strip = lowest_bit(bit);
+    return true;
+}
+
 // Which of a warp's strips show nothing but a plane. Clears the masks of all of them, in a region that the image holds.
 template <int WIDTH, int HEIGHT, class Target>
 WARPCAM_FN unsigned find_floors(const Target& target, size_t corner, int plane)
@@ -163,21 +181,21 @@ WARPCAM_FN void cast_light(List& list, const Task<LENS>& task, const Shapes& sha
     WARPCAM_SHARED ShadowRays<HAS_MESH ? WORDS : 1> rays[HAS_MESH ? THREADS / LANES : 1];
     const int lane = threadIdx.x % LANES, warp = HAS_MESH ? threadIdx.x / LANES : 0;
     constexpr bool ON_FLOOR = sees_floor<TYPES, LENS, WIDTH, HEIGHT>();
-    unsigned todo = 0;  // a warp's own strips that are still to be looked through
-    if constexpr (ON_FLOOR) {
+    if constexpr (ON_FLOOR) {  // a warp finds out which of its strips are to be looked through; then all warps share them
         const unsigned own = Strips::of_warp(threadIdx.x / LANES, lane / 4);
         const unsigned missed = floor_shade(view, floor, list.bounds, task.region, lane)
                                     .missed(float(task.region.left + Strips::column(own)), float(task.region.top + Strips::row(own)));
-        todo = Strips::ALL_OF_WARP & ~(floors & missed);
+        const unsigned todo = Strips::ALL_OF_WARP & ~(floors & missed);
+        if (lane == 0 && todo)
+            atomicOr(&list.strips, todo << threadIdx.x / LANES);
+        __syncwarp();
     }
     unsigned strip = 0, asking = 0;  // lanes that have found pixels in a strip's tiles, as far as these are to be done
     const auto next_tile = [&](int& found) {
         while (!asking) {
             if constexpr (ON_FLOOR) {
-                if (!todo)
+                if (!take_strip(list.strips, strip, lane))
                     return false;
-                strip = Strips::of_warp(threadIdx.x / LANES, lowest_bit(todo) / 4);
-                todo &= todo - 1;
             } else {
                 strip = __shfl_sync(ALL, lane == 0 ? draw_next(list.next_tile) : 0, 0);
                 if (strip >= Strips::COUNT)
@@ -205,10 +223,13 @@ WARPCAM_FN void cast_light(List& list, const Task<LENS>& task, const Shapes& sha
         const Place place = place_of(view.light.distant, view.lit.point(i, j, depth));
         const bool asks = id >= 0 && may_shade(list.bounds, list.ceiling, place);
         bool open = asks;
+        const TileWindow around = window_around(place, asks);
+        if (!HAS_MESH && !may_shade(list, around))
+            return true;
         const Vec p = view.sight.point(i, j, depth);
         const Span span = span_of(view.light, view.origin, p, depth);
         unsigned met[WORDS];
-        const bool met_any = shade_tile<TYPES>(list, view, p, span, place, open, fields, met);
+        const bool met_any = shade_tile<TYPES>(list, view, p, span, place, around, open, fields, met);
         if (HAS_MESH) {
             const bool keep = open && met_any
                 && faces_light<TYPES>(shapes, meshes, task.world, id, target.face.data[at], view.light, view.origin,
@@ -298,7 +319,7 @@ WARPCAM_FN void cast(const Shapes& shapes, const Materials& materials, const Mes
         do {
             block_barrier();  // the list may still be in use
             if (thread == 0)
-                list.count = list.next_tile = 0;
+                list.count = list.next_tile = list.strips = 0;
             {
                 const Camera camera = load_camera(wp::index(views, world));
                 const LitView<LENS> own = light_view<LENS>(lights, camera, world, number);
