@@ -182,10 +182,12 @@ WARPCAM_FN void cast_light(List& list, const Task<LENS>& task, const Shapes& sha
     const int lane = threadIdx.x % LANES, warp = HAS_MESH ? threadIdx.x / LANES : 0;
     constexpr bool ON_FLOOR = sees_floor<TYPES, LENS, WIDTH, HEIGHT>();
     if constexpr (ON_FLOOR) {  // a warp finds out which of its strips are to be looked through; then all warps share them
-        const unsigned own = Strips::of_warp(threadIdx.x / LANES, lane / 4);
-        const unsigned missed = floor_shade(view, floor, list.bounds, task.region, lane)
-                                    .missed(float(task.region.left + Strips::column(own)), float(task.region.top + Strips::row(own)));
-        const unsigned todo = Strips::ALL_OF_WARP & ~(floors & missed);
+        const auto corner = [&](int number) {
+            const unsigned own = Strips::of_warp(threadIdx.x / LANES, number);
+            return Pair { float(task.region.left + Strips::column(own)), float(task.region.top + Strips::row(own)) };
+        };
+        const unsigned todo = Strips::ALL_OF_WARP
+            & ~not_shaded(list, floor_places(view, floor, task.region, lane), floors, lane, corner);
         if (lane == 0 && todo)
             atomicOr(&list.strips, todo << threadIdx.x / LANES);
         __syncwarp();
