@@ -150,16 +150,6 @@ WARPCAM_FN void mark_glass(Row& aim, const Record& record, const Shapes& shapes,
             aim.w = opacity(shapes, materials, world, id) < SOLID;
 }
 
-template <int TYPES, class List> WARPCAM_FN void put_caster(List& list, int slot, const Caster& caster)
-{
-    list.records[slot] = caster.record;
-    list.aims[slot] = caster.aim;
-    if (TYPES >> MESH & 1)
-        list.boxes[slot] = caster.box;
-    list.windows[slot] = caster.window;
-    list.heights[slot] = caster.height;
-}
-
 // Fills the list with shapes from `begin` on until it is full; returns where to go on.
 template <int TYPES, class List, class Shapes, class Materials, class Meshes, class HeightFields>
 WARPCAM_FN int gather_casters(List& list, int begin, const Shapes& shapes, const Materials& materials,
@@ -176,8 +166,13 @@ WARPCAM_FN int gather_casters(List& list, int begin, const Shapes& shapes, const
             if (prepare_caster<TYPES>(load_shape(shapes, world, id), light, camera, meshes, fields, caster)
                 && !transparent(shapes, materials, world, id)) {
                 const int slot = claimed(list.count);
-                put_caster<TYPES>(list, slot, caster);
+                list.records[slot] = caster.record;
+                list.aims[slot] = caster.aim;
                 mark_glass<TYPES>(list.aims[slot], caster.record, shapes, materials, world, id);
+                if (TYPES >> MESH & 1)
+                    list.boxes[slot] = caster.box;
+                list.windows[slot] = caster.window;
+                list.heights[slot] = caster.height;
             }
         }
         if (total > List::CAPACITY) {  // the next round may overflow the list
@@ -201,38 +196,6 @@ WARPCAM_FN int gather_casters(List& list, int begin, const Shapes& shapes, const
     block_barrier();
     return begin;
 }
-
-#if defined(__CUDA_ARCH__)
-
-// Fills the list with all shapes, of which there are 32 at most. For one warp.
-template <int TYPES, class List, class Shapes, class Materials, class Meshes, class HeightFields>
-WARPCAM_FN void gather_few(List& list, const Shapes& shapes, const Materials& materials, const Meshes& meshes,
-                           const HeightFields& fields, const Light& light, const Camera& camera, int world, int lane)
-{
-    Caster caster;
-    const bool drawn = lane < shapes.drawn.shape[0];
-    const int id = drawn ? wp::index(shapes.drawn, lane) : 0;
-    const bool counts = drawn && prepare_caster<TYPES>(load_shape(shapes, world, id), light, camera, meshes, fields, caster)
-        && !transparent(shapes, materials, world, id);
-    const unsigned lanes = __ballot_sync(ALL, counts);
-    list.windows[lane] = { FAR_AWAY, -FAR_AWAY, FAR_AWAY, -FAR_AWAY };
-    list.heights[lane] = -FAR_AWAY;
-    if (lane == 0) {
-        list.count = __popc(lanes);
-        list.next_tile = 0;
-        list.strips = 0;
-    }
-    __syncwarp();
-    if (counts) {
-        const int slot = __popc(lanes & ((1u << lane) - 1u));
-        put_caster<TYPES>(list, slot, caster);
-        mark_glass<TYPES>(list.aims[slot], caster.record, shapes, materials, world, id);
-    }
-    __syncwarp();
-    find_bounds(list);
-}
-
-#endif
 
 // Does the light shine on the side that the pixel shows, anywhere on the face whose corners are lit? True where that is
 // not known. Light that shines on the other side only adds nothing, so that its shadow does not matter. The pixel's ray

@@ -182,12 +182,10 @@ WARPCAM_FN void cast_light(List& list, const Task<LENS>& task, const Shapes& sha
     const int lane = threadIdx.x % LANES, warp = HAS_MESH ? threadIdx.x / LANES : 0;
     constexpr bool ON_FLOOR = sees_floor<TYPES, LENS, WIDTH, HEIGHT>();
     if constexpr (ON_FLOOR) {  // a warp finds out which of its strips are to be looked through; then all warps share them
-        const auto corner = [&](int number) {
-            const unsigned own = Strips::of_warp(threadIdx.x / LANES, number);
-            return Pair { float(task.region.left + Strips::column(own)), float(task.region.top + Strips::row(own)) };
-        };
-        const unsigned todo = Strips::ALL_OF_WARP
-            & ~not_shaded(list, floor_places(view, floor, task.region, lane), floors, lane, corner);
+        const unsigned own = Strips::of_warp(threadIdx.x / LANES, lane / 4);
+        const unsigned missed = floor_shade(view, floor, list.bounds, task.region, lane)
+                                    .missed(float(task.region.left + Strips::column(own)), float(task.region.top + Strips::row(own)));
+        const unsigned todo = Strips::ALL_OF_WARP & ~(floors & missed);
         if (lane == 0 && todo)
             atomicOr(&list.strips, todo << threadIdx.x / LANES);
         __syncwarp();
@@ -276,12 +274,6 @@ WARPCAM_FN void cast_light(List& list, const Task<LENS>& task, const Shapes& sha
 #endif
 }
 
-// How many lights' casters a block of a GPU lists at the same time.
-template <int TYPES, int CAPACITY> constexpr int lights_at_once()
-{
-    return THREADS > LANES && CAPACITY <= LANES && !(TYPES >> MESH & 1) ? 2 : 1;
-}
-
 // Shadows in one region of one view; the index runs as in draw(). The list is filled and used once for each light, and
 // again as often as the scene's shapes need.
 template <int TYPES, int LENS, int CAPACITY, int WIDTH, int HEIGHT, class Shapes, class Materials, class Meshes,
@@ -290,10 +282,8 @@ WARPCAM_FN void cast(const Shapes& shapes, const Materials& materials, const Mes
                      const HeightFields& fields, const Lights& lights, const Views& views, const Target& target,
                      int index)
 {
-    constexpr int TOGETHER = lights_at_once<TYPES, CAPACITY>();
-    WARPCAM_SHARED CasterList<CAPACITY, (TYPES >> MESH & 1) != 0> lists[TOGETHER];
-    WARPCAM_SHARED Task<LENS> tasks[TOGETHER];
-    auto& list = lists[0];
+    WARPCAM_SHARED CasterList<CAPACITY, (TYPES >> MESH & 1) != 0> list;
+    WARPCAM_SHARED Task<LENS> task;
     const int thread = index % THREADS, block = index / THREADS;
     const int columns = (target.width + WIDTH - 1) / WIDTH, rows = (target.height + HEIGHT - 1) / HEIGHT;
     WARPCAM_SHARED Floor floor;
@@ -321,50 +311,7 @@ WARPCAM_FN void cast(const Shapes& shapes, const Materials& materials, const Mes
         }
     }
 #endif
-    const auto prepare = [&](Task<LENS>& task, const Camera& camera, int number, int place) {
-        const LitView<LENS> own = light_view<LENS>(lights, camera, world, number);
-        if (thread % (TOGETHER > 1 ? LANES : THREADS) == 0)
-            task = { own, region, corner, world, 1u << place, fresh };
-        return own;
-    };
-#if defined(__CUDA_ARCH__)
-    // A warp lists the casters of one light, another at the same time those of the next.
-    if constexpr (TOGETHER > 1) {
-        for (int number = 0;;) {
-            int found = 0, own = -1, own_place = 0;
-            for (; number < num_lights && found < TOGETHER; ++number) {
-                const int place = kept.next(lights, world, number);
-                if (place < 0 || !casts(lights, world, number))
-                    continue;
-                if (found++ == thread / LANES) {
-                    own = number;
-                    own_place = place;
-                }
-            }
-            if (found == 0)
-                break;
-            block_barrier();  // the lists may still be in use
-            if (own >= 0) {
-                const Camera camera = load_camera(wp::index(views, world));
-                const LitView<LENS> view = prepare(tasks[thread / LANES], camera, own, own_place);
-                gather_few<TYPES>(lists[thread / LANES], shapes, materials, meshes, fields, view.light, camera, world, thread % LANES);
-            }
-            block_barrier();
-#pragma unroll 1
-            for (int n = 0; n < found; ++n) {
-                if (n > 0) {
-                    if (thread == 0)
-                        tasks[n].fresh = fresh;
-                    block_barrier();  // masks that one light has changed
-                }
-                if (lists[n].count > 0)
-                    cast_light<TYPES, LENS, WIDTH, HEIGHT>(lists[n], tasks[n], shapes, meshes, fields, target, floor, floors);
-                fresh = fresh && lists[n].count == 0;
-            }
-        }
-    }
-#endif
-    for (int number = 0; TOGETHER == 1 && number < num_lights; ++number) {
+    for (int number = 0; number < num_lights; ++number) {
         const int place = kept.next(lights, world, number);
         if (place < 0 || !casts(lights, world, number))
             continue;
@@ -375,13 +322,15 @@ WARPCAM_FN void cast(const Shapes& shapes, const Materials& materials, const Mes
                 list.count = list.next_tile = list.strips = 0;
             {
                 const Camera camera = load_camera(wp::index(views, world));
-                const LitView<LENS> own = prepare(tasks[0], camera, number, place);
+                const LitView<LENS> own = light_view<LENS>(lights, camera, world, number);
+                if (thread == 0)
+                    task = { own, region, corner, world, 1u << place, fresh };
                 block_barrier();
                 begin = gather_casters<TYPES>(list, begin, shapes, materials, meshes, fields, own.light, camera, world,
                                               thread);
             }
             if (list.count > 0)
-                cast_light<TYPES, LENS, WIDTH, HEIGHT>(list, tasks[0], shapes, meshes, fields, target, floor, floors);
+                cast_light<TYPES, LENS, WIDTH, HEIGHT>(list, task, shapes, meshes, fields, target, floor, floors);
             fresh = fresh && list.count == 0;
         } while (begin < total);
     }
