@@ -270,7 +270,7 @@ WARPCAM_FN void compose_motions(const Trail& trail, const Shapes& shapes, const 
         compose_motion<false, DEPTHS>(trail, shapes, now, then, world, shape, LENS == PINHOLE, (TYPES >> SCALED & 1) != 0,
                               (WANTED & FLOW_BRIEF) != 0, before + 4 * shape, keep ? after + 4 * shape : nullptr,
                               motions + motion_rows<false>() * (shape + 1));
-    if (thread == 0)  // of nothing, which rests
+    if (thread == THREADS - 1)  // of nothing, which rests
         put_row(motions, 3, { 0.0f, 0.0f, -1.0f }, (WANTED & FLOW_BRIEF) ? 0.0f : as_float(STILL));
 }
 
