@@ -17,16 +17,23 @@ namespace warpcam {
 constexpr int STRIP = 32;    // tiles in which a block looks for edges at once
 constexpr int ENOUGH = 256;  // pixels with edges; a block looks for more before it traces fewer
 
+// What a sample has hit.
+struct MeshHit {
+    float depth;
+    int face : 25, rank : 7;
+};
+
 // Pixels that a block smooths together.
 template <int TYPES> struct Chunk {
     static constexpr bool HAS_MESH = TYPES >> MESH & 1, HAS_FIELD = TYPES >> HEIGHT_FIELD & 1;
-    static constexpr int MOST = HAS_MESH || HAS_FIELD ? 384 : 512;
+    static constexpr int MOST = HAS_MESH ? 256 : HAS_FIELD ? 384 : 512;
 
     const unsigned short* pixels;             // 16 * the pixel's place in the region + its samples as bits
     NearBits own[MOST];                       // the shapes around
     Band meshes[HAS_MESH ? MOST : 1], fields[HAS_FIELD ? MOST : 1];
     unsigned short samples[SAMPLES * MOST];   // that are traced: 4 * the pixel's number + the sample's
     unsigned char shown[SAMPLES * MOST];      // by which of the pixels around
+    MeshHit hits[HAS_MESH ? SAMPLES * MOST : 1];  // of the samples
     int total, next;                          // of `samples`, and which comes next
 
     WARPCAM_FN int place(int pixel) const { return pixels[pixel] >> SAMPLES; }
@@ -127,13 +134,20 @@ WARPCAM_FN void trace_samples(Chunk<TYPES>& chunk, const NearShapes& list, Rays&
             = sample_ray<LENS>(camera, region.left + at % 64, region.top + at / 64, sample % SAMPLES);
         return ClippedRay<LENS> { ray, HAS_MESH ? upper(near, chunk.meshes[HAS_MESH ? pixel : 0].first) : near };
     };
-    const auto store = [&](int sample, const Hit& hit) {
+    const auto show = [&](int sample, const Hit& hit) {
         const int at = chunk.place(sample / SAMPLES), i = region.left + at % 64, j = region.top + at / 64;
         const int its = sample % SAMPLES;
         chunk.shown[sample] = static_cast<unsigned char>(
             hit.shape < 0 ? seen.beyond(i, j, its)
                           : shown_sample<TYPES, IMAGES>(seen, meshes, camera, i, j, its, hit.depth, hit.face,
                                                         list.records[hit.shape]));
+    };
+    // where there are meshes, which pixel shows a sample is asked for all of them when all are traced
+    const auto store = [&](int sample, const Hit& hit) {
+        if constexpr (HAS_MESH)
+            chunk.hits[sample] = { hit.depth, hit.face, hit.shape };
+        else
+            show(sample, hit);
     };
     const auto next_rays = [&](int& found) {
         const int first = __shfl_sync(ALL, lane == 0 ? atomicAdd(&chunk.next, LANES) : 0, 0);
@@ -178,6 +192,12 @@ WARPCAM_FN void trace_samples(Chunk<TYPES>& chunk, const NearShapes& list, Rays&
     };
     if constexpr (HAS_MESH) {
         trace_rays<TYPES>(waiting, Ranked { list.records, {}, list.count }, meshes, near, next_rays, ray_of, store);
+        block_barrier();
+        for (int k = threadIdx.x; k < chunk.total; k += THREADS) {
+            const int sample = chunk.samples[k];
+            const MeshHit& hit = chunk.hits[sample];
+            show(sample, Hit { hit.depth, hit.rank, hit.face });
+        }
     } else {
         int none;
         while (next_rays(none)) { }
