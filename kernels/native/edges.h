@@ -58,25 +58,68 @@ struct Band {
 
 constexpr Band NOWHERE { FAR_AWAY, -FAR_AWAY };
 
-// What a view has found in the centres of its pixels.
-template <int LENS, class Target> struct Seen {
+template <class Pointer> struct Pointee;
+template <class T> struct Pointee<T*> {
+    using type = T;
+};
+
+// A pixel's colour of 8 bits a channel; alpha is 0 where only rgb is smoothed.
+template <int IMAGES, class Target> WARPCAM_FN unsigned load_bytes(const Target& target, unsigned pixel)
+{
+    constexpr int CHANNELS = IMAGES & SMOOTH_RGBA ? 4 : 3;  // the first three are the same in both
+    const unsigned char* image = (IMAGES & SMOOTH_RGBA ? target.rgba : target.rgb).data + CHANNELS * size_t(pixel);
+    unsigned bytes = 0;
+    for (int k = 0; k < CHANNELS; ++k)
+        bytes |= unsigned(image[k]) << 8 * k;
+    return bytes;
+}
+
+// By how much two such colours differ in the channel where they do most.
+WARPCAM_FN int most_apart(unsigned one, unsigned other)
+{
+    int most = 0;
+    for (int k = 0; k < 4; ++k) {
+        const int rise = int(one >> 8 * k & 255) - int(other >> 8 * k & 255);
+        most = upper_int(most, rise < 0 ? -rise : rise);
+    }
+    return most;
+}
+
+// What a view has found in the centres of its pixels, as its images have it. A pixel is an index into them.
+template <class Target> struct ImageCentres {
     const Target& target;
     unsigned first;  // the view's first pixel
-    float scale_x, scale_y;  // width and height of a pixel, at a depth of 1 m or everywhere [m]
 
     WARPCAM_FN unsigned at(int i, int j) const { return first + unsigned(j * target.width + i); }
-    WARPCAM_FN bool inside(int i, int j) const { return i >= 0 && i < target.width && j >= 0 && j < target.height; }
+    WARPCAM_FN unsigned line() const { return unsigned(target.width); }
+    WARPCAM_FN unsigned of_images(unsigned pixel) const { return pixel; }
     WARPCAM_FN int shape(unsigned pixel) const { return target.shape.data[pixel]; }
     WARPCAM_FN float depth(unsigned pixel) const { return target.depth.data[pixel]; }
+    template <int IMAGES> WARPCAM_FN unsigned bytes(unsigned pixel) const { return load_bytes<IMAGES>(target, pixel); }
 
-    // The nearest pixel of the image.
-    WARPCAM_FN unsigned near(int i, int j) const
+    WARPCAM_FN bool shows(int i, int j, int shape_) const
     {
-        return at(i < 0 ? 0 : lower_int(i, target.width - 1), j < 0 ? 0 : lower_int(j, target.height - 1));
+        const bool inside = i >= 0 && i < target.width && j >= 0 && j < target.height;
+        return inside & (shape(inside ? at(i, j) : first) == shape_);
     }
 
-    // The same for one of the nine pixels around, row after row.
-    WARPCAM_FN unsigned around(int i, int j, int k) const { return near(i + k % 3 - 1, j + k / 3 - 1); }
+    // One of the nine pixels around one, row after row: the nearest of the image.
+    WARPCAM_FN unsigned around(int i, int j, int k) const
+    {
+        const int column = i + k % 3 - 1, row = j + k / 3 - 1;
+        return at(column < 0 ? 0 : lower_int(column, target.width - 1), row < 0 ? 0 : lower_int(row, target.height - 1));
+    }
+};
+
+// The same with what the samples of its pixels show. `Centres` has the pixels: see ImageCentres.
+template <int LENS, class Centres> struct Seen {
+    const Centres& centres;
+    float scale_x, scale_y;  // width and height of a pixel, at a depth of 1 m or everywhere [m]
+
+    WARPCAM_FN unsigned at(int i, int j) const { return centres.at(i, j); }
+    WARPCAM_FN int shape(unsigned pixel) const { return centres.shape(pixel); }
+    WARPCAM_FN float depth(unsigned pixel) const { return centres.depth(pixel); }
+    WARPCAM_FN unsigned around(int i, int j, int k) const { return centres.around(i, j, k); }
 
     // Are three pixels in a row not on one plane? Of a plane 1 / depth is linear in a pinhole's image.
     WARPCAM_FN bool turns(unsigned before, unsigned here, unsigned after, float scale) const
@@ -97,21 +140,15 @@ template <int LENS, class Target> struct Seen {
     // By how many levels the colours of two pixels differ, in the channel where they do most.
     template <int IMAGES> WARPCAM_FN float gap(unsigned one, unsigned other) const
     {
-        constexpr int CHANNELS = IMAGES & SMOOTH_RGBA ? 4 : 3;  // the first three are the same in both
         float most = 0.0f;
-        if (IMAGES & SMOOTH_HDR)
+        if (IMAGES & SMOOTH_HDR) {
+            const float* image = centres.target.hdr.data;
+            const size_t a = 3 * size_t(centres.of_images(one)), b = 3 * size_t(centres.of_images(other));
             for (int k = 0; k < 3; ++k)
-                most = upper(most, 255.0f
-                                 * magnitude(target.hdr.data[3 * size_t(one) + k] - target.hdr.data[3 * size_t(other) + k]));
-        if (IMAGES & (SMOOTH_RGB | SMOOTH_RGBA)) {
-            const unsigned char* image = IMAGES & SMOOTH_RGBA ? target.rgba.data : target.rgb.data;
-            int levels = 0;
-            for (int k = 0; k < CHANNELS; ++k) {
-                const int rise = int(image[CHANNELS * size_t(other) + k]) - int(image[CHANNELS * size_t(one) + k]);
-                levels = upper_int(levels, rise < 0 ? -rise : rise);
-            }
-            most = upper(most, float(levels));
+                most = upper(most, 255.0f * magnitude(image[a + k] - image[b + k]));
         }
+        if (IMAGES & (SMOOTH_RGB | SMOOTH_RGBA))
+            most = upper(most, float(most_apart(centres.template bytes<IMAGES>(one), centres.template bytes<IMAGES>(other))));
         return most;
     }
 
@@ -124,9 +161,9 @@ template <int LENS, class Target> struct Seen {
     template <int IMAGES, class HasSides>
     WARPCAM_FN unsigned edge(int i, int j, const HasSides& has_sides) const
     {
-        const unsigned pixel = at(i, j), line = unsigned(target.width);
-        const bool has_left = i > 0, has_right = i + 1 < target.width;
-        const bool has_up = j > 0, has_down = j + 1 < target.height;
+        const unsigned pixel = at(i, j), line = centres.line();
+        const bool has_left = i > 0, has_right = i + 1 < centres.target.width;
+        const bool has_up = j > 0, has_down = j + 1 < centres.target.height;
         const unsigned west = has_left ? pixel - 1 : pixel, east = has_right ? pixel + 1 : pixel;
         const unsigned above = has_up ? line : 0, below = has_down ? line : 0;
         // the pixels around, from the one below on by way of the left: as bits, too
@@ -196,8 +233,7 @@ template <int LENS, class Target> struct Seen {
 #pragma unroll
         for (int k = 0; k < 9; ++k) {
             const Place at_k = aside(k);
-            const bool there = inside(i + at_k.right, j + at_k.down);
-            left |= unsigned(there & (shape(there ? at(i + at_k.right, j + at_k.down) : at(i, j)) == hit_shape)) << k;
+            left |= unsigned(centres.shows(i + at_k.right, j + at_k.down, hit_shape)) << k;
         }
         const auto cost_of = [&](const Place& at_k) {
             const float right = float(at_k.right) - offset.right, down = float(at_k.down) - offset.down;

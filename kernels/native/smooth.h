@@ -9,6 +9,7 @@
 #include "mesh_queue.h"
 #include "near_shapes.h"
 #include "smooth_cpu.h"
+#include "window.h"
 
 namespace warpcam {
 
@@ -26,7 +27,7 @@ struct MeshHit {
 // Pixels that a block smooths together.
 template <int TYPES> struct Chunk {
     static constexpr bool HAS_MESH = TYPES >> MESH & 1, HAS_FIELD = TYPES >> HEIGHT_FIELD & 1;
-    static constexpr int MOST = HAS_MESH ? 256 : HAS_FIELD ? 384 : 512;
+    static constexpr int MOST = HAS_MESH ? 256 : HAS_FIELD ? 384 : 256;
 
     const unsigned short* pixels;             // 16 * the pixel's place in the region + its samples as bits
     NearBits own[MOST];                       // the shapes around
@@ -77,9 +78,9 @@ WARPCAM_FN void trace_own(const Record* records, unsigned walked, unsigned own, 
 }
 
 // Finds what may be hit by the samples of a pixel whose shapes are listed, and lists these samples.
-template <int TYPES, int LENS, class Target>
+template <int TYPES, int LENS, class Centres>
 WARPCAM_FN void list_samples(Chunk<TYPES>& chunk, int pixel, const NearShapes& list, const Camera& camera,
-                             const Seen<LENS, Target>& seen, const Region& region)
+                             const Seen<LENS, Centres>& seen, const Region& region)
 {
     const int place = chunk.place(pixel), i = region.left + place % 64, j = region.top + place / 64;
     NearBits own {};
@@ -120,9 +121,9 @@ WARPCAM_FN void list_samples(Chunk<TYPES>& chunk, int pixel, const NearShapes& l
 }
 
 // Traces the samples of a chunk; each warp takes 32 at a time.
-template <int TYPES, int LENS, int IMAGES, class Rays, class Meshes, class HeightFields, class Target>
+template <int TYPES, int LENS, int IMAGES, class Rays, class Meshes, class HeightFields, class Centres>
 WARPCAM_FN void trace_samples(Chunk<TYPES>& chunk, const NearShapes& list, Rays& waiting, const Meshes& meshes,
-                              const HeightFields& fields, const Camera& camera, const Seen<LENS, Target>& seen,
+                              const HeightFields& fields, const Camera& camera, const Seen<LENS, Centres>& seen,
                               const Region& region)
 {
     constexpr bool HAS_MESH = Chunk<TYPES>::HAS_MESH, HAS_FIELD = Chunk<TYPES>::HAS_FIELD;
@@ -205,11 +206,9 @@ WARPCAM_FN void trace_samples(Chunk<TYPES>& chunk, const NearShapes& list, Rays&
 }
 
 // Smooths the edges of a region.
-template <int TYPES, int LENS, int WIDTH, int HEIGHT, int IMAGES, class Shapes, class Meshes, class HeightFields,
-          class Target>
+template <int TYPES, int LENS, int IMAGES, class Shapes, class Meshes, class HeightFields, class Centres>
 WARPCAM_FN void smooth_region(const Shapes& shapes, const Meshes& meshes, const HeightFields& fields,
-                              const Target& target, const Camera& camera, const Seen<LENS, Target>& seen,
-                              const Region& region, int world)
+                              const Centres& centres, const Camera& camera, const Region& region, int world)
 {
     constexpr bool HAS_MESH = TYPES >> MESH & 1;
     constexpr int WARPS = THREADS / LANES;
@@ -218,6 +217,8 @@ WARPCAM_FN void smooth_region(const Shapes& shapes, const Meshes& meshes, const 
     WARPCAM_SHARED Chunk<TYPES> chunk;
     WARPCAM_SHARED NearShapes list;
     WARPCAM_SHARED AnyMeshRays<NEAR_WORDS> waiting[HAS_MESH ? WARPS : 1];
+    const Seen<LENS, Centres> seen { centres, pixel_width<LENS>(camera), camera.scale_y };
+    const auto& target = centres.target;
     const int lane = threadIdx.x % LANES, warp = threadIdx.x / LANES;
     const auto sided = [&](int shape) { return has_sides<TYPES>(shapes, shape); };
     const int across = region.width / TILE_WIDTH, tiles = across * (region.height / TILE_HEIGHT);
@@ -233,7 +234,7 @@ WARPCAM_FN void smooth_region(const Shapes& shapes, const Meshes& meshes, const 
                 const bool inside = i < target.width && j < target.height;
                 const unsigned samples = inside ? seen.template edge<IMAGES>(i, j, sided) : 0;
                 if (inside)
-                    target.edges.data[seen.at(i, j)] = samples != 0;
+                    target.edges.data[seen.centres.of_images(seen.at(i, j))] = samples != 0;
                 const unsigned found = __ballot_sync(ALL, samples != 0);
                 if (found) {
                     const int begin = __shfl_sync(ALL, lane == 0 ? atomicAdd(&count, __popc(found)) : 0, 0);
@@ -285,10 +286,28 @@ WARPCAM_FN void smooth_region(const Shapes& shapes, const Meshes& meshes, const 
                 unsigned by[SAMPLES];
                 for (int sample = 0; sample < SAMPLES; ++sample)
                     by[sample] = seen.around(i, j, chunk.shown[SAMPLES * k + sample]);
-                put_means<IMAGES>(target, seen.at(i, j), by);
+                put_means<IMAGES>(seen.centres, seen.at(i, j), by);
             }
             block_barrier();
         }
+    }
+}
+
+// The same with what the trace has found kept in shared memory, where little else has to lie there.
+template <int TYPES, int LENS, int WIDTH, int HEIGHT, int IMAGES, class Shapes, class Meshes, class HeightFields,
+          class Target>
+WARPCAM_FN void smooth_region(const Shapes& shapes, const Meshes& meshes, const HeightFields& fields,
+                              const Target& target, const Camera& camera, const Region& region, int world)
+{
+    if constexpr (TYPES >> MESH & 1 || TYPES >> HEIGHT_FIELD & 1) {
+        const ImageCentres<Target> centres { target, unsigned(world) * target.height * target.width };
+        smooth_region<TYPES, LENS, IMAGES>(shapes, meshes, fields, centres, camera, region, world);
+    } else {
+        WARPCAM_SHARED WindowRoom<Target, IMAGES, WIDTH, HEIGHT> room;
+        const Window<Target, IMAGES, WIDTH, HEIGHT> window { room, target, region.left - 1, region.top - 1,
+                                                             unsigned(world) * target.height * target.width };
+        window.load();
+        smooth_region<TYPES, LENS, IMAGES>(shapes, meshes, fields, window, camera, region, world);
     }
 }
 
@@ -308,9 +327,7 @@ WARPCAM_FN void smooth(const Shapes& shapes, const Meshes& meshes, const HeightF
     if (index % THREADS == 0)
         camera = load_camera(wp::index(views, world));
     block_barrier();
-    const Seen<LENS, Target> seen { target, unsigned(world) * target.height * target.width, pixel_width<LENS>(camera),
-                                    camera.scale_y };
-    smooth_region<TYPES, LENS, WIDTH, HEIGHT, IMAGES>(shapes, meshes, fields, target, camera, seen, region, world);
+    smooth_region<TYPES, LENS, WIDTH, HEIGHT, IMAGES>(shapes, meshes, fields, target, camera, region, world);
 }
 
 }  // namespace warpcam
