@@ -58,11 +58,6 @@ struct Band {
 
 constexpr Band NOWHERE { FAR_AWAY, -FAR_AWAY };
 
-template <class Pointer> struct Pointee;
-template <class T> struct Pointee<T*> {
-    using type = T;
-};
-
 // A pixel's colour of 8 bits a channel; alpha is 0 where only rgb is smoothed.
 template <int IMAGES, class Target> WARPCAM_FN unsigned load_bytes(const Target& target, unsigned pixel)
 {
@@ -74,25 +69,46 @@ template <int IMAGES, class Target> WARPCAM_FN unsigned load_bytes(const Target&
     return bytes;
 }
 
-// By how much two such colours differ in the channel where they do most.
-WARPCAM_FN int most_apart(unsigned one, unsigned other)
+// Whether two such colours differ by more than so many levels in any channel.
+WARPCAM_FN bool bytes_differ(unsigned one, unsigned other, int levels)
 {
-    int most = 0;
-    for (int k = 0; k < 4; ++k) {
-        const int rise = int(one >> 8 * k & 255) - int(other >> 8 * k & 255);
-        most = upper_int(most, rise < 0 ? -rise : rise);
-    }
-    return most;
+    // two channels at once, in 16 bits each: 256 and what one has more than the other, then the highest bit is set if
+    // that is above the range, or not below it
+    constexpr unsigned EVERY_OTHER = 0x00ff00ff, BOTH = 0x00010001, HIGHEST = 0x80008000;
+    const unsigned even = ((one & EVERY_OTHER) | 256 * BOTH) - (other & EVERY_OTHER);
+    const unsigned odd = ((one >> 8 & EVERY_OTHER) | 256 * BOTH) - (other >> 8 & EVERY_OTHER);
+    const unsigned above = BOTH * unsigned(0x7fff - 256 - levels), from = BOTH * unsigned(0x8000 - 256 + levels);
+    return (((even + above) | (odd + above) | ~(even + from) | ~(odd + from)) & HIGHEST) != 0;
 }
+
+// A pixel's colour in the images.
+template <int IMAGES> struct Colour {
+    unsigned bytes;
+    float hdr[3];
+
+    // By more than so many levels of 255 in any channel?
+    WARPCAM_FN bool differs(const Colour& other, int levels) const
+    {
+        bool found = false;
+        for (int k = 0; k < 3 && (IMAGES & SMOOTH_HDR); ++k)
+            found |= 255.0f * magnitude(hdr[k] - other.hdr[k]) > float(levels);
+        if (IMAGES & (SMOOTH_RGB | SMOOTH_RGBA))
+            found |= bytes_differ(bytes, other.bytes, levels);
+        return found;
+    }
+};
 
 // What a view has found in the centres of its pixels, as its images have it. A pixel is an index into them.
 template <class Target> struct ImageCentres {
+    static constexpr bool BORDERED = false;  // there are no pixels outside of the image
+
     const Target& target;
     unsigned first;  // the view's first pixel
 
     WARPCAM_FN unsigned at(int i, int j) const { return first + unsigned(j * target.width + i); }
     WARPCAM_FN unsigned line() const { return unsigned(target.width); }
     WARPCAM_FN unsigned of_images(unsigned pixel) const { return pixel; }
+    WARPCAM_FN unsigned of_images(int i, int j) const { return at(i, j); }
     WARPCAM_FN int shape(unsigned pixel) const { return target.shape.data[pixel]; }
     WARPCAM_FN float depth(unsigned pixel) const { return target.depth.data[pixel]; }
     template <int IMAGES> WARPCAM_FN unsigned bytes(unsigned pixel) const { return load_bytes<IMAGES>(target, pixel); }
@@ -137,19 +153,15 @@ template <int LENS, class Centres> struct Seen {
             | unsigned((ring & 0x30) != 0) << 3;
     }
 
-    // By how many levels the colours of two pixels differ, in the channel where they do most.
-    template <int IMAGES> WARPCAM_FN float gap(unsigned one, unsigned other) const
+    template <int IMAGES> WARPCAM_FN Colour<IMAGES> colour(unsigned pixel) const
     {
-        float most = 0.0f;
-        if (IMAGES & SMOOTH_HDR) {
-            const float* image = centres.target.hdr.data;
-            const size_t a = 3 * size_t(centres.of_images(one)), b = 3 * size_t(centres.of_images(other));
+        Colour<IMAGES> found {};
+        if (IMAGES & SMOOTH_HDR)
             for (int k = 0; k < 3; ++k)
-                most = upper(most, 255.0f * magnitude(image[a + k] - image[b + k]));
-        }
+                found.hdr[k] = centres.target.hdr.data[3 * size_t(centres.of_images(pixel)) + k];
         if (IMAGES & (SMOOTH_RGB | SMOOTH_RGBA))
-            most = upper(most, float(most_apart(centres.template bytes<IMAGES>(one), centres.template bytes<IMAGES>(other))));
-        return most;
+            found.bytes = centres.template bytes<IMAGES>(pixel);
+        return found;
     }
 
     // Which of the pixel's samples may hit what its centre does not, by bit. A pixel has an edge if one of its four
@@ -164,8 +176,9 @@ template <int LENS, class Centres> struct Seen {
         const unsigned pixel = at(i, j), line = centres.line();
         const bool has_left = i > 0, has_right = i + 1 < centres.target.width;
         const bool has_up = j > 0, has_down = j + 1 < centres.target.height;
-        const unsigned west = has_left ? pixel - 1 : pixel, east = has_right ? pixel + 1 : pixel;
-        const unsigned above = has_up ? line : 0, below = has_down ? line : 0;
+        constexpr bool BORDERED = Centres::BORDERED;
+        const unsigned west = BORDERED || has_left ? pixel - 1 : pixel, east = BORDERED || has_right ? pixel + 1 : pixel;
+        const unsigned above = BORDERED || has_up ? line : 0, below = BORDERED || has_down ? line : 0;
         // the pixels around, from the one below on by way of the left: as bits, too
         const unsigned ring[8] { pixel + below, west + below, west, west - above, pixel - above, east - above, east,
                                  east + below };
@@ -187,16 +200,17 @@ template <int LENS, class Centres> struct Seen {
             samples = EVERY_SAMPLE;
         }
         if (samples || sided) {
-            unsigned differ = 0, differ_much = 0;
+            const Colour<IMAGES> its = colour<IMAGES>(pixel);
+            unsigned gaps = 0, wide_gaps = 0;
 #pragma unroll
             for (int k = 0; k < 8; ++k) {
-                const float found = gap<IMAGES>(pixel, ring[k]);
-                differ |= unsigned(found > float(within ? FAINT_WITHIN : FAINT)) << k;
-                differ_much |= unsigned(found > float(FAINT_SIDES)) << k;
+                const Colour<IMAGES> beside = colour<IMAGES>(ring[k]);
+                gaps |= unsigned(its.differs(beside, within ? FAINT_WITHIN : FAINT)) << k;
+                wide_gaps |= unsigned(its.differs(beside, FAINT_SIDES)) << k;
             }
-            samples &= of_pairs(differ | (differ >> 1) | differ << 7);
+            samples &= of_pairs(gaps | gaps >> 1 | gaps << 7);
             if (sided)  // of which two may meet in the triangle
-                samples |= of_pairs(differ_much) & ~of_pairs(other);
+                samples |= of_pairs(wide_gaps) & ~of_pairs(other);
         }
         return samples;
     }
@@ -229,45 +243,47 @@ template <int LENS, class Centres> struct Seen {
             const int farther = int(FARTHER >> 2 * k & 3) - 1, other = int(OTHER >> 2 * k & 3) - 1;
             return Place { x * (upright ? other : farther), y * (upright ? farther : other) };
         };
+        const auto number = [](const Place& place) { return 3 * (place.down + 1) + place.right + 1; };
         unsigned left = 0;  // those that show the shape, by number
 #pragma unroll
         for (int k = 0; k < 9; ++k) {
             const Place at_k = aside(k);
             left |= unsigned(centres.shows(i + at_k.right, j + at_k.down, hit_shape)) << k;
         }
-        const auto cost_of = [&](const Place& at_k) {
-            const float right = float(at_k.right) - offset.right, down = float(at_k.down) - offset.down;
-            float cost = right * right + down * down;
-            const unsigned pixel = at(i + at_k.right, j + at_k.down);
-            return cost + apart(pixel, hit_depth) + turned(i + at_k.right, j + at_k.down, pixel);
-        };
-        const auto number = [](const Place& place) { return 3 * (place.down + 1) + place.right + 1; };
         if (!left)
             return ITSELF;
-        Place best_at = aside(lowest_bit(left));
-        int found = number(best_at);
         if (!sided)
-            return found;
-        unsigned chosen = at(i + best_at.right, j + best_at.down);
+            return number(aside(lowest_bit(left)));
+
+        const auto pixel_of = [&](const Place& place) { return at(i + place.right, j + place.down); };
+        const auto apart_from = [&](const Place& place) {
+            const float right = float(place.right) - offset.right, down = float(place.down) - offset.down;
+            return right * right + down * down;
+        };
+        const auto cost_of = [&](const Place& place) {
+            return apart_from(place) + apart(pixel_of(place), hit_depth)
+                + turned(i + place.right, j + place.down, pixel_of(place));
+        };
+        Place best_at = aside(lowest_bit(left));
+        Colour<IMAGES> chosen = colour<IMAGES>(pixel_of(best_at));
         float best = FAR_AWAY;  // not known before some other pixel has another colour
         for (left &= left - 1; left; left &= left - 1) {
-            const Place at_k = aside(lowest_bit(left));
-            const float right = float(at_k.right) - offset.right, down = float(at_k.down) - offset.down;
-            const unsigned pixel = at(i + at_k.right, j + at_k.down);
-            if (!(gap<IMAGES>(chosen, pixel) > float(FAINT)))
+            const Place place = aside(lowest_bit(left));
+            if (apart_from(place) >= best)
+                break;
+            const Colour<IMAGES> its = colour<IMAGES>(pixel_of(place));
+            if (!chosen.differs(its, FAINT))
                 continue;
             if (best == FAR_AWAY)
                 best = cost_of(best_at);
-            if (right * right + down * down >= best)
-                break;
-            const float cost = cost_of(at_k);
+            const float cost = cost_of(place);
             if (cost < best) {
                 best = cost;
-                chosen = pixel;
-                found = number(at_k);
+                chosen = its;
+                best_at = place;
             }
         }
-        return found;
+        return number(best_at);
     }
 };
 

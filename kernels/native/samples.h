@@ -8,12 +8,12 @@ namespace warpcam {
 // Rows of a region are 64 pixels apart in a pixel's place.
 WARPCAM_FN int place_of(const Region& region, int i, int j) { return (j - region.top) * 64 + (i - region.left); }
 
-// Writes a pixel's means, of the pixels that its samples show; they become the image's when all of them are known.
+// Writes the means of the pixels that a pixel's samples show, at its index in the images; they become the images' when all
+// of them are known.
 template <int IMAGES, class Centres>
-WARPCAM_FN void put_means(const Centres& centres, unsigned pixel, const unsigned (&shown)[SAMPLES])
+WARPCAM_FN void put_means(const Centres& centres, size_t at, const unsigned (&shown)[SAMPLES])
 {
     const auto& target = centres.target;
-    const size_t at = centres.of_images(pixel);
     if (IMAGES & (SMOOTH_RGB | SMOOTH_RGBA)) {
         constexpr unsigned EVERY_OTHER = 0x00ff00ff;
         unsigned even = 0x00020002, odd = 0x00020002;  // half of four, rounding up

@@ -234,7 +234,7 @@ WARPCAM_FN void smooth_region(const Shapes& shapes, const Meshes& meshes, const 
                 const bool inside = i < target.width && j < target.height;
                 const unsigned samples = inside ? seen.template edge<IMAGES>(i, j, sided) : 0;
                 if (inside)
-                    target.edges.data[seen.centres.of_images(seen.at(i, j))] = samples != 0;
+                    target.edges.data[seen.centres.of_images(i, j)] = samples != 0;
                 const unsigned found = __ballot_sync(ALL, samples != 0);
                 if (found) {
                     const int begin = __shfl_sync(ALL, lane == 0 ? atomicAdd(&count, __popc(found)) : 0, 0);
@@ -286,7 +286,7 @@ WARPCAM_FN void smooth_region(const Shapes& shapes, const Meshes& meshes, const 
                 unsigned by[SAMPLES];
                 for (int sample = 0; sample < SAMPLES; ++sample)
                     by[sample] = seen.around(i, j, chunk.shown[SAMPLES * k + sample]);
-                put_means<IMAGES>(seen.centres, seen.at(i, j), by);
+                put_means<IMAGES>(seen.centres, seen.centres.of_images(i, j), by);
             }
             block_barrier();
         }

@@ -128,7 +128,7 @@ inline void smooth_pixels(const Edge* listed, int pixels, const Shapes& shapes, 
                                                                      near[rays.shape[lane]].record);
             by[sample] = seen.around(at.i, at.j, shown);
         }
-        put_means<IMAGES>(seen.centres, seen.at(at.i, at.j), by);
+        put_means<IMAGES>(seen.centres, seen.centres.of_images(at.i, at.j), by);
     }
 }
 

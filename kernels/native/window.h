@@ -5,6 +5,11 @@
 #if defined(__CUDA_ARCH__)
 namespace warpcam {
 
+template <class Pointer> struct Pointee;
+template <class T> struct Pointee<T*> {
+    using type = T;
+};
+
 // Where it is kept.
 template <class Target, int IMAGES, int WIDTH, int HEIGHT> struct WindowRoom {
     static constexpr int LINE = WIDTH + 2, PIXELS = LINE * (HEIGHT + 2);
@@ -20,7 +25,7 @@ template <class Target, int IMAGES, int WIDTH, int HEIGHT> struct WindowRoom {
 template <class Target_, int IMAGES, int WIDTH, int HEIGHT> struct Window {
     using Room = WindowRoom<Target_, IMAGES, WIDTH, HEIGHT>;
     static constexpr int LINE = Room::LINE;
-    static constexpr int NOBODY = -2;  // outside of the image; no sample hits it
+    static constexpr bool BORDERED = true;  // what lies outside of the image is as the nearest pixel inside
 
     Room& room;
     const Target_& target;
@@ -33,10 +38,10 @@ template <class Target_, int IMAGES, int WIDTH, int HEIGHT> struct Window {
 #pragma unroll 5
         for (int k = threadIdx.x; k < Room::PIXELS; k += THREADS) {
             const int i = left + k % LINE, j = top + k / LINE;
-            const bool inside = i >= 0 && i < target.width && j >= 0 && j < target.height;
-            const unsigned pixel = first + unsigned(inside ? j * target.width + i : 0);
+            const unsigned pixel = of_images(i < 0 ? 0 : lower_int(i, target.width - 1),
+                                             j < 0 ? 0 : lower_int(j, target.height - 1));
             room.depths[k] = target.depth.data[pixel];
-            room.ids[k] = inside ? target.shape.data[pixel] : typename Room::Id(NOBODY);
+            room.ids[k] = target.shape.data[pixel];
             if (Room::HAS_BYTES)
                 room.colours[k] = load_bytes<IMAGES>(target, pixel);
         }
@@ -45,16 +50,16 @@ template <class Target_, int IMAGES, int WIDTH, int HEIGHT> struct Window {
 
     WARPCAM_FN unsigned at(int i, int j) const { return unsigned((j - top) * LINE + (i - left)); }
     WARPCAM_FN static constexpr unsigned line() { return LINE; }
+    WARPCAM_FN unsigned of_images(int i, int j) const { return first + unsigned(j * target.width + i); }
     WARPCAM_FN unsigned of_images(unsigned pixel) const
     {
-        return first + unsigned((top + int(pixel) / LINE) * target.width + left + int(pixel) % LINE);
+        return of_images(left + int(pixel) % LINE, top + int(pixel) / LINE);
     }
     WARPCAM_FN int shape(unsigned pixel) const { return room.ids[pixel]; }
     WARPCAM_FN float depth(unsigned pixel) const { return room.depths[pixel]; }
     template <int> WARPCAM_FN unsigned bytes(unsigned pixel) const { return room.colours[pixel]; }
     WARPCAM_FN bool shows(int i, int j, int shape_) const { return shape(at(i, j)) == shape_; }
 
-    // Outside of the image it is nobody.
     WARPCAM_FN unsigned around(int i, int j, int k) const { return at(i + k % 3 - 1, j + k / 3 - 1); }
 };
 
