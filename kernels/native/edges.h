@@ -19,6 +19,8 @@ constexpr float BEYOND = 2.5f, ASIDE = 4.0f;
 constexpr int SAMPLES = 4;  // of a pixel
 constexpr int ITSELF = 4;  // of the nine pixels around one
 constexpr unsigned EVERY_SAMPLE = (1u << SAMPLES) - 1;
+// Beside a pixel's samples: all pixels around that show its shape have about its colour.
+constexpr unsigned PLAIN = 1u << SAMPLES;
 // Images: bits in the order of antialias.py.
 constexpr int SMOOTH_RGB = 1, SMOOTH_RGBA = 2, SMOOTH_HDR = 4;
 
@@ -169,7 +171,7 @@ template <int LENS, class Centres> struct Seen {
     // the pixel's centre, that of a neighbour and that of one across, for three pixels that show the same shape have no
     // edge between them. Or if its surface is bent: then all. In both cases it must show: where the three other pixels
     // that a sample lies among have about the colour of its own, nothing is traced. Beside another shape, where bends are not
-    // looked for, colours alone tell them, of shapes of which has_sides(id) says that they have any.
+    // looked for, colours alone tell them, of shapes of which has_sides(id) says that they have any. With PLAIN.
     template <int IMAGES, class HasSides>
     WARPCAM_FN unsigned edge(int i, int j, const HasSides& has_sides) const
     {
@@ -211,6 +213,8 @@ template <int LENS, class Centres> struct Seen {
             samples &= of_pairs(gaps | gaps >> 1 | gaps << 7);
             if (sided)  // of which two may meet in the triangle
                 samples |= of_pairs(wide_gaps) & ~of_pairs(other);
+            if (samples && !within && !(gaps & ~other))
+                samples |= PLAIN;
         }
         return samples;
     }

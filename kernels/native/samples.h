@@ -86,11 +86,13 @@ template <int LENS> WARPCAM_FN int part_at(const Record& record, const ViewRay<L
 
 // Which pixel shows what a sample of pixel (i, j) has hit, as shown() has it. Two surfaces that meet in an edge are near
 // each other in depth, but not of one colour: so it counts how a mesh's face is turned from those of the pixels around,
-// and whether these show the same side. `record` is that of the shape hit.
+// and whether these show the same side. `record` is that of the shape hit, `edge` what edge() says of the pixel.
 template <int TYPES, int IMAGES, int LENS, class Meshes, class Centres>
 WARPCAM_FN int shown_sample(const Seen<LENS, Centres>& seen, const Meshes& meshes, const Camera& camera, int i, int j,
-                                 int sample, float depth, int face, const Record& record)
+                            int sample, float depth, int face, const Record& record, unsigned edge)
 {
+    if ((edge & PLAIN) && record.origin.w == seen.shape(seen.at(i, j)))
+        return ITSELF;
     constexpr int SIDED = TYPES & (1 << BOX | 1 << CYLINDER);
     const int type = record.axis_x.w;
     const bool is_face = (TYPES >> MESH & 1) && type == MESH && face >= 0;

@@ -24,12 +24,30 @@ struct MeshHit {
     int face : 25, rank : 7;
 };
 
+template <bool LARGE> struct ListedBits {
+    using type = unsigned;
+};
+template <> struct ListedBits<false> {
+    using type = unsigned short;
+};
+
+// A pixel with an edge: its place in the region, and what edge() says of it in the lowest bits. Without meshes and height
+// fields regions have half as many rows, so that 16 bits hold it.
+template <int TYPES> struct ListedPixel {
+    static constexpr int SHIFT = SAMPLES + 1;
+    static constexpr bool LARGE = TYPES >> MESH & 1 || TYPES >> HEIGHT_FIELD & 1;
+    typename ListedBits<LARGE>::type bits;
+
+    WARPCAM_FN int place() const { return int(bits >> SHIFT); }
+    WARPCAM_FN unsigned edge() const { return bits & ((1u << SHIFT) - 1); }
+};
+
 // Pixels that a block smooths together.
 template <int TYPES> struct Chunk {
     static constexpr bool HAS_MESH = TYPES >> MESH & 1, HAS_FIELD = TYPES >> HEIGHT_FIELD & 1;
     static constexpr int MOST = HAS_MESH ? 256 : HAS_FIELD ? 384 : 256;
 
-    const unsigned short* pixels;             // 16 * the pixel's place in the region + its samples as bits
+    const ListedPixel<TYPES>* pixels;
     NearBits own[MOST];                       // the shapes around
     Band meshes[HAS_MESH ? MOST : 1], fields[HAS_FIELD ? MOST : 1];
     unsigned short samples[SAMPLES * MOST];   // that are traced: 4 * the pixel's number + the sample's
@@ -37,7 +55,7 @@ template <int TYPES> struct Chunk {
     MeshHit hits[HAS_MESH ? SAMPLES * MOST : 1];  // of the samples
     int total, next;                          // of `samples`, and which comes next
 
-    WARPCAM_FN int place(int pixel) const { return pixels[pixel] >> SAMPLES; }
+    WARPCAM_FN int place(int pixel) const { return pixels[pixel].place(); }
 };
 
 // The records as trace_rays() reads a list.
@@ -111,7 +129,7 @@ WARPCAM_FN void list_samples(Chunk<TYPES>& chunk, int pixel, const NearShapes& l
         chunk.meshes[pixel] = on_meshes.template widened<LENS>(pixel_width<LENS>(camera));
     if (Chunk<TYPES>::HAS_FIELD)
         chunk.fields[pixel] = on_fields.template widened<LENS>(pixel_width<LENS>(camera));
-    const unsigned samples = chunk.pixels[pixel] & EVERY_SAMPLE;
+    const unsigned samples = chunk.pixels[pixel].edge() & EVERY_SAMPLE;
     int at = atomicAdd(&chunk.total, __popc(samples));
     for (int sample = 0; sample < SAMPLES; ++sample) {
         chunk.shown[SAMPLES * pixel + sample] = ITSELF;
@@ -141,7 +159,7 @@ WARPCAM_FN void trace_samples(Chunk<TYPES>& chunk, const NearShapes& list, Rays&
         chunk.shown[sample] = static_cast<unsigned char>(
             hit.shape < 0 ? seen.beyond(i, j, its)
                           : shown_sample<TYPES, IMAGES>(seen, meshes, camera, i, j, its, hit.depth, hit.face,
-                                                        list.records[hit.shape]));
+                                                        list.records[hit.shape], chunk.pixels[sample / SAMPLES].edge()));
     };
     // where there are meshes, which pixel shows a sample is asked for all of them when all are traced
     const auto store = [&](int sample, const Hit& hit) {
@@ -212,7 +230,7 @@ WARPCAM_FN void smooth_region(const Shapes& shapes, const Meshes& meshes, const 
 {
     constexpr bool HAS_MESH = TYPES >> MESH & 1;
     constexpr int WARPS = THREADS / LANES;
-    WARPCAM_SHARED unsigned short listed[ENOUGH + STRIP * LANES];
+    WARPCAM_SHARED ListedPixel<TYPES> listed[ENOUGH + STRIP * LANES];
     WARPCAM_SHARED int count;
     WARPCAM_SHARED Chunk<TYPES> chunk;
     WARPCAM_SHARED NearShapes list;
@@ -240,7 +258,7 @@ WARPCAM_FN void smooth_region(const Shapes& shapes, const Meshes& meshes, const 
                     const int begin = __shfl_sync(ALL, lane == 0 ? atomicAdd(&count, __popc(found)) : 0, 0);
                     if (samples)
                         listed[begin + __popc(found & ((1u << lane) - 1))]
-                            = static_cast<unsigned short>(place_of(region, i, j) << SAMPLES | samples);
+                            = { static_cast<decltype(listed->bits)>(place_of(region, i, j) << listed->SHIFT | samples) };
                 }
             }
             block_barrier();
@@ -254,7 +272,7 @@ WARPCAM_FN void smooth_region(const Shapes& shapes, const Meshes& meshes, const 
                 list.clear();
                 block_barrier();
                 for (int k = threadIdx.x; k < pixels; k += THREADS) {
-                    const int at = listed[from + k] >> SAMPLES, i = region.left + at % 64, j = region.top + at / 64;
+                    const int at = listed[from + k].place(), i = region.left + at % 64, j = region.top + at / 64;
                     int before = -1;
 #pragma unroll 1
                     for (int around = 0; around < 9; ++around) {

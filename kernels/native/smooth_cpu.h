@@ -25,7 +25,7 @@ struct NearShape {
 // A pixel with an edge.
 struct Edge {
     int i, j;
-    unsigned samples;  // to trace
+    unsigned samples;  // to trace, and PLAIN
 };
 
 // Smooths a few pixels.
@@ -125,7 +125,7 @@ inline void smooth_pixels(const Edge* listed, int pixels, const Shapes& shapes, 
                 : rays.shape[lane] < 0                    ? seen.beyond(at.i, at.j, sample)
                                        : shown_sample<TYPES, IMAGES>(seen, meshes, camera, at.i, at.j, sample,
                                                                      rays.depth[lane], rays.face[lane],
-                                                                     near[rays.shape[lane]].record);
+                                                                     near[rays.shape[lane]].record, at.samples);
             by[sample] = seen.around(at.i, at.j, shown);
         }
         put_means<IMAGES>(seen.centres, seen.centres.of_images(at.i, at.j), by);
