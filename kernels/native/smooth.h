@@ -15,13 +15,15 @@ namespace warpcam {
 
 #if defined(__CUDA_ARCH__)
 
-constexpr int STRIP = 32;    // tiles in which a block looks for edges at once
-constexpr int ENOUGH = 256;  // pixels with edges; a block looks for more before it traces fewer
+constexpr int STRIP = 16;  // tiles in which a block looks for edges at once
+// Pixels with edges that a block smooths together: it looks for so many before it traces, as at the end its warps wait for
+// the one whose rays take longest.
+constexpr int MOST = 384;
 
-// What a sample has hit.
-struct MeshHit {
+// What a sample has hit, where there are meshes.
+struct SampleHit {
     float depth;
-    int face : 25, rank : 7;
+    int face;
 };
 
 template <bool LARGE> struct ListedBits {
@@ -45,14 +47,13 @@ template <int TYPES> struct ListedPixel {
 // Pixels that a block smooths together.
 template <int TYPES> struct Chunk {
     static constexpr bool HAS_MESH = TYPES >> MESH & 1, HAS_FIELD = TYPES >> HEIGHT_FIELD & 1;
-    static constexpr int MOST = HAS_MESH ? 256 : HAS_FIELD ? 384 : 256;
 
     const ListedPixel<TYPES>* pixels;
     NearBits own[MOST];                       // the shapes around
     Band meshes[HAS_MESH ? MOST : 1], fields[HAS_FIELD ? MOST : 1];
     unsigned short samples[SAMPLES * MOST];   // that are traced: 4 * the pixel's number + the sample's
-    unsigned char shown[SAMPLES * MOST];      // by which of the pixels around
-    MeshHit hits[HAS_MESH ? SAMPLES * MOST : 1];  // of the samples
+    unsigned char shown[SAMPLES * MOST];      // by which of the pixels around; where there are meshes first what was hit
+    SampleHit hits[HAS_MESH ? SAMPLES * MOST : 1];  // of the samples
     int total, next;                          // of `samples`, and which comes next
 
     WARPCAM_FN int place(int pixel) const { return pixels[pixel].place(); }
@@ -161,12 +162,14 @@ WARPCAM_FN void trace_samples(Chunk<TYPES>& chunk, const NearShapes& list, Rays&
                           : shown_sample<TYPES, IMAGES>(seen, meshes, camera, i, j, its, hit.depth, hit.face,
                                                         list.records[hit.shape], chunk.pixels[sample / SAMPLES].edge()));
     };
-    // where there are meshes, which pixel shows a sample is asked for all of them when all are traced
+    // where there are meshes, which pixel shows a sample is asked when all have been traced: for all of them at once
     const auto store = [&](int sample, const Hit& hit) {
-        if constexpr (HAS_MESH)
-            chunk.hits[sample] = { hit.depth, hit.face, hit.shape };
-        else
+        if constexpr (HAS_MESH) {
+            chunk.hits[sample] = { hit.depth, hit.face };
+            chunk.shown[sample] = static_cast<unsigned char>(hit.shape < 0 ? NEAR_SHAPES : hit.shape);
+        } else {
             show(sample, hit);
+        }
     };
     const auto next_rays = [&](int& found) {
         const int first = __shfl_sync(ALL, lane == 0 ? atomicAdd(&chunk.next, LANES) : 0, 0);
@@ -213,9 +216,8 @@ WARPCAM_FN void trace_samples(Chunk<TYPES>& chunk, const NearShapes& list, Rays&
         trace_rays<TYPES>(waiting, Ranked { list.records, {}, list.count }, meshes, near, next_rays, ray_of, store);
         block_barrier();
         for (int k = threadIdx.x; k < chunk.total; k += THREADS) {
-            const int sample = chunk.samples[k];
-            const MeshHit& hit = chunk.hits[sample];
-            show(sample, Hit { hit.depth, hit.rank, hit.face });
+            const int sample = chunk.samples[k], shape = chunk.shown[sample];
+            show(sample, Hit { chunk.hits[sample].depth, shape < NEAR_SHAPES ? shape : -1, chunk.hits[sample].face });
         }
     } else {
         int none;
@@ -230,7 +232,7 @@ WARPCAM_FN void smooth_region(const Shapes& shapes, const Meshes& meshes, const 
 {
     constexpr bool HAS_MESH = TYPES >> MESH & 1;
     constexpr int WARPS = THREADS / LANES;
-    WARPCAM_SHARED ListedPixel<TYPES> listed[ENOUGH + STRIP * LANES];
+    WARPCAM_SHARED ListedPixel<TYPES> listed[MOST + STRIP * LANES];
     WARPCAM_SHARED int count;
     WARPCAM_SHARED Chunk<TYPES> chunk;
     WARPCAM_SHARED NearShapes list;
@@ -245,7 +247,7 @@ WARPCAM_FN void smooth_region(const Shapes& shapes, const Meshes& meshes, const 
             count = 0;
         block_barrier();
         int found_so_far = 0;
-        for (; tile < tiles && found_so_far < ENOUGH; tile += STRIP) {
+        for (; tile < tiles && found_so_far < MOST; tile += STRIP) {
             for (int k = tile + warp; k < lower_int(tile + STRIP, tiles); k += WARPS) {
                 const int i = region.left + k % across * TILE_WIDTH + lane % TILE_WIDTH;
                 const int j = region.top + k / across * TILE_HEIGHT + lane / TILE_WIDTH;
@@ -265,7 +267,7 @@ WARPCAM_FN void smooth_region(const Shapes& shapes, const Meshes& meshes, const 
             found_so_far = count;
             block_barrier();
         }
-        const int chunks = (found_so_far + Chunk<TYPES>::MOST - 1) / Chunk<TYPES>::MOST;
+        const int chunks = (found_so_far + MOST - 1) / MOST;
         for (int from = 0, pixels; from < found_so_far; from += pixels) {
             pixels = lower_int(found_so_far - from, (found_so_far + chunks - 1) / chunks);
             while (true) {  // fewer, until they do not show too many shapes
@@ -321,6 +323,7 @@ WARPCAM_FN void smooth_region(const Shapes& shapes, const Meshes& meshes, const 
         const ImageCentres<Target> centres { target, unsigned(world) * target.height * target.width };
         smooth_region<TYPES, LENS, IMAGES>(shapes, meshes, fields, centres, camera, region, world);
     } else {
+        static_assert(HEIGHT <= 32, "a ListedPixel has 16 bits");
         WARPCAM_SHARED WindowRoom<Target, IMAGES, WIDTH, HEIGHT> room;
         const Window<Target, IMAGES, WIDTH, HEIGHT> window { room, target, region.left - 1, region.top - 1,
                                                              unsigned(world) * target.height * target.width };
