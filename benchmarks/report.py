@@ -122,8 +122,8 @@ def show(report: Report) -> None:
     screen = console()
     screen.print(table)
     screen.print(
-        "ratio: how many times longer than warpcam (what one more output costs, of ds; smooth edges, of none). ids, depth: fraction of pixels "
-        "that differ from the first renderer's; rgb: mean difference of 255, PSNR in dB.",
+        "ratio: how many times longer than warpcam (what one more output costs, of ds; smooth edges, of none). ids, "
+        "depth: fraction of pixels that differ from the first renderer's; rgb: mean difference of 255, PSNR in dB.",
         style="dim",
     )
     for row in report["results"]:
