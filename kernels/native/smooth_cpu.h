@@ -66,7 +66,7 @@ inline void smooth_pixels(const Edge* listed, int pixels, const Shapes& shapes, 
         if (!sample_record<TYPES, LENS>(shapes, meshes, fields, camera, region, world, one.id, one.record))
             continue;
         one.record.axis_y.w = slot;
-        int rank = count++;  // as in list_near()
+        int rank = count++;  // as in NearShapes::prepare_all()
         const float key = TYPES >> MESH & 1 ? as_float(one.record.size.w) : 0.0f;
         for (; rank > 0; --rank) {
             const float other = TYPES >> MESH & 1 ? as_float(order[rank - 1]->record.size.w) : 0.0f;

@@ -44,13 +44,14 @@ WARPCAM_FN int gather(ShapeList<CAPACITY>& list, int begin, const Shapes& shapes
                 list.touched[slot] = tiles;
             }
         }
-        if (total > CAPACITY) {  // the next round may overflow the list
-            block_barrier();
-            const bool full = list.count + lower_int(THREADS, total - begin) > CAPACITY;
-            block_barrier();
-            if (full)
-                break;
-        }
+        if constexpr (!ALONE)
+            if (total > CAPACITY) {  // the next round may overflow the list
+                block_barrier();
+                const bool full = list.count + lower_int(THREADS, total - begin) > CAPACITY;
+                block_barrier();
+                if (full)
+                    break;
+            }
     }
     if (ALONE)
         warp_barrier();
@@ -214,7 +215,7 @@ WARPCAM_FN void draw_region(ShapeList<CAPACITY>& list, const Canvas_& canvas, co
         canvas.begin(thread);
         if (!blind)
             begin = gather<TYPES, LENS, SLOTS, false>(list, begin, shapes, meshes, fields, hidden, canvas.camera,
-                                               canvas.region, world, thread);
+                                                      canvas.region, world, thread);
         if (list.broken) {  // nothing of this world can be trusted
             block_barrier();
             if (thread == 0) {

@@ -37,9 +37,7 @@ template <class Target_, int IMAGES, int WIDTH, int HEIGHT> struct Window {
     {
 #pragma unroll 5
         for (int k = threadIdx.x; k < Room::PIXELS; k += THREADS) {
-            const int i = left + k % LINE, j = top + k / LINE;
-            const unsigned pixel = of_images(i < 0 ? 0 : lower_int(i, target.width - 1),
-                                             j < 0 ? 0 : lower_int(j, target.height - 1));
+            const unsigned pixel = of_images(unsigned(k));
             room.depths[k] = target.depth.data[pixel];
             room.ids[k] = target.shape.data[pixel];
             if (Room::HAS_BYTES)
@@ -53,12 +51,16 @@ template <class Target_, int IMAGES, int WIDTH, int HEIGHT> struct Window {
     WARPCAM_FN unsigned of_images(int i, int j) const { return first + unsigned(j * target.width + i); }
     WARPCAM_FN unsigned of_images(unsigned pixel) const
     {
-        return of_images(left + int(pixel) % LINE, top + int(pixel) / LINE);
+        const int i = left + int(pixel) % LINE, j = top + int(pixel) / LINE;
+        return of_images(i < 0 ? 0 : lower_int(i, target.width - 1), j < 0 ? 0 : lower_int(j, target.height - 1));
     }
     WARPCAM_FN int shape(unsigned pixel) const { return room.ids[pixel]; }
     WARPCAM_FN float depth(unsigned pixel) const { return room.depths[pixel]; }
     template <int> WARPCAM_FN unsigned bytes(unsigned pixel) const { return room.colours[pixel]; }
-    WARPCAM_FN bool shows(int i, int j, int shape_) const { return shape(at(i, j)) == shape_; }
+    WARPCAM_FN bool shows(int i, int j, int shape_) const
+    {
+        return (i >= 0) & (i < target.width) & (j >= 0) & (j < target.height) & (shape(at(i, j)) == shape_);
+    }
 
     WARPCAM_FN unsigned around(int i, int j, int k) const { return at(i + k % 3 - 1, j + k / 3 - 1); }
 };
