@@ -74,6 +74,7 @@ class Wanted:
     shadows: bool = False
     textures: bool = False
     by_peers: bool = True  # whether the peers can be asked for it
+    antialiasing: int = 1  # samples where edges are
 
 
 MUJOCO_WARP, MJLAB = "mujoco_warp", "mjlab"
@@ -152,7 +153,12 @@ EXTRAS = {
 }
 # What Newton's own benchmark asks for.
 COLOR_AND_DEPTH = Wanted("rgb-d-shadows", ("rgb", "depth"), shadows=True, textures=True)
-WANTED = {**COMMON, COLOR_AND_DEPTH.name: COLOR_AND_DEPTH, **EXTRAS}
+# What smooth edges cost, beside the same without.
+SMOOTH = {
+    f"{name}-smooth": replace(COMMON[name], name=f"{name}-smooth", by_peers=False, antialiasing=4)
+    for name in ("rgb", "rgb-shadows")
+}
+WANTED = {**COMMON, COLOR_AND_DEPTH.name: COLOR_AND_DEPTH, **SMOOTH, **EXTRAS}
 
 
 def resized(setting: Setting, worlds: int | None, size: str | None) -> Setting:

@@ -54,8 +54,9 @@ def add(parser: argparse.ArgumentParser) -> None:
         "--outputs",
         nargs="+",
         metavar="NAME",
-        help="sets of outputs: ds (depth and segmentation), rgb, rgb-shadows, rgb-ds-shadows, rgb-d-shadows, ds+OUTPUT "
-        "for any one more, or extras for all of the latter (default: the first four)",
+        help="sets of outputs: ds (depth and segmentation), rgb, rgb-shadows, rgb-ds-shadows, rgb-d-shadows, "
+        "rgb-smooth, rgb-shadows-smooth, ds+OUTPUT for any one more, or extras for all of the latter (default: the "
+        "first four)",
     )
     what.add_argument("--worlds", type=int, metavar="N", help="in place of the setting's own")
     what.add_argument("--size", metavar="WxH", help="pixels of one image, in place of the setting's own")

@@ -89,10 +89,17 @@ def rank(rows: list[Row]) -> None:
         if peers:
             best = min(peers, key=lambda row: row["ms"]["median"])
             ours["best_peer"] = {"renderer": best["renderer"], "ratio": best["times_warpcam"]}
-        if ours["outputs"].startswith("ds+"):
-            for row in timed:
-                if row["renderer"] == OURS and problem(row) == problem({**ours, "outputs": "ds"}):
-                    ours["times_ds"] = ours["ms"]["median"] / row["ms"]["median"]
+        base, key = without_more(ours["outputs"])
+        for row in timed:
+            if row["renderer"] == OURS and problem(row) == problem({**ours, "outputs": base}):
+                ours[key] = ours["ms"]["median"] / row["ms"]["median"]
+
+
+def without_more(outputs: str) -> tuple[str | None, str]:
+    """The set of outputs that another is compared with, if any, and how a result tells the ratio."""
+    if outputs.startswith("ds+"):
+        return "ds", "times_ds"
+    return (outputs.removesuffix("-smooth") if outputs.endswith("-smooth") else None), "times_plain"
 
 
 def console() -> Console:
@@ -115,8 +122,8 @@ def show(report: Report) -> None:
     screen = console()
     screen.print(table)
     screen.print(
-        "ratio: how many times longer than warpcam (what one more output costs, of ds). ids, depth: fraction of pixels "
-        "that differ from the first renderer's; rgb: mean difference of 255, PSNR in dB.",
+        "ratio: how many times longer than warpcam (what one more output costs, of ds; smooth edges, of none). ids, "
+        "depth: fraction of pixels that differ from the first renderer's; rgb: mean difference of 255, PSNR in dB.",
         style="dim",
     )
     for row in report["results"]:
@@ -137,6 +144,8 @@ def cells(row: Row) -> list[str]:
     ratio = ""
     if "times_ds" in row:
         ratio = f"{row['times_ds']:.2f} of ds"
+    elif "times_plain" in row:
+        ratio = f"{row['times_plain']:.2f} of none"
     elif "times_warpcam" in row:
         ratio = f"{row['times_warpcam']:.2f}x"
     return [

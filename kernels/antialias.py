@@ -27,7 +27,7 @@ IMAGES: Mapping[str, tuple[type, int]] = {"rgb": (wp.uint8, 3), "rgba": (wp.uint
 # Pixels of which a thread block of a GPU smooths the edges, at most, in scenes without meshes and height fields. With
 # them a block has as many as the trace's: the more samples it has, the fewer of its lanes wait for the longest ones.
 REGION = (32, 32)
-BLOCKS, MESH_BLOCKS = 8, 6  # that a multiprocessor is to hold, without and with meshes or height fields
+BLOCKS, WALK_BLOCKS = 7, 5  # that a multiprocessor is to hold, without and with meshes or height fields
 
 
 @functools.cache
@@ -71,7 +71,7 @@ def _kernel(types: int, lens: int, width: int, height: int, images: int, target_
         module="unique",
         enable_backward=False,
         grid_stride=False,
-        launch_bounds=(THREADS, MESH_BLOCKS if types >> MESH & 1 or types >> HEIGHT_FIELD & 1 else BLOCKS),
+        launch_bounds=(THREADS, WALK_BLOCKS if types >> MESH & 1 or types >> HEIGHT_FIELD & 1 else BLOCKS),
         module_options=native_module("smooth.h"),
     )
     def smooth_edges(

@@ -263,6 +263,23 @@ def test_faint_edges_are_left(device: wp.Device, levels: int, smoothed: bool, ou
     assert (smooth_levels > 2) == smoothed
 
 
+@pytest.mark.parametrize(("turn", "height"), [(45.0, 1.0), (20.0, 0.8), (0.0, 0.92)])
+def test_edges_run_out_of_the_image(device: wp.Device, turn: float, height: float) -> None:
+    """Over all four borders, or along them: what lies outside is never asked for its colour."""
+    mjm = square(turn)
+    for side in (32, 37):
+        with wp.ScopedDevice(device):
+            scene = wc.from_mujoco_warp(mjm, *scenes.put(mjm, 3))
+            images = [
+                scenes.look(scene, camera(4, outputs=(name,), position=(0.0, 0.0, height), width=side, height=side))[name]
+                for name in ("rgb", "rgba", "hdr")
+            ]
+        rgb, rgba, hdr = images
+        assert np.array_equal(rgb, rgba[..., :3])
+        assert np.abs(rgb - 255.0 * hdr).max() <= 1.0
+        assert (rgb == rgb[:1]).all() and len(np.unique(rgb)) > 2
+
+
 def test_all_else_is_of_the_centre(device: wp.Device) -> None:
     mjm = scenes.compile_xml(EVERY_TYPE, assets=scenes.ASSETS)
     scene = wc.from_mujoco(mjm, scenes.forward(mjm), device=device)

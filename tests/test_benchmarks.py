@@ -116,6 +116,20 @@ def test_extra_outputs_are_compared_with_depth_and_ids(tmp_path: Path) -> None:
     assert set(cases.EXTRAS) == {f"ds+{name}" for name in cases.OUTPUTS} - {"ds+depth", "ds+segmentation"}
 
 
+def test_smooth_edges_are_compared_with_none(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "smooth.json"
+    asked = ("--outputs", "rgb", "rgb-shadows", "rgb-smooth", "rgb-shadows-smooth", "--peer", "warpcam")
+    assert bench("--case", "humanoid", *asked, *TINY, "--out", out) == 0
+    rows = {row["outputs"]: row for row in json.loads(out.read_text())["results"]}
+    shown = capsys.readouterr().out
+    for name in ("rgb", "rgb-shadows"):
+        ratio = rows[f"{name}-smooth"]["ms"]["median"] / rows[name]["ms"]["median"]
+        assert rows[f"{name}-smooth"]["times_plain"] == pytest.approx(ratio)
+        assert f"{ratio:.2f} of none" in shown
+        assert rows[f"{name}-smooth"]["told_memory_mb"] > rows[name]["told_memory_mb"]
+        assert cases.WANTED[f"{name}-smooth"].shadows == cases.WANTED[name].shadows
+
+
 @pytest.mark.parametrize("name", list(sweeps.SWEEPS))
 def test_sweep_has_points_and_a_plot(name: str, tmp_path: Path) -> None:
     pytest.importorskip("matplotlib")

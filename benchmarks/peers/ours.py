@@ -40,6 +40,7 @@ class WarpcamPeer:
                 height=self.problem.height,
                 outputs=wanted.outputs,
                 shadows=wanted.shadows,
+                antialiasing=wanted.antialiasing,
                 background=(0.0, 0.0, 0.0),
                 **self._own(index),
             )

@@ -61,6 +61,10 @@ template <int TYPES, int LENS, int OUTPUTS, int CAPACITY, int TALL_, class Targe
     int world;
     Places_& places;
     static constexpr bool WHOLE = Places_::WHOLE;  // the region is an image of known size
+    // More than depth and shape.
+    static constexpr bool STORES_MUCH = OUTPUTS & (DISTANCE | POINTS | BODIES | NORMALS | IDS | FLOWS);
+    // The motions of few shapes: one warp composes them while the others begin to draw.
+    static constexpr bool APART = (OUTPUTS & FLOWS) && (OUTPUTS & FLOW_LISTED) && CAPACITY <= LANES && !(TYPES >> MESH & 1);
 
     WARPCAM_FN bool inside(int i, int j) const
     {

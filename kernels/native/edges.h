@@ -19,6 +19,8 @@ constexpr float BEYOND = 2.5f, ASIDE = 4.0f;
 constexpr int SAMPLES = 4;  // of a pixel
 constexpr int ITSELF = 4;  // of the nine pixels around one
 constexpr unsigned EVERY_SAMPLE = (1u << SAMPLES) - 1;
+// Beside a pixel's samples: all pixels around that show its shape have about its colour.
+constexpr unsigned PLAIN = 1u << SAMPLES;
 // Images: bits in the order of antialias.py.
 constexpr int SMOOTH_RGB = 1, SMOOTH_RGBA = 2, SMOOTH_HDR = 4;
 
@@ -58,25 +60,84 @@ struct Band {
 
 constexpr Band NOWHERE { FAR_AWAY, -FAR_AWAY };
 
-// What a view has found in the centres of its pixels.
-template <int LENS, class Target> struct Seen {
+// A pixel's colour of 8 bits a channel; alpha is 0 where only rgb is smoothed.
+template <int IMAGES, class Target> WARPCAM_FN unsigned load_bytes(const Target& target, unsigned pixel)
+{
+    constexpr int CHANNELS = IMAGES & SMOOTH_RGBA ? 4 : 3;  // the first three are the same in both
+    const unsigned char* image = (IMAGES & SMOOTH_RGBA ? target.rgba : target.rgb).data + CHANNELS * size_t(pixel);
+    unsigned bytes = 0;
+    for (int k = 0; k < CHANNELS; ++k)
+        bytes |= unsigned(image[k]) << 8 * k;
+    return bytes;
+}
+
+// Whether two such colours differ by more than so many levels in any channel.
+WARPCAM_FN bool bytes_differ(unsigned one, unsigned other, int levels)
+{
+    // two channels at once, in 16 bits each: 256 and what one has more than the other, then the highest bit is set if
+    // that is above the range, or not below it
+    constexpr unsigned EVERY_OTHER = 0x00ff00ff, BOTH = 0x00010001, HIGHEST = 0x80008000;
+    const unsigned even = ((one & EVERY_OTHER) | 256 * BOTH) - (other & EVERY_OTHER);
+    const unsigned odd = ((one >> 8 & EVERY_OTHER) | 256 * BOTH) - (other >> 8 & EVERY_OTHER);
+    const unsigned above = BOTH * unsigned(0x7fff - 256 - levels), from = BOTH * unsigned(0x8000 - 256 + levels);
+    return (((even + above) | (odd + above) | ~(even + from) | ~(odd + from)) & HIGHEST) != 0;
+}
+
+// A pixel's colour in the images.
+template <int IMAGES> struct Colour {
+    unsigned bytes;
+    float hdr[3];
+
+    // By more than so many levels of 255 in any channel?
+    WARPCAM_FN bool differs(const Colour& other, int levels) const
+    {
+        bool found = false;
+        for (int k = 0; k < 3 && (IMAGES & SMOOTH_HDR); ++k)
+            found |= 255.0f * magnitude(hdr[k] - other.hdr[k]) > float(levels);
+        if (IMAGES & (SMOOTH_RGB | SMOOTH_RGBA))
+            found |= bytes_differ(bytes, other.bytes, levels);
+        return found;
+    }
+};
+
+// What a view has found in the centres of its pixels, as its images have it. A pixel is an index into them.
+template <class Target> struct ImageCentres {
+    static constexpr bool BORDERED = false;  // there are no pixels outside of the image
+
     const Target& target;
     unsigned first;  // the view's first pixel
-    float scale_x, scale_y;  // width and height of a pixel, at a depth of 1 m or everywhere [m]
 
     WARPCAM_FN unsigned at(int i, int j) const { return first + unsigned(j * target.width + i); }
-    WARPCAM_FN bool inside(int i, int j) const { return i >= 0 && i < target.width && j >= 0 && j < target.height; }
+    WARPCAM_FN unsigned line() const { return unsigned(target.width); }
+    WARPCAM_FN unsigned of_images(unsigned pixel) const { return pixel; }
+    WARPCAM_FN unsigned of_images(int i, int j) const { return at(i, j); }
     WARPCAM_FN int shape(unsigned pixel) const { return target.shape.data[pixel]; }
     WARPCAM_FN float depth(unsigned pixel) const { return target.depth.data[pixel]; }
+    template <int IMAGES> WARPCAM_FN unsigned bytes(unsigned pixel) const { return load_bytes<IMAGES>(target, pixel); }
 
-    // The nearest pixel of the image.
-    WARPCAM_FN unsigned near(int i, int j) const
+    WARPCAM_FN bool shows(int i, int j, int shape_) const
     {
-        return at(i < 0 ? 0 : lower_int(i, target.width - 1), j < 0 ? 0 : lower_int(j, target.height - 1));
+        const bool inside = i >= 0 && i < target.width && j >= 0 && j < target.height;
+        return inside & (shape(inside ? at(i, j) : first) == shape_);
     }
 
-    // The same for one of the nine pixels around, row after row.
-    WARPCAM_FN unsigned around(int i, int j, int k) const { return near(i + k % 3 - 1, j + k / 3 - 1); }
+    // One of the nine pixels around one, row after row: the nearest of the image.
+    WARPCAM_FN unsigned around(int i, int j, int k) const
+    {
+        const int column = i + k % 3 - 1, row = j + k / 3 - 1;
+        return at(column < 0 ? 0 : lower_int(column, target.width - 1), row < 0 ? 0 : lower_int(row, target.height - 1));
+    }
+};
+
+// The same with what the samples of its pixels show. `Centres` has the pixels: see ImageCentres.
+template <int LENS, class Centres> struct Seen {
+    const Centres& centres;
+    float scale_x, scale_y;  // width and height of a pixel, at a depth of 1 m or everywhere [m]
+
+    WARPCAM_FN unsigned at(int i, int j) const { return centres.at(i, j); }
+    WARPCAM_FN int shape(unsigned pixel) const { return centres.shape(pixel); }
+    WARPCAM_FN float depth(unsigned pixel) const { return centres.depth(pixel); }
+    WARPCAM_FN unsigned around(int i, int j, int k) const { return centres.around(i, j, k); }
 
     // Are three pixels in a row not on one plane? Of a plane 1 / depth is linear in a pinhole's image.
     WARPCAM_FN bool turns(unsigned before, unsigned here, unsigned after, float scale) const
@@ -94,25 +155,15 @@ template <int LENS, class Target> struct Seen {
             | unsigned((ring & 0x30) != 0) << 3;
     }
 
-    // By how many levels the colours of two pixels differ, in the channel where they do most.
-    template <int IMAGES> WARPCAM_FN float gap(unsigned one, unsigned other) const
+    template <int IMAGES> WARPCAM_FN Colour<IMAGES> colour(unsigned pixel) const
     {
-        constexpr int CHANNELS = IMAGES & SMOOTH_RGBA ? 4 : 3;  // the first three are the same in both
-        float most = 0.0f;
+        Colour<IMAGES> found {};
         if (IMAGES & SMOOTH_HDR)
             for (int k = 0; k < 3; ++k)
-                most = upper(most, 255.0f
-                                 * magnitude(target.hdr.data[3 * size_t(one) + k] - target.hdr.data[3 * size_t(other) + k]));
-        if (IMAGES & (SMOOTH_RGB | SMOOTH_RGBA)) {
-            const unsigned char* image = IMAGES & SMOOTH_RGBA ? target.rgba.data : target.rgb.data;
-            int levels = 0;
-            for (int k = 0; k < CHANNELS; ++k) {
-                const int rise = int(image[CHANNELS * size_t(other) + k]) - int(image[CHANNELS * size_t(one) + k]);
-                levels = upper_int(levels, rise < 0 ? -rise : rise);
-            }
-            most = upper(most, float(levels));
-        }
-        return most;
+                found.hdr[k] = centres.target.hdr.data[3 * size_t(centres.of_images(pixel)) + k];
+        if (IMAGES & (SMOOTH_RGB | SMOOTH_RGBA))
+            found.bytes = centres.template bytes<IMAGES>(pixel);
+        return found;
     }
 
     // Which of the pixel's samples may hit what its centre does not, by bit. A pixel has an edge if one of its four
@@ -120,15 +171,16 @@ template <int LENS, class Target> struct Seen {
     // the pixel's centre, that of a neighbour and that of one across, for three pixels that show the same shape have no
     // edge between them. Or if its surface is bent: then all. In both cases it must show: where the three other pixels
     // that a sample lies among have about the colour of its own, nothing is traced. Beside another shape, where bends are not
-    // looked for, colours alone tell them, of shapes of which has_sides(id) says that they have any.
+    // looked for, colours alone tell them, of shapes of which has_sides(id) says that they have any. With PLAIN.
     template <int IMAGES, class HasSides>
     WARPCAM_FN unsigned edge(int i, int j, const HasSides& has_sides) const
     {
-        const unsigned pixel = at(i, j), line = unsigned(target.width);
-        const bool has_left = i > 0, has_right = i + 1 < target.width;
-        const bool has_up = j > 0, has_down = j + 1 < target.height;
-        const unsigned west = has_left ? pixel - 1 : pixel, east = has_right ? pixel + 1 : pixel;
-        const unsigned above = has_up ? line : 0, below = has_down ? line : 0;
+        const unsigned pixel = at(i, j), line = centres.line();
+        const bool has_left = i > 0, has_right = i + 1 < centres.target.width;
+        const bool has_up = j > 0, has_down = j + 1 < centres.target.height;
+        constexpr bool BORDERED = Centres::BORDERED;
+        const unsigned west = BORDERED || has_left ? pixel - 1 : pixel, east = BORDERED || has_right ? pixel + 1 : pixel;
+        const unsigned above = BORDERED || has_up ? line : 0, below = BORDERED || has_down ? line : 0;
         // the pixels around, from the one below on by way of the left: as bits, too
         const unsigned ring[8] { pixel + below, west + below, west, west - above, pixel - above, east - above, east,
                                  east + below };
@@ -150,16 +202,19 @@ template <int LENS, class Target> struct Seen {
             samples = EVERY_SAMPLE;
         }
         if (samples || sided) {
-            unsigned differ = 0, differ_much = 0;
+            const Colour<IMAGES> its = colour<IMAGES>(pixel);
+            unsigned gaps = 0, wide_gaps = 0;
 #pragma unroll
             for (int k = 0; k < 8; ++k) {
-                const float found = gap<IMAGES>(pixel, ring[k]);
-                differ |= unsigned(found > float(within ? FAINT_WITHIN : FAINT)) << k;
-                differ_much |= unsigned(found > float(FAINT_SIDES)) << k;
+                const Colour<IMAGES> beside = colour<IMAGES>(ring[k]);
+                gaps |= unsigned(its.differs(beside, within ? FAINT_WITHIN : FAINT)) << k;
+                wide_gaps |= unsigned(its.differs(beside, FAINT_SIDES)) << k;
             }
-            samples &= of_pairs(differ | (differ >> 1) | differ << 7);
+            samples &= of_pairs(gaps | gaps >> 1 | gaps << 7);
             if (sided)  // of which two may meet in the triangle
-                samples |= of_pairs(differ_much) & ~of_pairs(other);
+                samples |= of_pairs(wide_gaps) & ~of_pairs(other);
+            if (samples && !within && !(gaps & ~other))
+                samples |= PLAIN;
         }
         return samples;
     }
@@ -192,46 +247,47 @@ template <int LENS, class Target> struct Seen {
             const int farther = int(FARTHER >> 2 * k & 3) - 1, other = int(OTHER >> 2 * k & 3) - 1;
             return Place { x * (upright ? other : farther), y * (upright ? farther : other) };
         };
+        const auto number = [](const Place& place) { return 3 * (place.down + 1) + place.right + 1; };
         unsigned left = 0;  // those that show the shape, by number
 #pragma unroll
         for (int k = 0; k < 9; ++k) {
             const Place at_k = aside(k);
-            const bool there = inside(i + at_k.right, j + at_k.down);
-            left |= unsigned(there & (shape(there ? at(i + at_k.right, j + at_k.down) : at(i, j)) == hit_shape)) << k;
+            left |= unsigned(centres.shows(i + at_k.right, j + at_k.down, hit_shape)) << k;
         }
-        const auto cost_of = [&](const Place& at_k) {
-            const float right = float(at_k.right) - offset.right, down = float(at_k.down) - offset.down;
-            float cost = right * right + down * down;
-            const unsigned pixel = at(i + at_k.right, j + at_k.down);
-            return cost + apart(pixel, hit_depth) + turned(i + at_k.right, j + at_k.down, pixel);
-        };
-        const auto number = [](const Place& place) { return 3 * (place.down + 1) + place.right + 1; };
         if (!left)
             return ITSELF;
-        Place best_at = aside(lowest_bit(left));
-        int found = number(best_at);
         if (!sided)
-            return found;
-        unsigned chosen = at(i + best_at.right, j + best_at.down);
+            return number(aside(lowest_bit(left)));
+
+        const auto pixel_of = [&](const Place& place) { return at(i + place.right, j + place.down); };
+        const auto apart_from = [&](const Place& place) {
+            const float right = float(place.right) - offset.right, down = float(place.down) - offset.down;
+            return right * right + down * down;
+        };
+        const auto cost_of = [&](const Place& place) {
+            return apart_from(place) + apart(pixel_of(place), hit_depth)
+                + turned(i + place.right, j + place.down, pixel_of(place));
+        };
+        Place best_at = aside(lowest_bit(left));
+        Colour<IMAGES> chosen = colour<IMAGES>(pixel_of(best_at));
         float best = FAR_AWAY;  // not known before some other pixel has another colour
         for (left &= left - 1; left; left &= left - 1) {
-            const Place at_k = aside(lowest_bit(left));
-            const float right = float(at_k.right) - offset.right, down = float(at_k.down) - offset.down;
-            const unsigned pixel = at(i + at_k.right, j + at_k.down);
-            if (!(gap<IMAGES>(chosen, pixel) > float(FAINT)))
+            const Place place = aside(lowest_bit(left));
+            if (apart_from(place) >= best)
+                break;
+            const Colour<IMAGES> its = colour<IMAGES>(pixel_of(place));
+            if (!chosen.differs(its, FAINT))
                 continue;
             if (best == FAR_AWAY)
                 best = cost_of(best_at);
-            if (right * right + down * down >= best)
-                break;
-            const float cost = cost_of(at_k);
+            const float cost = cost_of(place);
             if (cost < best) {
                 best = cost;
-                chosen = pixel;
-                found = number(at_k);
+                chosen = its;
+                best_at = place;
             }
         }
-        return found;
+        return number(best_at);
     }
 };
 

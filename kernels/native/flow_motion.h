@@ -145,7 +145,8 @@ struct ToPixels {
 };
 
 // Writes the rows of Trail.motions that a shape has, and its pose now to `after`, if not null: `before` itself or another.
-template <bool MOVES, class Trail, class Shapes>
+// DEPTHS: the fourth tells depths, too, not only what rests.
+template <bool MOVES, bool DEPTHS, class Trail, class Shapes>
 WARPCAM_FN void compose_motion(const Trail& trail, const Shapes& shapes, const Camera& now, const Camera& then, int world,
                                int shape, bool pinhole, bool scaled, bool brief, const Row* before, Row* after, Row* motion)
 {
@@ -154,7 +155,7 @@ WARPCAM_FN void compose_motion(const Trail& trail, const Shapes& shapes, const C
     const int state = wp::index(trail.known, world), kind = wp::index(shapes.types, shape);
     if (wp::index(shapes.places, shape) < 0 && kind != SPLATS)
         return;
-    const float steps = brief ? steps_of(kind, pose, now, pinhole) : 0.0f;
+    const float steps = DEPTHS && brief ? steps_of(kind, pose, now, pinhole) : 0.0f;
     if (state == NEW) {
         put_unknown(motion);
         put_row(motion, 3, { 0.0f, 0.0f, 0.0f }, brief ? steps : as_float(-2));
@@ -223,7 +224,9 @@ WARPCAM_FN void compose_motion(const Trail& trail, const Shapes& shapes, const C
     Reach reach = reach_of(kind, then, pinhole);
     if (kind == PLANE)
         reach.shift = -1.0e30f;
-    if (brief) {
+    if (!DEPTHS) {
+        put_row(motion, 3, { 0.0f, 0.0f, brief && rests ? -1.0f : 0.0f }, as_float(!brief && rests ? STILL : STILL - 1));
+    } else if (brief) {
         const float old_steps = steps_of(kind, old, then, pinhole);
         const float nearest = product(reach.shift, old_steps) + TO_WHOLE;
         put_row(motion, 3, { reach.part * old_steps, nearest, rests && corner < 0 ? -1.0f : then.near }, steps);
@@ -246,9 +249,9 @@ WARPCAM_FN void write_motion(const Shapes& shapes, const Views& views, const Mas
     Row* before = reinterpret_cast<Row*>(trail.before.data) + 4 * size_t(unsigned(index));
     Row* after = keep ? before : nullptr;
     if (moves)
-        compose_motion<true>(trail, shapes, now, then, world, shape, pinhole, scaled, brief, before, after, motion);
+        compose_motion<true, true>(trail, shapes, now, then, world, shape, pinhole, scaled, brief, before, after, motion);
     else
-        compose_motion<false>(trail, shapes, now, then, world, shape, pinhole, scaled, brief, before, after, motion);
+        compose_motion<false, true>(trail, shapes, now, then, world, shape, pinhole, scaled, brief, before, after, motion);
 }
 
 // The same for all shapes of a world, by the threads of a block, into its shared memory; the last threads do it, since the
@@ -257,16 +260,17 @@ template <int WANTED, int TYPES, int LENS, class Trail, class Shapes>
 WARPCAM_FN void compose_motions(const Trail& trail, const Shapes& shapes, const Camera& now, const Camera& then, int world,
                                 bool keep, int thread, Row* motions)
 {
+    constexpr bool DEPTHS = (WANTED & FLOW_VALID) != 0;
     const bool in_first = wp::index(trail.known, world) == FIRST;
     const Row* one = reinterpret_cast<const Row*>(trail.before.data) + 4 * size_t(unsigned(world * trail.columns));
     const Row* other = reinterpret_cast<const Row*>(trail.after.data) + 4 * size_t(unsigned(world * trail.columns));
     const Row* before = in_first ? one : other;
     Row* after = const_cast<Row*>(in_first ? other : one);
     for (int shape = THREADS - 1 - thread; shape < trail.columns; shape += THREADS)
-        compose_motion<false>(trail, shapes, now, then, world, shape, LENS == PINHOLE, (TYPES >> SCALED & 1) != 0,
+        compose_motion<false, DEPTHS>(trail, shapes, now, then, world, shape, LENS == PINHOLE, (TYPES >> SCALED & 1) != 0,
                               (WANTED & FLOW_BRIEF) != 0, before + 4 * shape, keep ? after + 4 * shape : nullptr,
                               motions + motion_rows<false>() * (shape + 1));
-    if (thread == 0)  // of nothing, which rests
+    if (thread == THREADS - 1)  // of nothing, which rests
         put_row(motions, 3, { 0.0f, 0.0f, -1.0f }, (WANTED & FLOW_BRIEF) ? 0.0f : as_float(STILL));
 }
 

@@ -159,6 +159,29 @@ WARPCAM_FN void block_barrier()
 #endif
 }
 
+WARPCAM_FN void warp_barrier()
+{
+#if defined(__CUDA_ARCH__)
+    __syncwarp();
+#endif
+}
+
+#if defined(__CUDA_ARCH__)
+// Barriers for some warps of a block, so many threads in all: those that wait, and those that say that they were there.
+enum Barrier { FIRST_WARPS = 1, SHAPES_SORTED, MOTIONS_THERE };
+
+template <Barrier NUMBER, int COUNT> WARPCAM_FN void wait_at()
+{
+    __syncwarp();
+    asm volatile("bar.sync %0, %1;" ::"n"(int(NUMBER)), "n"(COUNT) : "memory");
+}
+template <Barrier NUMBER, int COUNT> WARPCAM_FN void arrive_at()
+{
+    __syncwarp();
+    asm volatile("bar.arrive %0, %1;" ::"n"(int(NUMBER)), "n"(COUNT) : "memory");
+}
+#endif
+
 WARPCAM_FN int lowest_bit(unsigned bits)
 {
 #if defined(__CUDA_ARCH__)

@@ -60,7 +60,7 @@ template <int TYPES, int LENS, bool FACES, class Target> struct MirrorCanvas {
             target.face.data[at(i, j)] = hit.face;
     }
 
-    static constexpr bool WHOLE = false;
+    static constexpr bool WHOLE = false, STORES_MUCH = true, APART = false;
     WARPCAM_FN void begin(int) const { }
     WARPCAM_FN void ready() const { }
 

@@ -16,15 +16,14 @@ using NearBits = unsigned[NEAR_WORDS];
 
 struct NearShapes {
     Record records[NEAR_SHAPES];  // nearest first where there are meshes; see sample_record()
-    int keys[NEAR_KEYS];          // ids
+    int keys[NEAR_KEYS];          // ids, a table
     int ids[NEAR_SHAPES];         // in the order in which they came
     float nearest[NEAR_SHAPES];   // likewise
-    unsigned char came[NEAR_KEYS];       // by key
-    unsigned char places[NEAR_SHAPES];  // among the records, NEAR_SHAPES for none, in the order in which they came
+    unsigned char places[NEAR_KEYS];  // among the records, NEAR_SHAPES for none
     NearBits meshes, fields;
     int count;  // more than NEAR_SHAPES: they are too many
 
-    WARPCAM_FN static unsigned slot_of(int id) { return unsigned(id) * 2654435761u >> 24; }
+    WARPCAM_FN static unsigned slot_of(int id) { return unsigned(id) % NEAR_KEYS; }
 
     // All threads of the block; then a barrier.
     WARPCAM_FN void clear()
@@ -39,34 +38,33 @@ struct NearShapes {
 
     WARPCAM_FN void add(int id)
     {
-        for (unsigned slot = slot_of(id);; slot = (slot + 1) % NEAR_KEYS) {
-            const int key = *static_cast<volatile int*>(keys + slot);
-            if (key == id || *static_cast<volatile int*>(&count) > NEAR_SHAPES)
+        unsigned slot = slot_of(id);
+        for (int key; (key = *static_cast<volatile int*>(keys + slot)) != id;) {
+            if (*static_cast<volatile int*>(&count) > NEAR_SHAPES)
                 return;
-            if (key != NO_KEY)
-                continue;
-            const int before = atomicCAS(keys + slot, NO_KEY, id);
-            if (before == id)
-                return;
-            if (before == NO_KEY) {
+            if (key == NO_KEY)
+                key = atomicCAS(keys + slot, NO_KEY, id);
+            if (key == NO_KEY) {
                 const int number = atomicAdd(&count, 1);
-                if (number < NEAR_SHAPES) {
+                if (number < NEAR_SHAPES)
                     ids[number] = id;
-                    came[slot] = static_cast<unsigned char>(number);
-                }
                 return;
             }
+            if (key != id)
+                slot = (slot + 1) % NEAR_KEYS;
         }
     }
 
-    // The place of one that was added.
-    WARPCAM_FN int place(int id) const
+    // Where one that was added is.
+    WARPCAM_FN unsigned find(int id) const
     {
         unsigned slot = slot_of(id);
         while (keys[slot] != id)
             slot = (slot + 1) % NEAR_KEYS;
-        return places[came[slot]];
+        return slot;
     }
+
+    WARPCAM_FN int place(int id) const { return places[find(id)]; }
 
     // Makes the records of all that were added; with barriers.
     template <int TYPES, int LENS, class Shapes, class Meshes, class HeightFields>
@@ -87,7 +85,7 @@ struct NearShapes {
             int rank = 0;
             for (int k = 0; k < count; ++k)
                 rank += nearest[k] < key || (nearest[k] == key && ids[k] > id);
-            places[mine] = static_cast<unsigned char>(seen ? rank : NEAR_SHAPES);
+            places[find(id)] = static_cast<unsigned char>(seen ? rank : NEAR_SHAPES);
             if (seen) {
                 record.axis_y.w = rank;
                 records[rank] = record;

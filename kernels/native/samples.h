@@ -8,32 +8,33 @@ namespace warpcam {
 // Rows of a region are 64 pixels apart in a pixel's place.
 WARPCAM_FN int place_of(const Region& region, int i, int j) { return (j - region.top) * 64 + (i - region.left); }
 
-template <int CHANNELS>
-WARPCAM_FN void mean_of_bytes(const unsigned char* image, unsigned char* mean, unsigned pixel,
-                              const unsigned (&shown)[SAMPLES])
+// Writes the means of the pixels that a pixel's samples show, at its index in the images; they become the images' when all
+// of them are known.
+template <int IMAGES, class Centres>
+WARPCAM_FN void put_means(const Centres& centres, size_t at, const unsigned (&shown)[SAMPLES])
 {
-    for (int k = 0; k < CHANNELS; ++k) {
-        int total = SAMPLES / 2;
-        for (int sample = 0; sample < SAMPLES; ++sample)
-            total += image[CHANNELS * size_t(shown[sample]) + k];
-        mean[CHANNELS * size_t(pixel) + k] = static_cast<unsigned char>(total / SAMPLES);
+    const auto& target = centres.target;
+    if (IMAGES & (SMOOTH_RGB | SMOOTH_RGBA)) {
+        constexpr unsigned EVERY_OTHER = 0x00ff00ff;
+        unsigned even = 0x00020002, odd = 0x00020002;  // half of four, rounding up
+        for (int sample = 0; sample < SAMPLES; ++sample) {
+            const unsigned bytes = centres.template bytes<IMAGES>(shown[sample]);
+            even += bytes & EVERY_OTHER;
+            odd += bytes >> 8 & EVERY_OTHER;
+        }
+        static_assert(SAMPLES == 4, "means are quarters");
+        const unsigned mean = (even >> 2 & EVERY_OTHER) | (odd >> 2 & EVERY_OTHER) << 8;
+        for (int k = 0; k < 3 && (IMAGES & SMOOTH_RGB); ++k)
+            target.mean_rgb.data[3 * at + k] = static_cast<unsigned char>(mean >> 8 * k);
+        for (int k = 0; k < 4 && (IMAGES & SMOOTH_RGBA); ++k)
+            target.mean_rgba.data[4 * at + k] = static_cast<unsigned char>(mean >> 8 * k);
     }
-}
-
-// Writes a pixel's means; they become the image's when all of them are known.
-template <int IMAGES, class Target>
-WARPCAM_FN void put_means(const Target& target, unsigned pixel, const unsigned (&shown)[SAMPLES])
-{
-    if (IMAGES & SMOOTH_RGB)
-        mean_of_bytes<3>(target.rgb.data, target.mean_rgb.data, pixel, shown);
-    if (IMAGES & SMOOTH_RGBA)
-        mean_of_bytes<4>(target.rgba.data, target.mean_rgba.data, pixel, shown);
     if (IMAGES & SMOOTH_HDR)
         for (int k = 0; k < 3; ++k) {
             float total = 0.0f;
             for (int sample = 0; sample < SAMPLES; ++sample)
-                total += target.hdr.data[3 * size_t(shown[sample]) + k];
-            target.mean_hdr.data[3 * size_t(pixel) + k] = total / float(SAMPLES);
+                total += target.hdr.data[3 * size_t(centres.of_images(shown[sample])) + k];
+            target.mean_hdr.data[3 * at + k] = total / float(SAMPLES);
         }
 }
 
@@ -85,11 +86,13 @@ template <int LENS> WARPCAM_FN int part_at(const Record& record, const ViewRay<L
 
 // Which pixel shows what a sample of pixel (i, j) has hit, as shown() has it. Two surfaces that meet in an edge are near
 // each other in depth, but not of one colour: so it counts how a mesh's face is turned from those of the pixels around,
-// and whether these show the same side. `record` is that of the shape hit.
-template <int TYPES, int IMAGES, int LENS, class Meshes, class Target>
-WARPCAM_FN int shown_sample(const Seen<LENS, Target>& seen, const Meshes& meshes, const Camera& camera, int i, int j,
-                                 int sample, float depth, int face, const Record& record)
+// and whether these show the same side. `record` is that of the shape hit, `edge` what edge() says of the pixel.
+template <int TYPES, int IMAGES, int LENS, class Meshes, class Centres>
+WARPCAM_FN int shown_sample(const Seen<LENS, Centres>& seen, const Meshes& meshes, const Camera& camera, int i, int j,
+                            int sample, float depth, int face, const Record& record, unsigned edge)
 {
+    if ((edge & PLAIN) && record.origin.w == seen.shape(seen.at(i, j)))
+        return ITSELF;
     constexpr int SIDED = TYPES & (1 << BOX | 1 << CYLINDER);
     const int type = record.axis_x.w;
     const bool is_face = (TYPES >> MESH & 1) && type == MESH && face >= 0;
@@ -101,7 +104,7 @@ WARPCAM_FN int shown_sample(const Seen<LENS, Target>& seen, const Meshes& meshes
     const int part = is_sided ? part_at<LENS>(record, sample_ray<LENS>(camera, i, j, sample), depth) : -1;
     const auto turned = [&](int column, int row, unsigned pixel) {
         if (is_face)
-            return TURNED * (1.0f - dot(normal, face_normal(meshes, rows, int(seen.target.face.data[pixel]))));
+            return TURNED * (1.0f - dot(normal, face_normal(meshes, rows, int(seen.centres.target.face.data[seen.centres.of_images(pixel)]))));
         return !is_sided || part_at<LENS>(record, view_ray<LENS>(camera, column, row), seen.depth(pixel)) == part ? 0.0f
                                                                                                                 : TURNED;
     };

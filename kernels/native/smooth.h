@@ -9,27 +9,54 @@
 #include "mesh_queue.h"
 #include "near_shapes.h"
 #include "smooth_cpu.h"
+#include "window.h"
 
 namespace warpcam {
 
 #if defined(__CUDA_ARCH__)
 
-constexpr int STRIP = 32;    // tiles in which a block looks for edges at once
-constexpr int ENOUGH = 256;  // pixels with edges; a block looks for more before it traces fewer
+constexpr int STRIP = 16;  // tiles in which a block looks for edges at once
+// Pixels with edges that a block smooths together: it looks for so many before it traces, as at the end its warps wait for
+// the one whose rays take longest.
+constexpr int MOST = 384;
+
+// What a sample has hit, where there are meshes.
+struct SampleHit {
+    float depth;
+    int face;
+};
+
+template <bool LARGE> struct ListedBits {
+    using type = unsigned;
+};
+template <> struct ListedBits<false> {
+    using type = unsigned short;
+};
+
+// A pixel with an edge: its place in the region, and what edge() says of it in the lowest bits. Without meshes and height
+// fields regions have half as many rows, so that 16 bits hold it.
+template <int TYPES> struct ListedPixel {
+    static constexpr int SHIFT = SAMPLES + 1;
+    static constexpr bool LARGE = TYPES >> MESH & 1 || TYPES >> HEIGHT_FIELD & 1;
+    typename ListedBits<LARGE>::type bits;
+
+    WARPCAM_FN int place() const { return int(bits >> SHIFT); }
+    WARPCAM_FN unsigned edge() const { return bits & ((1u << SHIFT) - 1); }
+};
 
 // Pixels that a block smooths together.
 template <int TYPES> struct Chunk {
     static constexpr bool HAS_MESH = TYPES >> MESH & 1, HAS_FIELD = TYPES >> HEIGHT_FIELD & 1;
-    static constexpr int MOST = HAS_MESH || HAS_FIELD ? 384 : 512;
 
-    const unsigned short* pixels;             // 16 * the pixel's place in the region + its samples as bits
+    const ListedPixel<TYPES>* pixels;
     NearBits own[MOST];                       // the shapes around
     Band meshes[HAS_MESH ? MOST : 1], fields[HAS_FIELD ? MOST : 1];
     unsigned short samples[SAMPLES * MOST];   // that are traced: 4 * the pixel's number + the sample's
-    unsigned char shown[SAMPLES * MOST];      // by which of the pixels around
+    unsigned char shown[SAMPLES * MOST];      // by which of the pixels around; where there are meshes first what was hit
+    SampleHit hits[HAS_MESH ? SAMPLES * MOST : 1];  // of the samples
     int total, next;                          // of `samples`, and which comes next
 
-    WARPCAM_FN int place(int pixel) const { return pixels[pixel] >> SAMPLES; }
+    WARPCAM_FN int place(int pixel) const { return pixels[pixel].place(); }
 };
 
 // The records as trace_rays() reads a list.
@@ -70,9 +97,9 @@ WARPCAM_FN void trace_own(const Record* records, unsigned walked, unsigned own, 
 }
 
 // Finds what may be hit by the samples of a pixel whose shapes are listed, and lists these samples.
-template <int TYPES, int LENS, class Target>
+template <int TYPES, int LENS, class Centres>
 WARPCAM_FN void list_samples(Chunk<TYPES>& chunk, int pixel, const NearShapes& list, const Camera& camera,
-                             const Seen<LENS, Target>& seen, const Region& region)
+                             const Seen<LENS, Centres>& seen, const Region& region)
 {
     const int place = chunk.place(pixel), i = region.left + place % 64, j = region.top + place / 64;
     NearBits own {};
@@ -103,7 +130,7 @@ WARPCAM_FN void list_samples(Chunk<TYPES>& chunk, int pixel, const NearShapes& l
         chunk.meshes[pixel] = on_meshes.template widened<LENS>(pixel_width<LENS>(camera));
     if (Chunk<TYPES>::HAS_FIELD)
         chunk.fields[pixel] = on_fields.template widened<LENS>(pixel_width<LENS>(camera));
-    const unsigned samples = chunk.pixels[pixel] & EVERY_SAMPLE;
+    const unsigned samples = chunk.pixels[pixel].edge() & EVERY_SAMPLE;
     int at = atomicAdd(&chunk.total, __popc(samples));
     for (int sample = 0; sample < SAMPLES; ++sample) {
         chunk.shown[SAMPLES * pixel + sample] = ITSELF;
@@ -113,9 +140,9 @@ WARPCAM_FN void list_samples(Chunk<TYPES>& chunk, int pixel, const NearShapes& l
 }
 
 // Traces the samples of a chunk; each warp takes 32 at a time.
-template <int TYPES, int LENS, int IMAGES, class Rays, class Meshes, class HeightFields, class Target>
+template <int TYPES, int LENS, int IMAGES, class Rays, class Meshes, class HeightFields, class Centres>
 WARPCAM_FN void trace_samples(Chunk<TYPES>& chunk, const NearShapes& list, Rays& waiting, const Meshes& meshes,
-                              const HeightFields& fields, const Camera& camera, const Seen<LENS, Target>& seen,
+                              const HeightFields& fields, const Camera& camera, const Seen<LENS, Centres>& seen,
                               const Region& region)
 {
     constexpr bool HAS_MESH = Chunk<TYPES>::HAS_MESH, HAS_FIELD = Chunk<TYPES>::HAS_FIELD;
@@ -127,13 +154,22 @@ WARPCAM_FN void trace_samples(Chunk<TYPES>& chunk, const NearShapes& list, Rays&
             = sample_ray<LENS>(camera, region.left + at % 64, region.top + at / 64, sample % SAMPLES);
         return ClippedRay<LENS> { ray, HAS_MESH ? upper(near, chunk.meshes[HAS_MESH ? pixel : 0].first) : near };
     };
-    const auto store = [&](int sample, const Hit& hit) {
+    const auto show = [&](int sample, const Hit& hit) {
         const int at = chunk.place(sample / SAMPLES), i = region.left + at % 64, j = region.top + at / 64;
         const int its = sample % SAMPLES;
         chunk.shown[sample] = static_cast<unsigned char>(
             hit.shape < 0 ? seen.beyond(i, j, its)
                           : shown_sample<TYPES, IMAGES>(seen, meshes, camera, i, j, its, hit.depth, hit.face,
-                                                        list.records[hit.shape]));
+                                                        list.records[hit.shape], chunk.pixels[sample / SAMPLES].edge()));
+    };
+    // where there are meshes, which pixel shows a sample is asked when all have been traced: for all of them at once
+    const auto store = [&](int sample, const Hit& hit) {
+        if constexpr (HAS_MESH) {
+            chunk.hits[sample] = { hit.depth, hit.face };
+            chunk.shown[sample] = static_cast<unsigned char>(hit.shape < 0 ? NEAR_SHAPES : hit.shape);
+        } else {
+            show(sample, hit);
+        }
     };
     const auto next_rays = [&](int& found) {
         const int first = __shfl_sync(ALL, lane == 0 ? atomicAdd(&chunk.next, LANES) : 0, 0);
@@ -178,6 +214,11 @@ WARPCAM_FN void trace_samples(Chunk<TYPES>& chunk, const NearShapes& list, Rays&
     };
     if constexpr (HAS_MESH) {
         trace_rays<TYPES>(waiting, Ranked { list.records, {}, list.count }, meshes, near, next_rays, ray_of, store);
+        block_barrier();
+        for (int k = threadIdx.x; k < chunk.total; k += THREADS) {
+            const int sample = chunk.samples[k], shape = chunk.shown[sample];
+            show(sample, Hit { chunk.hits[sample].depth, shape < NEAR_SHAPES ? shape : -1, chunk.hits[sample].face });
+        }
     } else {
         int none;
         while (next_rays(none)) { }
@@ -185,19 +226,19 @@ WARPCAM_FN void trace_samples(Chunk<TYPES>& chunk, const NearShapes& list, Rays&
 }
 
 // Smooths the edges of a region.
-template <int TYPES, int LENS, int WIDTH, int HEIGHT, int IMAGES, class Shapes, class Meshes, class HeightFields,
-          class Target>
+template <int TYPES, int LENS, int IMAGES, class Shapes, class Meshes, class HeightFields, class Centres>
 WARPCAM_FN void smooth_region(const Shapes& shapes, const Meshes& meshes, const HeightFields& fields,
-                              const Target& target, const Camera& camera, const Seen<LENS, Target>& seen,
-                              const Region& region, int world)
+                              const Centres& centres, const Camera& camera, const Region& region, int world)
 {
     constexpr bool HAS_MESH = TYPES >> MESH & 1;
     constexpr int WARPS = THREADS / LANES;
-    WARPCAM_SHARED unsigned short listed[ENOUGH + STRIP * LANES];
+    WARPCAM_SHARED ListedPixel<TYPES> listed[MOST + STRIP * LANES];
     WARPCAM_SHARED int count;
     WARPCAM_SHARED Chunk<TYPES> chunk;
     WARPCAM_SHARED NearShapes list;
     WARPCAM_SHARED AnyMeshRays<NEAR_WORDS> waiting[HAS_MESH ? WARPS : 1];
+    const Seen<LENS, Centres> seen { centres, pixel_width<LENS>(camera), camera.scale_y };
+    const auto& target = centres.target;
     const int lane = threadIdx.x % LANES, warp = threadIdx.x / LANES;
     const auto sided = [&](int shape) { return has_sides<TYPES>(shapes, shape); };
     const int across = region.width / TILE_WIDTH, tiles = across * (region.height / TILE_HEIGHT);
@@ -206,34 +247,34 @@ WARPCAM_FN void smooth_region(const Shapes& shapes, const Meshes& meshes, const 
             count = 0;
         block_barrier();
         int found_so_far = 0;
-        for (; tile < tiles && found_so_far < ENOUGH; tile += STRIP) {
+        for (; tile < tiles && found_so_far < MOST; tile += STRIP) {
             for (int k = tile + warp; k < lower_int(tile + STRIP, tiles); k += WARPS) {
                 const int i = region.left + k % across * TILE_WIDTH + lane % TILE_WIDTH;
                 const int j = region.top + k / across * TILE_HEIGHT + lane / TILE_WIDTH;
                 const bool inside = i < target.width && j < target.height;
                 const unsigned samples = inside ? seen.template edge<IMAGES>(i, j, sided) : 0;
                 if (inside)
-                    target.edges.data[seen.at(i, j)] = samples != 0;
+                    target.edges.data[seen.centres.of_images(i, j)] = samples != 0;
                 const unsigned found = __ballot_sync(ALL, samples != 0);
                 if (found) {
                     const int begin = __shfl_sync(ALL, lane == 0 ? atomicAdd(&count, __popc(found)) : 0, 0);
                     if (samples)
                         listed[begin + __popc(found & ((1u << lane) - 1))]
-                            = static_cast<unsigned short>(place_of(region, i, j) << SAMPLES | samples);
+                            = { static_cast<decltype(listed->bits)>(place_of(region, i, j) << listed->SHIFT | samples) };
                 }
             }
             block_barrier();
             found_so_far = count;
             block_barrier();
         }
-        const int chunks = (found_so_far + Chunk<TYPES>::MOST - 1) / Chunk<TYPES>::MOST;
+        const int chunks = (found_so_far + MOST - 1) / MOST;
         for (int from = 0, pixels; from < found_so_far; from += pixels) {
             pixels = lower_int(found_so_far - from, (found_so_far + chunks - 1) / chunks);
             while (true) {  // fewer, until they do not show too many shapes
                 list.clear();
                 block_barrier();
                 for (int k = threadIdx.x; k < pixels; k += THREADS) {
-                    const int at = listed[from + k] >> SAMPLES, i = region.left + at % 64, j = region.top + at / 64;
+                    const int at = listed[from + k].place(), i = region.left + at % 64, j = region.top + at / 64;
                     int before = -1;
 #pragma unroll 1
                     for (int around = 0; around < 9; ++around) {
@@ -265,10 +306,29 @@ WARPCAM_FN void smooth_region(const Shapes& shapes, const Meshes& meshes, const 
                 unsigned by[SAMPLES];
                 for (int sample = 0; sample < SAMPLES; ++sample)
                     by[sample] = seen.around(i, j, chunk.shown[SAMPLES * k + sample]);
-                put_means<IMAGES>(target, seen.at(i, j), by);
+                put_means<IMAGES>(seen.centres, seen.centres.of_images(i, j), by);
             }
             block_barrier();
         }
+    }
+}
+
+// The same with what the trace has found kept in shared memory, where little else has to lie there.
+template <int TYPES, int LENS, int WIDTH, int HEIGHT, int IMAGES, class Shapes, class Meshes, class HeightFields,
+          class Target>
+WARPCAM_FN void smooth_region(const Shapes& shapes, const Meshes& meshes, const HeightFields& fields,
+                              const Target& target, const Camera& camera, const Region& region, int world)
+{
+    if constexpr (TYPES >> MESH & 1 || TYPES >> HEIGHT_FIELD & 1) {
+        const ImageCentres<Target> centres { target, unsigned(world) * target.height * target.width };
+        smooth_region<TYPES, LENS, IMAGES>(shapes, meshes, fields, centres, camera, region, world);
+    } else {
+        static_assert(HEIGHT <= 32, "a ListedPixel has 16 bits");
+        WARPCAM_SHARED WindowRoom<Target, IMAGES, WIDTH, HEIGHT> room;
+        const Window<Target, IMAGES, WIDTH, HEIGHT> window { room, target, region.left - 1, region.top - 1,
+                                                             unsigned(world) * target.height * target.width };
+        window.load();
+        smooth_region<TYPES, LENS, IMAGES>(shapes, meshes, fields, window, camera, region, world);
     }
 }
 
@@ -288,9 +348,7 @@ WARPCAM_FN void smooth(const Shapes& shapes, const Meshes& meshes, const HeightF
     if (index % THREADS == 0)
         camera = load_camera(wp::index(views, world));
     block_barrier();
-    const Seen<LENS, Target> seen { target, unsigned(world) * target.height * target.width, pixel_width<LENS>(camera),
-                                    camera.scale_y };
-    smooth_region<TYPES, LENS, WIDTH, HEIGHT, IMAGES>(shapes, meshes, fields, target, camera, seen, region, world);
+    smooth_region<TYPES, LENS, WIDTH, HEIGHT, IMAGES>(shapes, meshes, fields, target, camera, region, world);
 }
 
 }  // namespace warpcam

@@ -25,14 +25,14 @@ struct NearShape {
 // A pixel with an edge.
 struct Edge {
     int i, j;
-    unsigned samples;  // to trace
+    unsigned samples;  // to trace, and PLAIN
 };
 
 // Smooths a few pixels.
-template <int TYPES, int LENS, int IMAGES, class Shapes, class Meshes, class HeightFields, class Target>
+template <int TYPES, int LENS, int IMAGES, class Shapes, class Meshes, class HeightFields, class Centres>
 inline void smooth_pixels(const Edge* listed, int pixels, const Shapes& shapes, const Meshes& meshes,
-                          const HeightFields& fields, const Target& target, const Camera& camera,
-                          const Seen<LENS, Target>& seen, const Region& region, int world)
+                          const HeightFields& fields, const Camera& camera, const Seen<LENS, Centres>& seen,
+                          const Region& region, int world)
 {
     NearShape near[9 * BATCH];
     const NearShape* order[9 * BATCH];
@@ -66,7 +66,7 @@ inline void smooth_pixels(const Edge* listed, int pixels, const Shapes& shapes, 
         if (!sample_record<TYPES, LENS>(shapes, meshes, fields, camera, region, world, one.id, one.record))
             continue;
         one.record.axis_y.w = slot;
-        int rank = count++;  // as in list_near()
+        int rank = count++;  // as in NearShapes::prepare_all()
         const float key = TYPES >> MESH & 1 ? as_float(one.record.size.w) : 0.0f;
         for (; rank > 0; --rank) {
             const float other = TYPES >> MESH & 1 ? as_float(order[rank - 1]->record.size.w) : 0.0f;
@@ -125,26 +125,27 @@ inline void smooth_pixels(const Edge* listed, int pixels, const Shapes& shapes, 
                 : rays.shape[lane] < 0                    ? seen.beyond(at.i, at.j, sample)
                                        : shown_sample<TYPES, IMAGES>(seen, meshes, camera, at.i, at.j, sample,
                                                                      rays.depth[lane], rays.face[lane],
-                                                                     near[rays.shape[lane]].record);
+                                                                     near[rays.shape[lane]].record, at.samples);
             by[sample] = seen.around(at.i, at.j, shown);
         }
-        put_means<IMAGES>(target, seen.at(at.i, at.j), by);
+        put_means<IMAGES>(seen.centres, seen.centres.of_images(at.i, at.j), by);
     }
 }
 
 template <int TYPES, int LENS, int WIDTH, int HEIGHT, int IMAGES, class Shapes, class Meshes, class HeightFields,
           class Target>
 inline void smooth_region(const Shapes& shapes, const Meshes& meshes, const HeightFields& fields, const Target& target,
-                          const Camera& camera, const Seen<LENS, Target>& seen, const Region& region, int world)
+                          const Camera& camera, const Region& region, int world)
 {
+    const ImageCentres<Target> centres { target, unsigned(world) * target.height * target.width };
+    const Seen<LENS, ImageCentres<Target>> seen { centres, pixel_width<LENS>(camera), camera.scale_y };
     Edge listed[BATCH];
     int count = 0;
     const int right = lower_int(region.left + region.width, target.width);
     const int bottom = lower_int(region.top + region.height, target.height);
     const auto smooth = [&] {
         if (count)
-            smooth_pixels<TYPES, LENS, IMAGES>(listed, count, shapes, meshes, fields, target, camera, seen, region,
-                                               world);
+            smooth_pixels<TYPES, LENS, IMAGES>(listed, count, shapes, meshes, fields, camera, seen, region, world);
         count = 0;
     };
     const auto sided = [&](int shape) { return has_sides<TYPES>(shapes, shape); };

@@ -11,8 +11,9 @@
 namespace warpcam {
 
 // Fills the list with shapes from `begin` on until it is full; returns where to go on. SLOTS: records name their own
-// slots in place of their shapes. hidden(id): the shape is left out.
-template <int TYPES, int LENS, bool SLOTS, int CAPACITY, class Shapes, class Meshes, class HeightFields, class Hidden>
+// slots in place of their shapes. hidden(id): the shape is left out. ALONE: by one warp.
+template <int TYPES, int LENS, bool SLOTS, bool ALONE, int CAPACITY, class Shapes, class Meshes, class HeightFields,
+          class Hidden>
 WARPCAM_FN int gather(ShapeList<CAPACITY>& list, int begin, const Shapes& shapes, const Meshes& meshes,
                       const HeightFields& fields, const Hidden& hidden, const Camera& camera, const Region& region,
                       int world, int thread)
@@ -43,15 +44,19 @@ WARPCAM_FN int gather(ShapeList<CAPACITY>& list, int begin, const Shapes& shapes
                 list.touched[slot] = tiles;
             }
         }
-        if (total > CAPACITY) {  // the next round may overflow the list
-            block_barrier();
-            const bool full = list.count + lower_int(THREADS, total - begin) > CAPACITY;
-            block_barrier();
-            if (full)
-                break;
-        }
+        if constexpr (!ALONE)
+            if (total > CAPACITY) {  // the next round may overflow the list
+                block_barrier();
+                const bool full = list.count + lower_int(THREADS, total - begin) > CAPACITY;
+                block_barrier();
+                if (full)
+                    break;
+            }
     }
-    block_barrier();
+    if (ALONE)
+        warp_barrier();
+    else
+        block_barrier();
     return begin;
 }
 
@@ -72,11 +77,20 @@ WARPCAM_FN void draw_tiles(ShapeList<CAPACITY>& list, const Canvas_& canvas, con
     const float near = canvas.camera.near;
     const int across = region.width / TILE_WIDTH, stacks = across * ((region.height / TILE_HEIGHT + TALL - 1) / TALL);
     const unsigned per_level = unsigned(65536.0f * reciprocal(float(across))) + 1u;  // of 65536; exact below 8192 stacks
-    // Where tiles take about as long as each other, each warp has its own: one of four, and of the next four the next.
+    // Where tiles take about as long as each other, each warp has its own: one of four, and of the next four the next. But
+    // where much is stored: warps drift apart then, and memory gets lines in parts.
     constexpr int WARPS = THREADS / LANES;
+    constexpr bool OWN = TALL > 1 && !Canvas_::STORES_MUCH;
     int own = warp;
+    bool alone = Canvas_::APART && warp != WARPS - 1;  // the motions are not there yet
+    const auto meet = [&] {
+        if constexpr (Canvas_::APART)
+            if (alone)
+                wait_at<MOTIONS_THERE, THREADS>();
+        alone = false;
+    };
     const auto next_tile = [&](int& found) {
-        const int stack = TALL > 1 ? own : __shfl_sync(ALL, lane == 0 ? draw_next(list.next_tile) : 0, 0);
+        const int stack = OWN ? own : __shfl_sync(ALL, lane == 0 ? draw_next(list.next_tile) : 0, 0);
         own = (((own + 1) & (WARPS - 1)) | (own & ~(WARPS - 1))) + WARPS;
         if (stack >= stacks)
             return false;
@@ -91,6 +105,7 @@ WARPCAM_FN void draw_tiles(ShapeList<CAPACITY>& list, const Canvas_& canvas, con
             hit[k] = canvas.start(i, j + k * TILE_HEIGHT, first_pass);
         }
         trace_tiles<TYPES>(list, column, row, ray, near, fields, hit);
+        meet();
         for (int k = 0; k < TALL; ++k)
             canvas.put_tile(i, j, k, hit[k], first_pass, row_of_lanes);
         if (HAS_MESH)
@@ -108,6 +123,45 @@ WARPCAM_FN void draw_tiles(ShapeList<CAPACITY>& list, const Canvas_& canvas, con
         int none;
         while (next_tile(none)) { }
     }
+    meet();
+}
+
+// The same as draw_region() of few shapes, whose motions the last warp composes meanwhile: the first lists and sorts shapes,
+// the others begin to draw when it has, and wait for the motions before they write the first flow.
+template <int TYPES, int LENS, bool SLOTS, int CAPACITY, class Canvas_, class Shapes, class Meshes, class HeightFields,
+          class Hidden>
+WARPCAM_FN void draw_apart(ShapeList<CAPACITY>& list, const Canvas_& canvas, const Shapes& shapes, const Meshes& meshes,
+                           const HeightFields& fields, const Hidden& hidden, int world, int thread, bool blind)
+{
+    static_assert(CAPACITY <= LANES && !(TYPES >> MESH & 1));
+    if (thread == 0) {
+        list.broken = 0;
+        list.count = 0;
+        list.next_tile = 0;
+    }
+    block_barrier();
+    if (thread >= THREADS - LANES) {
+        canvas.begin(thread);
+        canvas.ready();
+        arrive_at<MOTIONS_THERE, THREADS>();
+        wait_at<SHAPES_SORTED, THREADS>();
+    } else {
+        if (thread < LANES) {
+            if (!blind)
+                gather<TYPES, LENS, SLOTS, true>(list, 0, shapes, meshes, fields, hidden, canvas.camera, canvas.region, world,
+                                                 thread);
+            if (thread == 0 && list.broken) {  // nothing of this world can be trusted
+                list.count = 0;
+                canvas.target.faults.data[world] = 1;
+            }
+            warp_barrier();
+            sort_by_depth(list, thread);
+        }
+        canvas.ready();
+        wait_at<FIRST_WARPS, THREADS - LANES>();
+        arrive_at<SHAPES_SORTED, THREADS>();
+    }
+    draw_tiles<TYPES, LENS>(list, canvas, meshes, fields, true);
 }
 
 #else
@@ -143,6 +197,10 @@ WARPCAM_FN void draw_region(ShapeList<CAPACITY>& list, const Canvas_& canvas, co
                             int thread)
 {
     const bool blind = !(magnitude(canvas.camera.origin.x) < FAR_AWAY);
+#if defined(__CUDA_ARCH__)
+    if constexpr (Canvas_::APART)
+        return draw_apart<TYPES, LENS, SLOTS>(list, canvas, shapes, meshes, fields, hidden, world, thread, blind);
+#endif
     const int total = blind ? 0 : shapes.drawn.shape[0];
     int begin = 0;
     bool first = true;
@@ -156,8 +214,8 @@ WARPCAM_FN void draw_region(ShapeList<CAPACITY>& list, const Canvas_& canvas, co
         block_barrier();
         canvas.begin(thread);
         if (!blind)
-            begin = gather<TYPES, LENS, SLOTS>(list, begin, shapes, meshes, fields, hidden, canvas.camera,
-                                               canvas.region, world, thread);
+            begin = gather<TYPES, LENS, SLOTS, false>(list, begin, shapes, meshes, fields, hidden, canvas.camera,
+                                                      canvas.region, world, thread);
         if (list.broken) {  // nothing of this world can be trusted
             block_barrier();
             if (thread == 0) {
