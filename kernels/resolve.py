@@ -24,7 +24,7 @@ from .types import (
     Textures,
     View,
 )
-from .variety import Variety, facts_of
+from .variety import EXPOSED, Variety, facts_of
 from .visibility import LENSES, THREADS, in_order, region_size
 
 # The outputs made here, with the dtype and the number of channels of their arrays (world, height, width, channels), in
@@ -44,7 +44,7 @@ SPARE, STRIPS = 1 << 6, 1 << 7  # of a scene, there: see is_spare, has_strips
 MAX_KEPT = 256  # shapes whose looks a block can keep
 MAX_SPARE = 64  # shapes of a scene without meshes that leave room for SPARE
 MAX_STRIPS = 128  # shapes of a scene whose floors are drawn by strips
-MAX_CASTING = 3  # lights that cast shadows on floors that are drawn by strips: FEW in native/corners.h
+MAX_CASTING = 3  # lights of a scene whose floors are drawn by strips with their shadows: FEW in native/corners.h
 MAX_SEEN = 512  # shapes of which it can keep the looks of those that it sees; with more it sees too many
 MIRRORED, REFLECTS, VEILED, HAZY, NOTED = 1 << 8, 1 << 9, 1 << 10, 1 << 11, 1 << 14  # facts of native/look.h
 LIT = ("rgb", "rgba", "hdr")  # what mirrors, transparent shapes and haze change
@@ -275,8 +275,12 @@ def record(
     if device.is_cuda:
         whole = width % region[0] == 0 and height % region[1] == 0
         facts |= QUADS * (width % 4 == 0) | WHOLE_REGIONS * whole
+        plain = (
+            set(outputs) == {"rgb"} and lens == "pinhole" and tables.physical is None and not (more or varied & EXPOSED)
+        )
         by_corners = shadow is None or tables.num_lights <= MAX_CASTING
-        facts |= STRIPS * (by_corners and has_strips(tables.shape_types, tables.num_drawn))
+        strips = has_strips(tables.shape_types, tables.num_drawn) and whole and region[0] % 32 == 0
+        facts |= STRIPS * (strips and plain and by_corners)
     unit = -(-width // region[0]) * -(-height // region[1]) * (THREADS if device.is_cuda else 1)  # threads a world
     types = in_order(types, len(group.worlds) * unit, device)
     kernel = _kernel(types, LENSES[lens], _capacity(tables), *region, wanted, facts, frame_type, veils)
@@ -297,7 +301,7 @@ def record(
 
 
 def _blocks(images: int, facts: int) -> int:
-    """Blocks that a multiprocessor is to hold, for a set of images: bounds the registers of a thread."""
+    """Blocks that a multiprocessor is to hold, for a set of images and facts: bounds the registers of a thread."""
     lit, albedo = images & 0b00111, images & 0b10000
     return (6 if facts & SPARE and facts & STRIPS else 5) if lit else 7 if albedo else 8
 
@@ -308,8 +312,8 @@ def is_spare(shape_types: Collection[int], num_drawn: int) -> bool:
 
 
 def has_strips(shape_types: Collection[int], num_drawn: int) -> bool:
-    """Whether floors may be drawn by strips, from sheets of their textures: see native/floor_strips.h."""
-    return PLANE in shape_types and {MESH, HEIGHT_FIELD}.isdisjoint(shape_types) and num_drawn <= MAX_STRIPS
+    """Whether colours of floors may be drawn by strips, from sheets of their textures: see native/floor_strips.h."""
+    return PLANE in shape_types and num_drawn <= MAX_STRIPS
 
 
 def _capacity(tables: Tables) -> int:

@@ -24,12 +24,6 @@ template <class Shapes> WARPCAM_FN Floor load_floor(const Shapes& shapes, const 
                                    shape.position.z - camera.origin.z }), id };
 }
 
-// Four neighbours as they are loaded, in as many words as one has bytes.
-template <class Value> WARPCAM_FN Several<unsigned, sizeof(Value)> four_at(const Value* from)
-{
-    return several<sizeof(Value)>(reinterpret_cast<const unsigned*>(from));
-}
-
 // Whether all four are the same number.
 template <int BYTES> WARPCAM_FN bool all_are(const Several<unsigned, BYTES>& words, int number)
 {
@@ -81,7 +75,9 @@ template <class View> WARPCAM_FN FloorShade floor_shade(const View& view, const 
     const Vec whole = distant ? rate : w;
     const Vec at = lane & 2 ? v : u;
     const float edge = lane & 2 ? (lane & 1 ? bounds.top : bounds.bottom) : lane & 1 ? bounds.right : bounds.left;
-    const Vec in = lane & 1 ? edge * whole - at : at - edge * whole;
+    // Nothing lies beyond an edge that is endless, or that has no place: shapes behind a lamp have such.
+    const bool ends = magnitude(edge) < ENDLESS;
+    const Vec in = !ends ? Vec { 0.0f, 0.0f, 1.0f } : lane & 1 ? edge * whole - at : at - edge * whole;
     // Half a pixel more on each side than the strip has, which is more than all rounding.
     FloorShade own { in.x, in.y, in.z + 15.5f * in.x + 16.0f * magnitude(in.x) + 1.5f * in.y + 2.0f * magnitude(in.y),
                      floor.shape >= 0 };

@@ -123,9 +123,10 @@ WARPCAM_FN bool draw_quad(const StripPlan& plan, const Grid& grid, const StripCo
         u[k] = muladd(start_u + float(k) * across_u.x, rate[k], as_float(across_u.w));
         v[k] = muladd(start_v + float(k) * across_v.x, rate[k], as_float(across_v.w));
     }
-    // What lies between two pixels that are among the corners is, too.
-    const bool within = (lower(rate[0], rate[3]) > 0.0f) & (lower(u[0], u[3]) >= 0.0f) & (upper(u[0], u[3]) < plan.columns)
-        & (lower(v[0], v[3]) >= 0.0f) & (upper(v[0], v[3]) < plan.rows);
+    // What lies between two pixels that are among the corners is, too, but for rounding.
+    constexpr float SLACK = 1.0e-5f;
+    const bool within = (lower(rate[0], rate[3]) > 0.0f) & (lower(u[0], u[3]) >= SLACK) & (upper(u[0], u[3]) < plan.columns)
+        & (lower(v[0], v[3]) >= SLACK) & (upper(v[0], v[3]) < plan.rows);
     if (!within)
         return false;
     const float right = TEXTURED ? step_size(plan.right, row) : 0.0f;
@@ -179,13 +180,7 @@ WARPCAM_FN bool draw_quad(const StripPlan& plan, const Grid& grid, const StripCo
     return true;
 }
 
-// The shapes of a lane's quad, in as many words as one has bytes: what is asked for long before it is used stays whole.
-template <class Value> WARPCAM_FN Several<unsigned, sizeof(Value)> quad_at(const Value* shapes)
-{
-    return several<sizeof(Value)>(reinterpret_cast<const unsigned*>(shapes));
-}
-
-// Which of them are a plane, a bit a pixel.
+// Which of a lane's pixels show a plane, a bit each.
 template <int BYTES> WARPCAM_FN unsigned showing(const Several<unsigned, BYTES>& ids, int plane)
 {
     constexpr unsigned MASK = BYTES == 4 ? ALL : (1u << 8 * (BYTES % 4)) - 1u;
@@ -212,13 +207,13 @@ WARPCAM_FN unsigned draw_strips(const StripPlan& plan, const Grid& grid, const F
     // Twelve bytes of each lane, stored by sixteen.
     const int piece_row = lane / 6, piece = lane % 6;
     const unsigned stored = corner + unsigned((Own::row(warp, 0, 0) + piece_row) * frame.width + Own::column(warp, 0));
-    auto ids = quad_at(frame.shape.data + first);
+    auto ids = four_at(frame.shape.data + first);
     unsigned dark = shadows_at(first), left = 0;
 #pragma unroll 1
     for (int strip = 0; strip < Own::EACH; ++strip) {
         const unsigned on = showing(ids, grid.shape), shadow = dark;
         if (strip + 1 < Own::EACH) {  // ask for the next strip's pixels before this one's are drawn
-            ids = quad_at(frame.shape.data + (first + unsigned(strip + 1) * step));
+            ids = four_at(frame.shape.data + (first + unsigned(strip + 1) * step));
             dark = shadows_at(first + unsigned(strip + 1) * step);
         }
         const float row = float(region.top + Own::row(warp, lane, strip));
@@ -247,7 +242,7 @@ WARPCAM_FN unsigned draw_strips(const StripPlan& plan, const Grid& grid, const F
 // Lists the pixels that a warp's lanes have left, strip after strip; `count` is the block's.
 template <int EACH> WARPCAM_FN void list_pixels(unsigned short* list, int& count, unsigned left, int warp, int lane)
 {
-    const int total = __reduce_add_sync(ALL, __popc(left));
+    const int total = sum_of_all(__popc(left));
     if (total == 0)
         return;
     int place = __shfl_sync(ALL, lane == 0 ? atomicAdd(&count, total) : 0, 0);

@@ -49,6 +49,12 @@ template <int COUNT, class Value> WARPCAM_FN Several<Value, COUNT> several(const
     return *reinterpret_cast<const Several<Value, COUNT>*>(from);
 }
 
+// Four neighbours as they are loaded, in as many words as one has bytes: what is asked for long before it is used stays whole.
+template <class Value> WARPCAM_FN Several<unsigned, sizeof(Value)> four_at(const Value* from)
+{
+    return several<sizeof(Value)>(reinterpret_cast<const unsigned*>(from));
+}
+
 #if defined(__CUDA_ARCH__)
 WARPCAM_FN float lower(float a, float b) { return fminf(a, b); }
 WARPCAM_FN float upper(float a, float b) { return fmaxf(a, b); }
@@ -151,6 +157,20 @@ template <class Shared> WARPCAM_FN Shared& by_address(Shared& shared)
     return shared;
 #endif
 }
+
+#if defined(__CUDA_ARCH__)
+// The sum of all lanes' numbers.
+WARPCAM_FN int sum_of_all(int number)
+{
+#if __CUDA_ARCH__ >= 800
+    return __reduce_add_sync(ALL, number);
+#else
+    for (int step = LANES / 2; step > 0; step /= 2)
+        number += __shfl_xor_sync(ALL, number, step);
+    return number;
+#endif
+}
+#endif
 
 WARPCAM_FN void block_barrier()
 {

@@ -9,18 +9,6 @@ namespace warpcam {
 
 constexpr int ENOUGH_PAIRS = 16;  // of a ray and a face; fewer wait for company
 
-// The sum of all lanes' numbers.
-WARPCAM_FN int sum_of_all(int number)
-{
-#if __CUDA_ARCH__ >= 800
-    return __reduce_add_sync(ALL, number);
-#else
-    for (int step = LANES / 2; step > 0; step /= 2)
-        number += __shfl_xor_sync(ALL, number, step);
-    return number;
-#endif
-}
-
 // Bits of all lanes.
 WARPCAM_FN unsigned bits_of_all(unsigned bits)
 {

@@ -43,7 +43,6 @@ WARPCAM_FN void resolve(const Scene_& scene, const Lights& lights, int index)
     WARPCAM_SHARED unsigned short pixels_left[IN_STRIPS && !ROOMY ? WIDTH * HEIGHT : 1];
 #else
     constexpr bool IN_STRIPS = false;
-    constexpr int OWN_FACTS = FACTS;
 #endif
     WARPCAM_SHARED Camera kept_camera;
     WARPCAM_SHARED Sheets veils;
@@ -224,7 +223,7 @@ WARPCAM_FN void resolve(const Scene_& scene, const Lights& lights, int index)
                     resolve_pixel<TYPES, LENS, HELD, IMAGES, FACTS>(looks, list, scene,
                         camera_at(kept_camera, pixel.column, pixel.row), veils, region, world, pixel, found);
                 else
-                    resolve_pixel<TYPES, LENS, HELD, IMAGES, OWN_FACTS>(looks, list, scene, kept_camera, veils, region, world, pixel, found);
+                    resolve_pixel<TYPES, LENS, HELD, IMAGES, FACTS>(looks, list, scene, kept_camera, veils, region, world, pixel, found);
             }
     }
 #endif

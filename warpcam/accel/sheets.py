@@ -13,6 +13,7 @@ from warpcam.accel.textures import TextureImage, level_sizes
 from warpcam.kernels.types import Textures
 
 ROOM = 2**28  # bytes of all sheets; images beyond it have none
+FLOOR_ROOM = 2**24  # the same where only floors are drawn from them
 LARGEST = 2**14  # texels along a side of an image that has one
 
 Bytes = npt.NDArray[np.uint8]
@@ -34,7 +35,7 @@ _FROM_FACE = np.array(
 
 
 def pack_sheets(
-    images: Sequence[TextureImage], textures: Textures, device: wp.Device, cubes: bool = True
+    images: Sequence[TextureImage], textures: Textures, device: wp.Device, floors: bool = False
 ) -> list[wp.Texture2D]:
     """Put images on sheets and write these into ``textures``.
 
@@ -44,7 +45,7 @@ def pack_sheets(
         images: As they were packed.
         textures: What ``pack_textures`` made of them.
         device: Where they lie.
-        cubes: Whether cubes have sheets, too.
+        floors: Only floors are drawn from sheets: no cubes, and no more than ``FLOOR_ROOM``.
 
     Returns:
         The sheets. They go when these go, and ``textures`` must not be used after that.
@@ -52,12 +53,12 @@ def pack_sheets(
     sheets, places = [], np.zeros(len(images), np.uint64)
     if device.is_cuda:
         starts, widths, heights = (array.numpy() for array in (textures.start, textures.width, textures.height))
-        left = ROOM
+        left = FLOOR_ROOM if floors else ROOM
         for index, image in enumerate(images):
             width, height = int(widths[index]), int(heights[index])
             faces = 6 if image.kind == "cube" else 1
             size = (6 if faces == 1 else 48) * (width + 2) * (height + 2)
-            if faces * max(width, height) > LARGEST or size > left or (faces == 6 and not cubes):
+            if faces * max(width, height) > LARGEST or size > left or (faces == 6 and floors):
                 continue
             left -= size
             count = faces * sum(w * h for w, h in level_sizes(width, height))
