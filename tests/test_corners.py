@@ -133,19 +133,19 @@ def test_the_sky_is_no_floor(device: wp.Device) -> None:
     assert 0.1 < differ.mean() < 0.9
 
 
-@pytest.mark.parametrize("hung", ["0 0 5", ".8 0 4"], ids=["above", "beside"])
+@pytest.mark.parametrize("hung", ["-1.5 3 4.5", "-1.5 3.6 3.5"], ids=["above", "beside"])
 def test_what_hangs_behind_a_lamp_takes_no_shadow_away(
     device: wp.Device, monkeypatch: pytest.MonkeyPatch, hung: str
 ) -> None:
     """What the light sees of such a shape has no end; the image's first rows look above the horizon."""
-    lamp = '<light pos="0 0 4" dir="0 0 -1" cutoff="80" diffuse=".9 .9 .9"/>'
-    ball = f'<geom type="sphere" pos="{hung}" size=".2"/>'
-    mjm = model("0 0 .1", "grey", lamp + ball, '<camera pos="0 -4 2" xyaxes="1 0 0 0 0 1"/>')
+    lamp = '<light pos="-1.5 3 3.5" dir="0 0 -1" cutoff="80" diffuse=".9 .9 .9"/>'
+    ball = f'<geom type="sphere" pos="{hung}" size=".2"/><geom type="box" pos="0 3 .8" size=".5 .5 .8"/>'
+    mjm = model("0 0 .1", "grey", lamp + ball, '<camera pos="0 -1 1.5" xyaxes="1 0 0 0 0 1"/>')
     images = []
     for region in ((16, 8), (64, 64)):
         for module in (resolve, shadow, visibility):
             monkeypatch.setattr(module, "region_size", lambda *_, region=region, **__: region)
         images += [pictures(mjm, device, shadows, 128, 64)[0] for shadows in (True, False)]
-    assert (np.abs(images[0] - images[1]).max(axis=-1) > 20).sum() > 50  # of the box and the ball on the floor
+    assert (np.abs(images[0] - images[1]).max(axis=-1) > 5).sum() > 50  # of the box on the floor
     assert np.abs(images[2] - images[0]).max() <= 1
     assert np.abs(images[3] - images[1]).max() <= 1
