@@ -270,14 +270,13 @@ def test_edges_run_out_of_the_image(device: wp.Device, turn: float, height: floa
     for side in (32, 37):
         with wp.ScopedDevice(device):
             scene = wc.from_mujoco_warp(mjm, *scenes.put(mjm, 3))
-            images = [
-                scenes.look(scene, camera(4, outputs=(name,), position=(0.0, 0.0, height), width=side, height=side))[name]
-                for name in ("rgb", "rgba", "hdr")
-            ]
-        rgb, rgba, hdr = images
+            view = {"position": (0.0, 0.0, height), "width": side, "height": side}
+            rgb, rgba, hdr = (
+                scenes.look(scene, camera(4, outputs=(name,), **view))[name] for name in ("rgb", "rgba", "hdr")
+            )
         assert np.array_equal(rgb, rgba[..., :3])
         assert np.abs(rgb - 255.0 * hdr).max() <= 1.0
-        assert (rgb == rgb[:1]).all() and len(np.unique(rgb)) > 2
+        assert (rgb == rgb[:1]).all() and len(np.unique(rgb)) > (2 if turn else 1)
 
 
 def test_all_else_is_of_the_centre(device: wp.Device) -> None:
