@@ -69,8 +69,9 @@ class Scene:
         self._height_fields = pack_height_fields(parts.height_fields, self.device)
         self._textures = pack_textures(parts.textures, self.device)
         types, num_drawn = {int(parts.shape_types[shape]) for shape in parts.drawn}, len(parts.drawn)
-        if has_strips(types, num_drawn):
-            self._sheets = pack_sheets(parts.textures, self._textures, self.device, not is_spare(types, num_drawn))
+        spare = is_spare(types, num_drawn)
+        if spare or (has_strips(types, num_drawn) and not parts.physical):
+            self._sheets = pack_sheets(parts.textures, self._textures, self.device, not spare)
         parts.lend_textures(self._textures)
         self._masked = pack_masks(parts.meshes, self._textures, self._meshes, self.device)
         self._splats = self._pack_splats()

@@ -40,13 +40,6 @@ WARPCAM_FN bool any_of_team(bool value)
 #endif
 }
 
-WARPCAM_FN void warp_barrier()
-{
-#if defined(__CUDA_ARCH__)
-    __syncwarp();
-#endif
-}
-
 // What the points that a warp's lanes have found cover together.
 WARPCAM_FN Cover joined(const Cover& cover)
 {
