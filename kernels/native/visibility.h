@@ -44,14 +44,14 @@ WARPCAM_FN int gather(ShapeList<CAPACITY>& list, int begin, const Shapes& shapes
                 list.touched[slot] = tiles;
             }
         }
-        if constexpr (!ALONE)
-            if (total > CAPACITY) {  // the next round may overflow the list
-                block_barrier();
-                const bool full = list.count + lower_int(THREADS, total - begin) > CAPACITY;
-                block_barrier();
-                if (full)
-                    break;
-            }
+        // The next round may overflow the list. One warp never has so many, but the compiler spills less with this than without.
+        if (total > CAPACITY) {
+            block_barrier();
+            const bool full = list.count + lower_int(THREADS, total - begin) > CAPACITY;
+            block_barrier();
+            if (full)
+                break;
+        }
     }
     if (ALONE)
         warp_barrier();
