@@ -6,10 +6,10 @@
 // no others. A sample has the colour of the nearest pixel that shows the same surface: nothing is lit anew, whatever made
 // the image.
 #pragma once
+#include "kept_centres.h"
 #include "mesh_queue.h"
 #include "near_shapes.h"
 #include "smooth_cpu.h"
-#include "window.h"
 
 namespace warpcam {
 
@@ -324,11 +324,11 @@ WARPCAM_FN void smooth_region(const Shapes& shapes, const Meshes& meshes, const 
         smooth_region<TYPES, LENS, IMAGES>(shapes, meshes, fields, centres, camera, region, world);
     } else {
         static_assert(HEIGHT <= 32, "a ListedPixel has 16 bits");
-        WARPCAM_SHARED WindowRoom<Target, IMAGES, WIDTH, HEIGHT> room;
-        const Window<Target, IMAGES, WIDTH, HEIGHT> window { room, target, region.left - 1, region.top - 1,
-                                                             unsigned(world) * target.height * target.width };
-        window.load();
-        smooth_region<TYPES, LENS, IMAGES>(shapes, meshes, fields, window, camera, region, world);
+        WARPCAM_SHARED CentresRoom<Target, IMAGES, WIDTH, HEIGHT> room;
+        const KeptCentres<Target, IMAGES, WIDTH, HEIGHT> kept { room, target, region.left - 1, region.top - 1,
+                                                                unsigned(world) * target.height * target.width };
+        kept.load();
+        smooth_region<TYPES, LENS, IMAGES>(shapes, meshes, fields, kept, camera, region, world);
     }
 }
 

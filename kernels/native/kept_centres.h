@@ -11,7 +11,7 @@ template <class T> struct Pointee<T*> {
 };
 
 // Where it is kept.
-template <class Target, int IMAGES, int WIDTH, int HEIGHT> struct WindowRoom {
+template <class Target, int IMAGES, int WIDTH, int HEIGHT> struct CentresRoom {
     static constexpr int LINE = WIDTH + 2, PIXELS = LINE * (HEIGHT + 2);
     static constexpr bool HAS_BYTES = IMAGES & (SMOOTH_RGB | SMOOTH_RGBA);
     using Id = typename Pointee<decltype(Target::shape.data)>::type;
@@ -22,14 +22,14 @@ template <class Target, int IMAGES, int WIDTH, int HEIGHT> struct WindowRoom {
 };
 
 // Pixels are numbered row after row, from the one left above the region's first.
-template <class Target_, int IMAGES, int WIDTH, int HEIGHT> struct Window {
-    using Room = WindowRoom<Target_, IMAGES, WIDTH, HEIGHT>;
+template <class Target_, int IMAGES, int WIDTH, int HEIGHT> struct KeptCentres {
+    using Room = CentresRoom<Target_, IMAGES, WIDTH, HEIGHT>;
     static constexpr int LINE = Room::LINE;
     static constexpr bool BORDERED = true;  // what lies outside of the image is as the nearest pixel inside
 
     Room& room;
     const Target_& target;
-    int left, top;    // of the window's first pixel in the image
+    int left, top;    // of the first pixel that is kept, in the image
     unsigned first;   // the view's first pixel in the images
 
     // All threads of the block; with a barrier.
