@@ -10,6 +10,7 @@
 #include "mesh_queue.h"
 #include "near_shapes.h"
 #include "smooth_cpu.h"
+#include "smooth_kept.h"
 
 namespace warpcam {
 
@@ -325,10 +326,20 @@ WARPCAM_FN void smooth_region(const Shapes& shapes, const Meshes& meshes, const 
     } else {
         static_assert(HEIGHT <= 32, "a ListedPixel has 16 bits");
         WARPCAM_SHARED CentresRoom<Target, IMAGES, WIDTH, HEIGHT> room;
-        const KeptCentres<Target, IMAGES, WIDTH, HEIGHT> kept { room, target, region.left - 1, region.top - 1,
-                                                                unsigned(world) * target.height * target.width };
-        kept.load();
-        smooth_region<TYPES, LENS, IMAGES>(shapes, meshes, fields, kept, camera, region, world);
+        using Kept = KeptCentres<Target, IMAGES, WIDTH, HEIGHT>;
+        const Kept kept { room, target, region.left - 1, region.top - 1,
+                          unsigned(world) * target.height * target.width };
+        if constexpr (sizeof(room.ids[0]) == 1) {
+            WARPCAM_SHARED KeptEdges<WIDTH, HEIGHT> edges;
+            const Seen<LENS, Kept> seen { kept, pixel_width<LENS>(camera), camera.scale_y };
+            const KeptSmoother<TYPES, LENS, WIDTH, HEIGHT, IMAGES, Target> smoother { edges, seen, camera, region };
+            smoother.clear(shapes);
+            kept.load();
+            smoother.smooth(shapes, meshes, fields, world);
+        } else {
+            kept.load();
+            smooth_region<TYPES, LENS, IMAGES>(shapes, meshes, fields, kept, camera, region, world);
+        }
     }
 }
 

@@ -1,0 +1,429 @@
+// Smooth edges of scenes of few shapes without meshes and height fields, on CUDA: all pixels of a region together.
+//
+// What the trace has found is kept in shared memory: see KeptCentres. Each warp goes down rows of 32 pixels, a lane a column,
+// and notes those that may have an edge; these are then looked at once more, 32 at a time, whatever tiles they lie in. An id
+// is a byte, so that tables by id tell which shapes are seen around them, and their bits.
+#pragma once
+#include "kept_centres.h"
+#include "samples.h"
+#include "tiles.h"
+
+#if defined(__CUDA_ARCH__)
+namespace warpcam {
+
+constexpr int BYTE_IDS = 128;      // shapes at most, and none
+constexpr int MOST_RECORDS = 64;   // of shapes whose records are there at once
+constexpr int PLACE_BITS = 10;     // of a pixel's place in its region, row after row
+
+// The pixels around one by number from near to far, beside itself first, as Seen::shown() has them: four bits each.
+WARPCAM_FN constexpr unsigned order_around(bool upright, int x, int y)
+{
+    constexpr unsigned FARTHER = 0x999, OTHER = 0x90a5;
+    unsigned order = 0;
+    for (int k = 1; k < 9; ++k) {
+        const int farther = int(FARTHER >> 2 * k & 3) - 1, other = int(OTHER >> 2 * k & 3) - 1;
+        const int right = x * (upright ? other : farther), down = y * (upright ? farther : other);
+        order |= unsigned(3 * (down + 1) + right + 1) << 4 * (k - 1);
+    }
+    return order;
+}
+WARPCAM_FN unsigned order_of_sample(int sample)
+{
+    constexpr unsigned FIRST = order_around(true, -1, 1), SECOND = order_around(false, 1, 1);
+    constexpr unsigned THIRD = order_around(false, -1, -1), FOURTH = order_around(true, 1, -1);
+    return sample < 2 ? (sample == 0 ? FIRST : SECOND) : (sample == 2 ? THIRD : FOURTH);
+}
+
+// What a block knows of its region.
+template <int WIDTH, int HEIGHT> struct KeptEdges {
+    static constexpr int PIXELS = WIDTH * HEIGHT, ROWS = HEIGHT, LINE = WIDTH + 2;
+    static constexpr int TILES_ACROSS = WIDTH / TILE_WIDTH, TILES = TILES_ACROSS * (HEIGHT / TILE_HEIGHT);
+    static_assert(WIDTH <= LANES && TILES <= LANES && PIXELS <= 1 << PLACE_BITS, "rows and tiles are those of a warp");
+
+    union {
+        Record records[MOST_RECORDS];  // from the highest id to the lowest
+        struct {                       // before there are any
+            unsigned maybe[HEIGHT], turned[HEIGHT];  // pixels of a row that may have an edge; whose surface is bent
+            unsigned char sided[BYTE_IDS];           // has_sides() by id
+        };
+    };
+    Several<unsigned, 2> bits[BYTE_IDS];  // of a shape's rank among the records, by id; the last one is that of no shape
+    unsigned shown[PIXELS];         // by which of the pixels around, a byte a sample, by the pixel's number
+    unsigned seen_words[BYTE_IDS / LANES];
+    unsigned short samples[SAMPLES * PIXELS];  // that are traced: 4 * the pixel's number + the sample's
+    unsigned short pixels[PIXELS];  // that may have an edge: their places, above that what edge() says of them
+    unsigned char seen[BYTE_IDS];   // by id: is it around the pixels?
+    int total, next;                // of `samples`, and which comes next
+
+    WARPCAM_FN static unsigned slot(int id) { return unsigned(id) < BYTE_IDS - 1 ? unsigned(id) : BYTE_IDS - 1; }
+};
+
+template <int TYPES, int LENS, int WIDTH, int HEIGHT, int IMAGES, class Target> struct KeptSmoother {
+    using Centres = KeptCentres<Target, IMAGES, WIDTH, HEIGHT>;
+    using Edges = KeptEdges<WIDTH, HEIGHT>;
+    static constexpr int LINE = Centres::LINE, WARPS = THREADS / LANES;
+    static constexpr bool SIDED = TYPES & (1 << BOX | 1 << CYLINDER);
+
+    Edges& edges;
+    const Seen<LENS, Centres>& seen;
+    const Camera& camera;
+    const Region& region;
+
+    WARPCAM_FN const Target& target() const { return seen.centres.target; }
+    // Where a pixel is kept, by its place in the region.
+    WARPCAM_FN static unsigned kept_at(unsigned place) { return place / WIDTH * LINE + place % WIDTH + LINE + 1; }
+
+    // Notes which pixels may have an edge. Then a barrier.
+    WARPCAM_FN void look() const
+    {
+        const int lane = threadIdx.x % LANES, warp = threadIdx.x / LANES;
+        constexpr int ROWS = (HEIGHT + WARPS - 1) / WARPS;
+        const int first = warp * ROWS, i = region.left + lane;
+        const bool inside = lane < WIDTH && i < target().width, amid = i > 0 && i + 1 < target().width;
+        unsigned pixel = unsigned((first + 1) * LINE + lower_int(lane, WIDTH - 1) + 1);
+        unsigned at = seen.centres.of_images(i, region.top + first);
+        int above = seen.shape(pixel - LINE), here = seen.shape(pixel);
+        float depth_above = seen.depth(pixel - LINE), depth_here = seen.depth(pixel);
+#pragma unroll 2
+        for (int row = first; row < lower_int(first + ROWS, HEIGHT); ++row, pixel += LINE, at += target().width) {
+            const int j = region.top + row;
+            const int below = seen.shape(pixel + LINE);
+            const float depth_below = seen.depth(pixel + LINE);
+            const bool within = (here == above) & (here == below) & (here == seen.shape(pixel - 1))
+                & (here == seen.shape(pixel + 1));
+            const bool bent
+                = (amid & seen.turns_at(seen.depth(pixel - 1), depth_here, seen.depth(pixel + 1), seen.scale_x))
+                | ((j > 0) & (j + 1 < target().height) & seen.turns_at(depth_above, depth_here, depth_below, seen.scale_y));
+            const bool there = inside & (j < target().height), bent_there = within & bent & (here >= 0);
+            const bool sides = SIDED && edges.sided[Edges::slot(here)];
+            const unsigned maybe = __ballot_sync(ALL, there & (!within | bent_there | sides));
+            const unsigned turned = __ballot_sync(ALL, bent_there);
+            if (lane == 0) {
+                edges.maybe[row] = maybe;
+                edges.turned[row] = turned;
+            }
+            if (there)
+                target().edges.data[at] = 0;
+            above = here;
+            here = below;
+            depth_above = depth_here;
+            depth_here = depth_below;
+        }
+    }
+
+    // Lists these pixels tile after tile and returns how many there are. Then a barrier.
+    WARPCAM_FN int list_pixels() const
+    {
+        const unsigned lane = threadIdx.x % LANES, warp = threadIdx.x / LANES;
+        unsigned mask = 0;  // of the lane's tile
+        if (lane < Edges::TILES)
+#pragma unroll
+            for (int k = 0; k < TILE_HEIGHT; ++k)
+                mask |= (edges.maybe[lane / Edges::TILES_ACROSS * TILE_HEIGHT + k]
+                             >> lane % Edges::TILES_ACROSS * TILE_WIDTH & 0xffu) << TILE_WIDTH * k;
+        int until = __popc(mask);
+#pragma unroll
+        for (int step = 1; step < LANES; step *= 2) {
+            const int before = __shfl_up_sync(ALL, until, step);
+            until += int(lane) >= step ? before : 0;
+        }
+        for (unsigned tile = warp; tile < Edges::TILES; tile += WARPS) {
+            const unsigned its = __shfl_sync(ALL, mask, tile);
+            const int end = __shfl_sync(ALL, until, tile);
+            const unsigned row = tile / Edges::TILES_ACROSS * TILE_HEIGHT + lane / TILE_WIDTH;
+            const unsigned column = tile % Edges::TILES_ACROSS * TILE_WIDTH + lane % TILE_WIDTH;
+            if (its >> lane & 1)
+                edges.pixels[end - __popc(its >> lane)] = static_cast<unsigned short>(row * WIDTH + column);
+        }
+        return __shfl_sync(ALL, until, LANES - 1);
+    }
+
+    // What Seen::edge() says of a pixel that may have an edge.
+    WARPCAM_FN unsigned edge(unsigned pixel, bool bent) const
+    {
+        const unsigned ring[8] { pixel + LINE, pixel + LINE - 1, pixel - 1, pixel - LINE - 1,
+                                 pixel - LINE, pixel - LINE + 1, pixel + 1, pixel + LINE + 1 };
+        const int here = seen.shape(pixel);
+        unsigned other = 0;
+#pragma unroll
+        for (int k = 0; k < 8; ++k)
+            other |= unsigned(seen.shape(ring[k]) != here) << k;
+        const bool within = !(other & 0x55), sided = SIDED && within && edges.sided[Edges::slot(here)];
+        const Colour<IMAGES> its = seen.template colour<IMAGES>(pixel);
+        const int faint = within ? FAINT_WITHIN : FAINT;
+        unsigned gaps = 0, wide_gaps = 0;
+#pragma unroll
+        for (int k = 0; k < 8; ++k) {
+            const Colour<IMAGES> beside = seen.template colour<IMAGES>(ring[k]);
+            gaps |= unsigned(its.differs(beside, faint)) << k;
+            if (SIDED)
+                wide_gaps |= unsigned(its.differs(beside, FAINT_SIDES)) << k;
+        }
+        unsigned samples = within ? (bent ? EVERY_SAMPLE : 0) : seen.of_pairs(other);
+        samples &= seen.of_pairs(gaps | gaps >> 1 | gaps << 7);
+        if (sided)
+            samples |= seen.of_pairs(wide_gaps);
+        if (samples && !within && !(gaps & ~other))
+            samples |= PLAIN;
+        return samples;
+    }
+
+    // The nine ids around a pixel that is kept.
+    template <class Use> WARPCAM_FN void ids_around(unsigned pixel, const Use& use) const
+    {
+#pragma unroll
+        for (int k = 0; k < 9; ++k)
+            use(k, seen.shape(pixel + k / 3 * LINE + k % 3 - LINE - 1));
+    }
+    WARPCAM_FN void see_around(unsigned pixel) const
+    {
+        ids_around(pixel, [&](int, int id) { edges.seen[Edges::slot(id)] = 1; });
+    }
+
+    // Notes what is seen around the pixels of some samples; with a barrier.
+    WARPCAM_FN void see_all(int from, int end) const
+    {
+        for (int k = from + int(threadIdx.x); k < end; k += THREADS)
+            see_around(kept_at(edges.pixels[edges.samples[k] / SAMPLES] % (1u << PLACE_BITS)));
+        block_barrier();
+    }
+
+    // Lists the samples of the listed pixels and what they may hit. Then a barrier.
+    WARPCAM_FN void list_samples(int count) const
+    {
+        const int lane = threadIdx.x % LANES;
+        for (int first = threadIdx.x - lane; first < count; first += THREADS) {
+            const int number = first + lane;
+            const unsigned place = edges.pixels[lower_int(number, count - 1)], pixel = kept_at(place);
+            const unsigned row = place / WIDTH, column = place % WIDTH;
+            const unsigned found = number < count ? edge(pixel, edges.turned[row] >> column & 1) : 0;
+            const unsigned samples = found & EVERY_SAMPLE;
+            const int its = __popc(samples);
+            int before = 0, all = 0;
+            const unsigned earlier = (1u << lane) - 1;
+#pragma unroll
+            for (int bit = 0; bit < 3; ++bit) {
+                const unsigned with = __ballot_sync(ALL, its >> bit & 1);
+                before += __popc(with & earlier) << bit;
+                all += __popc(with) << bit;
+            }
+            int at = before + __shfl_sync(ALL, lane == 0 ? atomicAdd(&edges.total, all) : 0, 0);
+            if (number < count)
+                edges.pixels[number] = static_cast<unsigned short>(place | found << PLACE_BITS);
+            if (samples) {
+                target().edges.data[seen.centres.of_images(pixel)] = 1;
+                edges.shown[number] = 0x01010101u * ITSELF;
+                see_around(pixel);
+#pragma unroll
+                for (int sample = 0; sample < SAMPLES; ++sample)
+                    if (samples >> sample & 1)
+                        edges.samples[at++] = static_cast<unsigned short>(SAMPLES * number + sample);
+            }
+        }
+    }
+
+    // Gives the shapes that are seen their ranks, and returns how many they are; with barriers.
+    WARPCAM_FN int rank_shapes() const
+    {
+        static_assert(THREADS == BYTE_IDS, "a thread for each id");
+        const int id = threadIdx.x;
+        const bool is_seen = edges.seen[id] && id < BYTE_IDS - 1;
+        const unsigned word = __ballot_sync(ALL, is_seen);
+        if (id % LANES == 0)
+            edges.seen_words[id / LANES] = word;
+        block_barrier();
+        edges.seen[id] = 0;
+        int rank = __popc(word >> id % LANES) - int(is_seen), count = 0;
+#pragma unroll
+        for (int k = 0; k < WARPS; ++k) {
+            const int its = __popc(edges.seen_words[k]);
+            count += its;
+            rank += k > id / LANES ? its : 0;
+        }
+        edges.bits[id] = { { is_seen && rank < LANES ? 1u << rank % LANES : 0,
+                             is_seen && rank >= LANES ? 1u << rank % LANES : 0 } };
+        if (is_seen && rank < MOST_RECORDS)
+            edges.records[rank].origin.w = id;
+        block_barrier();
+        return count;
+    }
+
+    // Makes the records of so many shapes. Then a barrier.
+    template <class Shapes, class Meshes, class HeightFields>
+    WARPCAM_FN void prepare_records(int count, const Shapes& shapes, const Meshes& meshes, const HeightFields& fields,
+                                    int world) const
+    {
+        const int rank = threadIdx.x;
+        if (rank >= count)
+            return;
+        Record record;
+        if (!sample_record<TYPES, LENS>(shapes, meshes, fields, camera, region, world, edges.records[rank].origin.w, record))
+            record.axis_x.w = -1;  // of no type: nothing hits it
+        edges.records[rank] = record;
+    }
+
+    // Which of the pixels around shows a sample, as shown_sample() has it; its shape is negative where it hits nothing.
+    WARPCAM_FN int shown(int i, int j, unsigned pixel, int sample, float depth, int shape, const Record& record,
+                         bool plain) const
+    {
+        unsigned left = 0;  // those that show the shape, by number
+        ids_around(pixel, [&](int k, int id) { left |= unsigned(id == shape) << k; });
+        left &= i > 0 ? 0x1ffu : 0x1b6u;
+        left &= i + 1 < target().width ? 0x1ffu : 0x0dbu;
+        left &= j > 0 ? 0x1ffu : 0x1f8u;
+        left &= j + 1 < target().height ? 0x1ffu : 0x03fu;
+        const int type = record.axis_x.w;
+        const bool sided = SIDED && shape >= 0 && (type == BOX || type == CYLINDER);
+        if (!left || ((!sided || plain) && left >> ITSELF & 1))
+            return ITSELF;
+        unsigned order = order_of_sample(sample);
+        int best_at = ITSELF;
+        for (; !(left >> best_at & 1); order >>= 4)
+            best_at = order & 15;
+        if constexpr (SIDED) {
+            left &= ~(1u << best_at);
+            if (!sided || !left)
+                return best_at;
+            const Offset offset = sample_offset(sample);
+            const int part = part_at<LENS>(record, sample_ray<LENS>(camera, i, j, sample), depth);
+            const auto pixel_of = [&](int k) { return pixel + k / 3 * LINE + k % 3 - LINE - 1; };
+            const auto apart_from = [&](int k) {
+                const float right = float(k % 3 - 1) - offset.right, down = float(k / 3 - 1) - offset.down;
+                return right * right + down * down;
+            };
+            const auto cost_of = [&](int k) {
+                const unsigned its = pixel_of(k);
+                const int its_part = part_at<LENS>(record, view_ray<LENS>(camera, i + k % 3 - 1, j + k / 3 - 1), seen.depth(its));
+                return apart_from(k) + seen.apart(its, depth) + (its_part == part ? 0.0f : TURNED);
+            };
+            Colour<IMAGES> chosen = seen.template colour<IMAGES>(pixel_of(best_at));
+            float best = FAR_AWAY;  // not known before some other pixel has another colour
+            for (; left; order >>= 4) {
+                const int k = order & 15;
+                if (!(left >> k & 1))
+                    continue;
+                left &= ~(1u << k);
+                if (apart_from(k) >= best)
+                    break;
+                const Colour<IMAGES> its = seen.template colour<IMAGES>(pixel_of(k));
+                if (!chosen.differs(its, FAINT))
+                    continue;
+                if (best == FAR_AWAY)
+                    best = cost_of(best_at);
+                const float cost = cost_of(k);
+                if (cost < best) {
+                    best = cost;
+                    chosen = its;
+                    best_at = k;
+                }
+            }
+        }
+        return best_at;
+    }
+
+    // Traces samples up to one; each warp takes 32 at a time.
+    WARPCAM_FN void trace(int end, int words) const
+    {
+        const int lane = threadIdx.x % LANES;
+        while (true) {
+            const int first = __shfl_sync(ALL, lane == 0 ? atomicAdd(&edges.next, LANES) : 0, 0);
+            if (first >= end)
+                return;
+            const bool active = first + lane < end;
+            const unsigned listed = edges.samples[active ? first + lane : first];
+            const int sample = listed % SAMPLES;
+            const unsigned its = edges.pixels[listed / SAMPLES], place = its % (1u << PLACE_BITS);
+            const unsigned pixel = kept_at(place);
+            const int i = region.left + int(place % WIDTH), j = region.top + int(place / WIDTH);
+            const ViewRay<LENS> ray = sample_ray<LENS>(camera, i, j, sample);
+            unsigned own[2] {};
+            ids_around(pixel, [&](int, int id) {
+                const auto bits = edges.bits[Edges::slot(id)];
+                own[0] |= bits.at[0];
+                own[1] |= bits.at[1];
+            });
+            Hit hit { camera.far, -1, -1 };
+#pragma unroll
+            for (int w = 0; w < 2; ++w)
+                for (unsigned left = w < words ? bits_of_all(own[w]) : 0; left; left &= left - 1) {
+                    const int bit = lowest_bit(left);
+                    const Record& record = edges.records[w * LANES + bit];
+                    const float t = enter_any<analytic_types(TYPES)>(record, ray.local(record));
+                    if ((own[w] >> bit & 1) && t < hit.depth && t > camera.near) {
+                        hit.depth = t;
+                        hit.shape = w * LANES + bit;
+                    }
+                }
+            const Record& record = edges.records[hit.shape < 0 ? 0 : hit.shape];
+            const int shape = hit.shape < 0 ? -1 : record.origin.w;
+            const bool plain = its >> PLACE_BITS & PLAIN;
+            if (active)
+                reinterpret_cast<unsigned char*>(edges.shown)[listed] = static_cast<unsigned char>(
+                    shown(i, j, pixel, sample, hit.depth, shape, record, plain));
+        }
+    }
+
+    WARPCAM_FN void put(int count) const
+    {
+        for (int k = threadIdx.x; k < count; k += THREADS) {
+            const unsigned its = edges.pixels[k], pixel = kept_at(its % (1u << PLACE_BITS));
+            if (!(its >> PLACE_BITS))
+                continue;
+            const unsigned numbers = edges.shown[k];
+            unsigned by[SAMPLES];
+#pragma unroll
+            for (int sample = 0; sample < SAMPLES; ++sample) {
+                const unsigned number = numbers >> 8 * sample & 0xff;
+                by[sample] = pixel + number / 3 * LINE + number % 3 - LINE - 1;
+            }
+            put_means<IMAGES>(seen.centres, seen.centres.of_images(pixel), by);
+        }
+    }
+
+    // Before a barrier, and that before all else.
+    template <class Shapes> WARPCAM_FN void clear(const Shapes& shapes) const
+    {
+        const int id = threadIdx.x;
+        edges.seen[id] = 0;
+        if (SIDED)
+            edges.sided[id] = has_sides<TYPES>(shapes, id < int(shapes.types.shape[0]) ? id : -1);
+        if (id == 0)
+            edges.total = 0;
+    }
+
+    // All threads of the block.
+    template <class Shapes, class Meshes, class HeightFields>
+    WARPCAM_FN void smooth(const Shapes& shapes, const Meshes& meshes, const HeightFields& fields, int world) const
+    {
+        look();
+        block_barrier();
+        const int count = list_pixels();
+        block_barrier();
+        list_samples(count);
+        block_barrier();
+        const int total = edges.total;
+        if (total == 0)
+            return;
+        for (int from = 0, end; from < total; from = end) {
+            end = total;
+            if (from > 0)
+                see_all(from, end);
+            int shapes_seen = rank_shapes();
+            while (shapes_seen > MOST_RECORDS) {  // fewer samples, until they do not see too many
+                end = from + (end - from + 1) / 2;
+                see_all(from, end);
+                shapes_seen = rank_shapes();
+            }
+            if (threadIdx.x == 0)
+                edges.next = from;
+            prepare_records(shapes_seen, shapes, meshes, fields, world);
+            block_barrier();
+            trace(end, (shapes_seen + LANES - 1) / LANES);
+            block_barrier();
+        }
+        put(count);
+    }
+};
+
+}  // namespace warpcam
+#endif
