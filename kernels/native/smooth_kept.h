@@ -95,8 +95,7 @@ template <int TYPES, int LENS, int WIDTH, int HEIGHT, int IMAGES, class Target> 
                 = (amid & seen.turns_at(seen.depth(pixel - 1), depth_here, seen.depth(pixel + 1), seen.scale_x))
                 | ((j > 0) & (j + 1 < target().height) & seen.turns_at(depth_above, depth_here, depth_below, seen.scale_y));
             const bool there = inside & (j < target().height), bent_there = within & bent & (here >= 0);
-            const bool sides = SIDED && edges.sided[Edges::slot(here)];
-            const unsigned maybe = __ballot_sync(ALL, there & (!within | bent_there | sides));
+            const unsigned maybe = __ballot_sync(ALL, there & (!within | bent_there));
             const unsigned turned = __ballot_sync(ALL, bent_there);
             if (lane == 0) {
                 edges.maybe[row] = maybe;
@@ -148,7 +147,7 @@ template <int TYPES, int LENS, int WIDTH, int HEIGHT, int IMAGES, class Target> 
 #pragma unroll
         for (int k = 0; k < 8; ++k)
             other |= unsigned(seen.shape(ring[k]) != here) << k;
-        const bool within = !(other & 0x55), sided = SIDED && within && edges.sided[Edges::slot(here)];
+        const bool within = !(other & 0x55), sided = SIDED && !within && edges.sided[Edges::slot(here)];
         const Colour<IMAGES> its = seen.template colour<IMAGES>(pixel);
         const int faint = within ? FAINT_WITHIN : FAINT;
         unsigned gaps = 0, wide_gaps = 0;
@@ -162,7 +161,7 @@ template <int TYPES, int LENS, int WIDTH, int HEIGHT, int IMAGES, class Target> 
         unsigned samples = within ? (bent ? EVERY_SAMPLE : 0) : seen.of_pairs(other);
         samples &= seen.of_pairs(gaps | gaps >> 1 | gaps << 7);
         if (sided)
-            samples |= seen.of_pairs(wide_gaps);
+            samples |= seen.of_pairs(wide_gaps) & ~seen.of_pairs(other);
         if (samples && !within && !(gaps & ~other))
             samples |= PLAIN;
         return samples;
