@@ -36,9 +36,8 @@ WARPCAM_FN unsigned order_of_sample(int sample)
 
 // What a block knows of its region.
 template <int WIDTH, int HEIGHT> struct KeptEdges {
-    static constexpr int PIXELS = WIDTH * HEIGHT, ROWS = HEIGHT, LINE = WIDTH + 2;
-    static constexpr int TILES_ACROSS = WIDTH / TILE_WIDTH, TILES = TILES_ACROSS * (HEIGHT / TILE_HEIGHT);
-    static_assert(WIDTH <= LANES && TILES <= LANES && PIXELS <= 1 << PLACE_BITS, "rows and tiles are those of a warp");
+    static constexpr int PIXELS = WIDTH * HEIGHT;
+    static_assert(WIDTH <= LANES && PIXELS <= 1 << PLACE_BITS, "a lane for each column");
 
     union {
         Record records[MOST_RECORDS];  // from the highest id to the lowest
@@ -110,27 +109,28 @@ template <int TYPES, int LENS, int WIDTH, int HEIGHT, int IMAGES, class Target> 
         }
     }
 
-    // Lists these pixels tile after tile and returns how many there are. Then a barrier.
+    // Lists these pixels and returns how many there are: those of tiles of 4x8 pixels, whose samples see the fewest shapes,
+    // one after another. Then a barrier.
     WARPCAM_FN int list_pixels() const
     {
+        constexpr unsigned WIDE = 4, HIGH = LANES / WIDE, ACROSS = WIDTH / WIDE, TILES = ACROSS * (HEIGHT / HIGH);
+        static_assert(TILES <= LANES, "a lane for each");
         const unsigned lane = threadIdx.x % LANES, warp = threadIdx.x / LANES;
         unsigned mask = 0;  // of the lane's tile
-        if (lane < Edges::TILES)
+        if (lane < TILES)
 #pragma unroll
-            for (int k = 0; k < TILE_HEIGHT; ++k)
-                mask |= (edges.maybe[lane / Edges::TILES_ACROSS * TILE_HEIGHT + k]
-                             >> lane % Edges::TILES_ACROSS * TILE_WIDTH & 0xffu) << TILE_WIDTH * k;
+            for (unsigned k = 0; k < HIGH; ++k)
+                mask |= (edges.maybe[lane / ACROSS * HIGH + k] >> lane % ACROSS * WIDE & (1u << WIDE) - 1) << WIDE * k;
         int until = __popc(mask);
 #pragma unroll
         for (int step = 1; step < LANES; step *= 2) {
             const int before = __shfl_up_sync(ALL, until, step);
             until += int(lane) >= step ? before : 0;
         }
-        for (unsigned tile = warp; tile < Edges::TILES; tile += WARPS) {
+        for (unsigned tile = warp; tile < TILES; tile += WARPS) {
             const unsigned its = __shfl_sync(ALL, mask, tile);
             const int end = __shfl_sync(ALL, until, tile);
-            const unsigned row = tile / Edges::TILES_ACROSS * TILE_HEIGHT + lane / TILE_WIDTH;
-            const unsigned column = tile % Edges::TILES_ACROSS * TILE_WIDTH + lane % TILE_WIDTH;
+            const unsigned row = tile / ACROSS * HIGH + lane / WIDE, column = tile % ACROSS * WIDE + lane % WIDE;
             if (its >> lane & 1)
                 edges.pixels[end - __popc(its >> lane)] = static_cast<unsigned short>(row * WIDTH + column);
         }
