@@ -15,24 +15,36 @@ constexpr int BYTE_IDS = 128;      // shapes at most, and none
 constexpr int MOST_RECORDS = 64;   // of shapes whose records are there at once
 constexpr int PLACE_BITS = 10;     // of a pixel's place in its region, row after row
 
-// The pixels around one by number from near to far, beside itself first, as Seen::shown() has them: four bits each.
-WARPCAM_FN constexpr unsigned order_around(bool upright, int x, int y)
-{
-    constexpr unsigned FARTHER = 0x999, OTHER = 0x90a5;
-    unsigned order = 0;
-    for (int k = 1; k < 9; ++k) {
-        const int farther = int(FARTHER >> 2 * k & 3) - 1, other = int(OTHER >> 2 * k & 3) - 1;
-        const int right = x * (upright ? other : farther), down = y * (upright ? farther : other);
-        order |= unsigned(3 * (down + 1) + right + 1) << 4 * (k - 1);
+// A pixel around one, or that itself: 4 * row + column, from the one above and to the left.
+struct Around {
+    static constexpr int MIDDLE = 5;
+
+    WARPCAM_FN static constexpr int right(int place) { return (place & 3) - 1; }
+    WARPCAM_FN static constexpr int down(int place) { return (place >> 2) - 1; }
+    template <int LINE> WARPCAM_FN static constexpr unsigned step(int place)
+    {
+        return unsigned((place >> 2) * LINE + (place & 3) - LINE - 1);
     }
-    return order;
-}
-WARPCAM_FN unsigned order_of_sample(int sample)
-{
-    constexpr unsigned FIRST = order_around(true, -1, 1), SECOND = order_around(false, 1, 1);
-    constexpr unsigned THIRD = order_around(false, -1, -1), FOURTH = order_around(true, 1, -1);
-    return sample < 2 ? (sample == 0 ? FIRST : SECOND) : (sample == 2 ? THIRD : FOURTH);
-}
+
+    // Those around a pixel from near to far of a sample, as Seen::shown() has them: four bits each.
+    WARPCAM_FN static constexpr unsigned order(bool upright, int x, int y)
+    {
+        constexpr unsigned FARTHER = 0x999, OTHER = 0x90a5;
+        unsigned places = 0;
+        for (int k = 1; k < 9; ++k) {
+            const int farther = int(FARTHER >> 2 * k & 3) - 1, other = int(OTHER >> 2 * k & 3) - 1;
+            const int right = x * (upright ? other : farther), down = y * (upright ? farther : other);
+            places |= unsigned(4 * (down + 1) + right + 1) << 4 * (k - 1);
+        }
+        return places;
+    }
+    WARPCAM_FN static unsigned order(int sample)
+    {
+        constexpr unsigned FIRST = order(true, -1, 1), SECOND = order(false, 1, 1);
+        constexpr unsigned THIRD = order(false, -1, -1), FOURTH = order(true, 1, -1);
+        return sample < 2 ? (sample == 0 ? FIRST : SECOND) : (sample == 2 ? THIRD : FOURTH);
+    }
+};
 
 // What a block knows of its region.
 template <int WIDTH, int HEIGHT> struct KeptEdges {
@@ -43,18 +55,16 @@ template <int WIDTH, int HEIGHT> struct KeptEdges {
         Record records[MOST_RECORDS];  // from the highest id to the lowest
         struct {                       // before there are any
             unsigned maybe[HEIGHT], turned[HEIGHT];  // pixels of a row that may have an edge; whose surface is bent
-            unsigned char sided[BYTE_IDS];           // has_sides() by id
+            unsigned char sided[BYTE_IDS];           // has_sides() by id and one
         };
     };
-    Several<unsigned, 2> bits[BYTE_IDS];  // of a shape's rank among the records, by id; the last one is that of no shape
+    Several<unsigned, 2> bits[BYTE_IDS];  // of a shape's rank among the records, by its id and one; the first is that of none
     unsigned shown[PIXELS];         // by which of the pixels around, a byte a sample, by the pixel's number
     unsigned seen_words[BYTE_IDS / LANES];
     unsigned short samples[SAMPLES * PIXELS];  // that are traced: 4 * the pixel's number + the sample's
     unsigned short pixels[PIXELS];  // that may have an edge: their places, above that what edge() says of them
-    unsigned char seen[BYTE_IDS];   // by id: is it around the pixels?
+    unsigned char seen[BYTE_IDS];   // likewise: is it around the pixels?
     int total, next;                // of `samples`, and which comes next
-
-    WARPCAM_FN static unsigned slot(int id) { return unsigned(id) < BYTE_IDS - 1 ? unsigned(id) : BYTE_IDS - 1; }
 };
 
 template <int TYPES, int LENS, int WIDTH, int HEIGHT, int IMAGES, class Target> struct KeptSmoother {
@@ -147,7 +157,7 @@ template <int TYPES, int LENS, int WIDTH, int HEIGHT, int IMAGES, class Target> 
 #pragma unroll
         for (int k = 0; k < 8; ++k)
             other |= unsigned(seen.shape(ring[k]) != here) << k;
-        const bool within = !(other & 0x55), sided = SIDED && !within && edges.sided[Edges::slot(here)];
+        const bool within = !(other & 0x55), sided = SIDED && !within && edges.sided[here + 1];
         const Colour<IMAGES> its = seen.template colour<IMAGES>(pixel);
         const int faint = within ? FAINT_WITHIN : FAINT;
         unsigned gaps = 0, wide_gaps = 0;
@@ -171,12 +181,14 @@ template <int TYPES, int LENS, int WIDTH, int HEIGHT, int IMAGES, class Target> 
     template <class Use> WARPCAM_FN void ids_around(unsigned pixel, const Use& use) const
     {
 #pragma unroll
-        for (int k = 0; k < 9; ++k)
-            use(k, seen.shape(pixel + k / 3 * LINE + k % 3 - LINE - 1));
+        for (int k = 0; k < 9; ++k) {
+            const int place = k / 3 * 4 + k % 3;
+            use(place, seen.shape(pixel + Around::step<LINE>(place)));
+        }
     }
     WARPCAM_FN void see_around(unsigned pixel) const
     {
-        ids_around(pixel, [&](int, int id) { edges.seen[Edges::slot(id)] = 1; });
+        ids_around(pixel, [&](int, int id) { edges.seen[id + 1] = 1; });
     }
 
     // Notes what is seen around the pixels of some samples; with a barrier.
@@ -211,7 +223,7 @@ template <int TYPES, int LENS, int WIDTH, int HEIGHT, int IMAGES, class Target> 
                 edges.pixels[number] = static_cast<unsigned short>(place | found << PLACE_BITS);
             if (samples) {
                 target().edges.data[seen.centres.of_images(pixel)] = 1;
-                edges.shown[number] = 0x01010101u * ITSELF;
+                edges.shown[number] = 0x01010101u * Around::MIDDLE;
                 see_around(pixel);
 #pragma unroll
                 for (int sample = 0; sample < SAMPLES; ++sample)
@@ -225,24 +237,24 @@ template <int TYPES, int LENS, int WIDTH, int HEIGHT, int IMAGES, class Target> 
     WARPCAM_FN int rank_shapes() const
     {
         static_assert(THREADS == BYTE_IDS, "a thread for each id");
-        const int id = threadIdx.x;
-        const bool is_seen = edges.seen[id] && id < BYTE_IDS - 1;
+        const int slot = threadIdx.x;
+        const bool is_seen = edges.seen[slot] && slot > 0;
         const unsigned word = __ballot_sync(ALL, is_seen);
-        if (id % LANES == 0)
-            edges.seen_words[id / LANES] = word;
+        if (slot % LANES == 0)
+            edges.seen_words[slot / LANES] = word;
         block_barrier();
-        edges.seen[id] = 0;
-        int rank = __popc(word >> id % LANES) - int(is_seen), count = 0;
+        edges.seen[slot] = 0;
+        int rank = __popc(word >> slot % LANES) - int(is_seen), count = 0;
 #pragma unroll
         for (int k = 0; k < WARPS; ++k) {
             const int its = __popc(edges.seen_words[k]);
             count += its;
-            rank += k > id / LANES ? its : 0;
+            rank += k > slot / LANES ? its : 0;
         }
-        edges.bits[id] = { { is_seen && rank < LANES ? 1u << rank % LANES : 0,
+        edges.bits[slot] = { { is_seen && rank < LANES ? 1u << rank % LANES : 0,
                              is_seen && rank >= LANES ? 1u << rank % LANES : 0 } };
         if (is_seen && rank < MOST_RECORDS)
-            edges.records[rank].origin.w = id;
+            edges.records[rank].origin.w = slot - 1;
         block_barrier();
         return count;
     }
@@ -265,18 +277,18 @@ template <int TYPES, int LENS, int WIDTH, int HEIGHT, int IMAGES, class Target> 
     WARPCAM_FN int shown(int i, int j, unsigned pixel, int sample, float depth, int shape, const Record& record,
                          bool plain) const
     {
-        unsigned left = 0;  // those that show the shape, by number
-        ids_around(pixel, [&](int k, int id) { left |= unsigned(id == shape) << k; });
-        left &= i > 0 ? 0x1ffu : 0x1b6u;
-        left &= i + 1 < target().width ? 0x1ffu : 0x0dbu;
-        left &= j > 0 ? 0x1ffu : 0x1f8u;
-        left &= j + 1 < target().height ? 0x1ffu : 0x03fu;
+        unsigned left = 0;  // those that show the shape, by place
+        ids_around(pixel, [&](int place, int id) { left |= unsigned(id == shape) << place; });
+        left &= i > 0 ? 0x777u : 0x666u;
+        left &= i + 1 < target().width ? 0x777u : 0x333u;
+        left &= j > 0 ? 0x777u : 0x770u;
+        left &= j + 1 < target().height ? 0x777u : 0x077u;
         const int type = record.axis_x.w;
         const bool sided = SIDED && shape >= 0 && (type == BOX || type == CYLINDER);
-        if (!left || ((!sided || plain) && left >> ITSELF & 1))
-            return ITSELF;
-        unsigned order = order_of_sample(sample);
-        int best_at = ITSELF;
+        if (!left || ((!sided || plain) && left >> Around::MIDDLE & 1))
+            return Around::MIDDLE;
+        unsigned order = Around::order(sample);
+        int best_at = Around::MIDDLE;
         for (; !(left >> best_at & 1); order >>= 4)
             best_at = order & 15;
         if constexpr (SIDED) {
@@ -285,35 +297,39 @@ template <int TYPES, int LENS, int WIDTH, int HEIGHT, int IMAGES, class Target> 
                 return best_at;
             const Offset offset = sample_offset(sample);
             const int part = part_at<LENS>(record, sample_ray<LENS>(camera, i, j, sample), depth);
-            const auto pixel_of = [&](int k) { return pixel + k / 3 * LINE + k % 3 - LINE - 1; };
-            const auto apart_from = [&](int k) {
-                const float right = float(k % 3 - 1) - offset.right, down = float(k / 3 - 1) - offset.down;
+            const auto pixel_of = [&](int place) { return pixel + Around::step<LINE>(place); };
+            const auto apart_from = [&](int place) {
+                const float right = float(Around::right(place)) - offset.right;
+                const float down = float(Around::down(place)) - offset.down;
                 return right * right + down * down;
             };
-            const auto cost_of = [&](int k) {
-                const unsigned its = pixel_of(k);
-                const int its_part = part_at<LENS>(record, view_ray<LENS>(camera, i + k % 3 - 1, j + k / 3 - 1), seen.depth(its));
-                return apart_from(k) + seen.apart(its, depth) + (its_part == part ? 0.0f : TURNED);
+            const auto cost_of = [&](int place) {
+                const float there = seen.depth(pixel_of(place));
+                const auto ray = view_ray<LENS>(camera, i + Around::right(place), j + Around::down(place));
+                return apart_from(place) + seen.apart(pixel_of(place), depth)
+                    + (part_at<LENS>(record, ray, there) == part ? 0.0f : TURNED);
             };
-            Colour<IMAGES> chosen = seen.template colour<IMAGES>(pixel_of(best_at));
+            Colour<IMAGES> chosen = seen.template colour<IMAGES>(pixel_of(best_at)), its;
             float best = FAR_AWAY;  // not known before some other pixel has another colour
-            for (; left; order >>= 4) {
-                const int k = order & 15;
-                if (!(left >> k & 1))
-                    continue;
-                left &= ~(1u << k);
-                if (apart_from(k) >= best)
+            while (true) {
+                int next = -1;  // of another colour
+                for (; left && next < 0; order >>= 4) {
+                    const int place = order & 15;
+                    if (left >> place & 1) {
+                        left &= ~(1u << place);
+                        its = seen.template colour<IMAGES>(pixel_of(place));
+                        next = chosen.differs(its, FAINT) ? place : -1;
+                    }
+                }
+                if (next < 0 || apart_from(next) >= best)
                     break;
-                const Colour<IMAGES> its = seen.template colour<IMAGES>(pixel_of(k));
-                if (!chosen.differs(its, FAINT))
-                    continue;
                 if (best == FAR_AWAY)
                     best = cost_of(best_at);
-                const float cost = cost_of(k);
+                const float cost = cost_of(next);
                 if (cost < best) {
                     best = cost;
                     chosen = its;
-                    best_at = k;
+                    best_at = next;
                 }
             }
         }
@@ -337,7 +353,7 @@ template <int TYPES, int LENS, int WIDTH, int HEIGHT, int IMAGES, class Target> 
             const ViewRay<LENS> ray = sample_ray<LENS>(camera, i, j, sample);
             unsigned own[2] {};
             ids_around(pixel, [&](int, int id) {
-                const auto bits = edges.bits[Edges::slot(id)];
+                const auto bits = edges.bits[id + 1];
                 own[0] |= bits.at[0];
                 own[1] |= bits.at[1];
             });
@@ -368,13 +384,11 @@ template <int TYPES, int LENS, int WIDTH, int HEIGHT, int IMAGES, class Target> 
             const unsigned its = edges.pixels[k], pixel = kept_at(its % (1u << PLACE_BITS));
             if (!(its >> PLACE_BITS))
                 continue;
-            const unsigned numbers = edges.shown[k];
+            const unsigned places = edges.shown[k];
             unsigned by[SAMPLES];
 #pragma unroll
-            for (int sample = 0; sample < SAMPLES; ++sample) {
-                const unsigned number = numbers >> 8 * sample & 0xff;
-                by[sample] = pixel + number / 3 * LINE + number % 3 - LINE - 1;
-            }
+            for (int sample = 0; sample < SAMPLES; ++sample)
+                by[sample] = pixel + Around::step<LINE>(int(places >> 8 * sample & 0xff));
             put_means<IMAGES>(seen.centres, seen.centres.of_images(pixel), by);
         }
     }
@@ -382,11 +396,11 @@ template <int TYPES, int LENS, int WIDTH, int HEIGHT, int IMAGES, class Target> 
     // Before a barrier, and that before all else.
     template <class Shapes> WARPCAM_FN void clear(const Shapes& shapes) const
     {
-        const int id = threadIdx.x;
-        edges.seen[id] = 0;
+        const int slot = threadIdx.x;
+        edges.seen[slot] = 0;
         if (SIDED)
-            edges.sided[id] = has_sides<TYPES>(shapes, id < int(shapes.types.shape[0]) ? id : -1);
-        if (id == 0)
+            edges.sided[slot] = has_sides<TYPES>(shapes, slot - 1 < int(shapes.types.shape[0]) ? slot - 1 : -1);
+        if (slot == 0)
             edges.total = 0;
     }
 
