@@ -13,6 +13,7 @@ namespace warpcam {
 
 constexpr int BYTE_IDS = 128;      // shapes at most, and none
 constexpr int MOST_RECORDS = 64;   // of shapes whose records are there at once
+constexpr unsigned OPEN = 0x80;    // it is not known yet which pixel shows a sample that has hit the record of this number
 constexpr int PLACE_BITS = 10;     // of a pixel's place in its region, row after row
 
 // A pixel around one, or that itself: 4 * row + column, from the one above and to the left.
@@ -79,6 +80,21 @@ template <int TYPES, int LENS, int WIDTH, int HEIGHT, int IMAGES, class Target> 
     const Region& region;
 
     WARPCAM_FN const Target& target() const { return seen.centres.target; }
+
+    struct Spot {
+        int i, j;        // a pixel
+        unsigned pixel;  // where it is kept
+        bool plain;
+    };
+
+    // The pixel of a listed sample.
+    WARPCAM_FN Spot spot_of(unsigned listed) const
+    {
+        const unsigned its = edges.pixels[listed / SAMPLES], place = its % (1u << PLACE_BITS);
+        return { region.left + int(place % WIDTH), region.top + int(place / WIDTH), kept_at(place),
+                 (its >> PLACE_BITS & PLAIN) != 0 };
+    }
+
     // Where a pixel is kept, by its place in the region.
     WARPCAM_FN static unsigned kept_at(unsigned place) { return place / WIDTH * LINE + place % WIDTH + LINE + 1; }
 
@@ -273,70 +289,103 @@ template <int TYPES, int LENS, int WIDTH, int HEIGHT, int IMAGES, class Target> 
         edges.records[rank] = record;
     }
 
-    // Which of the pixels around shows a sample, as shown_sample() has it; its shape is negative where it hits nothing.
-    WARPCAM_FN int shown(int i, int j, unsigned pixel, int sample, float depth, int shape, const Record& record,
-                         bool plain) const
+    // The pixels around one that show a shape, by place; it is negative for none.
+    WARPCAM_FN unsigned showing(const Spot& spot, int shape) const
     {
-        unsigned left = 0;  // those that show the shape, by place
-        ids_around(pixel, [&](int place, int id) { left |= unsigned(id == shape) << place; });
-        left &= i > 0 ? 0x777u : 0x666u;
-        left &= i + 1 < target().width ? 0x777u : 0x333u;
-        left &= j > 0 ? 0x777u : 0x770u;
-        left &= j + 1 < target().height ? 0x777u : 0x077u;
-        const int type = record.axis_x.w;
-        const bool sided = SIDED && shape >= 0 && (type == BOX || type == CYLINDER);
-        if (!left || ((!sided || plain) && left >> Around::MIDDLE & 1))
-            return Around::MIDDLE;
-        unsigned order = Around::order(sample);
-        int best_at = Around::MIDDLE;
-        for (; !(left >> best_at & 1); order >>= 4)
-            best_at = order & 15;
-        if constexpr (SIDED) {
-            left &= ~(1u << best_at);
-            if (!sided || !left)
-                return best_at;
-            const Offset offset = sample_offset(sample);
-            const int part = part_at<LENS>(record, sample_ray<LENS>(camera, i, j, sample), depth);
-            const auto pixel_of = [&](int place) { return pixel + Around::step<LINE>(place); };
-            const auto apart_from = [&](int place) {
-                const float right = float(Around::right(place)) - offset.right;
-                const float down = float(Around::down(place)) - offset.down;
-                return right * right + down * down;
-            };
-            const auto cost_of = [&](int place) {
-                const float there = seen.depth(pixel_of(place));
-                const auto ray = view_ray<LENS>(camera, i + Around::right(place), j + Around::down(place));
-                return apart_from(place) + seen.apart(pixel_of(place), depth)
-                    + (part_at<LENS>(record, ray, there) == part ? 0.0f : TURNED);
-            };
-            Colour<IMAGES> chosen = seen.template colour<IMAGES>(pixel_of(best_at)), its;
-            float best = FAR_AWAY;  // not known before some other pixel has another colour
-            while (true) {
-                int next = -1;  // of another colour
-                for (; left && next < 0; order >>= 4) {
-                    const int place = order & 15;
-                    if (left >> place & 1) {
-                        left &= ~(1u << place);
-                        its = seen.template colour<IMAGES>(pixel_of(place));
-                        next = chosen.differs(its, FAINT) ? place : -1;
-                    }
-                }
-                if (next < 0 || apart_from(next) >= best)
-                    break;
-                if (best == FAR_AWAY)
-                    best = cost_of(best_at);
-                const float cost = cost_of(next);
-                if (cost < best) {
-                    best = cost;
-                    chosen = its;
-                    best_at = next;
-                }
-            }
-        }
-        return best_at;
+        unsigned places = 0;
+        ids_around(spot.pixel, [&](int place, int id) { places |= unsigned(id == shape) << place; });
+        places &= spot.i > 0 ? 0x777u : 0x666u;
+        places &= spot.i + 1 < target().width ? 0x777u : 0x333u;
+        places &= spot.j > 0 ? 0x777u : 0x770u;
+        return places & (spot.j + 1 < target().height ? 0x777u : 0x077u);
     }
 
-    // Traces samples up to one; each warp takes 32 at a time.
+    // The nearest of these, as long as there is any; `order` then begins with those that are farther.
+    WARPCAM_FN static int nearest(unsigned places, unsigned& order)
+    {
+        int place = Around::MIDDLE;
+        for (; !(places >> place & 1); order >>= 4)
+            place = order & 15;
+        return place;
+    }
+
+    WARPCAM_FN static bool is_sided(const Record& record)
+    {
+        return SIDED && (record.axis_x.w == BOX || record.axis_x.w == CYLINDER);
+    }
+
+    // Which of the pixels around shows a sample that has hit a shape that has sides, as shown_sample() has it.
+    WARPCAM_FN int shown_side(const Spot& spot, int sample, const Record& record) const
+    {
+        const ViewRay<LENS> ray = sample_ray<LENS>(camera, spot.i, spot.j, sample);
+        const float depth = enter_any<TYPES & (1 << BOX | 1 << CYLINDER)>(record, ray.local(record));
+        unsigned left = showing(spot, record.origin.w), order = Around::order(sample);
+        int best_at = nearest(left, order);
+        left &= ~(1u << best_at);
+        const Offset offset = sample_offset(sample);
+        const int part = part_at<LENS>(record, ray, depth);
+        const auto pixel_of = [&](int place) { return spot.pixel + Around::step<LINE>(place); };
+        const auto apart_from = [&](int place) {
+            const float right = float(Around::right(place)) - offset.right;
+            const float down = float(Around::down(place)) - offset.down;
+            return right * right + down * down;
+        };
+        const auto cost_of = [&](int place) {
+            const float there = seen.depth(pixel_of(place));
+            const auto its = view_ray<LENS>(camera, spot.i + Around::right(place), spot.j + Around::down(place));
+            return apart_from(place) + seen.apart(pixel_of(place), depth)
+                + (part_at<LENS>(record, its, there) == part ? 0.0f : TURNED);
+        };
+        Colour<IMAGES> chosen = seen.template colour<IMAGES>(pixel_of(best_at)), its;
+        float best = FAR_AWAY;  // not known before some other pixel has another colour
+        while (true) {
+            int next = -1;  // of another colour
+            for (; left && next < 0; order >>= 4) {
+                const int place = order & 15;
+                if (left >> place & 1) {
+                    left &= ~(1u << place);
+                    its = seen.template colour<IMAGES>(pixel_of(place));
+                    next = chosen.differs(its, FAINT) ? place : -1;
+                }
+            }
+            if (next < 0 || apart_from(next) >= best)
+                return best_at;
+            if (best == FAR_AWAY)
+                best = cost_of(best_at);
+            const float cost = cost_of(next);
+            if (cost < best) {
+                best = cost;
+                chosen = its;
+                best_at = next;
+            }
+        }
+    }
+
+    // Asks this of those samples up to one that trace() has left open, which each warp lists first among those it took.
+    WARPCAM_FN void show_sides(int from, int end) const
+    {
+        const int lane = threadIdx.x % LANES, begin = from + int(threadIdx.x) - lane;
+        unsigned char* const shown = reinterpret_cast<unsigned char*>(edges.shown);
+        int open = 0;
+        const auto slot = [&](int number) { return begin + number / LANES * THREADS + number % LANES; };
+        for (int first = begin; first < end; first += THREADS) {
+            const unsigned listed = edges.samples[lower_int(first + lane, end - 1)];
+            const unsigned found = __ballot_sync(ALL, first + lane < end && shown[listed] & OPEN);
+            __syncwarp();
+            if (found >> lane & 1)
+                edges.samples[slot(open + __popc(found & ((1u << lane) - 1)))] = static_cast<unsigned short>(listed);
+            open += __popc(found);
+        }
+        __syncwarp();
+        for (int number = lane; number < open; number += LANES) {
+            const unsigned listed = edges.samples[slot(number)];
+            const Record& record = edges.records[shown[listed] & ~OPEN];
+            shown[listed] = static_cast<unsigned char>(shown_side(spot_of(listed), listed % SAMPLES, record));
+        }
+    }
+
+    // Traces samples up to one; each warp takes 32 at a time. Of those that hit shapes with sides it leaves open which pixel
+    // shows them, if need be.
     WARPCAM_FN void trace(int end, int words) const
     {
         const int lane = threadIdx.x % LANES;
@@ -347,12 +396,10 @@ template <int TYPES, int LENS, int WIDTH, int HEIGHT, int IMAGES, class Target> 
             const bool active = first + lane < end;
             const unsigned listed = edges.samples[active ? first + lane : first];
             const int sample = listed % SAMPLES;
-            const unsigned its = edges.pixels[listed / SAMPLES], place = its % (1u << PLACE_BITS);
-            const unsigned pixel = kept_at(place);
-            const int i = region.left + int(place % WIDTH), j = region.top + int(place / WIDTH);
-            const ViewRay<LENS> ray = sample_ray<LENS>(camera, i, j, sample);
+            const Spot spot = spot_of(listed);
+            const ViewRay<LENS> ray = sample_ray<LENS>(camera, spot.i, spot.j, sample);
             unsigned own[2] {};
-            ids_around(pixel, [&](int, int id) {
+            ids_around(spot.pixel, [&](int, int id) {
                 const auto bits = edges.bits[id + 1];
                 own[0] |= bits.at[0];
                 own[1] |= bits.at[1];
@@ -370,11 +417,15 @@ template <int TYPES, int LENS, int WIDTH, int HEIGHT, int IMAGES, class Target> 
                     }
                 }
             const Record& record = edges.records[hit.shape < 0 ? 0 : hit.shape];
-            const int shape = hit.shape < 0 ? -1 : record.origin.w;
-            const bool plain = its >> PLACE_BITS & PLAIN;
+            const unsigned places = showing(spot, hit.shape < 0 ? -1 : record.origin.w);
+            const bool sided = hit.shape >= 0 && is_sided(record);
+            unsigned shown = Around::MIDDLE, order = Around::order(sample);
+            if (sided && !(spot.plain && places >> Around::MIDDLE & 1) && (places & (places - 1)))
+                shown = OPEN | hit.shape;
+            else if (places)
+                shown = nearest(places, order);
             if (active)
-                reinterpret_cast<unsigned char*>(edges.shown)[listed] = static_cast<unsigned char>(
-                    shown(i, j, pixel, sample, hit.depth, shape, record, plain));
+                reinterpret_cast<unsigned char*>(edges.shown)[listed] = static_cast<unsigned char>(shown);
         }
     }
 
@@ -433,6 +484,10 @@ template <int TYPES, int LENS, int WIDTH, int HEIGHT, int IMAGES, class Target> 
             block_barrier();
             trace(end, (shapes_seen + LANES - 1) / LANES);
             block_barrier();
+            if constexpr (SIDED) {
+                show_sides(from, end);
+                block_barrier();
+            }
         }
         put(count);
     }
