@@ -65,7 +65,7 @@ template <int WIDTH, int HEIGHT> struct KeptEdges {
     unsigned short samples[SAMPLES * PIXELS];  // that are traced: 4 * the pixel's number + the sample's
     unsigned short pixels[PIXELS];  // that may have an edge: their places, above that what edge() says of them
     unsigned char seen[BYTE_IDS];   // likewise: is it around the pixels?
-    int total, next;                // of `samples`, and which comes next
+    int total, next;                // of `samples`, and how many times 32 of them were taken
 };
 
 template <int TYPES, int LENS, int WIDTH, int HEIGHT, int IMAGES, class Target> struct KeptSmoother {
@@ -80,6 +80,11 @@ template <int TYPES, int LENS, int WIDTH, int HEIGHT, int IMAGES, class Target> 
     const Region& region;
 
     WARPCAM_FN const Target& target() const { return seen.centres.target; }
+    // A pixel of the image in its images, by its place in the region.
+    WARPCAM_FN unsigned of_images(unsigned place) const
+    {
+        return seen.centres.of_images(region.left + int(place % WIDTH), region.top + int(place / WIDTH));
+    }
 
     struct Spot {
         int i, j;        // a pixel
@@ -193,14 +198,16 @@ template <int TYPES, int LENS, int WIDTH, int HEIGHT, int IMAGES, class Target> 
         return samples;
     }
 
-    // The nine ids around a pixel that is kept.
+    // The nine ids around a pixel that is kept, of which all are loaded before any is used.
     template <class Use> WARPCAM_FN void ids_around(unsigned pixel, const Use& use) const
     {
+        int ids[9];
 #pragma unroll
-        for (int k = 0; k < 9; ++k) {
-            const int place = k / 3 * 4 + k % 3;
-            use(place, seen.shape(pixel + Around::step<LINE>(place)));
-        }
+        for (int k = 0; k < 9; ++k)
+            ids[k] = seen.shape(pixel + Around::step<LINE>(k / 3 * 4 + k % 3));
+#pragma unroll
+        for (int k = 0; k < 9; ++k)
+            use(k / 3 * 4 + k % 3, ids[k]);
     }
     WARPCAM_FN void see_around(unsigned pixel) const
     {
@@ -238,7 +245,7 @@ template <int TYPES, int LENS, int WIDTH, int HEIGHT, int IMAGES, class Target> 
             if (number < count)
                 edges.pixels[number] = static_cast<unsigned short>(place | found << PLACE_BITS);
             if (samples) {
-                target().edges.data[seen.centres.of_images(pixel)] = 1;
+                target().edges.data[of_images(place)] = 1;
                 edges.shown[number] = 0x01010101u * Around::MIDDLE;
                 see_around(pixel);
 #pragma unroll
@@ -386,11 +393,11 @@ template <int TYPES, int LENS, int WIDTH, int HEIGHT, int IMAGES, class Target> 
 
     // Traces samples up to one; each warp takes 32 at a time. Of those that hit shapes with sides it leaves open which pixel
     // shows them, if need be.
-    WARPCAM_FN void trace(int end, int words) const
+    WARPCAM_FN void trace(int from, int end, int words) const
     {
         const int lane = threadIdx.x % LANES;
         while (true) {
-            const int first = __shfl_sync(ALL, lane == 0 ? atomicAdd(&edges.next, LANES) : 0, 0);
+            const int first = from + LANES * __shfl_sync(ALL, lane == 0 ? draw_next(edges.next) : 0, 0);
             if (first >= end)
                 return;
             const bool active = first + lane < end;
@@ -432,7 +439,7 @@ template <int TYPES, int LENS, int WIDTH, int HEIGHT, int IMAGES, class Target> 
     WARPCAM_FN void put(int count) const
     {
         for (int k = threadIdx.x; k < count; k += THREADS) {
-            const unsigned its = edges.pixels[k], pixel = kept_at(its % (1u << PLACE_BITS));
+            const unsigned its = edges.pixels[k], place = its % (1u << PLACE_BITS), pixel = kept_at(place);
             if (!(its >> PLACE_BITS))
                 continue;
             const unsigned places = edges.shown[k];
@@ -440,7 +447,7 @@ template <int TYPES, int LENS, int WIDTH, int HEIGHT, int IMAGES, class Target> 
 #pragma unroll
             for (int sample = 0; sample < SAMPLES; ++sample)
                 by[sample] = pixel + Around::step<LINE>(int(places >> 8 * sample & 0xff));
-            put_means<IMAGES>(seen.centres, seen.centres.of_images(pixel), by);
+            put_means<IMAGES>(seen.centres, of_images(place), by);
         }
     }
 
@@ -479,10 +486,10 @@ template <int TYPES, int LENS, int WIDTH, int HEIGHT, int IMAGES, class Target> 
                 shapes_seen = rank_shapes();
             }
             if (threadIdx.x == 0)
-                edges.next = from;
+                edges.next = 0;
             prepare_records(shapes_seen, shapes, meshes, fields, world);
             block_barrier();
-            trace(end, (shapes_seen + LANES - 1) / LANES);
+            trace(from, end, (shapes_seen + LANES - 1) / LANES);
             block_barrier();
             if constexpr (SIDED) {
                 show_sides(from, end);
