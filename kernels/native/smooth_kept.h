@@ -86,6 +86,11 @@ template <int TYPES, int LENS, int WIDTH, int HEIGHT, int IMAGES, class Target> 
         return seen.centres.of_images(region.left + int(place % WIDTH), region.top + int(place / WIDTH));
     }
 
+    // Some of the pixels around one, a bit for each pair of them.
+    struct Ring {
+        unsigned beside, across;
+    };
+
     struct Spot {
         int i, j;        // a pixel
         unsigned pixel;  // where it is kept
@@ -171,31 +176,38 @@ template <int TYPES, int LENS, int WIDTH, int HEIGHT, int IMAGES, class Target> 
     // What Seen::edge() says of a pixel that may have an edge.
     WARPCAM_FN unsigned edge(unsigned pixel, bool bent) const
     {
-        const unsigned ring[8] { pixel + LINE, pixel + LINE - 1, pixel - 1, pixel - LINE - 1,
-                                 pixel - LINE, pixel - LINE + 1, pixel + 1, pixel + LINE + 1 };
+        // the pixels around by the pairs that a sample lies at, from the one below on by way of the left: those beside, and
+        // those across
+        const unsigned beside[4] { pixel + LINE, pixel - 1, pixel - LINE, pixel + 1 };
+        const unsigned across[4] { pixel + LINE - 1, pixel - LINE - 1, pixel - LINE + 1, pixel + LINE + 1 };
         const int here = seen.shape(pixel);
-        unsigned other = 0;
-#pragma unroll
-        for (int k = 0; k < 8; ++k)
-            other |= unsigned(seen.shape(ring[k]) != here) << k;
-        const bool within = !(other & 0x55), sided = SIDED && !within && edges.sided[here + 1];
         const Colour<IMAGES> its = seen.template colour<IMAGES>(pixel);
-        const int faint = within ? FAINT_WITHIN : FAINT;
-        unsigned gaps = 0, wide_gaps = 0;
+        Ring other {}, gaps {}, wide {};
 #pragma unroll
-        for (int k = 0; k < 8; ++k) {
-            const Colour<IMAGES> beside = seen.template colour<IMAGES>(ring[k]);
-            gaps |= unsigned(its.differs(beside, faint)) << k;
-            if (SIDED)
-                wide_gaps |= unsigned(its.differs(beside, FAINT_SIDES)) << k;
+        for (int k = 0; k < 4; ++k) {
+            other.beside |= unsigned(seen.shape(beside[k]) != here) << k;
+            other.across |= unsigned(seen.shape(across[k]) != here) << k;
         }
-        unsigned samples = within ? (bent ? EVERY_SAMPLE : 0) : seen.of_pairs(other);
-        samples &= seen.of_pairs(gaps | gaps >> 1 | gaps << 7);
-        if (sided)
-            samples |= seen.of_pairs(wide_gaps) & ~seen.of_pairs(other);
-        if (samples && !within && !(gaps & ~other))
-            samples |= PLAIN;
-        return samples;
+        const bool within = !other.beside;
+        const int faint = within ? FAINT_WITHIN : FAINT;
+#pragma unroll
+        for (int k = 0; k < 4; ++k) {
+            const auto one = seen.template colour<IMAGES>(beside[k]), two = seen.template colour<IMAGES>(across[k]);
+            gaps.beside |= unsigned(its.differs(one, faint)) << k;
+            gaps.across |= unsigned(its.differs(two, faint)) << k;
+            if (SIDED) {
+                wide.beside |= unsigned(its.differs(one, FAINT_SIDES)) << k;
+                wide.across |= unsigned(its.differs(two, FAINT_SIDES)) << k;
+            }
+        }
+        unsigned pairs = within ? (bent ? EVERY_SAMPLE : 0) : other.beside | other.across;
+        pairs &= gaps.beside | gaps.across | gaps.beside >> 1 | gaps.beside << 3;
+        if (SIDED && !within && edges.sided[here + 1])
+            pairs |= (wide.beside | wide.across) & ~(other.beside | other.across);
+        pairs &= EVERY_SAMPLE;
+        const bool plain = pairs && !within && !(gaps.beside & ~other.beside) && !(gaps.across & ~other.across);
+        // the pairs are those of samples 0, 2, 3 and 1
+        return (pairs & 1) | (pairs << 1 & 12) | (pairs >> 2 & 2) | (plain ? PLAIN : 0);
     }
 
     // The nine ids around a pixel that is kept, of which all are loaded before any is used.
