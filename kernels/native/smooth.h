@@ -254,8 +254,6 @@ WARPCAM_FN void smooth_region(const Shapes& shapes, const Meshes& meshes, const 
                 const int j = region.top + k / across * TILE_HEIGHT + lane / TILE_WIDTH;
                 const bool inside = i < target.width && j < target.height;
                 const unsigned samples = inside ? seen.template edge<IMAGES>(i, j, sided) : 0;
-                if (inside)
-                    target.edges.data[seen.centres.of_images(i, j)] = samples != 0;
                 const unsigned found = __ballot_sync(ALL, samples != 0);
                 if (found) {
                     const int begin = __shfl_sync(ALL, lane == 0 ? atomicAdd(&count, __popc(found)) : 0, 0);
@@ -345,7 +343,7 @@ WARPCAM_FN void smooth_region(const Shapes& shapes, const Meshes& meshes, const 
 
 #endif
 
-// Smooths the edges of one region of one view; `index` counts worlds, then regions, then (CUDA) threads of the block.
+// Copies one region of one view and smooths its edges; `index` counts worlds, then regions, then (CUDA) threads of the block.
 template <int TYPES, int LENS, int WIDTH, int HEIGHT, int IMAGES, class Shapes, class Meshes, class HeightFields,
           class Views, class Target>
 WARPCAM_FN void smooth(const Shapes& shapes, const Meshes& meshes, const HeightFields& fields, const Views& views,
@@ -358,6 +356,7 @@ WARPCAM_FN void smooth(const Shapes& shapes, const Meshes& meshes, const HeightF
         return;
     if (index % THREADS == 0)
         camera = load_camera(wp::index(views, world));
+    copy_lit<IMAGES>(target, region, size_t(world) * target.height * target.width);
     block_barrier();
     smooth_region<TYPES, LENS, WIDTH, HEIGHT, IMAGES>(shapes, meshes, fields, target, camera, region, world);
 }

@@ -116,11 +116,10 @@ template <int TYPES, int LENS, int WIDTH, int HEIGHT, int IMAGES, class Target> 
         const int first = warp * ROWS, i = region.left + lane;
         const bool inside = lane < WIDTH && i < target().width, amid = i > 0 && i + 1 < target().width;
         unsigned pixel = unsigned((first + 1) * LINE + lower_int(lane, WIDTH - 1) + 1);
-        unsigned at = seen.centres.of_images(i, region.top + first);
         int above = seen.shape(pixel - LINE), here = seen.shape(pixel);
         float depth_above = seen.depth(pixel - LINE), depth_here = seen.depth(pixel);
 #pragma unroll 2
-        for (int row = first; row < lower_int(first + ROWS, HEIGHT); ++row, pixel += LINE, at += target().width) {
+        for (int row = first; row < lower_int(first + ROWS, HEIGHT); ++row, pixel += LINE) {
             const int j = region.top + row;
             const int below = seen.shape(pixel + LINE);
             const float depth_below = seen.depth(pixel + LINE);
@@ -136,8 +135,6 @@ template <int TYPES, int LENS, int WIDTH, int HEIGHT, int IMAGES, class Target> 
                 edges.maybe[row] = maybe;
                 edges.turned[row] = turned;
             }
-            if (there)
-                target().edges.data[at] = 0;
             above = here;
             here = below;
             depth_above = depth_here;
@@ -257,7 +254,6 @@ template <int TYPES, int LENS, int WIDTH, int HEIGHT, int IMAGES, class Target> 
             if (number < count)
                 edges.pixels[number] = static_cast<unsigned short>(place | found << PLACE_BITS);
             if (samples) {
-                target().edges.data[of_images(place)] = 1;
                 edges.shown[number] = 0x01010101u * Around::MIDDLE;
                 see_around(pixel);
 #pragma unroll
