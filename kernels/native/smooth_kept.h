@@ -1,10 +1,9 @@
 // Smooth edges of scenes of few shapes without meshes and height fields, on CUDA: all pixels of a region together.
 //
-// What the trace has found is kept in shared memory: see KeptCentres. Each warp goes down rows of 32 pixels, a lane a column,
-// and notes those that may have an edge; these are then looked at once more, 32 at a time, whatever tiles they lie in. An id
-// is a byte, so that tables by id tell which shapes are seen around them, and their bits.
+// What the trace has found is kept in shared memory: see KeptCentres. An id is a byte, so that tables by id tell which shapes
+// are seen around the pixels with edges, and their bits.
 #pragma once
-#include "kept_centres.h"
+#include "edge_finder.h"
 #include "samples.h"
 #include "tiles.h"
 
@@ -55,8 +54,8 @@ template <int WIDTH, int HEIGHT> struct KeptEdges {
     union {
         Record records[MOST_RECORDS];  // from the highest id to the lowest
         struct {                       // before there are any
-            unsigned maybe[HEIGHT], turned[HEIGHT];  // pixels of a row that may have an edge; whose surface is bent
-            unsigned char sided[BYTE_IDS];           // has_sides() by id and one
+            EdgeMarks<WIDTH, HEIGHT> marks;
+            unsigned char sided[BYTE_IDS];  // has_sides() by id and one
         };
     };
     Several<unsigned, 2> bits[BYTE_IDS];  // of a shape's rank among the records, by its id and one; the first is that of none
@@ -71,6 +70,7 @@ template <int WIDTH, int HEIGHT> struct KeptEdges {
 template <int TYPES, int LENS, int WIDTH, int HEIGHT, int IMAGES, class Target> struct KeptSmoother {
     using Centres = KeptCentres<Target, IMAGES, WIDTH, HEIGHT>;
     using Edges = KeptEdges<WIDTH, HEIGHT>;
+    using Finder = EdgeFinder<LENS, WIDTH, HEIGHT, IMAGES, Target>;
     static constexpr int LINE = Centres::LINE, WARPS = THREADS / LANES;
     static constexpr bool SIDED = TYPES & (1 << BOX | 1 << CYLINDER);
 
@@ -85,11 +85,6 @@ template <int TYPES, int LENS, int WIDTH, int HEIGHT, int IMAGES, class Target> 
     {
         return seen.centres.of_images(region.left + int(place % WIDTH), region.top + int(place / WIDTH));
     }
-
-    // Some of the pixels around one, a bit for each pair of them.
-    struct Ring {
-        unsigned beside, across;
-    };
 
     struct Spot {
         int i, j;        // a pixel
@@ -106,106 +101,7 @@ template <int TYPES, int LENS, int WIDTH, int HEIGHT, int IMAGES, class Target> 
     }
 
     // Where a pixel is kept, by its place in the region.
-    WARPCAM_FN static unsigned kept_at(unsigned place) { return place / WIDTH * LINE + place % WIDTH + LINE + 1; }
-
-    // Notes which pixels may have an edge. Then a barrier.
-    WARPCAM_FN void look() const
-    {
-        const int lane = threadIdx.x % LANES, warp = threadIdx.x / LANES;
-        constexpr int ROWS = (HEIGHT + WARPS - 1) / WARPS;
-        const int first = warp * ROWS, i = region.left + lane;
-        const bool inside = lane < WIDTH && i < target().width, amid = i > 0 && i + 1 < target().width;
-        unsigned pixel = unsigned((first + 1) * LINE + lower_int(lane, WIDTH - 1) + 1);
-        int above = seen.shape(pixel - LINE), here = seen.shape(pixel);
-        float depth_above = seen.depth(pixel - LINE), depth_here = seen.depth(pixel);
-#pragma unroll 2
-        for (int row = first; row < lower_int(first + ROWS, HEIGHT); ++row, pixel += LINE) {
-            const int j = region.top + row;
-            const int below = seen.shape(pixel + LINE);
-            const float depth_below = seen.depth(pixel + LINE);
-            const bool within = (here == above) & (here == below) & (here == seen.shape(pixel - 1))
-                & (here == seen.shape(pixel + 1));
-            const bool bent
-                = (amid & seen.turns_at(seen.depth(pixel - 1), depth_here, seen.depth(pixel + 1), seen.scale_x))
-                | ((j > 0) & (j + 1 < target().height) & seen.turns_at(depth_above, depth_here, depth_below, seen.scale_y));
-            const bool there = inside & (j < target().height), bent_there = within & bent & (here >= 0);
-            const unsigned maybe = __ballot_sync(ALL, there & (!within | bent_there));
-            const unsigned turned = __ballot_sync(ALL, bent_there);
-            if (lane == 0) {
-                edges.maybe[row] = maybe;
-                edges.turned[row] = turned;
-            }
-            above = here;
-            here = below;
-            depth_above = depth_here;
-            depth_here = depth_below;
-        }
-    }
-
-    // Lists these pixels and returns how many there are: those of tiles of 4x8 pixels, whose samples see the fewest shapes,
-    // one after another. Then a barrier.
-    WARPCAM_FN int list_pixels() const
-    {
-        constexpr unsigned WIDE = 4, HIGH = LANES / WIDE, ACROSS = WIDTH / WIDE, TILES = ACROSS * (HEIGHT / HIGH);
-        static_assert(TILES <= LANES, "a lane for each");
-        const unsigned lane = threadIdx.x % LANES, warp = threadIdx.x / LANES;
-        unsigned mask = 0;  // of the lane's tile
-        if (lane < TILES)
-#pragma unroll
-            for (unsigned k = 0; k < HIGH; ++k)
-                mask |= (edges.maybe[lane / ACROSS * HIGH + k] >> lane % ACROSS * WIDE & (1u << WIDE) - 1) << WIDE * k;
-        int until = __popc(mask);
-#pragma unroll
-        for (int step = 1; step < LANES; step *= 2) {
-            const int before = __shfl_up_sync(ALL, until, step);
-            until += int(lane) >= step ? before : 0;
-        }
-        for (unsigned tile = warp; tile < TILES; tile += WARPS) {
-            const unsigned its = __shfl_sync(ALL, mask, tile);
-            const int end = __shfl_sync(ALL, until, tile);
-            const unsigned row = tile / ACROSS * HIGH + lane / WIDE, column = tile % ACROSS * WIDE + lane % WIDE;
-            if (its >> lane & 1)
-                edges.pixels[end - __popc(its >> lane)] = static_cast<unsigned short>(row * WIDTH + column);
-        }
-        return __shfl_sync(ALL, until, LANES - 1);
-    }
-
-    // What Seen::edge() says of a pixel that may have an edge.
-    WARPCAM_FN unsigned edge(unsigned pixel, bool bent) const
-    {
-        // the pixels around by the pairs that a sample lies at, from the one below on by way of the left: those beside, and
-        // those across
-        const unsigned beside[4] { pixel + LINE, pixel - 1, pixel - LINE, pixel + 1 };
-        const unsigned across[4] { pixel + LINE - 1, pixel - LINE - 1, pixel - LINE + 1, pixel + LINE + 1 };
-        const int here = seen.shape(pixel);
-        const Colour<IMAGES> its = seen.template colour<IMAGES>(pixel);
-        Ring other {}, gaps {}, wide {};
-#pragma unroll
-        for (int k = 0; k < 4; ++k) {
-            other.beside |= unsigned(seen.shape(beside[k]) != here) << k;
-            other.across |= unsigned(seen.shape(across[k]) != here) << k;
-        }
-        const bool within = !other.beside;
-        const int faint = within ? FAINT_WITHIN : FAINT;
-#pragma unroll
-        for (int k = 0; k < 4; ++k) {
-            const auto one = seen.template colour<IMAGES>(beside[k]), two = seen.template colour<IMAGES>(across[k]);
-            gaps.beside |= unsigned(its.differs(one, faint)) << k;
-            gaps.across |= unsigned(its.differs(two, faint)) << k;
-            if (SIDED) {
-                wide.beside |= unsigned(its.differs(one, FAINT_SIDES)) << k;
-                wide.across |= unsigned(its.differs(two, FAINT_SIDES)) << k;
-            }
-        }
-        unsigned pairs = within ? (bent ? EVERY_SAMPLE : 0) : other.beside | other.across;
-        pairs &= gaps.beside | gaps.across | gaps.beside >> 1 | gaps.beside << 3;
-        if (SIDED && !within && edges.sided[here + 1])
-            pairs |= (wide.beside | wide.across) & ~(other.beside | other.across);
-        pairs &= EVERY_SAMPLE;
-        const bool plain = pairs && !within && !(gaps.beside & ~other.beside) && !(gaps.across & ~other.across);
-        // the pairs are those of samples 0, 2, 3 and 1
-        return (pairs & 1) | (pairs << 1 & 12) | (pairs >> 2 & 2) | (plain ? PLAIN : 0);
-    }
+    WARPCAM_FN static unsigned kept_at(unsigned place) { return Finder::kept_at(place); }
 
     // The nine ids around a pixel that is kept, of which all are loaded before any is used.
     template <class Use> WARPCAM_FN void ids_around(unsigned pixel, const Use& use) const
@@ -232,14 +128,14 @@ template <int TYPES, int LENS, int WIDTH, int HEIGHT, int IMAGES, class Target> 
     }
 
     // Lists the samples of the listed pixels and what they may hit. Then a barrier.
-    WARPCAM_FN void list_samples(int count) const
+    WARPCAM_FN void list_samples(const Finder& finder, int count) const
     {
         const int lane = threadIdx.x % LANES;
         for (int first = threadIdx.x - lane; first < count; first += THREADS) {
             const int number = first + lane;
             const unsigned place = edges.pixels[lower_int(number, count - 1)], pixel = kept_at(place);
-            const unsigned row = place / WIDTH, column = place % WIDTH;
-            const unsigned found = number < count ? edge(pixel, edges.turned[row] >> column & 1) : 0;
+            const auto sided = [&](int id) { return edges.sided[id + 1] != 0; };
+            const unsigned found = number < count ? finder.template edge<SIDED>(place, sided) : 0;
             const unsigned samples = found & EVERY_SAMPLE;
             const int its = __popc(samples);
             int before = 0, all = 0;
@@ -474,11 +370,12 @@ template <int TYPES, int LENS, int WIDTH, int HEIGHT, int IMAGES, class Target> 
     template <class Shapes, class Meshes, class HeightFields>
     WARPCAM_FN void smooth(const Shapes& shapes, const Meshes& meshes, const HeightFields& fields, int world) const
     {
-        look();
+        const Finder finder { edges.marks, seen, region.left, region.top };
+        finder.look();
         block_barrier();
-        const int count = list_pixels();
+        const int count = finder.list_pixels(edges.pixels);
         block_barrier();
-        list_samples(count);
+        list_samples(finder, count);
         block_barrier();
         const int total = edges.total;
         if (total == 0)
