@@ -347,7 +347,7 @@ WARPCAM_FN void smooth_chunks(const Shapes& shapes, const Meshes& meshes, const 
     }
 }
 
-// Smooths the edges of a region. What the trace has found is kept in shared memory where little else has to lie there.
+// Smooths the edges of a region; before there is a barrier `camera` need not be there. What the trace has found is kept in shared memory where little else has to lie there.
 template <int TYPES, int LENS, int WIDTH, int HEIGHT, int IMAGES, class Shapes, class Meshes, class HeightFields,
           class Target>
 WARPCAM_FN void smooth_region(const Shapes& shapes, const Meshes& meshes, const HeightFields& fields,
@@ -355,6 +355,7 @@ WARPCAM_FN void smooth_region(const Shapes& shapes, const Meshes& meshes, const 
 {
     if constexpr (TYPES >> MESH & 1 || TYPES >> HEIGHT_FIELD & 1) {
         const ImageCentres<Target> centres { target, unsigned(world) * target.height * target.width };
+        block_barrier();
         smooth_chunks<TYPES, LENS, WIDTH, HEIGHT, IMAGES>(shapes, meshes, fields, centres, camera, region, world);
     } else {
         static_assert(HEIGHT <= 32, "a ListedPixel has 16 bits");
@@ -364,11 +365,11 @@ WARPCAM_FN void smooth_region(const Shapes& shapes, const Meshes& meshes, const 
                           unsigned(world) * target.height * target.width };
         if constexpr (sizeof(room.ids[0]) == 1) {
             WARPCAM_SHARED KeptEdges<WIDTH, HEIGHT> edges;
-            const Seen<LENS, Kept> seen { kept, pixel_width<LENS>(camera), camera.scale_y };
-            const KeptSmoother<TYPES, LENS, WIDTH, HEIGHT, IMAGES, Target> smoother { edges, seen, camera, region };
-            smoother.clear(shapes);
+            using Smoother = KeptSmoother<TYPES, LENS, WIDTH, HEIGHT, IMAGES, Target>;
+            Smoother::clear(edges, shapes);
             kept.load();
-            smoother.smooth(shapes, meshes, fields, world);
+            const Seen<LENS, Kept> seen { kept, pixel_width<LENS>(camera), camera.scale_y };
+            Smoother { edges, seen, camera, region }.smooth(shapes, meshes, fields, world);
         } else {
             kept.load();
             smooth_chunks<TYPES, LENS, WIDTH, HEIGHT, IMAGES>(shapes, meshes, fields, kept, camera, region, world);
@@ -392,7 +393,6 @@ WARPCAM_FN void smooth(const Shapes& shapes, const Meshes& meshes, const HeightF
     if (index % THREADS == 0)
         camera = load_camera(wp::index(views, world));
     copy_lit<IMAGES>(target, region, size_t(world) * target.height * target.width);
-    block_barrier();
     smooth_region<TYPES, LENS, WIDTH, HEIGHT, IMAGES>(shapes, meshes, fields, target, camera, region, world);
 }
 

@@ -356,7 +356,7 @@ template <int TYPES, int LENS, int WIDTH, int HEIGHT, int IMAGES, class Target> 
     }
 
     // Before a barrier, and that before all else.
-    template <class Shapes> WARPCAM_FN void clear(const Shapes& shapes) const
+    template <class Shapes> WARPCAM_FN static void clear(Edges& edges, const Shapes& shapes)
     {
         const int slot = threadIdx.x;
         edges.seen[slot] = 0;
@@ -374,6 +374,8 @@ template <int TYPES, int LENS, int WIDTH, int HEIGHT, int IMAGES, class Target> 
         finder.look();
         block_barrier();
         const int count = finder.list_pixels(edges.pixels);
+        if (count == 0)
+            return;
         block_barrier();
         list_samples(finder, count);
         block_barrier();
