@@ -73,6 +73,8 @@ template <int TYPES, int LENS, int WIDTH, int HEIGHT, int IMAGES, class Target> 
     using Finder = EdgeFinder<LENS, WIDTH, HEIGHT, IMAGES, Target>;
     static constexpr int LINE = Centres::LINE, WARPS = THREADS / LANES;
     static constexpr bool SIDED = TYPES & (1 << BOX | 1 << CYLINDER);
+    static constexpr int ROUND = TYPES & (1 << SPHERE | 1 << ELLIPSOID);
+    static constexpr int TRACED = (analytic_types(TYPES) & ~(1 << ELLIPSOID)) | (ROUND ? 1 << SPHERE : 0);
 
     Edges& edges;
     const Seen<LENS, Centres>& seen;
@@ -197,6 +199,8 @@ template <int TYPES, int LENS, int WIDTH, int HEIGHT, int IMAGES, class Target> 
         Record record;
         if (!sample_record<TYPES, LENS>(shapes, meshes, fields, camera, region, world, edges.records[rank].origin.w, record))
             record.axis_x.w = -1;  // of no type: nothing hits it
+        if ((TYPES >> ELLIPSOID & 1) && record.axis_x.w == ELLIPSOID)
+            record.axis_x.w = SPHERE;  // as a unit sphere is met as one: a type less to look through
         edges.records[rank] = record;
     }
 
@@ -321,7 +325,7 @@ template <int TYPES, int LENS, int WIDTH, int HEIGHT, int IMAGES, class Target> 
                 for (unsigned left = w < words ? bits_of_all(own[w]) : 0; left; left &= left - 1) {
                     const int bit = lowest_bit(left);
                     const Record& record = edges.records[w * LANES + bit];
-                    const float t = enter_any<analytic_types(TYPES)>(record, ray.local(record));
+                    const float t = enter_any<TRACED>(record, ray.local(record));
                     if ((own[w] >> bit & 1) && t < hit.depth && t > camera.near) {
                         hit.depth = t;
                         hit.shape = w * LANES + bit;
