@@ -7,21 +7,18 @@
 #if defined(__CUDA_ARCH__)
 namespace warpcam {
 
-// Pixels that may have an edge, and whose surface is bent: bits of words of up to 32 pixels of a row.
-template <int WIDTH, int HEIGHT> struct EdgeMarks {
-    static constexpr int GROUPS = (WIDTH + LANES - 1) / LANES;
-    unsigned maybe[GROUPS * HEIGHT], turned[GROUPS * HEIGHT];
+// Pixels of each row that may have an edge, and whose surface is bent.
+template <int HEIGHT> struct EdgeMarks {
+    unsigned maybe[HEIGHT], turned[HEIGHT];
 };
 
 // A pixel's place is counted row after row.
 template <int LENS, int WIDTH, int HEIGHT, int IMAGES, class Target> struct EdgeFinder {
     using Centres = KeptCentres<Target, IMAGES, WIDTH, HEIGHT>;
-    using Marks = EdgeMarks<WIDTH, HEIGHT>;
-    static constexpr int LINE = Centres::LINE, WARPS = THREADS / LANES, GROUPS = Marks::GROUPS;
-    static_assert(HEIGHT * GROUPS % WARPS == 0 && (GROUPS == 1 || GROUPS % WARPS == 0 || WARPS % GROUPS == 0),
-                  "rows of one group of columns for each warp");
+    static constexpr int LINE = Centres::LINE, WARPS = THREADS / LANES;
+    static_assert(WIDTH <= LANES && HEIGHT % WARPS == 0, "a lane for each column, as many rows for each warp");
 
-    Marks& marks;
+    EdgeMarks<HEIGHT>& marks;
     const Seen<LENS, Centres>& seen;
     int left, top;  // of the first pixel, in the image
 
@@ -32,27 +29,19 @@ template <int LENS, int WIDTH, int HEIGHT, int IMAGES, class Target> struct Edge
 
     // Where a pixel is kept, by its place.
     WARPCAM_FN static unsigned kept_at(unsigned place) { return place / WIDTH * LINE + place % WIDTH + LINE + 1; }
-    WARPCAM_FN static unsigned mark_at(unsigned place) { return place / WIDTH * GROUPS + place % WIDTH / LANES; }
 
     // Notes which pixels may have an edge. Then a barrier.
     WARPCAM_FN void look() const
     {
-        const int warp = threadIdx.x / LANES;
-        constexpr int ROWS = HEIGHT * GROUPS / WARPS;  // a warp's
-        look(warp * ROWS / HEIGHT, warp * ROWS % HEIGHT, ROWS);
-    }
-
-    // The same of some rows of 32 columns.
-    WARPCAM_FN void look(int group, int first, int rows) const
-    {
         const Target& target = seen.centres.target;
-        const int lane = threadIdx.x % LANES, column = group * LANES + lane, i = left + column;
-        const bool inside = column < WIDTH && i < target.width, amid = i > 0 && i + 1 < target.width;
-        unsigned pixel = unsigned((first + 1) * LINE + lower_int(column, WIDTH - 1) + 1);
+        constexpr int ROWS = HEIGHT / WARPS;
+        const int lane = threadIdx.x % LANES, first = threadIdx.x / LANES * ROWS, i = left + lane;
+        const bool inside = lane < WIDTH && i < target.width, amid = i > 0 && i + 1 < target.width;
+        unsigned pixel = unsigned((first + 1) * LINE + lower_int(lane, WIDTH - 1) + 1);
         int above = seen.shape(pixel - LINE), here = seen.shape(pixel);
         float depth_above = seen.depth(pixel - LINE), depth_here = seen.depth(pixel);
 #pragma unroll 2
-        for (int row = first; row < first + rows; ++row, pixel += LINE) {
+        for (int row = first; row < first + ROWS; ++row, pixel += LINE) {
             const int j = top + row;
             const int below = seen.shape(pixel + LINE);
             const float depth_below = seen.depth(pixel + LINE);
@@ -65,8 +54,8 @@ template <int LENS, int WIDTH, int HEIGHT, int IMAGES, class Target> struct Edge
             const unsigned maybe = __ballot_sync(ALL, there & (!within | bent_there));
             const unsigned turned = __ballot_sync(ALL, bent_there);
             if (lane == 0) {
-                marks.maybe[row * GROUPS + group] = maybe;
-                marks.turned[row * GROUPS + group] = turned;
+                marks.maybe[row] = maybe;
+                marks.turned[row] = turned;
             }
             above = here;
             here = below;
@@ -86,8 +75,7 @@ template <int LENS, int WIDTH, int HEIGHT, int IMAGES, class Target> struct Edge
         if (lane < TILES)
 #pragma unroll
             for (unsigned k = 0; k < HIGH; ++k)
-                mask |= (marks.maybe[mark_at((lane / ACROSS * HIGH + k) * WIDTH + lane % ACROSS * WIDE)]
-                             >> lane % ACROSS * WIDE % LANES & ((1u << WIDE) - 1)) << WIDE * k;
+                mask |= (marks.maybe[lane / ACROSS * HIGH + k] >> lane % ACROSS * WIDE & ((1u << WIDE) - 1)) << WIDE * k;
         int until = __popc(mask);
 #pragma unroll
         for (int step = 1; step < LANES; step *= 2) {
@@ -108,7 +96,7 @@ template <int LENS, int WIDTH, int HEIGHT, int IMAGES, class Target> struct Edge
     template <bool SIDED, class HasSides> WARPCAM_FN unsigned edge(unsigned place, const HasSides& has_sides) const
     {
         const unsigned pixel = kept_at(place);
-        const bool bent = marks.turned[mark_at(place)] >> place % WIDTH % LANES & 1;
+        const bool bent = marks.turned[place / WIDTH] >> place % WIDTH & 1;
         // the pixels around by the pairs that a sample lies at, from the one below on by way of the left: those beside, and
         // those across
         const unsigned beside[4] { pixel + LINE, pixel - 1, pixel - LINE, pixel + 1 };

@@ -107,8 +107,7 @@ template <int IMAGES> struct Colour {
 };
 
 // What a view has found in the centres of its pixels, as its images have it. A pixel is an index into them.
-template <class Target_> struct ImageCentres {
-    using Target = Target_;
+template <class Target> struct ImageCentres {
     static constexpr bool BORDERED = false;  // there are no pixels outside of the image
 
     const Target& target;

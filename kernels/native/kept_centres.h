@@ -22,8 +22,7 @@ template <class Target, int IMAGES, int WIDTH, int HEIGHT> struct CentresRoom {
 };
 
 // Pixels are numbered row after row, from the one left above the region's first.
-template <class Target_, int IMAGES, int WIDTH, int HEIGHT> struct KeptCentres {
-    using Target = Target_;
+template <class Target, int IMAGES, int WIDTH, int HEIGHT> struct KeptCentres {
     using Room = CentresRoom<Target, IMAGES, WIDTH, HEIGHT>;
     static constexpr int LINE = Room::LINE;
     static constexpr bool BORDERED = true;  // what lies outside of the image is as the nearest pixel inside
@@ -37,19 +36,15 @@ template <class Target_, int IMAGES, int WIDTH, int HEIGHT> struct KeptCentres {
     // lies beyond a row or the last of them is loaded twice, so that nothing is asked and all loads are under way at once.
     WARPCAM_FN void load() const
     {
-        constexpr int WARPS = THREADS / LANES, ROWS = Room::PIXELS / LINE, GROUPS = LINE < LANES ? 1 : LINE / LANES;
-        const int warp = threadIdx.x / LANES;
+        constexpr int WARPS = THREADS / LANES, ROWS = Room::PIXELS / LINE, WIDE = lower_int(LINE, LANES);
+        const int lane = lower_int(threadIdx.x % LANES, LINE - 1), warp = threadIdx.x / LANES;
+        const int i = left + lane, column = i < 0 ? 0 : lower_int(i, target.width - 1);
 #pragma unroll
-        for (int group = 0; group < GROUPS; ++group) {
-            const int lane = lower_int(group * LANES + threadIdx.x % LANES, LINE - 1), i = left + lane;
-            const int column = i < 0 ? 0 : lower_int(i, target.width - 1);
-#pragma unroll
-            for (int first = 0; first < ROWS; first += WARPS) {
-                const int row = lower_int(first + warp, ROWS - 1), j = top + row;
-                load(unsigned(row * LINE + lane), of_images(column, j < 0 ? 0 : lower_int(j, target.height - 1)));
-            }
+        for (int first = 0; first < ROWS; first += WARPS) {
+            const int row = lower_int(first + warp, ROWS - 1), j = top + row;
+            load(unsigned(row * LINE + lane), of_images(column, j < 0 ? 0 : lower_int(j, target.height - 1)));
         }
-        constexpr int WIDE = lower_int(LINE, GROUPS * LANES), REST = LINE - WIDE;
+        constexpr int REST = LINE - WIDE;
         if constexpr (REST > 0)
 #pragma unroll 1
             for (int k = threadIdx.x; k < REST * ROWS; k += THREADS) {

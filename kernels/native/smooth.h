@@ -16,7 +16,7 @@ namespace warpcam {
 
 #if defined(__CUDA_ARCH__)
 
-constexpr int BAND = 16;  // rows in which a block looks for edges at once, at most
+constexpr int STRIP = 16;  // tiles in which a block looks for edges at once
 // Pixels with edges that a block smooths together: it looks for so many before it traces, as at the end its warps wait for
 // the one whose rays take longest.
 constexpr int MOST = 384;
@@ -226,76 +226,41 @@ WARPCAM_FN void trace_samples(Chunk<TYPES>& chunk, const NearShapes& list, Rays&
     }
 }
 
-// What a block needs to find edges in some rows: those of a view that is not kept are kept as long as it looks.
-template <class Target, int IMAGES, int WIDTH, int ROWS, bool KEPT> struct FindingRoom {
-    CentresRoom<Target, IMAGES, WIDTH, ROWS> centres;
-    EdgeMarks<WIDTH, ROWS> marks;
-    unsigned short pixels[WIDTH * ROWS];
-};
-template <class Target, int IMAGES, int WIDTH, int ROWS> struct FindingRoom<Target, IMAGES, WIDTH, ROWS, true> {
-    EdgeMarks<WIDTH, ROWS> marks;
-    unsigned short pixels[WIDTH * ROWS];
-};
-
-// Smooths the edges of a region, of some hundred pixels together.
-template <int TYPES, int LENS, int WIDTH, int HEIGHT, int IMAGES, class Shapes, class Meshes, class HeightFields,
-          class Centres>
-WARPCAM_FN void smooth_chunks(const Shapes& shapes, const Meshes& meshes, const HeightFields& fields,
+// Smooths the edges of a region.
+template <int TYPES, int LENS, int IMAGES, class Shapes, class Meshes, class HeightFields, class Centres>
+WARPCAM_FN void smooth_region(const Shapes& shapes, const Meshes& meshes, const HeightFields& fields,
                               const Centres& centres, const Camera& camera, const Region& region, int world)
 {
-    using Target = typename Centres::Target;
-    constexpr bool HAS_MESH = TYPES >> MESH & 1, SIDED = TYPES & (1 << MESH | 1 << BOX | 1 << CYLINDER);
-    constexpr bool KEPT = Centres::BORDERED;
-    constexpr int WARPS = THREADS / LANES, ROWS = KEPT ? HEIGHT : lower_int(HEIGHT, BAND);
-    using Finder = EdgeFinder<LENS, WIDTH, ROWS, IMAGES, Target>;
-    union Working {
-        FindingRoom<Target, IMAGES, WIDTH, ROWS, KEPT> finding;
-        Chunk<TYPES> chunk;
-    };
-    WARPCAM_SHARED ListedPixel<TYPES> listed[MOST + WIDTH * ROWS];
+    constexpr bool HAS_MESH = TYPES >> MESH & 1;
+    constexpr int WARPS = THREADS / LANES;
+    WARPCAM_SHARED ListedPixel<TYPES> listed[MOST + STRIP * LANES];
     WARPCAM_SHARED int count;
-    WARPCAM_SHARED Working working;
+    WARPCAM_SHARED Chunk<TYPES> chunk;
     WARPCAM_SHARED NearShapes list;
     WARPCAM_SHARED AnyMeshRays<NEAR_WORDS> waiting[HAS_MESH ? WARPS : 1];
     const Seen<LENS, Centres> seen { centres, pixel_width<LENS>(camera), camera.scale_y };
     const auto& target = centres.target;
     const int lane = threadIdx.x % LANES, warp = threadIdx.x / LANES;
-    auto& finding = working.finding;
-    Chunk<TYPES>& chunk = working.chunk;
     const auto sided = [&](int shape) { return has_sides<TYPES>(shapes, shape); };
-    const auto find = [&](const auto& kept, int top) {  // in rows that are kept
-        const Seen<LENS, typename Finder::Centres> seen_there { kept, seen.scale_x, seen.scale_y };
-        const Finder finder { finding.marks, seen_there, region.left, region.top + top };
-        finder.look();
-        block_barrier();
-        const int pixels = finder.list_pixels(finding.pixels);
-        block_barrier();
-        for (int first = warp * LANES; first < pixels; first += THREADS) {
-            const unsigned place = finding.pixels[lower_int(first + lane, pixels - 1)];
-            const unsigned samples = first + lane < pixels ? finder.template edge<SIDED>(place, sided) : 0;
-            const unsigned found = __ballot_sync(ALL, samples != 0);
-            if (found) {
-                const int begin = __shfl_sync(ALL, lane == 0 ? atomicAdd(&count, __popc(found)) : 0, 0);
-                const int of_region = place_of(region, region.left + int(place % WIDTH), region.top + top + int(place / WIDTH));
-                if (samples)
-                    listed[begin + __popc(found & ((1u << lane) - 1))]
-                        = { static_cast<decltype(listed->bits)>(of_region << listed->SHIFT | samples) };
-            }
-        }
-    };
-    for (int row = 0; row < region.height;) {
+    const int across = region.width / TILE_WIDTH, tiles = across * (region.height / TILE_HEIGHT);
+    for (int tile = 0; tile < tiles;) {
         if (threadIdx.x == 0)
             count = 0;
+        block_barrier();
         int found_so_far = 0;
-        for (; row < region.height && found_so_far < MOST; row += ROWS) {
-            if constexpr (KEPT) {
-                block_barrier();
-                find(centres, row);
-            } else {
-                const typename Finder::Centres band { finding.centres, target, region.left - 1, region.top + row - 1,
-                                                      centres.first };
-                band.load();
-                find(band, row);
+        for (; tile < tiles && found_so_far < MOST; tile += STRIP) {
+            for (int k = tile + warp; k < lower_int(tile + STRIP, tiles); k += WARPS) {
+                const int i = region.left + k % across * TILE_WIDTH + lane % TILE_WIDTH;
+                const int j = region.top + k / across * TILE_HEIGHT + lane / TILE_WIDTH;
+                const bool inside = i < target.width && j < target.height;
+                const unsigned samples = inside ? seen.template edge<IMAGES>(i, j, sided) : 0;
+                const unsigned found = __ballot_sync(ALL, samples != 0);
+                if (found) {
+                    const int begin = __shfl_sync(ALL, lane == 0 ? atomicAdd(&count, __popc(found)) : 0, 0);
+                    if (samples)
+                        listed[begin + __popc(found & ((1u << lane) - 1))]
+                            = { static_cast<decltype(listed->bits)>(place_of(region, i, j) << listed->SHIFT | samples) };
+                }
             }
             block_barrier();
             found_so_far = count;
@@ -347,7 +312,8 @@ WARPCAM_FN void smooth_chunks(const Shapes& shapes, const Meshes& meshes, const 
     }
 }
 
-// Smooths the edges of a region; before there is a barrier `camera` need not be there. What the trace has found is kept in shared memory where little else has to lie there.
+// The same, before there is a barrier after which `camera` is there. What the trace has found is kept in shared memory where
+// little else has to lie there.
 template <int TYPES, int LENS, int WIDTH, int HEIGHT, int IMAGES, class Shapes, class Meshes, class HeightFields,
           class Target>
 WARPCAM_FN void smooth_region(const Shapes& shapes, const Meshes& meshes, const HeightFields& fields,
@@ -356,7 +322,7 @@ WARPCAM_FN void smooth_region(const Shapes& shapes, const Meshes& meshes, const 
     if constexpr (TYPES >> MESH & 1 || TYPES >> HEIGHT_FIELD & 1) {
         const ImageCentres<Target> centres { target, unsigned(world) * target.height * target.width };
         block_barrier();
-        smooth_chunks<TYPES, LENS, WIDTH, HEIGHT, IMAGES>(shapes, meshes, fields, centres, camera, region, world);
+        smooth_region<TYPES, LENS, IMAGES>(shapes, meshes, fields, centres, camera, region, world);
     } else {
         static_assert(HEIGHT <= 32, "a ListedPixel has 16 bits");
         WARPCAM_SHARED CentresRoom<Target, IMAGES, WIDTH, HEIGHT> room;
@@ -372,7 +338,7 @@ WARPCAM_FN void smooth_region(const Shapes& shapes, const Meshes& meshes, const 
             Smoother { edges, seen, camera, region }.smooth(shapes, meshes, fields, world);
         } else {
             kept.load();
-            smooth_chunks<TYPES, LENS, WIDTH, HEIGHT, IMAGES>(shapes, meshes, fields, kept, camera, region, world);
+            smooth_region<TYPES, LENS, IMAGES>(shapes, meshes, fields, kept, camera, region, world);
         }
     }
 }

@@ -3,6 +3,7 @@
 // What the trace has found is kept in shared memory: see KeptCentres. An id is a byte, so that tables by id tell which shapes
 // are seen around the pixels with edges, and their bits.
 #pragma once
+#include "around.h"
 #include "edge_finder.h"
 #include "samples.h"
 #include "tiles.h"
@@ -15,46 +16,15 @@ constexpr int MOST_RECORDS = 64;   // of shapes whose records are there at once
 constexpr unsigned OPEN = 0x80;    // it is not known yet which pixel shows a sample that has hit the record of this number
 constexpr int PLACE_BITS = 10;     // of a pixel's place in its region, row after row
 
-// A pixel around one, or that itself: 4 * row + column, from the one above and to the left.
-struct Around {
-    static constexpr int MIDDLE = 5;
-
-    WARPCAM_FN static constexpr int right(int place) { return (place & 3) - 1; }
-    WARPCAM_FN static constexpr int down(int place) { return (place >> 2) - 1; }
-    template <int LINE> WARPCAM_FN static constexpr unsigned step(int place)
-    {
-        return unsigned((place >> 2) * LINE + (place & 3) - LINE - 1);
-    }
-
-    // Those around a pixel from near to far of a sample, as Seen::shown() has them: four bits each.
-    WARPCAM_FN static constexpr unsigned order(bool upright, int x, int y)
-    {
-        constexpr unsigned FARTHER = 0x999, OTHER = 0x90a5;
-        unsigned places = 0;
-        for (int k = 1; k < 9; ++k) {
-            const int farther = int(FARTHER >> 2 * k & 3) - 1, other = int(OTHER >> 2 * k & 3) - 1;
-            const int right = x * (upright ? other : farther), down = y * (upright ? farther : other);
-            places |= unsigned(4 * (down + 1) + right + 1) << 4 * (k - 1);
-        }
-        return places;
-    }
-    WARPCAM_FN static unsigned order(int sample)
-    {
-        constexpr unsigned FIRST = order(true, -1, 1), SECOND = order(false, 1, 1);
-        constexpr unsigned THIRD = order(false, -1, -1), FOURTH = order(true, 1, -1);
-        return sample < 2 ? (sample == 0 ? FIRST : SECOND) : (sample == 2 ? THIRD : FOURTH);
-    }
-};
-
 // What a block knows of its region.
 template <int WIDTH, int HEIGHT> struct KeptEdges {
     static constexpr int PIXELS = WIDTH * HEIGHT;
-    static_assert(WIDTH <= LANES && PIXELS <= 1 << PLACE_BITS, "a lane for each column");
+    static_assert(PIXELS <= 1 << PLACE_BITS, "places fit");
 
     union {
         Record records[MOST_RECORDS];  // from the highest id to the lowest
         struct {                       // before there are any
-            EdgeMarks<WIDTH, HEIGHT> marks;
+            EdgeMarks<HEIGHT> marks;
             unsigned char sided[BYTE_IDS];  // has_sides() by id and one
         };
     };
