@@ -233,12 +233,13 @@ WARPCAM_FN void keep(float* values, Vec color, Vec)
     values[2] = color.z;
 }
 
-// What one corner shows. Sum: float where all of it is grey, else Vec.
-template <class Sum, bool SHADOWS>
+// What one corner shows, on a display if DISPLAYED. Sum: float where all of it is grey, else Vec.
+template <class Sum, bool SHADOWS, bool DISPLAYED>
 WARPCAM_FN void light_corner(const LightList& list, Vec place, Vec normal, const Finish& finish, float* values)
 {
     constexpr int CHANNELS = sizeof(Sum) / sizeof(float);
     const Vertex corner = vertex_at(place, normal);
+    const auto shown = [](Vec color) { return DISPLAYED ? clip(color) : color; };
     Glow<Sum> steady {};
     int slot = CHANNELS;
 #pragma unroll 1
@@ -260,17 +261,17 @@ WARPCAM_FN void light_corner(const LightList& list, Vec place, Vec normal, const
                 share.ambient = 0.0f;  // it lies in its own shadow
             Glow<Sum> own {};
             add_share(own, share, light);
-            keep(values + slot, clip(reflected(own, { 0.0f, 0.0f, 0.0f }, finish)), Sum {});
+            keep(values + slot, shown(reflected(own, { 0.0f, 0.0f, 0.0f }, finish)), Sum {});
             slot += CHANNELS;
         } else {
             add_share(steady, share, light);
         }
     }
-    keep(values, clip(reflected(steady, always_on(list, finish), finish)), Sum {});
+    keep(values, shown(reflected(steady, always_on(list, finish), finish)), Sum {});
 }
 
 // Lights the corners that are kept; the threads of a block share them.
-template <class Grid, class Looks>
+template <bool DISPLAYED, class Grid, class Looks>
 WARPCAM_FN void light_corners(Grid& grid, const LightList& list, const Looks& look, int thread)
 {
     if (grid.shape < 0)
@@ -283,7 +284,7 @@ WARPCAM_FN void light_corners(Grid& grid, const LightList& list, const Looks& lo
                                            corner_of(look.cells.v, float(grid.first_v + row)) - eye.y, -eye.z });
         float* values = grid.values + i * grid.stride;
         if (grid.grey)
-            light_corner<float, Grid::SHADOWS>(list, place, normal, look.finish, values);
+            light_corner<float, Grid::SHADOWS, DISPLAYED>(list, place, normal, look.finish, values);
         if (grid.few) {
             for (int n = 1 + grid.casting; n < FEW; ++n)
                 values[n] = 0.0f;
@@ -291,7 +292,7 @@ WARPCAM_FN void light_corners(Grid& grid, const LightList& list, const Looks& lo
                 values[0] += values[n];
         }
         if (!grid.grey)
-            light_corner<Vec, Grid::SHADOWS>(list, place, normal, look.finish, values);
+            light_corner<Vec, Grid::SHADOWS, DISPLAYED>(list, place, normal, look.finish, values);
     }
 }
 

@@ -2,14 +2,12 @@
 // that what a strip of 128 takes, its numbers and its stores are paid once for four tiles.
 #pragma once
 #include "floor.h"
-#include "pixels.h"
+#include "quads.h"
 #include "tiles.h"
 
 namespace warpcam {
 
 #if defined(__CUDA_ARCH__)
-
-constexpr int QUAD = 4;  // pixels of a lane
 
 // A region's strips, 32 pixels wide and a tile high, dealt out to its warps: each has one column of them.
 template <int WIDTH, int HEIGHT> struct Strips {
@@ -98,19 +96,11 @@ WARPCAM_FN StripColumn strip_column(const StripPlan& plan, float column)
     return own;
 }
 
-// A number of 0 to 255 in the lowest byte.
-WARPCAM_FN unsigned low_byte(float unit) { return unsigned(as_int(saturated(unit) * 255.0f + WHOLE_NUMBERS)); }
-
-WARPCAM_FN unsigned four_bytes(unsigned a, unsigned b, unsigned c, unsigned d)
-{
-    return __byte_perm(__byte_perm(a, b, 0x0040), __byte_perm(c, d, 0x0040), 0x5410);
-}
-
-// Draws four pixels of the plane; `words` are their bytes. `shadows`: the lights that do not reach them, a byte each, if
-// SHADED. False if what is kept does not reach as far.
-template <bool TEXTURED, bool SHADED, class Grid>
+// Draws four pixels of the plane. `shadows`: the lights that do not reach them, a byte each, if SHADED. False if what is
+// kept does not reach as far.
+template <bool TEXTURED, bool SHADED, int IMAGES, class Grid>
 WARPCAM_FN bool draw_quad(const StripPlan& plan, const Grid& grid, const StripColumn& own, float row, unsigned shadows,
-                          unsigned (&words)[3])
+                          Quad<IMAGES>& quad)
 {
     constexpr int STRIDE = Grid::SHADOWS ? FEW : 1;
     const FloorView& view = grid.view;
@@ -131,7 +121,7 @@ WARPCAM_FN bool draw_quad(const StripPlan& plan, const Grid& grid, const StripCo
         return false;
     const float right = TEXTURED ? step_size(plan.right, row) : 0.0f;
     const Row texture = plan.texture;
-    unsigned bytes[QUAD][3];
+    Vec colors[QUAD];
 #pragma unroll
     for (int k = 0; k < QUAD; ++k) {
         const float base_u = __fadd_rd(u[k], WHOLE_NUMBERS), base_v = __fadd_rd(v[k], WHOLE_NUMBERS);
@@ -170,13 +160,9 @@ WARPCAM_FN bool draw_quad(const StripPlan& plan, const Grid& grid, const StripCo
             color = sample_sheet(view.sheet, view.levels[level], view.levels[level + 1], texture.x * u[k] + texture.y,
                                  texture.z * v[k] + as_float(texture.w), detail - (base - WHOLE_NUMBERS));
         }
-        bytes[k][0] = low_byte(light * color.x);
-        bytes[k][1] = low_byte(light * color.y);
-        bytes[k][2] = low_byte(light * color.z);
+        colors[k] = light * color;
     }
-    words[0] = four_bytes(bytes[0][0], bytes[0][1], bytes[0][2], bytes[1][0]);
-    words[1] = four_bytes(bytes[1][1], bytes[1][2], bytes[2][0], bytes[2][1]);
-    words[2] = four_bytes(bytes[2][2], bytes[3][0], bytes[3][1], bytes[3][2]);
+    quad.fill(colors);
     return true;
 }
 
@@ -192,8 +178,8 @@ template <int BYTES> WARPCAM_FN unsigned showing(const Several<unsigned, BYTES>&
 }
 
 // Draws what a warp's strips show of the plane. Returns which of a lane's pixels are left, four bits a strip.
-template <bool TEXTURED, int WIDTH, int HEIGHT, class Grid, class Frame_, class Image_>
-WARPCAM_FN unsigned draw_strips(const StripPlan& plan, const Grid& grid, const Frame_& frame, const Image_& image,
+template <bool TEXTURED, int IMAGES, int WIDTH, int HEIGHT, class Grid, class Frame_, class Images_>
+WARPCAM_FN unsigned draw_strips(const StripPlan& plan, const Grid& grid, const Frame_& frame, const Images_& images,
                                 const Region& region, unsigned corner, int warp, int lane, float* row_of_lanes)
 {
     using Own = Strips<WIDTH, HEIGHT>;
@@ -206,7 +192,8 @@ WARPCAM_FN unsigned draw_strips(const StripPlan& plan, const Grid& grid, const F
     };
     // Twelve bytes of each lane, stored by sixteen.
     const int piece_row = lane / 6, piece = lane % 6;
-    const unsigned stored = corner + unsigned((Own::row(warp, 0, 0) + piece_row) * frame.width + Own::column(warp, 0));
+    const unsigned highest = corner + unsigned(Own::row(warp, 0, 0) * frame.width + Own::column(warp, 0));
+    const unsigned stored = highest + unsigned(piece_row * frame.width);
     auto ids = four_at(frame.shape.data + first);
     unsigned dark = shadows_at(first), left = 0;
 #pragma unroll 1
@@ -217,23 +204,19 @@ WARPCAM_FN unsigned draw_strips(const StripPlan& plan, const Grid& grid, const F
             dark = shadows_at(first + unsigned(strip + 1) * step);
         }
         const float row = float(region.top + Own::row(warp, lane, strip));
-        unsigned words[3] = {};
+        Quad<IMAGES> quad {};
         bool drawn = false;
         if (Grid::SHADOWS && any_lane(on && shadow)) {
             if (on)
-                drawn = draw_quad<TEXTURED, true>(plan, grid, own, row, shadow, words);
+                drawn = draw_quad<TEXTURED, true>(plan, grid, own, row, shadow, quad);
         } else if (on) {
-            drawn = draw_quad<TEXTURED, false>(plan, grid, own, row, 0u, words);
+            drawn = draw_quad<TEXTURED, false>(plan, grid, own, row, 0u, quad);
         }
         left |= (drawn ? ~on & 15u : 15u) << 4 * strip;
         if (any_lane(drawn)) {
-            for (int n = 0; n < 3; ++n)
-                row_of_lanes[3 * lane + n] = as_float(int(words[n]));
-            __syncwarp();
-            if (lane < 24)
-                *reinterpret_cast<float4*>(image.data + 3 * size_t(stored + unsigned(strip) * step) + 16 * piece)
-                    = *reinterpret_cast<const float4*>(row_of_lanes + 4 * lane);
-            __syncwarp();
+            const unsigned down = unsigned(strip) * step;
+            store_quads(images, quad, drawn, first + down, stored + down, piece, highest + down, frame.width, lane,
+                        row_of_lanes);
         }
     }
     return left;
@@ -268,17 +251,19 @@ template <int EACH> WARPCAM_FN void list_pixels(unsigned short* list, int& count
 
 // Draws a region: the plane by strips, then what they leave, 32 pixels at once, with `draw`. `list`: room for all of them,
 // which may be that of the grid's values.
-template <bool TEXTURED, int WIDTH, int HEIGHT, class Grid, class Frame_, class Image_, class Draw>
-WARPCAM_FN void draw_by_strips(StripPlan& plan, unsigned short* list, Grid& grid, const Frame_& frame, const Image_& image, const Region& region,
-                               unsigned first, int warp, Pixel& pixel, const Draw& draw)
+template <bool TEXTURED, int IMAGES, int WIDTH, int HEIGHT, class Grid, class Frame_, class Images_, class Draw>
+WARPCAM_FN void draw_by_strips(StripPlan& plan, unsigned short* list, Grid& grid, const Frame_& frame, const Images_& images,
+                               const Region& region, unsigned first, int warp, Pixel& pixel, const Draw& draw)
 {
     using Own = Strips<WIDTH, HEIGHT>;
     const bool plain = plan.plain;
     if (plain) {
         const unsigned corner = first + unsigned(region.top * frame.width + region.left);
         const unsigned left = TEXTURED && grid.view.count > 0
-            ? draw_strips<TEXTURED, WIDTH, HEIGHT>(plan, grid, frame, image, region, corner, warp, pixel.lane, pixel.row_of_lanes)
-            : draw_strips<false, WIDTH, HEIGHT>(plan, grid, frame, image, region, corner, warp, pixel.lane, pixel.row_of_lanes);
+            ? draw_strips<TEXTURED, IMAGES, WIDTH, HEIGHT>(plan, grid, frame, images, region, corner, warp, pixel.lane,
+                                                           pixel.row_of_lanes)
+            : draw_strips<false, IMAGES, WIDTH, HEIGHT>(plan, grid, frame, images, region, corner, warp, pixel.lane,
+                                                        pixel.row_of_lanes);
         block_barrier();  // what is stored may be stored again, and no corner is asked for any more
         if (threadIdx.x == 0)
             grid.shape = -1;

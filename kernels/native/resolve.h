@@ -20,7 +20,9 @@ WARPCAM_FN void resolve(const Scene_& scene, const Lights& lights, int index)
     constexpr int ROOM = 44032 - (VEILS != 0 ? int(sizeof(Sheets)) : 0);
     constexpr int KEPT = CAPACITY * int(sizeof(Looks)) <= ROOM && (Wants::SURFACE || Wants::COLORED) ? CAPACITY : 0;
     constexpr bool SHADOWS = FACTS & HAS_SHADOWS;
-    constexpr int CORNERS = Wants::FACETED && (TYPES >> PLANE & 1) && LENS == PINHOLE && !(IMAGES & HDR)
+    // Corners keep radiance, not display colours. Otherwise, where there is both, pixels are lit for themselves.
+    constexpr bool RADIANT = IMAGES == HDR && (FACTS & STRIPS);
+    constexpr int CORNERS = Wants::FACETED && (TYPES >> PLANE & 1) && LENS == PINHOLE && (!(IMAGES & HDR) || RADIANT)
         ? corner_room(WIDTH * HEIGHT, (ROOM < CORNERED ? ROOM : CORNERED) - KEPT * int(sizeof(Looks)) - 1024)
         : 0;
     // Where not all looks can be kept, some are.
@@ -35,7 +37,7 @@ WARPCAM_FN void resolve(const Scene_& scene, const Lights& lights, int index)
     WARPCAM_SHARED typename Either<(FACTS & PHYSICAL) != 0, LampList, Lit_>::type list;
 #if defined(__CUDA_ARCH__)
     constexpr int NEEDED = STRIPS | QUADS | WHOLE_REGIONS, BARRED = MIRRORED | REFLECTS | VEILED | HAZY | EXPOSED;
-    constexpr bool IN_STRIPS = IMAGES == RGB && (FACTS & (NEEDED | BARRED)) == NEEDED && KEPT > 0
+    constexpr bool IN_STRIPS = in_quads(IMAGES) && (FACTS & (NEEDED | BARRED)) == NEEDED && KEPT > 0
         && lit_by_corners<Lit_>(SHADOWS) && Strips<WIDTH, HEIGHT>::FIT;
     constexpr int OWN_FACTS = IN_STRIPS ? FACTS & ~QUADS : FACTS & ~STRIPS;
     constexpr bool ROOMY = CORNERS * sizeof(float) >= WIDTH * HEIGHT * sizeof(short);
@@ -125,7 +127,7 @@ WARPCAM_FN void resolve(const Scene_& scene, const Lights& lights, int index)
 #endif
         block_barrier();
 #if defined(__CUDA_ARCH__)
-        light_corners(list.grid, list, look, thread);
+        light_corners<!RADIANT>(list.grid, list, look, thread);
 #else
         light_all_corners(list.grid, list, look);
 #endif
@@ -141,8 +143,8 @@ WARPCAM_FN void resolve(const Scene_& scene, const Lights& lights, int index)
     if constexpr (IN_STRIPS) {
         // Where there is room they lie among the corners, which are not needed any more.
         unsigned short* rest = ROOMY ? reinterpret_cast<unsigned short*>(list.grid.values) : pixels_left;
-        draw_by_strips<Wants::TEXTURED, WIDTH, HEIGHT>(
-            plan, rest, list.grid, frame, scene.images.rgb, region, first, warp, pixel, [&](const Pixel& one) {
+        draw_by_strips<Wants::TEXTURED, IMAGES, WIDTH, HEIGHT>(
+            plan, rest, list.grid, frame, scene.images, region, first, warp, pixel, [&](const Pixel& one) {
                 resolve_pixel<TYPES, LENS, HELD, IMAGES, OWN_FACTS>(looks, list, scene, kept_camera, veils, region, world,
                                                                              one, find<TYPES, IMAGES, FACTS>(frame, one));
             });
