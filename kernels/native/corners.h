@@ -76,7 +76,7 @@ constexpr int FEW = 4;  // numbers that are loaded at once
 // few there are FEW of them, the last ones 0, and on CUDA the first is what it shows in all lights.
 template <int ROOM_, bool SHADOWS_> struct CornerGrid {
     static constexpr int ROOM = ROOM_;
-    static constexpr bool SHADOWS = SHADOWS_;
+    static constexpr bool SHADOWS = SHADOWS_, LIT = true;
 
     alignas(16) float values[ROOM > 0 ? ROOM : 1];
     alignas(16) int bits[MAX_LIGHTS];  // of shadow masks, of the lights that cast shadows
@@ -93,6 +93,19 @@ template <int ROOM_, bool SHADOWS_> struct CornerGrid {
 // The lights of a world with the corners that they light.
 template <int ROOM, bool SHADOWS> struct LitCorners : LightList {
     CornerGrid<ROOM, SHADOWS> grid;
+};
+
+// The same of a floor that no light falls on: what it shows of its own colour is its texture.
+struct BareGrid {
+    static constexpr bool SHADOWS = false, LIT = false;
+
+    FloorView view;
+    Vec color;
+    int shape;
+};
+
+struct BareFloor : LightList {
+    BareGrid grid;
 };
 
 template <class List> struct HasCorners {
@@ -337,6 +350,19 @@ template <class Looks> WARPCAM_FN void view_floor(FloorView& view, const Looks& 
         view.count = layout.image.levels;
         view.plain = !(layout.image.levels > 0 && layout.cube) && layout.image.levels <= MAX_LEVELS;
     }
+}
+
+// A team calls it. `sheet` as above.
+template <class Looks>
+WARPCAM_FN void see_floor(BareGrid& grid, const Looks& look, const Camera& camera, int plane, unsigned long long sheet,
+                          int lane)
+{
+    list_levels(grid.view, look, sheet, lane);
+    if (lane != 0)
+        return;
+    view_floor(grid.view, look, camera);
+    grid.color = clip(to_vec(look.finish.color));
+    grid.shape = plane;
 }
 
 }  // namespace warpcam

@@ -5,10 +5,10 @@
 
 namespace warpcam {
 
-// Images that are drawn by four pixels: colours without alpha, with it or both, or radiance alone.
+// Images that are drawn by four pixels: colours without alpha, with it or both, or one of radiance or albedo.
 constexpr bool in_quads(int images)
 {
-    return images == RGB || images == RGBA || images == (RGB | RGBA) || images == HDR;
+    return images == RGB || images == RGBA || images == (RGB | RGBA) || images == HDR || images == ALBEDO;
 }
 
 #if defined(__CUDA_ARCH__)
@@ -72,12 +72,13 @@ WARPCAM_FN void store_quads(const Images_& images, const Quad<IMAGES>& quad, boo
         if (drawn)
             *reinterpret_cast<uint4*>(images.rgba.data + 4 * size_t(own))
                 = uint4 { quad.words[0], quad.words[1], quad.words[2], quad.words[3] };
-    if constexpr ((IMAGES & RGB) != 0) {
+    if constexpr ((IMAGES & (RGB | ALBEDO)) != 0) {
+        unsigned char* image = IMAGES & RGB ? images.rgb.data : images.albedo.data;
         for (int n = 0; n < 3; ++n)
             row_of_lanes[3 * lane + n] = as_float(int(quad.bare(n)));
         __syncwarp();
         if (lane < 24)
-            *reinterpret_cast<float4*>(images.rgb.data + 3 * size_t(first) + 16 * piece)
+            *reinterpret_cast<float4*>(image + 3 * size_t(first) + 16 * piece)
                 = *reinterpret_cast<const float4*>(row_of_lanes + 4 * lane);
         __syncwarp();
     }
