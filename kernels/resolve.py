@@ -277,7 +277,10 @@ def record(
         whole = width % region[0] == 0 and height % region[1] == 0
         facts |= QUADS * (width % 4 == 0) | WHOLE_REGIONS * whole
         plain = (
-            frozenset(outputs) in IN_QUADS and lens == "pinhole" and tables.physical is None and not (more or varied & EXPOSED)
+            frozenset(outputs) in IN_QUADS
+            and lens == "pinhole"
+            and tables.physical is None
+            and not (more or varied & EXPOSED)
         )
         by_corners = shadow is None or tables.num_lights <= MAX_CASTING
         strips = has_strips(tables.shape_types, tables.num_drawn) and whole and region[0] % 32 == 0
