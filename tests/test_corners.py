@@ -93,9 +93,9 @@ def test_images_alone_and_together(
     rgb, rgba, both = look("rgb"), look("rgba"), look("rgb", "rgba")
     found = {**rgb, **rgba, **look("hdr"), **look("albedo")}
     for name in ("rgb", "rgba"):
-        np.testing.assert_array_equal(both[name], found[name])
+        assert np.abs(both[name].astype(int) - found[name]).max() <= 1
         assert np.abs(found[name].astype(int) - together[name]).max() <= 1
-    np.testing.assert_array_equal(rgba["rgba"][..., :3], rgb["rgb"])
+    assert np.abs(rgba["rgba"][..., :3].astype(int) - rgb["rgb"]).max() <= 1
     np.testing.assert_array_equal(rgba["rgba"][..., 3], 255 * (together["segmentation"] >= 0))
     assert np.abs(found["albedo"].astype(int) - together["albedo"]).max() <= 1
     np.testing.assert_allclose(found["hdr"], together["hdr"], atol=0.01)
