@@ -221,3 +221,10 @@ def test_a_corpus_run_sees_what_goes_wrong(tmp_path: Path, monkeypatch: pytest.M
         monkeypatch.setattr(corpus, "render", fails(kind))
         gib = corpus.resident(os.getpid()) + 0.6  # a child begins with what this process holds
         assert corpus.attempt(tmp_path, 0.5 if kind == "hung" else 20.0, gib).what == kind
+
+
+def test_nothing_moves_what_no_skeleton_has(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    skinned = SQUARE.replace('"it"', '"it" (prepend apiSchemas = ["SkelBindingAPI"])')
+    empty = "int[] primvars:skel:jointIndices = []\nuniform token[] skel:blendShapes = []\nint[] faceVertexCounts"
+    wc.from_usd(written(tmp_path / "it.usda", skinned.replace("int[] faceVertexCounts", empty)), device="cpu")
+    assert not caplog.records

@@ -200,7 +200,7 @@ class MeshReader:
             if any(attribute.ValueMightBeTimeVarying() for attribute in fixed):
                 self._notes.warn("changes its faces with time, and is drawn as it was at first", name)
                 moves = False
-        if any(prim.GetAttribute(skinning).HasAuthoredValue() for skinning in SKINNING):
+        if any(len(prim.GetAttribute(skinning).Get() or ()) > 0 for skinning in SKINNING):
             self._notes.warn("is moved by a skeleton, which is not followed: its points are drawn as they stand", name)
         return Triangles(name, points, indices[corners], corners, faces, totals, smooth, two_sided, moves)
 
