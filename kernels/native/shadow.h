@@ -122,6 +122,22 @@ template <int TYPES, int LENS, int WIDTH, int HEIGHT> constexpr bool sees_floor(
         && Strips::EACH * Strips::WARPS == Strips::COUNT && Strips::EACH <= 8 && Strips::WARPS % Strips::ACROSS == 0;
 }
 
+// Leaves out a shape of those that are `met`, bits by slot; false if none are left.
+template <class List> WARPCAM_FN bool others_met(const List& list, unsigned (&met)[List::WORDS], int id)
+{
+    bool any = false;
+    for (int word = 0; word < (list.count + 31) / 32; ++word) {
+        unsigned others = 0;
+        for (unsigned left = met[word]; left; left &= left - 1) {
+            const int bit = lowest_bit(left);
+            others |= list.records[word * 32 + bit].axis_y.w != id ? 1u << bit : 0u;
+        }
+        met[word] = others;
+        any |= others != 0;
+    }
+    return any;
+}
+
 // Takes one of a block's strips, of which each is a bit: those of its four warps lie beside each other. False if there is none.
 WARPCAM_FN bool take_strip(unsigned& strips, unsigned& strip, int lane)
 {
@@ -231,9 +247,12 @@ WARPCAM_FN void cast_light(List& list, const Task<LENS>& task, const Shapes& sha
         unsigned met[WORDS];
         const bool met_any = shade_tile<TYPES>(list, view, p, span, place, around, open, fields, met);
         if (HAS_MESH) {
-            const bool keep = open && met_any
-                && faces_light<TYPES>(shapes, meshes, task.world, id, target.face.data[at], view.light, view.origin,
-                                      view.sight.along_of(p));
+            bool keep = open && met_any;
+            if (keep) {
+                const Facing facing = face_light<TYPES>(shapes, meshes, task.world, id, target.face.data[at], view.light,
+                                                        view.origin, view.sight.along_of(p), p);
+                keep = facing.front && (!facing.clear || others_met(list, met, id));
+            }
             const unsigned kept = __ballot_sync(ALL, keep);
             rays[warp].put(kept, met, (list.count + 31) / 32, row * 64 + column, p, span);
             __syncwarp();

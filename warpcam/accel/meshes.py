@@ -9,6 +9,7 @@ import warp as wp
 from warpcam.accel.bvh4 import Bvh4, build_bvh4
 from warpcam.accel.kept import Kept, key_of
 from warpcam.errors import WarpcamError
+from warpcam.kernels import horizon
 from warpcam.kernels.types import Meshes, Textures
 
 MAX_ROWS = 2**31 - 1
@@ -116,6 +117,10 @@ def pack_meshes(meshes: Sequence[Mesh], device: wp.Device) -> tuple[Meshes, int]
     packed.normals = wp.array(_joined(normals, 3), dtype=wp.vec3, device=device)
     packed.uvs = wp.array(_joined(uvs, 2), dtype=wp.vec2, device=device)
     packed.has_uvs = _integers([mesh.mapped for mesh in meshes], device)
+    if horizon.are_kept(device) and not any(mesh.moves or mesh.two_sided for mesh in meshes):
+        first = {start: index for index, start in enumerate(face_start)}
+        for (_, start), tree in zip(places.values(), trees, strict=True):
+            horizon.find_horizons(packed, first[start], len(tree[1]) // 3, device)
     return packed, max((len(tree[1]) // 3 for tree in trees), default=0)
 
 

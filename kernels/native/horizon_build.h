@@ -1,0 +1,167 @@
+// Finds the horizons of a mesh's faces, see horizon.h: each face by itself, on all that its mesh's tree has around it.
+#pragma once
+#include "bvh4.h"
+#include "horizon.h"
+
+namespace warpcam {
+
+// Where something lies, by a face's own axes: how far along and across from any place on the face, and how high it rises.
+struct Around {
+    float left, right, low, high, rise;
+};
+
+// A face that looks around.
+struct Onlooker {
+    static constexpr int LEAST = 2;  // what rises less counts as high as this: rays do not begin quite on the face
+
+    Vec corners[3];
+    FaceAxes axes;
+    Vec least, most;  // of its corners, along its axes
+    float slack;      // more than rounding moves what the mesh has
+    unsigned risen;   // four bits a sector: 15 - clearance
+
+    WARPCAM_FN explicit Onlooker(const Vec (&its)[3], float extent)
+        : corners { its[0], its[1], its[2] }, axes(face_axes(its[0], its[1], its[2])), slack(1.0e-6f * extent), risen(0)
+    {
+        bounds(its, least, most);
+        for (int sector = 0; sector < SECTORS; ++sector)
+            risen |= unsigned(LEAST) << 4 * sector;
+    }
+
+    WARPCAM_FN void bounds(const Vec (&points)[3], Vec& from, Vec& to) const
+    {
+        from = to = axes.of(points[0]);
+        for (int k = 1; k < 3; ++k) {
+            const Vec p = axes.of(points[k]);
+            from = { lower(from.x, p.x), lower(from.y, p.y), lower(from.z, p.z) };
+            to = { upper(to.x, p.x), upper(to.y, p.y), upper(to.z, p.z) };
+        }
+    }
+
+    // Of what lies between two corners of a box along the face's axes.
+    WARPCAM_FN Around around(Vec from, Vec to) const
+    {
+        return { from.x - most.x - slack, to.x - least.x + slack, from.y - most.y - slack, to.y - least.y + slack,
+                 to.z - least.z };
+    }
+
+    WARPCAM_FN Around around(const Vec& center, const Vec& half) const
+    {
+        const auto reach = [&](Vec n) {
+            return magnitude(n.x) * half.x + magnitude(n.y) * half.y + magnitude(n.z) * half.z;
+        };
+        const Vec at = axes.of(center), out { reach(axes.along), reach(axes.across), reach(axes.normal) };
+        return around(at - out, at + out);
+    }
+
+    // Sixteenths, rounded down, of what is so high and so far away.
+    WARPCAM_FN static int sixteenths(float rise, float away_squared)
+    {
+        return between(int(16.002f * rise * inverse_root(upper(rise * rise + away_squared, TINY))), LEAST, 15);
+    }
+
+    // The sectors with what lies `around` in them: risen() as it would be, but for more than `most_risen`.
+    WARPCAM_FN unsigned with(const Around& it, int most_risen) const
+    {
+        unsigned all = risen;
+        if (it.rise <= slack)
+            return all;
+#pragma unroll
+        for (int quarter = 0; quarter < 4; ++quarter) {
+            const float x0 = upper(quarter & 1 ? -it.right : it.left, 0.0f), x1 = quarter & 1 ? -it.left : it.right;
+            const float y0 = upper(quarter & 2 ? -it.high : it.low, 0.0f), y1 = quarter & 2 ? -it.low : it.high;
+            if (x1 < 0.0f || y1 < 0.0f)
+                continue;
+            const unsigned level = unsigned(lower_int(sixteenths(it.rise, x0 * x0 + y0 * y0), most_risen));
+            if (x1 >= y0)
+                all = raised(all, quarter, level);
+            if (y1 >= x0)
+                all = raised(all, quarter + 4, level);
+        }
+        return all;
+    }
+
+    WARPCAM_FN static unsigned raised(unsigned all, int sector, unsigned level)
+    {
+        const unsigned before = all >> 4 * sector & 15u;
+        return level > before ? all + ((level - before) << 4 * sector) : all;
+    }
+
+    // Looks at another face. Of one in whose front all of the own lies, and that is turned the same way by less than a right
+    // angle, rays that rise more than that angle lead away.
+    WARPCAM_FN void look_at(const Vec (&others)[3])
+    {
+        Vec from, to;
+        bounds(others, from, to);
+        const Around it = around(from, to);
+        if (with(it, 15) == risen)
+            return;
+        const Vec n = cross(others[1] - others[0], others[2] - others[0]);
+        const float rate = inverse_root(upper(dot(n, n), TINY));
+        float before = FAR_AWAY;
+        for (int k = 0; k < 3; ++k)
+            before = lower(before, rate * dot(n, corners[k] - others[0]));
+        int most_risen = 15;
+        if (before >= -slack && dot(n, axes.normal) > 0.0f && dot(n, n) > 100.0f * TINY) {
+            const Vec sine = rate * cross(n, axes.normal);
+            most_risen = sixteenths(root(dot(sine, sine)), upper(1.0f - dot(sine, sine), 0.0f));
+        }
+        risen = with(it, most_risen);
+    }
+};
+
+// Writes the horizon of a mesh's face, in leaf order.
+template <class Meshes> WARPCAM_FN void find_horizon(const Meshes& meshes, int mesh, int face)
+{
+#if defined(__CUDA_ARCH__)
+    constexpr unsigned UPPER = 4, CHILDREN = 3;
+#else
+    constexpr unsigned UPPER = 3, CHILDREN = 6;
+#endif
+    const unsigned nodes = unsigned(wp::index(meshes.node_start, mesh)), faces = unsigned(wp::index(meshes.face_start, mesh));
+    const Vec low = to_vec(wp::index(meshes.lower, mesh)), high = to_vec(wp::index(meshes.upper, mesh));
+    const float extent = upper(upper(upper(magnitude(low.x), magnitude(low.y)), upper(magnitude(low.z), magnitude(high.x))),
+                               upper(magnitude(high.y), magnitude(high.z)));
+    const auto load_face = [&](int number, Vec (&corners)[3]) {
+        const unsigned row = faces + unsigned(number * FACE_ROWS);
+        const Row first = load(meshes.faces.data, row);
+        corners[0] = to_vec(first);
+        corners[1] = to_vec(load(meshes.faces.data, row + 1));
+        corners[2] = to_vec(load(meshes.faces.data, row + 2));
+        return first.w;
+    };
+    Vec corners[3];
+    const int given = load_face(face, corners);
+    Onlooker own(corners, extent);
+    int stack[STACK + 4], height = 0;
+    if (own.axes.known)
+        stack[height++] = 0;
+    else
+        own.risen = ALL;
+    while (height > 0 && own.risen != ALL) {
+        const int node = stack[--height];
+        if (node < 0) {
+            const int code = -node - 1, first = code >> 4, end = first + (code & 15);
+            for (int other = first; other < end; ++other)
+                if (load_face(other, corners) != given)
+                    own.look_at(corners);
+            continue;
+        }
+        const unsigned row = nodes + unsigned(node * NODE_ROWS);
+        const auto bound = [&](unsigned at, int child) {
+            const Row planes = load(meshes.nodes.data, row + at);
+            return child == 0 ? planes.x : child == 1 ? planes.y : child == 2 ? planes.z : as_float(planes.w);
+        };
+        for (int child = 0; child < 4; ++child) {
+            const Vec from { bound(0, child), bound(1, child), bound(2, child) };
+            if (from.x >= 1.0e29f)  // there is none
+                continue;
+            const Vec to { bound(UPPER, child), bound(UPPER + 1, child), bound(UPPER + 2, child) };
+            if (own.with(own.around(0.5f * (from + to), 0.5f * (to - from)), 15) != own.risen)
+                stack[height++] = as_int(bound(CHILDREN, child));
+        }
+    }
+    reinterpret_cast<Row*>(meshes.faces.data)[faces + unsigned(face * FACE_ROWS) + 2].w = int(~own.risen);
+}
+
+}  // namespace warpcam
