@@ -45,7 +45,7 @@ struct Onlooker {
                  to.z - least.z };
     }
 
-    WARPCAM_FN Around around(const Vec& center, const Vec& half) const
+    WARPCAM_FN Around around_box(Vec center, Vec half) const
     {
         const auto reach = [&](Vec n) {
             return magnitude(n.x) * half.x + magnitude(n.y) * half.y + magnitude(n.z) * half.z;
@@ -157,7 +157,7 @@ template <class Meshes> WARPCAM_FN void find_horizon(const Meshes& meshes, int m
             if (from.x >= 1.0e29f)  // there is none
                 continue;
             const Vec to { bound(UPPER, child), bound(UPPER + 1, child), bound(UPPER + 2, child) };
-            if (own.with(own.around(0.5f * (from + to), 0.5f * (to - from)), 15) != own.risen)
+            if (own.with(own.around_box(0.5f * (from + to), 0.5f * (to - from)), 15) != own.risen)
                 stack[height++] = as_int(bound(CHILDREN, child));
         }
     }
