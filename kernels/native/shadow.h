@@ -118,7 +118,7 @@ WARPCAM_FN bool find_asking(const Target& target, size_t at, int inside, float i
 template <int TYPES, int LENS, int WIDTH, int HEIGHT> constexpr bool sees_floor()
 {
     using Strips = Strip<WIDTH, HEIGHT>;
-    return (TYPES >> PLANE & 1) && !(TYPES >> MESH & 1) && LENS == PINHOLE && Strips::TILES == 4
+    return (TYPES >> PLANE & 1) && LENS == PINHOLE && Strips::TILES == 4
         && Strips::EACH * Strips::WARPS == Strips::COUNT && Strips::EACH <= 8 && Strips::WARPS % Strips::ACROSS == 0;
 }
 
