@@ -2,6 +2,7 @@
 #pragma once
 #include "horizon.h"
 #include "light_space.h"
+#include "outline.h"
 #include "visibility.h"
 
 namespace warpcam {
@@ -70,20 +71,6 @@ template <int SIZE, bool MESHES> struct CasterList {
 };
 
 #if defined(__CUDA_ARCH__)
-
-// Smallest of the values that the lanes of a warp have.
-WARPCAM_FN float warp_min(float value)
-{
-#if __CUDA_ARCH__ >= 800
-    const int bits = __float_as_int(value);  // turned so that integers order as the floats do
-    const int least = __reduce_min_sync(ALL, bits ^ (bits >> 31 & 0x7fffffff));
-    return __int_as_float(least ^ (least >> 31 & 0x7fffffff));
-#else
-    for (int step = LANES / 2; step > 0; step /= 2)
-        value = lower(value, __shfl_xor_sync(ALL, value, step));
-    return value;
-#endif
-}
 
 // Finds what all casters of a list cover together, and how high they reach. Called by one warp.
 template <class List> WARPCAM_FN void find_bounds(List& list)
@@ -190,7 +177,11 @@ WARPCAM_FN int gather_casters(List& list, int begin, const Shapes& shapes, const
         list.windows[slot] = { FAR_AWAY, -FAR_AWAY, FAR_AWAY, -FAR_AWAY };
         list.heights[slot] = -FAR_AWAY;
     }
+    if constexpr ((TYPES >> MESH & 1) && !(TYPES >> MOVING & 1))
+        narrow_windows<TYPES>(list, meshes, light, thread);
 #if defined(__CUDA_ARCH__)
+    if constexpr ((TYPES >> MESH & 1) && !(TYPES >> MOVING & 1))
+        block_barrier();
     if (thread < LANES)
         find_bounds(list);
 #endif

@@ -8,6 +8,7 @@ import warp as wp
 
 from warpcam.accel.bvh4 import Bvh4, build_bvh4
 from warpcam.accel.kept import Kept, key_of
+from warpcam.accel.outlines import NUM_POINTS, outline
 from warpcam.errors import WarpcamError
 from warpcam.kernels import horizon
 from warpcam.kernels.types import Meshes, Textures
@@ -75,6 +76,8 @@ def pack_meshes(meshes: Sequence[Mesh], device: wp.Device) -> tuple[Meshes, int]
     node_start, face_start, corner_start = [], [], []
     lower = np.zeros((len(meshes), 3), np.float32)
     upper = np.full((len(meshes), 3), -1.0, np.float32)
+    outlines = np.zeros((len(meshes), NUM_POINTS, 4), np.float32)
+    known: dict[tuple[bytes, ...], np.ndarray] = {}
     normals, uvs = [], []
     node_rows = face_rows = corners = 0
     arranged = _child_by_child if any(mesh.moves for mesh in meshes) else _bound_by_bound
@@ -101,6 +104,9 @@ def pack_meshes(meshes: Sequence[Mesh], device: wp.Device) -> tuple[Meshes, int]
         if len(mesh.faces):
             used = mesh.vertices[mesh.faces.reshape(-1)]
             lower[index], upper[index] = used.min(axis=0), used.max(axis=0)
+            if key not in known:
+                known[key] = outline(used)
+            outlines[index, :, :3] = known[key]
         normals.append(_normals(mesh))
         uvs.append(_uvs(mesh))
         if max(node_rows, face_rows, 3 * corners) > MAX_ROWS:
@@ -109,6 +115,7 @@ def pack_meshes(meshes: Sequence[Mesh], device: wp.Device) -> tuple[Meshes, int]
     packed = Meshes()
     packed.lower = wp.array(lower, dtype=wp.vec3, device=device)
     packed.upper = wp.array(upper, dtype=wp.vec3, device=device)
+    packed.outlines = wp.array(outlines.reshape(-1, 4), dtype=wp.vec4, device=device)
     packed.node_start = _integers(node_start, device)
     packed.face_start = _integers(face_start, device)
     packed.corner_start = _integers(corner_start, device)
