@@ -87,8 +87,28 @@ struct Onlooker {
         return level > before ? all + ((level - before) << 4 * sector) : all;
     }
 
-    // Looks at another face. Of one in whose front all of the own lies, and that is turned the same way by less than a right
-    // angle, rays that rise more than that angle lead away.
+    // How steeply another face can rise as seen from this one, as far as that shows along one way in the own plane: what of
+    // it lies `out` beyond all of the own is at least so far away. As heights are to distances, so rises no point between its
+    // corners more steeply than one of these. FAR_AWAY where it does not lie beyond.
+    WARPCAM_FN float steepness(const Vec (&places)[3], float x, float y) const
+    {
+        const float rate = inverse_root(upper(x * x + y * y, TINY));
+        float end = -FAR_AWAY, steepest = 0.0f;
+        for (int k = 0; k < 3; ++k) {
+            const Vec own = axes.of(corners[k]);
+            end = upper(end, rate * (x * own.x + y * own.y));
+        }
+        for (int k = 0; k < 3; ++k) {
+            const float out = rate * (x * places[k].x + y * places[k].y) - end, rise = places[k].z - least.z;
+            if (out < -slack || (rise > slack && out <= slack))
+                return FAR_AWAY;
+            if (rise > slack)
+                steepest = upper(steepest, rise / (out - slack));
+        }
+        return steepest;
+    }
+
+    // Looks at another face.
     WARPCAM_FN void look_at(const Vec (&others)[3])
     {
         Vec from, to;
@@ -102,10 +122,25 @@ struct Onlooker {
         for (int k = 0; k < 3; ++k)
             before = lower(before, rate * dot(n, corners[k] - others[0]));
         int most_risen = 15;
+        // If all of the own lies in front of one that is turned the same way by less than a right angle, rays that rise more
+        // than that angle lead away.
         if (before >= -slack && dot(n, axes.normal) > 0.0f && dot(n, n) > 100.0f * TINY) {
             const Vec sine = rate * cross(n, axes.normal);
             most_risen = sixteenths(root(dot(sine, sine)), upper(1.0f - dot(sine, sine), 0.0f));
         }
+        // Ways to look: across the edges of both.
+        Vec places[3];
+        for (int k = 0; k < 3; ++k)
+            places[k] = axes.of(others[k]);
+        float steepest = FAR_AWAY;
+        for (int k = 0; k < 3; ++k) {
+            const Vec own = axes.of(corners[k == 2 ? 0 : k + 1] - corners[k]);
+            steepest = lower(steepest, steepness(places, own.y, -own.x));
+            const Vec edge = places[k == 2 ? 0 : k + 1] - places[k];
+            steepest = lower(steepest, lower(steepness(places, edge.y, -edge.x), steepness(places, -edge.y, edge.x)));
+        }
+        if (steepest < 1.0e6f)
+            most_risen = lower_int(most_risen, sixteenths(steepest, 1.0f));
         risen = with(it, most_risen);
     }
 };
