@@ -138,16 +138,17 @@ WARPCAM_FN void mark_glass(Row& aim, const Record& record, const Shapes& shapes,
             aim.w = opacity(shapes, materials, world, id) < SOLID;
 }
 
-// Fills the list with shapes from `begin` on until it is full; returns where to go on.
-template <int TYPES, class List, class Shapes, class Materials, class Meshes, class HeightFields>
-WARPCAM_FN int gather_casters(List& list, int begin, const Shapes& shapes, const Materials& materials,
+// Fills the list with shapes from `begin` on until it is full, without bounds, and with the windows that their boxes fill;
+// returns where to go on. TEAM: so many threads do it, a block or one of its warps.
+template <int TYPES, int TEAM, class List, class Shapes, class Materials, class Meshes, class HeightFields>
+WARPCAM_FN int collect_casters(List& list, int begin, const Shapes& shapes, const Materials& materials,
                               const Meshes& meshes, const HeightFields& fields, const Light& light,
                               const Camera& camera, int world, int thread)
 {
     const int total = shapes.drawn.shape[0];
     while (begin < total) {
         const int i = begin + thread;
-        begin += THREADS;
+        begin += TEAM;
         if (i < total) {
             Caster caster;
             const int id = wp::index(shapes.drawn, i);
@@ -164,28 +165,38 @@ WARPCAM_FN int gather_casters(List& list, int begin, const Shapes& shapes, const
             }
         }
         if (total > List::CAPACITY) {  // the next round may overflow the list
-            block_barrier();
-            const bool full = list.count + THREADS > List::CAPACITY;
-            block_barrier();
+            team_barrier<TEAM>();
+            const bool full = list.count + TEAM > List::CAPACITY;
+            team_barrier<TEAM>();
             if (full)
                 break;
         }
     }
-    block_barrier();
+    team_barrier<TEAM>();
     const int count = list.count;
-    for (int slot = count + thread; slot < (count + 31) / 32 * 32; slot += THREADS) {
+    for (int slot = count + thread; slot < (count + 31) / 32 * 32; slot += TEAM) {
         list.windows[slot] = { FAR_AWAY, -FAR_AWAY, FAR_AWAY, -FAR_AWAY };
         list.heights[slot] = -FAR_AWAY;
     }
-    if constexpr ((TYPES >> MESH & 1) && !(TYPES >> MOVING & 1))
+    return begin;
+}
+
+// The same with all that it takes to use the list, by a whole block.
+template <int TYPES, class List, class Shapes, class Materials, class Meshes, class HeightFields>
+WARPCAM_FN int gather_casters(List& list, int begin, const Shapes& shapes, const Materials& materials,
+                              const Meshes& meshes, const HeightFields& fields, const Light& light,
+                              const Camera& camera, int world, int thread)
+{
+    begin = collect_casters<TYPES, THREADS>(list, begin, shapes, materials, meshes, fields, light, camera, world, thread);
+    if constexpr (has_outlines(TYPES)) {
         narrow_windows<TYPES>(list, meshes, light, thread);
-#if defined(__CUDA_ARCH__)
-    if constexpr ((TYPES >> MESH & 1) && !(TYPES >> MOVING & 1))
         block_barrier();
+    }
+#if defined(__CUDA_ARCH__)
     if (thread < LANES)
         find_bounds(list);
-#endif
     block_barrier();
+#endif
     return begin;
 }
 

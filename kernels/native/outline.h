@@ -7,6 +7,8 @@ namespace warpcam {
 
 constexpr int OUTLINE = 32;  // points of a mesh, a lane each
 
+constexpr bool has_outlines(int types) { return (types >> MESH & 1) && !(types >> MOVING & 1); }
+
 // Points of a mesh along the light's axes, relative to a lamp: those of a shape as it stands.
 struct LitMesh {
     Vec origin;  // the camera, in the mesh's frame
@@ -52,7 +54,7 @@ WARPCAM_FN void join(Window& all, const Window& one)
     all = { lower(all.left, one.left), upper(all.right, one.right), lower(all.bottom, one.bottom), upper(all.top, one.top) };
 }
 
-// Narrows the windows of a list's meshes, and how high they reach, to what their outlines cover.
+// Narrows the windows of a list's meshes, and how high they reach, to what their outlines cover. By a whole block.
 template <int TYPES, class List, class Meshes>
 WARPCAM_FN void narrow_windows(List& list, const Meshes& meshes, const Light& light, int thread)
 {

@@ -37,6 +37,17 @@ template <int LENS> struct Task {
     bool fresh;    // masks are to be cleared first
 };
 
+// How many lights have their lists beside each other: where a warp makes one by itself, the lists of two are made at once,
+// and their shadows are cast without a barrier between them.
+template <int TYPES, int CAPACITY> constexpr int lists_beside()
+{
+#if defined(__CUDA_ARCH__)
+    return (TYPES >> MESH & 1) && CAPACITY <= LANES ? 2 : 1;
+#else
+    return 1;
+#endif
+}
+
 #if defined(__CUDA_ARCH__)
 
 // A strip of tiles beside each other, which a warp looks through before it works on one of them: each lane has as many
@@ -122,6 +133,15 @@ template <int TYPES, int LENS, int WIDTH, int HEIGHT> constexpr bool sees_floor(
         && Strips::EACH * Strips::WARPS == Strips::COUNT && Strips::EACH <= 8 && Strips::WARPS % Strips::ACROSS == 0;
 }
 
+// Adds a light's bit to a pixel's mask. BESIDE: other warps may be adding those of other lights.
+template <bool BESIDE, class Target> WARPCAM_FN void mark_shadow(const Target& target, size_t at, unsigned bit)
+{
+    if constexpr (BESIDE)
+        atomicOr(reinterpret_cast<unsigned*>(target.shadow.data) + at / 4, bit << 8 * unsigned(at % 4));
+    else
+        target.shadow.data[at] |= static_cast<int>(bit);
+}
+
 // Leaves out a shape of those that are `met`, bits by slot; false if none are left.
 template <class List> WARPCAM_FN bool others_met(const List& list, unsigned (&met)[List::WORDS], int id)
 {
@@ -192,6 +212,7 @@ WARPCAM_FN void cast_light(List& list, const Task<LENS>& task, const Shapes& sha
     constexpr bool HAS_MESH = TYPES >> MESH & 1;
     const LitView<LENS>& view = task.view;
 #if defined(__CUDA_ARCH__)
+    constexpr bool BESIDE = lists_beside<TYPES, List::CAPACITY>() > 1;
     constexpr int WORDS = List::WORDS;
     using Strips = Strip<WIDTH, HEIGHT>;
     WARPCAM_SHARED ShadowRays<HAS_MESH ? WORDS : 1> rays[HAS_MESH ? THREADS / LANES : 1];
@@ -259,13 +280,13 @@ WARPCAM_FN void cast_light(List& list, const Task<LENS>& task, const Shapes& sha
             found = __popc(kept);
         }
         if (asks && !open)
-            target.shadow.data[at] |= static_cast<int>(task.bit);
+            mark_shadow<BESIDE>(target, at, task.bit);
         return true;
     };
     if (HAS_MESH) {
         const auto shade = [&](int pixel) {
             const size_t at = task.corner + unsigned(pixel / 64 * target.width + pixel % 64);
-            target.shadow.data[at] |= static_cast<int>(task.bit);
+            mark_shadow<BESIDE>(target, at, task.bit);
         };
         cast_rays<TYPES>(rays[warp], list, view.light, meshes, next_tile, shade);
     } else {
@@ -293,6 +314,17 @@ WARPCAM_FN void cast_light(List& list, const Task<LENS>& task, const Shapes& sha
 #endif
 }
 
+// Clears the masks of a region.
+template <int WIDTH, int HEIGHT, class Target>
+WARPCAM_FN void clear_shadows(const Target& target, const Region& region, int world, int thread)
+{
+    for (int pixel = thread; pixel < WIDTH * HEIGHT; pixel += THREADS) {
+        const int i = region.left + pixel % WIDTH, j = region.top + pixel / WIDTH;
+        if (i < target.width && j < target.height)
+            target.shadow.data[(size_t(world) * target.height + j) * target.width + i] = 0;
+    }
+}
+
 // Shadows in one region of one view; the index runs as in draw(). The list is filled and used once for each light, and
 // again as often as the scene's shapes need.
 template <int TYPES, int LENS, int CAPACITY, int WIDTH, int HEIGHT, class Shapes, class Materials, class Meshes,
@@ -301,8 +333,9 @@ WARPCAM_FN void cast(const Shapes& shapes, const Materials& materials, const Mes
                      const HeightFields& fields, const Lights& lights, const Views& views, const Target& target,
                      int index)
 {
-    WARPCAM_SHARED CasterList<CAPACITY, (TYPES >> MESH & 1) != 0> list;
-    WARPCAM_SHARED Task<LENS> task;
+    constexpr int BESIDE = lists_beside<TYPES, CAPACITY>();
+    WARPCAM_SHARED CasterList<CAPACITY, (TYPES >> MESH & 1) != 0> lists[BESIDE];
+    WARPCAM_SHARED Task<LENS> tasks[BESIDE];
     const int thread = index % THREADS, block = index / THREADS;
     const int columns = (target.width + WIDTH - 1) / WIDTH, rows = (target.height + HEIGHT - 1) / HEIGHT;
     WARPCAM_SHARED Floor floor;
@@ -330,10 +363,58 @@ WARPCAM_FN void cast(const Shapes& shapes, const Materials& materials, const Mes
         }
     }
 #endif
+    if constexpr (BESIDE > 1) {
+        if (fresh)
+            clear_shadows<WIDTH, HEIGHT>(target, region, world, thread);
+        const int warp = thread / LANES;
+        for (int number = 0; number < num_lights;) {
+            int found = 0, own = 0, own_place = 0;
+            for (; number < num_lights && found < BESIDE; ++number) {
+                const int place = kept.next(lights, world, number);
+                if (place < 0 || !casts(lights, world, number))
+                    continue;
+                if (found == warp) {
+                    own = number;
+                    own_place = place;
+                }
+                ++found;
+            }
+            block_barrier();  // the lists may still be in use, masks not yet cleared
+            if (warp < found) {
+                auto& list = lists[warp];
+                const int lane = thread % LANES;
+                if (lane == 0)
+                    list.count = list.next_tile = list.strips = 0;
+                const Camera camera = load_camera(wp::index(views, world));
+                const LitView<LENS> view = light_view<LENS>(lights, camera, world, own);
+                if (lane == 0)
+                    tasks[warp] = { view, region, corner, world, 1u << own_place, false };
+                warp_barrier();
+                collect_casters<TYPES, LANES>(list, 0, shapes, materials, meshes, fields, view.light, camera, world, lane);
+            }
+            block_barrier();
+            if constexpr (has_outlines(TYPES)) {
+                for (int k = 0; k < found; ++k)
+                    narrow_windows<TYPES>(lists[k], meshes, tasks[k].view.light, (thread + k * LANES) % THREADS);
+                block_barrier();
+            }
+#pragma unroll 1
+            for (int k = 0; k < found; ++k) {
+                if (lists[k].count == 0)
+                    continue;
+                find_bounds(lists[k]);  // the same by every warp
+                __syncwarp();
+                cast_light<TYPES, LENS, WIDTH, HEIGHT>(lists[k], tasks[k], shapes, meshes, fields, target, floor, floors);
+            }
+        }
+        return;
+    }
     for (int number = 0; number < num_lights; ++number) {
         const int place = kept.next(lights, world, number);
         if (place < 0 || !casts(lights, world, number))
             continue;
+        auto& list = lists[0];
+        auto& task = tasks[0];
         int begin = 0;
         do {
             block_barrier();  // the list may still be in use
@@ -354,11 +435,7 @@ WARPCAM_FN void cast(const Shapes& shapes, const Materials& materials, const Mes
         } while (begin < total);
     }
     if (fresh)  // nothing casts a shadow
-        for (int pixel = thread; pixel < WIDTH * HEIGHT; pixel += THREADS) {
-            const int i = region.left + pixel % WIDTH, j = region.top + pixel / WIDTH;
-            if (i < target.width && j < target.height)
-                target.shadow.data[(size_t(world) * target.height + j) * target.width + i] = 0;
-        }
+        clear_shadows<WIDTH, HEIGHT>(target, region, world, thread);
 }
 
 }  // namespace warpcam
