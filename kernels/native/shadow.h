@@ -363,6 +363,7 @@ WARPCAM_FN void cast(const Shapes& shapes, const Materials& materials, const Mes
         }
     }
 #endif
+#if defined(__CUDA_ARCH__)
     if constexpr (BESIDE > 1) {
         if (fresh)
             clear_shadows<WIDTH, HEIGHT>(target, region, world, thread);
@@ -409,6 +410,7 @@ WARPCAM_FN void cast(const Shapes& shapes, const Materials& materials, const Mes
         }
         return;
     }
+#endif
     for (int number = 0; number < num_lights; ++number) {
         const int place = kept.next(lights, world, number);
         if (place < 0 || !casts(lights, world, number))
