@@ -5,6 +5,8 @@
 
 namespace warpcam {
 
+constexpr int MOST_VISITS = 4096;  // of nodes and leaves, by one face
+
 // Where something lies, by a face's own axes: how far along and across from any place on the face, and how high it rises.
 struct Around {
     float left, right, low, high, rise;
@@ -173,7 +175,11 @@ template <class Meshes> WARPCAM_FN void find_horizon(const Meshes& meshes, int m
         stack[height++] = 0;
     else
         own.risen = ALL;
-    while (height > 0 && own.risen != ALL) {
+    for (int visits = 0; height > 0 && own.risen != ALL; ++visits) {
+        if (visits == MOST_VISITS) {  // of what has so much around it nothing is said
+            own.risen = ALL;
+            break;
+        }
         const int node = stack[--height];
         if (node < 0) {
             const int code = -node - 1, first = code >> 4, end = first + (code & 15);
