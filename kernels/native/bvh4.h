@@ -5,11 +5,15 @@
 namespace warpcam {
 
 #if defined(__CUDA_ARCH__)
-constexpr int NODE_ROWS = 8;  // see NodeRay
+constexpr int NODE_ROWS = 8;  // where meshes move
 #else
 constexpr int NODE_ROWS = 7;  // bound after bound, so that one vector has all four children's
 #endif
+constexpr int SHORT_NODE_ROWS = 4;  // on CUDA where none moves, see NodeRay
 constexpr int FACE_ROWS = 3;
+// Bounds of boxes in 16 bits, see Meshes.nodes: of a mesh's extent a step is so much, and this is the plane through 0.
+constexpr int MIDDLE_BOUND = 32768;
+constexpr float BOUND_CELL = 1.0f / 32760.0f;
 constexpr int NO_NODE = 0x7fffffff;
 constexpr int STACK = 48;  // three children of a node wait at each of a tree's levels, which are at most 16
 
@@ -70,8 +74,7 @@ WARPCAM_FN Slabs slabs(Vec o, Vec d, float extent)
 #if defined(__CUDA_ARCH__)
 
 // Are a scene's nodes child after child, of each the lower and the upper corner of its box? So they are where meshes move,
-// as children write their boxes. Else bound after bound: lower x, y and z of all four, the four themselves, upper x, y and
-// z, and nothing.
+// as children write their boxes. Else their bounds are whole numbers of 16 bits: see Meshes.nodes.
 constexpr bool by_child(int types) { return types >> MOVING & 1; }
 
 // The greatest and the least of three numbers, one instruction each: bits order as the numbers do, but for negative ones,
@@ -85,23 +88,12 @@ WARPCAM_FN float least(float a, float b, float c)
     return as_float(lower_int(lower_int(as_int(a), as_int(b)), as_int(c)));
 }
 
-// The row that stands so many behind another. Left to itself the compiler takes twice as many instructions for it.
-WARPCAM_FN const Row* behind(const Row* row, unsigned rows)
-{
-#if defined(__CUDACC__)
-    const Row* at;
-    asm("mad.wide.u32 %0, %1, 16, %2;" : "=l"(at) : "r"(rows), "l"(row));
-    return at;
-#else
-    return row + rows;
-#endif
-}
-
 // A ray as the nodes of one mesh see it.
 template <bool BY_CHILD> struct NodeRay {
+    static constexpr int ROWS = NODE_ROWS;
     Slabs s;
 
-    WARPCAM_FN void set(const Slabs& slabs) { s = slabs; }
+    WARPCAM_FN void set(const Slabs& slabs, float) { s = slabs; }
 
     // The children of the node whose rows these are, and where the ray enters and leaves their boxes between `near` and
     // `depth`: it misses those that it leaves before it enters them.
@@ -121,29 +113,36 @@ template <bool BY_CHILD> struct NodeRay {
     }
 };
 
-// Its direction says once for all nodes which of two planes it meets first.
+// Bounds of 16 bits: its direction says once for all nodes which of two planes it meets first.
 template <> struct NodeRay<false> {
-    Vec scale, in, out;  // t = plane * scale + in or out, see Slabs
+    static constexpr int ROWS = SHORT_NODE_ROWS;
+    // A bound as the lowest bits of this number is a whole one, greater by 2^23.
+    static constexpr unsigned WHOLE = 0x4b000000;
+    static constexpr float MIDDLE = 8388608.0f + float(MIDDLE_BOUND);
+    Vec scale, in, out;  // t = (2^23 + bound) * scale + in or out, see Slabs
 
-    static constexpr unsigned UPPER = 4;  // rows from the lower planes to them
-
-    WARPCAM_FN void set(const Slabs& s)
+    // `extent` is the mesh's Record::size.x.
+    WARPCAM_FN void set(const Slabs& s, float extent)
     {
         const bool left = s.scale.x < 0.0f, down = s.scale.y < 0.0f, back = s.scale.z < 0.0f;
-        scale = s.scale;
-        in = { left ? s.up.x : s.down.x, down ? s.up.y : s.down.y, back ? s.up.z : s.down.z };
-        out = { left ? s.down.x : s.up.x, down ? s.down.y : s.up.y, back ? s.down.z : s.up.z };
+        const float cell = extent * BOUND_CELL;
+        scale = { cell * s.scale.x, cell * s.scale.y, cell * s.scale.z };
+        const Vec middle { MIDDLE * scale.x, MIDDLE * scale.y, MIDDLE * scale.z };
+        in = { (left ? s.up.x : s.down.x) - middle.x, (down ? s.up.y : s.down.y) - middle.y,
+               (back ? s.up.z : s.down.z) - middle.z };
+        out = { (left ? s.down.x : s.up.x) - middle.x, (down ? s.down.y : s.up.y) - middle.y,
+                (back ? s.down.z : s.up.z) - middle.z };
     }
 
-    // UPPER where upper planes are met first, else 0.
-    WARPCAM_FN static unsigned first_of(float scale) { return unsigned(as_int(scale)) >> 29 & UPPER; }
+    // Which bytes of a word and of WHOLE make the plane met first: the word has the lower one in its lower half.
+    WARPCAM_FN static unsigned first_of(float scale) { return 0x7610u ^ (unsigned(as_int(scale) >> 31) & 0x22u); }
 
-    WARPCAM_FN static void times(const Row& planes, float scale, float offset, float (&t)[4])
+    WARPCAM_FN static void times(const Row& planes, unsigned which, float scale, float offset, float (&t)[4])
     {
-        t[0] = planes.x * scale + offset;
-        t[1] = planes.y * scale + offset;
-        t[2] = planes.z * scale + offset;
-        t[3] = as_float(planes.w) * scale + offset;
+        const int words[4] = { as_int(planes.x), as_int(planes.y), as_int(planes.z), planes.w };
+#pragma unroll
+        for (int k = 0; k < 4; ++k)
+            t[k] = as_float(__byte_perm(words[k], WHOLE, which)) * scale + offset;
     }
 
     // The same; `near` is not negative.
@@ -151,20 +150,20 @@ template <> struct NodeRay<false> {
                          int (&child)[4]) const
     {
         const unsigned x = first_of(scale.x), y = first_of(scale.y), z = first_of(scale.z);
+        const Row planes_x = load(rows, 0), planes_y = load(rows, 1), planes_z = load(rows, 2), children = load(rows, 3);
         float tx[4], ty[4], tz[4];
-        times(load(behind(rows, x), 0), scale.x, in.x, tx);
-        times(load(behind(rows, y), 1), scale.y, in.y, ty);
-        times(load(behind(rows, z), 2), scale.z, in.z, tz);
+        times(planes_x, x, scale.x, in.x, tx);
+        times(planes_y, y, scale.y, in.y, ty);
+        times(planes_z, z, scale.z, in.z, tz);
 #pragma unroll
         for (int k = 0; k < 4; ++k)
             enter[k] = greatest(greatest(tx[k], ty[k], tz[k]), near, near);
-        times(load(behind(rows, UPPER - x), 0), scale.x, out.x, tx);
-        times(load(behind(rows, UPPER - y), 1), scale.y, out.y, ty);
-        times(load(behind(rows, UPPER - z), 2), scale.z, out.z, tz);
+        times(planes_x, x ^ 0x22u, scale.x, out.x, tx);
+        times(planes_y, y ^ 0x22u, scale.y, out.y, ty);
+        times(planes_z, z ^ 0x22u, scale.z, out.z, tz);
 #pragma unroll
         for (int k = 0; k < 4; ++k)
             leave[k] = least(least(tx[k], ty[k], tz[k]), depth, depth);
-        const Row children = load(rows, 3);
         child[0] = as_int(children.x);
         child[1] = as_int(children.y);
         child[2] = as_int(children.z);
@@ -172,9 +171,10 @@ template <> struct NodeRay<false> {
     }
 };
 
-template <class Meshes> WARPCAM_FN const Row* node_rows(const Meshes& meshes, unsigned nodes, int node)
+template <int TYPES, class Meshes> WARPCAM_FN const Row* node_rows(const Meshes& meshes, unsigned nodes, int node)
 {
-    return reinterpret_cast<const Row*>(meshes.nodes.data) + (nodes + unsigned(node * NODE_ROWS));
+    return reinterpret_cast<const Row*>(meshes.nodes.data)
+        + (nodes + unsigned(node * NodeRay<by_child(TYPES)>::ROWS));
 }
 
 #endif

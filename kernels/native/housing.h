@@ -56,23 +56,39 @@ WARPCAM_FN bool may_meet_face(const CornerRays& rays, Vec a, Vec b, Vec c, bool 
     return front || back;
 }
 
-// One child of the node whose rows these are: its box and its code.
-template <bool BY_CHILD> WARPCAM_FN int child_of(const void* rows, unsigned first, int k, Vec& low, Vec& high)
+// One child of a node: its box and its code.
+template <int TYPES>
+WARPCAM_FN int child_of(const void* rows, unsigned nodes, int node, int k, const Record& record, Vec& low, Vec& high)
 {
-    if (BY_CHILD) {
-        const Row lower_corner = load(rows, first + 2 * k);
-        low = to_vec(lower_corner);
-        high = to_vec(load(rows, first + 2 * k + 1));
-        return lower_corner.w;
-    }
-    constexpr unsigned UPPER = NODE_ROWS == 8 ? 4 : 3, CHILDREN = NODE_ROWS == 8 ? 3 : 6;
     const auto part = [&](unsigned row) {
-        const Row planes = load(rows, first + row);
-        return k == 0 ? planes.x : k == 1 ? planes.y : k == 2 ? planes.z : as_float(planes.w);
+        const Row of_all = load(rows, row);
+        return k == 0 ? of_all.x : k == 1 ? of_all.y : k == 2 ? of_all.z : as_float(of_all.w);
     };
-    low = { part(0), part(1), part(2) };
-    high = { part(UPPER), part(UPPER + 1), part(UPPER + 2) };
-    return as_int(part(CHILDREN));
+#if defined(__CUDA_ARCH__)
+    if (!by_child(TYPES)) {
+        const unsigned first = nodes + unsigned(node * SHORT_NODE_ROWS);
+        const float cell = record.size.x * BOUND_CELL;
+        const auto bounds = [&](unsigned row, float& lower_bound, float& upper_bound) {
+            const unsigned both = as_int(part(first + row));
+            lower_bound = cell * float(int(both & 0xffff) - MIDDLE_BOUND);
+            upper_bound = cell * float(int(both >> 16) - MIDDLE_BOUND);
+        };
+        bounds(0, low.x, high.x);
+        bounds(1, low.y, high.y);
+        bounds(2, low.z, high.z);
+        return as_int(part(first + 3));
+    }
+    const unsigned first = nodes + unsigned(node * NODE_ROWS + 2 * k);
+    const Row lower_corner = load(rows, first);
+    low = to_vec(lower_corner);
+    high = to_vec(load(rows, first + 1));
+    return lower_corner.w;
+#else
+    const unsigned first = nodes + unsigned(node * NODE_ROWS);
+    low = { part(first), part(first + 1), part(first + 2) };
+    high = { part(first + 3), part(first + 4), part(first + 5) };
+    return as_int(part(first + 6));
+#endif
 }
 
 // A region's rays lie between these.
@@ -91,11 +107,6 @@ WARPCAM_FN bool may_be_seen_from_inside(const Record& record, const Meshes& mesh
     const auto least = wp::index(meshes.lower, record.axis_z.w), most = wp::index(meshes.upper, record.axis_z.w);
     if (o.x < least[0] || o.y < least[1] || o.z < least[2] || o.x > most[0] || o.y > most[1] || o.z > most[2])
         return true;
-#if defined(__CUDA_ARCH__)
-    constexpr bool BY_CHILD = by_child(TYPES);
-#else
-    constexpr bool BY_CHILD = false;
-#endif
     const CornerRays rays(record, part);
     const unsigned nodes = as_int(record.size.y), faces = as_int(record.size.z);
     int stack[HOUSING_STACK], height = 0, node = 0;
@@ -103,7 +114,7 @@ WARPCAM_FN bool may_be_seen_from_inside(const Record& record, const Meshes& mesh
 #pragma unroll 1
         for (int k = 0; k < 4; ++k) {
             Vec low, high;
-            const int child = child_of<BY_CHILD>(meshes.nodes.data, nodes + unsigned(node * NODE_ROWS), k, low, high);
+            const int child = child_of<TYPES>(meshes.nodes.data, nodes, node, k, record, low, high);
             if (child == 0 || !may_meet_box(record, low, high, part))  // the root is nobody's child
                 continue;
             if (child > 0) {

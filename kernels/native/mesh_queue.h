@@ -129,7 +129,7 @@ WARPCAM_FN void trace_rays(Rays& rays, const List& list, const Meshes& meshes, f
                 const Record& record = list.records[slot];
                 if (as_float(record.size.w) < depth) {
                     const Ray local = ray.local(record);
-                    boxes.set(slabs(local.origin, local.direction, record.size.x));
+                    boxes.set(slabs(local.origin, local.direction, record.size.x), record.size.x);
                     nodes = as_int(record.size.y);
                     node = 0;
                 } else {
@@ -144,7 +144,7 @@ WARPCAM_FN void trace_rays(Rays& rays, const List& list, const Meshes& meshes, f
             if (inner) {
                 float enter[4], leave[4], best = FAR_AWAY;
                 int child[4];
-                boxes.meet(node_rows(meshes, nodes, node), near, depth, enter, leave, child);
+                boxes.meet(node_rows<TYPES>(meshes, nodes, node), near, depth, enter, leave, child);
                 node = NO_NODE;
 #pragma unroll
                 for (int k = 0; k < 4; ++k)

@@ -133,7 +133,7 @@ WARPCAM_FN void cast_rays(ShadowRays<WORDS>& rays, const List& list, const Light
                 const WorldRay ray { point, ray_to(light, point) };
                 const Ray local = ray.local(record);
                 rays.put_frame(ray.template frame<TYPES>(record));
-                boxes.set(slabs(local.origin, local.direction, record.size.x));
+                boxes.set(slabs(local.origin, local.direction, record.size.x), record.size.x);
                 nodes = record.origin.w;
                 node = 0;
             }
@@ -145,7 +145,7 @@ WARPCAM_FN void cast_rays(ShadowRays<WORDS>& rays, const List& list, const Light
             if (inner) {
                 float enter[4], leave[4];
                 int child[4];
-                boxes.meet(node_rows(meshes, nodes, node), span.near, span.reach, enter, leave, child);
+                boxes.meet(node_rows<TYPES>(meshes, nodes, node), span.near, span.reach, enter, leave, child);
                 node = NO_NODE;
 #pragma unroll
                 for (int k = 0; k < 4; ++k)

@@ -105,7 +105,7 @@ WARPCAM_FN void walk_mesh(const Meshes& meshes, const Record& record, const RayO
     const Ray ray = source.local(record);
     const RayFrame frame = source.template frame<TYPES>(record);
     NodeRay<by_child(TYPES)> boxes;
-    boxes.set(slabs(ray.origin, ray.direction, record.size.x));
+    boxes.set(slabs(ray.origin, ray.direction, record.size.x), record.size.x);
     const unsigned nodes = wp::index(meshes.node_start, record.axis_z.w);
     const unsigned faces = wp::index(meshes.face_start, record.axis_z.w);
     int stack[STACK], height = 0, node = 0;
@@ -113,7 +113,7 @@ WARPCAM_FN void walk_mesh(const Meshes& meshes, const Record& record, const RayO
         if (node >= 0) {
             float enter[4], leave[4], best = FAR_AWAY;
             int child[4];
-            boxes.meet(node_rows(meshes, nodes, node), near, hit.depth, enter, leave, child);
+            boxes.meet(node_rows<TYPES>(meshes, nodes, node), near, hit.depth, enter, leave, child);
             node = NO_NODE;
 #pragma unroll
             for (int k = 0; k < 4; ++k)

@@ -9,7 +9,7 @@ from trees import ABSENT, check, codes, given_of, halved, hits, sah_cost, same, 
 from warpcam.kernels.bvh4_build import MAX_LEAF
 
 from warpcam.accel.bvh4 import Bvh4, build_bvh4
-from warpcam.accel.meshes import _bound_by_bound, _child_by_child
+from warpcam.accel.meshes import _child_by_child, _short
 from warpcam.errors import WarpcamError
 
 
@@ -224,13 +224,23 @@ def test_bad_meshes_are_refused_by_name(vertices: np.ndarray, faces: np.ndarray,
 
 
 def test_rows_for_cuda() -> None:
-    tree = build_bvh4(*soup(500))
+    vertices, faces = soup(500)
+    vertices = vertices + np.float32((3.0, -0.5, 0.1))
+    tree = build_bvh4(vertices, faces)
     given = tree.nodes.view(np.int32).reshape(-1, 7, 4)
-    rows = _bound_by_bound(tree.nodes).view(np.int32).reshape(-1, 8, 4)
-    assert (rows[:, :3] == given[:, :3]).all()
-    assert (rows[:, 3] == given[:, 6]).all()
-    assert (rows[:, 4:7] == given[:, 3:6]).all()
-    assert (rows[:, 7] == 0).all()
+    bounds = tree.nodes.reshape(-1, 7, 4).astype(np.float64)
+    extent = np.abs(vertices[faces]).max()
+    rows = _short(tree.nodes, float(extent)).view(np.uint32).reshape(-1, 4, 4)
+    there = bounds[:, 0] != ABSENT
+    low, high = ((half.astype(np.float64) - 32768.0) / 32760.0 * extent for half in (rows[:, :3] & 0xFFFF, rows[:, :3] >> 16))
+    step = extent / 32760.0
+    for k in range(3):
+        below, above = (bounds[:, k] - low[:, k])[there], (high[:, k] - bounds[:, 3 + k])[there]
+        assert (below > 0.99 * step).all() and (below < 2.01 * step).all()
+        assert (above > 0.99 * step).all() and (above < 2.01 * step).all()
+    assert (~there).any() and (rows[:, :3].transpose(0, 2, 1)[~there] == 65535).all()  # lower bounds above upper ones
+    codes_there = rows[:, 3].view(np.int32)
+    assert (codes_there[there] == given[:, 6][there]).all() and (codes_there[~there] == -1).all()
     children = _child_by_child(tree.nodes).view(np.int32).reshape(-1, 4, 2, 4)
     assert (children[:, :, 0, :3].transpose(0, 2, 1) == given[:, :3]).all()
     assert (children[:, :, 1, :3].transpose(0, 2, 1) == given[:, 3:6]).all()

@@ -14,6 +14,8 @@ from warpcam.kernels import horizon
 from warpcam.kernels.types import Meshes, Textures
 
 MAX_ROWS = 2**31 - 1
+BOUNDS, MIDDLE_BOUND = 32760, 32768  # as in native/bvh4.h: steps of an extent, and the plane through 0
+ABSENT = np.float32(1e30)  # all bounds of a child that is not there
 KEPT = 2**27  # bytes of trees, for the next scene that has those meshes, too
 
 _kept: Kept[Bvh4] = Kept(KEPT, lambda tree: tree.nodes.nbytes + tree.faces.nbytes)
@@ -80,12 +82,14 @@ def pack_meshes(meshes: Sequence[Mesh], device: wp.Device) -> tuple[Meshes, int]
     known: dict[tuple[bytes, ...], np.ndarray] = {}
     normals, uvs = [], []
     node_rows = face_rows = corners = 0
-    arranged = _child_by_child if any(mesh.moves for mesh in meshes) else _bound_by_bound
+    moving = any(mesh.moves for mesh in meshes)
     for index, mesh in enumerate(meshes):
         key = (mesh.vertices.tobytes(), mesh.faces.tobytes(), b"two-sided" * mesh.two_sided)
         if key not in built:
             tree = _tree(mesh)
-            nodes = arranged(tree.nodes) if device.is_cuda else tree.nodes
+            nodes = tree.nodes
+            if device.is_cuda:
+                nodes = _child_by_child(nodes) if moving else _short(nodes, _extent(mesh))
             built[key] = len(trees)
             trees.append((nodes, _with_backs(tree.faces, len(mesh.fronts)) if mesh.two_sided else tree.faces))
         elif mesh.moves or key not in places:
@@ -158,12 +162,26 @@ def face_normals(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
     return np.where(length > 0.0, cross / np.where(length > 0.0, length, 1.0), (0.0, 0.0, 1.0)).astype(np.float32)
 
 
-def _bound_by_bound(nodes: np.ndarray) -> np.ndarray:
-    """Rows of nodes as CUDA reads them, (8 * node, 4), from those of build_bvh4: see ``Meshes.nodes``."""
+def _extent(mesh: Mesh) -> float:
+    """The greatest magnitude of a coordinate of its faces."""
+    return float(np.abs(mesh.vertices[mesh.faces]).max(initial=0.0))
+
+
+def _short(nodes: np.ndarray, extent: float) -> np.ndarray:
+    """Rows of nodes as CUDA reads them, (4 * node, 4), from those of build_bvh4: see ``Meshes.nodes``."""
     by_bound = nodes.reshape(-1, 7, 4)
-    padded = np.zeros((len(by_bound), 8, 4), np.int32)
-    padded[:, (0, 1, 2, 4, 5, 6, 3)] = by_bound.view(np.int32)  # bits, some of them those of NaNs
-    return padded.view(np.float32).reshape(-1, 4)
+    cell = (extent or 1.0) / BOUNDS
+    # one step more on each side, as rays round by less than one
+    lower = np.floor(by_bound[:, 0:3].astype(np.float64) / cell) - 1.0
+    upper = np.ceil(by_bound[:, 3:6].astype(np.float64) / cell) + 1.0
+    absent = by_bound[:, 0:3] == ABSENT
+    lower[absent], upper[absent] = MIDDLE_BOUND - 1.0, -MIDDLE_BOUND
+    rows = np.empty((len(by_bound), 4, 4), np.int32)
+    low, high = ((bounds + MIDDLE_BOUND).astype(np.uint32) for bounds in (lower, upper))
+    rows[:, :3] = (low | high << np.uint32(16)).view(np.int32)
+    rows[:, 3] = by_bound[:, 6].view(np.int32)
+    rows[:, 3][rows[:, 3] == 0] = -1  # a leaf without faces
+    return rows.view(np.float32).reshape(-1, 4)
 
 
 def _child_by_child(nodes: np.ndarray) -> np.ndarray:
