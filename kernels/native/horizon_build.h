@@ -147,14 +147,41 @@ struct Onlooker {
     }
 };
 
+// One of a node's children and its box, as the device has them where no mesh moves: see Meshes.nodes.
+struct NodeChild {
+    Vec low, high;
+    int child;
+    bool there;
+};
+
+template <class Meshes>
+WARPCAM_FN NodeChild child_of(const Meshes& meshes, unsigned nodes, int node, int number, float extent)
+{
+    const auto word = [&](unsigned row) {
+        const Row four = load(meshes.nodes.data, row);
+        return number == 0 ? as_int(four.x) : number == 1 ? as_int(four.y) : number == 2 ? as_int(four.z) : four.w;
+    };
+    NodeChild it;
+#if defined(__CUDA_ARCH__)
+    const unsigned first = nodes + unsigned(node * SHORT_NODE_ROWS);
+    const int x = word(first), y = word(first + 1), z = word(first + 2);
+    const auto bound = [&](int halves) { return extent * BOUND_CELL * float((halves & 0xffff) - MIDDLE_BOUND); };
+    it.low = { bound(x), bound(y), bound(z) };
+    it.high = { bound(x >> 16), bound(y >> 16), bound(z >> 16) };
+    it.child = word(first + 3);
+#else
+    const unsigned first = nodes + unsigned(node * NODE_ROWS);
+    it.low = { as_float(word(first)), as_float(word(first + 1)), as_float(word(first + 2)) };
+    it.high = { as_float(word(first + 3)), as_float(word(first + 4)), as_float(word(first + 5)) };
+    it.child = word(first + 6);
+#endif
+    it.there = it.low.x <= it.high.x && it.low.x < 1.0e29f;
+    return it;
+}
+
 // Writes the horizon of a mesh's face, in leaf order.
 template <class Meshes> WARPCAM_FN void find_horizon(const Meshes& meshes, int mesh, int face)
 {
-#if defined(__CUDA_ARCH__)
-    constexpr unsigned UPPER = 4, CHILDREN = 3;
-#else
-    constexpr unsigned UPPER = 3, CHILDREN = 6;
-#endif
     const unsigned nodes = unsigned(wp::index(meshes.node_start, mesh)), faces = unsigned(wp::index(meshes.face_start, mesh));
     const Vec low = to_vec(wp::index(meshes.lower, mesh)), high = to_vec(wp::index(meshes.upper, mesh));
     const float extent = upper(upper(upper(magnitude(low.x), magnitude(low.y)), upper(magnitude(low.z), magnitude(high.x))),
@@ -188,18 +215,10 @@ template <class Meshes> WARPCAM_FN void find_horizon(const Meshes& meshes, int m
                     own.look_at(corners);
             continue;
         }
-        const unsigned row = nodes + unsigned(node * NODE_ROWS);
-        const auto bound = [&](unsigned at, int child) {
-            const Row planes = load(meshes.nodes.data, row + at);
-            return child == 0 ? planes.x : child == 1 ? planes.y : child == 2 ? planes.z : as_float(planes.w);
-        };
         for (int child = 0; child < 4; ++child) {
-            const Vec from { bound(0, child), bound(1, child), bound(2, child) };
-            if (from.x >= 1.0e29f)  // there is none
-                continue;
-            const Vec to { bound(UPPER, child), bound(UPPER + 1, child), bound(UPPER + 2, child) };
-            if (own.with(own.around_box(0.5f * (from + to), 0.5f * (to - from)), 15) != own.risen)
-                stack[height++] = as_int(bound(CHILDREN, child));
+            const NodeChild it = child_of(meshes, nodes, node, child, extent);
+            if (it.there && own.with(own.around_box(0.5f * (it.low + it.high), 0.5f * (it.high - it.low)), 15) != own.risen)
+                stack[height++] = it.child;
         }
     }
     reinterpret_cast<Row*>(meshes.faces.data)[faces + unsigned(face * FACE_ROWS) + 2].w = int(~own.risen);
