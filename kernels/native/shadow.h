@@ -215,7 +215,7 @@ WARPCAM_FN void cast_light(List& list, const Task<LENS>& task, const Shapes& sha
     constexpr bool BESIDE = lists_beside<TYPES, List::CAPACITY>() > 1;
     constexpr int WORDS = List::WORDS;
     using Strips = Strip<WIDTH, HEIGHT>;
-    WARPCAM_SHARED ShadowRays<HAS_MESH ? WORDS : 1> rays[HAS_MESH ? THREADS / LANES : 1];
+    WARPCAM_SHARED ShadowRays<HAS_MESH ? WORDS : 1, NodeRay<by_child(TYPES)>> rays[HAS_MESH ? THREADS / LANES : 1];
     const int lane = threadIdx.x % LANES, warp = HAS_MESH ? threadIdx.x / LANES : 0;
     constexpr bool ON_FLOOR = sees_floor<TYPES, LENS, WIDTH, HEIGHT>();
     if constexpr (ON_FLOOR) {  // a warp finds out which of its strips are to be looked through; then all warps share them
