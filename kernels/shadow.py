@@ -14,7 +14,8 @@ from .visibility import LENSES, SHARED_MEMORY, THREADS, in_order, region_size
 BLOCKS = 8  # on a multiprocessor: bounds the registers of a thread
 CROWD_BLOCKS = 6  # the same in crowds, for which those of 8 are too few
 LISTED_BYTES = 140  # of its shared memory for each shape of a list with meshes: casters.h, CasterList
-BESIDE = 32  # up to so many shapes, a warp's lanes, there are two lists: shadow.h, lists_beside
+BESIDE = 16  # up to so many shapes there are two lists: shadow.h, lists_beside
+REST_BYTES = 3400  # what else a block has, and what is reserved for it
 WALKED_BYTES, WORD_BYTES = 3104, 256  # and for the rays of a warp, also for each 32 shapes: mesh_shadows.h, ShadowRays
 BOXES_BYTES, BOXES_SHAPES = 1024, 64  # more up to so many shapes, ShadowRays::KEEPS_BOXES
 CAPACITIES = (16, 32, 64, 128, 192)  # how many shapes a pass lists: few sizes, so that scenes share kernels
@@ -146,4 +147,4 @@ def blocks(types: int, capacity: int) -> int:
     walked = WALKED_BYTES + WORD_BYTES * -(-capacity // 32) + (BOXES_BYTES if capacity <= BOXES_SHAPES else 0)
     rays = THREADS // 32 * walked
     listed = LISTED_BYTES * capacity * (2 if capacity <= BESIDE else 1)
-    return min(BLOCKS, SHARED_MEMORY // (listed + rays + 1536))
+    return min(BLOCKS, SHARED_MEMORY // (listed + rays + REST_BYTES))

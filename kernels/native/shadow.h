@@ -42,7 +42,7 @@ template <int LENS> struct Task {
 template <int TYPES, int CAPACITY> constexpr int lists_beside()
 {
 #if defined(__CUDA_ARCH__)
-    return (TYPES >> MESH & 1) && CAPACITY <= LANES ? 2 : 1;
+    return (TYPES >> MESH & 1) && CAPACITY <= 16 ? 2 : 1;
 #else
     return 1;
 #endif
