@@ -34,7 +34,28 @@ template <int WORDS, class BOXES> struct ShadowRays: WaitingRays<WORDS> {
     unsigned short own[LANES];          // their pixels
     float frame[12][LANES];             // see RayFrame, for the mesh that the lane is at
     float boxes[KEEPS_BOXES ? PARTS : 1][LANES];
+    int walk[KEEPS_BOXES ? 3 : 1][LANES];
     unsigned char owners[LANES];
+
+    WARPCAM_FN void keep_walk(int node, int height, int slot)
+    {
+        if constexpr (KEEPS_BOXES) {
+            const int lane = threadIdx.x % LANES;
+            walk[0][lane] = node;
+            walk[1][lane] = height;
+            walk[2][lane] = slot;
+        }
+    }
+
+    WARPCAM_FN void find_walk(int& node, int& height, int& slot) const
+    {
+        if constexpr (KEEPS_BOXES) {
+            const int lane = threadIdx.x % LANES;
+            node = walk[0][lane];
+            height = walk[1][lane];
+            slot = walk[2][lane];
+        }
+    }
 
     WARPCAM_FN void keep_boxes(const BOXES& ray)
     {
@@ -141,7 +162,9 @@ WARPCAM_FN void cast_rays(ShadowRays<WORDS, BOXES>& rays, const List& list, cons
     while (true) {
         const unsigned idles = __ballot_sync(ALL, node == NO_NODE && left == 0);
         if (supply.any() && (__popc(idles) >= FEW || idles == ALL)) {
+            rays.keep_walk(node, height, slot);
             supply.hand_out(idles, next_tile, take);
+            rays.find_walk(node, height, slot);
             rays.find_boxes(boxes);
             nodes = list.records[slot].origin.w;
         } else if (idles == ALL) {
