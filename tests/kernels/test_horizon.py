@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 import warp as wp
 from native import native_kernel
-from warpcam.accel.meshes import Mesh, pack_meshes
 from warpcam.kernels.horizon import are_kept, find_horizons
 from warpcam.kernels.types import Meshes
+
+from warpcam.accel.meshes import Mesh, pack_meshes
 
 DEVICES = [str(device) for device in wp.get_devices()]
 
@@ -14,7 +15,8 @@ DEVICES = [str(device) for device in wp.get_devices()]
 @wp.func_native("""
     using namespace warpcam;
     const unsigned row = unsigned(face * FACE_ROWS);
-    const Row a = load(meshes.faces.data, row), b = load(meshes.faces.data, row + 1), c = load(meshes.faces.data, row + 2);
+    const Row a = load(meshes.faces.data, row), b = load(meshes.faces.data, row + 1);
+    const Row c = load(meshes.faces.data, row + 2);
     const FaceAxes axes = face_axes(to_vec(a), to_vec(b), to_vec(c));
     wp::index(clear, i) = is_clear(unsigned(c.w), axes, to_vec(direction));
 """)
@@ -87,7 +89,11 @@ def horizons_of(points: np.ndarray, faces: np.ndarray, device: str) -> tuple[Mes
 
 def are_clear(meshes: Meshes, faces: np.ndarray, directions: np.ndarray, device: str) -> np.ndarray:
     clear = wp.zeros(len(faces), dtype=wp.int32, device=device)
-    inputs = [meshes, wp.array(faces, dtype=wp.int32, device=device), wp.array(directions, dtype=wp.vec3, device=device)]
+    inputs = [
+        meshes,
+        wp.array(faces, dtype=wp.int32, device=device),
+        wp.array(directions, dtype=wp.vec3, device=device),
+    ]
     wp.launch(look_up, len(faces), inputs=inputs, outputs=[clear], device=device)
     return clear.numpy() != 0
 
@@ -143,7 +149,7 @@ def test_nothing_is_in_the_way_around_a_ball(device: str):
 
 @pytest.mark.parametrize("device", DEVICES)
 def test_walls_have_horizons(device: str):
-    """A floor beside a wall of half its length: light over the wall reaches its far half, and not all of the near one."""
+    """A floor beside a wall of half its length: light over it reaches the far half, and not all of the near one."""
     points, faces = grid(8, lambda u, v: (2.0 * u, v, 0.0 * u))
     wall = np.array([(0, 0, 0), (0, 1, 0), (0, 0, 1), (0, 1, 1)], np.float32)
     joined = np.concatenate([points, wall]), np.concatenate([faces, np.array([(0, 1, 3), (0, 3, 2)]) + len(points)])
