@@ -1,9 +1,10 @@
 """What is measured, as data: scenes with their cameras, settings, and sets of outputs."""
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import Any
 
 import mujoco
 from warpcam.benchmarks import cabinet, rooms, scenes
@@ -75,6 +76,8 @@ class Wanted:
     textures: bool = False
     by_peers: bool = True  # whether the peers can be asked for it
     antialiasing: int = 1  # samples where edges are
+    reflections: bool = False
+    transparency: bool = False
 
 
 MUJOCO_WARP, MJLAB = "mujoco_warp", "mjlab"
@@ -153,12 +156,18 @@ EXTRAS = {
 }
 # What Newton's own benchmark asks for.
 COLOR_AND_DEPTH = Wanted("rgb-d-shadows", ("rgb", "depth"), shadows=True, textures=True)
-# What smooth edges cost, beside the same without.
-SMOOTH = {
-    f"{name}-smooth": replace(COMMON[name], name=f"{name}-smooth", by_peers=False, antialiasing=4)
-    for name in ("rgb", "rgb-shadows")
+# What peers do not draw, and what it costs beside the same without: "rgb-smooth", ...
+MORE: Mapping[str, Mapping[str, Any]] = {
+    "smooth": {"antialiasing": 4},
+    "reflections": {"reflections": True},
+    "transparency": {"transparency": True},
 }
-WANTED = {**COMMON, COLOR_AND_DEPTH.name: COLOR_AND_DEPTH, **SMOOTH, **EXTRAS}
+BESIDE = {
+    f"{name}-{more}": replace(COMMON[name], name=f"{name}-{more}", by_peers=False, **options)
+    for name in ("rgb", "rgb-shadows")
+    for more, options in MORE.items()
+}
+WANTED = {**COMMON, COLOR_AND_DEPTH.name: COLOR_AND_DEPTH, **BESIDE, **EXTRAS}
 
 
 def resized(setting: Setting, worlds: int | None, size: str | None) -> Setting:

@@ -23,6 +23,7 @@ CASES = (
 PEERS = ("mujoco_warp", "warpcam", "newton", "mujoco_warp_pbr")
 SETTINGS = ("8192x64", "4096x64", "1024x128", "1024x256", "1x640x480", "cpu")
 SWEEPS = ("worlds", "pixels", "shapes", "faces", "lights")
+MORE = ("smooth", "reflections", "transparency")  # of rgb: rgb-smooth, ...
 
 # Which options each kind of run takes beside its own.
 MEASURED = {"peer", "worlds", "size", "replays", "device", "threads", "cold", "out", "plot"}
@@ -55,8 +56,8 @@ def add(parser: argparse.ArgumentParser) -> None:
         nargs="+",
         metavar="NAME",
         help="sets of outputs: ds (depth and segmentation), rgb, rgb-shadows, rgb-ds-shadows, rgb-d-shadows, "
-        "rgb-smooth, rgb-shadows-smooth, ds+OUTPUT for any one more, or extras for all of the latter (default: the "
-        "first four)",
+        f"rgb or rgb-shadows with one of -{', -'.join(MORE)}, ds+OUTPUT for any one more, or extras for all of the "
+        "latter (default: the first four)",
     )
     what.add_argument("--worlds", type=int, metavar="N", help="in place of the setting's own")
     what.add_argument("--size", metavar="WxH", help="pixels of one image, in place of the setting's own")

@@ -17,6 +17,7 @@ from rich import box
 from rich.console import Console
 from rich.table import Table
 from warpcam.benchmarks import machine
+from warpcam.benchmarks.options import MORE
 
 from warpcam.errors import WarpcamError
 
@@ -99,7 +100,8 @@ def without_more(outputs: str) -> tuple[str | None, str]:
     """The set of outputs that another is compared with, if any, and how a result tells the ratio."""
     if outputs.startswith("ds+"):
         return "ds", "times_ds"
-    return (outputs.removesuffix("-smooth") if outputs.endswith("-smooth") else None), "times_plain"
+    plain, _, more = outputs.rpartition("-")
+    return (plain if more in MORE else None), "times_plain"
 
 
 def console() -> Console:
@@ -122,8 +124,9 @@ def show(report: Report) -> None:
     screen = console()
     screen.print(table)
     screen.print(
-        "ratio: how many times longer than warpcam (what one more output costs, of ds; smooth edges, of none). ids, "
-        "depth: fraction of pixels that differ from the first renderer's; rgb: mean difference of 255, PSNR in dB.",
+        "ratio: how many times longer than warpcam (what one more output costs, of ds; smooth edges and the like, of "
+        "none). ids, depth: fraction of pixels that differ from the first renderer's; rgb: mean difference of 255, "
+        "PSNR in dB.",
         style="dim",
     )
     for row in report["results"]:

@@ -47,6 +47,7 @@ MAX_STRIPS = 128  # shapes of a scene whose floors are drawn by strips
 MAX_CASTING = 3  # lights of a scene whose floors are drawn by strips with their shadows: FEW in native/corners.h
 MAX_SEEN = 512  # shapes of which it can keep the looks of those that it sees; with more it sees too many
 MIRRORED, REFLECTS, VEILED, HAZY, NOTED = 1 << 8, 1 << 9, 1 << 10, 1 << 11, 1 << 14  # facts of native/look.h
+IN_QUADS = frozenset(map(frozenset, (("rgb",), ("rgba",), ("rgb", "rgba"), ("hdr",), ("albedo",))))  # native/quads.h
 LIT = ("rgb", "rgba", "hdr")  # what mirrors, transparent shapes and haze change
 
 
@@ -276,7 +277,10 @@ def record(
         whole = width % region[0] == 0 and height % region[1] == 0
         facts |= QUADS * (width % 4 == 0) | WHOLE_REGIONS * whole
         plain = (
-            set(outputs) == {"rgb"} and lens == "pinhole" and tables.physical is None and not (more or varied & EXPOSED)
+            frozenset(outputs) in IN_QUADS
+            and lens == "pinhole"
+            and tables.physical is None
+            and not (more or varied & EXPOSED)
         )
         by_corners = shadow is None or tables.num_lights <= MAX_CASTING
         strips = has_strips(tables.shape_types, tables.num_drawn) and whole and region[0] % 32 == 0

@@ -16,6 +16,7 @@ from .types import HEIGHT_FIELD, LOOKS_ALONE, MESH, MIDDLE_FIRST, MOVING, Height
 OUTPUTS = ("depth", "shape", "face", "distance", "points", "bodies", "normals")
 QUADS, TILED = 128, 256
 IDS, BY_WORLD = 1 << 16, 1 << 17  # ids by world: canvas.h
+LABELS: Mapping[str, int] = {"instances": 1 << 18, "semantics": 1 << 19}  # the same
 OPAQUE = 1 << 20  # what is transparent is left out
 # native/flow_places.h
 FLOW, FLOW_VALID, FLOW_MOVES, FLOW_BRIEF, FLOW_LISTED, FLOW_WHOLE, FLOW_NEAR = (1 << bit for bit in range(24, 31))
@@ -34,6 +35,16 @@ LISTED_BYTES = 99  # of it for each shape that a block lists: tiles.h, ShapeList
 MESH_BLOCKS = 8  # the same for scenes with meshes or height fields
 MOVING_BLOCKS = 6  # and where meshes move: native/bvh4.h, faces_together
 MANY_MESHES_BLOCKS = 6  # and for more than MANY shapes
+
+
+@wp.struct
+class Labels:
+    """Images of labels, (world * height * width,), and the tables that they are looked up in, (world or 1, shape)."""
+
+    instances: wp.array(dtype=wp.int32)  # -1 where nothing is hit
+    semantics: wp.array(dtype=wp.int32)  # 0 where nothing is hit
+    instance_of: wp.array2d(dtype=wp.int32)
+    semantic_of: wp.array2d(dtype=wp.int32)
 
 
 @functools.cache
@@ -78,6 +89,7 @@ def flow_target_struct(shape_dtype: Any, face_dtype: Any) -> Any:
         width: wp.int32
         height: wp.int32
         trail: Trail
+        labels: Labels
 
     return FlowTarget
 
@@ -104,6 +116,7 @@ def target_struct(shape_dtype: Any, face_dtype: Any) -> Any:
         normals: wp.array(dtype=wp.float32)
         width: wp.int32
         height: wp.int32
+        labels: Labels
 
     return Target
 
@@ -181,8 +194,9 @@ def record(
             shapes is drawn in passes, which go on from each other's depth and shape: then both are needed.
         shape: An integer type that holds every shape id and -1, likewise.
         face: An integer type that holds every face, likewise; see ``target_struct``.
-        images: "distance", "points", "bodies", "ids", "normals", "flow" and "flow_valid", those that are wanted,
-            (world, height, width, channels); normals only for scenes without meshes and height fields.
+        images: "distance", "points", "bodies", "ids", "normals", "instances", "semantics", "flow" and "flow_valid",
+            those that are wanted, (world, height, width, channels); normals only for scenes without meshes and height
+            fields.
         device: Where all of these lie.
         group: Which worlds are traced; None is all.
         veil_places: int32, (shape,). With it shapes that are transparent are left out, of those where it is not -1;
@@ -214,6 +228,14 @@ def record(
     if "ids" in images:
         target.ids = images["ids"].flatten()
         outputs |= IDS
+    for name, bit in LABELS.items():
+        if name in images:
+            setattr(target.labels, name, images[name].flatten())
+            outputs |= bit
+    if outputs & LABELS["instances"]:
+        target.labels.instance_of = tables.labels["instances"]
+    if outputs & LABELS["semantics"]:
+        target.labels.semantic_of = tables.labels["semantics"]
     if veil_places is not None:
         target.veil_places = veil_places
         outputs |= OPAQUE

@@ -14,6 +14,7 @@ pytest.importorskip("mujoco_warp")
 
 from warpcam.benchmarks import cases, compare, host, measure, options, peers, problem, report, rooms, run, sweeps
 
+import warpcam as wc
 from warpcam import cli
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -116,18 +117,36 @@ def test_extra_outputs_are_compared_with_depth_and_ids(tmp_path: Path) -> None:
     assert set(cases.EXTRAS) == {f"ds+{name}" for name in cases.OUTPUTS} - {"ds+depth", "ds+segmentation"}
 
 
-def test_smooth_edges_are_compared_with_none(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    out = tmp_path / "smooth.json"
-    asked = ("--outputs", "rgb", "rgb-shadows", "rgb-smooth", "rgb-shadows-smooth", "--peer", "warpcam")
+def test_what_a_scene_cannot_have_fails_each_time(tmp_path: Path) -> None:
+    pytest.importorskip("newton")
+    out = tmp_path / "more.json"
+    asked = ("--outputs", "rgb", "rgb-reflections", "rgb-shadows-reflections", "--peer", "warpcam")
+    assert bench("--case", "newton_quadruped", *asked, *TINY, "--out", out) == 1
+    rows = {row["outputs"]: row for row in json.loads(out.read_text())["results"]}
+    assert [name for name, row in rows.items() if "error" in row] == ["rgb-reflections", "rgb-shadows-reflections"]
+
+
+@pytest.mark.parametrize("more", list(cases.MORE))
+def test_what_peers_do_not_draw_is_compared_with_none(
+    more: str, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    out = tmp_path / "more.json"
+    asked_of: list[Any] = []
+    for kind in ("Camera", "from_mujoco_warp"):
+        made = getattr(wc, kind)
+        monkeypatch.setattr(wc, kind, lambda *args, made=made, **named: asked_of.append(named) or made(*args, **named))
+    asked = ("--outputs", f"rgb-{more}", f"rgb-shadows-{more}", "rgb", "rgb-shadows", "--peer", "warpcam")
     assert bench("--case", "humanoid", *asked, *TINY, "--out", out) == 0
     rows = {row["outputs"]: row for row in json.loads(out.read_text())["results"]}
     shown = capsys.readouterr().out
     for name in ("rgb", "rgb-shadows"):
-        ratio = rows[f"{name}-smooth"]["ms"]["median"] / rows[name]["ms"]["median"]
-        assert rows[f"{name}-smooth"]["times_plain"] == pytest.approx(ratio)
+        ratio = rows[f"{name}-{more}"]["ms"]["median"] / rows[name]["ms"]["median"]
+        assert rows[f"{name}-{more}"]["times_plain"] == pytest.approx(ratio)
         assert f"{ratio:.2f} of none" in shown
-        assert rows[f"{name}-smooth"]["told_memory_mb"] > rows[name]["told_memory_mb"]
-        assert cases.WANTED[f"{name}-smooth"].shadows == cases.WANTED[name].shadows
+        assert cases.WANTED[f"{name}-{more}"].shadows == cases.WANTED[name].shadows
+    for option, value in cases.MORE[more].items():
+        given = [named[option] for named in asked_of if option in named]
+        assert value in given and given[-1] != value
 
 
 @pytest.mark.parametrize("name", list(sweeps.SWEEPS))
@@ -150,7 +169,7 @@ def test_every_point_of_a_sweep_can_be_asked_for() -> None:
     options.add(parser)
     assert tuple(sweeps.SWEEPS) == options.SWEEPS
     assert options.CASES == tuple(cases.CASES) and options.SETTINGS == tuple(cases.SETTINGS)
-    assert options.PEERS == tuple(peers.PEERS)
+    assert options.PEERS == tuple(peers.PEERS) and options.MORE == tuple(cases.MORE)
     for name, (_, values) in sweeps.SWEEPS.items():
         points = sweeps.points(parser.parse_args(["--sweep", name]))
         assert [marks["x"] for _, marks in points] == list(values)

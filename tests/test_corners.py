@@ -74,6 +74,34 @@ def test_planes(device: wp.Device, size: str, material: str, camera: str) -> Non
     assert plain.std() > 10
 
 
+@pytest.mark.parametrize("shadows", [True, False])
+@pytest.mark.parametrize("material", ["grey", "plain", "blue"])
+@pytest.mark.parametrize("camera", [NEAR, HORIZON], ids=["near", "horizon"])
+def test_images_alone_and_together(
+    device: wp.Device, monkeypatch: pytest.MonkeyPatch, camera: str, material: str, shadows: bool
+) -> None:
+    """On a GPU those that are asked for alone are drawn by strips, all together pixel by pixel."""
+    for module in (resolve, shadow, visibility):
+        monkeypatch.setattr(module, "region_size", lambda *_, **__: (64, 64))
+    mjm = model("0 0 .1", material, SPOTS + SUN, camera, 'euler="2 -3 10"')
+    scene = wc.from_mujoco(mjm, [scenes.forward(mjm)], device=device)
+
+    def look(*outputs: str) -> dict[str, np.ndarray]:
+        return scenes.look(scene, wc.Camera(0, width=128, height=64, outputs=outputs, shadows=shadows))
+
+    together = look("rgb", "rgba", "hdr", "albedo", "segmentation")
+    rgb, rgba, both = look("rgb"), look("rgba"), look("rgb", "rgba")
+    found = {**rgb, **rgba, **look("hdr"), **look("albedo")}
+    for name in ("rgb", "rgba"):
+        assert np.abs(both[name].astype(int) - found[name]).max() <= 1
+        assert np.abs(found[name].astype(int) - together[name]).max() <= 1
+    assert np.abs(rgba["rgba"][..., :3].astype(int) - rgb["rgb"]).max() <= 1
+    np.testing.assert_array_equal(rgba["rgba"][..., 3], 255 * (together["segmentation"] >= 0))
+    assert np.abs(found["albedo"].astype(int) - together["albedo"]).max() <= 1
+    np.testing.assert_allclose(found["hdr"], together["hdr"], atol=0.01)
+    assert found["hdr"].max() > found["rgb"].max() / 255
+
+
 @pytest.mark.parametrize(("width", "height"), [(64, 64), (37, 51), (130, 70)])
 def test_sizes(device: wp.Device, width: int, height: int) -> None:
     kept, plain = pictures(model("2.3 1.9 .35", "grey", SPOTS, TILTED), device, True, width, height)

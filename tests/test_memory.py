@@ -38,7 +38,7 @@ DOCS = Path(__file__).resolve().parents[1] / "docs" / "memory.md"
 LIT = {"rgb", "rgba", "hdr"}
 FACED = {*LIT, "normals", "albedo"}
 FLOWS = {"flow", "flow_valid"}
-TRACED = {"depth", "segmentation", "distance", "points", "bodies", *FLOWS}
+TRACED = {"depth", "segmentation", "distance", "points", "bodies", "instances", "semantics", *FLOWS}
 
 
 def scene_of(device: Any, num_worlds: int, more: str = "") -> wc.Scene:
@@ -103,6 +103,7 @@ SETS = (
     ("normals",),
     ("distance",),
     ("bodies",),
+    ("instances", "semantics"),
     ("flow", "flow_valid"),
     tuple(OUTPUTS),
 )

@@ -164,6 +164,10 @@ def test_labels_of_articulations_bodies_and_paths(device: wp.Device, caplog: pyt
             assert set(np.unique(seen["instances"][world][there])) == {instance}, (world, shape)
     assert set(np.unique(seen["semantics"])) == {0, 1, 3, 4, 5, 6}
     assert set(np.unique(seen["instances"])) == {-1, 0, 1, 2, 3, 4}
+    for outputs in (("instances",), ("semantics", "instances"), ("semantics", "flow_valid", "rgb")):
+        alone = scenes.look(scene, eye(outputs=outputs))
+        for name in {"instances", "semantics"} & set(outputs):
+            np.testing.assert_array_equal(alone[name], seen[name])
     plain = scenes.look(wc.from_newton(model, state), eye(outputs=("semantics",)))
     assert (plain["semantics"] == 0).all()
 

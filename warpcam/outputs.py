@@ -21,7 +21,6 @@ class Output:
         trace: The array of the trace it is, or None where it is made of depth and shape in a second pass.
         face: Whether it is derived from the face that was hit, too.
         lit: Whether shadows change it.
-        label: Its value where nothing is hit, for an output that is looked up by shape; else None.
         analytic: Whether the trace writes it nevertheless where a scene has neither meshes nor height fields: then it
             is the trace's array of the same name.
     """
@@ -32,7 +31,6 @@ class Output:
     trace: str | None = None
     face: bool = False
     lit: bool = False
-    label: int | None = None
     analytic: bool = False
 
 
@@ -46,8 +44,8 @@ OUTPUTS: Mapping[str, Output] = {
     "points": Output(wp.float32, 3, "inf", trace="points"),
     "segmentation": Output(wp.int32, 1, "-1", trace="shape"),
     "bodies": Output(wp.int32, 1, "-1", trace="bodies"),
-    "instances": Output(wp.int32, 1, "-1", label=-1),
-    "semantics": Output(wp.int32, 1, "0", label=0),
+    "instances": Output(wp.int32, 1, "-1", trace="instances"),
+    "semantics": Output(wp.int32, 1, "0", trace="semantics"),
     "flow": Output(wp.float32, 2, "0", trace="flow"),
     "flow_valid": Output(wp.uint8, 1, "0", trace="flow_valid"),
     "albedo": Output(wp.uint8, 3, "0", face=True),

@@ -6,7 +6,7 @@ import warp as wp
 
 from warpcam.camera import Camera
 from warpcam.errors import WarpcamError
-from warpcam.kernels import antialias, labels, mirrors, resolve, shadow, splats, visibility
+from warpcam.kernels import antialias, mirrors, resolve, shadow, splats, visibility
 from warpcam.kernels.launch import Group, Stage
 from warpcam.kernels.layers import LayerTables, Mirror
 from warpcam.kernels.tables import Tables
@@ -122,11 +122,6 @@ class Target:
                 shadow.record(
                     tables, projection, views, mask, depth, shape, face, width, height, shadows, device, group
                 )
-            )
-        for name in [name for name in derived if OUTPUTS[name].label is not None]:
-            image = derived.pop(name)
-            stages.append(
-                labels.record(tables.labels[name], OUTPUTS[name].label or 0, mask, shape, image, device, group)
             )
         if derived:
             reflecting = layers is not None and bool(lit) and self._mirrors.size > 0

@@ -12,7 +12,7 @@ import warpcam as wc
 
 
 class WarpcamPeer:
-    """Textures are always drawn, there is no switch; skies and reflections are not, as the peers draw none here."""
+    """Textures are always drawn, there is no switch; skies never, reflections only if asked for: peers have none."""
 
     variants: tuple[str, ...] = ("",)
     lacks: tuple[str, ...] = ()
@@ -20,19 +20,24 @@ class WarpcamPeer:
 
     def __init__(self, problem: Problem) -> None:
         self.problem = problem
-        self.scene = self._scene()
+        self._drawn = {"reflections": False, "transparency": False}
+        self.scene = self._scene(**self._drawn)
         self.renderer: wc.Renderer | None = None
 
-    def _scene(self) -> wc.Scene:
+    def _scene(self, **drawn: bool) -> wc.Scene:
         problem = self.problem
         draw = ("geoms", "flexes") if problem.case.flexes else ("geoms",)  # what peers draw
-        return wc.from_mujoco_warp(problem.mjm, problem.m, problem.d, draw=draw, reflections=False, transparency=False)
+        return wc.from_mujoco_warp(problem.mjm, problem.m, problem.d, draw=draw, **drawn)
 
     def release(self) -> None:
         self.renderer = None
 
     def prepare(self, wanted: Wanted) -> None:
         self.wanted = wanted
+        drawn = {"reflections": wanted.reflections, "transparency": wanted.transparency}
+        if self._drawn != drawn:
+            self.scene = self._scene(**drawn)
+            self._drawn = drawn
         cameras = [
             wc.Camera(
                 name,

@@ -21,13 +21,15 @@ class WarpcamOnNewton(WarpcamPeer):
         super().__init__(problem)
         self.place(0)
 
-    def _scene(self) -> wc.Scene:
+    def _scene(self, *, reflections: bool, transparency: bool) -> wc.Scene:
+        if reflections:
+            raise wc.WarpcamError("reflections: materials of Newton's have none that planes mirror")
         return wc.from_newton(
             self.worlds.model,
             self.worlds.state,
             lights=lights_of(self.problem),
             ambient=ambient_of(self.problem.mjm),
-            transparency=False,  # as the peers draw it
+            transparency=transparency,
         )
 
     def _own(self, index: int) -> dict[str, Any]:

@@ -9,7 +9,7 @@
 namespace warpcam {
 
 // What the trace writes. QUADS: the image's width is a multiple of four pixels; TILED: no tile reaches over its edges.
-// IDS: the ids that shapes have in each world; BY_WORLD: bodies have such ids too.
+// IDS: the ids that shapes have in each world; BY_WORLD: bodies have such ids too. INSTANCES, SEMANTICS: labels.
 // OPAQUE: transparent shapes are left out.
 enum Output {
     DEPTH = 1,
@@ -23,6 +23,8 @@ enum Output {
     TILED = 256,
     IDS = 1 << 16,
     BY_WORLD = 1 << 17,
+    INSTANCES = 1 << 18,
+    SEMANTICS = 1 << 19,
     OPAQUE = 1 << 20
 };
 
@@ -62,7 +64,7 @@ template <int TYPES, int LENS, int OUTPUTS, int CAPACITY, int TALL_, class Targe
     Places_& places;
     static constexpr bool WHOLE = Places_::WHOLE;  // the region is an image of known size
     // More than depth and shape.
-    static constexpr bool STORES_MUCH = OUTPUTS & (DISTANCE | POINTS | BODIES | NORMALS | IDS | FLOWS);
+    static constexpr bool STORES_MUCH = OUTPUTS & (DISTANCE | POINTS | BODIES | NORMALS | IDS | INSTANCES | SEMANTICS | FLOWS);
     // The motions of few shapes: one warp composes them while the others begin to draw.
     static constexpr bool APART = (OUTPUTS & FLOWS) && (OUTPUTS & FLOW_LISTED) && CAPACITY <= LANES && !(TYPES >> MESH & 1);
 
@@ -134,6 +136,10 @@ template <int TYPES, int LENS, int OUTPUTS, int CAPACITY, int TALL_, class Targe
             target.bodies.data[pixel] = body_of<(OUTPUTS & BY_WORLD) != 0>(shapes, world, shape);
         if (WHAT & IDS)
             target.ids.data[pixel] = id_of(shapes, world, shape);
+        if constexpr ((WHAT & INSTANCES) != 0)
+            target.labels.instances.data[pixel] = label_of(target.labels.instance_of, world, shape, -1);
+        if constexpr ((WHAT & SEMANTICS) != 0)
+            target.labels.semantics.data[pixel] = label_of(target.labels.semantic_of, world, shape, 0);
         if (WHAT & POINTS)
             put_three(target.points.data, pixel, point_of(hit, camera, seen));
         if (WHAT & NORMALS)

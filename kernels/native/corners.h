@@ -76,7 +76,7 @@ constexpr int FEW = 4;  // numbers that are loaded at once
 // few there are FEW of them, the last ones 0, and on CUDA the first is what it shows in all lights.
 template <int ROOM_, bool SHADOWS_> struct CornerGrid {
     static constexpr int ROOM = ROOM_;
-    static constexpr bool SHADOWS = SHADOWS_;
+    static constexpr bool SHADOWS = SHADOWS_, LIT = true;
 
     alignas(16) float values[ROOM > 0 ? ROOM : 1];
     alignas(16) int bits[MAX_LIGHTS];  // of shadow masks, of the lights that cast shadows
@@ -93,6 +93,19 @@ template <int ROOM_, bool SHADOWS_> struct CornerGrid {
 // The lights of a world with the corners that they light.
 template <int ROOM, bool SHADOWS> struct LitCorners : LightList {
     CornerGrid<ROOM, SHADOWS> grid;
+};
+
+// The same of a floor that no light falls on: what it shows of its own colour is its texture.
+struct BareGrid {
+    static constexpr bool SHADOWS = false, LIT = false;
+
+    FloorView view;
+    Vec color;
+    int shape;
+};
+
+struct BareFloor : LightList {
+    BareGrid grid;
 };
 
 template <class List> struct HasCorners {
@@ -233,12 +246,13 @@ WARPCAM_FN void keep(float* values, Vec color, Vec)
     values[2] = color.z;
 }
 
-// What one corner shows. Sum: float where all of it is grey, else Vec.
-template <class Sum, bool SHADOWS>
+// What one corner shows, on a display if DISPLAYED. Sum: float where all of it is grey, else Vec.
+template <class Sum, bool SHADOWS, bool DISPLAYED>
 WARPCAM_FN void light_corner(const LightList& list, Vec place, Vec normal, const Finish& finish, float* values)
 {
     constexpr int CHANNELS = sizeof(Sum) / sizeof(float);
     const Vertex corner = vertex_at(place, normal);
+    const auto shown = [](Vec color) { return DISPLAYED ? clip(color) : color; };
     Glow<Sum> steady {};
     int slot = CHANNELS;
 #pragma unroll 1
@@ -260,17 +274,17 @@ WARPCAM_FN void light_corner(const LightList& list, Vec place, Vec normal, const
                 share.ambient = 0.0f;  // it lies in its own shadow
             Glow<Sum> own {};
             add_share(own, share, light);
-            keep(values + slot, clip(reflected(own, { 0.0f, 0.0f, 0.0f }, finish)), Sum {});
+            keep(values + slot, shown(reflected(own, { 0.0f, 0.0f, 0.0f }, finish)), Sum {});
             slot += CHANNELS;
         } else {
             add_share(steady, share, light);
         }
     }
-    keep(values, clip(reflected(steady, always_on(list, finish), finish)), Sum {});
+    keep(values, shown(reflected(steady, always_on(list, finish), finish)), Sum {});
 }
 
 // Lights the corners that are kept; the threads of a block share them.
-template <class Grid, class Looks>
+template <bool DISPLAYED, class Grid, class Looks>
 WARPCAM_FN void light_corners(Grid& grid, const LightList& list, const Looks& look, int thread)
 {
     if (grid.shape < 0)
@@ -283,7 +297,7 @@ WARPCAM_FN void light_corners(Grid& grid, const LightList& list, const Looks& lo
                                            corner_of(look.cells.v, float(grid.first_v + row)) - eye.y, -eye.z });
         float* values = grid.values + i * grid.stride;
         if (grid.grey)
-            light_corner<float, Grid::SHADOWS>(list, place, normal, look.finish, values);
+            light_corner<float, Grid::SHADOWS, DISPLAYED>(list, place, normal, look.finish, values);
         if (grid.few) {
             for (int n = 1 + grid.casting; n < FEW; ++n)
                 values[n] = 0.0f;
@@ -291,7 +305,7 @@ WARPCAM_FN void light_corners(Grid& grid, const LightList& list, const Looks& lo
                 values[0] += values[n];
         }
         if (!grid.grey)
-            light_corner<Vec, Grid::SHADOWS>(list, place, normal, look.finish, values);
+            light_corner<Vec, Grid::SHADOWS, DISPLAYED>(list, place, normal, look.finish, values);
     }
 }
 
@@ -336,6 +350,19 @@ template <class Looks> WARPCAM_FN void view_floor(FloorView& view, const Looks& 
         view.count = layout.image.levels;
         view.plain = !(layout.image.levels > 0 && layout.cube) && layout.image.levels <= MAX_LEVELS;
     }
+}
+
+// A team calls it. `sheet` as above.
+template <class Looks>
+WARPCAM_FN void see_floor(BareGrid& grid, const Looks& look, const Camera& camera, int plane, unsigned long long sheet,
+                          int lane)
+{
+    list_levels(grid.view, look, sheet, lane);
+    if (lane != 0)
+        return;
+    view_floor(grid.view, look, camera);
+    grid.color = clip(to_vec(look.finish.color));
+    grid.shape = plane;
 }
 
 }  // namespace warpcam

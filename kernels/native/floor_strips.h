@@ -2,14 +2,12 @@
 // that what a strip of 128 takes, its numbers and its stores are paid once for four tiles.
 #pragma once
 #include "floor.h"
-#include "pixels.h"
+#include "quads.h"
 #include "tiles.h"
 
 namespace warpcam {
 
 #if defined(__CUDA_ARCH__)
-
-constexpr int QUAD = 4;  // pixels of a lane
 
 // A region's strips, 32 pixels wide and a tile high, dealt out to its warps: each has one column of them.
 template <int WIDTH, int HEIGHT> struct Strips {
@@ -43,10 +41,17 @@ struct StripPlan {
 template <class Grid> WARPCAM_FN void plan_strips(StripPlan& plan, const Grid& grid, const Camera& camera)
 {
     const FloorView& view = grid.view;
-    const bool lit = Grid::SHADOWS ? grid.few : grid.grey;
+    CellAxis cells_u { 1.0f, 0.0f, 0.0f, 0.0f, 0.0f }, cells_v = cells_u;  // places in metres where there are no cells
     plan.count = plan.next = 0;
-    plan.plain = grid.shape >= 0 && lit && view.plain && (view.count == 0 || view.sheet) && grid.u.stretch == 0.0f
-        && grid.v.stretch == 0.0f;
+    plan.plain = grid.shape >= 0 && view.plain && (view.count == 0 || view.sheet);
+    if constexpr (Grid::LIT) {
+        cells_u = grid.u;
+        cells_v = grid.v;
+        plan.plain &= (Grid::SHADOWS ? grid.few : grid.grey) && cells_u.stretch == 0.0f && cells_v.stretch == 0.0f;
+        plan.columns = float(grid.columns) - 1.0001f;
+        plan.rows = float(grid.rows) - 1.0001f;
+        plan.bias = unsigned(as_int(WHOLE_NUMBERS)) * unsigned(grid.columns + 1);
+    }
     const float x = image_x(camera, 0.0f), y = image_y(camera, 0.0f), dx = camera.scale_x, dy = -camera.scale_y;
     const Row ax = view.axis_x, ay = view.axis_y, az = view.axis_z;
     const float away = -as_float(az.w), side = away < 0.0f ? -1.0f : 1.0f;
@@ -54,11 +59,11 @@ template <class Grid> WARPCAM_FN void plan_strips(StripPlan& plan, const Grid& g
         return Row { scale * axis.x * dx, scale * axis.y * dy, scale * (axis.x * x + axis.y * y - axis.z), as_int(eye) };
     };
     plan.height = along(az, side, 0.0f);
-    plan.u = along(ax, side * away * grid.u.rate, grid.u.rate * as_float(ax.w) + grid.u.start);
-    plan.v = along(ay, side * away * grid.v.rate, grid.v.rate * as_float(ay.w) + grid.v.start);
-    const float rate_u = view.place.x / grid.u.rate, rate_v = view.place.y / grid.v.rate;
-    plan.texture = { rate_u, view.place.z - rate_u * grid.u.start, rate_v,
-                     as_int(as_float(view.place.w) - rate_v * grid.v.start) };
+    plan.u = along(ax, side * away * cells_u.rate, cells_u.rate * as_float(ax.w) + cells_u.start);
+    plan.v = along(ay, side * away * cells_v.rate, cells_v.rate * as_float(ay.w) + cells_v.start);
+    const float rate_u = view.place.x / cells_u.rate, rate_v = view.place.y / cells_v.rate;
+    plan.texture = { rate_u, view.place.z - rate_u * cells_u.start, rate_v,
+                     as_int(as_float(view.place.w) - rate_v * cells_v.start) };
     // Along its own direction a step does not change these.
     const Row right = view.right, down = view.down;
     const float right_w = as_float(right.w), down_w = as_float(down.w);
@@ -70,10 +75,7 @@ template <class Grid> WARPCAM_FN void plan_strips(StripPlan& plan, const Grid& g
                   away * (down.x * (az.x * x - az.z) - down.y * (ax.x * x - ax.z)),
                   away * dx * (down.z * az.x - down_w * ay.x),
                   as_int(away * (down.z * (az.x * x - az.z) - down_w * (ay.x * x - ay.z))) };
-    plan.columns = float(grid.columns) - 1.0001f;
-    plan.rows = float(grid.rows) - 1.0001f;
     plan.coarsest = float(view.count - 1);
-    plan.bias = unsigned(as_int(WHOLE_NUMBERS)) * unsigned(grid.columns + 1);
 }
 
 // Half the logarithm of the square of a step.
@@ -98,21 +100,47 @@ WARPCAM_FN StripColumn strip_column(const StripPlan& plan, float column)
     return own;
 }
 
-// A number of 0 to 255 in the lowest byte.
-WARPCAM_FN unsigned low_byte(float unit) { return unsigned(as_int(saturated(unit) * 255.0f + WHOLE_NUMBERS)); }
-
-WARPCAM_FN unsigned four_bytes(unsigned a, unsigned b, unsigned c, unsigned d)
-{
-    return __byte_perm(__byte_perm(a, b, 0x0040), __byte_perm(c, d, 0x0040), 0x5410);
-}
-
-// Draws four pixels of the plane; `words` are their bytes. `shadows`: the lights that do not reach them, a byte each, if
-// SHADED. False if what is kept does not reach as far.
-template <bool TEXTURED, bool SHADED, class Grid>
-WARPCAM_FN bool draw_quad(const StripPlan& plan, const Grid& grid, const StripColumn& own, float row, unsigned shadows,
-                          unsigned (&words)[3])
+// What a pixel shows in the lights that `shadow` leaves, if SHADED, else in all: at (u, v) among the corners.
+template <bool SHADED, class Grid>
+WARPCAM_FN float light_at(const StripPlan& plan, const Grid& grid, float u, float v, unsigned shadow)
 {
     constexpr int STRIDE = Grid::SHADOWS ? FEW : 1;
+    const float base_u = __fadd_rd(u, WHOLE_NUMBERS), base_v = __fadd_rd(v, WHOLE_NUMBERS);
+    const float a = u - (base_u - WHOLE_NUMBERS), b = v - (base_v - WHOLE_NUMBERS);
+    const bool high = a > 1.0f - b;
+    const float second = high ? 1.0f - b : a, third = high ? 1.0f - a : b;
+    const unsigned corner = unsigned(as_int(base_v)) * unsigned(grid.columns) + unsigned(as_int(base_u)) - plan.bias;
+    const float* values = grid.values + int(corner) * STRIDE;
+    const float* at_first = values + (high ? (grid.columns + 1) * STRIDE : 0);
+    const float* at_second = values + STRIDE;
+    const float* at_third = values + grid.columns * STRIDE;
+    if constexpr (SHADED) {
+        alignas(16) float one[FEW], two[FEW], three[FEW];
+        load_few(at_first, one);
+        load_few(at_second, two);
+        load_few(at_third, three);
+        float light;
+#pragma unroll
+        for (int n = 0; n < FEW; ++n) {
+            const float own_light = one[n] + second * (two[n] - one[n]) + third * (three[n] - one[n]);
+            if (n == 0)
+                light = own_light;
+            else
+                light -= grid.bits[n - 1] & shadow ? own_light : 0.0f;
+        }
+        return light;
+    } else {
+        const float one = *at_first;
+        return one + second * (*at_second - one) + third * (*at_third - one);
+    }
+}
+
+// Draws four pixels of the plane. `shadows`: the lights that do not reach them, a byte each, if SHADED. False if what is
+// kept does not reach as far.
+template <bool TEXTURED, bool SHADED, int IMAGES, class Grid>
+WARPCAM_FN bool draw_quad(const StripPlan& plan, const Grid& grid, const StripColumn& own, float row, unsigned shadows,
+                          Quad<IMAGES>& quad)
+{
     const FloorView& view = grid.view;
     const Row height = plan.height, across_u = plan.u, across_v = plan.v;
     const float start = own.height + row * height.y, start_u = own.u + row * across_u.y, start_v = own.v + row * across_v.y;
@@ -125,43 +153,17 @@ WARPCAM_FN bool draw_quad(const StripPlan& plan, const Grid& grid, const StripCo
     }
     // What lies between two pixels that are among the corners is, too, but for rounding.
     constexpr float SLACK = 1.0e-5f;
-    const bool within = (lower(rate[0], rate[3]) > 0.0f) & (lower(u[0], u[3]) >= SLACK) & (upper(u[0], u[3]) < plan.columns)
-        & (lower(v[0], v[3]) >= SLACK) & (upper(v[0], v[3]) < plan.rows);
+    bool within = lower(rate[0], rate[3]) > 0.0f;
+    if constexpr (Grid::LIT)
+        within = within & (lower(u[0], u[3]) >= SLACK) & (upper(u[0], u[3]) < plan.columns) & (lower(v[0], v[3]) >= SLACK)
+            & (upper(v[0], v[3]) < plan.rows);
     if (!within)
         return false;
     const float right = TEXTURED ? step_size(plan.right, row) : 0.0f;
     const Row texture = plan.texture;
-    unsigned bytes[QUAD][3];
+    Vec colors[QUAD];
 #pragma unroll
     for (int k = 0; k < QUAD; ++k) {
-        const float base_u = __fadd_rd(u[k], WHOLE_NUMBERS), base_v = __fadd_rd(v[k], WHOLE_NUMBERS);
-        const float a = u[k] - (base_u - WHOLE_NUMBERS), b = v[k] - (base_v - WHOLE_NUMBERS);
-        const bool high = a > 1.0f - b;
-        const float second = high ? 1.0f - b : a, third = high ? 1.0f - a : b;
-        const unsigned corner = unsigned(as_int(base_v)) * unsigned(grid.columns) + unsigned(as_int(base_u)) - plan.bias;
-        const float* values = grid.values + int(corner) * STRIDE;
-        const float* at_first = values + (high ? (grid.columns + 1) * STRIDE : 0);
-        const float* at_second = values + STRIDE;
-        const float* at_third = values + grid.columns * STRIDE;
-        float light;
-        if constexpr (SHADED) {
-            alignas(16) float one[FEW], two[FEW], three[FEW];
-            load_few(at_first, one);
-            load_few(at_second, two);
-            load_few(at_third, three);
-            const unsigned shadow = shadows >> 8 * k;
-#pragma unroll
-            for (int n = 0; n < FEW; ++n) {
-                const float own_light = one[n] + second * (two[n] - one[n]) + third * (three[n] - one[n]);
-                if (n == 0)
-                    light = own_light;
-                else
-                    light -= grid.bits[n - 1] & shadow ? own_light : 0.0f;
-            }
-        } else {
-            const float one = *at_first;
-            light = one + second * (*at_second - one) + third * (*at_third - one);
-        }
         Vec color { 1.0f, 1.0f, 1.0f };
         if constexpr (TEXTURED) {
             const float detail = lower(upper(2.0f * logarithm2(rate[k]) + upper(own.down[k], right), 0.0f), plan.coarsest);
@@ -170,13 +172,12 @@ WARPCAM_FN bool draw_quad(const StripPlan& plan, const Grid& grid, const StripCo
             color = sample_sheet(view.sheet, view.levels[level], view.levels[level + 1], texture.x * u[k] + texture.y,
                                  texture.z * v[k] + as_float(texture.w), detail - (base - WHOLE_NUMBERS));
         }
-        bytes[k][0] = low_byte(light * color.x);
-        bytes[k][1] = low_byte(light * color.y);
-        bytes[k][2] = low_byte(light * color.z);
+        if constexpr (Grid::LIT)
+            colors[k] = light_at<SHADED>(plan, grid, u[k], v[k], shadows >> 8 * k) * color;
+        else
+            colors[k] = times(grid.color, color);
     }
-    words[0] = four_bytes(bytes[0][0], bytes[0][1], bytes[0][2], bytes[1][0]);
-    words[1] = four_bytes(bytes[1][1], bytes[1][2], bytes[2][0], bytes[2][1]);
-    words[2] = four_bytes(bytes[2][2], bytes[3][0], bytes[3][1], bytes[3][2]);
+    quad.fill(colors);
     return true;
 }
 
@@ -192,8 +193,8 @@ template <int BYTES> WARPCAM_FN unsigned showing(const Several<unsigned, BYTES>&
 }
 
 // Draws what a warp's strips show of the plane. Returns which of a lane's pixels are left, four bits a strip.
-template <bool TEXTURED, int WIDTH, int HEIGHT, class Grid, class Frame_, class Image_>
-WARPCAM_FN unsigned draw_strips(const StripPlan& plan, const Grid& grid, const Frame_& frame, const Image_& image,
+template <bool TEXTURED, int IMAGES, int WIDTH, int HEIGHT, class Grid, class Frame_, class Images_>
+WARPCAM_FN unsigned draw_strips(const StripPlan& plan, const Grid& grid, const Frame_& frame, const Images_& images,
                                 const Region& region, unsigned corner, int warp, int lane, float* row_of_lanes)
 {
     using Own = Strips<WIDTH, HEIGHT>;
@@ -206,7 +207,8 @@ WARPCAM_FN unsigned draw_strips(const StripPlan& plan, const Grid& grid, const F
     };
     // Twelve bytes of each lane, stored by sixteen.
     const int piece_row = lane / 6, piece = lane % 6;
-    const unsigned stored = corner + unsigned((Own::row(warp, 0, 0) + piece_row) * frame.width + Own::column(warp, 0));
+    const unsigned highest = corner + unsigned(Own::row(warp, 0, 0) * frame.width + Own::column(warp, 0));
+    const unsigned stored = highest + unsigned(piece_row * frame.width);
     auto ids = four_at(frame.shape.data + first);
     unsigned dark = shadows_at(first), left = 0;
 #pragma unroll 1
@@ -217,23 +219,19 @@ WARPCAM_FN unsigned draw_strips(const StripPlan& plan, const Grid& grid, const F
             dark = shadows_at(first + unsigned(strip + 1) * step);
         }
         const float row = float(region.top + Own::row(warp, lane, strip));
-        unsigned words[3] = {};
+        Quad<IMAGES> quad {};
         bool drawn = false;
         if (Grid::SHADOWS && any_lane(on && shadow)) {
             if (on)
-                drawn = draw_quad<TEXTURED, true>(plan, grid, own, row, shadow, words);
+                drawn = draw_quad<TEXTURED, true>(plan, grid, own, row, shadow, quad);
         } else if (on) {
-            drawn = draw_quad<TEXTURED, false>(plan, grid, own, row, 0u, words);
+            drawn = draw_quad<TEXTURED, false>(plan, grid, own, row, 0u, quad);
         }
         left |= (drawn ? ~on & 15u : 15u) << 4 * strip;
         if (any_lane(drawn)) {
-            for (int n = 0; n < 3; ++n)
-                row_of_lanes[3 * lane + n] = as_float(int(words[n]));
-            __syncwarp();
-            if (lane < 24)
-                *reinterpret_cast<float4*>(image.data + 3 * size_t(stored + unsigned(strip) * step) + 16 * piece)
-                    = *reinterpret_cast<const float4*>(row_of_lanes + 4 * lane);
-            __syncwarp();
+            const unsigned down = unsigned(strip) * step;
+            store_quads(images, quad, drawn, first + down, stored + down, piece, highest + down, frame.width, lane,
+                        row_of_lanes);
         }
     }
     return left;
@@ -268,17 +266,19 @@ template <int EACH> WARPCAM_FN void list_pixels(unsigned short* list, int& count
 
 // Draws a region: the plane by strips, then what they leave, 32 pixels at once, with `draw`. `list`: room for all of them,
 // which may be that of the grid's values.
-template <bool TEXTURED, int WIDTH, int HEIGHT, class Grid, class Frame_, class Image_, class Draw>
-WARPCAM_FN void draw_by_strips(StripPlan& plan, unsigned short* list, Grid& grid, const Frame_& frame, const Image_& image, const Region& region,
-                               unsigned first, int warp, Pixel& pixel, const Draw& draw)
+template <bool TEXTURED, int IMAGES, int WIDTH, int HEIGHT, class Grid, class Frame_, class Images_, class Draw>
+WARPCAM_FN void draw_by_strips(StripPlan& plan, unsigned short* list, Grid& grid, const Frame_& frame, const Images_& images,
+                               const Region& region, unsigned first, int warp, Pixel& pixel, const Draw& draw)
 {
     using Own = Strips<WIDTH, HEIGHT>;
     const bool plain = plan.plain;
     if (plain) {
         const unsigned corner = first + unsigned(region.top * frame.width + region.left);
         const unsigned left = TEXTURED && grid.view.count > 0
-            ? draw_strips<TEXTURED, WIDTH, HEIGHT>(plan, grid, frame, image, region, corner, warp, pixel.lane, pixel.row_of_lanes)
-            : draw_strips<false, WIDTH, HEIGHT>(plan, grid, frame, image, region, corner, warp, pixel.lane, pixel.row_of_lanes);
+            ? draw_strips<TEXTURED, IMAGES, WIDTH, HEIGHT>(plan, grid, frame, images, region, corner, warp, pixel.lane,
+                                                           pixel.row_of_lanes)
+            : draw_strips<false, IMAGES, WIDTH, HEIGHT>(plan, grid, frame, images, region, corner, warp, pixel.lane,
+                                                        pixel.row_of_lanes);
         block_barrier();  // what is stored may be stored again, and no corner is asked for any more
         if (threadIdx.x == 0)
             grid.shape = -1;

@@ -1,4 +1,4 @@
-// What follows from a hit alone, without its surface: distance, point, body.
+// What follows from a hit alone, without its surface: distance, point, body, labels.
 #pragma once
 #include "bvh4.h"
 #include "pixels.h"
@@ -42,6 +42,12 @@ template <bool BY_WORLD, class Shapes> WARPCAM_FN int body_of(const Shapes& shap
 template <class Shapes> WARPCAM_FN int id_of(const Shapes& shapes, int world, int shape)
 {
     return shape >= 0 ? wp::index(shapes.ids, world, shape) : -1;
+}
+
+// Of a table of labels, (world or 1, shape); `none` where nothing is hit.
+template <class Table> WARPCAM_FN int label_of(const Table& table, int world, int shape, int none)
+{
+    return shape >= 0 ? wp::index(table, table.shape[0] > 1 ? world : 0, shape) : none;
 }
 
 }  // namespace warpcam

@@ -20,7 +20,9 @@ WARPCAM_FN void resolve(const Scene_& scene, const Lights& lights, int index)
     constexpr int ROOM = 44032 - (VEILS != 0 ? int(sizeof(Sheets)) : 0);
     constexpr int KEPT = CAPACITY * int(sizeof(Looks)) <= ROOM && (Wants::SURFACE || Wants::COLORED) ? CAPACITY : 0;
     constexpr bool SHADOWS = FACTS & HAS_SHADOWS;
-    constexpr int CORNERS = Wants::FACETED && (TYPES >> PLANE & 1) && LENS == PINHOLE && !(IMAGES & HDR)
+    // Corners keep radiance, not display colours. Otherwise, where there is both, pixels are lit for themselves.
+    constexpr bool RADIANT = IMAGES == HDR && (FACTS & STRIPS);
+    constexpr int CORNERS = Wants::FACETED && (TYPES >> PLANE & 1) && LENS == PINHOLE && (!(IMAGES & HDR) || RADIANT)
         ? corner_room(WIDTH * HEIGHT, (ROOM < CORNERED ? ROOM : CORNERED) - KEPT * int(sizeof(Looks)) - 1024)
         : 0;
     // Where not all looks can be kept, some are.
@@ -32,11 +34,11 @@ WARPCAM_FN void resolve(const Scene_& scene, const Lights& lights, int index)
     constexpr int HELD = SOME ? -1 : KEPT;
     WARPCAM_SHARED Held looks[KEPT > 0 ? KEPT : 1];
     using Lit_ = typename Either<(CORNERS > 0), LitCorners<CORNERS, SHADOWS>, LightList>::type;
-    WARPCAM_SHARED typename Either<(FACTS & PHYSICAL) != 0, LampList, Lit_>::type list;
 #if defined(__CUDA_ARCH__)
     constexpr int NEEDED = STRIPS | QUADS | WHOLE_REGIONS, BARRED = MIRRORED | REFLECTS | VEILED | HAZY | EXPOSED;
-    constexpr bool IN_STRIPS = IMAGES == RGB && (FACTS & (NEEDED | BARRED)) == NEEDED && KEPT > 0
-        && lit_by_corners<Lit_>(SHADOWS) && Strips<WIDTH, HEIGHT>::FIT;
+    constexpr bool BARE_STRIPS = IMAGES == ALBEDO && Wants::TEXTURED && (TYPES >> PLANE & 1) && LENS == PINHOLE;
+    constexpr bool IN_STRIPS = in_quads(IMAGES) && (FACTS & (NEEDED | BARRED)) == NEEDED && KEPT > 0
+        && (BARE_STRIPS || lit_by_corners<Lit_>(SHADOWS)) && Strips<WIDTH, HEIGHT>::FIT;
     constexpr int OWN_FACTS = IN_STRIPS ? FACTS & ~QUADS : FACTS & ~STRIPS;
     constexpr bool ROOMY = CORNERS * sizeof(float) >= WIDTH * HEIGHT * sizeof(short);
     WARPCAM_SHARED typename Kept<IN_STRIPS, StripPlan>::type plan;
@@ -44,6 +46,9 @@ WARPCAM_FN void resolve(const Scene_& scene, const Lights& lights, int index)
 #else
     constexpr bool IN_STRIPS = false;
 #endif
+    constexpr bool ON_FLOOR = CORNERS > 0 || IN_STRIPS;
+    using List = typename Either<(IN_STRIPS && CORNERS == 0), BareFloor, Lit_>::type;
+    WARPCAM_SHARED typename Either<(FACTS & PHYSICAL) != 0, LampList, List>::type list;
     WARPCAM_SHARED Camera kept_camera;
     WARPCAM_SHARED Sheets veils;
     const auto& frame = scene.frame;
@@ -109,27 +114,33 @@ WARPCAM_FN void resolve(const Scene_& scene, const Lights& lights, int index)
         if (frame.plane >= 0)
             looks->plane = look_of<TYPES, Wants>(scene, camera, world, frame.plane);
 #endif
-    if constexpr (CORNERS > 0) {
+    if constexpr (ON_FLOOR) {
         const Looks& look = plane_look<KEPT>(looks, scene);
         unsigned long long sheet = 0;
         if constexpr (Wants::ON_SHEETS)
             sheet = look.layout.sheet;
         else if constexpr (Wants::TEXTURED && IN_STRIPS)
             sheet = sheet_of(scene.textures, look.finish.color.w);
-        if (thread < TEAM)
-            choose_corners(list.grid, list, look, camera, region, frame, sheet, FACTS & MIRRORED, thread);
+        if (thread < TEAM) {
+            if constexpr (CORNERS > 0)
+                choose_corners(list.grid, list, look, camera, region, frame, sheet, FACTS & MIRRORED, thread);
+            else
+                see_floor(list.grid, look, camera, frame.plane, sheet, thread);
+        }
 #if defined(__CUDA_ARCH__)
         if constexpr (IN_STRIPS)
             if (thread == 0)
                 plan_strips(plan, list.grid, camera);
 #endif
         block_barrier();
+        if constexpr (CORNERS > 0) {
 #if defined(__CUDA_ARCH__)
-        light_corners(list.grid, list, look, thread);
+            light_corners<!RADIANT>(list.grid, list, look, thread);
 #else
-        light_all_corners(list.grid, list, look);
+            light_all_corners(list.grid, list, look);
 #endif
-        block_barrier();
+            block_barrier();
+        }
     }
     Pixel pixel;
 #if defined(__CUDA_ARCH__)
@@ -140,9 +151,11 @@ WARPCAM_FN void resolve(const Scene_& scene, const Lights& lights, int index)
     pixel.row_of_lanes = reinterpret_cast<float*>(lanes[warp]);
     if constexpr (IN_STRIPS) {
         // Where there is room they lie among the corners, which are not needed any more.
-        unsigned short* rest = ROOMY ? reinterpret_cast<unsigned short*>(list.grid.values) : pixels_left;
-        draw_by_strips<Wants::TEXTURED, WIDTH, HEIGHT>(
-            plan, rest, list.grid, frame, scene.images.rgb, region, first, warp, pixel, [&](const Pixel& one) {
+        unsigned short* rest = pixels_left;
+        if constexpr (ROOMY)
+            rest = reinterpret_cast<unsigned short*>(list.grid.values);
+        draw_by_strips<Wants::TEXTURED, IMAGES, WIDTH, HEIGHT>(
+            plan, rest, list.grid, frame, scene.images, region, first, warp, pixel, [&](const Pixel& one) {
                 resolve_pixel<TYPES, LENS, HELD, IMAGES, OWN_FACTS>(looks, list, scene, kept_camera, veils, region, world,
                                                                              one, find<TYPES, IMAGES, FACTS>(frame, one));
             });

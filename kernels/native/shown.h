@@ -153,7 +153,8 @@ WARPCAM_FN void resolve_surface(const Looks& look, const List& lights, const Sce
         if constexpr (BY_CORNERS)
             if (any_lane(on.inside)) {
                 const Vec light = light_from_corners(lights.grid, on, shadow);
-                lit.display = on.inside ? light : lit.display;
+                Vec& own = IMAGES & HDR ? lit.linear : lit.display;  // corners keep either
+                own = on.inside ? light : own;
             }
         shown.linear = times(lit.linear, texture);
         shown.display = times(lit.display, texture);

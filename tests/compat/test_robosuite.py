@@ -4,15 +4,12 @@ import gc
 import os
 import subprocess
 import sys
-import textwrap
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-import warp as wp
-from machines import PART, UUIDS, Machine
 from PIL import Image
 
 import warpcam as wc
@@ -298,129 +295,6 @@ def test_every_task_has_the_colours_of_its_own_context(installed: None, task: st
     env.close()
     print(f"{task}: {psnr(expected, seen):.2f} dB")
     assert psnr(expected, seen) >= 32.0
-
-
-class Fake:
-    """A Warp device that is not there."""
-
-    def __init__(self, alias: str):
-        self.alias = alias
-
-
-def resolved(device: Any) -> Fake:
-    """On a machine with two visible GPUs."""
-    names = {None: "cuda:0", "cuda:1": "cuda:1", "cuda:0": "cuda:0", "cpu": "cpu", 0: "cuda:0", 1: "cuda:1"}
-    if device not in names:
-        raise wc.WarpcamError(f"device: {device!r} came, this process sees cpu, cuda:0, cuda:1")
-    return FAKES[names[device]]
-
-
-FAKES = {alias: Fake(alias) for alias in ("cpu", "cuda:0", "cuda:1")}
-
-
-@pytest.mark.parametrize("visible", [None, "", "2", "2,3", "GPU-8"])
-@pytest.mark.parametrize("egl", [None, "0", "2"])
-@pytest.mark.parametrize(
-    ("given", "asked", "expected"),
-    [
-        (None, -1, "cuda:0"),
-        (None, None, "cuda:0"),
-        (None, 0, "cuda:0"),
-        (None, 1, "cuda:1"),
-        (None, 3, "device: 3 came, this process sees cpu, cuda:0, cuda:1"),
-        ("cuda:1", -1, "cuda:1"),
-        ("cuda:1", 1, "cuda:1"),
-        ("cuda:1", 0, "render_gpu_device_id is 0, which is cuda:0, but install was given cuda:1"),
-        ("cpu", -1, "cpu"),
-        ("cpu", 0, "render_gpu_device_id is 0, which is cuda:0, but install was given cpu"),
-    ],
-)
-def test_one_answer_to_where(
-    monkeypatch: pytest.MonkeyPatch, visible: str | None, egl: str | None, given: Any, asked: int, expected: str
-) -> None:
-    """What robosuite asks of three places, one rule answers; variables of OpenGL change nothing."""
-    for name, value in (("CUDA_VISIBLE_DEVICES", visible), ("MUJOCO_EGL_DEVICE_ID", egl)):
-        if value is None:
-            monkeypatch.delenv(name, raising=False)
-        else:
-            monkeypatch.setenv(name, value)
-    monkeypatch.setattr(ours.device_rule, "resolve", resolved)
-    monkeypatch.setattr(ours, "_chosen", [given])
-    if expected.startswith(("cuda", "cpu")):
-        assert ours._device(asked).alias == expected
-    else:
-        with pytest.raises(wc.WarpcamError, match=expected):
-            ours._device(asked)
-
-
-@pytest.mark.parametrize("egl", [None, "0", "3"])
-@pytest.mark.parametrize(
-    ("visible", "asked", "card"),
-    [
-        (None, 0, 0),
-        (None, 1, 1),
-        (None, 7, "device: 7 came, this process sees cpu, cuda:0, cuda:1, cuda:2, cuda:3"),
-        ("2", -1, 2),
-        ("2", 0, 2),
-        (" 2", 0, 2),
-        ("2", 3, "device: 3 came, this process sees cpu, cuda:0; CUDA_VISIBLE_DEVICES='2': cuda:0 is GPU 2"),
-        ("2,3", 0, 2),
-        ("2,3", 1, 3),
-        ("", -1, None),
-        ("", 0, "device: 0 came, this process sees cpu; CUDA_VISIBLE_DEVICES='': every GPU is hidden"),
-        (UUIDS[1], -1, 1),
-        (UUIDS[1], 0, 1),
-        (PART, -1, 3),
-    ],
-)
-def test_the_card_that_is_meant(
-    monkeypatch: pytest.MonkeyPatch, visible: str | None, asked: int, card: Any, egl: str | None
-) -> None:
-    """The table of the page, on a machine of four cards; a None for the card is the CPU."""
-    for name, value in (("CUDA_VISIBLE_DEVICES", visible), ("MUJOCO_EGL_DEVICE_ID", egl)):
-        if value is None:
-            monkeypatch.delenv(name, raising=False)
-        else:
-            monkeypatch.setenv(name, value)
-    monkeypatch.setattr(ours.device_rule, "wp", Machine(visible))
-    monkeypatch.setattr(ours.device_rule, "driver_installed", lambda: True)
-    if isinstance(card, str):
-        with pytest.raises(wc.WarpcamError, match=card):
-            ours._device(asked)
-    else:
-        assert ours._device(asked).card == card
-
-
-def test_nothing_of_opengl(tmp_path: Any) -> None:
-    """Neither imported nor mapped, whatever the variables say that robosuite stumbles over."""
-    code = """
-        import os, sys
-        from warpcam.compat import robosuite as ours
-        ours.install()
-        assert os.environ["MUJOCO_EGL_DEVICE_ID"] == "7" and os.environ["MUJOCO_GL"] == "disable"
-        import robosuite
-        env = robosuite.make("Lift", robots="Panda", has_renderer=False, has_offscreen_renderer=True,
-                             use_camera_obs=True, camera_heights=32, camera_widths=32)
-        assert env.reset()["agentview_image"].std() > 5.0
-        loaded = open("/proc/self/maps").read().lower()
-        for library in ("libgl.", "libegl", "libopengl", "libosmesa", "libvulkan", "libglx"):
-            assert library not in loaded, library
-        assert not [name for name in sys.modules if name.split(".")[0] == "OpenGL"]
-        print("nothing")
-    """
-    variables = {"MUJOCO_GL": "disable", "MUJOCO_EGL_DEVICE_ID": "7", "CUDA_VISIBLE_DEVICES": "0"}
-    done = subprocess.run(
-        [sys.executable, "-c", textwrap.dedent(code)], cwd=tmp_path, env={**os.environ, **variables}, check=False,
-        capture_output=True, text=True,
-    )  # fmt: skip
-    assert done.stdout.endswith("nothing\n"), done.stderr[-2000:]
-    assert done.stderr.count("MUJOCO_EGL_DEVICE_ID=7 chooses a GPU for OpenGL; warpcam uses none and ignores it") == 1
-
-
-def test_devices_are_checked_when_installing() -> None:
-    with pytest.raises(wc.WarpcamError, match=r"device: 'cuda:99' came"):
-        ours.install("cuda:99")
-    assert wp.get_devices()
 
 
 def test_the_example(tmp_path: Path) -> None:

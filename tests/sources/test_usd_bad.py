@@ -221,3 +221,19 @@ def test_a_corpus_run_sees_what_goes_wrong(tmp_path: Path, monkeypatch: pytest.M
         monkeypatch.setattr(corpus, "render", fails(kind))
         gib = corpus.resident(os.getpid()) + 0.6  # a child begins with what this process holds
         assert corpus.attempt(tmp_path, 0.5 if kind == "hung" else 20.0, gib).what == kind
+
+
+@pytest.mark.parametrize(
+    ("skinning", "moves"),
+    [
+        ("int[] primvars:skel:jointIndices = []\nuniform token[] skel:blendShapes = []", False),
+        ("int[] primvars:skel:jointIndices.timeSamples = {1: [0, 0, 0, 0]}", True),
+        ("int primvars:skel:jointIndices = 3", True),
+        ('uniform token[] skel:blendShapes = ["smile"]', True),
+    ],
+)
+def test_what_a_skeleton_moves(skinning: str, moves: bool, tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    skinned = SQUARE.replace('"it"', '"it" (prepend apiSchemas = ["SkelBindingAPI"])')
+    skinned = skinned.replace("int[] faceVertexCounts", f"{skinning}\nint[] faceVertexCounts")
+    wc.from_usd(written(tmp_path / "it.usda", skinned), device="cpu")
+    assert ("is moved by a skeleton" in caplog.text) == moves
