@@ -2,6 +2,7 @@
 
 import functools
 
+import numpy as np
 import warp as wp
 
 from .launch import native_module
@@ -16,8 +17,10 @@ def _kernel() -> wp.Kernel:
     @wp.kernel(
         module="unique", enable_backward=False, grid_stride=False, module_options=native_module("horizon_build.h")
     )
-    def horizons(meshes: Meshes, mesh: wp.int32):
-        find(meshes, mesh, wp.tid())
+    def horizons(meshes: Meshes, owners: wp.array(dtype=wp.int32)):
+        i = wp.tid()
+        mesh = owners[i]
+        find(meshes, mesh, i - meshes.face_start[mesh] // 3)
 
     return horizons
 
@@ -27,13 +30,13 @@ def are_kept(device: wp.Device) -> bool:
     return bool(device.is_cuda)
 
 
-def find_horizons(meshes: Meshes, mesh: int, num_faces: int, device: wp.Device) -> None:
-    """Write the horizons of all faces of a mesh into ``meshes.faces``.
+def find_horizons(meshes: Meshes, owners: np.ndarray, device: wp.Device) -> None:
+    """Write the horizons of all faces of all meshes into ``meshes.faces``.
 
     Args:
         meshes: What lies on ``device``; none of it moves, and no face is seen from behind.
-        mesh: Index of the mesh. Others that share its faces share their horizons.
-        num_faces: Those in its leaves.
+        owners: Index of the mesh that each face of ``meshes.faces`` belongs to, or of one that shares it, (face,).
         device: Where to.
     """
-    wp.launch(_kernel(), num_faces, [meshes, mesh], device=device)
+    if len(owners):
+        wp.launch(_kernel(), len(owners), [meshes, wp.array(owners, dtype=wp.int32, device=device)], device=device)

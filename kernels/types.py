@@ -92,8 +92,6 @@ class Meshes:
 
     lower: wp.array(dtype=wp.vec3)  # (mesh,) corner of the bounding box [m]
     upper: wp.array(dtype=wp.vec3)  # (mesh,)
-    # (32 * mesh,) points whose hull holds the mesh; without meaning where meshes move
-    outlines: wp.array(dtype=wp.vec4)
     node_start: wp.array(dtype=wp.int32)  # (mesh,) row of its root node in `nodes`
     face_start: wp.array(dtype=wp.int32)  # (mesh,) row of its first face in `faces`
     # (row,) a node of the 4-wide tree. On a CPU 7 rows: lower x, y, z and upper x, y, z of four children, then the four

@@ -2,7 +2,6 @@
 #pragma once
 #include "horizon.h"
 #include "light_space.h"
-#include "outline.h"
 #include "visibility.h"
 
 namespace warpcam {
@@ -72,6 +71,20 @@ template <int SIZE, bool MESHES> struct CasterList {
 
 #if defined(__CUDA_ARCH__)
 
+// Smallest of the values that the lanes of a warp have.
+WARPCAM_FN float warp_min(float value)
+{
+#if __CUDA_ARCH__ >= 800
+    const int bits = __float_as_int(value);  // turned so that integers order as the floats do
+    const int least = __reduce_min_sync(ALL, bits ^ (bits >> 31 & 0x7fffffff));
+    return __int_as_float(least ^ (least >> 31 & 0x7fffffff));
+#else
+    for (int step = LANES / 2; step > 0; step /= 2)
+        value = lower(value, __shfl_xor_sync(ALL, value, step));
+    return value;
+#endif
+}
+
 // Finds what all casters of a list cover together, and how high they reach. Called by one warp.
 template <class List> WARPCAM_FN void find_bounds(List& list)
 {
@@ -138,8 +151,8 @@ WARPCAM_FN void mark_glass(Row& aim, const Record& record, const Shapes& shapes,
             aim.w = opacity(shapes, materials, world, id) < SOLID;
 }
 
-// Fills the list with shapes from `begin` on until it is full, without bounds, and with the windows that their boxes fill;
-// returns where to go on. TEAM: so many threads do it, a block or one of its warps.
+// Fills the list with shapes from `begin` on until it is full, but for its bounds; returns where to go on. TEAM: so many
+// threads do it, a block or one of its warps.
 template <int TYPES, int TEAM, class List, class Shapes, class Materials, class Meshes, class HeightFields>
 WARPCAM_FN int collect_casters(List& list, int begin, const Shapes& shapes, const Materials& materials,
                               const Meshes& meshes, const HeightFields& fields, const Light& light,
@@ -181,22 +194,18 @@ WARPCAM_FN int collect_casters(List& list, int begin, const Shapes& shapes, cons
     return begin;
 }
 
-// The same with all that it takes to use the list, by a whole block.
+// The same with its bounds, by a whole block.
 template <int TYPES, class List, class Shapes, class Materials, class Meshes, class HeightFields>
 WARPCAM_FN int gather_casters(List& list, int begin, const Shapes& shapes, const Materials& materials,
                               const Meshes& meshes, const HeightFields& fields, const Light& light,
                               const Camera& camera, int world, int thread)
 {
     begin = collect_casters<TYPES, THREADS>(list, begin, shapes, materials, meshes, fields, light, camera, world, thread);
-    if constexpr (has_outlines(TYPES)) {
-        narrow_windows<TYPES>(list, meshes, light, thread);
-        block_barrier();
-    }
 #if defined(__CUDA_ARCH__)
     if (thread < LANES)
         find_bounds(list);
-    block_barrier();
 #endif
+    block_barrier();
     return begin;
 }
 

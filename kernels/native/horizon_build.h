@@ -16,7 +16,7 @@ struct Around {
 struct Onlooker {
     static constexpr int LEAST = 2;  // what rises less counts as high as this: rays do not begin quite on the face
 
-    Vec corners[3];
+    Vec corners[3], places[3];  // places: along the axes
     FaceAxes axes;
     Vec least, most;  // of its corners, along its axes
     float slack;      // more than rounding moves what the mesh has
@@ -25,16 +25,18 @@ struct Onlooker {
     WARPCAM_FN explicit Onlooker(const Vec (&its)[3], float extent)
         : corners { its[0], its[1], its[2] }, axes(face_axes(its[0], its[1], its[2])), slack(1.0e-6f * extent), risen(0)
     {
-        bounds(its, least, most);
+        for (int k = 0; k < 3; ++k)
+            places[k] = axes.of(its[k]);
+        bounds(places, least, most);
         for (int sector = 0; sector < SECTORS; ++sector)
             risen |= unsigned(LEAST) << 4 * sector;
     }
 
-    WARPCAM_FN void bounds(const Vec (&points)[3], Vec& from, Vec& to) const
+    WARPCAM_FN static void bounds(const Vec (&points)[3], Vec& from, Vec& to)
     {
-        from = to = axes.of(points[0]);
+        from = to = points[0];
         for (int k = 1; k < 3; ++k) {
-            const Vec p = axes.of(points[k]);
+            const Vec p = points[k];
             from = { lower(from.x, p.x), lower(from.y, p.y), lower(from.z, p.z) };
             to = { upper(to.x, p.x), upper(to.y, p.y), upper(to.z, p.z) };
         }
@@ -92,16 +94,14 @@ struct Onlooker {
     // How steeply another face can rise as seen from this one, as far as that shows along one way in the own plane: what of
     // it lies `out` beyond all of the own is at least so far away. As heights are to distances, so rises no point between its
     // corners more steeply than one of these. FAR_AWAY where it does not lie beyond.
-    WARPCAM_FN float steepness(const Vec (&places)[3], float x, float y) const
+    WARPCAM_FN float steepness(const Vec (&others)[3], float x, float y) const
     {
         const float rate = inverse_root(upper(x * x + y * y, TINY));
         float end = -FAR_AWAY, steepest = 0.0f;
+        for (int k = 0; k < 3; ++k)
+            end = upper(end, rate * (x * places[k].x + y * places[k].y));
         for (int k = 0; k < 3; ++k) {
-            const Vec own = axes.of(corners[k]);
-            end = upper(end, rate * (x * own.x + y * own.y));
-        }
-        for (int k = 0; k < 3; ++k) {
-            const float out = rate * (x * places[k].x + y * places[k].y) - end, rise = places[k].z - least.z;
+            const float out = rate * (x * others[k].x + y * others[k].y) - end, rise = others[k].z - least.z;
             if (out < -slack || (rise > slack && out <= slack))
                 return FAR_AWAY;
             if (rise > slack)
@@ -113,8 +113,9 @@ struct Onlooker {
     // Looks at another face.
     WARPCAM_FN void look_at(const Vec (&others)[3])
     {
+        const Vec there[3] = { axes.of(others[0]), axes.of(others[1]), axes.of(others[2]) };
         Vec from, to;
-        bounds(others, from, to);
+        bounds(there, from, to);
         const Around it = around(from, to);
         if (with(it, 15) == risen)
             return;
@@ -130,16 +131,12 @@ struct Onlooker {
             const Vec sine = rate * cross(n, axes.normal);
             most_risen = sixteenths(root(dot(sine, sine)), upper(1.0f - dot(sine, sine), 0.0f));
         }
-        // Ways to look: across the edges of both.
-        Vec places[3];
-        for (int k = 0; k < 3; ++k)
-            places[k] = axes.of(others[k]);
-        float steepest = FAR_AWAY;
+        float steepest = FAR_AWAY;  // looking across the edges of both
         for (int k = 0; k < 3; ++k) {
-            const Vec own = axes.of(corners[k == 2 ? 0 : k + 1] - corners[k]);
-            steepest = lower(steepest, steepness(places, own.y, -own.x));
-            const Vec edge = places[k == 2 ? 0 : k + 1] - places[k];
-            steepest = lower(steepest, lower(steepness(places, edge.y, -edge.x), steepness(places, -edge.y, edge.x)));
+            const int next = k == 2 ? 0 : k + 1;
+            const Vec own = places[next] - places[k], edge = there[next] - there[k];
+            steepest = lower(steepest, steepness(there, own.y, -own.x));
+            steepest = lower(steepest, lower(steepness(there, edge.y, -edge.x), steepness(there, -edge.y, edge.x)));
         }
         if (steepest < 1.0e6f)
             most_risen = lower_int(most_risen, sixteenths(steepest, 1.0f));

@@ -159,20 +159,6 @@ template <class Shared> WARPCAM_FN Shared& by_address(Shared& shared)
 }
 
 #if defined(__CUDA_ARCH__)
-// Smallest of the values that the lanes of a warp have.
-WARPCAM_FN float warp_min(float value)
-{
-#if __CUDA_ARCH__ >= 800
-    const int bits = __float_as_int(value);  // turned so that integers order as the floats do
-    const int least = __reduce_min_sync(ALL, bits ^ (bits >> 31 & 0x7fffffff));
-    return __int_as_float(least ^ (least >> 31 & 0x7fffffff));
-#else
-    for (int step = LANES / 2; step > 0; step /= 2)
-        value = lower(value, __shfl_xor_sync(ALL, value, step));
-    return value;
-#endif
-}
-
 // The sum of all lanes' numbers.
 WARPCAM_FN int sum_of_all(int number)
 {

@@ -196,18 +196,6 @@ WARPCAM_FN float reach_along(int type, Vec half, Vec n)
     return a.x + a.y + a.z;
 }
 
-// What lies within `flat` across a lamp's direction, between `near` and `far` along it, as the lamp sees it. Widened.
-WARPCAM_FN Window seen_from(const Window& flat, float near, float far)
-{
-    const float at_near = 1.0f / near, at_far = 1.0f / far, slack = 1.0e-5f;
-    const Window seen { flat.left * (flat.left < 0.0f ? at_near : at_far),
-                        flat.right * (flat.right > 0.0f ? at_near : at_far),
-                        flat.bottom * (flat.bottom < 0.0f ? at_near : at_far),
-                        flat.top * (flat.top > 0.0f ? at_near : at_far) };
-    return { seen.left - slack * magnitude(seen.left), seen.right + slack * magnitude(seen.right),
-             seen.bottom - slack * magnitude(seen.bottom), seen.top + slack * magnitude(seen.top) };
-}
-
 // The window of a shape whose box has `extent` in its own frame, `position` from the camera; `height` is that of its
 // point nearest to the light. Both are widened by more than the rounding of the shape's and of any point's place.
 // TIGHT: also of a shape that stands beside the light, part of it before and part of it behind.
@@ -244,7 +232,13 @@ template <bool TIGHT = false> WARPCAM_FN Window window_of(const Light& light, in
         }
         return { -FAR_AWAY, FAR_AWAY, -FAR_AWAY, FAR_AWAY };
     }
-    return seen_from(flat, near, far);
+    const float at_near = 1.0f / near, at_far = 1.0f / far, slack = 1.0e-5f;
+    const Window seen { flat.left * (flat.left < 0.0f ? at_near : at_far),
+                        flat.right * (flat.right > 0.0f ? at_near : at_far),
+                        flat.bottom * (flat.bottom < 0.0f ? at_near : at_far),
+                        flat.top * (flat.top > 0.0f ? at_near : at_far) };
+    return { seen.left - slack * magnitude(seen.left), seen.right + slack * magnitude(seen.right),
+             seen.bottom - slack * magnitude(seen.bottom), seen.top + slack * magnitude(seen.top) };
 }
 
 // May a shape with this window stand between the light and a point of a tile with that one? `height` is the shape's

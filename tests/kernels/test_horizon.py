@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import warp as wp
 from native import native_kernel
-from warpcam.kernels.horizon import are_kept, find_horizons
+from warpcam.kernels import horizon
 from warpcam.kernels.types import Meshes
 
 from warpcam.accel.meshes import Mesh, pack_meshes
@@ -81,9 +81,9 @@ SHAPES = {
 def horizons_of(points: np.ndarray, faces: np.ndarray, device: str) -> tuple[Meshes, np.ndarray]:
     """The mesh with its horizons, and the corners of its faces (face, 3, 3) in leaf order."""
     meshes, count = pack_meshes([Mesh("shape", points, faces)], wp.get_device(device))
-    if not are_kept(wp.get_device(device)):
+    if not horizon.are_kept(wp.get_device(device)):
         assert not meshes.faces.numpy().view(np.int32).reshape(-1, 3, 4)[:, 2, 3].any()
-        find_horizons(meshes, 0, count, wp.get_device(device))
+        horizon.find_horizons(meshes, np.zeros(count, np.int32), wp.get_device(device))
     return meshes, meshes.faces.numpy().reshape(-1, 3, 4)[:, :, :3].astype(np.float64)
 
 
@@ -145,6 +145,22 @@ def test_nothing_is_in_the_way_around_a_ball(device: str):
     clear = are_clear(meshes, faces, directions.astype(np.float32), device)
     assert clear[rise > 0.2].all()
     assert not clear[rise < 0.18].any()  # too flat: see native/horizon_build.h, LEAST
+
+
+@pytest.mark.parametrize("device", DEVICES)
+def test_each_mesh_has_its_own(device: str, monkeypatch: pytest.MonkeyPatch):
+    """Also beside a mesh without faces, and where several are the same."""
+    monkeypatch.setattr(horizon, "are_kept", lambda device: True)
+    empty = Mesh("empty", np.zeros((3, 3), np.float32), np.zeros((0, 3), np.int32))
+    ball, hills = (Mesh(name, *SHAPES[name]()) for name in ("ball", "hills"))
+
+    def horizons(*meshes: Mesh) -> np.ndarray:
+        packed = pack_meshes(meshes, wp.get_device(device))[0]
+        return packed.faces.numpy().view(np.int32).reshape(-1, 3, 4)[:, 2, 3]
+
+    alone = np.concatenate([horizons(ball), horizons(hills)])
+    assert alone.any()
+    np.testing.assert_array_equal(horizons(empty, ball, empty, ball, hills, empty), alone)
 
 
 @pytest.mark.parametrize("device", DEVICES)

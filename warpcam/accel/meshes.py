@@ -8,7 +8,6 @@ import warp as wp
 
 from warpcam.accel.bvh4 import Bvh4, build_bvh4
 from warpcam.accel.kept import Kept, key_of
-from warpcam.accel.outlines import NUM_POINTS, outline
 from warpcam.errors import WarpcamError
 from warpcam.kernels import horizon
 from warpcam.kernels.types import Meshes, Textures
@@ -75,11 +74,10 @@ def pack_meshes(meshes: Sequence[Mesh], device: wp.Device) -> tuple[Meshes, int]
     places: dict[tuple[bytes, ...], tuple[int, int]] = {}  # by content: first rows of nodes and faces
     built: dict[tuple[bytes, ...], int] = {}  # by content: place among the trees
     trees: list[tuple[np.ndarray, np.ndarray]] = []
+    holders: list[int] = []  # the first mesh of each
     node_start, face_start, corner_start = [], [], []
     lower = np.zeros((len(meshes), 3), np.float32)
     upper = np.full((len(meshes), 3), -1.0, np.float32)
-    outlines = np.zeros((len(meshes), NUM_POINTS, 4), np.float32)
-    known: dict[tuple[bytes, ...], np.ndarray] = {}
     normals, uvs = [], []
     node_rows = face_rows = corners = 0
     moving = any(mesh.moves for mesh in meshes)
@@ -94,6 +92,8 @@ def pack_meshes(meshes: Sequence[Mesh], device: wp.Device) -> tuple[Meshes, int]
             trees.append((nodes, _with_backs(tree.faces, len(mesh.fronts)) if mesh.two_sided else tree.faces))
         elif mesh.moves or key not in places:
             trees.append(trees[built[key]])
+        if len(holders) < len(trees):
+            holders.append(index)
         place = places.get(key)
         if mesh.moves or place is None:
             place = (node_rows, face_rows)
@@ -108,9 +108,6 @@ def pack_meshes(meshes: Sequence[Mesh], device: wp.Device) -> tuple[Meshes, int]
         if len(mesh.faces):
             used = mesh.vertices[mesh.faces.reshape(-1)]
             lower[index], upper[index] = used.min(axis=0), used.max(axis=0)
-            if key not in known:
-                known[key] = outline(used)
-            outlines[index, :, :3] = known[key]
         normals.append(_normals(mesh))
         uvs.append(_uvs(mesh))
         if max(node_rows, face_rows, 3 * corners) > MAX_ROWS:
@@ -119,7 +116,6 @@ def pack_meshes(meshes: Sequence[Mesh], device: wp.Device) -> tuple[Meshes, int]
     packed = Meshes()
     packed.lower = wp.array(lower, dtype=wp.vec3, device=device)
     packed.upper = wp.array(upper, dtype=wp.vec3, device=device)
-    packed.outlines = wp.array(outlines.reshape(-1, 4), dtype=wp.vec4, device=device)
     packed.node_start = _integers(node_start, device)
     packed.face_start = _integers(face_start, device)
     packed.corner_start = _integers(corner_start, device)
@@ -129,9 +125,8 @@ def pack_meshes(meshes: Sequence[Mesh], device: wp.Device) -> tuple[Meshes, int]
     packed.uvs = wp.array(_joined(uvs, 2), dtype=wp.vec2, device=device)
     packed.has_uvs = _integers([mesh.mapped for mesh in meshes], device)
     if horizon.are_kept(device) and not any(mesh.moves or mesh.two_sided for mesh in meshes):
-        first = {start: index for index, start in enumerate(face_start)}
-        for (_, start), tree in zip(places.values(), trees, strict=True):
-            horizon.find_horizons(packed, first[start], len(tree[1]) // 3, device)
+        sizes = [len(tree[1]) // 3 for tree in trees]
+        horizon.find_horizons(packed, np.repeat(np.array(holders, np.int32), sizes), device)
     return packed, max((len(tree[1]) // 3 for tree in trees), default=0)
 
 
