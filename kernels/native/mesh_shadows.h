@@ -22,9 +22,9 @@ template <int WORDS, class BOXES> struct ShadowRays: WaitingRays<WORDS> {
         }
     };
 
-    // Where there is room, BOXES lie here while a warp takes rays: what stays in registers meanwhile is spilled, and then
-    // loaded again at every node.
-    static constexpr bool KEEPS_BOXES = WORDS <= 2;
+    // Where there is room, what lanes walk with lies here while their warp looks for rays: in registers it would be spilled,
+    // and then be loaded again at every node.
+    static constexpr bool KEEPS = WORDS <= 2;
     static constexpr int PARTS = sizeof(BOXES) / sizeof(float);
 
     Start waiting_start;                // of the rays that wait
@@ -33,13 +33,13 @@ template <int WORDS, class BOXES> struct ShadowRays: WaitingRays<WORDS> {
     Span span[LANES];
     unsigned short own[LANES];          // their pixels
     float frame[12][LANES];             // see RayFrame, for the mesh that the lane is at
-    float boxes[KEEPS_BOXES ? PARTS : 1][LANES];
-    int walk[KEEPS_BOXES ? 3 : 1][LANES];
+    int walk[KEEPS ? 3 : 1][LANES];     // a lane's node, how many wait behind it, its mesh's place in the list
+    float boxes[KEEPS ? PARTS : 1][LANES];
     unsigned char owners[LANES];
 
     WARPCAM_FN void keep_walk(int node, int height, int slot)
     {
-        if constexpr (KEEPS_BOXES) {
+        if constexpr (KEEPS) {
             const int lane = threadIdx.x % LANES;
             walk[0][lane] = node;
             walk[1][lane] = height;
@@ -47,31 +47,26 @@ template <int WORDS, class BOXES> struct ShadowRays: WaitingRays<WORDS> {
         }
     }
 
-    WARPCAM_FN void find_walk(int& node, int& height, int& slot) const
-    {
-        if constexpr (KEEPS_BOXES) {
-            const int lane = threadIdx.x % LANES;
-            node = walk[0][lane];
-            height = walk[1][lane];
-            slot = walk[2][lane];
-        }
-    }
-
     WARPCAM_FN void keep_boxes(const BOXES& ray)
     {
-        if constexpr (KEEPS_BOXES) {
+        if constexpr (KEEPS) {
 #pragma unroll
             for (int k = 0; k < PARTS; ++k)
                 boxes[k][threadIdx.x % LANES] = reinterpret_cast<const float*>(&ray)[k];
         }
     }
 
-    WARPCAM_FN void find_boxes(BOXES& ray) const
+    // Both as they were kept, boxes when the lane's ray came to its mesh.
+    WARPCAM_FN void go_on_walking(int& node, int& height, int& slot, BOXES& ray) const
     {
-        if constexpr (KEEPS_BOXES) {
+        if constexpr (KEEPS) {
+            const int lane = threadIdx.x % LANES;
+            node = walk[0][lane];
+            height = walk[1][lane];
+            slot = walk[2][lane];
 #pragma unroll
             for (int k = 0; k < PARTS; ++k)
-                reinterpret_cast<float*>(&ray)[k] = boxes[k][threadIdx.x % LANES];
+                reinterpret_cast<float*>(&ray)[k] = boxes[k][lane];
         }
     }
 
@@ -164,8 +159,7 @@ WARPCAM_FN void cast_rays(ShadowRays<WORDS, BOXES>& rays, const List& list, cons
         if (supply.any() && (__popc(idles) >= FEW || idles == ALL)) {
             rays.keep_walk(node, height, slot);
             supply.hand_out(idles, next_tile, take);
-            rays.find_walk(node, height, slot);
-            rays.find_boxes(boxes);
+            rays.go_on_walking(node, height, slot, boxes);
             nodes = list.records[slot].origin.w;
         } else if (idles == ALL) {
             return;
