@@ -5,7 +5,7 @@
 
 namespace warpcam {
 
-constexpr int MOST_VISITS = 4096;  // of nodes and leaves, by one face
+constexpr int MOST_VISITS = 1024;  // of nodes and leaves, by one face
 
 // Where something lies, by a face's own axes: how far along and across from any place on the face, and how high it rises.
 struct Around {
