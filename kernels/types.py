@@ -96,10 +96,10 @@ class Meshes:
     face_start: wp.array(dtype=wp.int32)  # (mesh,) row of its first face in `faces`
     # (row,) a node of the 4-wide tree. On a CPU 7 rows: lower x, y, z and upper x, y, z of four children, then the four
     # children as int bits: a node's index, or -(first_face * 16 + count) - 1 for a leaf; both relative to the mesh.
-    # On CUDA 4 rows: x, y, z of four children, the lower bound in the lower half of each word and the upper bound in the
-    # upper one, in 32760ths of the mesh's greatest coordinate beside 32768 for 0; then the children. In scenes where meshes
-    # move 8 rows, of each child lower x, y, z and the child; upper x, y, z and nothing. An absent child has all its
-    # bounds at 1e30, or the lower ones above the upper ones and no faces.
+    # On CUDA 4 rows: x, y, z of four children, lower bounds in the lower halves of the words and upper bounds in the
+    # upper ones, as 32760ths of the mesh's greatest coordinate and 32768 for 0; then the children. In scenes where
+    # meshes move 8 rows, of each child lower x, y, z and the child; upper x, y, z and nothing. An absent child has all
+    # its bounds at 1e30, or lower ones above the upper ones, and no faces.
     nodes: wp.array(dtype=wp.vec4)
     # (row,) a face is 3 rows, its corners, counterclockwise seen from the front; in leaf order, and
     # once for each leaf that it stands in. The fourth component holds int bits: of the first row the face's index among

@@ -232,7 +232,9 @@ def test_rows_for_cuda() -> None:
     extent = np.abs(vertices[faces]).max()
     rows = _short(tree.nodes, float(extent)).view(np.uint32).reshape(-1, 4, 4)
     there = bounds[:, 0] != ABSENT
-    low, high = ((half.astype(np.float64) - 32768.0) / 32760.0 * extent for half in (rows[:, :3] & 0xFFFF, rows[:, :3] >> 16))
+    low, high = (
+        (half.astype(np.float64) - 32768.0) / 32760.0 * extent for half in (rows[:, :3] & 0xFFFF, rows[:, :3] >> 16)
+    )
     step = extent / 32760.0
     for k in range(3):
         below, above = (bounds[:, k] - low[:, k])[there], (high[:, k] - bounds[:, 3 + k])[there]
