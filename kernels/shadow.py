@@ -14,7 +14,10 @@ from .visibility import LENSES, SHARED_MEMORY, THREADS, in_order, region_size
 BLOCKS = 8  # on a multiprocessor: bounds the registers of a thread
 CROWD_BLOCKS = 6  # the same in crowds, for which those of 8 are too few
 LISTED_BYTES = 140  # of its shared memory for each shape of a list with meshes: casters.h, CasterList
-WALKED_BYTES, WORD_BYTES = 2720, 256  # and for the rays of a warp, also for each 32 shapes: mesh_shadows.h, ShadowRays
+BESIDE = 16  # up to so many shapes there are two lists: shadow.h, lists_beside
+REST_BYTES = 3400  # what else a block has, and what is reserved for it
+WALKED_BYTES, WORD_BYTES = 3232, 256  # and for the rays of a warp, also for each 32 shapes: mesh_shadows.h, ShadowRays
+WALK_BYTES, WALK_SHAPES = 1280, 64  # more up to so many shapes, ShadowRays::KEEPS
 CAPACITIES = (16, 32, 64, 128, 192)  # how many shapes a pass lists: few sizes, so that scenes share kernels
 CROWDS = (512, 1024)  # the same in scenes of many shapes without meshes: native/crowd.h
 MANY = 384  # shapes; more are such a crowd
@@ -141,5 +144,7 @@ def blocks(types: int, capacity: int) -> int:
     """Blocks that a multiprocessor is to hold: no more than its shared memory has room for."""
     if not types >> MESH & 1:
         return BLOCKS
-    rays = THREADS // 32 * (WALKED_BYTES + WORD_BYTES * -(-capacity // 32))
-    return min(BLOCKS, SHARED_MEMORY // (LISTED_BYTES * capacity + rays + 1536))
+    walked = WALKED_BYTES + WORD_BYTES * -(-capacity // 32) + (WALK_BYTES if capacity <= WALK_SHAPES else 0)
+    rays = THREADS // 32 * walked
+    listed = LISTED_BYTES * capacity * (2 if capacity <= BESIDE else 1)
+    return min(BLOCKS, SHARED_MEMORY // (listed + rays + REST_BYTES))

@@ -104,7 +104,8 @@ class Meshes:
     # (row,) a face is 3 rows, its corners, counterclockwise seen from the front; in leaf order, and
     # once for each leaf that it stands in. The fourth component holds int bits: of the first row the face's index among
     # the mesh's faces as they were given, of the second that of its back, with corners 0, 2, 1, if it has one, else 0;
-    # of the third, only read of faces with a back, 1 where both sides are flat and `normals` does not have them.
+    # of the third of faces with a back 1 where both sides are flat and `normals` does not have them; in scenes without
+    # such faces, and where no mesh moves, the face's horizon: see native/horizon.h.
     faces: wp.array(dtype=wp.vec4)
     # Shading data, by corner of the faces as given: corner 3 * (corner_start + face) + k.
     corner_start: wp.array(dtype=wp.int32)  # (mesh,) first face in the two arrays below

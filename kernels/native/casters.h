@@ -1,5 +1,6 @@
 // The shapes that may stand in a light's way, and the rays that ask whether they do.
 #pragma once
+#include "horizon.h"
 #include "light_space.h"
 #include "visibility.h"
 
@@ -150,16 +151,17 @@ WARPCAM_FN void mark_glass(Row& aim, const Record& record, const Shapes& shapes,
             aim.w = opacity(shapes, materials, world, id) < SOLID;
 }
 
-// Fills the list with shapes from `begin` on until it is full; returns where to go on.
-template <int TYPES, class List, class Shapes, class Materials, class Meshes, class HeightFields>
-WARPCAM_FN int gather_casters(List& list, int begin, const Shapes& shapes, const Materials& materials,
+// Fills the list with shapes from `begin` on until it is full, but for its bounds; returns where to go on. TEAM: so many
+// threads do it, a block or one of its warps.
+template <int TYPES, int TEAM, class List, class Shapes, class Materials, class Meshes, class HeightFields>
+WARPCAM_FN int collect_casters(List& list, int begin, const Shapes& shapes, const Materials& materials,
                               const Meshes& meshes, const HeightFields& fields, const Light& light,
                               const Camera& camera, int world, int thread)
 {
     const int total = shapes.drawn.shape[0];
     while (begin < total) {
         const int i = begin + thread;
-        begin += THREADS;
+        begin += TEAM;
         if (i < total) {
             Caster caster;
             const int id = wp::index(shapes.drawn, i);
@@ -176,19 +178,29 @@ WARPCAM_FN int gather_casters(List& list, int begin, const Shapes& shapes, const
             }
         }
         if (total > List::CAPACITY) {  // the next round may overflow the list
-            block_barrier();
-            const bool full = list.count + THREADS > List::CAPACITY;
-            block_barrier();
+            team_barrier<TEAM>();
+            const bool full = list.count + TEAM > List::CAPACITY;
+            team_barrier<TEAM>();
             if (full)
                 break;
         }
     }
-    block_barrier();
+    team_barrier<TEAM>();
     const int count = list.count;
-    for (int slot = count + thread; slot < (count + 31) / 32 * 32; slot += THREADS) {
+    for (int slot = count + thread; slot < (count + 31) / 32 * 32; slot += TEAM) {
         list.windows[slot] = { FAR_AWAY, -FAR_AWAY, FAR_AWAY, -FAR_AWAY };
         list.heights[slot] = -FAR_AWAY;
     }
+    return begin;
+}
+
+// The same with its bounds, by a whole block.
+template <int TYPES, class List, class Shapes, class Materials, class Meshes, class HeightFields>
+WARPCAM_FN int gather_casters(List& list, int begin, const Shapes& shapes, const Materials& materials,
+                              const Meshes& meshes, const HeightFields& fields, const Light& light,
+                              const Camera& camera, int world, int thread)
+{
+    begin = collect_casters<TYPES, THREADS>(list, begin, shapes, materials, meshes, fields, light, camera, world, thread);
 #if defined(__CUDA_ARCH__)
     if (thread < LANES)
         find_bounds(list);
@@ -197,15 +209,20 @@ WARPCAM_FN int gather_casters(List& list, int begin, const Shapes& shapes, const
     return begin;
 }
 
-// Does the light shine on the side that the pixel shows, anywhere on the face whose corners are lit? True where that is
-// not known. Light that shines on the other side only adds nothing, so that its shadow does not matter. The pixel's ray
-// runs along `sight`, in the world's axes.
+// How a light reaches a pixel's point on a face of a mesh.
+struct Facing {
+    bool front;  // the light shines on the side that the pixel shows, anywhere on the face; true where that is not known
+    bool clear;  // nothing of the mesh itself is in the way; false where that is not known
+};
+
+// Light that shines on the other side only adds nothing, so that its shadow does not matter. The point is seen from `origin`,
+// by a ray along `sight`; both in the world's axes.
 template <int TYPES, class Shapes, class Meshes>
-WARPCAM_FN bool faces_light(const Shapes& shapes, const Meshes& meshes, int world, int id, int face, const Light& light,
-                            Vec origin, Vec sight)
+WARPCAM_FN Facing face_light(const Shapes& shapes, const Meshes& meshes, int world, int id, int face, const Light& light,
+                             Vec origin, Vec sight, Vec point)
 {
     if (wp::index(shapes.types, id) != MESH)
-        return true;
+        return { true, false };
     const Shape shape = load_shape(shapes, world, id);
     const Vec c { shape.position.x - origin.x, shape.position.y - origin.y,
                   shape.position.z - origin.z };
@@ -234,14 +251,23 @@ WARPCAM_FN bool faces_light(const Shapes& shapes, const Meshes& meshes, int worl
     }
     const int corner = 3 * (wp::index(meshes.corner_start, shape.asset) + given);
     bool faces = false;
+    Row corners[3];
     for (int k = 0; k < 3; ++k) {
-        const Row at = load(meshes.faces.data, row + k);
+        const Row at = corners[k] = load(meshes.faces.data, row + k);
         const Vec n = flat ? normal : to_vec(wp::index(meshes.normals, corner + (back && k > 0 ? 3 - k : k)));
         const Vec to = light.distant ? aim : Vec { aim.x - at.x, aim.y - at.y, aim.z - at.z };
         const float slack = 1.0e-5f * (magnitude(to.x) + magnitude(to.y) + magnitude(to.z));
         faces |= n.x * to.x + n.y * to.y + n.z * to.z > -slack;
     }
-    return faces;
+    bool clear = false;
+    if constexpr (has_horizons(TYPES)) {
+        Vec way = turned_back(shape.rotation, ray_to(light, point));
+        if (TYPES >> SCALED & 1)
+            way = { way.x / shape.size.x, way.y / shape.size.y, way.z / shape.size.z };
+        const FaceAxes axes = face_axes(to_vec(corners[0]), to_vec(corners[1]), to_vec(corners[2]));
+        clear = is_clear(unsigned(corners[2].w), axes, way);
+    }
+    return { faces, clear };
 }
 
 }  // namespace warpcam

@@ -186,6 +186,15 @@ WARPCAM_FN void warp_barrier()
 #endif
 }
 
+// For a team of so many threads: a block, or one of its warps.
+template <int TEAM> WARPCAM_FN void team_barrier()
+{
+    if constexpr (TEAM == THREADS)
+        block_barrier();
+    else
+        warp_barrier();
+}
+
 #if defined(__CUDA_ARCH__)
 // Barriers for some warps of a block, so many threads in all: those that wait, and those that say that they were there.
 enum Barrier { FIRST_WARPS = 1, SHAPES_SORTED, MOTIONS_THERE };

@@ -8,8 +8,8 @@
 namespace warpcam {
 #if defined(__CUDA_ARCH__)
 
-// The rays of one warp. What its lanes seldom need of their own rays is here too.
-template <int WORDS> struct ShadowRays: WaitingRays<WORDS> {
+// The rays of one warp. What its lanes seldom need of their own rays is here too. BOXES: what they need at every node.
+template <int WORDS, class BOXES> struct ShadowRays: WaitingRays<WORDS> {
     struct Start {
         float x[LANES], y[LANES], z[LANES];
 
@@ -22,21 +22,61 @@ template <int WORDS> struct ShadowRays: WaitingRays<WORDS> {
         }
     };
 
+    // Where there is room, what lanes walk with lies here while their warp looks for rays: in registers it would be spilled,
+    // and then be loaded again at every node.
+    static constexpr bool KEEPS = WORDS <= 2;
+    static constexpr int PARTS = sizeof(BOXES) / sizeof(float);
+
     Start waiting_start;                // of the rays that wait
-    float near[LANES], reach[LANES];
+    Span waiting_span[LANES];
     Start start;                        // of the lanes' own
+    Span span[LANES];
     unsigned short own[LANES];          // their pixels
     float frame[12][LANES];             // see RayFrame, for the mesh that the lane is at
+    int walk[KEEPS ? 3 : 1][LANES];     // a lane's node, how many wait behind it, its mesh's place in the list
+    float boxes[KEEPS ? PARTS : 1][LANES];
     unsigned char owners[LANES];
 
+    WARPCAM_FN void keep_walk(int node, int height, int slot)
+    {
+        if constexpr (KEEPS) {
+            const int lane = threadIdx.x % LANES;
+            walk[0][lane] = node;
+            walk[1][lane] = height;
+            walk[2][lane] = slot;
+        }
+    }
+
+    WARPCAM_FN void keep_boxes(const BOXES& ray)
+    {
+        if constexpr (KEEPS) {
+#pragma unroll
+            for (int k = 0; k < PARTS; ++k)
+                boxes[k][threadIdx.x % LANES] = reinterpret_cast<const float*>(&ray)[k];
+        }
+    }
+
+    // Both as they were kept, boxes when the lane's ray came to its mesh.
+    WARPCAM_FN void go_on_walking(int& node, int& height, int& slot, BOXES& ray) const
+    {
+        if constexpr (KEEPS) {
+            const int lane = threadIdx.x % LANES;
+            node = walk[0][lane];
+            height = walk[1][lane];
+            slot = walk[2][lane];
+#pragma unroll
+            for (int k = 0; k < PARTS; ++k)
+                reinterpret_cast<float*>(&ray)[k] = boxes[k][lane];
+        }
+    }
+
     // As put() of those who wait, with where the lane's ray begins.
-    WARPCAM_FN void put(unsigned found, const unsigned* met, int words, int place, Vec point, const Span& span)
+    WARPCAM_FN void put(unsigned found, const unsigned* met, int words, int place, Vec point, const Span& its_span)
     {
         const int at = WaitingRays<WORDS>::put(found, met, words, place);
         if (found >> threadIdx.x % LANES & 1) {
             waiting_start.put(at, point);
-            near[at] = span.near;
-            reach[at] = span.reach;
+            waiting_span[at] = its_span;
         }
     }
 
@@ -61,9 +101,8 @@ template <int WORDS> struct ShadowRays: WaitingRays<WORDS> {
 
 // Is one of the faces of the lane's leaf, if its `node` is one, in the way of its ray to the light? All lanes test faces
 // for all.
-template <int TYPES, int WORDS, class List, class Meshes>
-WARPCAM_FN bool meets_leaves(ShadowRays<WORDS>& rays, const List& list, const Light& light, const Meshes& meshes,
-                             int slot, int node, const Span& span)
+template <int TYPES, class Rays, class List, class Meshes>
+WARPCAM_FN bool meets_leaves(Rays& rays, const List& list, const Light& light, const Meshes& meshes, int slot, int node)
 {
     const LeafPairs pairs(node);
     bool met = false;
@@ -71,7 +110,6 @@ WARPCAM_FN bool meets_leaves(ShadowRays<WORDS>& rays, const List& list, const Li
         int start;
         const int from = pairs.owner(rays.owners, window, start), number = pairs.face(window, from);
         const int its_slot = __shfl_sync(ALL, slot, from);
-        const float near = __shfl_sync(ALL, span.near, from), reach = __shfl_sync(ALL, span.reach, from);
         bool meets = false;
         if (window + threadIdx.x % LANES < pairs.count) {
             const unsigned row = unsigned(list.aims[its_slot].w) + unsigned(number * FACE_ROWS);
@@ -81,7 +119,8 @@ WARPCAM_FN bool meets_leaves(ShadowRays<WORDS>& rays, const List& list, const Li
             const float t = enter_triangle(frame, project(frame, a.x, a.y, a.z), project(frame, b.x, b.y, b.z),
                                            project(frame, c.x, c.y, c.z),
                                            (TYPES >> SHADING_BACKS & 1) || has_back<TYPES>(b.w));
-            meets = (t > near) & (t < reach);
+            const Span span = rays.span[from];
+            meets = (t > span.near) & (t < span.reach);
             if constexpr ((TYPES >> MASKED & 1) != 0) {
                 const Vec point = rays.start.at(from);
                 const Record& record = list.records[its_slot];
@@ -96,36 +135,40 @@ WARPCAM_FN bool meets_leaves(ShadowRays<WORDS>& rays, const List& list, const Li
 
 // Calls shade(pixel) for each ray that `next_tile` finds (see Supply) and that meets a front face, or any where backs
 // shade, on its way to the light.
-template <int TYPES, int WORDS, class List, class Meshes, class NextTile, class Shade>
-WARPCAM_FN void cast_rays(ShadowRays<WORDS>& rays, const List& list, const Light& light, const Meshes& meshes,
+template <int TYPES, int WORDS, class BOXES, class List, class Meshes, class NextTile, class Shade>
+WARPCAM_FN void cast_rays(ShadowRays<WORDS, BOXES>& rays, const List& list, const Light& light, const Meshes& meshes,
                           const NextTile& next_tile, const Shade& shade)
 {
-    const int lane = threadIdx.x % LANES, words = (list.count + LANES - 1) / LANES;
+    const int lane = threadIdx.x % LANES, words = WORDS == 1 ? 1 : (list.count + LANES - 1) / LANES;
+    const float far = light.distant ? ENDLESS : 1.0f;  // nodes are visited up to here; only faces must lie within the span
     int stack[STACK];
     int word = 0, slot = 0, node = NO_NODE, height = 0;
     unsigned left = 0, nodes = 0;
-    Span span {};
-    NodeRay<by_child(TYPES)> boxes {};
+    BOXES boxes {};
     Supply supply { 0, 0, true };
     const auto take = [&](int ray) {
         rays.own[lane] = rays.pixel[ray];
         rays.start.put(lane, rays.waiting_start.at(ray));
-        span = { rays.near[ray], rays.reach[ray] };
+        rays.span[lane] = rays.waiting_span[ray];
         word = 0;
         left = rays.take(ray, words);
         rays.go_on(words, word, left);
     };
     while (true) {
         const unsigned idles = __ballot_sync(ALL, node == NO_NODE && left == 0);
-        if (supply.any() && (__popc(idles) >= FEW || idles == ALL))
+        if (supply.any() && (__popc(idles) >= FEW || idles == ALL)) {
+            rays.keep_walk(node, height, slot);
             supply.hand_out(idles, next_tile, take);
-        else if (idles == ALL)
+            rays.go_on_walking(node, height, slot, boxes);
+            nodes = list.records[slot].origin.w;
+        } else if (idles == ALL) {
             return;
+        }
 
         const unsigned between = __ballot_sync(ALL, node == NO_NODE && left != 0);  // on to their next meshes
         if (between && (__popc(between) >= FEW || !__any_sync(ALL, node != NO_NODE))) {
             if (node == NO_NODE && left != 0) {
-                slot = word * LANES + lowest_bit(left);
+                slot = (WORDS == 1 ? 0 : word * LANES) + lowest_bit(left);
                 left &= left - 1;
                 rays.go_on(words, word, left);
                 const Record& record = list.records[slot];
@@ -134,6 +177,7 @@ WARPCAM_FN void cast_rays(ShadowRays<WORDS>& rays, const List& list, const Light
                 const Ray local = ray.local(record);
                 rays.put_frame(ray.template frame<TYPES>(record));
                 boxes.set(slabs(local.origin, local.direction, record.size.x), record.size.x);
+                rays.keep_boxes(boxes);
                 nodes = record.origin.w;
                 node = 0;
             }
@@ -145,7 +189,7 @@ WARPCAM_FN void cast_rays(ShadowRays<WORDS>& rays, const List& list, const Light
             if (inner) {
                 float enter[4], leave[4];
                 int child[4];
-                boxes.meet(node_rows<TYPES>(meshes, nodes, node), span.near, span.reach, enter, leave, child);
+                boxes.meet(node_rows<TYPES>(meshes, nodes, node), 0.0f, far, enter, leave, child);
                 node = NO_NODE;
 #pragma unroll
                 for (int k = 0; k < 4; ++k)
@@ -166,7 +210,7 @@ WARPCAM_FN void cast_rays(ShadowRays<WORDS>& rays, const List& list, const Light
         const unsigned leaves = __ballot_sync(ALL, node < 0);
         if (leaves && (__popc(leaves) >= FEW / 2 || !stepping)) {
             __syncwarp();  // frames that one lane writes another may read
-            const bool met = meets_leaves<TYPES>(rays, list, light, meshes, slot, node, span);
+            const bool met = meets_leaves<TYPES>(rays, list, light, meshes, slot, node);
             if (node < 0) {
                 if (met) {
                     shade(rays.own[lane]);

@@ -286,10 +286,10 @@ inline void shade_points_by_meshes(const List& list, const LitView<LENS>& view, 
                                                        points.near[row], points.reach[row], light.distant));
                 for (unsigned asked = met & ~(known >> row * PACKET); asked; asked &= asked - 1) {
                     const int lane = row * PACKET + lowest_bit(asked);
-                    const bool faces = faces_light<TYPES>(shapes, meshes, world, points.ids[lane], points.faces[lane],
-                                                          light, view.origin,
-                                                          view.sight.along_of(points.point(lane)));
-                    facing |= unsigned(faces) << lane;
+                    const Vec point = points.point(lane);
+                    const Facing one = face_light<TYPES>(shapes, meshes, world, points.ids[lane], points.faces[lane], light,
+                                                         view.origin, view.sight.along_of(point), point);
+                    facing |= unsigned(one.front) << lane;
                 }
                 known |= met << row * PACKET;
                 met &= facing >> row * PACKET;

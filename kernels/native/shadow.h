@@ -4,6 +4,7 @@
 #include "floor_shade.h"
 #include "kept_lights.h"
 #include "mesh_shadows.h"
+#include "shadow_strips.h"
 
 namespace warpcam {
 
@@ -37,131 +38,33 @@ template <int LENS> struct Task {
     bool fresh;    // masks are to be cleared first
 };
 
+// How many lights have their lists beside each other: where a warp makes one by itself, the lists of two are made at once,
+// and their shadows are cast without a barrier between them.
+template <int TYPES, int CAPACITY> constexpr int lists_beside()
+{
+#if defined(__CUDA_ARCH__)
+    return (TYPES >> MESH & 1) && CAPACITY <= 16 ? 2 : 1;
+#else
+    return 1;
+#endif
+}
+
 #if defined(__CUDA_ARCH__)
 
-// A strip of tiles beside each other, which a warp looks through before it works on one of them: each lane has as many
-// pixels of a row as there are tiles. Four, or as few as leave each warp of the block a strip in small regions.
-template <int WIDTH, int HEIGHT> struct Strip {
-    static constexpr int TILES = WIDTH * HEIGHT >= 4 * THREADS ? 4 : WIDTH * HEIGHT / THREADS;
-    static constexpr int ACROSS = WIDTH / (TILES * TILE_WIDTH);
-    static constexpr unsigned COUNT = ACROSS * (HEIGHT / TILE_HEIGHT);
-    static_assert(TILES * THREADS <= WIDTH * HEIGHT && ACROSS * TILES * TILE_WIDTH == WIDTH);
-
-    // Where the strip, a lane's first pixel in it, and the tile that a lane's pixels belong to begin.
-    WARPCAM_FN static int column(unsigned strip) { return strip % ACROSS * (TILES * TILE_WIDTH); }
-    WARPCAM_FN static int row(unsigned strip) { return strip / ACROSS * TILE_HEIGHT; }
-    WARPCAM_FN static int lane_column(int lane) { return lane % TILE_WIDTH * TILES; }
-    WARPCAM_FN static int lane_row(int lane) { return lane / TILE_WIDTH; }
-    WARPCAM_FN static int tile_column(int lane) { return lane_column(lane) & ~(TILE_WIDTH - 1); }
-
-    // Those that a warp has where they are dealt out: see floor_shade.h.
-    static constexpr int WARPS = THREADS / LANES, EACH = COUNT / WARPS;
-    static_assert(WARPS <= 4);
-    static constexpr unsigned ALL_OF_WARP = EACH < 8 ? EACH_STRIP & ((1u << 4 * (EACH % 8)) - 1u) : EACH_STRIP;
-    WARPCAM_FN static unsigned of_warp(unsigned warp, unsigned number) { return warp + WARPS * number; }
-
-    // The lanes whose pixels belong to the same tile as a lane's.
-    WARPCAM_FN static unsigned lanes_of(int lane)
-    {
-        return (TILES == 4 ? 0x03030303u : TILES == 2 ? 0x0f0f0f0fu : ALL) << (tile_column(lane) / TILES);
-    }
-};
-
-template <int COUNT, class Value, class Result> WARPCAM_FN void load_several(const Value* from, Result* to)
+// Leaves out a shape of those that are `met`, bits by slot; false if none are left.
+template <class List> WARPCAM_FN bool others_met(const List& list, unsigned (&met)[List::WORDS], int id)
 {
-    const Several<Value, COUNT> values = several<COUNT>(from);
-#pragma unroll
-    for (int k = 0; k < COUNT; ++k)
-        to[k] = values.at[k];
-}
-
-template <int COUNT, class Value> WARPCAM_FN void clear_several(Value* to)
-{
-    *reinterpret_cast<Several<Value, COUNT>*>(to) = {};
-}
-
-// Whether any of the lane's pixels in a strip shows a point below what the list's casters cover together. With `fresh`
-// their masks are cleared.
-template <int COUNT, int LENS, class List, class Target>
-WARPCAM_FN bool find_asking(const Target& target, size_t at, int inside, float i, float j, const List& list,
-                            const LitView<LENS>& view, bool fresh)
-{
-    int id[COUNT];
-    float depth[COUNT] = {};
-#pragma unroll
-    for (int k = 0; k < COUNT; ++k)
-        id[k] = -1;
-    if (inside >= COUNT && target.width % COUNT == 0) {
-        load_several<COUNT>(target.shape.data + at, id);
-        load_several<COUNT>(target.depth.data + at, depth);
-        if (fresh)
-            clear_several<COUNT>(target.shadow.data + at);
-    } else {
-#pragma unroll
-        for (int k = 0; k < COUNT; ++k)
-            if (k < inside) {
-                id[k] = target.shape.data[at + k];
-                depth[k] = target.depth.data[at + k];
-                if (fresh)
-                    target.shadow.data[at + k] = 0;
-            }
-    }
-    bool asks = false;
-#pragma unroll
-    for (int k = 0; k < COUNT; ++k)
-        asks |= id[k] >= 0 && may_shade(list.bounds, list.ceiling,
-                                      place_of(view.light.distant, view.lit.point(i + float(k), j, depth[k])));
-    return asks;
-}
-
-// Whether warps have strips of their own, of which those that show nothing but a plane are told apart: see floor_shade.h.
-template <int TYPES, int LENS, int WIDTH, int HEIGHT> constexpr bool sees_floor()
-{
-    using Strips = Strip<WIDTH, HEIGHT>;
-    return (TYPES >> PLANE & 1) && !(TYPES >> MESH & 1) && LENS == PINHOLE && Strips::TILES == 4
-        && Strips::EACH * Strips::WARPS == Strips::COUNT && Strips::EACH <= 8 && Strips::WARPS % Strips::ACROSS == 0;
-}
-
-// Takes one of a block's strips, of which each is a bit: those of its four warps lie beside each other. False if there is none.
-WARPCAM_FN bool take_strip(unsigned& strips, unsigned& strip, int lane)
-{
-    unsigned bit = 0;
-    if (lane == 0)
-        for (unsigned left = *const_cast<volatile unsigned*>(&strips); left && !bit;) {
-            const unsigned lowest = left & -left;
-            bit = atomicAnd(&strips, ~lowest) & lowest;
-            left &= ~lowest;
+    bool any = false;
+    for (int word = 0; word < (list.count + 31) / 32; ++word) {
+        unsigned others = 0;
+        for (unsigned left = met[word]; left; left &= left - 1) {
+            const int bit = lowest_bit(left);
+            others |= list.records[word * 32 + bit].axis_y.w != id ? 1u << bit : 0u;
         }
-    bit = __shfl_sync(ALL, bit, 0);
-    if (!bit)
-        return false;
-    strip = lowest_bit(bit);
-    return true;
-}
-
-// Which of a warp's strips show nothing but a plane. Clears the masks of all of them, in a region that the image holds.
-template <int WIDTH, int HEIGHT, class Target>
-WARPCAM_FN unsigned find_floors(const Target& target, size_t corner, int plane)
-{
-    using Strips = Strip<WIDTH, HEIGHT>;
-    constexpr int COUNT = Strips::TILES;
-    const int lane = threadIdx.x % LANES;
-    const unsigned first = Strips::of_warp(threadIdx.x / LANES, 0);
-    const size_t start = corner + unsigned((Strips::row(first) + Strips::lane_row(lane)) * target.width + Strips::column(first)
-                                           + Strips::lane_column(lane));
-    decltype(four_at(target.shape.data)) ids[Strips::EACH];
-#pragma unroll
-    for (int number = 0; number < Strips::EACH; ++number) {
-        const size_t at = start + unsigned(number * (Strips::WARPS / Strips::ACROSS * TILE_HEIGHT) * target.width);
-        ids[number] = four_at(target.shape.data + at);
-        clear_several<COUNT>(target.shadow.data + at);
+        met[word] = others;
+        any |= others != 0;
     }
-    unsigned floors = 0;
-#pragma unroll
-    for (int number = 0; number < Strips::EACH; ++number)
-        floors |= __all_sync(ALL, all_are(ids[number], plane)) ? 1u << 4 * number : 0u;
-    __syncwarp();  // masks that one lane clears another may write
-    return floors;
+    return any;
 }
 
 #endif
@@ -176,9 +79,10 @@ WARPCAM_FN void cast_light(List& list, const Task<LENS>& task, const Shapes& sha
     constexpr bool HAS_MESH = TYPES >> MESH & 1;
     const LitView<LENS>& view = task.view;
 #if defined(__CUDA_ARCH__)
+    constexpr bool BESIDE = lists_beside<TYPES, List::CAPACITY>() > 1;
     constexpr int WORDS = List::WORDS;
     using Strips = Strip<WIDTH, HEIGHT>;
-    WARPCAM_SHARED ShadowRays<HAS_MESH ? WORDS : 1> rays[HAS_MESH ? THREADS / LANES : 1];
+    WARPCAM_SHARED ShadowRays<HAS_MESH ? WORDS : 1, NodeRay<by_child(TYPES)>> rays[HAS_MESH ? THREADS / LANES : 1];
     const int lane = threadIdx.x % LANES, warp = HAS_MESH ? threadIdx.x / LANES : 0;
     constexpr bool ON_FLOOR = sees_floor<TYPES, LENS, WIDTH, HEIGHT>();
     if constexpr (ON_FLOOR) {  // a warp finds out which of its strips are to be looked through; then all warps share them
@@ -231,22 +135,25 @@ WARPCAM_FN void cast_light(List& list, const Task<LENS>& task, const Shapes& sha
         unsigned met[WORDS];
         const bool met_any = shade_tile<TYPES>(list, view, p, span, place, around, open, fields, met);
         if (HAS_MESH) {
-            const bool keep = open && met_any
-                && faces_light<TYPES>(shapes, meshes, task.world, id, target.face.data[at], view.light, view.origin,
-                                      view.sight.along_of(p));
+            bool keep = open && met_any;
+            if (keep) {
+                const Facing facing = face_light<TYPES>(shapes, meshes, task.world, id, target.face.data[at], view.light,
+                                                        view.origin, view.sight.along_of(p), p);
+                keep = facing.front && (!facing.clear || others_met(list, met, id));
+            }
             const unsigned kept = __ballot_sync(ALL, keep);
             rays[warp].put(kept, met, (list.count + 31) / 32, row * 64 + column, p, span);
             __syncwarp();
             found = __popc(kept);
         }
         if (asks && !open)
-            target.shadow.data[at] |= static_cast<int>(task.bit);
+            mark_shadow<BESIDE>(target, at, task.bit);
         return true;
     };
     if (HAS_MESH) {
         const auto shade = [&](int pixel) {
             const size_t at = task.corner + unsigned(pixel / 64 * target.width + pixel % 64);
-            target.shadow.data[at] |= static_cast<int>(task.bit);
+            mark_shadow<BESIDE>(target, at, task.bit);
         };
         cast_rays<TYPES>(rays[warp], list, view.light, meshes, next_tile, shade);
     } else {
@@ -274,6 +181,17 @@ WARPCAM_FN void cast_light(List& list, const Task<LENS>& task, const Shapes& sha
 #endif
 }
 
+// Clears the masks of a region.
+template <int WIDTH, int HEIGHT, class Target>
+WARPCAM_FN void clear_shadows(const Target& target, const Region& region, int world, int thread)
+{
+    for (int pixel = thread; pixel < WIDTH * HEIGHT; pixel += THREADS) {
+        const int i = region.left + pixel % WIDTH, j = region.top + pixel / WIDTH;
+        if (i < target.width && j < target.height)
+            target.shadow.data[(size_t(world) * target.height + j) * target.width + i] = 0;
+    }
+}
+
 // Shadows in one region of one view; the index runs as in draw(). The list is filled and used once for each light, and
 // again as often as the scene's shapes need.
 template <int TYPES, int LENS, int CAPACITY, int WIDTH, int HEIGHT, class Shapes, class Materials, class Meshes,
@@ -282,8 +200,9 @@ WARPCAM_FN void cast(const Shapes& shapes, const Materials& materials, const Mes
                      const HeightFields& fields, const Lights& lights, const Views& views, const Target& target,
                      int index)
 {
-    WARPCAM_SHARED CasterList<CAPACITY, (TYPES >> MESH & 1) != 0> list;
-    WARPCAM_SHARED Task<LENS> task;
+    constexpr int BESIDE = lists_beside<TYPES, CAPACITY>();
+    WARPCAM_SHARED CasterList<CAPACITY, (TYPES >> MESH & 1) != 0> lists[BESIDE];
+    WARPCAM_SHARED Task<LENS> tasks[BESIDE];
     const int thread = index % THREADS, block = index / THREADS;
     const int columns = (target.width + WIDTH - 1) / WIDTH, rows = (target.height + HEIGHT - 1) / HEIGHT;
     WARPCAM_SHARED Floor floor;
@@ -311,10 +230,55 @@ WARPCAM_FN void cast(const Shapes& shapes, const Materials& materials, const Mes
         }
     }
 #endif
+#if defined(__CUDA_ARCH__)
+    if constexpr (BESIDE > 1) {
+        if (fresh)
+            clear_shadows<WIDTH, HEIGHT>(target, region, world, thread);
+        const int warp = thread / LANES;
+        for (int number = 0; number < num_lights;) {
+            int found = 0, own = 0, own_place = 0;
+            for (; number < num_lights && found < BESIDE; ++number) {
+                const int place = kept.next(lights, world, number);
+                if (place < 0 || !casts(lights, world, number))
+                    continue;
+                if (found == warp) {
+                    own = number;
+                    own_place = place;
+                }
+                ++found;
+            }
+            block_barrier();  // the lists may still be in use, masks not yet cleared
+            if (warp < found) {
+                auto& list = lists[warp];
+                const int lane = thread % LANES;
+                if (lane == 0)
+                    list.count = list.next_tile = list.strips = 0;
+                const Camera camera = load_camera(wp::index(views, world));
+                const LitView<LENS> view = light_view<LENS>(lights, camera, world, own);
+                if (lane == 0)
+                    tasks[warp] = { view, region, corner, world, 1u << own_place, false };
+                warp_barrier();
+                collect_casters<TYPES, LANES>(list, 0, shapes, materials, meshes, fields, view.light, camera, world, lane);
+            }
+            block_barrier();
+#pragma unroll 1
+            for (int k = 0; k < found; ++k) {
+                if (lists[k].count == 0)
+                    continue;
+                find_bounds(lists[k]);  // the same by every warp
+                __syncwarp();
+                cast_light<TYPES, LENS, WIDTH, HEIGHT>(lists[k], tasks[k], shapes, meshes, fields, target, floor, floors);
+            }
+        }
+        return;
+    }
+#endif
     for (int number = 0; number < num_lights; ++number) {
         const int place = kept.next(lights, world, number);
         if (place < 0 || !casts(lights, world, number))
             continue;
+        auto& list = lists[0];
+        auto& task = tasks[0];
         int begin = 0;
         do {
             block_barrier();  // the list may still be in use
@@ -335,11 +299,7 @@ WARPCAM_FN void cast(const Shapes& shapes, const Materials& materials, const Mes
         } while (begin < total);
     }
     if (fresh)  // nothing casts a shadow
-        for (int pixel = thread; pixel < WIDTH * HEIGHT; pixel += THREADS) {
-            const int i = region.left + pixel % WIDTH, j = region.top + pixel / WIDTH;
-            if (i < target.width && j < target.height)
-                target.shadow.data[(size_t(world) * target.height + j) * target.width + i] = 0;
-        }
+        clear_shadows<WIDTH, HEIGHT>(target, region, world, thread);
 }
 
 }  // namespace warpcam

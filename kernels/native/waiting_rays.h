@@ -39,7 +39,7 @@ template <int WORDS> struct WaitingRays {
     // Goes on to the next word of the lane's ray with a mesh, if `left` of this one has none.
     WARPCAM_FN void go_on(int words, int& word, unsigned& left) const
     {
-        while (left == 0 && word + 1 < words)
+        while (WORDS > 1 && left == 0 && word + 1 < words)
             left = taken[++word][threadIdx.x % LANES];
     }
 };

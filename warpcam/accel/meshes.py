@@ -9,6 +9,7 @@ import warp as wp
 from warpcam.accel.bvh4 import Bvh4, build_bvh4
 from warpcam.accel.kept import Kept, key_of
 from warpcam.errors import WarpcamError
+from warpcam.kernels import horizon
 from warpcam.kernels.types import Meshes, Textures
 
 MAX_ROWS = 2**31 - 1
@@ -73,6 +74,7 @@ def pack_meshes(meshes: Sequence[Mesh], device: wp.Device) -> tuple[Meshes, int]
     places: dict[tuple[bytes, ...], tuple[int, int]] = {}  # by content: first rows of nodes and faces
     built: dict[tuple[bytes, ...], int] = {}  # by content: place among the trees
     trees: list[tuple[np.ndarray, np.ndarray]] = []
+    holders: list[int] = []  # the first mesh of each
     node_start, face_start, corner_start = [], [], []
     lower = np.zeros((len(meshes), 3), np.float32)
     upper = np.full((len(meshes), 3), -1.0, np.float32)
@@ -90,6 +92,8 @@ def pack_meshes(meshes: Sequence[Mesh], device: wp.Device) -> tuple[Meshes, int]
             trees.append((nodes, _with_backs(tree.faces, len(mesh.fronts)) if mesh.two_sided else tree.faces))
         elif mesh.moves or key not in places:
             trees.append(trees[built[key]])
+        if len(holders) < len(trees):
+            holders.append(index)
         place = places.get(key)
         if mesh.moves or place is None:
             place = (node_rows, face_rows)
@@ -120,6 +124,9 @@ def pack_meshes(meshes: Sequence[Mesh], device: wp.Device) -> tuple[Meshes, int]
     packed.normals = wp.array(_joined(normals, 3), dtype=wp.vec3, device=device)
     packed.uvs = wp.array(_joined(uvs, 2), dtype=wp.vec2, device=device)
     packed.has_uvs = _integers([mesh.mapped for mesh in meshes], device)
+    if horizon.are_kept(device) and not any(mesh.moves or mesh.two_sided for mesh in meshes):
+        sizes = [len(tree[1]) // 3 for tree in trees]
+        horizon.find_horizons(packed, np.repeat(np.array(holders, np.int32), sizes), device)
     return packed, max((len(tree[1]) // 3 for tree in trees), default=0)
 
 
