@@ -117,6 +117,15 @@ def test_extra_outputs_are_compared_with_depth_and_ids(tmp_path: Path) -> None:
     assert set(cases.EXTRAS) == {f"ds+{name}" for name in cases.OUTPUTS} - {"ds+depth", "ds+segmentation"}
 
 
+def test_what_a_scene_cannot_have_fails_each_time(tmp_path: Path) -> None:
+    pytest.importorskip("newton")
+    out = tmp_path / "more.json"
+    asked = ("--outputs", "rgb", "rgb-reflections", "rgb-shadows-reflections", "--peer", "warpcam")
+    assert bench("--case", "newton_quadruped", *asked, *TINY, "--out", out) == 1
+    rows = {row["outputs"]: row for row in json.loads(out.read_text())["results"]}
+    assert [name for name, row in rows.items() if "error" in row] == ["rgb-reflections", "rgb-shadows-reflections"]
+
+
 @pytest.mark.parametrize("more", list(cases.MORE))
 def test_what_peers_do_not_draw_is_compared_with_none(
     more: str, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch

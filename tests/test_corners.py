@@ -27,13 +27,13 @@ THINGS = (
 )
 
 
-def model(size: str, material: str, lights: str, camera: str, pose: str = "") -> mujoco.MjModel:
+def model(size: str, material: str, lights: str, camera: str, pose: str = "", visual: str = "") -> mujoco.MjModel:
     return scenes.compile_xml(
         lights + camera + f'<geom type="plane" size="{size}" material="{material}" {pose}/>' + THINGS,
         assets=TEXTURE
         + '<material name="grey" texture="checks" texrepeat="3 2"/><material name="plain" rgba=".6 .6 .6 1"/>'
         + '<material name="blue" rgba=".3 .4 .8 1" emission=".1" texuniform="true" texture="checks"/>',
-        more='<statistic extent="2" center="0 0 0"/><visual><map zfar="30"/></visual>',
+        more='<statistic extent="2" center="0 0 0"/><visual><map zfar="30"/>' + visual + "</visual>",
     )
 
 
@@ -77,17 +77,23 @@ def test_planes(device: wp.Device, size: str, material: str, camera: str) -> Non
 @pytest.mark.parametrize("shadows", [True, False])
 @pytest.mark.parametrize("material", ["grey", "plain", "blue"])
 @pytest.mark.parametrize("camera", [NEAR, HORIZON], ids=["near", "horizon"])
+@pytest.mark.parametrize("size", [(128, 64), (100, 52)], ids=["whole", "parts"])
 def test_images_alone_and_together(
-    device: wp.Device, monkeypatch: pytest.MonkeyPatch, camera: str, material: str, shadows: bool
+    device: wp.Device,
+    monkeypatch: pytest.MonkeyPatch,
+    size: tuple[int, int],
+    camera: str,
+    material: str,
+    shadows: bool,
 ) -> None:
-    """On a GPU those that are asked for alone are drawn by strips, all together pixel by pixel."""
+    """On a GPU those that are asked for alone are drawn by strips in whole regions, all together pixel by pixel."""
     for module in (resolve, shadow, visibility):
         monkeypatch.setattr(module, "region_size", lambda *_, **__: (64, 64))
     mjm = model("0 0 .1", material, SPOTS + SUN, camera, 'euler="2 -3 10"')
     scene = wc.from_mujoco(mjm, [scenes.forward(mjm)], device=device)
 
     def look(*outputs: str) -> dict[str, np.ndarray]:
-        return scenes.look(scene, wc.Camera(0, width=128, height=64, outputs=outputs, shadows=shadows))
+        return scenes.look(scene, wc.Camera(0, width=size[0], height=size[1], outputs=outputs, shadows=shadows))
 
     together = look("rgb", "rgba", "hdr", "albedo", "segmentation")
     rgb, rgba, both = look("rgb"), look("rgba"), look("rgb", "rgba")
@@ -100,6 +106,28 @@ def test_images_alone_and_together(
     assert np.abs(found["albedo"].astype(int) - together["albedo"]).max() <= 1
     np.testing.assert_allclose(found["hdr"], together["hdr"], atol=0.01)
     assert found["hdr"].max() > found["rgb"].max() / 255
+
+
+@pytest.mark.parametrize("width", [128, 100])
+def test_where_no_light_reaches_there_is_none(device: wp.Device, monkeypatch: pytest.MonkeyPatch, width: int) -> None:
+    """Corners keep the sum of all lights, of which those in shadow are taken away."""
+    for module in (resolve, shadow, visibility):
+        monkeypatch.setattr(module, "region_size", lambda *_, **__: (64, 64))
+    lights = "".join(
+        f'<light type="directional" pos="-1.8 2.1 3" dir=".6 -.7 -1" diffuse="{grey} {grey} {grey}" ambient="0 0 0"/>'
+        for grey in (0.9, 0.05, 0.3)
+    )
+    mjm = model("0 0 .1", "grey", lights, NEAR, visual='<headlight active="0"/>')
+    scene = wc.from_mujoco(mjm, [scenes.forward(mjm)], device=device)
+    options = {"width": width, "height": 64, "shadows": True}
+    hdr = scenes.look(scene, wc.Camera(0, outputs=("hdr",), **options))["hdr"]
+    plain = scenes.look(scene, wc.Camera(0, outputs=("hdr", "rgb", "segmentation"), **options))
+    floor = plain["segmentation"] == 0
+    dark = floor & (plain["hdr"] == 0.0).all(axis=-1)
+    assert 0.01 < dark.mean() < 0.5 * floor.mean()
+    assert hdr.min() >= 0.0
+    np.testing.assert_allclose(hdr[dark], 0.0, atol=1e-6)
+    np.testing.assert_allclose(hdr, plain["hdr"], atol=0.01)
 
 
 @pytest.mark.parametrize(("width", "height"), [(64, 64), (37, 51), (130, 70)])

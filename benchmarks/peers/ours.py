@@ -20,8 +20,8 @@ class WarpcamPeer:
 
     def __init__(self, problem: Problem) -> None:
         self.problem = problem
-        self.scene = self._scene(reflections=False, transparency=False)
-        self._drawn = (False, False)
+        self._drawn = {"reflections": False, "transparency": False}
+        self.scene = self._scene(**self._drawn)
         self.renderer: wc.Renderer | None = None
 
     def _scene(self, **drawn: bool) -> wc.Scene:
@@ -34,9 +34,10 @@ class WarpcamPeer:
 
     def prepare(self, wanted: Wanted) -> None:
         self.wanted = wanted
-        if self._drawn != (wanted.reflections, wanted.transparency):
-            self._drawn = (wanted.reflections, wanted.transparency)
-            self.scene = self._scene(reflections=wanted.reflections, transparency=wanted.transparency)
+        drawn = {"reflections": wanted.reflections, "transparency": wanted.transparency}
+        if self._drawn != drawn:
+            self.scene = self._scene(**drawn)
+            self._drawn = drawn
         cameras = [
             wc.Camera(
                 name,

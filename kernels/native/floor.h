@@ -89,6 +89,7 @@ template <class Grid> WARPCAM_FN Vec light_from_corners(const Grid& grid, const 
             sum += grid.bits[n - 1] & shadow ? 0.0f : light;
 #endif
         }
+        sum = upper(sum, 0.0f);  // what is left of a sum may be less by its rounding
         return { sum, sum, sum };
     }
     if (grid.grey) {

@@ -172,10 +172,13 @@ WARPCAM_FN bool draw_quad(const StripPlan& plan, const Grid& grid, const StripCo
             color = sample_sheet(view.sheet, view.levels[level], view.levels[level + 1], texture.x * u[k] + texture.y,
                                  texture.z * v[k] + as_float(texture.w), detail - (base - WHOLE_NUMBERS));
         }
-        if constexpr (Grid::LIT)
-            colors[k] = light_at<SHADED>(plan, grid, u[k], v[k], shadows >> 8 * k) * color;
-        else
+        if constexpr (Grid::LIT) {
+            const float light = light_at<SHADED>(plan, grid, u[k], v[k], shadows >> 8 * k);
+            // What is left of a sum may be less than nothing by its rounding; bytes are clipped.
+            colors[k] = (SHADED && (IMAGES & HDR) ? upper(light, 0.0f) : light) * color;
+        } else {
             colors[k] = times(grid.color, color);
+        }
     }
     quad.fill(colors);
     return true;

@@ -223,8 +223,17 @@ def test_a_corpus_run_sees_what_goes_wrong(tmp_path: Path, monkeypatch: pytest.M
         assert corpus.attempt(tmp_path, 0.5 if kind == "hung" else 20.0, gib).what == kind
 
 
-def test_nothing_moves_what_no_skeleton_has(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+@pytest.mark.parametrize(
+    ("skinning", "moves"),
+    [
+        ("int[] primvars:skel:jointIndices = []\nuniform token[] skel:blendShapes = []", False),
+        ("int[] primvars:skel:jointIndices.timeSamples = {1: [0, 0, 0, 0]}", True),
+        ("int primvars:skel:jointIndices = 3", True),
+        ('uniform token[] skel:blendShapes = ["smile"]', True),
+    ],
+)
+def test_what_a_skeleton_moves(skinning: str, moves: bool, tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     skinned = SQUARE.replace('"it"', '"it" (prepend apiSchemas = ["SkelBindingAPI"])')
-    empty = "int[] primvars:skel:jointIndices = []\nuniform token[] skel:blendShapes = []\nint[] faceVertexCounts"
-    wc.from_usd(written(tmp_path / "it.usda", skinned.replace("int[] faceVertexCounts", empty)), device="cpu")
-    assert not caplog.records
+    skinned = skinned.replace("int[] faceVertexCounts", f"{skinning}\nint[] faceVertexCounts")
+    wc.from_usd(written(tmp_path / "it.usda", skinned), device="cpu")
+    assert ("is moved by a skeleton" in caplog.text) == moves

@@ -200,7 +200,8 @@ class MeshReader:
             if any(attribute.ValueMightBeTimeVarying() for attribute in fixed):
                 self._notes.warn("changes its faces with time, and is drawn as it was at first", name)
                 moves = False
-        if any(len(prim.GetAttribute(skinning).Get() or ()) > 0 for skinning in SKINNING):
+        skinned = (prim.GetAttribute(name).Get(Usd.TimeCode.EarliestTime()) for name in SKINNING)
+        if any(value is not None and np.size(value) > 0 for value in skinned):
             self._notes.warn("is moved by a skeleton, which is not followed: its points are drawn as they stand", name)
         return Triangles(name, points, indices[corners], corners, faces, totals, smooth, two_sided, moves)
 
