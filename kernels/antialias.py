@@ -11,7 +11,7 @@ from typing import Any
 
 import warp as wp
 
-from .launch import Group, Stage, compiler_flags, native_module
+from .launch import Group, Stage, native_module
 from .launch import record as record_launch
 from .tables import Tables
 from .types import HEIGHT_FIELD, MESH, HeightFields, Meshes, Shapes, View
@@ -40,13 +40,12 @@ def _target_struct(shape_dtype: Any, face_dtype: Any) -> Any:
         depth: wp.array(dtype=wp.float32)  # (world * height * width,) planar depth in the pixels' centres [m]
         shape: wp.array(dtype=shape_dtype)  # (world * height * width,) shape id there, negative where nothing is hit
         face: wp.array(dtype=face_dtype)  # (world * height * width,) of a mesh, in leaf order; empty without meshes
-        edges: wp.array(dtype=wp.uint8)  # (world * height * width,) written: 1 where an edge runs through the pixel
-        rgb: wp.array(dtype=wp.uint8)  # (world * height * width * channels,), as the following
+        rgb: wp.array(dtype=wp.uint8)  # (world * height * width * channels,) as lit, as the following
         rgba: wp.array(dtype=wp.uint8)
         hdr: wp.array(dtype=wp.float32)
-        mean_rgb: wp.array(dtype=wp.uint8)  # written where there are edges: what the image is to show
-        mean_rgba: wp.array(dtype=wp.uint8)
-        mean_hdr: wp.array(dtype=wp.float32)
+        smooth_rgb: wp.array(dtype=wp.uint8)  # written: the same with smooth edges
+        smooth_rgba: wp.array(dtype=wp.uint8)
+        smooth_hdr: wp.array(dtype=wp.float32)
         width: wp.int32
         height: wp.int32
 
@@ -87,35 +86,9 @@ def _kernel(types: int, lens: int, width: int, height: int, images: int, target_
     return smooth_edges
 
 
-@functools.cache
-def _put(dtype: Any, channels: int, pack: Any) -> wp.Kernel:
-    together = wp.constant(wp.types.type_size_in_bytes(pack))
-
-    @wp.kernel(module="unique", enable_backward=False, module_options=compiler_flags())
-    def put_means(
-        mask: wp.array(dtype=wp.uint8),
-        edges: wp.array(dtype=pack),
-        means: wp.array2d(dtype=dtype),
-        packs: wp.int32,
-        image: wp.array2d(dtype=dtype),
-        first: wp.int32,
-    ):
-        index = first + wp.tid()
-        if edges[index] == pack(0) or mask[index // packs] == wp.uint8(0):
-            return
-        found = wp.uint32(edges[index])
-        for k in range(together):
-            if (found >> wp.uint32(8 * k) & wp.uint32(1)) != wp.uint32(0):
-                pixel = together * index + k
-                for channel in range(channels):
-                    image[pixel, channel] = means[pixel, channel]
-
-    return put_means
-
-
 def record(
     images: Mapping[str, wp.array],
-    means: Mapping[str, wp.array],
+    lit: Mapping[str, wp.array],
     tables: Tables,
     lens: str,
     views: wp.array,
@@ -123,15 +96,14 @@ def record(
     depth: wp.array,
     shape: wp.array,
     face: wp.array,
-    edges: wp.array,
     device: wp.Device,
     group: Group,
-) -> list[Stage]:
-    """Bind the stages that smooth the edges of one camera's images.
+) -> Stage:
+    """Bind the stage that smooths the edges of one camera's images.
 
     Args:
         images: Those of ``IMAGES`` that are there, (world, height, width, channels); written.
-        means: Likewise: room for what edges are to show.
+        lit: Likewise: the same with the colours of the pixels' centres.
         tables: The scene.
         lens: "pinhole" or "orthographic".
         views: View, (world,).
@@ -139,7 +111,6 @@ def record(
         depth: Planar depth in the pixels' centres [m], float32 (world, height, width, 1).
         shape: Shape ids there, likewise, negative where nothing is hit. What is left out of it no sample hits.
         face: Faces there, likewise, as the trace wrote them; empty if there are no meshes.
-        edges: uint8, likewise; written: 1 where there is one.
         device: Where all of these lie.
         group: Which worlds.
     """
@@ -147,13 +118,13 @@ def record(
     target_type = _target_struct(shape.dtype, face.dtype)
     target = target_type()
     target.mask, target.width, target.height = mask, width, height
-    target.depth, target.shape, target.edges = depth.flatten(), shape.flatten(), edges.flatten()
+    target.depth, target.shape = depth.flatten(), shape.flatten()
     target.face = face.flatten()
     wanted = 0
     for bit, name in enumerate(IMAGES):
         if name in images:
-            setattr(target, name, images[name].flatten())
-            setattr(target, f"mean_{name}", means[name].flatten())
+            setattr(target, name, lit[name].flatten())
+            setattr(target, f"smooth_{name}", images[name].flatten())
             wanted |= 1 << bit
     types = sum(1 << t for t in tables.shape_types)
     region = region_size(tables, group.at_once, width, height, device)
@@ -163,13 +134,4 @@ def record(
     kernel = _kernel(types, LENSES[lens], *region, wanted, target_type)
     arguments = [tables.shapes, tables.meshes, tables.height_fields, views, target]
     start, count = group.worlds.start, len(group.worlds)
-    stages = [record_launch(kernel, count * unit, arguments, device, start=start * unit, block_dim=THREADS)]
-    pixels = height * width
-    pack = wp.uint32 if pixels % 4 == 0 else wp.uint8  # a thread looks at four pixels at once
-    packs = pixels // wp.types.type_size_in_bytes(pack)
-    packed = wp.array(ptr=edges.ptr, dtype=pack, shape=packs * edges.shape[0], device=device)
-    for name, image in images.items():
-        rows, room = (array.reshape((-1, IMAGES[name][1])) for array in (image, means[name]))
-        arguments = [mask, packed, room, packs, rows]
-        stages.append(record_launch(_put(*IMAGES[name], pack), count * packs, arguments, device, start=start * packs))
-    return stages
+    return record_launch(kernel, count * unit, arguments, device, start=start * unit, block_dim=THREADS)

@@ -186,14 +186,29 @@ EVERY_TYPE = "".join(
     scenes.geom_xml(kind, more=f'pos="{0.9 * (k % 3) - 0.9} {0.9 * (k // 3) - 0.9} 0" euler="20 30 40"')
     for k, kind in enumerate(scenes.TYPES)
 )
-MANY = "".join(
-    f'<geom type="sphere" size="0.12" pos="{0.2 * (k % 18) - 1.7} {0.2 * (k // 18) - 1.7} {0.01 * (k % 7)}"/>'
-    for k in range(18 * 18)
+SOLIDS = "".join(
+    f'<geom type="{kind}" size="{" ".join(map(str, scenes.SIZES[kind]))}" euler="20 30 {40 + 10 * k}" '
+    f'pos="{0.9 * (k % 3) - 0.9} {0.9 * (k // 3) - 0.9} 0"/>'
+    for k, kind in enumerate(
+        ("sphere", "box", "capsule", "cylinder", "ellipsoid", "box", "cylinder", "box", "cylinder")
+    )
 )
 
 
+def spheres(across: int) -> str:
+    """As many in a row, and as many rows, that touch each other; more than 127 have ids of two bytes."""
+    size = 3.4 / across
+    return "".join(
+        f'<geom type="sphere" size="{0.6 * size}" '
+        f'pos="{size * (k % across) - 1.7} {size * (k // across) - 1.7} {0.01 * (k % 7)}"/>'
+        for k in range(across * across)
+    )
+
+
 @pytest.mark.parametrize("pinhole", [True, False])
-@pytest.mark.parametrize("world", [EVERY_TYPE, MANY], ids=["every type", "many"])
+@pytest.mark.parametrize(
+    "world", [EVERY_TYPE, SOLIDS, spheres(11), spheres(17)], ids=["every type", "solids", "121", "289"]
+)
 def test_every_pixel_is_as_by_brute_force(device: wp.Device, world: str, pinhole: bool) -> None:
     size, focal, height = 32, 28.0, 4.2
     mjm = scenes.compile_xml(world, assets=scenes.ASSETS)
@@ -317,6 +332,25 @@ def test_worlds_keep_their_own_edges(device: wp.Device) -> None:
     some = renderer.render(worlds=[1])["eye"]["rgb"].cpu().numpy()
     assert np.array_equal(some[0], together[0]) and np.array_equal(some[2], together[2])
     assert not np.array_equal(some[1], together[1])
+
+
+@pytest.mark.parametrize("world", [SOLIDS, spheres(11)], ids=["solids", "121"])
+def test_images_are_the_same_in_parts_of_any_size(device: wp.Device, world: str) -> None:
+    """Of few worlds a GPU's blocks draw small regions, of many large ones, in which more shapes are seen than fit."""
+    mjm = scenes.compile_xml(world)
+    with wp.ScopedDevice(device):
+        alone, *others = (
+            scenes.look(
+                wc.from_mujoco_warp(mjm, *scenes.put(mjm, worlds)),
+                camera(4, position=(0.0, 0.0, 3.5), outputs=("rgb", "hdr"), width=side, height=side),
+            )
+            for side in (32, 45)
+            for worlds in (1, 2, 10 * device.sm_count if device.is_cuda else 3)
+        )
+    for image in ("rgb", "hdr"):
+        for one in others[:2]:
+            assert (one[image] == alone[image]).all()
+        assert (others[3][image] == others[2][image]).all() and (others[4][image] == others[2][image]).all()
 
 
 @pytest.mark.parametrize("samples", [0, 2, 3, 8, True, None, "4"])

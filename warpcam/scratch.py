@@ -55,17 +55,15 @@ def buffers_of(camera: Camera, tables: Tables) -> dict[str, Any]:
         "mirror face": mirrors and faces,
     }
     smooth = smooth_outputs(camera.outputs, camera.antialiasing)
-    wanted["edges"] = bool(smooth)
     ids = next(dtype for dtype, most in SHAPE_IDS.items() if tables.num_shapes <= most)
     dtypes = {
         "depth": wp.float32,
         "shape": ids,
         "face": wp.uint16 if tables.num_faces <= 2**16 and HEIGHT_FIELD not in tables.shape_types else wp.int32,
         "shadow": wp.uint8,
-        "edges": wp.uint8,
     }
     chosen = {name: dtypes[name.removeprefix("mirror ")] for name, there in wanted.items() if there}
-    return chosen | {f"smooth {name}": PIXELS[name] for name in smooth}
+    return chosen | {f"lit {name}": PIXELS[name] for name in smooth}
 
 
 def image_bytes(camera: Camera, tables: Tables) -> dict[str, int]:

@@ -91,12 +91,17 @@ class Target:
         derived = {name: self.images[name] for name, trace in names.items() if trace is None}
         if tables.ids_by_world and "shape" in traced:  # what is asked for are ids; the stages pass on columns
             traced["ids"] = traced.pop("shape")
+        smooth = [name for name in smooth_outputs(self._camera.outputs, self._camera.antialiasing) if name in derived]
+        for name in smooth:  # is lit into a buffer first
+            image = self.images[name]
+            derived[name] = wp.array(
+                ptr=buffers[f"lit {name}"].ptr, shape=image.shape, dtype=image.dtype, device=device
+            )
         lit = {name: image for name, image in derived.items() if OUTPUTS[name].lit}
         if projection == "rays":
             traced = _swapped(traced)
         depth, shape, face = (traced.pop(name, buffers.get(name)) for name in ("depth", "shape", "face"))
         shadows = buffers.get("shadow") if lit else None
-        smooth = bool(lit and smooth_outputs(self._camera.outputs, self._camera.antialiasing))
         veil_places = layers.veil_places if opaque and layers is not None else None
         stages = [
             visibility.record(
@@ -148,11 +153,25 @@ class Target:
                     group,
                     layers,
                     self._mirrors if reflecting else None,
-                    noted=smooth and opaque and tables.physical is None and tables.splats is None,
+                    noted=bool(smooth) and opaque and tables.physical is None and tables.splats is None,
                 )
             )
         if smooth:
-            stages += self._smooth(tables, projection, group, buffers, mask, depth, shape, face)
+            stages.append(
+                antialias.record(
+                    {name: self.images[name] for name in smooth},
+                    {name: lit[name] for name in smooth},
+                    tables,
+                    projection,
+                    views,
+                    mask,
+                    depth,
+                    shape,
+                    face,
+                    device,
+                    group,
+                )
+            )
         if tables.splats is not None:
             trail = None if self.past is None else self.past.trail
             stages.insert(0, splats.record_check(tables, views, mask, faults, device, group))
@@ -174,38 +193,6 @@ class Target:
                 )
             )
         return stages
-
-    def _smooth(
-        self,
-        tables: Tables,
-        projection: Projection,
-        group: Group,
-        buffers: Mapping[str, wp.array],
-        mask: wp.array,
-        depth: wp.array,
-        shape: wp.array,
-        face: wp.array,
-    ) -> list[Stage]:
-        """The stages that smooth the edges of images that are there, by what was found in the pixels' centres."""
-        images = {name: self.images[name] for name in smooth_outputs(self._camera.outputs, self._camera.antialiasing)}
-        means = {
-            name: wp.array(ptr=buffers[f"smooth {name}"].ptr, shape=image.shape, dtype=image.dtype, device=self._device)
-            for name, image in images.items()
-        }
-        return antialias.record(
-            images,
-            means,
-            tables,
-            projection,
-            self.views,
-            mask,
-            depth,
-            shape,
-            face,
-            buffers["edges"],
-            self._device,
-            group,
-        )
 
     def _record_mirrors(
         self,

@@ -74,6 +74,11 @@ template <int IMAGES, class Target> WARPCAM_FN unsigned load_bytes(const Target&
 // Whether two such colours differ by more than so many levels in any channel.
 WARPCAM_FN bool bytes_differ(unsigned one, unsigned other, int levels)
 {
+#if defined(__CUDA_ARCH__)
+    constexpr unsigned EVERY = 0x01010101, LOWER = 0x7f * EVERY, HIGHEST_BITS = 0x80 * EVERY;
+    const unsigned apart = __vabsdiffu4(one, other);
+    return ((apart | ((apart & LOWER) + EVERY * unsigned(0x7f - levels))) & HIGHEST_BITS) != 0;
+#else
     // two channels at once, in 16 bits each: 256 and what one has more than the other, then the highest bit is set if
     // that is above the range, or not below it
     constexpr unsigned EVERY_OTHER = 0x00ff00ff, BOTH = 0x00010001, HIGHEST = 0x80008000;
@@ -81,6 +86,7 @@ WARPCAM_FN bool bytes_differ(unsigned one, unsigned other, int levels)
     const unsigned odd = ((one >> 8 & EVERY_OTHER) | 256 * BOTH) - (other >> 8 & EVERY_OTHER);
     const unsigned above = BOTH * unsigned(0x7fff - 256 - levels), from = BOTH * unsigned(0x8000 - 256 + levels);
     return (((even + above) | (odd + above) | ~(even + from) | ~(odd + from)) & HIGHEST) != 0;
+#endif
 }
 
 // A pixel's colour in the images.
@@ -142,7 +148,10 @@ template <int LENS, class Centres> struct Seen {
     // Are three pixels in a row not on one plane? Of a plane 1 / depth is linear in a pinhole's image.
     WARPCAM_FN bool turns(unsigned before, unsigned here, unsigned after, float scale) const
     {
-        const float a = depth(before), b = depth(here), c = depth(after);
+        return turns_at(depth(before), depth(here), depth(after), scale);
+    }
+    WARPCAM_FN bool turns_at(float a, float b, float c, float scale) const
+    {
         if (LENS != ORTHOGRAPHIC)
             return magnitude(b * (a + c) - 2.0f * a * c) > CREASE * scale * (a * c);
         return magnitude(a + c - 2.0f * b) > CREASE * scale;

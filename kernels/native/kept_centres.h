@@ -22,28 +22,43 @@ template <class Target, int IMAGES, int WIDTH, int HEIGHT> struct CentresRoom {
 };
 
 // Pixels are numbered row after row, from the one left above the region's first.
-template <class Target_, int IMAGES, int WIDTH, int HEIGHT> struct KeptCentres {
-    using Room = CentresRoom<Target_, IMAGES, WIDTH, HEIGHT>;
+template <class Target, int IMAGES, int WIDTH, int HEIGHT> struct KeptCentres {
+    using Room = CentresRoom<Target, IMAGES, WIDTH, HEIGHT>;
     static constexpr int LINE = Room::LINE;
     static constexpr bool BORDERED = true;  // what lies outside of the image is as the nearest pixel inside
 
     Room& room;
-    const Target_& target;
+    const Target& target;
     int left, top;    // of the first pixel that is kept, in the image
     unsigned first;   // the view's first pixel in the images
 
-    // All threads of the block; with a barrier.
+    // All threads of the block; with a barrier. A warp loads rows, which may have a few more pixels than it has lanes; what
+    // lies beyond a row or the last of them is loaded twice, so that nothing is asked and all loads are under way at once.
     WARPCAM_FN void load() const
     {
-#pragma unroll 5
-        for (int k = threadIdx.x; k < Room::PIXELS; k += THREADS) {
-            const unsigned pixel = of_images(unsigned(k));
-            room.depths[k] = target.depth.data[pixel];
-            room.ids[k] = target.shape.data[pixel];
-            if (Room::HAS_BYTES)
-                room.colours[k] = load_bytes<IMAGES>(target, pixel);
+        constexpr int WARPS = THREADS / LANES, ROWS = Room::PIXELS / LINE, WIDE = lower_int(LINE, LANES);
+        const int lane = lower_int(threadIdx.x % LANES, LINE - 1), warp = threadIdx.x / LANES;
+        const int i = left + lane, column = i < 0 ? 0 : lower_int(i, target.width - 1);
+#pragma unroll
+        for (int first = 0; first < ROWS; first += WARPS) {
+            const int row = lower_int(first + warp, ROWS - 1), j = top + row;
+            load(unsigned(row * LINE + lane), of_images(column, j < 0 ? 0 : lower_int(j, target.height - 1)));
         }
+        constexpr int REST = LINE - WIDE;
+        if constexpr (REST > 0)
+#pragma unroll 1
+            for (int k = threadIdx.x; k < REST * ROWS; k += THREADS) {
+                const unsigned pixel = unsigned(k / REST * LINE + WIDE + k % REST);
+                load(pixel, of_images(pixel));
+            }
         block_barrier();
+    }
+    WARPCAM_FN void load(unsigned pixel, unsigned from) const
+    {
+        room.depths[pixel] = target.depth.data[from];
+        room.ids[pixel] = target.shape.data[from];
+        if (Room::HAS_BYTES)
+            room.colours[pixel] = load_bytes<IMAGES>(target, from);
     }
 
     WARPCAM_FN unsigned at(int i, int j) const { return unsigned((j - top) * LINE + (i - left)); }

@@ -8,8 +8,55 @@ namespace warpcam {
 // Rows of a region are 64 pixels apart in a pixel's place.
 WARPCAM_FN int place_of(const Region& region, int i, int j) { return (j - region.top) * 64 + (i - region.left); }
 
-// Writes the means of the pixels that a pixel's samples show, at its index in the images; they become the images' when all
-// of them are known.
+// Some rows of numbers from one array to another, by all threads of a block.
+template <class Number>
+WARPCAM_FN void copy_rows(const Number* from, Number* to, size_t first, int line, int width, int height)
+{
+#if defined(__CUDA_ARCH__)
+    constexpr int STEP = LANES, ROWS = THREADS / LANES, BATCH = 8;  // rows that a warp has under way
+    const int column = threadIdx.x % LANES, row = threadIdx.x / LANES;
+#else
+    constexpr int STEP = 1, ROWS = 1, BATCH = 1, column = 0, row = 0;
+#endif
+    for (int j = row; j < height; j += ROWS * BATCH)
+#pragma unroll 1
+        for (int k = column; k < width; k += STEP) {
+            Number numbers[BATCH];
+#pragma unroll
+            for (int n = 0; n < BATCH; ++n)
+                numbers[n] = from[first + size_t(lower_int(j + n * ROWS, height - 1)) * line + k];
+#pragma unroll
+            for (int n = 0; n < BATCH; ++n)
+                if (j + n * ROWS < height)
+                    to[first + size_t(j + n * ROWS) * line + k] = numbers[n];
+        }
+}
+
+// The images of a region as they were lit, where no edge is: to all of it, before there are means. `first` is the view's
+// first pixel in the images.
+template <int IMAGES, class Target> WARPCAM_FN void copy_lit(const Target& target, const Region& region, size_t first)
+{
+    const int width = lower_int(region.width, target.width - region.left);
+    const int height = lower_int(region.height, target.height - region.top);
+    const auto copy = [&](const auto& from, const auto& to, int channels) {  // of four bytes, or of as many
+        copy_rows(from, to, channels * (first + size_t(region.top) * target.width + region.left), channels * target.width,
+                  channels * width, height);
+    };
+    if (IMAGES & SMOOTH_RGB) {
+        const size_t begin = first + size_t(region.top) * target.width + region.left;
+        if (target.width % 4 == 0)  // three words are four pixels
+            copy_rows(reinterpret_cast<const unsigned*>(target.rgb.data), reinterpret_cast<unsigned*>(target.smooth_rgb.data),
+                      begin / 4 * 3, target.width / 4 * 3, width / 4 * 3, height);
+        else
+            copy(target.rgb.data, target.smooth_rgb.data, 3);
+    }
+    if (IMAGES & SMOOTH_RGBA)
+        copy(reinterpret_cast<const unsigned*>(target.rgba.data), reinterpret_cast<unsigned*>(target.smooth_rgba.data), 1);
+    if (IMAGES & SMOOTH_HDR)
+        copy(target.hdr.data, target.smooth_hdr.data, 3);
+}
+
+// Writes the means of the pixels that a pixel's samples show, at its index in the images.
 template <int IMAGES, class Centres>
 WARPCAM_FN void put_means(const Centres& centres, size_t at, const unsigned (&shown)[SAMPLES])
 {
@@ -25,16 +72,16 @@ WARPCAM_FN void put_means(const Centres& centres, size_t at, const unsigned (&sh
         static_assert(SAMPLES == 4, "means are quarters");
         const unsigned mean = (even >> 2 & EVERY_OTHER) | (odd >> 2 & EVERY_OTHER) << 8;
         for (int k = 0; k < 3 && (IMAGES & SMOOTH_RGB); ++k)
-            target.mean_rgb.data[3 * at + k] = static_cast<unsigned char>(mean >> 8 * k);
+            target.smooth_rgb.data[3 * at + k] = static_cast<unsigned char>(mean >> 8 * k);
         for (int k = 0; k < 4 && (IMAGES & SMOOTH_RGBA); ++k)
-            target.mean_rgba.data[4 * at + k] = static_cast<unsigned char>(mean >> 8 * k);
+            target.smooth_rgba.data[4 * at + k] = static_cast<unsigned char>(mean >> 8 * k);
     }
     if (IMAGES & SMOOTH_HDR)
         for (int k = 0; k < 3; ++k) {
             float total = 0.0f;
             for (int sample = 0; sample < SAMPLES; ++sample)
                 total += target.hdr.data[3 * size_t(centres.of_images(shown[sample])) + k];
-            target.mean_hdr.data[3 * at + k] = total / float(SAMPLES);
+            target.smooth_hdr.data[3 * at + k] = total / float(SAMPLES);
         }
 }
 

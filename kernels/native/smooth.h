@@ -10,6 +10,7 @@
 #include "mesh_queue.h"
 #include "near_shapes.h"
 #include "smooth_cpu.h"
+#include "smooth_kept.h"
 
 namespace warpcam {
 
@@ -253,8 +254,6 @@ WARPCAM_FN void smooth_region(const Shapes& shapes, const Meshes& meshes, const 
                 const int j = region.top + k / across * TILE_HEIGHT + lane / TILE_WIDTH;
                 const bool inside = i < target.width && j < target.height;
                 const unsigned samples = inside ? seen.template edge<IMAGES>(i, j, sided) : 0;
-                if (inside)
-                    target.edges.data[seen.centres.of_images(i, j)] = samples != 0;
                 const unsigned found = __ballot_sync(ALL, samples != 0);
                 if (found) {
                     const int begin = __shfl_sync(ALL, lane == 0 ? atomicAdd(&count, __popc(found)) : 0, 0);
@@ -313,7 +312,8 @@ WARPCAM_FN void smooth_region(const Shapes& shapes, const Meshes& meshes, const 
     }
 }
 
-// The same with what the trace has found kept in shared memory, where little else has to lie there.
+// The same, before there is a barrier after which `camera` is there. What the trace has found is kept in shared memory where
+// little else has to lie there.
 template <int TYPES, int LENS, int WIDTH, int HEIGHT, int IMAGES, class Shapes, class Meshes, class HeightFields,
           class Target>
 WARPCAM_FN void smooth_region(const Shapes& shapes, const Meshes& meshes, const HeightFields& fields,
@@ -321,20 +321,31 @@ WARPCAM_FN void smooth_region(const Shapes& shapes, const Meshes& meshes, const 
 {
     if constexpr (TYPES >> MESH & 1 || TYPES >> HEIGHT_FIELD & 1) {
         const ImageCentres<Target> centres { target, unsigned(world) * target.height * target.width };
+        block_barrier();
         smooth_region<TYPES, LENS, IMAGES>(shapes, meshes, fields, centres, camera, region, world);
     } else {
         static_assert(HEIGHT <= 32, "a ListedPixel has 16 bits");
         WARPCAM_SHARED CentresRoom<Target, IMAGES, WIDTH, HEIGHT> room;
-        const KeptCentres<Target, IMAGES, WIDTH, HEIGHT> kept { room, target, region.left - 1, region.top - 1,
-                                                                unsigned(world) * target.height * target.width };
-        kept.load();
-        smooth_region<TYPES, LENS, IMAGES>(shapes, meshes, fields, kept, camera, region, world);
+        using Kept = KeptCentres<Target, IMAGES, WIDTH, HEIGHT>;
+        const Kept kept { room, target, region.left - 1, region.top - 1,
+                          unsigned(world) * target.height * target.width };
+        if constexpr (sizeof(room.ids[0]) == 1) {
+            WARPCAM_SHARED KeptEdges<WIDTH, HEIGHT> edges;
+            using Smoother = KeptSmoother<TYPES, LENS, WIDTH, HEIGHT, IMAGES, Target>;
+            Smoother::clear(edges, shapes);
+            kept.load();
+            const Seen<LENS, Kept> seen { kept, pixel_width<LENS>(camera), camera.scale_y };
+            Smoother { edges, seen, camera, region }.smooth(shapes, meshes, fields, world);
+        } else {
+            kept.load();
+            smooth_region<TYPES, LENS, IMAGES>(shapes, meshes, fields, kept, camera, region, world);
+        }
     }
 }
 
 #endif
 
-// Smooths the edges of one region of one view; `index` counts worlds, then regions, then (CUDA) threads of the block.
+// Copies one region of one view and smooths its edges; `index` counts worlds, then regions, then (CUDA) threads of the block.
 template <int TYPES, int LENS, int WIDTH, int HEIGHT, int IMAGES, class Shapes, class Meshes, class HeightFields,
           class Views, class Target>
 WARPCAM_FN void smooth(const Shapes& shapes, const Meshes& meshes, const HeightFields& fields, const Views& views,
@@ -347,7 +358,7 @@ WARPCAM_FN void smooth(const Shapes& shapes, const Meshes& meshes, const HeightF
         return;
     if (index % THREADS == 0)
         camera = load_camera(wp::index(views, world));
-    block_barrier();
+    copy_lit<IMAGES>(target, region, size_t(world) * target.height * target.width);
     smooth_region<TYPES, LENS, WIDTH, HEIGHT, IMAGES>(shapes, meshes, fields, target, camera, region, world);
 }
 

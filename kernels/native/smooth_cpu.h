@@ -152,7 +152,6 @@ inline void smooth_region(const Shapes& shapes, const Meshes& meshes, const Heig
     for (int j = region.top; j < bottom; ++j)
         for (int i = region.left; i < right; ++i) {
             const unsigned samples = seen.template edge<IMAGES>(i, j, sided);
-            target.edges.data[seen.at(i, j)] = samples != 0;
             if (samples)
                 listed[count++] = { i, j, samples };
             if (count == BATCH)
