@@ -4,13 +4,27 @@ from typing import Any
 
 import warp as wp
 
-from .launch import Stage, compiler_flags, record
+from .launch import Stage, native_module, record
 
-wp.set_module_options(compiler_flags())
+wp.set_module_options(native_module("pack.h"))
+
+RUN = 4  # numbers that a thread copies: native/pack.h
 
 RGBA = (0, 16)  # red in the lowest byte
 BGRA = (16, 0)  # blue in the lowest byte
 OPAQUE = 255
+
+
+@wp.func_native("warpcam::color_run(image, red, blue, miss_alpha, offset, out, index);")
+def color_run(
+    image: wp.array3d(dtype=wp.uint8),
+    red: int,
+    blue: int,
+    miss_alpha: int,
+    offset: int,
+    out: wp.array2d(dtype=wp.uint32),
+    index: int,
+): ...
 
 
 @wp.kernel(enable_backward=False)
@@ -23,17 +37,11 @@ def pack_color(
     out: wp.array2d(dtype=wp.uint32),
     first: wp.int32,
 ):
-    index = first + wp.tid()
-    world = index // image.shape[1]
-    pixel = index - world * image.shape[1]
-    alpha = wp.int32(255)
-    if image.shape[2] == 4:
-        if image[world, pixel, 3] == wp.uint8(0):
-            alpha = miss_alpha
-    r = wp.uint32(image[world, pixel, 0]) << wp.uint32(red)
-    g = wp.uint32(image[world, pixel, 1]) << wp.uint32(8)
-    b = wp.uint32(image[world, pixel, 2]) << wp.uint32(blue)
-    out[world, offset + pixel] = r | g | b | (wp.uint32(alpha) << wp.uint32(24))
+    color_run(image, red, blue, miss_alpha, offset, out, first + wp.tid())
+
+
+@wp.func_native("warpcam::copy_run(image, offset, out, index);")
+def copy_run(image: wp.array2d(dtype=wp.float32), offset: int, out: wp.array2d(dtype=wp.float32), index: int): ...
 
 
 @wp.kernel(enable_backward=False)
@@ -43,10 +51,17 @@ def pack_values(
     out: wp.array2d(dtype=wp.float32),
     first: wp.int32,
 ):
-    index = first + wp.tid()
-    world = index // image.shape[1]
-    pixel = index - world * image.shape[1]
-    out[world, offset + pixel] = image[world, pixel]
+    copy_run(image, offset, out, first + wp.tid())
+
+
+@wp.func_native("warpcam::name_run(image, objects, offset, out, index);")
+def name_run(
+    image: wp.array2d(dtype=wp.int32),
+    objects: wp.array(dtype=wp.vec2i),
+    offset: int,
+    out: wp.array2d(dtype=wp.vec2i),
+    index: int,
+): ...
 
 
 @wp.kernel(enable_backward=False)
@@ -57,13 +72,7 @@ def pack_objects(
     out: wp.array2d(dtype=wp.vec2i),
     first: wp.int32,
 ):
-    index = first + wp.tid()
-    world = index // image.shape[1]
-    pixel = index - world * image.shape[1]
-    shape = image[world, pixel]
-    if shape < 0:
-        shape = objects.shape[0] - 1
-    out[world, offset + pixel] = objects[shape]
+    name_run(image, objects, offset, out, first + wp.tid())
 
 
 def record_color(
@@ -102,7 +111,7 @@ def record_objects(image: wp.array, objects: wp.array, out: wp.array, offset: in
 
 
 def _record(kernel: wp.Kernel, flat: wp.array, inputs: list[Any], device: wp.Device) -> Stage:
-    return record(kernel, flat.shape[0] * flat.shape[1], [flat, *inputs], device)
+    return record(kernel, flat.shape[0] * -(-flat.shape[1] // RUN), [flat, *inputs], device)
 
 
 @wp.kernel(enable_backward=False)
@@ -133,15 +142,26 @@ def copy_pairs(pairs: wp.array2d(dtype=wp.vec2i), start: wp.int32, image: wp.arr
     image[world, row, column] = pairs[world, start + row * image.shape[2] + column]
 
 
+@wp.func_native("warpcam::clip_run(image, beyond, out, index);")
+def clip_run(image: wp.array2d(dtype=wp.float32), beyond: float, out: wp.array2d(dtype=wp.float32), index: int): ...
+
+
 @wp.kernel(enable_backward=False)
 def clip_values(
     image: wp.array2d(dtype=wp.float32), beyond: wp.float32, out: wp.array2d(dtype=wp.float32), first: wp.int32
 ):
-    index = first + wp.tid()
-    world = index // image.shape[1]
-    pixel = index - world * image.shape[1]
-    value = image[world, pixel]
-    out[world, pixel] = wp.where(value < wp.inf, value, beyond)
+    clip_run(image, beyond, out, first + wp.tid())
+
+
+@wp.func_native("warpcam::look_up_run(image, table, miss, other, out, index);")
+def look_up_run(
+    image: wp.array2d(dtype=wp.int32),
+    table: wp.array(dtype=wp.int32),
+    miss: int,
+    other: int,
+    out: wp.array2d(dtype=wp.int32),
+    index: int,
+): ...
 
 
 @wp.kernel(enable_backward=False)
@@ -153,22 +173,16 @@ def look_up(
     out: wp.array2d(dtype=wp.int32),
     first: wp.int32,
 ):
-    index = first + wp.tid()
-    world = index // image.shape[1]
-    pixel = index - world * image.shape[1]
-    shape = image[world, pixel]
-    value = wp.where(shape == -1, miss, other)
-    if shape >= 0 and shape < table.shape[0]:
-        value = table[shape]
-    out[world, pixel] = value
+    look_up_run(image, table, miss, other, out, first + wp.tid())
+
+
+@wp.func_native("warpcam::negate_run(image, out, index);")
+def negate_run(image: wp.array2d(dtype=wp.float32), out: wp.array2d(dtype=wp.float32), index: int): ...
 
 
 @wp.kernel(enable_backward=False)
 def negate(image: wp.array2d(dtype=wp.float32), out: wp.array2d(dtype=wp.float32), first: wp.int32):
-    index = first + wp.tid()
-    world = index // image.shape[1]
-    number = index - world * image.shape[1]
-    out[world, number] = -image[world, number]
+    negate_run(image, out, first + wp.tid())
 
 
 @wp.kernel(enable_backward=False)
