@@ -347,10 +347,9 @@ def test_images_are_the_same_in_parts_of_any_size(device: wp.Device, world: str)
             for side in (32, 45)
             for worlds in (1, 2, 10 * device.sm_count if device.is_cuda else 3)
         )
-    for image in ("rgb", "hdr"):
-        for one in others[:2]:
-            assert (one[image] == alone[image]).all()
-        assert (others[3][image] == others[2][image]).all() and (others[4][image] == others[2][image]).all()
+    for one, other in ((alone, others[0]), (alone, others[1]), (others[2], others[3]), (others[2], others[4])):
+        assert (one["rgb"] == other["rgb"]).all()
+        assert np.abs(one["hdr"] - other["hdr"]).max() < 1.0e-5  # lit by other kernels
 
 
 @pytest.mark.parametrize("samples", [0, 2, 3, 8, True, None, "4"])

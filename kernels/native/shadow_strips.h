@@ -92,10 +92,12 @@ template <int TYPES, int LENS, int WIDTH, int HEIGHT> constexpr bool sees_floor(
 // Adds a light's bit to a pixel's mask. BESIDE: other warps may be adding those of other lights.
 template <bool BESIDE, class Target> WARPCAM_FN void mark_shadow(const Target& target, size_t at, unsigned bit)
 {
-    if constexpr (BESIDE)
-        atomicOr(reinterpret_cast<unsigned*>(target.shadow.data) + at / 4, bit << 8 * unsigned(at % 4));
-    else
+    if constexpr (BESIDE) {  // in the word that holds it: masks begin anywhere
+        const size_t address = reinterpret_cast<size_t>(target.shadow.data + at), within = address % sizeof(unsigned);
+        atomicOr(reinterpret_cast<unsigned*>(address - within), bit << 8 * unsigned(within));
+    } else {
         target.shadow.data[at] |= static_cast<int>(bit);
+    }
 }
 
 // Takes one of a block's strips, of which each is a bit: those of its four warps lie beside each other. False if there is none.
