@@ -24,10 +24,12 @@ class WarpcamPeer:
         self.scene = self._scene(**self._drawn)
         self.renderer: wc.Renderer | None = None
 
-    def _scene(self, **drawn: bool) -> wc.Scene:
+    def _scene(self, *, reflections: bool, transparency: bool) -> wc.Scene:
         problem = self.problem
         draw = ("geoms", "flexes") if problem.case.flexes else ("geoms",)  # what peers draw
-        return wc.from_mujoco_warp(problem.mjm, problem.m, problem.d, draw=draw, **drawn)
+        return wc.from_mujoco_warp(
+            problem.mjm, problem.m, problem.d, draw=draw, reflections=reflections, transparency=transparency
+        )
 
     def release(self) -> None:
         self.renderer = None
