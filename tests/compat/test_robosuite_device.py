@@ -19,6 +19,15 @@ pytest.importorskip(
 pytestmark = pytest.mark.filterwarnings("ignore")  # robosuite and what it imports warn of their own use
 
 
+def set_variables(monkeypatch: pytest.MonkeyPatch, visible: str | None, egl: str | None) -> None:
+    """None: is not set."""
+    for name, value in (("CUDA_VISIBLE_DEVICES", visible), ("MUJOCO_EGL_DEVICE_ID", egl)):
+        if value is None:
+            monkeypatch.delenv(name, raising=False)
+        else:
+            monkeypatch.setenv(name, value)
+
+
 class Fake:
     """A Warp device that is not there."""
 
@@ -58,11 +67,7 @@ def test_one_answer_to_where(
     monkeypatch: pytest.MonkeyPatch, visible: str | None, egl: str | None, given: Any, asked: int, expected: str
 ) -> None:
     """What robosuite asks of three places, one rule answers; variables of OpenGL change nothing."""
-    for name, value in (("CUDA_VISIBLE_DEVICES", visible), ("MUJOCO_EGL_DEVICE_ID", egl)):
-        if value is None:
-            monkeypatch.delenv(name, raising=False)
-        else:
-            monkeypatch.setenv(name, value)
+    set_variables(monkeypatch, visible, egl)
     monkeypatch.setattr(ours.device_rule, "resolve", resolved)
     monkeypatch.setattr(ours, "_chosen", [given])
     if expected.startswith(("cuda", "cpu")):
@@ -96,11 +101,7 @@ def test_the_card_that_is_meant(
     monkeypatch: pytest.MonkeyPatch, visible: str | None, asked: int, card: Any, egl: str | None
 ) -> None:
     """The table of the page, on a machine of four cards; a None for the card is the CPU."""
-    for name, value in (("CUDA_VISIBLE_DEVICES", visible), ("MUJOCO_EGL_DEVICE_ID", egl)):
-        if value is None:
-            monkeypatch.delenv(name, raising=False)
-        else:
-            monkeypatch.setenv(name, value)
+    set_variables(monkeypatch, visible, egl)
     monkeypatch.setattr(ours.device_rule, "wp", Machine(visible))
     monkeypatch.setattr(ours.device_rule, "driver_installed", lambda: True)
     if isinstance(card, str):
