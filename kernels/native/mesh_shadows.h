@@ -8,8 +8,8 @@
 namespace warpcam {
 #if defined(__CUDA_ARCH__)
 
-// The rays of one warp. What its lanes seldom need of their own rays is here too. BOXES: what they need at every node.
-template <int WORDS, class BOXES> struct ShadowRays: WaitingRays<WORDS> {
+// The rays of one warp. What its lanes seldom need of their own rays is here too. Boxes: what they need at every node.
+template <int WORDS, class Boxes> struct ShadowRays: WaitingRays<WORDS> {
     struct Start {
         float x[LANES], y[LANES], z[LANES];
 
@@ -25,7 +25,7 @@ template <int WORDS, class BOXES> struct ShadowRays: WaitingRays<WORDS> {
     // Where there is room, what lanes walk with lies here while their warp looks for rays: in registers it would be spilled,
     // and then be loaded again at every node.
     static constexpr bool KEEPS = WORDS <= 2;
-    static constexpr int PARTS = sizeof(BOXES) / sizeof(float);
+    static constexpr int PARTS = sizeof(Boxes) / sizeof(float);
 
     Start waiting_start;                // of the rays that wait
     Span waiting_span[LANES];
@@ -47,7 +47,7 @@ template <int WORDS, class BOXES> struct ShadowRays: WaitingRays<WORDS> {
         }
     }
 
-    WARPCAM_FN void keep_boxes(const BOXES& ray)
+    WARPCAM_FN void keep_boxes(const Boxes& ray)
     {
         if constexpr (KEEPS) {
 #pragma unroll
@@ -57,7 +57,7 @@ template <int WORDS, class BOXES> struct ShadowRays: WaitingRays<WORDS> {
     }
 
     // Both as they were kept, boxes when the lane's ray came to its mesh.
-    WARPCAM_FN void go_on_walking(int& node, int& height, int& slot, BOXES& ray) const
+    WARPCAM_FN void go_on_walking(int& node, int& height, int& slot, Boxes& ray) const
     {
         if constexpr (KEEPS) {
             const int lane = threadIdx.x % LANES;
@@ -135,8 +135,8 @@ WARPCAM_FN bool meets_leaves(Rays& rays, const List& list, const Light& light, c
 
 // Calls shade(pixel) for each ray that `next_tile` finds (see Supply) and that meets a front face, or any where backs
 // shade, on its way to the light.
-template <int TYPES, int WORDS, class BOXES, class List, class Meshes, class NextTile, class Shade>
-WARPCAM_FN void cast_rays(ShadowRays<WORDS, BOXES>& rays, const List& list, const Light& light, const Meshes& meshes,
+template <int TYPES, int WORDS, class Boxes, class List, class Meshes, class NextTile, class Shade>
+WARPCAM_FN void cast_rays(ShadowRays<WORDS, Boxes>& rays, const List& list, const Light& light, const Meshes& meshes,
                           const NextTile& next_tile, const Shade& shade)
 {
     const int lane = threadIdx.x % LANES, words = WORDS == 1 ? 1 : (list.count + LANES - 1) / LANES;
@@ -144,7 +144,7 @@ WARPCAM_FN void cast_rays(ShadowRays<WORDS, BOXES>& rays, const List& list, cons
     int stack[STACK];
     int word = 0, slot = 0, node = NO_NODE, height = 0;
     unsigned left = 0, nodes = 0;
-    BOXES boxes {};
+    Boxes boxes {};
     Supply supply { 0, 0, true };
     const auto take = [&](int ray) {
         rays.own[lane] = rays.pixel[ray];
