@@ -114,6 +114,24 @@ struct PairRoom {
     int face[LANES];
 };
 
+// The same of a ray that ends at any face.
+struct AnyPairRoom {
+    unsigned char owners[LANES];
+};
+
+// Where a pair's ray enters its face beyond `near` and before `depth`, else FAR_AWAY.
+template <int TYPES, class Meshes, class Ray>
+WARPCAM_FN float meet_face(const Record& record, const Meshes& meshes, const Ray& ray, int face, float near, float depth)
+{
+    const unsigned row = as_int(record.size.z) + unsigned(face * FACE_ROWS);
+    const Row a = load(meshes.faces.data, row), b = load(meshes.faces.data, row + 1);
+    const Row c = load(meshes.faces.data, row + 2);
+    const RayFrame frame = ray.template frame<TYPES>(record);
+    const float t = enter_triangle(frame, project(frame, a.x, a.y, a.z), project(frame, b.x, b.y, b.z),
+                                   project(frame, c.x, c.y, c.z), has_back<TYPES>(b.w));
+    return t < depth && t > near && is_there<TYPES>(meshes, record, ray.local(record), face, t) ? t : FAR_AWAY;
+}
+
 // The same for all lanes whose `node` is a leaf, of the mesh at `slot` of the list; says whether the lane's ray hits one.
 // With `full` lanes wait for company again rather than leave most of a warp idle: `node` becomes what is left of the leaf.
 template <int TYPES, class List, class Meshes, class Ray>
@@ -134,17 +152,8 @@ WARPCAM_FN bool meet_leaves(PairRoom& room, const List& list, const Meshes& mesh
         const Record& record = list.records[__shfl_sync(ALL, slot, from)];
         const float from_on = __shfl_sync(ALL, near, from);
         float t = FAR_AWAY;
-        if (window + lane < pairs.count) {
-            const unsigned row = as_int(record.size.z) + unsigned(number * FACE_ROWS);
-            const Row a = load(meshes.faces.data, row), b = load(meshes.faces.data, row + 1);
-            const Row c = load(meshes.faces.data, row + 2);
-            const RayFrame frame = its.template frame<TYPES>(record);
-            t = enter_triangle(frame, project(frame, a.x, a.y, a.z), project(frame, b.x, b.y, b.z),
-                               project(frame, c.x, c.y, c.z), has_back<TYPES>(b.w));
-            if (!(t < room.depth[from] && t > from_on
-                  && is_there<TYPES>(meshes, record, its.local(record), number, t)))
-                t = FAR_AWAY;
-        }
+        if (window + lane < pairs.count)
+            t = meet_face<TYPES>(record, meshes, its, number, from_on, room.depth[from]);
         const bool hits = t < FAR_AWAY;
         if (!__any_sync(ALL, hits))
             continue;
@@ -162,6 +171,43 @@ WARPCAM_FN bool meet_leaves(PairRoom& room, const List& list, const Meshes& mesh
         depth = room.depth[lane];
         face = room.face[lane];
     }
+    return met;
+}
+
+// The same of rays that end here if they hit: few faces are hit, so their lanes ask for them one after another.
+template <int TYPES, class List, class Meshes, class Ray>
+WARPCAM_FN bool meet_leaves(AnyPairRoom& room, const List& list, const Meshes& meshes, const Ray& ray, int slot, int node,
+                            float near, bool full, float& depth, int& face, int& left)
+{
+    const int lane = threadIdx.x % LANES;
+    const LeafPairs pairs(node);
+    const bool some = full && pairs.count > LANES && pairs.count % LANES < ENOUGH_PAIRS;
+    const int tested = some ? pairs.count / LANES * LANES : pairs.count;
+    bool met = false;
+    for (int window = 0; window < tested; window += LANES) {
+        int start;
+        const int from = pairs.owner(room.owners, window, start), number = pairs.face(window, from);
+        Ray its = ray;
+        its.x = __shfl_sync(ALL, ray.x, from);
+        its.y = __shfl_sync(ALL, ray.y, from);
+        const Record& record = list.records[__shfl_sync(ALL, slot, from)];
+        const float from_on = __shfl_sync(ALL, near, from), until = __shfl_sync(ALL, depth, from);
+        float t = FAR_AWAY;
+        if (window + lane < pairs.count)
+            t = meet_face<TYPES>(record, meshes, its, number, from_on, until);
+        const unsigned hits = __ballot_sync(ALL, t < FAR_AWAY);
+        for (unsigned mine = hits & pairs.places(window); __any_sync(ALL, mine); mine &= mine - 1) {
+            const int giver = mine ? lowest_bit(mine) : lane;
+            const float its_depth = __shfl_sync(ALL, t, giver);
+            const int its_face = __shfl_sync(ALL, number, giver);
+            if (mine && its_depth < depth) {
+                depth = its_depth;
+                face = its_face;
+                met = true;
+            }
+        }
+    }
+    left = pairs.left_of(tested);
     return met;
 }
 

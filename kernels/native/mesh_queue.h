@@ -21,8 +21,9 @@ template <int WORDS> struct PairedMeshRays: MeshRays<WORDS> {
 };
 
 // The same where what is nearest matters between meshes, not within one: any face that is hit will do.
-template <int WORDS> struct AnyMeshRays: PairedMeshRays<WORDS> {
-    static constexpr bool ANY = true;
+template <int WORDS> struct AnyMeshRays: MeshRays<WORDS> {
+    static constexpr bool ANY = true, PAIRED = true;
+    AnyPairRoom room;
 };
 
 // Those of a list. Where there are many meshes, of few faces each, a ray hits about as many faces as it tests.
@@ -43,6 +44,21 @@ struct alignas(8) Pending {
         const Pending one = *this;
         return one.enter < depth ? one.node : NO_NODE;
     }
+};
+
+// One of a ray whose depth stays as it is as long as it walks.
+struct PendingAny {
+    int node;
+
+    WARPCAM_FN PendingAny() = default;
+    WARPCAM_FN PendingAny(int node, float): node(node) { }
+    WARPCAM_FN int before(float) const { return node; }
+};
+template <bool ANY> struct PendingOf {
+    using type = Pending;
+};
+template <> struct PendingOf<true> {
+    using type = PendingAny;
 };
 
 constexpr int A_FEW_MESHES = 3;  // that rays try one after another at once
@@ -90,7 +106,7 @@ WARPCAM_FN void trace_rays(Rays& rays, const List& list, const Meshes& meshes, f
                            const NextTile& next_tile, const RayOf& ray_of, const Store& store)
 {
     const int lane = threadIdx.x % LANES, words = (list.count + LANES - 1) / LANES;
-    Pending stack[STACK];
+    typename PendingOf<Rays::ANY>::type stack[STACK];
     int pixel = 0, word = 0, slot = 0, node = NO_NODE, height = 0, shape = -1, face = -1;
     unsigned left = 0, nodes = 0;
     float depth = 0.0f;
