@@ -46,19 +46,11 @@ struct alignas(8) Pending {
     }
 };
 
-// One of a ray whose depth stays as it is as long as it walks.
-struct PendingAny {
-    int node;
-
-    WARPCAM_FN PendingAny() = default;
-    WARPCAM_FN PendingAny(int node, float): node(node) { }
-    WARPCAM_FN int before(float) const { return node; }
-};
 template <bool ANY> struct PendingOf {
     using type = Pending;
 };
 template <> struct PendingOf<true> {
-    using type = PendingAny;
+    using type = int;
 };
 
 constexpr int A_FEW_MESHES = 3;  // that rays try one after another at once
@@ -106,8 +98,10 @@ WARPCAM_FN void trace_rays(Rays& rays, const List& list, const Meshes& meshes, f
                            const NextTile& next_tile, const RayOf& ray_of, const Store& store)
 {
     const int lane = threadIdx.x % LANES, words = (list.count + LANES - 1) / LANES;
-    typename PendingOf<Rays::ANY>::type stack[STACK];
-    int pixel = 0, word = 0, slot = 0, node = NO_NODE, height = 0, shape = -1, face = -1;
+    // What waits for the lane. Where any face will do, a ray's depth stays as it is as long as it walks: then these are nodes
+    // alone, and the last one is in a register, there before it is needed.
+    typename PendingOf<Rays::ANY>::type stack[STACK + Rays::ANY];
+    int pixel = 0, word = 0, slot = 0, node = NO_NODE, height = 0, last = NO_NODE, shape = -1, face = -1;
     unsigned left = 0, nodes = 0;
     float depth = 0.0f;
     auto ray = ray_of(0);
@@ -121,6 +115,17 @@ WARPCAM_FN void trace_rays(Rays& rays, const List& list, const Meshes& meshes, f
         word = 0;
         left = rays.take(waiting, words);
         rays.go_on(words, word, left);
+    };
+    const auto pop = [&] {
+        if constexpr (Rays::ANY) {
+            if (node == NO_NODE && last != NO_NODE) {
+                node = last;
+                last = stack[--height];
+            }
+        } else {
+            while (node == NO_NODE && height > 0)
+                node = stack[--height].before(depth);
+        }
     };
     while (true) {
         const unsigned idles = __ballot_sync(ALL, node == NO_NODE && left == 0);
@@ -167,13 +172,17 @@ WARPCAM_FN void trace_rays(Rays& rays, const List& list, const Meshes& meshes, f
                     if (enter[k] <= leave[k]) {
                         const bool nearer = enter[k] < best;
                         if (node != NO_NODE) {
-                            stack[height++] = { nearer ? node : child[k], nearer ? best : enter[k] };
+                            if constexpr (Rays::ANY) {
+                                stack[height++] = last;
+                                last = nearer ? node : child[k];
+                            } else {
+                                stack[height++] = { nearer ? node : child[k], nearer ? best : enter[k] };
+                            }
                         }
                         node = nearer ? child[k] : node;
                         best = nearer ? enter[k] : best;
                     }
-                while (node == NO_NODE && height > 0)
-                    node = stack[--height].before(depth);
+                pop();
             }
             inner = node >= 0 && node != NO_NODE;
             stepping = __ballot_sync(ALL, inner);
@@ -197,8 +206,8 @@ WARPCAM_FN void trace_rays(Rays& rays, const List& list, const Meshes& meshes, f
                     meet_leaf<TYPES>(list.records[slot], meshes, ray, node, near, depth, shape, face);
                 node = ends ? NO_NODE : left_of_leaf;
                 height = ends ? 0 : height;
-                while (node == NO_NODE && height > 0)
-                    node = stack[--height].before(depth);
+                last = ends ? NO_NODE : last;
+                pop();
             }
         }
     }
