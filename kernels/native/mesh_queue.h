@@ -62,7 +62,7 @@ WARPCAM_FN int find_rays(MeshRays<WORDS>& rays, const ShapeList<CAPACITY>& list,
 {
     const int lane = threadIdx.x % LANES, words = (list.count + LANES - 1) / LANES;
     const unsigned steps = TileSpans::steps(column, row, 1);
-    unsigned met[WORDS];
+    unsigned met[WORDS] {};
     bool any = false;
     for (int word = 0; word < words; ++word) {
         const int rank = word * LANES + lane;

@@ -132,7 +132,7 @@ WARPCAM_FN void cast_light(List& list, const Task<LENS>& task, const Shapes& sha
             return true;
         const Vec p = view.sight.point(i, j, depth);
         const Span span = span_of(view.light, view.origin, p, depth);
-        unsigned met[WORDS];
+        unsigned met[WORDS] {};
         const bool met_any = shade_tile<TYPES>(list, view, p, span, place, around, open, fields, met);
         if (HAS_MESH) {
             bool keep = open && met_any;

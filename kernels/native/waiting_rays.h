@@ -7,6 +7,7 @@
 #if defined(__CUDA_ARCH__)
 namespace warpcam {
 
+constexpr int A_FEW_WORDS = 2;
 constexpr int FEW = 8;  // lanes; fewer wait for company before they do what the others do not need
 
 // The rays of one warp. WORDS: 32 shapes of the block's list each.
@@ -21,8 +22,14 @@ template <int WORDS> struct WaitingRays {
     {
         const int lane = threadIdx.x % LANES, at = __popc(found & ((1u << lane) - 1));
         if (found >> lane & 1) {
-            for (int word = 0; word < words; ++word)
-                waiting[word][at] = met[word];
+            if constexpr (WORDS <= A_FEW_WORDS) {  // in registers
+#pragma unroll
+                for (int word = 0; word < WORDS; ++word)
+                    waiting[word][at] = met[word];
+            } else {
+                for (int word = 0; word < words; ++word)
+                    waiting[word][at] = met[word];
+            }
             pixel[at] = static_cast<unsigned short>(place);
         }
         return at;
