@@ -204,7 +204,7 @@ WARPCAM_FN void trace_rays(Rays& rays, const List& list, const Meshes& meshes, f
             if (node < 0) {
                 if constexpr (!Rays::PAIRED)
                     meet_leaf<TYPES>(list.records[slot], meshes, ray, node, near, depth, shape, face);
-                node = ends ? NO_NODE : left_of_leaf;
+                node = left_of_leaf;  // also of a ray that ends: or what it hits would hang on the other lanes
                 height = ends ? 0 : height;
                 last = ends ? NO_NODE : last;
                 pop();
