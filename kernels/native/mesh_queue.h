@@ -142,7 +142,7 @@ WARPCAM_FN void trace_rays(Rays& rays, const List& list, const Meshes& meshes, f
         }
 
         const unsigned between = __ballot_sync(ALL, node == NO_NODE && left != 0);  // on to their next meshes
-        if (between && (__popc(between) >= FEW || !__any_sync(ALL, node != NO_NODE))) {
+        if (between && (Rays::ANY || __popc(between) >= FEW || !__any_sync(ALL, node != NO_NODE))) {
             if (between >> lane & 1) {
                 slot = list.order[word * LANES + lowest_bit(left)];
                 left &= left - 1;
