@@ -16,10 +16,10 @@ namespace warpcam {
 
 #if defined(__CUDA_ARCH__)
 
-constexpr int STRIP = 16;  // tiles in which a block looks for edges at once
-// Pixels with edges that a block smooths together: it looks for so many before it traces, as at the end its warps wait for
-// the one whose rays take longest.
+// Pixels with edges that a block smooths together, at most: at the end its warps wait for the one whose rays take longest.
 constexpr int MOST = 384;
+// Those that it lists before it traces. A warp lists up to 32 after it has seen that there is room.
+constexpr int LISTED = 2 * MOST + THREADS;
 
 // What a sample has hit, where there are meshes.
 struct SampleHit {
@@ -233,7 +233,7 @@ WARPCAM_FN void smooth_region(const Shapes& shapes, const Meshes& meshes, const 
 {
     constexpr bool HAS_MESH = TYPES >> MESH & 1;
     constexpr int WARPS = THREADS / LANES;
-    WARPCAM_SHARED ListedPixel<TYPES> listed[MOST + STRIP * LANES];
+    WARPCAM_SHARED ListedPixel<TYPES> listed[LISTED];
     WARPCAM_SHARED int count;
     WARPCAM_SHARED Chunk<TYPES> chunk;
     WARPCAM_SHARED NearShapes list;
@@ -242,30 +242,32 @@ WARPCAM_FN void smooth_region(const Shapes& shapes, const Meshes& meshes, const 
     const auto& target = centres.target;
     const int lane = threadIdx.x % LANES, warp = threadIdx.x / LANES;
     const auto sided = [&](int shape) { return has_sides<TYPES>(shapes, shape); };
+    const auto has_room = [](const int& listed) {
+        return __any_sync(ALL, *static_cast<const volatile int*>(&listed) <= LISTED - THREADS);
+    };
     const int across = region.width / TILE_WIDTH, tiles = across * (region.height / TILE_HEIGHT);
-    for (int tile = 0; tile < tiles;) {
+    int tile = warp;  // the warp's next
+    for (bool more = true; more;) {
         if (threadIdx.x == 0)
             count = 0;
         block_barrier();
-        int found_so_far = 0;
-        for (; tile < tiles && found_so_far < MOST; tile += STRIP) {
-            for (int k = tile + warp; k < lower_int(tile + STRIP, tiles); k += WARPS) {
-                const int i = region.left + k % across * TILE_WIDTH + lane % TILE_WIDTH;
-                const int j = region.top + k / across * TILE_HEIGHT + lane / TILE_WIDTH;
-                const bool inside = i < target.width && j < target.height;
-                const unsigned samples = inside ? seen.template edge<IMAGES>(i, j, sided) : 0;
-                const unsigned found = __ballot_sync(ALL, samples != 0);
-                if (found) {
-                    const int begin = __shfl_sync(ALL, lane == 0 ? atomicAdd(&count, __popc(found)) : 0, 0);
-                    if (samples)
-                        listed[begin + __popc(found & ((1u << lane) - 1))]
-                            = { static_cast<decltype(listed->bits)>(place_of(region, i, j) << listed->SHIFT | samples) };
-                }
+        for (; tile < tiles && has_room(count); tile += WARPS) {
+            // a warp's tiles lie aslant: what is upright is everyone's
+            const int row = tile / across, column = (tile + row) % across;
+            const int i = region.left + column * TILE_WIDTH + lane % TILE_WIDTH;
+            const int j = region.top + row * TILE_HEIGHT + lane / TILE_WIDTH;
+            const bool inside = i < target.width && j < target.height;
+            const unsigned samples = inside ? seen.template edge<IMAGES>(i, j, sided) : 0;
+            const unsigned found = __ballot_sync(ALL, samples != 0);
+            if (found) {
+                const int begin = __shfl_sync(ALL, lane == 0 ? atomicAdd(&count, __popc(found)) : 0, 0);
+                if (samples)
+                    listed[begin + __popc(found & ((1u << lane) - 1))]
+                        = { static_cast<decltype(listed->bits)>(place_of(region, i, j) << listed->SHIFT | samples) };
             }
-            block_barrier();
-            found_so_far = count;
-            block_barrier();
         }
+        more = __syncthreads_or(tile < tiles);
+        const int found_so_far = count;
         const int chunks = (found_so_far + MOST - 1) / MOST;
         for (int from = 0, pixels; from < found_so_far; from += pixels) {
             pixels = lower_int(found_so_far - from, (found_so_far + chunks - 1) / chunks);
