@@ -60,6 +60,13 @@ struct Band {
 
 constexpr Band NOWHERE { FAR_AWAY, -FAR_AWAY };
 
+// The ground is not looked for where it lies so far behind all else around a pixel that it must be what is seen there where
+// nothing else is: `ground` and `others` are their depths, `sky` that nothing is seen around, too; `width` as above.
+template <int LENS> WARPCAM_FN bool is_behind(const Band& ground, const Band& others, bool sky, float width)
+{
+    return !sky && others.last > 0.0f && ground.first > others.last + ASIDE * width * (LENS != ORTHOGRAPHIC ? others.last : 1.0f);
+}
+
 // A pixel's colour of 8 bits a channel; alpha is 0 where only rgb is smoothed.
 template <int IMAGES, class Target> WARPCAM_FN unsigned load_bytes(const Target& target, unsigned pixel)
 {
@@ -228,10 +235,10 @@ template <int LENS, class Centres> struct Seen {
         return samples;
     }
 
-    // What shows a sample of pixel (i, j) that hits nothing, as shown() has it.
-    WARPCAM_FN int beyond(int i, int j, int sample) const
+    // Which of the nine pixels around shows a shape, or nothing, nearest to a sample of pixel (i, j): as shown() has it.
+    WARPCAM_FN int nearest(int i, int j, int sample, int hit_shape) const
     {
-        return shown<0>(i, j, sample_offset(sample), 0.0f, -1, false, [](int, int, unsigned) { return 0.0f; });
+        return shown<0>(i, j, sample_offset(sample), 0.0f, hit_shape, false, [](int, int, unsigned) { return 0.0f; });
     }
 
     // How far a hit is from what a pixel shows, in depth.

@@ -52,6 +52,7 @@ template <int TYPES> struct Chunk {
     const ListedPixel<TYPES>* pixels;
     NearBits own[MOST];                       // the shapes around
     Band meshes[HAS_MESH ? MOST : 1], fields[HAS_FIELD ? MOST : 1];
+    unsigned char ground[HAS_FIELD ? MOST : 1];  // the record of what is_behind(), not traced, or NEAR_SHAPES
     unsigned short samples[SAMPLES * MOST];   // that are traced: 4 * the pixel's number + the sample's
     unsigned char shown[SAMPLES * MOST];      // by which of the pixels around; where there are meshes first what was hit
     SampleHit hits[HAS_MESH ? SAMPLES * MOST : 1];  // of the samples
@@ -104,12 +105,14 @@ WARPCAM_FN void list_samples(Chunk<TYPES>& chunk, int pixel, const NearShapes& l
 {
     const int place = chunk.place(pixel), i = region.left + place % 64, j = region.top + place / 64;
     NearBits own {};
-    Band on_meshes = NOWHERE, on_fields = NOWHERE;
-    int before = -1, rank = NEAR_SHAPES;
+    Band on_meshes = NOWHERE, on_fields = NOWHERE, others = NOWHERE;
+    int before = -1, rank = NEAR_SHAPES, ground = NEAR_SHAPES;
+    bool sky = false;
 #pragma unroll 1
     for (int k = 0; k < 9; ++k) {
         const unsigned beside = seen.around(i, j, k);
         const int id = seen.shape(beside);
+        sky |= id < 0;
         if (id < 0)
             continue;
         if (id != before)
@@ -121,9 +124,18 @@ WARPCAM_FN void list_samples(Chunk<TYPES>& chunk, int pixel, const NearShapes& l
             own[w] |= bit;
             if (Chunk<TYPES>::HAS_MESH && (bit & list.meshes[w]))
                 on_meshes.include(seen.depth(beside));
-            if (Chunk<TYPES>::HAS_FIELD && (bit & list.fields[w]))
-                on_fields.include(seen.depth(beside));
+            if (Chunk<TYPES>::HAS_FIELD && bit) {
+                const bool is_field = bit & list.fields[w];
+                (is_field ? on_fields : others).include(seen.depth(beside));
+                ground = is_field ? rank : ground;
+            }
         }
+    }
+    if (Chunk<TYPES>::HAS_FIELD) {
+        const bool behind = is_behind<LENS>(on_fields, others, sky, pixel_width<LENS>(camera));
+        chunk.ground[pixel] = static_cast<unsigned char>(behind ? ground : NEAR_SHAPES);
+        for (int w = 0; w < NEAR_WORDS; ++w)
+            own[w] &= behind ? ~list.fields[w] : ~0u;
     }
     for (int w = 0; w < NEAR_WORDS; ++w)
         chunk.own[pixel][w] = own[w];
@@ -158,8 +170,9 @@ WARPCAM_FN void trace_samples(Chunk<TYPES>& chunk, const NearShapes& list, Rays&
     const auto show = [&](int sample, const Hit& hit) {
         const int at = chunk.place(sample / SAMPLES), i = region.left + at % 64, j = region.top + at / 64;
         const int its = sample % SAMPLES;
+        const int ground = HAS_FIELD ? chunk.ground[HAS_FIELD ? sample / SAMPLES : 0] : NEAR_SHAPES;
         chunk.shown[sample] = static_cast<unsigned char>(
-            hit.shape < 0 ? seen.beyond(i, j, its)
+            hit.shape < 0 ? seen.nearest(i, j, its, ground < NEAR_SHAPES ? list.records[ground].origin.w : -1)
                           : shown_sample<TYPES, IMAGES>(seen, meshes, camera, i, j, its, hit.depth, hit.face,
                                                         list.records[hit.shape], chunk.pixels[sample / SAMPLES].edge()));
     };

@@ -38,14 +38,19 @@ inline void smooth_pixels(const Edge* listed, int pixels, const Shapes& shapes, 
     const NearShape* order[9 * BATCH];
     int found = 0, count = 0;
     Band on_meshes[BATCH], on_fields[BATCH];
+    int ground[BATCH];  // ids of what lies behind all else, or -1
     for (int pixel = 0; pixel < pixels; ++pixel) {
         on_meshes[pixel] = on_fields[pixel] = NOWHERE;
+        Band others = NOWHERE;
+        bool sky = false;
+        ground[pixel] = -1;
         for (int k = 0; k < 9; ++k) {
             const unsigned beside = seen.around(listed[pixel].i, listed[pixel].j, k);
             const int id = seen.shape(beside);
             int slot = 0;
             while (slot < found && near[slot].id != id)
                 ++slot;
+            sky |= id < 0;
             if (id < 0)
                 continue;
             if (slot == found) {
@@ -55,9 +60,14 @@ inline void smooth_pixels(const Edge* listed, int pixels, const Shapes& shapes, 
             }
             near[slot].around[pixel] = true;
             const int type = wp::index(shapes.types, id);
-            if (type == MESH || type == HEIGHT_FIELD)
-                (type == MESH ? on_meshes : on_fields)[pixel].include(seen.depth(beside));
+            if (type == HEIGHT_FIELD)
+                ground[pixel] = id;
+            if (type == MESH)
+                on_meshes[pixel].include(seen.depth(beside));
+            (type == HEIGHT_FIELD ? on_fields[pixel] : others).include(seen.depth(beside));
         }
+        if (!is_behind<LENS>(on_fields[pixel], others, sky, pixel_width<LENS>(camera)))
+            ground[pixel] = -1;
         on_meshes[pixel] = on_meshes[pixel].template widened<LENS>(pixel_width<LENS>(camera));
         on_fields[pixel] = on_fields[pixel].template widened<LENS>(pixel_width<LENS>(camera));
     }
@@ -99,7 +109,8 @@ inline void smooth_pixels(const Edge* listed, int pixels, const Shapes& shapes, 
             OwnNear from;
             for (int lane = 0; lane < LANES; ++lane) {
                 const int pixel = lower_int(lane / SAMPLES, pixels - 1);
-                const bool traced = one.around[pixel] && listed[pixel].samples >> lane % SAMPLES & 1;
+                const bool traced = one.around[pixel] && listed[pixel].samples >> lane % SAMPLES & 1
+                    && !(its == HEIGHT_FIELD && ground[pixel] >= 0);
                 from.own[lane] = !traced ? FAR_AWAY : slow ? upper(camera.near, bands[pixel].first) : camera.near;
             }
             if (type == MESH)
@@ -122,7 +133,7 @@ inline void smooth_pixels(const Edge* listed, int pixels, const Shapes& shapes, 
         for (int sample = 0; sample < SAMPLES; ++sample) {
             const int lane = pixel * SAMPLES + sample;
             const int shown = !(at.samples >> sample & 1) ? ITSELF
-                : rays.shape[lane] < 0                    ? seen.beyond(at.i, at.j, sample)
+                : rays.shape[lane] < 0                    ? seen.nearest(at.i, at.j, sample, ground[pixel])
                                        : shown_sample<TYPES, IMAGES>(seen, meshes, camera, at.i, at.j, sample,
                                                                      rays.depth[lane], rays.face[lane],
                                                                      near[rays.shape[lane]].record, at.samples);
