@@ -280,9 +280,9 @@ template <int LENS, class Centres> struct Seen {
             const float right = float(place.right) - offset.right, down = float(place.down) - offset.down;
             return right * right + down * down;
         };
-        const auto cost_of = [&](const Place& place) {
-            return apart_from(place) + apart(pixel_of(place), hit_depth)
-                + turned(i + place.right, j + place.down, pixel_of(place));
+        const auto cost_of = [&](const Place& place, float most) {  // or what it is at least, if that is so much
+            const float its = apart_from(place) + apart(pixel_of(place), hit_depth);
+            return its < most ? its + turned(i + place.right, j + place.down, pixel_of(place)) : its;
         };
         Place best_at = aside(lowest_bit(left));
         Colour<IMAGES> chosen = colour<IMAGES>(pixel_of(best_at));
@@ -295,8 +295,8 @@ template <int LENS, class Centres> struct Seen {
             if (!chosen.differs(its, FAINT))
                 continue;
             if (best == FAR_AWAY)
-                best = cost_of(best_at);
-            const float cost = cost_of(place);
+                best = cost_of(best_at, FAR_AWAY);
+            const float cost = cost_of(place, best);
             if (cost < best) {
                 best = cost;
                 chosen = its;
