@@ -58,18 +58,20 @@ struct LeafPairs {
     // Of a leaf; of what is none 0.
     WARPCAM_FN static int faces_of(int node) { return node < 0 ? (-node - 1) & 15 : 0; }
 
-    // Lanes whose `node` is no leaf have none.
+    // Lanes whose `node` is no leaf have none. They are added up by their bits.
     WARPCAM_FN explicit LeafPairs(int node)
     {
-        const int lane = threadIdx.x % LANES, code = node < 0 ? -node - 1 : 0, faces = code & 15;
+        const int code = node < 0 ? -node - 1 : 0, faces = code & 15;
+        const unsigned before = (1u << threadIdx.x % LANES) - 1;
         first = code >> 4;
-        end = faces;
-        for (int step = 1; step < LANES; step *= 2) {
-            const int before = __shfl_up_sync(ALL, end, step);
-            end += lane >= step ? before : 0;
+        begin = count = 0;
+#pragma unroll
+        for (int bit = 0; bit < 4; ++bit) {
+            const unsigned with = __ballot_sync(ALL, faces >> bit & 1);
+            begin += __popc(with & before) << bit;
+            count += __popc(with) << bit;
         }
-        begin = end - faces;
-        count = __shfl_sync(ALL, end, LANES - 1);
+        end = begin + faces;
     }
 
     // Whose pair stands so many places behind `window` as the lane's number is, and where his begin in the window.
