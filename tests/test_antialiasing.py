@@ -352,6 +352,50 @@ def test_images_are_the_same_in_parts_of_any_size(device: wp.Device, world: str)
         assert np.abs(one["hdr"] - other["hdr"]).max() < 1.0e-5  # lit by other kernels
 
 
+@pytest.mark.parametrize("gap", [-0.7, 0.02, 0.5])
+@pytest.mark.parametrize("kind", ["sphere", "mesh"])
+def test_ground_is_seen_where_nothing_else_is(device: wp.Device, kind: str, gap: float) -> None:
+    """Far behind all else it is not looked for, else it is: a pixel is the mean of what its samples hit."""
+    thing = scenes.geom_xml(kind, more=f'pos="0.1 0.05 {gap + 0.5}" rgba="1 0 0 1"')
+    ground = '<geom type="hfield" hfield="wide" rgba="0 1 0 1"/>'
+    field = '<hfield name="wide" nrow="3" ncol="3" size="3 3 0.02 0.2" elevation="0 1 0  1 0 1  0 1 0"/>'
+    mjm = scenes.compile_xml(thing + ground, assets=scenes.ASSETS + field, more=LIT)
+    scene = wc.from_mujoco(mjm, scenes.forward(mjm), device=device)
+
+    def look(right: float, down: float, samples: int) -> np.ndarray:
+        lens = wc.Pinhole(fx=28.0, cx=16.0 - right, cy=16.0 - down)
+        return scenes.look(scene, camera(samples, lens=lens, position=(0.0, 0.0, 3.5)))["rgb"][0].astype(int)
+
+    expected = np.mean([look(*offset, 1) for offset in SAMPLES[4]], axis=0)
+    mixed = (expected[..., 0] > 0) & (expected[..., 1] > 0)
+    assert mixed.sum() > 10
+    assert (np.abs(look(0.0, 0.0, 4) - expected).max(-1) > 1.0).sum() <= 0.05 * mixed.sum()
+
+
+def test_frames_are_the_same_again(device: wp.Device) -> None:
+    """Rays of a GPU's warp test faces for each other, in an order that differs from frame to frame."""
+    turns, rows = np.meshgrid(np.linspace(0.0, 2.0 * np.pi, 48, endpoint=False), np.linspace(0.02, np.pi - 0.02, 40))
+    out = 0.5 + 0.04 * np.sin(9.0 * turns) * np.sin(11.0 * rows)
+    points = np.stack([np.cos(turns) * np.sin(rows), np.sin(turns) * np.sin(rows), np.cos(rows)], -1) * out[..., None]
+    number = np.arange(turns.size).reshape(turns.shape)
+    beside = np.roll(number, -1, axis=1)
+    upper = np.stack([number[:-1], number[1:], beside[:-1]], -1)
+    lower = np.stack([beside[:-1], number[1:], beside[1:]], -1)
+    faces = np.concatenate([upper.reshape(-1, 3), lower.reshape(-1, 3)])
+    words = [" ".join(map(str, np.round(one.ravel(), 6))) for one in (points, faces)]
+    balls = "".join(
+        f'<geom type="mesh" mesh="bumps" pos="{0.35 * k - 0.7} {0.3 * (k % 3) - 0.3} {0.1 * (k % 2)}" '
+        f'rgba="{0.2 * k} 1 {1.0 - 0.2 * k} 1"/>'
+        for k in range(5)
+    )
+    mjm = scenes.compile_xml(balls, assets=f'<mesh name="bumps" vertex="{words[0]}" face="{words[1]}"/>')
+    with wp.ScopedDevice(device):
+        scene = wc.from_mujoco_warp(mjm, *scenes.put(mjm, 256 if device.is_cuda else 1))
+        renderer = wc.Renderer(scene, [camera(4, position=(0.0, 0.0, 3.0), width=64, height=64)])
+        first, *others = (renderer.render()["eye"]["rgb"].cpu().numpy().copy() for _ in range(4))
+    assert (first == first[:1]).all() and all(np.array_equal(first, other) for other in others)
+
+
 @pytest.mark.parametrize("samples", [0, 2, 3, 8, True, None, "4"])
 def test_other_numbers_are_refused(samples: object) -> None:
     with pytest.raises(wc.WarpcamError, match=r"antialiasing is .*; allowed are 1, 4"):
