@@ -16,10 +16,11 @@ namespace warpcam {
 
 #if defined(__CUDA_ARCH__)
 
-// Pixels with edges that a block smooths together, at most: at the end its warps wait for the one whose rays take longest.
-constexpr int MOST = 384;
-// Those that it lists before it traces. A warp lists up to 32 after it has seen that there is room.
-constexpr int LISTED = 2 * MOST + THREADS;
+// Pixels with edges that a block lists before it traces. A warp lists up to 32 after it has seen that there is room.
+constexpr int LISTED = 896;
+// Those that it smooths together, at most: at the end its warps wait for the one whose rays take longest. Five blocks of a
+// multiprocessor have room for so many.
+constexpr int most_together(int types) { return types >> HEIGHT_FIELD & 1 ? 384 : 440; }
 
 // What a sample has hit, where there are meshes.
 struct SampleHit {
@@ -48,6 +49,7 @@ template <int TYPES> struct ListedPixel {
 // Pixels that a block smooths together.
 template <int TYPES> struct Chunk {
     static constexpr bool HAS_MESH = TYPES >> MESH & 1, HAS_FIELD = TYPES >> HEIGHT_FIELD & 1;
+    static constexpr int MOST = most_together(TYPES);
 
     const ListedPixel<TYPES>* pixels;
     NearBits own[MOST];                       // the shapes around
@@ -281,7 +283,7 @@ WARPCAM_FN void smooth_region(const Shapes& shapes, const Meshes& meshes, const 
         }
         more = __syncthreads_or(tile < tiles);
         const int found_so_far = count;
-        const int chunks = (found_so_far + MOST - 1) / MOST;
+        const int chunks = (found_so_far + chunk.MOST - 1) / chunk.MOST;
         for (int from = 0, pixels; from < found_so_far; from += pixels) {
             pixels = lower_int(found_so_far - from, (found_so_far + chunks - 1) / chunks);
             while (true) {  // fewer, until they do not show too many shapes
