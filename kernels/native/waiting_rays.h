@@ -7,8 +7,8 @@
 #if defined(__CUDA_ARCH__)
 namespace warpcam {
 
-constexpr int A_FEW_WORDS = 2;
 constexpr int FEW = 8;  // lanes; fewer wait for company before they do what the others do not need
+constexpr int A_FEW_WORDS = 2;  // of 32 shapes, that a lane has in registers
 
 // The rays of one warp. WORDS: 32 shapes of the block's list each.
 template <int WORDS> struct WaitingRays {
@@ -22,7 +22,7 @@ template <int WORDS> struct WaitingRays {
     {
         const int lane = threadIdx.x % LANES, at = __popc(found & ((1u << lane) - 1));
         if (found >> lane & 1) {
-            if constexpr (WORDS <= A_FEW_WORDS) {  // in registers
+            if constexpr (WORDS <= A_FEW_WORDS) {
 #pragma unroll
                 for (int word = 0; word < WORDS; ++word)
                     waiting[word][at] = met[word];
