@@ -109,8 +109,7 @@ WARPCAM_FN void list_samples(Chunk<TYPES>& chunk, int pixel, const NearShapes& l
     const int place = chunk.place(pixel), i = region.left + place % 64, j = region.top + place / 64;
     NearBits own {};
     Band on_meshes = NOWHERE, on_fields = NOWHERE, others = NOWHERE;
-    int last = -1, rank = NEAR_SHAPES, before = -1, rank_before = NEAR_SHAPES;  // the last two ids, which often take turns
-    int ground = NEAR_SHAPES;
+    int before = -1, rank = NEAR_SHAPES, ground = NEAR_SHAPES;
     bool sky = false;
 #pragma unroll 1
     for (int k = 0; k < 9; ++k) {
@@ -119,13 +118,9 @@ WARPCAM_FN void list_samples(Chunk<TYPES>& chunk, int pixel, const NearShapes& l
         sky |= id < 0;
         if (id < 0)
             continue;
-        if (id != last) {
-            const int found = id == before ? rank_before : list.place(id);
-            before = last;
-            rank_before = rank;
-            last = id;
-            rank = found;
-        }
+        if (id != before)
+            rank = list.place(id);
+        before = id;
 #pragma unroll
         for (int w = 0; w < NEAR_WORDS; ++w) {
             const unsigned bit = rank / LANES == w ? 1u << rank % LANES : 0;
@@ -301,16 +296,13 @@ WARPCAM_FN void smooth_region(const Shapes& shapes, const Meshes& meshes, const 
                 block_barrier();
                 for (int k = threadIdx.x; k < pixels; k += THREADS) {
                     const int at = listed[from + k].place(), i = region.left + at % 64, j = region.top + at / 64;
-                    int last = -1, before = -1;
+                    int before = -1;
 #pragma unroll 1
                     for (int around = 0; around < 9; ++around) {
                         const int id = seen.shape(seen.around(i, j, around));
-                        if (id == last)
-                            continue;
                         if (id >= 0 && id != before)
                             list.add(id);
-                        before = last;
-                        last = id;
+                        before = id;
                     }
                 }
                 block_barrier();
