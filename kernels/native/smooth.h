@@ -58,7 +58,6 @@ template <int TYPES> struct Chunk {
     unsigned short samples[SAMPLES * MOST];   // that are traced: 4 * the pixel's number + the sample's
     unsigned char shown[SAMPLES * MOST];      // by which of the pixels around; where there are meshes first what was hit
     SampleHit hits[HAS_MESH ? SAMPLES * MOST : 1];  // of the samples
-    unsigned char takers[HAS_MESH ? SAMPLES * MOST / LANES : 1];  // warps that have taken 32 of `samples`, or none
     int total, next;                          // of `samples`, and which comes next
 
     WARPCAM_FN int place(int pixel) const { return pixels[pixel].place(); }
@@ -179,7 +178,7 @@ WARPCAM_FN void trace_samples(Chunk<TYPES>& chunk, const NearShapes& list, Rays&
                           : shown_sample<TYPES, IMAGES>(seen, meshes, camera, i, j, its, hit.depth, hit.face,
                                                         list.records[hit.shape], chunk.pixels[sample / SAMPLES].edge()));
     };
-    // where there are meshes, which pixel shows a sample is asked when the warp has traced all that it took: for 32 at once
+    // where there are meshes, which pixel shows a sample is asked when all have been traced: for all of them at once
     const auto store = [&](int sample, const Hit& hit) {
         if constexpr (HAS_MESH) {
             chunk.hits[sample] = { hit.depth, hit.face };
@@ -192,9 +191,6 @@ WARPCAM_FN void trace_samples(Chunk<TYPES>& chunk, const NearShapes& list, Rays&
         const int first = __shfl_sync(ALL, lane == 0 ? atomicAdd(&chunk.next, LANES) : 0, 0);
         if (first >= chunk.total)
             return false;
-        if constexpr (HAS_MESH)
-            if (lane == 0)
-                chunk.takers[first / LANES] = static_cast<unsigned char>(threadIdx.x / LANES);
         const bool active = first + lane < chunk.total;
         const int sample = chunk.samples[active ? first + lane : first], pixel = sample / SAMPLES;
         const auto ray = ray_of(sample);
@@ -234,12 +230,11 @@ WARPCAM_FN void trace_samples(Chunk<TYPES>& chunk, const NearShapes& list, Rays&
     };
     if constexpr (HAS_MESH) {
         trace_rays<TYPES>(waiting, Ranked { list.records, {}, list.count }, meshes, near, next_rays, ray_of, store);
-        __syncwarp();
-        for (int first = 0; first < chunk.total; first += LANES)
-            if (chunk.takers[first / LANES] == threadIdx.x / LANES && first + lane < chunk.total) {
-                const int sample = chunk.samples[first + lane], shape = chunk.shown[sample];
-                show(sample, Hit { chunk.hits[sample].depth, shape < NEAR_SHAPES ? shape : -1, chunk.hits[sample].face });
-            }
+        block_barrier();
+        for (int k = threadIdx.x; k < chunk.total; k += THREADS) {
+            const int sample = chunk.samples[k], shape = chunk.shown[sample];
+            show(sample, Hit { chunk.hits[sample].depth, shape < NEAR_SHAPES ? shape : -1, chunk.hits[sample].face });
+        }
     } else {
         int none;
         while (next_rays(none)) { }
@@ -315,8 +310,6 @@ WARPCAM_FN void smooth_region(const Shapes& shapes, const Meshes& meshes, const 
                 chunk.pixels = listed + from;
                 chunk.total = chunk.next = 0;
             }
-            if (HAS_MESH && threadIdx.x < sizeof(chunk.takers))
-                chunk.takers[threadIdx.x] = WARPS;
             list.template prepare_all<TYPES, LENS>(shapes, meshes, fields, camera, region, world);
             for (int k = threadIdx.x; k < pixels; k += THREADS)
                 list_samples<TYPES, LENS>(chunk, k, list, camera, seen, region);
