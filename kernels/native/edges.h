@@ -64,8 +64,8 @@ constexpr Band NOWHERE { FAR_AWAY, -FAR_AWAY };
 // nothing else is: `ground` and `others` are their depths, `sky` that nothing is seen around, too; `width` as above.
 template <int LENS> WARPCAM_FN bool is_behind(const Band& ground, const Band& others, bool sky, float width)
 {
-    const float margin = ASIDE * width * (LENS != ORTHOGRAPHIC ? others.last : 1.0f);
-    return !sky && others.last > 0.0f && ground.first > others.last + margin;
+    return !sky && others.last > 0.0f
+        && ground.first > others.last + ASIDE * width * (LENS != ORTHOGRAPHIC ? others.last : 1.0f);
 }
 
 // A pixel's colour of 8 bits a channel; alpha is 0 where only rgb is smoothed.
