@@ -114,6 +114,7 @@ class Meshes:
     # (mesh,) 1 where the mesh has texture coordinates, else 0. If BARE is among the scene's types also 2: it has, and
     # no texture is `texture_uniform`; and -1: it has none, and shows no texture
     has_uvs: wp.array(dtype=wp.int32)
+    shutters: wp.array(dtype=wp.vec4)  # (mesh * 96,) see native/shutters.h; empty on a CPU and where meshes move
     # Only where MASKED is among the scene's types. (mesh,) as int bits first texel, width and height of the map of its
     # opacity, in red, or zeros; least opacity at which it is there
     masks: wp.array(dtype=wp.vec4)

@@ -5,6 +5,7 @@
 #include "kept_lights.h"
 #include "mesh_shadows.h"
 #include "shadow_strips.h"
+#include "shutters.h"
 
 namespace warpcam {
 
@@ -140,6 +141,12 @@ WARPCAM_FN void cast_light(List& list, const Task<LENS>& task, const Shapes& sha
                 const Facing facing = face_light<TYPES>(shapes, meshes, task.world, id, target.face.data[at], view.light,
                                                         view.origin, view.sight.along_of(p), p);
                 keep = facing.front && (!facing.clear || others_met(list, met, id));
+            }
+            if constexpr (has_shutters(TYPES)) {
+                if (meets_shutters(list, view.light, meshes, met, p, span, keep)) {
+                    mark_shadow<BESIDE>(target, at, task.bit);
+                    keep = false;
+                }
             }
             const unsigned kept = __ballot_sync(ALL, keep);
             rays[warp].put(kept, met, (list.count + 31) / 32, row * 64 + column, p, span);
