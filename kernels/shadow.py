@@ -15,6 +15,7 @@ BLOCKS = 8  # on a multiprocessor: bounds the registers of a thread
 CROWD_BLOCKS = 6  # the same in crowds, for which those of 8 are too few
 LISTED_BYTES = 140  # of its shared memory for each shape of a list with meshes: casters.h, CasterList
 BESIDE = 16  # up to so many shapes there are two lists: shadow.h, lists_beside
+OUTLINE_BYTES = 16  # and their shapes have diagonals: casters.h, CasterList::OUTLINED
 REST_BYTES = 3400  # what else a block has, and what is reserved for it
 WALKED_BYTES, WORD_BYTES = 3232, 256  # and for the rays of a warp, also for each 32 shapes: mesh_shadows.h, ShadowRays
 WALK_BYTES, WALK_SHAPES = 1280, 64  # more up to so many shapes, ShadowRays::KEEPS
@@ -146,5 +147,5 @@ def blocks(types: int, capacity: int) -> int:
         return BLOCKS
     walked = WALKED_BYTES + WORD_BYTES * -(-capacity // 32) + (WALK_BYTES if capacity <= WALK_SHAPES else 0)
     rays = THREADS // 32 * walked
-    listed = LISTED_BYTES * capacity * (2 if capacity <= BESIDE else 1)
+    listed = (LISTED_BYTES + OUTLINE_BYTES) * capacity * 2 if capacity <= BESIDE else LISTED_BYTES * capacity
     return min(BLOCKS, SHARED_MEMORY // (listed + rays + REST_BYTES))

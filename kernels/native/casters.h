@@ -50,19 +50,27 @@ struct Caster {
     Row aim;
     Box box;  // of a mesh
     Window window;
+    Window diagonals;  // what it covers of u + v and u - v, in lists that are OUTLINED
     float height;
 };
 
 // Casters, part by part. MESHES: whether some are meshes.
 template <int SIZE, bool MESHES> struct CasterList {
     static constexpr int CAPACITY = SIZE, WORDS = (SIZE + 31) / 32;
+#if defined(__CUDA_ARCH__)
+    static constexpr bool OUTLINED = MESHES && SIZE <= 16;  // few shapes, and each point that asks costs much
+#else
+    static constexpr bool OUTLINED = false;
+#endif
 
     Record records[CAPACITY];
     Row aims[CAPACITY];
     Box boxes[MESHES ? CAPACITY : 1];
     Window windows[WORDS * 32];  // from `count` on to the end of its 32: empty
     float heights[WORDS * 32];
+    Window diagonals[OUTLINED ? CAPACITY : 1];
     Window bounds;  // CUDA: what all cover together
+    Window bounds_aslant;  // the same of their diagonals
     float ceiling;  // CUDA: how high they reach
     int count;
     int next_tile;  // of those that are drawn with the list
@@ -85,26 +93,45 @@ WARPCAM_FN float warp_min(float value)
 #endif
 }
 
+// What so many windows cover together, one after another. Called by one warp.
+WARPCAM_FN Window window_of_all(const Window* windows, int count)
+{
+    Window all { FAR_AWAY, -FAR_AWAY, FAR_AWAY, -FAR_AWAY };
+#pragma unroll 1
+    for (int slot = threadIdx.x % LANES; slot < count; slot += LANES) {
+        const Window w = windows[slot];
+        all = { lower(all.left, w.left), upper(all.right, w.right), lower(all.bottom, w.bottom),
+                upper(all.top, w.top) };
+    }
+    return { warp_min(all.left), -warp_min(-all.right), warp_min(all.bottom), -warp_min(-all.top) };
+}
+
 // Finds what all casters of a list cover together, and how high they reach. Called by one warp.
 template <class List> WARPCAM_FN void find_bounds(List& list)
 {
-    Window all { FAR_AWAY, -FAR_AWAY, FAR_AWAY, -FAR_AWAY };
     float height = -FAR_AWAY;
 #pragma unroll 1
-    for (int slot = threadIdx.x % LANES; slot < list.count; slot += LANES) {
-        const Window w = list.windows[slot];
-        all = { lower(all.left, w.left), upper(all.right, w.right), lower(all.bottom, w.bottom),
-                upper(all.top, w.top) };
+    for (int slot = threadIdx.x % LANES; slot < list.count; slot += LANES)
         height = upper(height, list.heights[slot]);
-    }
-    list.bounds = { warp_min(all.left), -warp_min(-all.right), warp_min(all.bottom), -warp_min(-all.top) };
+    list.bounds = window_of_all(list.windows, list.count);
     list.ceiling = -warp_min(-height);
+    if constexpr (List::OUTLINED)
+        list.bounds_aslant = window_of_all(list.diagonals, list.count);
+}
+
+// May any of them shade this point?
+template <class List> WARPCAM_FN bool may_be_shaded(const List& list, const Place& point)
+{
+    bool may = may_shade(list.bounds, list.ceiling, point);
+    if constexpr (List::OUTLINED)
+        may &= point.beside | within(list.bounds_aslant, point.u + point.v, point.u - point.v);
+    return may;
 }
 
 #endif
 
-// False if the shape casts no shadow in this light. TIGHT: see window_of().
-template <int TYPES, bool TIGHT = false, class Meshes, class HeightFields>
+// False if the shape casts no shadow in this light. TIGHT: see window_of(); OUTLINED: see CasterList.
+template <int TYPES, bool TIGHT = false, bool OUTLINED = false, class Meshes, class HeightFields>
 WARPCAM_FN bool prepare_caster(const Shape& shape, const Light& light, const Camera& camera, const Meshes& meshes,
                                const HeightFields& fields, Caster& caster)
 {
@@ -138,6 +165,12 @@ WARPCAM_FN bool prepare_caster(const Shape& shape, const Light& light, const Cam
     caster.height = FAR_AWAY;
     if (extent.half.x >= 0.0f)  // not an endless plane
         caster.window = window_of<TIGHT>(light, shape.type, c, r, extent, caster.height);
+    if constexpr (OUTLINED) {
+        const Window& w = caster.window;
+        caster.diagonals = { w.left + w.bottom, w.right + w.top, w.left - w.top, w.right - w.bottom };
+        if (shape.type == MESH)
+            tighten(light, c, r, extent, caster.window, caster.diagonals);
+    }
     return true;
 }
 
@@ -165,7 +198,8 @@ WARPCAM_FN int collect_casters(List& list, int begin, const Shapes& shapes, cons
         if (i < total) {
             Caster caster;
             const int id = wp::index(shapes.drawn, i);
-            if (prepare_caster<TYPES>(load_shape(shapes, world, id), light, camera, meshes, fields, caster)
+            if (prepare_caster<TYPES, false, List::OUTLINED>(load_shape(shapes, world, id), light, camera, meshes, fields,
+                                                             caster)
                 && !transparent(shapes, materials, world, id)) {
                 const int slot = claimed(list.count);
                 list.records[slot] = caster.record;
@@ -175,6 +209,8 @@ WARPCAM_FN int collect_casters(List& list, int begin, const Shapes& shapes, cons
                     list.boxes[slot] = caster.box;
                 list.windows[slot] = caster.window;
                 list.heights[slot] = caster.height;
+                if constexpr (List::OUTLINED)
+                    list.diagonals[slot] = caster.diagonals;
             }
         }
         if (total > List::CAPACITY) {  // the next round may overflow the list

@@ -126,7 +126,7 @@ WARPCAM_FN void cast_light(List& list, const Task<LENS>& task, const Shapes& sha
         const float depth = inside ? target.depth.data[at] : 0.0f;
         const float i = float(column_in_view), j = float(row_in_view);
         const Place place = place_of(view.light.distant, view.lit.point(i, j, depth));
-        const bool asks = id >= 0 && may_shade(list.bounds, list.ceiling, place);
+        const bool asks = id >= 0 && may_be_shaded(list, place);
         bool open = asks;
         const TileWindow around = window_around(place, asks);
         if (!HAS_MESH && !may_shade(list, around))
