@@ -251,21 +251,18 @@ struct Facing {
     bool clear;  // nothing of the mesh itself is in the way; false where that is not known
 };
 
-// Light that shines on the other side only adds nothing, so that its shadow does not matter. The point is seen from `origin`,
-// by a ray along `sight`; both in the world's axes.
-template <int TYPES, class Shapes, class Meshes>
-WARPCAM_FN Facing face_light(const Shapes& shapes, const Meshes& meshes, int world, int id, int face, const Light& light,
-                             Vec origin, Vec sight, Vec point)
+// How a light looks from a mesh, all in the mesh's frame.
+struct MeshLight {
+    Vec aim;  // as Caster.aim
+    Vec way;  // from a point of a face to it
+    Vec sight;  // of the ray that sees the point
+};
+
+// Light that shines on the other side only adds nothing, so that its shadow does not matter.
+template <int TYPES, class Meshes>
+WARPCAM_FN Facing face_light(const Meshes& meshes, int mesh, int face, bool distant, const MeshLight& light)
 {
-    if (wp::index(shapes.types, id) != MESH)
-        return { true, false };
-    const Shape shape = load_shape(shapes, world, id);
-    const Vec c { shape.position.x - origin.x, shape.position.y - origin.y,
-                  shape.position.z - origin.z };
-    Vec aim = turned_back(shape.rotation, ray_to(light, c));
-    if (TYPES >> SCALED & 1)
-        aim = { aim.x / shape.size.x, aim.y / shape.size.y, aim.z / shape.size.z };
-    const unsigned row = unsigned(wp::index(meshes.face_start, shape.asset)) + unsigned(face * FACE_ROWS);
+    const unsigned row = unsigned(wp::index(meshes.face_start, mesh)) + unsigned(face * FACE_ROWS);
     int given = load(meshes.faces.data, row).w;
     bool back = false, flat = false;
     Vec normal { 0.0f, 0.0f, 0.0f };
@@ -275,35 +272,46 @@ WARPCAM_FN Facing face_light(const Shapes& shapes, const Meshes& meshes, int wor
         if (has_back<TYPES>(second.w)) {
             flat = is_flat<TYPES>(second.w, third.w);
             normal = normalized(cross(to_vec(second) - to_vec(first), to_vec(third) - to_vec(first)));
-            Vec ray = turned_back(shape.rotation, sight);
-            if (TYPES >> SCALED & 1)
-                ray = { ray.x / shape.size.x, ray.y / shape.size.y, ray.z / shape.size.z };
-            back = dot(normal, ray) > 0.0f;
+            back = dot(normal, light.sight) > 0.0f;
             if (back) {
                 given = second.w;
                 normal = -normal;
             }
         }
     }
-    const int corner = 3 * (wp::index(meshes.corner_start, shape.asset) + given);
+    const int corner = 3 * (wp::index(meshes.corner_start, mesh) + given);
     bool faces = false;
     Row corners[3];
     for (int k = 0; k < 3; ++k) {
         const Row at = corners[k] = load(meshes.faces.data, row + k);
         const Vec n = flat ? normal : to_vec(wp::index(meshes.normals, corner + (back && k > 0 ? 3 - k : k)));
-        const Vec to = light.distant ? aim : Vec { aim.x - at.x, aim.y - at.y, aim.z - at.z };
+        const Vec aim = light.aim, to = distant ? aim : Vec { aim.x - at.x, aim.y - at.y, aim.z - at.z };
         const float slack = 1.0e-5f * (magnitude(to.x) + magnitude(to.y) + magnitude(to.z));
         faces |= n.x * to.x + n.y * to.y + n.z * to.z > -slack;
     }
     bool clear = false;
     if constexpr (has_horizons(TYPES)) {
-        Vec way = turned_back(shape.rotation, ray_to(light, point));
-        if (TYPES >> SCALED & 1)
-            way = { way.x / shape.size.x, way.y / shape.size.y, way.z / shape.size.z };
         const FaceAxes axes = face_axes(to_vec(corners[0]), to_vec(corners[1]), to_vec(corners[2]));
-        clear = is_clear(unsigned(corners[2].w), axes, way);
+        clear = is_clear(unsigned(corners[2].w), axes, light.way);
     }
     return { faces, clear };
+}
+
+// The same of a shape's face. The point is seen from `origin`, by a ray along `sight`; both in the world's axes.
+template <int TYPES, class Shapes, class Meshes>
+WARPCAM_FN Facing face_light(const Shapes& shapes, const Meshes& meshes, int world, int id, int face, const Light& light,
+                             Vec origin, Vec sight, Vec point)
+{
+    if (wp::index(shapes.types, id) != MESH)
+        return { true, false };
+    const Shape shape = load_shape(shapes, world, id);
+    const Vec c { shape.position.x - origin.x, shape.position.y - origin.y, shape.position.z - origin.z };
+    const auto local = [&](Vec v) {
+        const Vec own = turned_back(shape.rotation, v);
+        return TYPES >> SCALED & 1 ? Vec { own.x / shape.size.x, own.y / shape.size.y, own.z / shape.size.z } : own;
+    };
+    return face_light<TYPES>(meshes, shape.asset, face, light.distant,
+                             { local(ray_to(light, c)), local(ray_to(light, point)), local(sight) });
 }
 
 }  // namespace warpcam

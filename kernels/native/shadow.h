@@ -52,18 +52,28 @@ template <int TYPES, int CAPACITY> constexpr int lists_beside()
 
 #if defined(__CUDA_ARCH__)
 
-// Leaves out a shape of those that are `met`, bits by slot; false if none are left.
-template <class List> WARPCAM_FN bool others_met(const List& list, unsigned (&met)[List::WORDS], int id)
+// A mesh of those that are `met`, bits by slot, of which there are some: that of the shape itself, if it is one of them.
+template <class List> WARPCAM_FN int slot_to_try(const List& list, const unsigned (&met)[List::WORDS], int id)
+{
+    int slot = -1;
+    for (int word = 0; word < (list.count + 31) / 32; ++word) {
+        for (unsigned left = met[word]; left; left &= left - 1) {
+            const int its = word * 32 + lowest_bit(left);
+            if (list.records[its].axis_y.w == id)
+                return its;
+            slot = slot < 0 ? its : slot;
+        }
+    }
+    return slot;
+}
+
+// Leaves one of them out; false if none are left.
+template <class List> WARPCAM_FN bool others_met(const List& list, unsigned (&met)[List::WORDS], int slot)
 {
     bool any = false;
     for (int word = 0; word < (list.count + 31) / 32; ++word) {
-        unsigned others = 0;
-        for (unsigned left = met[word]; left; left &= left - 1) {
-            const int bit = lowest_bit(left);
-            others |= list.records[word * 32 + bit].axis_y.w != id ? 1u << bit : 0u;
-        }
-        met[word] = others;
-        any |= others != 0;
+        met[word] &= ~(word == slot / 32 ? 1u << slot % 32 : 0u);
+        any |= met[word] != 0;
     }
     return any;
 }
@@ -136,14 +146,19 @@ WARPCAM_FN void cast_light(List& list, const Task<LENS>& task, const Shapes& sha
         unsigned met[WORDS];
         const bool met_any = shade_tile<TYPES>(list, view, p, span, place, around, open, fields, met);
         if (HAS_MESH) {
-            bool keep = open && met_any;
-            if (keep) {
-                const Facing facing = face_light<TYPES>(shapes, meshes, task.world, id, target.face.data[at], view.light,
-                                                        view.origin, view.sight.along_of(p), p);
-                keep = facing.front && (!facing.clear || others_met(list, met, id));
+            bool keep = open && met_any, tries = keep;
+            const int slot = keep ? slot_to_try(list, met, id) : 0;
+            const Record& record = list.records[slot];
+            const Ray ray = look_back(record, list.aims[slot], p, view.light.distant);
+            if (keep && record.axis_y.w == id) {
+                const Vec sight = WorldRay::turned(record, view.sight.along_of(p), { 0.0f, 0.0f, 0.0f });
+                const Facing facing = face_light<TYPES>(meshes, record.axis_z.w, target.face.data[at], view.light.distant,
+                                                        { to_vec(list.aims[slot]), ray.direction, sight });
+                keep = facing.front && (!facing.clear || others_met(list, met, slot));
+                tries = keep && !facing.clear;
             }
             if constexpr (has_shutters(TYPES)) {
-                if (meets_shutters(list, view.light, meshes, met, p, span, keep)) {
+                if (meets_shutters(meshes, slot, record.axis_z.w, ray, span, tries)) {
                     mark_shadow<BESIDE>(target, at, task.bit);
                     keep = false;
                 }

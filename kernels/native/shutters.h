@@ -49,45 +49,36 @@ struct Shutter {
 
 constexpr int SHUTTER_TRIES = 2;
 
-// Which of the rays of a warp that `ask`, each from its lane's point, are stopped by shutters of meshes that are `met`. One of
-// them is tried with all shutters of a mesh; that which stops it best is tried with all of them.
-template <class List, class Meshes>
-WARPCAM_FN bool meets_shutters(const List& list, const Light& light, const Meshes& meshes, const unsigned (&met)[List::WORDS],
-                               Vec point, const Span& span, bool asks)
+// Which of the rays of a warp that `ask` are stopped by shutters of their meshes: each has one, by `slot` in a list and by
+// `mesh`, and is in its frame. One of them is tried with all shutters of its mesh; that which stops it best is tried with all.
+template <class Meshes>
+WARPCAM_FN bool meets_shutters(const Meshes& meshes, int slot, int mesh, const Ray& ray, const Span& span, bool asks)
 {
     const int lane = threadIdx.x % LANES;
-    bool stopped = false, tried = false;
+    bool stopped = false;
 #pragma unroll 1
     for (int number = 0; number < SHUTTER_TRIES; ++number) {
-        const unsigned asking = __ballot_sync(ALL, asks & !stopped & !tried);
+        const unsigned asking = __ballot_sync(ALL, asks);
         if (!asking)
             break;
         // neither the first nor the last of them: these are more often at an edge of a shadow
         const int before = __popc(asking & ((1u << lane) - 1));
         const int from = lowest_bit(asking & __ballot_sync(ALL, before == __popc(asking) / 2));
-        int slot = 0;
-#pragma unroll
-        for (int word = List::WORDS - 1; word >= 0; --word)
-            slot = met[word] ? word * 32 + lowest_bit(met[word]) : slot;
-        slot = __shfl_sync(ALL, slot, from);
-        const Record& record = list.records[slot];
-        const Ray ray = WorldRay { point, ray_to(light, point) }.local(record);
         const auto of = [&](float value) { return __shfl_sync(ALL, value, from); };
         const Ray its { { of(ray.origin.x), of(ray.origin.y), of(ray.origin.z) },
                         { of(ray.direction.x), of(ray.direction.y), of(ray.direction.z) } };
         const Span its_span { of(span.near), of(span.reach) };
-        const int mesh = record.axis_z.w;
-        const float aside = Shutter::load_from(meshes.shutters.data, mesh, lane).aside(its, its_span);
+        const int its_mesh = __shfl_sync(ALL, mesh, from);
+        const float aside = Shutter::load_from(meshes.shutters.data, its_mesh, lane).aside(its, its_span);
         const int least = least_of_all((as_int(aside) & ~(LANES - 1)) | lane);
-        tried |= lane == from;
+        if (lane == from)
+            asks = false;
         if (least >= as_int(1.0f))
             continue;
-        unsigned word = 0;
-#pragma unroll
-        for (int k = 0; k < List::WORDS; ++k)
-            word = slot / 32 == k ? met[k] : word;
-        const float own = Shutter::load_from(meshes.shutters.data, mesh, least & (LANES - 1)).aside(ray, span);
-        stopped |= asks & (word >> slot % 32 & 1) & (own < 1.0f);
+        const float own = Shutter::load_from(meshes.shutters.data, its_mesh, least & (LANES - 1)).aside(ray, span);
+        const bool stops = (own < 1.0f) & (slot == __shfl_sync(ALL, slot, from)) & (asks | (lane == from));
+        stopped |= stops;
+        asks &= !stops;
     }
     return stopped;
 }
