@@ -14,18 +14,16 @@ TURNS, SLABS = 4, 24  # native/shutter_build.h
 
 @functools.cache
 def _kernel() -> wp.Kernel:
-    @wp.func_native("warpcam::find_shutter(meshes, open, mesh, face, turn, slab, at, rows, worths);")
+    @wp.func_native("return warpcam::find_shutter(meshes, open, mesh, face, warpcam::Way(way), at, rows);")
     def find(
         meshes: Meshes,
         open: wp.array(dtype=wp.uint8),
         mesh: int,
         face: int,
-        turn: int,
-        slab: int,
+        way: int,
         at: int,
         rows: wp.array(dtype=wp.vec4),
-        worths: wp.array(dtype=wp.float32),
-    ): ...
+    ) -> float: ...
 
     @wp.kernel(
         module="unique", enable_backward=False, grid_stride=False, module_options=native_module("shutter_build.h")
@@ -35,31 +33,14 @@ def _kernel() -> wp.Kernel:
         open: wp.array(dtype=wp.uint8),
         owners: wp.array(dtype=wp.int32),
         faces: wp.array(dtype=wp.int32),
+        ways: wp.array2d(dtype=wp.int32),
+        worths: wp.array2d(dtype=wp.float32),
         rows: wp.array(dtype=wp.vec4),
-        worths: wp.array(dtype=wp.float32),
     ):
-        i, way = wp.tid()
-        find(meshes, open, owners[i], faces[i], way % TURNS, way // TURNS, i * TURNS * SLABS + way, rows, worths)
+        i, k = wp.tid()
+        worths[i, k] = find(meshes, open, owners[i], faces[i], ways[i, k], i, rows)
 
     return shutters
-
-
-@wp.kernel(enable_backward=False)
-def pick(
-    rows: wp.array(dtype=wp.vec4),
-    worths: wp.array(dtype=wp.float32),
-    best: wp.array2d(dtype=wp.vec4),
-    worth: wp.array(dtype=wp.float32),
-):
-    i = wp.tid()
-    at = i * TURNS * SLABS
-    for k in range(at + 1, (i + 1) * TURNS * SLABS):
-        if worths[k] > worths[at]:
-            at = k
-    worth[i] = worths[at]
-    if worths[at] > 0.0:
-        for k in range(ROWS):
-            best[i, k] = rows[ROWS * at + k]
 
 
 def find_shutters(
@@ -78,12 +59,18 @@ def find_shutters(
         Rows as shadows read them, (wanted, ROWS, 4), and what they are worth [m^2], (wanted,); 0 where there is none.
     """
     count = len(owners)
-    rows = wp.empty(count * TURNS * SLABS * ROWS, dtype=wp.vec4, device=device)
-    worths = wp.empty(count * TURNS * SLABS, dtype=wp.float32, device=device)
-    best = wp.zeros((count, ROWS), dtype=wp.vec4, device=device)
-    worth = wp.empty(count, dtype=wp.float32, device=device)
     given = [wp.array(open_faces, dtype=wp.uint8, device=device)]
     given += [wp.array(values, dtype=wp.int32, device=device) for values in (owners, faces)]
-    wp.launch(_kernel(), (count, TURNS * SLABS), [meshes, *given, rows, worths], device=device)
-    wp.launch(pick, count, [rows, worths, best, worth], device=device)
-    return best.numpy(), worth.numpy()
+
+    def tried(ways: np.ndarray, rows: wp.array) -> np.ndarray:
+        worths = wp.empty(ways.shape, dtype=wp.float32, device=device)
+        inputs = [meshes, *given, wp.array(ways, dtype=wp.int32, device=device), worths, rows]
+        wp.launch(_kernel(), ways.shape, inputs, device=device)
+        found: np.ndarray = worths.numpy()
+        return found
+
+    all_ways = np.broadcast_to(np.arange(TURNS * SLABS, dtype=np.int32), (count, TURNS * SLABS))
+    best = tried(all_ways, wp.empty(0, dtype=wp.vec4, device=device)).argmax(axis=1)
+    rows = wp.zeros(count * ROWS, dtype=wp.vec4, device=device)
+    worths = tried(best[:, None].astype(np.int32), rows)[:, 0]
+    return rows.numpy().reshape(count, ROWS, 4), worths

@@ -207,6 +207,17 @@ WARPCAM_FN void cast_light(List& list, const Task<LENS>& task, const Shapes& sha
 template <int WIDTH, int HEIGHT, class Target>
 WARPCAM_FN void clear_shadows(const Target& target, const Region& region, int world, int thread)
 {
+#if defined(__CUDA_ARCH__)
+    constexpr int TOGETHER = 16;
+    auto* corner = target.shadow.data + (size_t(world) * target.height + region.top) * target.width + region.left;
+    if (region.left + WIDTH <= target.width && region.top + HEIGHT <= target.height
+        && (reinterpret_cast<size_t>(corner) | unsigned(target.width)) % TOGETHER == 0) {
+        for (int number = thread; number < WIDTH * HEIGHT / TOGETHER; number += THREADS)
+            clear_several<TOGETHER>(corner + unsigned(number / (WIDTH / TOGETHER) * target.width
+                                                      + number % (WIDTH / TOGETHER) * TOGETHER));
+        return;
+    }
+#endif
     for (int pixel = thread; pixel < WIDTH * HEIGHT; pixel += THREADS) {
         const int i = region.left + pixel % WIDTH, j = region.top + pixel / WIDTH;
         if (i < target.width && j < target.height)
@@ -257,18 +268,20 @@ WARPCAM_FN void cast(const Shapes& shapes, const Materials& materials, const Mes
         if (fresh)
             clear_shadows<WIDTH, HEIGHT>(target, region, world, thread);
         const int warp = thread / LANES;
-        for (int number = 0; number < num_lights;) {
-            int found = 0, own = 0, own_place = 0;
-            for (; number < num_lights && found < BESIDE; ++number) {
-                const int place = kept.next(lights, world, number);
-                if (place < 0 || !casts(lights, world, number))
-                    continue;
-                if (found == warp) {
-                    own = number;
-                    own_place = place;
-                }
-                ++found;
+        unsigned casting = 0;  // of 32 lights those that do
+        int first = 0, place = -1;
+        while (casting || first < num_lights) {
+            if (!casting) {
+                place = kept.next_of_lanes(lights, world, first + thread % LANES, num_lights);
+                casting = __ballot_sync(ALL, place >= 0 && casts(lights, world, first + thread % LANES));
+                first += LANES;
+                continue;
             }
+            int found = 0, own = 0;
+            for (; casting && found < BESIDE; casting &= casting - 1, ++found)
+                own = found == warp ? lowest_bit(casting) : own;
+            const int own_place = __shfl_sync(ALL, place, own);
+            own += first - LANES;
             block_barrier();  // the lists may still be in use, masks not yet cleared
             if (warp < found) {
                 auto& list = lists[warp];
@@ -281,14 +294,14 @@ WARPCAM_FN void cast(const Shapes& shapes, const Materials& materials, const Mes
                     tasks[warp] = { view, region, corner, world, 1u << own_place, false };
                 warp_barrier();
                 collect_casters<TYPES, LANES>(list, 0, shapes, materials, meshes, fields, view.light, camera, world, lane);
+                warp_barrier();
+                find_bounds(list);
             }
             block_barrier();
 #pragma unroll 1
             for (int k = 0; k < found; ++k) {
                 if (lists[k].count == 0)
                     continue;
-                find_bounds(lists[k]);  // the same by every warp
-                __syncwarp();
                 cast_light<TYPES, LENS, WIDTH, HEIGHT>(lists[k], tasks[k], shapes, meshes, fields, target, floor, floors);
             }
         }

@@ -87,11 +87,16 @@ struct Opening {
     }
 };
 
-// The best of the boxes over a mesh's face, in leaf order, that are turned by `turn` and lie as `slab` says: its rows,
-// and how much it is worth in `worth`.
-template <class Meshes, class Open, class Rows, class Worths>
-WARPCAM_FN void find_shutter(const Meshes& meshes, const Open& open, int mesh, int face, int turn, int slab, int at,
-                             const Rows& rows, const Worths& worths)
+// How a box lies over its face: turned about the face's normal, and between which ends.
+struct Way {
+    int turn, slab;
+
+    WARPCAM_FN explicit Way(int number) : turn(number % SHUTTER_TURNS), slab(number / SHUTTER_TURNS) { }
+};
+
+// A box over a mesh's face, in leaf order, as far as it goes: how much it is worth, and its rows, if there is room for them.
+template <class Meshes, class Open, class Rows>
+WARPCAM_FN float find_shutter(const Meshes& meshes, const Open& open, int mesh, int face, Way way, int at, const Rows& rows)
 {
     const unsigned nodes = unsigned(wp::index(meshes.node_start, mesh)), faces = unsigned(wp::index(meshes.face_start, mesh));
     const Vec low = to_vec(wp::index(meshes.lower, mesh)), high = to_vec(wp::index(meshes.upper, mesh));
@@ -106,20 +111,19 @@ WARPCAM_FN void find_shutter(const Meshes& meshes, const Open& open, int mesh, i
         corners[2] = to_vec(load(meshes.faces.data, row + 2));
         return first.w;
     };
-    wp::index(worths, at) = 0.0f;
     Vec corners[3];
     const int given = load_face(face, corners);
     Opening box;
     FaceAxes axes = face_axes(corners[0], corners[1], corners[2]);
     if (!axes.known)
-        return;
+        return 0.0f;
     // along a side of the mesh's own box, then turned
     const Vec n = axes.normal;
     const float x = magnitude(n.x), y = magnitude(n.y), z = magnitude(n.z);
     const Vec flat = x <= y && x <= z ? Vec { 1.0f, 0.0f, 0.0f } : y <= z ? Vec { 0.0f, 1.0f, 0.0f } : Vec { 0.0f, 0.0f, 1.0f };
     const Vec first = cross(n, flat);
     const Vec side = inverse_root(upper(dot(first, first), TINY)) * first, other = cross(n, side);
-    const float angle = 1.5707964f / SHUTTER_TURNS * float(turn);
+    const float angle = 1.5707964f / SHUTTER_TURNS * float(way.turn);
     axes.along = wp::cos(angle) * side + wp::sin(angle) * other;
     axes.across = cross(n, axes.along);
     box.axes = axes;
@@ -132,11 +136,12 @@ WARPCAM_FN void find_shutter(const Meshes& meshes, const Open& open, int mesh, i
     }
     box.inner = 0.5f * inner;
     float thick = 0.3f * size;
-    for (int k = 0; k < slab / 3; ++k)
+    for (int k = 0; k < way.slab / 3; ++k)
         thick *= 0.6f;
     const float thin = 2.0e-3f * size + 2.0f * box.slack;
-    box.low = slab % 3 == 0 ? -thick : slab % 3 == 1 ? -thin : -0.5f * thick;
-    box.high = slab % 3 == 0 ? thin : slab % 3 == 1 ? thick : 0.5f * thick;
+    const int side_of_face = way.slab % 3;
+    box.low = side_of_face == 0 ? -thick : side_of_face == 1 ? -thin : -0.5f * thick;
+    box.high = side_of_face == 0 ? thin : side_of_face == 1 ? thick : 0.5f * thick;
     for (int k = 0; k < SHUTTER_FORMS; ++k)
         box.reach[k] = size;
     const float depth = box.high - box.low;
@@ -168,9 +173,8 @@ WARPCAM_FN void find_shutter(const Meshes& meshes, const Open& open, int mesh, i
             up = half_up;
         }
     }
-    wp::index(worths, at) = best;
-    if (!(best > 0.0f))
-        return;
+    if (!(best > 0.0f) || rows.shape[0] == 0)
+        return best;
     const Vec middle = box.center + 0.5f * (box.low + box.high) * n;
     const auto row = [&](int number, Vec axis, float half) {
         const float rate = 1.0f / half;
@@ -180,6 +184,7 @@ WARPCAM_FN void find_shutter(const Meshes& meshes, const Open& open, int mesh, i
     row(0, axes.along, across);
     row(1, axes.across, up);
     row(2, n, 0.5f * depth);
+    return best;
 }
 
 }  // namespace warpcam

@@ -53,29 +53,44 @@ def _wanted(tree: np.ndarray) -> np.ndarray:
 def _open_faces(tree: np.ndarray) -> np.ndarray:
     """Which of a tree's faces have an edge that an odd number of faces has, (face,)."""
     corners = tree.reshape(-1, 3, 4)
-    given = corners.view(np.int32)[:, 0, 3]
-    _, first, copies = np.unique(given, return_index=True, return_inverse=True)
-    points = np.ascontiguousarray(corners[first, :, :3].reshape(-1, 3) + np.float32(0.0))
-    _, ids = np.unique(points.view([("", np.float32)] * 3).ravel(), return_inverse=True)
-    ends = ids.reshape(-1, 3)[:, [[0, 1], [1, 2], [2, 0]]]
-    ends.sort(axis=2)
-    keys = ends[..., 0] * np.int64(len(ids)) + ends[..., 1]
-    _, edges, counts = np.unique(keys.ravel(), return_inverse=True, return_counts=True)
-    opens = (counts % 2 == 1)[edges].reshape(-1, 3).any(axis=1)
-    return opens[copies.ravel()]
+    given = corners.view(np.int32)[:, 0, 3]  # copies of a face have the same number
+    one_of = np.zeros(given.max(initial=-1) + 1, np.int64)
+    one_of[given] = np.arange(len(given))
+    points = _mixed((corners[one_of, :, :3] + np.float32(0.0)).view(np.uint32))  # -0 is 0
+    others = points[:, [1, 2, 0]]
+    edges = _mixed(np.stack([points + others, points ^ others], axis=-1)).ravel()  # the same from either end
+    order = np.argsort(edges, kind="stable")
+    begins = np.concatenate([[True], np.diff(edges[order]) != 0]) if len(edges) else np.zeros(0, bool)
+    group = np.cumsum(begins) - 1
+    odd = np.empty(len(edges), bool)
+    odd[order] = (np.bincount(group) % 2 == 1)[group]
+    return odd.reshape(-1, 3).any(axis=1)[given]
+
+
+def _mixed(parts: np.ndarray) -> np.ndarray:
+    """One number of 64 bits for those of the last axis: the same for the same ones alone, but for one in 2^64."""
+    mixed = np.zeros(parts.shape[:-1], np.uint64)
+    for part in np.moveaxis(parts, -1, 0):
+        mixed = (mixed + part) * np.uint64(0x9E3779B97F4A7C15)
+        mixed ^= mixed >> np.uint64(32)
+    return mixed
 
 
 def _chosen(rows: np.ndarray, worths: np.ndarray, points: np.ndarray) -> list[int]:
     """Those that together stop light at most of some points, not at all by what others do already."""
     lengths = np.linalg.norm(rows[:, :, :3], axis=2)
-    limits = np.ones((len(rows), 3), np.float32)
     there = worths > 0.0
-    limits[there, :2] -= lengths[there, :2] / lengths[there, 2:] * 1.0
-    places = np.einsum("ski,pi->spk", rows[:, :, :3], points) + rows[:, None, :, 3]
-    stops = (np.abs(places) <= limits[:, None]).all(axis=2) & there[:, None]
+    limits = np.ones((len(rows), 3), np.float32)
+    limits[there, :2] -= lengths[there, :2] / lengths[there, 2:]  # light that slants by as much as 45 degrees
+    places = np.matmul(rows[:, :, :3], points.T) + rows[:, :, 3:]
+    stops = ((np.abs(places) <= limits[:, :, None]).all(axis=1) & there[:, None]).astype(np.float32)
+    left = np.ones(len(points), np.float32)
     chosen: list[int] = []
-    while len(chosen) < SHUTTERS and stops.any():
-        best = int(stops.sum(axis=1).argmax())
+    while len(chosen) < SHUTTERS:
+        more = stops @ left
+        best = int(more.argmax())
+        if more[best] == 0.0:
+            break
         chosen.append(best)
-        stops[:, stops[best]] = False
+        left *= 1.0 - stops[best]
     return chosen
