@@ -9,6 +9,8 @@
 
 namespace warpcam {
 
+constexpr int FEW_CASTERS = 2;
+
 // Does a light that is kept cast shadows? One without colour has none to take away.
 template <class Lights> WARPCAM_FN bool casts(const Lights& lights, int world, int light)
 {
@@ -138,7 +140,8 @@ WARPCAM_FN void cast_light(List& list, const Task<LENS>& task, const Shapes& sha
         const Place place = place_of(view.light.distant, view.lit.point(i, j, depth));
         const bool asks = id >= 0 && may_be_shaded(list, place);
         bool open = asks;
-        const TileWindow around = window_around(place, asks);
+        // with a mesh or two each pixel's own place tells as soon
+        const TileWindow around = HAS_MESH && list.count <= FEW_CASTERS ? whole_tile() : window_around(place, asks);
         if (!HAS_MESH && !may_shade(list, around))
             return true;
         const Vec p = view.sight.point(i, j, depth);
