@@ -14,9 +14,7 @@ NONE = np.zeros((ROWS, 4), np.float32)
 NONE[:, 3] = 4.0  # stops nothing
 
 
-def pack_shutters(
-    meshes: Meshes, trees: Sequence[np.ndarray], holders: Sequence[int], device: wp.Device
-) -> wp.array:
+def pack_shutters(meshes: Meshes, trees: Sequence[np.ndarray], holders: Sequence[int], device: wp.Device) -> wp.array:
     """Find the shutters of all meshes.
 
     Args:
@@ -86,7 +84,7 @@ def _chosen(rows: np.ndarray, worths: np.ndarray, points: np.ndarray) -> list[in
     stops = ((np.abs(places) <= limits[:, :, None]).all(axis=1) & there[:, None]).astype(np.float32)
     left = np.ones(len(points), np.float32)
     chosen: list[int] = []
-    while len(chosen) < SHUTTERS:
+    while len(chosen) < min(SHUTTERS, len(rows)):
         more = stops @ left
         best = int(more.argmax())
         if more[best] == 0.0:

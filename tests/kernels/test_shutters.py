@@ -1,0 +1,160 @@
+"""Where meshes surely stop light: rays that are stopped without a walk."""
+
+import numpy as np
+import pytest
+import warp as wp
+from native import native_kernel
+from surfaces import SHAPES, ball, grid, hills, meets
+from warpcam.kernels.types import Meshes
+
+from warpcam.accel import shutters
+from warpcam.accel.bvh4 import build_bvh4
+from warpcam.accel.meshes import Mesh, pack_meshes
+
+DEVICES = [str(device) for device in wp.get_devices()]
+
+
+@wp.func_native("""
+    using namespace warpcam;
+    float least = FAR_AWAY;
+    for (int k = 0; k < SHUTTERS; ++k) {
+        const Shutter shutter = Shutter::load_from(meshes.shutters.data, mesh, k);
+        least = lower(least, shutter.aside({ to_vec(origin), to_vec(direction) }, { 0.0f, 1.0f }));
+    }
+    wp::index(aside, i) = least;
+""")
+def ask(
+    meshes: Meshes,
+    mesh: wp.int32,
+    origin: wp.vec3,
+    direction: wp.vec3,
+    i: wp.int32,
+    aside: wp.array(dtype=wp.float32),
+): ...
+
+
+@native_kernel("shutters.h")
+def try_rays(
+    meshes: Meshes,
+    mesh: wp.int32,
+    origins: wp.array(dtype=wp.vec3),
+    directions: wp.array(dtype=wp.vec3),
+    aside: wp.array(dtype=wp.float32),
+):
+    i = wp.tid()
+    ask(meshes, mesh, origins[i], directions[i], i, aside)
+
+
+def torus(u, v):
+    around, across = 2.0 * np.pi * u, 2.0 * np.pi * v
+    out = 1.0 + 0.35 * np.cos(across)
+    return out * np.cos(around), out * np.sin(around), 0.35 * np.sin(across)
+
+
+def cup(u, v):
+    """Closed, with thin walls: a turned outline."""
+    outline = np.array([(0, 0), (0.9, 0), (1, 0.1), (1, 1.5), (0.94, 1.5), (0.94, 0.12), (0.88, 0.06), (0, 0.06)])
+    place = v * (len(outline) - 1)
+    out, up = (np.interp(place, np.arange(len(outline)), outline[:, k]) for k in (0, 1))
+    return out * np.cos(2.0 * np.pi * u), out * np.sin(2.0 * np.pi * u), up
+
+
+def welded(points: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Points that are the same but for rounding made so, and faces without area left out."""
+    points = np.round(points.astype(np.float64), 5).astype(np.float32) + np.float32(0.0)
+    corners = points[faces]
+    whole = ~((corners == np.roll(corners, 1, axis=1)).all(axis=2).any(axis=1))
+    return points, faces[whole]
+
+
+CLOSED = {
+    "ball": lambda: welded(*grid(20, ball)),
+    "torus": lambda: welded(*grid(24, torus)),
+    "cup": lambda: welded(*grid(28, cup)),
+}
+ALL = SHAPES | CLOSED
+
+
+def with_shutters(points: np.ndarray, faces: np.ndarray, device: str) -> tuple[Meshes, np.ndarray]:
+    """The mesh, and the corners of its faces (face, 3, 3)."""
+    mesh = Mesh("shape", points, faces)
+    meshes, _ = pack_meshes([mesh], wp.get_device(device))
+    tree = build_bvh4(points, faces, cache=False)
+    meshes.shutters = shutters.pack_shutters(meshes, [tree.faces], [0], wp.get_device(device))
+    return meshes, points[faces].astype(np.float64)
+
+
+def aside_of(meshes: Meshes, origins: np.ndarray, directions: np.ndarray, device: str) -> np.ndarray:
+    aside = wp.zeros(len(origins), dtype=wp.float32, device=device)
+    rays = [wp.array(values.astype(np.float32), dtype=wp.vec3, device=device) for values in (origins, directions)]
+    wp.launch(try_rays, len(origins), inputs=[meshes, 0, *rays], outputs=[aside], device=device)
+    return aside.numpy()
+
+
+def rays_at(corners: np.ndarray, count: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
+    """Ways from anywhere around a mesh, or near to its faces, to anywhere."""
+    random = np.random.default_rng(seed)
+    middle, size = corners.reshape(-1, 3).mean(axis=0), np.ptp(corners.reshape(-1, 3), axis=0).max()
+    start = middle + size * random.uniform(-1.0, 1.0, (count, 3))
+
+    def on_faces() -> np.ndarray:
+        faces = corners[random.integers(0, len(corners), count)]
+        return np.einsum("rk,rkc->rc", random.dirichlet((1, 1, 1), count), faces)
+
+    begin = np.where(random.random((count, 1)) < 0.7, start, on_faces() + 0.02 * size * random.normal(size=(count, 3)))
+    through = on_faces()
+    return begin, (through - begin) * random.uniform(0.5, 3.0, (count, 1))
+
+
+@pytest.mark.parametrize("device", DEVICES)
+@pytest.mark.parametrize("name", ALL)
+def test_what_is_stopped_meets_a_face(name: str, device: str, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(shutters, "FEW_FACES", 1)
+    monkeypatch.setattr(shutters, "LOOKED_AT", 128)
+    meshes, corners = with_shutters(*ALL[name](), device)
+    origins, directions = rays_at(corners, 6000, 4)
+    stopped = aside_of(meshes, origins, directions, device) < 1.0
+    if name in CLOSED:
+        assert stopped.mean() > 0.15
+    origins, directions = (values[stopped].astype(np.float32).astype(np.float64) for values in (origins, directions))
+    ahead = meets(origins, directions, corners, 0.0)
+    backwards = meets(origins + directions, -directions, corners, 0.0)
+    assert (ahead & backwards).all()  # a face between both ends
+
+
+@pytest.mark.parametrize("device", DEVICES)
+def test_a_mesh_with_a_hole_lets_light_through_it(device: str, monkeypatch: pytest.MonkeyPatch):
+    """A ball without one of its faces: no shutter reaches over where it was."""
+    monkeypatch.setattr(shutters, "FEW_FACES", 1)
+    points, faces = CLOSED["ball"]()
+    corners = points[faces].astype(np.float64)
+    random = np.random.default_rng(1)
+    gone = int(np.argmax(corners.mean(axis=1) @ (0.6, 0.0, 0.8)))
+    through = random.dirichlet((1, 1, 1), 500) @ corners[gone]
+    whole = with_shutters(points, faces, device)[0]
+    holed = with_shutters(points, np.delete(faces, gone, axis=0), device)[0]
+    inside = np.zeros_like(through) + 0.01 * random.normal(size=through.shape)
+    assert (aside_of(whole, inside, 1.5 * (through - inside), device) < 1.0).mean() > 0.5
+    assert not (aside_of(holed, inside, 1.5 * (through - inside), device) < 1.0).any()
+
+
+@pytest.mark.parametrize("device", DEVICES)
+def test_each_mesh_has_its_own(device: str, monkeypatch: pytest.MonkeyPatch):
+    """Also beside a mesh of few faces, which has none, and where several are the same."""
+    monkeypatch.setattr(shutters, "LOOKED_AT", 32)
+    few = Mesh("few", *grid(2, hills))
+    meshes = [Mesh(name, *CLOSED[name]()) for name in ("ball", "cup")]
+
+    def rows(*meshes: Mesh) -> np.ndarray:
+        packed = pack_meshes(meshes, wp.get_device(device))[0]
+        trees = {id(mesh): build_bvh4(mesh.vertices, mesh.faces, cache=False).faces for mesh in meshes}
+        holders = [next(i for i, other in enumerate(meshes) if other is mesh) for mesh in dict.fromkeys(meshes)]
+        found = shutters.pack_shutters(packed, [trees[id(meshes[i])] for i in holders], holders, wp.get_device(device))
+        return found.numpy().reshape(len(meshes), -1)
+
+    alone = [rows(mesh)[0] for mesh in (few, *meshes)]
+    assert (alone[0].reshape(-1, 4)[:, :3] == 0.0).all()
+    assert (alone[1] != alone[2]).any()
+    together = rows(few, meshes[1], meshes[0], meshes[1])
+    for row, wanted in zip(together, (alone[0], alone[2], alone[1], alone[2]), strict=True):
+        np.testing.assert_array_equal(row, wanted)
