@@ -50,25 +50,20 @@ struct Caster {
     Row aim;
     Box box;  // of a mesh
     Window window;
-    Window diagonals;  // what it covers of u + v and u - v, in lists that are OUTLINED
     float height;
 };
 
-// Casters, part by part. MESHES: whether some are meshes.
-template <int SIZE, bool MESHES> struct CasterList {
+// Casters, part by part. MESHES: whether some are meshes. OUTLINED: on CUDA, whether lists have diagonals.
+template <int SIZE, bool MESHES, bool OUTLINED_ = false> struct CasterList {
     static constexpr int CAPACITY = SIZE, WORDS = (SIZE + 31) / 32;
-#if defined(__CUDA_ARCH__)
-    static constexpr bool OUTLINED = MESHES && SIZE <= 16;  // few shapes, and each point that asks costs much
-#else
-    static constexpr bool OUTLINED = false;
-#endif
+    static constexpr bool OUTLINED = OUTLINED_;
 
     Record records[CAPACITY];
     Row aims[CAPACITY];
     Box boxes[MESHES ? CAPACITY : 1];
     Window windows[WORDS * 32];  // from `count` on to the end of its 32: empty
     float heights[WORDS * 32];
-    Window diagonals[OUTLINED ? CAPACITY : 1];
+    Window diagonals[OUTLINED ? CAPACITY : 1];  // what they cover of u + v and u - v
     Window bounds;  // CUDA: what all cover together
     Window bounds_aslant;  // the same of their diagonals
     float ceiling;  // CUDA: how high they reach
@@ -130,8 +125,8 @@ template <class List> WARPCAM_FN bool may_be_shaded(const List& list, const Plac
 
 #endif
 
-// False if the shape casts no shadow in this light. TIGHT: see window_of(); OUTLINED: see CasterList.
-template <int TYPES, bool TIGHT = false, bool OUTLINED = false, class Meshes, class HeightFields>
+// False if the shape casts no shadow in this light. TIGHT: see window_of().
+template <int TYPES, bool TIGHT = false, class Meshes, class HeightFields>
 WARPCAM_FN bool prepare_caster(const Shape& shape, const Light& light, const Camera& camera, const Meshes& meshes,
                                const HeightFields& fields, Caster& caster)
 {
@@ -165,12 +160,6 @@ WARPCAM_FN bool prepare_caster(const Shape& shape, const Light& light, const Cam
     caster.height = FAR_AWAY;
     if (extent.half.x >= 0.0f)  // not an endless plane
         caster.window = window_of<TIGHT>(light, shape.type, c, r, extent, caster.height);
-    if constexpr (OUTLINED) {
-        const Window& w = caster.window;
-        caster.diagonals = { w.left + w.bottom, w.right + w.top, w.left - w.top, w.right - w.bottom };
-        if (shape.type == MESH)
-            tighten(light, c, r, extent, caster.window, caster.diagonals);
-    }
     return true;
 }
 
@@ -198,8 +187,7 @@ WARPCAM_FN int collect_casters(List& list, int begin, const Shapes& shapes, cons
         if (i < total) {
             Caster caster;
             const int id = wp::index(shapes.drawn, i);
-            if (prepare_caster<TYPES, false, List::OUTLINED>(load_shape(shapes, world, id), light, camera, meshes, fields,
-                                                             caster)
+            if (prepare_caster<TYPES>(load_shape(shapes, world, id), light, camera, meshes, fields, caster)
                 && !transparent(shapes, materials, world, id)) {
                 const int slot = claimed(list.count);
                 list.records[slot] = caster.record;
@@ -209,8 +197,10 @@ WARPCAM_FN int collect_casters(List& list, int begin, const Shapes& shapes, cons
                     list.boxes[slot] = caster.box;
                 list.windows[slot] = caster.window;
                 list.heights[slot] = caster.height;
-                if constexpr (List::OUTLINED)
-                    list.diagonals[slot] = caster.diagonals;
+                if constexpr (List::OUTLINED) {
+                    const Window& w = caster.window;
+                    list.diagonals[slot] = { w.left + w.bottom, w.right + w.top, w.left - w.top, w.right - w.bottom };
+                }
             }
         }
         if (total > List::CAPACITY) {  // the next round may overflow the list

@@ -241,38 +241,6 @@ template <bool TIGHT = false> WARPCAM_FN Window window_of(const Light& light, in
              seen.bottom - slack * magnitude(seen.bottom), seen.top + slack * magnitude(seen.top) };
 }
 
-// The same two for a shape that lies clearly before the light, and may be turned by 45 degrees in it: what its box covers of
-// u and v, and of u + v and u - v in `diagonals`, by its corners. Both stay as they are where it does not lie so.
-WARPCAM_FN void tighten(const Light& light, Vec position, const Matrix& rotation, const Extent& extent, Window& window,
-                        Window& diagonals)
-{
-    const Vec from = light.distant ? position : -ray_to(light, position);
-    const Vec u = turned_back(rotation, light.u), v = turned_back(rotation, light.v), w = turned_back(rotation, light.w);
-    const Vec center = extent.center, half = extent.half;
-    const Vec at { dot(light.u, from) + dot(u, center), dot(light.v, from) + dot(v, center),
-                   dot(light.w, from) + dot(w, center) };
-    const float reach = magnitude(w.x) * half.x + magnitude(w.y) * half.y + magnitude(w.z) * half.z;
-    if (!light.distant && !(at.z > 1.01f * reach))
-        return;
-    const float pad = 1.0e-5f
-        * (magnitude(position.x) + magnitude(position.y) + magnitude(position.z)
-           + (light.distant ? 0.0f : magnitude(light.aim.x) + magnitude(light.aim.y) + magnitude(light.aim.z))
-           + half.x + half.y + half.z);
-    window = diagonals = { FAR_AWAY, -FAR_AWAY, FAR_AWAY, -FAR_AWAY };
-    const auto widen = [](Window& all, float x, float y, float by) {
-        all = { lower(all.left, x - by), upper(all.right, x + by), lower(all.bottom, y - by), upper(all.top, y + by) };
-    };
-#pragma unroll 1
-    for (int corner = 0; corner < 8; ++corner) {
-        const Vec side { corner & 1 ? half.x : -half.x, corner & 2 ? half.y : -half.y, corner & 4 ? half.z : -half.z };
-        const float rate = light.distant ? 1.0f : 1.0f / (at.z + dot(w, side));
-        const float x = rate * (at.x + dot(u, side)), y = rate * (at.y + dot(v, side));
-        const float aside = magnitude(x) + magnitude(y), by = pad * rate * (2.0f + aside) + 1.0e-5f * aside;
-        widen(window, x, y, by);
-        widen(diagonals, x + y, x - y, by);
-    }
-}
-
 // May a shape with this window stand between the light and a point of a tile with that one? `height` is the shape's
 // highest, `floor` the tile's lowest. Without branches, as are the next.
 WARPCAM_FN bool may_shade(const Window& shape, float height, const Window& tile, float floor)

@@ -237,7 +237,7 @@ WARPCAM_FN void cast(const Shapes& shapes, const Materials& materials, const Mes
                      int index)
 {
     constexpr int BESIDE = lists_beside<TYPES, CAPACITY>();
-    WARPCAM_SHARED CasterList<CAPACITY, (TYPES >> MESH & 1) != 0> lists[BESIDE];
+    WARPCAM_SHARED CasterList<CAPACITY, (TYPES >> MESH & 1) != 0, BESIDE == 2 && has_shutters(TYPES)> lists[BESIDE];
     WARPCAM_SHARED Task<LENS> tasks[BESIDE];
     const int thread = index % THREADS, block = index / THREADS;
     const int columns = (target.width + WIDTH - 1) / WIDTH, rows = (target.height + HEIGHT - 1) / HEIGHT;
@@ -298,6 +298,12 @@ WARPCAM_FN void cast(const Shapes& shapes, const Materials& materials, const Mes
                 warp_barrier();
                 collect_casters<TYPES, LANES>(list, 0, shapes, materials, meshes, fields, view.light, camera, world, lane);
                 warp_barrier();
+                if constexpr (has_shutters(TYPES)) {
+                    for (int slot = 0; slot < list.count; ++slot)
+                        if (list.records[slot].axis_x.w == MESH)
+                            outline_caster(list, slot, view.light, meshes);
+                    warp_barrier();
+                }
                 find_bounds(list);
             }
             block_barrier();

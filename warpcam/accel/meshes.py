@@ -63,8 +63,11 @@ class Mesh:
         return self.faces[: len(self.faces) // 2] if self.two_sided else self.faces
 
 
-def pack_meshes(meshes: Sequence[Mesh], device: wp.Device) -> tuple[Meshes, int]:
+def pack_meshes(meshes: Sequence[Mesh], device: wp.Device, shut: bool = False) -> tuple[Meshes, int]:
     """Build the tree of every mesh and put all of them on ``device``. Equal meshes share their rows.
+
+    Args:
+        shut: Whether they are to have shutters, where they can.
 
     Returns:
         The meshes, and how many faces the largest of them has in its leaves.
@@ -128,7 +131,8 @@ def pack_meshes(meshes: Sequence[Mesh], device: wp.Device) -> tuple[Meshes, int]
     if horizon.are_kept(device) and not any(mesh.moves or mesh.two_sided for mesh in meshes):
         sizes = [len(tree[1]) // 3 for tree in trees]
         horizon.find_horizons(packed, np.repeat(np.array(holders, np.int32), sizes), device)
-        packed.shutters = pack_shutters(packed, [tree[1] for tree in trees], holders, device)
+        if shut and trees:
+            packed.shutters = pack_shutters(packed, [tree[1] for tree in trees], holders, device)
     return packed, max((len(tree[1]) // 3 for tree in trees), default=0)
 
 

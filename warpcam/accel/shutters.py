@@ -1,5 +1,6 @@
-"""Where meshes surely stop light: which boxes are kept, see kernels/native/shutters.h."""
+"""Where meshes surely stop light: which boxes are kept, and what meshes lie between. See kernels/native/shutters.h."""
 
+import itertools
 from collections.abc import Sequence
 
 import numpy as np
@@ -12,28 +13,37 @@ LOOKED_AT = 512  # faces of a mesh over which shutters are looked for
 FEW_FACES = 128  # a mesh with fewer has none: light that it stops is found quickly without
 NONE = np.zeros((ROWS, 4), np.float32)
 NONE[:, 3] = 4.0  # stops nothing
+# Planes of such a box by their normals, (18, 3), and what three of them at a time meet in: which, (corner, 3), and the matrices
+# that make a corner of how far they reach.
+NORMALS = np.array([n for n in itertools.product((-1, 0, 1), repeat=3) if 0 < np.abs(n).sum() < 3], np.float64)
+TRIPLES = np.array([t for t in itertools.combinations(range(18), 3) if abs(np.linalg.det(NORMALS[list(t)])) > 0.1])
+CORNERS = np.linalg.inv(NORMALS[TRIPLES])
 
 
 def pack_shutters(meshes: Meshes, trees: Sequence[np.ndarray], holders: Sequence[int], device: wp.Device) -> wp.array:
-    """Find the shutters of all meshes.
+    """Find the shutters and outlines of all meshes.
 
     Args:
         meshes: What lies on ``device``, but for these.
         trees: Faces of each tree in leaf order, (3 * face, 4), in the order of ``meshes.faces``.
         holders: Index of the first mesh that has each tree.
     """
-    packed = np.tile(NONE[:, None], (meshes.face_start.shape[0], 1, SHUTTERS, 1)).reshape(-1, ROWS, SHUTTERS, 4)
+    packed = np.zeros((meshes.face_start.shape[0], ROWS + 1, SHUTTERS, 4), np.float32)
+    packed[:, :ROWS] = NONE[:, None]
     wanted = [_wanted(tree) for tree in trees]
     owners = np.repeat(np.array(holders, np.int32), [len(faces) for faces in wanted])
     if len(owners):
         opens = np.concatenate([_open_faces(tree) for tree in trees])
         rows, worths = find_shutters(meshes, opens, owners, np.concatenate(wanted), device)
-        starts = meshes.face_start.numpy()
-        for tree, faces, holder in zip(trees, wanted, holders, strict=True):
+    starts = meshes.face_start.numpy()
+    for tree, faces, holder in zip(trees, wanted, holders, strict=True):
+        same = starts == starts[holder]
+        if len(faces):
             found = owners == holder
             middles = tree.reshape(-1, 3, 4)[faces, :, :3].mean(axis=1)
             chosen = _chosen(rows[found], worths[found], middles)
-            packed[starts == starts[holder], :, : len(chosen)] = rows[found][chosen].transpose(1, 0, 2)
+            packed[same, :ROWS, : len(chosen)] = rows[found][chosen].transpose(1, 0, 2)
+        packed[same, ROWS, :, :3] = outline(tree[:, :3])
     return wp.array(packed.reshape(-1, 4), dtype=wp.vec4, device=device)
 
 
@@ -92,3 +102,20 @@ def _chosen(rows: np.ndarray, worths: np.ndarray, points: np.ndarray) -> list[in
         chosen.append(best)
         left *= 1.0 - stops[best]
     return chosen
+
+
+def outline(points: np.ndarray) -> np.ndarray:
+    """Corners of a box around some points with its edges cut off, (SHUTTERS, 3): all of them lie between these."""
+    if not len(points):
+        return np.zeros((SHUTTERS, 3))
+    middle = 0.5 * (points.min(axis=0) + points.max(axis=0)).astype(np.float64)
+    size = float(np.abs(points - middle).max(initial=1e-30))
+    away = (points - middle) / size
+    reach = (away @ NORMALS.T).max(axis=0) + 1e-6
+    corners = np.einsum("tij,tj->ti", CORNERS, reach[TRIPLES])
+    corners = corners[(corners @ NORMALS.T <= reach + 1e-9).all(axis=1)]
+    corners = np.unique(np.round(corners, 7), axis=0)
+    if not 0 < len(corners) <= SHUTTERS:
+        corners = np.array(list(itertools.product(*zip(away.min(axis=0), away.max(axis=0), strict=True))))
+    found: np.ndarray = middle + size * np.resize(corners, (SHUTTERS, 3))
+    return found
