@@ -153,8 +153,29 @@ def test_each_mesh_has_its_own(device: str, monkeypatch: pytest.MonkeyPatch):
         return found.numpy().reshape(len(meshes), -1)
 
     alone = [rows(mesh)[0] for mesh in (few, *meshes)]
-    assert (alone[0].reshape(-1, 4)[:, :3] == 0.0).all()
+    assert (alone[0].reshape(shutters.ROWS + 1, -1, 4)[: shutters.ROWS, :, :3] == 0.0).all()
     assert (alone[1] != alone[2]).any()
     together = rows(few, meshes[1], meshes[0], meshes[1])
     for row, wanted in zip(together, (alone[0], alone[2], alone[1], alone[2]), strict=True):
         np.testing.assert_array_equal(row, wanted)
+
+
+@pytest.mark.parametrize("scale", [(1.0, 1.0, 1.0), (1.0, 0.01, 3.0), (1.0, 0.0, 2.0), (0.0, 0.0, 1.0)])
+@pytest.mark.parametrize("count", [1, 3, 8, 500])
+def test_outlines_hold_all_points(count: int, scale: tuple[float, ...]):
+    random = np.random.default_rng(count)
+    points = (random.normal(size=(count, 3)) * scale + (5.0, -2.0, 0.3)).astype(np.float32)
+    outline = shutters.outline(points)
+    assert outline.shape == (shutters.SHUTTERS, 3)
+    directions = random.normal(size=(3000, 3))
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    beyond = (points @ directions.T).max(axis=0) - (outline @ directions.T).max(axis=0)
+    assert beyond.max() < 2e-6
+    box = np.linalg.norm(0.5 * np.ptp(points, axis=0))
+    assert np.linalg.norm(outline - 0.5 * (points.min(axis=0) + points.max(axis=0)), axis=1).max() < 1.01 * box + 1e-5
+
+
+def test_outlines_cut_edges_off():
+    """Of a ball's box, whose corners are 1.73 away."""
+    outline = shutters.outline(CLOSED["ball"]()[0])
+    assert 1.0 < np.linalg.norm(outline, axis=1).max() < 1.25
