@@ -179,3 +179,11 @@ def test_outlines_cut_edges_off():
     """Of a ball's box, whose corners are 1.73 away."""
     outline = shutters.outline(CLOSED["ball"]()[0])
     assert 1.0 < np.linalg.norm(outline, axis=1).max() < 1.25
+
+
+def test_scenes_whose_meshes_are_worth_it():
+    few, many = np.zeros((3 * 12, 4), np.float32), np.zeros((3 * 500, 4), np.float32)
+    assert shutters.are_worth([few, many])
+    assert not shutters.are_worth([])
+    assert not shutters.are_worth([few] * 3)
+    assert not shutters.are_worth([many] * 100)

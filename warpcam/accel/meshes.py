@@ -8,7 +8,7 @@ import warp as wp
 
 from warpcam.accel.bvh4 import Bvh4, build_bvh4
 from warpcam.accel.kept import Kept, key_of
-from warpcam.accel.shutters import pack_shutters
+from warpcam.accel.shutters import are_worth, pack_shutters
 from warpcam.errors import WarpcamError
 from warpcam.kernels import horizon
 from warpcam.kernels.types import Meshes, Textures
@@ -131,8 +131,8 @@ def pack_meshes(meshes: Sequence[Mesh], device: wp.Device, shut: bool = False) -
     if horizon.are_kept(device) and not any(mesh.moves or mesh.two_sided for mesh in meshes):
         sizes = [len(tree[1]) // 3 for tree in trees]
         horizon.find_horizons(packed, np.repeat(np.array(holders, np.int32), sizes), device)
-        if shut and trees:
-            packed.shutters = pack_shutters(packed, [tree[1] for tree in trees], holders, device)
+        if shut and are_worth(faces := [tree[1] for tree in trees]):
+            packed.shutters = pack_shutters(packed, faces, holders, device)
     return packed, max((len(tree[1]) // 3 for tree in trees), default=0)
 
 

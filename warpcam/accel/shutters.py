@@ -11,6 +11,7 @@ from warpcam.kernels.types import Meshes
 
 LOOKED_AT = 512  # faces of a mesh over which shutters are looked for
 FEW_FACES = 128  # a mesh with fewer has none: light that it stops is found quickly without
+MANY_MESHES = 32  # of a scene; with more the search takes long
 NONE = np.zeros((ROWS, 4), np.float32)
 NONE[:, 3] = 4.0  # stops nothing
 # Planes of such a box by their normals, (18, 3), and what three of them at a time meet in: which, (corner, 3), and the
@@ -18,6 +19,11 @@ NONE[:, 3] = 4.0  # stops nothing
 NORMALS = np.array([n for n in itertools.product((-1, 0, 1), repeat=3) if 0 < np.abs(n).sum() < 3], np.float64)
 TRIPLES = np.array([t for t in itertools.combinations(range(18), 3) if abs(np.linalg.det(NORMALS[list(t)])) > 0.1])
 CORNERS = np.linalg.inv(NORMALS[TRIPLES])
+
+
+def are_worth(trees: Sequence[np.ndarray]) -> bool:
+    """Whether a scene of these meshes, as their faces in leaf order, is to have shutters."""
+    return 0 < len(trees) <= MANY_MESHES and any(len(tree) >= 3 * FEW_FACES for tree in trees)
 
 
 def pack_shutters(meshes: Meshes, trees: Sequence[np.ndarray], holders: Sequence[int], device: wp.Device) -> wp.array:
@@ -62,8 +68,10 @@ def _open_faces(tree: np.ndarray) -> np.ndarray:
     """Which of a tree's faces have an edge that an odd number of faces has, (face,)."""
     corners = tree.reshape(-1, 3, 4)
     given = corners.view(np.int32)[:, 0, 3]  # copies of a face have the same number
-    one_of = np.zeros(given.max(initial=-1) + 1, np.int64)
-    one_of[given] = np.arange(len(given))
+    places = np.full(given.max(initial=-1) + 1, -1)
+    places[given] = np.arange(len(given))
+    one_of = places[places >= 0]
+    places[places >= 0] = np.arange(len(one_of))
     points = _mixed((corners[one_of, :, :3] + np.float32(0.0)).view(np.uint32))  # -0 is 0
     others = points[:, [1, 2, 0]]
     edges = _mixed(np.stack([points + others, points ^ others], axis=-1)).ravel()  # the same from either end
@@ -72,7 +80,8 @@ def _open_faces(tree: np.ndarray) -> np.ndarray:
     group = np.cumsum(begins) - 1
     odd = np.empty(len(edges), bool)
     odd[order] = (np.bincount(group) % 2 == 1)[group]
-    return odd.reshape(-1, 3).any(axis=1)[given]
+    opens: np.ndarray = odd.reshape(-1, 3).any(axis=1)[places[given]]
+    return opens
 
 
 def _mixed(parts: np.ndarray) -> np.ndarray:
