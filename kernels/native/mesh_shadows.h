@@ -99,33 +99,10 @@ template <int WORDS, class Boxes> struct ShadowRays: WaitingRays<WORDS> {
     }
 };
 
-// Up to two lights whose rays are cast together. Their numbers, 0 or 1, stand above a ray's pixel and its mesh's slot.
-template <int COUNT, class List, class Task> struct LightPair {
-    static constexpr int PIXEL_BITS = 12, SLOT_BITS = 8;
-    static_assert(COUNT == 1 || List::CAPACITY <= 1 << SLOT_BITS);
-
-    const List* lists;
-    const Task* tasks;
-
-    WARPCAM_FN static int of_pixel(int pixel) { return COUNT == 1 ? 0 : pixel >> PIXEL_BITS; }
-    WARPCAM_FN static int with_pixel(int number, int pixel) { return COUNT == 1 ? pixel : number << PIXEL_BITS | pixel; }
-    WARPCAM_FN static int with_slot(int number, int slot) { return COUNT == 1 ? slot : number << SLOT_BITS | slot; }
-
-    WARPCAM_FN const Light& light(int number) const { return tasks[number].view.light; }
-    WARPCAM_FN const Record& record(int place) const { return list_of(place).records[slot_of(place)]; }
-    WARPCAM_FN unsigned faces(int place) const { return unsigned(list_of(place).aims[slot_of(place)].w); }
-    WARPCAM_FN const Light& light_of(int place) const { return light(COUNT == 1 ? 0 : place >> SLOT_BITS); }
-    WARPCAM_FN bool all_near() const { return !light(0).distant && (COUNT == 1 || !light(COUNT - 1).distant); }
-
-private:
-    WARPCAM_FN const List& list_of(int place) const { return lists[COUNT == 1 ? 0 : place >> SLOT_BITS]; }
-    WARPCAM_FN static int slot_of(int place) { return COUNT == 1 ? place : place & ((1 << SLOT_BITS) - 1); }
-};
-
-// Is one of the faces of the lane's leaf, if its `node` is one, in the way of its ray to its light? All lanes test faces
-// for all. `slot`: with the light's number.
-template <int TYPES, class Rays, class Lights, class Meshes>
-WARPCAM_FN bool meets_leaves(Rays& rays, const Lights& lights, const Meshes& meshes, int slot, int node)
+// Is one of the faces of the lane's leaf, if its `node` is one, in the way of its ray to the light? All lanes test faces
+// for all.
+template <int TYPES, class Rays, class List, class Meshes>
+WARPCAM_FN bool meets_leaves(Rays& rays, const List& list, const Light& light, const Meshes& meshes, int slot, int node)
 {
     const LeafPairs pairs(node);
     bool met = false;
@@ -135,7 +112,7 @@ WARPCAM_FN bool meets_leaves(Rays& rays, const Lights& lights, const Meshes& mes
         const int its_slot = __shfl_sync(ALL, slot, from);
         bool meets = false;
         if (window + threadIdx.x % LANES < pairs.count) {
-            const unsigned row = lights.faces(its_slot) + unsigned(number * FACE_ROWS);
+            const unsigned row = unsigned(list.aims[its_slot].w) + unsigned(number * FACE_ROWS);
             const Row a = load(meshes.faces.data, row), b = load(meshes.faces.data, row + 1);
             const Row c = load(meshes.faces.data, row + 2);
             const RayFrame frame = rays.frame_of(from);
@@ -146,9 +123,9 @@ WARPCAM_FN bool meets_leaves(Rays& rays, const Lights& lights, const Meshes& mes
             meets = (t > span.near) & (t < span.reach);
             if constexpr ((TYPES >> MASKED & 1) != 0) {
                 const Vec point = rays.start.at(from);
-                const Record& record = lights.record(its_slot);
-                const WorldRay ray { point, ray_to(lights.light_of(its_slot), point) };
-                meets = meets && is_there<TYPES>(meshes, record, ray.local(record), number, t);
+                const Record& record = list.records[its_slot];
+                meets = meets && is_there<TYPES>(meshes, record, WorldRay { point, ray_to(light, point) }.local(record),
+                                                 number, t);
             }
         }
         met |= (__ballot_sync(ALL, meets) & pairs.places(window)) != 0;
@@ -157,13 +134,13 @@ WARPCAM_FN bool meets_leaves(Rays& rays, const Lights& lights, const Meshes& mes
 }
 
 // Calls shade(pixel) for each ray that `next_tile` finds (see Supply) and that meets a front face, or any where backs
-// shade, on its way to its light.
-template <int TYPES, int WORDS, class Boxes, class Lights, class Meshes, class NextTile, class Shade>
-WARPCAM_FN void cast_rays(ShadowRays<WORDS, Boxes>& rays, const Lights& lights, const Meshes& meshes,
+// shade, on its way to the light.
+template <int TYPES, int WORDS, class Boxes, class List, class Meshes, class NextTile, class Shade>
+WARPCAM_FN void cast_rays(ShadowRays<WORDS, Boxes>& rays, const List& list, const Light& light, const Meshes& meshes,
                           const NextTile& next_tile, const Shade& shade)
 {
-    const int lane = threadIdx.x % LANES, words = WORDS == 1 ? 1 : (lights.lists[0].count + LANES - 1) / LANES;
-    const float far = lights.all_near() ? 1.0f : ENDLESS;  // nodes are visited up to here; only faces must lie within the span
+    const int lane = threadIdx.x % LANES, words = WORDS == 1 ? 1 : (list.count + LANES - 1) / LANES;
+    const float far = light.distant ? ENDLESS : 1.0f;  // nodes are visited up to here; only faces must lie within the span
     int stack[STACK];
     int word = 0, slot = 0, node = NO_NODE, height = 0;
     unsigned left = 0, nodes = 0;
@@ -183,7 +160,7 @@ WARPCAM_FN void cast_rays(ShadowRays<WORDS, Boxes>& rays, const Lights& lights, 
             rays.keep_walk(node, height, slot);
             supply.hand_out(idles, next_tile, take);
             rays.go_on_walking(node, height, slot, boxes);
-            nodes = lights.record(slot).origin.w;
+            nodes = list.records[slot].origin.w;
         } else if (idles == ALL) {
             return;
         }
@@ -191,13 +168,12 @@ WARPCAM_FN void cast_rays(ShadowRays<WORDS, Boxes>& rays, const Lights& lights, 
         const unsigned between = __ballot_sync(ALL, node == NO_NODE && left != 0);  // on to their next meshes
         if (between && (__popc(between) >= FEW || !__any_sync(ALL, node != NO_NODE))) {
             if (node == NO_NODE && left != 0) {
-                const int number = Lights::of_pixel(rays.own[lane]);
-                slot = Lights::with_slot(number, (WORDS == 1 ? 0 : word * LANES) + lowest_bit(left));
+                slot = (WORDS == 1 ? 0 : word * LANES) + lowest_bit(left);
                 left &= left - 1;
                 rays.go_on(words, word, left);
-                const Record& record = lights.record(slot);
+                const Record& record = list.records[slot];
                 const Vec point = rays.start.at(lane);
-                const WorldRay ray { point, ray_to(lights.light(number), point) };
+                const WorldRay ray { point, ray_to(light, point) };
                 const Ray local = ray.local(record);
                 rays.put_frame(ray.template frame<TYPES>(record));
                 boxes.set(slabs(local.origin, local.direction, record.size.x), record.size.x);
@@ -234,7 +210,7 @@ WARPCAM_FN void cast_rays(ShadowRays<WORDS, Boxes>& rays, const Lights& lights, 
         const unsigned leaves = __ballot_sync(ALL, node < 0);
         if (leaves && (__popc(leaves) >= FEW / 2 || !stepping)) {
             __syncwarp();  // frames that one lane writes another may read
-            const bool met = meets_leaves<TYPES>(rays, lights, meshes, slot, node);
+            const bool met = meets_leaves<TYPES>(rays, list, light, meshes, slot, node);
             if (node < 0) {
                 if (met) {
                     shade(rays.own[lane]);

@@ -82,65 +82,53 @@ template <class List> WARPCAM_FN bool others_met(const List& list, unsigned (&me
 
 #endif
 
-// Casts the shadows of one light, or of `number` lights together, as far as they come from the lists' shapes, in one region:
-// adds their bits to the masks of the pixels that lie in shadow.
+// Casts the shadows of one light, as far as they come from the list's shapes, in one region: adds its bit to the masks
+// of the pixels that lie in shadow.
 template <int TYPES, int LENS, int WIDTH, int HEIGHT, class List, class Shapes, class Meshes, class HeightFields,
           class Target>
-WARPCAM_FN void cast_lights(List* lists, const Task<LENS>* tasks, int number, const Shapes& shapes, const Meshes& meshes,
-                            const HeightFields& fields, const Target& target, const Floor& floor, unsigned floors)
+WARPCAM_FN void cast_light(List& list, const Task<LENS>& task, const Shapes& shapes, const Meshes& meshes,
+                           const HeightFields& fields, const Target& target, const Floor& floor, unsigned floors)
 {
     constexpr bool HAS_MESH = TYPES >> MESH & 1;
+    const LitView<LENS>& view = task.view;
 #if defined(__CUDA_ARCH__)
-    constexpr int BESIDE = lists_beside<TYPES, List::CAPACITY>();
+    constexpr bool BESIDE = lists_beside<TYPES, List::CAPACITY>() > 1;
     constexpr int WORDS = List::WORDS;
     using Strips = Strip<WIDTH, HEIGHT>;
-    using Pair = LightPair<BESIDE, List, Task<LENS>>;
     WARPCAM_SHARED ShadowRays<HAS_MESH ? WORDS : 1, NodeRay<by_child(TYPES)>> rays[HAS_MESH ? THREADS / LANES : 1];
     const int lane = threadIdx.x % LANES, warp = HAS_MESH ? threadIdx.x / LANES : 0;
     constexpr bool ON_FLOOR = sees_floor<TYPES, LENS, WIDTH, HEIGHT>();
     if constexpr (ON_FLOOR) {  // a warp finds out which of its strips are to be looked through; then all warps share them
         const unsigned own = Strips::of_warp(threadIdx.x / LANES, lane / 4);
-        const Region& region = tasks[0].region;
-        const unsigned missed = floor_shade(tasks[0].view, floor, lists[0].bounds, region, lane)
-                                    .missed(float(region.left + Strips::column(own)), float(region.top + Strips::row(own)));
+        const unsigned missed = floor_shade(view, floor, list.bounds, task.region, lane)
+                                    .missed(float(task.region.left + Strips::column(own)), float(task.region.top + Strips::row(own)));
         const unsigned todo = Strips::ALL_OF_WARP & ~(floors & missed);
         if (lane == 0 && todo)
-            atomicOr(&lists[0].strips, todo << threadIdx.x / LANES);
+            atomicOr(&list.strips, todo << threadIdx.x / LANES);
         __syncwarp();
     }
-    unsigned strip = 0;
-    unsigned asking[BESIDE] = {};  // of each light, lanes that have found pixels in a strip's tiles that are yet to be done
+    unsigned strip = 0, asking = 0;  // lanes that have found pixels in a strip's tiles, as far as these are to be done
     const auto next_tile = [&](int& found) {
-        while (BESIDE == 1 ? !asking[0] : !(asking[0] | asking[BESIDE - 1])) {
+        while (!asking) {
             if constexpr (ON_FLOOR) {
-                if (!take_strip(lists[0].strips, strip, lane))
+                if (!take_strip(list.strips, strip, lane))
                     return false;
             } else {
-                strip = __shfl_sync(ALL, lane == 0 ? draw_next(lists[0].next_tile) : 0, 0);
+                strip = __shfl_sync(ALL, lane == 0 ? draw_next(list.next_tile) : 0, 0);
                 if (strip >= Strips::COUNT)
                     return false;
             }
-            const Task<LENS>& task = tasks[0];  // as far as all have the same
             const int column = Strips::column(strip) + Strips::lane_column(lane);
             const int row = Strips::row(strip) + Strips::lane_row(lane);
             const int i = task.region.left + column, j = task.region.top + row;
             const size_t at = task.corner + unsigned(row * target.width + column);
-            const StripPixels<Strips::TILES> pixels(target, at, j < target.height ? target.width - i : 0, task.fresh);
-#pragma unroll
-            for (int k = 0; k < BESIDE; ++k)
-                if (k == 0 || k < number)
-                    asking[k] = __ballot_sync(ALL, pixels.ask(lists[k], tasks[k].view, float(i), float(j)));
+            const int inside = j < target.height ? target.width - i : 0;
+            asking = __ballot_sync(ALL, find_asking<Strips::TILES>(target, at, inside, float(i), float(j), list, view,
+                                                                   task.fresh));
             __syncwarp();  // masks that one lane clears another may write
         }
-        const int which = BESIDE == 1 || asking[0] ? 0 : 1;
-        const List& list = lists[which];
-        const Task<LENS>& task = tasks[which];
-        const LitView<LENS>& view = task.view;
-        const int first_lane = lowest_bit(asking[0] ? asking[0] : asking[BESIDE - 1]);
-        const unsigned others = ~Strips::lanes_of(first_lane);
-        asking[0] &= which == 0 ? others : ALL;
-        if (BESIDE > 1)
-            asking[BESIDE - 1] &= which == 0 ? ALL : others;
+        const int first_lane = lowest_bit(asking);
+        asking &= ~Strips::lanes_of(first_lane);
         const int column = Strips::column(strip) + Strips::tile_column(first_lane) + lane % TILE_WIDTH;
         const int row = Strips::row(strip) + lane / TILE_WIDTH;
         const size_t at = task.corner + unsigned(row * target.width + column);
@@ -174,34 +162,30 @@ WARPCAM_FN void cast_lights(List* lists, const Task<LENS>* tasks, int number, co
             }
             if constexpr (has_shutters(TYPES)) {
                 if (meets_shutters(meshes, slot, record.axis_z.w, ray, span, tries)) {
-                    mark_shadow<(BESIDE > 1)>(target, at, task.bit);
+                    mark_shadow<BESIDE>(target, at, task.bit);
                     keep = false;
                 }
             }
             const unsigned kept = __ballot_sync(ALL, keep);
-            rays[warp].put(kept, met, (list.count + 31) / 32, Pair::with_pixel(which, row * 64 + column), p, span);
+            rays[warp].put(kept, met, (list.count + 31) / 32, row * 64 + column, p, span);
             __syncwarp();
             found = __popc(kept);
         }
         if (asks && !open)
-            mark_shadow<(BESIDE > 1)>(target, at, task.bit);
+            mark_shadow<BESIDE>(target, at, task.bit);
         return true;
     };
     if (HAS_MESH) {
         const auto shade = [&](int pixel) {
-            const int row = pixel / 64 % 64, column = pixel % 64;
-            mark_shadow<(BESIDE > 1)>(target, tasks[0].corner + unsigned(row * target.width + column),
-                                      tasks[Pair::of_pixel(pixel)].bit);
+            const size_t at = task.corner + unsigned(pixel / 64 * target.width + pixel % 64);
+            mark_shadow<BESIDE>(target, at, task.bit);
         };
-        cast_rays<TYPES>(rays[warp], Pair { lists, tasks }, meshes, next_tile, shade);
+        cast_rays<TYPES>(rays[warp], list, view.light, meshes, next_tile, shade);
     } else {
         int none;
         while (next_tile(none)) { }
     }
 #else
-    const List& list = lists[0];
-    const Task<LENS>& task = tasks[0];
-    const LitView<LENS>& view = task.view;
     const Region region = task.region;
     const size_t corner = task.corner;
     const int world = task.world;
@@ -323,8 +307,12 @@ WARPCAM_FN void cast(const Shapes& shapes, const Materials& materials, const Mes
                 find_bounds(list);
             }
             block_barrier();
-            if (lists[0].count + (found > 1 ? lists[1].count : 0) > 0)
-                cast_lights<TYPES, LENS, WIDTH, HEIGHT>(lists, tasks, found, shapes, meshes, fields, target, floor, floors);
+#pragma unroll 1
+            for (int k = 0; k < found; ++k) {
+                if (lists[k].count == 0)
+                    continue;
+                cast_light<TYPES, LENS, WIDTH, HEIGHT>(lists[k], tasks[k], shapes, meshes, fields, target, floor, floors);
+            }
         }
         return;
     }
@@ -350,7 +338,7 @@ WARPCAM_FN void cast(const Shapes& shapes, const Materials& materials, const Mes
                                               thread);
             }
             if (list.count > 0)
-                cast_lights<TYPES, LENS, WIDTH, HEIGHT>(&list, &task, 1, shapes, meshes, fields, target, floor, floors);
+                cast_light<TYPES, LENS, WIDTH, HEIGHT>(list, task, shapes, meshes, fields, target, floor, floors);
             fresh = fresh && list.count == 0;
         } while (begin < total);
     }

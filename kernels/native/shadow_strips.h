@@ -47,46 +47,38 @@ template <int COUNT, class Value> WARPCAM_FN void clear_several(Value* to)
     *reinterpret_cast<Several<Value, COUNT>*>(to) = {};
 }
 
-// What a lane's pixels in a strip show.
-template <int COUNT> struct StripPixels {
+// Whether any of the lane's pixels in a strip shows a point below what the list's casters cover together. With `fresh`
+// their masks are cleared.
+template <int COUNT, int LENS, class List, class Target>
+WARPCAM_FN bool find_asking(const Target& target, size_t at, int inside, float i, float j, const List& list,
+                            const LitView<LENS>& view, bool fresh)
+{
     int id[COUNT];
-    float depth[COUNT];
-
-    // `inside`: so many of them, or more, are in the image. With `fresh` their masks are cleared.
-    template <class Target> WARPCAM_FN StripPixels(const Target& target, size_t at, int inside, bool fresh) : depth {}
-    {
+    float depth[COUNT] = {};
+#pragma unroll
+    for (int k = 0; k < COUNT; ++k)
+        id[k] = -1;
+    if (inside >= COUNT && target.width % COUNT == 0) {
+        load_several<COUNT>(target.shape.data + at, id);
+        load_several<COUNT>(target.depth.data + at, depth);
+        if (fresh)
+            clear_several<COUNT>(target.shadow.data + at);
+    } else {
 #pragma unroll
         for (int k = 0; k < COUNT; ++k)
-            id[k] = -1;
-        if (inside >= COUNT && target.width % COUNT == 0) {
-            load_several<COUNT>(target.shape.data + at, id);
-            load_several<COUNT>(target.depth.data + at, depth);
-            if (fresh)
-                clear_several<COUNT>(target.shadow.data + at);
-        } else {
-#pragma unroll
-            for (int k = 0; k < COUNT; ++k)
-                if (k < inside) {
-                    id[k] = target.shape.data[at + k];
-                    depth[k] = target.depth.data[at + k];
-                    if (fresh)
-                        target.shadow.data[at + k] = 0;
-                }
-        }
+            if (k < inside) {
+                id[k] = target.shape.data[at + k];
+                depth[k] = target.depth.data[at + k];
+                if (fresh)
+                    target.shadow.data[at + k] = 0;
+            }
     }
-
-    // Whether any of them, from column i of row j on, shows a point below what the list's casters cover together.
-    template <int LENS, class List>
-    WARPCAM_FN bool ask(const List& list, const LitView<LENS>& view, float i, float j) const
-    {
-        bool asks = false;
+    bool asks = false;
 #pragma unroll
-        for (int k = 0; k < COUNT; ++k)
-            asks |= id[k] >= 0
-                && may_be_shaded(list, place_of(view.light.distant, view.lit.point(i + float(k), j, depth[k])));
-        return asks;
-    }
-};
+    for (int k = 0; k < COUNT; ++k)
+        asks |= id[k] >= 0 && may_be_shaded(list, place_of(view.light.distant, view.lit.point(i + float(k), j, depth[k])));
+    return asks;
+}
 
 // Whether warps have strips of their own, of which those that show nothing but a plane are told apart: see floor_shade.h.
 template <int TYPES, int LENS, int WIDTH, int HEIGHT> constexpr bool sees_floor()
