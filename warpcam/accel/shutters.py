@@ -79,7 +79,7 @@ def _open_faces(tree: np.ndarray) -> np.ndarray:
     begins = np.concatenate([[True], np.diff(edges[order]) != 0]) if len(edges) else np.zeros(0, bool)
     group = np.cumsum(begins) - 1
     odd = np.empty(len(edges), bool)
-    odd[order] = (np.bincount(group) % 2 == 1)[group]
+    odd[order] = np.equal(np.bincount(group) % 2, 1)[group]
     opens: np.ndarray = odd.reshape(-1, 3).any(axis=1)[places[given]]
     return opens
 
