@@ -59,6 +59,35 @@ SHAPES = {
 } | {f"dense{seed}": functools.partial(soup, seed, 30, 1.0, 0.2, 0.15) for seed in (0, 2, 5)}
 
 
+def torus(u, v):
+    around, across = 2.0 * np.pi * u, 2.0 * np.pi * v
+    out = 1.0 + 0.35 * np.cos(across)
+    return out * np.cos(around), out * np.sin(around), 0.35 * np.sin(across)
+
+
+def cup(u, v):
+    """Closed, with thin walls: a turned outline."""
+    outline = np.array([(0, 0), (0.9, 0), (1, 0.1), (1, 1.5), (0.94, 1.5), (0.94, 0.12), (0.88, 0.06), (0, 0.06)])
+    place = v * (len(outline) - 1)
+    out, up = (np.interp(place, np.arange(len(outline)), outline[:, k]) for k in (0, 1))
+    return out * np.cos(2.0 * np.pi * u), out * np.sin(2.0 * np.pi * u), up
+
+
+def welded(points: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Points that are the same but for rounding made so, and faces without area left out."""
+    points = np.round(points.astype(np.float64), 5).astype(np.float32) + np.float32(0.0)
+    corners = points[faces]
+    whole = ~((corners == np.roll(corners, 1, axis=1)).all(axis=2).any(axis=1))
+    return points, faces[whole]
+
+
+CLOSED = {
+    "ball": lambda: welded(*grid(20, ball)),
+    "torus": lambda: welded(*grid(24, torus)),
+    "cup": lambda: welded(*grid(28, cup)),
+}
+
+
 def meets(origins: np.ndarray, directions: np.ndarray, corners: np.ndarray, near: float) -> np.ndarray:
     """Whether rays (ray, 3) meet one of the faces, from either side, (ray,)."""
     first, second = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]

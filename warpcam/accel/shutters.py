@@ -14,8 +14,8 @@ FEW_FACES = 128  # a mesh with fewer has none: light that it stops is found quic
 MANY_MESHES = 32  # of a scene; with more the search takes long
 NONE = np.zeros((ROWS, 4), np.float32)
 NONE[:, 3] = 4.0  # stops nothing
-# Planes of such a box by their normals, (18, 3), and what three of them at a time meet in: which, (corner, 3), and the matrices
-# that make a corner of how far they reach.
+# Planes of such a box by their normals, (18, 3), and what three of them at a time meet in: which, (corner, 3), and the
+# matrices that make a corner of how far they reach.
 NORMALS = np.array([n for n in itertools.product((-1, 0, 1), repeat=3) if 0 < np.abs(n).sum() < 3], np.float64)
 TRIPLES = np.array([t for t in itertools.combinations(range(18), 3) if abs(np.linalg.det(NORMALS[list(t)])) > 0.1])
 CORNERS = np.linalg.inv(NORMALS[TRIPLES])
@@ -79,7 +79,8 @@ def _open_faces(tree: np.ndarray) -> np.ndarray:
     begins = np.concatenate([[True], np.diff(edges[order]) != 0]) if len(edges) else np.zeros(0, bool)
     group = np.cumsum(begins) - 1
     odd = np.empty(len(edges), bool)
-    odd[order] = np.equal(np.bincount(group) % 2, 1)[group]
+    counts: np.ndarray = np.bincount(group)
+    odd[order] = counts[group] % 2 == 1
     opens: np.ndarray = odd.reshape(-1, 3).any(axis=1)[places[given]]
     return opens
 
