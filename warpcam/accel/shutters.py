@@ -81,8 +81,8 @@ def _open_faces(tree: np.ndarray) -> np.ndarray:
     odd = np.empty(len(edges), bool)
     counts: np.ndarray = np.bincount(group)
     odd[order] = counts[group] % 2 == 1
-    opens: np.ndarray = odd.reshape(-1, 3).any(axis=1)
-    return opens[places[given]]
+    sides = odd.reshape(-1, 3)
+    return (sides[:, 0] | sides[:, 1] | sides[:, 2])[places[given]]
 
 
 def _mixed(parts: np.ndarray) -> np.ndarray:
