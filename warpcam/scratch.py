@@ -6,7 +6,6 @@ which makes groups large: the larger, the better they fill the device. Where onl
 images must stay, and there is only the block.
 """
 
-import itertools
 from collections.abc import Hashable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, TypeVar
@@ -163,42 +162,20 @@ class Scratch:
     def _portions(
         self, first: int, last: int, block: Piece, images: Mapping[str | int, Iterable[wp.array]] | None
     ) -> Iterator[list[Portion]]:
-        """What is drawn together from one place to another, phase after phase, in a block and what is lent.
-
-        In as few phases as there can be, the largest as small as that allows: a small phase fills the device less well.
-        """
-        ends = self._ends(first, last, block, images, last - first)
-        too_small, enough = 0, max((end - begin for begin, end in itertools.pairwise([first, *ends])), default=0)
-        while enough - too_small > 1:
-            most = (too_small + enough) // 2
-            fewer = self._ends(first, last, block, images, most)
-            if len(fewer) > len(ends):
-                too_small = most
-            else:
-                enough, ends = most, fewer
-        for end in ends:
-            places = self._places(first, end, last, block, images)
-            if places is None:
-                raise AssertionError(f"scratch: {self.size} bytes have no room for one world")
-            yield [Portion(key, worlds, self._buffers(key, worlds, places)) for key, worlds in self._share(first, end)]
-            first = end
-
-    def _ends(
-        self, first: int, last: int, block: Piece, images: Mapping[str | int, Iterable[wp.array]] | None, most: int
-    ) -> list[int]:
-        """Where each of these phases ends, if all are as large as there is room for, up to ``most``."""
-        ends = []
+        """What is drawn together from one place to another, phase after phase, in a block and what is lent."""
         while first < last:
-            fits, too_far = first + 1, min(last, first + most) + 1  # the block has room for one world
+            fits, too_far = first + 1, last + 1  # the block has room for one world
             while too_far - fits > 1:
                 end = (fits + too_far) // 2
                 if self._places(first, end, last, block, images) is None:
                     too_far = end
                 else:
                     fits = end
-            ends.append(fits)
+            places = self._places(first, fits, last, block, images)
+            if places is None:
+                raise AssertionError(f"scratch: {self.size} bytes have no room for one world")
+            yield [Portion(key, worlds, self._buffers(key, worlds, places)) for key, worlds in self._share(first, fits)]
             first = fits
-        return ends
 
     def _share(self, first: int, end: int) -> Iterator[tuple[str | int, range]]:
         """The cameras and worlds from one place to another, counted in worlds of one camera after another."""
