@@ -41,6 +41,8 @@ from warpcam.kernels.variety import without_backdrop
 from warpcam.parts import FIELDS, PHYSICAL_FIELDS, SceneCamera, Source, fields_of
 from warpcam.variety import OwnArrays
 
+FEW_MESHES = 2  # with more, shutters of one seldom stop the light that a pixel asks for
+
 
 class Scene:
     """What can be seen in many worlds. Made by ``from_mujoco_warp``, ``from_mujoco`` and the like."""
@@ -64,7 +66,9 @@ class Scene:
         self._arrays: Mapping[str, wp.array] = {}
         self._key: tuple[Any, ...] = ()
         self._ambient, self._last = -1.0, ()
-        self._meshes, self._num_faces = pack_meshes(parts.meshes, self.device)
+        seen = [int(parts.shape_types[shape]) for shape in parts.drawn]
+        shut = 0 < seen.count(MESH) <= FEW_MESHES and not parts.physical and not parts.scaled
+        self._meshes, self._num_faces = pack_meshes(parts.meshes, self.device, shut)
         self._moving = tuple(index for index, mesh in enumerate(parts.meshes) if mesh.moves)
         self._height_fields = pack_height_fields(parts.height_fields, self.device)
         self._textures = pack_textures(parts.textures, self.device)
