@@ -62,11 +62,12 @@ template <int TYPES, int LENS, bool FACES, class Target> struct MirrorCanvas {
 
     static constexpr bool WHOLE = false, STORES_MUCH = true, APART = false;
     WARPCAM_FN void begin(int) const { }
+    WARPCAM_FN void face(int) const { }
     WARPCAM_FN void ready() const { }
 
-    WARPCAM_FN void put_tile(int i, int j, int, const Hit& hit, bool first_pass, float*) const
+    WARPCAM_FN void put_tiles(int i, int j, const ClippedRay<LENS> (&)[1], const Hit (&hits)[1], bool first_pass, float*) const
     {
-        put_new(i, j, hit, first_pass);
+        put_new(i, j, hits[0], first_pass);
     }
 };
 

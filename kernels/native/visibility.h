@@ -70,7 +70,7 @@ WARPCAM_FN void draw_tiles(ShapeList<CAPACITY>& list, const Canvas_& canvas, con
     constexpr int TALL = Canvas_::TALL;
     constexpr bool HAS_MESH = TYPES >> MESH & 1, HAS_THREES = Canvas_::THREES != 0;
     WARPCAM_SHARED typename MeshRaysOf<HAS_MESH ? CAPACITY : 1>::type rays[HAS_MESH ? THREADS / LANES : 1];
-    WARPCAM_SHARED float4 lanes[HAS_THREES ? THREADS / LANES : 1][3 * LANES / 4];
+    WARPCAM_SHARED float4 lanes[HAS_THREES ? THREADS / LANES : 1][TALL * 3 * LANES / 4];
     const int lane = threadIdx.x % LANES, warp = threadIdx.x / LANES;
     float* row_of_lanes = reinterpret_cast<float*>(lanes[HAS_THREES ? warp : 0]);
     const Region region = canvas.region;
@@ -106,8 +106,7 @@ WARPCAM_FN void draw_tiles(ShapeList<CAPACITY>& list, const Canvas_& canvas, con
         }
         trace_tiles<TYPES>(list, column, row, ray, near, fields, hit);
         meet();
-        for (int k = 0; k < TALL; ++k)
-            canvas.put_tile(i, j, k, hit[k], first_pass, row_of_lanes);
+        canvas.put_tiles(i, j, ray, hit, first_pass, row_of_lanes);
         if (HAS_MESH)
             found = find_rays<TYPES>(rays[HAS_MESH ? warp : 0], list, column, row, ray[0], near_of(ray[0], near), meshes,
                                      hit[0].depth);
@@ -157,6 +156,7 @@ WARPCAM_FN void draw_apart(ShapeList<CAPACITY>& list, const Canvas_& canvas, con
             warp_barrier();
             sort_by_depth(list, thread);
         }
+        canvas.face(thread);
         canvas.ready();
         wait_at<FIRST_WARPS, THREADS - LANES>();
         arrive_at<SHAPES_SORTED, THREADS>();
@@ -230,6 +230,7 @@ WARPCAM_FN void draw_region(ShapeList<CAPACITY>& list, const Canvas_& canvas, co
             leave_out_housings<TYPES>(list, meshes, rays_of_region(canvas.camera, canvas.region), thread);
         canvas.ready();
         sort_by_depth(list, thread);
+        canvas.face(thread);
         block_barrier();
         draw_tiles<TYPES, LENS>(list, canvas, meshes, fields, !SEVERAL || first);
         first = false;
@@ -238,10 +239,11 @@ WARPCAM_FN void draw_region(ShapeList<CAPACITY>& list, const Canvas_& canvas, co
 }
 
 // What a block shares.
-template <int CAPACITY, class Places_> struct DrawRoom {
+template <int CAPACITY, class Places_, class Facing_> struct DrawRoom {
     ShapeList<CAPACITY> list;
     alignas(16) Camera camera;  // kept in registers it would be spilled
     Places_ places;
+    Facing_ facing;
 };
 
 // Draws one region of one view; `index` counts worlds, then regions, then (CUDA) threads of the block.
@@ -254,8 +256,10 @@ WARPCAM_FN void draw(const Shapes& shapes, const Materials& materials, const Mes
     static_assert(!names_slots(OUTPUTS) || analytic_types(TYPES) == TYPES);
     constexpr bool FLOWING = (OUTPUTS & FLOWS) != 0;
     using Near = typename Places<OUTPUTS, WIDTH, HEIGHT, (OUTPUTS & FLOW_LISTED) ? CAPACITY : 0>::type;
-    WARPCAM_SHARED DrawRoom<CAPACITY, Near> shared;
-    DrawRoom<CAPACITY, Near>& room = by_address(shared);
+    using Canvas_ = Canvas<TYPES, LENS, OUTPUTS, CAPACITY, tiles_at_once(TYPES, WIDTH, HEIGHT), Target, Shapes, Near>;
+    using Room = DrawRoom<CAPACITY, Near, typename Canvas_::Facing_>;
+    WARPCAM_SHARED Room shared;
+    Room& room = by_address(shared);
     ShapeList<CAPACITY>& list = room.list;
     Camera& camera = room.camera;
     Near& places = room.places;
@@ -277,9 +281,7 @@ WARPCAM_FN void draw(const Shapes& shapes, const Materials& materials, const Mes
     block_barrier();
     if constexpr (FLOWING)
         places.fetch(thread);
-    const Canvas<TYPES, LENS, OUTPUTS, CAPACITY, tiles_at_once(TYPES, WIDTH, HEIGHT), Target, Shapes, Near> canvas {
-        target, shapes, list, camera, region, world, places
-    };
+    const Canvas_ canvas { target, shapes, list, camera, region, world, places, room.facing };
     const auto hidden = [&](int id) {
         if constexpr ((OUTPUTS & OPAQUE) != 0)
             return !solid<(TYPES >> MASKED & 1) != 0>(shapes, materials, target.veil_places, world, id);
