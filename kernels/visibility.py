@@ -245,8 +245,7 @@ def record(
         outputs |= QUADS * (width % 4 == 0 and not images.keys().isdisjoint(("points", "normals")))
         outputs |= TILED * (width % 8 == 0 and height % (4 * tiles_at_once(tables.shape_types, region)) == 0)
     types = sum(1 << t for t in tables.shape_types - LOOKS_ALONE)
-    threes = not images.keys().isdisjoint(("points", "normals"))
-    if region == (width, height) and (struct is flow_target_struct or threes):
+    if region == (width, height):
         outputs |= facts_of_whole(tables, device, "flow_valid" in images)
     unit = -(-width // region[0]) * -(-height // region[1]) * (THREADS if device.is_cuda else 1)  # threads a world
     types = in_order(types, len(group.worlds) * unit, device)
