@@ -8,7 +8,7 @@
 
 namespace warpcam {
 
-// What the trace writes. QUADS: the image's width is a multiple of four pixels; TILED: no tile reaches over its edges.
+// What the trace writes. FOURS: the image's width is a multiple of four pixels; TILED: no tile reaches over its edges.
 // IDS: the ids that shapes have in each world; BY_WORLD: bodies have such ids too. INSTANCES, SEMANTICS: labels.
 // OPAQUE: transparent shapes are left out.
 enum Output {
@@ -18,14 +18,15 @@ enum Output {
     DISTANCE = 8,
     POINTS = 16,
     BODIES = 32,
-    NORMALS = 64,
-    QUADS = 128,
+    NORMAL = 64,
+    FOURS = 128,
     TILED = 256,
     IDS = 1 << 16,
     BY_WORLD = 1 << 17,
     INSTANCES = 1 << 18,
     SEMANTICS = 1 << 19,
-    OPAQUE = 1 << 20
+    OPAQUE = 1 << 20,
+    PAINTED = 1 << 21  // with albedo: painted.h
 };
 
 // Tiles, one below the other, that a warp of a CUDA block draws at once: what a tile takes and what a shape takes of it
@@ -36,8 +37,8 @@ constexpr int tiles_at_once(int types, int width, int height)
     return quick && width * height >= 32 * 32 ? 2 : 1;
 }
 
-// Where the normals are written, hits name the slot of their shape's record instead of the shape: see gather().
-constexpr bool names_slots(int outputs) { return outputs & NORMALS; }
+// Where normals or albedo are written, hits name the slot of their shape's record instead of the shape: see gather().
+constexpr bool names_slots(int outputs) { return outputs & (NORMAL | PAINTED); }
 
 // Where flow has what was seen, if it is wanted.
 template <int OUTPUTS, int WIDTH, int HEIGHT, int SHAPES, bool WANTED = (OUTPUTS & FLOWS) != 0> struct Places {
@@ -45,7 +46,7 @@ template <int OUTPUTS, int WIDTH, int HEIGHT, int SHAPES, bool WANTED = (OUTPUTS
     using type = FlowPlaces<OUTPUTS, WHOLE ? WIDTH : 0, WHOLE ? HEIGHT : 0, SHAPES, NEAR>;
 };
 template <bool WHOLE_> struct NoPlaces {
-    static constexpr bool WHOLE = WHOLE_;
+    static constexpr bool WHOLE = WHOLE_, PAINTS = false;
 };
 template <int OUTPUTS, int WIDTH, int HEIGHT, int SHAPES> struct Places<OUTPUTS, WIDTH, HEIGHT, SHAPES, false> {
     using type = NoPlaces<(OUTPUTS & FLOW_WHOLE) != 0>;
@@ -53,7 +54,7 @@ template <int OUTPUTS, int WIDTH, int HEIGHT, int SHAPES> struct Places<OUTPUTS,
 
 // What the pixels of a CUDA block take of the shape that they show alone, where normals are written: by slot, the first of
 // nothing. Normal in the world; x: BENT where it differs from place to place; w: shape id.
-template <int SLOTS> struct Facing {
+template <int SLOTS> struct ShapeFacings {
     Row rows[SLOTS + 1];
 };
 constexpr float BENT = 2.0f;
@@ -69,11 +70,11 @@ template <int TYPES, int LENS, int OUTPUTS, int CAPACITY, int TALL_, class Targe
     Region region;
     int world;
     Places_& places;
-    using Facing_ = Facing<(names_slots(OUTPUTS) && THREADS > 1 ? CAPACITY : 0)>;
-    Facing_& facing;
+    using Facings_ = ShapeFacings<(names_slots(OUTPUTS) && THREADS > 1 ? CAPACITY : 0)>;
+    Facings_& facings;
     static constexpr bool WHOLE = Places_::WHOLE;  // the region is an image of known size
     // More than depth and shape.
-    static constexpr bool STORES_MUCH = OUTPUTS & (DISTANCE | POINTS | BODIES | NORMALS | IDS | INSTANCES | SEMANTICS | FLOWS);
+    static constexpr bool STORES_MUCH = OUTPUTS & (DISTANCE | POINTS | BODIES | NORMAL | IDS | INSTANCES | SEMANTICS | FLOWS | PAINTED);
     // The motions of few shapes: one warp composes them while the others begin to draw.
     static constexpr bool APART = (OUTPUTS & FLOWS) && (OUTPUTS & FLOW_LISTED) && CAPACITY <= LANES && !(TYPES >> MESH & 1);
 
@@ -115,11 +116,13 @@ template <int TYPES, int LENS, int OUTPUTS, int CAPACITY, int TALL_, class Targe
                 if (slot >= 0) {
                     const Record& record = list.records[slot];
                     row = { BENT, 0.0f, 0.0f, list.ids[slot] };
-                    if ((TYPES >> PLANE & 1) && record.axis_x.w == PLANE)
+                    if ((OUTPUTS & NORMAL) && (TYPES >> PLANE & 1) && record.axis_x.w == PLANE)
                         row = to_row(turned(camera.rotation, normalized(to_vec(record.axis_z))), row.w);
                 }
-                facing.rows[slot + 1] = row;
+                facings.rows[slot + 1] = row;
             }
+        if constexpr (Places_::PAINTS)
+            places.face(list, shapes, thread);
     }
 
     // What was on its way is there, once the threads of the block have met.
@@ -167,7 +170,7 @@ template <int TYPES, int LENS, int OUTPUTS, int CAPACITY, int TALL_, class Targe
             target.labels.semantics.data[pixel] = label_of(target.labels.semantic_of, world, shape, 0);
         if (WHAT & POINTS)
             put_three(target.points.data, pixel, point_of(hit, camera, seen));
-        if (WHAT & NORMALS)
+        if (WHAT & NORMAL)
             put_three(target.normals.data, pixel, normal_of(hit, seen));
         if constexpr ((WHAT & FLOWS) != 0)
             put_flow<TYPES, LENS, WHAT>(target.trail, places, shapes, camera, seen, { hit.depth, shape, hit.face }, world, i, j,
@@ -186,7 +189,7 @@ template <int TYPES, int LENS, int OUTPUTS, int CAPACITY, int TALL_, class Targe
         if (!names_slots(OUTPUTS))
             return hit.shape;
 #if defined(__CUDA_ARCH__)
-        return facing.rows[hit.shape + 1].w;
+        return facings.rows[hit.shape + 1].w;
 #else
         return hit.shape >= 0 ? list.ids[hit.shape] : -1;
 #endif
@@ -196,7 +199,7 @@ template <int TYPES, int LENS, int OUTPUTS, int CAPACITY, int TALL_, class Targe
     {
 #if defined(__CUDA_ARCH__)
         constexpr int BENDING = TYPES & ~(1 << PLANE);
-        const Row row = facing.rows[hit.shape + 1];
+        const Row row = facings.rows[hit.shape + 1];
         if (row.x != BENT)
             return to_vec(row);
 #else
@@ -208,7 +211,7 @@ template <int TYPES, int LENS, int OUTPUTS, int CAPACITY, int TALL_, class Targe
     }
 
 #if defined(__CUDA_ARCH__)
-    static constexpr int THREES = OUTPUTS & QUADS ? OUTPUTS & (POINTS | NORMALS) : 0;  // stored by 16 bytes
+    static constexpr int THREES = OUTPUTS & FOURS ? OUTPUTS & (POINTS | NORMAL) : 0;  // stored by 16 bytes
 
     // The same for the pixels of a warp's tiles, each lane's, the first of them at (i, j); `row_of_lanes` is room for
     // 3 * LANES numbers of each tile where there are THREES.
@@ -216,19 +219,30 @@ template <int TYPES, int LENS, int OUTPUTS, int CAPACITY, int TALL_, class Targe
     WARPCAM_FN void put_tiles(int i, int j, const Ray_ (&rays)[TALL], const Hit (&hits)[TALL], bool first_pass,
                               float* row_of_lanes) const
     {
-        if (THREES == 0 || !first_pass) {
+        bool whole = false;
+        if constexpr (THREES != 0)
+            if (first_pass) {
+                whole = true;
+                put_whole(i, j, rays, hits, row_of_lanes);
+            }
+        if (!whole)
             for (int k = 0; k < TALL; ++k)
                 put_new(i, j, hits[k], first_pass, k);
-            return;
-        }
+        if constexpr (Places_::PAINTS)
+            places.paint(*this, i, j, rays, hits);
+    }
+
+    template <class Ray_>
+    WARPCAM_FN void put_whole(int i, int j, const Ray_ (&rays)[TALL], const Hit (&hits)[TALL], float* row_of_lanes) const
+    {
         Vec values[TALL];
-        if constexpr ((THREES & NORMALS) != 0)
+        if constexpr ((THREES & NORMAL) != 0)
             for (int k = 0; k < TALL; ++k)
                 values[k] = normal_of(hits[k], rays[k]);
         for (int k = 0; k < TALL; ++k)
             if (inside(i, j + k * TILE_HEIGHT))
                 put<OUTPUTS & ~THREES>(i, j, hits[k], k);
-        if constexpr ((THREES & NORMALS) != 0)
+        if constexpr ((THREES & NORMAL) != 0)
             store_threes(target.normals.data, i, j, values, row_of_lanes);
         if constexpr ((THREES & POINTS) != 0) {
             find_points(rays, hits, values);

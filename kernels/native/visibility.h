@@ -239,25 +239,25 @@ WARPCAM_FN void draw_region(ShapeList<CAPACITY>& list, const Canvas_& canvas, co
 }
 
 // What a block shares.
-template <int CAPACITY, class Places_, class Facing_> struct DrawRoom {
+template <int CAPACITY, class Places_, class Facings_> struct DrawRoom {
     ShapeList<CAPACITY> list;
     alignas(16) Camera camera;  // kept in registers it would be spilled
     Places_ places;
-    Facing_ facing;
+    Facings_ facings;
 };
 
 // Draws one region of one view; `index` counts worlds, then regions, then (CUDA) threads of the block.
 // SEVERAL: depth and shape are always written. With OPAQUE outputs shapes that are transparent are left out.
-template <int TYPES, int LENS, int CAPACITY, bool SEVERAL, int WIDTH, int HEIGHT, int OUTPUTS, class Shapes,
+// Near: Places, or what else the block keeps for its images.
+template <int TYPES, int LENS, int CAPACITY, bool SEVERAL, int WIDTH, int HEIGHT, int OUTPUTS, class Near, class Shapes,
           class Materials, class Meshes, class HeightFields, class Views, class Target>
-WARPCAM_FN void draw(const Shapes& shapes, const Materials& materials, const Meshes& meshes,
-                     const HeightFields& fields, const Views& views, const Target& target, int index)
+WARPCAM_FN void draw_with(const Shapes& shapes, const Materials& materials, const Meshes& meshes,
+                          const HeightFields& fields, const Views& views, const Target& target, int index)
 {
     static_assert(!names_slots(OUTPUTS) || analytic_types(TYPES) == TYPES);
     constexpr bool FLOWING = (OUTPUTS & FLOWS) != 0;
-    using Near = typename Places<OUTPUTS, WIDTH, HEIGHT, (OUTPUTS & FLOW_LISTED) ? CAPACITY : 0>::type;
     using Canvas_ = Canvas<TYPES, LENS, OUTPUTS, CAPACITY, tiles_at_once(TYPES, WIDTH, HEIGHT), Target, Shapes, Near>;
-    using Room = DrawRoom<CAPACITY, Near, typename Canvas_::Facing_>;
+    using Room = DrawRoom<CAPACITY, Near, typename Canvas_::Facings_>;
     WARPCAM_SHARED Room shared;
     Room& room = by_address(shared);
     ShapeList<CAPACITY>& list = room.list;
@@ -281,15 +281,34 @@ WARPCAM_FN void draw(const Shapes& shapes, const Materials& materials, const Mes
     block_barrier();
     if constexpr (FLOWING)
         places.fetch(thread);
-    const Canvas_ canvas { target, shapes, list, camera, region, world, places, room.facing };
+    const Canvas_ canvas { target, shapes, list, camera, region, world, places, room.facings };
     const auto hidden = [&](int id) {
         if constexpr ((OUTPUTS & OPAQUE) != 0)
             return !solid<(TYPES >> MASKED & 1) != 0>(shapes, materials, target.veil_places, world, id);
         else
             return transparent(shapes, materials, world, id);
     };
-    draw_region<TYPES, LENS, names_slots(OUTPUTS), SEVERAL>(list, canvas, shapes, meshes, fields, hidden, world,
-                                                            thread);
+    const auto draw = [&] {
+        draw_region<TYPES, LENS, names_slots(OUTPUTS), SEVERAL>(list, canvas, shapes, meshes, fields, hidden, world, thread);
+    };
+    if constexpr (Near::PAINTS) {
+        const auto scene = places.scene_of(shapes, meshes, fields, materials, target.textures);
+        places.begin(scene, camera, region, target.plane, world, thread);
+        draw();
+        places.finish(scene, target, camera, region, world, thread);
+    } else {
+        draw();
+    }
+}
+
+template <int TYPES, int LENS, int CAPACITY, bool SEVERAL, int WIDTH, int HEIGHT, int OUTPUTS, class Shapes,
+          class Materials, class Meshes, class HeightFields, class Views, class Target>
+WARPCAM_FN void draw(const Shapes& shapes, const Materials& materials, const Meshes& meshes, const HeightFields& fields,
+                     const Views& views, const Target& target, int index)
+{
+    using Near = typename Places<OUTPUTS, WIDTH, HEIGHT, (OUTPUTS & FLOW_LISTED) ? CAPACITY : 0>::type;
+    draw_with<TYPES, LENS, CAPACITY, SEVERAL, WIDTH, HEIGHT, OUTPUTS, Near>(shapes, materials, meshes, fields, views, target,
+                                                                            index);
 }
 
 }  // namespace warpcam
