@@ -4,6 +4,7 @@
 #include "flow_motion.h"
 #include "gradient.h"
 #include "hits.h"
+#include "staged.h"
 #include "tiles.h"
 
 namespace warpcam {
@@ -45,11 +46,12 @@ template <int OUTPUTS, int WIDTH, int HEIGHT, int SHAPES, bool WANTED = (OUTPUTS
     static constexpr bool WHOLE = (OUTPUTS & FLOW_WHOLE) != 0, NEAR = (OUTPUTS & FLOW_NEAR) != 0;
     using type = FlowPlaces<OUTPUTS, WHOLE ? WIDTH : 0, WHOLE ? HEIGHT : 0, SHAPES, NEAR>;
 };
-template <bool WHOLE_> struct NoPlaces {
-    static constexpr bool WHOLE = WHOLE_, PAINTS = false;
+template <int WIDE_> struct NoPlaces {
+    static constexpr int WIDE = WIDE_;  // width of an image that a block draws as a whole, or 0
+    static constexpr bool WHOLE = WIDE > 0, PAINTS = false;
 };
 template <int OUTPUTS, int WIDTH, int HEIGHT, int SHAPES> struct Places<OUTPUTS, WIDTH, HEIGHT, SHAPES, false> {
-    using type = NoPlaces<(OUTPUTS & FLOW_WHOLE) != 0>;
+    using type = NoPlaces<(OUTPUTS & FLOW_WHOLE) ? WIDTH : 0>;
 };
 
 // What the pixels of a CUDA block take of the shape that they show alone, where normals are written: by slot, the first of
@@ -72,6 +74,15 @@ template <int TYPES, int LENS, int OUTPUTS, int CAPACITY, int TALL_, class Targe
     Places_& places;
     using Facings_ = ShapeFacings<(names_slots(OUTPUTS) && THREADS > 1 ? CAPACITY : 0)>;
     Facings_& facings;
+    // Images of three numbers a pixel are stored by 16 bytes. Where blocks draw whole images these, depth and shape go by way of
+    // shared memory.
+    static constexpr int THREES = OUTPUTS & FOURS ? OUTPUTS & (POINTS | NORMAL) : 0;
+    static constexpr bool STAGING = THREADS > 1 && THREES && CAPACITY <= 64 && TALL == 2 && !(OUTPUTS & FLOWS) && Places_::WIDE > 0
+        && Places_::WIDE % 32 == 0;
+    static constexpr int WORDS = sizeof(*Target().shape.data) == sizeof(int) ? DEPTH | SHAPE : DEPTH;
+    static constexpr int STAGED = STAGING ? OUTPUTS & (WORDS | POINTS | NORMAL) : 0;
+    using Stage_ = Stage<STAGED, TALL>;
+    Stage_& stage;
     static constexpr bool WHOLE = Places_::WHOLE;  // the region is an image of known size
     // More than depth and shape.
     static constexpr bool STORES_MUCH = OUTPUTS & (DISTANCE | POINTS | BODIES | NORMAL | IDS | INSTANCES | SEMANTICS | FLOWS | PAINTED);
@@ -101,6 +112,8 @@ template <int TYPES, int LENS, int OUTPUTS, int CAPACITY, int TALL_, class Targe
     // What the block's last threads do while its first ones list shapes.
     WARPCAM_FN void begin(int thread) const
     {
+        if constexpr (STAGED != 0)
+            stage.begin(thread);
         if constexpr ((OUTPUTS & FLOWS) && (OUTPUTS & FLOW_LISTED))
             compose_motions<OUTPUTS, TYPES, LENS>(target.trail, shapes, camera, places.then, world,
                                                   target.trail.keep && region.left == 0 && region.top == 0, thread,
@@ -153,7 +166,7 @@ template <int TYPES, int LENS, int OUTPUTS, int CAPACITY, int TALL_, class Targe
         const ViewRay<LENS> seen = ray(i, j + k * TILE_HEIGHT);
         const int shape = shape_of(hit);
         if (WHAT & DEPTH)
-            target.depth.data[pixel] = hit.shape < 0 ? (LENS == RAYS ? infinity() : camera.miss) : hit.depth;
+            target.depth.data[pixel] = depth_of(hit);
         if (WHAT & SHAPE)
             target.shape.data[pixel] = shape;
         if (WHAT & FACE)
@@ -184,6 +197,11 @@ template <int TYPES, int LENS, int OUTPUTS, int CAPACITY, int TALL_, class Targe
             put<OUTPUTS>(i, j, hit, k);
     }
 
+    WARPCAM_FN float depth_of(const Hit& hit) const
+    {
+        return hit.shape < 0 ? (LENS == RAYS ? infinity() : camera.miss) : hit.depth;
+    }
+
     WARPCAM_FN int shape_of(const Hit& hit) const
     {
         if (!names_slots(OUTPUTS))
@@ -211,8 +229,6 @@ template <int TYPES, int LENS, int OUTPUTS, int CAPACITY, int TALL_, class Targe
     }
 
 #if defined(__CUDA_ARCH__)
-    static constexpr int THREES = OUTPUTS & FOURS ? OUTPUTS & (POINTS | NORMAL) : 0;  // stored by 16 bytes
-
     // The same for the pixels of a warp's tiles, each lane's, the first of them at (i, j); `row_of_lanes` is room for
     // 3 * LANES numbers of each tile where there are THREES.
     template <class Ray_>
@@ -223,13 +239,68 @@ template <int TYPES, int LENS, int OUTPUTS, int CAPACITY, int TALL_, class Targe
         if constexpr (THREES != 0)
             if (first_pass) {
                 whole = true;
-                put_whole(i, j, rays, hits, row_of_lanes);
+                if constexpr (STAGED != 0)
+                    put_staged(i, j, rays, hits);
+                else
+                    put_whole(i, j, rays, hits, row_of_lanes);
             }
         if (!whole)
             for (int k = 0; k < TALL; ++k)
                 put_new(i, j, hits[k], first_pass, k);
         if constexpr (Places_::PAINTS)
             places.paint(*this, i, j, rays, hits);
+    }
+
+    // By way of shared memory; the block draws the whole image.
+    template <class Ray_> WARPCAM_FN void put_staged(int i, int j, const Ray_ (&rays)[TALL], const Hit (&hits)[TALL]) const
+    {
+        constexpr int STACKS = Places_::WIDE / TILE_WIDTH, GROUPS = STACKS / Stage_::STACKS;  // of a row
+        constexpr int TILE = TILE_HEIGHT * Stage_::ROW;
+        constexpr bool HAS_DEPTH = STAGED & DEPTH, HAS_SHAPE = STAGED & SHAPE, HAS_NORMALS = STAGED & NORMAL;
+        constexpr int AFTER = HAS_DEPTH + HAS_SHAPE, LAST = AFTER + 3 * HAS_NORMALS;
+        const int lane = threadIdx.x % LANES;
+        const unsigned level = unsigned(j) / (TALL * TILE_HEIGHT), column = unsigned(i) / TILE_WIDTH;
+        const unsigned group = level * GROUPS + column / Stage_::STACKS;
+        Vec normals[TALL], points[TALL];
+        if constexpr (HAS_NORMALS)
+            for (int k = 0; k < TALL; ++k)
+                normals[k] = normal_of(hits[k], rays[k]);
+        if constexpr ((STAGED & POINTS) != 0)
+            find_points(rays, hits, points);
+        for (int k = 0; k < TALL; ++k)
+            put<OUTPUTS & ~STAGED>(i, j, hits[k], k);
+        stage.await(group);
+        unsigned* ones = stage.template place_of<1>(group, column % Stage_::STACKS, lane);
+        unsigned* threes = stage.template place_of<3>(group, column % Stage_::STACKS, lane);
+        for (int k = 0; k < TALL; ++k) {
+            if constexpr (HAS_DEPTH)
+                ones[k * TILE] = unsigned(as_int(depth_of(hits[k])));
+            if constexpr (HAS_SHAPE)
+                ones[HAS_DEPTH * Stage_::IMAGE + k * TILE] = unsigned(shape_of(hits[k]));
+            if constexpr (HAS_NORMALS)
+                put_words(threes + AFTER * Stage_::IMAGE + 3 * k * TILE, normals[k]);
+            if constexpr ((STAGED & POINTS) != 0)
+                put_words(threes + LAST * Stage_::IMAGE + 3 * k * TILE, points[k]);
+        }
+        if (stage.last(group, lane)) {
+            const auto first = at(group % GROUPS * Stage_::ACROSS, group / GROUPS * Stage_::ROWS);
+            if constexpr (HAS_DEPTH)
+                stage.template store<0, 1>(group, target.depth.data + first, Places_::WIDE, lane);
+            if constexpr (HAS_SHAPE)
+                stage.template store<HAS_DEPTH, 1>(group, target.shape.data + first, Places_::WIDE, lane);
+            if constexpr (HAS_NORMALS)
+                stage.template store<AFTER, 3>(group, target.normals.data + 3 * size_t(first), Places_::WIDE, lane);
+            if constexpr ((STAGED & POINTS) != 0)
+                stage.template store<LAST, 3>(group, target.points.data + 3 * size_t(first), Places_::WIDE, lane);
+            stage.leave(group, lane);
+        }
+    }
+
+    WARPCAM_FN static void put_words(unsigned* words, Vec value)
+    {
+        words[0] = unsigned(as_int(value.x));
+        words[1] = unsigned(as_int(value.y));
+        words[2] = unsigned(as_int(value.z));
     }
 
     template <class Ray_>

@@ -68,7 +68,7 @@ WARPCAM_FN void draw_tiles(ShapeList<CAPACITY>& list, const Canvas_& canvas, con
                            const HeightFields& fields, bool first_pass)
 {
     constexpr int TALL = Canvas_::TALL;
-    constexpr bool HAS_MESH = TYPES >> MESH & 1, HAS_THREES = Canvas_::THREES != 0;
+    constexpr bool HAS_MESH = TYPES >> MESH & 1, HAS_THREES = Canvas_::THREES && !Canvas_::STAGED;
     WARPCAM_SHARED typename MeshRaysOf<HAS_MESH ? CAPACITY : 1>::type rays[HAS_MESH ? THREADS / LANES : 1];
     WARPCAM_SHARED float4 lanes[HAS_THREES ? THREADS / LANES : 1][TALL * 3 * LANES / 4];
     const int lane = threadIdx.x % LANES, warp = threadIdx.x / LANES;
@@ -239,11 +239,12 @@ WARPCAM_FN void draw_region(ShapeList<CAPACITY>& list, const Canvas_& canvas, co
 }
 
 // What a block shares.
-template <int CAPACITY, class Places_, class Facings_> struct DrawRoom {
+template <int CAPACITY, class Places_, class Facings_, class Stage_> struct DrawRoom {
     ShapeList<CAPACITY> list;
     alignas(16) Camera camera;  // kept in registers it would be spilled
     Places_ places;
     Facings_ facings;
+    Stage_ stage;
 };
 
 // Draws one region of one view; `index` counts worlds, then regions, then (CUDA) threads of the block.
@@ -257,7 +258,7 @@ WARPCAM_FN void draw_with(const Shapes& shapes, const Materials& materials, cons
     static_assert(!names_slots(OUTPUTS) || analytic_types(TYPES) == TYPES);
     constexpr bool FLOWING = (OUTPUTS & FLOWS) != 0;
     using Canvas_ = Canvas<TYPES, LENS, OUTPUTS, CAPACITY, tiles_at_once(TYPES, WIDTH, HEIGHT), Target, Shapes, Near>;
-    using Room = DrawRoom<CAPACITY, Near, typename Canvas_::Facings_>;
+    using Room = DrawRoom<CAPACITY, Near, typename Canvas_::Facings_, typename Canvas_::Stage_>;
     WARPCAM_SHARED Room shared;
     Room& room = by_address(shared);
     ShapeList<CAPACITY>& list = room.list;
@@ -281,7 +282,7 @@ WARPCAM_FN void draw_with(const Shapes& shapes, const Materials& materials, cons
     block_barrier();
     if constexpr (FLOWING)
         places.fetch(thread);
-    const Canvas_ canvas { target, shapes, list, camera, region, world, places, room.facings };
+    const Canvas_ canvas { target, shapes, list, camera, region, world, places, room.facings, room.stage };
     const auto hidden = [&](int id) {
         if constexpr ((OUTPUTS & OPAQUE) != 0)
             return !solid<(TYPES >> MASKED & 1) != 0>(shapes, materials, target.veil_places, world, id);
