@@ -72,7 +72,7 @@ template <int TYPES, int LENS, int OUTPUTS, int CAPACITY, int TALL_, class Targe
     Region region;
     int world;
     Places_& places;
-    using Facings_ = ShapeFacings<(names_slots(OUTPUTS) && THREADS > 1 ? CAPACITY : 0)>;
+    using Facings_ = ShapeFacings<((OUTPUTS & NORMAL) && THREADS > 1 ? CAPACITY : 0)>;
     Facings_& facings;
     // Images of three numbers a pixel are stored by 16 bytes. Where blocks draw whole images these, depth and shape go by way of
     // shared memory.
@@ -123,13 +123,13 @@ template <int TYPES, int LENS, int OUTPUTS, int CAPACITY, int TALL_, class Targe
     // Notes what pixels take of their shapes alone, once these are listed; for all threads of a block.
     WARPCAM_FN void face(int thread) const
     {
-        if constexpr (names_slots(OUTPUTS) && THREADS > 1)
+        if constexpr ((OUTPUTS & NORMAL) && THREADS > 1)
             for (int slot = thread - 1; slot < list.count; slot += THREADS) {
                 Row row { 0.0f, 0.0f, 0.0f, -1 };
                 if (slot >= 0) {
                     const Record& record = list.records[slot];
                     row = { BENT, 0.0f, 0.0f, list.ids[slot] };
-                    if ((OUTPUTS & NORMAL) && (TYPES >> PLANE & 1) && record.axis_x.w == PLANE)
+                    if ((TYPES >> PLANE & 1) && record.axis_x.w == PLANE)
                         row = to_row(turned(camera.rotation, normalized(to_vec(record.axis_z))), row.w);
                 }
                 facings.rows[slot + 1] = row;
@@ -162,9 +162,14 @@ template <int TYPES, int LENS, int OUTPUTS, int CAPACITY, int TALL_, class Targe
     // Writes a pixel of the image, that of the k-th tile below (i, j): WHAT of it.
     template <int WHAT> WARPCAM_FN void put(int i, int j, const Hit& hit, int k = 0) const
     {
+        put_named<WHAT>(i, j, hit, shape_of(hit), k);
+    }
+
+    // The same, of a shape whose id is known.
+    template <int WHAT> WARPCAM_FN void put_named(int i, int j, const Hit& hit, int shape, int k) const
+    {
         const auto pixel = at(i, j, k);
         const ViewRay<LENS> seen = ray(i, j + k * TILE_HEIGHT);
-        const int shape = shape_of(hit);
         if (WHAT & DEPTH)
             target.depth.data[pixel] = depth_of(hit);
         if (WHAT & SHAPE)
@@ -206,6 +211,8 @@ template <int TYPES, int LENS, int OUTPUTS, int CAPACITY, int TALL_, class Targe
     {
         if (!names_slots(OUTPUTS))
             return hit.shape;
+        if constexpr (Places_::PAINTS)
+            return places.slots[hit.shape + 1].id;
 #if defined(__CUDA_ARCH__)
         return facings.rows[hit.shape + 1].w;
 #else
@@ -244,11 +251,16 @@ template <int TYPES, int LENS, int OUTPUTS, int CAPACITY, int TALL_, class Targe
                 else
                     put_whole(i, j, rays, hits, row_of_lanes);
             }
-        if (!whole)
+        if constexpr (Places_::PAINTS) {  // there is one pass, and all tiles lie in the image
+            const auto slots = places.slots_of(hits);
+            if (!whole)
+                for (int k = 0; k < TALL; ++k)
+                    put_named<OUTPUTS>(i, j, hits[k], slots.at[k].id, k);
+            places.paint(*this, i, j, rays, hits, slots);
+        } else if (!whole) {
             for (int k = 0; k < TALL; ++k)
                 put_new(i, j, hits[k], first_pass, k);
-        if constexpr (Places_::PAINTS)
-            places.paint(*this, i, j, rays, hits);
+        }
     }
 
     // By way of shared memory; the block draws the whole image.

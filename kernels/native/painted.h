@@ -34,8 +34,16 @@ template <int TYPES, int FACTS, int CAPACITY, int WIDTH, int HEIGHT, bool WHOLE_
     // In place of a colour's bytes: the floor's texture; a texture that is looked up later.
     static constexpr unsigned ON_FLOOR = 1u << 30, LATER = 1u << 31;
 
+    struct alignas(8) Slot {
+        unsigned color;
+        int id;
+    };
+    template <int TALL> struct Slots {
+        Slot at[TALL];
+    };
+
     unsigned words[CAPACITY];           // by place among the drawn shapes
-    unsigned colors[CAPACITY + 1];      // by slot, the first of nothing
+    Slot slots[CAPACITY + 1];           // the first of nothing
     unsigned later[TEXTURED ? TILES : 1];  // pixels of each tile
     unsigned short queue[TEXTURED ? WARPS : 1][2 * LANES];  // numbers of such
     Looks looks[KEPT > 0 ? KEPT : 1];
@@ -117,18 +125,27 @@ template <int TYPES, int FACTS, int CAPACITY, int WIDTH, int HEIGHT, bool WHOLE_
             unsigned word = slot < 0 ? 0u : words[wp::index(shapes.places, list.ids[slot])];
             if (FLOORS && word == ON_FLOOR && floor.shape < 0)
                 word = LATER;
-            colors[slot + 1] = word;
+            slots[slot + 1] = { word, slot < 0 ? -1 : list.ids[slot] };
         }
+    }
+
+    template <int TALL> WARPCAM_FN Slots<TALL> slots_of(const Hit (&hits)[TALL]) const
+    {
+        Slots<TALL> found;
+        for (int k = 0; k < TALL; ++k)
+            found.at[k] = slots[hits[k].shape + 1];
+        return found;
     }
 
     // Writes what a warp's tiles show; the lane's first pixel is (i, j).
     template <class Canvas_, class Ray_, int TALL>
-    WARPCAM_FN void paint(const Canvas_& canvas, int i, int j, const Ray_ (&rays)[TALL], const Hit (&hits)[TALL])
+    WARPCAM_FN void paint(const Canvas_& canvas, int i, int j, const Ray_ (&rays)[TALL], const Hit (&hits)[TALL],
+                          const Slots<TALL>& found)
     {
         const int lane = threadIdx.x % LANES, piece = lane & 3;
         unsigned shown[TALL], all = 0u;
         for (int k = 0; k < TALL; ++k) {
-            shown[k] = colors[hits[k].shape + 1];
+            shown[k] = found.at[k].color;
             all |= shown[k];
         }
         if (FLOORS && any_lane(all & ON_FLOOR))
