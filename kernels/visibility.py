@@ -178,10 +178,7 @@ def _kernel(
     if outputs & PAINTED:
         header, function = "painted.h", f"draw_painted<{types}, {capacity}, {width}, {height}, {outputs}, {facts}>"
 
-    @wp.func_native(
-        f"warpcam::{function}"
-        "(shapes, materials, meshes, fields, views, target, index);"
-    )
+    @wp.func_native(f"warpcam::{function}(shapes, materials, meshes, fields, views, target, index);")
     def draw(
         shapes: Shapes,
         materials: Materials,
