@@ -83,6 +83,8 @@ template <int TYPES, int LENS, int OUTPUTS, int CAPACITY, int TALL_, class Targe
     static constexpr int STAGED = STAGING ? OUTPUTS & (WORDS | POINTS | NORMAL) : 0;
     using Stage_ = Stage<STAGED, TALL>;
     Stage_& stage;
+    const char* views;  // of all worlds
+    int view_size;
     static constexpr bool WHOLE = Places_::WHOLE;  // the region is an image of known size
     // More than depth and shape.
     static constexpr bool STORES_MUCH = OUTPUTS & (DISTANCE | POINTS | BODIES | NORMAL | IDS | INSTANCES | SEMANTICS | FLOWS | PAINTED);
@@ -262,6 +264,28 @@ template <int TYPES, int LENS, int OUTPUTS, int CAPACITY, int TALL_, class Targe
                 put_new(i, j, hits[k], first_pass, k);
         }
     }
+
+    // Asks for what the block will need that comes next in this one's place: poses come from far, and all its threads would
+    // wait for them.
+    WARPCAM_FN void look_ahead(int lane) const
+    {
+        unsigned processors;
+        asm("mov.u32 %0, %%nsmid;" : "=r"(processors));
+        const int next = world + int(processors) * (OUTPUTS & PAINTED ? 8 : 10);
+        if (next >= shapes.positions.shape[0])
+            return;
+        const char* positions = reinterpret_cast<const char*>(wp::address(shapes.positions, next, 0));
+        const char* rotations = reinterpret_cast<const char*>(wp::address(shapes.rotations, next, 0));
+        const int at = 128 * lane, columns = shapes.positions.shape[1];  // up to a line a lane
+        if (at < 12 * columns + 127)
+            prefetch(positions + at);
+        if (at < 36 * columns + 127)
+            prefetch(rotations + at);
+        if (lane == 0)
+            prefetch(views + size_t(next) * view_size);
+    }
+
+    WARPCAM_FN static void prefetch(const char* place) { asm volatile("prefetch.global.L2 [%0];" ::"l"(place)); }
 
     // By way of shared memory; the block draws the whole image.
     template <class Ray_> WARPCAM_FN void put_staged(int i, int j, const Ray_ (&rays)[TALL], const Hit (&hits)[TALL]) const

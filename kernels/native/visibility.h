@@ -94,6 +94,9 @@ WARPCAM_FN void draw_tiles(ShapeList<CAPACITY>& list, const Canvas_& canvas, con
         own = (((own + 1) & (WARPS - 1)) | (own & ~(WARPS - 1))) + WARPS;
         if (stack >= stacks)
             return false;
+        if constexpr (TALL > 1 && Canvas_::WHOLE)
+            if (stack == stacks - stacks / 4)
+                canvas.look_ahead(lane);
         const int level = Canvas_::WHOLE ? unsigned(stack) / unsigned(across) : unsigned(stack) * per_level >> 16;
         const int column = stack - level * across, row = TALL * level;
         const int i = region.left + column * TILE_WIDTH + lane % TILE_WIDTH;
@@ -282,7 +285,8 @@ WARPCAM_FN void draw_with(const Shapes& shapes, const Materials& materials, cons
     block_barrier();
     if constexpr (FLOWING)
         places.fetch(thread);
-    const Canvas_ canvas { target, shapes, list, camera, region, world, places, room.facings, room.stage };
+    const Canvas_ canvas { target, shapes, list, camera, region, world, places, room.facings, room.stage,
+                           reinterpret_cast<const char*>(views.data), int(sizeof(*views.data)) };
     const auto hidden = [&](int id) {
         if constexpr ((OUTPUTS & OPAQUE) != 0)
             return !solid<(TYPES >> MASKED & 1) != 0>(shapes, materials, target.veil_places, world, id);
