@@ -77,7 +77,7 @@ template <int TYPES, int LENS, int OUTPUTS, int CAPACITY, int TALL_, class Targe
     // Images of three numbers a pixel are stored by 16 bytes. Where blocks draw whole images these, depth and shape go by way of
     // shared memory.
     static constexpr int THREES = OUTPUTS & FOURS ? OUTPUTS & (POINTS | NORMAL) : 0;
-    static constexpr bool STAGING = THREADS > 1 && THREES && CAPACITY <= 64 && TALL == 2 && !(OUTPUTS & FLOWS) && Places_::WIDE > 0
+    static constexpr bool STAGING = false && THREES && CAPACITY <= 64 && TALL == 2 && !(OUTPUTS & FLOWS) && Places_::WIDE > 0
         && Places_::WIDE % 32 == 0;
     static constexpr int WORDS = sizeof(*Target().shape.data) == sizeof(int) ? DEPTH | SHAPE : DEPTH;
     static constexpr int STAGED = STAGING ? OUTPUTS & (WORDS | POINTS | NORMAL) : 0;
