@@ -137,7 +137,7 @@ template <int TYPES, int LENS, int OUTPUTS, int CAPACITY, int TALL_, class Targe
                 facings.rows[slot + 1] = row;
             }
         if constexpr (Places_::PAINTS)
-            places.face(list, shapes, thread);
+            places.face(list, thread);
     }
 
     // What was on its way is there, once the threads of the block have met.

@@ -87,8 +87,10 @@ WARPCAM_FN void draw_mirrored(const Shapes& shapes, const Materials& materials, 
     const auto mirror = wp::index(target.mirrors, world);
     if (mirror.shape < 0)
         return;
-    if (thread == 0)
+    if (thread == 0) {
         camera = load_camera(wp::index(views, world));
+        begin_list(list);
+    }
     block_barrier();
     const MirrorCanvas<TYPES, LENS, FACES, Target> canvas { target,        camera,          region,
                                                             world, plane_of(mirror), mirror.shape };

@@ -119,10 +119,10 @@ template <int TYPES, int FACTS, int CAPACITY, int WIDTH, int HEIGHT, bool WHOLE_
     }
 
     // Gives slots their shapes' words, once these are listed.
-    template <class List, class Shapes> WARPCAM_FN void face(const List& list, const Shapes& shapes, int thread)
+    template <class List> WARPCAM_FN void face(const List& list, int thread)
     {
         for (int slot = THREADS - 2 - thread; slot < list.count; slot += THREADS) {
-            unsigned word = slot < 0 ? 0u : words[wp::index(shapes.places, list.ids[slot])];
+            unsigned word = slot < 0 ? 0u : words[list.records[slot].axis_z.w];
             if (FLOORS && word == ON_FLOOR && floor.shape < 0)
                 word = LATER;
             slots[slot + 1] = { word, slot < 0 ? -1 : list.ids[slot] };

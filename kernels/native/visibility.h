@@ -11,7 +11,7 @@
 namespace warpcam {
 
 // Fills the list with shapes from `begin` on until it is full; returns where to go on. SLOTS: records name their own
-// slots in place of their shapes. hidden(id): the shape is left out. ALONE: by one warp.
+// slots in place of their shapes, and in place of an asset where shapes stand among the drawn ones. hidden(id): the shape is left out. ALONE: by one warp.
 template <int TYPES, int LENS, bool SLOTS, bool ALONE, int CAPACITY, class Shapes, class Meshes, class HeightFields,
           class Hidden>
 WARPCAM_FN int gather(ShapeList<CAPACITY>& list, int begin, const Shapes& shapes, const Meshes& meshes,
@@ -36,8 +36,10 @@ WARPCAM_FN int gather(ShapeList<CAPACITY>& list, int begin, const Shapes& shapes
 #else
                 const int slot = list.count++;
 #endif
-                if (SLOTS)
+                if (SLOTS) {
                     record.axis_y.w = slot;
+                    record.axis_z.w = i;
+                }
                 list.records[slot] = record;
                 list.nearest[slot] = record.size.w & 0x7fffffff;
                 list.ids[slot] = id;
@@ -136,12 +138,6 @@ WARPCAM_FN void draw_apart(ShapeList<CAPACITY>& list, const Canvas_& canvas, con
                            const HeightFields& fields, const Hidden& hidden, int world, int thread, bool blind)
 {
     static_assert(CAPACITY <= LANES && !(TYPES >> MESH & 1));
-    if (thread == 0) {
-        list.broken = 0;
-        list.count = 0;
-        list.next_tile = 0;
-    }
-    block_barrier();
     if (thread >= THREADS - LANES) {
         canvas.begin(thread);
         canvas.ready();
@@ -191,7 +187,15 @@ inline void draw_tiles(ShapeList<CAPACITY>& list, const Canvas_& canvas, const M
 
 #endif
 
-// Draws the shapes that are not hidden into the canvas's region. SEVERAL: the scene may have more shapes than the list
+// For one thread, before the block meets for the first time.
+template <int CAPACITY> WARPCAM_FN void begin_list(ShapeList<CAPACITY>& list)
+{
+    list.broken = 0;
+    list.count = 0;
+    list.next_tile = 0;
+}
+
+// Draws the shapes that are not hidden into the canvas's region; the list has begun. SEVERAL: the scene may have more shapes than the list
 // holds; then the region is drawn in several passes, each going on from the depth of the last.
 template <int TYPES, int LENS, bool SLOTS, bool SEVERAL, int CAPACITY, class Canvas_, class Shapes, class Meshes,
           class HeightFields, class Hidden>
@@ -207,14 +211,14 @@ WARPCAM_FN void draw_region(ShapeList<CAPACITY>& list, const Canvas_& canvas, co
     const int total = blind ? 0 : shapes.drawn.shape[0];
     int begin = 0;
     bool first = true;
-    if (thread == 0)
-        list.broken = 0;
     do {
-        if (thread == 0) {
-            list.count = 0;
-            list.next_tile = 0;
+        if (SEVERAL && !first) {
+            if (thread == 0) {
+                list.count = 0;
+                list.next_tile = 0;
+            }
+            block_barrier();
         }
-        block_barrier();
         canvas.begin(thread);
         if (!blind)
             begin = gather<TYPES, LENS, SLOTS, false>(list, begin, shapes, meshes, fields, hidden, canvas.camera,
@@ -272,16 +276,18 @@ WARPCAM_FN void draw_with(const Shapes& shapes, const Materials& materials, cons
     Region region { 0, 0, WIDTH, HEIGHT };
     if constexpr (!(OUTPUTS & FLOW_WHOLE))
         region = region_of<WIDTH, HEIGHT, (TYPES >> MIDDLE_FIRST & 1) != 0>(target, index / THREADS, world);
-    if (!wp::index(target.mask, world))
-        return;
+    const bool wanted = wp::index(target.mask, world);  // the view is on its way meanwhile
     if (thread == 0) {
         camera = load_camera(wp::index(views, world));
+        begin_list(list);
         if constexpr (FLOWING)
             places.locate(target.trail, world);
     }
     if constexpr (FLOWING && (OUTPUTS & FLOW_LISTED))
         if (thread == THREADS / 2)
             places.then = load_camera(wp::index(target.trail.views_before, world));
+    if (!wanted)
+        return;
     block_barrier();
     if constexpr (FLOWING)
         places.fetch(thread);
