@@ -47,6 +47,7 @@ MAX_STRIPS = 128  # shapes of a scene whose floors are drawn by strips
 MAX_CASTING = 3  # lights of a scene whose floors are drawn by strips with their shadows: FEW in native/corners.h
 MAX_SEEN = 512  # shapes of which it can keep the looks of those that it sees; with more it sees too many
 MIRRORED, REFLECTS, VEILED, HAZY, NOTED = 1 << 8, 1 << 9, 1 << 10, 1 << 11, 1 << 14  # facts of native/look.h
+HAS_MIPS = 1 << 24  # there
 IN_QUADS = frozenset(map(frozenset, (("rgb",), ("rgba",), ("rgb", "rgba"), ("hdr",), ("albedo",))))  # native/quads.h
 LIT = ("rgb", "rgba", "hdr")  # what mirrors, transparent shapes and haze change
 

@@ -122,7 +122,7 @@ class Target:
                 group,
                 veil_places,
                 trail=None if self.past is None else self.past.trail,
-                facts=resolve.facts_of_looks(tables),
+                facts=resolve.facts_of_looks(tables) | resolve.HAS_MIPS * tables.has_mips,
             )
         ]
         if shadows is not None:

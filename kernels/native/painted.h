@@ -28,6 +28,7 @@ template <int TYPES, int FACTS, int CAPACITY, int WIDTH, int HEIGHT, bool WHOLE_
     using Wants = Wanted<ALBEDO, FACTS>;
     using Looks = Look<TYPES, Wants>;
     static constexpr bool TEXTURED = Wants::TEXTURED, FLOORS = TEXTURED && (TYPES >> PLANE & 1);
+    static constexpr bool MIPS = FACTS & HAS_MIPS;  // floors have textures that are mipmapped, else sheets
     static constexpr int WARPS = THREADS / LANES, ACROSS = WIDTH / TILE_WIDTH, TILES = ACROSS * (HEIGHT / TILE_HEIGHT);
     static constexpr int KEPT = TEXTURED && CAPACITY <= LANES ? CAPACITY : 0;  // looks
     static_assert(TILES <= WARPS * LANES);
@@ -93,7 +94,12 @@ template <int TYPES, int FACTS, int CAPACITY, int WIDTH, int HEIGHT, bool WHOLE_
         if (plane < 0)
             return;
         const Looks look = look_of<TYPES, Wants>(scene, camera, world, plane);
-        see_floor(floor, look, camera, plane, sheet_of(scene.textures, look.finish.color.w), lane);
+        unsigned long long sheet = 0;
+        if constexpr (!MIPS)
+            sheet = sheet_of(scene.textures, look.finish.color.w);
+        else if (is_texture(scene.textures, look.finish.color.w))
+            sheet = wp::index(scene.textures.mips, look.finish.color.w);
+        see_floor(floor, look, camera, plane, sheet, lane);
         __syncwarp();
         const FloorView& view = floor.view;
         const Row ax = view.axis_x, ay = view.axis_y, az = view.axis_z, place = view.place;
@@ -180,11 +186,16 @@ template <int TYPES, int FACTS, int CAPACITY, int WIDTH, int HEIGHT, bool WHOLE_
             const float at_u = muladd(depth, across.y * rays[k].y + start_u, as_float(across.w));
             const float at_v = muladd(depth, along.y * rays[k].y + start_v, as_float(along.w));
             const float steps = upper(own, right[row + k * TILE_HEIGHT]);
-            const float detail = lower(upper(2.0f * logarithm2(depth) + steps, 0.0f), coarsest);
-            const float base = __fadd_rd(detail, WHOLE_NUMBERS);
-            const int level = as_int(base) - as_int(WHOLE_NUMBERS);
-            const Vec texel = sample_sheet(sheet, floor.view.levels[level], floor.view.levels[level + 1], at_u, at_v,
-                                           detail - (base - WHOLE_NUMBERS));
+            Vec texel;
+            if constexpr (MIPS) {
+                texel = look_up(sheet, at_u, at_v, 2.0f * logarithm2(depth) + steps);
+            } else {
+                const float detail = lower(upper(2.0f * logarithm2(depth) + steps, 0.0f), coarsest);
+                const float base = __fadd_rd(detail, WHOLE_NUMBERS);
+                const int level = as_int(base) - as_int(WHOLE_NUMBERS);
+                texel = sample_sheet(sheet, floor.view.levels[level], floor.view.levels[level + 1], at_u, at_v,
+                                     detail - (base - WHOLE_NUMBERS));
+            }
             const unsigned red = unsigned(as_int(muladd(texel.x, own_color.x, WHOLE_NUMBERS)));
             const unsigned green = unsigned(as_int(muladd(texel.y, own_color.y, WHOLE_NUMBERS)));
             const unsigned blue = unsigned(as_int(muladd(texel.z, own_color.z, WHOLE_NUMBERS)));
