@@ -1,6 +1,6 @@
 """Albedo by the trace, points and normals by way of shared memory: the same images as by other ways.
 
-On a CPU there is one way, so that these tests say something on a GPU alone. What images have to show is tested elsewhere.
+On a CPU there is one way, so that these tests say something on a GPU alone; what images show is tested elsewhere.
 """
 
 from typing import Any

@@ -1,7 +1,8 @@
-"""Mipmapped textures of the GPU's own: one fetch a pixel where a sheet takes two. Only Warp's newer releases make them."""
+"""Mipmapped textures of the GPU's own: one fetch a pixel where a sheet takes two. Where Warp makes them."""
 
 import inspect
 from collections.abc import Sequence
+from itertools import pairwise
 
 import numpy as np
 import warp as wp
@@ -14,7 +15,7 @@ CAN_MAKE = "num_mip_levels" in inspect.signature(wp.Texture2D.__init__).paramete
 
 
 def pack_mips(images: Sequence[TextureImage], textures: Textures, device: wp.Device) -> list[wp.Texture2D]:
-    """Make a mipmapped texture of each image, but for cubes, and write it into ``textures``; none at all where one cannot be.
+    """Make a mipmapped texture of each image but cubes and write it into ``textures``; none if one of them cannot be.
 
     Warp makes the levels by itself, so that only images whose own levels are the same can be: sides are powers of two.
     On a CPU there are none. What writes ``textures.texels`` later does not change them.
@@ -60,4 +61,4 @@ def are_halved(texels: np.ndarray, width: int, height: int) -> bool:
     for w, h in level_sizes(width, height):
         levels.append(texels[start : start + w * h].view(np.uint8).reshape(1, h, w, 4))
         start += w * h
-    return all(np.array_equal(halved(one), other) for one, other in zip(levels, levels[1:], strict=False))
+    return all(np.array_equal(halved(one), other) for one, other in pairwise(levels))
