@@ -4,7 +4,6 @@
 #include "flow_motion.h"
 #include "gradient.h"
 #include "hits.h"
-#include "staged.h"
 #include "tiles.h"
 
 namespace warpcam {
@@ -46,12 +45,11 @@ template <int OUTPUTS, int WIDTH, int HEIGHT, int SHAPES, bool WANTED = (OUTPUTS
     static constexpr bool WHOLE = (OUTPUTS & FLOW_WHOLE) != 0, NEAR = (OUTPUTS & FLOW_NEAR) != 0;
     using type = FlowPlaces<OUTPUTS, WHOLE ? WIDTH : 0, WHOLE ? HEIGHT : 0, SHAPES, NEAR>;
 };
-template <int WIDE_> struct NoPlaces {
-    static constexpr int WIDE = WIDE_;  // width of an image that a block draws as a whole, or 0
-    static constexpr bool WHOLE = WIDE > 0, PAINTS = false;
+template <bool WHOLE_> struct NoPlaces {
+    static constexpr bool WHOLE = WHOLE_, PAINTS = false;
 };
 template <int OUTPUTS, int WIDTH, int HEIGHT, int SHAPES> struct Places<OUTPUTS, WIDTH, HEIGHT, SHAPES, false> {
-    using type = NoPlaces<(OUTPUTS & FLOW_WHOLE) ? WIDTH : 0>;
+    using type = NoPlaces<(OUTPUTS & FLOW_WHOLE) != 0>;
 };
 
 // What the pixels of a CUDA block take of the shape that they show alone, where normals are written: by slot, the first of
@@ -74,17 +72,7 @@ template <int TYPES, int LENS, int OUTPUTS, int CAPACITY, int TALL_, class Targe
     Places_& places;
     using Facings_ = ShapeFacings<((OUTPUTS & NORMAL) && THREADS > 1 ? CAPACITY : 0)>;
     Facings_& facings;
-    // Images of three numbers a pixel are stored by 16 bytes. Where blocks draw whole images these, depth and shape go by way of
-    // shared memory.
-    static constexpr int THREES = OUTPUTS & FOURS ? OUTPUTS & (POINTS | NORMAL) : 0;
-    static constexpr bool STAGING = false && THREES && CAPACITY <= 64 && TALL == 2 && !(OUTPUTS & FLOWS) && Places_::WIDE > 0
-        && Places_::WIDE % 32 == 0;
-    static constexpr int WORDS = sizeof(*Target().shape.data) == sizeof(int) ? DEPTH | SHAPE : DEPTH;
-    static constexpr int STAGED = STAGING ? OUTPUTS & (WORDS | POINTS | NORMAL) : 0;
-    using Stage_ = Stage<STAGED, TALL>;
-    Stage_& stage;
-    const char* views;  // of all worlds
-    int view_size;
+    static constexpr int THREES = OUTPUTS & FOURS ? OUTPUTS & (POINTS | NORMAL) : 0;  // stored by 16 bytes
     static constexpr bool WHOLE = Places_::WHOLE;  // the region is an image of known size
     // More than depth and shape.
     static constexpr bool STORES_MUCH = OUTPUTS & (DISTANCE | POINTS | BODIES | NORMAL | IDS | INSTANCES | SEMANTICS | FLOWS | PAINTED);
@@ -114,19 +102,17 @@ template <int TYPES, int LENS, int OUTPUTS, int CAPACITY, int TALL_, class Targe
     // What the block's last threads do while its first ones list shapes.
     WARPCAM_FN void begin(int thread) const
     {
-        if constexpr (STAGED != 0)
-            stage.begin(thread);
         if constexpr ((OUTPUTS & FLOWS) && (OUTPUTS & FLOW_LISTED))
             compose_motions<OUTPUTS, TYPES, LENS>(target.trail, shapes, camera, places.then, world,
                                                   target.trail.keep && region.left == 0 && region.top == 0, thread,
                                                   places.near_motions);
     }
 
-    // Notes what pixels take of their shapes alone, once these are listed; for all threads of a block.
-    WARPCAM_FN void face(int thread) const
+    // Notes what pixels take of their shapes alone, once these are listed; for so many threads.
+    WARPCAM_FN void face(int thread, int threads) const
     {
         if constexpr ((OUTPUTS & NORMAL) && THREADS > 1)
-            for (int slot = thread - 1; slot < list.count; slot += THREADS) {
+            for (int slot = thread - 1; slot < list.count; slot += threads) {
                 Row row { 0.0f, 0.0f, 0.0f, -1 };
                 if (slot >= 0) {
                     const Record& record = list.records[slot];
@@ -137,7 +123,7 @@ template <int TYPES, int LENS, int OUTPUTS, int CAPACITY, int TALL_, class Targe
                 facings.rows[slot + 1] = row;
             }
         if constexpr (Places_::PAINTS)
-            places.face(list, thread);
+            places.face(list, thread, threads);
     }
 
     // What was on its way is there, once the threads of the block have met.
@@ -248,10 +234,7 @@ template <int TYPES, int LENS, int OUTPUTS, int CAPACITY, int TALL_, class Targe
         if constexpr (THREES != 0)
             if (first_pass) {
                 whole = true;
-                if constexpr (STAGED != 0)
-                    put_staged(i, j, rays, hits);
-                else
-                    put_whole(i, j, rays, hits, row_of_lanes);
+                put_whole(i, j, rays, hits, row_of_lanes);
             }
         if constexpr (Places_::PAINTS) {  // there is one pass, and all tiles lie in the image
             const auto slots = places.slots_of(hits);
@@ -263,80 +246,6 @@ template <int TYPES, int LENS, int OUTPUTS, int CAPACITY, int TALL_, class Targe
             for (int k = 0; k < TALL; ++k)
                 put_new(i, j, hits[k], first_pass, k);
         }
-    }
-
-    // Asks for what the block will need that comes next in this one's place: poses come from far, and all its threads would
-    // wait for them.
-    WARPCAM_FN void look_ahead(int lane) const
-    {
-        unsigned processors;
-        asm("mov.u32 %0, %%nsmid;" : "=r"(processors));
-        const int next = world + int(processors) * (OUTPUTS & PAINTED ? 8 : 10);
-        if (next >= shapes.positions.shape[0])
-            return;
-        const char* positions = reinterpret_cast<const char*>(wp::address(shapes.positions, next, 0));
-        const char* rotations = reinterpret_cast<const char*>(wp::address(shapes.rotations, next, 0));
-        const int at = 128 * lane, columns = shapes.positions.shape[1];  // up to a line a lane
-        if (at < 12 * columns + 127)
-            prefetch(positions + at);
-        if (at < 36 * columns + 127)
-            prefetch(rotations + at);
-        if (lane == 0)
-            prefetch(views + size_t(next) * view_size);
-    }
-
-    WARPCAM_FN static void prefetch(const char* place) { asm volatile("prefetch.global.L2 [%0];" ::"l"(place)); }
-
-    // By way of shared memory; the block draws the whole image.
-    template <class Ray_> WARPCAM_FN void put_staged(int i, int j, const Ray_ (&rays)[TALL], const Hit (&hits)[TALL]) const
-    {
-        constexpr int STACKS = Places_::WIDE / TILE_WIDTH, GROUPS = STACKS / Stage_::STACKS;  // of a row
-        constexpr int TILE = TILE_HEIGHT * Stage_::ROW;
-        constexpr bool HAS_DEPTH = STAGED & DEPTH, HAS_SHAPE = STAGED & SHAPE, HAS_NORMALS = STAGED & NORMAL;
-        constexpr int AFTER = HAS_DEPTH + HAS_SHAPE, LAST = AFTER + 3 * HAS_NORMALS;
-        const int lane = threadIdx.x % LANES;
-        const unsigned level = unsigned(j) / (TALL * TILE_HEIGHT), column = unsigned(i) / TILE_WIDTH;
-        const unsigned group = level * GROUPS + column / Stage_::STACKS;
-        Vec normals[TALL], points[TALL];
-        if constexpr (HAS_NORMALS)
-            for (int k = 0; k < TALL; ++k)
-                normals[k] = normal_of(hits[k], rays[k]);
-        if constexpr ((STAGED & POINTS) != 0)
-            find_points(rays, hits, points);
-        for (int k = 0; k < TALL; ++k)
-            put<OUTPUTS & ~STAGED>(i, j, hits[k], k);
-        stage.await(group);
-        unsigned* ones = stage.template place_of<1>(group, column % Stage_::STACKS, lane);
-        unsigned* threes = stage.template place_of<3>(group, column % Stage_::STACKS, lane);
-        for (int k = 0; k < TALL; ++k) {
-            if constexpr (HAS_DEPTH)
-                ones[k * TILE] = unsigned(as_int(depth_of(hits[k])));
-            if constexpr (HAS_SHAPE)
-                ones[HAS_DEPTH * Stage_::IMAGE + k * TILE] = unsigned(shape_of(hits[k]));
-            if constexpr (HAS_NORMALS)
-                put_words(threes + AFTER * Stage_::IMAGE + 3 * k * TILE, normals[k]);
-            if constexpr ((STAGED & POINTS) != 0)
-                put_words(threes + LAST * Stage_::IMAGE + 3 * k * TILE, points[k]);
-        }
-        if (stage.last(group, lane)) {
-            const auto first = at(group % GROUPS * Stage_::ACROSS, group / GROUPS * Stage_::ROWS);
-            if constexpr (HAS_DEPTH)
-                stage.template store<0, 1>(group, target.depth.data + first, Places_::WIDE, lane);
-            if constexpr (HAS_SHAPE)
-                stage.template store<HAS_DEPTH, 1>(group, target.shape.data + first, Places_::WIDE, lane);
-            if constexpr (HAS_NORMALS)
-                stage.template store<AFTER, 3>(group, target.normals.data + 3 * size_t(first), Places_::WIDE, lane);
-            if constexpr ((STAGED & POINTS) != 0)
-                stage.template store<LAST, 3>(group, target.points.data + 3 * size_t(first), Places_::WIDE, lane);
-            stage.leave(group, lane);
-        }
-    }
-
-    WARPCAM_FN static void put_words(unsigned* words, Vec value)
-    {
-        words[0] = unsigned(as_int(value.x));
-        words[1] = unsigned(as_int(value.y));
-        words[2] = unsigned(as_int(value.z));
     }
 
     template <class Ray_>

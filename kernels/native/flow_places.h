@@ -149,7 +149,6 @@ template <int WANTED, int WIDTH = 0, int HEIGHT = 0, int SHAPES = 0, bool NEAR =
     using Word = typename Keeps::Word;
     static constexpr int ROWS = motion_rows<(WANTED & FLOW_MOVES) != 0>();
     static constexpr bool WHOLE = WIDTH > 0, LISTED = SHAPES > 0, PAINTS = false;
-    static constexpr int WIDE = WIDTH;
 
     const Word* words;
     Word* kept;

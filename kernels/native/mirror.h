@@ -11,7 +11,7 @@ constexpr float ON_MIRROR = 1.0e-3f;  // of a depth: a box shows other sides bes
 
 // Pixel (i, j) is column i of the mirrored view, counted from the other side in the images.
 template <int TYPES, int LENS, bool FACES, class Target> struct MirrorCanvas {
-    static constexpr int THREES = 0, STAGED = 0, TALL = 1;
+    static constexpr int THREES = 0, TALL = 1;
 
     const Target& target;
     const Camera& camera;
@@ -62,7 +62,7 @@ template <int TYPES, int LENS, bool FACES, class Target> struct MirrorCanvas {
 
     static constexpr bool WHOLE = false, STORES_MUCH = true, APART = false;
     WARPCAM_FN void begin(int) const { }
-    WARPCAM_FN void face(int) const { }
+    WARPCAM_FN void face(int, int) const { }
     WARPCAM_FN void ready() const { }
 
     WARPCAM_FN void put_tiles(int i, int j, const ClippedRay<LENS> (&)[1], const Hit (&hits)[1], bool first_pass, float*) const
@@ -98,7 +98,7 @@ WARPCAM_FN void draw_mirrored(const Shapes& shapes, const Materials& materials, 
     const auto hidden = [&](int id) {
         return id == itself || !solid(shapes, materials, target.veil_places, world, id);
     };
-    draw_region<TYPES, LENS, false, SEVERAL>(list, canvas, shapes, meshes, fields, hidden, world, thread);
+    draw_region<TYPES, LENS, false, SEVERAL>(list, canvas, shapes, meshes, fields, hidden, [] {}, world, thread);
 }
 
 }  // namespace warpcam

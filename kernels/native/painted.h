@@ -24,7 +24,6 @@ template <class Shapes, class Meshes, class HeightFields, class Materials, class
 // What a block keeps for it. FACTS: of look.h.
 template <int TYPES, int FACTS, int CAPACITY, int WIDTH, int HEIGHT, bool WHOLE_> struct Painter {
     static constexpr bool WHOLE = WHOLE_, PAINTS = true;
-    static constexpr int WIDE = WHOLE ? WIDTH : 0;
     using Wants = Wanted<ALBEDO, FACTS>;
     using Looks = Look<TYPES, Wants>;
     static constexpr bool TEXTURED = Wants::TEXTURED, FLOORS = TEXTURED && (TYPES >> PLANE & 1);
@@ -72,17 +71,20 @@ template <int TYPES, int FACTS, int CAPACITY, int WIDTH, int HEIGHT, bool WHOLE_
                 see(scene, camera, region, plane, world, thread % LANES);
         for (int i = (thread + THREADS / 2) % THREADS; i < scene.shapes.drawn.shape[0]; i += THREADS) {
             const int id = wp::index(scene.shapes.drawn, i);
-            Finish finish;
-            if constexpr (KEPT > 0) {
-                looks[i] = look_of<TYPES, Wants>(scene, camera, world, id);
-                finish = looks[i].finish;
-            } else {
-                finish = load_finish<Wants::MATERIAL>(scene.shapes, scene.materials, world, id);
-            }
+            const Finish finish = load_finish<Wants::MATERIAL>(scene.shapes, scene.materials, world, id);
             words[i] = !TEXTURED || !is_texture(scene.textures, finish.color.w) ? to_bytes(to_vec(finish.color))
                 : FLOORS && id == plane                                        ? ON_FLOOR
                                                                                 : LATER;
         }
+    }
+
+    // By one warp, which draws fewer tiles for it: they are needed when all are drawn.
+    template <class Scene_>
+    WARPCAM_FN void load_looks(const Scene_& scene, const Camera& camera, int world, int thread)
+    {
+        if constexpr (KEPT > 0)
+            if (const int i = thread - (THREADS - LANES); i >= 0 && i < scene.shapes.drawn.shape[0])
+                looks[i] = look_of<TYPES, Wants>(scene, camera, world, wp::index(scene.shapes.drawn, i));
     }
 
     // What pixels of the floor share; by one warp.
@@ -99,7 +101,16 @@ template <int TYPES, int FACTS, int CAPACITY, int WIDTH, int HEIGHT, bool WHOLE_
             sheet = sheet_of(scene.textures, look.finish.color.w);
         else if (is_texture(scene.textures, look.finish.color.w))
             sheet = wp::index(scene.textures.mips, look.finish.color.w);
-        see_floor(floor, look, camera, plane, sheet, lane);
+        if constexpr (MIPS) {
+            if (lane == 0) {
+                view_floor(floor.view, look, camera);
+                floor.view.sheet = sheet;
+                floor.color = clip(to_vec(look.finish.color));
+                floor.shape = plane;
+            }
+        } else {
+            see_floor(floor, look, camera, plane, sheet, lane);
+        }
         __syncwarp();
         const FloorView& view = floor.view;
         const Row ax = view.axis_x, ay = view.axis_y, az = view.axis_z, place = view.place;
@@ -125,9 +136,9 @@ template <int TYPES, int FACTS, int CAPACITY, int WIDTH, int HEIGHT, bool WHOLE_
     }
 
     // Gives slots their shapes' words, once these are listed.
-    template <class List> WARPCAM_FN void face(const List& list, int thread)
+    template <class List> WARPCAM_FN void face(const List& list, int thread, int threads)
     {
-        for (int slot = THREADS - 2 - thread; slot < list.count; slot += THREADS) {
+        for (int slot = threads - 2 - thread; slot < list.count; slot += threads) {
             unsigned word = slot < 0 ? 0u : words[list.records[slot].axis_z.w];
             if (FLOORS && word == ON_FLOOR && floor.shape < 0)
                 word = LATER;

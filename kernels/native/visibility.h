@@ -11,7 +11,8 @@
 namespace warpcam {
 
 // Fills the list with shapes from `begin` on until it is full; returns where to go on. SLOTS: records name their own
-// slots in place of their shapes, and in place of an asset where shapes stand among the drawn ones. hidden(id): the shape is left out. ALONE: by one warp.
+// slots in place of their shapes, and in place of an asset where these stand among the drawn ones. hidden(id): the shape is
+// left out. ALONE: by one warp.
 template <int TYPES, int LENS, bool SLOTS, bool ALONE, int CAPACITY, class Shapes, class Meshes, class HeightFields,
           class Hidden>
 WARPCAM_FN int gather(ShapeList<CAPACITY>& list, int begin, const Shapes& shapes, const Meshes& meshes,
@@ -70,7 +71,7 @@ WARPCAM_FN void draw_tiles(ShapeList<CAPACITY>& list, const Canvas_& canvas, con
                            const HeightFields& fields, bool first_pass)
 {
     constexpr int TALL = Canvas_::TALL;
-    constexpr bool HAS_MESH = TYPES >> MESH & 1, HAS_THREES = Canvas_::THREES && !Canvas_::STAGED;
+    constexpr bool HAS_MESH = TYPES >> MESH & 1, HAS_THREES = Canvas_::THREES != 0;
     WARPCAM_SHARED typename MeshRaysOf<HAS_MESH ? CAPACITY : 1>::type rays[HAS_MESH ? THREADS / LANES : 1];
     WARPCAM_SHARED float4 lanes[HAS_THREES ? THREADS / LANES : 1][TALL * 3 * LANES / 4];
     const int lane = threadIdx.x % LANES, warp = threadIdx.x / LANES;
@@ -96,9 +97,6 @@ WARPCAM_FN void draw_tiles(ShapeList<CAPACITY>& list, const Canvas_& canvas, con
         own = (((own + 1) & (WARPS - 1)) | (own & ~(WARPS - 1))) + WARPS;
         if (stack >= stacks)
             return false;
-        if constexpr (TALL > 1 && Canvas_::WHOLE)
-            if (stack == stacks - stacks / 4)
-                canvas.look_ahead(lane);
         const int level = Canvas_::WHOLE ? unsigned(stack) / unsigned(across) : unsigned(stack) * per_level >> 16;
         const int column = stack - level * across, row = TALL * level;
         const int i = region.left + column * TILE_WIDTH + lane % TILE_WIDTH;
@@ -154,8 +152,8 @@ WARPCAM_FN void draw_apart(ShapeList<CAPACITY>& list, const Canvas_& canvas, con
             }
             warp_barrier();
             sort_by_depth(list, thread);
+            canvas.face(thread, LANES);
         }
-        canvas.face(thread);
         canvas.ready();
         wait_at<FIRST_WARPS, THREADS - LANES>();
         arrive_at<SHAPES_SORTED, THREADS>();
@@ -195,13 +193,14 @@ template <int CAPACITY> WARPCAM_FN void begin_list(ShapeList<CAPACITY>& list)
     list.next_tile = 0;
 }
 
-// Draws the shapes that are not hidden into the canvas's region; the list has begun. SEVERAL: the scene may have more shapes than the list
-// holds; then the region is drawn in several passes, each going on from the depth of the last.
+// Draws the shapes that are not hidden into the canvas's region; the list has begun. SEVERAL: the scene may have more shapes
+// than the list holds; then the region is drawn in several passes, each going on from the depth of the last. late(): what may
+// wait until shapes are listed, and needs no other threads.
 template <int TYPES, int LENS, bool SLOTS, bool SEVERAL, int CAPACITY, class Canvas_, class Shapes, class Meshes,
-          class HeightFields, class Hidden>
+          class HeightFields, class Hidden, class Late>
 WARPCAM_FN void draw_region(ShapeList<CAPACITY>& list, const Canvas_& canvas, const Shapes& shapes,
-                            const Meshes& meshes, const HeightFields& fields, const Hidden& hidden, int world,
-                            int thread)
+                            const Meshes& meshes, const HeightFields& fields, const Hidden& hidden, const Late& late,
+                            int world, int thread)
 {
     const bool blind = !(magnitude(canvas.camera.origin.x) < FAR_AWAY);
 #if defined(__CUDA_ARCH__)
@@ -237,8 +236,9 @@ WARPCAM_FN void draw_region(ShapeList<CAPACITY>& list, const Canvas_& canvas, co
             leave_out_housings<TYPES>(list, meshes, rays_of_region(canvas.camera, canvas.region), thread);
         canvas.ready();
         sort_by_depth(list, thread);
-        canvas.face(thread);
+        canvas.face(thread, THREADS);
         block_barrier();
+        late();
         draw_tiles<TYPES, LENS>(list, canvas, meshes, fields, !SEVERAL || first);
         first = false;
         block_barrier();
@@ -246,12 +246,11 @@ WARPCAM_FN void draw_region(ShapeList<CAPACITY>& list, const Canvas_& canvas, co
 }
 
 // What a block shares.
-template <int CAPACITY, class Places_, class Facings_, class Stage_> struct DrawRoom {
+template <int CAPACITY, class Places_, class Facings_> struct DrawRoom {
     ShapeList<CAPACITY> list;
     alignas(16) Camera camera;  // kept in registers it would be spilled
     Places_ places;
     Facings_ facings;
-    Stage_ stage;
 };
 
 // Draws one region of one view; `index` counts worlds, then regions, then (CUDA) threads of the block.
@@ -265,7 +264,7 @@ WARPCAM_FN void draw_with(const Shapes& shapes, const Materials& materials, cons
     static_assert(!names_slots(OUTPUTS) || analytic_types(TYPES) == TYPES);
     constexpr bool FLOWING = (OUTPUTS & FLOWS) != 0;
     using Canvas_ = Canvas<TYPES, LENS, OUTPUTS, CAPACITY, tiles_at_once(TYPES, WIDTH, HEIGHT), Target, Shapes, Near>;
-    using Room = DrawRoom<CAPACITY, Near, typename Canvas_::Facings_, typename Canvas_::Stage_>;
+    using Room = DrawRoom<CAPACITY, Near, typename Canvas_::Facings_>;
     WARPCAM_SHARED Room shared;
     Room& room = by_address(shared);
     ShapeList<CAPACITY>& list = room.list;
@@ -291,24 +290,24 @@ WARPCAM_FN void draw_with(const Shapes& shapes, const Materials& materials, cons
     block_barrier();
     if constexpr (FLOWING)
         places.fetch(thread);
-    const Canvas_ canvas { target, shapes, list, camera, region, world, places, room.facings, room.stage,
-                           reinterpret_cast<const char*>(views.data), int(sizeof(*views.data)) };
+    const Canvas_ canvas { target, shapes, list, camera, region, world, places, room.facings };
     const auto hidden = [&](int id) {
         if constexpr ((OUTPUTS & OPAQUE) != 0)
             return !solid<(TYPES >> MASKED & 1) != 0>(shapes, materials, target.veil_places, world, id);
         else
             return transparent(shapes, materials, world, id);
     };
-    const auto draw = [&] {
-        draw_region<TYPES, LENS, names_slots(OUTPUTS), SEVERAL>(list, canvas, shapes, meshes, fields, hidden, world, thread);
+    const auto draw = [&](const auto& late) {
+        draw_region<TYPES, LENS, names_slots(OUTPUTS), SEVERAL>(list, canvas, shapes, meshes, fields, hidden, late, world,
+                                                                thread);
     };
     if constexpr (Near::PAINTS) {
         const auto scene = places.scene_of(shapes, meshes, fields, materials, target.textures);
         places.begin(scene, camera, region, target.plane, world, thread);
-        draw();
+        draw([&] { places.load_looks(scene, camera, world, thread); });
         places.finish(scene, target, camera, region, world, thread);
     } else {
-        draw();
+        draw([] {});
     }
 }
 
