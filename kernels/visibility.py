@@ -45,7 +45,7 @@ ROW_OF_BLOCKS = 2**24 // THREADS  # Warp lays out a launch's threads in rows of 
 BLOCKS = 10  # on a multiprocessor: bounds the registers of a thread
 SHARED_MEMORY = 228 * 1024  # of a multiprocessor [bytes]
 LISTED_BYTES = 99  # of it for each shape that a block lists: tiles.h, ShapeList
-PAINTED_BLOCKS = 8  # the same where albedo is written
+
 MESH_BLOCKS = 8  # the same for scenes with meshes or height fields
 MOVING_BLOCKS = 6  # and where meshes move: native/bvh4.h, faces_together
 MANY_MESHES_BLOCKS = 6  # and for more than MANY shapes
@@ -193,7 +193,7 @@ def _kernel(
         module="unique",
         enable_backward=False,
         grid_stride=False,
-        launch_bounds=(THREADS, min(blocks(types, capacity), PAINTED_BLOCKS if outputs & PAINTED else BLOCKS)),
+        launch_bounds=(THREADS, blocks(types, capacity)),
         module_options=native_module(header),
     )
     def visibility(

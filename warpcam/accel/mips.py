@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from itertools import pairwise
 
 import numpy as np
+import numpy.typing as npt
 import warp as wp
 
 from warpcam.accel.sheets import LARGEST, ROOM
@@ -28,7 +29,8 @@ def pack_mips(images: Sequence[TextureImage], textures: Textures, device: wp.Dev
     Returns:
         The textures. They go when these go, and ``textures`` must not be used after that.
     """
-    made, places = [], np.zeros(len(images), np.uint64)
+    made: list[wp.Texture2D] = []
+    places = np.zeros(len(images), np.uint64)
     flat = [index for index, image in enumerate(images) if image.kind == "2d"]
     if device.is_cuda and CAN_MAKE:
         starts, widths, heights = (array.numpy() for array in (textures.start, textures.width, textures.height))
@@ -53,7 +55,7 @@ def pack_mips(images: Sequence[TextureImage], textures: Textures, device: wp.Dev
     return made
 
 
-def are_halved(texels: np.ndarray, width: int, height: int) -> bool:
+def are_halved(texels: npt.NDArray[np.uint32], width: int, height: int) -> bool:
     """Whether the sides are powers of two and each level is the one before with four texels' means for its own."""
     if width & (width - 1) or height & (height - 1):
         return False
