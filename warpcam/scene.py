@@ -74,7 +74,8 @@ class Scene:
         self._mips: list[wp.Texture2D] = []
         if spare or (has_strips(types, num_drawn) and not parts.physical):
             self._sheets = pack_sheets(parts.textures, self._textures, self.device, not spare)
-            self._mips = pack_mips(parts.textures, self._textures, self.device)
+            if types.isdisjoint((MESH, HEIGHT_FIELD)):
+                self._mips = pack_mips(parts.textures, self._textures, self.device)
         parts.lend_textures(self._textures)
         self._masked = pack_masks(parts.meshes, self._textures, self._meshes, self.device)
         self._splats = self._pack_splats()

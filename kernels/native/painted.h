@@ -56,7 +56,8 @@ template <int TYPES, int FACTS, int CAPACITY, int WIDTH, int HEIGHT, bool WHOLE_
     WARPCAM_FN static auto scene_of(const Shapes& shapes, const Meshes& meshes, const HeightFields& fields,
                                     const Materials& materials, const Textures& textures)
     {
-        return PaintScene<Shapes, Meshes, HeightFields, Materials, Textures> { { 0.0f }, shapes, meshes, fields, materials, textures };
+        using Scene_ = PaintScene<Shapes, Meshes, HeightFields, Materials, Textures>;
+        return Scene_ { { 0.0f }, shapes, meshes, fields, materials, textures };
     }
 
     // Loads what shapes look like, while the block's first threads list them.
