@@ -171,6 +171,7 @@ class Textures:
     # faces, +x -x +y -y +z -z, one after another; rows from the top of the image.
     texels: wp.array(dtype=wp.uint32)
     sheets: wp.array(dtype=wp.uint64)  # (texture,) CUDA's texture object of its sheet, or 0: accel/sheets.py
+    mips: wp.array(dtype=wp.uint64)  # (texture,) the same of a mipmapped one: accel/mips.py
 
 
 @wp.struct

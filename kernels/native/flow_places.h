@@ -28,10 +28,10 @@ constexpr float TO_WHOLE = 12582912.0f;
 
 // What is kept of a pixel: above the shape, all ones where nothing is seen; below its depth. `last`: the fourth of the
 // shape's rows.
-template <bool BRIEF> struct Kept;
+template <bool BRIEF> struct KeptWord;
 
 // The depth is 16 bits of its float, five of the exponent, which is enough for 15 um to 65 km.
-template <> struct Kept<false> {
+template <> struct KeptWord<false> {
     using Word = unsigned;
     static constexpr int DEPTH_BITS = 12, LEAST_DEPTH = 111 << 23;  // what is cut off the float, and bits of 2^-16 m
     static constexpr unsigned DEPTHS = 0xffffu;
@@ -59,7 +59,7 @@ template <> struct Kept<false> {
 };
 
 // The shape has eight bits; the depth is counted in steps of the shape's own, eight bits of which tell its parts apart.
-template <> struct Kept<true> {
+template <> struct KeptWord<true> {
     using Word = unsigned short;
 
     WARPCAM_FN static unsigned steps(float number) { return unsigned(as_int(number)); }
@@ -145,10 +145,10 @@ WARPCAM_FN void await_rows()
 // shared memory; they are on their way while shapes are listed. Memory is far, and a pixel that asked for its own words
 // would wait for them. SHAPES: it has the motions of as many shapes there, too.
 template <int WANTED, int WIDTH = 0, int HEIGHT = 0, int SHAPES = 0, bool NEAR = false> struct FlowPlaces {
-    using Keeps = Kept<(WANTED & FLOW_BRIEF) != 0>;
+    using Keeps = KeptWord<(WANTED & FLOW_BRIEF) != 0>;
     using Word = typename Keeps::Word;
     static constexpr int ROWS = motion_rows<(WANTED & FLOW_MOVES) != 0>();
-    static constexpr bool WHOLE = WIDTH > 0, LISTED = SHAPES > 0;
+    static constexpr bool WHOLE = WIDTH > 0, LISTED = SHAPES > 0, PAINTS = false;
 
     const Word* words;
     Word* kept;

@@ -7,7 +7,7 @@
 #if defined(__CUDA_ARCH__)
 namespace warpcam {
 
-constexpr int FEW = 8;  // lanes; fewer wait for company before they do what the others do not need
+constexpr int COMPANY = 8;  // lanes; fewer wait for company before they do what the others do not need
 constexpr int A_FEW_WORDS = 2;  // of 32 shapes, that a lane has in registers
 
 // The rays of one warp. WORDS: 32 shapes of the block's list each.
