@@ -144,16 +144,25 @@ template <int TYPES, int LENS, int OUTPUTS, int CAPACITY, int TALL_, class Targe
             put_three(target.points.data, pixel, point_of(hit, camera, seen));
         if (WHAT & NORMALS)
             put_three(target.normals.data, pixel, normal_of(hit, seen));
-        if constexpr ((WHAT & FLOWS) != 0)
-            put_flow<TYPES, LENS, WHAT>(target.trail, places, shapes, camera, seen, { hit.depth, shape, hit.face }, world, i, j,
-                                        k * TILE_HEIGHT, pixel);
+        if constexpr ((WHAT & FLOWS) != 0) {
+            Motion none;
+            put_motion(i, j, hit, k, none);
+        }
     }
 
-    // Writes what a pass has found.
-    WARPCAM_FN void put_new(int i, int j, const Hit& hit, bool first_pass, int k = 0) const
+    // The same of how it has moved. `motion` is of the tile above.
+    WARPCAM_FN void put_motion(int i, int j, const Hit& hit, int k, Motion& motion) const
+    {
+        const int shape = names_slots(OUTPUTS) && hit.shape >= 0 ? list.ids[hit.shape] : hit.shape;
+        put_flow<TYPES, LENS, OUTPUTS>(target.trail, places, shapes, camera, ray(i, j + k * TILE_HEIGHT),
+                                       { hit.depth, shape, hit.face }, world, i, j, k * TILE_HEIGHT, at(i, j, k), motion);
+    }
+
+    // Writes what a pass has found: WHAT of it.
+    template <int WHAT = OUTPUTS> WARPCAM_FN void put_new(int i, int j, const Hit& hit, bool first_pass, int k = 0) const
     {
         if (inside(i, j + k * TILE_HEIGHT) && (first_pass || hit.shape >= 0))
-            put<OUTPUTS>(i, j, hit, k);
+            put<WHAT>(i, j, hit, k);
     }
 
     WARPCAM_FN Vec normal_of(const Hit& hit, const ViewRay<LENS>& seen) const
@@ -166,14 +175,27 @@ template <int TYPES, int LENS, int OUTPUTS, int CAPACITY, int TALL_, class Targe
 #if defined(__CUDA_ARCH__)
     static constexpr int THREES = OUTPUTS & QUADS ? OUTPUTS & (POINTS | NORMALS) : 0;  // stored by 16 bytes
 
-    // The same for the pixels of a warp's tile, each lane's, the k-th below theirs of the first; `row_of_lanes` is room for
-    // 3 * LANES numbers where there are THREES.
+    // The same for the pixels of a warp's tiles, each lane's: of TALL tiles, those below the first are below its pixel (i, j).
+    // `row_of_lanes` is room for 3 * LANES numbers where there are THREES.
+    WARPCAM_FN void put_tiles(int i, int j, const Hit (&hit)[TALL], bool first_pass, float* row_of_lanes) const
+    {
+        for (int k = 0; k < TALL; ++k)
+            put_tile(i, j, k, hit[k], first_pass, row_of_lanes);
+        if constexpr ((OUTPUTS & FLOWS) != 0) {
+            Motion motion;
+            for (int k = 0; k < TALL; ++k)
+                if (inside(i, j + k * TILE_HEIGHT) && (first_pass || hit[k].shape >= 0))
+                    put_motion(i, j, hit[k], k, motion);
+        }
+    }
+
+    // All but how they have moved.
     WARPCAM_FN void put_tile(int i, int j, int k, const Hit& hit, bool first_pass, float* row_of_lanes) const
     {
         if (THREES == 0 || !first_pass)
-            return put_new(i, j, hit, first_pass, k);
+            return put_new<OUTPUTS & ~FLOWS>(i, j, hit, first_pass, k);
         if (inside(i, j + k * TILE_HEIGHT))
-            put<OUTPUTS & ~THREES>(i, j, hit, k);
+            put<OUTPUTS & ~THREES & ~FLOWS>(i, j, hit, k);
         j += k * TILE_HEIGHT;
         const int lane = threadIdx.x % LANES, left = i - lane % TILE_WIDTH, top = j - lane / TILE_WIDTH;
         Pixel pixel { i, j, unsigned(at(i, j)), inside(i, j), row_of_lanes, lane };

@@ -140,6 +140,24 @@ WARPCAM_FN void await_rows()
 #endif
 }
 
+// The bits of a float that is not negative, rounded down, above another from 2^23 on.
+WARPCAM_FN unsigned bits_below(float number, float above)
+{
+#if defined(__CUDA_ARCH__)
+    return __float_as_uint(__fadd_rd(number, above));
+#else
+    return unsigned(as_int(above)) + unsigned(number);
+#endif
+}
+WARPCAM_FN unsigned pixel_below(float number) { return bits_below(number, 8388608.0f) - 0x4b000000u; }
+
+// Words of 16 bits in a row of what is near: those of 64 pixels, and eight, so that the rows of a tile lie in different
+// banks. The bits of ROW_START times the bytes of a row and those of COLUMN_START times the bytes of a word add up to a
+// multiple of 2^32: the bits of a row and a column above these lead to a word with nothing taken off.
+constexpr int NEAR_ROW = 72;
+constexpr unsigned NEAR_BYTES = 2 * NEAR_ROW, TO_WRAP = -((NEAR_BYTES + 2) * 0x4b000000u);
+constexpr float ROW_START = 8388608.0f + TO_WRAP / NEAR_BYTES, COLUMN_START = 8388608.0f + TO_WRAP % NEAR_BYTES / 2;
+
 // Of one world: what the last image showed, where what this one shows is kept, and how its shapes have moved.
 // WIDTH and HEIGHT: a block of CUDA threads draws a whole image of that size. NEAR: it has the words of what was seen in
 // shared memory; they are on their way while shapes are listed. Memory is far, and a pixel that asked for its own words
@@ -154,7 +172,7 @@ template <int WANTED, int WIDTH = 0, int HEIGHT = 0, int SHAPES = 0, bool NEAR =
     Word* kept;
     const Row* motions;
     alignas(16) Camera then;  // as it was, where motions are listed
-    alignas(16) Word near_words[NEAR ? WIDTH * HEIGHT : 1];
+    alignas(16) Word near_words[NEAR ? NEAR_ROW * HEIGHT : 1];
     Row near_motions[LISTED ? (SHAPES + 1) * ROWS : 1];  // the first of nothing
 
     // The motion of a shape; `at` has its rows.
@@ -187,21 +205,22 @@ template <int WANTED, int WIDTH = 0, int HEIGHT = 0, int SHAPES = 0, bool NEAR =
     {
         return (column & ~7u) * height(trail) + (8u * row + (column & 7u));
     }
-    // The same of places that are counted in steps of 1 / 64 pixel.
-    template <class Trail> WARPCAM_FN static unsigned place_in(const Trail& trail, unsigned across, unsigned along)
-    {
-        const unsigned strip = (across >> 9) * (8u * height(trail));
-        const unsigned within = (along >> 3 & ~7u) | (across >> 6 & 7u);
-        return WHOLE ? strip | within : strip + within;
-    }
-
-    // What was seen at a place.
-    WARPCAM_FN unsigned word(unsigned place) const
+    // What was seen at a pixel, and at the one that has a place; places count from where the image begins.
+    template <class Trail> WARPCAM_FN unsigned word_of(const Trail& trail, unsigned column, unsigned row) const
     {
         if constexpr (NEAR)
-            return near_words[place];
+            return near_words[NEAR_ROW * row + column];
         else
-            return word_at(words, place);
+            return word_at(words, place_of(trail, column, row));
+    }
+    template <class Trail> WARPCAM_FN unsigned word_at_place(const Trail& trail, float across, float along) const
+    {
+        if constexpr (NEAR) {
+            const unsigned from_first = NEAR_BYTES * bits_below(along, ROW_START) + unsigned(sizeof(Word)) * bits_below(across, COLUMN_START);
+            return *reinterpret_cast<const Word*>(reinterpret_cast<const char*>(near_words) + from_first);
+        } else {
+            return word_of(trail, pixel_below(across), pixel_below(along));
+        }
     }
 
     // Has the word on its way that a pixel that rests will need: it comes from far, and meanwhile the pixel is traced.
@@ -231,7 +250,7 @@ template <int WANTED, int WIDTH = 0, int HEIGHT = 0, int SHAPES = 0, bool NEAR =
     {
         if (NEAR)
             for (int i = thread; i < WIDTH * HEIGHT / 8; i += THREADS)
-                copy_row(near_words + 8 * i, words + 8 * i);
+                copy_row(near_words + NEAR_ROW * (i % HEIGHT) + 8 * (i / HEIGHT), words + 8 * i);
     }
 };
 

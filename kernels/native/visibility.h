@@ -106,8 +106,7 @@ WARPCAM_FN void draw_tiles(ShapeList<CAPACITY>& list, const Canvas_& canvas, con
         }
         trace_tiles<TYPES>(list, column, row, ray, near, fields, hit);
         meet();
-        for (int k = 0; k < TALL; ++k)
-            canvas.put_tile(i, j, k, hit[k], first_pass, row_of_lanes);
+        canvas.put_tiles(i, j, hit, first_pass, row_of_lanes);
         if (HAS_MESH)
             found = find_rays<TYPES>(rays[HAS_MESH ? warp : 0], list, column, row, ray[0], near_of(ray[0], near), meshes,
                                      hit[0].depth);
