@@ -39,15 +39,24 @@ constexpr int tiles_at_once(int types, int width, int height)
 // Where the normals are written, hits name the slot of their shape's record instead of the shape: see gather().
 constexpr bool names_slots(int outputs) { return outputs & NORMALS; }
 
+// Whether a block looks at a floor as a whole to tell what of it was seen.
+constexpr bool looks_at_floors(int types, int lens, int outputs, int shapes, int width, int height)
+{
+    constexpr int NEEDS = FLOW_VALID | FLOW_LISTED | FLOW_WHOLE | FLOW_NEAR;
+    return (outputs & NEEDS) == NEEDS && !names_slots(outputs) && (types >> PLANE & 1) && !(types >> MESH & 1) && lens == PINHOLE
+        && shapes <= LANES && width == FlowFloor::SIZE && height == FlowFloor::SIZE && tiles_at_once(types, width, height) == 2;
+}
+
 // Where flow has what was seen, if it is wanted.
-template <int OUTPUTS, int WIDTH, int HEIGHT, int SHAPES, bool WANTED = (OUTPUTS & FLOWS) != 0> struct Places {
+template <int OUTPUTS, int WIDTH, int HEIGHT, int SHAPES, bool FLOORED, bool WANTED = (OUTPUTS & FLOWS) != 0> struct Places {
     static constexpr bool WHOLE = (OUTPUTS & FLOW_WHOLE) != 0, NEAR = (OUTPUTS & FLOW_NEAR) != 0;
-    using type = FlowPlaces<OUTPUTS, WHOLE ? WIDTH : 0, WHOLE ? HEIGHT : 0, SHAPES, NEAR>;
+    using type = FlowPlaces<OUTPUTS, WHOLE ? WIDTH : 0, WHOLE ? HEIGHT : 0, SHAPES, NEAR, FLOORED>;
 };
 struct NoPlaces {
-    static constexpr bool WHOLE = false;
+    static constexpr bool WHOLE = false, LOOKS_AT_FLOORS = false;
 };
-template <int OUTPUTS, int WIDTH, int HEIGHT, int SHAPES> struct Places<OUTPUTS, WIDTH, HEIGHT, SHAPES, false> {
+template <int OUTPUTS, int WIDTH, int HEIGHT, int SHAPES, bool FLOORED>
+struct Places<OUTPUTS, WIDTH, HEIGHT, SHAPES, FLOORED, false> {
     using type = NoPlaces;
 };
 
@@ -95,6 +104,26 @@ template <int TYPES, int LENS, int OUTPUTS, int CAPACITY, int TALL_, class Targe
             compose_motions<OUTPUTS, TYPES, LENS>(target.trail, shapes, camera, places.then, world,
                                                   target.trail.keep && region.left == 0 && region.top == 0, thread,
                                                   places.near_motions);
+    }
+
+    // For a warp: of what of a floor was seen what is seen now, once the motions are there.
+    WARPCAM_FN void look_at_floor() const
+    {
+#if defined(__CUDA_ARCH__)
+        if constexpr (Places_::LOOKS_AT_FLOORS)
+            find_seen_floor(places, shapes, camera, world);
+#endif
+    }
+
+    // For the threads that have fetched the words of what was seen: what of a floor was.
+    WARPCAM_FN void find_floor(int row) const
+    {
+#if defined(__CUDA_ARCH__)
+        if constexpr (Places_::LOOKS_AT_FLOORS) {
+            await_rows();
+            warpcam::find_floor(places, row, floor_of(shapes, target.trail.columns));
+        }
+#endif
     }
 
     // What was on its way is there, once the threads of the block have met.
@@ -151,10 +180,10 @@ template <int TYPES, int LENS, int OUTPUTS, int CAPACITY, int TALL_, class Targe
     }
 
     // The same of how it has moved. `motion` is of the tile above.
-    WARPCAM_FN void put_motion(int i, int j, const Hit& hit, int k, Motion& motion) const
+    template <int WHAT = OUTPUTS> WARPCAM_FN void put_motion(int i, int j, const Hit& hit, int k, Motion& motion) const
     {
         const int shape = names_slots(OUTPUTS) && hit.shape >= 0 ? list.ids[hit.shape] : hit.shape;
-        put_flow<TYPES, LENS, OUTPUTS>(target.trail, places, shapes, camera, ray(i, j + k * TILE_HEIGHT),
+        put_flow<TYPES, LENS, WHAT>(target.trail, places, shapes, camera, ray(i, j + k * TILE_HEIGHT),
                                        { hit.depth, shape, hit.face }, world, i, j, k * TILE_HEIGHT, at(i, j, k), motion);
     }
 
@@ -181,12 +210,38 @@ template <int TYPES, int LENS, int OUTPUTS, int CAPACITY, int TALL_, class Targe
     {
         for (int k = 0; k < TALL; ++k)
             put_tile(i, j, k, hit[k], first_pass, row_of_lanes);
+        if constexpr (Places_::LOOKS_AT_FLOORS) {
+            if (put_floor(i, j, hit))
+                return;
+        }
         if constexpr ((OUTPUTS & FLOWS) != 0) {
             Motion motion;
             for (int k = 0; k < TALL; ++k)
                 if (inside(i, j + k * TILE_HEIGHT) && (first_pass || hit[k].shape >= 0))
                     put_motion(i, j, hit[k], k, motion);
         }
+    }
+
+    // How all that two tiles show has moved, where that is only floor and was seen; false if it is not.
+    WARPCAM_FN bool put_floor(int i, int j, const Hit (&hit)[TALL]) const
+    {
+        const FlowFloor& floor = places.floor[0];
+        const unsigned part = unsigned(j) / FlowFloor::PART * (FlowFloor::SIZE / FlowFloor::PART) + unsigned(i) / FlowFloor::PART;
+        const unsigned seen = *const_cast<const volatile unsigned*>(floor.parts + part / LANES) >> part % LANES & 1u;
+        if (!__all_sync(ALL, seen && hit[0].shape == floor.shape && hit[1].shape == floor.shape))
+            return false;
+        const auto& trail = target.trail;
+        const unsigned lane = threadIdx.x % LANES, word = FlowFloor::word(floor.shape);
+        keep_word(reinterpret_cast<unsigned*>(places.kept + (Places_::place_of(trail, i, j) - lane)), lane, word | word << 16);
+        constexpr unsigned ONES = 0x01010101u;
+        if (lane < FlowFloor::PART)
+            *reinterpret_cast<uint2*>(trail.flow_valid.data + at(i & ~7, (j & ~7) + lane)) = make_uint2(ONES, ONES);
+        if constexpr ((OUTPUTS & FLOW) != 0) {
+            Motion motion;
+            for (int k = 0; k < TALL; ++k)
+                put_motion<OUTPUTS & ~FLOW_VALID>(i, j, hit[k], k, motion);
+        }
+        return true;
     }
 
     // All but how they have moved.

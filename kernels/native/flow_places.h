@@ -1,7 +1,6 @@
 // What is kept from frame to frame for the flow: a word a pixel of what was seen, and where these words lie.
 #pragma once
-#include "hits.h"
-#include "prepare.h"
+#include "flow_floor.h"
 
 namespace warpcam {
 
@@ -151,22 +150,15 @@ WARPCAM_FN unsigned bits_below(float number, float above)
 }
 WARPCAM_FN unsigned pixel_below(float number) { return bits_below(number, 8388608.0f) - 0x4b000000u; }
 
-// Words of 16 bits in a row of what is near: those of 64 pixels, and eight, so that the rows of a tile lie in different
-// banks. The bits of ROW_START times the bytes of a row and those of COLUMN_START times the bytes of a word add up to a
-// multiple of 2^32: the bits of a row and a column above these lead to a word with nothing taken off.
-constexpr int NEAR_ROW = 72;
-constexpr unsigned NEAR_BYTES = 2 * NEAR_ROW, TO_WRAP = -((NEAR_BYTES + 2) * 0x4b000000u);
-constexpr float ROW_START = 8388608.0f + TO_WRAP / NEAR_BYTES, COLUMN_START = 8388608.0f + TO_WRAP % NEAR_BYTES / 2;
-
 // Of one world: what the last image showed, where what this one shows is kept, and how its shapes have moved.
 // WIDTH and HEIGHT: a block of CUDA threads draws a whole image of that size. NEAR: it has the words of what was seen in
 // shared memory; they are on their way while shapes are listed. Memory is far, and a pixel that asked for its own words
-// would wait for them. SHAPES: it has the motions of as many shapes there, too.
-template <int WANTED, int WIDTH = 0, int HEIGHT = 0, int SHAPES = 0, bool NEAR = false> struct FlowPlaces {
+// would wait for them. SHAPES: it has the motions of as many shapes there, too. FLOORED: it looks at floors as a whole.
+template <int WANTED, int WIDTH = 0, int HEIGHT = 0, int SHAPES = 0, bool NEAR = false, bool FLOORED = false> struct FlowPlaces {
     using Keeps = Kept<(WANTED & FLOW_BRIEF) != 0>;
     using Word = typename Keeps::Word;
     static constexpr int ROWS = motion_rows<(WANTED & FLOW_MOVES) != 0>();
-    static constexpr bool WHOLE = WIDTH > 0, LISTED = SHAPES > 0;
+    static constexpr bool WHOLE = WIDTH > 0, LISTED = SHAPES > 0, LOOKS_AT_FLOORS = FLOORED;
 
     const Word* words;
     Word* kept;
@@ -174,6 +166,7 @@ template <int WANTED, int WIDTH = 0, int HEIGHT = 0, int SHAPES = 0, bool NEAR =
     alignas(16) Camera then;  // as it was, where motions are listed
     alignas(16) Word near_words[NEAR ? NEAR_ROW * HEIGHT : 1];
     Row near_motions[LISTED ? (SHAPES + 1) * ROWS : 1];  // the first of nothing
+    FlowFloor floor[FLOORED ? 1 : 0];
 
     // The motion of a shape; `at` has its rows.
     struct Rows {
@@ -248,9 +241,15 @@ template <int WANTED, int WIDTH = 0, int HEIGHT = 0, int SHAPES = 0, bool NEAR =
     // Has all words on their way, if they are to be near; for all threads of a block.
     WARPCAM_FN void fetch(int thread)
     {
-        if (NEAR)
+        if constexpr (FLOORED) {
+            const int row = thread - LANES;  // those who look for floors in them
+            if (unsigned(row) < unsigned(HEIGHT))
+                for (int k = 0; k < WIDTH / 8; ++k)
+                    copy_row(near_words + NEAR_ROW * row + 8 * k, words + 8 * (HEIGHT * k + row));
+        } else if (NEAR) {
             for (int i = thread; i < WIDTH * HEIGHT / 8; i += THREADS)
                 copy_row(near_words + NEAR_ROW * (i % HEIGHT) + 8 * (i / HEIGHT), words + 8 * i);
+        }
     }
 };
 

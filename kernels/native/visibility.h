@@ -144,6 +144,7 @@ WARPCAM_FN void draw_apart(ShapeList<CAPACITY>& list, const Canvas_& canvas, con
         canvas.ready();
         arrive_at<MOTIONS_THERE, THREADS>();
         wait_at<SHAPES_SORTED, THREADS>();
+        canvas.look_at_floor();
     } else {
         if (thread < LANES) {
             if (!blind)
@@ -155,6 +156,8 @@ WARPCAM_FN void draw_apart(ShapeList<CAPACITY>& list, const Canvas_& canvas, con
             }
             warp_barrier();
             sort_by_depth(list, thread);
+        } else {
+            canvas.find_floor(thread - LANES);
         }
         canvas.ready();
         wait_at<FIRST_WARPS, THREADS - LANES>();
@@ -252,7 +255,8 @@ WARPCAM_FN void draw(const Shapes& shapes, const Materials& materials, const Mes
 {
     static_assert(!names_slots(OUTPUTS) || analytic_types(TYPES) == TYPES);
     constexpr bool FLOWING = (OUTPUTS & FLOWS) != 0;
-    using Near = typename Places<OUTPUTS, WIDTH, HEIGHT, (OUTPUTS & FLOW_LISTED) ? CAPACITY : 0>::type;
+    using Near = typename Places<OUTPUTS, WIDTH, HEIGHT, (OUTPUTS & FLOW_LISTED) ? CAPACITY : 0,
+                                 looks_at_floors(TYPES, LENS, OUTPUTS, CAPACITY, WIDTH, HEIGHT)>::type;
     WARPCAM_SHARED DrawRoom<CAPACITY, Near> shared;
     DrawRoom<CAPACITY, Near>& room = by_address(shared);
     ShapeList<CAPACITY>& list = room.list;

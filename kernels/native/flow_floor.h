@@ -1,0 +1,143 @@
+// Which parts of a block's image see of its floor only what was seen in the last image. Of most images the floor is the
+// largest part, and where it was hidden nearby are few places: of 64 pixels at once one projection and two looks at rows of
+// bits tell as much as 64 looks at words.
+#pragma once
+#include "hits.h"
+#include "prepare.h"
+
+namespace warpcam {
+
+// Words of 16 bits in a row of what is near: those of 64 pixels, and eight, so that the rows of a tile lie in different
+// banks. The bits of ROW_START times the bytes of a row and those of COLUMN_START times the bytes of a word add up to a
+// multiple of 2^32: the bits of a row and a column above these lead to a word with nothing taken off.
+constexpr int NEAR_ROW = 72;
+constexpr unsigned NEAR_BYTES = 2 * NEAR_ROW, TO_WRAP = -((NEAR_BYTES + 2) * 0x4b000000u);
+constexpr float ROW_START = 8388608.0f + TO_WRAP / NEAR_BYTES, COLUMN_START = 8388608.0f + TO_WRAP % NEAR_BYTES / 2;
+
+// Of an image of 64x64 pixels, in parts of 8x8.
+struct FlowFloor {
+    static constexpr int SIZE = 64, PART = 8, NONE = -2;
+
+    unsigned long long rows[SIZE];  // of each row a bit a pixel that showed the floor; then of eight rows that all did
+    unsigned parts[SIZE * SIZE / (PART * PART * LANES)];  // a bit each: what they show of the floor was seen
+    int shape;                      // NONE: there is no floor
+
+    // What all of a pixel's words is, of the floor: no depths tell its parts apart.
+    WARPCAM_FN static unsigned word(int shape) { return unsigned(shape) << 8; }
+};
+
+#if defined(__CUDA_ARCH__)
+
+// Four bits: which of four words of 16 bits show a shape.
+WARPCAM_FN unsigned showing(unsigned two, unsigned more, unsigned fours)
+{
+    const unsigned other = __byte_perm(two, more, 0x7531) ^ fours;
+    const unsigned none = (((other & 0x7f7f7f7fu) + 0x7f7f7f7fu) | other) & 0x80808080u ^ 0x80808080u;
+    return none * 0x00204081u >> 28;
+}
+
+// For the lanes of two warps, each of which has fetched the words of a row.
+template <class Places> WARPCAM_FN void find_floor(Places& places, int row, int shape)
+{
+    FlowFloor& floor = places.floor[0];
+    const unsigned fours = unsigned(shape) * 0x01010101u;
+    unsigned halves[2] = { 0, 0 };
+    for (int k = 0; k < FlowFloor::SIZE / 8; ++k) {
+        const uint4 words = *reinterpret_cast<const uint4*>(places.near_words + NEAR_ROW * row + 8 * k);
+        const unsigned eight = showing(words.x, words.y, fours) | showing(words.z, words.w, fours) << 4;
+        halves[k / 4] |= eight << 8 * (k % 4);
+    }
+    floor.rows[row] = static_cast<unsigned long long>(halves[1]) << 32 | halves[0];
+    if (row == 0) {
+        floor.shape = shape;
+        floor.parts[0] = floor.parts[1] = 0;
+    }
+}
+
+// Its first plane, for a warp.
+template <class Shapes> WARPCAM_FN int floor_of(const Shapes& shapes, int count)
+{
+    const int lane = threadIdx.x % LANES;
+    const unsigned planes = __ballot_sync(ALL, lane < count && wp::index(shapes.types, lane) == PLANE
+                                                        && wp::index(shapes.places, lane) >= 0);
+    return planes ? lowest_bit(planes) : FlowFloor::NONE;
+}
+
+// Along a line of an image: what is at its pixel (0, 0), and how much more at the next to the right and below.
+struct Slope {
+    float start, right, down;
+
+    WARPCAM_FN float at(float i, float j) const { return start + (right * i + down * j); }
+};
+
+// For one warp, once the motions are there.
+template <class Places, class Shapes>
+WARPCAM_FN void find_seen_floor(Places& places, const Shapes& shapes, const Camera& camera, int world)
+{
+    FlowFloor& floor = places.floor[0];
+    const int lane = threadIdx.x % LANES, shape = floor.shape;
+    if (shape < 0)
+        return;
+    const auto rows = places.of_shape(shape);
+    const Row last = rows.at(3);
+    if (last.z < 0.0f)  // it rests
+        return;
+    // Of eight rows, those of a lane and those 32 further down.
+    unsigned long long upper_rows = floor.rows[lane], lower_rows = floor.rows[lane + LANES];
+    for (int step = 1; step < FlowFloor::PART; step *= 2) {
+        const unsigned long long one = __shfl_sync(ALL, upper_rows, lane + step), other = __shfl_sync(ALL, lower_rows, lane + step);
+        const bool further = lane + step >= LANES;
+        upper_rows &= further ? other : one;
+        lower_rows &= further ? 0ull : other;
+    }
+    __syncwarp();
+    floor.rows[lane] = upper_rows;
+    floor.rows[lane + LANES] = lower_rows;
+    __syncwarp();
+    // One by the depth that the floor has now at a pixel, and its place and depth then times that.
+    const auto r = wp::index(shapes.rotations, world, shape);
+    const Vec normal = turned_back(camera.rotation, { r.data[0][2], r.data[1][2], r.data[2][2] });
+    const Vec away = turned_back(camera.rotation, to_vec(wp::index(shapes.positions, world, shape)) - camera.origin);
+    const float rate = 1.0f / dot(normal, away);
+    Slope near { 0.0f, rate * normal.x * camera.scale_x, -rate * normal.y * camera.scale_y };
+    near.start = near.right * (0.5f - camera.center_x) + near.down * (0.5f - camera.center_y) - rate * normal.z;
+    const auto slope = [&](const Row& row) {
+        const float w = as_float(row.w);
+        return Slope { row.z + w * near.start, row.x + w * near.right, row.y + w * near.down };
+    };
+    const Slope x = slope(rows.at(0)), y = slope(rows.at(1)), depth = slope(rows.at(2));
+    const float least = 1.0e-3f * (magnitude(near.start) + FlowFloor::SIZE * (magnitude(near.right) + magnitude(near.down)));
+    constexpr float SLACK = 0.0625f;
+#pragma unroll 1
+    for (int half = 0; half < 2; ++half) {
+        float left = FAR_AWAY, right = -FAR_AWAY, top = FAR_AWAY, bottom = -FAR_AWAY;
+        bool ahead = true;
+        for (int corner = 0; corner < 4; ++corner) {
+            const float i = float(lane % 8 * FlowFloor::PART + (corner & 1 ? FlowFloor::PART - 1 : 0));
+            const float j = float((lane / 8 + 4 * half) * FlowFloor::PART + (corner & 2 ? FlowFloor::PART - 1 : 0));
+            const float far = near.at(i, j), by = depth.at(i, j), scale = reciprocal(by);
+            ahead = ahead & (far > least) & (by > last.z * far) & (by > 0.0f);
+            const float across = x.at(i, j) * scale, along = y.at(i, j) * scale;
+            left = lower(left, across);
+            right = upper(right, across);
+            top = lower(top, along);
+            bottom = upper(bottom, along);
+        }
+        left += 0.25f - SLACK, top += 0.25f - SLACK, right += 0.75f + SLACK, bottom += 0.75f + SLACK;
+        bool seen = ahead & (left >= 0.0f) & (top >= 0.0f) & (right < float(FlowFloor::SIZE)) & (bottom < float(FlowFloor::SIZE));
+        const int first = int(left), count = int(right) - first, above = int(top), below = int(bottom);
+        seen = seen && below - above < 2 * FlowFloor::PART;
+        if (seen) {
+            const unsigned long long columns = ~0ull >> (FlowFloor::SIZE - 1 - count) << first;
+            const int begin = lower_int(above, FlowFloor::SIZE - FlowFloor::PART), end = upper_int(below - (FlowFloor::PART - 1), 0);
+            seen = (columns & ~(floor.rows[begin] & floor.rows[end])) == 0ull;
+        }
+        const unsigned found = __ballot_sync(ALL, seen);
+        if (lane == 0)
+            *const_cast<volatile unsigned*>(floor.parts + half) = found;
+    }
+}
+
+#endif
+
+}  // namespace warpcam
