@@ -225,7 +225,7 @@ template <int TYPES, int LENS, int OUTPUTS, int CAPACITY, int TALL_, class Targe
     // How all that two tiles show has moved, where that is only floor and was seen; false if it is not.
     WARPCAM_FN bool put_floor(int i, int j, const Hit (&hit)[TALL]) const
     {
-        const FlowFloor& floor = places.floor[0];
+        const FlowFloor& floor = places.floor;
         const unsigned part = unsigned(j) / FlowFloor::PART * (FlowFloor::SIZE / FlowFloor::PART) + unsigned(i) / FlowFloor::PART;
         const unsigned seen = *const_cast<const volatile unsigned*>(floor.parts + part / LANES) >> part % LANES & 1u;
         if (!__all_sync(ALL, seen && hit[0].shape == floor.shape && hit[1].shape == floor.shape))

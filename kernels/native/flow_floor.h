@@ -26,6 +26,15 @@ struct FlowFloor {
     WARPCAM_FN static unsigned word(int shape) { return unsigned(shape) << 8; }
 };
 
+// Room for that, if it is wanted.
+struct NoFloor { };
+template <bool WANTED> struct FloorOf {
+    using type = FlowFloor;
+};
+template <> struct FloorOf<false> {
+    using type = NoFloor;
+};
+
 #if defined(__CUDA_ARCH__)
 
 // Four bits: which of four words of 16 bits show a shape.
@@ -39,7 +48,7 @@ WARPCAM_FN unsigned showing(unsigned two, unsigned more, unsigned fours)
 // For the lanes of two warps, each of which has fetched the words of a row.
 template <class Places> WARPCAM_FN void find_floor(Places& places, int row, int shape)
 {
-    FlowFloor& floor = places.floor[0];
+    FlowFloor& floor = places.floor;
     const unsigned fours = unsigned(shape) * 0x01010101u;
     unsigned halves[2] = { 0, 0 };
     for (int k = 0; k < FlowFloor::SIZE / 8; ++k) {
@@ -74,7 +83,7 @@ struct Slope {
 template <class Places, class Shapes>
 WARPCAM_FN void find_seen_floor(Places& places, const Shapes& shapes, const Camera& camera, int world)
 {
-    FlowFloor& floor = places.floor[0];
+    FlowFloor& floor = places.floor;
     const int lane = threadIdx.x % LANES, shape = floor.shape;
     if (shape < 0)
         return;

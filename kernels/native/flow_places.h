@@ -166,7 +166,7 @@ template <int WANTED, int WIDTH = 0, int HEIGHT = 0, int SHAPES = 0, bool NEAR =
     alignas(16) Camera then;  // as it was, where motions are listed
     alignas(16) Word near_words[NEAR ? NEAR_ROW * HEIGHT : 1];
     Row near_motions[LISTED ? (SHAPES + 1) * ROWS : 1];  // the first of nothing
-    FlowFloor floor[FLOORED ? 1 : 0];
+    typename FloorOf<FLOORED>::type floor;
 
     // The motion of a shape; `at` has its rows.
     struct Rows {
