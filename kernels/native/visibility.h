@@ -263,10 +263,10 @@ WARPCAM_FN void draw(const Shapes& shapes, const Materials& materials, const Mes
     Camera& camera = room.camera;
     Near& places = room.places;
     const int thread = index % THREADS;
-    int world = index / THREADS;
+    int world = same_of_warp(index / THREADS);
     Region region { 0, 0, WIDTH, HEIGHT };
     if constexpr (!(OUTPUTS & FLOW_WHOLE))
-        region = region_of<WIDTH, HEIGHT, (TYPES >> MIDDLE_FIRST & 1) != 0>(target, index / THREADS, world);
+        region = region_of<WIDTH, HEIGHT, (TYPES >> MIDDLE_FIRST & 1) != 0>(target, world, world);
     if (!wp::index(target.mask, world))
         return;
     if (thread == 0) {
