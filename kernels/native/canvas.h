@@ -227,15 +227,29 @@ template <int TYPES, int LENS, int OUTPUTS, int CAPACITY, int TALL_, class Targe
     {
         const FlowFloor& floor = places.floor;
         const unsigned part = unsigned(j) / FlowFloor::PART * (FlowFloor::SIZE / FlowFloor::PART) + unsigned(i) / FlowFloor::PART;
-        const unsigned seen = *const_cast<const volatile unsigned*>(floor.parts + part / LANES) >> part % LANES & 1u;
+        const unsigned long long both = *reinterpret_cast<const volatile unsigned long long*>(floor.parts + part / LANES);
+        const bool seen = unsigned(both) >> part % LANES & 1u, inside_then = unsigned(both >> 32) >> part % LANES & 1u;
         if (!__all_sync(ALL, seen && hit[0].shape == floor.shape && hit[1].shape == floor.shape))
             return false;
         const auto& trail = target.trail;
         const unsigned lane = threadIdx.x % LANES, word = FlowFloor::word(floor.shape);
         keep_word(reinterpret_cast<unsigned*>(places.kept + (Places_::place_of(trail, i, j) - lane)), lane, word | word << 16);
         constexpr unsigned ONES = 0x01010101u;
-        if (lane < FlowFloor::PART)
-            *reinterpret_cast<uint2*>(trail.flow_valid.data + at(i & ~7, (j & ~7) + lane)) = make_uint2(ONES, ONES);
+        if (inside_then) {
+            if (lane < FlowFloor::PART)
+                *reinterpret_cast<uint2*>(trail.flow_valid.data + at(i & ~7, (j & ~7) + lane)) = make_uint2(ONES, ONES);
+        } else {
+            float x = floor.across.at(float(i), float(j)), y = floor.along.at(float(i), float(j));
+            float depth = floor.away.at(float(i), float(j));
+            for (int k = 0; k < TALL; ++k) {
+                const float rate = reciprocal(depth);
+                const Beside across(x, rate), along(y, rate);
+                trail.flow_valid.data[at(i, j, k)] = settled(across.inside(FlowFloor::SIZE) & along.inside(FlowFloor::SIZE));
+                x += TILE_HEIGHT * floor.across.down;
+                y += TILE_HEIGHT * floor.along.down;
+                depth += TILE_HEIGHT * floor.away.down;
+            }
+        }
         if constexpr ((OUTPUTS & FLOW) != 0) {
             Motion motion;
             for (int k = 0; k < TALL; ++k)

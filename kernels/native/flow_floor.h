@@ -14,13 +14,25 @@ constexpr int NEAR_ROW = 72;
 constexpr unsigned NEAR_BYTES = 2 * NEAR_ROW, TO_WRAP = -((NEAR_BYTES + 2) * 0x4b000000u);
 constexpr float ROW_START = 8388608.0f + TO_WRAP / NEAR_BYTES, COLUMN_START = 8388608.0f + TO_WRAP % NEAR_BYTES / 2;
 
+// What is at an image's pixel (0, 0), and how much more of it at the next to the right and below.
+struct alignas(16) Slope {
+    float start, right, down;
+
+    WARPCAM_FN float at(float i, float j) const { return start + (right * i + down * j); }
+};
+
 // Of an image of 64x64 pixels, in parts of 8x8.
 struct FlowFloor {
     static constexpr int SIZE = 64, PART = 8, NONE = -2;
 
     unsigned long long rows[SIZE];  // of each row a bit a pixel that showed the floor; then of eight rows that all did
-    unsigned parts[SIZE * SIZE / (PART * PART * LANES)];  // a bit each: what they show of the floor was seen
-    int shape;                      // NONE: there is no floor
+    // Of so many parts a bit each: the last image showed nothing but the floor where they show it, as far as that was inside
+    // of it; and all of that was.
+    struct alignas(8) Parts {
+        unsigned seen, inside;
+    } parts[SIZE * SIZE / (PART * PART * LANES)];
+    int shape;  // NONE: there is no floor
+    Slope across, along, away;  // where it was, in homogeneous pixels
 
     // What all of a pixel's words is, of the floor: no depths tell its parts apart.
     WARPCAM_FN static unsigned word(int shape) { return unsigned(shape) << 8; }
@@ -59,7 +71,7 @@ template <class Places> WARPCAM_FN void find_floor(Places& places, int row, int 
     floor.rows[row] = static_cast<unsigned long long>(halves[1]) << 32 | halves[0];
     if (row == 0) {
         floor.shape = shape;
-        floor.parts[0] = floor.parts[1] = 0;
+        floor.parts[0] = floor.parts[1] = { 0, 0 };
     }
 }
 
@@ -71,13 +83,6 @@ template <class Shapes> WARPCAM_FN int floor_of(const Shapes& shapes, int count)
                                                         && wp::index(shapes.places, lane) >= 0);
     return planes ? lowest_bit(planes) : FlowFloor::NONE;
 }
-
-// Along a line of an image: what is at its pixel (0, 0), and how much more at the next to the right and below.
-struct Slope {
-    float start, right, down;
-
-    WARPCAM_FN float at(float i, float j) const { return start + (right * i + down * j); }
-};
 
 // For one warp, once the motions are there.
 template <class Places, class Shapes>
@@ -115,6 +120,11 @@ WARPCAM_FN void find_seen_floor(Places& places, const Shapes& shapes, const Came
         return Slope { row.z + w * near.start, row.x + w * near.right, row.y + w * near.down };
     };
     const Slope x = slope(rows.at(0)), y = slope(rows.at(1)), depth = slope(rows.at(2));
+    if (lane == 0) {
+        floor.across = x;
+        floor.along = y;
+        floor.away = depth;
+    }
     const float least = 1.0e-3f * (magnitude(near.start) + FlowFloor::SIZE * (magnitude(near.right) + magnitude(near.down)));
     constexpr float SLACK = 0.0625f;
 #pragma unroll 1
@@ -133,17 +143,20 @@ WARPCAM_FN void find_seen_floor(Places& places, const Shapes& shapes, const Came
             bottom = upper(bottom, along);
         }
         left += 0.25f - SLACK, top += 0.25f - SLACK, right += 0.75f + SLACK, bottom += 0.75f + SLACK;
-        bool seen = ahead & (left >= 0.0f) & (top >= 0.0f) & (right < float(FlowFloor::SIZE)) & (bottom < float(FlowFloor::SIZE));
-        const int first = int(left), count = int(right) - first, above = int(top), below = int(bottom);
-        seen = seen && below - above < 2 * FlowFloor::PART;
-        if (seen) {
-            const unsigned long long columns = ~0ull >> (FlowFloor::SIZE - 1 - count) << first;
+        constexpr float END = FlowFloor::SIZE;
+        const bool inside = (left >= 0.0f) & (top >= 0.0f) & (right < END) & (bottom < END);
+        const int first = int(upper(left, 0.0f)), above = int(upper(top, 0.0f));
+        const int last_column = int(lower(right, END - 1.0f)), below = int(lower(bottom, END - 1.0f));
+        bool seen = ahead & (right > -END) & (bottom > -END) & (left < 2.0f * END) & (top < 2.0f * END);
+        if (seen && first <= last_column && above <= below) {
+            const unsigned long long columns = ~0ull >> (FlowFloor::SIZE - 1 - (last_column - first)) << first;
             const int begin = lower_int(above, FlowFloor::SIZE - FlowFloor::PART), end = upper_int(below - (FlowFloor::PART - 1), 0);
-            seen = (columns & ~(floor.rows[begin] & floor.rows[end])) == 0ull;
+            seen = below - above < 2 * FlowFloor::PART && (columns & ~(floor.rows[begin] & floor.rows[end])) == 0ull;
         }
-        const unsigned found = __ballot_sync(ALL, seen);
-        if (lane == 0)
-            *const_cast<volatile unsigned*>(floor.parts + half) = found;
+        const FlowFloor::Parts found { __ballot_sync(ALL, seen), __ballot_sync(ALL, inside) };
+        if (lane == 0)  // at once, as others read it
+            *reinterpret_cast<volatile unsigned long long*>(floor.parts + half)
+                = static_cast<unsigned long long>(found.inside) << 32 | found.seen;
     }
 }
 
