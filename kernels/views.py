@@ -49,6 +49,9 @@ CLIP_ZERO = 2
 SECOND, FIRST = 1, 2
 NEW = 4  # nothing is known; what is shown goes to the first. Between frames: 0
 
+# Threads in a CUDA block: few, so that few worlds are spread over all multiprocessors.
+BLOCK = 32
+
 DEGREE = 0.017453292519943295
 
 
@@ -82,6 +85,17 @@ class LensTable:
     height: wp.int32
 
 
+@wp.struct
+class Opening:
+    """What a frame does to a world it draws before anything else; see ``open_frame``."""
+
+    everything: wp.int32  # 1: all worlds are drawn, and the mask is made to say so; 0: those that it has
+    known: wp.array(dtype=wp.uint8)  # (world,) what is known of their last frames, turned over; or empty
+    clock: wp.array(dtype=wp.float32)  # (world,) the simulation's time [s], or empty
+    frames: wp.array(dtype=wp.int32)  # (world,) of Tags
+    times: wp.array(dtype=wp.float32)  # (world,) of Tags
+
+
 @wp.func
 def rotation_of(quaternion: wp.vec4) -> wp.mat33:
     """``quaternion`` is w x y z; not finite for one of length 0, or whose length is not."""
@@ -100,19 +114,15 @@ def is_finite(position: wp.vec3, rotation: wp.mat33, scale: wp.vec2, center: wp.
     return wp.isfinite(total)
 
 
-@wp.kernel(enable_backward=False)
-def write_views(
+@wp.func
+def write_view(
+    world: wp.int32,
     mount: Mount,
     lens: LensTable,
-    mask: wp.array(dtype=wp.uint8),
     faults: wp.array(dtype=wp.uint8),
     views: wp.array(dtype=View),
     before: wp.array(dtype=View),
-    first: wp.int32,
 ):
-    world = first + wp.tid()
-    if mask[world] == wp.uint8(0):
-        return
     if before.shape[0] > 0:
         before[world] = views[world]
     position = mount.positions[world, mount.column]
@@ -182,33 +192,54 @@ def write_views(
     views[world] = view
 
 
+@wp.func
+def open_world(world: wp.int32, opening: Opening, faults: wp.array(dtype=wp.uint8)):
+    faults[world] = wp.uint8(0)
+    if opening.known.shape[0] > 0:
+        state = wp.int32(opening.known[world])
+        turned = FIRST
+        if state == 0:
+            turned = NEW
+        elif state == FIRST:
+            turned = SECOND
+        opening.known[world] = wp.uint8(turned)
+    opening.frames[world] = opening.frames[world] + 1
+    if world < opening.clock.shape[0]:
+        opening.times[world] = opening.clock[world]
+
+
 @wp.kernel(enable_backward=False)
-def begin_frame(
-    everything: wp.int32,
+def open_frame(
+    opening: Opening,
+    mount: Mount,
+    lens: LensTable,
     mask: wp.array(dtype=wp.uint8),
     faults: wp.array(dtype=wp.uint8),
-    known: wp.array(dtype=wp.uint8),
-    clock: wp.array(dtype=wp.float32),
-    frames: wp.array(dtype=wp.int32),
-    times: wp.array(dtype=wp.float32),
+    views: wp.array(dtype=View),
+    before: wp.array(dtype=View),
     first: wp.int32,
 ):
     world = first + wp.tid()
-    if everything != 0:
+    if opening.everything != 0:
         mask[world] = wp.uint8(1)
     if mask[world] != wp.uint8(0):
-        faults[world] = wp.uint8(0)
-        if known.shape[0] > 0:
-            state = wp.int32(known[world])
-            turned = FIRST
-            if state == 0:
-                turned = NEW
-            elif state == FIRST:
-                turned = SECOND
-            known[world] = wp.uint8(turned)
-        frames[world] = frames[world] + 1
-        if world < clock.shape[0]:
-            times[world] = clock[world]
+        open_world(world, opening, faults)
+        write_view(world, mount, lens, faults, views, before)
+
+
+@wp.kernel(enable_backward=False)
+def write_views(
+    mount: Mount,
+    lens: LensTable,
+    mask: wp.array(dtype=wp.uint8),
+    faults: wp.array(dtype=wp.uint8),
+    views: wp.array(dtype=View),
+    before: wp.array(dtype=View),
+    first: wp.int32,
+):
+    world = first + wp.tid()
+    if mask[world] != wp.uint8(0):
+        write_view(world, mount, lens, faults, views, before)
 
 
 @wp.kernel(enable_backward=False)
@@ -224,6 +255,22 @@ for _dtype in (wp.int32, wp.int64):
     wp.overload(mark_worlds, [wp.array(dtype=_dtype), wp.array(dtype=wp.uint8)])
 
 
+def opening_of(
+    everything: bool, clock: wp.array | None, tags: Tags, device: wp.Device, known: wp.array | None = None
+) -> Any:
+    """The Opening of a stage of ``record_views``.
+
+    It clears the faults of the worlds drawn, counts the frame, and notes the ``clock``, (world,) float32 [s], if there
+    is one. ``known``, uint8, (world,), says what is known of their last frames, and is turned over.
+    """
+    opening = Opening()
+    opening.everything = int(everything)
+    opening.known = wp.empty(0, dtype=wp.uint8, device=device) if known is None else known
+    opening.clock = wp.empty(0, dtype=wp.float32, device=device) if clock is None else clock
+    opening.frames, opening.times = tags.frames, tags.times
+    return opening
+
+
 def record_views(
     mount: Mount,
     lens: LensTable,
@@ -232,6 +279,7 @@ def record_views(
     views: wp.array,
     device: wp.Device,
     before: wp.array | None = None,
+    opening: Any = None,
 ) -> Stage:
     """Bind the stage that writes one camera's views.
 
@@ -243,25 +291,10 @@ def record_views(
         views: View, (world,); written.
         device: Where all of these lie.
         before: View, (world,); the views that were written last go there. None: nowhere.
+        opening: Opening; what the stage does to a world first, as the one that opens the frame; None: it is another's.
     """
     before = wp.empty(0, dtype=View, device=device) if before is None else before
-    return record(write_views, views.shape[0], [mount, lens, mask, faults, views, before], device)
-
-
-def record_begin(
-    everything: bool,
-    mask: wp.array,
-    faults: wp.array,
-    clock: wp.array | None,
-    tags: Tags,
-    device: wp.Device,
-    known: wp.array | None = None,
-) -> Stage:
-    """Bind the stage that opens a frame: of all worlds, or of those that ``mask`` has.
-
-    It clears their faults, counts the frame, and notes the ``clock``, (world,) float32 [s], if there is one. ``known``,
-    uint8, (world,), says what is known of their last frames, and is turned over.
-    """
-    known = wp.empty(0, dtype=wp.uint8, device=device) if known is None else known
-    values = [int(everything), mask, faults, known, clock, tags.frames, tags.times]
-    return record(begin_frame, mask.shape[0], values, device)
+    values = [mount, lens, mask, faults, views, before]
+    if opening is None:
+        return record(write_views, views.shape[0], values, device, block_dim=BLOCK)
+    return record(open_frame, views.shape[0], [opening, *values], device, block_dim=BLOCK)

@@ -108,12 +108,20 @@ class Mounted:
             tables = replace(tables, has_skybox=False)
         return replace(tables, variety=variety)
 
-    def record(self, mask: wp.array, faults: wp.array, views: wp.array, before: wp.array | None = None) -> Stage:
+    def record(
+        self,
+        mask: wp.array,
+        faults: wp.array,
+        views: wp.array,
+        before: wp.array | None = None,
+        opening: Any = None,
+    ) -> Stage:
         """The stage that writes the camera's views, with the scene's arrays as of its last ``tables()``.
 
-        The views there were go to ``before``, if there is one.
+        The views there were go to ``before``, if there is one. With an ``opening`` the stage is a frame's first.
         """
-        return views_stage.record_views(self._mount(), self._lens(), mask, faults, views, self._scene.device, before)
+        device = self._scene.device
+        return views_stage.record_views(self._mount(), self._lens(), mask, faults, views, device, before, opening)
 
     def _mount(self) -> Mount:
         mount, scene = Mount(), self._scene

@@ -16,7 +16,7 @@ from warpcam.kernels.launch import Frame, Group, Stage, bind
 from warpcam.kernels.streams import context_kept, quiet_stream
 from warpcam.kernels.tables import Tables
 from warpcam.kernels.types import HEIGHT_FIELD, MESH
-from warpcam.kernels.views import Tags, record_begin
+from warpcam.kernels.views import Tags, opening_of
 from warpcam.lens import Lens
 from warpcam.memory import check_cameras, estimate_memory, require_free
 from warpcam.mounting import CameraArrays, Mounted
@@ -196,16 +196,19 @@ class Renderer:
         """Bind every stage to the tables' arrays; loads and compiles whatever kernels that takes."""
         mask, faults, scratch = self._selection.mask, self._faults, self._scratch
         known = None if self._shapes_past is None else self._shapes_past.known
-        views = [
-            mounted.record(mask, faults, self._targets[key].views, self._targets[key].views_before)
-            for key, mounted in self._mounted.items()
-        ]
+
+        def record_views(opening: Any) -> Iterator[Stage]:
+            for key, mounted in self._mounted.items():
+                target = self._targets[key]
+                yield mounted.record(mask, faults, target.views, target.views_before, opening)
+                opening = None
+
         images = {key: target.images.values() for key, target in self._targets.items()}
         clock = self._clock = self._scene.clock()
         frames: dict[bool, list[list[list[Stage]]]] = {}
         for everything in (True, False):
-            begin = record_begin(everything, mask, faults, clock, self._tags, self._device, known)
-            frames[everything] = [[[begin]], [views]]
+            opening = opening_of(everything, clock, self._tags, self._device, known)
+            frames[everything] = [[list(record_views(opening))]]
             frames[everything] += self._record_motion(tables)
             phases = list(scratch.phases(images if everything else None))
             if everything:
@@ -254,9 +257,9 @@ class Renderer:
             aside = [stage for stage in stages if stage.aside]
             rest = [stage for stage in stages if not stage.aside]
             frames = {}
-            for everything, (begin, (views,), *phases) in self._phases.items():
+            for everything, ((views,), *phases) in self._phases.items():
                 head = [[[*rest, *views], aside]] if aside else [[rest], [views]]
-                frames[everything] = Frame([begin, *head, *phases], self._device)
+                frames[everything] = Frame([*head, *phases], self._device)
             recording = Recording(frames, {})
         self._recordings[stages] = recording
         return recording
