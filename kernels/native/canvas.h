@@ -39,24 +39,15 @@ constexpr int tiles_at_once(int types, int width, int height)
 // Where the normals are written, hits name the slot of their shape's record instead of the shape: see gather().
 constexpr bool names_slots(int outputs) { return outputs & NORMALS; }
 
-// Whether a block looks at a floor as a whole to tell what of it was seen.
-constexpr bool looks_at_floors(int types, int lens, int outputs, int shapes, int width, int height)
-{
-    constexpr int NEEDS = FLOW_VALID | FLOW_LISTED | FLOW_WHOLE | FLOW_NEAR;
-    return (outputs & NEEDS) == NEEDS && !names_slots(outputs) && (types >> PLANE & 1) && !(types >> MESH & 1) && lens == PINHOLE
-        && shapes <= LANES && width == FlowFloor::SIZE && height == FlowFloor::SIZE && tiles_at_once(types, width, height) == 2;
-}
-
 // Where flow has what was seen, if it is wanted.
-template <int OUTPUTS, int WIDTH, int HEIGHT, int SHAPES, bool FLOORED, bool WANTED = (OUTPUTS & FLOWS) != 0> struct Places {
+template <int OUTPUTS, int WIDTH, int HEIGHT, int SHAPES, bool WANTED = (OUTPUTS & FLOWS) != 0> struct Places {
     static constexpr bool WHOLE = (OUTPUTS & FLOW_WHOLE) != 0, NEAR = (OUTPUTS & FLOW_NEAR) != 0;
-    using type = FlowPlaces<OUTPUTS, WHOLE ? WIDTH : 0, WHOLE ? HEIGHT : 0, SHAPES, NEAR, FLOORED>;
+    using type = FlowPlaces<OUTPUTS, WHOLE ? WIDTH : 0, WHOLE ? HEIGHT : 0, SHAPES, NEAR>;
 };
 struct NoPlaces {
-    static constexpr bool WHOLE = false, LOOKS_AT_FLOORS = false;
+    static constexpr bool WHOLE = false;
 };
-template <int OUTPUTS, int WIDTH, int HEIGHT, int SHAPES, bool FLOORED>
-struct Places<OUTPUTS, WIDTH, HEIGHT, SHAPES, FLOORED, false> {
+template <int OUTPUTS, int WIDTH, int HEIGHT, int SHAPES> struct Places<OUTPUTS, WIDTH, HEIGHT, SHAPES, false> {
     using type = NoPlaces;
 };
 
@@ -106,26 +97,6 @@ template <int TYPES, int LENS, int OUTPUTS, int CAPACITY, int TALL_, class Targe
                                                   places.near_motions);
     }
 
-    // For a warp: of what of a floor was seen what is seen now, once the motions are there.
-    WARPCAM_FN void look_at_floor() const
-    {
-#if defined(__CUDA_ARCH__)
-        if constexpr (Places_::LOOKS_AT_FLOORS)
-            find_seen_floor(places, shapes, camera, world);
-#endif
-    }
-
-    // For the threads that have fetched the words of what was seen: what of a floor was.
-    WARPCAM_FN void find_floor(int row) const
-    {
-#if defined(__CUDA_ARCH__)
-        if constexpr (Places_::LOOKS_AT_FLOORS) {
-            await_rows();
-            warpcam::find_floor(places, row, floor_of(shapes, target.trail.columns));
-        }
-#endif
-    }
-
     // What was on its way is there, once the threads of the block have met.
     WARPCAM_FN void ready() const
     {
@@ -173,25 +144,16 @@ template <int TYPES, int LENS, int OUTPUTS, int CAPACITY, int TALL_, class Targe
             put_three(target.points.data, pixel, point_of(hit, camera, seen));
         if (WHAT & NORMALS)
             put_three(target.normals.data, pixel, normal_of(hit, seen));
-        if constexpr ((WHAT & FLOWS) != 0) {
-            Motion none;
-            put_motion(i, j, hit, k, none);
-        }
+        if constexpr ((WHAT & FLOWS) != 0)
+            put_flow<TYPES, LENS, WHAT>(target.trail, places, shapes, camera, seen, { hit.depth, shape, hit.face }, world, i, j,
+                                        k * TILE_HEIGHT, pixel);
     }
 
-    // The same of how it has moved. `motion` is of the tile above.
-    template <int WHAT = OUTPUTS> WARPCAM_FN void put_motion(int i, int j, const Hit& hit, int k, Motion& motion) const
-    {
-        const int shape = names_slots(OUTPUTS) && hit.shape >= 0 ? list.ids[hit.shape] : hit.shape;
-        put_flow<TYPES, LENS, WHAT>(target.trail, places, shapes, camera, ray(i, j + k * TILE_HEIGHT),
-                                       { hit.depth, shape, hit.face }, world, i, j, k * TILE_HEIGHT, at(i, j, k), motion);
-    }
-
-    // Writes what a pass has found: WHAT of it.
-    template <int WHAT = OUTPUTS> WARPCAM_FN void put_new(int i, int j, const Hit& hit, bool first_pass, int k = 0) const
+    // Writes what a pass has found.
+    WARPCAM_FN void put_new(int i, int j, const Hit& hit, bool first_pass, int k = 0) const
     {
         if (inside(i, j + k * TILE_HEIGHT) && (first_pass || hit.shape >= 0))
-            put<WHAT>(i, j, hit, k);
+            put<OUTPUTS>(i, j, hit, k);
     }
 
     WARPCAM_FN Vec normal_of(const Hit& hit, const ViewRay<LENS>& seen) const
@@ -204,67 +166,14 @@ template <int TYPES, int LENS, int OUTPUTS, int CAPACITY, int TALL_, class Targe
 #if defined(__CUDA_ARCH__)
     static constexpr int THREES = OUTPUTS & QUADS ? OUTPUTS & (POINTS | NORMALS) : 0;  // stored by 16 bytes
 
-    // The same for the pixels of a warp's tiles, each lane's: of TALL tiles, those below the first are below its pixel (i, j).
-    // `row_of_lanes` is room for 3 * LANES numbers where there are THREES.
-    WARPCAM_FN void put_tiles(int i, int j, const Hit (&hit)[TALL], bool first_pass, float* row_of_lanes) const
-    {
-        for (int k = 0; k < TALL; ++k)
-            put_tile(i, j, k, hit[k], first_pass, row_of_lanes);
-        if constexpr (Places_::LOOKS_AT_FLOORS) {
-            if (put_floor(i, j, hit))
-                return;
-        }
-        if constexpr ((OUTPUTS & FLOWS) != 0) {
-            Motion motion;
-            for (int k = 0; k < TALL; ++k)
-                if (inside(i, j + k * TILE_HEIGHT) && (first_pass || hit[k].shape >= 0))
-                    put_motion(i, j, hit[k], k, motion);
-        }
-    }
-
-    // How all that two tiles show has moved, where that is only floor and was seen; false if it is not.
-    WARPCAM_FN bool put_floor(int i, int j, const Hit (&hit)[TALL]) const
-    {
-        const FlowFloor& floor = places.floor;
-        const unsigned part = unsigned(j) / FlowFloor::PART * (FlowFloor::SIZE / FlowFloor::PART) + unsigned(i) / FlowFloor::PART;
-        const unsigned long long both = *reinterpret_cast<const volatile unsigned long long*>(floor.parts + part / LANES);
-        const bool seen = unsigned(both) >> part % LANES & 1u, inside_then = unsigned(both >> 32) >> part % LANES & 1u;
-        if (!__all_sync(ALL, seen && hit[0].shape == floor.shape && hit[1].shape == floor.shape))
-            return false;
-        const auto& trail = target.trail;
-        const unsigned lane = threadIdx.x % LANES, word = FlowFloor::word(floor.shape);
-        keep_word(reinterpret_cast<unsigned*>(places.kept + (Places_::place_of(trail, i, j) - lane)), lane, word | word << 16);
-        constexpr unsigned ONES = 0x01010101u;
-        if (inside_then) {
-            if (lane < FlowFloor::PART)
-                *reinterpret_cast<uint2*>(trail.flow_valid.data + at(i & ~7, (j & ~7) + lane)) = make_uint2(ONES, ONES);
-        } else {
-            float x = floor.across.at(float(i), float(j)), y = floor.along.at(float(i), float(j));
-            float depth = floor.away.at(float(i), float(j));
-            for (int k = 0; k < TALL; ++k) {
-                const float rate = reciprocal(depth);
-                const Beside across(x, rate), along(y, rate);
-                trail.flow_valid.data[at(i, j, k)] = settled(across.inside(FlowFloor::SIZE) & along.inside(FlowFloor::SIZE));
-                x += TILE_HEIGHT * floor.across.down;
-                y += TILE_HEIGHT * floor.along.down;
-                depth += TILE_HEIGHT * floor.away.down;
-            }
-        }
-        if constexpr ((OUTPUTS & FLOW) != 0) {
-            Motion motion;
-            for (int k = 0; k < TALL; ++k)
-                put_motion<OUTPUTS & ~FLOW_VALID>(i, j, hit[k], k, motion);
-        }
-        return true;
-    }
-
-    // All but how they have moved.
+    // The same for the pixels of a warp's tile, each lane's, the k-th below theirs of the first; `row_of_lanes` is room for
+    // 3 * LANES numbers where there are THREES.
     WARPCAM_FN void put_tile(int i, int j, int k, const Hit& hit, bool first_pass, float* row_of_lanes) const
     {
         if (THREES == 0 || !first_pass)
-            return put_new<OUTPUTS & ~FLOWS>(i, j, hit, first_pass, k);
+            return put_new(i, j, hit, first_pass, k);
         if (inside(i, j + k * TILE_HEIGHT))
-            put<OUTPUTS & ~THREES & ~FLOWS>(i, j, hit, k);
+            put<OUTPUTS & ~THREES>(i, j, hit, k);
         j += k * TILE_HEIGHT;
         const int lane = threadIdx.x % LANES, left = i - lane % TILE_WIDTH, top = j - lane / TILE_WIDTH;
         Pixel pixel { i, j, unsigned(at(i, j)), inside(i, j), row_of_lanes, lane };

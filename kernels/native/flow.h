@@ -63,26 +63,15 @@ WARPCAM_FN bool was_seen(const Trail& trail, const Places& places, int shape, co
                                places.word_at_place(trail, x.other(), y.other()), shape, last, depth);
 }
 
-// How the shape of the pixel above has moved, as far as it was asked for: mostly the pixel below shows it, too.
-struct Motion {
-    int shape = -2;  // none yet
-    Row across, along, away, last;
-};
-
 // Writes the pixel that is `below` rows below pixel (i, j), number `pixel` of all worlds'.
 template <int TYPES, int LENS, int WANTED, class Trail, class Places, class Shapes, class Index>
 WARPCAM_FN void put_flow(const Trail& trail, const Places& places, const Shapes& shapes, const Camera& camera,
-                         const ViewRay<LENS>& seen, const Hit& hit, int world, int i, int j, int below, Index pixel,
-                         Motion& motion)
+                         const ViewRay<LENS>& seen, const Hit& hit, int world, int i, int j, int below, Index pixel)
 {
     constexpr bool MOVES = WANTED & FLOW_MOVES;
     using Keeps = typename Places::Keeps;
     const auto rows = places.of_shape(hit.shape);
-    const bool anew = below == 0 || hit.shape != motion.shape;
-    if (anew)
-        motion.last = rows.at(3);
-    motion.shape = hit.shape;
-    const Row last = motion.last;
+    const Row last = rows.at(3);
     if (WANTED & FLOW_VALID)
         keep_word(places.kept + 8u * below, Places::place_of(trail, i, j), Keeps::word(hit.shape, hit.depth, last));
     float right = 0.0f, down = 0.0f;
@@ -101,15 +90,10 @@ WARPCAM_FN void put_flow(const Trail& trail, const Places& places, const Shapes&
             if (WANTED & FLOW_VALID)
                 valid = settled(Keeps::shows(places.word_of(trail, i, j + below), hit.shape));
         } else {
-            if (anew) {
-                motion.across = rows.at(0);
-                motion.along = rows.at(1);
-                motion.away = rows.at(2);
-            }
             const float column = float(i), row = float(j + below);
-            float x = then<LENS>(motion.across, column, row, hit.depth);
-            float y = then<LENS>(motion.along, column, row, hit.depth);
-            float depth = then<LENS>(motion.away, column, row, hit.depth);
+            float x = then<LENS>(rows.at(0), column, row, hit.depth);
+            float y = then<LENS>(rows.at(1), column, row, hit.depth);
+            float depth = then<LENS>(rows.at(2), column, row, hit.depth);
             if constexpr (MOVES) {
                 if (corners >= 0) {
                     x += dot(to_vec(rows.at(4)), within);

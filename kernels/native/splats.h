@@ -337,8 +337,7 @@ WARPCAM_FN void draw_splat_pixel(const Scene& scene, const Cloud* clouds, int nu
     if constexpr ((WANTED & FLOWS) != 0) {
         FlowPlaces<WANTED> places;
         places.locate(scene.frame.trail, world);
-        Motion motion;
-        put_flow<0, LENS, WANTED>(scene.frame.trail, places, scene.shapes, camera, seen, hit, world, column, row, 0, at, motion);
+        put_flow<0, LENS, WANTED>(scene.frame.trail, places, scene.shapes, camera, seen, hit, world, column, row, 0, at);
     }
 }
 
