@@ -39,15 +39,24 @@ constexpr int tiles_at_once(int types, int width, int height)
 // Where the normals are written, hits name the slot of their shape's record instead of the shape: see gather().
 constexpr bool names_slots(int outputs) { return outputs & NORMALS; }
 
+// Whether a block looks at a floor as a whole to tell what of it was seen.
+constexpr bool looks_at_floors(int types, int lens, int outputs, int shapes, int width, int height)
+{
+    constexpr int NEEDS = FLOW_VALID | FLOW_LISTED | FLOW_WHOLE | FLOW_NEAR;
+    return (outputs & NEEDS) == NEEDS && !names_slots(outputs) && (types >> PLANE & 1) && !(types >> MESH & 1) && lens == PINHOLE
+        && shapes <= LANES && width == FlowFloor::SIZE && height == FlowFloor::SIZE && tiles_at_once(types, width, height) == 2;
+}
+
 // Where flow has what was seen, if it is wanted.
-template <int OUTPUTS, int WIDTH, int HEIGHT, int SHAPES, bool WANTED = (OUTPUTS & FLOWS) != 0> struct Places {
+template <int OUTPUTS, int WIDTH, int HEIGHT, int SHAPES, bool FLOORED, bool WANTED = (OUTPUTS & FLOWS) != 0> struct Places {
     static constexpr bool WHOLE = (OUTPUTS & FLOW_WHOLE) != 0, NEAR = (OUTPUTS & FLOW_NEAR) != 0;
-    using type = FlowPlaces<OUTPUTS, WHOLE ? WIDTH : 0, WHOLE ? HEIGHT : 0, SHAPES, NEAR>;
+    using type = FlowPlaces<OUTPUTS, WHOLE ? WIDTH : 0, WHOLE ? HEIGHT : 0, SHAPES, NEAR, FLOORED>;
 };
 struct NoPlaces {
-    static constexpr bool WHOLE = false;
+    static constexpr bool WHOLE = false, LOOKS_AT_FLOORS = false;
 };
-template <int OUTPUTS, int WIDTH, int HEIGHT, int SHAPES> struct Places<OUTPUTS, WIDTH, HEIGHT, SHAPES, false> {
+template <int OUTPUTS, int WIDTH, int HEIGHT, int SHAPES, bool FLOORED>
+struct Places<OUTPUTS, WIDTH, HEIGHT, SHAPES, FLOORED, false> {
     using type = NoPlaces;
 };
 
@@ -95,6 +104,28 @@ template <int TYPES, int LENS, int OUTPUTS, int CAPACITY, int TALL_, class Targe
             compose_motions<OUTPUTS, TYPES, LENS>(target.trail, shapes, camera, places.then, world,
                                                   target.trail.keep && region.left == 0 && region.top == 0, thread,
                                                   places.near_motions);
+    }
+
+    // For the threads that have fetched what was seen: what of the floor was.
+    WARPCAM_FN void find_floor(int row) const
+    {
+#if defined(__CUDA_ARCH__)
+        if constexpr (Places_::LOOKS_AT_FLOORS) {
+            await_rows();
+            const auto& trail = target.trail;
+            constexpr unsigned PIXELS = FlowFloor::SIZE * FlowFloor::SIZE;
+            warpcam::find_floor(places, trail.flow_valid.data + size_t(unsigned(world)) * PIXELS, row, floor_of(shapes, trail.columns));
+        }
+#endif
+    }
+
+    // For a warp, once the motions are there: where what is seen of the floor now was seen.
+    WARPCAM_FN void look_at_floor() const
+    {
+#if defined(__CUDA_ARCH__)
+        if constexpr (Places_::LOOKS_AT_FLOORS)
+            find_seen_floor(places, shapes, camera, world, floor_of(shapes, target.trail.columns));
+#endif
     }
 
     // What was on its way is there, once the threads of the block have met.
@@ -165,6 +196,30 @@ template <int TYPES, int LENS, int OUTPUTS, int CAPACITY, int TALL_, class Targe
 
 #if defined(__CUDA_ARCH__)
     static constexpr int THREES = OUTPUTS & QUADS ? OUTPUTS & (POINTS | NORMALS) : 0;  // stored by 16 bytes
+
+    // Writes all tiles of a warp that begin with pixel (i, j), if they show only floor that was seen; else false.
+    WARPCAM_FN bool put_floor(int i, int j, const Hit (&hit)[TALL]) const
+    {
+        if constexpr (Places_::LOOKS_AT_FLOORS) {
+            const FlowFloor& floor = places.floor;
+            const int seen = *const_cast<const volatile int*>(floor.seen + FlowFloor::part_of(i, j)), shape = seen & FlowFloor::NONE;
+            if (!__all_sync(ALL, hit[0].shape == shape && hit[1].shape == shape))
+                return false;
+            for (int k = 0; k < TALL; ++k) {
+                const Hit known { hit[k].depth, shape, hit[k].face };
+                put<OUTPUTS & ~FLOW_VALID>(i, j, known, k);
+                if (seen & FlowFloor::OUTSIDE) {
+                    const float column = float(i), row = float(j + k * TILE_HEIGHT);
+                    const float rate = reciprocal(floor.away.at(column, row));
+                    const Beside across(floor.across.at(column, row), rate), along(floor.along.at(column, row), rate);
+                    if (!(across.inside(FlowFloor::SIZE) & along.inside(FlowFloor::SIZE)))
+                        target.trail.flow_valid.data[at(i, j, k)] = 0;
+                }
+            }
+            return true;
+        }
+        return false;
+    }
 
     // The same for the pixels of a warp's tile, each lane's, the k-th below theirs of the first; `row_of_lanes` is room for
     // 3 * LANES numbers where there are THREES.

@@ -1,6 +1,6 @@
 // Which parts of a block's image see of its floor only what was seen in the last image. Of most images the floor is the
-// largest part, and where it was hidden nearby are few places: of 64 pixels at once one projection and two looks at rows of
-// bits tell as much as 64 looks at words.
+// largest part, and it was hidden in few places nearby: of 64 pixels at once one projection and two looks at rows of bits
+// tell as much as 128 looks at words.
 #pragma once
 #include "hits.h"
 #include "prepare.h"
@@ -23,17 +23,16 @@ struct alignas(16) Slope {
 
 // Of an image of 64x64 pixels, in parts of 8x8.
 struct FlowFloor {
-    static constexpr int SIZE = 64, PART = 8, NONE = -2;
+    static constexpr int SIZE = 64, PART = 8, PARTS = SIZE * SIZE / (PART * PART);
+    static constexpr int NONE = 255, OUTSIDE = 256;  // no shape has that id where words are brief
 
     unsigned long long rows[SIZE];  // of each row a bit a pixel that showed the floor; then of eight rows that all did
-    // Of so many parts a bit each: the last image showed nothing but the floor where they show it, as far as that was inside
-    // of it; and all of that was.
-    struct alignas(8) Parts {
-        unsigned seen, inside;
-    } parts[SIZE * SIZE / (PART * PART * LANES)];
-    int shape;  // NONE: there is no floor
-    Slope across, along, away;  // where it was, in homogeneous pixels
+    // The floor's id where the last image showed nothing else where a part shows it, with OUTSIDE as far as that was inside
+    // of it; or NONE.
+    int seen[PARTS];
+    Slope across, along, away;  // where the floor was, in homogeneous pixels
 
+    WARPCAM_FN static unsigned part_of(unsigned i, unsigned j) { return j / PART * (SIZE / PART) + i / PART; }
     // What all of a pixel's words is, of the floor: no depths tell its parts apart.
     WARPCAM_FN static unsigned word(int shape) { return unsigned(shape) << 8; }
 };
@@ -53,12 +52,22 @@ template <> struct FloorOf<false> {
 WARPCAM_FN unsigned showing(unsigned two, unsigned more, unsigned fours)
 {
     const unsigned other = __byte_perm(two, more, 0x7531) ^ fours;
-    const unsigned none = (((other & 0x7f7f7f7fu) + 0x7f7f7f7fu) | other) & 0x80808080u ^ 0x80808080u;
+    const unsigned none = ~(((other & 0x7f7f7f7fu) + 0x7f7f7f7fu) | other) & 0x80808080u;
     return none * 0x00204081u >> 28;
 }
 
-// For the lanes of two warps, each of which has fetched the words of a row.
-template <class Places> WARPCAM_FN void find_floor(Places& places, int row, int shape)
+// The first plane of a scene of at most as many shapes as a warp has lanes, for a warp.
+template <class Shapes> WARPCAM_FN int floor_of(const Shapes& shapes, int count)
+{
+    const int lane = threadIdx.x % LANES;
+    const unsigned planes = __ballot_sync(ALL, lane < count && wp::index(shapes.types, lane) == PLANE
+                                                   && wp::index(shapes.places, lane) >= 0);
+    return planes ? lowest_bit(planes) : FlowFloor::NONE;
+}
+
+// What of a row of the last image showed the floor, for a thread that has fetched its words. All of the new image's words,
+// and whether its pixels were seen, are as the floor's that was: then nothing is to be written where this is so.
+template <class Places> WARPCAM_FN void find_floor(Places& places, unsigned char* valid, int row, int shape)
 {
     FlowFloor& floor = places.floor;
     const unsigned fours = unsigned(shape) * 0x01010101u;
@@ -69,28 +78,22 @@ template <class Places> WARPCAM_FN void find_floor(Places& places, int row, int 
         halves[k / 4] |= eight << 8 * (k % 4);
     }
     floor.rows[row] = static_cast<unsigned long long>(halves[1]) << 32 | halves[0];
-    if (row == 0) {
-        floor.shape = shape;
-        floor.parts[0] = floor.parts[1] = { 0, 0 };
-    }
+    floor.seen[row] = FlowFloor::NONE;
+    constexpr unsigned ONES = 0x01010101u;
+    const unsigned word = FlowFloor::word(shape) * 0x00010001u;
+    for (int k = 0; k < 8; ++k)
+        reinterpret_cast<uint4*>(places.kept)[FlowFloor::SIZE * k + row] = make_uint4(word, word, word, word);
+    for (int k = 0; k < 4; ++k)
+        reinterpret_cast<uint4*>(valid)[FlowFloor::SIZE * k + row] = make_uint4(ONES, ONES, ONES, ONES);
 }
 
-// Its first plane, for a warp.
-template <class Shapes> WARPCAM_FN int floor_of(const Shapes& shapes, int count)
-{
-    const int lane = threadIdx.x % LANES;
-    const unsigned planes = __ballot_sync(ALL, lane < count && wp::index(shapes.types, lane) == PLANE
-                                                        && wp::index(shapes.places, lane) >= 0);
-    return planes ? lowest_bit(planes) : FlowFloor::NONE;
-}
-
-// For one warp, once the motions are there.
+// For a warp, once the motions are there. Until it is done, others look at words.
 template <class Places, class Shapes>
-WARPCAM_FN void find_seen_floor(Places& places, const Shapes& shapes, const Camera& camera, int world)
+WARPCAM_FN void find_seen_floor(Places& places, const Shapes& shapes, const Camera& camera, int world, int shape)
 {
     FlowFloor& floor = places.floor;
-    const int lane = threadIdx.x % LANES, shape = floor.shape;
-    if (shape < 0)
+    const int lane = threadIdx.x % LANES;
+    if (shape == FlowFloor::NONE)
         return;
     const auto rows = places.of_shape(shape);
     const Row last = rows.at(3);
@@ -107,7 +110,6 @@ WARPCAM_FN void find_seen_floor(Places& places, const Shapes& shapes, const Came
     __syncwarp();
     floor.rows[lane] = upper_rows;
     floor.rows[lane + LANES] = lower_rows;
-    __syncwarp();
     // One by the depth that the floor has now at a pixel, and its place and depth then times that.
     const auto r = wp::index(shapes.rotations, world, shape);
     const Vec normal = turned_back(camera.rotation, { r.data[0][2], r.data[1][2], r.data[2][2] });
@@ -125,15 +127,16 @@ WARPCAM_FN void find_seen_floor(Places& places, const Shapes& shapes, const Came
         floor.along = y;
         floor.away = depth;
     }
+    __syncwarp();
     const float least = 1.0e-3f * (magnitude(near.start) + FlowFloor::SIZE * (magnitude(near.right) + magnitude(near.down)));
-    constexpr float SLACK = 0.0625f;
+    constexpr float SLACK = 0.0625f, END = FlowFloor::SIZE;
 #pragma unroll 1
-    for (int half = 0; half < 2; ++half) {
+    for (int part = lane; part < FlowFloor::PARTS; part += LANES) {
         float left = FAR_AWAY, right = -FAR_AWAY, top = FAR_AWAY, bottom = -FAR_AWAY;
         bool ahead = true;
         for (int corner = 0; corner < 4; ++corner) {
-            const float i = float(lane % 8 * FlowFloor::PART + (corner & 1 ? FlowFloor::PART - 1 : 0));
-            const float j = float((lane / 8 + 4 * half) * FlowFloor::PART + (corner & 2 ? FlowFloor::PART - 1 : 0));
+            const float i = float(part % 8 * FlowFloor::PART + (corner & 1 ? FlowFloor::PART - 1 : 0));
+            const float j = float(part / 8 * FlowFloor::PART + (corner & 2 ? FlowFloor::PART - 1 : 0));
             const float far = near.at(i, j), by = depth.at(i, j), scale = reciprocal(by);
             ahead = ahead & (far > least) & (by > last.z * far) & (by > 0.0f);
             const float across = x.at(i, j) * scale, along = y.at(i, j) * scale;
@@ -143,7 +146,6 @@ WARPCAM_FN void find_seen_floor(Places& places, const Shapes& shapes, const Came
             bottom = upper(bottom, along);
         }
         left += 0.25f - SLACK, top += 0.25f - SLACK, right += 0.75f + SLACK, bottom += 0.75f + SLACK;
-        constexpr float END = FlowFloor::SIZE;
         const bool inside = (left >= 0.0f) & (top >= 0.0f) & (right < END) & (bottom < END);
         const int first = int(upper(left, 0.0f)), above = int(upper(top, 0.0f));
         const int last_column = int(lower(right, END - 1.0f)), below = int(lower(bottom, END - 1.0f));
@@ -153,10 +155,8 @@ WARPCAM_FN void find_seen_floor(Places& places, const Shapes& shapes, const Came
             const int begin = lower_int(above, FlowFloor::SIZE - FlowFloor::PART), end = upper_int(below - (FlowFloor::PART - 1), 0);
             seen = below - above < 2 * FlowFloor::PART && (columns & ~(floor.rows[begin] & floor.rows[end])) == 0ull;
         }
-        const FlowFloor::Parts found { __ballot_sync(ALL, seen), __ballot_sync(ALL, inside) };
-        if (lane == 0)  // at once, as others read it
-            *reinterpret_cast<volatile unsigned long long*>(floor.parts + half)
-                = static_cast<unsigned long long>(found.inside) << 32 | found.seen;
+        if (seen)
+            *const_cast<volatile int*>(floor.seen + part) = inside ? shape : shape | FlowFloor::OUTSIDE;
     }
 }
 

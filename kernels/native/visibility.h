@@ -106,8 +106,9 @@ WARPCAM_FN void draw_tiles(ShapeList<CAPACITY>& list, const Canvas_& canvas, con
         }
         trace_tiles<TYPES>(list, column, row, ray, near, fields, hit);
         meet();
-        for (int k = 0; k < TALL; ++k)
-            canvas.put_tile(i, j, k, hit[k], first_pass, row_of_lanes);
+        if (!canvas.put_floor(i, j, hit))
+            for (int k = 0; k < TALL; ++k)
+                canvas.put_tile(i, j, k, hit[k], first_pass, row_of_lanes);
         if (HAS_MESH)
             found = find_rays<TYPES>(rays[HAS_MESH ? warp : 0], list, column, row, ray[0], near_of(ray[0], near), meshes,
                                      hit[0].depth);
@@ -145,6 +146,7 @@ WARPCAM_FN void draw_apart(ShapeList<CAPACITY>& list, const Canvas_& canvas, con
         canvas.ready();
         arrive_at<MOTIONS_THERE, THREADS>();
         wait_at<SHAPES_SORTED, THREADS>();
+        canvas.look_at_floor();
     } else {
         if (thread < LANES) {
             if (!blind)
@@ -156,6 +158,8 @@ WARPCAM_FN void draw_apart(ShapeList<CAPACITY>& list, const Canvas_& canvas, con
             }
             warp_barrier();
             sort_by_depth(list, thread);
+        } else {
+            canvas.find_floor(thread - LANES);
         }
         canvas.ready();
         wait_at<FIRST_WARPS, THREADS - LANES>();
@@ -253,7 +257,8 @@ WARPCAM_FN void draw(const Shapes& shapes, const Materials& materials, const Mes
 {
     static_assert(!names_slots(OUTPUTS) || analytic_types(TYPES) == TYPES);
     constexpr bool FLOWING = (OUTPUTS & FLOWS) != 0;
-    using Near = typename Places<OUTPUTS, WIDTH, HEIGHT, (OUTPUTS & FLOW_LISTED) ? CAPACITY : 0>::type;
+    using Near = typename Places<OUTPUTS, WIDTH, HEIGHT, (OUTPUTS & FLOW_LISTED) ? CAPACITY : 0,
+                                 looks_at_floors(TYPES, LENS, OUTPUTS, CAPACITY, WIDTH, HEIGHT)>::type;
     WARPCAM_SHARED DrawRoom<CAPACITY, Near> shared;
     DrawRoom<CAPACITY, Near>& room = by_address(shared);
     ShapeList<CAPACITY>& list = room.list;
