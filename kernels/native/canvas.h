@@ -207,12 +207,19 @@ template <int TYPES, int LENS, int OUTPUTS, int CAPACITY, int TALL_, class Targe
                 return false;
             for (int k = 0; k < TALL; ++k) {
                 const Hit known { hit[k].depth, shape, hit[k].face };
-                put<OUTPUTS & ~FLOW_VALID>(i, j, known, k);
-                if (seen & FlowFloor::OUTSIDE) {
-                    const float column = float(i), row = float(j + k * TILE_HEIGHT);
-                    const float rate = reciprocal(floor.away.at(column, row));
-                    const Beside across(floor.across.at(column, row), rate), along(floor.along.at(column, row), rate);
-                    if (!(across.inside(FlowFloor::SIZE) & along.inside(FlowFloor::SIZE)))
+                put<OUTPUTS & ~FLOWS>(i, j, known, k);
+            }
+            if ((OUTPUTS & FLOW) || (seen & FlowFloor::OUTSIDE)) {
+                const Slope right = floor.across, down = floor.along, away = floor.away;
+                const float column = float(i), row = float(j);
+                const float x = right.at(column, row), y = down.at(column, row), depth = away.at(column, row);
+                for (int k = 0; k < TALL; ++k) {
+                    const float below = k * TILE_HEIGHT, rate = reciprocal(muladd(below, away.down, depth));
+                    const float then_x = muladd(below, right.down, x), then_y = muladd(below, down.down, y);
+                    if (OUTPUTS & FLOW)
+                        store_flow(target.trail, at(i, j, k), muladd(-then_x, rate, column), muladd(-then_y, rate, float(j + k * TILE_HEIGHT)));
+                    if ((seen & FlowFloor::OUTSIDE)
+                        && !(Beside(then_x, rate).inside(FlowFloor::SIZE) & Beside(then_y, rate).inside(FlowFloor::SIZE)))
                         target.trail.flow_valid.data[at(i, j, k)] = 0;
                 }
             }

@@ -63,6 +63,16 @@ WARPCAM_FN bool was_seen(const Trail& trail, const Places& places, int shape, co
                                places.word_at_place(trail, x.other(), y.other()), shape, last, depth);
 }
 
+template <class Trail, class Index> WARPCAM_FN void store_flow(const Trail& trail, Index pixel, float right, float down)
+{
+#if defined(__CUDA_ARCH__)
+    reinterpret_cast<float2*>(trail.flow.data)[pixel] = make_float2(right, down);
+#else
+    trail.flow.data[2 * size_t(pixel)] = right;
+    trail.flow.data[2 * size_t(pixel) + 1] = down;
+#endif
+}
+
 // Writes the pixel that is `below` rows below pixel (i, j), number `pixel` of all worlds'.
 template <int TYPES, int LENS, int WANTED, class Trail, class Places, class Shapes, class Index>
 WARPCAM_FN void put_flow(const Trail& trail, const Places& places, const Shapes& shapes, const Camera& camera,
@@ -112,14 +122,8 @@ WARPCAM_FN void put_flow(const Trail& trail, const Places& places, const Shapes&
             }
         }
     }
-    if (WANTED & FLOW) {
-#if defined(__CUDA_ARCH__)
-        reinterpret_cast<float2*>(trail.flow.data)[pixel] = make_float2(right, down);
-#else
-        trail.flow.data[2 * size_t(pixel)] = right;
-        trail.flow.data[2 * size_t(pixel) + 1] = down;
-#endif
-    }
+    if (WANTED & FLOW)
+        store_flow(trail, pixel, right, down);
     if (WANTED & FLOW_VALID)
         trail.flow_valid.data[pixel] = static_cast<unsigned char>(valid);
 }

@@ -18,7 +18,7 @@ constexpr float ROW_START = 8388608.0f + TO_WRAP / NEAR_BYTES, COLUMN_START = 83
 struct alignas(16) Slope {
     float start, right, down;
 
-    WARPCAM_FN float at(float i, float j) const { return start + (right * i + down * j); }
+    WARPCAM_FN float at(float i, float j) const { return muladd(down, j, muladd(right, i, start)); }
 };
 
 // Of an image of 64x64 pixels, in parts of 8x8.
@@ -128,7 +128,7 @@ WARPCAM_FN void find_seen_floor(Places& places, const Shapes& shapes, const Came
         floor.away = depth;
     }
     __syncwarp();
-    const float least = 1.0e-3f * (magnitude(near.start) + FlowFloor::SIZE * (magnitude(near.right) + magnitude(near.down)));
+    const float least = 0.02f * (magnitude(near.start) + FlowFloor::SIZE * (magnitude(near.right) + magnitude(near.down)));
     constexpr float SLACK = 0.0625f, END = FlowFloor::SIZE;
 #pragma unroll 1
     for (int part = lane; part < FlowFloor::PARTS; part += LANES) {
