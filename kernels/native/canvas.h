@@ -42,8 +42,8 @@ constexpr bool names_slots(int outputs) { return outputs & NORMALS; }
 // Whether a block looks at a floor as a whole to tell what of it was seen.
 constexpr bool looks_at_floors(int types, int lens, int outputs, int shapes, int width, int height)
 {
-    constexpr int NEEDS = FLOW_VALID | FLOW_LISTED | FLOW_WHOLE | FLOW_NEAR;
-    return (outputs & NEEDS) == NEEDS && !names_slots(outputs) && (types >> PLANE & 1) && !(types >> MESH & 1) && lens == PINHOLE
+    const int needs = FLOW_LISTED | FLOW_WHOLE | (outputs & FLOW_VALID ? FLOW_NEAR : FLOW);
+    return (outputs & needs) == needs && !names_slots(outputs) && (types >> PLANE & 1) && !(types >> MESH & 1) && lens == PINHOLE
         && shapes <= LANES && width == FlowFloor::SIZE && height == FlowFloor::SIZE && tiles_at_once(types, width, height) == 2;
 }
 
@@ -114,7 +114,8 @@ template <int TYPES, int LENS, int OUTPUTS, int CAPACITY, int TALL_, class Targe
             await_rows();
             const auto& trail = target.trail;
             constexpr unsigned PIXELS = FlowFloor::SIZE * FlowFloor::SIZE;
-            warpcam::find_floor(places, trail.flow_valid.data + size_t(unsigned(world)) * PIXELS, row, floor_of(shapes, trail.columns));
+            unsigned char* valid = OUTPUTS & FLOW_VALID ? trail.flow_valid.data + size_t(unsigned(world)) * PIXELS : nullptr;
+            warpcam::find_floor(places, valid, row, floor_of(shapes, trail.columns));
         }
 #endif
     }
@@ -124,7 +125,7 @@ template <int TYPES, int LENS, int OUTPUTS, int CAPACITY, int TALL_, class Targe
     {
 #if defined(__CUDA_ARCH__)
         if constexpr (Places_::LOOKS_AT_FLOORS)
-            find_seen_floor(places, shapes, camera, world, floor_of(shapes, target.trail.columns));
+            find_seen_floor<(OUTPUTS & FLOW_VALID) != 0>(places, shapes, camera, world, floor_of(shapes, target.trail.columns));
 #endif
     }
 
@@ -218,7 +219,7 @@ template <int TYPES, int LENS, int OUTPUTS, int CAPACITY, int TALL_, class Targe
                     const float then_x = muladd(below, right.down, x), then_y = muladd(below, down.down, y);
                     if (OUTPUTS & FLOW)
                         store_flow(target.trail, at(i, j, k), muladd(-then_x, rate, column), muladd(-then_y, rate, float(j + k * TILE_HEIGHT)));
-                    if ((seen & FlowFloor::OUTSIDE)
+                    if ((OUTPUTS & FLOW_VALID) && (seen & FlowFloor::OUTSIDE)
                         && !(Beside(then_x, rate).inside(FlowFloor::SIZE) & Beside(then_y, rate).inside(FlowFloor::SIZE)))
                         target.trail.flow_valid.data[at(i, j, k)] = 0;
                 }

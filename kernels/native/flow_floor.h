@@ -66,10 +66,13 @@ template <class Shapes> WARPCAM_FN int floor_of(const Shapes& shapes, int count)
 }
 
 // What of a row of the last image showed the floor, for a thread that has fetched its words. All of the new image's words,
-// and whether its pixels were seen, are as the floor's that was: then nothing is to be written where this is so.
+// and whether its pixels were seen, are made to be as the floor's that was: then nothing is to be written where this is so.
 template <class Places> WARPCAM_FN void find_floor(Places& places, unsigned char* valid, int row, int shape)
 {
     FlowFloor& floor = places.floor;
+    floor.seen[row] = FlowFloor::NONE;
+    if (!valid)
+        return;
     const unsigned fours = unsigned(shape) * 0x01010101u;
     unsigned halves[2] = { 0, 0 };
     for (int k = 0; k < FlowFloor::SIZE / 8; ++k) {
@@ -78,7 +81,6 @@ template <class Places> WARPCAM_FN void find_floor(Places& places, unsigned char
         halves[k / 4] |= eight << 8 * (k % 4);
     }
     floor.rows[row] = static_cast<unsigned long long>(halves[1]) << 32 | halves[0];
-    floor.seen[row] = FlowFloor::NONE;
     constexpr unsigned ONES = 0x01010101u;
     const unsigned word = FlowFloor::word(shape) * 0x00010001u;
     for (int k = 0; k < 8; ++k)
@@ -88,7 +90,7 @@ template <class Places> WARPCAM_FN void find_floor(Places& places, unsigned char
 }
 
 // For a warp, once the motions are there. Until it is done, others look at words.
-template <class Places, class Shapes>
+template <bool VALID, class Places, class Shapes>
 WARPCAM_FN void find_seen_floor(Places& places, const Shapes& shapes, const Camera& camera, int world, int shape)
 {
     FlowFloor& floor = places.floor;
@@ -97,19 +99,21 @@ WARPCAM_FN void find_seen_floor(Places& places, const Shapes& shapes, const Came
         return;
     const auto rows = places.of_shape(shape);
     const Row last = rows.at(3);
-    if (last.z < 0.0f)  // it rests
+    if (Places::Keeps::rests(last))
         return;
-    // Of eight rows, those of a lane and those 32 further down.
-    unsigned long long upper_rows = floor.rows[lane], lower_rows = floor.rows[lane + LANES];
-    for (int step = 1; step < FlowFloor::PART; step *= 2) {
-        const unsigned long long one = __shfl_sync(ALL, upper_rows, lane + step), other = __shfl_sync(ALL, lower_rows, lane + step);
-        const bool further = lane + step >= LANES;
-        upper_rows &= further ? other : one;
-        lower_rows &= further ? 0ull : other;
+    if constexpr (VALID) {
+        // Of eight rows, those of a lane and those 32 further down.
+        unsigned long long upper_rows = floor.rows[lane], lower_rows = floor.rows[lane + LANES];
+        for (int step = 1; step < FlowFloor::PART; step *= 2) {
+            const unsigned long long one = __shfl_sync(ALL, upper_rows, lane + step), other = __shfl_sync(ALL, lower_rows, lane + step);
+            const bool further = lane + step >= LANES;
+            upper_rows &= further ? other : one;
+            lower_rows &= further ? 0ull : other;
+        }
+        __syncwarp();
+        floor.rows[lane] = upper_rows;
+        floor.rows[lane + LANES] = lower_rows;
     }
-    __syncwarp();
-    floor.rows[lane] = upper_rows;
-    floor.rows[lane + LANES] = lower_rows;
     // One by the depth that the floor has now at a pixel, and its place and depth then times that.
     const auto r = wp::index(shapes.rotations, world, shape);
     const Vec normal = turned_back(camera.rotation, { r.data[0][2], r.data[1][2], r.data[2][2] });
@@ -133,27 +137,29 @@ WARPCAM_FN void find_seen_floor(Places& places, const Shapes& shapes, const Came
 #pragma unroll 1
     for (int part = lane; part < FlowFloor::PARTS; part += LANES) {
         float left = FAR_AWAY, right = -FAR_AWAY, top = FAR_AWAY, bottom = -FAR_AWAY;
-        bool ahead = true;
+        bool seen = true, inside = true;
         for (int corner = 0; corner < 4; ++corner) {
             const float i = float(part % 8 * FlowFloor::PART + (corner & 1 ? FlowFloor::PART - 1 : 0));
             const float j = float(part / 8 * FlowFloor::PART + (corner & 2 ? FlowFloor::PART - 1 : 0));
             const float far = near.at(i, j), by = depth.at(i, j), scale = reciprocal(by);
-            ahead = ahead & (far > least) & (by > last.z * far) & (by > 0.0f);
+            seen = seen & (far > least) & (by > last.z * far) & (by > 0.0f);
             const float across = x.at(i, j) * scale, along = y.at(i, j) * scale;
             left = lower(left, across);
             right = upper(right, across);
             top = lower(top, along);
             bottom = upper(bottom, along);
         }
-        left += 0.25f - SLACK, top += 0.25f - SLACK, right += 0.75f + SLACK, bottom += 0.75f + SLACK;
-        const bool inside = (left >= 0.0f) & (top >= 0.0f) & (right < END) & (bottom < END);
-        const int first = int(upper(left, 0.0f)), above = int(upper(top, 0.0f));
-        const int last_column = int(lower(right, END - 1.0f)), below = int(lower(bottom, END - 1.0f));
-        bool seen = ahead & (right > -END) & (bottom > -END) & (left < 2.0f * END) & (top < 2.0f * END);
-        if (seen && first <= last_column && above <= below) {
-            const unsigned long long columns = ~0ull >> (FlowFloor::SIZE - 1 - (last_column - first)) << first;
-            const int begin = lower_int(above, FlowFloor::SIZE - FlowFloor::PART), end = upper_int(below - (FlowFloor::PART - 1), 0);
-            seen = below - above < 2 * FlowFloor::PART && (columns & ~(floor.rows[begin] & floor.rows[end])) == 0ull;
+        if constexpr (VALID) {
+            left += 0.25f - SLACK, top += 0.25f - SLACK, right += 0.75f + SLACK, bottom += 0.75f + SLACK;
+            inside = (left >= 0.0f) & (top >= 0.0f) & (right < END) & (bottom < END);
+            const int first = int(upper(left, 0.0f)), above = int(upper(top, 0.0f));
+            const int end = int(lower(right, END - 1.0f)), below = int(lower(bottom, END - 1.0f));
+            seen = seen & (right > -END) & (bottom > -END) & (left < 2.0f * END) & (top < 2.0f * END);
+            if (seen && first <= end && above <= below) {
+                const unsigned long long columns = ~0ull >> (FlowFloor::SIZE - 1 - (end - first)) << first;
+                const int begin = lower_int(above, FlowFloor::SIZE - FlowFloor::PART), other = upper_int(below - (FlowFloor::PART - 1), 0);
+                seen = below - above < 2 * FlowFloor::PART && (columns & ~(floor.rows[begin] & floor.rows[other])) == 0ull;
+            }
         }
         if (seen)
             *const_cast<volatile int*>(floor.seen + part) = inside ? shape : shape | FlowFloor::OUTSIDE;

@@ -241,7 +241,7 @@ template <int WANTED, int WIDTH = 0, int HEIGHT = 0, int SHAPES = 0, bool NEAR =
     // Has all words on their way, if they are to be near; for all threads of a block.
     WARPCAM_FN void fetch(int thread)
     {
-        if constexpr (FLOORED) {
+        if constexpr (FLOORED && NEAR) {
             const int row = thread - LANES;  // those who look for floors in them
             if (unsigned(row) < unsigned(HEIGHT))
                 for (int k = 0; k < WIDTH / 8; ++k)
