@@ -77,6 +77,9 @@ template <int TYPES, int LENS, int OUTPUTS, int CAPACITY, int TALL_, class Targe
     // The motions of few shapes: one warp composes them while the others begin to draw.
     static constexpr bool APART = (OUTPUTS & FLOWS) && (OUTPUTS & FLOW_LISTED) && CAPACITY <= LANES && !(TYPES >> MESH & 1);
 
+    // What of the floor was seen is looked for by warps that do not list shapes.
+    static constexpr bool WAITS_FOR_FLOOR = Places_::LOOKS_AT_FLOORS && (OUTPUTS & FLOW_VALID);
+
     WARPCAM_FN bool inside(int i, int j) const
     {
         return (OUTPUTS & TILED) || (i < target.width && j < target.height);
@@ -110,17 +113,17 @@ template <int TYPES, int LENS, int OUTPUTS, int CAPACITY, int TALL_, class Targe
     WARPCAM_FN void find_floor(int row) const
     {
 #if defined(__CUDA_ARCH__)
-        if constexpr (Places_::LOOKS_AT_FLOORS) {
+        if constexpr (Places_::LOOKS_AT_FLOORS && (OUTPUTS & FLOW_VALID)) {
             await_rows();
             const auto& trail = target.trail;
             constexpr unsigned PIXELS = FlowFloor::SIZE * FlowFloor::SIZE;
-            unsigned char* valid = OUTPUTS & FLOW_VALID ? trail.flow_valid.data + size_t(unsigned(world)) * PIXELS : nullptr;
+            unsigned char* valid = trail.flow_valid.data + size_t(unsigned(world)) * PIXELS;
             warpcam::find_floor(places, valid, row, floor_of(shapes, trail.columns));
         }
 #endif
     }
 
-    // For a warp, once the motions are there: where what is seen of the floor now was seen.
+    // For a warp, once it has composed the motions: where what is seen of the floor now was seen.
     WARPCAM_FN void look_at_floor() const
     {
 #if defined(__CUDA_ARCH__)
@@ -203,7 +206,7 @@ template <int TYPES, int LENS, int OUTPUTS, int CAPACITY, int TALL_, class Targe
     {
         if constexpr (Places_::LOOKS_AT_FLOORS) {
             const FlowFloor& floor = places.floor;
-            const int seen = *const_cast<const volatile int*>(floor.seen + FlowFloor::part_of(i, j)), shape = seen & FlowFloor::NONE;
+            const int seen = floor.seen[FlowFloor::part_of(i, j)], shape = seen & FlowFloor::NONE;
             if (!__all_sync(ALL, hit[0].shape == shape && hit[1].shape == shape))
                 return false;
             for (int k = 0; k < TALL; ++k) {

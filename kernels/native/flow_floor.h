@@ -70,9 +70,6 @@ template <class Shapes> WARPCAM_FN int floor_of(const Shapes& shapes, int count)
 template <class Places> WARPCAM_FN void find_floor(Places& places, unsigned char* valid, int row, int shape)
 {
     FlowFloor& floor = places.floor;
-    floor.seen[row] = FlowFloor::NONE;
-    if (!valid)
-        return;
     const unsigned fours = unsigned(shape) * 0x01010101u;
     unsigned halves[2] = { 0, 0 };
     for (int k = 0; k < FlowFloor::SIZE / 8; ++k) {
@@ -89,12 +86,13 @@ template <class Places> WARPCAM_FN void find_floor(Places& places, unsigned char
         reinterpret_cast<uint4*>(valid)[FlowFloor::SIZE * k + row] = make_uint4(ONES, ONES, ONES, ONES);
 }
 
-// For a warp, once the motions are there. Until it is done, others look at words.
+// For a warp, once it has composed the motions.
 template <bool VALID, class Places, class Shapes>
 WARPCAM_FN void find_seen_floor(Places& places, const Shapes& shapes, const Camera& camera, int world, int shape)
 {
     FlowFloor& floor = places.floor;
     const int lane = threadIdx.x % LANES;
+    floor.seen[lane] = floor.seen[lane + LANES] = FlowFloor::NONE;
     if (shape == FlowFloor::NONE)
         return;
     const auto rows = places.of_shape(shape);
@@ -162,7 +160,7 @@ WARPCAM_FN void find_seen_floor(Places& places, const Shapes& shapes, const Came
             }
         }
         if (seen)
-            *const_cast<volatile int*>(floor.seen + part) = inside ? shape : shape | FlowFloor::OUTSIDE;
+            floor.seen[part] = inside ? shape : shape | FlowFloor::OUTSIDE;
     }
 }
 

@@ -144,9 +144,12 @@ WARPCAM_FN void draw_apart(ShapeList<CAPACITY>& list, const Canvas_& canvas, con
     if (thread >= THREADS - LANES) {
         canvas.begin(thread);
         canvas.ready();
-        arrive_at<MOTIONS_THERE, THREADS>();
-        wait_at<SHAPES_SORTED, THREADS>();
+        if (Canvas_::WAITS_FOR_FLOOR)
+            wait_at<SHAPES_SORTED, THREADS>();
         canvas.look_at_floor();
+        arrive_at<MOTIONS_THERE, THREADS>();
+        if (!Canvas_::WAITS_FOR_FLOOR)
+            wait_at<SHAPES_SORTED, THREADS>();
     } else {
         if (thread < LANES) {
             if (!blind)
