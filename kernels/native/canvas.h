@@ -42,9 +42,10 @@ constexpr bool names_slots(int outputs) { return outputs & NORMALS; }
 // Whether a block looks at a floor as a whole to tell what of it was seen.
 constexpr bool looks_at_floors(int types, int lens, int outputs, int shapes, int width, int height)
 {
-    const int needs = FLOW_LISTED | FLOW_WHOLE | (outputs & FLOW_VALID ? FLOW_NEAR : FLOW);
-    return (outputs & needs) == needs && !names_slots(outputs) && (types >> PLANE & 1) && !(types >> MESH & 1) && lens == PINHOLE
-        && shapes <= LANES && width == FlowFloor::SIZE && height == FlowFloor::SIZE && tiles_at_once(types, width, height) == 2;
+    const int needs = FLOW_LISTED | TILED | (outputs & FLOW_VALID ? FLOW_BRIEF | (outputs & FLOW_WHOLE ? FLOW_NEAR : 0) : FLOW);
+    const bool parts = width == FlowFloor::SIZE && height == FlowFloor::SIZE && tiles_at_once(types, width, height) == 2;
+    return (outputs & needs) == needs && !names_slots(outputs) && parts && (types >> PLANE & 1) && !(types >> MESH & 1)
+        && lens == PINHOLE && shapes <= LANES;
 }
 
 // Where flow has what was seen, if it is wanted.
@@ -109,16 +110,17 @@ template <int TYPES, int LENS, int OUTPUTS, int CAPACITY, int TALL_, class Targe
                                                   places.near_motions);
     }
 
-    // For the threads that have fetched what was seen: what of the floor was.
+    // For a thread for each row of the region, which has fetched what was seen there if that is near: what of the floor was.
     WARPCAM_FN void find_floor(int row) const
     {
 #if defined(__CUDA_ARCH__)
-        if constexpr (Places_::LOOKS_AT_FLOORS && (OUTPUTS & FLOW_VALID)) {
-            await_rows();
-            const auto& trail = target.trail;
-            constexpr unsigned PIXELS = FlowFloor::SIZE * FlowFloor::SIZE;
-            unsigned char* valid = trail.flow_valid.data + size_t(unsigned(world)) * PIXELS;
-            warpcam::find_floor(places, valid, row, floor_of(shapes, trail.columns));
+        if constexpr (WAITS_FOR_FLOOR) {
+            const int shape = floor_of(shapes, target.trail.columns);
+            fill_floor(places, target.trail, region, world, row, shape);
+            if (OUTPUTS & FLOW_NEAR) {
+                await_rows();
+                find_row(places, row, shape);
+            }
         }
 #endif
     }
@@ -128,7 +130,8 @@ template <int TYPES, int LENS, int OUTPUTS, int CAPACITY, int TALL_, class Targe
     {
 #if defined(__CUDA_ARCH__)
         if constexpr (Places_::LOOKS_AT_FLOORS)
-            find_seen_floor<(OUTPUTS & FLOW_VALID) != 0>(places, shapes, camera, world, floor_of(shapes, target.trail.columns));
+            find_seen_floor<(OUTPUTS & FLOW_VALID) != 0>(places, shapes, camera, region, target.width, target.height, world,
+                                                         floor_of(shapes, target.trail.columns));
 #endif
     }
 
@@ -207,8 +210,12 @@ template <int TYPES, int LENS, int OUTPUTS, int CAPACITY, int TALL_, class Targe
         if constexpr (Places_::LOOKS_AT_FLOORS) {
             const FlowFloor& floor = places.floor;
             const int seen = floor.seen[FlowFloor::part_of(i, j)], shape = seen & FlowFloor::NONE;
-            if (!__all_sync(ALL, hit[0].shape == shape && hit[1].shape == shape))
+            if (!__all_sync(ALL, hit[0].shape == shape && hit[1].shape == shape)) {
+                if ((OUTPUTS & FLOW_VALID) && !WHOLE && !__all_sync(ALL, hit[0].shape == floor.shape && hit[1].shape == floor.shape))
+                    if (threadIdx.x % LANES == 0)
+                        floor.parts_now[FlowFloor::part_in(target.width, i, j)] = 0;
                 return false;
+            }
             for (int k = 0; k < TALL; ++k) {
                 const Hit known { hit[k].depth, shape, hit[k].face };
                 put<OUTPUTS & ~FLOWS>(i, j, known, k);
@@ -223,7 +230,8 @@ template <int TYPES, int LENS, int OUTPUTS, int CAPACITY, int TALL_, class Targe
                     if (OUTPUTS & FLOW)
                         store_flow(target.trail, at(i, j, k), muladd(-then_x, rate, column), muladd(-then_y, rate, float(j + k * TILE_HEIGHT)));
                     if ((OUTPUTS & FLOW_VALID) && (seen & FlowFloor::OUTSIDE)
-                        && !(Beside(then_x, rate).inside(FlowFloor::SIZE) & Beside(then_y, rate).inside(FlowFloor::SIZE)))
+                        && !(Beside(then_x, rate).inside(Places_::width(target.trail))
+                             & Beside(then_y, rate).inside(Places_::height(target.trail))))
                         target.trail.flow_valid.data[at(i, j, k)] = 0;
                 }
             }

@@ -21,18 +21,40 @@ struct alignas(16) Slope {
     WARPCAM_FN float at(float i, float j) const { return muladd(down, j, muladd(right, i, start)); }
 };
 
-// Of an image of 64x64 pixels, in parts of 8x8.
+// Of a region of 64x64 pixels, in parts of 8x8.
 struct FlowFloor {
     static constexpr int SIZE = 64, PART = 8, PARTS = SIZE * SIZE / (PART * PART);
     static constexpr int NONE = 255, OUTSIDE = 256;  // no shape has that id where words are brief
 
+    // Of images that are larger, a byte a part: 1 where it shows nothing but the floor, what was and what is.
+    const unsigned char* parts_then;
+    unsigned char* parts_now;
     unsigned long long rows[SIZE];  // of each row a bit a pixel that showed the floor; then of eight rows that all did
+    int shape;  // or NONE
     // The floor's id where the last image showed nothing else where a part shows it, with OUTSIDE as far as that was inside
     // of it; or NONE.
     int seen[PARTS];
     Slope across, along, away;  // where the floor was, in homogeneous pixels
 
-    WARPCAM_FN static unsigned part_of(unsigned i, unsigned j) { return j / PART * (SIZE / PART) + i / PART; }
+    WARPCAM_FN static unsigned part_of(unsigned i, unsigned j) { return j / PART % (SIZE / PART) * (SIZE / PART) + i / PART % (SIZE / PART); }
+    // Of the whole image.
+    WARPCAM_FN static unsigned part_in(int width, unsigned i, unsigned j) { return j / PART * (unsigned(width) / PART) + i / PART; }
+    // Did the last image show nothing but the floor in these columns and rows, at most 16 of each?
+    template <bool WHOLE> WARPCAM_FN bool showed(int width, int first, int end, int above, int below) const
+    {
+        bool all = true;
+        if constexpr (WHOLE) {
+            const unsigned long long columns = ~0ull >> (SIZE - 1 - (end - first)) << first;
+            const int begin = lower_int(above, SIZE - PART), other = upper_int(below - (PART - 1), 0);
+            all = (columns & ~(rows[begin] & rows[other])) == 0ull;
+        } else {
+            for (int j = above & ~(PART - 1); j <= below; j += PART)
+                for (int i = first & ~(PART - 1); i <= end; i += PART)
+                    all &= parts_then[part_in(width, i, j)] != 0;
+        }
+        return all;
+    }
+
     // What all of a pixel's words is, of the floor: no depths tell its parts apart.
     WARPCAM_FN static unsigned word(int shape) { return unsigned(shape) << 8; }
 };
@@ -65,11 +87,9 @@ template <class Shapes> WARPCAM_FN int floor_of(const Shapes& shapes, int count)
     return planes ? lowest_bit(planes) : FlowFloor::NONE;
 }
 
-// What of a row of the last image showed the floor, for a thread that has fetched its words. All of the new image's words,
-// and whether its pixels were seen, are made to be as the floor's that was: then nothing is to be written where this is so.
-template <class Places> WARPCAM_FN void find_floor(Places& places, unsigned char* valid, int row, int shape)
+// What of a row of the last image showed the floor, for a thread that has fetched its words.
+template <class Places> WARPCAM_FN void find_row(Places& places, int row, int shape)
 {
-    FlowFloor& floor = places.floor;
     const unsigned fours = unsigned(shape) * 0x01010101u;
     unsigned halves[2] = { 0, 0 };
     for (int k = 0; k < FlowFloor::SIZE / 8; ++k) {
@@ -77,29 +97,48 @@ template <class Places> WARPCAM_FN void find_floor(Places& places, unsigned char
         const unsigned eight = showing(words.x, words.y, fours) | showing(words.z, words.w, fours) << 4;
         halves[k / 4] |= eight << 8 * (k % 4);
     }
-    floor.rows[row] = static_cast<unsigned long long>(halves[1]) << 32 | halves[0];
+    places.floor.rows[row] = static_cast<unsigned long long>(halves[1]) << 32 | halves[0];
+}
+
+// All of a row's new words, and whether its pixels were seen, are made to be as the floor's that was: then nothing is to be
+// written where this is so. By a thread for each row of the region, and part.
+template <class Places, class Trail>
+WARPCAM_FN void fill_floor(Places& places, const Trail& trail, const Region& region, int world, int row, int shape)
+{
     constexpr unsigned ONES = 0x01010101u;
     const unsigned word = FlowFloor::word(shape) * 0x00010001u;
-    for (int k = 0; k < 8; ++k)
-        reinterpret_cast<uint4*>(places.kept)[FlowFloor::SIZE * k + row] = make_uint4(word, word, word, word);
-    for (int k = 0; k < 4; ++k)
-        reinterpret_cast<uint4*>(valid)[FlowFloor::SIZE * k + row] = make_uint4(ONES, ONES, ONES, ONES);
+    const int width = Places::width(trail), height = Places::height(trail), j = region.top + row;
+    if (row < region.height) {
+        unsigned char* valid = trail.flow_valid.data + (size_t(unsigned(world)) * height + j) * width + region.left;
+        for (int k = 0; k < region.width / 8; ++k) {
+            reinterpret_cast<uint2*>(valid)[k] = make_uint2(ONES, ONES);
+            *reinterpret_cast<uint4*>(places.kept + Places::place_of(trail, region.left + 8 * k, j)) = make_uint4(word, word, word, word);
+        }
+    }
+    if (!Places::WHOLE) {
+        const int i = region.left + row % 8 * FlowFloor::PART, below = region.top + row / 8 * FlowFloor::PART;
+        if (i < width && below < height)
+            places.floor.parts_now[FlowFloor::part_in(width, i, below)] = 1;
+    }
 }
 
 // For a warp, once it has composed the motions.
 template <bool VALID, class Places, class Shapes>
-WARPCAM_FN void find_seen_floor(Places& places, const Shapes& shapes, const Camera& camera, int world, int shape)
+WARPCAM_FN void find_seen_floor(Places& places, const Shapes& shapes, const Camera& camera, const Region& region, int width,
+                                int height, int world, int shape)
 {
     FlowFloor& floor = places.floor;
     const int lane = threadIdx.x % LANES;
     floor.seen[lane] = floor.seen[lane + LANES] = FlowFloor::NONE;
+    if (lane == 0)
+        floor.shape = shape;
     if (shape == FlowFloor::NONE)
         return;
     const auto rows = places.of_shape(shape);
     const Row last = rows.at(3);
     if (Places::Keeps::rests(last))
         return;
-    if constexpr (VALID) {
+    if constexpr (VALID && Places::WHOLE) {
         // Of eight rows, those of a lane and those 32 further down.
         unsigned long long upper_rows = floor.rows[lane], lower_rows = floor.rows[lane + LANES];
         for (int step = 1; step < FlowFloor::PART; step *= 2) {
@@ -130,15 +169,16 @@ WARPCAM_FN void find_seen_floor(Places& places, const Shapes& shapes, const Came
         floor.away = depth;
     }
     __syncwarp();
-    const float least = 0.02f * (magnitude(near.start) + FlowFloor::SIZE * (magnitude(near.right) + magnitude(near.down)));
-    constexpr float SLACK = 0.0625f, END = FlowFloor::SIZE;
+    const float least = 0.02f * (magnitude(near.start) + float(width) * magnitude(near.right) + float(height) * magnitude(near.down));
+    constexpr float SLACK = 0.0625f;
+    const float last_i = float(width) - 1.0f, last_j = float(height) - 1.0f;
 #pragma unroll 1
     for (int part = lane; part < FlowFloor::PARTS; part += LANES) {
         float left = FAR_AWAY, right = -FAR_AWAY, top = FAR_AWAY, bottom = -FAR_AWAY;
         bool seen = true, inside = true;
         for (int corner = 0; corner < 4; ++corner) {
-            const float i = float(part % 8 * FlowFloor::PART + (corner & 1 ? FlowFloor::PART - 1 : 0));
-            const float j = float(part / 8 * FlowFloor::PART + (corner & 2 ? FlowFloor::PART - 1 : 0));
+            const float i = float(region.left + part % 8 * FlowFloor::PART + (corner & 1 ? FlowFloor::PART - 1 : 0));
+            const float j = float(region.top + part / 8 * FlowFloor::PART + (corner & 2 ? FlowFloor::PART - 1 : 0));
             const float far = near.at(i, j), by = depth.at(i, j), scale = reciprocal(by);
             seen = seen & (far > least) & (by > last.z * far) & (by > 0.0f);
             const float across = x.at(i, j) * scale, along = y.at(i, j) * scale;
@@ -149,15 +189,13 @@ WARPCAM_FN void find_seen_floor(Places& places, const Shapes& shapes, const Came
         }
         if constexpr (VALID) {
             left += 0.25f - SLACK, top += 0.25f - SLACK, right += 0.75f + SLACK, bottom += 0.75f + SLACK;
-            inside = (left >= 0.0f) & (top >= 0.0f) & (right < END) & (bottom < END);
-            const int first = int(upper(left, 0.0f)), above = int(upper(top, 0.0f));
-            const int end = int(lower(right, END - 1.0f)), below = int(lower(bottom, END - 1.0f));
-            seen = seen & (right > -END) & (bottom > -END) & (left < 2.0f * END) & (top < 2.0f * END);
-            if (seen && first <= end && above <= below) {
-                const unsigned long long columns = ~0ull >> (FlowFloor::SIZE - 1 - (end - first)) << first;
-                const int begin = lower_int(above, FlowFloor::SIZE - FlowFloor::PART), other = upper_int(below - (FlowFloor::PART - 1), 0);
-                seen = below - above < 2 * FlowFloor::PART && (columns & ~(floor.rows[begin] & floor.rows[other])) == 0ull;
-            }
+            inside = (left >= 0.0f) & (top >= 0.0f) & (right < last_i + 1.0f) & (bottom < last_j + 1.0f);
+            seen = seen & (right > -FAR_AWAY) & (bottom > -FAR_AWAY) & (left < FAR_AWAY) & (top < FAR_AWAY);  // numbers
+            const int first = int(lower(upper(left, 0.0f), last_i + 1.0f)), above = int(lower(upper(top, 0.0f), last_j + 1.0f));
+            const int end = int(upper(lower(right, last_i), -1.0f)), below = int(upper(lower(bottom, last_j), -1.0f));
+            if (seen && first <= end && above <= below)
+                seen = below - above < 2 * FlowFloor::PART && end - first < 2 * FlowFloor::PART
+                    && floor.showed<Places::WHOLE>(width, first, end, above, below);
         }
         if (seen)
             floor.seen[part] = inside ? shape : shape | FlowFloor::OUTSIDE;

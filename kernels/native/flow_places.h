@@ -234,6 +234,13 @@ template <int WANTED, int WIDTH = 0, int HEIGHT = 0, int SHAPES = 0, bool NEAR =
         Word* other = reinterpret_cast<Word*>(trail.kept_second.data) + first;
         words = in_first ? one : other;
         kept = in_first ? other : one;
+        if constexpr (FLOORED && !WHOLE) {
+            const size_t parts = size_t(world) * (unsigned(trail.width) / FlowFloor::PART * (unsigned(trail.height) / FlowFloor::PART));
+            unsigned char* these = trail.floor_first.data + parts;
+            unsigned char* those = trail.floor_second.data + parts;
+            floor.parts_then = in_first ? these : those;
+            floor.parts_now = in_first ? those : these;
+        }
         if (!LISTED)
             motions = reinterpret_cast<const Row*>(trail.motions.data) + size_t(world) * trail.columns * ROWS;
     }
