@@ -71,7 +71,9 @@ WARPCAM_FN void draw_tiles(ShapeList<CAPACITY>& list, const Canvas_& canvas, con
     constexpr bool HAS_MESH = TYPES >> MESH & 1, HAS_THREES = Canvas_::THREES != 0;
     WARPCAM_SHARED typename MeshRaysOf<HAS_MESH ? CAPACITY : 1>::type rays[HAS_MESH ? THREADS / LANES : 1];
     WARPCAM_SHARED float4 lanes[HAS_THREES ? THREADS / LANES : 1][3 * LANES / 4];
-    const int lane = threadIdx.x % LANES, warp = threadIdx.x / LANES;
+    int lane = threadIdx.x % LANES;
+    const int warp = threadIdx.x / LANES;
+    asm("" : "+r"(lane));  // a register for that, none for the thread's number
     float* row_of_lanes = reinterpret_cast<float*>(lanes[HAS_THREES ? warp : 0]);
     const Region region = canvas.region;
     const float near = canvas.camera.near;
