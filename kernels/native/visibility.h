@@ -272,8 +272,11 @@ WARPCAM_FN void draw(const Shapes& shapes, const Materials& materials, const Mes
     const int thread = index % THREADS;
     int world = same_of_warp(index / THREADS);
     Region region { 0, 0, WIDTH, HEIGHT };
-    if constexpr (!(OUTPUTS & FLOW_WHOLE))
+    if constexpr (!(OUTPUTS & FLOW_WHOLE)) {
         region = region_of<WIDTH, HEIGHT, (TYPES >> MIDDLE_FIRST & 1) != 0>(target, world, world);
+        world = same_of_warp(world);
+        region = { same_of_warp(region.left), same_of_warp(region.top), same_of_warp(region.width), same_of_warp(region.height) };
+    }
     if (!wp::index(target.mask, world))
         return;
     if (thread == 0) {
