@@ -42,7 +42,7 @@ constexpr bool names_slots(int outputs) { return outputs & NORMALS; }
 // Whether a block looks at a floor as a whole to tell what of it was seen.
 constexpr bool looks_at_floors(int types, int lens, int outputs, int shapes, int width, int height)
 {
-    const int needs = FLOW_LISTED | TILED | (outputs & FLOW_VALID ? FLOW_BRIEF | (outputs & FLOW_WHOLE ? FLOW_NEAR : 0) : FLOW);
+    const int needs = FLOW_VALID | FLOW_BRIEF | FLOW_LISTED | TILED | (outputs & FLOW_WHOLE ? FLOW_NEAR : 0);
     const bool parts = width == FlowFloor::SIZE && height == FlowFloor::SIZE && tiles_at_once(types, width, height) == 2;
     return (outputs & needs) == needs && !names_slots(outputs) && parts && (types >> PLANE & 1) && !(types >> MESH & 1)
         && lens == PINHOLE && shapes <= LANES;
@@ -78,9 +78,6 @@ template <int TYPES, int LENS, int OUTPUTS, int CAPACITY, int TALL_, class Targe
     // The motions of few shapes: one warp composes them while the others begin to draw.
     static constexpr bool APART = (OUTPUTS & FLOWS) && (OUTPUTS & FLOW_LISTED) && CAPACITY <= LANES && !(TYPES >> MESH & 1);
 
-    // What of the floor was seen is looked for by warps that do not list shapes.
-    static constexpr bool WAITS_FOR_FLOOR = Places_::LOOKS_AT_FLOORS && (OUTPUTS & FLOW_VALID);
-
     WARPCAM_FN bool inside(int i, int j) const
     {
         return (OUTPUTS & TILED) || (i < target.width && j < target.height);
@@ -110,13 +107,14 @@ template <int TYPES, int LENS, int OUTPUTS, int CAPACITY, int TALL_, class Targe
                                                   places.near_motions);
     }
 
-    // For a thread for each row of the region, which has fetched what was seen there if that is near: what of the floor was.
+    // For a thread for each row of the region, and part, which has fetched what was seen there if that is near: what of the
+    // floor was.
     WARPCAM_FN void find_floor(int row) const
     {
 #if defined(__CUDA_ARCH__)
-        if constexpr (WAITS_FOR_FLOOR) {
+        if constexpr (Places_::LOOKS_AT_FLOORS) {
             const int shape = floor_of(shapes, target.trail.columns);
-            fill_floor(places, target.trail, region, world, row, shape);
+            begin_floor(places, target.trail, region, row, shape);
             if (OUTPUTS & FLOW_NEAR) {
                 await_rows();
                 find_row(places, row, shape);
@@ -130,8 +128,7 @@ template <int TYPES, int LENS, int OUTPUTS, int CAPACITY, int TALL_, class Targe
     {
 #if defined(__CUDA_ARCH__)
         if constexpr (Places_::LOOKS_AT_FLOORS)
-            find_seen_floor<(OUTPUTS & FLOW_VALID) != 0>(places, shapes, camera, region, target.width, target.height, world,
-                                                         floor_of(shapes, target.trail.columns));
+            find_seen_floor(places, shapes, camera, region, target.width, target.height, world, places.floor.shape);
 #endif
     }
 
@@ -205,34 +202,31 @@ template <int TYPES, int LENS, int OUTPUTS, int CAPACITY, int TALL_, class Targe
     static constexpr int THREES = OUTPUTS & QUADS ? OUTPUTS & (POINTS | NORMALS) : 0;  // stored by 16 bytes
 
     // Writes all tiles of a warp that begin with pixel (i, j), if they show only floor that was seen; else false.
-    WARPCAM_FN bool put_floor(int i, int j, const Hit (&hit)[TALL]) const
+    WARPCAM_FN bool put_floor(int i, int j, const Hit (&hit)[TALL], int lane) const
     {
         if constexpr (Places_::LOOKS_AT_FLOORS) {
             const FlowFloor& floor = places.floor;
-            const int seen = floor.seen[FlowFloor::part_of(i, j)], shape = seen & FlowFloor::NONE;
+            const auto& trail = target.trail;
+            const int seen = *const_cast<const volatile int*>(floor.seen + FlowFloor::part_of(i, j)), shape = seen & FlowFloor::NONE;
             if (!__all_sync(ALL, hit[0].shape == shape && hit[1].shape == shape)) {
-                if ((OUTPUTS & FLOW_VALID) && !WHOLE && !__all_sync(ALL, hit[0].shape == floor.shape && hit[1].shape == floor.shape))
-                    if (threadIdx.x % LANES == 0)
-                        floor.parts_now[FlowFloor::part_in(target.width, i, j)] = 0;
+                if (!WHOLE && !__all_sync(ALL, hit[0].shape == floor.shape && hit[1].shape == floor.shape) && lane == 0)
+                    floor.parts_now[FlowFloor::part_in(target.width, i, j)] = 0;
                 return false;
             }
+            // The words of a part lie together, two a lane; of whether pixels were seen eight lanes have a row each.
+            const unsigned word = FlowFloor::word(shape) * 0x00010001u;
+            keep_word(reinterpret_cast<unsigned*>(places.kept + (Places_::place_of(trail, i, j) - lane)), lane, word);
+            constexpr unsigned ONES = 0x01010101u;
+            if (!(seen & FlowFloor::OUTSIDE) && lane < FlowFloor::PART)
+                *reinterpret_cast<uint2*>(trail.flow_valid.data + at(i, j) + lane * (Places_::width(trail) - 1)) = make_uint2(ONES, ONES);
             for (int k = 0; k < TALL; ++k) {
-                const Hit known { hit[k].depth, shape, hit[k].face };
-                put<OUTPUTS & ~FLOWS>(i, j, known, k);
-            }
-            if ((OUTPUTS & FLOW) || (seen & FlowFloor::OUTSIDE)) {
-                const Slope right = floor.across, down = floor.along, away = floor.away;
-                const float column = float(i), row = float(j);
-                const float x = right.at(column, row), y = down.at(column, row), depth = away.at(column, row);
-                for (int k = 0; k < TALL; ++k) {
-                    const float below = k * TILE_HEIGHT, rate = reciprocal(muladd(below, away.down, depth));
-                    const float then_x = muladd(below, right.down, x), then_y = muladd(below, down.down, y);
-                    if (OUTPUTS & FLOW)
-                        store_flow(target.trail, at(i, j, k), muladd(-then_x, rate, column), muladd(-then_y, rate, float(j + k * TILE_HEIGHT)));
-                    if ((OUTPUTS & FLOW_VALID) && (seen & FlowFloor::OUTSIDE)
-                        && !(Beside(then_x, rate).inside(Places_::width(target.trail))
-                             & Beside(then_y, rate).inside(Places_::height(target.trail))))
-                        target.trail.flow_valid.data[at(i, j, k)] = 0;
+                put<OUTPUTS & ~FLOW_VALID>(i, j, { hit[k].depth, shape, hit[k].face }, k);
+                if (seen & FlowFloor::OUTSIDE) {
+                    const float column = float(i), row = float(j + k * TILE_HEIGHT);
+                    const float rate = reciprocal(floor.away.at(column, row));
+                    const Beside across(floor.across.at(column, row), rate), along(floor.along.at(column, row), rate);
+                    trail.flow_valid.data[at(i, j, k)] = static_cast<unsigned char>(
+                        settled(across.inside(Places_::width(trail)) & along.inside(Places_::height(trail))));
                 }
             }
             return true;

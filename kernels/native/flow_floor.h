@@ -100,45 +100,35 @@ template <class Places> WARPCAM_FN void find_row(Places& places, int row, int sh
     places.floor.rows[row] = static_cast<unsigned long long>(halves[1]) << 32 | halves[0];
 }
 
-// All of a row's new words, and whether its pixels were seen, are made to be as the floor's that was: then nothing is to be
-// written where this is so. By a thread for each row of the region, and part.
+// For a thread for each part of the region.
 template <class Places, class Trail>
-WARPCAM_FN void fill_floor(Places& places, const Trail& trail, const Region& region, int world, int row, int shape)
+WARPCAM_FN void begin_floor(Places& places, const Trail& trail, const Region& region, int part, int shape)
 {
-    constexpr unsigned ONES = 0x01010101u;
-    const unsigned word = FlowFloor::word(shape) * 0x00010001u;
-    const int width = Places::width(trail), height = Places::height(trail), j = region.top + row;
-    if (row < region.height) {
-        unsigned char* valid = trail.flow_valid.data + (size_t(unsigned(world)) * height + j) * width + region.left;
-        for (int k = 0; k < region.width / 8; ++k) {
-            reinterpret_cast<uint2*>(valid)[k] = make_uint2(ONES, ONES);
-            *reinterpret_cast<uint4*>(places.kept + Places::place_of(trail, region.left + 8 * k, j)) = make_uint4(word, word, word, word);
-        }
-    }
+    FlowFloor& floor = places.floor;
+    floor.seen[part] = FlowFloor::NONE;
+    if (part == 0)
+        floor.shape = shape;
     if (!Places::WHOLE) {
-        const int i = region.left + row % 8 * FlowFloor::PART, below = region.top + row / 8 * FlowFloor::PART;
-        if (i < width && below < height)
-            places.floor.parts_now[FlowFloor::part_in(width, i, below)] = 1;
+        const int i = region.left + part % 8 * FlowFloor::PART, j = region.top + part / 8 * FlowFloor::PART;
+        if (i < trail.width && j < trail.height)
+            floor.parts_now[FlowFloor::part_in(trail.width, i, j)] = 1;
     }
 }
 
-// For a warp, once it has composed the motions.
-template <bool VALID, class Places, class Shapes>
+// For a warp, once it has composed the motions. Until it is done, the others look at words.
+template <class Places, class Shapes>
 WARPCAM_FN void find_seen_floor(Places& places, const Shapes& shapes, const Camera& camera, const Region& region, int width,
                                 int height, int world, int shape)
 {
     FlowFloor& floor = places.floor;
     const int lane = threadIdx.x % LANES;
-    floor.seen[lane] = floor.seen[lane + LANES] = FlowFloor::NONE;
-    if (lane == 0)
-        floor.shape = shape;
     if (shape == FlowFloor::NONE)
         return;
     const auto rows = places.of_shape(shape);
     const Row last = rows.at(3);
     if (Places::Keeps::rests(last))
         return;
-    if constexpr (VALID && Places::WHOLE) {
+    if constexpr (Places::WHOLE) {
         // Of eight rows, those of a lane and those 32 further down.
         unsigned long long upper_rows = floor.rows[lane], lower_rows = floor.rows[lane + LANES];
         for (int step = 1; step < FlowFloor::PART; step *= 2) {
@@ -169,13 +159,13 @@ WARPCAM_FN void find_seen_floor(Places& places, const Shapes& shapes, const Came
         floor.away = depth;
     }
     __syncwarp();
-    const float least = 0.02f * (magnitude(near.start) + float(width) * magnitude(near.right) + float(height) * magnitude(near.down));
+    const float least = 1.0e-3f * (magnitude(near.start) + float(width) * magnitude(near.right) + float(height) * magnitude(near.down));
     constexpr float SLACK = 0.0625f;
     const float last_i = float(width) - 1.0f, last_j = float(height) - 1.0f;
 #pragma unroll 1
     for (int part = lane; part < FlowFloor::PARTS; part += LANES) {
         float left = FAR_AWAY, right = -FAR_AWAY, top = FAR_AWAY, bottom = -FAR_AWAY;
-        bool seen = true, inside = true;
+        bool seen = true;
         for (int corner = 0; corner < 4; ++corner) {
             const float i = float(region.left + part % 8 * FlowFloor::PART + (corner & 1 ? FlowFloor::PART - 1 : 0));
             const float j = float(region.top + part / 8 * FlowFloor::PART + (corner & 2 ? FlowFloor::PART - 1 : 0));
@@ -187,18 +177,16 @@ WARPCAM_FN void find_seen_floor(Places& places, const Shapes& shapes, const Came
             top = lower(top, along);
             bottom = upper(bottom, along);
         }
-        if constexpr (VALID) {
-            left += 0.25f - SLACK, top += 0.25f - SLACK, right += 0.75f + SLACK, bottom += 0.75f + SLACK;
-            inside = (left >= 0.0f) & (top >= 0.0f) & (right < last_i + 1.0f) & (bottom < last_j + 1.0f);
-            seen = seen & (right > -FAR_AWAY) & (bottom > -FAR_AWAY) & (left < FAR_AWAY) & (top < FAR_AWAY);  // numbers
-            const int first = int(lower(upper(left, 0.0f), last_i + 1.0f)), above = int(lower(upper(top, 0.0f), last_j + 1.0f));
-            const int end = int(upper(lower(right, last_i), -1.0f)), below = int(upper(lower(bottom, last_j), -1.0f));
-            if (seen && first <= end && above <= below)
-                seen = below - above < 2 * FlowFloor::PART && end - first < 2 * FlowFloor::PART
-                    && floor.showed<Places::WHOLE>(width, first, end, above, below);
-        }
+        left += 0.25f - SLACK, top += 0.25f - SLACK, right += 0.75f + SLACK, bottom += 0.75f + SLACK;
+        const bool inside = (left >= 0.0f) & (top >= 0.0f) & (right < last_i + 1.0f) & (bottom < last_j + 1.0f);
+        seen = seen & (right > -FAR_AWAY) & (bottom > -FAR_AWAY) & (left < FAR_AWAY) & (top < FAR_AWAY);  // numbers
+        const int first = int(lower(upper(left, 0.0f), last_i + 1.0f)), above = int(lower(upper(top, 0.0f), last_j + 1.0f));
+        const int end = int(upper(lower(right, last_i), -1.0f)), below = int(upper(lower(bottom, last_j), -1.0f));
+        if (seen && first <= end && above <= below)
+            seen = below - above < 2 * FlowFloor::PART && end - first < 2 * FlowFloor::PART
+                && floor.showed<Places::WHOLE>(width, first, end, above, below);
         if (seen)
-            floor.seen[part] = inside ? shape : shape | FlowFloor::OUTSIDE;
+            *const_cast<volatile int*>(floor.seen + part) = inside ? shape : shape | FlowFloor::OUTSIDE;
     }
 }
 

@@ -64,7 +64,7 @@ template <int TYPES, int LENS, bool FACES, class Target> struct MirrorCanvas {
     WARPCAM_FN void begin(int) const { }
     WARPCAM_FN void ready() const { }
 
-    WARPCAM_FN bool put_floor(int, int, const Hit (&)[1]) const { return false; }
+    WARPCAM_FN bool put_floor(int, int, const Hit (&)[1], int) const { return false; }
     WARPCAM_FN void put_tile(int i, int j, int, const Hit& hit, bool first_pass, float*) const
     {
         put_new(i, j, hit, first_pass);

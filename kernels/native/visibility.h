@@ -108,7 +108,7 @@ WARPCAM_FN void draw_tiles(ShapeList<CAPACITY>& list, const Canvas_& canvas, con
         }
         trace_tiles<TYPES>(list, column, row, ray, near, fields, hit);
         meet();
-        if (!canvas.put_floor(i, j, hit))
+        if (!canvas.put_floor(i, j, hit, lane))
             for (int k = 0; k < TALL; ++k)
                 canvas.put_tile(i, j, k, hit[k], first_pass, row_of_lanes);
         if (HAS_MESH)
@@ -146,12 +146,9 @@ WARPCAM_FN void draw_apart(ShapeList<CAPACITY>& list, const Canvas_& canvas, con
     if (thread >= THREADS - LANES) {
         canvas.begin(thread);
         canvas.ready();
-        if (Canvas_::WAITS_FOR_FLOOR)
-            wait_at<SHAPES_SORTED, THREADS>();
-        canvas.look_at_floor();
         arrive_at<MOTIONS_THERE, THREADS>();
-        if (!Canvas_::WAITS_FOR_FLOOR)
-            wait_at<SHAPES_SORTED, THREADS>();
+        wait_at<SHAPES_SORTED, THREADS>();
+        canvas.look_at_floor();
     } else {
         if (thread < LANES) {
             if (!blind)
