@@ -293,7 +293,7 @@ def floor_parts(tables: Tables, device: wp.Device, width: int, height: int) -> i
     few = width <= FLOOR_REGION and height <= FLOOR_REGION
     if few or width % 8 or height % 8 or not composes(tables, device) or not brief(tables):
         return 0
-    return width // 8 * (height // 8)
+    return -(-width // FLOOR_REGION) * -(-height // FLOOR_REGION) * (FLOOR_REGION // 8) ** 2
 
 
 def tiles_at_once(shape_types: Set[int], region: tuple[int, int]) -> int:

@@ -207,10 +207,11 @@ template <int TYPES, int LENS, int OUTPUTS, int CAPACITY, int TALL_, class Targe
         if constexpr (Places_::LOOKS_AT_FLOORS) {
             const FlowFloor& floor = places.floor;
             const auto& trail = target.trail;
-            const int seen = *const_cast<const volatile int*>(floor.seen + FlowFloor::part_of(i, j)), shape = seen & FlowFloor::NONE;
+            const unsigned part = FlowFloor::part_of(i, j);
+            const int seen = *const_cast<const volatile int*>(floor.seen + part), shape = seen & FlowFloor::NONE;
             if (!__all_sync(ALL, hit[0].shape == shape && hit[1].shape == shape)) {
                 if (!WHOLE && !__all_sync(ALL, hit[0].shape == floor.shape && hit[1].shape == floor.shape) && lane == 0)
-                    floor.parts_now[FlowFloor::part_in(target.width, i, j)] = 0;
+                    floor.region_parts[part] = 0;
                 return false;
             }
             // The words of a part lie together, two a lane; of whether pixels were seen eight lanes have a row each.

@@ -26,9 +26,11 @@ struct FlowFloor {
     static constexpr int SIZE = 64, PART = 8, PARTS = SIZE * SIZE / (PART * PART);
     static constexpr int NONE = 255, OUTSIDE = 256;  // no shape has that id where words are brief
 
-    // Of images that are larger, a byte a part: 1 where it shows nothing but the floor, what was and what is.
+    // Of images that are larger, a byte a part: 1 where it shows nothing but the floor. Of all that was seen, of what is
+    // seen in the same order, and of the region's.
     const unsigned char* parts_then;
     unsigned char* parts_now;
+    unsigned char* region_parts;
     unsigned long long rows[SIZE];  // of each row a bit a pixel that showed the floor; then of eight rows that all did
     int shape;  // or NONE
     // The floor's id where the last image showed nothing else where a part shows it, with OUTSIDE as far as that was inside
@@ -37,8 +39,15 @@ struct FlowFloor {
     Slope across, along, away;  // where the floor was, in homogeneous pixels
 
     WARPCAM_FN static unsigned part_of(unsigned i, unsigned j) { return j / PART % (SIZE / PART) * (SIZE / PART) + i / PART % (SIZE / PART); }
-    // Of the whole image.
-    WARPCAM_FN static unsigned part_in(int width, unsigned i, unsigned j) { return j / PART * (unsigned(width) / PART) + i / PART; }
+    // Among those of an image, region after region.
+    WARPCAM_FN static unsigned part_in(int width, unsigned i, unsigned j)
+    {
+        return (j / SIZE * (unsigned(width + SIZE - 1) / SIZE) + i / SIZE) * PARTS + part_of(i, j);
+    }
+    WARPCAM_FN static unsigned parts_of(int width, int height)
+    {
+        return unsigned(width + SIZE - 1) / SIZE * (unsigned(height + SIZE - 1) / SIZE) * PARTS;
+    }
     // Did the last image show nothing but the floor in these columns and rows, at most 16 of each?
     template <bool WHOLE> WARPCAM_FN bool showed(int width, int first, int end, int above, int below) const
     {
@@ -109,9 +118,10 @@ WARPCAM_FN void begin_floor(Places& places, const Trail& trail, const Region& re
     if (part == 0)
         floor.shape = shape;
     if (!Places::WHOLE) {
-        const int i = region.left + part % 8 * FlowFloor::PART, j = region.top + part / 8 * FlowFloor::PART;
-        if (i < trail.width && j < trail.height)
-            floor.parts_now[FlowFloor::part_in(trail.width, i, j)] = 1;
+        unsigned char* parts = floor.parts_now + FlowFloor::part_in(trail.width, region.left, region.top);
+        parts[part] = 1;
+        if (part == 0)
+            floor.region_parts = parts;
     }
 }
 

@@ -235,7 +235,7 @@ template <int WANTED, int WIDTH = 0, int HEIGHT = 0, int SHAPES = 0, bool NEAR =
         words = in_first ? one : other;
         kept = in_first ? other : one;
         if constexpr (FLOORED && !WHOLE) {
-            const size_t parts = size_t(world) * (unsigned(trail.width) / FlowFloor::PART * (unsigned(trail.height) / FlowFloor::PART));
+            const size_t parts = size_t(world) * FlowFloor::parts_of(trail.width, trail.height);
             unsigned char* these = trail.floor_first.data + parts;
             unsigned char* those = trail.floor_second.data + parts;
             floor.parts_then = in_first ? these : those;
