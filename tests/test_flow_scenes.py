@@ -9,9 +9,9 @@ import scenes
 import soft_scenes
 import warp as wp
 from flow_cases import HEIGHT, LENSES, WIDTH, Moving, expected, pixels_of
+from warpcam.kernels import visibility
 
 import warpcam as wc
-from warpcam.kernels import visibility
 
 EXACT = 1e-3  # pixels
 
@@ -292,9 +292,9 @@ TILTED = """
 """
 
 
-def floors_seen(tilt: str, outputs: tuple[str, ...]) -> list[dict[str, np.ndarray]]:
+def floors_seen(tilt: str, size: tuple[int, int], outputs: tuple[str, ...]) -> list[dict[str, np.ndarray]]:
     """What two worlds show whose cameras move over a floor, with things before it, slowly, fast, far back, and not."""
-    moving = Moving(num_worlds=2, width=64, height=64, outputs=outputs, world=TILTED % tilt)
+    moving = Moving(num_worlds=2, width=size[0], height=size[1], outputs=outputs, world=TILTED % tilt)
     frames = [moving.see()]
     for by, angle in (
         ((0.05, 0.02, -0.03), 0.02),
@@ -311,19 +311,31 @@ def floors_seen(tilt: str, outputs: tuple[str, ...]) -> list[dict[str, np.ndarra
     return frames
 
 
-@pytest.mark.parametrize("tilt", ["0 0 0", "50 5 0", "80 -10 0"])  # the last two show a horizon
-@pytest.mark.parametrize("one", ["flow", "flow_valid", None])
+@pytest.mark.parametrize("tilt", ["0 0 0", "50 5 0", "80 -10 0"])  # the last shows a horizon
+@pytest.mark.parametrize("one", ["flow_valid", None])
+@pytest.mark.parametrize("size", [(64, 64), (128, 72)])  # the first a block draws as a whole
 def test_a_gpu_looks_at_floors_as_a_whole(
-    tilt: str, one: str | None, device: wp.Device, monkeypatch: pytest.MonkeyPatch
+    size: tuple[int, int], tilt: str, one: str | None, device: wp.Device, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     if not device.is_cuda:
         pytest.skip("a CPU looks at each pixel")
     monkeypatch.setattr(visibility, "region_size", lambda *_, **__: (64, 64))
     every = ("flow", "flow_valid", "depth", "segmentation")
-    found = floors_seen(tilt, every if one is None else (one, "segmentation"))
+    found = floors_seen(tilt, size, every if one is None else (one, "segmentation"))
     with wp.ScopedDevice("cpu"):
-        wanted = floors_seen(tilt, every)
+        wanted = floors_seen(tilt, size, every)
     for mine, theirs in zip(found, wanted, strict=True):
         assert_same({**theirs, **mine}, theirs, 0.999)
-    known = [frame["flow_valid"][frame["segmentation"] == 0].mean() for frame in wanted if (frame["segmentation"] == 0).any()]
+    floors = [frame for frame in wanted if (frame["segmentation"] == 0).any()]
+    known = [frame["flow_valid"][frame["segmentation"] == 0].mean() for frame in floors]
     assert max(known) > 0.8 and any(0.2 < share < 0.8 for share in known)
+
+
+@pytest.mark.parametrize("size", [(64, 64), (128, 72), (100, 72)])  # a GPU keeps parts of floors of the second
+def test_memory_of_floors(size: tuple[int, int], device: wp.Device) -> None:
+    moving = Moving(width=size[0], height=size[1], outputs=("flow_valid",))
+    parts = 2 * 64 * 4 if device.is_cuda and size == (128, 72) else 0
+    pixels = -(-size[0] // 8) * 8 * size[1]
+    assert moving.renderer.memory.past == 1 + 76 + 128 * 3 + 4 * pixels + parts
+    trail = moving.renderer._targets["eye"].past.trail
+    assert trail.floor_first.size + trail.floor_second.size == parts
