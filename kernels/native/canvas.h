@@ -224,10 +224,12 @@ template <int TYPES, int LENS, int OUTPUTS, int CAPACITY, int TALL_, class Targe
                 put<OUTPUTS & ~FLOW_VALID>(i, j, { hit[k].depth, shape, hit[k].face }, k);
                 if (seen & FlowFloor::OUTSIDE) {
                     const float column = float(i), row = float(j + k * TILE_HEIGHT);
-                    const float rate = reciprocal(floor.away.at(column, row));
-                    const Beside across(floor.across.at(column, row), rate), along(floor.along.at(column, row), rate);
+                    const auto rows = places.of_shape(shape);
+                    const float depth = then<LENS>(rows.at(2), column, row, hit[k].depth), rate = reciprocal(depth);
+                    const Beside across(then<LENS>(rows.at(0), column, row, hit[k].depth), rate);
+                    const Beside along(then<LENS>(rows.at(1), column, row, hit[k].depth), rate);
                     trail.flow_valid.data[at(i, j, k)] = static_cast<unsigned char>(
-                        settled(across.inside(Places_::width(trail)) & along.inside(Places_::height(trail))));
+                        settled((depth >= rows.at(3).z) & across.inside(Places_::width(trail)) & along.inside(Places_::height(trail))));
                 }
             }
             return true;

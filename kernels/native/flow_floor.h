@@ -15,7 +15,7 @@ constexpr unsigned NEAR_BYTES = 2 * NEAR_ROW, TO_WRAP = -((NEAR_BYTES + 2) * 0x4
 constexpr float ROW_START = 8388608.0f + TO_WRAP / NEAR_BYTES, COLUMN_START = 8388608.0f + TO_WRAP % NEAR_BYTES / 2;
 
 // What is at an image's pixel (0, 0), and how much more of it at the next to the right and below.
-struct alignas(16) Slope {
+struct Slope {
     float start, right, down;
 
     WARPCAM_FN float at(float i, float j) const { return muladd(down, j, muladd(right, i, start)); }
@@ -36,7 +36,6 @@ struct FlowFloor {
     // The floor's id where the last image showed nothing else where a part shows it, with OUTSIDE as far as that was inside
     // of it; or NONE.
     int seen[PARTS];
-    Slope across, along, away;  // where the floor was, in homogeneous pixels
 
     WARPCAM_FN static unsigned part_of(unsigned i, unsigned j) { return j / PART % (SIZE / PART) * (SIZE / PART) + i / PART % (SIZE / PART); }
     // Among those of an image, region after region.
@@ -163,13 +162,8 @@ WARPCAM_FN void find_seen_floor(Places& places, const Shapes& shapes, const Came
         return Slope { row.z + w * near.start, row.x + w * near.right, row.y + w * near.down };
     };
     const Slope x = slope(rows.at(0)), y = slope(rows.at(1)), depth = slope(rows.at(2));
-    if (lane == 0) {
-        floor.across = x;
-        floor.along = y;
-        floor.away = depth;
-    }
     __syncwarp();
-    const float least = 1.0e-3f * (magnitude(near.start) + float(width) * magnitude(near.right) + float(height) * magnitude(near.down));
+    const float least = 1.0e-2f * (magnitude(near.start) + float(width) * magnitude(near.right) + float(height) * magnitude(near.down));
     constexpr float SLACK = 0.0625f;
     const float last_i = float(width) - 1.0f, last_j = float(height) - 1.0f;
 #pragma unroll 1
