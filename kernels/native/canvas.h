@@ -218,8 +218,10 @@ template <int TYPES, int LENS, int OUTPUTS, int CAPACITY, int TALL_, class Targe
             const unsigned word = FlowFloor::word(shape) * 0x00010001u;
             keep_word(reinterpret_cast<unsigned*>(places.kept + (Places_::place_of(trail, i, j) - lane)), lane, word);
             constexpr unsigned ONES = 0x01010101u;
-            if (!(seen & FlowFloor::OUTSIDE) && lane < FlowFloor::PART)
-                *reinterpret_cast<uint2*>(trail.flow_valid.data + at(i, j) + lane * (Places_::width(trail) - 1)) = make_uint2(ONES, ONES);
+            if (!(seen & FlowFloor::OUTSIDE) && lane < FlowFloor::PART) {
+                unsigned char* row = trail.flow_valid.data + at(i, j) + lane * (Places_::width(trail) - 1);
+                *reinterpret_cast<uint2*>(row) = make_uint2(ONES, ONES);
+            }
             for (int k = 0; k < TALL; ++k) {
                 put<OUTPUTS & ~FLOW_VALID>(i, j, { hit[k].depth, shape, hit[k].face }, k);
                 if (seen & FlowFloor::OUTSIDE) {
@@ -228,8 +230,8 @@ template <int TYPES, int LENS, int OUTPUTS, int CAPACITY, int TALL_, class Targe
                     const float depth = then<LENS>(rows.at(2), column, row, hit[k].depth), rate = reciprocal(depth);
                     const Beside across(then<LENS>(rows.at(0), column, row, hit[k].depth), rate);
                     const Beside along(then<LENS>(rows.at(1), column, row, hit[k].depth), rate);
-                    trail.flow_valid.data[at(i, j, k)] = static_cast<unsigned char>(
-                        settled((depth >= rows.at(3).z) & across.inside(Places_::width(trail)) & along.inside(Places_::height(trail))));
+                    const bool inside = across.inside(Places_::width(trail)) & along.inside(Places_::height(trail));
+                    trail.flow_valid.data[at(i, j, k)] = static_cast<unsigned char>(settled((depth >= rows.at(3).z) & inside));
                 }
             }
             return true;

@@ -43,11 +43,11 @@ WARPCAM_COLD Vec moved_within(const Trail& trail, const Shapes& shapes, const Ca
 
 // Along one axis the two pixels that have a quarter or more of what is interpolated at a place, mostly the same one.
 struct Beside {
-    float place;  // a quarter of a pixel after it, from where the image begins
+    float place;  // from where the image begins; rounded down the number of one pixel, half a pixel further the other's
 
-    // The place is x * scale, from the middle of the image's first pixel.
+    // What is looked for is x * scale from the middle of the image's first pixel.
     WARPCAM_FN Beside(float x, float scale) : place(muladd(x, scale, 0.25f)) { }
-    // Both are. The bits of floats that are not negative are in order, all others' are above them.
+    // Whether both pixels are. The bits of floats that are not negative are in order, all others' are above them.
     WARPCAM_FN bool inside(int pixels) const { return unsigned(as_int(place)) < unsigned(as_int(float(pixels) - 0.5f)); }
     WARPCAM_FN float other() const { return place + 0.5f; }
 };
@@ -61,16 +61,6 @@ WARPCAM_FN bool was_seen(const Trail& trail, const Places& places, int shape, co
 {
     return Places::Keeps::show(places.word_at_place(trail, x.place, y.place),
                                places.word_at_place(trail, x.other(), y.other()), shape, last, depth);
-}
-
-template <class Trail, class Index> WARPCAM_FN void store_flow(const Trail& trail, Index pixel, float right, float down)
-{
-#if defined(__CUDA_ARCH__)
-    reinterpret_cast<float2*>(trail.flow.data)[pixel] = make_float2(right, down);
-#else
-    trail.flow.data[2 * size_t(pixel)] = right;
-    trail.flow.data[2 * size_t(pixel) + 1] = down;
-#endif
 }
 
 // Writes the pixel that is `below` rows below pixel (i, j), number `pixel` of all worlds'.
@@ -122,8 +112,14 @@ WARPCAM_FN void put_flow(const Trail& trail, const Places& places, const Shapes&
             }
         }
     }
-    if (WANTED & FLOW)
-        store_flow(trail, pixel, right, down);
+    if (WANTED & FLOW) {
+#if defined(__CUDA_ARCH__)
+        reinterpret_cast<float2*>(trail.flow.data)[pixel] = make_float2(right, down);
+#else
+        trail.flow.data[2 * size_t(pixel)] = right;
+        trail.flow.data[2 * size_t(pixel) + 1] = down;
+#endif
+    }
     if (WANTED & FLOW_VALID)
         trail.flow_valid.data[pixel] = static_cast<unsigned char>(valid);
 }

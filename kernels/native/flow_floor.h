@@ -1,6 +1,6 @@
-// Which parts of a block's image see of its floor only what was seen in the last image. Of most images the floor is the
-// largest part, and it was hidden in few places nearby: of 64 pixels at once one projection and two looks at rows of bits
-// tell as much as 128 looks at words.
+// Which parts of a block's region see of its floor only what was seen in the last image. Of most images the floor is the
+// largest part, and it was hidden in few places nearby: of 64 pixels at once a projection of four corners and two looks at
+// rows of bits tell as much as 128 looks at words. What they tell is what each pixel's own would.
 #pragma once
 #include "hits.h"
 #include "prepare.h"
@@ -37,8 +37,12 @@ struct FlowFloor {
     // of it; or NONE.
     int seen[PARTS];
 
-    WARPCAM_FN static unsigned part_of(unsigned i, unsigned j) { return j / PART % (SIZE / PART) * (SIZE / PART) + i / PART % (SIZE / PART); }
-    // Among those of an image, region after region.
+    // The part of a region, and of an image, that has a pixel; images have theirs region after region.
+    WARPCAM_FN static unsigned part_of(unsigned i, unsigned j)
+    {
+        constexpr unsigned ACROSS = SIZE / PART;
+        return j / PART % ACROSS * ACROSS + i / PART % ACROSS;
+    }
     WARPCAM_FN static unsigned part_in(int width, unsigned i, unsigned j)
     {
         return (j / SIZE * (unsigned(width + SIZE - 1) / SIZE) + i / SIZE) * PARTS + part_of(i, j);
@@ -63,7 +67,7 @@ struct FlowFloor {
         return all;
     }
 
-    // What all of a pixel's words is, of the floor: no depths tell its parts apart.
+    // What is kept of a pixel that shows the floor: no depths tell its parts apart.
     WARPCAM_FN static unsigned word(int shape) { return unsigned(shape) << 8; }
 };
 
@@ -141,7 +145,8 @@ WARPCAM_FN void find_seen_floor(Places& places, const Shapes& shapes, const Came
         // Of eight rows, those of a lane and those 32 further down.
         unsigned long long upper_rows = floor.rows[lane], lower_rows = floor.rows[lane + LANES];
         for (int step = 1; step < FlowFloor::PART; step *= 2) {
-            const unsigned long long one = __shfl_sync(ALL, upper_rows, lane + step), other = __shfl_sync(ALL, lower_rows, lane + step);
+            const unsigned long long one = __shfl_sync(ALL, upper_rows, lane + step);
+            const unsigned long long other = __shfl_sync(ALL, lower_rows, lane + step);
             const bool further = lane + step >= LANES;
             upper_rows &= further ? other : one;
             lower_rows &= further ? 0ull : other;
@@ -163,8 +168,9 @@ WARPCAM_FN void find_seen_floor(Places& places, const Shapes& shapes, const Came
     };
     const Slope x = slope(rows.at(0)), y = slope(rows.at(1)), depth = slope(rows.at(2));
     __syncwarp();
-    const float least = 1.0e-2f * (magnitude(near.start) + float(width) * magnitude(near.right) + float(height) * magnitude(near.down));
-    constexpr float SLACK = 0.0625f;
+    const float span = float(width) * magnitude(near.right) + float(height) * magnitude(near.down);
+    const float least = 1.0e-2f * (magnitude(near.start) + span);  // where it is farther rounding tells too much
+    constexpr float SLACK = 0.0625f;  // pixels, more than all rounding
     const float last_i = float(width) - 1.0f, last_j = float(height) - 1.0f;
 #pragma unroll 1
     for (int part = lane; part < FlowFloor::PARTS; part += LANES) {

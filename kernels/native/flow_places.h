@@ -154,7 +154,8 @@ WARPCAM_FN unsigned pixel_below(float number) { return bits_below(number, 838860
 // WIDTH and HEIGHT: a block of CUDA threads draws a whole image of that size. NEAR: it has the words of what was seen in
 // shared memory; they are on their way while shapes are listed. Memory is far, and a pixel that asked for its own words
 // would wait for them. SHAPES: it has the motions of as many shapes there, too. FLOORED: it looks at floors as a whole.
-template <int WANTED, int WIDTH = 0, int HEIGHT = 0, int SHAPES = 0, bool NEAR = false, bool FLOORED = false> struct FlowPlaces {
+template <int WANTED, int WIDTH = 0, int HEIGHT = 0, int SHAPES = 0, bool NEAR = false, bool FLOORED = false>
+struct FlowPlaces {
     using Keeps = Kept<(WANTED & FLOW_BRIEF) != 0>;
     using Word = typename Keeps::Word;
     static constexpr int ROWS = motion_rows<(WANTED & FLOW_MOVES) != 0>();
@@ -209,7 +210,8 @@ template <int WANTED, int WIDTH = 0, int HEIGHT = 0, int SHAPES = 0, bool NEAR =
     template <class Trail> WARPCAM_FN unsigned word_at_place(const Trail& trail, float across, float along) const
     {
         if constexpr (NEAR) {
-            const unsigned from_first = NEAR_BYTES * bits_below(along, ROW_START) + unsigned(sizeof(Word)) * bits_below(across, COLUMN_START);
+            const unsigned from_first = NEAR_BYTES * bits_below(along, ROW_START)
+                + unsigned(sizeof(Word)) * bits_below(across, COLUMN_START);
             return *reinterpret_cast<const Word*>(reinterpret_cast<const char*>(near_words) + from_first);
         } else {
             return word_of(trail, pixel_below(across), pixel_below(along));

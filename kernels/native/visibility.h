@@ -272,7 +272,8 @@ WARPCAM_FN void draw(const Shapes& shapes, const Materials& materials, const Mes
     if constexpr (!(OUTPUTS & FLOW_WHOLE)) {
         region = region_of<WIDTH, HEIGHT, (TYPES >> MIDDLE_FIRST & 1) != 0>(target, world, world);
         world = same_of_warp(world);
-        region = { same_of_warp(region.left), same_of_warp(region.top), same_of_warp(region.width), same_of_warp(region.height) };
+        region = { same_of_warp(region.left), same_of_warp(region.top), same_of_warp(region.width),
+                   same_of_warp(region.height) };
     }
     if (!wp::index(target.mask, world))
         return;
