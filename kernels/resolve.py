@@ -47,6 +47,7 @@ MAX_STRIPS = 128  # shapes of a scene whose floors are drawn by strips
 MAX_CASTING = 3  # lights of a scene whose floors are drawn by strips with their shadows: FEW in native/corners.h
 MAX_SEEN = 512  # shapes of which it can keep the looks of those that it sees; with more it sees too many
 MIRRORED, REFLECTS, VEILED, HAZY, NOTED = 1 << 8, 1 << 9, 1 << 10, 1 << 11, 1 << 14  # facts of native/look.h
+HAS_MIPS = 1 << 24  # there
 IN_QUADS = frozenset(map(frozenset, (("rgb",), ("rgba",), ("rgb", "rgba"), ("hdr",), ("albedo",))))  # native/quads.h
 LIT = ("rgb", "rgba", "hdr")  # what mirrors, transparent shapes and haze change
 
@@ -272,7 +273,7 @@ def record(
     group = group or Group.of_all(tables.num_worlds)
     region = region_size(tables, group.at_once, width, height, device, quick=True)
     types = sum(1 << t for t in tables.shape_types)
-    facts = _facts(tables, shadow is not None) | more | varied
+    facts = facts_of_looks(tables, shadow is not None) | more | varied
     if device.is_cuda:
         whole = width % region[0] == 0 and height % region[1] == 0
         facts |= QUADS * (width % 4 == 0) | WHOLE_REGIONS * whole
@@ -326,7 +327,7 @@ def _capacity(tables: Tables) -> int:
     return -(-tables.num_drawn // step) * step if tables.num_drawn <= MAX_SEEN else 0
 
 
-def _facts(tables: Tables, shadows: bool) -> int:
+def facts_of_looks(tables: Tables, shadows: bool = False) -> int:
     """Bits of native/look.h."""
     facts = (tables.has_materials, tables.has_textures, tables.has_skybox, shadows)
     spare = SPARE * is_spare(tables.shape_types, tables.num_drawn)

@@ -8,13 +8,14 @@ import warp as wp
 from .launch import Group, Stage, native_module
 from .launch import record as record_launch
 from .tables import Tables
-from .types import GLASS, MESH, SHADING_BACKS, HeightFields, Lights, Materials, Meshes, Shapes, View
+from .types import GLASS, MESH, SHADING_BACKS, SHUTTERED, HeightFields, Lights, Materials, Meshes, Shapes, View
 from .visibility import LENSES, SHARED_MEMORY, THREADS, in_order, region_size
 
 BLOCKS = 8  # on a multiprocessor: bounds the registers of a thread
 CROWD_BLOCKS = 6  # the same in crowds, for which those of 8 are too few
 LISTED_BYTES = 140  # of its shared memory for each shape of a list with meshes: casters.h, CasterList
 BESIDE = 16  # up to so many shapes there are two lists: shadow.h, lists_beside
+OUTLINE_BYTES = 16  # more where meshes have outlines: casters.h, CasterList::OUTLINED
 REST_BYTES = 3400  # what else a block has, and what is reserved for it
 WALKED_BYTES, WORD_BYTES = 3232, 256  # and for the rays of a warp, also for each 32 shapes: mesh_shadows.h, ShadowRays
 WALK_BYTES, WALK_SHAPES = 1280, 64  # more up to so many shapes, ShadowRays::KEEPS
@@ -124,6 +125,7 @@ def record(
     types = sum(1 << t for t in tables.shape_types)
     if tables.physical is None and MESH in tables.shape_types:
         types |= 1 << SHADING_BACKS
+        types |= (1 << SHUTTERED) * shuttered(tables)
     if tables.layers is not None and tables.layers.veiled:
         types |= 1 << GLASS
     crowded = MANY < tables.num_drawn <= MOST and MESH not in tables.shape_types
@@ -140,11 +142,17 @@ def record(
     )
 
 
+def shuttered(tables: Tables) -> bool:
+    """Whether its meshes have shutters: pack_meshes of accel/meshes.py."""
+    return tables.meshes.shutters is not None and tables.meshes.shutters.size > 0
+
+
 def blocks(types: int, capacity: int) -> int:
     """Blocks that a multiprocessor is to hold: no more than its shared memory has room for."""
     if not types >> MESH & 1:
         return BLOCKS
     walked = WALKED_BYTES + WORD_BYTES * -(-capacity // 32) + (WALK_BYTES if capacity <= WALK_SHAPES else 0)
     rays = THREADS // 32 * walked
-    listed = LISTED_BYTES * capacity * (2 if capacity <= BESIDE else 1)
+    listed = (LISTED_BYTES + (OUTLINE_BYTES if types >> SHUTTERED & 1 else 0)) * capacity
+    listed *= 2 if capacity <= BESIDE else 1
     return min(BLOCKS, SHARED_MEMORY // (listed + rays + REST_BYTES))

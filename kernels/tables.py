@@ -30,6 +30,7 @@ class Tables:
     has_materials: bool
     has_textures: bool  # some material can show a texture
     has_skybox: bool
+    has_mips: bool = False  # each texture but cubes has a mipmapped one: Textures.mips
     ids_by_world: bool = False  # shapes and bodies have ids of their own in each world: Shapes.ids
     horizon: float = 0.0  # how far the source's own renderer draws endless planes [m]; 0 if it has none
     first_plane: int = -1  # id of the first plane that is drawn

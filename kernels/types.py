@@ -31,6 +31,7 @@ FROM_ABOVE = 17  # no type: stands among a scene's types where 2-D textures lie 
 BARE = 18  # no type: stands among a scene's types where textures do not show on some shapes: native/look.h
 # No type: stands among the types of launches that draw the middles of all images before the rest: native/prepare.h.
 MIDDLE_FIRST = 19
+SHUTTERED = 20  # likewise where meshes have shutters
 LOOKS_ALONE = frozenset({FROM_ABOVE, BARE})  # what only colours ask for
 
 # Light types.
@@ -114,6 +115,8 @@ class Meshes:
     # (mesh,) 1 where the mesh has texture coordinates, else 0. If BARE is among the scene's types also 2: it has, and
     # no texture is `texture_uniform`; and -1: it has none, and shows no texture
     has_uvs: wp.array(dtype=wp.int32)
+    # (mesh * 128,) boxes that stop light and an outline, see native/shutters.h; empty where shadows do not need them
+    shutters: wp.array(dtype=wp.vec4)
     # Only where MASKED is among the scene's types. (mesh,) as int bits first texel, width and height of the map of its
     # opacity, in red, or zeros; least opacity at which it is there
     masks: wp.array(dtype=wp.vec4)
@@ -168,6 +171,7 @@ class Textures:
     # faces, +x -x +y -y +z -z, one after another; rows from the top of the image.
     texels: wp.array(dtype=wp.uint32)
     sheets: wp.array(dtype=wp.uint64)  # (texture,) CUDA's texture object of its sheet, or 0: accel/sheets.py
+    mips: wp.array(dtype=wp.uint64)  # (texture,) the same of a mipmapped one: accel/mips.py
 
 
 @wp.struct

@@ -10,14 +10,27 @@ from .flow import Trail, brief
 from .launch import Group, Stage, cpu_threads, native_module
 from .launch import record as record_launch
 from .tables import Tables
-from .types import HEIGHT_FIELD, LOOKS_ALONE, MESH, MIDDLE_FIRST, MOVING, HeightFields, Materials, Meshes, Shapes, View
+from .types import (
+    HEIGHT_FIELD,
+    LOOKS_ALONE,
+    MESH,
+    MIDDLE_FIRST,
+    MOVING,
+    HeightFields,
+    Materials,
+    Meshes,
+    Shapes,
+    Textures,
+    View,
+)
 
 # What the trace can write, in the order of the bits in native/canvas.h; then the bits of two facts of the image's size.
 OUTPUTS = ("depth", "shape", "face", "distance", "points", "bodies", "normals")
-QUADS, TILED = 128, 256
+FOURS, TILED = 128, 256
 IDS, BY_WORLD = 1 << 16, 1 << 17  # ids by world: canvas.h
 LABELS: Mapping[str, int] = {"instances": 1 << 18, "semantics": 1 << 19}  # the same
 OPAQUE = 1 << 20  # what is transparent is left out
+PAINTED = 1 << 21  # with albedo: native/painted.h
 # native/flow_places.h
 FLOW, FLOW_VALID, FLOW_MOVES, FLOW_BRIEF, FLOW_LISTED, FLOW_WHOLE, FLOW_NEAR = (1 << bit for bit in range(24, 31))
 LENSES = {"pinhole": 0, "orthographic": 1, "rays": 2}
@@ -33,6 +46,7 @@ ROW_OF_BLOCKS = 2**24 // THREADS  # Warp lays out a launch's threads in rows of 
 BLOCKS = 10  # on a multiprocessor: bounds the registers of a thread
 SHARED_MEMORY = 228 * 1024  # of a multiprocessor [bytes]
 LISTED_BYTES = 99  # of it for each shape that a block lists: tiles.h, ShapeList
+
 MESH_BLOCKS = 8  # the same for scenes with meshes or height fields
 MOVING_BLOCKS = 6  # and where meshes move: native/bvh4.h, faces_together
 MANY_MESHES_BLOCKS = 6  # and for more than MANY shapes
@@ -69,6 +83,32 @@ def opaque_target_struct(shape_dtype: Any, face_dtype: Any) -> Any:
         height: wp.int32
 
     return OpaqueTarget
+
+
+@functools.cache
+def painted_target_struct(shape_dtype: Any, face_dtype: Any) -> Any:
+    """The same, of a trace that writes albedo."""
+
+    @wp.struct
+    class PaintedTarget:
+        mask: wp.array(dtype=wp.uint8)
+        faults: wp.array(dtype=wp.uint8)
+        depth: wp.array(dtype=wp.float32)
+        shape: wp.array(dtype=shape_dtype)
+        face: wp.array(dtype=face_dtype)
+        distance: wp.array(dtype=wp.float32)
+        points: wp.array(dtype=wp.float32)
+        bodies: wp.array(dtype=wp.int32)
+        ids: wp.array(dtype=wp.int32)
+        normals: wp.array(dtype=wp.float32)
+        width: wp.int32
+        height: wp.int32
+        labels: Labels
+        albedo: wp.array(dtype=wp.uint8)  # (world * height * width * 3,) 0 where nothing is hit
+        textures: Textures
+        plane: wp.int32  # id of the plane whose texture is looked up at once, or -1
+
+    return PaintedTarget
 
 
 @functools.cache
@@ -124,14 +164,22 @@ def target_struct(shape_dtype: Any, face_dtype: Any) -> Any:
 
 @functools.cache
 def _kernel(
-    types: int, lens: int, capacity: int, several: bool, width: int, height: int, outputs: int, target_type: Any
+    types: int,
+    lens: int,
+    capacity: int,
+    several: bool,
+    width: int,
+    height: int,
+    outputs: int,
+    target_type: Any,
+    facts: int,
 ) -> wp.Kernel:
     flag = "true" if several else "false"
+    header, function = "visibility.h", f"draw<{types}, {lens}, {capacity}, {flag}, {width}, {height}, {outputs}>"
+    if outputs & PAINTED:
+        header, function = "painted.h", f"draw_painted<{types}, {capacity}, {width}, {height}, {outputs}, {facts}>"
 
-    @wp.func_native(
-        f"warpcam::draw<{types}, {lens}, {capacity}, {flag}, {width}, {height}, {outputs}>"
-        "(shapes, materials, meshes, fields, views, target, index);"
-    )
+    @wp.func_native(f"warpcam::{function}(shapes, materials, meshes, fields, views, target, index);")
     def draw(
         shapes: Shapes,
         materials: Materials,
@@ -147,7 +195,7 @@ def _kernel(
         enable_backward=False,
         grid_stride=False,
         launch_bounds=(THREADS, blocks(types, capacity)),
-        module_options=native_module("visibility.h"),
+        module_options=native_module(header),
     )
     def visibility(
         shapes: Shapes,
@@ -179,6 +227,7 @@ def record(
     group: Group | None = None,
     veil_places: wp.array | None = None,
     trail: Any = None,
+    facts: int = 0,
 ) -> Stage:
     """Bind the trace of one camera.
 
@@ -195,14 +244,15 @@ def record(
             shapes is drawn in passes, which go on from each other's depth and shape: then both are needed.
         shape: An integer type that holds every shape id and -1, likewise.
         face: An integer type that holds every face, likewise; see ``target_struct``.
-        images: "distance", "points", "bodies", "ids", "normals", "instances", "semantics", "flow" and "flow_valid",
-            those that are wanted, (world, height, width, channels); normals only for scenes without meshes and height
-            fields.
+        images: "distance", "points", "bodies", "ids", "normals", "instances", "semantics", "flow", "flow_valid" and
+            "albedo", those that are wanted, (world, height, width, channels); normals only for scenes without meshes
+            and height fields, albedo where ``paints`` says so.
         device: Where all of these lie.
         group: Which worlds are traced; None is all.
         veil_places: int32, (shape,). With it shapes that are transparent are left out, of those where it is not -1;
             there are no ``images`` then.
         trail: Trail, where flow is wanted.
+        facts: Of the scene's looks, where albedo is: see resolve.py.
     """
     group = group or Group.of_all(views.shape[0])
     capacity = list_capacity(tables.num_drawn)
@@ -210,6 +260,8 @@ def record(
     struct = target_struct if veil_places is None else opaque_target_struct
     if "flow" in images or "flow_valid" in images:
         struct = flow_target_struct
+    elif "albedo" in images:
+        struct = painted_target_struct
     target_type = struct(_dtype(shape), _dtype(face))
     target = target_type()
     target.mask, target.faults = mask, faults
@@ -226,6 +278,10 @@ def record(
         outputs |= FLOW * ("flow" in images) + FLOW_VALID * ("flow_valid" in images) + FLOW_MOVES * bool(tables.moving)
         outputs |= FLOW_BRIEF * brief(tables)
         outputs |= FLOW_LISTED * composes(tables, device)
+    elif struct is painted_target_struct:
+        target.albedo = images["albedo"].flatten()
+        target.textures, target.plane = tables.textures, tables.first_plane
+        outputs |= PAINTED
     if "ids" in images:
         target.ids = images["ids"].flatten()
         outputs |= IDS
@@ -243,14 +299,14 @@ def record(
     if tables.ids_by_world and "bodies" in images:
         outputs |= BY_WORLD
     if device.is_cuda:  # nothing is faster by these on a CPU, and fewer kernels are compiled without
-        outputs |= QUADS * (width % 4 == 0 and not images.keys().isdisjoint(("points", "normals")))
+        outputs |= FOURS * (width % 4 == 0 and not images.keys().isdisjoint(("points", "normals")))
         outputs |= TILED * (width % 8 == 0 and height % (4 * tiles_at_once(tables.shape_types, region)) == 0)
     types = sum(1 << t for t in tables.shape_types - LOOKS_ALONE)
-    if struct is flow_target_struct and region == (width, height):
+    if region == (width, height):
         outputs |= facts_of_whole(tables, device, "flow_valid" in images)
     unit = -(-width // region[0]) * -(-height // region[1]) * (THREADS if device.is_cuda else 1)  # threads a world
     types = in_order(types, len(group.worlds) * unit, device)
-    kernel = _kernel(types, LENSES[lens], capacity, several, *region, outputs, target_type)
+    kernel = _kernel(types, LENSES[lens], capacity, several, *region, outputs, target_type, facts)
     arguments = [tables.shapes, tables.materials, tables.meshes, tables.height_fields, views, target]
     return record_launch(
         kernel, len(group.worlds) * unit, arguments, device, start=group.worlds.start * unit, block_dim=THREADS
@@ -299,6 +355,18 @@ def floor_parts(tables: Tables, device: wp.Device, width: int, height: int) -> i
 def tiles_at_once(shape_types: Set[int], region: tuple[int, int]) -> int:
     """How many tiles, one below the other, a warp of a CUDA block draws at once: native/canvas.h has the same."""
     return 2 if {MESH, HEIGHT_FIELD}.isdisjoint(shape_types) and region[0] * region[1] >= 32 * 32 else 1
+
+
+def paints(
+    tables: Tables, lens: str, width: int, height: int, at_once: int, images: Mapping[str, wp.array], device: wp.Device
+) -> bool:
+    """Whether the trace writes albedo, too: native/painted.h."""
+    plain = {MESH, HEIGHT_FIELD}.isdisjoint(tables.shape_types) and tables.physical is None and tables.splats is None
+    moved = tables.variety is not None and tables.variety.texture_offsets.size > 0
+    if not (device.is_cuda and plain and lens == "pinhole") or moved or tables.num_drawn > MAX_LISTED:
+        return False
+    tall = tiles_at_once(tables.shape_types, region_size(tables, at_once, width, height, device))
+    return images.keys().isdisjoint(("flow", "flow_valid")) and width % 8 == 0 and height % (4 * tall) == 0
 
 
 def facts_of_whole(tables: Tables, device: wp.Device, valid: bool) -> int:

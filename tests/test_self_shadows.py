@@ -1,14 +1,17 @@
 """What meshes know of their own shadows spares rays and changes no image."""
 
+import mujoco
 import newton
 import numpy as np
 import pytest
 import scenes
+import surfaces
 import warp as wp
 from newton_scenes import eye, finalize, pose
 from warpcam.kernels import horizon
 
 import warpcam as wc
+import warpcam.scene
 
 LIGHTS = [
     wc.Light(kind="directional", direction=(0.9, 0.5, -0.4)),
@@ -61,3 +64,41 @@ def test_horizons_change_no_image(device: wp.Device, turned: str, monkeypatch: p
     walked = images(shadows=True)
     np.testing.assert_array_equal(spared, walked)
     assert (walked != images(shadows=False)).any(axis=-1).mean() > 0.01
+
+
+@pytest.mark.parametrize("light", ["spot", "directional"])
+@pytest.mark.parametrize("names", [("cup",), ("torus", "ball")])
+@pytest.mark.parametrize("turned", ["as it is", "turned"])
+def test_shutters_change_no_image(
+    device: wp.Device, light: str, names: tuple[str, ...], turned: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """MuJoCo's: only there any face stops light, from whichever side."""
+    if not horizon.are_kept(device):
+        pytest.skip("scenes of this device have no shutters")
+    spec = mujoco.MjSpec()
+    spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_PLANE, size=(9.0, 9.0, 0.1))
+    for number, name in enumerate(names):
+        points, faces = surfaces.CLOSED[name]()
+        spec.add_mesh(name=name, uservert=points.ravel().astype(float), userface=faces.ravel())
+        place = {"pos": (1.6 * number, 0.3, 1.3 + number), "quat": (1.0, 0.3, -0.2, 0.4 * (turned != "as it is"))}
+        spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_MESH, meshname=name, **place)
+    for way in ((0.6, 0.4, -1.0), (-0.5, 0.7, -0.8), (0.1, -0.2, -1.0)):
+        kind = mujoco.mjtLightType.mjLIGHT_SPOT if light == "spot" else mujoco.mjtLightType.mjLIGHT_DIRECTIONAL
+        position = -4.0 * np.array(way) + (0.0, 0.0, 1.0)
+        spec.worldbody.add_light(type=kind, pos=position, dir=way, cutoff=60.0, diffuse=(0.3, 0.3, 0.3))
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+
+    def images(shadows: bool) -> np.ndarray:
+        position = (0.4, -5.0, 4.0)
+        rotation = scenes.looking(position, (0.5, 0.3, 0.7))
+        camera = eye(outputs=("rgb",), shadows=shadows, position=position, rotation=rotation)
+        image: np.ndarray = scenes.look(wc.from_mujoco(model, data, device=device), camera)["rgb"]
+        return image
+
+    spared = images(shadows=True)
+    monkeypatch.setattr(warpcam.scene, "FEW_MESHES", 0)
+    walked = images(shadows=True)
+    np.testing.assert_array_equal(spared, walked)
+    assert (walked != images(shadows=False)).any(axis=-1).mean() > 0.02

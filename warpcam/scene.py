@@ -12,6 +12,7 @@ from warpcam import device as device_rule
 from warpcam import interop
 from warpcam.accel.heightfields import pack_height_fields
 from warpcam.accel.meshes import pack_masks, pack_meshes
+from warpcam.accel.mips import pack_mips
 from warpcam.accel.sheets import pack_sheets
 from warpcam.accel.splats import Packed, pack_splats
 from warpcam.accel.textures import pack_textures
@@ -41,6 +42,8 @@ from warpcam.kernels.variety import without_backdrop
 from warpcam.parts import FIELDS, PHYSICAL_FIELDS, SceneCamera, Source, fields_of
 from warpcam.variety import OwnArrays
 
+FEW_MESHES = 2  # with more, shutters of one seldom stop the light that a pixel asks for
+
 
 class Scene:
     """What can be seen in many worlds. Made by ``from_mujoco_warp``, ``from_mujoco`` and the like."""
@@ -64,14 +67,19 @@ class Scene:
         self._arrays: Mapping[str, wp.array] = {}
         self._key: tuple[Any, ...] = ()
         self._ambient, self._last = -1.0, ()
-        self._meshes, self._num_faces = pack_meshes(parts.meshes, self.device)
+        seen = [int(parts.shape_types[shape]) for shape in parts.drawn]
+        shut = 0 < seen.count(MESH) <= FEW_MESHES and not parts.physical and not parts.scaled
+        self._meshes, self._num_faces = pack_meshes(parts.meshes, self.device, shut)
         self._moving = tuple(index for index, mesh in enumerate(parts.meshes) if mesh.moves)
         self._height_fields = pack_height_fields(parts.height_fields, self.device)
         self._textures = pack_textures(parts.textures, self.device)
         types, num_drawn = {int(parts.shape_types[shape]) for shape in parts.drawn}, len(parts.drawn)
         spare = is_spare(types, num_drawn)
+        self._mips: list[wp.Texture2D] = []
         if spare or (has_strips(types, num_drawn) and not parts.physical):
             self._sheets = pack_sheets(parts.textures, self._textures, self.device, not spare)
+            if types.isdisjoint((MESH, HEIGHT_FIELD)):
+                self._mips = pack_mips(parts.textures, self._textures, self.device)
         parts.lend_textures(self._textures)
         self._masked = pack_masks(parts.meshes, self._textures, self._meshes, self.device)
         self._splats = self._pack_splats()
@@ -322,6 +330,7 @@ class Scene:
             shape_types=self._shape_types(),
             has_materials=parts.num_materials > 0,
             has_textures=parts.num_materials > 0 and any(i != parts.skybox for i in range(len(parts.textures))),
+            has_mips=len(self._mips) > 0,
             has_skybox=parts.skybox >= 0 or "skybox" in self._own,
             variety=self._own.variety(),
             headlights=self._own.headlights,

@@ -97,6 +97,8 @@ class Target:
             derived[name] = wp.array(
                 ptr=buffers[f"lit {name}"].ptr, shape=image.shape, dtype=image.dtype, device=device
             )
+        if "albedo" in derived and visibility.paints(tables, projection, width, height, group.at_once, traced, device):
+            traced["albedo"] = derived.pop("albedo")
         lit = {name: image for name, image in derived.items() if OUTPUTS[name].lit}
         if projection == "rays":
             traced = _swapped(traced)
@@ -120,6 +122,7 @@ class Target:
                 group,
                 veil_places,
                 trail=None if self.past is None else self.past.trail,
+                facts=resolve.facts_of_looks(tables) | resolve.HAS_MIPS * tables.has_mips,
             )
         ]
         if shadows is not None:

@@ -8,7 +8,7 @@
 
 namespace warpcam {
 
-// What the trace writes. QUADS: the image's width is a multiple of four pixels; TILED: no tile reaches over its edges.
+// What the trace writes. FOURS: the image's width is a multiple of four pixels; TILED: no tile reaches over its edges.
 // IDS: the ids that shapes have in each world; BY_WORLD: bodies have such ids too. INSTANCES, SEMANTICS: labels.
 // OPAQUE: transparent shapes are left out.
 enum Output {
@@ -18,14 +18,15 @@ enum Output {
     DISTANCE = 8,
     POINTS = 16,
     BODIES = 32,
-    NORMALS = 64,
-    QUADS = 128,
+    NORMAL = 64,
+    FOURS = 128,
     TILED = 256,
     IDS = 1 << 16,
     BY_WORLD = 1 << 17,
     INSTANCES = 1 << 18,
     SEMANTICS = 1 << 19,
-    OPAQUE = 1 << 20
+    OPAQUE = 1 << 20,
+    PAINTED = 1 << 21  // with albedo: painted.h
 };
 
 // Tiles, one below the other, that a warp of a CUDA block draws at once: what a tile takes and what a shape takes of it
@@ -36,8 +37,8 @@ constexpr int tiles_at_once(int types, int width, int height)
     return quick && width * height >= 32 * 32 ? 2 : 1;
 }
 
-// Where the normals are written, hits name the slot of their shape's record instead of the shape: see gather().
-constexpr bool names_slots(int outputs) { return outputs & NORMALS; }
+// Where normals or albedo are written, hits name the slot of their shape's record instead of the shape: see gather().
+constexpr bool names_slots(int outputs) { return outputs & (NORMAL | PAINTED); }
 
 // Whether a block looks at a floor as a whole to tell what of it was seen.
 constexpr bool looks_at_floors(int types, int lens, int outputs, int shapes, int width, int height)
@@ -53,13 +54,20 @@ template <int OUTPUTS, int WIDTH, int HEIGHT, int SHAPES, bool FLOORED, bool WAN
     static constexpr bool WHOLE = (OUTPUTS & FLOW_WHOLE) != 0, NEAR = (OUTPUTS & FLOW_NEAR) != 0;
     using type = FlowPlaces<OUTPUTS, WHOLE ? WIDTH : 0, WHOLE ? HEIGHT : 0, SHAPES, NEAR, FLOORED>;
 };
-struct NoPlaces {
-    static constexpr bool WHOLE = false, LOOKS_AT_FLOORS = false;
+template <bool WHOLE_> struct NoPlaces {
+    static constexpr bool WHOLE = WHOLE_, PAINTS = false, LOOKS_AT_FLOORS = false;
 };
 template <int OUTPUTS, int WIDTH, int HEIGHT, int SHAPES, bool FLOORED>
 struct Places<OUTPUTS, WIDTH, HEIGHT, SHAPES, FLOORED, false> {
-    using type = NoPlaces;
+    using type = NoPlaces<(OUTPUTS & FLOW_WHOLE) != 0>;
 };
+
+// What the pixels of a CUDA block take of the shape that they show alone, where normals are written: by slot, the first of
+// nothing. Normal in the world; x: BENT where it differs from place to place; w: shape id.
+template <int SLOTS> struct ShapeFacings {
+    Row rows[SLOTS + 1];
+};
+constexpr float BENT = 2.0f;
 
 // Pixel (i, j) is column i and row j of the image.
 template <int TYPES, int LENS, int OUTPUTS, int CAPACITY, int TALL_, class Target, class Shapes, class Places_> struct Canvas {
@@ -72,9 +80,13 @@ template <int TYPES, int LENS, int OUTPUTS, int CAPACITY, int TALL_, class Targe
     Region region;
     int world;
     Places_& places;
+    using Facings_ = ShapeFacings<((OUTPUTS & NORMAL) && THREADS > 1 ? CAPACITY : 0)>;
+    Facings_& facings;
+    static constexpr int THREES = OUTPUTS & FOURS ? OUTPUTS & (POINTS | NORMAL) : 0;  // stored by 16 bytes
     static constexpr bool WHOLE = Places_::WHOLE;  // the region is an image of known size
     // More than depth and shape.
-    static constexpr bool STORES_MUCH = OUTPUTS & (DISTANCE | POINTS | BODIES | NORMALS | IDS | INSTANCES | SEMANTICS | FLOWS);
+    static constexpr bool STORES_MUCH = OUTPUTS
+        & (DISTANCE | POINTS | BODIES | NORMAL | IDS | INSTANCES | SEMANTICS | FLOWS | PAINTED);
     // The motions of few shapes: one warp composes them while the others begin to draw.
     static constexpr bool APART = (OUTPUTS & FLOWS) && (OUTPUTS & FLOW_LISTED) && CAPACITY <= LANES && !(TYPES >> MESH & 1);
 
@@ -132,6 +144,24 @@ template <int TYPES, int LENS, int OUTPUTS, int CAPACITY, int TALL_, class Targe
 #endif
     }
 
+    // Notes what pixels take of their shapes alone, once these are listed; for so many threads.
+    WARPCAM_FN void face(int thread, int threads) const
+    {
+        if constexpr ((OUTPUTS & NORMAL) && THREADS > 1)
+            for (int slot = thread - 1; slot < list.count; slot += threads) {
+                Row row { 0.0f, 0.0f, 0.0f, -1 };
+                if (slot >= 0) {
+                    const Record& record = list.records[slot];
+                    row = { BENT, 0.0f, 0.0f, list.ids[slot] };
+                    if ((TYPES >> PLANE & 1) && record.axis_x.w == PLANE)
+                        row = to_row(turned(camera.rotation, normalized(to_vec(record.axis_z))), row.w);
+                }
+                facings.rows[slot + 1] = row;
+            }
+        if constexpr (Places_::PAINTS)
+            places.face(list, thread, threads);
+    }
+
     // What was on its way is there, once the threads of the block have met.
     WARPCAM_FN void ready() const
     {
@@ -156,11 +186,16 @@ template <int TYPES, int LENS, int OUTPUTS, int CAPACITY, int TALL_, class Targe
     // Writes a pixel of the image, that of the k-th tile below (i, j): WHAT of it.
     template <int WHAT> WARPCAM_FN void put(int i, int j, const Hit& hit, int k = 0) const
     {
+        put_named<WHAT>(i, j, hit, shape_of(hit), k);
+    }
+
+    // The same, of a shape whose id is known.
+    template <int WHAT> WARPCAM_FN void put_named(int i, int j, const Hit& hit, int shape, int k) const
+    {
         const auto pixel = at(i, j, k);
         const ViewRay<LENS> seen = ray(i, j + k * TILE_HEIGHT);
-        const int shape = names_slots(OUTPUTS) && hit.shape >= 0 ? list.ids[hit.shape] : hit.shape;
         if (WHAT & DEPTH)
-            target.depth.data[pixel] = hit.shape < 0 ? (LENS == RAYS ? infinity() : camera.miss) : hit.depth;
+            target.depth.data[pixel] = depth_of(hit);
         if (WHAT & SHAPE)
             target.shape.data[pixel] = shape;
         if (WHAT & FACE)
@@ -177,7 +212,7 @@ template <int TYPES, int LENS, int OUTPUTS, int CAPACITY, int TALL_, class Targe
             target.labels.semantics.data[pixel] = label_of(target.labels.semantic_of, world, shape, 0);
         if (WHAT & POINTS)
             put_three(target.points.data, pixel, point_of(hit, camera, seen));
-        if (WHAT & NORMALS)
+        if (WHAT & NORMAL)
             put_three(target.normals.data, pixel, normal_of(hit, seen));
         if constexpr ((WHAT & FLOWS) != 0)
             put_flow<TYPES, LENS, WHAT>(target.trail, places, shapes, camera, seen, { hit.depth, shape, hit.face }, world, i, j,
@@ -191,16 +226,40 @@ template <int TYPES, int LENS, int OUTPUTS, int CAPACITY, int TALL_, class Targe
             put<OUTPUTS>(i, j, hit, k);
     }
 
+    WARPCAM_FN float depth_of(const Hit& hit) const
+    {
+        return hit.shape < 0 ? (LENS == RAYS ? infinity() : camera.miss) : hit.depth;
+    }
+
+    WARPCAM_FN int shape_of(const Hit& hit) const
+    {
+        if (!names_slots(OUTPUTS))
+            return hit.shape;
+        if constexpr (Places_::PAINTS)
+            return places.slots[hit.shape + 1].id;
+#if defined(__CUDA_ARCH__)
+        return facings.rows[hit.shape + 1].w;
+#else
+        return hit.shape >= 0 ? list.ids[hit.shape] : -1;
+#endif
+    }
+
     WARPCAM_FN Vec normal_of(const Hit& hit, const ViewRay<LENS>& seen) const
     {
+#if defined(__CUDA_ARCH__)
+        constexpr int BENDING = TYPES & ~(1 << PLANE);
+        const Row row = facings.rows[hit.shape + 1];
+        if (row.x != BENT)
+            return to_vec(row);
+#else
+        constexpr int BENDING = TYPES;
         if (hit.shape < 0)
             return { 0.0f, 0.0f, 0.0f };
-        return turned(camera.rotation, normalized(gradient<TYPES>(list.records[hit.shape], seen, hit.depth)));
+#endif
+        return turned(camera.rotation, normalized(gradient<BENDING>(list.records[hit.shape], seen, hit.depth)));
     }
 
 #if defined(__CUDA_ARCH__)
-    static constexpr int THREES = OUTPUTS & QUADS ? OUTPUTS & (POINTS | NORMALS) : 0;  // stored by 16 bytes
-
     // Writes all tiles of a warp that begin with pixel (i, j), if they show only floor that was seen; else false.
     WARPCAM_FN bool put_floor(int i, int j, const Hit (&hit)[TALL], int lane) const
     {
@@ -239,24 +298,93 @@ template <int TYPES, int LENS, int OUTPUTS, int CAPACITY, int TALL_, class Targe
         return false;
     }
 
-    // The same for the pixels of a warp's tile, each lane's, the k-th below theirs of the first; `row_of_lanes` is room for
-    // 3 * LANES numbers where there are THREES.
-    WARPCAM_FN void put_tile(int i, int j, int k, const Hit& hit, bool first_pass, float* row_of_lanes) const
+    // Writes the pixels of a warp's tiles, each lane's, the first of them at (i, j); `row_of_lanes` is room for
+    // 3 * LANES numbers of each tile where there are THREES.
+    template <class Ray_>
+    WARPCAM_FN void put_tiles(int i, int j, const Ray_ (&rays)[TALL], const Hit (&hits)[TALL], bool first_pass,
+                              float* row_of_lanes) const
     {
-        if (THREES == 0 || !first_pass)
-            return put_new(i, j, hit, first_pass, k);
-        if (inside(i, j + k * TILE_HEIGHT))
-            put<OUTPUTS & ~THREES>(i, j, hit, k);
-        j += k * TILE_HEIGHT;
-        const int lane = threadIdx.x % LANES, left = i - lane % TILE_WIDTH, top = j - lane / TILE_WIDTH;
-        Pixel pixel { i, j, unsigned(at(i, j)), inside(i, j), row_of_lanes, lane };
-        pixel.width = OUTPUTS & TILED ? TILE_WIDTH : target.width - left;
-        pixel.height = OUTPUTS & TILED ? TILE_HEIGHT : target.height - top;
-        const ViewRay<LENS> seen = ray(i, j);
-        if (THREES & POINTS)
-            put_vec<true>(target.points, pixel, point_of(hit, camera, seen));
-        if (THREES & NORMALS)
-            put_vec<true>(target.normals, pixel, normal_of(hit, seen));
+        bool whole = false;
+        if constexpr (THREES != 0)
+            if (first_pass) {
+                whole = true;
+                put_whole(i, j, rays, hits, row_of_lanes);
+            }
+        if constexpr (Places_::PAINTS) {  // there is one pass, and all tiles lie in the image
+            const auto slots = places.slots_of(hits);
+            if (!whole)
+                for (int k = 0; k < TALL; ++k)
+                    put_named<OUTPUTS>(i, j, hits[k], slots.at[k].id, k);
+            places.paint(*this, i, j, rays, hits, slots);
+        } else if (!whole) {
+            for (int k = 0; k < TALL; ++k)
+                put_new(i, j, hits[k], first_pass, k);
+        }
+    }
+
+    template <class Ray_>
+    WARPCAM_FN void put_whole(int i, int j, const Ray_ (&rays)[TALL], const Hit (&hits)[TALL], float* row_of_lanes) const
+    {
+        Vec values[TALL];
+        if constexpr ((THREES & NORMAL) != 0)
+            for (int k = 0; k < TALL; ++k)
+                values[k] = normal_of(hits[k], rays[k]);
+        for (int k = 0; k < TALL; ++k)
+            if (inside(i, j + k * TILE_HEIGHT))
+                put<OUTPUTS & ~THREES>(i, j, hits[k], k);
+        if constexpr ((THREES & NORMAL) != 0)
+            store_threes(target.normals.data, i, j, values, row_of_lanes);
+        if constexpr ((THREES & POINTS) != 0) {
+            find_points(rays, hits, values);
+            store_threes(target.points.data, i, j, values, row_of_lanes);
+        }
+    }
+
+    // As point_of(), of pixels of one column: what they share is worked out once.
+    template <class Ray_>
+    WARPCAM_FN void find_points(const Ray_ (&rays)[TALL], const Hit (&hits)[TALL], Vec (&points)[TALL]) const
+    {
+        const Matrix& m = camera.rotation;
+        const Vec right { m.at[0][0], m.at[1][0], m.at[2][0] }, up { m.at[0][1], m.at[1][1], m.at[2][1] };
+        const Vec back { m.at[0][2], m.at[1][2], m.at[2][2] };
+        const Vec start = LENS == PINHOLE ? rays[0].x * right - back : camera.origin + rays[0].x * right;
+        for (int k = 0; k < TALL; ++k) {
+            const Vec along = start + rays[k].y * up;
+            points[k] = LENS == RAYS ? point_of(hits[k], camera, rays[k])
+                : LENS == PINHOLE    ? camera.origin + hits[k].depth * along
+                                     : along - hits[k].depth * back;
+            const bool missed = hits[k].shape < 0;
+            points[k] = { missed ? infinity() : points[k].x, missed ? infinity() : points[k].y,
+                          missed ? infinity() : points[k].z };
+        }
+    }
+
+    // Three numbers of each pixel, stored by 16 bytes.
+    WARPCAM_FN void store_threes(float* image, int i, int j, const Vec (&values)[TALL], float* row_of_lanes) const
+    {
+        const int lane = threadIdx.x % LANES;
+        const int piece = lane % TILE_WIDTH;  // of 16 bytes of a row of the tile; the last two threads have none
+        float* lanes = row_of_lanes + 3 * lane;
+        for (int k = 0; k < TALL; ++k) {
+            lanes[3 * LANES * k] = values[k].x;
+            lanes[3 * LANES * k + 1] = values[k].y;
+            lanes[3 * LANES * k + 2] = values[k].z;
+        }
+        __syncwarp();
+        const int width = OUTPUTS & TILED ? TILE_WIDTH : lower_int(target.width - (i - piece), TILE_WIDTH);
+        char* place = nullptr;
+        for (int k = 0; k < TALL; ++k) {
+            if (WHOLE && k > 0) {
+                place += 12 * TILE_HEIGHT * region.width;
+            } else {
+                size_t bytes = 12 * size_t(at(i, j, k));
+                asm("" : "+l"(bytes));  // or the compiler adds `piece`, which is the same for all tiles, to it
+                place = reinterpret_cast<char*>(image + piece) + bytes;
+            }
+            if (4 * piece < 3 * width && ((OUTPUTS & TILED) || j + k * TILE_HEIGHT < target.height))
+                *reinterpret_cast<float4*>(place) = *reinterpret_cast<const float4*>(lanes + 3 * LANES * k + piece);
+        }
+        __syncwarp();
     }
 #endif
 };

@@ -55,7 +55,7 @@ inline void put_whole(const Canvas<TYPES, LENS, OUTPUTS, CAPACITY, TALL, Target,
                       const Rays& rays)
 {
     constexpr int IN_ROWS = DEPTH | FACE | (names_slots(OUTPUTS) ? 0 : SHAPE);
-    constexpr int PIXELWISE = SHAPE | DISTANCE | POINTS | BODIES | NORMALS | IDS | INSTANCES | SEMANTICS | FLOWS;
+    constexpr int PIXELWISE = SHAPE | DISTANCE | POINTS | BODIES | NORMAL | IDS | INSTANCES | SEMANTICS | FLOWS;
     const float miss = LENS == RAYS ? infinity() : canvas.camera.miss;
     static_assert(TILE_WIDTH == PACKET);
     for (int row = 0; row < TILE_HEIGHT; ++row) {

@@ -53,16 +53,19 @@ struct Caster {
     float height;
 };
 
-// Casters, part by part. MESHES: whether some are meshes.
-template <int SIZE, bool MESHES> struct CasterList {
+// Casters, part by part. MESHES: whether some are meshes. OUTLINED: on CUDA, whether lists have diagonals.
+template <int SIZE, bool MESHES, bool OUTLINED_ = false> struct CasterList {
     static constexpr int CAPACITY = SIZE, WORDS = (SIZE + 31) / 32;
+    static constexpr bool OUTLINED = OUTLINED_;
 
     Record records[CAPACITY];
     Row aims[CAPACITY];
     Box boxes[MESHES ? CAPACITY : 1];
     Window windows[WORDS * 32];  // from `count` on to the end of its 32: empty
     float heights[WORDS * 32];
+    Window diagonals[OUTLINED ? CAPACITY : 1];  // what they cover of u + v and u - v
     Window bounds;  // CUDA: what all cover together
+    Window bounds_aslant;  // the same of their diagonals
     float ceiling;  // CUDA: how high they reach
     int count;
     int next_tile;  // of those that are drawn with the list
@@ -85,20 +88,39 @@ WARPCAM_FN float warp_min(float value)
 #endif
 }
 
+// What so many windows cover together, one after another. Called by one warp.
+WARPCAM_FN Window window_of_all(const Window* windows, int count)
+{
+    Window all { FAR_AWAY, -FAR_AWAY, FAR_AWAY, -FAR_AWAY };
+#pragma unroll 1
+    for (int slot = threadIdx.x % LANES; slot < count; slot += LANES) {
+        const Window w = windows[slot];
+        all = { lower(all.left, w.left), upper(all.right, w.right), lower(all.bottom, w.bottom),
+                upper(all.top, w.top) };
+    }
+    return { warp_min(all.left), -warp_min(-all.right), warp_min(all.bottom), -warp_min(-all.top) };
+}
+
 // Finds what all casters of a list cover together, and how high they reach. Called by one warp.
 template <class List> WARPCAM_FN void find_bounds(List& list)
 {
-    Window all { FAR_AWAY, -FAR_AWAY, FAR_AWAY, -FAR_AWAY };
     float height = -FAR_AWAY;
 #pragma unroll 1
-    for (int slot = threadIdx.x % LANES; slot < list.count; slot += LANES) {
-        const Window w = list.windows[slot];
-        all = { lower(all.left, w.left), upper(all.right, w.right), lower(all.bottom, w.bottom),
-                upper(all.top, w.top) };
+    for (int slot = threadIdx.x % LANES; slot < list.count; slot += LANES)
         height = upper(height, list.heights[slot]);
-    }
-    list.bounds = { warp_min(all.left), -warp_min(-all.right), warp_min(all.bottom), -warp_min(-all.top) };
+    list.bounds = window_of_all(list.windows, list.count);
     list.ceiling = -warp_min(-height);
+    if constexpr (List::OUTLINED)
+        list.bounds_aslant = window_of_all(list.diagonals, list.count);
+}
+
+// May any of them shade this point?
+template <class List> WARPCAM_FN bool may_be_shaded(const List& list, const Place& point)
+{
+    bool may = may_shade(list.bounds, list.ceiling, point);
+    if constexpr (List::OUTLINED)
+        may &= point.beside | within(list.bounds_aslant, point.u + point.v, point.u - point.v);
+    return may;
 }
 
 #endif
@@ -175,6 +197,10 @@ WARPCAM_FN int collect_casters(List& list, int begin, const Shapes& shapes, cons
                     list.boxes[slot] = caster.box;
                 list.windows[slot] = caster.window;
                 list.heights[slot] = caster.height;
+                if constexpr (List::OUTLINED) {
+                    const Window& w = caster.window;
+                    list.diagonals[slot] = { w.left + w.bottom, w.right + w.top, w.left - w.top, w.right - w.bottom };
+                }
             }
         }
         if (total > List::CAPACITY) {  // the next round may overflow the list
@@ -215,21 +241,18 @@ struct Facing {
     bool clear;  // nothing of the mesh itself is in the way; false where that is not known
 };
 
-// Light that shines on the other side only adds nothing, so that its shadow does not matter. The point is seen from `origin`,
-// by a ray along `sight`; both in the world's axes.
-template <int TYPES, class Shapes, class Meshes>
-WARPCAM_FN Facing face_light(const Shapes& shapes, const Meshes& meshes, int world, int id, int face, const Light& light,
-                             Vec origin, Vec sight, Vec point)
+// How a light looks from a mesh, all in the mesh's frame.
+struct MeshLight {
+    Vec aim;  // as Caster.aim
+    Vec way;  // from a point of a face to it
+    Vec sight;  // of the ray that sees the point
+};
+
+// Light that shines on the other side only adds nothing, so that its shadow does not matter.
+template <int TYPES, class Meshes>
+WARPCAM_FN Facing face_light(const Meshes& meshes, int mesh, int face, bool distant, const MeshLight& light)
 {
-    if (wp::index(shapes.types, id) != MESH)
-        return { true, false };
-    const Shape shape = load_shape(shapes, world, id);
-    const Vec c { shape.position.x - origin.x, shape.position.y - origin.y,
-                  shape.position.z - origin.z };
-    Vec aim = turned_back(shape.rotation, ray_to(light, c));
-    if (TYPES >> SCALED & 1)
-        aim = { aim.x / shape.size.x, aim.y / shape.size.y, aim.z / shape.size.z };
-    const unsigned row = unsigned(wp::index(meshes.face_start, shape.asset)) + unsigned(face * FACE_ROWS);
+    const unsigned row = unsigned(wp::index(meshes.face_start, mesh)) + unsigned(face * FACE_ROWS);
     int given = load(meshes.faces.data, row).w;
     bool back = false, flat = false;
     Vec normal { 0.0f, 0.0f, 0.0f };
@@ -239,35 +262,46 @@ WARPCAM_FN Facing face_light(const Shapes& shapes, const Meshes& meshes, int wor
         if (has_back<TYPES>(second.w)) {
             flat = is_flat<TYPES>(second.w, third.w);
             normal = normalized(cross(to_vec(second) - to_vec(first), to_vec(third) - to_vec(first)));
-            Vec ray = turned_back(shape.rotation, sight);
-            if (TYPES >> SCALED & 1)
-                ray = { ray.x / shape.size.x, ray.y / shape.size.y, ray.z / shape.size.z };
-            back = dot(normal, ray) > 0.0f;
+            back = dot(normal, light.sight) > 0.0f;
             if (back) {
                 given = second.w;
                 normal = -normal;
             }
         }
     }
-    const int corner = 3 * (wp::index(meshes.corner_start, shape.asset) + given);
+    const int corner = 3 * (wp::index(meshes.corner_start, mesh) + given);
     bool faces = false;
     Row corners[3];
     for (int k = 0; k < 3; ++k) {
         const Row at = corners[k] = load(meshes.faces.data, row + k);
         const Vec n = flat ? normal : to_vec(wp::index(meshes.normals, corner + (back && k > 0 ? 3 - k : k)));
-        const Vec to = light.distant ? aim : Vec { aim.x - at.x, aim.y - at.y, aim.z - at.z };
+        const Vec aim = light.aim, to = distant ? aim : Vec { aim.x - at.x, aim.y - at.y, aim.z - at.z };
         const float slack = 1.0e-5f * (magnitude(to.x) + magnitude(to.y) + magnitude(to.z));
         faces |= n.x * to.x + n.y * to.y + n.z * to.z > -slack;
     }
     bool clear = false;
     if constexpr (has_horizons(TYPES)) {
-        Vec way = turned_back(shape.rotation, ray_to(light, point));
-        if (TYPES >> SCALED & 1)
-            way = { way.x / shape.size.x, way.y / shape.size.y, way.z / shape.size.z };
         const FaceAxes axes = face_axes(to_vec(corners[0]), to_vec(corners[1]), to_vec(corners[2]));
-        clear = is_clear(unsigned(corners[2].w), axes, way);
+        clear = is_clear(unsigned(corners[2].w), axes, light.way);
     }
     return { faces, clear };
+}
+
+// The same of a shape's face. The point is seen from `origin`, by a ray along `sight`; both in the world's axes.
+template <int TYPES, class Shapes, class Meshes>
+WARPCAM_FN Facing face_light(const Shapes& shapes, const Meshes& meshes, int world, int id, int face, const Light& light,
+                             Vec origin, Vec sight, Vec point)
+{
+    if (wp::index(shapes.types, id) != MESH)
+        return { true, false };
+    const Shape shape = load_shape(shapes, world, id);
+    const Vec c { shape.position.x - origin.x, shape.position.y - origin.y, shape.position.z - origin.z };
+    const auto local = [&](Vec v) {
+        const Vec own = turned_back(shape.rotation, v);
+        return TYPES >> SCALED & 1 ? Vec { own.x / shape.size.x, own.y / shape.size.y, own.z / shape.size.z } : own;
+    };
+    return face_light<TYPES>(meshes, shape.asset, face, light.distant,
+                             { local(ray_to(light, c)), local(ray_to(light, point)), local(sight) });
 }
 
 }  // namespace warpcam

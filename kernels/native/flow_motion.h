@@ -28,7 +28,7 @@ WARPCAM_FN Reach reach_of(int kind, const Camera& camera, bool pinhole)
 }
 
 // Where a shape is and which.
-struct Pose {
+struct ShapePose {
     Vec position;
     Matrix rotation;
     Vec size;
@@ -36,7 +36,7 @@ struct Pose {
 };
 
 // Steps a metre in which the depths of a convex shape are counted.
-WARPCAM_FN float steps_of(int kind, const Pose& pose, const Camera& camera, bool pinhole)
+WARPCAM_FN float steps_of(int kind, const ShapePose& pose, const Camera& camera, bool pinhole)
 {
     if (kind == PLANE)
         return 0.0f;
@@ -91,16 +91,16 @@ WARPCAM_FN void put_unknown(Row* motion)
 }
 
 // A shape's rows of Trail.before.
-WARPCAM_FN Pose pose_before(const Row* before)
+WARPCAM_FN ShapePose pose_before(const Row* before)
 {
     const Row a = load(before, 0), b = load(before, 1), c = load(before, 2), d = load(before, 3);
     return { to_vec(a), { { { b.x, b.y, b.z }, { c.x, c.y, c.z }, { d.x, d.y, d.z } } },
              { as_float(a.w), as_float(b.w), as_float(c.w) }, d.w };
 }
 
-template <class Shapes> WARPCAM_FN Pose pose_now(const Shapes& shapes, int world, int shape)
+template <class Shapes> WARPCAM_FN ShapePose pose_now(const Shapes& shapes, int world, int shape)
 {
-    Pose pose;
+    ShapePose pose;
     pose.position = to_vec(wp::index(shapes.positions, world, shape));
     const auto r = wp::index(shapes.rotations, world, shape);
     for (int i = 0; i < 3; ++i)
@@ -111,7 +111,7 @@ template <class Shapes> WARPCAM_FN Pose pose_now(const Shapes& shapes, int world
     return pose;
 }
 
-WARPCAM_FN void keep_pose(Row* before, const Pose& pose)
+WARPCAM_FN void keep_pose(Row* before, const ShapePose& pose)
 {
     const auto& r = pose.rotation.at;
     put_row(before, 0, pose.position, pose.size.x);
@@ -120,7 +120,7 @@ WARPCAM_FN void keep_pose(Row* before, const Pose& pose)
     put_row(before, 3, { r[2][0], r[2][1], r[2][2] }, as_float(pose.asset));
 }
 
-WARPCAM_FN bool same_pose(const Pose& a, const Pose& b)
+WARPCAM_FN bool same_pose(const ShapePose& a, const ShapePose& b)
 {
     bool same = same_vec(a.position, b.position) && same_vec(a.size, b.size) && a.asset == b.asset;
     for (int i = 0; i < 9; ++i)
@@ -151,7 +151,7 @@ WARPCAM_FN void compose_motion(const Trail& trail, const Shapes& shapes, const C
                                int shape, bool pinhole, bool scaled, bool brief, const Row* before, Row* after, Row* motion)
 {
     // All is loaded before the first decision: memory is waited for once.
-    const Pose old = pose_before(before), pose = pose_now(shapes, world, shape);
+    const ShapePose old = pose_before(before), pose = pose_now(shapes, world, shape);
     const int state = wp::index(trail.known, world), kind = wp::index(shapes.types, shape);
     if (wp::index(shapes.places, shape) < 0 && kind != SPLATS)
         return;

@@ -27,10 +27,10 @@ constexpr float TO_WHOLE = 12582912.0f;
 
 // What is kept of a pixel: above the shape, all ones where nothing is seen; below its depth. `last`: the fourth of the
 // shape's rows.
-template <bool BRIEF> struct Kept;
+template <bool BRIEF> struct KeptWord;
 
 // The depth is 16 bits of its float, five of the exponent, which is enough for 15 um to 65 km.
-template <> struct Kept<false> {
+template <> struct KeptWord<false> {
     using Word = unsigned;
     static constexpr int DEPTH_BITS = 12, LEAST_DEPTH = 111 << 23;  // what is cut off the float, and bits of 2^-16 m
     static constexpr unsigned DEPTHS = 0xffffu;
@@ -58,7 +58,7 @@ template <> struct Kept<false> {
 };
 
 // The shape has eight bits; the depth is counted in steps of the shape's own, eight bits of which tell its parts apart.
-template <> struct Kept<true> {
+template <> struct KeptWord<true> {
     using Word = unsigned short;
 
     WARPCAM_FN static unsigned steps(float number) { return unsigned(as_int(number)); }
@@ -156,10 +156,10 @@ WARPCAM_FN unsigned pixel_below(float number) { return bits_below(number, 838860
 // would wait for them. SHAPES: it has the motions of as many shapes there, too. FLOORED: it looks at floors as a whole.
 template <int WANTED, int WIDTH = 0, int HEIGHT = 0, int SHAPES = 0, bool NEAR = false, bool FLOORED = false>
 struct FlowPlaces {
-    using Keeps = Kept<(WANTED & FLOW_BRIEF) != 0>;
+    using Keeps = KeptWord<(WANTED & FLOW_BRIEF) != 0>;
     using Word = typename Keeps::Word;
     static constexpr int ROWS = motion_rows<(WANTED & FLOW_MOVES) != 0>();
-    static constexpr bool WHOLE = WIDTH > 0, LISTED = SHAPES > 0, LOOKS_AT_FLOORS = FLOORED;
+    static constexpr bool WHOLE = WIDTH > 0, LISTED = SHAPES > 0, LOOKS_AT_FLOORS = FLOORED, PAINTS = false;
 
     const Word* words;
     Word* kept;

@@ -36,6 +36,25 @@ struct KeptLights {
         ++given;
         return has_slot ? kept++ : -1;
     }
+
+#if defined(__CUDA_ARCH__)
+    // The same of the next 32, a lane of a warp each; `light` may be beyond the last of `count`.
+    template <class Lights> WARPCAM_FN int next_of_lanes(const Lights& lights, int world, int light, int count)
+    {
+        const unsigned before = (1u << threadIdx.x % LANES) - 1;
+        const bool on = light < count && row_of(lights.active, world, light);
+        const unsigned all_on = __ballot_sync(ALL, on);
+        const int type = on ? row_of(lights.types, world, light) : -1;
+        const bool gives = type == LIGHT_SPOT || type == LIGHT_DIRECTIONAL;
+        const bool keeps = gives && taken + __popc(all_on & before) < slots;
+        const unsigned all_kept = __ballot_sync(ALL, keeps);
+        const int place = keeps ? kept + __popc(all_kept & before) : -1;
+        taken += __popc(all_on);
+        given += __popc(__ballot_sync(ALL, gives));
+        kept += __popc(all_kept);
+        return place;
+    }
+#endif
 };
 
 template <class Lights> WARPCAM_FN KeptLights kept_lights(const Lights& lights)

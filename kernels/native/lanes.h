@@ -180,6 +180,18 @@ WARPCAM_FN int sum_of_all(int number)
     return number;
 #endif
 }
+
+// The least of them.
+WARPCAM_FN int least_of_all(int number)
+{
+#if __CUDA_ARCH__ >= 800
+    return __reduce_min_sync(ALL, number);
+#else
+    for (int step = LANES / 2; step > 0; step /= 2)
+        number = lower_int(number, __shfl_xor_sync(ALL, number, step));
+    return number;
+#endif
+}
 #endif
 
 WARPCAM_FN void block_barrier()

@@ -242,18 +242,21 @@ template <bool TIGHT = false> WARPCAM_FN Window window_of(const Light& light, in
 }
 
 // May a shape with this window stand between the light and a point of a tile with that one? `height` is the shape's
-// highest, `floor` the tile's lowest. Without branches, as is the next.
+// highest, `floor` the tile's lowest. Without branches, as are the next.
 WARPCAM_FN bool may_shade(const Window& shape, float height, const Window& tile, float floor)
 {
     return (shape.left <= tile.right) & (shape.right >= tile.left) & (shape.bottom <= tile.top)
         & (shape.top >= tile.bottom) & (height > floor);
 }
 
+WARPCAM_FN bool within(const Window& window, float u, float v)
+{
+    return (window.left <= u) & (window.right >= u) & (window.bottom <= v) & (window.top >= v);
+}
+
 WARPCAM_FN bool may_shade(const Window& shape, float height, const Place& point)
 {
-    const bool within = (shape.left <= point.u) & (shape.right >= point.u) & (shape.bottom <= point.v)
-        & (shape.top >= point.v);
-    return (within | point.beside) & (height > point.height);
+    return (within(shape, point.u, point.v) | point.beside) & (height > point.height);
 }
 
 }  // namespace warpcam

@@ -108,7 +108,7 @@ WARPCAM_FN void trace_rays(Rays& rays, const List& list, const Meshes& meshes, f
     };
     while (true) {
         const unsigned idles = __ballot_sync(ALL, node == NO_NODE && left == 0);
-        if (supply.any() && (__popc(idles) >= FEW || idles == ALL)) {
+        if (supply.any() && (__popc(idles) >= COMPANY || idles == ALL)) {
             if ((idles >> lane & 1) && shape >= 0) {
                 store(pixel, Hit { depth, shape, face });
                 shape = -1;
@@ -121,7 +121,7 @@ WARPCAM_FN void trace_rays(Rays& rays, const List& list, const Meshes& meshes, f
         }
 
         const unsigned between = __ballot_sync(ALL, node == NO_NODE && left != 0);  // on to their next meshes
-        if (between && (__popc(between) >= FEW || !__any_sync(ALL, node != NO_NODE))) {
+        if (between && (__popc(between) >= COMPANY || !__any_sync(ALL, node != NO_NODE))) {
             if (between >> lane & 1) {
                 slot = list.order[word * LANES + lowest_bit(left)];
                 left &= left - 1;
@@ -161,12 +161,12 @@ WARPCAM_FN void trace_rays(Rays& rays, const List& list, const Meshes& meshes, f
             }
             inner = node >= 0 && node != NO_NODE;
             stepping = __ballot_sync(ALL, inner);
-            if (__popc(stepping) < 2 * FEW)
+            if (__popc(stepping) < 2 * COMPANY)
                 break;
         }
 
         const bool enough = Rays::PAIRED ? sum_of_all(LeafPairs::faces_of(node)) >= ENOUGH_PAIRS
-                                         : __popc(__ballot_sync(ALL, node < 0)) >= FEW;
+                                         : __popc(__ballot_sync(ALL, node < 0)) >= COMPANY;
         if (enough || (!stepping && __any_sync(ALL, node < 0))) {
             int left_of_leaf = NO_NODE;
             bool ends = false;

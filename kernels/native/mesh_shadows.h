@@ -156,7 +156,7 @@ WARPCAM_FN void cast_rays(ShadowRays<WORDS, Boxes>& rays, const List& list, cons
     };
     while (true) {
         const unsigned idles = __ballot_sync(ALL, node == NO_NODE && left == 0);
-        if (supply.any() && (__popc(idles) >= FEW || idles == ALL)) {
+        if (supply.any() && (__popc(idles) >= COMPANY || idles == ALL)) {
             rays.keep_walk(node, height, slot);
             supply.hand_out(idles, next_tile, take);
             rays.go_on_walking(node, height, slot, boxes);
@@ -166,7 +166,7 @@ WARPCAM_FN void cast_rays(ShadowRays<WORDS, Boxes>& rays, const List& list, cons
         }
 
         const unsigned between = __ballot_sync(ALL, node == NO_NODE && left != 0);  // on to their next meshes
-        if (between && (__popc(between) >= FEW || !__any_sync(ALL, node != NO_NODE))) {
+        if (between && (__popc(between) >= COMPANY || !__any_sync(ALL, node != NO_NODE))) {
             if (node == NO_NODE && left != 0) {
                 slot = (WORDS == 1 ? 0 : word * LANES) + lowest_bit(left);
                 left &= left - 1;
@@ -203,12 +203,12 @@ WARPCAM_FN void cast_rays(ShadowRays<WORDS, Boxes>& rays, const List& list, cons
             }
             inner = node >= 0 && node != NO_NODE;
             stepping = __ballot_sync(ALL, inner);
-            if (__popc(stepping) < 2 * FEW)
+            if (__popc(stepping) < 2 * COMPANY)
                 break;
         }
 
         const unsigned leaves = __ballot_sync(ALL, node < 0);
-        if (leaves && (__popc(leaves) >= FEW / 2 || !stepping)) {
+        if (leaves && (__popc(leaves) >= COMPANY / 2 || !stepping)) {
             __syncwarp();  // frames that one lane writes another may read
             const bool met = meets_leaves<TYPES>(rays, list, light, meshes, slot, node);
             if (node < 0) {

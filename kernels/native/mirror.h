@@ -62,12 +62,13 @@ template <int TYPES, int LENS, bool FACES, class Target> struct MirrorCanvas {
 
     static constexpr bool WHOLE = false, STORES_MUCH = true, APART = false;
     WARPCAM_FN void begin(int) const { }
+    WARPCAM_FN void face(int, int) const { }
     WARPCAM_FN void ready() const { }
 
     WARPCAM_FN bool put_floor(int, int, const Hit (&)[1], int) const { return false; }
-    WARPCAM_FN void put_tile(int i, int j, int, const Hit& hit, bool first_pass, float*) const
+    WARPCAM_FN void put_tiles(int i, int j, const ClippedRay<LENS> (&)[1], const Hit (&hits)[1], bool first_pass, float*) const
     {
-        put_new(i, j, hit, first_pass);
+        put_new(i, j, hits[0], first_pass);
     }
 };
 
@@ -87,8 +88,10 @@ WARPCAM_FN void draw_mirrored(const Shapes& shapes, const Materials& materials, 
     const auto mirror = wp::index(target.mirrors, world);
     if (mirror.shape < 0)
         return;
-    if (thread == 0)
+    if (thread == 0) {
         camera = load_camera(wp::index(views, world));
+        begin_list(list);
+    }
     block_barrier();
     const MirrorCanvas<TYPES, LENS, FACES, Target> canvas { target,        camera,          region,
                                                             world, plane_of(mirror), mirror.shape };
@@ -96,7 +99,7 @@ WARPCAM_FN void draw_mirrored(const Shapes& shapes, const Materials& materials, 
     const auto hidden = [&](int id) {
         return id == itself || !solid(shapes, materials, target.veil_places, world, id);
     };
-    draw_region<TYPES, LENS, false, SEVERAL>(list, canvas, shapes, meshes, fields, hidden, world, thread);
+    draw_region<TYPES, LENS, false, SEVERAL>(list, canvas, shapes, meshes, fields, hidden, [] {}, world, thread);
 }
 
 }  // namespace warpcam

@@ -61,6 +61,9 @@ struct TileWindow {
     float floor;
 };
 
+// That of points of which nothing is known.
+WARPCAM_FN TileWindow whole_tile() { return { { -FAR_AWAY, FAR_AWAY, -FAR_AWAY, FAR_AWAY }, -FAR_AWAY }; }
+
 WARPCAM_FN TileWindow window_around(const Place& place, bool asks)
 {
     const float u = place.beside ? -FAR_AWAY : place.u, v = place.beside ? -FAR_AWAY : place.v;

@@ -5,8 +5,11 @@
 #include "kept_lights.h"
 #include "mesh_shadows.h"
 #include "shadow_strips.h"
+#include "shutters.h"
 
 namespace warpcam {
+
+constexpr int FEW_CASTERS = 2;
 
 // Does a light that is kept cast shadows? One without colour has none to take away.
 template <class Lights> WARPCAM_FN bool casts(const Lights& lights, int world, int light)
@@ -51,18 +54,28 @@ template <int TYPES, int CAPACITY> constexpr int lists_beside()
 
 #if defined(__CUDA_ARCH__)
 
-// Leaves out a shape of those that are `met`, bits by slot; false if none are left.
-template <class List> WARPCAM_FN bool others_met(const List& list, unsigned (&met)[List::WORDS], int id)
+// A mesh of those that are `met`, bits by slot, of which there are some: that of the shape itself, if it is one of them.
+template <class List> WARPCAM_FN int slot_to_try(const List& list, const unsigned (&met)[List::WORDS], int id)
+{
+    int slot = -1;
+    for (int word = 0; word < (list.count + 31) / 32; ++word) {
+        for (unsigned left = met[word]; left; left &= left - 1) {
+            const int its = word * 32 + lowest_bit(left);
+            if (list.records[its].axis_y.w == id)
+                return its;
+            slot = slot < 0 ? its : slot;
+        }
+    }
+    return slot;
+}
+
+// Leaves one of them out; false if none are left.
+template <class List> WARPCAM_FN bool others_met(const List& list, unsigned (&met)[List::WORDS], int slot)
 {
     bool any = false;
     for (int word = 0; word < (list.count + 31) / 32; ++word) {
-        unsigned others = 0;
-        for (unsigned left = met[word]; left; left &= left - 1) {
-            const int bit = lowest_bit(left);
-            others |= list.records[word * 32 + bit].axis_y.w != id ? 1u << bit : 0u;
-        }
-        met[word] = others;
-        any |= others != 0;
+        met[word] &= ~(word == slot / 32 ? 1u << slot % 32 : 0u);
+        any |= met[word] != 0;
     }
     return any;
 }
@@ -125,9 +138,10 @@ WARPCAM_FN void cast_light(List& list, const Task<LENS>& task, const Shapes& sha
         const float depth = inside ? target.depth.data[at] : 0.0f;
         const float i = float(column_in_view), j = float(row_in_view);
         const Place place = place_of(view.light.distant, view.lit.point(i, j, depth));
-        const bool asks = id >= 0 && may_shade(list.bounds, list.ceiling, place);
+        const bool asks = id >= 0 && may_be_shaded(list, place);
         bool open = asks;
-        const TileWindow around = window_around(place, asks);
+        // with a mesh or two each pixel's own place tells as soon
+        const TileWindow around = HAS_MESH && list.count <= FEW_CASTERS ? whole_tile() : window_around(place, asks);
         if (!HAS_MESH && !may_shade(list, around))
             return true;
         const Vec p = view.sight.point(i, j, depth);
@@ -135,11 +149,22 @@ WARPCAM_FN void cast_light(List& list, const Task<LENS>& task, const Shapes& sha
         unsigned met[WORDS];
         const bool met_any = shade_tile<TYPES>(list, view, p, span, place, around, open, fields, met);
         if (HAS_MESH) {
-            bool keep = open && met_any;
-            if (keep) {
-                const Facing facing = face_light<TYPES>(shapes, meshes, task.world, id, target.face.data[at], view.light,
-                                                        view.origin, view.sight.along_of(p), p);
-                keep = facing.front && (!facing.clear || others_met(list, met, id));
+            bool keep = open && met_any, tries = keep;
+            const int slot = keep ? slot_to_try(list, met, id) : 0;
+            const Record& record = list.records[slot];
+            const Ray ray = look_back(record, list.aims[slot], p, view.light.distant);
+            if (keep && record.axis_y.w == id) {
+                const Vec sight = WorldRay::turned(record, view.sight.along_of(p), { 0.0f, 0.0f, 0.0f });
+                const Facing facing = face_light<TYPES>(meshes, record.axis_z.w, target.face.data[at], view.light.distant,
+                                                        { to_vec(list.aims[slot]), ray.direction, sight });
+                keep = facing.front && (!facing.clear || others_met(list, met, slot));
+                tries = keep && !facing.clear;
+            }
+            if constexpr (has_shutters(TYPES)) {
+                if (meets_shutters(meshes, slot, record.axis_z.w, ray, span, tries)) {
+                    mark_shadow<BESIDE>(target, at, task.bit);
+                    keep = false;
+                }
             }
             const unsigned kept = __ballot_sync(ALL, keep);
             rays[warp].put(kept, met, (list.count + 31) / 32, row * 64 + column, p, span);
@@ -185,6 +210,17 @@ WARPCAM_FN void cast_light(List& list, const Task<LENS>& task, const Shapes& sha
 template <int WIDTH, int HEIGHT, class Target>
 WARPCAM_FN void clear_shadows(const Target& target, const Region& region, int world, int thread)
 {
+#if defined(__CUDA_ARCH__)
+    constexpr int TOGETHER = 16;
+    auto* corner = target.shadow.data + (size_t(world) * target.height + region.top) * target.width + region.left;
+    if (region.left + WIDTH <= target.width && region.top + HEIGHT <= target.height
+        && (reinterpret_cast<size_t>(corner) | unsigned(target.width)) % TOGETHER == 0) {
+        for (int number = thread; number < WIDTH * HEIGHT / TOGETHER; number += THREADS)
+            clear_several<TOGETHER>(corner + unsigned(number / (WIDTH / TOGETHER) * target.width
+                                                      + number % (WIDTH / TOGETHER) * TOGETHER));
+        return;
+    }
+#endif
     for (int pixel = thread; pixel < WIDTH * HEIGHT; pixel += THREADS) {
         const int i = region.left + pixel % WIDTH, j = region.top + pixel / WIDTH;
         if (i < target.width && j < target.height)
@@ -201,7 +237,7 @@ WARPCAM_FN void cast(const Shapes& shapes, const Materials& materials, const Mes
                      int index)
 {
     constexpr int BESIDE = lists_beside<TYPES, CAPACITY>();
-    WARPCAM_SHARED CasterList<CAPACITY, (TYPES >> MESH & 1) != 0> lists[BESIDE];
+    WARPCAM_SHARED CasterList<CAPACITY, (TYPES >> MESH & 1) != 0, BESIDE == 2 && has_shutters(TYPES)> lists[BESIDE];
     WARPCAM_SHARED Task<LENS> tasks[BESIDE];
     const int thread = index % THREADS, block = index / THREADS;
     const int columns = (target.width + WIDTH - 1) / WIDTH, rows = (target.height + HEIGHT - 1) / HEIGHT;
@@ -235,18 +271,20 @@ WARPCAM_FN void cast(const Shapes& shapes, const Materials& materials, const Mes
         if (fresh)
             clear_shadows<WIDTH, HEIGHT>(target, region, world, thread);
         const int warp = thread / LANES;
-        for (int number = 0; number < num_lights;) {
-            int found = 0, own = 0, own_place = 0;
-            for (; number < num_lights && found < BESIDE; ++number) {
-                const int place = kept.next(lights, world, number);
-                if (place < 0 || !casts(lights, world, number))
-                    continue;
-                if (found == warp) {
-                    own = number;
-                    own_place = place;
-                }
-                ++found;
+        unsigned casting = 0;  // of 32 lights those that do
+        int first = 0, place = -1;
+        while (casting || first < num_lights) {
+            if (!casting) {
+                place = kept.next_of_lanes(lights, world, first + thread % LANES, num_lights);
+                casting = __ballot_sync(ALL, place >= 0 && casts(lights, world, first + thread % LANES));
+                first += LANES;
+                continue;
             }
+            int found = 0, own = 0;
+            for (; casting && found < BESIDE; casting &= casting - 1, ++found)
+                own = found == warp ? lowest_bit(casting) : own;
+            const int own_place = __shfl_sync(ALL, place, own);
+            own += first - LANES;
             block_barrier();  // the lists may still be in use, masks not yet cleared
             if (warp < found) {
                 auto& list = lists[warp];
@@ -259,14 +297,20 @@ WARPCAM_FN void cast(const Shapes& shapes, const Materials& materials, const Mes
                     tasks[warp] = { view, region, corner, world, 1u << own_place, false };
                 warp_barrier();
                 collect_casters<TYPES, LANES>(list, 0, shapes, materials, meshes, fields, view.light, camera, world, lane);
+                warp_barrier();
+                if constexpr (has_shutters(TYPES)) {
+                    for (int slot = 0; slot < list.count; ++slot)
+                        if (list.records[slot].axis_x.w == MESH)
+                            outline_caster(list, slot, view.light, meshes);
+                    warp_barrier();
+                }
+                find_bounds(list);
             }
             block_barrier();
 #pragma unroll 1
             for (int k = 0; k < found; ++k) {
                 if (lists[k].count == 0)
                     continue;
-                find_bounds(lists[k]);  // the same by every warp
-                __syncwarp();
                 cast_light<TYPES, LENS, WIDTH, HEIGHT>(lists[k], tasks[k], shapes, meshes, fields, target, floor, floors);
             }
         }

@@ -76,8 +76,7 @@ WARPCAM_FN bool find_asking(const Target& target, size_t at, int inside, float i
     bool asks = false;
 #pragma unroll
     for (int k = 0; k < COUNT; ++k)
-        asks |= id[k] >= 0 && may_shade(list.bounds, list.ceiling,
-                                      place_of(view.light.distant, view.lit.point(i + float(k), j, depth[k])));
+        asks |= id[k] >= 0 && may_be_shaded(list, place_of(view.light.distant, view.lit.point(i + float(k), j, depth[k])));
     return asks;
 }
 

@@ -157,6 +157,16 @@ WARPCAM_FN Vec look_up(unsigned long long sheet, float x, float y)
         : "l"(sheet), "f"(x), "f"(y));
     return { red, green, blue };
 }
+
+// The same of a mipmapped texture, at (u, v), in images, which repeat.
+WARPCAM_FN Vec look_up(unsigned long long mips, float u, float v, float level)
+{
+    float red, green, blue, alpha;
+    asm("tex.level.2d.v4.f32.f32 {%0, %1, %2, %3}, [%4, {%5, %6}], %7;"
+        : "=f"(red), "=f"(green), "=f"(blue), "=f"(alpha)
+        : "l"(mips), "f"(u), "f"(v), "f"(level));
+    return { red, green, blue };
+}
 #endif
 
 // The part of `unit` after the point; 0 of what has none.

@@ -11,7 +11,8 @@
 namespace warpcam {
 
 // Fills the list with shapes from `begin` on until it is full; returns where to go on. SLOTS: records name their own
-// slots in place of their shapes. hidden(id): the shape is left out. ALONE: by one warp.
+// slots in place of their shapes, and in place of an asset where these stand among the drawn ones. hidden(id): the shape is
+// left out. ALONE: by one warp.
 template <int TYPES, int LENS, bool SLOTS, bool ALONE, int CAPACITY, class Shapes, class Meshes, class HeightFields,
           class Hidden>
 WARPCAM_FN int gather(ShapeList<CAPACITY>& list, int begin, const Shapes& shapes, const Meshes& meshes,
@@ -36,8 +37,10 @@ WARPCAM_FN int gather(ShapeList<CAPACITY>& list, int begin, const Shapes& shapes
 #else
                 const int slot = list.count++;
 #endif
-                if (SLOTS)
+                if (SLOTS) {
                     record.axis_y.w = slot;
+                    record.axis_z.w = i;
+                }
                 list.records[slot] = record;
                 list.nearest[slot] = record.size.w & 0x7fffffff;
                 list.ids[slot] = id;
@@ -70,7 +73,7 @@ WARPCAM_FN void draw_tiles(ShapeList<CAPACITY>& list, const Canvas_& canvas, con
     constexpr int TALL = Canvas_::TALL;
     constexpr bool HAS_MESH = TYPES >> MESH & 1, HAS_THREES = Canvas_::THREES != 0;
     WARPCAM_SHARED typename MeshRaysOf<HAS_MESH ? CAPACITY : 1>::type rays[HAS_MESH ? THREADS / LANES : 1];
-    WARPCAM_SHARED float4 lanes[HAS_THREES ? THREADS / LANES : 1][3 * LANES / 4];
+    WARPCAM_SHARED float4 lanes[HAS_THREES ? THREADS / LANES : 1][TALL * 3 * LANES / 4];
     int lane = threadIdx.x % LANES;
     const int warp = threadIdx.x / LANES;
     asm("" : "+r"(lane));  // a register for that, none for the thread's number
@@ -109,8 +112,7 @@ WARPCAM_FN void draw_tiles(ShapeList<CAPACITY>& list, const Canvas_& canvas, con
         trace_tiles<TYPES>(list, column, row, ray, near, fields, hit);
         meet();
         if (!canvas.put_floor(i, j, hit, lane))
-            for (int k = 0; k < TALL; ++k)
-                canvas.put_tile(i, j, k, hit[k], first_pass, row_of_lanes);
+            canvas.put_tiles(i, j, ray, hit, first_pass, row_of_lanes);
         if (HAS_MESH)
             found = find_rays<TYPES>(rays[HAS_MESH ? warp : 0], list, column, row, ray[0], near_of(ray[0], near), meshes,
                                      hit[0].depth);
@@ -137,12 +139,6 @@ WARPCAM_FN void draw_apart(ShapeList<CAPACITY>& list, const Canvas_& canvas, con
                            const HeightFields& fields, const Hidden& hidden, int world, int thread, bool blind)
 {
     static_assert(CAPACITY <= LANES && !(TYPES >> MESH & 1));
-    if (thread == 0) {
-        list.broken = 0;
-        list.count = 0;
-        list.next_tile = 0;
-    }
-    block_barrier();
     if (thread >= THREADS - LANES) {
         canvas.begin(thread);
         canvas.ready();
@@ -160,6 +156,7 @@ WARPCAM_FN void draw_apart(ShapeList<CAPACITY>& list, const Canvas_& canvas, con
             }
             warp_barrier();
             sort_by_depth(list, thread);
+            canvas.face(thread, LANES);
         } else {
             canvas.find_floor(thread - LANES);
         }
@@ -194,13 +191,22 @@ inline void draw_tiles(ShapeList<CAPACITY>& list, const Canvas_& canvas, const M
 
 #endif
 
-// Draws the shapes that are not hidden into the canvas's region. SEVERAL: the scene may have more shapes than the list
-// holds; then the region is drawn in several passes, each going on from the depth of the last.
+// For one thread, before the block meets for the first time.
+template <int CAPACITY> WARPCAM_FN void begin_list(ShapeList<CAPACITY>& list)
+{
+    list.broken = 0;
+    list.count = 0;
+    list.next_tile = 0;
+}
+
+// Draws the shapes that are not hidden into the canvas's region; the list has begun. SEVERAL: the scene may have more shapes
+// than the list holds; then the region is drawn in several passes, each going on from the depth of the last. late(): what may
+// wait until shapes are listed, and needs no other threads.
 template <int TYPES, int LENS, bool SLOTS, bool SEVERAL, int CAPACITY, class Canvas_, class Shapes, class Meshes,
-          class HeightFields, class Hidden>
+          class HeightFields, class Hidden, class Late>
 WARPCAM_FN void draw_region(ShapeList<CAPACITY>& list, const Canvas_& canvas, const Shapes& shapes,
-                            const Meshes& meshes, const HeightFields& fields, const Hidden& hidden, int world,
-                            int thread)
+                            const Meshes& meshes, const HeightFields& fields, const Hidden& hidden, const Late& late,
+                            int world, int thread)
 {
     const bool blind = !(magnitude(canvas.camera.origin.x) < FAR_AWAY);
 #if defined(__CUDA_ARCH__)
@@ -210,14 +216,14 @@ WARPCAM_FN void draw_region(ShapeList<CAPACITY>& list, const Canvas_& canvas, co
     const int total = blind ? 0 : shapes.drawn.shape[0];
     int begin = 0;
     bool first = true;
-    if (thread == 0)
-        list.broken = 0;
     do {
-        if (thread == 0) {
-            list.count = 0;
-            list.next_tile = 0;
+        if (SEVERAL && !first) {
+            if (thread == 0) {
+                list.count = 0;
+                list.next_tile = 0;
+            }
+            block_barrier();
         }
-        block_barrier();
         canvas.begin(thread);
         if (!blind)
             begin = gather<TYPES, LENS, SLOTS, false>(list, begin, shapes, meshes, fields, hidden, canvas.camera,
@@ -236,7 +242,9 @@ WARPCAM_FN void draw_region(ShapeList<CAPACITY>& list, const Canvas_& canvas, co
             leave_out_housings<TYPES>(list, meshes, rays_of_region(canvas.camera, canvas.region), thread);
         canvas.ready();
         sort_by_depth(list, thread);
+        canvas.face(thread, THREADS);
         block_barrier();
+        late();
         draw_tiles<TYPES, LENS>(list, canvas, meshes, fields, !SEVERAL || first);
         first = false;
         block_barrier();
@@ -244,25 +252,27 @@ WARPCAM_FN void draw_region(ShapeList<CAPACITY>& list, const Canvas_& canvas, co
 }
 
 // What a block shares.
-template <int CAPACITY, class Places_> struct DrawRoom {
+template <int CAPACITY, class Places_, class Facings_> struct DrawRoom {
     ShapeList<CAPACITY> list;
     alignas(16) Camera camera;  // kept in registers it would be spilled
     Places_ places;
+    Facings_ facings;
 };
 
 // Draws one region of one view; `index` counts worlds, then regions, then (CUDA) threads of the block.
 // SEVERAL: depth and shape are always written. With OPAQUE outputs shapes that are transparent are left out.
-template <int TYPES, int LENS, int CAPACITY, bool SEVERAL, int WIDTH, int HEIGHT, int OUTPUTS, class Shapes,
+// Near: Places, or what else the block keeps for its images.
+template <int TYPES, int LENS, int CAPACITY, bool SEVERAL, int WIDTH, int HEIGHT, int OUTPUTS, class Near, class Shapes,
           class Materials, class Meshes, class HeightFields, class Views, class Target>
-WARPCAM_FN void draw(const Shapes& shapes, const Materials& materials, const Meshes& meshes,
-                     const HeightFields& fields, const Views& views, const Target& target, int index)
+WARPCAM_FN void draw_with(const Shapes& shapes, const Materials& materials, const Meshes& meshes,
+                          const HeightFields& fields, const Views& views, const Target& target, int index)
 {
     static_assert(!names_slots(OUTPUTS) || analytic_types(TYPES) == TYPES);
     constexpr bool FLOWING = (OUTPUTS & FLOWS) != 0;
-    using Near = typename Places<OUTPUTS, WIDTH, HEIGHT, (OUTPUTS & FLOW_LISTED) ? CAPACITY : 0,
-                                 looks_at_floors(TYPES, LENS, OUTPUTS, CAPACITY, WIDTH, HEIGHT)>::type;
-    WARPCAM_SHARED DrawRoom<CAPACITY, Near> shared;
-    DrawRoom<CAPACITY, Near>& room = by_address(shared);
+    using Canvas_ = Canvas<TYPES, LENS, OUTPUTS, CAPACITY, tiles_at_once(TYPES, WIDTH, HEIGHT), Target, Shapes, Near>;
+    using Room = DrawRoom<CAPACITY, Near, typename Canvas_::Facings_>;
+    WARPCAM_SHARED Room shared;
+    Room& room = by_address(shared);
     ShapeList<CAPACITY>& list = room.list;
     Camera& camera = room.camera;
     Near& places = room.places;
@@ -275,30 +285,51 @@ WARPCAM_FN void draw(const Shapes& shapes, const Materials& materials, const Mes
         region = { same_of_warp(region.left), same_of_warp(region.top), same_of_warp(region.width),
                    same_of_warp(region.height) };
     }
-    if (!wp::index(target.mask, world))
-        return;
+    const bool wanted = wp::index(target.mask, world);  // the view is on its way meanwhile
     if (thread == 0) {
         camera = load_camera(wp::index(views, world));
+        begin_list(list);
         if constexpr (FLOWING)
             places.locate(target.trail, world);
     }
     if constexpr (FLOWING && (OUTPUTS & FLOW_LISTED))
         if (thread == THREADS / 2)
             places.then = load_camera(wp::index(target.trail.views_before, world));
+    if (!wanted)
+        return;
     block_barrier();
     if constexpr (FLOWING)
         places.fetch(thread);
-    const Canvas<TYPES, LENS, OUTPUTS, CAPACITY, tiles_at_once(TYPES, WIDTH, HEIGHT), Target, Shapes, Near> canvas {
-        target, shapes, list, camera, region, world, places
-    };
+    const Canvas_ canvas { target, shapes, list, camera, region, world, places, room.facings };
     const auto hidden = [&](int id) {
         if constexpr ((OUTPUTS & OPAQUE) != 0)
             return !solid<(TYPES >> MASKED & 1) != 0>(shapes, materials, target.veil_places, world, id);
         else
             return transparent(shapes, materials, world, id);
     };
-    draw_region<TYPES, LENS, names_slots(OUTPUTS), SEVERAL>(list, canvas, shapes, meshes, fields, hidden, world,
-                                                            thread);
+    const auto draw = [&](const auto& late) {
+        draw_region<TYPES, LENS, names_slots(OUTPUTS), SEVERAL>(list, canvas, shapes, meshes, fields, hidden, late, world,
+                                                                thread);
+    };
+    if constexpr (Near::PAINTS) {
+        const auto scene = places.scene_of(shapes, meshes, fields, materials, target.textures);
+        places.begin(scene, camera, region, target.plane, world, thread);
+        draw([&] { places.load_looks(scene, camera, world, thread); });
+        places.finish(scene, target, camera, region, world, thread);
+    } else {
+        draw([] {});
+    }
+}
+
+template <int TYPES, int LENS, int CAPACITY, bool SEVERAL, int WIDTH, int HEIGHT, int OUTPUTS, class Shapes,
+          class Materials, class Meshes, class HeightFields, class Views, class Target>
+WARPCAM_FN void draw(const Shapes& shapes, const Materials& materials, const Meshes& meshes, const HeightFields& fields,
+                     const Views& views, const Target& target, int index)
+{
+    using Near = typename Places<OUTPUTS, WIDTH, HEIGHT, (OUTPUTS & FLOW_LISTED) ? CAPACITY : 0,
+                                 looks_at_floors(TYPES, LENS, OUTPUTS, CAPACITY, WIDTH, HEIGHT)>::type;
+    draw_with<TYPES, LENS, CAPACITY, SEVERAL, WIDTH, HEIGHT, OUTPUTS, Near>(shapes, materials, meshes, fields, views, target,
+                                                                            index);
 }
 
 }  // namespace warpcam

@@ -7,7 +7,7 @@
 #if defined(__CUDA_ARCH__)
 namespace warpcam {
 
-constexpr int FEW = 8;  // lanes; fewer wait for company before they do what the others do not need
+constexpr int COMPANY = 8;  // lanes; fewer wait for company before they do what the others do not need
 
 // The rays of one warp. WORDS: 32 shapes of the block's list each.
 template <int WORDS> struct WaitingRays {

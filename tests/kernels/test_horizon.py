@@ -1,11 +1,10 @@
 """Rays from a face that need not look for other faces of its mesh."""
 
-import functools
-
 import numpy as np
 import pytest
 import warp as wp
 from native import native_kernel
+from surfaces import SHAPES, grid, meets
 from warpcam.kernels import horizon
 from warpcam.kernels.types import Meshes
 
@@ -36,60 +35,6 @@ def look_up(
     ask(meshes, faces[i], directions[i], i, clear)
 
 
-def grid(count: int, place) -> tuple[np.ndarray, np.ndarray]:
-    """A square of 2 * count**2 faces, whose points are at place(u, v), u and v in [0, 1]."""
-    u, v = np.meshgrid(np.linspace(0.0, 1.0, count + 1), np.linspace(0.0, 1.0, count + 1), indexing="ij")
-    points = np.stack(place(u, v), axis=-1).reshape(-1, 3).astype(np.float32)
-    i, j = np.meshgrid(np.arange(count), np.arange(count), indexing="ij")
-    corner = (i * (count + 1) + j).ravel()
-    right, up, both = corner + count + 1, corner + 1, corner + count + 2
-    faces = np.concatenate([np.stack([corner, right, both], 1), np.stack([corner, both, up], 1)])
-    return points, faces.astype(np.int32)
-
-
-def ball(u, v):
-    around, down = 2.0 * np.pi * u, np.pi * v
-    return np.sin(down) * np.cos(around), -np.sin(down) * np.sin(around), np.cos(down)
-
-
-def hills(u, v):
-    return u, v, 0.1 * np.sin(9.0 * u) * np.cos(7.0 * v)
-
-
-def bowl(u, v):  # seen from inside
-    around, down = 2.0 * np.pi * u, 0.5 * np.pi * v
-    return np.sin(down) * np.cos(around), np.sin(down) * np.sin(around), -np.cos(down)
-
-
-def ridges(u, v):  # sharp, and of faces of very different sizes
-    return u**3, v**2, 0.2 * np.abs(np.mod(6.0 * u, 2.0) - 1.0)
-
-
-def soup(seed: int, count: int, reach: float, thickness: float, size: float) -> tuple[np.ndarray, np.ndarray]:
-    """Faces anywhere, of which those of a dense soup run through each other."""
-    random = np.random.default_rng(seed)
-    place = random.uniform(-reach, reach, (count, 1, 3)) * (1.0, 1.0, thickness)
-    corners = place + size * random.normal(size=(count, 3, 3))
-    return corners.reshape(-1, 3).astype(np.float32), np.arange(3 * count, dtype=np.int32).reshape(-1, 3)
-
-
-def floors() -> tuple[np.ndarray, np.ndarray]:
-    """One above the other, both seen from above."""
-    points, faces = grid(6, lambda u, v: (u, v, 0.0 * u))
-    over = points * (0.5, 0.5, 1.0) + (0.3, 0.2, 0.15)
-    return np.concatenate([points, over]).astype(np.float32), np.concatenate([faces, faces + len(points)])
-
-
-SHAPES = {
-    "ball": lambda: grid(20, ball),
-    "hills": lambda: grid(16, hills),
-    "bowl": lambda: grid(16, bowl),
-    "ridges": lambda: grid(16, ridges),
-    "soup": lambda: soup(3, 60, 3.0, 1.0, 0.3),
-    "floors": floors,
-} | {f"dense{seed}": functools.partial(soup, seed, 30, 1.0, 0.2, 0.15) for seed in (0, 2, 5)}
-
-
 def horizons_of(points: np.ndarray, faces: np.ndarray, device: str) -> tuple[Meshes, np.ndarray]:
     """The mesh with its horizons, and the corners of its faces (face, 3, 3) in leaf order."""
     meshes, count = pack_meshes([Mesh("shape", points, faces)], wp.get_device(device))
@@ -112,23 +57,6 @@ def are_clear(meshes: Meshes, faces: np.ndarray, directions: np.ndarray, device:
 
 def unit(vectors: np.ndarray) -> np.ndarray:
     return vectors / np.maximum(np.linalg.norm(vectors, axis=-1, keepdims=True), 1e-30)
-
-
-def meets(origins: np.ndarray, directions: np.ndarray, corners: np.ndarray, near: float) -> np.ndarray:
-    """Whether rays (ray, 3) meet one of the faces, from either side, (ray,)."""
-    first, second = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
-    met = np.zeros(len(origins), bool)
-    for a, e, f in zip(corners[:, 0], first, second, strict=True):
-        p = np.cross(directions, f)
-        size = p @ e
-        with np.errstate(divide="ignore", invalid="ignore"):
-            away = origins - a
-            u = (away * p).sum(1) / size
-            q = np.cross(away, e)
-            v = (directions * q).sum(1) / size
-            t = q @ f / size
-            met |= (u >= 0.0) & (v >= 0.0) & (u + v <= 1.0) & (t > near)
-    return met
 
 
 @pytest.mark.parametrize("device", DEVICES)

@@ -8,6 +8,7 @@ import warp as wp
 
 from warpcam.accel.bvh4 import Bvh4, build_bvh4
 from warpcam.accel.kept import Kept, key_of
+from warpcam.accel.shutters import are_worth, pack_shutters
 from warpcam.errors import WarpcamError
 from warpcam.kernels import horizon
 from warpcam.kernels.types import Meshes, Textures
@@ -62,8 +63,11 @@ class Mesh:
         return self.faces[: len(self.faces) // 2] if self.two_sided else self.faces
 
 
-def pack_meshes(meshes: Sequence[Mesh], device: wp.Device) -> tuple[Meshes, int]:
+def pack_meshes(meshes: Sequence[Mesh], device: wp.Device, shut: bool = False) -> tuple[Meshes, int]:
     """Build the tree of every mesh and put all of them on ``device``. Equal meshes share their rows.
+
+    Args:
+        shut: Whether they are to have shutters, where they can.
 
     Returns:
         The meshes, and how many faces the largest of them has in its leaves.
@@ -127,6 +131,8 @@ def pack_meshes(meshes: Sequence[Mesh], device: wp.Device) -> tuple[Meshes, int]
     if horizon.are_kept(device) and not any(mesh.moves or mesh.two_sided for mesh in meshes):
         sizes = [len(tree[1]) // 3 for tree in trees]
         horizon.find_horizons(packed, np.repeat(np.array(holders, np.int32), sizes), device)
+        if shut and are_worth(faces := [tree[1] for tree in trees]):
+            packed.shutters = pack_shutters(packed, faces, holders, device)
     return packed, max((len(tree[1]) // 3 for tree in trees), default=0)
 
 

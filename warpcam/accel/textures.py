@@ -136,14 +136,14 @@ def _chain(pixels: Bytes, srgb: bool, levels: int, blend_light: bool) -> Chain:
         image, chain = _rgba(pixels, srgb), []
         for level in range(levels):
             if level:
-                image = _halve_light(image) if blend_light else _halve(image)
+                image = _halve_light(image) if blend_light else halved(image)
             chain.append(np.ascontiguousarray(image).view("<u4").reshape(len(image), -1))
         return chain
 
     return _kept.get(key_of(pixels, srgb, levels, blend_light), build)
 
 
-def _halve(image: Bytes) -> Bytes:
+def halved(image: Bytes) -> Bytes:
     """The next mipmap level: each texel the mean of what it covers, odd sizes weighted by overlap."""
     if image.shape[1] % 2 == 0 and image.shape[2] % 2 == 0:
         pairs = np.add(image[:, 0::2], image[:, 1::2], dtype=np.uint16)
@@ -159,7 +159,7 @@ def _halve_light(image: Bytes) -> Bytes:
     linear = np.where(coded <= 0.04045, coded / 12.92, ((coded + 0.055) / 1.055) ** 2.4).astype(np.float32)
     light = _halve_axis(_halve_axis(linear, 1), 2)
     shown = np.where(light <= 0.0031308, 12.92 * light, 1.055 * light ** (1.0 / 2.4) - 0.055)
-    alpha = _halve(np.ascontiguousarray(image))[..., 3:]
+    alpha = halved(np.ascontiguousarray(image))[..., 3:]
     return np.ascontiguousarray(np.concatenate((np.rint(255.0 * shown).astype(np.uint8), alpha), axis=-1))
 
 
