@@ -39,6 +39,7 @@ REGIONS = ((64, 64), (64, 32), (32, 32), (32, 16), (16, 16), (16, 8))
 QUICK = (32, 16)  # pixels: a strip of tiles for each warp
 MANY = 64  # shapes
 MOST_COMPOSED = 128  # shapes whose motions each block composes
+FLOOR_REGION = 64  # pixels, native/flow_floor.h
 MAX_LISTED = 256  # shapes that one pass draws
 FEW_BLOCKS = 3  # on a multiprocessor: as many are enough where a block's tiles take about as long as setting it up
 ROW_OF_BLOCKS = 2**24 // THREADS  # Warp lays out a launch's threads in rows of so many
@@ -338,6 +339,17 @@ def composes(tables: Tables, device: wp.Device) -> bool:
     """Whether each block of the trace composes by itself how the shapes have moved: where these are few."""
     few = tables.num_shapes <= list_capacity(tables.num_drawn) <= MOST_COMPOSED
     return device.is_cuda and few and not tables.moving and tables.splats is None
+
+
+def floor_parts(tables: Tables, device: wp.Device, width: int, height: int) -> int:
+    """Parts of 8 x 8 pixels of an image, of each of which a trace of validity may keep whether it shows but a floor.
+
+    Of images that one block draws none: it looks at all their words.
+    """
+    few = width <= FLOOR_REGION and height <= FLOOR_REGION
+    if few or width % 8 or height % 8 or not composes(tables, device) or not brief(tables):
+        return 0
+    return -(-width // FLOOR_REGION) * -(-height // FLOOR_REGION) * (FLOOR_REGION // 8) ** 2
 
 
 def tiles_at_once(shape_types: Set[int], region: tuple[int, int]) -> int:

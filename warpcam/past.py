@@ -39,6 +39,9 @@ class CameraPast:
         kept = worlds * _kept_words(camera, tables)
         self.trail.kept_first = wp.zeros(kept, dtype=wp.uint32, device=device)
         self.trail.kept_second = wp.zeros(kept, dtype=wp.uint32, device=device)
+        parts = worlds * _floor_parts(camera, tables, device)
+        self.trail.floor_first = wp.zeros(parts, dtype=wp.uint8, device=device)
+        self.trail.floor_second = wp.zeros(parts, dtype=wp.uint8, device=device)
         rows = 0 if visibility.composes(tables, device) else flow.motion_rows(tables)
         self.trail.motions = wp.zeros((worlds, rows), dtype=wp.vec4, device=device)
         self.trail.views_before = self.views
@@ -99,7 +102,9 @@ def past_bytes(cameras: Mapping[str | int, Camera], scene: Scene, tables: Tables
     row = wp.types.type_size_in_bytes(wp.vec4)
     composed = visibility.composes(tables, scene.device)
     view = wp.types.type_size_in_bytes(View) + (0 if composed else flow.motion_rows(tables) * row)
-    each = sum(view + 2 * 4 * _kept_words(camera, tables) for camera in asking)
+    each = sum(
+        view + 2 * (4 * _kept_words(camera, tables) + _floor_parts(camera, tables, scene.device)) for camera in asking
+    )
     total = tables.num_worlds * (1 + each + (2 if composed else 1) * 4 * row * tables.num_shapes)
     if tables.moving:
         total += corners.corners_bytes(tables.meshes, np.asarray(tables.moving), scene.moving_faces())
@@ -108,6 +113,12 @@ def past_bytes(cameras: Mapping[str | int, Camera], scene: Scene, tables: Tables
 
 def _kept_words(camera: Camera, tables: Tables) -> int:
     return flow.kept_words(tables, camera.width, camera.height) if "flow_valid" in camera.outputs else 0
+
+
+def _floor_parts(camera: Camera, tables: Tables, device: wp.Device) -> int:
+    if "flow_valid" not in camera.outputs:
+        return 0
+    return visibility.floor_parts(tables, device, camera.width, camera.height)
 
 
 def _worlds_of(scene: Scene, tables: Tables) -> np.ndarray:

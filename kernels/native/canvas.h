@@ -40,15 +40,25 @@ constexpr int tiles_at_once(int types, int width, int height)
 // Where normals or albedo are written, hits name the slot of their shape's record instead of the shape: see gather().
 constexpr bool names_slots(int outputs) { return outputs & (NORMAL | PAINTED); }
 
+// Whether a block looks at a floor as a whole to tell what of it was seen.
+constexpr bool looks_at_floors(int types, int lens, int outputs, int shapes, int width, int height)
+{
+    const int needs = FLOW_VALID | FLOW_BRIEF | FLOW_LISTED | TILED | (outputs & FLOW_WHOLE ? FLOW_NEAR : 0);
+    const bool parts = width == FlowFloor::SIZE && height == FlowFloor::SIZE && tiles_at_once(types, width, height) == 2;
+    return (outputs & needs) == needs && !names_slots(outputs) && parts && (types >> PLANE & 1) && !(types >> MESH & 1)
+        && lens == PINHOLE && shapes <= LANES;
+}
+
 // Where flow has what was seen, if it is wanted.
-template <int OUTPUTS, int WIDTH, int HEIGHT, int SHAPES, bool WANTED = (OUTPUTS & FLOWS) != 0> struct Places {
+template <int OUTPUTS, int WIDTH, int HEIGHT, int SHAPES, bool FLOORED, bool WANTED = (OUTPUTS & FLOWS) != 0> struct Places {
     static constexpr bool WHOLE = (OUTPUTS & FLOW_WHOLE) != 0, NEAR = (OUTPUTS & FLOW_NEAR) != 0;
-    using type = FlowPlaces<OUTPUTS, WHOLE ? WIDTH : 0, WHOLE ? HEIGHT : 0, SHAPES, NEAR>;
+    using type = FlowPlaces<OUTPUTS, WHOLE ? WIDTH : 0, WHOLE ? HEIGHT : 0, SHAPES, NEAR, FLOORED>;
 };
 template <bool WHOLE_> struct NoPlaces {
-    static constexpr bool WHOLE = WHOLE_, PAINTS = false;
+    static constexpr bool WHOLE = WHOLE_, PAINTS = false, LOOKS_AT_FLOORS = false;
 };
-template <int OUTPUTS, int WIDTH, int HEIGHT, int SHAPES> struct Places<OUTPUTS, WIDTH, HEIGHT, SHAPES, false> {
+template <int OUTPUTS, int WIDTH, int HEIGHT, int SHAPES, bool FLOORED>
+struct Places<OUTPUTS, WIDTH, HEIGHT, SHAPES, FLOORED, false> {
     using type = NoPlaces<(OUTPUTS & FLOW_WHOLE) != 0>;
 };
 
@@ -107,6 +117,31 @@ template <int TYPES, int LENS, int OUTPUTS, int CAPACITY, int TALL_, class Targe
             compose_motions<OUTPUTS, TYPES, LENS>(target.trail, shapes, camera, places.then, world,
                                                   target.trail.keep && region.left == 0 && region.top == 0, thread,
                                                   places.near_motions);
+    }
+
+    // For a thread for each row of the region, and part, which has fetched what was seen there if that is near: what of the
+    // floor was.
+    WARPCAM_FN void find_floor(int row) const
+    {
+#if defined(__CUDA_ARCH__)
+        if constexpr (Places_::LOOKS_AT_FLOORS) {
+            const int shape = floor_of(shapes, target.trail.columns);
+            begin_floor(places, target.trail, region, row, shape);
+            if (OUTPUTS & FLOW_NEAR) {
+                await_rows();
+                find_row(places, row, shape);
+            }
+        }
+#endif
+    }
+
+    // For a warp, once it has composed the motions: where what is seen of the floor now was seen.
+    WARPCAM_FN void look_at_floor() const
+    {
+#if defined(__CUDA_ARCH__)
+        if constexpr (Places_::LOOKS_AT_FLOORS)
+            find_seen_floor(places, shapes, camera, region, target.width, target.height, world, places.floor.shape);
+#endif
     }
 
     // Notes what pixels take of their shapes alone, once these are listed; for so many threads.
@@ -225,7 +260,45 @@ template <int TYPES, int LENS, int OUTPUTS, int CAPACITY, int TALL_, class Targe
     }
 
 #if defined(__CUDA_ARCH__)
-    // The same for the pixels of a warp's tiles, each lane's, the first of them at (i, j); `row_of_lanes` is room for
+    // Writes all tiles of a warp that begin with pixel (i, j), if they show only floor that was seen; else false.
+    WARPCAM_FN bool put_floor(int i, int j, const Hit (&hit)[TALL], int lane) const
+    {
+        if constexpr (Places_::LOOKS_AT_FLOORS) {
+            const FlowFloor& floor = places.floor;
+            const auto& trail = target.trail;
+            const unsigned part = FlowFloor::part_of(i, j);
+            const int seen = *const_cast<const volatile int*>(floor.seen + part), shape = seen & FlowFloor::NONE;
+            if (!__all_sync(ALL, hit[0].shape == shape && hit[1].shape == shape)) {
+                if (!WHOLE && !__all_sync(ALL, hit[0].shape == floor.shape && hit[1].shape == floor.shape) && lane == 0)
+                    floor.region_parts[part] = 0;
+                return false;
+            }
+            // The words of a part lie together, two a lane; of whether pixels were seen eight lanes have a row each.
+            const unsigned word = FlowFloor::word(shape) * 0x00010001u;
+            keep_word(reinterpret_cast<unsigned*>(places.kept + (Places_::place_of(trail, i, j) - lane)), lane, word);
+            constexpr unsigned ONES = 0x01010101u;
+            if (!(seen & FlowFloor::OUTSIDE) && lane < FlowFloor::PART) {
+                unsigned char* row = trail.flow_valid.data + at(i, j) + lane * (Places_::width(trail) - 1);
+                *reinterpret_cast<uint2*>(row) = make_uint2(ONES, ONES);
+            }
+            for (int k = 0; k < TALL; ++k) {
+                put<OUTPUTS & ~FLOW_VALID>(i, j, { hit[k].depth, shape, hit[k].face }, k);
+                if (seen & FlowFloor::OUTSIDE) {
+                    const float column = float(i), row = float(j + k * TILE_HEIGHT);
+                    const auto rows = places.of_shape(shape);
+                    const float depth = then<LENS>(rows.at(2), column, row, hit[k].depth), rate = reciprocal(depth);
+                    const Beside across(then<LENS>(rows.at(0), column, row, hit[k].depth), rate);
+                    const Beside along(then<LENS>(rows.at(1), column, row, hit[k].depth), rate);
+                    const bool inside = across.inside(Places_::width(trail)) & along.inside(Places_::height(trail));
+                    trail.flow_valid.data[at(i, j, k)] = static_cast<unsigned char>(settled((depth >= rows.at(3).z) & inside));
+                }
+            }
+            return true;
+        }
+        return false;
+    }
+
+    // Writes the pixels of a warp's tiles, each lane's, the first of them at (i, j); `row_of_lanes` is room for
     // 3 * LANES numbers of each tile where there are THREES.
     template <class Ray_>
     WARPCAM_FN void put_tiles(int i, int j, const Ray_ (&rays)[TALL], const Hit (&hits)[TALL], bool first_pass,

@@ -41,20 +41,15 @@ WARPCAM_COLD Vec moved_within(const Trail& trail, const Shapes& shapes, const Ca
         + weight1 * (to_vec(wp::index(trail.corners, at + 1)) - b) + weight2 * (to_vec(wp::index(trail.corners, at + 2)) - c);
 }
 
-// Places in an image are counted in steps of 1 / 64 pixel: the last bits of a float between 2^17 and 2^18.
-constexpr int STEPS = 64;
-constexpr float TO_STEPS = 196608.0f;
-constexpr int NO_STEPS = 0x48400000;  // the bits of that
-
-// Along one axis what leads to the two pixels that have a quarter or more of what is interpolated at a place, mostly the
-// same one.
+// Along one axis the two pixels that have a quarter or more of what is interpolated at a place, mostly the same one.
 struct Beside {
-    unsigned steps;  // to the place from a quarter of a pixel before the middle of the image's first: to one of the pixels
+    float place;  // from where the image begins; rounded down the number of one pixel, half a pixel further the other's
 
-    // The place is x * scale.
-    WARPCAM_FN Beside(float x, float scale) : steps(as_int(muladd(x, scale, TO_STEPS + 0.25f)) - NO_STEPS) { }
-    WARPCAM_FN bool inside(int pixels) const { return steps < unsigned(STEPS * pixels - STEPS / 2); }
-    WARPCAM_FN unsigned other() const { return steps + STEPS / 2; }
+    // What is looked for is x * scale from the middle of the image's first pixel.
+    WARPCAM_FN Beside(float x, float scale) : place(muladd(x, scale, 0.25f)) { }
+    // Whether both pixels are. The bits of floats that are not negative are in order, all others' are above them.
+    WARPCAM_FN bool inside(int pixels) const { return unsigned(as_int(place)) < unsigned(as_int(float(pixels) - 0.5f)); }
+    WARPCAM_FN float other() const { return place + 0.5f; }
 };
 
 // Was the surface seen in the last image at a place inside of it, `depth` away then? The pixel there must show the
@@ -64,8 +59,8 @@ template <class Trail, class Places>
 WARPCAM_FN bool was_seen(const Trail& trail, const Places& places, int shape, const Beside& x, const Beside& y,
                          const Row& last, float depth)
 {
-    return Places::Keeps::show(places.word(Places::place_in(trail, x.steps, y.steps)),
-                               places.word(Places::place_in(trail, x.other(), y.other())), shape, last, depth);
+    return Places::Keeps::show(places.word_at_place(trail, x.place, y.place),
+                               places.word_at_place(trail, x.other(), y.other()), shape, last, depth);
 }
 
 // Writes the pixel that is `below` rows below pixel (i, j), number `pixel` of all worlds'.
@@ -75,11 +70,10 @@ WARPCAM_FN void put_flow(const Trail& trail, const Places& places, const Shapes&
 {
     constexpr bool MOVES = WANTED & FLOW_MOVES;
     using Keeps = typename Places::Keeps;
-    const unsigned place = WANTED & FLOW_VALID ? Places::place_of(trail, i, j) : 0u, further = 8u * below;
     const auto rows = places.of_shape(hit.shape);
     const Row last = rows.at(3);
     if (WANTED & FLOW_VALID)
-        keep_word(places.kept + further, place, Keeps::word(hit.shape, hit.depth, last));
+        keep_word(places.kept + 8u * below, Places::place_of(trail, i, j), Keeps::word(hit.shape, hit.depth, last));
     float right = 0.0f, down = 0.0f;
     unsigned valid = 0;
     if (Places::LISTED || hit.shape >= 0) {  // listed, nothing rests
@@ -94,7 +88,7 @@ WARPCAM_FN void put_flow(const Trail& trail, const Places& places, const Shapes&
         }
         if (still) {
             if (WANTED & FLOW_VALID)
-                valid = settled(Keeps::shows(places.word(place + further), hit.shape));
+                valid = settled(Keeps::shows(places.word_of(trail, i, j + below), hit.shape));
         } else {
             const float column = float(i), row = float(j + below);
             float x = then<LENS>(rows.at(0), column, row, hit.depth);
@@ -107,15 +101,14 @@ WARPCAM_FN void put_flow(const Trail& trail, const Places& places, const Shapes&
                     depth += dot(to_vec(rows.at(6)), within);
                 }
             }
-            if (LENS != PINHOLE || depth > 0.0f) {
-                const float rate = LENS == PINHOLE ? reciprocal(depth) : 1.0f;
-                right = muladd(-x, rate, column);
-                down = muladd(-y, rate, row);
-                if (WANTED & FLOW_VALID) {
-                    const Beside across(x, rate), along(y, rate);
-                    if ((depth >= last.z) & across.inside(Places::width(trail)) & along.inside(Places::height(trail)))
-                        valid = settled(was_seen(trail, places, hit.shape, across, along, last, depth));
-                }
+            const bool ahead = LENS != PINHOLE || depth > 0.0f;
+            const float rate = LENS == PINHOLE ? reciprocal(depth) : 1.0f;
+            right = ahead ? muladd(-x, rate, column) : 0.0f;
+            down = ahead ? muladd(-y, rate, row) : 0.0f;
+            if (WANTED & FLOW_VALID) {
+                const Beside across(x, rate), along(y, rate);
+                if ((depth >= last.z) & across.inside(Places::width(trail)) & along.inside(Places::height(trail)))
+                    valid = settled(was_seen(trail, places, hit.shape, across, along, last, depth));
             }
         }
     }

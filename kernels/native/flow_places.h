@@ -1,7 +1,6 @@
 // What is kept from frame to frame for the flow: a word a pixel of what was seen, and where these words lie.
 #pragma once
-#include "hits.h"
-#include "prepare.h"
+#include "flow_floor.h"
 
 namespace warpcam {
 
@@ -140,22 +139,35 @@ WARPCAM_FN void await_rows()
 #endif
 }
 
+// The bits of a float that is not negative, rounded down, above another from 2^23 on.
+WARPCAM_FN unsigned bits_below(float number, float above)
+{
+#if defined(__CUDA_ARCH__)
+    return __float_as_uint(__fadd_rd(number, above));
+#else
+    return unsigned(as_int(above)) + unsigned(number);
+#endif
+}
+WARPCAM_FN unsigned pixel_below(float number) { return bits_below(number, 8388608.0f) - 0x4b000000u; }
+
 // Of one world: what the last image showed, where what this one shows is kept, and how its shapes have moved.
 // WIDTH and HEIGHT: a block of CUDA threads draws a whole image of that size. NEAR: it has the words of what was seen in
 // shared memory; they are on their way while shapes are listed. Memory is far, and a pixel that asked for its own words
-// would wait for them. SHAPES: it has the motions of as many shapes there, too.
-template <int WANTED, int WIDTH = 0, int HEIGHT = 0, int SHAPES = 0, bool NEAR = false> struct FlowPlaces {
+// would wait for them. SHAPES: it has the motions of as many shapes there, too. FLOORED: it looks at floors as a whole.
+template <int WANTED, int WIDTH = 0, int HEIGHT = 0, int SHAPES = 0, bool NEAR = false, bool FLOORED = false>
+struct FlowPlaces {
     using Keeps = KeptWord<(WANTED & FLOW_BRIEF) != 0>;
     using Word = typename Keeps::Word;
     static constexpr int ROWS = motion_rows<(WANTED & FLOW_MOVES) != 0>();
-    static constexpr bool WHOLE = WIDTH > 0, LISTED = SHAPES > 0, PAINTS = false;
+    static constexpr bool WHOLE = WIDTH > 0, LISTED = SHAPES > 0, LOOKS_AT_FLOORS = FLOORED, PAINTS = false;
 
     const Word* words;
     Word* kept;
     const Row* motions;
     alignas(16) Camera then;  // as it was, where motions are listed
-    alignas(16) Word near_words[NEAR ? WIDTH * HEIGHT : 1];
+    alignas(16) Word near_words[NEAR ? NEAR_ROW * HEIGHT : 1];
     Row near_motions[LISTED ? (SHAPES + 1) * ROWS : 1];  // the first of nothing
+    typename FloorOf<FLOORED>::type floor;
 
     // The motion of a shape; `at` has its rows.
     struct Rows {
@@ -187,21 +199,23 @@ template <int WANTED, int WIDTH = 0, int HEIGHT = 0, int SHAPES = 0, bool NEAR =
     {
         return (column & ~7u) * height(trail) + (8u * row + (column & 7u));
     }
-    // The same of places that are counted in steps of 1 / 64 pixel.
-    template <class Trail> WARPCAM_FN static unsigned place_in(const Trail& trail, unsigned across, unsigned along)
-    {
-        const unsigned strip = (across >> 9) * (8u * height(trail));
-        const unsigned within = (along >> 3 & ~7u) | (across >> 6 & 7u);
-        return WHOLE ? strip | within : strip + within;
-    }
-
-    // What was seen at a place.
-    WARPCAM_FN unsigned word(unsigned place) const
+    // What was seen at a pixel, and at the one that has a place; places count from where the image begins.
+    template <class Trail> WARPCAM_FN unsigned word_of(const Trail& trail, unsigned column, unsigned row) const
     {
         if constexpr (NEAR)
-            return near_words[place];
+            return near_words[NEAR_ROW * row + column];
         else
-            return word_at(words, place);
+            return word_at(words, place_of(trail, column, row));
+    }
+    template <class Trail> WARPCAM_FN unsigned word_at_place(const Trail& trail, float across, float along) const
+    {
+        if constexpr (NEAR) {
+            const unsigned from_first = NEAR_BYTES * bits_below(along, ROW_START)
+                + unsigned(sizeof(Word)) * bits_below(across, COLUMN_START);
+            return *reinterpret_cast<const Word*>(reinterpret_cast<const char*>(near_words) + from_first);
+        } else {
+            return word_of(trail, pixel_below(across), pixel_below(along));
+        }
     }
 
     // Has the word on its way that a pixel that rests will need: it comes from far, and meanwhile the pixel is traced.
@@ -222,6 +236,13 @@ template <int WANTED, int WIDTH = 0, int HEIGHT = 0, int SHAPES = 0, bool NEAR =
         Word* other = reinterpret_cast<Word*>(trail.kept_second.data) + first;
         words = in_first ? one : other;
         kept = in_first ? other : one;
+        if constexpr (FLOORED && !WHOLE) {
+            const size_t parts = size_t(world) * FlowFloor::parts_of(trail.width, trail.height);
+            unsigned char* these = trail.floor_first.data + parts;
+            unsigned char* those = trail.floor_second.data + parts;
+            floor.parts_then = in_first ? these : those;
+            floor.parts_now = in_first ? those : these;
+        }
         if (!LISTED)
             motions = reinterpret_cast<const Row*>(trail.motions.data) + size_t(world) * trail.columns * ROWS;
     }
@@ -229,9 +250,15 @@ template <int WANTED, int WIDTH = 0, int HEIGHT = 0, int SHAPES = 0, bool NEAR =
     // Has all words on their way, if they are to be near; for all threads of a block.
     WARPCAM_FN void fetch(int thread)
     {
-        if (NEAR)
+        if constexpr (FLOORED && NEAR) {
+            const int row = thread - LANES;  // those who look for floors in them
+            if (unsigned(row) < unsigned(HEIGHT))
+                for (int k = 0; k < WIDTH / 8; ++k)
+                    copy_row(near_words + NEAR_ROW * row + 8 * k, words + 8 * (HEIGHT * k + row));
+        } else if (NEAR) {
             for (int i = thread; i < WIDTH * HEIGHT / 8; i += THREADS)
-                copy_row(near_words + 8 * i, words + 8 * i);
+                copy_row(near_words + NEAR_ROW * (i % HEIGHT) + 8 * (i / HEIGHT), words + 8 * i);
+        }
     }
 };
 

@@ -158,6 +158,16 @@ template <class Shared> WARPCAM_FN Shared& by_address(Shared& shared)
 #endif
 }
 
+// A number that all lanes of a warp have, which then stays in a uniform register. For whole warps.
+WARPCAM_FN int same_of_warp(int number)
+{
+#if defined(__CUDA_ARCH__)
+    return __shfl_sync(ALL, number, 0);
+#else
+    return number;
+#endif
+}
+
 #if defined(__CUDA_ARCH__)
 // The sum of all lanes' numbers.
 WARPCAM_FN int sum_of_all(int number)

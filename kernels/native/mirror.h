@@ -65,6 +65,7 @@ template <int TYPES, int LENS, bool FACES, class Target> struct MirrorCanvas {
     WARPCAM_FN void face(int, int) const { }
     WARPCAM_FN void ready() const { }
 
+    WARPCAM_FN bool put_floor(int, int, const Hit (&)[1], int) const { return false; }
     WARPCAM_FN void put_tiles(int i, int j, const ClippedRay<LENS> (&)[1], const Hit (&hits)[1], bool first_pass, float*) const
     {
         put_new(i, j, hits[0], first_pass);

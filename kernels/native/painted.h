@@ -23,7 +23,7 @@ template <class Shapes, class Meshes, class HeightFields, class Materials, class
 
 // What a block keeps for it. FACTS: of look.h.
 template <int TYPES, int FACTS, int CAPACITY, int WIDTH, int HEIGHT, bool WHOLE_> struct Painter {
-    static constexpr bool WHOLE = WHOLE_, PAINTS = true;
+    static constexpr bool WHOLE = WHOLE_, PAINTS = true, LOOKS_AT_FLOORS = false;
     using Wants = Wanted<ALBEDO, FACTS>;
     using Looks = Look<TYPES, Wants>;
     static constexpr bool TEXTURED = Wants::TEXTURED, FLOORS = TEXTURED && (TYPES >> PLANE & 1);

@@ -74,7 +74,9 @@ WARPCAM_FN void draw_tiles(ShapeList<CAPACITY>& list, const Canvas_& canvas, con
     constexpr bool HAS_MESH = TYPES >> MESH & 1, HAS_THREES = Canvas_::THREES != 0;
     WARPCAM_SHARED typename MeshRaysOf<HAS_MESH ? CAPACITY : 1>::type rays[HAS_MESH ? THREADS / LANES : 1];
     WARPCAM_SHARED float4 lanes[HAS_THREES ? THREADS / LANES : 1][TALL * 3 * LANES / 4];
-    const int lane = threadIdx.x % LANES, warp = threadIdx.x / LANES;
+    int lane = threadIdx.x % LANES;
+    const int warp = threadIdx.x / LANES;
+    asm("" : "+r"(lane));  // a register for that, none for the thread's number
     float* row_of_lanes = reinterpret_cast<float*>(lanes[HAS_THREES ? warp : 0]);
     const Region region = canvas.region;
     const float near = canvas.camera.near;
@@ -109,7 +111,8 @@ WARPCAM_FN void draw_tiles(ShapeList<CAPACITY>& list, const Canvas_& canvas, con
         }
         trace_tiles<TYPES>(list, column, row, ray, near, fields, hit);
         meet();
-        canvas.put_tiles(i, j, ray, hit, first_pass, row_of_lanes);
+        if (!canvas.put_floor(i, j, hit, lane))
+            canvas.put_tiles(i, j, ray, hit, first_pass, row_of_lanes);
         if (HAS_MESH)
             found = find_rays<TYPES>(rays[HAS_MESH ? warp : 0], list, column, row, ray[0], near_of(ray[0], near), meshes,
                                      hit[0].depth);
@@ -141,6 +144,7 @@ WARPCAM_FN void draw_apart(ShapeList<CAPACITY>& list, const Canvas_& canvas, con
         canvas.ready();
         arrive_at<MOTIONS_THERE, THREADS>();
         wait_at<SHAPES_SORTED, THREADS>();
+        canvas.look_at_floor();
     } else {
         if (thread < LANES) {
             if (!blind)
@@ -153,6 +157,8 @@ WARPCAM_FN void draw_apart(ShapeList<CAPACITY>& list, const Canvas_& canvas, con
             warp_barrier();
             sort_by_depth(list, thread);
             canvas.face(thread, LANES);
+        } else {
+            canvas.find_floor(thread - LANES);
         }
         canvas.ready();
         wait_at<FIRST_WARPS, THREADS - LANES>();
@@ -271,10 +277,14 @@ WARPCAM_FN void draw_with(const Shapes& shapes, const Materials& materials, cons
     Camera& camera = room.camera;
     Near& places = room.places;
     const int thread = index % THREADS;
-    int world = index / THREADS;
+    int world = same_of_warp(index / THREADS);
     Region region { 0, 0, WIDTH, HEIGHT };
-    if constexpr (!(OUTPUTS & FLOW_WHOLE))
-        region = region_of<WIDTH, HEIGHT, (TYPES >> MIDDLE_FIRST & 1) != 0>(target, index / THREADS, world);
+    if constexpr (!(OUTPUTS & FLOW_WHOLE)) {
+        region = region_of<WIDTH, HEIGHT, (TYPES >> MIDDLE_FIRST & 1) != 0>(target, world, world);
+        world = same_of_warp(world);
+        region = { same_of_warp(region.left), same_of_warp(region.top), same_of_warp(region.width),
+                   same_of_warp(region.height) };
+    }
     const bool wanted = wp::index(target.mask, world);  // the view is on its way meanwhile
     if (thread == 0) {
         camera = load_camera(wp::index(views, world));
@@ -316,7 +326,8 @@ template <int TYPES, int LENS, int CAPACITY, bool SEVERAL, int WIDTH, int HEIGHT
 WARPCAM_FN void draw(const Shapes& shapes, const Materials& materials, const Meshes& meshes, const HeightFields& fields,
                      const Views& views, const Target& target, int index)
 {
-    using Near = typename Places<OUTPUTS, WIDTH, HEIGHT, (OUTPUTS & FLOW_LISTED) ? CAPACITY : 0>::type;
+    using Near = typename Places<OUTPUTS, WIDTH, HEIGHT, (OUTPUTS & FLOW_LISTED) ? CAPACITY : 0,
+                                 looks_at_floors(TYPES, LENS, OUTPUTS, CAPACITY, WIDTH, HEIGHT)>::type;
     draw_with<TYPES, LENS, CAPACITY, SEVERAL, WIDTH, HEIGHT, OUTPUTS, Near>(shapes, materials, meshes, fields, views, target,
                                                                             index);
 }
