@@ -23,7 +23,8 @@ def _kernel() -> wp.Kernel:
         way: int,
         at: int,
         rows: wp.array(dtype=wp.vec4),
-    ) -> float: ...
+    ) -> float:  # type: ignore[empty-body]
+        ...
 
     @wp.kernel(
         module="unique", enable_backward=False, grid_stride=False, module_options=native_module("shutter_build.h")
@@ -50,7 +51,7 @@ def find_shutters(
 
     Args:
         meshes: What lies on ``device``; none of it moves, and no face is seen from behind.
-        open_faces: Of all faces those that have an edge which no other has, (face,) bool.
+        open_faces: Of all faces those that have an edge which an odd number of faces has, (face,) bool.
         owners: Index of the mesh of each of the faces that are looked at, (wanted,).
         faces: Which of the mesh's they are, in leaf order, (wanted,).
         device: Where to.

@@ -88,8 +88,10 @@ CLOSED = {
 }
 
 
-def meets(origins: np.ndarray, directions: np.ndarray, corners: np.ndarray, near: float) -> np.ndarray:
-    """Whether rays (ray, 3) meet one of the faces, from either side, (ray,)."""
+def meets(
+    origins: np.ndarray, directions: np.ndarray, corners: np.ndarray, near: float, far: float = np.inf
+) -> np.ndarray:
+    """Whether rays (ray, 3) meet one of the faces between two distances, from either side, (ray,)."""
     first, second = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     met = np.zeros(len(origins), bool)
     for a, e, f in zip(corners[:, 0], first, second, strict=True):
@@ -101,5 +103,5 @@ def meets(origins: np.ndarray, directions: np.ndarray, corners: np.ndarray, near
             q = np.cross(away, e)
             v = (directions * q).sum(1) / size
             t = q @ f / size
-            met |= (u >= 0.0) & (v >= 0.0) & (u + v <= 1.0) & (t > near)
+            met |= (u >= 0.0) & (v >= 0.0) & (u + v <= 1.0) & (t > near) & (t < far)
     return met

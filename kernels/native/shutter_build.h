@@ -4,8 +4,8 @@
 #include "shutters.h"
 
 namespace warpcam {
-
 constexpr int SHUTTER_TURNS = 4, SHUTTER_SLABS = 24, SHUTTER_FORMS = 5;
+constexpr int SHUTTER_VISITS = 8192;  // of nodes and leaves, for one box
 
 // A box over a face: an end above it and one below, and how far it goes across and up in several forms.
 struct Opening {
@@ -54,7 +54,7 @@ struct Opening {
         return meets;
     }
 
-    // A face of the mesh. `own`: the one that the box is over; `open`: it has an edge that no other has.
+    // A face of the mesh. `own`: the one that the box is over; `open`: an odd number of faces has one of its edges.
     WARPCAM_FN void look_at(const Vec (&corners)[3], bool own, bool open)
     {
         Vec places[3], from, to;
@@ -147,7 +147,9 @@ WARPCAM_FN float find_shutter(const Meshes& meshes, const Open& open, int mesh, 
     const float depth = box.high - box.low;
     int stack[STACK + 4], height = 0;
     stack[height++] = 0;
-    while (height > 0 && box.widest() > depth) {
+    for (int visits = 0; height > 0 && box.widest() > depth; ++visits) {
+        if (visits == SHUTTER_VISITS)  // so much lies in it that it is not worth the search
+            return 0.0f;
         const int node = stack[--height];
         if (node < 0) {
             const int code = -node - 1, start = code >> 4, end = start + (code & 15);

@@ -60,12 +60,13 @@ WARPCAM_FN void outline_caster(List& list, int slot, const Light& light, const M
     const Vec there = at.x * to_vec(record.axis_x) + at.y * to_vec(record.axis_y) + at.z * to_vec(record.axis_z);
     const Vec from = light.distant ? there : there - light.aim;
     const Vec p { dot(light.u, from), dot(light.v, from), dot(light.w, from) };
-    if (!__all_sync(ALL, light.distant | (p.z > 1.0e-3f * (magnitude(p.x) + magnitude(p.y)))))
+    const auto size = [](const Vec& v) { return magnitude(v.x) + magnitude(v.y) + magnitude(v.z); };
+    const float pad = 1.0e-5f
+        * (size(at) + size(to_vec(record.origin)) + size(there) + (light.distant ? 0.0f : size(light.aim)));
+    const bool before = p.z > 1.0e-3f * (magnitude(p.x) + magnitude(p.y)) + 4.0f * pad;
+    if (!__all_sync(ALL, light.distant | before))
         return;
     const float rate = light.distant ? 1.0f : 1.0f / p.z, x = rate * p.x, y = rate * p.y, aside = magnitude(x) + magnitude(y);
-    const float pad = 1.0e-5f
-        * (magnitude(at.x) + magnitude(at.y) + magnitude(at.z) + magnitude(there.x) + magnitude(there.y) + magnitude(there.z)
-           + (light.distant ? 0.0f : magnitude(light.aim.x) + magnitude(light.aim.y) + magnitude(light.aim.z)));
     const float by = pad * rate * (2.0f + aside) + 1.0e-5f * aside;
     const auto around = [&](float u, float v) {
         return Window { warp_min(u - by), -warp_min(-u - by), warp_min(v - by), -warp_min(-v - by) };
