@@ -78,7 +78,7 @@ class Scene:
         self._mips: list[wp.Texture2D] = []
         if spare or (has_strips(types, num_drawn) and not parts.physical):
             self._sheets = pack_sheets(parts.textures, self._textures, self.device, not spare)
-            if types.isdisjoint((MESH, HEIGHT_FIELD)):
+            if types.isdisjoint((MESH, HEIGHT_FIELD)) and not (parts.physical or parts.clouds):
                 self._mips = pack_mips(parts.textures, self._textures, self.device)
         parts.lend_textures(self._textures)
         self._masked = pack_masks(parts.meshes, self._textures, self._meshes, self.device)

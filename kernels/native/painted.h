@@ -249,6 +249,7 @@ template <int TYPES, int FACTS, int CAPACITY, int WIDTH, int HEIGHT, bool WHOLE_
                         target.albedo.data[3 * size_t(at) + k] = static_cast<unsigned char>(word >> 8 * k);
                 __syncwarp();
                 own[lane] = static_cast<unsigned short>(moved);
+                __syncwarp();
                 waiting -= lower_int(waiting, LANES);
             }
         }
