@@ -27,7 +27,7 @@ class Trail:
     # (word / 2 or word,) what was seen, and in the other what is seen, 16 or 32 bits a pixel; see native/flow.h
     kept_first: wp.array(dtype=wp.uint32)
     kept_second: wp.array(dtype=wp.uint32)
-    # (part,) of images of more than one region whose blocks look at floors: native/flow_floor.h
+    # (part,) of images other than of one whole region whose blocks look at floors: native/flow_floor.h
     floor_first: wp.array(dtype=wp.uint8)
     floor_second: wp.array(dtype=wp.uint8)
     known: wp.array(dtype=wp.uint8)  # (world,) which of these two has what was seen, or NEW: see views.py

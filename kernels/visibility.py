@@ -343,10 +343,10 @@ def composes(tables: Tables, device: wp.Device) -> bool:
 def floor_parts(tables: Tables, device: wp.Device, width: int, height: int) -> int:
     """Parts of 8 x 8 pixels of an image, of each of which a trace of validity may keep whether it shows but a floor.
 
-    Of images that one block draws none: it looks at all their words.
+    None of images as large as a block's region: it looks at all their words.
     """
-    few = width <= FLOOR_REGION and height <= FLOOR_REGION
-    if few or width % 8 or height % 8 or not composes(tables, device) or not brief(tables):
+    whole = (width, height) == (FLOOR_REGION, FLOOR_REGION)
+    if whole or width % 8 or height % 8 or not composes(tables, device) or not brief(tables):
         return 0
     return -(-width // FLOOR_REGION) * -(-height // FLOOR_REGION) * (FLOOR_REGION // 8) ** 2
 

@@ -313,7 +313,7 @@ def floors_seen(tilt: str, size: tuple[int, int], outputs: tuple[str, ...]) -> l
 
 @pytest.mark.parametrize("tilt", ["0 0 0", "50 5 0", "80 -10 0"])  # the last shows a horizon
 @pytest.mark.parametrize("one", ["flow_valid", None])
-@pytest.mark.parametrize("size", [(64, 64), (128, 72)])  # the first a block draws as a whole
+@pytest.mark.parametrize("size", [(64, 64), (128, 72), (32, 32), (64, 48)])  # the first is a block's region
 def test_a_gpu_looks_at_floors_as_a_whole(
     size: tuple[int, int], tilt: str, one: str | None, device: wp.Device, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -331,10 +331,10 @@ def test_a_gpu_looks_at_floors_as_a_whole(
     assert max(known) > 0.8 and any(0.2 < share < 0.8 for share in known)
 
 
-@pytest.mark.parametrize("size", [(64, 64), (128, 72), (100, 72)])  # a GPU keeps parts of floors of the second
+@pytest.mark.parametrize("size", [(64, 64), (128, 72), (100, 72), (32, 48)])
 def test_memory_of_floors(size: tuple[int, int], device: wp.Device) -> None:
     moving = Moving(width=size[0], height=size[1], outputs=("flow_valid",))
-    parts = 2 * 64 * 4 if device.is_cuda and size == (128, 72) else 0
+    parts = {(128, 72): 2 * 64 * 4, (32, 48): 2 * 64}.get(size, 0) if device.is_cuda else 0  # of floors
     pixels = -(-size[0] // 8) * 8 * size[1]
     assert moving.renderer.memory.past == 1 + 76 + 128 * 3 + 4 * pixels + parts
     trail = moving.renderer._targets["eye"].past.trail

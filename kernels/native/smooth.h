@@ -109,7 +109,7 @@ WARPCAM_FN void list_samples(Chunk<TYPES>& chunk, int pixel, const NearShapes& l
     NearBits own {};
     Band on_meshes = NOWHERE, on_fields = NOWHERE, others = NOWHERE;
     int before = -1, rank = NEAR_SHAPES, ground = NEAR_SHAPES;
-    bool sky = false;
+    bool sky = false, several = false;
 #pragma unroll 1
     for (int k = 0; k < 9; ++k) {
         const unsigned beside = seen.around(i, j, k);
@@ -129,12 +129,13 @@ WARPCAM_FN void list_samples(Chunk<TYPES>& chunk, int pixel, const NearShapes& l
             if (Chunk<TYPES>::HAS_FIELD && bit) {
                 const bool is_field = bit & list.fields[w];
                 (is_field ? on_fields : others).include(seen.depth(beside));
+                several |= is_field && ground < NEAR_SHAPES && ground != rank;
                 ground = is_field ? rank : ground;
             }
         }
     }
     if (Chunk<TYPES>::HAS_FIELD) {
-        const bool behind = is_behind<LENS>(on_fields, others, sky, pixel_width<LENS>(camera));
+        const bool behind = !several && is_behind<LENS>(on_fields, others, sky, pixel_width<LENS>(camera));
         chunk.ground[pixel] = static_cast<unsigned char>(behind ? ground : NEAR_SHAPES);
         for (int w = 0; w < NEAR_WORDS; ++w)
             own[w] &= behind ? ~list.fields[w] : ~0u;

@@ -42,7 +42,7 @@ inline void smooth_pixels(const Edge* listed, int pixels, const Shapes& shapes, 
     for (int pixel = 0; pixel < pixels; ++pixel) {
         on_meshes[pixel] = on_fields[pixel] = NOWHERE;
         Band others = NOWHERE;
-        bool sky = false;
+        bool sky = false, several = false;
         ground[pixel] = -1;
         for (int k = 0; k < 9; ++k) {
             const unsigned beside = seen.around(listed[pixel].i, listed[pixel].j, k);
@@ -60,13 +60,15 @@ inline void smooth_pixels(const Edge* listed, int pixels, const Shapes& shapes, 
             }
             near[slot].around[pixel] = true;
             const int type = wp::index(shapes.types, id);
-            if (type == HEIGHT_FIELD)
+            if (type == HEIGHT_FIELD) {
+                several |= ground[pixel] >= 0 && ground[pixel] != id;
                 ground[pixel] = id;
+            }
             if (type == MESH)
                 on_meshes[pixel].include(seen.depth(beside));
             (type == HEIGHT_FIELD ? on_fields[pixel] : others).include(seen.depth(beside));
         }
-        if (!is_behind<LENS>(on_fields[pixel], others, sky, pixel_width<LENS>(camera)))
+        if (several || !is_behind<LENS>(on_fields[pixel], others, sky, pixel_width<LENS>(camera)))
             ground[pixel] = -1;
         on_meshes[pixel] = on_meshes[pixel].template widened<LENS>(pixel_width<LENS>(camera));
         on_fields[pixel] = on_fields[pixel].template widened<LENS>(pixel_width<LENS>(camera));
