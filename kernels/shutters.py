@@ -15,7 +15,7 @@ TURNS, SLABS = 4, 24  # native/shutter_build.h
 @functools.cache
 def _kernel() -> wp.Kernel:
     @wp.func_native("return warpcam::find_shutter(meshes, open, mesh, face, warpcam::Way(way), at, rows);")
-    def find(
+    def find(  # type: ignore[empty-body]
         meshes: Meshes,
         open: wp.array(dtype=wp.uint8),
         mesh: int,
@@ -23,8 +23,7 @@ def _kernel() -> wp.Kernel:
         way: int,
         at: int,
         rows: wp.array(dtype=wp.vec4),
-    ) -> float:  # type: ignore[empty-body]
-        ...
+    ) -> float: ...
 
     @wp.kernel(
         module="unique", enable_backward=False, grid_stride=False, module_options=native_module("shutter_build.h")
