@@ -121,7 +121,7 @@ def _target_struct(shape_dtype: Any, face_dtype: Any, seen_dtype: Any) -> Any:
         seen_shape: wp.array(dtype=seen_dtype)  # shape id of it
         depth: wp.array(dtype=wp.float32)  # planar depth of what is seen in the mirror, from the mirrored view [m]
         shape: wp.array(dtype=shape_dtype)  # shape id, -2 where the mirror shows nothing, -1 where no mirror is seen
-        face: wp.array(dtype=face_dtype)  # as visibility.target_struct has it; empty for a scene without meshes
+        face: wp.array(dtype=face_dtype)  # as trace_target.target_struct has it; empty for a scene without meshes
         width: wp.int32
         height: wp.int32
 

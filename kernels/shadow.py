@@ -34,7 +34,7 @@ def shaded_struct(shape_dtype: Any, face_dtype: Any) -> Any:
         mask: wp.array(dtype=wp.uint8)  # (world,) 0 leaves the world's images alone
         depth: wp.array(dtype=wp.float32)  # planar depth [m]
         shape: wp.array(dtype=shape_dtype)  # shape id, or -1
-        face: wp.array(dtype=face_dtype)  # see visibility.target_struct; empty for a scene without meshes
+        face: wp.array(dtype=face_dtype)  # see trace_target.target_struct; empty for a scene without meshes
         # bit k is set where light k does not reach the point, of those that are kept: native/kept_lights.h
         shadow: wp.array(dtype=wp.uint8)
         width: wp.int32

@@ -352,48 +352,6 @@ def test_images_are_the_same_in_parts_of_any_size(device: wp.Device, world: str)
         assert np.abs(one["hdr"] - other["hdr"]).max() < 1.0e-5  # lit by other kernels
 
 
-@pytest.mark.parametrize("gap", [-0.7, 0.02, 0.5])
-@pytest.mark.parametrize("kind", ["sphere", "mesh"])
-def test_ground_is_seen_where_nothing_else_is(device: wp.Device, kind: str, gap: float) -> None:
-    """Far behind all else it is not looked for, else it is: a pixel is the mean of what its samples hit."""
-    thing = scenes.geom_xml(kind, more=f'pos="0.1 0.05 {gap + 0.5}" rgba="1 0 0 1"')
-    ground = '<geom type="hfield" hfield="wide" rgba="0 1 0 1"/>'
-    field = '<hfield name="wide" nrow="3" ncol="3" size="3 3 0.02 0.2" elevation="0 1 0  1 0 1  0 1 0"/>'
-    mjm = scenes.compile_xml(thing + ground, assets=scenes.ASSETS + field, more=LIT)
-    scene = wc.from_mujoco(mjm, scenes.forward(mjm), device=device)
-
-    def look(right: float, down: float, samples: int) -> np.ndarray:
-        lens = wc.Pinhole(fx=28.0, cx=16.0 - right, cy=16.0 - down)
-        return scenes.look(scene, camera(samples, lens=lens, position=(0.0, 0.0, 3.5)))["rgb"][0].astype(int)
-
-    expected = np.mean([look(*offset, 1) for offset in SAMPLES[4]], axis=0)
-    mixed = (expected[..., 0] > 0) & (expected[..., 1] > 0)
-    assert mixed.sum() > 10
-    assert (np.abs(look(0.0, 0.0, 4) - expected).max(-1) > 1.0).sum() <= 0.05 * mixed.sum()
-
-
-def test_of_two_grounds_the_one_behind_is_seen(device: wp.Device) -> None:
-    """Also where they meet behind something thin."""
-    things = "".join(
-        f'<geom type="capsule" fromto="-1 {y} 1 1 {y + 0.3} 1" size="0.05" rgba="1 0 0 1"/>'
-        for y in np.arange(-1.0, 1.0, 0.25)
-    )
-    grounds = "".join(
-        f'<geom type="hfield" hfield="wide" pos="{x} 0 0" rgba="{rgba}"/>'
-        for x, rgba in ((-2.93, "0 1 0 1"), (3.07, "0 0 1 1"))
-    )
-    field = '<hfield name="wide" nrow="3" ncol="3" size="3 3 0.02 0.2" elevation="0 1 0  1 0 1  0 1 0"/>'
-    mjm = scenes.compile_xml(things + grounds, assets=scenes.ASSETS + field, more=LIT)
-    scene = wc.from_mujoco(mjm, scenes.forward(mjm), device=device)
-
-    def look(right: float, down: float, samples: int) -> np.ndarray:
-        lens = wc.Pinhole(fx=28.0, cx=16.0 - right, cy=16.0 - down)
-        return scenes.look(scene, camera(samples, lens=lens, position=(0.0, 0.0, 3.5)))["rgb"][0].astype(int)
-
-    expected = np.mean([look(*offset, 1) for offset in SAMPLES[4]], axis=0)
-    assert (np.abs(look(0.0, 0.0, 4) - expected).max(-1) > 20.0).sum() <= 5
-
-
 def test_frames_are_the_same_again(device: wp.Device) -> None:
     """Rays of a GPU's warp test faces for each other, in an order that differs from frame to frame."""
     turns, rows = np.meshgrid(np.linspace(0.0, 2.0 * np.pi, 48, endpoint=False), np.linspace(0.02, np.pi - 0.02, 40))

@@ -176,24 +176,45 @@ WARPCAM_FN NodeChild child_of(const Meshes& meshes, unsigned nodes, int node, in
     return it;
 }
 
-// Writes the horizon of a mesh's face, in leaf order.
-template <class Meshes> WARPCAM_FN void find_horizon(const Meshes& meshes, int mesh, int face)
-{
-    const unsigned nodes = unsigned(wp::index(meshes.node_start, mesh)), faces = unsigned(wp::index(meshes.face_start, mesh));
-    const Vec low = to_vec(wp::index(meshes.lower, mesh)), high = to_vec(wp::index(meshes.upper, mesh));
-    const float extent = upper(upper(upper(magnitude(low.x), magnitude(low.y)), upper(magnitude(low.z), magnitude(high.x))),
-                               upper(magnitude(high.y), magnitude(high.z)));
-    const auto load_face = [&](int number, Vec (&corners)[3]) {
+// A mesh whose faces look around, each by its number in leaf order.
+template <class Meshes> struct MeshFaces {
+    const Meshes& meshes;
+    unsigned nodes, faces;
+    Vec low, high;
+    float extent;  // of what rounding says [m]
+
+    WARPCAM_FN MeshFaces(const Meshes& all, int mesh)
+        : meshes(all), nodes(unsigned(wp::index(all.node_start, mesh))), faces(unsigned(wp::index(all.face_start, mesh))),
+          low(to_vec(wp::index(all.lower, mesh))), high(to_vec(wp::index(all.upper, mesh)))
+    {
+        extent = upper(upper(upper(magnitude(low.x), magnitude(low.y)), upper(magnitude(low.z), magnitude(high.x))),
+                       upper(magnitude(high.y), magnitude(high.z)));
+    }
+
+    // The face's corners, and the number that it was given.
+    WARPCAM_FN int load_face(int number, Vec (&corners)[3]) const
+    {
         const unsigned row = faces + unsigned(number * FACE_ROWS);
         const Row first = load(meshes.faces.data, row);
         corners[0] = to_vec(first);
         corners[1] = to_vec(load(meshes.faces.data, row + 1));
         corners[2] = to_vec(load(meshes.faces.data, row + 2));
         return first.w;
-    };
+    }
+
+    WARPCAM_FN NodeChild child_of(int node, int child) const
+    {
+        return warpcam::child_of(meshes, nodes, node, child, extent);
+    }
+};
+
+// Writes the horizon of a mesh's face, in leaf order.
+template <class Meshes> WARPCAM_FN void find_horizon(const Meshes& meshes, int mesh, int face)
+{
+    const MeshFaces<Meshes> around(meshes, mesh);
     Vec corners[3];
-    const int given = load_face(face, corners);
-    Onlooker own(corners, extent);
+    const int given = around.load_face(face, corners);
+    Onlooker own(corners, around.extent);
     int stack[STACK + 4], height = 0;
     if (own.axes.known)
         stack[height++] = 0;
@@ -208,17 +229,17 @@ template <class Meshes> WARPCAM_FN void find_horizon(const Meshes& meshes, int m
         if (node < 0) {
             const int code = -node - 1, first = code >> 4, end = first + (code & 15);
             for (int other = first; other < end; ++other)
-                if (load_face(other, corners) != given)
+                if (around.load_face(other, corners) != given)
                     own.look_at(corners);
             continue;
         }
         for (int child = 0; child < 4; ++child) {
-            const NodeChild it = child_of(meshes, nodes, node, child, extent);
+            const NodeChild it = around.child_of(node, child);
             if (it.there && own.with(own.around_box(0.5f * (it.low + it.high), 0.5f * (it.high - it.low)), 15) != own.risen)
                 stack[height++] = it.child;
         }
     }
-    reinterpret_cast<Row*>(meshes.faces.data)[faces + unsigned(face * FACE_ROWS) + 2].w = int(~own.risen);
+    reinterpret_cast<Row*>(meshes.faces.data)[around.faces + unsigned(face * FACE_ROWS) + 2].w = int(~own.risen);
 }
 
 }  // namespace warpcam

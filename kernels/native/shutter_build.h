@@ -98,21 +98,11 @@ struct Way {
 template <class Meshes, class Open, class Rows>
 WARPCAM_FN float find_shutter(const Meshes& meshes, const Open& open, int mesh, int face, Way way, int at, const Rows& rows)
 {
-    const unsigned nodes = unsigned(wp::index(meshes.node_start, mesh)), faces = unsigned(wp::index(meshes.face_start, mesh));
-    const Vec low = to_vec(wp::index(meshes.lower, mesh)), high = to_vec(wp::index(meshes.upper, mesh));
-    const float extent = upper(upper(upper(magnitude(low.x), magnitude(low.y)), upper(magnitude(low.z), magnitude(high.x))),
-                               upper(magnitude(high.y), magnitude(high.z)));
-    const float size = upper(upper(high.x - low.x, high.y - low.y), high.z - low.z);
-    const auto load_face = [&](int number, Vec (&corners)[3]) {
-        const unsigned row = faces + unsigned(number * FACE_ROWS);
-        const Row first = load(meshes.faces.data, row);
-        corners[0] = to_vec(first);
-        corners[1] = to_vec(load(meshes.faces.data, row + 1));
-        corners[2] = to_vec(load(meshes.faces.data, row + 2));
-        return first.w;
-    };
+    const MeshFaces<Meshes> around(meshes, mesh);
+    const Vec sides = around.high - around.low;
+    const float size = upper(upper(sides.x, sides.y), sides.z);
     Vec corners[3];
-    const int given = load_face(face, corners);
+    const int given = around.load_face(face, corners);
     Opening box;
     FaceAxes axes = face_axes(corners[0], corners[1], corners[2]);
     if (!axes.known)
@@ -128,7 +118,7 @@ WARPCAM_FN float find_shutter(const Meshes& meshes, const Open& open, int mesh, 
     axes.across = cross(n, axes.along);
     box.axes = axes;
     box.center = (1.0f / 3.0f) * (corners[0] + corners[1] + corners[2]);
-    box.slack = 2.0e-5f * extent;
+    box.slack = 2.0e-5f * around.extent;
     float inner = FAR_AWAY;
     for (int k = 0; k < 3; ++k) {
         const Vec edge = corners[k == 2 ? 0 : k + 1] - corners[k], away = cross(edge, box.center - corners[k]);
@@ -154,13 +144,13 @@ WARPCAM_FN float find_shutter(const Meshes& meshes, const Open& open, int mesh, 
         if (node < 0) {
             const int code = -node - 1, start = code >> 4, end = start + (code & 15);
             for (int number = start; number < end; ++number) {
-                const int its = load_face(number, corners);
-                box.look_at(corners, its == given, wp::index(open, int(faces) / FACE_ROWS + number) != 0);
+                const int its = around.load_face(number, corners);
+                box.look_at(corners, its == given, wp::index(open, int(around.faces) / FACE_ROWS + number) != 0);
             }
             continue;
         }
         for (int child = 0; child < 4; ++child) {
-            const NodeChild it = child_of(meshes, nodes, node, child, extent);
+            const NodeChild it = around.child_of(node, child);
             if (it.there && box.may_meet(it.low, it.high))
                 stack[height++] = it.child;
         }
