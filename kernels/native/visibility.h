@@ -109,7 +109,17 @@ WARPCAM_FN void draw_tiles(ShapeList<CAPACITY>& list, const Canvas_& canvas, con
             ray[k] = canvas.ray(i, j + k * TILE_HEIGHT);
             hit[k] = canvas.start(i, j + k * TILE_HEIGHT, first_pass);
         }
-        trace_tiles<TYPES>(list, column, row, ray, near, fields, hit);
+        const unsigned steps = TileSpans::steps(column, row, TALL), mask = touching<TYPES>(list, 0, steps);
+        bool bare = false;
+        if constexpr (Canvas_::BARE_FLOORS)
+            bare = first_pass && meet_floor<TYPES>(list, steps, mask, ray, hit);
+        if constexpr (Canvas_::PUTS_BARE)
+            if (bare) {
+                canvas.put_bare(i, j, ray, hit, row_of_lanes);
+                return true;
+            }
+        if (!bare)
+            trace_tiles<TYPES>(list, steps, mask, ray, near, fields, hit);
         meet();
         if (!canvas.put_floor(i, j, hit, lane))
             canvas.put_tiles(i, j, ray, hit, first_pass, row_of_lanes);
@@ -155,7 +165,7 @@ WARPCAM_FN void draw_apart(ShapeList<CAPACITY>& list, const Canvas_& canvas, con
                 canvas.target.faults.data[world] = 1;
             }
             warp_barrier();
-            sort_by_depth(list, thread);
+            sort_by_depth(list, thread, [&](int slot, int rank) { canvas.note(list, slot, rank); });
             canvas.face(thread, LANES);
         } else {
             canvas.find_floor(thread - LANES);
@@ -197,6 +207,9 @@ template <int CAPACITY> WARPCAM_FN void begin_list(ShapeList<CAPACITY>& list)
     list.broken = 0;
     list.count = 0;
     list.next_tile = 0;
+#if defined(__CUDA_ARCH__)
+    list.floor.begin();
+#endif
 }
 
 // Draws the shapes that are not hidden into the canvas's region; the list has begun. SEVERAL: the scene may have more shapes
@@ -241,7 +254,7 @@ WARPCAM_FN void draw_region(ShapeList<CAPACITY>& list, const Canvas_& canvas, co
         if constexpr ((TYPES >> MESH & 1) && LENS == PINHOLE)
             leave_out_housings<TYPES>(list, meshes, rays_of_region(canvas.camera, canvas.region), thread);
         canvas.ready();
-        sort_by_depth(list, thread);
+        sort_by_depth(list, thread, [&](int slot, int rank) { canvas.note(list, slot, rank); });
         canvas.face(thread, THREADS);
         block_barrier();
         late();
