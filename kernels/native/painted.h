@@ -205,15 +205,16 @@ template <int TYPES, int FACTS, int CAPACITY, int WIDTH, int HEIGHT, bool WHOLE_
     template <class Canvas_, int TALL>
     WARPCAM_FN void store(const Canvas_& canvas, int i, int j, const unsigned (&shown)[TALL]) const
     {
-        const int piece = threadIdx.x & 3;
         // Four neighbours store their twelve bytes as three words.
+        const int piece = threadIdx.x & 3;
         const unsigned bytes = piece == 0 ? 0x4210 : piece == 1 ? 0x5421 : 0x6542;
         unsigned char* image = canvas.target.albedo.data + piece;
-        for (int k = 0; k < TALL; ++k) {
-            const unsigned joined = __byte_perm(shown[k], __shfl_down_sync(ALL, shown[k], 1), bytes);
-            if (piece < 3)
-                *reinterpret_cast<unsigned*>(image + 3 * size_t(canvas.at(i, j, k))) = joined;
-        }
+        unsigned joined[TALL];
+        for (int k = 0; k < TALL; ++k)
+            joined[k] = __byte_perm(shown[k], __shfl_down_sync(ALL, shown[k], 1), bytes);
+        if (piece < 3)
+            for (int k = 0; k < TALL; ++k)
+                *reinterpret_cast<unsigned*>(image + 3 * size_t(canvas.at(i, j, k))) = joined[k];
     }
 
     // EVERY: all hits are on it.
