@@ -179,7 +179,7 @@ template <int TYPES, int LENS, int OUTPUTS, int CAPACITY, int TALL_, class Targe
             places.face(list, thread, threads);
     }
 
-    // Notes the endless floor, by the thread that has found the rank of a shape.
+    // Notes the endless floor: see there.
     template <class List> WARPCAM_FN void note(List& listed, int slot, int rank) const
     {
 #if defined(__CUDA_ARCH__)
@@ -370,11 +370,10 @@ template <int TYPES, int LENS, int OUTPUTS, int CAPACITY, int TALL_, class Targe
     template <class Ray_>
     WARPCAM_FN void put_bare(int i, int j, const Ray_ (&rays)[TALL], const Hit (&hits)[TALL], float* row_of_lanes) const
     {
-        for (int k = 0; k < TALL; ++k) {
-            const int shape = hits[k].shape;
-            __builtin_assume(shape >= 0);
+        const int shape = list.floor.shape;
+        __builtin_assume(shape >= 0);
+        for (int k = 0; k < TALL; ++k)
             put_named<OUTPUTS & ~THREES>(i, j, { hits[k].depth, shape, -1 }, shape, k);
-        }
         if constexpr ((THREES & NORMAL) != 0) {
             const Row piece = facings.endless[threadIdx.x % TILE_WIDTH % 3];
             store_pieces(*this, target.normals.data, i, j, [&](int) { return piece; });

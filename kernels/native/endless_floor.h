@@ -12,33 +12,32 @@ WARPCAM_FN bool is_endless(const Record& record)
     return record.axis_x.w == PLANE && record.size.x <= 0.0f && record.size.y <= 0.0f;
 }
 
+// The one that comes first of all shapes, as it begins where the camera is. Two of them touch all tiles both, so that no
+// tile shows one alone.
 struct EndlessFloor {
-    Row axis;           // the record's axis_z; w: the shape
+    Row axis;           // the record's axis_z; w: what hits name
     float height;       // of the camera above it
     float least, most;  // rays that come down faster than `least` and slower than `most` meet it where the view sees
-    unsigned bit;       // of its rank in the ballot of what touches a tile; 0: there is none
+    unsigned bit;       // in the ballot of what touches a tile; 0: there is none
+    int shape;
 
     // For one thread, before the block first meets.
-    WARPCAM_FN void begin()
-    {
-        axis = { 0.0f, 0.0f, -1.0f, -1 };
-        least = most = 0.0f;
-        bit = 0u;
-    }
+    WARPCAM_FN void begin() { bit = 0u; }
 
-    // For the thread that has found a shape's rank. Of two such planes both touch all tiles, so that none is found alone.
-    WARPCAM_FN void note(const Record& record, int shape, int rank, float near, float far)
+    // For the thread that has found a shape's rank.
+    WARPCAM_FN void note(const Record& record, int id, int rank, float near, float far)
     {
-        if (!is_endless(record) || rank >= LANES)
+        if (rank > 0 || !is_endless(record))
             return;
-        axis = { record.axis_z.x, record.axis_z.y, record.axis_z.z, shape };
+        axis = { record.axis_z.x, record.axis_z.y, record.axis_z.z, record.axis_y.w };
         height = record.origin.z;
         least = -0.9999f * height / near;
         most = lower(-1.0001f * height / far, -1.0e-18f);
-        bit = 1u << rank;
+        bit = 1u;
+        shape = id;
     }
 
-    // Do all rays of a warp meet it? Depths are those of enter_plane().
+    // Do all rays of a warp surely meet it?
     template <int TALL> WARPCAM_FN bool meet(const ViewRay<PINHOLE> (&rays)[TALL], Hit (&hits)[TALL]) const
     {
         const Row a = axis;
@@ -51,7 +50,7 @@ struct EndlessFloor {
         if (!__all_sync(ALL, meets))
             return false;
         for (int k = 0; k < TALL; ++k)
-            hits[k] = { -height * reciprocal(down[k]), a.w, -1 };
+            hits[k] = { -height * reciprocal(down[k]), a.w, -1 };  // as enter_plane()
         return true;
     }
 };

@@ -132,17 +132,13 @@ template <int TYPES, int CAPACITY> WARPCAM_FN unsigned touching(const ShapeList<
     return __ballot_sync(ALL, list.tiles[rank].touches(steps) && !is_mesh<TYPES>(list.records[list.order[rank]]));
 }
 
-// Do all rays of the tiles surely meet the endless floor and nothing else? Then these are their hits. `mask`: touching().
-template <int TYPES, int TALL, class Ray_, int CAPACITY>
-WARPCAM_FN bool meet_floor(const ShapeList<CAPACITY>& list, unsigned steps, unsigned mask, const Ray_ (&rays)[TALL],
-                           Hit (&hits)[TALL])
+// Does one of the ranks beyond the first LANES touch a tile?
+template <int TYPES, int CAPACITY> WARPCAM_FN bool touching_more(const ShapeList<CAPACITY>& list, unsigned steps)
 {
-    if (mask != list.floor.bit)
-        return false;
     for (int begin = LANES; CAPACITY > LANES && begin < list.count; begin += LANES)
         if (touching<TYPES>(list, begin, steps))
-            return false;
-    return list.floor.meet(rays, hits);
+            return true;
+    return false;
 }
 
 // The nearest of all shapes but meshes, of TALL tiles one below the other; of each a lane has a ray. `mask`: touching().

@@ -109,17 +109,17 @@ WARPCAM_FN void draw_tiles(ShapeList<CAPACITY>& list, const Canvas_& canvas, con
             ray[k] = canvas.ray(i, j + k * TILE_HEIGHT);
             hit[k] = canvas.start(i, j + k * TILE_HEIGHT, first_pass);
         }
-        const unsigned steps = TileSpans::steps(column, row, TALL), mask = touching<TYPES>(list, 0, steps);
-        bool bare = false;
+        const unsigned steps = TileSpans::steps(column, row, TALL);
+        unsigned mask = touching<TYPES>(list, 0, steps);
         if constexpr (Canvas_::BARE_FLOORS)
-            bare = first_pass && meet_floor<TYPES>(list, steps, mask, ray, hit);
-        if constexpr (Canvas_::PUTS_BARE)
-            if (bare) {
-                canvas.put_bare(i, j, ray, hit, row_of_lanes);
-                return true;
+            if (first_pass && (mask & list.floor.bit) && list.floor.meet(ray, hit)) {
+                mask ^= list.floor.bit;
+                if (Canvas_::PUTS_BARE && mask == 0u && !touching_more<TYPES>(list, steps)) {
+                    canvas.put_bare(i, j, ray, hit, row_of_lanes);
+                    return true;
+                }
             }
-        if (!bare)
-            trace_tiles<TYPES>(list, steps, mask, ray, near, fields, hit);
+        trace_tiles<TYPES>(list, steps, mask, ray, near, fields, hit);
         meet();
         if (!canvas.put_floor(i, j, hit, lane))
             canvas.put_tiles(i, j, ray, hit, first_pass, row_of_lanes);
