@@ -84,6 +84,8 @@ template <int TYPES, int LENS, int OUTPUTS, int CAPACITY, int TALL_, class Targe
     Places_& places;
     using Facings_ = ShapeFacings<((OUTPUTS & NORMAL) && THREADS > 1 ? CAPACITY : 0)>;
     Facings_& facings;
+    const float *columns, *rows;  // x of the region's columns, y of its rows, where they are LINED
+    static constexpr bool LINED = TALL > 1 && LENS == PINHOLE;
     static constexpr int THREES = OUTPUTS & FOURS ? OUTPUTS & (POINTS | NORMAL) : 0;  // stored by 16 bytes
     static constexpr bool TILES_INSIDE = (OUTPUTS & TILED) != 0;
     static constexpr bool WHOLE = Places_::WHOLE;  // the region is an image of known size
@@ -115,6 +117,8 @@ template <int TYPES, int LENS, int OUTPUTS, int CAPACITY, int TALL_, class Targe
 
     WARPCAM_FN ViewRay<LENS> ray(int i, int j) const
     {
+        if constexpr (LINED)
+            return { columns[i - region.left], rows[j - region.top] };
         return view_ray<LENS>(camera, i, j);
     }
 

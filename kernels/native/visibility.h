@@ -264,12 +264,13 @@ WARPCAM_FN void draw_region(ShapeList<CAPACITY>& list, const Canvas_& canvas, co
     } while (SEVERAL && begin < total);
 }
 
-// What a block shares.
-template <int CAPACITY, class Places_, class Facings_> struct DrawRoom {
+// What a block shares. LINES: columns and rows of pixels.
+template <int CAPACITY, int LINES, class Places_, class Facings_> struct DrawRoom {
     ShapeList<CAPACITY> list;
     alignas(16) Camera camera;  // kept in registers it would be spilled
     Places_ places;
     Facings_ facings;
+    float lines[LINES];  // see Canvas
 };
 
 // Draws one region of one view; `index` counts worlds, then regions, then (CUDA) threads of the block.
@@ -283,7 +284,7 @@ WARPCAM_FN void draw_with(const Shapes& shapes, const Materials& materials, cons
     static_assert(!names_slots(OUTPUTS) || analytic_types(TYPES) == TYPES);
     constexpr bool FLOWING = (OUTPUTS & FLOWS) != 0;
     using Canvas_ = Canvas<TYPES, LENS, OUTPUTS, CAPACITY, tiles_at_once(TYPES, WIDTH, HEIGHT), Target, Shapes, Near>;
-    using Room = DrawRoom<CAPACITY, Near, typename Canvas_::Facings_>;
+    using Room = DrawRoom<CAPACITY, Canvas_::LINED ? WIDTH + HEIGHT : 1, Near, typename Canvas_::Facings_>;
     WARPCAM_SHARED Room shared;
     Room& room = by_address(shared);
     ShapeList<CAPACITY>& list = room.list;
@@ -313,7 +314,11 @@ WARPCAM_FN void draw_with(const Shapes& shapes, const Materials& materials, cons
     block_barrier();
     if constexpr (FLOWING)
         places.fetch(thread);
-    const Canvas_ canvas { target, shapes, list, camera, region, world, places, room.facings };
+    if constexpr (Canvas_::LINED)
+        for (int n = thread; thread < THREADS - LANES && n < WIDTH + HEIGHT; n += THREADS - LANES)  // see draw_apart()
+            room.lines[n] = n < WIDTH ? image_x(camera, float(region.left + n)) : image_y(camera, float(region.top + n - WIDTH));
+    const Canvas_ canvas { target, shapes, list,         camera,     region,
+                           world,  places, room.facings, room.lines, room.lines + (Canvas_::LINED ? WIDTH : 0) };
     const auto hidden = [&](int id) {
         if constexpr ((OUTPUTS & OPAQUE) != 0)
             return !solid<(TYPES >> MASKED & 1) != 0>(shapes, materials, target.veil_places, world, id);
