@@ -101,8 +101,8 @@ WARPCAM_FN void draw_tiles(ShapeList<CAPACITY>& list, const Canvas_& canvas, con
             return false;
         const int level = Canvas_::WHOLE ? unsigned(stack) / unsigned(across) : unsigned(stack) * per_level >> 16;
         const int column = stack - level * across, row = TALL * level;
-        const int i = region.left + column * TILE_WIDTH + lane % TILE_WIDTH;
-        const int j = region.top + row * TILE_HEIGHT + lane / TILE_WIDTH;
+        const int i = region.left + column * TILE_WIDTH + int(unsigned(lane) % TILE_WIDTH);
+        const int j = region.top + row * TILE_HEIGHT + int(unsigned(lane) / TILE_WIDTH);
         decltype(canvas.ray(i, j)) ray[TALL];
         Hit hit[TALL];
         for (int k = 0; k < TALL; ++k) {
