@@ -16,7 +16,7 @@ WARPCAM_FN bool is_endless(const Record& record)
 // tile shows one alone.
 struct EndlessFloor {
     Row axis;           // the record's axis_z; w: what hits name
-    float height;       // of the camera above it
+    float below;        // how far the camera is above it, negative
     float least, most;  // rays that come down faster than `least` and slower than `most` meet it where the view sees
     unsigned bit;       // in the ballot of what touches a tile; 0: there is none
     int shape;
@@ -30,9 +30,9 @@ struct EndlessFloor {
         if (rank > 0 || !is_endless(record))
             return;
         axis = { record.axis_z.x, record.axis_z.y, record.axis_z.z, record.axis_y.w };
-        height = record.origin.z;
-        least = -0.9999f * height / near;
-        most = lower(-1.0001f * height / far, -1.0e-18f);
+        below = -record.origin.z;
+        least = 0.9999f * below / near;
+        most = lower(1.0001f * below / far, -1.0e-18f);
         bit = 1u;
         shape = id;
     }
@@ -50,7 +50,7 @@ struct EndlessFloor {
         if (!__all_sync(ALL, meets))
             return false;
         for (int k = 0; k < TALL; ++k)
-            hits[k] = { -height * reciprocal(down[k]), a.w, -1 };  // as enter_plane()
+            hits[k] = { below * reciprocal(down[k]), a.w, -1 };  // as enter_plane()
         return true;
     }
 };
