@@ -85,7 +85,7 @@ template <int TYPES, int LENS, int OUTPUTS, int CAPACITY, int TALL_, class Targe
     using Facings_ = ShapeFacings<((OUTPUTS & NORMAL) && THREADS > 1 ? CAPACITY : 0)>;
     Facings_& facings;
     const float *columns, *rows;  // x of the region's columns, y of its rows, where they are LINED
-    static constexpr bool LINED = TALL > 1 && LENS == PINHOLE;
+    static constexpr bool LINED = THREADS > 1 && TALL > 1 && LENS == PINHOLE;
     static constexpr int THREES = OUTPUTS & FOURS ? OUTPUTS & (POINTS | NORMAL) : 0;  // stored by 16 bytes
     static constexpr bool TILES_INSIDE = (OUTPUTS & TILED) != 0;
     static constexpr bool WHOLE = Places_::WHOLE;  // the region is an image of known size
@@ -96,7 +96,7 @@ template <int TYPES, int LENS, int OUTPUTS, int CAPACITY, int TALL_, class Targe
     static constexpr bool APART = (OUTPUTS & FLOWS) && (OUTPUTS & FLOW_LISTED) && CAPACITY <= LANES && !(TYPES >> MESH & 1);
 
     // Of tiles that show nothing but an endless floor it is known what they write: see endless_floor.h.
-    static constexpr bool BARE_FLOORS = TALL > 1 && LENS == PINHOLE && (TYPES >> PLANE & 1) && (OUTPUTS & TILED)
+    static constexpr bool BARE_FLOORS = THREADS > 1 && TALL > 1 && LENS == PINHOLE && (TYPES >> PLANE & 1) && (OUTPUTS & TILED)
         && !((OUTPUTS & FLOWS) && names_slots(OUTPUTS));
     static constexpr bool PUTS_BARE = BARE_FLOORS && !(OUTPUTS & FLOWS);
 
