@@ -358,14 +358,14 @@ def test_groups_that_are_coloured_in_turns_make_the_same_images(
 
     def counted(self: wc.Renderer, phases: Any, images: Any) -> Any:
         late = {key: target.late_images for key, target in self._targets.items()}
-        made.append((len(phases), self._scratch.phases_of_turns(images, late, rendering.PARTS)))
+        made.append((len(phases), self._scratch.phases_of_turns(images, late, rendering.TURNS)))
         return made[-1][1]
 
     monkeypatch.setattr(wc.Renderer, "_fewer", counted)
     turned = wc.Renderer(scene, cameras)
     [(plain, phases)] = made
     assert len(phases) <= plain
-    assert max(map(len, phases)) == rendering.PARTS
+    assert max(map(len, phases)) == rendering.TURNS
     turned.render()
     for _ in range(2):
         for key, images in turned.render().items():

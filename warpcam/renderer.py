@@ -30,6 +30,7 @@ from warpcam.targets import Stages, Target
 # for.
 WORTH_PARTING = 2**22
 PARTS = 3
+TURNS = 2  # in which worlds of a group are coloured where that makes groups fewer
 WALKED = {MESH, HEIGHT_FIELD}  # shapes that rays walk through
 
 # While one thread records a graph, Warp counts its device as capturing: the others wait their turn.
@@ -288,7 +289,7 @@ class Renderer:
     def _fewer(self, phases: list[Turns], images: Lenders) -> list[Turns]:
         """The same phases or, if these are fewer, phases of several turns."""
         late = {key: target.late_images for key, target in self._targets.items()}
-        in_turns = self._scratch.phases_of_turns(images, late, PARTS)
+        in_turns = self._scratch.phases_of_turns(images, late, TURNS)
         return in_turns if len(in_turns) < len(phases) else phases
 
     def _record_chain(self, tables: Tables, chain: list[list[Portion]], busiest: int) -> list[Stage]:
@@ -296,33 +297,33 @@ class Renderer:
         return [
             stage
             for portion in itertools.chain(*chain)
-            for stages in self._record_portion(tables, portion, PARTS, busiest)
+            for stages in self._record_portion(tables, portion, 1, busiest)
             for stage in (*stages.first, *stages.last)
         ]
 
     def _record_phase(self, tables: Tables, phase: Turns, busiest: int) -> list[list[list[Stage]]]:
-        """Chains of stages that may run side by side, and then the last stages of all turns but the first."""
-        beside = sum(map(len, phase))
+        """Chains of stages that may run side by side, and then the last stages of other turns than the first."""
+        parts = -(-PARTS // len(phase[0])) if len(phase) == 1 else 1
         first, *others = (
-            [stages for portion in portions for stages in self._record_portion(tables, portion, beside, busiest)]
+            [stages for portion in portions for stages in self._record_portion(tables, portion, parts, busiest)]
             for portions in phase
         )
         together = [[*stages.first, *stages.last] for stages in first]
         together += [stages.first for turn in others for stages in turn]
         return [together, *([stages.last for stages in turn] for turn in others)]
 
-    def _record_portion(self, tables: Tables, portion: Portion, beside: int, busiest: int) -> Iterator[Stages]:
-        """Its stages, in parts that may run side by side.
+    def _record_portion(self, tables: Tables, portion: Portion, parts: int, busiest: int) -> Iterator[Stages]:
+        """Its stages, in parts that may run side by side where it is large.
 
         Args:
             tables: The scene.
             portion: What they draw.
-            beside: How many portions are drawn at the same time.
+            parts: How many are worth it.
             busiest: Pixels of the phase that has most.
         """
         key, area = portion.camera, self._area(portion)
         seen, projection = self._mounted[key].seen(tables), self._mounted[key].projection
-        parts = -(-PARTS // beside) if portion.buffers and self._is_large(len(portion.worlds) * area) else 1
+        parts = parts if portion.buffers and self._is_large(len(portion.worlds) * area) else 1
         bounds = [portion.worlds.start + len(portion.worlds) * i // parts for i in range(parts + 1)]
         for first, end in itertools.pairwise(bounds):
             group = Group(range(first, end), busiest // area)
