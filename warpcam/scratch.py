@@ -247,7 +247,8 @@ class Scratch:
             images: Those that may lend.
             late: Names of the late ones.
         """
-        free, places = [block], {}
+        free: list[Piece] = [block]
+        places: dict[Buffer, int] = {}
         if images is not None:
             for key, worlds in self._share(cuts[1], last):
                 free += [_rows(image, worlds) for name, image in images[key].items() if name in late.get(key, ())]
