@@ -74,7 +74,9 @@ def test_albedo_is_as_a_second_pass_makes_it(
 
 @pytest.mark.parametrize("shapes", [0, 40])  # with more of them normals take the other way
 @pytest.mark.parametrize("floor", ["1.2 1.5 1", "0 0 1"])  # an endless one is met before all else
-@pytest.mark.parametrize("outputs", [("points",), ("normals",), ("distance", "bodies"), ("points", "normals", "albedo")])
+@pytest.mark.parametrize(
+    "outputs", [("points",), ("normals",), ("distance", "bodies"), ("points", "normals", "albedo")]
+)
 def test_images_of_whole_regions_are_as_those_of_parts(
     outputs: tuple[str, ...], floor: str, shapes: int, device: wp.Device, monkeypatch: pytest.MonkeyPatch
 ) -> None:
