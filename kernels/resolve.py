@@ -285,7 +285,8 @@ def record(
         )
         by_corners = shadow is None or tables.num_lights <= MAX_CASTING
         strips = has_strips(tables.shape_types, tables.num_drawn) and whole and region[0] % 32 == 0
-        facts |= STRIPS * (strips and plain and by_corners)
+        in_strips = strips and plain and by_corners
+        facts |= STRIPS * in_strips | HAS_MIPS * (in_strips and tables.has_mips)
     unit = -(-width // region[0]) * -(-height // region[1]) * (THREADS if device.is_cuda else 1)  # threads a world
     types = in_order(types, len(group.worlds) * unit, device)
     kernel = _kernel(types, LENSES[lens], _capacity(tables), *region, wanted, facts, frame_type, veils)

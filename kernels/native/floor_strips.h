@@ -33,14 +33,17 @@ struct StripPlan {
     Row right, down;  // steps on the texture, times the square of the height: x * row + y, z * row + w; `down` by column
     float columns, rows;  // of what is kept
     float coarsest;   // level of the texture
+    unsigned long long mips;  // see Textures.mips, where all textures have such
     unsigned bias;    // of a corner's number
     int plain;        // 1: pixels can be drawn by all of this
     int count, next;  // of pixels that are left; of 32 of them the next that no warp has
 };
 
-template <class Grid> WARPCAM_FN void plan_strips(StripPlan& plan, const Grid& grid, const Camera& camera)
+template <class Grid>
+WARPCAM_FN void plan_strips(StripPlan& plan, const Grid& grid, const Camera& camera, unsigned long long mips)
 {
     const FloorView& view = grid.view;
+    plan.mips = mips;
     CellAxis cells_u { 1.0f, 0.0f, 0.0f, 0.0f, 0.0f }, cells_v = cells_u;  // places in metres where there are no cells
     plan.count = plan.next = 0;
     plan.plain = grid.shape >= 0 && view.plain && (view.count == 0 || view.sheet);
@@ -137,7 +140,7 @@ WARPCAM_FN float light_at(const StripPlan& plan, const Grid& grid, float u, floa
 
 // Draws four pixels of the plane. `shadows`: the lights that do not reach them, a byte each, if SHADED. False if what is
 // kept does not reach as far.
-template <bool TEXTURED, bool SHADED, int IMAGES, class Grid>
+template <bool TEXTURED, bool MIPS, bool SHADED, int IMAGES, class Grid>
 WARPCAM_FN bool draw_quad(const StripPlan& plan, const Grid& grid, const StripColumn& own, float row, unsigned shadows,
                           Quad<IMAGES>& quad)
 {
@@ -165,7 +168,10 @@ WARPCAM_FN bool draw_quad(const StripPlan& plan, const Grid& grid, const StripCo
 #pragma unroll
     for (int k = 0; k < QUAD; ++k) {
         Vec color { 1.0f, 1.0f, 1.0f };
-        if constexpr (TEXTURED) {
+        if constexpr (TEXTURED && MIPS) {
+            color = look_up(plan.mips, texture.x * u[k] + texture.y, texture.z * v[k] + as_float(texture.w),
+                            2.0f * logarithm2(rate[k]) + upper(own.down[k], right));
+        } else if constexpr (TEXTURED) {
             const float detail = lower(upper(2.0f * logarithm2(rate[k]) + upper(own.down[k], right), 0.0f), plan.coarsest);
             const float base = __fadd_rd(detail, WHOLE_NUMBERS);
             const int level = as_int(base) - as_int(WHOLE_NUMBERS);
@@ -195,8 +201,9 @@ template <int BYTES> WARPCAM_FN unsigned showing(const Several<unsigned, BYTES>&
     return bits;
 }
 
-// Draws what a warp's strips show of the plane. Returns which of a lane's pixels are left, four bits a strip.
-template <bool TEXTURED, int IMAGES, int WIDTH, int HEIGHT, class Grid, class Frame_, class Images_>
+// Draws what a warp's strips show of the plane. Returns which of a lane's pixels are left, four bits a strip. MIPS: its texture
+// is a mipmapped one, else on a sheet.
+template <bool TEXTURED, bool MIPS, int IMAGES, int WIDTH, int HEIGHT, class Grid, class Frame_, class Images_>
 WARPCAM_FN unsigned draw_strips(const StripPlan& plan, const Grid& grid, const Frame_& frame, const Images_& images,
                                 const Region& region, unsigned corner, int warp, int lane, float* row_of_lanes)
 {
@@ -226,9 +233,9 @@ WARPCAM_FN unsigned draw_strips(const StripPlan& plan, const Grid& grid, const F
         bool drawn = false;
         if (Grid::SHADOWS && any_lane(on && shadow)) {
             if (on)
-                drawn = draw_quad<TEXTURED, true>(plan, grid, own, row, shadow, quad);
+                drawn = draw_quad<TEXTURED, MIPS, true>(plan, grid, own, row, shadow, quad);
         } else if (on) {
-            drawn = draw_quad<TEXTURED, false>(plan, grid, own, row, 0u, quad);
+            drawn = draw_quad<TEXTURED, MIPS, false>(plan, grid, own, row, 0u, quad);
         }
         left |= (drawn ? ~on & 15u : 15u) << 4 * strip;
         if (any_lane(drawn)) {
@@ -269,7 +276,7 @@ template <int EACH> WARPCAM_FN void list_pixels(unsigned short* list, int& count
 
 // Draws a region: the plane by strips, then what they leave, 32 pixels at once, with `draw`. `list`: room for all of them,
 // which may be that of the grid's values.
-template <bool TEXTURED, int IMAGES, int WIDTH, int HEIGHT, class Grid, class Frame_, class Images_, class Draw>
+template <bool TEXTURED, bool MIPS, int IMAGES, int WIDTH, int HEIGHT, class Grid, class Frame_, class Images_, class Draw>
 WARPCAM_FN void draw_by_strips(StripPlan& plan, unsigned short* list, Grid& grid, const Frame_& frame, const Images_& images,
                                const Region& region, unsigned first, int warp, Pixel& pixel, const Draw& draw)
 {
@@ -278,10 +285,10 @@ WARPCAM_FN void draw_by_strips(StripPlan& plan, unsigned short* list, Grid& grid
     if (plain) {
         const unsigned corner = first + unsigned(region.top * frame.width + region.left);
         const unsigned left = TEXTURED && grid.view.count > 0
-            ? draw_strips<TEXTURED, IMAGES, WIDTH, HEIGHT>(plan, grid, frame, images, region, corner, warp, pixel.lane,
-                                                           pixel.row_of_lanes)
-            : draw_strips<false, IMAGES, WIDTH, HEIGHT>(plan, grid, frame, images, region, corner, warp, pixel.lane,
-                                                        pixel.row_of_lanes);
+            ? draw_strips<TEXTURED, MIPS, IMAGES, WIDTH, HEIGHT>(plan, grid, frame, images, region, corner, warp, pixel.lane,
+                                                                 pixel.row_of_lanes)
+            : draw_strips<false, false, IMAGES, WIDTH, HEIGHT>(plan, grid, frame, images, region, corner, warp, pixel.lane,
+                                                               pixel.row_of_lanes);
         block_barrier();  // what is stored may be stored again, and no corner is asked for any more
         if (threadIdx.x == 0)
             grid.shape = -1;

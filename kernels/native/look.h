@@ -21,7 +21,7 @@ enum Fact {
     PHYSICAL = 1 << 12,  // is lit as physical.h does it, else as shade.h does
     HAS_MAPS = 1 << 13,  // some material has more than the texture of its colour
     HAS_OFFSETS = 1 << 20,  // textures are moved: variety.h
-    HAS_MIPS = 1 << 24  // each texture but cubes has a mipmapped one; told where albedo is painted
+    HAS_MIPS = 1 << 24  // each texture but cubes has a mipmapped one; told where floors are looked up by them
 };
 // Of what one layer cannot show. MIRRORED: the view is the one from behind the mirror; REFLECTS: the images hold what is
 // seen from there; VEILED: some shapes may be transparent; HAZY: an endless plane has a haze over its horizon; NOTED: what

@@ -46,7 +46,7 @@ WARPCAM_FN void resolve(const Scene_& scene, const Lights& lights, int index)
 #else
     constexpr bool IN_STRIPS = false;
 #endif
-    constexpr bool ON_FLOOR = CORNERS > 0 || IN_STRIPS;
+    constexpr bool ON_FLOOR = CORNERS > 0 || IN_STRIPS, MIPS = Wants::TEXTURED && IN_STRIPS && (FACTS & HAS_MIPS);
     using List = typename Either<(IN_STRIPS && CORNERS == 0), BareFloor, Lit_>::type;
     WARPCAM_SHARED typename Either<(FACTS & PHYSICAL) != 0, LampList, List>::type list;
     WARPCAM_SHARED Camera kept_camera;
@@ -121,6 +121,10 @@ WARPCAM_FN void resolve(const Scene_& scene, const Lights& lights, int index)
             sheet = look.layout.sheet;
         else if constexpr (Wants::TEXTURED && IN_STRIPS)
             sheet = sheet_of(scene.textures, look.finish.color.w);
+        unsigned long long mips = 0;
+        if constexpr (MIPS)
+            if (thread == 0 && sheet)
+                mips = wp::index(scene.textures.mips, look.finish.color.w);
         if (thread < TEAM) {
             if constexpr (CORNERS > 0)
                 choose_corners(list.grid, list, look, camera, region, frame, sheet, FACTS & MIRRORED, thread);
@@ -130,7 +134,7 @@ WARPCAM_FN void resolve(const Scene_& scene, const Lights& lights, int index)
 #if defined(__CUDA_ARCH__)
         if constexpr (IN_STRIPS)
             if (thread == 0)
-                plan_strips(plan, list.grid, camera);
+                plan_strips(plan, list.grid, camera, mips);
 #endif
         block_barrier();
         if constexpr (CORNERS > 0) {
@@ -154,7 +158,7 @@ WARPCAM_FN void resolve(const Scene_& scene, const Lights& lights, int index)
         unsigned short* rest = pixels_left;
         if constexpr (ROOMY)
             rest = reinterpret_cast<unsigned short*>(list.grid.values);
-        draw_by_strips<Wants::TEXTURED, IMAGES, WIDTH, HEIGHT>(
+        draw_by_strips<Wants::TEXTURED, MIPS, IMAGES, WIDTH, HEIGHT>(
             plan, rest, list.grid, frame, scene.images, region, first, warp, pixel, [&](const Pixel& one) {
                 resolve_pixel<TYPES, LENS, HELD, IMAGES, OWN_FACTS>(looks, list, scene, kept_camera, veils, region, world,
                                                                              one, find<TYPES, IMAGES, FACTS>(frame, one));
