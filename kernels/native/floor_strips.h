@@ -33,20 +33,20 @@ struct StripPlan {
     Row right, down;  // steps on the texture, times the square of the height: x * row + y, z * row + w; `down` by column
     float columns, rows;  // of what is kept
     float coarsest;   // level of the texture
-    unsigned long long mips;  // see Textures.mips, where all textures have such
+    unsigned long long image;  // its texture: a mipmapped one, or a sheet
     unsigned bias;    // of a corner's number
     int plain;        // 1: pixels can be drawn by all of this
     int count, next;  // of pixels that are left; of 32 of them the next that no warp has
 };
 
 template <class Grid>
-WARPCAM_FN void plan_strips(StripPlan& plan, const Grid& grid, const Camera& camera, unsigned long long mips)
+WARPCAM_FN void plan_strips(StripPlan& plan, const Grid& grid, const Camera& camera, unsigned long long image)
 {
     const FloorView& view = grid.view;
-    plan.mips = mips;
+    plan.image = image;
     CellAxis cells_u { 1.0f, 0.0f, 0.0f, 0.0f, 0.0f }, cells_v = cells_u;  // places in metres where there are no cells
     plan.count = plan.next = 0;
-    plan.plain = grid.shape >= 0 && view.plain && (view.count == 0 || view.sheet);
+    plan.plain = grid.shape >= 0 && view.plain && (view.count == 0 || image);
     if constexpr (Grid::LIT) {
         cells_u = grid.u;
         cells_v = grid.v;
@@ -169,13 +169,13 @@ WARPCAM_FN bool draw_quad(const StripPlan& plan, const Grid& grid, const StripCo
     for (int k = 0; k < QUAD; ++k) {
         Vec color { 1.0f, 1.0f, 1.0f };
         if constexpr (TEXTURED && MIPS) {
-            color = look_up(plan.mips, texture.x * u[k] + texture.y, texture.z * v[k] + as_float(texture.w),
+            color = look_up(plan.image, texture.x * u[k] + texture.y, texture.z * v[k] + as_float(texture.w),
                             2.0f * logarithm2(rate[k]) + upper(own.down[k], right));
         } else if constexpr (TEXTURED) {
             const float detail = lower(upper(2.0f * logarithm2(rate[k]) + upper(own.down[k], right), 0.0f), plan.coarsest);
             const float base = __fadd_rd(detail, WHOLE_NUMBERS);
             const int level = as_int(base) - as_int(WHOLE_NUMBERS);
-            color = sample_sheet(view.sheet, view.levels[level], view.levels[level + 1], texture.x * u[k] + texture.y,
+            color = sample_sheet(plan.image, view.levels[level], view.levels[level + 1], texture.x * u[k] + texture.y,
                                  texture.z * v[k] + as_float(texture.w), detail - (base - WHOLE_NUMBERS));
         }
         if constexpr (Grid::LIT) {

@@ -121,10 +121,10 @@ WARPCAM_FN void resolve(const Scene_& scene, const Lights& lights, int index)
             sheet = look.layout.sheet;
         else if constexpr (Wants::TEXTURED && IN_STRIPS)
             sheet = sheet_of(scene.textures, look.finish.color.w);
-        unsigned long long mips = 0;
+        unsigned long long image = sheet;  // that of strips
         if constexpr (MIPS)
             if (thread == 0 && sheet)
-                mips = wp::index(scene.textures.mips, look.finish.color.w);
+                image = wp::index(scene.textures.mips, look.finish.color.w);
         if (thread < TEAM) {
             if constexpr (CORNERS > 0)
                 choose_corners(list.grid, list, look, camera, region, frame, sheet, FACTS & MIRRORED, thread);
@@ -134,7 +134,7 @@ WARPCAM_FN void resolve(const Scene_& scene, const Lights& lights, int index)
 #if defined(__CUDA_ARCH__)
         if constexpr (IN_STRIPS)
             if (thread == 0)
-                plan_strips(plan, list.grid, camera, mips);
+                plan_strips(plan, list.grid, camera, image);
 #endif
         block_barrier();
         if constexpr (CORNERS > 0) {
