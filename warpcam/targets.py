@@ -277,8 +277,8 @@ class Target:
 
 
 def _late_images(camera: Camera, tables: Tables) -> set[str]:
-    # With transparent shapes there are two traces, one after the other. The smoothing of edges is best beside the trace of
-    # other worlds, and not after that of all.
+    # With transparent shapes there are two traces, one after the other. The smoothing of edges is best beside the trace
+    # of other worlds, and not after that of all.
     if veils_of(camera, tables) or smooth_outputs(camera.outputs, camera.antialiasing):
         return set()
     return {name for name in camera.outputs if traced_as(name, tables.shape_types) is None and name != "albedo"}
