@@ -210,16 +210,10 @@ WARPCAM_FN void trace_samples(Chunk<TYPES>& chunk, const NearShapes& list, Rays&
             const float until = lower(hit.depth, chunk.meshes[pixel].last);
             bool meets = false;
 #pragma unroll
-            for (int w = 0; w < NEAR_WORDS; ++w)
-                for (unsigned left = w < words ? bits_of_all(around[w]) & list.meshes[w] : 0; left; left &= left - 1) {
-                    const int bit = lowest_bit(left);
-                    const Record& record = list.records[w * LANES + bit];
-                    if ((around[w] >> bit & 1) && as_float(record.size.w) < until
-                        && meets_mesh(meshes, record, ray.local(record), ray.near, until)) {
-                        met[w] |= 1u << bit;
-                        meets = true;
-                    }
-                }
+            for (int w = 0; w < NEAR_WORDS; ++w) {
+                met[w] = around[w] & list.meshes[w];
+                meets |= met[w] != 0;
+            }
             const unsigned meeting = __ballot_sync(ALL, meets);
             const int at = waiting.put(meeting, met, words, sample);
             if (meets)
