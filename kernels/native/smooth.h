@@ -236,6 +236,35 @@ WARPCAM_FN void trace_samples(Chunk<TYPES>& chunk, const NearShapes& list, Rays&
     }
 }
 
+// The tiles of a warp where anything is seen, or around them, by bit: its first, the one after so many, and so on. All are
+// where ids have more than a byte.
+template <class Target>
+WARPCAM_FN unsigned tiles_with_shapes(const Target& target, unsigned first, const Region& region, int across, int tiles)
+{
+    constexpr int WARPS = THREADS / LANES, TOGETHER = 8, WORD = 4;  // pixels
+    if (sizeof(target.shape.data[0]) != 1 || target.width % WORD)
+        return ~0u;
+    const unsigned* words = reinterpret_cast<const unsigned*>(target.shape.data + first);
+    const int lane = threadIdx.x % LANES, warp = threadIdx.x / LANES;
+    const int down = lower_int(lane / 4, TILE_HEIGHT + 1) - 1, right = lane % 4 * WORD - WORD;
+    unsigned found = 0;
+    for (int begin = 0; warp + begin * WARPS < tiles; begin += TOGETHER) {
+        unsigned ids[TOGETHER];
+#pragma unroll
+        for (int n = 0; n < TOGETHER; ++n) {
+            const int tile = lower_int(warp + (begin + n) * WARPS, tiles - 1), row = tile / across;
+            const int i = region.left + (tile + row) % across * TILE_WIDTH + right;
+            const int j = region.top + row * TILE_HEIGHT + down;
+            const int column = upper_int(lower_int(i, target.width - WORD), 0);
+            ids[n] = words[(upper_int(lower_int(j, target.height - 1), 0) * target.width + column) / WORD];
+        }
+#pragma unroll
+        for (int n = 0; n < TOGETHER; ++n)
+            found |= unsigned(__any_sync(ALL, ids[n] != ~0u) != 0) << (begin + n);
+    }
+    return found;
+}
+
 // Smooths the edges of a region.
 template <int TYPES, int LENS, int IMAGES, class Shapes, class Meshes, class HeightFields, class Centres>
 WARPCAM_FN void smooth_region(const Shapes& shapes, const Meshes& meshes, const HeightFields& fields,
@@ -256,14 +285,16 @@ WARPCAM_FN void smooth_region(const Shapes& shapes, const Meshes& meshes, const 
         return __any_sync(ALL, *static_cast<const volatile int*>(&listed) <= LISTED - THREADS);
     };
     const int across = region.width / TILE_WIDTH, tiles = across * (region.height / TILE_HEIGHT);
-    int tile = warp;  // the warp's next
+    static_assert(64 / TILE_WIDTH * (64 / TILE_HEIGHT) <= LANES * WARPS, "a bit for each of a warp's tiles");
+    unsigned left = tiles_with_shapes(target, centres.first, region, across, tiles);
+    left &= tiles <= warp ? 0 : ~0u >> (LANES - (tiles - warp + WARPS - 1) / WARPS);
     for (bool more = true; more;) {
         if (threadIdx.x == 0)
             count = 0;
         block_barrier();
-        for (; tile < tiles && has_room(count); tile += WARPS) {
+        for (; left && has_room(count); left &= left - 1) {
             // a warp's tiles lie aslant: what is upright is everyone's
-            const int row = tile / across, column = (tile + row) % across;
+            const int tile = warp + lowest_bit(left) * WARPS, row = tile / across, column = (tile + row) % across;
             const int i = region.left + column * TILE_WIDTH + lane % TILE_WIDTH;
             const int j = region.top + row * TILE_HEIGHT + lane / TILE_WIDTH;
             const bool inside = i < target.width && j < target.height;
@@ -276,7 +307,7 @@ WARPCAM_FN void smooth_region(const Shapes& shapes, const Meshes& meshes, const 
                         = { static_cast<decltype(listed->bits)>(place_of(region, i, j) << listed->SHIFT | samples) };
             }
         }
-        more = __syncthreads_or(tile < tiles);
+        more = __syncthreads_or(left != 0);
         const int found_so_far = count;
         const int chunks = (found_so_far + chunk.MOST - 1) / chunk.MOST;
         for (int from = 0, pixels; from < found_so_far; from += pixels) {
