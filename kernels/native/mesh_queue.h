@@ -168,20 +168,21 @@ WARPCAM_FN void trace_rays(Rays& rays, const List& list, const Meshes& meshes, f
                 boxes.meet(node_rows<TYPES>(meshes, nodes, node), near, depth, enter, leave, child);
                 node = NO_NODE;
 #pragma unroll
-                for (int k = 0; k < 4; ++k)
-                    if (enter[k] <= leave[k]) {
-                        const bool nearer = enter[k] < best;
-                        if (node != NO_NODE) {
-                            if constexpr (Rays::ANY) {
-                                stack[height++] = last;
-                                last = nearer ? node : child[k];
-                            } else {
-                                stack[height++] = { nearer ? node : child[k], nearer ? best : enter[k] };
-                            }
-                        }
-                        node = nearer ? child[k] : node;
-                        best = nearer ? enter[k] : best;
+                for (int k = 0; k < 4; ++k) {  // without branches
+                    const bool met = enter[k] <= leave[k], nearer = met && enter[k] < best;
+                    const int other = nearer ? node : child[k];
+                    const bool waits = k > 0 && met && other != NO_NODE;
+                    if constexpr (Rays::ANY) {
+                        if (waits)
+                            stack[height] = last;
+                        last = waits ? other : last;
+                    } else if (waits) {
+                        stack[height] = { other, nearer ? best : enter[k] };
                     }
+                    height += waits ? 1 : 0;
+                    node = nearer ? child[k] : node;
+                    best = nearer ? enter[k] : best;
+                }
                 pop();
             }
             inner = node >= 0 && node != NO_NODE;

@@ -192,12 +192,13 @@ WARPCAM_FN void cast_rays(ShadowRays<WORDS, Boxes>& rays, const List& list, cons
                 boxes.meet(node_rows<TYPES>(meshes, nodes, node), 0.0f, far, enter, leave, child);
                 node = NO_NODE;
 #pragma unroll
-                for (int k = 0; k < 4; ++k)
-                    if (enter[k] <= leave[k]) {
-                        if (node != NO_NODE)
-                            stack[height++] = node;
-                        node = child[k];
-                    }
+                for (int k = 0; k < 4; ++k) {  // without branches
+                    const bool met = enter[k] <= leave[k], waits = k > 0 && met && node != NO_NODE;
+                    if (waits)
+                        stack[height] = node;
+                    height += waits ? 1 : 0;
+                    node = met ? child[k] : node;
+                }
                 if (node == NO_NODE && height > 0)
                     node = stack[--height];
             }

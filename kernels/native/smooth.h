@@ -9,6 +9,7 @@
 #include "kept_centres.h"
 #include "mesh_queue.h"
 #include "near_shapes.h"
+#include "seen_tiles.h"
 #include "smooth_cpu.h"
 #include "smooth_kept.h"
 
@@ -210,16 +211,10 @@ WARPCAM_FN void trace_samples(Chunk<TYPES>& chunk, const NearShapes& list, Rays&
             const float until = lower(hit.depth, chunk.meshes[pixel].last);
             bool meets = false;
 #pragma unroll
-            for (int w = 0; w < NEAR_WORDS; ++w)
-                for (unsigned left = w < words ? bits_of_all(around[w]) & list.meshes[w] : 0; left; left &= left - 1) {
-                    const int bit = lowest_bit(left);
-                    const Record& record = list.records[w * LANES + bit];
-                    if ((around[w] >> bit & 1) && as_float(record.size.w) < until
-                        && meets_mesh(meshes, record, ray.local(record), ray.near, until)) {
-                        met[w] |= 1u << bit;
-                        meets = true;
-                    }
-                }
+            for (int w = 0; w < NEAR_WORDS; ++w) {
+                met[w] = around[w] & list.meshes[w];
+                meets |= met[w] != 0;
+            }
             const unsigned meeting = __ballot_sync(ALL, meets);
             const int at = waiting.put(meeting, met, words, sample);
             if (meets)
@@ -262,14 +257,16 @@ WARPCAM_FN void smooth_region(const Shapes& shapes, const Meshes& meshes, const 
         return __any_sync(ALL, *static_cast<const volatile int*>(&listed) <= LISTED - THREADS);
     };
     const int across = region.width / TILE_WIDTH, tiles = across * (region.height / TILE_HEIGHT);
-    int tile = warp;  // the warp's next
+    static_assert(64 / TILE_WIDTH * (64 / TILE_HEIGHT) <= LANES * WARPS, "a bit for each of a warp's tiles");
+    unsigned left = tiles_with_shapes(target, centres.first, region, across, tiles);
+    left &= tiles <= warp ? 0 : ~0u >> (LANES - (tiles - warp + WARPS - 1) / WARPS);
     for (bool more = true; more;) {
         if (threadIdx.x == 0)
             count = 0;
         block_barrier();
-        for (; tile < tiles && has_room(count); tile += WARPS) {
+        for (; left && has_room(count); left &= left - 1) {
             // a warp's tiles lie aslant: what is upright is everyone's
-            const int row = tile / across, column = (tile + row) % across;
+            const int tile = warp + lowest_bit(left) * WARPS, row = tile / across, column = (tile + row) % across;
             const int i = region.left + column * TILE_WIDTH + lane % TILE_WIDTH;
             const int j = region.top + row * TILE_HEIGHT + lane / TILE_WIDTH;
             const bool inside = i < target.width && j < target.height;
@@ -282,7 +279,7 @@ WARPCAM_FN void smooth_region(const Shapes& shapes, const Meshes& meshes, const 
                         = { static_cast<decltype(listed->bits)>(place_of(region, i, j) << listed->SHIFT | samples) };
             }
         }
-        more = __syncthreads_or(tile < tiles);
+        more = __syncthreads_or(left != 0);
         const int found_so_far = count;
         const int chunks = (found_so_far + chunk.MOST - 1) / chunk.MOST;
         for (int from = 0, pixels; from < found_so_far; from += pixels) {
