@@ -30,6 +30,7 @@ FOURS, TILED = 128, 256
 IDS, BY_WORLD = 1 << 16, 1 << 17  # ids by world: canvas.h
 LABELS: Mapping[str, int] = {"instances": 1 << 18, "semantics": 1 << 19}  # the same
 OPAQUE = 1 << 20  # what is transparent is left out
+LISTED_AHEAD = 512  # shapes have been listed: native/listed.h
 PAINTED = 1 << 21  # with albedo: native/painted.h
 # native/flow_places.h
 FLOW, FLOW_VALID, FLOW_MOVES, FLOW_BRIEF, FLOW_LISTED, FLOW_WHOLE, FLOW_NEAR = (1 << bit for bit in range(24, 31))
@@ -65,6 +66,8 @@ def _kernel(
 ) -> wp.Kernel:
     flag = "true" if several else "false"
     header, function = "visibility.h", f"draw<{types}, {lens}, {capacity}, {flag}, {width}, {height}, {outputs}>"
+    if outputs & LISTED_AHEAD:
+        header, function = "listed.h", function.replace("draw", "draw_listed")
     if outputs & PAINTED:
         header, function = "painted.h", f"draw_painted<{types}, {capacity}, {width}, {height}, {outputs}, {facts}>"
 
@@ -117,6 +120,7 @@ def record(
     veil_places: wp.array | None = None,
     trail: Any = None,
     facts: int = 0,
+    lists: wp.array | None = None,
 ) -> Stage:
     """Bind the trace of one camera.
 
@@ -142,6 +146,7 @@ def record(
             there are no ``images`` then.
         trail: Trail, where flow is wanted.
         facts: Of the scene's looks, where albedo is: see resolve.py.
+        lists: vec4, (world, row): the shapes listed for these views, by listing.py, if they are.
     """
     group = group or Group.of_all(views.shape[0])
     capacity = list_capacity(tables.num_drawn)
@@ -193,6 +198,9 @@ def record(
     types = sum(1 << t for t in tables.shape_types - LOOKS_ALONE)
     if region == (width, height):
         outputs |= facts_of_whole(tables, device, "flow_valid" in images)
+        if lists is not None:
+            target.lists = lists.flatten()
+            outputs |= LISTED_AHEAD
     unit = -(-width // region[0]) * -(-height // region[1]) * (THREADS if device.is_cuda else 1)  # threads a world
     types = in_order(types, len(group.worlds) * unit, device)
     kernel = _kernel(types, LENSES[lens], capacity, several, *region, outputs, target_type, facts)

@@ -11,12 +11,14 @@ from warpcam import interop
 from warpcam.accel.rays import handles, pack_rays, pixel_angle
 from warpcam.camera import Camera
 from warpcam.errors import WarpcamError
+from warpcam.kernels import listing
 from warpcam.kernels import views as views_stage
 from warpcam.kernels.launch import Stage
 from warpcam.kernels.tables import Tables
 from warpcam.kernels.variety import copied, empty_variety
 from warpcam.kernels.views import LensTable, Mount
 from warpcam.lens import Lens, Projection
+from warpcam.past import CameraPast
 from warpcam.rays import TableLens
 from warpcam.scene import Scene
 
@@ -113,15 +115,24 @@ class Mounted:
         mask: wp.array,
         faults: wp.array,
         views: wp.array,
-        before: wp.array | None = None,
+        tables: Tables,
+        past: CameraPast | None = None,
+        lists: wp.array | None = None,
         opening: Any = None,
     ) -> Stage:
         """The stage that writes the camera's views, with the scene's arrays as of its last ``tables()``.
 
-        The views there were go to ``before``, if there is one. With an ``opening`` the stage is a frame's first.
+        If the camera has a ``past``, the views there were go there. With ``lists`` the stage lists shapes, too, and
+        composes how they have moved. With an ``opening`` it is a frame's first.
         """
-        device = self._scene.device
-        return views_stage.record_views(self._mount(), self._lens(), mask, faults, views, device, before, opening)
+        mount, lens, device = self._mount(), self._lens(), self._scene.device
+        if lists is None:
+            before = None if past is None else past.views
+            return views_stage.record_views(mount, lens, mask, faults, views, device, before, opening)
+        trail, depths = (None, False) if past is None else (past.trail, past.depths)
+        return listing.record_lists(
+            opening, mount, lens, mask, faults, views, tables, self.projection, lists, trail, depths, device
+        )
 
     def _mount(self) -> Mount:
         mount, scene = Mount(), self._scene

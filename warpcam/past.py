@@ -30,7 +30,7 @@ class CameraPast:
         views: View, (world,), of the last frame.
     """
 
-    def __init__(self, camera: Camera, tables: Tables, device: wp.Device, images: Mapping[str, wp.array]):
+    def __init__(self, camera: Camera, tables: Tables, device: wp.Device, images: Mapping[str, wp.array], listed: bool):
         worlds, self._device = tables.num_worlds, device
         self.views = wp.zeros(worlds, dtype=View, device=device)
         self.trail = flow.Trail()
@@ -42,7 +42,8 @@ class CameraPast:
         parts = worlds * _floor_parts(camera, tables, device)
         self.trail.floor_first = wp.zeros(parts, dtype=wp.uint8, device=device)
         self.trail.floor_second = wp.zeros(parts, dtype=wp.uint8, device=device)
-        rows = 0 if visibility.composes(tables, device) else flow.motion_rows(tables)
+        self.depths = "flow_valid" in camera.outputs
+        rows = 0 if visibility.composes(tables, device) and not listed else flow.motion_rows(tables)
         self.trail.motions = wp.zeros((worlds, rows), dtype=wp.vec4, device=device)
         self.trail.views_before = self.views
         self.trail.columns = tables.num_shapes

@@ -27,7 +27,8 @@ enum Output {
     INSTANCES = 1 << 18,
     SEMANTICS = 1 << 19,
     OPAQUE = 1 << 20,
-    PAINTED = 1 << 21  // with albedo: painted.h
+    PAINTED = 1 << 21,  // with albedo: painted.h
+    LISTED_AHEAD = 512  // the stage of views has listed the shapes: listed.h
 };
 
 // Tiles, one below the other, that a warp of a CUDA block draws at once: what a tile takes and what a shape takes of it
@@ -72,12 +73,13 @@ template <int SLOTS> struct ShapeFacings {
 constexpr float BENT = 2.0f;
 
 // Pixel (i, j) is column i and row j of the image.
-template <int TYPES, int LENS, int OUTPUTS, int CAPACITY, int TALL_, class Target, class Shapes, class Places_> struct Canvas {
+template <int TYPES, int LENS, int OUTPUTS, class List, int TALL_, class Target, class Shapes, class Places_> struct Canvas {
+    static constexpr int CAPACITY = List::ROOM;
     static constexpr int TALL = TALL_;  // tiles at once
 
     const Target& target;
     const Shapes& shapes;
-    const ShapeList<CAPACITY>& list;
+    const List& list;
     const Camera& camera;
     Region region;
     int world;
@@ -93,7 +95,9 @@ template <int TYPES, int LENS, int OUTPUTS, int CAPACITY, int TALL_, class Targe
     static constexpr bool STORES_MUCH = OUTPUTS
         & (DISTANCE | POINTS | BODIES | NORMAL | IDS | INSTANCES | SEMANTICS | FLOWS | PAINTED);
     // The motions of few shapes: one warp composes them while the others begin to draw.
-    static constexpr bool APART = (OUTPUTS & FLOWS) && (OUTPUTS & FLOW_LISTED) && CAPACITY <= LANES && !(TYPES >> MESH & 1);
+    static constexpr bool APART = !(OUTPUTS & LISTED_AHEAD) && (OUTPUTS & FLOWS) && (OUTPUTS & FLOW_LISTED) && CAPACITY <= LANES && !(TYPES >> MESH & 1);
+    // Then the others wait for them before they write the first flow; or all meet before they look at the floor.
+    static constexpr bool WAITS = APART && !Places_::LOOKS_AT_FLOORS;
 
     // Of tiles that show nothing but an endless floor it is known what they write: see endless_floor.h.
     static constexpr bool BARE_FLOORS = THREADS > 1 && TALL > 1 && LENS == PINHOLE && (TYPES >> PLANE & 1) && (OUTPUTS & TILED)
@@ -147,12 +151,30 @@ template <int TYPES, int LENS, int OUTPUTS, int CAPACITY, int TALL_, class Targe
 #endif
     }
 
-    // For a warp, once it has composed the motions: where what is seen of the floor now was seen.
-    WARPCAM_FN void look_at_floor() const
+    // For a warp, which has composed the motions if a stage has not: how the floor has moved.
+    WARPCAM_FN void follow_floor(const Camera& seen_by) const
     {
 #if defined(__CUDA_ARCH__)
-        if constexpr (Places_::LOOKS_AT_FLOORS)
-            find_seen_floor(places, shapes, camera, region, target.width, target.height, world, places.floor.shape);
+        if constexpr (Places_::LOOKS_AT_FLOORS) {
+            const int shape = floor_of(shapes, target.trail.columns);
+            if (threadIdx.x % LANES != 0)
+                return;
+            if constexpr ((OUTPUTS & LISTED_AHEAD) != 0)  // those that the block copies are not there yet
+                find_slopes(places, Places_::composed(target.trail, world, shape), shapes, seen_by, world, shape);
+            else
+                find_slopes(places, places.of_shape(shape), shapes, seen_by, world, shape);
+        }
+#endif
+    }
+
+    // For the block, once it has met: where what is seen of the floor now was seen.
+    WARPCAM_FN void look_at_floor(int thread) const
+    {
+#if defined(__CUDA_ARCH__)
+        if constexpr (Places_::LOOKS_AT_FLOORS) {
+            find_seen_floor(places, region, target.width, target.height, thread);
+            block_barrier();
+        }
 #endif
     }
 
@@ -184,7 +206,7 @@ template <int TYPES, int LENS, int OUTPUTS, int CAPACITY, int TALL_, class Targe
     }
 
     // Notes the endless floor: see there.
-    template <class List> WARPCAM_FN void note(List& listed, int slot, int rank) const
+    WARPCAM_FN void note(List& listed, int slot, int rank) const
     {
 #if defined(__CUDA_ARCH__)
         if constexpr (BARE_FLOORS)
@@ -297,7 +319,7 @@ template <int TYPES, int LENS, int OUTPUTS, int CAPACITY, int TALL_, class Targe
             const FlowFloor& floor = places.floor;
             const auto& trail = target.trail;
             const unsigned part = FlowFloor::part_of(i, j);
-            const int seen = *const_cast<const volatile int*>(floor.seen + part), shape = seen & FlowFloor::NONE;
+            const int seen = floor.seen[part], shape = seen & FlowFloor::NONE;
             if (!__all_sync(ALL, hit[0].shape == shape && hit[1].shape == shape)) {
                 if (!WHOLE && !__all_sync(ALL, hit[0].shape == floor.shape && hit[1].shape == floor.shape) && lane == 0)
                     floor.region_parts[part] = 0;

@@ -247,6 +247,26 @@ struct FlowPlaces {
             motions = reinterpret_cast<const Row*>(trail.motions.data) + size_t(world) * trail.columns * ROWS;
     }
 
+    // The motion of a shape where a stage has composed it.
+    struct Composed {
+        const Row* rows;
+        WARPCAM_FN Row at(unsigned row) const { return load(rows, row); }
+    };
+    template <class Trail> WARPCAM_FN static Composed composed(const Trail& trail, int world, int shape)
+    {
+        return { reinterpret_cast<const Row*>(trail.motions.data) + size_t(unsigned(world * trail.columns + shape)) * ROWS };
+    }
+
+    // Has all motions on their way that a stage has composed; for all threads of a block.
+    template <class Trail> WARPCAM_FN void fetch_motions(const Trail& trail, int world, int thread)
+    {
+        const Row* rows = reinterpret_cast<const Row*>(trail.motions.data) + size_t(unsigned(world * trail.columns * ROWS));
+        for (int i = thread; i < trail.columns * ROWS; i += THREADS)
+            copy_row(near_motions + ROWS + i, rows + i);
+        if (thread == 0)  // of nothing, which rests
+            near_motions[3] = { 0.0f, 0.0f, -1.0f, (WANTED & FLOW_BRIEF) ? 0 : STILL };
+    }
+
     // Has all words on their way, if they are to be near; for all threads of a block.
     WARPCAM_FN void fetch(int thread)
     {
