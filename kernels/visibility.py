@@ -239,12 +239,8 @@ def composes(tables: Tables, device: wp.Device) -> bool:
 
 
 def floor_parts(tables: Tables, device: wp.Device, width: int, height: int) -> int:
-    """Parts of 8 x 8 pixels of an image, of each of which a trace of validity may keep whether it shows but a floor.
-
-    None of images as large as a block's region: it looks at all their words.
-    """
-    whole = (width, height) == (FLOOR_REGION, FLOOR_REGION)
-    if whole or width % 8 or height % 8 or not composes(tables, device) or not brief(tables):
+    """Parts of 8 x 8 pixels of an image, of each of which a trace of validity may keep whether it shows but a floor."""
+    if width % 8 or height % 8 or not composes(tables, device) or not brief(tables):
         return 0
     return -(-width // FLOOR_REGION) * -(-height // FLOOR_REGION) * (FLOOR_REGION // 8) ** 2
 

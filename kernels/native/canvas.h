@@ -321,13 +321,15 @@ template <int TYPES, int LENS, int OUTPUTS, class List, int TALL_, class Target,
             const unsigned part = FlowFloor::part_of(i, j);
             const int seen = floor.seen[part], shape = seen & FlowFloor::NONE;
             if (!__all_sync(ALL, hit[0].shape == shape && hit[1].shape == shape)) {
-                if (!WHOLE && !__all_sync(ALL, hit[0].shape == floor.shape && hit[1].shape == floor.shape) && lane == 0)
+                if (!__all_sync(ALL, hit[0].shape == floor.shape && hit[1].shape == floor.shape) && lane == 0)
                     floor.region_parts[part] = 0;
                 return false;
             }
             // The words of a part lie together, two a lane; of whether pixels were seen eight lanes have a row each.
-            const unsigned word = FlowFloor::word(shape) * 0x00010001u;
-            keep_word(reinterpret_cast<unsigned*>(places.kept + (Places_::place_of(trail, i, j) - lane)), lane, word);
+            if (!WHOLE) {
+                const unsigned word = FlowFloor::word(shape) * 0x00010001u;
+                keep_word(reinterpret_cast<unsigned*>(places.kept + (Places_::place_of(trail, i, j) - lane)), lane, word);
+            }
             constexpr unsigned ONES = 0x01010101u;
             if (!(seen & FlowFloor::OUTSIDE) && lane < FlowFloor::PART) {
                 unsigned char* row = trail.flow_valid.data + at(i, j) + lane * (Places_::width(trail) - 1);

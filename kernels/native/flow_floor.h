@@ -26,8 +26,8 @@ struct FlowFloor {
     static constexpr int SIZE = 64, PART = 8, PARTS = SIZE * SIZE / (PART * PART);
     static constexpr int NONE = 255, OUTSIDE = 256;  // no shape has that id where words are brief
 
-    // Of images that are larger, a byte a part: 1 where it shows nothing but the floor. Of all that was seen, of what is
-    // seen in the same order, and of the region's.
+    // A byte a part: 1 where it shows nothing but the floor. Of all that was seen, of what is seen in the same order, and
+    // of the region's. Of images of one region that is known by constants, the words of such parts are not kept.
     const unsigned char* parts_then;
     unsigned char* parts_now;
     unsigned char* region_parts;
@@ -124,12 +124,10 @@ WARPCAM_FN void begin_floor(Places& places, const Trail& trail, const Region& re
     floor.seen[part] = FlowFloor::NONE;
     if (part == 0)
         floor.shape = shape;
-    if (!Places::WHOLE) {
-        unsigned char* parts = floor.parts_now + FlowFloor::part_in(trail.width, region.left, region.top);
-        parts[part] = 1;
-        if (part == 0)
-            floor.region_parts = parts;
-    }
+    unsigned char* parts = floor.parts_now + FlowFloor::part_in(trail.width, region.left, region.top);
+    parts[part] = 1;
+    if (part == 0)
+        floor.region_parts = parts;
 }
 
 // For a thread: how the floor has moved, by its rows.

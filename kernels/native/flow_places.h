@@ -236,7 +236,7 @@ struct FlowPlaces {
         Word* other = reinterpret_cast<Word*>(trail.kept_second.data) + first;
         words = in_first ? one : other;
         kept = in_first ? other : one;
-        if constexpr (FLOORED && !WHOLE) {
+        if constexpr (FLOORED) {
             const size_t parts = size_t(world) * FlowFloor::parts_of(trail.width, trail.height);
             unsigned char* these = trail.floor_first.data + parts;
             unsigned char* those = trail.floor_second.data + parts;
@@ -268,13 +268,22 @@ struct FlowPlaces {
     }
 
     // Has all words on their way, if they are to be near; for all threads of a block.
-    WARPCAM_FN void fetch(int thread)
+    template <class Shapes, class Trail> WARPCAM_FN void fetch(const Shapes& shapes, const Trail& trail, int thread)
     {
         if constexpr (FLOORED && NEAR) {
             const int row = thread - LANES;  // those who look for floors in them
-            if (unsigned(row) < unsigned(HEIGHT))
-                for (int k = 0; k < WIDTH / 8; ++k)
-                    copy_row(near_words + NEAR_ROW * row + 8 * k, words + 8 * (HEIGHT * k + row));
+            if (unsigned(row) < unsigned(HEIGHT)) {
+                const auto shown = several<FlowFloor::SIZE / FlowFloor::PART>(
+                    floor.parts_then + row / FlowFloor::PART * (FlowFloor::SIZE / FlowFloor::PART));
+                const unsigned both = FlowFloor::word(floor_of(shapes, trail.columns)) * 0x00010001u;
+                for (int k = 0; k < WIDTH / 8; ++k) {
+                    Word* here = near_words + NEAR_ROW * row + 8 * k;
+                    if (shown.at[k])
+                        *reinterpret_cast<Several<unsigned, 4>*>(here) = { { both, both, both, both } };
+                    else
+                        copy_row(here, words + 8 * (HEIGHT * k + row));
+                }
+            }
         } else if (NEAR) {
             for (int i = thread; i < WIDTH * HEIGHT / 8; i += THREADS)
                 copy_row(near_words + NEAR_ROW * (i % HEIGHT) + 8 * (i / HEIGHT), words + 8 * i);

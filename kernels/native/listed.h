@@ -45,7 +45,7 @@ WARPCAM_FN void draw_listed(const Shapes& shapes, const Materials&, const Meshes
     if constexpr ((OUTPUTS & FLOW_VALID) != 0)
         if (finds || !Near::LOOKS_AT_FLOORS) {
             room.places.locate(target.trail, world);  // all write the same
-            room.places.fetch(thread);
+            room.places.fetch(shapes, target.trail, thread);
         }
     if constexpr (Canvas_::LINED)
         for (int n = thread; n < WIDTH + HEIGHT; n += THREADS)

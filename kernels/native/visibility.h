@@ -322,7 +322,7 @@ WARPCAM_FN void draw_with(const Shapes& shapes, const Materials& materials, cons
         return;
     block_barrier();
     if constexpr (FLOWING)
-        places.fetch(thread);
+        places.fetch(shapes, target.trail, thread);
     if constexpr (Canvas_::LINED)
         for (int n = thread; thread < THREADS - LANES && n < WIDTH + HEIGHT; n += THREADS - LANES)  // see draw_apart()
             room.lines[n] = n < WIDTH ? image_x(camera, float(region.left + n)) : image_y(camera, float(region.top + n - WIDTH));
