@@ -102,7 +102,7 @@ template <int TYPES, int LENS, int OUTPUTS, class List, int TALL_, class Target,
     // Of tiles that show nothing but an endless floor it is known what they write: see endless_floor.h.
     static constexpr bool BARE_FLOORS = THREADS > 1 && TALL > 1 && LENS == PINHOLE && (TYPES >> PLANE & 1) && (OUTPUTS & TILED)
         && !((OUTPUTS & FLOWS) && names_slots(OUTPUTS));
-    static constexpr bool PUTS_BARE = BARE_FLOORS && !(OUTPUTS & FLOWS);
+    static constexpr bool PUTS_BARE = BARE_FLOORS && !(OUTPUTS & FLOW_VALID);
 
     WARPCAM_FN bool inside(int i, int j) const
     {
@@ -335,8 +335,10 @@ template <int TYPES, int LENS, int OUTPUTS, class List, int TALL_, class Target,
                 unsigned char* row = trail.flow_valid.data + at(i, j) + lane * (Places_::width(trail) - 1);
                 *reinterpret_cast<uint2*>(row) = make_uint2(ONES, ONES);
             }
+            if constexpr ((OUTPUTS & FLOW) != 0)
+                put_flow_of<LENS>(trail, places, shape, hit, i, j, TILE_HEIGHT, [&](int k) { return at(i, j, k); });
             for (int k = 0; k < TALL; ++k) {
-                put<OUTPUTS & ~FLOW_VALID>(i, j, { hit[k].depth, shape, hit[k].face }, k);
+                put<OUTPUTS & ~FLOWS>(i, j, { hit[k].depth, shape, hit[k].face }, k);
                 if (seen & FlowFloor::OUTSIDE) {
                     const float column = float(i), row = float(j + k * TILE_HEIGHT);
                     const auto rows = places.of_shape(shape);
@@ -401,7 +403,9 @@ template <int TYPES, int LENS, int OUTPUTS, class List, int TALL_, class Target,
         const int shape = list.floor.shape;
         __builtin_assume(shape >= 0);
         for (int k = 0; k < TALL; ++k)
-            put_named<OUTPUTS & ~THREES>(i, j, { hits[k].depth, shape, -1 }, shape, k);
+            put_named<OUTPUTS & ~THREES & ~FLOW>(i, j, { hits[k].depth, shape, -1 }, shape, k);
+        if constexpr ((OUTPUTS & FLOW) != 0)
+            put_flow_of<LENS>(target.trail, places, shape, hits, i, j, TILE_HEIGHT, [&](int k) { return at(i, j, k); });
         if constexpr ((THREES & NORMAL) != 0) {
             const Row piece = facings.endless[threadIdx.x % TILE_WIDTH % 3];
             store_pieces(*this, target.normals.data, i, j, [&](int) { return piece; });

@@ -115,6 +115,7 @@ WARPCAM_FN void draw_tiles(List& list, const Canvas_& canvas, const Meshes& mesh
             if (first_pass && (mask & list.floor.bit) && list.floor.meet(ray, hit)) {
                 mask ^= list.floor.bit;
                 if (Canvas_::PUTS_BARE && mask == 0u && !touching_more<TYPES>(list, steps)) {
+                    meet();
                     canvas.put_bare(i, j, ray, hit, row_of_lanes);
                     return true;
                 }
