@@ -91,9 +91,7 @@ class Mounted:
 
     @property
     def projection(self) -> Projection:
-        if self._camera.lens is not None:
-            return self._camera.lens.projection
-        return self._scene.camera_kind(self._index).projection
+        return projection_of(self._camera, self._scene)
 
     def seen(self, tables: Tables) -> Tables:
         """The scene as this camera has it: its background, its exposure."""
@@ -265,6 +263,13 @@ class Mounted:
             raise WarpcamError(f"{where}: far must be beyond near, got near {near[world]} and far {far[world]}")
         if self._camera.depth_clipping == "max" and not np.isfinite(far).all():
             raise WarpcamError(f'{where}: depth_clipping="max" needs a finite far, got {far[~np.isfinite(far)][0]}')
+
+
+def projection_of(camera: Camera, scene: Scene) -> Projection:
+    """How the camera's rays run."""
+    if camera.lens is not None:
+        return camera.lens.projection
+    return scene.camera_kind(scene.camera(camera.name, "Renderer: cameras")).projection
 
 
 def pose_bytes(camera: Camera) -> int:

@@ -37,6 +37,7 @@ WARPCAM_FN void list_worlds(const View& then, const View& now, int state, const 
     static_assert(CAPACITY <= LANES && !(TYPES >> MESH & 1) && !(TYPES >> HEIGHT_FIELD & 1));
     WARPCAM_SHARED Camera cameras[FLOWING ? 2 : 1][LANES];
     WARPCAM_SHARED int states[LANES], keys[THREADS];
+    static_assert(sizeof(SortedList<CAPACITY>) == (17 + 5 * CAPACITY) * sizeof(Row));  // listing.py has the same
     constexpr int NONE = 0x7fffffff, BAD = -1;  // of what is not seen, and what makes a world one that cannot be trusted
     auto* const all = reinterpret_cast<SortedList<CAPACITY>*>(lists.data);
     const int lane = thread - THREADS, slot = thread / columns, shape = thread - slot * columns, world = first_world + slot;
