@@ -26,8 +26,8 @@ class Memory:
     Attributes:
         images: Of each image, by camera and output.
         scratch: What the cameras use between the stages of a frame, one after the other.
-        worlds: Each camera's poses, lenses, views and lists of shapes, which worlds are drawn or faulty, and their frames
-            and times.
+        worlds: Each camera's poses, lenses, views and lists of shapes, which worlds are drawn or faulty, and their
+            frames and times.
         past: What is kept of the last frame for ``flow`` and ``flow_valid``.
     """
 
@@ -78,7 +78,8 @@ def estimate_memory(scene: Scene, cameras: Sequence[Camera]) -> Memory:
     return Memory(
         images={key: image_bytes(camera, tables) for key, camera in by_key.items()},
         scratch=Scratch(by_key, tables, scene.device).size,
-        worlds=scene.num_worlds * (10 + sum(map(world_bytes, by_key.values())))
+        worlds=scene.num_worlds
+        * (10 + sum(view + pose_bytes(one) + world_bytes(one, tables) + lists[key] for key, one in by_key.items()))
         + sum(
             one.lens.bytes(one.width, one.height, scene.num_worlds)
             for one in by_key.values()
