@@ -10,12 +10,13 @@ from typing import Any
 
 import warp as wp
 
+from . import visibility
 from .flow import Trail, brief
 from .launch import Stage, native_module, record
 from .tables import Tables
 from .types import HEIGHT_FIELD, LOOKS_ALONE, MESH, HeightFields, Materials, Meshes, Shapes, View
 from .views import LensTable, Mount, Opening, count_frame, turned_over, view_of
-from .visibility import FLOW, FLOW_VALID, LENSES, list_capacity, region_size
+from .visibility import FLOW, FLOW_VALID, LENSES, list_capacity
 
 # Outputs that such a trace writes; the others need what it does not list.
 OUTPUTS = frozenset(
@@ -145,7 +146,7 @@ def capacity_of(
     plain = {MESH, HEIGHT_FIELD}.isdisjoint(tables.shape_types) and tables.splats is None and not tables.ids_by_world
     if not (device.is_cuda and few and plain and projection != "rays" and OUTPUTS.issuperset(outputs)):
         return 0
-    whole = region_size(tables, tables.num_worlds, width, height, device) == (width, height)
+    whole = visibility.region_size(tables, tables.num_worlds, width, height, device) == (width, height)
     return list_capacity(tables.num_drawn) if whole else 0
 
 

@@ -160,7 +160,7 @@ def record(
     target = target_type()
     target.mask, target.faults = mask, faults
     target.width, target.height = width, height
-    region = region_size(tables, group.at_once, width, height, device)
+    region = (width, height) if lists is not None else region_size(tables, group.at_once, width, height, device)
     outputs = 0
     arrays = {"depth": depth, "shape": shape, "face": face, **images}
     for bit, name in enumerate(OUTPUTS):
