@@ -24,6 +24,7 @@ OUTPUTS = frozenset(
 )
 HEAD_ROWS, RECORD_ROWS = 17, 5  # of a SortedList: native/sorted.h
 LANES = 32
+FEW = 24  # shapes a world: with more the stage takes longer than it spares, but where validity is wanted
 SHAPE_THREADS = 128  # of a block, beside LANES for the views: THREADS of native/lanes.h
 
 
@@ -142,7 +143,8 @@ def capacity_of(
     tables: Tables, projection: str, width: int, height: int, outputs: Collection[str], device: wp.Device
 ) -> int:
     """How many shapes such a list has room for; 0 where there is none."""
-    few = 0 < tables.num_drawn <= LANES and tables.num_shapes <= list_capacity(tables.num_drawn)
+    most = LANES if "flow_valid" in outputs else FEW
+    few = 0 < tables.num_drawn <= most and tables.num_shapes <= list_capacity(tables.num_drawn)
     plain = {MESH, HEIGHT_FIELD}.isdisjoint(tables.shape_types) and tables.splats is None and not tables.ids_by_world
     if not (device.is_cuda and few and plain and projection != "rays" and OUTPUTS.issuperset(outputs)):
         return 0

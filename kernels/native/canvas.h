@@ -96,13 +96,11 @@ template <int TYPES, int LENS, int OUTPUTS, class List, int TALL_, class Target,
         & (DISTANCE | POINTS | BODIES | NORMAL | IDS | INSTANCES | SEMANTICS | FLOWS | PAINTED);
     // The motions of few shapes: one warp composes them while the others begin to draw.
     static constexpr bool APART = !(OUTPUTS & LISTED_AHEAD) && (OUTPUTS & FLOWS) && (OUTPUTS & FLOW_LISTED) && CAPACITY <= LANES && !(TYPES >> MESH & 1);
-    // Then the others wait for them before they write the first flow; or all meet before they look at the floor.
-    static constexpr bool WAITS = APART && !Places_::LOOKS_AT_FLOORS;
 
     // Of tiles that show nothing but an endless floor it is known what they write: see endless_floor.h.
     static constexpr bool BARE_FLOORS = THREADS > 1 && TALL > 1 && LENS == PINHOLE && (TYPES >> PLANE & 1) && (OUTPUTS & TILED)
         && !((OUTPUTS & FLOWS) && names_slots(OUTPUTS));
-    static constexpr bool PUTS_BARE = BARE_FLOORS && !(OUTPUTS & FLOW_VALID);
+    static constexpr bool PUTS_BARE = BARE_FLOORS && !(OUTPUTS & FLOWS);
 
     WARPCAM_FN bool inside(int i, int j) const
     {
@@ -167,13 +165,13 @@ template <int TYPES, int LENS, int OUTPUTS, class List, int TALL_, class Target,
 #endif
     }
 
-    // For the block, once it has met: where what is seen of the floor now was seen.
-    WARPCAM_FN void look_at_floor(int thread) const
+    // For a warp or the block, when it has met after all of this: where what is seen of the floor now was seen.
+    template <int TEAM> WARPCAM_FN void look_at_floor(int thread) const
     {
 #if defined(__CUDA_ARCH__)
         if constexpr (Places_::LOOKS_AT_FLOORS) {
-            find_seen_floor(places, region, target.width, target.height, thread);
-            block_barrier();
+            find_seen_floor<TEAM>(places, region, target.width, target.height, thread);
+            team_barrier<TEAM>();
         }
 #endif
     }
@@ -319,7 +317,7 @@ template <int TYPES, int LENS, int OUTPUTS, class List, int TALL_, class Target,
             const FlowFloor& floor = places.floor;
             const auto& trail = target.trail;
             const unsigned part = FlowFloor::part_of(i, j);
-            const int seen = floor.seen[part], shape = seen & FlowFloor::NONE;
+            const int seen = *const_cast<const volatile int*>(floor.seen + part), shape = seen & FlowFloor::NONE;
             if (!__all_sync(ALL, hit[0].shape == shape && hit[1].shape == shape)) {
                 if (!__all_sync(ALL, hit[0].shape == floor.shape && hit[1].shape == floor.shape) && lane == 0)
                     floor.region_parts[part] = 0;
@@ -335,10 +333,11 @@ template <int TYPES, int LENS, int OUTPUTS, class List, int TALL_, class Target,
                 unsigned char* row = trail.flow_valid.data + at(i, j) + lane * (Places_::width(trail) - 1);
                 *reinterpret_cast<uint2*>(row) = make_uint2(ONES, ONES);
             }
-            if constexpr ((OUTPUTS & FLOW) != 0)
+            constexpr bool TOGETHER = (OUTPUTS & FLOW) && (OUTPUTS & LISTED_AHEAD);  // else more is spilled
+            if constexpr (TOGETHER)
                 put_flow_of<LENS>(trail, places, shape, hit, i, j, TILE_HEIGHT, [&](int k) { return at(i, j, k); });
             for (int k = 0; k < TALL; ++k) {
-                put<OUTPUTS & ~FLOWS>(i, j, { hit[k].depth, shape, hit[k].face }, k);
+                put<OUTPUTS & ~(TOGETHER ? FLOWS : FLOW_VALID)>(i, j, { hit[k].depth, shape, hit[k].face }, k);
                 if (seen & FlowFloor::OUTSIDE) {
                     const float column = float(i), row = float(j + k * TILE_HEIGHT);
                     const auto rows = places.of_shape(shape);
@@ -403,9 +402,7 @@ template <int TYPES, int LENS, int OUTPUTS, class List, int TALL_, class Target,
         const int shape = list.floor.shape;
         __builtin_assume(shape >= 0);
         for (int k = 0; k < TALL; ++k)
-            put_named<OUTPUTS & ~THREES & ~FLOW>(i, j, { hits[k].depth, shape, -1 }, shape, k);
-        if constexpr ((OUTPUTS & FLOW) != 0)
-            put_flow_of<LENS>(target.trail, places, shape, hits, i, j, TILE_HEIGHT, [&](int k) { return at(i, j, k); });
+            put_named<OUTPUTS & ~THREES>(i, j, { hits[k].depth, shape, -1 }, shape, k);
         if constexpr ((THREES & NORMAL) != 0) {
             const Row piece = facings.endless[threadIdx.x % TILE_WIDTH % 3];
             store_pieces(*this, target.normals.data, i, j, [&](int) { return piece; });

@@ -157,11 +157,12 @@ WARPCAM_FN void find_slopes(Places& places, const Rows& rows, const Shapes& shap
     floor.moves = !Places::Keeps::rests(last);
 }
 
-// For the block, when it has met after all of this: which parts see what was seen. Two threads have a part.
-template <class Places>
+// For a warp or the block, when it has met after all of this: which parts see what was seen. Two threads have a part. Until
+// a warp is done with it, the others look at words.
+template <int TEAM, class Places>
 WARPCAM_FN void find_seen_floor(Places& places, const Region& region, int width, int height, int thread)
 {
-    static_assert(2 * FlowFloor::PARTS == THREADS);
+    static_assert(2 * FlowFloor::PARTS % TEAM == 0);
     FlowFloor& floor = places.floor;
     if (!floor.moves)
         return;
@@ -170,37 +171,40 @@ WARPCAM_FN void find_seen_floor(Places& places, const Region& region, int width,
     const float least = 1.0e-2f * (magnitude(near.start) + span);  // where it is farther rounding tells too much
     constexpr float SLACK = 0.0625f;  // pixels, more than all rounding
     const float last_i = float(width) - 1.0f, last_j = float(height) - 1.0f;
-    const int part = thread / 2;
-    float left = FAR_AWAY, right = -FAR_AWAY, top = FAR_AWAY, bottom = -FAR_AWAY;
-    bool seen = true;
-    const float j = float(region.top + part / 8 * FlowFloor::PART + (thread & 1 ? FlowFloor::PART - 1 : 0));
-    for (int corner = 0; corner < 2; ++corner) {
-        const float i = float(region.left + part % 8 * FlowFloor::PART + (corner ? FlowFloor::PART - 1 : 0));
-        const float far = near.at(i, j), by = depth.at(i, j), scale = reciprocal(by);
-        seen = seen & (far > least) & (by > floor.nearest * far) & (by > 0.0f);
-        const float across = x.at(i, j) * scale, along = y.at(i, j) * scale;
-        left = lower(left, across);
-        right = upper(right, across);
-        top = lower(top, along);
-        bottom = upper(bottom, along);
+#pragma unroll 1
+    for (int half = thread; half < 2 * FlowFloor::PARTS; half += TEAM) {
+        const int part = half / 2;
+        float left = FAR_AWAY, right = -FAR_AWAY, top = FAR_AWAY, bottom = -FAR_AWAY;
+        bool seen = true;
+        const float j = float(region.top + part / 8 * FlowFloor::PART + (thread & 1 ? FlowFloor::PART - 1 : 0));
+        for (int corner = 0; corner < 2; ++corner) {
+            const float i = float(region.left + part % 8 * FlowFloor::PART + (corner ? FlowFloor::PART - 1 : 0));
+            const float far = near.at(i, j), by = depth.at(i, j), scale = reciprocal(by);
+            seen = seen & (far > least) & (by > floor.nearest * far) & (by > 0.0f);
+            const float across = x.at(i, j) * scale, along = y.at(i, j) * scale;
+            left = lower(left, across);
+            right = upper(right, across);
+            top = lower(top, along);
+            bottom = upper(bottom, along);
+        }
+        left = lower(left, __shfl_xor_sync(ALL, left, 1));
+        right = upper(right, __shfl_xor_sync(ALL, right, 1));
+        top = lower(top, __shfl_xor_sync(ALL, top, 1));
+        bottom = upper(bottom, __shfl_xor_sync(ALL, bottom, 1));
+        const unsigned both = __ballot_sync(ALL, seen) >> (thread % LANES & ~1) & 3u;
+        seen = both == 3u;
+        left += 0.25f - SLACK, top += 0.25f - SLACK, right += 0.75f + SLACK, bottom += 0.75f + SLACK;
+        const bool inside = (left >= 0.0f) & (top >= 0.0f) & (right < last_i + 1.0f) & (bottom < last_j + 1.0f);
+        seen = seen & (right > -FAR_AWAY) & (bottom > -FAR_AWAY) & (left < FAR_AWAY) & (top < FAR_AWAY);  // numbers
+        const int first = int(lower(upper(left, 0.0f), last_i + 1.0f)), above = int(lower(upper(top, 0.0f), last_j + 1.0f));
+        const int end = int(upper(lower(right, last_i), -1.0f)), below = int(upper(lower(bottom, last_j), -1.0f));
+        if (seen && first <= end && above <= below)
+            seen = below - above < 2 * FlowFloor::PART && end - first < 2 * FlowFloor::PART
+                && floor.showed<Places::WHOLE>(width, first, end, above, below, thread & 1);
+        const bool other = __shfl_xor_sync(ALL, seen, 1);
+        if (seen && other && !(thread & 1))
+            *const_cast<volatile int*>(floor.seen + part) = inside ? floor.shape : floor.shape | FlowFloor::OUTSIDE;
     }
-    left = lower(left, __shfl_xor_sync(ALL, left, 1));
-    right = upper(right, __shfl_xor_sync(ALL, right, 1));
-    top = lower(top, __shfl_xor_sync(ALL, top, 1));
-    bottom = upper(bottom, __shfl_xor_sync(ALL, bottom, 1));
-    const unsigned both = __ballot_sync(ALL, seen) >> (thread % LANES & ~1) & 3u;
-    seen = both == 3u;
-    left += 0.25f - SLACK, top += 0.25f - SLACK, right += 0.75f + SLACK, bottom += 0.75f + SLACK;
-    const bool inside = (left >= 0.0f) & (top >= 0.0f) & (right < last_i + 1.0f) & (bottom < last_j + 1.0f);
-    seen = seen & (right > -FAR_AWAY) & (bottom > -FAR_AWAY) & (left < FAR_AWAY) & (top < FAR_AWAY);  // numbers
-    const int first = int(lower(upper(left, 0.0f), last_i + 1.0f)), above = int(lower(upper(top, 0.0f), last_j + 1.0f));
-    const int end = int(upper(lower(right, last_i), -1.0f)), below = int(upper(lower(bottom, last_j), -1.0f));
-    if (seen && first <= end && above <= below)
-        seen = below - above < 2 * FlowFloor::PART && end - first < 2 * FlowFloor::PART
-            && floor.showed<Places::WHOLE>(width, first, end, above, below, thread & 1);
-    const bool other = __shfl_xor_sync(ALL, seen, 1);
-    if (seen && other && !(thread & 1))
-        floor.seen[part] = inside ? floor.shape : floor.shape | FlowFloor::OUTSIDE;
 }
 
 #endif

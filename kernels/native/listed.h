@@ -58,7 +58,7 @@ WARPCAM_FN void draw_listed(const Shapes& shapes, const Materials&, const Meshes
         canvas.follow_floor(from->camera);
     await_rows();
     block_barrier();
-    canvas.look_at_floor(thread);
+    canvas.template look_at_floor<THREADS>(thread);
     draw_tiles<TYPES, LENS>(room.list, canvas, meshes, fields, true);
 }
 

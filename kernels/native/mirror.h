@@ -60,7 +60,7 @@ template <int TYPES, int LENS, bool FACES, class Target> struct MirrorCanvas {
             target.face.data[at(i, j)] = hit.face;
     }
 
-    static constexpr bool WHOLE = false, STORES_MUCH = true, APART = false, WAITS = false, BARE_FLOORS = false, PUTS_BARE = false;
+    static constexpr bool WHOLE = false, STORES_MUCH = true, APART = false, BARE_FLOORS = false, PUTS_BARE = false;
     WARPCAM_FN void begin(int) const { }
     WARPCAM_FN void face(int, int) const { }
     WARPCAM_FN void ready() const { }

@@ -87,9 +87,9 @@ WARPCAM_FN void draw_tiles(List& list, const Canvas_& canvas, const Meshes& mesh
     constexpr int WARPS = THREADS / LANES;
     constexpr bool OWN = TALL > 1 && !Canvas_::STORES_MUCH;
     int own = warp;
-    bool alone = Canvas_::WAITS && warp != WARPS - 1;  // the motions are not there yet
+    bool alone = Canvas_::APART && warp != WARPS - 1;  // the motions are not there yet
     const auto meet = [&] {
-        if constexpr (Canvas_::WAITS)
+        if constexpr (Canvas_::APART)
             if (alone)
                 wait_at<MOTIONS_THERE, THREADS>();
         alone = false;
@@ -115,7 +115,6 @@ WARPCAM_FN void draw_tiles(List& list, const Canvas_& canvas, const Meshes& mesh
             if (first_pass && (mask & list.floor.bit) && list.floor.meet(ray, hit)) {
                 mask ^= list.floor.bit;
                 if (Canvas_::PUTS_BARE && mask == 0u && !touching_more<TYPES>(list, steps)) {
-                    meet();
                     canvas.put_bare(i, j, ray, hit, row_of_lanes);
                     return true;
                 }
@@ -153,12 +152,10 @@ WARPCAM_FN void draw_apart(ShapeList<CAPACITY>& list, const Canvas_& canvas, con
     if (thread >= THREADS - LANES) {
         canvas.begin(thread);
         canvas.ready();
-        warp_barrier();
+        arrive_at<MOTIONS_THERE, THREADS>();
         canvas.follow_floor(canvas.camera);
-        if constexpr (Canvas_::WAITS) {
-            arrive_at<MOTIONS_THERE, THREADS>();
-            wait_at<SHAPES_SORTED, THREADS>();
-        }
+        wait_at<SHAPES_SORTED, THREADS>();
+        canvas.template look_at_floor<LANES>(thread % LANES);
     } else {
         if (thread < LANES) {
             if (!blind)
@@ -175,14 +172,8 @@ WARPCAM_FN void draw_apart(ShapeList<CAPACITY>& list, const Canvas_& canvas, con
             canvas.find_floor(thread - LANES);
         }
         canvas.ready();
-        if constexpr (Canvas_::WAITS) {
-            wait_at<FIRST_WARPS, THREADS - LANES>();
-            arrive_at<SHAPES_SORTED, THREADS>();
-        }
-    }
-    if constexpr (!Canvas_::WAITS) {
-        block_barrier();
-        canvas.look_at_floor(thread);
+        wait_at<FIRST_WARPS, THREADS - LANES>();
+        arrive_at<SHAPES_SORTED, THREADS>();
     }
     draw_tiles<TYPES, LENS>(list, canvas, meshes, fields, true);
 }
