@@ -71,8 +71,8 @@ WARPCAM_FN void list_worlds(const View& then, const View& now, int state, const 
     block_barrier();
     const bool wanted = mine && states[slot] != 0;
     const Camera& camera = cameras[0][mine ? slot : 0];
-    if (FLOWING && wanted)
-        compose_motion<false, DEPTHS>(trail, { old, pose, kind, drawn }, states[slot], camera, cameras[FLOWING ? 1 : 0][slot],
+    if (FLOWING && wanted && drawn)
+        compose_motion<false, DEPTHS>(trail, old, pose, kind, states[slot], camera, cameras[FLOWING ? 1 : 0][slot],
                                   LENS == PINHOLE, (TYPES >> SCALED & 1) != 0, brief, before, after,
                                   reinterpret_cast<Row*>(trail.motions.data) + motion_rows<false>() * index);
     Record record;
