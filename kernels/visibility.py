@@ -24,10 +24,10 @@ from .types import (
     View,
 )
 
-# What the trace can write, in the order of the bits in native/canvas.h; then the bits of two facts of the image's size.
+# What the trace can write, in the order of the bits in native/outputs.h; then bits of two facts of the image's size.
 OUTPUTS = ("depth", "shape", "face", "distance", "points", "bodies", "normals")
 FOURS, TILED = 128, 256
-IDS, BY_WORLD = 1 << 16, 1 << 17  # ids by world: canvas.h
+IDS, BY_WORLD = 1 << 16, 1 << 17  # ids by world: outputs.h
 LABELS: Mapping[str, int] = {"instances": 1 << 18, "semantics": 1 << 19}  # the same
 OPAQUE = 1 << 20  # what is transparent is left out
 LISTED_AHEAD = 512  # shapes have been listed: native/listed.h
@@ -246,7 +246,7 @@ def floor_parts(tables: Tables, device: wp.Device, width: int, height: int) -> i
 
 
 def tiles_at_once(shape_types: Set[int], region: tuple[int, int]) -> int:
-    """How many tiles, one below the other, a warp of a CUDA block draws at once: native/canvas.h has the same."""
+    """How many tiles, one below the other, a warp of a CUDA block draws at once: native/outputs.h has the same."""
     return 2 if {MESH, HEIGHT_FIELD}.isdisjoint(shape_types) and region[0] * region[1] >= 32 * 32 else 1
 
 

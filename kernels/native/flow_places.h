@@ -254,7 +254,8 @@ struct FlowPlaces {
     };
     template <class Trail> WARPCAM_FN static Composed composed(const Trail& trail, int world, int shape)
     {
-        return { reinterpret_cast<const Row*>(trail.motions.data) + size_t(unsigned(world * trail.columns + shape)) * ROWS };
+        const size_t index = size_t(unsigned(world * trail.columns + shape));
+        return { reinterpret_cast<const Row*>(trail.motions.data) + index * ROWS };
     }
 
     // Has all motions on their way that a stage has composed; for all threads of a block.

@@ -20,7 +20,10 @@ template <int CAPACITY> struct alignas(16) SortedList {
     alignas(16) Record records[CAPACITY];
 
     WARPCAM_FN const Record& at_rank(int rank) const { return records[rank]; }
-    WARPCAM_FN static int rows_of(int shapes) { return int((sizeof(SortedList) - (CAPACITY - shapes) * sizeof(Record)) / sizeof(Row)); }
+    WARPCAM_FN static int rows_of(int shapes)
+    {
+        return int((sizeof(SortedList) - (CAPACITY - shapes) * sizeof(Record)) / sizeof(Row));
+    }
 };
 
 // Lists the shapes of some worlds, by a block whose last warp has a lane for each of these worlds, with its view now, and
