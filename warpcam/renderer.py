@@ -199,9 +199,11 @@ class Renderer:
     def _record(self, tables: Tables) -> None:
         """Bind every stage to the tables' arrays; loads and compiles whatever kernels that takes."""
         mask, faults, scratch = self._selection.mask, self._faults, self._scratch
-        known = None if self._shapes_past is None else self._shapes_past.known
-        for number, (_, past) in enumerate(self._past):
-            self._shapes_past.lend(past.trail, tables, keep=number == len(self._past) - 1)
+        known = None
+        if self._shapes_past is not None:
+            known = self._shapes_past.known
+            for number, (_, past) in enumerate(self._past):
+                self._shapes_past.lend(past.trail, tables, keep=number == len(self._past) - 1)
 
         def record_views(opening: Any) -> Iterator[Stage]:
             for key, mounted in self._mounted.items():

@@ -87,6 +87,10 @@ def test_what_is_listed_ahead(device: wp.Device) -> None:
     assert listing.capacity_of(tables, "pinhole", 16, 8, ("depth", "normals"), device) == 0
     assert listing.capacity_of(tables, "rays", 16, 8, ("depth",), device) == 0
     assert listing.capacity_of(tables, "pinhole", 640, 480, ("depth",), device) == 0
+    more = "".join(f'<geom size=".1" pos="{i} 0 0"/>' for i in range(20))
+    tables = wc.from_mujoco_warp(*_put(scenes.compile_xml(SHAPES.format(floor="0 0 1") + more))).tables()
+    assert listing.capacity_of(tables, "pinhole", 16, 8, ("depth", "flow"), device) == 0
+    assert listing.capacity_of(tables, "pinhole", 16, 8, ("flow_valid",), device) == (32 if device.is_cuda else 0)
 
 
 def _put(mjm: object) -> tuple[object, object, object]:
