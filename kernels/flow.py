@@ -1,7 +1,8 @@
 """What was where when a world was last drawn, and how shapes have moved in a camera's image since.
 
 The trace itself writes ``flow`` and ``flow_valid`` (native/flow.h). Before it one thread for each shape composes how it
-has moved (native/flow_motion.h); after it what is seen now becomes what was.
+has moved (native/flow_motion.h), where shapes are few in its own blocks or in the stage of listing.py; after it what is
+seen now becomes what was.
 """
 
 from typing import Any

@@ -42,6 +42,7 @@ def target_struct(shape_dtype: Any, face_dtype: Any) -> Any:
         width: wp.int32
         height: wp.int32
         labels: Labels
+        lists: wp.array(dtype=wp.vec4)  # of listing.py; may be empty
 
     return Target
 
@@ -115,5 +116,6 @@ def flow_target_struct(shape_dtype: Any, face_dtype: Any) -> Any:
         height: wp.int32
         trail: Trail
         labels: Labels
+        lists: wp.array(dtype=wp.vec4)  # of listing.py; may be empty
 
     return FlowTarget

@@ -115,16 +115,9 @@ def is_finite(position: wp.vec3, rotation: wp.mat33, scale: wp.vec2, center: wp.
 
 
 @wp.func
-def write_view(
-    world: wp.int32,
-    mount: Mount,
-    lens: LensTable,
-    faults: wp.array(dtype=wp.uint8),
-    views: wp.array(dtype=View),
-    before: wp.array(dtype=View),
-):
-    if before.shape[0] > 0:
-        before[world] = views[world]
+def view_of(world: wp.int32, mount: Mount, lens: LensTable, faults: wp.array(dtype=wp.uint8)) -> View:
+    near = lens.near[world]  # loaded with the rest: memory is waited for once
+    far = lens.far[world]
     position = mount.positions[world, mount.column]
     rotation = wp.identity(n=3, dtype=wp.float32)
     if mount.own != 0:
@@ -161,8 +154,6 @@ def write_view(
                 extent = -1.0
         scale = wp.vec2(extent / height, extent / height)
 
-    near = lens.near[world]
-    far = lens.far[world]
     view = View()
     view.near = near
     view.far = far
@@ -189,23 +180,47 @@ def write_view(
         table = lens.intrinsics[world % lens.intrinsics.shape[0], lens.column]
         view.scale = wp.vec2(table[0], table[1])
         view.center = wp.vec2(table[2], table[3])
-    views[world] = view
+    return view
+
+
+@wp.func
+def write_view(
+    world: wp.int32,
+    mount: Mount,
+    lens: LensTable,
+    faults: wp.array(dtype=wp.uint8),
+    views: wp.array(dtype=View),
+    before: wp.array(dtype=View),
+):
+    if before.shape[0] > 0:
+        before[world] = views[world]
+    views[world] = view_of(world, mount, lens, faults)
+
+
+@wp.func
+def turned_over(state: wp.int32) -> wp.int32:
+    """What is known of a world's last frame, in the frame that follows."""
+    turned = FIRST
+    if state == 0:
+        turned = NEW
+    elif state == FIRST:
+        turned = SECOND
+    return turned
+
+
+@wp.func
+def count_frame(world: wp.int32, opening: Opening):
+    opening.frames[world] = opening.frames[world] + 1
+    if world < opening.clock.shape[0]:
+        opening.times[world] = opening.clock[world]
 
 
 @wp.func
 def open_world(world: wp.int32, opening: Opening, faults: wp.array(dtype=wp.uint8)):
     faults[world] = wp.uint8(0)
     if opening.known.shape[0] > 0:
-        state = wp.int32(opening.known[world])
-        turned = FIRST
-        if state == 0:
-            turned = NEW
-        elif state == FIRST:
-            turned = SECOND
-        opening.known[world] = wp.uint8(turned)
-    opening.frames[world] = opening.frames[world] + 1
-    if world < opening.clock.shape[0]:
-        opening.times[world] = opening.clock[world]
+        opening.known[world] = wp.uint8(turned_over(wp.int32(opening.known[world])))
+    count_frame(world, opening)
 
 
 @wp.kernel(enable_backward=False)

@@ -24,12 +24,13 @@ from .types import (
     View,
 )
 
-# What the trace can write, in the order of the bits in native/canvas.h; then the bits of two facts of the image's size.
+# What the trace can write, in the order of the bits in native/outputs.h; then bits of two facts of the image's size.
 OUTPUTS = ("depth", "shape", "face", "distance", "points", "bodies", "normals")
 FOURS, TILED = 128, 256
-IDS, BY_WORLD = 1 << 16, 1 << 17  # ids by world: canvas.h
+IDS, BY_WORLD = 1 << 16, 1 << 17  # ids by world: outputs.h
 LABELS: Mapping[str, int] = {"instances": 1 << 18, "semantics": 1 << 19}  # the same
 OPAQUE = 1 << 20  # what is transparent is left out
+LISTED_AHEAD = 512  # shapes have been listed: native/listed.h
 PAINTED = 1 << 21  # with albedo: native/painted.h
 # native/flow_places.h
 FLOW, FLOW_VALID, FLOW_MOVES, FLOW_BRIEF, FLOW_LISTED, FLOW_WHOLE, FLOW_NEAR = (1 << bit for bit in range(24, 31))
@@ -65,6 +66,8 @@ def _kernel(
 ) -> wp.Kernel:
     flag = "true" if several else "false"
     header, function = "visibility.h", f"draw<{types}, {lens}, {capacity}, {flag}, {width}, {height}, {outputs}>"
+    if outputs & LISTED_AHEAD:
+        header, function = "listed.h", function.replace("draw", "draw_listed")
     if outputs & PAINTED:
         header, function = "painted.h", f"draw_painted<{types}, {capacity}, {width}, {height}, {outputs}, {facts}>"
 
@@ -117,6 +120,7 @@ def record(
     veil_places: wp.array | None = None,
     trail: Any = None,
     facts: int = 0,
+    lists: wp.array | None = None,
 ) -> Stage:
     """Bind the trace of one camera.
 
@@ -142,6 +146,7 @@ def record(
             there are no ``images`` then.
         trail: Trail, where flow is wanted.
         facts: Of the scene's looks, where albedo is: see resolve.py.
+        lists: vec4, (world, row): the shapes listed for these views, by listing.py, if they are.
     """
     group = group or Group.of_all(views.shape[0])
     capacity = list_capacity(tables.num_drawn)
@@ -155,7 +160,7 @@ def record(
     target = target_type()
     target.mask, target.faults = mask, faults
     target.width, target.height = width, height
-    region = region_size(tables, group.at_once, width, height, device)
+    region = (width, height) if lists is not None else region_size(tables, group.at_once, width, height, device)
     outputs = 0
     arrays = {"depth": depth, "shape": shape, "face": face, **images}
     for bit, name in enumerate(OUTPUTS):
@@ -193,6 +198,9 @@ def record(
     types = sum(1 << t for t in tables.shape_types - LOOKS_ALONE)
     if region == (width, height):
         outputs |= facts_of_whole(tables, device, "flow_valid" in images)
+        if lists is not None:
+            target.lists = lists.flatten()
+            outputs |= LISTED_AHEAD
     unit = -(-width // region[0]) * -(-height // region[1]) * (THREADS if device.is_cuda else 1)  # threads a world
     types = in_order(types, len(group.worlds) * unit, device)
     kernel = _kernel(types, LENSES[lens], capacity, several, *region, outputs, target_type, facts)
@@ -231,18 +239,14 @@ def composes(tables: Tables, device: wp.Device) -> bool:
 
 
 def floor_parts(tables: Tables, device: wp.Device, width: int, height: int) -> int:
-    """Parts of 8 x 8 pixels of an image, of each of which a trace of validity may keep whether it shows but a floor.
-
-    None of images as large as a block's region: it looks at all their words.
-    """
-    whole = (width, height) == (FLOOR_REGION, FLOOR_REGION)
-    if whole or width % 8 or height % 8 or not composes(tables, device) or not brief(tables):
+    """Parts of 8 x 8 pixels of an image, of each of which a trace of validity may keep whether it shows but a floor."""
+    if width % 8 or height % 8 or not composes(tables, device) or not brief(tables):
         return 0
     return -(-width // FLOOR_REGION) * -(-height // FLOOR_REGION) * (FLOOR_REGION // 8) ** 2
 
 
 def tiles_at_once(shape_types: Set[int], region: tuple[int, int]) -> int:
-    """How many tiles, one below the other, a warp of a CUDA block draws at once: native/canvas.h has the same."""
+    """How many tiles, one below the other, a warp of a CUDA block draws at once: native/outputs.h has the same."""
     return 2 if {MESH, HEIGHT_FIELD}.isdisjoint(shape_types) and region[0] * region[1] >= 32 * 32 else 1
 
 

@@ -336,7 +336,9 @@ def test_a_gpu_looks_at_floors_as_a_whole(
 @pytest.mark.parametrize("size", [(64, 64), (128, 72), (100, 72), (32, 48)])
 def test_memory_of_floors(size: tuple[int, int], device: wp.Device) -> None:
     moving = Moving(width=size[0], height=size[1], outputs=("flow_valid",))
-    parts = {(128, 72): 2 * 64 * 4, (32, 48): 2 * 64}.get(size, 0) if device.is_cuda else 0  # of floors
+    parts = (
+        {(64, 64): 2 * 64, (128, 72): 2 * 64 * 4, (32, 48): 2 * 64}.get(size, 0) if device.is_cuda else 0
+    )  # of floors
     pixels = -(-size[0] // 8) * 8 * size[1]
     assert moving.renderer.memory.past == 1 + 76 + 128 * 3 + 4 * pixels + parts
     trail = moving.renderer._targets["eye"].past.trail

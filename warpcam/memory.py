@@ -11,12 +11,12 @@ from warpcam.device import free_bytes
 from warpcam.errors import WarpcamError
 from warpcam.kernels.types import View
 from warpcam.layers import world_bytes
-from warpcam.mounting import pose_bytes
+from warpcam.mounting import pose_bytes, projection_of
 from warpcam.past import past_bytes
 from warpcam.rays import TableLens
 from warpcam.scene import Scene
 from warpcam.scratch import Scratch, image_bytes
-from warpcam.targets import check_size
+from warpcam.targets import check_size, list_rows
 
 
 @dataclass(frozen=True)
@@ -26,7 +26,8 @@ class Memory:
     Attributes:
         images: Of each image, by camera and output.
         scratch: What the cameras use between the stages of a frame, one after the other.
-        worlds: Each camera's poses, lenses and views, which worlds are drawn or faulty, and their frames and times.
+        worlds: Each camera's poses, lenses, views and lists of shapes, which worlds are drawn or faulty, and their
+            frames and times.
         past: What is kept of the last frame for ``flow`` and ``flow_valid``.
     """
 
@@ -67,19 +68,24 @@ def estimate_memory(scene: Scene, cameras: Sequence[Camera]) -> Memory:
     """
     by_key = check_cameras(scene, cameras)
     tables, view = scene.tables(), wp.types.type_size_in_bytes(View)
+    lists = {
+        key: list_rows(camera, projection_of(camera, scene), tables, scene.device)
+        * wp.types.type_size_in_bytes(wp.vec4)
+        for key, camera in by_key.items()
+    }
     for camera in by_key.values():
         check_size(camera, scene.num_worlds)
     return Memory(
         images={key: image_bytes(camera, tables) for key, camera in by_key.items()},
         scratch=Scratch(by_key, tables, scene.device).size,
         worlds=scene.num_worlds
-        * (10 + sum(view + pose_bytes(one) + world_bytes(one, tables) for one in by_key.values()))
+        * (10 + sum(view + pose_bytes(one) + world_bytes(one, tables) + lists[key] for key, one in by_key.items()))
         + sum(
             one.lens.bytes(one.width, one.height, scene.num_worlds)
             for one in by_key.values()
             if isinstance(one.lens, TableLens)
         ),
-        past=past_bytes(by_key, scene, tables),
+        past=past_bytes(by_key, [key for key, size in lists.items() if size], scene, tables),
     )
 
 

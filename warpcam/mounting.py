@@ -11,12 +11,14 @@ from warpcam import interop
 from warpcam.accel.rays import handles, pack_rays, pixel_angle
 from warpcam.camera import Camera
 from warpcam.errors import WarpcamError
+from warpcam.kernels import listing
 from warpcam.kernels import views as views_stage
 from warpcam.kernels.launch import Stage
 from warpcam.kernels.tables import Tables
 from warpcam.kernels.variety import copied, empty_variety
 from warpcam.kernels.views import LensTable, Mount
 from warpcam.lens import Lens, Projection
+from warpcam.past import CameraPast
 from warpcam.rays import TableLens
 from warpcam.scene import Scene
 
@@ -89,9 +91,7 @@ class Mounted:
 
     @property
     def projection(self) -> Projection:
-        if self._camera.lens is not None:
-            return self._camera.lens.projection
-        return self._scene.camera_kind(self._index).projection
+        return projection_of(self._camera, self._scene)
 
     def seen(self, tables: Tables) -> Tables:
         """The scene as this camera has it: its background, its exposure."""
@@ -113,15 +113,24 @@ class Mounted:
         mask: wp.array,
         faults: wp.array,
         views: wp.array,
-        before: wp.array | None = None,
+        tables: Tables,
+        past: CameraPast | None = None,
+        lists: wp.array | None = None,
         opening: Any = None,
     ) -> Stage:
         """The stage that writes the camera's views, with the scene's arrays as of its last ``tables()``.
 
-        The views there were go to ``before``, if there is one. With an ``opening`` the stage is a frame's first.
+        If the camera has a ``past``, the views there were go there. With ``lists`` the stage lists shapes, too, and
+        composes how they have moved. With an ``opening`` it is a frame's first.
         """
-        device = self._scene.device
-        return views_stage.record_views(self._mount(), self._lens(), mask, faults, views, device, before, opening)
+        mount, lens, device = self._mount(), self._lens(), self._scene.device
+        if lists is None:
+            before = None if past is None else past.views
+            return views_stage.record_views(mount, lens, mask, faults, views, device, before, opening)
+        trail, depths = (None, False) if past is None else (past.trail, past.depths)
+        return listing.record_lists(
+            opening, mount, lens, mask, faults, views, tables, self.projection, lists, trail, depths, device
+        )
 
     def _mount(self) -> Mount:
         mount, scene = Mount(), self._scene
@@ -254,6 +263,13 @@ class Mounted:
             raise WarpcamError(f"{where}: far must be beyond near, got near {near[world]} and far {far[world]}")
         if self._camera.depth_clipping == "max" and not np.isfinite(far).all():
             raise WarpcamError(f'{where}: depth_clipping="max" needs a finite far, got {far[~np.isfinite(far)][0]}')
+
+
+def projection_of(camera: Camera, scene: Scene) -> Projection:
+    """How the camera's rays run."""
+    if camera.lens is not None:
+        return camera.lens.projection
+    return scene.camera_kind(scene.camera(camera.name, "Renderer: cameras")).projection
 
 
 def pose_bytes(camera: Camera) -> int:

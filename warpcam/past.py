@@ -1,6 +1,6 @@
 """What is kept from frame to frame for ``flow`` and ``flow_valid``, where a camera asks for them."""
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from typing import Any
 
 import numpy as np
@@ -30,7 +30,7 @@ class CameraPast:
         views: View, (world,), of the last frame.
     """
 
-    def __init__(self, camera: Camera, tables: Tables, device: wp.Device, images: Mapping[str, wp.array]):
+    def __init__(self, camera: Camera, tables: Tables, device: wp.Device, images: Mapping[str, wp.array], listed: bool):
         worlds, self._device = tables.num_worlds, device
         self.views = wp.zeros(worlds, dtype=View, device=device)
         self.trail = flow.Trail()
@@ -42,7 +42,8 @@ class CameraPast:
         parts = worlds * _floor_parts(camera, tables, device)
         self.trail.floor_first = wp.zeros(parts, dtype=wp.uint8, device=device)
         self.trail.floor_second = wp.zeros(parts, dtype=wp.uint8, device=device)
-        rows = 0 if visibility.composes(tables, device) else flow.motion_rows(tables)
+        self.depths = "flow_valid" in camera.outputs
+        rows = 0 if visibility.composes(tables, device) and not listed else flow.motion_rows(tables)
         self.trail.motions = wp.zeros((worlds, rows), dtype=wp.vec4, device=device)
         self.trail.views_before = self.views
         self.trail.columns = tables.num_shapes
@@ -94,16 +95,19 @@ class ShapesPast:
         return flow.record_forget(self.known, mask, self._device)
 
 
-def past_bytes(cameras: Mapping[str | int, Camera], scene: Scene, tables: Tables) -> int:
-    """Bytes that all of this takes."""
-    asking = [camera for camera in cameras.values() if asks(camera)]
+def past_bytes(cameras: Mapping[str | int, Camera], listed: Collection[str | int], scene: Scene, tables: Tables) -> int:
+    """Bytes that all of this takes; of the cameras that are ``listed`` the stage of views composes motions."""
+    asking = {key: camera for key, camera in cameras.items() if asks(camera)}
     if not asking:
         return 0
     row = wp.types.type_size_in_bytes(wp.vec4)
     composed = visibility.composes(tables, scene.device)
-    view = wp.types.type_size_in_bytes(View) + (0 if composed else flow.motion_rows(tables) * row)
+    view, motions = wp.types.type_size_in_bytes(View), flow.motion_rows(tables) * row
     each = sum(
-        view + 2 * (4 * _kept_words(camera, tables) + _floor_parts(camera, tables, scene.device)) for camera in asking
+        view
+        + (0 if composed and key not in listed else motions)
+        + 2 * (4 * _kept_words(camera, tables) + _floor_parts(camera, tables, scene.device))
+        for key, camera in asking.items()
     )
     total = tables.num_worlds * (1 + each + (2 if composed else 1) * 4 * row * tables.num_shapes)
     if tables.moving:

@@ -83,7 +83,10 @@ class Renderer:
         self._turn = _turns[scene.device.alias] if scene.device.is_cuda else threading.Lock()
         tables = scene.tables()
         self._mounted = {key: Mounted(camera, scene) for key, camera in self._cameras.items()}
-        self._targets = {key: Target(camera, tables, scene.device) for key, camera in self._cameras.items()}
+        self._targets = {
+            key: Target(camera, self._mounted[key].projection, tables, scene.device)
+            for key, camera in self._cameras.items()
+        }
         self._selection = Selection(scene.num_worlds, scene.device)
         self._past = [(key, target.past) for key, target in self._targets.items() if target.past is not None]
         self._shapes_past = ShapesPast(scene, tables) if self._past else None
@@ -196,12 +199,16 @@ class Renderer:
     def _record(self, tables: Tables) -> None:
         """Bind every stage to the tables' arrays; loads and compiles whatever kernels that takes."""
         mask, faults, scratch = self._selection.mask, self._faults, self._scratch
-        known = None if self._shapes_past is None else self._shapes_past.known
+        known = None
+        if self._shapes_past is not None:
+            known = self._shapes_past.known
+            for number, (_, past) in enumerate(self._past):
+                self._shapes_past.lend(past.trail, tables, keep=number == len(self._past) - 1)
 
         def record_views(opening: Any) -> Iterator[Stage]:
             for key, mounted in self._mounted.items():
                 target = self._targets[key]
-                yield mounted.record(mask, faults, target.views, target.views_before, opening)
+                yield mounted.record(mask, faults, target.views, tables, target.past, target.lists, opening)
                 opening = None
 
         images = {key: target.images for key, target in self._targets.items()}
@@ -238,7 +245,6 @@ class Renderer:
         stages = []
         for number, (key, past) in enumerate(self._past):
             last = number == len(self._past) - 1
-            self._shapes_past.lend(past.trail, tables, last)
             views, projection = self._targets[key].views, self._mounted[key].projection
             if not self._shapes_past.composed:
                 stages.append(past.record(tables, views, projection, self._selection.mask, keep=last))

@@ -7,7 +7,7 @@ import warp as wp
 
 from warpcam.camera import Camera
 from warpcam.errors import WarpcamError
-from warpcam.kernels import antialias, mirrors, resolve, shadow, splats, visibility
+from warpcam.kernels import antialias, listing, mirrors, resolve, shadow, splats, visibility
 from warpcam.kernels.launch import Group, Stage
 from warpcam.kernels.layers import LayerTables, Mirror
 from warpcam.kernels.tables import Tables
@@ -41,6 +41,11 @@ class Stages:
     last: list[Stage]
 
 
+def list_rows(camera: Camera, projection: Projection, tables: Tables, device: wp.Device) -> int:
+    """Rows of four words that a camera has in each world for the shapes its image may show."""
+    return listing.rows_of(listing.capacity_of(tables, projection, camera.width, camera.height, camera.outputs, device))
+
+
 class Target:
     """Only what the camera's outputs need is there.
 
@@ -49,9 +54,10 @@ class Target:
         images: Array of each output, (world, height, width, channels).
         late_images: Names of those that only the last stages write, where these may wait for other worlds.
         past: What is kept of the last frame; None where no output needs it.
+        lists: vec4, (world, row): the shapes that its images may show, where a stage lists them; else None.
     """
 
-    def __init__(self, camera: Camera, tables: Tables, device: wp.Device):
+    def __init__(self, camera: Camera, projection: Projection, tables: Tables, device: wp.Device):
         num_worlds = tables.num_worlds
         size = (num_worlds, camera.height, camera.width)
         self._camera, self._device = camera, device
@@ -64,7 +70,9 @@ class Target:
             name: wp.zeros((*size, OUTPUTS[name].channels), dtype=OUTPUTS[name].dtype, device=device)
             for name in camera.outputs
         }
-        self.past = CameraPast(camera, tables, device, self.images) if asks(camera) else None
+        rows = list_rows(camera, projection, tables, device)
+        self.lists = wp.zeros((num_worlds, rows), dtype=wp.vec4, device=device) if rows else None
+        self.past = CameraPast(camera, tables, device, self.images, listed=rows > 0) if asks(camera) else None
 
     @property
     def views_before(self) -> wp.array | None:
@@ -142,6 +150,7 @@ class Target:
                 veil_places,
                 trail=None if self.past is None else self.past.trail,
                 facts=resolve.facts_of_looks(tables) | resolve.HAS_MIPS * tables.has_mips,
+                lists=self.lists,
             )
         ]
         if shadows is not None:

@@ -4,64 +4,11 @@
 #include "flow_motion.h"
 #include "gradient.h"
 #include "hits.h"
+#include "outputs.h"
 #include "threes.h"
 #include "tiles.h"
 
 namespace warpcam {
-
-// What the trace writes. FOURS: the image's width is a multiple of four pixels; TILED: no tile reaches over its edges.
-// IDS: the ids that shapes have in each world; BY_WORLD: bodies have such ids too. INSTANCES, SEMANTICS: labels.
-// OPAQUE: transparent shapes are left out.
-enum Output {
-    DEPTH = 1,
-    SHAPE = 2,
-    FACE = 4,
-    DISTANCE = 8,
-    POINTS = 16,
-    BODIES = 32,
-    NORMAL = 64,
-    FOURS = 128,
-    TILED = 256,
-    IDS = 1 << 16,
-    BY_WORLD = 1 << 17,
-    INSTANCES = 1 << 18,
-    SEMANTICS = 1 << 19,
-    OPAQUE = 1 << 20,
-    PAINTED = 1 << 21  // with albedo: painted.h
-};
-
-// Tiles, one below the other, that a warp of a CUDA block draws at once: what a tile takes and what a shape takes of it
-// besides the rays is then paid once. Small regions have too few of them. visibility.py has the same.
-constexpr int tiles_at_once(int types, int width, int height)
-{
-    const bool quick = !(types >> MESH & 1) && !(types >> HEIGHT_FIELD & 1);
-    return quick && width * height >= 32 * 32 ? 2 : 1;
-}
-
-// Where normals or albedo are written, hits name the slot of their shape's record instead of the shape: see gather().
-constexpr bool names_slots(int outputs) { return outputs & (NORMAL | PAINTED); }
-
-// Whether a block looks at a floor as a whole to tell what of it was seen.
-constexpr bool looks_at_floors(int types, int lens, int outputs, int shapes, int width, int height)
-{
-    const int needs = FLOW_VALID | FLOW_BRIEF | FLOW_LISTED | TILED | (outputs & FLOW_WHOLE ? FLOW_NEAR : 0);
-    const bool parts = width == FlowFloor::SIZE && height == FlowFloor::SIZE && tiles_at_once(types, width, height) == 2;
-    return (outputs & needs) == needs && !names_slots(outputs) && parts && (types >> PLANE & 1) && !(types >> MESH & 1)
-        && lens == PINHOLE && shapes <= LANES;
-}
-
-// Where flow has what was seen, if it is wanted.
-template <int OUTPUTS, int WIDTH, int HEIGHT, int SHAPES, bool FLOORED, bool WANTED = (OUTPUTS & FLOWS) != 0> struct Places {
-    static constexpr bool WHOLE = (OUTPUTS & FLOW_WHOLE) != 0, NEAR = (OUTPUTS & FLOW_NEAR) != 0;
-    using type = FlowPlaces<OUTPUTS, WHOLE ? WIDTH : 0, WHOLE ? HEIGHT : 0, SHAPES, NEAR, FLOORED>;
-};
-template <bool WHOLE_> struct NoPlaces {
-    static constexpr bool WHOLE = WHOLE_, PAINTS = false, LOOKS_AT_FLOORS = false;
-};
-template <int OUTPUTS, int WIDTH, int HEIGHT, int SHAPES, bool FLOORED>
-struct Places<OUTPUTS, WIDTH, HEIGHT, SHAPES, FLOORED, false> {
-    using type = NoPlaces<(OUTPUTS & FLOW_WHOLE) != 0>;
-};
 
 // What the pixels of a CUDA block take of the shape that they show alone, where normals are written: by slot, the first of
 // nothing. Normal in the world; x: BENT where it differs from place to place; w: shape id.
@@ -72,12 +19,13 @@ template <int SLOTS> struct ShapeFacings {
 constexpr float BENT = 2.0f;
 
 // Pixel (i, j) is column i and row j of the image.
-template <int TYPES, int LENS, int OUTPUTS, int CAPACITY, int TALL_, class Target, class Shapes, class Places_> struct Canvas {
+template <int TYPES, int LENS, int OUTPUTS, class List, int TALL_, class Target, class Shapes, class Places_> struct Canvas {
+    static constexpr int CAPACITY = List::ROOM;
     static constexpr int TALL = TALL_;  // tiles at once
 
     const Target& target;
     const Shapes& shapes;
-    const ShapeList<CAPACITY>& list;
+    const List& list;
     const Camera& camera;
     Region region;
     int world;
@@ -93,7 +41,8 @@ template <int TYPES, int LENS, int OUTPUTS, int CAPACITY, int TALL_, class Targe
     static constexpr bool STORES_MUCH = OUTPUTS
         & (DISTANCE | POINTS | BODIES | NORMAL | IDS | INSTANCES | SEMANTICS | FLOWS | PAINTED);
     // The motions of few shapes: one warp composes them while the others begin to draw.
-    static constexpr bool APART = (OUTPUTS & FLOWS) && (OUTPUTS & FLOW_LISTED) && CAPACITY <= LANES && !(TYPES >> MESH & 1);
+    static constexpr bool APART = !(OUTPUTS & LISTED_AHEAD) && (OUTPUTS & FLOWS) && (OUTPUTS & FLOW_LISTED)
+        && CAPACITY <= LANES && !(TYPES >> MESH & 1);
 
     // Of tiles that show nothing but an endless floor it is known what they write: see endless_floor.h.
     static constexpr bool BARE_FLOORS = THREADS > 1 && TALL > 1 && LENS == PINHOLE && (TYPES >> PLANE & 1) && (OUTPUTS & TILED)
@@ -147,12 +96,30 @@ template <int TYPES, int LENS, int OUTPUTS, int CAPACITY, int TALL_, class Targe
 #endif
     }
 
-    // For a warp, once it has composed the motions: where what is seen of the floor now was seen.
-    WARPCAM_FN void look_at_floor() const
+    // For a warp, which has composed the motions if a stage has not: how the floor has moved.
+    WARPCAM_FN void follow_floor(const Camera& seen_by) const
     {
 #if defined(__CUDA_ARCH__)
-        if constexpr (Places_::LOOKS_AT_FLOORS)
-            find_seen_floor(places, shapes, camera, region, target.width, target.height, world, places.floor.shape);
+        if constexpr (Places_::LOOKS_AT_FLOORS) {
+            const int shape = floor_of(shapes, target.trail.columns);
+            if (threadIdx.x % LANES != 0)
+                return;
+            if constexpr ((OUTPUTS & LISTED_AHEAD) != 0)  // those that the block copies are not there yet
+                find_slopes(places, Places_::composed(target.trail, world, shape), shapes, seen_by, world, shape);
+            else
+                find_slopes(places, places.of_shape(shape), shapes, seen_by, world, shape);
+        }
+#endif
+    }
+
+    // For a warp or the block, when it has met after all of this: where what is seen of the floor now was seen.
+    template <int TEAM> WARPCAM_FN void look_at_floor(int thread) const
+    {
+#if defined(__CUDA_ARCH__)
+        if constexpr (Places_::LOOKS_AT_FLOORS) {
+            find_seen_floor<TEAM>(places, region, target.width, target.height, thread);
+            team_barrier<TEAM>();
+        }
 #endif
     }
 
@@ -184,7 +151,7 @@ template <int TYPES, int LENS, int OUTPUTS, int CAPACITY, int TALL_, class Targe
     }
 
     // Notes the endless floor: see there.
-    template <class List> WARPCAM_FN void note(List& listed, int slot, int rank) const
+    WARPCAM_FN void note(List& listed, int slot, int rank) const
     {
 #if defined(__CUDA_ARCH__)
         if constexpr (BARE_FLOORS)
@@ -299,20 +266,25 @@ template <int TYPES, int LENS, int OUTPUTS, int CAPACITY, int TALL_, class Targe
             const unsigned part = FlowFloor::part_of(i, j);
             const int seen = *const_cast<const volatile int*>(floor.seen + part), shape = seen & FlowFloor::NONE;
             if (!__all_sync(ALL, hit[0].shape == shape && hit[1].shape == shape)) {
-                if (!WHOLE && !__all_sync(ALL, hit[0].shape == floor.shape && hit[1].shape == floor.shape) && lane == 0)
+                if (!__all_sync(ALL, hit[0].shape == floor.shape && hit[1].shape == floor.shape) && lane == 0)
                     floor.region_parts[part] = 0;
                 return false;
             }
             // The words of a part lie together, two a lane; of whether pixels were seen eight lanes have a row each.
-            const unsigned word = FlowFloor::word(shape) * 0x00010001u;
-            keep_word(reinterpret_cast<unsigned*>(places.kept + (Places_::place_of(trail, i, j) - lane)), lane, word);
+            if (!WHOLE) {
+                const unsigned word = FlowFloor::word(shape) * 0x00010001u;
+                keep_word(reinterpret_cast<unsigned*>(places.kept + (Places_::place_of(trail, i, j) - lane)), lane, word);
+            }
             constexpr unsigned ONES = 0x01010101u;
             if (!(seen & FlowFloor::OUTSIDE) && lane < FlowFloor::PART) {
                 unsigned char* row = trail.flow_valid.data + at(i, j) + lane * (Places_::width(trail) - 1);
                 *reinterpret_cast<uint2*>(row) = make_uint2(ONES, ONES);
             }
+            constexpr bool TOGETHER = (OUTPUTS & FLOW) && (OUTPUTS & LISTED_AHEAD);  // else more is spilled
+            if constexpr (TOGETHER)
+                put_flow_of<LENS>(trail, places, shape, hit, i, j, TILE_HEIGHT, [&](int k) { return at(i, j, k); });
             for (int k = 0; k < TALL; ++k) {
-                put<OUTPUTS & ~FLOW_VALID>(i, j, { hit[k].depth, shape, hit[k].face }, k);
+                put<OUTPUTS & ~(TOGETHER ? FLOWS : FLOW_VALID)>(i, j, { hit[k].depth, shape, hit[k].face }, k);
                 if (seen & FlowFloor::OUTSIDE) {
                     const float column = float(i), row = float(j + k * TILE_HEIGHT);
                     const auto rows = places.of_shape(shape);

@@ -31,8 +31,8 @@ template <class Canvas_> inline void put_tile(const Canvas_& canvas, int left, i
 }
 
 // True if all of the tile was made ready, false if it is to be done ray by ray.
-template <int TYPES, int LENS, int OUTPUTS, int CAPACITY, int TALL, class Target, class Shapes, class Places_>
-inline bool start_whole(const Canvas<TYPES, LENS, OUTPUTS, CAPACITY, TALL, Target, Shapes, Places_>& canvas, int left, int top,
+template <int TYPES, int LENS, int OUTPUTS, class List, int TALL, class Target, class Shapes, class Places_>
+inline bool start_whole(const Canvas<TYPES, LENS, OUTPUTS, List, TALL, Target, Shapes, Places_>& canvas, int left, int top,
                         Rays& rays)
 {
     if (LENS == RAYS || (OUTPUTS & FLOW_VALID) || !canvas.inside(left + TILE_WIDTH - 1, top + TILE_HEIGHT - 1))
@@ -50,8 +50,8 @@ inline bool start_whole(const Canvas<TYPES, LENS, OUTPUTS, CAPACITY, TALL, Targe
 }
 
 // Writes depth, shape and face of a tile that lies in the image; the rest is left to be done pixel by pixel.
-template <int TYPES, int LENS, int OUTPUTS, int CAPACITY, int TALL, class Target, class Shapes, class Places_>
-inline void put_whole(const Canvas<TYPES, LENS, OUTPUTS, CAPACITY, TALL, Target, Shapes, Places_>& canvas, int left, int top,
+template <int TYPES, int LENS, int OUTPUTS, class List, int TALL, class Target, class Shapes, class Places_>
+inline void put_whole(const Canvas<TYPES, LENS, OUTPUTS, List, TALL, Target, Shapes, Places_>& canvas, int left, int top,
                       const Rays& rays)
 {
     constexpr int IN_ROWS = DEPTH | FACE | (names_slots(OUTPUTS) ? 0 : SHAPE);
@@ -78,23 +78,23 @@ inline void put_whole(const Canvas<TYPES, LENS, OUTPUTS, CAPACITY, TALL, Target,
                                                     { rays.depth[lane], rays.shape[lane], rays.face[lane] });
 }
 
-template <int TYPES, int LENS, int OUTPUTS, int CAPACITY, int TALL, class Target, class Shapes, class Places_, class Near>
-inline void start_tile(const Canvas<TYPES, LENS, OUTPUTS, CAPACITY, TALL, Target, Shapes, Places_>& canvas, int left, int top,
+template <int TYPES, int LENS, int OUTPUTS, class List, int TALL, class Target, class Shapes, class Places_, class Near>
+inline void start_tile(const Canvas<TYPES, LENS, OUTPUTS, List, TALL, Target, Shapes, Places_>& canvas, int left, int top,
                        bool first_pass, Near& near, Rays& rays)
 {
     if (!first_pass || !start_whole(canvas, left, top, rays))
-        start_tile<Canvas<TYPES, LENS, OUTPUTS, CAPACITY, TALL, Target, Shapes, Places_>, Near>(canvas, left, top, first_pass, near,
+        start_tile<Canvas<TYPES, LENS, OUTPUTS, List, TALL, Target, Shapes, Places_>, Near>(canvas, left, top, first_pass, near,
                                                                                           rays);
 }
 
-template <int TYPES, int LENS, int OUTPUTS, int CAPACITY, int TALL, class Target, class Shapes, class Places_>
-inline void put_tile(const Canvas<TYPES, LENS, OUTPUTS, CAPACITY, TALL, Target, Shapes, Places_>& canvas, int left, int top,
+template <int TYPES, int LENS, int OUTPUTS, class List, int TALL, class Target, class Shapes, class Places_>
+inline void put_tile(const Canvas<TYPES, LENS, OUTPUTS, List, TALL, Target, Shapes, Places_>& canvas, int left, int top,
                      bool first_pass, const Rays& rays)
 {
     if (first_pass && canvas.inside(left + TILE_WIDTH - 1, top + TILE_HEIGHT - 1))
         put_whole(canvas, left, top, rays);
     else
-        put_tile<Canvas<TYPES, LENS, OUTPUTS, CAPACITY, TALL, Target, Shapes, Places_>>(canvas, left, top, first_pass, rays);
+        put_tile<Canvas<TYPES, LENS, OUTPUTS, List, TALL, Target, Shapes, Places_>>(canvas, left, top, first_pass, rays);
 }
 
 }  // namespace warpcam

@@ -1,7 +1,7 @@
 // How far what a pixel sees has moved in the image since its world was last drawn, and whether it was seen then.
 //
-// flow.py has composed, for each shape of a world, what takes a point seen now to the pixel where it was. What was seen
-// then is kept in a word a pixel.
+// flow.py, listing.py or the block has composed, for each shape of a world, what takes a point seen now to the pixel where
+// it was. What was seen then is kept in a word a pixel.
 #pragma once
 #include "flow_places.h"
 
@@ -61,6 +61,39 @@ WARPCAM_FN bool was_seen(const Trail& trail, const Places& places, int shape, co
 {
     return Places::Keeps::show(places.word_at_place(trail, x.place, y.place),
                                places.word_at_place(trail, x.other(), y.other()), shape, last, depth);
+}
+
+// How far what pixel (x, y) sees has moved, by the three rows of a shape that does not rest.
+template <int LENS> struct Shift {
+    float right, down;
+
+    WARPCAM_FN Shift(const Row& across, const Row& along, const Row& away, float x, float y, float depth)
+    {
+        const float now = then<LENS>(away, x, y, depth), rate = LENS == PINHOLE ? reciprocal(now) : 1.0f;
+        const bool ahead = LENS != PINHOLE || now > 0.0f;
+        right = ahead ? muladd(-then<LENS>(across, x, y, depth), rate, x) : 0.0f;
+        down = ahead ? muladd(-then<LENS>(along, x, y, depth), rate, y) : 0.0f;
+    }
+};
+
+// Writes the flow of pixel (i, j) and of those `step` rows below each other that show one shape, which does not move in
+// its own frame; pixel_of(k): their numbers.
+template <int LENS, int COUNT, class Trail, class Places, class PixelOf>
+WARPCAM_FN void put_flow_of(const Trail& trail, const Places& places, int shape, const Hit (&hits)[COUNT], int i, int j,
+                            int step, const PixelOf& pixel_of)
+{
+    const auto rows = places.of_shape(shape);
+    float right[COUNT] = {}, down[COUNT] = {};
+    if (!Places::Keeps::rests(rows.at(3))) {
+        const Row across = rows.at(0), along = rows.at(1), away = rows.at(2);
+        for (int k = 0; k < COUNT; ++k) {
+            const Shift<LENS> shift(across, along, away, float(i), float(j + k * step), hits[k].depth);
+            right[k] = shift.right;
+            down[k] = shift.down;
+        }
+    }
+    for (int k = 0; k < COUNT; ++k)
+        *reinterpret_cast<Pair*>(trail.flow.data + 2 * size_t(pixel_of(k))) = { right[k], down[k] };
 }
 
 // Writes the pixel that is `below` rows below pixel (i, j), number `pixel` of all worlds'.

@@ -26,13 +26,16 @@ struct FlowFloor {
     static constexpr int SIZE = 64, PART = 8, PARTS = SIZE * SIZE / (PART * PART);
     static constexpr int NONE = 255, OUTSIDE = 256;  // no shape has that id where words are brief
 
-    // Of images that are larger, a byte a part: 1 where it shows nothing but the floor. Of all that was seen, of what is
-    // seen in the same order, and of the region's.
+    // A byte a part: 1 where it shows nothing but the floor. Of all that was seen, of what is seen in the same order, and
+    // of the region's. Of images of one region that is known by constants, the words of such parts are not kept.
     const unsigned char* parts_then;
     unsigned char* parts_now;
     unsigned char* region_parts;
-    unsigned long long rows[SIZE];  // of each row a bit a pixel that showed the floor; then of eight rows that all did
+    unsigned long long rows[SIZE];  // of each row a bit a pixel that showed the floor
     int shape;  // or NONE
+    bool moves;  // it is known to have moved in the image: parts are looked at
+    float nearest;  // as the fourth of its rows has it
+    Slope near, x, y, depth;  // one by its depth now, and its place and depth then times that
     // The floor's id where the last image showed nothing else where a part shows it, with OUTSIDE as far as that was inside
     // of it; or NONE.
     int seen[PARTS];
@@ -52,13 +55,14 @@ struct FlowFloor {
         return unsigned(width + SIZE - 1) / SIZE * (unsigned(height + SIZE - 1) / SIZE) * PARTS;
     }
     // Did the last image show nothing but the floor in these columns and rows, at most 16 of each?
-    template <bool WHOLE> WARPCAM_FN bool showed(int width, int first, int end, int above, int below) const
+    // Of images of one region each of two threads looks at every second row.
+    template <bool WHOLE> WARPCAM_FN bool showed(int width, int first, int end, int above, int below, int odd) const
     {
         bool all = true;
         if constexpr (WHOLE) {
             const unsigned long long columns = ~0ull >> (SIZE - 1 - (end - first)) << first;
-            const int begin = lower_int(above, SIZE - PART), other = upper_int(below - (PART - 1), 0);
-            all = (columns & ~(rows[begin] & rows[other])) == 0ull;
+            for (int j = above + odd; j <= below; j += 2)
+                all &= (columns & ~rows[j]) == 0ull;
         } else {
             for (int j = above & ~(PART - 1); j <= below; j += PART)
                 for (int i = first & ~(PART - 1); i <= end; i += PART)
@@ -120,42 +124,21 @@ WARPCAM_FN void begin_floor(Places& places, const Trail& trail, const Region& re
     floor.seen[part] = FlowFloor::NONE;
     if (part == 0)
         floor.shape = shape;
-    if (!Places::WHOLE) {
-        unsigned char* parts = floor.parts_now + FlowFloor::part_in(trail.width, region.left, region.top);
-        parts[part] = 1;
-        if (part == 0)
-            floor.region_parts = parts;
-    }
+    unsigned char* parts = floor.parts_now + FlowFloor::part_in(trail.width, region.left, region.top);
+    parts[part] = 1;
+    if (part == 0)
+        floor.region_parts = parts;
 }
 
-// For a warp, once it has composed the motions. Until it is done, the others look at words.
-template <class Places, class Shapes>
-WARPCAM_FN void find_seen_floor(Places& places, const Shapes& shapes, const Camera& camera, const Region& region, int width,
-                                int height, int world, int shape)
+// For a thread: how the floor has moved, by its rows.
+template <class Places, class Rows, class Shapes>
+WARPCAM_FN void find_slopes(Places& places, const Rows& rows, const Shapes& shapes, const Camera& camera, int world, int shape)
 {
     FlowFloor& floor = places.floor;
-    const int lane = threadIdx.x % LANES;
+    floor.moves = false;
     if (shape == FlowFloor::NONE)
         return;
-    const auto rows = places.of_shape(shape);
-    const Row last = rows.at(3);
-    if (Places::Keeps::rests(last))
-        return;
-    if constexpr (Places::WHOLE) {
-        // Of eight rows, those of a lane and those 32 further down.
-        unsigned long long upper_rows = floor.rows[lane], lower_rows = floor.rows[lane + LANES];
-        for (int step = 1; step < FlowFloor::PART; step *= 2) {
-            const unsigned long long one = __shfl_sync(ALL, upper_rows, lane + step);
-            const unsigned long long other = __shfl_sync(ALL, lower_rows, lane + step);
-            const bool further = lane + step >= LANES;
-            upper_rows &= further ? other : one;
-            lower_rows &= further ? 0ull : other;
-        }
-        __syncwarp();
-        floor.rows[lane] = upper_rows;
-        floor.rows[lane + LANES] = lower_rows;
-    }
-    // One by the depth that the floor has now at a pixel, and its place and depth then times that.
+    const Row last = rows.at(3), a = rows.at(0), b = rows.at(1), c = rows.at(2);
     const auto r = wp::index(shapes.rotations, world, shape);
     const Vec normal = turned_back(camera.rotation, { r.data[0][2], r.data[1][2], r.data[2][2] });
     const Vec away = turned_back(camera.rotation, to_vec(wp::index(shapes.positions, world, shape)) - camera.origin);
@@ -166,27 +149,50 @@ WARPCAM_FN void find_seen_floor(Places& places, const Shapes& shapes, const Came
         const float w = as_float(row.w);
         return Slope { row.z + w * near.start, row.x + w * near.right, row.y + w * near.down };
     };
-    const Slope x = slope(rows.at(0)), y = slope(rows.at(1)), depth = slope(rows.at(2));
-    __syncwarp();
+    floor.near = near;
+    floor.x = slope(a);
+    floor.y = slope(b);
+    floor.depth = slope(c);
+    floor.nearest = last.z;
+    floor.moves = !Places::Keeps::rests(last);
+}
+
+// For a warp or the block, when it has met after all of this: which parts see what was seen. Two threads have a part. Until
+// a warp is done with it, the others look at words.
+template <int TEAM, class Places>
+WARPCAM_FN void find_seen_floor(Places& places, const Region& region, int width, int height, int thread)
+{
+    static_assert(2 * FlowFloor::PARTS % TEAM == 0);
+    FlowFloor& floor = places.floor;
+    if (!floor.moves)
+        return;
+    const Slope near = floor.near, x = floor.x, y = floor.y, depth = floor.depth;
     const float span = float(width) * magnitude(near.right) + float(height) * magnitude(near.down);
     const float least = 1.0e-2f * (magnitude(near.start) + span);  // where it is farther rounding tells too much
     constexpr float SLACK = 0.0625f;  // pixels, more than all rounding
     const float last_i = float(width) - 1.0f, last_j = float(height) - 1.0f;
 #pragma unroll 1
-    for (int part = lane; part < FlowFloor::PARTS; part += LANES) {
+    for (int half = thread; half < 2 * FlowFloor::PARTS; half += TEAM) {
+        const int part = half / 2;
         float left = FAR_AWAY, right = -FAR_AWAY, top = FAR_AWAY, bottom = -FAR_AWAY;
         bool seen = true;
-        for (int corner = 0; corner < 4; ++corner) {
-            const float i = float(region.left + part % 8 * FlowFloor::PART + (corner & 1 ? FlowFloor::PART - 1 : 0));
-            const float j = float(region.top + part / 8 * FlowFloor::PART + (corner & 2 ? FlowFloor::PART - 1 : 0));
+        const float j = float(region.top + part / 8 * FlowFloor::PART + (thread & 1 ? FlowFloor::PART - 1 : 0));
+        for (int corner = 0; corner < 2; ++corner) {
+            const float i = float(region.left + part % 8 * FlowFloor::PART + (corner ? FlowFloor::PART - 1 : 0));
             const float far = near.at(i, j), by = depth.at(i, j), scale = reciprocal(by);
-            seen = seen & (far > least) & (by > last.z * far) & (by > 0.0f);
+            seen = seen & (far > least) & (by > floor.nearest * far) & (by > 0.0f);
             const float across = x.at(i, j) * scale, along = y.at(i, j) * scale;
             left = lower(left, across);
             right = upper(right, across);
             top = lower(top, along);
             bottom = upper(bottom, along);
         }
+        left = lower(left, __shfl_xor_sync(ALL, left, 1));
+        right = upper(right, __shfl_xor_sync(ALL, right, 1));
+        top = lower(top, __shfl_xor_sync(ALL, top, 1));
+        bottom = upper(bottom, __shfl_xor_sync(ALL, bottom, 1));
+        const unsigned both = __ballot_sync(ALL, seen) >> (thread % LANES & ~1) & 3u;
+        seen = both == 3u;
         left += 0.25f - SLACK, top += 0.25f - SLACK, right += 0.75f + SLACK, bottom += 0.75f + SLACK;
         const bool inside = (left >= 0.0f) & (top >= 0.0f) & (right < last_i + 1.0f) & (bottom < last_j + 1.0f);
         seen = seen & (right > -FAR_AWAY) & (bottom > -FAR_AWAY) & (left < FAR_AWAY) & (top < FAR_AWAY);  // numbers
@@ -194,9 +200,10 @@ WARPCAM_FN void find_seen_floor(Places& places, const Shapes& shapes, const Came
         const int end = int(upper(lower(right, last_i), -1.0f)), below = int(upper(lower(bottom, last_j), -1.0f));
         if (seen && first <= end && above <= below)
             seen = below - above < 2 * FlowFloor::PART && end - first < 2 * FlowFloor::PART
-                && floor.showed<Places::WHOLE>(width, first, end, above, below);
-        if (seen)
-            *const_cast<volatile int*>(floor.seen + part) = inside ? shape : shape | FlowFloor::OUTSIDE;
+                && floor.showed<Places::WHOLE>(width, first, end, above, below, thread & 1);
+        const bool other = __shfl_xor_sync(ALL, seen, 1);
+        if (seen && other && !(thread & 1))
+            *const_cast<volatile int*>(floor.seen + part) = inside ? floor.shape : floor.shape | FlowFloor::OUTSIDE;
     }
 }
 

@@ -146,15 +146,11 @@ struct ToPixels {
 
 // Writes the rows of Trail.motions that a shape has, and its pose now to `after`, if not null: `before` itself or another.
 // DEPTHS: the fourth tells depths, too, not only what rests.
-template <bool MOVES, bool DEPTHS, class Trail, class Shapes>
-WARPCAM_FN void compose_motion(const Trail& trail, const Shapes& shapes, const Camera& now, const Camera& then, int world,
-                               int shape, bool pinhole, bool scaled, bool brief, const Row* before, Row* after, Row* motion)
+template <bool MOVES, bool DEPTHS, class Trail>
+WARPCAM_FN void compose_motion(const Trail& trail, const ShapePose& old, const ShapePose& pose, int kind, int state,
+                               const Camera& now, const Camera& then, bool pinhole, bool scaled, bool brief,
+                               const Row* before, Row* after, Row* motion)
 {
-    // All is loaded before the first decision: memory is waited for once.
-    const ShapePose old = pose_before(before), pose = pose_now(shapes, world, shape);
-    const int state = wp::index(trail.known, world), kind = wp::index(shapes.types, shape);
-    if (wp::index(shapes.places, shape) < 0 && kind != SPLATS)
-        return;
     const float steps = DEPTHS && brief ? steps_of(kind, pose, now, pinhole) : 0.0f;
     if (state == NEW) {
         put_unknown(motion);
@@ -235,6 +231,19 @@ WARPCAM_FN void compose_motion(const Trail& trail, const Shapes& shapes, const C
     }
 }
 
+// The same for a shape whose pose then is `before`.
+template <bool MOVES, bool DEPTHS, class Trail, class Shapes>
+WARPCAM_FN void compose_motion_of(const Trail& trail, const Shapes& shapes, const Camera& now, const Camera& then, int world,
+                                  int shape, bool pinhole, bool scaled, bool brief, const Row* before, Row* after, Row* motion)
+{
+    // All is loaded before the first decision: memory is waited for once.
+    const ShapePose old = pose_before(before), pose = pose_now(shapes, world, shape);
+    const int state = wp::index(trail.known, world), kind = wp::index(shapes.types, shape);
+    if (wp::index(shapes.places, shape) < 0 && kind != SPLATS)
+        return;
+    compose_motion<MOVES, DEPTHS>(trail, old, pose, kind, state, now, then, pinhole, scaled, brief, before, after, motion);
+}
+
 // A shape of a world by a thread; `index` counts worlds, then shapes.
 template <class Shapes, class Views, class Mask, class Trail>
 WARPCAM_FN void write_motion(const Shapes& shapes, const Views& views, const Mask& mask, const Trail& trail, bool pinhole,
@@ -249,9 +258,9 @@ WARPCAM_FN void write_motion(const Shapes& shapes, const Views& views, const Mas
     Row* before = reinterpret_cast<Row*>(trail.before.data) + 4 * size_t(unsigned(index));
     Row* after = keep ? before : nullptr;
     if (moves)
-        compose_motion<true, true>(trail, shapes, now, then, world, shape, pinhole, scaled, brief, before, after, motion);
+        compose_motion_of<true, true>(trail, shapes, now, then, world, shape, pinhole, scaled, brief, before, after, motion);
     else
-        compose_motion<false, true>(trail, shapes, now, then, world, shape, pinhole, scaled, brief, before, after, motion);
+        compose_motion_of<false, true>(trail, shapes, now, then, world, shape, pinhole, scaled, brief, before, after, motion);
 }
 
 // The same for all shapes of a world, by the threads of a block, into its shared memory; the last threads do it, since the
@@ -267,9 +276,9 @@ WARPCAM_FN void compose_motions(const Trail& trail, const Shapes& shapes, const 
     const Row* before = in_first ? one : other;
     Row* after = const_cast<Row*>(in_first ? other : one);
     for (int shape = THREADS - 1 - thread; shape < trail.columns; shape += THREADS)
-        compose_motion<false, DEPTHS>(trail, shapes, now, then, world, shape, LENS == PINHOLE, (TYPES >> SCALED & 1) != 0,
-                              (WANTED & FLOW_BRIEF) != 0, before + 4 * shape, keep ? after + 4 * shape : nullptr,
-                              motions + motion_rows<false>() * (shape + 1));
+        compose_motion_of<false, DEPTHS>(trail, shapes, now, then, world, shape, LENS == PINHOLE, (TYPES >> SCALED & 1) != 0,
+                                         (WANTED & FLOW_BRIEF) != 0, before + 4 * shape, keep ? after + 4 * shape : nullptr,
+                                         motions + motion_rows<false>() * (shape + 1));
     if (thread == THREADS - 1)  // of nothing, which rests
         put_row(motions, 3, { 0.0f, 0.0f, -1.0f }, (WANTED & FLOW_BRIEF) ? 0.0f : as_float(STILL));
 }

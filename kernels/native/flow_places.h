@@ -236,7 +236,7 @@ struct FlowPlaces {
         Word* other = reinterpret_cast<Word*>(trail.kept_second.data) + first;
         words = in_first ? one : other;
         kept = in_first ? other : one;
-        if constexpr (FLOORED && !WHOLE) {
+        if constexpr (FLOORED) {
             const size_t parts = size_t(world) * FlowFloor::parts_of(trail.width, trail.height);
             unsigned char* these = trail.floor_first.data + parts;
             unsigned char* those = trail.floor_second.data + parts;
@@ -247,14 +247,44 @@ struct FlowPlaces {
             motions = reinterpret_cast<const Row*>(trail.motions.data) + size_t(world) * trail.columns * ROWS;
     }
 
+    // The motion of a shape where a stage has composed it.
+    struct Composed {
+        const Row* rows;
+        WARPCAM_FN Row at(unsigned row) const { return load(rows, row); }
+    };
+    template <class Trail> WARPCAM_FN static Composed composed(const Trail& trail, int world, int shape)
+    {
+        const size_t index = size_t(unsigned(world * trail.columns + shape));
+        return { reinterpret_cast<const Row*>(trail.motions.data) + index * ROWS };
+    }
+
+    // Has all motions on their way that a stage has composed; for all threads of a block.
+    template <class Trail> WARPCAM_FN void fetch_motions(const Trail& trail, int world, int thread)
+    {
+        const Row* rows = reinterpret_cast<const Row*>(trail.motions.data) + size_t(unsigned(world * trail.columns * ROWS));
+        for (int i = thread; i < trail.columns * ROWS; i += THREADS)
+            copy_row(near_motions + ROWS + i, rows + i);
+        if (thread == 0)  // of nothing, which rests
+            near_motions[3] = { 0.0f, 0.0f, -1.0f, (WANTED & FLOW_BRIEF) ? 0 : STILL };
+    }
+
     // Has all words on their way, if they are to be near; for all threads of a block.
-    WARPCAM_FN void fetch(int thread)
+    template <class Shapes, class Trail> WARPCAM_FN void fetch(const Shapes& shapes, const Trail& trail, int thread)
     {
         if constexpr (FLOORED && NEAR) {
             const int row = thread - LANES;  // those who look for floors in them
-            if (unsigned(row) < unsigned(HEIGHT))
-                for (int k = 0; k < WIDTH / 8; ++k)
-                    copy_row(near_words + NEAR_ROW * row + 8 * k, words + 8 * (HEIGHT * k + row));
+            if (unsigned(row) < unsigned(HEIGHT)) {
+                const auto shown = several<FlowFloor::SIZE / FlowFloor::PART>(
+                    floor.parts_then + row / FlowFloor::PART * (FlowFloor::SIZE / FlowFloor::PART));
+                const unsigned both = FlowFloor::word(floor_of(shapes, trail.columns)) * 0x00010001u;
+                for (int k = 0; k < WIDTH / 8; ++k) {
+                    Word* here = near_words + NEAR_ROW * row + 8 * k;
+                    if (shown.at[k])
+                        *reinterpret_cast<Several<unsigned, 4>*>(here) = { { both, both, both, both } };
+                    else
+                        copy_row(here, words + 8 * (HEIGHT * k + row));
+                }
+            }
         } else if (NEAR) {
             for (int i = thread; i < WIDTH * HEIGHT / 8; i += THREADS)
                 copy_row(near_words + NEAR_ROW * (i % HEIGHT) + 8 * (i / HEIGHT), words + 8 * i);

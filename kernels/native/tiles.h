@@ -20,6 +20,8 @@ constexpr int analytic_types(int types)
 
 // What a region's rays are tested against. Ranks run from near to far.
 template <int CAPACITY> struct ShapeList {
+    static constexpr int ROOM = CAPACITY;
+
     Record records[CAPACITY];
     int nearest[CAPACITY];          // by slot; the bits of a depth, which are in order
     int ids[CAPACITY];              // by slot
@@ -36,6 +38,8 @@ template <int CAPACITY> struct ShapeList {
 #if defined(__CUDA_ARCH__)
     EndlessFloor floor;
 #endif
+
+    WARPCAM_FN const Record& at_rank(int rank) const { return records[order[rank]]; }
 };
 
 // Gives each slot its rank, which note(slot, rank) is told. The order does not depend on who came first; of shapes at one
@@ -126,30 +130,30 @@ WARPCAM_FN unsigned find_meshes(unsigned mask, const Record* records, const unsi
 }
 
 // Which of LANES ranks from `begin` on touch a tile, but meshes; a bit each. By a whole warp.
-template <int TYPES, int CAPACITY> WARPCAM_FN unsigned touching(const ShapeList<CAPACITY>& list, int begin, unsigned steps)
+template <int TYPES, class List> WARPCAM_FN unsigned touching(const List& list, int begin, unsigned steps)
 {
     const int rank = begin + threadIdx.x % LANES;
-    return __ballot_sync(ALL, list.tiles[rank].touches(steps) && !is_mesh<TYPES>(list.records[list.order[rank]]));
+    return __ballot_sync(ALL, list.tiles[rank].touches(steps) && !is_mesh<TYPES>(list.at_rank(rank)));
 }
 
 // Does one of the ranks beyond the first LANES touch a tile?
-template <int TYPES, int CAPACITY> WARPCAM_FN bool touching_more(const ShapeList<CAPACITY>& list, unsigned steps)
+template <int TYPES, class List> WARPCAM_FN bool touching_more(const List& list, unsigned steps)
 {
-    for (int begin = LANES; CAPACITY > LANES && begin < list.count; begin += LANES)
+    for (int begin = LANES; List::ROOM > LANES && begin < list.count; begin += LANES)
         if (touching<TYPES>(list, begin, steps))
             return true;
     return false;
 }
 
 // The nearest of all shapes but meshes, of TALL tiles one below the other; of each a lane has a ray. `mask`: touching().
-template <int TYPES, int TALL, class Ray_, int CAPACITY, class HeightFields>
-WARPCAM_FN void trace_tiles(const ShapeList<CAPACITY>& list, unsigned steps, unsigned mask, const Ray_ (&rays)[TALL],
+template <int TYPES, int TALL, class Ray_, class List, class HeightFields>
+WARPCAM_FN void trace_tiles(const List& list, unsigned steps, unsigned mask, const Ray_ (&rays)[TALL],
                             float near, const HeightFields& fields, Hit (&hits)[TALL])
 {
     int begin = 0;
     while (true) {
         for (; mask; mask &= mask - 1) {
-            const Record& record = list.records[list.order[begin + lowest_bit(mask)]];
+            const Record& record = list.at_rank(begin + lowest_bit(mask));
             float farthest = hits[0].depth;
             for (int k = 1; k < TALL; ++k)
                 farthest = upper(farthest, hits[k].depth);
@@ -174,7 +178,7 @@ WARPCAM_FN void trace_tiles(const ShapeList<CAPACITY>& list, unsigned steps, uns
             }
         }
         begin += LANES;
-        if (CAPACITY <= LANES || begin >= list.count)
+        if (List::ROOM <= LANES || begin >= list.count)
             return;
         mask = touching<TYPES>(list, begin, steps);
     }

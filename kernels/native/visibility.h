@@ -66,13 +66,13 @@ WARPCAM_FN int gather(ShapeList<CAPACITY>& list, int begin, const Shapes& shapes
 #if defined(__CUDA_ARCH__)
 
 // Draws the tiles of a region against the list, a warp TALL of them at once, one below the other.
-template <int TYPES, int LENS, int CAPACITY, class Canvas_, class Meshes, class HeightFields>
-WARPCAM_FN void draw_tiles(ShapeList<CAPACITY>& list, const Canvas_& canvas, const Meshes& meshes,
+template <int TYPES, int LENS, class List, class Canvas_, class Meshes, class HeightFields>
+WARPCAM_FN void draw_tiles(List& list, const Canvas_& canvas, const Meshes& meshes,
                            const HeightFields& fields, bool first_pass)
 {
     constexpr int TALL = Canvas_::TALL;
     constexpr bool HAS_MESH = TYPES >> MESH & 1, HAS_THREES = Canvas_::THREES != 0;
-    WARPCAM_SHARED typename MeshRaysOf<HAS_MESH ? CAPACITY : 1>::type rays[HAS_MESH ? THREADS / LANES : 1];
+    WARPCAM_SHARED typename MeshRaysOf<HAS_MESH ? List::ROOM : 1>::type rays[HAS_MESH ? THREADS / LANES : 1];
     WARPCAM_SHARED float4 lanes[HAS_THREES ? THREADS / LANES : 1][TALL * 3 * LANES / 4];
     int lane = threadIdx.x % LANES;
     const int warp = threadIdx.x / LANES;
@@ -123,12 +123,12 @@ WARPCAM_FN void draw_tiles(ShapeList<CAPACITY>& list, const Canvas_& canvas, con
         meet();
         if (!canvas.put_floor(i, j, hit, lane))
             canvas.put_tiles(i, j, ray, hit, first_pass, row_of_lanes);
-        if (HAS_MESH)
+        if constexpr (HAS_MESH)
             found = find_rays<TYPES>(rays[HAS_MESH ? warp : 0], list, column, row, ray[0], near_of(ray[0], near), meshes,
                                      hit[0].depth);
         return true;
     };
-    if (HAS_MESH) {
+    if constexpr (HAS_MESH) {
         const auto ray_of = [&](int pixel) { return canvas.ray(region.left + pixel % 64, region.top + pixel / 64); };
         const auto store = [&](int pixel, const Hit& hit) {
             canvas.put_new(region.left + pixel % 64, region.top + pixel / 64, hit, false);
@@ -153,8 +153,9 @@ WARPCAM_FN void draw_apart(ShapeList<CAPACITY>& list, const Canvas_& canvas, con
         canvas.begin(thread);
         canvas.ready();
         arrive_at<MOTIONS_THERE, THREADS>();
+        canvas.follow_floor(canvas.camera);
         wait_at<SHAPES_SORTED, THREADS>();
-        canvas.look_at_floor();
+        canvas.template look_at_floor<LANES>(thread % LANES);
     } else {
         if (thread < LANES) {
             if (!blind)
@@ -283,7 +284,7 @@ WARPCAM_FN void draw_with(const Shapes& shapes, const Materials& materials, cons
 {
     static_assert(!names_slots(OUTPUTS) || analytic_types(TYPES) == TYPES);
     constexpr bool FLOWING = (OUTPUTS & FLOWS) != 0;
-    using Canvas_ = Canvas<TYPES, LENS, OUTPUTS, CAPACITY, tiles_at_once(TYPES, WIDTH, HEIGHT), Target, Shapes, Near>;
+    using Canvas_ = Canvas<TYPES, LENS, OUTPUTS, ShapeList<CAPACITY>, tiles_at_once(TYPES, WIDTH, HEIGHT), Target, Shapes, Near>;
     using Room = DrawRoom<CAPACITY, Canvas_::LINED ? WIDTH + HEIGHT : 1, Near, typename Canvas_::Facings_>;
     WARPCAM_SHARED Room shared;
     Room& room = by_address(shared);
@@ -313,7 +314,7 @@ WARPCAM_FN void draw_with(const Shapes& shapes, const Materials& materials, cons
         return;
     block_barrier();
     if constexpr (FLOWING)
-        places.fetch(thread);
+        places.fetch(shapes, target.trail, thread);
     if constexpr (Canvas_::LINED)
         for (int n = thread; thread < THREADS - LANES && n < WIDTH + HEIGHT; n += THREADS - LANES)  // see draw_apart()
             room.lines[n] = n < WIDTH ? image_x(camera, float(region.left + n)) : image_y(camera, float(region.top + n - WIDTH));

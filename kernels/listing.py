@@ -1,0 +1,194 @@
+"""The stage that writes a camera's views and lists the shapes that each of its images may show, for the trace.
+
+Only on CUDA, where a world has few shapes, none of them a mesh or a height field, and a block of the trace draws a
+whole image (native/sorted.h). A block of the trace would list them with one warp while the others wait.
+"""
+
+import functools
+from collections.abc import Collection
+from typing import Any
+
+import warp as wp
+
+from . import visibility
+from .flow import Trail, brief
+from .launch import Stage, native_module, record
+from .tables import Tables
+from .types import HEIGHT_FIELD, LOOKS_ALONE, MESH, HeightFields, Materials, Meshes, Shapes, View
+from .views import LensTable, Mount, Opening, count_frame, turned_over, view_of
+from .visibility import FLOW, FLOW_VALID, LENSES, list_capacity
+
+# Outputs that such a trace writes; the others need what it does not list.
+OUTPUTS = frozenset(
+    ("depth", "segmentation", "distance", "points", "bodies", "instances", "semantics", "flow", "flow_valid")
+)
+HEAD_ROWS, RECORD_ROWS = 17, 5  # of a SortedList: native/sorted.h
+LANES = 32
+FEW = 24  # shapes a world: with more the stage takes longer than it spares, but where validity is wanted
+SHAPE_THREADS = 128  # of a block, beside LANES for the views: THREADS of native/lanes.h
+
+
+@functools.cache
+def _kernel(types: int, lens: int, capacity: int, wanted: int) -> wp.Kernel:
+    function = f"list_worlds<{types}, {lens}, {capacity}, {wanted}>"
+
+    @wp.func_native(
+        f"warpcam::{function}(then, now, state, shapes, materials, meshes, fields, trail, lists, faults, columns, "
+        "width, height, opens, brief, world, worlds, thread);"
+    )
+    def list_worlds(
+        then: View,
+        now: View,
+        state: int,
+        shapes: Shapes,
+        materials: Materials,
+        meshes: Meshes,
+        fields: HeightFields,
+        trail: Trail,
+        lists: wp.array(dtype=wp.vec4),
+        faults: wp.array(dtype=wp.uint8),
+        columns: int,
+        width: int,
+        height: int,
+        opens: int,
+        brief: int,
+        world: int,
+        worlds: int,
+        thread: int,
+    ): ...
+
+    @wp.kernel(
+        module="unique",
+        enable_backward=False,
+        grid_stride=False,
+        launch_bounds=(SHAPE_THREADS + LANES, 5),
+        module_options=native_module("sorted.h"),
+    )
+    def write_views_and_lists(
+        opens: wp.int32,
+        opening: Opening,
+        mount: Mount,
+        lens: LensTable,
+        mask: wp.array(dtype=wp.uint8),
+        faults: wp.array(dtype=wp.uint8),
+        views: wp.array(dtype=View),
+        shapes: Shapes,
+        materials: Materials,
+        meshes: Meshes,
+        fields: HeightFields,
+        trail: Trail,
+        lists: wp.array(dtype=wp.vec4),
+        columns: wp.int32,
+        brief: wp.int32,
+        threads: wp.int32,
+        worlds_each: wp.int32,
+        first: wp.int32,
+    ):
+        index = first + wp.tid()
+        block = index // threads
+        thread = index - block * threads
+        begin = block * worlds_each
+        worlds = wp.min(worlds_each, views.shape[0] - begin)
+        lane = thread - (threads - 32)
+        then = View()
+        now = View()
+        state = wp.int32(0)
+        drawn = wp.bool(False)
+        if lane >= 0 and lane < worlds:
+            world = begin + lane
+            drawn = opens != 0 and opening.everything != 0
+            if not drawn:
+                drawn = mask[world] != wp.uint8(0)
+            if drawn:
+                state = wp.int32(1)
+                if trail.known.shape[0] > 0:
+                    state = wp.int32(trail.known[world])
+                then = views[world]
+                if opens != 0:
+                    faults[world] = wp.uint8(0)
+                now = view_of(world, mount, lens, faults)
+                views[world] = now
+                if opens != 0 and trail.known.shape[0] > 0:
+                    state = turned_over(state)
+        list_worlds(
+            then,
+            now,
+            state,
+            shapes,
+            materials,
+            meshes,
+            fields,
+            trail,
+            lists,
+            faults,
+            columns,
+            lens.width,
+            lens.height,
+            opens,
+            brief,
+            begin,
+            worlds,
+            thread,
+        )
+        if drawn and opens != 0:  # nothing waits for this
+            mask[begin + lane] = wp.uint8(1)
+            if opening.known.shape[0] > 0:
+                opening.known[begin + lane] = wp.uint8(turned_over(wp.int32(opening.known[begin + lane])))
+            count_frame(begin + lane, opening)
+
+    return write_views_and_lists
+
+
+def capacity_of(
+    tables: Tables, projection: str, width: int, height: int, outputs: Collection[str], device: wp.Device
+) -> int:
+    """How many shapes such a list has room for; 0 where there is none."""
+    most = LANES if "flow_valid" in outputs else FEW
+    few = 0 < tables.num_drawn <= most and tables.num_shapes <= list_capacity(tables.num_drawn)
+    plain = {MESH, HEIGHT_FIELD}.isdisjoint(tables.shape_types) and tables.splats is None and not tables.ids_by_world
+    if not (device.is_cuda and few and plain and projection != "rays" and OUTPUTS.issuperset(outputs)):
+        return 0
+    whole = visibility.region_size(tables, tables.num_worlds, width, height, device) == (width, height)
+    return list_capacity(tables.num_drawn) if whole else 0
+
+
+def rows_of(capacity: int) -> int:
+    """Rows of four words that the list of a world has."""
+    return HEAD_ROWS + RECORD_ROWS * capacity if capacity else 0
+
+
+def record_lists(
+    opening: Any,
+    mount: Any,
+    lens: Any,
+    mask: wp.array,
+    faults: wp.array,
+    views: wp.array,
+    tables: Tables,
+    projection: str,
+    lists: wp.array,
+    trail: Any,
+    depths: bool,
+    device: wp.Device,
+) -> Stage:
+    """Bind the stage, which does what that of ``record_views`` does, too, and that of ``record_motions``.
+
+    Args:
+        opening: Of ``record_views``, as ``mount``, ``lens``, ``mask``, ``faults`` and ``views``.
+        tables: The scene.
+        projection: "pinhole" or "orthographic".
+        lists: vec4, (world, row); written.
+        trail: Trail, whose motions are composed; None: none are.
+        depths: ``flow_valid`` is wanted.
+        device: Where all of these lie.
+    """
+    opens = int(opening is not None)
+    opening = Opening() if opening is None else opening
+    each, threads = min(LANES, SHAPE_THREADS // tables.num_shapes), SHAPE_THREADS + LANES
+    types = sum(1 << t for t in tables.shape_types - LOOKS_ALONE)
+    wanted = 0 if trail is None else FLOW | FLOW_VALID * depths
+    kernel = _kernel(types, LENSES[projection], list_capacity(tables.num_drawn), wanted)
+    inputs = [opens, opening, mount, lens, mask, faults, views, tables.shapes, tables.materials, tables.meshes]
+    inputs += [tables.height_fields, Trail() if trail is None else trail, lists.flatten(), tables.num_shapes]
+    inputs += [int(brief(tables)), threads, each]
+    return record(kernel, threads * -(-tables.num_worlds // each), inputs, device, block_dim=threads)

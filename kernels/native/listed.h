@@ -1,0 +1,67 @@
+// The trace of images whose shapes have been listed.
+#pragma once
+#include "sorted.h"
+#include "visibility.h"
+
+namespace warpcam {
+
+#if defined(__CUDA_ARCH__)
+
+// What a block shares.
+template <class List, int LINES, class Places_, class Facings_> struct ListedRoom {
+    List list;
+    Places_ places;
+    Facings_ facings;
+    float lines[LINES];  // see Canvas
+};
+
+// As draw(), of a whole image by a block.
+template <int TYPES, int LENS, int CAPACITY, bool SEVERAL, int WIDTH, int HEIGHT, int OUTPUTS, class Shapes,
+          class Materials, class Meshes, class HeightFields, class Views, class Target>
+WARPCAM_FN void draw_listed(const Shapes& shapes, const Materials&, const Meshes& meshes, const HeightFields& fields,
+                            const Views&, const Target& target, int index)
+{
+    static_assert(!SEVERAL && (OUTPUTS & FLOW_WHOLE) && !names_slots(OUTPUTS));
+    constexpr bool FLOWING = (OUTPUTS & FLOWS) != 0;
+    using List = SortedList<CAPACITY>;
+    using Near = typename Places<OUTPUTS, WIDTH, HEIGHT, (OUTPUTS & FLOW_LISTED) ? CAPACITY : 0,
+                                 looks_at_floors(TYPES, LENS, OUTPUTS, CAPACITY, WIDTH, HEIGHT)>::type;
+    using Canvas_ = Canvas<TYPES, LENS, OUTPUTS, List, tiles_at_once(TYPES, WIDTH, HEIGHT), Target, Shapes, Near>;
+    using Room = ListedRoom<List, Canvas_::LINED ? WIDTH + HEIGHT : 1, Near, typename Canvas_::Facings_>;
+    WARPCAM_SHARED Room shared;
+    Room& room = by_address(shared);
+    const int thread = index % THREADS, world = same_of_warp(index / THREADS);
+    const bool wanted = wp::index(target.mask, world);
+    const List* from = reinterpret_cast<const List*>(target.lists.data) + world;
+    for (int i = thread; i < List::rows_of(shapes.drawn.shape[0]); i += THREADS)
+        copy_row(reinterpret_cast<Row*>(&room.list) + i, reinterpret_cast<const Row*>(from) + i);
+    if constexpr (FLOWING)
+        room.places.fetch_motions(target.trail, world, thread);
+    if (!wanted) {
+        await_rows();
+        return;
+    }
+    const bool finds = thread >= LANES && thread < THREADS - LANES;
+    if constexpr ((OUTPUTS & FLOW_VALID) != 0)
+        if (finds || !Near::LOOKS_AT_FLOORS) {
+            room.places.locate(target.trail, world);  // all write the same
+            room.places.fetch(shapes, target.trail, thread);
+        }
+    if constexpr (Canvas_::LINED)
+        for (int n = thread; n < WIDTH + HEIGHT; n += THREADS)
+            room.lines[n] = n < WIDTH ? image_x(from->camera, float(n)) : image_y(from->camera, float(n - WIDTH));
+    const Canvas_ canvas { target,     shapes,       room.list, room.list.camera, { 0, 0, WIDTH, HEIGHT }, world, room.places,
+                           room.facings, room.lines, room.lines + (Canvas_::LINED ? WIDTH : 0) };
+    if (finds)
+        canvas.find_floor(thread - LANES);
+    else if (thread >= THREADS - LANES)
+        canvas.follow_floor(from->camera);
+    await_rows();
+    block_barrier();
+    canvas.template look_at_floor<THREADS>(thread);
+    draw_tiles<TYPES, LENS>(room.list, canvas, meshes, fields, true);
+}
+
+#endif
+
+}  // namespace warpcam

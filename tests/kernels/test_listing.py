@@ -1,0 +1,97 @@
+"""Shapes listed by the stage that writes views: the same images as where each block of the trace lists them.
+
+On a CPU there is one way, so that these tests say something on a GPU alone.
+"""
+
+import numpy as np
+import pytest
+import scenes
+import warp as wp
+from warpcam.kernels import listing, visibility
+
+import warpcam as wc
+
+SHAPES = """
+  <geom type="plane" size="{floor}" pos="0 0 -.4"/>
+  <geom type="sphere" size=".2" pos="-.7 .3 0" rgba="1 1 1 0"/>
+  <geom type="capsule" size=".1 .3" pos="-.3 .2 0" euler="20 30 0"/>
+  <geom type="ellipsoid" size=".25 .1 .3" pos="0 -.3 .1" euler="0 40 0" rgba="1 1 1 .5"/>
+  <body><freejoint/><geom type="cylinder" size=".15 .2" pos=".3 .3 0" euler="60 0 10"/></body>
+  <body><freejoint/><geom type="box" size=".2 .1 .25" pos=".7 0 .1" euler="10 20 30"/></body>
+  <geom type="sphere" size=".2" pos="0 9 0"/>
+"""
+OUTPUTS = ("depth", "segmentation", "distance", "points", "bodies")
+FLOWING = ("depth", "segmentation", "flow", "flow_valid")
+
+
+def frames(floor: str, lens: wc.Pinhole | wc.Orthographic, outputs: tuple[str, ...]) -> list[dict[str, np.ndarray]]:
+    """What nine worlds show: all, some of them, one that is broken, and all again; on the current device."""
+    mjm = scenes.compile_xml(SHAPES.format(floor=floor))
+    m, d = scenes.put(mjm, 9)
+    camera = scenes.own_camera(
+        width=64,
+        height=64,
+        lens=lens,
+        outputs=outputs,
+        position=(0.0, -2.0, 0.6),
+        rotation=scenes.looking((0.0, -2.0, 0.6), (0.0, 0.0, 0.0)),
+    )
+    other = wc.Camera(
+        "other", width=32, height=16, outputs=("rgb",), position=(0.0, 0.0, 3.0), lens=wc.Pinhole(fovy=60.0)
+    )
+    renderer = wc.Renderer(wc.from_mujoco_warp(mjm, m, d), [camera, other])
+    seen = []
+    poses = d.geom_xpos.numpy()
+    for step, worlds in enumerate((None, None, [0, 4, 8], None, None)):
+        poses[:, 4:6, 0] += 0.02
+        poses[5, 5, 1] = np.nan if step == 3 else 0.0
+        d.geom_xpos.assign(poses)
+        seen.append(scenes.on_host(renderer.render(worlds)["eye"]))
+        seen[-1]["faulty"] = renderer.faulty.cpu().numpy().copy()
+        seen[-1]["frames"] = renderer.frames.cpu().numpy().copy()
+    return seen
+
+
+@pytest.mark.parametrize("floor", ["1.2 1.5 1", "0 0 1"])  # an endless one is met before all else
+@pytest.mark.parametrize("lens", [wc.Pinhole(fovy=60.0), wc.Orthographic(height=2.5)], ids=("pinhole", "orthographic"))
+@pytest.mark.parametrize("outputs", [OUTPUTS, FLOWING, ("flow", "depth")], ids="+".join)
+def test_listed_ahead_or_by_the_blocks(
+    outputs: tuple[str, ...],
+    lens: wc.Pinhole | wc.Orthographic,
+    floor: str,
+    device: wp.Device,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(visibility, "region_size", lambda *_, **__: (64, 64))
+    found = frames(floor, lens, outputs)
+    monkeypatch.setattr(listing, "capacity_of", lambda *_: 0)
+    expected = frames(floor, lens, outputs)
+    assert expected[3]["faulty"].tolist() == [0, 0, 0, 0, 0, 1, 0, 0, 0]
+    assert expected[4]["frames"].tolist() == [5, 4, 4, 4, 5, 4, 4, 4, 5]
+    assert len(np.unique(expected[0]["depth"])) > 100
+    for mine, theirs in zip(found, expected, strict=True):
+        for name, image in theirs.items():
+            if name == "flow":
+                np.testing.assert_allclose(mine[name], image, atol=1e-4, rtol=1e-5)
+            elif name == "flow_valid":
+                assert (mine[name] == image).mean() > 0.998
+            else:
+                np.testing.assert_array_equal(mine[name], image)
+    assert "flow" not in outputs or all(np.abs(frame["flow"]).max() > 0.1 for frame in expected[1:])
+
+
+def test_what_is_listed_ahead(device: wp.Device) -> None:
+    tables = wc.from_mujoco_warp(*_put(scenes.compile_xml(SHAPES.format(floor="0 0 1")))).tables()
+    listed = listing.capacity_of(tables, "pinhole", 16, 8, ("depth", "flow"), device)
+    assert listed == (16 if device.is_cuda else 0)
+    assert listing.capacity_of(tables, "pinhole", 16, 8, ("depth", "normals"), device) == 0
+    assert listing.capacity_of(tables, "rays", 16, 8, ("depth",), device) == 0
+    assert listing.capacity_of(tables, "pinhole", 640, 480, ("depth",), device) == 0
+    more = "".join(f'<geom size=".1" pos="{i} 0 0"/>' for i in range(20))
+    tables = wc.from_mujoco_warp(*_put(scenes.compile_xml(SHAPES.format(floor="0 0 1") + more))).tables()
+    assert listing.capacity_of(tables, "pinhole", 16, 8, ("depth", "flow"), device) == 0
+    assert listing.capacity_of(tables, "pinhole", 16, 8, ("flow_valid",), device) == (32 if device.is_cuda else 0)
+
+
+def _put(mjm: object) -> tuple[object, object, object]:
+    return (mjm, *scenes.put(mjm, 2))
