@@ -146,8 +146,7 @@ class Scratch:
     def phases_of_turns(self, images: Lenders, late: Mapping[str | int, Collection[str]], turns: int) -> list[Turns]:
         """The same in larger phases, each of several turns.
 
-        Whatever stages of them run side by side, the last of one turn wait for the last of the turn before, and for all
-        but the last of the turns after it.
+        The last stages of a turn must wait for all stages of the turns before, which may have buffers where they write.
 
         Args:
             images: As above.

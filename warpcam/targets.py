@@ -11,7 +11,7 @@ from warpcam.kernels import antialias, listing, mirrors, resolve, shadow, splats
 from warpcam.kernels.launch import Group, Stage
 from warpcam.kernels.layers import LayerTables, Mirror
 from warpcam.kernels.tables import Tables
-from warpcam.kernels.types import View
+from warpcam.kernels.types import HEIGHT_FIELD, MESH, View
 from warpcam.layers import mirrors_of, veils_of
 from warpcam.lens import Projection
 from warpcam.outputs import OUTPUTS, smooth_outputs, traced_as
@@ -290,7 +290,9 @@ def _late_images(camera: Camera, tables: Tables) -> set[str]:
     # of other worlds, and not after that of all.
     if veils_of(camera, tables) or smooth_outputs(camera.outputs, camera.antialiasing):
         return set()
-    return {name for name in camera.outputs if traced_as(name, tables.shape_types) is None and name != "albedo"}
+    derived = {name for name in camera.outputs if traced_as(name, tables.shape_types) is None}
+    # Without meshes and height fields the trace may paint albedo.
+    return derived if tables.shape_types & {MESH, HEIGHT_FIELD} else derived - {"albedo"}
 
 
 def _swapped(images: Mapping[str, wp.array]) -> dict[str, wp.array]:
