@@ -3,6 +3,9 @@
 On a CPU there is one way, so that these tests say something on a GPU alone.
 """
 
+from dataclasses import replace
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 import scenes
@@ -91,6 +94,14 @@ def test_what_is_listed_ahead(device: wp.Device) -> None:
     tables = wc.from_mujoco_warp(*_put(scenes.compile_xml(SHAPES.format(floor="0 0 1") + more))).tables()
     assert listing.capacity_of(tables, "pinhole", 16, 8, ("depth", "flow"), device) == 0
     assert listing.capacity_of(tables, "pinhole", 16, 8, ("flow_valid",), device) == (32 if device.is_cuda else 0)
+
+
+def test_nothing_is_listed_ahead_where_a_hidden_mesh_moves() -> None:
+    device = SimpleNamespace(is_cuda=True, sm_count=132)
+    tables = wc.from_mujoco_warp(*_put(scenes.compile_xml(SHAPES.format(floor="0 0 1")))).tables()
+    for outputs in (("depth",), ("flow", "flow_valid")):
+        assert listing.capacity_of(tables, "pinhole", 16, 8, outputs, device) == 16
+        assert listing.capacity_of(replace(tables, moving=(0,)), "pinhole", 16, 8, outputs, device) == 0
 
 
 def _put(mjm: object) -> tuple[object, object, object]:
