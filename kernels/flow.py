@@ -28,7 +28,7 @@ class Trail:
     # (word / 2 or word,) what was seen, and in the other what is seen, 16 or 32 bits a pixel; see native/flow.h
     kept_first: wp.array(dtype=wp.uint32)
     kept_second: wp.array(dtype=wp.uint32)
-    # (part,) of images other than of one whole region whose blocks look at floors: native/flow_floor.h
+    # (part,) of images whose blocks look at floors: native/flow_floor.h
     floor_first: wp.array(dtype=wp.uint8)
     floor_second: wp.array(dtype=wp.uint8)
     known: wp.array(dtype=wp.uint8)  # (world,) which of these two has what was seen, or NEW: see views.py
@@ -47,7 +47,7 @@ class Trail:
     face_start: wp.array(dtype=wp.int32)  # Meshes.face_start
     # (world, 4 for each shape): a shape's position and the rows of its rotation as they were, with its size and asset
     before: wp.array2d(dtype=wp.vec4)
-    # The same as they are, where the trace composes motions; then both change places, as words do
+    # The same as they are, where the trace or the stage of views composes motions; then both change places, as words do
     after: wp.array2d(dtype=wp.vec4)
     views_before: wp.array(dtype=View)  # (world,)
     corner_starts: wp.array(dtype=wp.int32)  # CornersBefore.starts; empty where no mesh moves

@@ -143,10 +143,10 @@ def capacity_of(
     tables: Tables, projection: str, width: int, height: int, outputs: Collection[str], device: wp.Device
 ) -> int:
     """How many shapes such a list has room for; 0 where there is none."""
-    most = LANES if "flow_valid" in outputs else FEW
-    few = 0 < tables.num_drawn <= most and tables.num_shapes <= list_capacity(tables.num_drawn)
-    plain = {MESH, HEIGHT_FIELD}.isdisjoint(tables.shape_types) and tables.splats is None and not tables.ids_by_world
-    if not (device.is_cuda and few and plain and projection != "rays" and OUTPUTS.issuperset(outputs)):
+    few = 0 < tables.num_drawn <= (LANES if "flow_valid" in outputs else FEW)
+    plain = {MESH, HEIGHT_FIELD}.isdisjoint(tables.shape_types) and not tables.ids_by_world
+    alike = visibility.composes(tables, device)  # what the stage composes is what a block would
+    if not (alike and few and plain and projection != "rays" and OUTPUTS.issuperset(outputs)):
         return 0
     whole = visibility.region_size(tables, tables.num_worlds, width, height, device) == (width, height)
     return list_capacity(tables.num_drawn) if whole else 0

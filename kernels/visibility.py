@@ -233,7 +233,7 @@ def in_order(types: int, threads: int, device: wp.Device) -> int:
 
 
 def composes(tables: Tables, device: wp.Device) -> bool:
-    """Whether each block of the trace composes by itself how the shapes have moved: where these are few."""
+    """Whether no stage of its own composes how shapes have moved, but each block of the trace or listing.py: of few."""
     few = tables.num_shapes <= list_capacity(tables.num_drawn) <= MOST_COMPOSED
     return device.is_cuda and few and not tables.moving and tables.splats is None
 

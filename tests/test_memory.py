@@ -150,8 +150,26 @@ CAMERAS = {
 def test_what_is_told_is_what_is_allocated(
     which: str, layers: str, device: wp.Device, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    scene = scene_of(device, 40, layers)
-    cameras = [camera(**options) for options in CAMERAS[which]]
+    check_ledger(scene_of(device, 40, layers), [camera(**options) for options in CAMERAS[which]], device, monkeypatch)
+
+
+@pytest.mark.parametrize("outputs", [("depth",), ("flow",), ("flow", "flow_valid")], ids="+".join)
+def test_what_is_told_is_what_is_allocated_where_shapes_are_listed_ahead(
+    outputs: tuple[str, ...], device: wp.Device, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    mjm = mujoco.MjModel.from_xml_string(
+        '<mujoco><worldbody><camera name="top" pos="0 0 5"/><geom size=".6"/><geom type="plane" size="3 3 1"/>'
+        "</worldbody></mujoco>"
+    )
+    with wp.ScopedDevice(device):
+        scene = wc.from_mujoco_warp(mjm, mjw.put_model(mjm), mjw.put_data(mjm, mujoco.MjData(mjm), nworld=40))
+    told = check_ledger(scene, [camera(width=16, height=8, outputs=outputs)], device, monkeypatch)
+    assert told.worlds == 40 * (10 + 84 + 1552 * device.is_cuda)
+
+
+def check_ledger(
+    scene: wc.Scene, cameras: list[wc.Camera], device: wp.Device, monkeypatch: pytest.MonkeyPatch
+) -> memory.Memory:
     told = wc.estimate_memory(scene, cameras)
     wc.Renderer(scene, cameras).render()  # what Warp loads once is loaded
     gc.collect()
@@ -165,6 +183,7 @@ def test_what_is_told_is_what_is_allocated(
     renderer.render(worlds=[1])
     gc.collect()
     assert ledger.held == told.total
+    return told
 
 
 def test_the_table_names_every_image_and_the_total() -> None:

@@ -59,9 +59,9 @@ class ShapesPast:
 
     Attributes:
         known: uint8, (world,): what is known of each world's last frame, see ``kernels/views.py``.
-        composed: The traces compose motions; else stages before them do.
+        composed: The traces, or the stages that list shapes, compose motions; else stages of their own do.
         rows: vec4, (world, 4 for each shape): ``kernels.flow.Trail.before``.
-        next_rows: The same, ``kernels.flow.Trail.after``; empty where traces do not compose motions.
+        next_rows: The same, ``kernels.flow.Trail.after``; empty where not ``composed``.
         corners: ``kernels.corners.CornersBefore``, or None where no mesh moves.
     """
 

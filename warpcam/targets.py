@@ -74,11 +74,6 @@ class Target:
         self.lists = wp.zeros((num_worlds, rows), dtype=wp.vec4, device=device) if rows else None
         self.past = CameraPast(camera, tables, device, self.images, listed=rows > 0) if asks(camera) else None
 
-    @property
-    def views_before(self) -> wp.array | None:
-        """View, (world,), as they were in each world's last frame, if that is kept."""
-        return None if self.past is None else self.past.views
-
     def record(
         self,
         tables: Tables,

@@ -5,8 +5,8 @@
 namespace warpcam {
 
 // What a trace writes of it: bits of visibility.py. FLOW_MOVES: some meshes move. FLOW_BRIEF: words of 16 bits.
-// FLOW_LISTED: each block composes motions, of no more shapes than it lists. FLOW_WHOLE: it draws
-// whole images. FLOW_NEAR: it has room in shared memory for what one of 16 bits a pixel showed.
+// FLOW_LISTED: each block composes motions, of no more shapes than it lists, or copies those that the stage of views has
+// composed. FLOW_WHOLE: it draws whole images. FLOW_NEAR: it has room in shared memory for what one of 16 bits a pixel showed.
 enum FlowOutput {
     FLOW = 1 << 24,
     FLOW_VALID = 1 << 25,
