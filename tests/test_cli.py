@@ -1,11 +1,14 @@
 """The command line: pictures it makes, what it says, and how it refuses."""
 
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 from PIL import Image
 
+import warpcam as wc
 from warpcam import cli, pictures, worlds
 
 TINY = """
@@ -35,6 +38,11 @@ def scene(tmp_path: Path) -> Path:
 def render(*arguments: str | Path) -> int:
     """Run ``warpcam render`` on the CPU; returns the exit code."""
     return cli.main(["render", "--device", "cpu", *map(str, arguments)])
+
+
+def test_the_package_is_the_command() -> None:
+    done = subprocess.run([sys.executable, "-m", "warpcam", "--version"], capture_output=True, text=True, timeout=120)
+    assert done.stdout == f"warpcam {wc.__version__}\n", done.stderr
 
 
 def test_render_saves_a_sheet_per_output(scene: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
