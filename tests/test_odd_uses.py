@@ -227,8 +227,13 @@ def test_stages(stage: Any) -> None:
     for exposure in ("bright", float("nan")):
         with says(f"exposure must be a finite number or None, got {exposure!r}"):
             wc.from_usd(stage, exposure=exposure)
+    with says("textures must map names to images, got list"):
+        wc.from_usd(stage, textures=["oak.png"])  # type: ignore[arg-type]
+    scene = wc.from_usd(stage, device="cpu")
     with says(f"set_poses: poses must be an array of float32, got {META}"):
-        wc.from_usd(stage, device="cpu").set_poses(["/Ball"], torch.zeros(1, 1, 7, device="meta"))
+        scene.set_poses(["/Ball"], torch.zeros(1, 1, 7, device="meta"))
+    with says("set_poses: poses must have shape (1 or 1, 1, 7), got (1,)"):
+        scene.set_poses(["/Ball"], torch.tensor(1.0))
 
 
 LIGHTS = {
