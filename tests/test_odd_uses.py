@@ -222,6 +222,8 @@ def test_stages(stage: Any) -> None:
         wc.from_usd(stage, 2**31)
     with says("semantics must map labels to whole numbers, got list"):
         wc.from_usd(stage, semantics=["ball"])  # type: ignore[arg-type]
+    with says("semantics: numbers must be of 32 bits, got 'ball': 4294967296"):
+        wc.from_usd(stage, semantics={"ball": 2**32})
     with says("double_sided must be True, False or None, got 'both'"):
         wc.from_usd(stage, double_sided="both")  # type: ignore[arg-type]
     for exposure in ("bright", float("nan")):
@@ -260,6 +262,14 @@ def lit(**changes: Any) -> wc.Scene:
 def test_lights(text: str) -> None:
     with says(text):
         lit(**LIGHTS[text])
+
+
+def test_light_from_all_around_is_not_negative() -> None:
+    newton = pytest.importorskip("newton")
+    with wp.ScopedDevice("cpu"):
+        model = newton.ModelBuilder().finalize()
+        with says("ambient must not be negative, got (0.2, 0.2, -0.1)"):
+            wc.from_newton(model, model.state(), ambient=(0.2, 0.2, -0.1))
 
 
 def test_a_light_is_on_where_it_is_told() -> None:
