@@ -321,10 +321,11 @@ def test_groups_in_chains_beside_each_other_make_the_same_images(
     monkeypatch.setattr(Interleaved, "backwards", backwards)
     made: list[Any] = []
 
-    def in_chains(self: wc.Renderer, tables: Any, images: Any, phases: Any) -> Any:
+    def in_chains(self: wc.Renderer, tables: Any, images: Any) -> Any:
         made.append(self._scratch.chains(images, rendering.PARTS))
         return made[-1]
 
+    monkeypatch.setattr(wc.Renderer, "_is_large", lambda self, pixels: True)
     monkeypatch.setattr(wc.Renderer, "_chains", in_chains)
     chained = wc.Renderer(scene, cameras)
     assert [len(chain) > 1 for chain in made[0]] == [True] * rendering.PARTS
@@ -333,6 +334,76 @@ def test_groups_in_chains_beside_each_other_make_the_same_images(
         for key, images in chained.render().items():
             for name, tensor in images.items():
                 np.testing.assert_array_equal(tensor.cpu().numpy(), expected[key][name].cpu().numpy(), err_msg=name)
+
+
+@pytest.mark.parametrize("backwards", [False, True])
+@pytest.mark.parametrize("more", ["", MIRROR, GLASS], ids=["", "mirror", "glass"])
+@pytest.mark.parametrize("outputs", [("rgb",), ("rgb", "depth", "normals"), ("hdr", "albedo", "flow")], ids="+".join)
+def test_groups_that_are_coloured_in_turns_make_the_same_images(
+    outputs: tuple[str, ...], more: str, backwards: bool, device: wp.Device, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    scene = scene_of(device, 23, more)
+    cameras = [
+        camera(outputs=outputs, shadows=True, antialiasing=4 if "normals" in outputs else 1),
+        camera("side", width=17, height=9, outputs=("rgb",), shadows=True),
+    ]
+    whole = wc.Renderer(scene, cameras)
+    whole.render()
+    expected = {key: {n: t.clone() for n, t in images.items()} for key, images in whole.render().items()}
+    monkeypatch.setattr(scratch, "ALWAYS_ALLOWED", 24 * 20 * 4 * 3)
+    monkeypatch.setattr(wc.Renderer, "_is_large", lambda self, pixels: True)
+    monkeypatch.setattr(rendering, "Frame", Interleaved)
+    monkeypatch.setattr(Interleaved, "backwards", backwards)
+    made: list[Any] = []
+
+    def counted(self: wc.Renderer, phases: Any, images: Any) -> Any:
+        late = {key: target.late_images for key, target in self._targets.items()}
+        made.append((len(phases), self._scratch.phases_of_turns(images, late, rendering.TURNS)))
+        return made[-1][1]
+
+    monkeypatch.setattr(wc.Renderer, "_fewer", counted)
+    turned = wc.Renderer(scene, cameras)
+    [(plain, phases)] = made
+    assert len(phases) <= plain
+    assert max(map(len, phases)) == rendering.TURNS
+    turned.render()
+    for _ in range(2):
+        for key, images in turned.render().items():
+            for name, tensor in images.items():
+                np.testing.assert_array_equal(tensor.cpu().numpy(), expected[key][name].cpu().numpy(), err_msg=name)
+
+
+@pytest.mark.parametrize("turns", [1, 2, 3])
+def test_what_a_turn_needs_lies_in_no_image_that_is_there(turns: int) -> None:
+    tables = scene_of("cpu", 23).tables()
+    cameras = {"top": camera(outputs=("rgb", "depth"), shadows=True), "side": camera("side", shadows=True)}
+    images = {
+        key: {name: wp.empty((23, 20, 24, 4), dtype=OUTPUTS[name].dtype) for name in each.outputs}
+        for key, each in cameras.items()
+    }
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(scratch, "ALWAYS_ALLOWED", 24 * 20 * 4 * 3)
+        block = scratch.Scratch(cameras, tables, wp.get_device("cpu"))
+    block.allocate()
+    late = {"top": ["rgb"], "side": ["rgb"]}
+    drawn: set[tuple[str | int, str, int]] = set()  # images that are there
+    for phase in block.phases_of_turns(images, late, turns):
+        portions = [portion for turn in phase for portion in turn]
+        drawn |= {(p.camera, "depth", world) for p in portions if p.camera == "top" for world in p.worlds}
+        taken: list[tuple[int, int]] = []
+        for turn in phase:
+            drawn |= {(portion.camera, "rgb", world) for portion in turn for world in portion.worlds}
+            for portion in turn:
+                for buffer in portion.buffers.values():
+                    start = buffer.ptr + portion.worlds.start * buffer.strides[0]
+                    taken.append((start, start + len(portion.worlds) * buffer.strides[0]))
+                    for key, name, world in drawn:
+                        image = images[key][name]
+                        begin = image.ptr + world * image.strides[0]
+                        assert taken[-1][1] <= begin or begin + image.strides[0] <= taken[-1][0]
+        taken.sort()
+        assert all(end <= begin for (_, end), (begin, _) in itertools.pairwise(taken))
+    assert len(drawn) == 3 * 23
 
 
 def test_no_chains_where_their_share_has_no_room_for_a_world(monkeypatch: pytest.MonkeyPatch) -> None:

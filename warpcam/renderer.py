@@ -3,7 +3,7 @@
 import itertools
 import threading
 from collections import defaultdict
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -22,14 +22,15 @@ from warpcam.memory import check_cameras, estimate_memory, require_free
 from warpcam.mounting import CameraArrays, Mounted
 from warpcam.past import ShapesPast
 from warpcam.scene import Scene
-from warpcam.scratch import Portion, Scratch
+from warpcam.scratch import Lenders, Portion, Scratch, Turns
 from warpcam.selection import Selection
-from warpcam.targets import Target
+from warpcam.targets import Stages, Target
 
 # A portion of so many pixels is drawn in so many parts side by side: one goes on while another's last pixels are waited
 # for.
 WORTH_PARTING = 2**22
 PARTS = 3
+TURNS = 2  # in which worlds of a group are coloured where that makes groups fewer
 WALKED = {MESH, HEIGHT_FIELD}  # shapes that rays walk through
 
 # While one thread records a graph, Warp counts its device as capturing: the others wait their turn.
@@ -203,23 +204,25 @@ class Renderer:
                 yield mounted.record(mask, faults, target.views, target.views_before, opening)
                 opening = None
 
-        images = {key: target.images.values() for key, target in self._targets.items()}
+        images = {key: target.images for key, target in self._targets.items()}
         clock = self._clock = self._scene.clock()
         frames: dict[bool, list[list[list[Stage]]]] = {}
         for everything in (True, False):
             opening = opening_of(everything, clock, self._tags, self._device, known)
             frames[everything] = [[list(record_views(opening))]]
             frames[everything] += self._record_motion(tables)
-            phases = list(scratch.phases(images if everything else None))
+            phases: list[Turns] = [[portions] for portions in scratch.phases(images if everything else None)]
+            chains = None
+            if everything and len(phases) > 1 and self._is_large(self._pixels(phases[0])):
+                chains = self._chains(tables, images)
+                phases = phases if chains else self._fewer(phases, images)
             if everything:
-                busiest = max((sum(map(self._pixels, phase)) for phase in phases), default=0)
-            if everything and (chains := self._chains(tables, images, phases)):
+                busiest = max(map(self._pixels, phases), default=0)
+            if chains:
                 frames[everything].append([self._record_chain(tables, chain, busiest) for chain in chains])
-                phases = []
-            for phase in phases:
-                frames[everything].append(
-                    [chain for portion in phase for chain in self._record_portion(tables, portion, len(phase), busiest)]
-                )
+            else:
+                for phase in phases:
+                    frames[everything] += self._record_phase(tables, phase, busiest)
             frames[everything] += self._record_keeping(tables)
         self._phases, self._recordings = frames, {}
         if self._shapes_past is not None:
@@ -264,47 +267,66 @@ class Renderer:
         self._recordings[stages] = recording
         return recording
 
-    def _pixels(self, portion: Portion) -> int:
-        camera = self._cameras[portion.camera]
-        return len(portion.worlds) * camera.width * camera.height
+    def _is_large(self, pixels: int) -> bool:
+        """Whether so many pixels at once are worth more than one launch of a stage."""
+        return self._device.is_cuda and pixels >= WORTH_PARTING
 
-    def _chains(
-        self, tables: Tables, images: Mapping[str | int, Iterable[wp.array]], phases: list[list[Portion]]
-    ) -> list[list[list[Portion]]] | None:
-        """Phases that need not wait for each other, where that is better than ``phases`` one after another.
+    def _pixels(self, phase: Turns) -> int:
+        portions = itertools.chain(*phase)
+        return sum(len(each.worlds) * self._area(each) for each in portions)
+
+    def _area(self, portion: Portion) -> int:
+        camera = self._cameras[portion.camera]
+        return camera.width * camera.height
+
+    def _chains(self, tables: Tables, images: Lenders) -> list[list[list[Portion]]] | None:
+        """Phases that need not wait for each other, where that is better than one after another.
 
         It is not where rays walk through meshes and terrain, which they do best while nothing else runs beside them.
         """
-        pixels = sum(map(self._pixels, phases[0])) if len(phases) > 1 else 0
-        large = self._device.is_cuda and pixels >= WORTH_PARTING
-        return self._scratch.chains(images, PARTS) if large and WALKED.isdisjoint(tables.shape_types) else None
+        return self._scratch.chains(images, PARTS) if WALKED.isdisjoint(tables.shape_types) else None
+
+    def _fewer(self, phases: list[Turns], images: Lenders) -> list[Turns]:
+        """The same phases or, if these are fewer, phases of several turns."""
+        late = {key: target.late_images for key, target in self._targets.items()}
+        in_turns = self._scratch.phases_of_turns(images, late, TURNS)
+        return in_turns if len(in_turns) < len(phases) else phases
 
     def _record_chain(self, tables: Tables, chain: list[list[Portion]], busiest: int) -> list[Stage]:
         """Stages one after another, of portions each of which waits for the one before."""
         return [
             stage
             for portion in itertools.chain(*chain)
-            for stages in self._record_portion(tables, portion, PARTS, busiest)
-            for stage in stages
+            for stages in self._record_portion(tables, portion, 1, busiest)
+            for stage in (*stages.first, *stages.last)
         ]
 
-    def _record_portion(self, tables: Tables, portion: Portion, beside: int, busiest: int) -> Iterator[list[Stage]]:
-        """Chains of stages that may run side by side.
+    def _record_phase(self, tables: Tables, phase: Turns, busiest: int) -> list[list[list[Stage]]]:
+        """Chains of stages that may run side by side, and then the last stages of other turns than the first."""
+        parts = -(-PARTS // len(phase[0])) if len(phase) == 1 else 1
+        first, *others = (
+            [stages for portion in portions for stages in self._record_portion(tables, portion, parts, busiest)]
+            for portions in phase
+        )
+        together = [[*stages.first, *stages.last] for stages in first]
+        together += [stages.first for turn in others for stages in turn]
+        return [together, *([stages.last for stages in turn] for turn in others)]
+
+    def _record_portion(self, tables: Tables, portion: Portion, parts: int, busiest: int) -> Iterator[Stages]:
+        """Its stages, in parts that may run side by side where it is large.
 
         Args:
             tables: The scene.
             portion: What they draw.
-            beside: How many portions are drawn at the same time.
+            parts: How many are worth it.
             busiest: Pixels of the phase that has most.
         """
-        key, camera = portion.camera, self._cameras[portion.camera]
+        key, area = portion.camera, self._area(portion)
         seen, projection = self._mounted[key].seen(tables), self._mounted[key].projection
-        at_once = busiest // (camera.width * camera.height)
-        large = self._device.is_cuda and self._pixels(portion) >= WORTH_PARTING and portion.buffers
-        parts = -(-PARTS // beside) if large else 1
+        parts = parts if portion.buffers and self._is_large(len(portion.worlds) * area) else 1
         bounds = [portion.worlds.start + len(portion.worlds) * i // parts for i in range(parts + 1)]
         for first, end in itertools.pairwise(bounds):
-            group = Group(range(first, end), at_once)
+            group = Group(range(first, end), busiest // area)
             yield self._targets[key].record(
                 seen, projection, group, portion.buffers, self._selection.mask, self._faults
             )

@@ -4,10 +4,15 @@ A camera goes through it with one group of worlds after another, so that a frame
 images. All cameras use one block. While all worlds are drawn, images that are not drawn yet lend their memory, too,
 which makes groups large: the larger, the better they fill the device. Where only some worlds are drawn the others'
 images must stay, and there is only the block.
+
+Images that only the last stages write can lend to worlds of their own group, too: the group is then coloured in turns,
+and what is needed for one turn lies where later turns' images will be.
 """
 
-from collections.abc import Hashable, Iterable, Iterator, Mapping, Sequence
+import itertools
+from collections.abc import Collection, Hashable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Any, TypeVar
 
 import warp as wp
@@ -27,6 +32,8 @@ ALIGNMENT = 256  # of a buffer [bytes]
 SHAPE_IDS = {wp.int8: 127, wp.int16: 2**15, wp.int32: 2**31}  # up to how many shapes
 
 Name = TypeVar("Name", bound=Hashable)
+Lenders = Mapping[str | int, Mapping[str, wp.array]]  # images by camera and name
+Buffer = tuple[str | int, int, str]  # camera, first world and name
 
 
 def buffers_of(camera: Camera, tables: Tables) -> dict[str, Any]:
@@ -100,6 +107,9 @@ class Portion:
     buffers: Mapping[str, wp.array]
 
 
+Turns = list[list[Portion]]  # of a phase
+
+
 class Scratch:
     """The block, and the portions that the cameras are drawn in.
 
@@ -123,18 +133,30 @@ class Scratch:
     def allocate(self) -> None:
         self._block = wp.empty(self.size, dtype=wp.uint8, device=self._device)
 
-    def phases(self, images: Mapping[str | int, Iterable[wp.array]] | None) -> Iterator[list[Portion]]:
+    def phases(self, images: Lenders | None) -> Iterator[list[Portion]]:
         """What is drawn together, phase after phase, as much in each as there is room for.
 
         Args:
             images: Of all cameras, in the order of drawing, where all worlds are drawn; None where other worlds' images
                 must stay.
         """
-        start = self._block.ptr or 0
-        total = len(self._cameras) * self._tables.num_worlds
-        yield from self._portions(0, total, Piece(start, start + self.size), images)
+        for turns in self._phases(0, self._total, self._whole, images):
+            yield turns[0]
 
-    def chains(self, images: Mapping[str | int, Iterable[wp.array]], count: int) -> list[list[list[Portion]]] | None:
+    def phases_of_turns(self, images: Lenders, late: Mapping[str | int, Collection[str]], turns: int) -> list[Turns]:
+        """The same in larger phases, each of several turns.
+
+        Whatever stages of them run side by side, the last of one turn wait for the last of the turn before, and for all
+        but the last of the turns after it.
+
+        Args:
+            images: As above.
+            late: Names of the images that nothing but the last stages writes.
+            turns: How many.
+        """
+        return list(self._phases(0, self._total, self._whole, images, late, turns))
+
+    def chains(self, images: Lenders, count: int) -> list[list[list[Portion]]] | None:
         """The same phases in chains that need not wait for each other; None where the block is too small for that.
 
         Each chain has worlds of its own, lent memory of these alone, and a share of the block.
@@ -143,38 +165,59 @@ class Scratch:
             images: As above.
             count: How many chains.
         """
-        start, total = self._block.ptr or 0, len(self._cameras) * self._tables.num_worlds
+        start, total = self._whole.start, self._total
         share = self.size // count // ALIGNMENT * ALIGNMENT
         if any(self._bytes(camera, 1) > share for camera in self._cameras.values()):
             return None
         return [
-            list(
-                self._portions(
+            [
+                turns[0]
+                for turns in self._phases(
                     total * number // count,
                     total * (number + 1) // count,
                     Piece(start + number * share, start + (number + 1) * share),
                     images,
                 )
-            )
+            ]
             for number in range(count)
         ]
 
-    def _portions(
-        self, first: int, last: int, block: Piece, images: Mapping[str | int, Iterable[wp.array]] | None
-    ) -> Iterator[list[Portion]]:
+    @property
+    def _whole(self) -> Piece:
+        start = self._block.ptr or 0
+        return Piece(start, start + self.size)
+
+    @property
+    def _total(self) -> int:
+        return len(self._cameras) * self._tables.num_worlds
+
+    def _phases(
+        self,
+        first: int,
+        last: int,
+        block: Piece,
+        images: Lenders | None,
+        late: Mapping[str | int, Collection[str]] = MappingProxyType({}),
+        turns: int = 1,
+    ) -> Iterator[Turns]:
         """What is drawn together from one place to another, phase after phase, in a block and what is lent."""
         while first < last:
             fits, too_far = first + 1, last + 1  # the block has room for one world
             while too_far - fits > 1:
                 end = (fits + too_far) // 2
-                if self._places(first, end, last, block, images) is None:
+                if self._places(_cuts(first, end, turns), last, block, images, late) is None:
                     too_far = end
                 else:
                     fits = end
-            places = self._places(first, fits, last, block, images)
+            cuts = _cuts(first, fits, turns)
+            places = self._places(cuts, last, block, images, late)
             if places is None:
                 raise AssertionError(f"scratch: {self.size} bytes have no room for one world")
-            yield [Portion(key, worlds, self._buffers(key, worlds, places)) for key, worlds in self._share(first, fits)]
+            yield [
+                [Portion(key, worlds, self._buffers(key, worlds, places)) for key, worlds in self._share(begin, end)]
+                for begin, end in itertools.pairwise(cuts)
+                if begin < end
+            ]
             first = fits
 
     def _share(self, first: int, end: int) -> Iterator[tuple[str | int, range]]:
@@ -186,32 +229,57 @@ class Scratch:
                 yield key, range(begin, stop)
 
     def _places(
-        self, first: int, end: int, last: int, block: Piece, images: Mapping[str | int, Iterable[wp.array]] | None
-    ) -> dict[tuple[str | int, str], int] | None:
-        """Addresses of all buffers of a phase, by camera and name; None if there is no room for them.
+        self,
+        cuts: Sequence[int],
+        last: int,
+        block: Piece,
+        images: Lenders | None,
+        late: Mapping[str | int, Collection[str]],
+    ) -> dict[Buffer, int] | None:
+        """Addresses of all buffers of a phase; None if there is no room for them.
 
-        Images from ``end`` to ``last`` lend their memory.
+        Images beyond the phase lend their memory until ``last``, late ones also of the turns after a buffer's own.
+
+        Args:
+            cuts: Where the turns begin, and where the last one ends.
+            last: Where what is drawn in this block ends.
+            block: Memory that is nobody's image.
+            images: Those that may lend.
+            late: Names of the late ones.
         """
-        pieces = [block]
+        free: list[Piece] = [block]
+        places: dict[Buffer, int] = {}
         if images is not None:
-            for key, worlds in self._share(end, last):
-                pieces += [_rows(image, worlds) for image in images[key]]
-        sizes = {
-            (key, name): size
-            for key, worlds in self._share(first, end)
-            for name, size in self._needed(self._cameras[key], len(worlds)).items()
-        }
-        return _place(sizes, pieces)
+            for key, worlds in self._share(cuts[1], last):
+                free += [_rows(image, worlds) for name, image in images[key].items() if name in late.get(key, ())]
+            for key, worlds in self._share(cuts[-1], last):
+                free += [_rows(image, worlds) for name, image in images[key].items() if name not in late.get(key, ())]
+        # The last turn has least to choose from.
+        for begin, end in reversed(list(itertools.pairwise(cuts))):
+            closed = [
+                _rows(image, worlds)
+                for key, worlds in self._share(cuts[1], end)
+                for name, image in (images or {}).get(key, {}).items()
+                if name in late.get(key, ())
+            ]
+            sizes = {
+                (key, worlds.start, name): size
+                for key, worlds in self._share(begin, end)
+                for name, size in self._needed(self._cameras[key], len(worlds)).items()
+            }
+            found = _place(sizes, free, closed)
+            if found is None:
+                return None
+            places |= found
+        return places
 
-    def _buffers(
-        self, key: str | int, worlds: range, places: Mapping[tuple[str | int, str], int]
-    ) -> dict[str, wp.array]:
+    def _buffers(self, key: str | int, worlds: range, places: Mapping[Buffer, int]) -> dict[str, wp.array]:
         camera = self._cameras[key]
         shape = (self._tables.num_worlds, camera.height, camera.width, 1)
         buffers = {}
         for name, dtype in buffers_of(camera, self._tables).items():
             stride = camera.height * camera.width * wp.types.type_size_in_bytes(dtype)
-            start = places[key, name] - worlds.start * stride
+            start = places[key, worlds.start, name] - worlds.start * stride
             buffers[name] = wp.array(ptr=start, shape=shape, dtype=dtype, device=self._device)
         return buffers
 
@@ -227,6 +295,11 @@ class Scratch:
         return sum(self._needed(camera, worlds).values())
 
 
+def _cuts(first: int, end: int, turns: int) -> list[int]:
+    """Where each turn begins, and where the last one ends."""
+    return [first + (end - first) * turn // turns for turn in range(turns + 1)]
+
+
 def _rows(image: wp.array, worlds: range) -> Piece:
     """The memory of some worlds of an image."""
     start = image.ptr or 0
@@ -238,14 +311,26 @@ def _aligned(count: int) -> int:
     return -(-count // ALIGNMENT) * ALIGNMENT
 
 
-def _place(sizes: Mapping[Name, int], pieces: Sequence[Piece]) -> dict[Name, int] | None:
-    """Addresses of buffers of these sizes, the largest first where the least is left; None if they do not fit."""
-    free, places = list(pieces), {}
+def _place(sizes: Mapping[Name, int], free: list[Piece], closed: Iterable[Piece]) -> dict[Name, int] | None:
+    """Addresses of buffers of these sizes, the largest first where the least is left; None if they do not fit.
+
+    Args:
+        sizes: In bytes, by name.
+        free: What is free; what is used is taken from it.
+        closed: Where no buffer may begin; none of it begins within what is free.
+    """
+    places = {}
     for name in sorted(sizes, key=lambda name: -sizes[name]):
-        fitting = [i for i, piece in enumerate(free) if piece.end - piece.start >= sizes[name]]
+        open_from = [
+            max([piece.start, *(_aligned(shut.end) for shut in closed if shut.start <= piece.start < shut.end)])
+            for piece in free
+        ]
+        fitting = [i for i, piece in enumerate(free) if piece.end - open_from[i] >= sizes[name]]
         if not fitting:
             return None
-        best = min(fitting, key=lambda i: free[i].end - free[i].start)
-        places[name] = free[best].start
-        free[best] = Piece(free[best].start + sizes[name], free[best].end)
+        best = min(fitting, key=lambda i: free[i].end - open_from[i])
+        start, piece = open_from[best], free.pop(best)
+        places[name] = start
+        rest = (Piece(piece.start, start), Piece(start + sizes[name], piece.end))
+        free += [each for each in rest if each.start < each.end]
     return places

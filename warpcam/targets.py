@@ -1,6 +1,7 @@
 """The images of one camera, and the stages that make them."""
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 
 import warp as wp
 
@@ -27,12 +28,26 @@ def check_size(camera: Camera, num_worlds: int) -> None:
         )
 
 
+@dataclass(frozen=True)
+class Stages:
+    """Those of a group of worlds.
+
+    Attributes:
+        first: Up to those that find what is seen and what lies in shadows.
+        last: The rest; nothing else writes ``Target.late_images``.
+    """
+
+    first: list[Stage]
+    last: list[Stage]
+
+
 class Target:
     """Only what the camera's outputs need is there.
 
     Attributes:
         views: View, (world,).
         images: Array of each output, (world, height, width, channels).
+        late_images: Names of those that only the last stages write.
         past: What is kept of the last frame; None where no output needs it.
     """
 
@@ -40,6 +55,7 @@ class Target:
         num_worlds = tables.num_worlds
         size = (num_worlds, camera.height, camera.width)
         self._camera, self._device = camera, device
+        self.late_images = _late_images(camera, tables)
         self.views = wp.zeros(num_worlds, dtype=View, device=device)
         behind = num_worlds if mirrors_of(camera, tables) else 0
         self._mirrored = wp.zeros(behind, dtype=View, device=device)  # views from behind the mirrors
@@ -63,13 +79,16 @@ class Target:
         buffers: Mapping[str, wp.array],
         mask: wp.array,
         faults: wp.array,
-    ) -> list[Stage]:
+    ) -> Stages:
         """The stages that make the images of a group of worlds from their views, by way of ``buffers``."""
         lit = [name for name in self.images if OUTPUTS[name].lit]
         rest = [name for name in self.images if not OUTPUTS[name].lit]
         if veils_of(self._camera, tables):  # what is seen through is not where the other outputs have it
-            stages = self._record(rest, False, tables, projection, group, buffers, mask, faults) if rest else []
-            return stages + self._record(lit, True, tables, projection, group, buffers, mask, faults)
+            sets = [(rest, False), (lit, True)] if rest else [(lit, True)]
+            recorded = [
+                self._record(names, opaque, tables, projection, group, buffers, mask, faults) for names, opaque in sets
+            ]
+            return Stages([stage for stages in recorded for stage in (*stages.first, *stages.last)], [])
         return self._record([*lit, *rest], False, tables, projection, group, buffers, mask, faults)
 
     def _record(
@@ -82,7 +101,7 @@ class Target:
         buffers: Mapping[str, wp.array],
         mask: wp.array,
         faults: wp.array,
-    ) -> list[Stage]:
+    ) -> Stages:
         """The stages of some of the outputs; ``opaque``: from what is seen without transparent shapes."""
         device, views, width, height = self._device, self.views, self._camera.width, self._camera.height
         layers = tables.layers
@@ -105,7 +124,7 @@ class Target:
         depth, shape, face = (traced.pop(name, buffers.get(name)) for name in ("depth", "shape", "face"))
         shadows = buffers.get("shadow") if lit else None
         veil_places = layers.veil_places if opaque and layers is not None else None
-        stages = [
+        first = [
             visibility.record(
                 tables,
                 projection,
@@ -126,20 +145,21 @@ class Target:
             )
         ]
         if shadows is not None:
-            stages.append(
+            first.append(
                 shadow.record(
                     tables, projection, views, mask, depth, shape, face, width, height, shadows, device, group
                 )
             )
+        last: list[Stage] = []
         if derived:
             reflecting = layers is not None and bool(lit) and self._mirrors.size > 0
             if layers is not None and reflecting:
-                stages += self._record_mirrors(
+                last += self._record_mirrors(
                     lit, tables, layers, projection, group, buffers, mask, faults, depth, shape
                 )
             if face is None:
                 face = wp.empty(0, dtype=wp.int32, device=device)
-            stages.append(
+            last.append(
                 resolve.record(
                     derived,
                     projection,
@@ -160,7 +180,7 @@ class Target:
                 )
             )
         if smooth:
-            stages.append(
+            last.append(
                 antialias.record(
                     {name: self.images[name] for name in smooth},
                     {name: lit[name] for name in smooth},
@@ -177,9 +197,9 @@ class Target:
             )
         if tables.splats is not None:
             trail = None if self.past is None else self.past.trail
-            stages.insert(0, splats.record_check(tables, views, mask, faults, device, group))
+            first.insert(0, splats.record_check(tables, views, mask, faults, device, group))
             blended = {name: self.images[name] for name in outputs}
-            stages.append(
+            last.append(
                 splats.record(
                     _swapped(blended) if projection == "rays" else blended,
                     projection,
@@ -195,7 +215,7 @@ class Target:
                     trail,
                 )
             )
-        return stages
+        return Stages(first, last)
 
     def _record_mirrors(
         self,
@@ -254,6 +274,12 @@ class Target:
                 True,
             ),
         ]
+
+
+def _late_images(camera: Camera, tables: Tables) -> set[str]:
+    if veils_of(camera, tables):  # there are two traces, one after the other
+        return set()
+    return {name for name in camera.outputs if traced_as(name, tables.shape_types) is None and name != "albedo"}
 
 
 def _swapped(images: Mapping[str, wp.array]) -> dict[str, wp.array]:

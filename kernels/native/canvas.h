@@ -4,6 +4,7 @@
 #include "flow_motion.h"
 #include "gradient.h"
 #include "hits.h"
+#include "threes.h"
 #include "tiles.h"
 
 namespace warpcam {
@@ -66,6 +67,7 @@ struct Places<OUTPUTS, WIDTH, HEIGHT, SHAPES, FLOORED, false> {
 // nothing. Normal in the world; x: BENT where it differs from place to place; w: shape id.
 template <int SLOTS> struct ShapeFacings {
     Row rows[SLOTS + 1];
+    Row endless[SLOTS > 0 ? 3 : 1];  // the endless floor's, as it is stored over and over: the words of three times 16 bytes
 };
 constexpr float BENT = 2.0f;
 
@@ -82,13 +84,21 @@ template <int TYPES, int LENS, int OUTPUTS, int CAPACITY, int TALL_, class Targe
     Places_& places;
     using Facings_ = ShapeFacings<((OUTPUTS & NORMAL) && THREADS > 1 ? CAPACITY : 0)>;
     Facings_& facings;
+    const float *columns, *rows;  // x of the region's columns, y of its rows, where they are LINED
+    static constexpr bool LINED = THREADS > 1 && TALL > 1 && LENS == PINHOLE;
     static constexpr int THREES = OUTPUTS & FOURS ? OUTPUTS & (POINTS | NORMAL) : 0;  // stored by 16 bytes
+    static constexpr bool TILES_INSIDE = (OUTPUTS & TILED) != 0;
     static constexpr bool WHOLE = Places_::WHOLE;  // the region is an image of known size
     // More than depth and shape.
     static constexpr bool STORES_MUCH = OUTPUTS
         & (DISTANCE | POINTS | BODIES | NORMAL | IDS | INSTANCES | SEMANTICS | FLOWS | PAINTED);
     // The motions of few shapes: one warp composes them while the others begin to draw.
     static constexpr bool APART = (OUTPUTS & FLOWS) && (OUTPUTS & FLOW_LISTED) && CAPACITY <= LANES && !(TYPES >> MESH & 1);
+
+    // Of tiles that show nothing but an endless floor it is known what they write: see endless_floor.h.
+    static constexpr bool BARE_FLOORS = THREADS > 1 && TALL > 1 && LENS == PINHOLE && (TYPES >> PLANE & 1) && (OUTPUTS & TILED)
+        && !((OUTPUTS & FLOWS) && names_slots(OUTPUTS));
+    static constexpr bool PUTS_BARE = BARE_FLOORS && !(OUTPUTS & FLOWS);
 
     WARPCAM_FN bool inside(int i, int j) const
     {
@@ -107,6 +117,8 @@ template <int TYPES, int LENS, int OUTPUTS, int CAPACITY, int TALL_, class Targe
 
     WARPCAM_FN ViewRay<LENS> ray(int i, int j) const
     {
+        if constexpr (LINED)
+            return { columns[i - region.left], rows[j - region.top] };
         return view_ray<LENS>(camera, i, j);
     }
 
@@ -153,13 +165,31 @@ template <int TYPES, int LENS, int OUTPUTS, int CAPACITY, int TALL_, class Targe
                 if (slot >= 0) {
                     const Record& record = list.records[slot];
                     row = { BENT, 0.0f, 0.0f, list.ids[slot] };
-                    if ((TYPES >> PLANE & 1) && record.axis_x.w == PLANE)
-                        row = to_row(turned(camera.rotation, normalized(to_vec(record.axis_z))), row.w);
+                    if ((TYPES >> PLANE & 1) && record.axis_x.w == PLANE) {
+                        const Vec n = turned(camera.rotation, normalized(to_vec(record.axis_z)));
+                        row = to_row(n, row.w);
+#if defined(__CUDA_ARCH__)
+                        if (is_endless(record)) {
+                            facings.endless[0] = { n.x, n.y, n.z, as_int(n.x) };
+                            facings.endless[1] = { n.y, n.z, n.x, as_int(n.y) };
+                            facings.endless[2] = { n.z, n.x, n.y, as_int(n.z) };
+                        }
+#endif
+                    }
                 }
                 facings.rows[slot + 1] = row;
             }
         if constexpr (Places_::PAINTS)
             places.face(list, thread, threads);
+    }
+
+    // Notes the endless floor: see there.
+    template <class List> WARPCAM_FN void note(List& listed, int slot, int rank) const
+    {
+#if defined(__CUDA_ARCH__)
+        if constexpr (BARE_FLOORS)
+            listed.floor.note(listed.records[slot], listed.ids[slot], rank, camera.near, camera.far);
+#endif
     }
 
     // What was on its way is there, once the threads of the block have met.
@@ -333,58 +363,32 @@ template <int TYPES, int LENS, int OUTPUTS, int CAPACITY, int TALL_, class Targe
             if (inside(i, j + k * TILE_HEIGHT))
                 put<OUTPUTS & ~THREES>(i, j, hits[k], k);
         if constexpr ((THREES & NORMAL) != 0)
-            store_threes(target.normals.data, i, j, values, row_of_lanes);
+            store_threes(*this, target.normals.data, i, j, values, row_of_lanes);
         if constexpr ((THREES & POINTS) != 0) {
-            find_points(rays, hits, values);
-            store_threes(target.points.data, i, j, values, row_of_lanes);
+            find_points<true>(camera, rays, hits, values);
+            store_threes(*this, target.points.data, i, j, values, row_of_lanes);
         }
     }
 
-    // As point_of(), of pixels of one column: what they share is worked out once.
+    // As put_tiles(), where all hits are on the endless floor.
     template <class Ray_>
-    WARPCAM_FN void find_points(const Ray_ (&rays)[TALL], const Hit (&hits)[TALL], Vec (&points)[TALL]) const
+    WARPCAM_FN void put_bare(int i, int j, const Ray_ (&rays)[TALL], const Hit (&hits)[TALL], float* row_of_lanes) const
     {
-        const Matrix& m = camera.rotation;
-        const Vec right { m.at[0][0], m.at[1][0], m.at[2][0] }, up { m.at[0][1], m.at[1][1], m.at[2][1] };
-        const Vec back { m.at[0][2], m.at[1][2], m.at[2][2] };
-        const Vec start = LENS == PINHOLE ? rays[0].x * right - back : camera.origin + rays[0].x * right;
-        for (int k = 0; k < TALL; ++k) {
-            const Vec along = start + rays[k].y * up;
-            points[k] = LENS == RAYS ? point_of(hits[k], camera, rays[k])
-                : LENS == PINHOLE    ? camera.origin + hits[k].depth * along
-                                     : along - hits[k].depth * back;
-            const bool missed = hits[k].shape < 0;
-            points[k] = { missed ? infinity() : points[k].x, missed ? infinity() : points[k].y,
-                          missed ? infinity() : points[k].z };
+        const int shape = list.floor.shape;
+        __builtin_assume(shape >= 0);
+        for (int k = 0; k < TALL; ++k)
+            put_named<OUTPUTS & ~THREES>(i, j, { hits[k].depth, shape, -1 }, shape, k);
+        if constexpr ((THREES & NORMAL) != 0) {
+            const Row piece = facings.endless[threadIdx.x % TILE_WIDTH % 3];
+            store_pieces(*this, target.normals.data, i, j, [&](int) { return piece; });
         }
-    }
-
-    // Three numbers of each pixel, stored by 16 bytes.
-    WARPCAM_FN void store_threes(float* image, int i, int j, const Vec (&values)[TALL], float* row_of_lanes) const
-    {
-        const int lane = threadIdx.x % LANES;
-        const int piece = lane % TILE_WIDTH;  // of 16 bytes of a row of the tile; the last two threads have none
-        float* lanes = row_of_lanes + 3 * lane;
-        for (int k = 0; k < TALL; ++k) {
-            lanes[3 * LANES * k] = values[k].x;
-            lanes[3 * LANES * k + 1] = values[k].y;
-            lanes[3 * LANES * k + 2] = values[k].z;
+        if constexpr ((THREES & POINTS) != 0) {
+            Vec values[TALL];
+            find_points<false>(camera, rays, hits, values);
+            store_threes(*this, target.points.data, i, j, values, row_of_lanes);
         }
-        __syncwarp();
-        const int width = OUTPUTS & TILED ? TILE_WIDTH : lower_int(target.width - (i - piece), TILE_WIDTH);
-        char* place = nullptr;
-        for (int k = 0; k < TALL; ++k) {
-            if (WHOLE && k > 0) {
-                place += 12 * TILE_HEIGHT * region.width;
-            } else {
-                size_t bytes = 12 * size_t(at(i, j, k));
-                asm("" : "+l"(bytes));  // or the compiler adds `piece`, which is the same for all tiles, to it
-                place = reinterpret_cast<char*>(image + piece) + bytes;
-            }
-            if (4 * piece < 3 * width && ((OUTPUTS & TILED) || j + k * TILE_HEIGHT < target.height))
-                *reinterpret_cast<float4*>(place) = *reinterpret_cast<const float4*>(lanes + 3 * LANES * k + piece);
-        }
-        __syncwarp();
+        if constexpr (Places_::PAINTS)
+            places.paint_bare(*this, i, j, rays, hits);
     }
 #endif
 };

@@ -60,10 +60,11 @@ template <int TYPES, int LENS, bool FACES, class Target> struct MirrorCanvas {
             target.face.data[at(i, j)] = hit.face;
     }
 
-    static constexpr bool WHOLE = false, STORES_MUCH = true, APART = false;
+    static constexpr bool WHOLE = false, STORES_MUCH = true, APART = false, BARE_FLOORS = false, PUTS_BARE = false;
     WARPCAM_FN void begin(int) const { }
     WARPCAM_FN void face(int, int) const { }
     WARPCAM_FN void ready() const { }
+    template <class List> WARPCAM_FN void note(List&, int, int) const { }
 
     WARPCAM_FN bool put_floor(int, int, const Hit (&)[1], int) const { return false; }
     WARPCAM_FN void put_tiles(int i, int j, const ClippedRay<LENS> (&)[1], const Hit (&hits)[1], bool first_pass, float*) const

@@ -47,6 +47,7 @@ template <int TYPES, int FACTS, int CAPACITY, int WIDTH, int HEIGHT, bool WHOLE_
     unsigned later[TEXTURED ? TILES : 1];  // pixels of each tile
     unsigned short queue[TEXTURED ? WARPS : 1][2 * LANES];  // numbers of such
     Looks looks[KEPT > 0 ? KEPT : 1];
+    unsigned endless;                   // the endless floor's word
     BareGrid floor;                     // its shape: -1 where there is none that is looked up at once
     Row u, v;                           // by x and y of a ray at depth 1, and without them; w: bits of the eye's [images]
     Row color;                          // of the floor, of 255; w: bits of its coarsest level
@@ -144,6 +145,8 @@ template <int TYPES, int FACTS, int CAPACITY, int WIDTH, int HEIGHT, bool WHOLE_
             if (FLOORS && word == ON_FLOOR && floor.shape < 0)
                 word = LATER;
             slots[slot + 1] = { word, slot < 0 ? -1 : list.ids[slot] };
+            if (slot >= 0 && is_endless(list.records[slot]))
+                endless = word;
         }
     }
 
@@ -160,33 +163,62 @@ template <int TYPES, int FACTS, int CAPACITY, int WIDTH, int HEIGHT, bool WHOLE_
     WARPCAM_FN void paint(const Canvas_& canvas, int i, int j, const Ray_ (&rays)[TALL], const Hit (&hits)[TALL],
                           const Slots<TALL>& found)
     {
-        const int lane = threadIdx.x % LANES, piece = lane & 3;
         unsigned shown[TALL], all = 0u;
         for (int k = 0; k < TALL; ++k) {
             shown[k] = found.at[k].color;
             all |= shown[k];
         }
         if (FLOORS && any_lane(all & ON_FLOOR))
-            paint_floor(i - canvas.region.left, j - canvas.region.top, rays, hits, shown);
-        if (TEXTURED && any_lane(all & LATER)) {
-            const int tile = (j - canvas.region.top) / TILE_HEIGHT * ACROSS + (i - canvas.region.left) / TILE_WIDTH;
-            for (int k = 0; k < TALL; ++k) {
-                const unsigned pixels = __ballot_sync(ALL, shown[k] & LATER);
-                if (lane == 0)
-                    later[tile + k * ACROSS] = pixels;
-            }
-        }
-        // Four neighbours store their twelve bytes as three words.
-        const unsigned bytes = piece == 0 ? 0x4210 : piece == 1 ? 0x5421 : 0x6542;
-        unsigned char* image = canvas.target.albedo.data + piece;
+            paint_floor<false>(i - canvas.region.left, j - canvas.region.top, rays, hits, shown);
+        if (TEXTURED && any_lane(all & LATER))
+            leave(canvas, i, j, shown);
+        store(canvas, i, j, shown);
+    }
+
+    // The same where all hits are on the endless floor.
+    template <class Canvas_, class Ray_, int TALL>
+    WARPCAM_FN void paint_bare(const Canvas_& canvas, int i, int j, const Ray_ (&rays)[TALL], const Hit (&hits)[TALL])
+    {
+        const unsigned word = endless;
+        unsigned shown[TALL];
+        for (int k = 0; k < TALL; ++k)
+            shown[k] = word;
+        if (FLOORS && word == ON_FLOOR)
+            paint_floor<true>(i - canvas.region.left, j - canvas.region.top, rays, hits, shown);
+        else if (TEXTURED && word == LATER)
+            leave(canvas, i, j, shown);
+        store(canvas, i, j, shown);
+    }
+
+    // Notes what is painted later.
+    template <class Canvas_, int TALL>
+    WARPCAM_FN void leave(const Canvas_& canvas, int i, int j, const unsigned (&shown)[TALL])
+    {
+        const int tile = (j - canvas.region.top) / TILE_HEIGHT * ACROSS + (i - canvas.region.left) / TILE_WIDTH;
         for (int k = 0; k < TALL; ++k) {
-            const unsigned joined = __byte_perm(shown[k], __shfl_down_sync(ALL, shown[k], 1), bytes);
-            if (piece < 3)
-                *reinterpret_cast<unsigned*>(image + 3 * size_t(canvas.at(i, j, k))) = joined;
+            const unsigned pixels = __ballot_sync(ALL, shown[k] & LATER);
+            if (threadIdx.x % LANES == 0)
+                later[tile + k * ACROSS] = pixels;
         }
     }
 
-    template <class Ray_, int TALL>
+    template <class Canvas_, int TALL>
+    WARPCAM_FN void store(const Canvas_& canvas, int i, int j, const unsigned (&shown)[TALL]) const
+    {
+        // Four neighbours store their twelve bytes as three words.
+        const int piece = threadIdx.x & 3;
+        const unsigned bytes = piece == 0 ? 0x4210 : piece == 1 ? 0x5421 : 0x6542;
+        unsigned char* image = canvas.target.albedo.data + piece;
+        unsigned joined[TALL];
+        for (int k = 0; k < TALL; ++k)
+            joined[k] = __byte_perm(shown[k], __shfl_down_sync(ALL, shown[k], 1), bytes);
+        if (piece < 3)
+            for (int k = 0; k < TALL; ++k)
+                *reinterpret_cast<unsigned*>(image + 3 * size_t(canvas.at(i, j, k))) = joined[k];
+    }
+
+    // EVERY: all hits are on it.
+    template <bool EVERY, class Ray_, int TALL>
     WARPCAM_FN void paint_floor(int column, int row, const Ray_ (&rays)[TALL], const Hit (&hits)[TALL], unsigned (&shown)[TALL])
     {
         const Row across = u, along = v, own_color = color;
@@ -212,7 +244,7 @@ template <int TYPES, int FACTS, int CAPACITY, int WIDTH, int HEIGHT, bool WHOLE_
             const unsigned green = unsigned(as_int(muladd(texel.y, own_color.y, WHOLE_NUMBERS)));
             const unsigned blue = unsigned(as_int(muladd(texel.z, own_color.z, WHOLE_NUMBERS)));
             const unsigned word = __byte_perm(__byte_perm(red, green, 0x0040), blue, 0x6410);
-            shown[k] = shown[k] == ON_FLOOR ? word : shown[k];
+            shown[k] = EVERY || shown[k] == ON_FLOOR ? word : shown[k];
         }
     }
 

@@ -1,5 +1,6 @@
 // The shapes of one region of one view, nearest first, and the walk over its tiles.
 #pragma once
+#include "endless_floor.h"
 #include "heightfield.h"
 #include "prepare.h"
 #include "shapes.h"
@@ -32,11 +33,14 @@ template <int CAPACITY> struct ShapeList {
     int count;
     int next_tile;
     int broken;
+#if defined(__CUDA_ARCH__)
+    EndlessFloor floor;
+#endif
 };
 
-// Gives each slot its rank. The order does not depend on who came first; of shapes at one place the later is seen, as
-// where shapes are drawn one over the other.
-template <int CAPACITY> WARPCAM_FN void sort_by_depth(ShapeList<CAPACITY>& list, int thread)
+// Gives each slot its rank, which note(slot, rank) is told. The order does not depend on who came first; of shapes at one
+// place the later is seen, as where shapes are drawn one over the other.
+template <int CAPACITY, class Note> WARPCAM_FN void sort_by_depth(ShapeList<CAPACITY>& list, int thread, const Note& note)
 {
     for (int i = thread; i < list.count; i += THREADS) {
         const int key = list.nearest[i], id = list.ids[i];
@@ -50,6 +54,7 @@ template <int CAPACITY> WARPCAM_FN void sort_by_depth(ShapeList<CAPACITY>& list,
             for (int j = 0; j < list.count; ++j)
                 rank += list.nearest[j] == key && list.ids[j] > id;
         list.order[rank] = static_cast<unsigned char>(i);
+        note(i, int(rank));
 #if defined(__CUDA_ARCH__)
         list.tiles[rank] = { TileSpans::of(list.touched[i]) };
 #else
@@ -120,17 +125,30 @@ WARPCAM_FN unsigned find_meshes(unsigned mask, const Record* records, const unsi
     return met;
 }
 
-// The nearest of all shapes but meshes, of TALL tiles one below the other; of each a lane has a ray.
-template <int TYPES, int TALL, class Ray_, int CAPACITY, class HeightFields>
-WARPCAM_FN void trace_tiles(const ShapeList<CAPACITY>& list, int column, int row, const Ray_ (&rays)[TALL], float near,
-                            const HeightFields& fields, Hit (&hits)[TALL])
+// Which of LANES ranks from `begin` on touch a tile, but meshes; a bit each. By a whole warp.
+template <int TYPES, int CAPACITY> WARPCAM_FN unsigned touching(const ShapeList<CAPACITY>& list, int begin, unsigned steps)
 {
-    const unsigned steps = TileSpans::steps(column, row, TALL);
+    const int rank = begin + threadIdx.x % LANES;
+    return __ballot_sync(ALL, list.tiles[rank].touches(steps) && !is_mesh<TYPES>(list.records[list.order[rank]]));
+}
+
+// Does one of the ranks beyond the first LANES touch a tile?
+template <int TYPES, int CAPACITY> WARPCAM_FN bool touching_more(const ShapeList<CAPACITY>& list, unsigned steps)
+{
+    for (int begin = LANES; CAPACITY > LANES && begin < list.count; begin += LANES)
+        if (touching<TYPES>(list, begin, steps))
+            return true;
+    return false;
+}
+
+// The nearest of all shapes but meshes, of TALL tiles one below the other; of each a lane has a ray. `mask`: touching().
+template <int TYPES, int TALL, class Ray_, int CAPACITY, class HeightFields>
+WARPCAM_FN void trace_tiles(const ShapeList<CAPACITY>& list, unsigned steps, unsigned mask, const Ray_ (&rays)[TALL],
+                            float near, const HeightFields& fields, Hit (&hits)[TALL])
+{
     int begin = 0;
-    do {
-        const int rank = begin + threadIdx.x % LANES;
-        const bool mine = list.tiles[rank].touches(steps) && !is_mesh<TYPES>(list.records[list.order[rank]]);
-        for (unsigned mask = __ballot_sync(ALL, mine); mask; mask &= mask - 1) {
+    while (true) {
+        for (; mask; mask &= mask - 1) {
             const Record& record = list.records[list.order[begin + lowest_bit(mask)]];
             float farthest = hits[0].depth;
             for (int k = 1; k < TALL; ++k)
@@ -156,7 +174,10 @@ WARPCAM_FN void trace_tiles(const ShapeList<CAPACITY>& list, int column, int row
             }
         }
         begin += LANES;
-    } while (CAPACITY > LANES && begin < list.count);
+        if (CAPACITY <= LANES || begin >= list.count)
+            return;
+        mask = touching<TYPES>(list, begin, steps);
+    }
 }
 
 #else

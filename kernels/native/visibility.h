@@ -101,15 +101,25 @@ WARPCAM_FN void draw_tiles(ShapeList<CAPACITY>& list, const Canvas_& canvas, con
             return false;
         const int level = Canvas_::WHOLE ? unsigned(stack) / unsigned(across) : unsigned(stack) * per_level >> 16;
         const int column = stack - level * across, row = TALL * level;
-        const int i = region.left + column * TILE_WIDTH + lane % TILE_WIDTH;
-        const int j = region.top + row * TILE_HEIGHT + lane / TILE_WIDTH;
+        const int i = region.left + column * TILE_WIDTH + int(unsigned(lane) % TILE_WIDTH);
+        const int j = region.top + row * TILE_HEIGHT + int(unsigned(lane) / TILE_WIDTH);
         decltype(canvas.ray(i, j)) ray[TALL];
         Hit hit[TALL];
         for (int k = 0; k < TALL; ++k) {
             ray[k] = canvas.ray(i, j + k * TILE_HEIGHT);
             hit[k] = canvas.start(i, j + k * TILE_HEIGHT, first_pass);
         }
-        trace_tiles<TYPES>(list, column, row, ray, near, fields, hit);
+        const unsigned steps = TileSpans::steps(column, row, TALL);
+        unsigned mask = touching<TYPES>(list, 0, steps);
+        if constexpr (Canvas_::BARE_FLOORS)
+            if (first_pass && (mask & list.floor.bit) && list.floor.meet(ray, hit)) {
+                mask ^= list.floor.bit;
+                if (Canvas_::PUTS_BARE && mask == 0u && !touching_more<TYPES>(list, steps)) {
+                    canvas.put_bare(i, j, ray, hit, row_of_lanes);
+                    return true;
+                }
+            }
+        trace_tiles<TYPES>(list, steps, mask, ray, near, fields, hit);
         meet();
         if (!canvas.put_floor(i, j, hit, lane))
             canvas.put_tiles(i, j, ray, hit, first_pass, row_of_lanes);
@@ -155,7 +165,7 @@ WARPCAM_FN void draw_apart(ShapeList<CAPACITY>& list, const Canvas_& canvas, con
                 canvas.target.faults.data[world] = 1;
             }
             warp_barrier();
-            sort_by_depth(list, thread);
+            sort_by_depth(list, thread, [&](int slot, int rank) { canvas.note(list, slot, rank); });
             canvas.face(thread, LANES);
         } else {
             canvas.find_floor(thread - LANES);
@@ -197,6 +207,9 @@ template <int CAPACITY> WARPCAM_FN void begin_list(ShapeList<CAPACITY>& list)
     list.broken = 0;
     list.count = 0;
     list.next_tile = 0;
+#if defined(__CUDA_ARCH__)
+    list.floor.begin();
+#endif
 }
 
 // Draws the shapes that are not hidden into the canvas's region; the list has begun. SEVERAL: the scene may have more shapes
@@ -241,7 +254,7 @@ WARPCAM_FN void draw_region(ShapeList<CAPACITY>& list, const Canvas_& canvas, co
         if constexpr ((TYPES >> MESH & 1) && LENS == PINHOLE)
             leave_out_housings<TYPES>(list, meshes, rays_of_region(canvas.camera, canvas.region), thread);
         canvas.ready();
-        sort_by_depth(list, thread);
+        sort_by_depth(list, thread, [&](int slot, int rank) { canvas.note(list, slot, rank); });
         canvas.face(thread, THREADS);
         block_barrier();
         late();
@@ -251,12 +264,13 @@ WARPCAM_FN void draw_region(ShapeList<CAPACITY>& list, const Canvas_& canvas, co
     } while (SEVERAL && begin < total);
 }
 
-// What a block shares.
-template <int CAPACITY, class Places_, class Facings_> struct DrawRoom {
+// What a block shares. LINES: columns and rows of pixels.
+template <int CAPACITY, int LINES, class Places_, class Facings_> struct DrawRoom {
     ShapeList<CAPACITY> list;
     alignas(16) Camera camera;  // kept in registers it would be spilled
     Places_ places;
     Facings_ facings;
+    float lines[LINES];  // see Canvas
 };
 
 // Draws one region of one view; `index` counts worlds, then regions, then (CUDA) threads of the block.
@@ -270,7 +284,7 @@ WARPCAM_FN void draw_with(const Shapes& shapes, const Materials& materials, cons
     static_assert(!names_slots(OUTPUTS) || analytic_types(TYPES) == TYPES);
     constexpr bool FLOWING = (OUTPUTS & FLOWS) != 0;
     using Canvas_ = Canvas<TYPES, LENS, OUTPUTS, CAPACITY, tiles_at_once(TYPES, WIDTH, HEIGHT), Target, Shapes, Near>;
-    using Room = DrawRoom<CAPACITY, Near, typename Canvas_::Facings_>;
+    using Room = DrawRoom<CAPACITY, Canvas_::LINED ? WIDTH + HEIGHT : 1, Near, typename Canvas_::Facings_>;
     WARPCAM_SHARED Room shared;
     Room& room = by_address(shared);
     ShapeList<CAPACITY>& list = room.list;
@@ -300,7 +314,11 @@ WARPCAM_FN void draw_with(const Shapes& shapes, const Materials& materials, cons
     block_barrier();
     if constexpr (FLOWING)
         places.fetch(thread);
-    const Canvas_ canvas { target, shapes, list, camera, region, world, places, room.facings };
+    if constexpr (Canvas_::LINED)
+        for (int n = thread; thread < THREADS - LANES && n < WIDTH + HEIGHT; n += THREADS - LANES)  // see draw_apart()
+            room.lines[n] = n < WIDTH ? image_x(camera, float(region.left + n)) : image_y(camera, float(region.top + n - WIDTH));
+    const Canvas_ canvas { target, shapes, list,         camera,     region,
+                           world,  places, room.facings, room.lines, room.lines + (Canvas_::LINED ? WIDTH : 0) };
     const auto hidden = [&](int id) {
         if constexpr ((OUTPUTS & OPAQUE) != 0)
             return !solid<(TYPES >> MASKED & 1) != 0>(shapes, materials, target.veil_places, world, id);
