@@ -96,6 +96,15 @@ def test_several_cameras(tmp_path: Path) -> None:
     assert sorted(path.name for path in tmp_path.iterdir()) == ["overview-depth.png", "wrist-depth.png"]
 
 
+def test_cameras_of_like_names_have_pictures_of_their_own(tmp_path: Path) -> None:
+    cameras = '<camera name="a/b" pos="0 0 5"/><camera name="a b" pos="0 0 6"/><camera name="a.b" pos="0 0 7"/>'
+    path = tmp_path / "scene.xml"
+    path.write_text(TINY.format(camera=cameras))
+    out = tmp_path / "out"
+    assert render(path, "--worlds", 1, "--size", "4x4", "--outputs", "rgb", "--out", out) == 0
+    assert {file.name for file in out.iterdir()} == {"a_b-rgb.png", "a_b-2-rgb.png", "a.b-rgb.png"}
+
+
 def test_camera_by_index(scene: Path, tmp_path: Path) -> None:
     assert render(scene, "--worlds", "1", "--size", "8x8", "--camera", "0", "--out", tmp_path) == 0
     assert (tmp_path / "0-rgb.png").is_file()
