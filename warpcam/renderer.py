@@ -289,7 +289,7 @@ class Renderer:
     def _fewer(self, phases: list[Turns], images: Lenders) -> list[Turns]:
         """The same phases or, if these are fewer, phases of several turns."""
         late = {key: target.late_images for key, target in self._targets.items()}
-        in_turns = self._scratch.phases_of_turns(images, late, TURNS)
+        in_turns = self._scratch.phases_of_turns(images, late, TURNS) if any(late.values()) else phases
         return in_turns if len(in_turns) < len(phases) else phases
 
     def _record_chain(self, tables: Tables, chain: list[list[Portion]], busiest: int) -> list[Stage]:

@@ -47,7 +47,7 @@ class Target:
     Attributes:
         views: View, (world,).
         images: Array of each output, (world, height, width, channels).
-        late_images: Names of those that only the last stages write.
+        late_images: Names of those that only the last stages write, where these may wait for other worlds.
         past: What is kept of the last frame; None where no output needs it.
     """
 
@@ -277,7 +277,9 @@ class Target:
 
 
 def _late_images(camera: Camera, tables: Tables) -> set[str]:
-    if veils_of(camera, tables):  # there are two traces, one after the other
+    # With transparent shapes there are two traces, one after the other. The smoothing of edges is best beside the trace
+    # of other worlds, and not after that of all.
+    if veils_of(camera, tables) or smooth_outputs(camera.outputs, camera.antialiasing):
         return set()
     return {name for name in camera.outputs if traced_as(name, tables.shape_types) is None and name != "albedo"}
 
