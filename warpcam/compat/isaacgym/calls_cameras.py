@@ -39,11 +39,8 @@ class CameraCalls:
     def set_camera_location(self, camera: int, env: Env, position: Vec3, target: Vec3) -> None:
         """Put a camera somewhere, in its environment's frame; it follows no body any more."""
         sensor = _sensor(env, camera, "set_camera_location")
-        places = [
-            _place(place, f"set_camera_location: {name}")
-            for name, place in (("position", position), ("target", target))
-        ]
-        sensor.put(aimed(*places, env.sim.up), kernels.FREE, -1)
+        eye, goal = _place(position, "set_camera_location: position"), _place(target, "set_camera_location: target")
+        sensor.put(aimed(eye, goal, env.sim.up), kernels.FREE, -1)
 
     def set_camera_transform(self, camera: int, env: Env, transform: Transform) -> None:
         """Put a camera somewhere, in its environment's frame; it follows no body any more.
