@@ -234,7 +234,7 @@ class Studio:
         veils = ((model.geom_rgba[:, 3] < SOLID).tobytes(), (model.mat_rgba[:, 3] < SOLID).tobytes())
         sizes = model.vis.map
         scales = (sizes.znear, sizes.zfar, sizes.shadowclip, sizes.shadowscale, sizes.haze, model.stat.extent)
-        return (*values, *veils, *scales, model.vis.quality.shadowsize, np.asarray(model.vis.rgba.haze).tobytes())
+        return (*values, *veils, scales, np.asarray(model.vis.rgba.haze).tobytes())
 
     def _opacity(self) -> tuple[np.ndarray, np.ndarray]:
         """Which sites, tendons, flexes and skins are seen now, and which of these are transparent."""
