@@ -160,9 +160,11 @@ WARPCAM_FN void resolve_pixel(const Looks* looks, const List& lights, const Scen
     if (Wants::LIT) {
         bool seen = hit;
         Mist mist { 0.0f, 0.0f };
+        float sky = camera.far;
         if constexpr ((FACTS & HAZY) != 0 && LENS != ORTHOGRAPHIC) {
             const Vec ray = turned(camera.rotation, ViewRay<LENS> { x, y }.direction());
-            seen = hit && solid.depth < skybox_depth(ray, frame.haze.radius);
+            sky = skybox_depth(ray, frame.haze.radius);
+            seen = hit && solid.depth < sky;
             mist = haze_of(scene, camera, world, ray);
         }
         if (!seen) {
@@ -191,7 +193,7 @@ WARPCAM_FN void resolve_pixel(const Looks* looks, const List& lights, const Scen
         if constexpr ((FACTS & VEILED) != 0) {
             float limit = hit ? solid.depth : camera.far;
             if constexpr ((FACTS & HAZY) != 0)
-                limit = mist.density > 0.0f ? lower(limit, mist.depth) : limit;  // haze hides what is behind it
+                limit = lower(sky, mist.density > 0.0f ? lower(limit, mist.depth) : limit);  // these hide what is behind them
             const float left = resolve_veils<TYPES, LENS, CAPACITY, IMAGES, FACTS>(looks, lights, scene, camera, veils,
                                                                                    region, world, pixel, x, y, solid,
                                                                                    limit, shown);
