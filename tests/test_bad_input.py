@@ -186,6 +186,7 @@ WORLDS = {
     "render: worlds as a mask must have shape (2,), got (1,)": torch.ones(1, dtype=torch.bool),
     "render: worlds must be ids (n,), or a mask (2,) of bool or uint8, got 'all'": "all",
     "render: worlds must be ids (n,), or a mask (2,) of bool or uint8, got 1": 1,
+    "render: worlds must be ids (n,), or a mask (2,) of bool or uint8, got tensor(1)": torch.tensor(1),
     "render: worlds must be ids (n,), or a mask (2,) of bool or uint8, got [0.5]": [0.5],
     "render: worlds must be ids (n,), or a mask (2,) of bool or uint8, got [[0], [0, 1]]": [[0], [0, 1]],
     "render: worlds must be ids (n,) of int32 or int64, or a mask (2,) of bool or uint8, got float32 (2,)": torch.ones(

@@ -1,11 +1,14 @@
 """The command line: pictures it makes, what it says, and how it refuses."""
 
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 from PIL import Image
 
+import warpcam as wc
 from warpcam import cli, pictures, worlds
 
 TINY = """
@@ -35,6 +38,11 @@ def scene(tmp_path: Path) -> Path:
 def render(*arguments: str | Path) -> int:
     """Run ``warpcam render`` on the CPU; returns the exit code."""
     return cli.main(["render", "--device", "cpu", *map(str, arguments)])
+
+
+def test_the_package_is_the_command() -> None:
+    done = subprocess.run([sys.executable, "-m", "warpcam", "--version"], capture_output=True, text=True, timeout=120)
+    assert done.stdout == f"warpcam {wc.__version__}\n", done.stderr
 
 
 def test_render_saves_a_sheet_per_output(scene: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -86,6 +94,15 @@ def test_several_cameras(tmp_path: Path) -> None:
     size = ("--worlds", "1", "--size", "8x8", "--outputs", "depth", "--out", tmp_path)
     assert render(*size, "--camera", "overview", "wrist") == 0
     assert sorted(path.name for path in tmp_path.iterdir()) == ["overview-depth.png", "wrist-depth.png"]
+
+
+def test_cameras_of_like_names_have_pictures_of_their_own(tmp_path: Path) -> None:
+    cameras = '<camera name="a/b" pos="0 0 5"/><camera name="a b" pos="0 0 6"/><camera name="a.b" pos="0 0 7"/>'
+    path = tmp_path / "scene.xml"
+    path.write_text(TINY.format(camera=cameras))
+    out = tmp_path / "out"
+    assert render(path, "--worlds", 1, "--size", "4x4", "--outputs", "rgb", "--out", out) == 0
+    assert {file.name for file in out.iterdir()} == {"a_b-rgb.png", "a_b-2-rgb.png", "a.b-rgb.png"}
 
 
 def test_camera_by_index(scene: Path, tmp_path: Path) -> None:

@@ -127,6 +127,28 @@ def test_spaces_hold_every_output(device: wp.Device) -> None:
     assert (seen.single_observation_space["eye_depth"].low == 0.0).all()
 
 
+def test_spaces_hold_what_is_behind_a_fisheye(device: wp.Device) -> None:
+    env = Sliders(2, AutoresetMode.NEXT_STEP, device)
+    camera = scenes.own_camera(
+        width=16, height=16, outputs=("depth",), lens=wc.Fisheye(fovy=350.0), position=(0.0, 0.0, -2.0)
+    )
+    seen = PixelObservation(env, wc.Renderer(env.scene, [camera]))
+    observation = seen.reset(seed=1)[0]
+    assert observation["eye_depth"].min() < 0.0  # the table stands behind it
+    assert observation in seen.observation_space
+
+
+@pytest.mark.parametrize("as_tensor", [True, False], ids=["tensor", "numpy"])
+def test_a_mask_of_whole_numbers_is_not_taken_for_ids(as_tensor: bool) -> None:
+    env = pixels(3, AutoresetMode.DISABLED)
+    env.reset(seed=1)
+    mask = np.array([1, 0, 0])
+    with pytest.raises(wc.WarpcamError, match=r"reset: options\['reset_mask'\] must be of bool, .* got int64"):
+        env.reset(options={"reset_mask": torch.as_tensor(mask) if as_tensor else mask})
+    for same in ([True, False, False], mask.astype(bool), mask.astype(np.uint8), torch.as_tensor(mask).bool()):
+        env.reset(options={"reset_mask": same})
+
+
 @pytest.mark.filterwarnings("ignore:.*A Box observation space (minimum|maximum) value is -?infinity")
 @pytest.mark.parametrize("mode", [AutoresetMode.DISABLED, AutoresetMode.NEXT_STEP], ids=lambda mode: mode.name)
 @pytest.mark.parametrize("options", [{}, {"layout": "CHW"}], ids=str)

@@ -26,6 +26,19 @@ SCENES = {
         PLANE.format("even", "") + '<geom type="box" size="1 1 9" pos="-3 20 0" rgba="1 0 0 1"/>',
         'pos="0 -3 9" xyaxes="1 0 0 0 .3 1"',
     ),
+    "of a floor of glass": (PLANE.format("even", 'rgba=".3 .4 .2 .5"'), 'pos="0 -3 9" xyaxes="1 0 0 0 .3 1"'),
+    "of a floor of glass, seen through glass": (
+        PLANE.format("even", 'rgba=".3 .4 .2 .5"') + '<geom type="box" size="2 .1 3" pos="-1 1 9" rgba="1 0 0 .4"/>',
+        'pos="0 -3 9" xyaxes="1 0 0 0 .3 1"',
+    ),
+    "of a floor of glass, over a box of glass beyond the skybox": (
+        PLANE.format("even", 'rgba=".3 .4 .2 .5"') + '<geom type="box" size="5 1 9" pos="0 42 9" rgba="1 0 0 .4"/>',
+        'pos="0 -3 9" xyaxes="1 0 0 0 .3 1"',
+    ),
+    "of a floor of glass from below": (
+        PLANE.format("even", 'rgba=".3 .4 .2 .5"'),
+        'pos="0 -3 -5" xyaxes="1 0 0 0 -.1 1"',
+    ),
     "seen through glass": (
         PLANE.format("even", "") + '<geom type="box" size="2 .1 3" pos="-1 1 9" rgba="1 0 0 .4"/>',
         'pos="0 -3 9" xyaxes="1 0 0 0 .3 1"',

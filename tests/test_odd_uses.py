@@ -222,13 +222,20 @@ def test_stages(stage: Any) -> None:
         wc.from_usd(stage, 2**31)
     with says("semantics must map labels to whole numbers, got list"):
         wc.from_usd(stage, semantics=["ball"])  # type: ignore[arg-type]
+    with says("semantics: numbers must be of 32 bits, got 'ball': 4294967296"):
+        wc.from_usd(stage, semantics={"ball": 2**32})
     with says("double_sided must be True, False or None, got 'both'"):
         wc.from_usd(stage, double_sided="both")  # type: ignore[arg-type]
     for exposure in ("bright", float("nan")):
         with says(f"exposure must be a finite number or None, got {exposure!r}"):
             wc.from_usd(stage, exposure=exposure)
+    with says("textures must map names to images, got list"):
+        wc.from_usd(stage, textures=["oak.png"])  # type: ignore[arg-type]
+    scene = wc.from_usd(stage, device="cpu")
     with says(f"set_poses: poses must be an array of float32, got {META}"):
-        wc.from_usd(stage, device="cpu").set_poses(["/Ball"], torch.zeros(1, 1, 7, device="meta"))
+        scene.set_poses(["/Ball"], torch.zeros(1, 1, 7, device="meta"))
+    with says("set_poses: poses must have shape (1 or 1, 1, 7), got (1,)"):
+        scene.set_poses(["/Ball"], torch.tensor(1.0))
 
 
 LIGHTS = {
@@ -255,6 +262,14 @@ def lit(**changes: Any) -> wc.Scene:
 def test_lights(text: str) -> None:
     with says(text):
         lit(**LIGHTS[text])
+
+
+def test_light_from_all_around_is_not_negative() -> None:
+    newton = pytest.importorskip("newton")
+    with wp.ScopedDevice("cpu"):
+        model = newton.ModelBuilder().finalize()
+        with says("ambient must not be negative, got (0.2, 0.2, -0.1)"):
+            wc.from_newton(model, model.state(), ambient=(0.2, 0.2, -0.1))
 
 
 def test_a_light_is_on_where_it_is_told() -> None:

@@ -2,6 +2,7 @@
 
 from typing import Any
 
+import mujoco
 import numpy as np
 import pytest
 import scenes
@@ -9,6 +10,7 @@ import torch
 import warp as wp
 
 import warpcam as wc
+from warpcam import recipes
 from warpcam.errors import WarpcamError
 
 WORLDS = 500
@@ -143,20 +145,20 @@ def test_it_may_be_captured(scene: wc.Scene, device: wp.Device) -> None:
         pytest.skip("graphs are captured on a CUDA device only; this one is a CPU")
     seed = torch.zeros(1, dtype=torch.int32, device=scene.vary("material_color").device)
     mask = torch.ones(WORLDS, dtype=torch.bool, device=seed.device)
-    recipes = {
+    attributes = {
         "material_color": (0.0, 1.0),
         "light_directions": wc.Uniform(0.0, 30.0, of="turn"),
         "light_active": [0, 1],
     }
-    wc.randomize(scene, seed=seed, worlds=mask, **recipes)
+    wc.randomize(scene, seed=seed, worlds=mask, **attributes)
     wanted = {}
     for number in (0, 1):
         seed.fill_(number)
-        wc.randomize(scene, seed=seed, worlds=mask, **recipes)
-        wanted[number] = {name: scene.vary(name).clone() for name in recipes}
+        wc.randomize(scene, seed=seed, worlds=mask, **attributes)
+        wanted[number] = {name: scene.vary(name).clone() for name in attributes}
     torch.cuda.synchronize()
     with wp.ScopedCapture(device=device) as capture:
-        wc.randomize(scene, seed=seed, worlds=mask, **recipes)
+        wc.randomize(scene, seed=seed, worlds=mask, **attributes)
     for number in (0, 1):
         seed.fill_(number)
         torch.cuda.synchronize()
@@ -178,6 +180,8 @@ def test_it_may_be_captured(scene: wc.Scene, device: wp.Device) -> None:
         ({"light_diffuse": wc.Uniform(0, 1, rows=[2])}, "rows must be different indices from 0 to 1"),
         ({"light_diffuse": wc.Uniform(0, 1, of="turn")}, "only light_directions and rotation turn"),
         ({"light_diffuse": wc.Uniform(0, 1, of="log")}, "of must be one of 'value', 'offset', 'factor', 'turn'"),
+        ({"light_diffuse": wc.Uniform(0, 1, linked="no")}, "light_diffuse: linked must be True or False, got 'no'"),
+        ({"seed": torch.tensor(5, dtype=torch.int32), "light_diffuse": (0, 1)}, "seed must be a whole number of 32 b"),
         ({"light_active": [0, 2]}, "a choice of on and off takes 1 and 0"),
         ({"light_active": []}, "a choice needs at least one value"),
         ({"seed": 0.5, "light_diffuse": (0, 1)}, "randomize: seed must be a whole number of 32 bits"),
@@ -189,6 +193,42 @@ def test_it_may_be_captured(scene: wc.Scene, device: wp.Device) -> None:
 def test_what_cannot_be_drawn_is_named(scene: wc.Scene, call: dict[str, Any], message: str) -> None:
     with pytest.raises(WarpcamError, match=message):
         wc.randomize(scene, **call)
+
+
+def test_seeds_and_recipes_that_come_anew_are_not_kept(scene: wc.Scene) -> None:
+    """A new tensor for each episode, bounds that grow from one to the next."""
+    device = scene.vary("material_color").device
+    one = drawn(scene, "material_color", (0.0, 1.0), torch.tensor([1], dtype=torch.int32, device=device))
+    state, known = recipes._recipes[scene], []
+    for episode in range(recipes.MAX_STAGES + 20):
+        seed = torch.tensor([episode], dtype=torch.int32, device=device)
+        wc.randomize(scene, seed=seed, material_color=(0.0, 1.0))
+        known.append(len(state.stages))
+    assert len(set(known)) == 1
+    for episode in range(recipes.MAX_STAGES + 20):
+        wc.randomize(scene, seed=episode, material_emission=(0.0, 0.5 + 1e-3 * episode))
+        known.append(len(state.stages))
+    assert max(known) == recipes.MAX_STAGES
+    assert scene.vary("material_emission").max() > 0.5
+    assert (drawn(scene, "material_color", (0.0, 1.0), 1) == one).all()
+
+
+def test_a_recipe_that_is_part_of_a_graph_is_kept(scene: wc.Scene) -> None:
+    for name in ("light_exponent", "light_cutoff"):
+        wc.randomize(scene, seed=1, **{name: (0.0, 1.0)})
+    state = recipes._recipes[scene]
+    captured, other = state.stages
+    state.keep(captured, state.stages[captured], True)
+    for episode in range(recipes.MAX_STAGES + 1):
+        wc.randomize(scene, seed=episode, material_emission=(0.0, 0.25 + 1e-3 * episode))
+    assert captured in state.stages and other not in state.stages
+
+
+def test_nothing_may_be_drawn_of_nothing(device: wp.Device) -> None:
+    mjm = mujoco.MjModel.from_xml_string("<mujoco/>")
+    scene = wc.from_mujoco(mjm, mujoco.MjData(mjm), device=device)
+    wc.randomize(scene, seed=1, shape_colors=(0.0, 1.0))
+    assert scene.vary("shape_colors").shape == (1, 0, 4)
 
 
 def test_targets_are_scenes_and_cameras(device: wp.Device) -> None:

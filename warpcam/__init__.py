@@ -103,8 +103,9 @@ def from_mujoco(
     """Worlds of classic MuJoCo, copied to the device before each frame.
 
     Args:
-        mjm: The ``mujoco.MjModel``. What changes in it is seen at the next render, but for meshes, height fields and
-            textures, which are read once.
+        mjm: The ``mujoco.MjModel``. What changes in it is seen at the next render, but for what is read once: meshes,
+            height fields and textures; types, groups and reflectance; projections and sensors of cameras;
+            ``vis.map`` and ``vis.quality``; and of what is no geom all but its colour.
         mjd: A ``mujoco.MjData``, or a list with one for each world.
         groups: As ``from_mujoco_warp`` has it.
         draw: What is drawn: see ``from_mujoco_warp``.

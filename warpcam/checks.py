@@ -27,6 +27,8 @@ def check_semantics(labels: Any) -> dict[str, int]:
     for name, number in labels.items():
         if not isinstance(name, str) or isinstance(number, bool) or not isinstance(number, int | np.integer):
             raise WarpcamError(f"semantics: must map labels to whole numbers, got {name!r}: {number!r}")
+        if not -(2**31) <= number < 2**31:
+            raise WarpcamError(f"semantics: numbers must be of 32 bits, got {name!r}: {number!r}")
     return {name: int(number) for name, number in labels.items()}
 
 

@@ -4,7 +4,7 @@ import argparse
 import re
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -120,9 +120,9 @@ def _render(options: argparse.Namespace) -> int:
             renderer.render()
         progress.update(steps, description="saving", advance=1, total=4 + len(cameras) * len(outputs))
         saved = []
-        for camera, by_output in images.items():
+        for name, by_output in zip(_file_names(images), images.values(), strict=True):
             for output, tensor in by_output.items():
-                saved.append(_save(options.out, camera, output, tensor.cpu().numpy()))
+                saved.append(_save(options.out, name, output, tensor.cpu().numpy()))
                 progress.advance(steps)
     for path in saved:
         print(path)
@@ -174,9 +174,21 @@ def _frames_per_second(renderer: Any, frames: int, device: wp.Device) -> float:
     return frames * count / (time.perf_counter() - start)
 
 
-def _save(folder: Path, camera: str | int, output: str, images: np.ndarray) -> Path:
+def _file_names(cameras: Iterable[str | int]) -> list[str]:
+    """What the cameras' pictures are called: no two alike."""
+    names: list[str] = []
+    for camera in cameras:
+        name = plain = re.sub(r"[^\w.-]+", "_", str(camera))
+        count = 1
+        while name in names:
+            count += 1
+            name = f"{plain}-{count}"
+        names.append(name)
+    return names
+
+
+def _save(folder: Path, name: str, output: str, images: np.ndarray) -> Path:
     """Write all worlds' images of one output as one picture; returns its path."""
-    name = re.sub(r"[^\w.-]+", "_", str(camera))
     path = folder / f"{name}-{output}.png"
     try:
         folder.mkdir(parents=True, exist_ok=True)

@@ -141,9 +141,8 @@ class DrivenScene(Scene):
             places = interop.to_numpy(textures)
             wrong = places[(places < -1) | (places >= count)]
             if wrong.size:
-                raise WarpcamError(
-                    f"set_textures: textures has {wrong[0]}; allowed are -1 for none and 0 to {count - 1}"
-                )
+                allowed = f"are -1 for none and 0 to {count - 1}" if count else "is -1 for none alone"
+                raise WarpcamError(f"set_textures: textures has {wrong[0]}; allowed {allowed}")
         rows = self._graph_source.make_room("textures")
         with interop.in_order(self.device):
             inputs = [array, self._materials[key], count]

@@ -4,9 +4,11 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
+import warp as wp
 
 from warpcam import interop
 from warpcam.errors import WarpcamError
+from warpcam.rays import TableLens
 from warpcam.renderer import Renderer
 
 try:
@@ -92,6 +94,8 @@ class PixelObservation(VectorWrapper):  # type: ignore[misc]
             for camera, by_output in renderer.images.items()
             for output, tensor in by_output.items()
         }
+        behind = [camera for camera, asked in renderer._cameras.items() if isinstance(asked.lens, TableLens)]
+        self._behind = {f"{camera}_depth" for camera in behind}  # what is behind a camera has a negative depth
         own = _mode_of(env)
         self._mode = _check_mode(own, autoreset_mode, final_images)
         self._resets = self._mode is AutoresetMode.SAME_STEP and own is AutoresetMode.DISABLED
@@ -107,7 +111,7 @@ class PixelObservation(VectorWrapper):  # type: ignore[misc]
 
     def reset(self, *, seed: Any = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
         """Reset all worlds, or those of ``options["reset_mask"]`` (world,), and render them."""
-        worlds = (options or {}).get("reset_mask")  # read first: envs take it out of the options
+        worlds = _mask((options or {}).get("reset_mask"))  # read first: envs take it out of the options
         observations, infos = self.env.reset(seed=seed, options=options)
         self._ended = None
         self._forget(worlds)
@@ -204,7 +208,10 @@ class PixelObservation(VectorWrapper):  # type: ignore[misc]
 
     def _space(self, own: Any) -> Any:
         """Of one world."""
-        images = {key: self._box(output, tensor) for key, (output, tensor) in self._images.items()}
+        images = {
+            key: self._box("" if key in self._behind else output, tensor)
+            for key, (output, tensor) in self._images.items()
+        }
         if self._concatenate:
             images = {"pixels": self._box_of_all(images)}
         if self._state is None:
@@ -267,6 +274,18 @@ class OneWorld(gymnasium.Env):  # type: ignore[misc]
 
     def close(self) -> None:
         self.env.close()
+
+
+def _mask(worlds: Any) -> Any:
+    """What ``reset`` was told, which must not be taken for ids."""
+    if worlds is None:
+        return None
+    array = interop.as_array(worlds)
+    dtype = np.asarray(worlds).dtype if array is None else array.dtype
+    if dtype not in (np.dtype(bool), np.dtype(np.uint8), wp.bool, wp.uint8):
+        name = getattr(dtype, "__name__", dtype)
+        raise WarpcamError(f"reset: options['reset_mask'] must be of bool, one for each world, got {name}")
+    return worlds
 
 
 def _mode_of(env: VectorEnv) -> Any:

@@ -26,10 +26,13 @@ def to_torch(array: wp.array) -> torch.Tensor:
 
 
 def as_array(value: Any) -> wp.array | None:
-    """The same memory as a Warp array, if it is one or a tensor; else None. None too for what Warp lacks."""
+    """The same memory as a Warp array, if it is one or a tensor; else None. None too for what Warp lacks.
+
+    Such as dtypes, devices, and tensors without a dimension.
+    """
     if isinstance(value, wp.array):
         return value
-    if isinstance(value, torch.Tensor):
+    if isinstance(value, torch.Tensor) and value.ndim:
         try:
             return wp.from_torch(value.detach())
         except (TypeError, RuntimeError):  # a dtype, or a device

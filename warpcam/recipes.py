@@ -1,5 +1,6 @@
 """Domain randomisation: what looks different in every world, drawn on the device."""
 
+import math
 import operator
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -29,6 +30,7 @@ KINDS: Mapping[str, int] = {
 }
 SINGLE = ("background", "skybox")  # arrays of a scene without a second dimension that counts something
 TURNED = ("light_directions", "rotation")
+MAX_STAGES = 256  # of a target that are kept, beside those that are part of a graph of the user's
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,9 +73,21 @@ class Recipes:
     def __init__(self, num_worlds: int, device: wp.Device):
         self.num_worlds, self.device = num_worlds, device
         self.selection = Selection(num_worlds, device)
-        self.seeds = wp.zeros(1, dtype=wp.int32, device=device)
-        self.stages: dict[tuple[Any, ...], Stage] = {}
+        # One for all worlds, and one for each, by how many: all stages read these, whatever was given.
+        self.seeds = {count: wp.zeros(count, dtype=wp.int32, device=device) for count in (1, num_worlds)}
+        self.stages: dict[tuple[Any, ...], Stage] = {}  # the last used at the end
+        self.captured: set[tuple[Any, ...]] = set()
         self.nominal: dict[str, wp.array] = {}
+
+    def keep(self, key: tuple[Any, ...], stage: Stage, captured: bool) -> Stage:
+        """Put a stage at the end, and let go of what was not used for long."""
+        self.stages.pop(key, None)
+        self.stages[key] = stage
+        if captured:
+            self.captured.add(key)
+        if len(self.stages) - len(self.captured) > MAX_STAGES:
+            del self.stages[next(known for known in self.stages if known not in self.captured)]
+        return stage
 
 
 _recipes: "WeakKeyDictionary[Any, Recipes]" = WeakKeyDictionary()
@@ -106,25 +120,29 @@ def randomize(target: Any, *, seed: Any = 0, worlds: Any = None, **recipes: Any)
         _recipes[target] = Recipes(num_worlds, device)
     state = _recipes[target]
     capturing = interop.is_capturing(device)
-    seeds = _seeds(state, seed)
+    given = _seeds(state, seed)
+    seeds = state.seeds[1 if given is None else len(given)]
     stages = [_stage(state, target, name, recipe, seeds, capturing) for name, recipe in recipes.items()]
     with interop.in_order(device):
         if worlds is None:
             state.selection.mask.fill_(1)
         else:
             state.selection.select(worlds, capturing, "randomize")
-        if seeds is state.seeds:
+        if given is None:
             seeds.fill_(int(seed))
+        else:
+            wp.copy(seeds, given)
         for stage in stages:
             stage.launch()
 
 
-def _seeds(state: Recipes, seed: Any) -> wp.array:
+def _seeds(state: Recipes, seed: Any) -> wp.array | None:
+    """The array that was given, None for a number."""
     array = interop.as_array(seed)
     if array is None:
         if isinstance(seed, bool) or not isinstance(seed, int | np.integer) or not -(2**31) <= seed < 2**31:
             raise WarpcamError(f"randomize: seed must be a whole number of 32 bits or an int32 tensor, got {seed!r}")
-        return state.seeds
+        return None
     device_rule.require_same(state.device, "the scene is", array.device, "randomize: seed")
     if array.dtype is not wp.int32 or tuple(array.shape) not in ((1,), (state.num_worlds,)):
         raise WarpcamError(
@@ -145,14 +163,17 @@ def _stage(state: Recipes, target: Any, name: str, recipe: Any, seeds: wp.array,
     if isinstance(recipe, Choice):
         what: tuple[Any, ...] = (_whole(f"{name}: what is chosen from", recipe.values),)
     else:
+        if not isinstance(recipe.linked, bool | np.bool_):
+            raise WarpcamError(f"randomize: {name}: linked must be True or False, got {recipe.linked!r}")
         what = (_bounds(name, recipe.low), _bounds(name, recipe.high), recipe.of, bool(recipe.linked))
-    key = (name, what, rows, seeds.ptr, seeds.shape)
-    if key not in state.stages:
+    key = (name, what, rows, len(seeds))
+    stage = state.stages.get(key)
+    if stage is None:
         if capturing:
             raise WarpcamError(f"randomize: a capture is under way, and {name} is new; call it once before")
-        state.stages[key] = _record(state, target, name, recipe, what, rows, seeds)
-        state.stages[key].bind()
-    return state.stages[key]
+        stage = _record(state, target, name, recipe, what, rows, seeds)
+        stage.bind()
+    return state.keep(key, stage, capturing)
 
 
 def _whole(what: str, values: Any) -> tuple[int, ...]:
@@ -180,7 +201,8 @@ def _array(target: Any, name: str) -> wp.array:
     else:
         tensor = getattr(target, name)
         rows = 1
-    array: Any = interop.as_array(tensor.reshape(tensor.shape[0], rows, -1))
+    width = math.prod(tensor.shape[1:]) // rows if rows else math.prod(tensor.shape[2:])
+    array: Any = interop.as_array(tensor.reshape(tensor.shape[0], rows, width))
     return array.view(wp.uint8) if array.dtype is wp.bool else array
 
 

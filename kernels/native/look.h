@@ -259,7 +259,7 @@ WARPCAM_FN Layout load_layout(const Shapes& shapes, const Materials& materials, 
     const bool uniform = row_of(materials.texture_uniform, world, index);
     const auto repeat = row_of(materials.texture_repeat, world, index);
     const Vec extent = extent_of<TYPES>(pose, meshes, fields);
-    layout.extent = to_row(extent, uniform);
+    layout.extent = to_row(extent, uniform && extent.x + extent.y > 0.0f);  // metres on endless planes all the same
     layout.repeat[0] = repeat[0] * (uniform && extent.x > 0.0f ? extent.x : 1.0f);
     layout.repeat[1] = repeat[1] * (uniform && extent.y > 0.0f ? extent.y : 1.0f);
     if ((TYPES >> PLANE & 1) && pose.type() == PLANE) {  // a side of length 0 is endless, two metres an image

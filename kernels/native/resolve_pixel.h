@@ -46,14 +46,14 @@ WARPCAM_FN void resolve_hit(const Looks* looks, const List& lights, const Scene_
         expose<FACTS>(scene, world, shown.linear, shown.display);
 }
 
-// Covers what is seen of a pixel with the transparent shapes before it. Returns how much is still seen of it.
+// Covers what is seen of a pixel with the transparent shapes before it, nearer than `limit`. Returns how much is still seen
+// of it.
 template <int TYPES, int LENS, int CAPACITY, int IMAGES, int FACTS, class Looks, class List, class Scene_,
           class Veils_>
 WARPCAM_FN float resolve_veils(const Looks* looks, const List& lights, const Scene_& scene, const Camera& camera,
                                const Veils_& veils, const Region& region, int world, const Pixel& pixel, float x,
-                               float y, const Hit& solid, Shown& shown)
+                               float y, const Hit& solid, float limit, Shown& shown)
 {
-    const float limit = solid.shape >= 0 ? solid.depth : camera.far;
     const bool takes_part = pixel.inside && !((FACTS & MIRRORED) && solid.shape == -1);
     const ViewRay<LENS> ray { x, y };
     float near = camera.near;
@@ -160,9 +160,11 @@ WARPCAM_FN void resolve_pixel(const Looks* looks, const List& lights, const Scen
     if (Wants::LIT) {
         bool seen = hit;
         Mist mist { 0.0f, 0.0f };
+        float sky = camera.far;
         if constexpr ((FACTS & HAZY) != 0 && LENS != ORTHOGRAPHIC) {
             const Vec ray = turned(camera.rotation, ViewRay<LENS> { x, y }.direction());
-            seen = hit && solid.depth < skybox_depth(ray, frame.haze.radius);
+            sky = skybox_depth(ray, frame.haze.radius);
+            seen = hit && solid.depth < sky;
             mist = haze_of(scene, camera, world, ray);
         }
         if (!seen) {
@@ -189,9 +191,12 @@ WARPCAM_FN void resolve_pixel(const Looks* looks, const List& lights, const Scen
             }
         unsigned alpha = hit ? 0xff000000u : 0u;
         if constexpr ((FACTS & VEILED) != 0) {
+            float limit = hit ? solid.depth : camera.far;
+            if constexpr ((FACTS & HAZY) != 0)
+                limit = lower(sky, mist.density > 0.0f ? lower(limit, mist.depth) : limit);  // these hide what is behind them
             const float left = resolve_veils<TYPES, LENS, CAPACITY, IMAGES, FACTS>(looks, lights, scene, camera, veils,
                                                                                    region, world, pixel, x, y, solid,
-                                                                                   shown);
+                                                                                   limit, shown);
             alpha = hit ? alpha : to_byte(1.0f - left) << 24;
         }
         const unsigned word = to_bytes(shown.display);

@@ -250,7 +250,14 @@ def test_pictures_follow_the_model(device: wp.Device) -> None:
             assert pictures[-1] is not pictures[-2] and (pictures[-1] != pictures[-2]).any()
         model.site("tip").rgba[:] = (1, 1, 0, 1)
         renderer.update_scene(data, "fixed")
-        assert (renderer.render() != pictures[-1]).any()
+        pictures.append(renderer.render())
+        assert (pictures[-1] != pictures[-2]).any()
+        for kind in ("geom", "site"):
+            one = model.geom("box") if kind == "geom" else model.site("tip")
+            getattr(model, f"{kind}_type")[one.id] = int(mujoco.mjtGeom.mjGEOM_ELLIPSOID)
+            renderer.update_scene(data, "fixed")
+            pictures.append(renderer.render())
+            assert (pictures[-1] != pictures[-2]).any(), kind
 
 
 def test_out(device: wp.Device) -> None:

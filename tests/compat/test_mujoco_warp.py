@@ -1,5 +1,6 @@
 """The calls of MuJoCo-Warp's renderer, beside that renderer itself, on the same worlds."""
 
+import re
 from typing import Any
 
 import mujoco
@@ -214,11 +215,16 @@ def test_groups_background_and_skybox(mjm: mujoco.MjModel, worlds: Any) -> None:
         ({"shadow_light_fraction": 0.7}, "shadow_light_fraction is 0.7"),
         ({"nworld": 0}, "nworld must be a whole number, at least 1, got 0"),
         ({"background_color": (1, 2, 3)}, "background_color must be"),
+        ({"background_color": "red"}, "background_color must be"),
         ({"cam_active": ["nose"]}, "cam_active has 'nose'; the model's cameras are 'top', 'side', 'flat'"),
         ({"cam_active": [True]}, "cam_active has 1 flags, the model 3 cameras"),
         ({"cam_active": [0, 0]}, "names a camera twice"),
         ({"cam_res": [(8, 8), (9, 9)]}, "cam_res has 2 sizes for 3 active cameras"),
         ({"cam_res": (0, 8)}, "at least 1 pixel each"),
+        ({"enabled_geom_groups": None}, "enabled_geom_groups must be numbers from 0 to 5, got None"),
+        ({"enabled_geom_groups": [7]}, "enabled_geom_groups must be numbers from 0 to 5, got [7]"),
+        ({"draw": ("legs",)}, "draw: 'legs' came; allowed are geoms, sites, "),
+        ({"draw": None}, "draw must be some of geoms, sites, tendons, flexes, skins, got None"),
         ({"render_rgb": [True, False]}, "render_rgb has 2 flags for 3 active cameras"),
     ],
 )
@@ -234,6 +240,35 @@ def test_wrong_worlds_and_missing_attributes(mjm: mujoco.MjModel, worlds: Any) -
         ours.render(*worlds, rc)
     with pytest.raises(AttributeError, match="no 'bvh_id'"):
         _ = rc.bvh_id
+
+
+def test_the_renderer_is_that_of_the_worlds_seen_last(mjm: mujoco.MjModel, worlds: Any) -> None:
+    m, d = worlds
+    rc = ours.create_render_context(mjm, nworld=NUM_WORLDS, **ALL)
+    other = mjw.put_data(mjm, mujoco.MjData(mjm), nworld=NUM_WORLDS)
+    seen = []
+    for data in (d, other, d):
+        ours.render(m, data, rc)
+        seen.append(rc.renderer)
+    assert seen[0] is seen[2] and seen[0] is not seen[1]
+
+
+def test_wrong_arguments_of_calls_are_named(mjm: mujoco.MjModel, worlds: Any) -> None:
+    m, d = worlds
+    rc = ours.create_render_context(mjm, nworld=NUM_WORLDS, **ALL)
+    depth = wp.zeros((NUM_WORLDS, rc.views[0].size[1], rc.views[0].size[0]), dtype=wp.float32)
+    mistakes: dict[str, Any] = {
+        "render: d must be a mujoco_warp.Data, got MjData": lambda: ours.render(m, mujoco.MjData(mjm), rc),
+        "render: rc must be what create_render_context gives, got NoneType": lambda: ours.render(m, d, None),
+        "refit_bvh: rc must be what create_render_context gives, got Data": lambda: ours.refit_bvh(m, d, d),
+        "camera_index is 'top'; the context's cameras are 0 to 2": lambda: ours.get_depth(rc, "top", 1.0, depth),
+        "camera_index is 0.5; the context's cameras are 0 to 2": lambda: ours.get_depth(rc, 0.5, 1.0, depth),
+        "get_depth: depth_scale must be a positive number, got 0": lambda: ours.get_depth(rc, 0, 0, depth),
+        "get_depth: depth_scale must be a positive number, got '5'": lambda: ours.get_depth(rc, 0, "5", depth),
+    }
+    for message, call in mistakes.items():
+        with pytest.raises(wc.WarpcamError, match=re.escape(message)):
+            call()
 
 
 def test_settings_are_not_ignored_in_silence(mjm: mujoco.MjModel) -> None:

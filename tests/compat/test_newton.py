@@ -13,6 +13,7 @@ import warpcam as wc
 newton = pytest.importorskip("newton", reason="pip install 'warpcam[newton]'")
 import newton_scenes  # noqa: E402, newton may be missing
 import newtons_tests  # noqa: E402
+import splat_scenes  # noqa: E402
 from newton.sensors import SensorCamera as TheirCamera  # noqa: E402
 from newton.sensors import SensorTiledCamera as TheirTiled  # noqa: E402
 
@@ -270,10 +271,24 @@ def test_what_is_not_offered_is_refused_by_name(worlds: tuple[Any, Any]) -> None
         config = SensorCamera.RenderConfig(**settings)
         with pytest.raises(wc.WarpcamError, match=message):
             sensor.update(state, transforms, rays, depth_image=depth, render_config=config)
+    clear = SensorCamera.RenderConfig(gaussians_min_transmittance=0.1)
+    sensor.update(state, transforms, rays, depth_image=depth, render_config=clear)  # there are no splats
     with pytest.raises(wc.WarpcamError, match="assign_checkerboard_material is not offered"):
         sensor.assign_checkerboard_material(shape_indices=[0])
     with pytest.raises(wc.WarpcamError, match="depth_image shape must be"):
         sensor.update(state, transforms, rays, depth_image=sensor.allocate_image_depth(2, *SIZE))
+
+
+def test_how_dense_splats_must_be_is_not_chosen(device: wp.Device) -> None:
+    builder = newton.ModelBuilder()
+    builder.add_shape_gaussian(-1, gaussian=splat_scenes.random_gaussians(5, 1))
+    model = builder.finalize(device=device)
+    sensor = SensorCamera(model)
+    rays = SensorCamera.compute_camera_rays_pinhole(*SIZE, camera_fov=0.8, device=model.device)
+    config = SensorCamera.RenderConfig(gaussians_min_transmittance=0.1)
+    transforms, depth = look_from([(2.0, -2.0, 1.0)], model.device), sensor.allocate_image_depth(1, *SIZE)
+    with pytest.raises(wc.WarpcamError, match=r"gaussians_min_transmittance is 0\.1: that is not offered"):
+        sensor.update(model.state(), transforms, rays, depth_image=depth, render_config=config)
 
 
 FISHEYES = {

@@ -17,7 +17,7 @@ FOLLOWED = tuple(
         (
             *MODEL_NAMES.values(),
             *(f"{kind}_{what}" for kind in KINDS for what in ("rgba", "matid", "group")),
-            *("site_size", "tendon_width", "mat_reflectance"),
+            *("geom_type", "site_type", "site_size", "tendon_width", "mat_reflectance"),
         )
     )
 )

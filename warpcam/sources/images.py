@@ -58,6 +58,8 @@ def pixels_of(image: Image.Image) -> np.ndarray:
 
 def named_images(images: Mapping[str, Any]) -> dict[str, TextureImage]:
     """A user's images, by the names that he gives them: paths, or arrays (height, width, 1, 3 or 4) uint8."""
+    if not isinstance(images, Mapping):
+        raise WarpcamError(f"textures must map names to images, got {type(images).__name__}")
     found = {}
     for name, image in images.items():
         if isinstance(image, str | Path):

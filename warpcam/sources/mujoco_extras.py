@@ -123,7 +123,10 @@ def objects(mjm: mujoco.MjModel) -> np.ndarray:
 
 
 def check_kinds(draw: Any) -> frozenset[str]:
-    kinds = [draw] if isinstance(draw, str) else list(draw)
+    try:
+        kinds = [draw] if isinstance(draw, str) else list(draw)
+    except TypeError:
+        raise WarpcamError(f"draw must be some of {', '.join(KINDS)}, got {draw!r}") from None
     for kind in kinds:
         if kind not in KINDS:
             raise WarpcamError(f"draw: {kind!r} came; allowed are {', '.join(KINDS)}")

@@ -99,6 +99,8 @@ class NewtonSource:
         self._arrays.update(light_arrays(lights, num_worlds, self.device))
         headlight = np.zeros((3, 3), np.float32)
         headlight[0] = per_world(ambient, "ambient", 1, (3,))[0]
+        if headlight[0].min() < 0.0:
+            raise WarpcamError(f"ambient must not be negative, got {ambient!r}")
         self._arrays["headlight"] = wp.array(headlight, dtype=wp.vec3, device=self.device)
         drawn = np.flatnonzero(tables.kinds != types.SPLATS).tolist()
         self.parts = Parts(

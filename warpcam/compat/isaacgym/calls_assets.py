@@ -13,6 +13,8 @@ from warpcam.compat.isaacgym.kinds import (
     DofDriveMode,
     DofType,
     IndexDomain,
+    check_segment,
+    one_of,
 )
 from warpcam.compat.isaacgym.maths import Transform
 from warpcam.compat.isaacgym.options import AssetOptions
@@ -76,6 +78,7 @@ class AssetCalls:
             raise WarpcamError(f"create_actor: an asset is needed, got {type(asset).__name__}")
         if not isinstance(pose, Transform):
             raise WarpcamError(f"create_actor: pose must be a Transform, got {type(pose).__name__}")
+        check_segment(segmentation_id, "create_actor: segmentation_id")
         env.sim.require_open("create_actor")
         actor = Actor(env, asset, pose, asset.name if name is None else name, group, int(segmentation_id))
         env.add(actor)
@@ -218,7 +221,7 @@ class AssetCalls:
                 f"set_actor_dof_properties: what get_actor_dof_properties gives is needed, {len(found.properties)} rows"
             )
         for mode in properties["driveMode"]:
-            DofDriveMode(mode)
+            one_of(DofDriveMode, mode, "set_actor_dof_properties: driveMode")
         found.properties[:] = properties
         if env.sim.prepared:
             env.sim.physics.write_properties()
@@ -235,7 +238,8 @@ class AssetCalls:
 
 
 def _positive(where: str, name: str, value: float) -> float:
-    if not value > 0.0:
+    is_number = isinstance(value, int | float | np.number) and not isinstance(value, bool)
+    if not is_number or not 0.0 < value < np.inf:
         raise WarpcamError(f"{where}: {name} must be positive, got {value!r}")
     return float(value)
 

@@ -6,7 +6,7 @@ import numpy as np
 from PIL import Image
 
 from warpcam import interop, pictures
-from warpcam.compat.isaacgym.kinds import CameraFollowMode, ImageType
+from warpcam.compat.isaacgym.kinds import CameraFollowMode, ImageType, one_of
 from warpcam.compat.isaacgym.maths import Quat, Transform, Vec3
 from warpcam.compat.isaacgym.options import CameraProperties
 from warpcam.compat.isaacgym.sensor import MODES, Sensor, aimed, checked, projection_matrix, view_matrix
@@ -39,14 +39,16 @@ class CameraCalls:
     def set_camera_location(self, camera: int, env: Env, position: Vec3, target: Vec3) -> None:
         """Put a camera somewhere, in its environment's frame; it follows no body any more."""
         sensor = _sensor(env, camera, "set_camera_location")
-        sensor.put(aimed(Vec3(*position), Vec3(*target), env.sim.up), kernels.FREE, -1)
+        eye, goal = _place(position, "set_camera_location: position"), _place(target, "set_camera_location: target")
+        sensor.put(aimed(eye, goal, env.sim.up), kernels.FREE, -1)
 
     def set_camera_transform(self, camera: int, env: Env, transform: Transform) -> None:
         """Put a camera somewhere, in its environment's frame; it follows no body any more.
 
         Where z is up, it looks along x of the transform, and its z is up; where y is up, along -z, and y is up.
         """
-        _sensor(env, camera, "set_camera_transform").put(transform, kernels.FREE, -1)
+        where = "set_camera_transform"
+        _sensor(env, camera, where).put(_placed(transform, f"{where}: transform"), kernels.FREE, -1)
 
     def attach_camera_to_body(
         self, camera: int, env: Env, body: int, local_transform: Transform, mode: CameraFollowMode
@@ -66,12 +68,8 @@ class CameraCalls:
         count = env.counts.bodies
         if isinstance(body, bool) or not isinstance(body, int | np.integer) or not 0 <= body < count:
             raise WarpcamError(f"{where}: body {body!r} came, environment {env.index} has 0 to {count - 1}")
-        try:
-            follow = MODES[CameraFollowMode(mode)]
-        except ValueError:
-            allowed = ", ".join(each.name for each in CameraFollowMode)
-            raise WarpcamError(f"{where}: mode {mode!r} came; allowed are {allowed}") from None
-        sensor.put(local_transform, follow, int(body))
+        follow = MODES[one_of(CameraFollowMode, mode, f"{where}: mode")]
+        sensor.put(_placed(local_transform, f"{where}: local_transform"), follow, int(body))
 
     def get_camera_transform(self, sim: Sim, env: Env, camera: int, *, quirks: bool | None = None) -> Transform:
         """Where a camera is now, in its environment's frame.
@@ -172,7 +170,12 @@ class CameraCalls:
             pixels = pictures.from_flow(parts * (parts.shape[2], parts.shape[1]))[0]
         else:
             pixels = pictures.from_ids(np.where(image == 0, -1, image.astype(np.int64))[None, ..., None])[0]
-        Image.fromarray(np.ascontiguousarray(pixels)).save(path, format="png")
+        try:
+            Image.fromarray(np.ascontiguousarray(pixels)).save(path, format="png")
+        except OSError as error:
+            raise WarpcamError(
+                f"write_camera_image_to_file: {str(path)!r} cannot be written: {error.strerror}"
+            ) from None
 
 
 def _sensor(env: Any, handle: Any, where: str, sim: Any = None) -> Sensor:
@@ -186,6 +189,26 @@ def _sensor(env: Any, handle: Any, where: str, sim: Any = None) -> Sensor:
         what = f"camera {handle} has been destroyed" if gone else f"camera {handle!r} came"
         raise WarpcamError(f"{where}: {what}; environment {env.index} has {known}")
     return env.cameras[handle]
+
+
+def _place(value: Any, where: str) -> Vec3:
+    try:
+        place = Vec3(*value)
+    except (TypeError, ValueError):
+        raise WarpcamError(f"{where} must be a Vec3, got {value!r}") from None
+    if not np.isfinite(tuple(place)).all():
+        raise WarpcamError(f"{where} must be finite, got {value!r}")
+    return place
+
+
+def _placed(value: Any, where: str) -> Transform:
+    """A pose that a camera can have."""
+    if not isinstance(value, Transform):
+        raise WarpcamError(f"{where} must be a Transform, got {type(value).__name__}")
+    numbers = np.array((*value.p, *value.r))
+    if not np.isfinite(numbers).all() or not numbers[3:].any():
+        raise WarpcamError(f"{where} must be finite, its rotation not of length 0, got {value!r}")
+    return value
 
 
 def _pose(sensor: Sensor) -> Transform:

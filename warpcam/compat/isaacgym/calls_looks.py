@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from PIL import Image, UnidentifiedImageError
 
-from warpcam.compat.isaacgym.kinds import INVALID_HANDLE, MeshType
+from warpcam.compat.isaacgym.kinds import INVALID_HANDLE, MeshType, check_segment, one_of
 from warpcam.compat.isaacgym.looks import MAX_LIGHTS, Lamp
 from warpcam.compat.isaacgym.maths import Vec3
 from warpcam.compat.isaacgym.sim import Sim, env_of, sim_of
@@ -28,8 +28,7 @@ class LookCalls:
         """What ``IMAGE_SEGMENTATION`` shows of a body."""
         where = "set_rigid_body_segmentation_id"
         found = env_of(env, where).actor(actor, where)
-        if not 0 <= int(segmentation_id) < 2**32:
-            raise WarpcamError(f"{where}: a number from 0 to 2^32 - 1 is needed, got {segmentation_id!r}")
+        check_segment(segmentation_id, where)
         found.segments[found.body(body, where)] = int(segmentation_id)
         env.sim.looks.changed += 1
 
@@ -70,7 +69,7 @@ class LookCalls:
         """
         found, shapes = _shapes(env, actor, body, mesh_type, "set_rigid_body_texture")
         looks = env.sim.looks
-        if texture not in looks.textures:
+        if not _is_there(texture, looks.textures):
             known = ", ".join(map(str, looks.textures)) or "none"
             raise WarpcamError(f"set_rigid_body_texture: texture {texture!r} came, there are {known}")
         if len(shapes):
@@ -86,8 +85,9 @@ class LookCalls:
         """Colours and textures as the asset has them."""
         where = "reset_actor_materials"
         found = env_of(env, where).actor(actor, where)
+        chosen = FLAGS[one_of(MeshType, mesh_type, f"{where}: mesh type")]
         flags = np.asarray(found.asset.builder.shape_flags, np.int64)
-        found.reset_looks(np.flatnonzero(flags & FLAGS[MeshType(mesh_type)]))
+        found.reset_looks(np.flatnonzero(flags & chosen))
         env.sim.looks.changed += 1
         env.sim.looks.textured += 1
 
@@ -96,7 +96,7 @@ class LookCalls:
         try:
             with Image.open(Path(path)) as image:
                 pixels = np.asarray(image.convert("RGB"))
-        except (OSError, UnidentifiedImageError) as error:
+        except (TypeError, OSError, UnidentifiedImageError) as error:
             raise WarpcamError(f"create_texture_from_file: {str(path)!r} cannot be read: {error}") from error
         return _texture(sim_of(sim, "create_texture_from_file"), pixels)
 
@@ -104,6 +104,9 @@ class LookCalls:
         """An image of one's own, RGBA, uint8 of (height, 4 width) or as many numbers; its handle."""
         where = "create_texture_from_buffer"
         array = np.asarray(pixels)
+        for name, size in (("width", width), ("height", height)):
+            if isinstance(size, bool) or not isinstance(size, int | np.integer) or size < 1:
+                raise WarpcamError(f"{where}: {name} must be a whole number of pixels, at least 1, got {size!r}")
         if array.dtype != np.uint8 or array.size != 4 * width * height or not array.size:
             raise WarpcamError(
                 f"{where}: {4 * width * height} numbers of uint8 are needed, got {array.size} of {array.dtype}"
@@ -113,7 +116,7 @@ class LookCalls:
     def free_texture(self, sim: Sim, texture: int) -> None:
         """Forget a texture, which nothing may have any more."""
         sim = sim_of(sim, "free_texture")
-        if texture not in sim.looks.textures:
+        if not _is_there(texture, sim.looks.textures):
             raise WarpcamError(f"free_texture: there is no texture {texture!r}")
         for env in sim.envs:
             for actor in env.actors:
@@ -142,6 +145,9 @@ class LookCalls:
             raise WarpcamError("set_light_parameters: direction must not be of length 0")
         light = _numbers(intensity, "set_light_parameters: intensity")
         everywhere = _numbers(ambient, "set_light_parameters: ambient")
+        for name, values, came in (("intensity", light, intensity), ("ambient", everywhere, ambient)):
+            if min(values) < 0.0:
+                raise WarpcamError(f"set_light_parameters: {name} must not be negative, got {came!r}")
         sim.looks.lamps[int(index)] = Lamp(light, everywhere, toward)
         sim.looks.lit += 1
 
@@ -149,12 +155,12 @@ class LookCalls:
 def _shapes(env: Any, actor: Any, body: Any, mesh_type: Any, where: str) -> tuple[Actor, np.ndarray]:
     """Places of those shapes in their actor."""
     found = env_of(env, where).actor(actor, where)
-    try:
-        flags = FLAGS[MeshType(mesh_type)]
-    except ValueError:
-        allowed = ", ".join(kind.name for kind in MeshType)
-        raise WarpcamError(f"{where}: mesh type {mesh_type!r} came; allowed are {allowed}") from None
+    flags = FLAGS[one_of(MeshType, mesh_type, f"{where}: mesh type")]
     return found, found.asset.shapes_of(found.body(body, where), flags)
+
+
+def _is_there(texture: Any, textures: Any) -> bool:
+    return isinstance(texture, int | np.integer) and not isinstance(texture, bool) and texture in textures
 
 
 def _numbers(value: Any, where: str) -> tuple[float, ...]:

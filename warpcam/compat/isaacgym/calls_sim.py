@@ -7,7 +7,7 @@ import numpy as np
 import warp as wp
 
 from warpcam import device as device_rule
-from warpcam.compat.isaacgym.kinds import SimType
+from warpcam.compat.isaacgym.kinds import SimType, one_of
 from warpcam.compat.isaacgym.maths import Vec3
 from warpcam.compat.isaacgym.options import PlaneParams, SimParams, TriangleMeshParams
 from warpcam.compat.isaacgym.sim import Sim, env_of, sim_of
@@ -40,7 +40,7 @@ class SimCalls:
         params = SimParams() if params is None else params
         if not isinstance(params, SimParams):
             raise WarpcamError(f"create_sim: params must be SimParams, got {params.__class__.__name__}")
-        SimType(type)
+        one_of(SimType, type, "create_sim: type")
         return Sim(_device(compute_device, graphics_device, params.use_gpu_pipeline), params, quirks)
 
     def destroy_sim(self, sim: Sim) -> None:
@@ -104,6 +104,9 @@ class SimCalls:
         """A world of its own. The corners say how far apart the origins of two are, where any frame has both."""
         sim = sim_of(sim, "create_env")
         sim.require_open("create_env")
+        for name, corner in (("lower", lower), ("upper", upper)):
+            if not isinstance(corner, Vec3):
+                raise WarpcamError(f"create_env: {name} must be a Vec3, got {corner.__class__.__name__}")
         index, per_row = len(sim.envs), max(int(num_per_row), 1)
         size, row, column = upper - lower, index // per_row, index % per_row
         if sim.up == newton.Axis.Z:

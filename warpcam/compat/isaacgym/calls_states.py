@@ -44,7 +44,7 @@ class StateCalls:
     def set_actor_root_state_tensor_indexed(self, sim: Sim, states: Tensor, indices: Tensor, count: int) -> bool:
         """Place those whose indices, int32, are given."""
         where = "set_actor_root_state_tensor_indexed"
-        sim_of(sim, where).physics.set_roots(states, _indices(indices, where), int(count), where)
+        sim_of(sim, where).physics.set_roots(states, _indices(indices, where), count, where)
         return True
 
     def set_dof_state_tensor(self, sim: Sim, states: Tensor) -> bool:
@@ -55,7 +55,7 @@ class StateCalls:
     def set_dof_state_tensor_indexed(self, sim: Sim, states: Tensor, indices: Tensor, count: int) -> bool:
         """Place the joints of those actors whose indices, int32, are given."""
         where = "set_dof_state_tensor_indexed"
-        sim_of(sim, where).physics.set_dofs(states, _indices(indices, where), int(count), where)
+        sim_of(sim, where).physics.set_dofs(states, _indices(indices, where), count, where)
         return True
 
     def set_dof_position_target_tensor(self, sim: Sim, values: Tensor) -> bool:
@@ -121,7 +121,7 @@ def _refresh(sim: Any, where: str, name: str) -> bool:
 
 
 def _targets(sim: Any, kind: str, values: Any, indices: Any, count: Any, where: str) -> bool:
-    chosen = None if count is None else _indices(indices, where)
+    chosen = None if indices is None and count is None else _indices(indices, where)
     sim_of(sim, where).physics.set_targets(kind, values, chosen, count, where)
     return True
 

@@ -1,10 +1,27 @@
 """Isaac Gym's closed sets, and the structured numbers of its states and properties."""
 
 from enum import IntEnum
+from typing import Any
 
 import numpy as np
 
 from warpcam.compat.isaacgym.maths import TRANSFORM, VEC3
+from warpcam.errors import WarpcamError
+
+
+def one_of(kind: type[IntEnum], value: Any, where: str) -> Any:
+    """The member of a closed set that was meant."""
+    try:
+        return kind(value)
+    except ValueError:
+        allowed = ", ".join(each.name for each in kind)
+        raise WarpcamError(f"{where} {value!r} came; allowed are {allowed}") from None
+
+
+def check_segment(value: Any, where: str) -> None:
+    """Raise unless it may be what ``IMAGE_SEGMENTATION`` shows."""
+    if isinstance(value, bool) or not isinstance(value, int | np.integer) or not 0 <= value < 2**32:
+        raise WarpcamError(f"{where}: a number from 0 to 2^32 - 1 is needed, got {value!r}")
 
 
 class ImageType(IntEnum):

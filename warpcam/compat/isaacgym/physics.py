@@ -13,6 +13,7 @@ from warpcam.compat.isaacgym.kinds import DofDriveMode
 from warpcam.compat.isaacgym.maths import Vec3
 from warpcam.compat.isaacgym.tensors import Tensor, take
 from warpcam.compat.isaacgym.world import Actor, Counts, Env, Grounds, build
+from warpcam.errors import WarpcamError
 from warpcam.kernels import isaacgym as kernels
 
 MODES = {
@@ -203,7 +204,11 @@ class Physics:
     def _chosen(self, indices: Any, count: int | None, where: str) -> wp.array:
         if indices is None:
             return self._all
-        return take(indices, f"{where}: indices", wp.int32, (indices.torch.numel(),), self.device)[:count]
+        most = indices.torch.numel()
+        if isinstance(count, bool) or not isinstance(count, int | np.integer) or not 0 <= count <= most:
+            raise WarpcamError(f"{where}: count must be a whole number, from 0 to the {most} indices, got {count!r}")
+        taken = take(indices, f"{where}: indices", wp.int32, (most,), self.device)
+        return taken[:count] if count else wp.zeros(0, dtype=wp.int32, device=self.device)
 
     def _place(self) -> None:
         newton.eval_fk(self.model, self.state.joint_q, self.state.joint_qd, self.state)

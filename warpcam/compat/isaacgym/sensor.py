@@ -62,6 +62,10 @@ def checked(props: Any) -> CameraProperties:
         value = getattr(props, name)
         if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < 1:
             raise WarpcamError(f"CameraProperties.{name} must be a whole number of pixels, at least 1, got {value!r}")
+    for name in ("horizontal_fov", "near_plane", "far_plane"):
+        value = getattr(props, name)
+        if isinstance(value, bool) or not isinstance(value, int | float | np.number):
+            raise WarpcamError(f"CameraProperties.{name} must be a number, got {value!r}")
     if not 0.0 < props.horizontal_fov < 180.0:
         raise WarpcamError(f"CameraProperties.horizontal_fov must be in (0, 180) degrees, got {props.horizontal_fov!r}")
     if not 0.0 <= props.near_plane < props.far_plane:

@@ -9,8 +9,10 @@ from collections.abc import Sequence
 from typing import Any
 
 import mujoco
+import numpy as np
 import warp as wp
 
+from warpcam import device as device_rule
 from warpcam.compat.mujoco_warp.arguments import SPLATS_ARE, check_settings, read_views
 from warpcam.compat.mujoco_warp.context import RenderContext
 from warpcam.errors import WarpcamError
@@ -128,7 +130,7 @@ def create_render_context(
 
 def refit_bvh(m: Any, d: Any, rc: RenderContext) -> None:
     """Nothing needs refitting; the first call for a Model and a Data reads them, as ``RenderContext.bind`` does."""
-    rc.bind(m, d)
+    _context(rc, "refit_bvh").bind(m, d)
 
 
 def refit_splat_bvh(rc: RenderContext) -> None:
@@ -138,7 +140,7 @@ def refit_splat_bvh(rc: RenderContext) -> None:
 
 def render(m: Any, d: Any, rc: RenderContext) -> None:
     """Render the state as it is now into the context's images. It may be part of a capture."""
-    rc._bound(m, d).render()
+    _context(rc, "render")._bound(m, d).render()
 
 
 def get_rgb(rc: RenderContext, camera_index: int, rgb_out: wp.array) -> None:
@@ -163,6 +165,8 @@ def get_depth(rc: RenderContext, camera_index: int, depth_scale: float, depth_ou
         depth_out: float32 (world, height, width); written.
     """
     start = _image(rc, "depth", camera_index, depth_out, wp.float32)
+    if isinstance(depth_scale, bool) or not isinstance(depth_scale, int | float | np.number) or not depth_scale > 0.0:
+        raise WarpcamError(f"get_depth: depth_scale must be a positive number, got {depth_scale!r}")
     inputs = [rc.depth_data, start, float(depth_scale)]
     wp.launch(packing.scale_depth, depth_out.shape, inputs, [depth_out], device=rc.device)
 
@@ -181,7 +185,9 @@ def get_segmentation(rc: RenderContext, camera_index: int, seg_out: wp.array) ->
 
 def _image(rc: RenderContext, output: str, camera_index: int, out: wp.array, dtype: Any) -> int:
     """Where the camera's image begins in a row, with ``out`` checked."""
-    if not 0 <= camera_index < rc.nrender:
+    _context(rc, f"get_{output}")
+    is_whole = isinstance(camera_index, int | np.integer) and not isinstance(camera_index, bool)
+    if not is_whole or not 0 <= camera_index < rc.nrender:
         raise WarpcamError(f"camera_index is {camera_index!r}; the context's cameras are 0 to {rc.nrender - 1}")
     view, start = rc.views[camera_index], rc.starts[output][camera_index]
     if start < 0:
@@ -190,4 +196,11 @@ def _image(rc: RenderContext, output: str, camera_index: int, out: wp.array, dty
     if not isinstance(out, wp.array) or out.shape != shape or out.dtype is not dtype:
         came = f"{out.dtype.__name__} {tuple(out.shape)}" if isinstance(out, wp.array) else type(out).__name__
         raise WarpcamError(f"{output} is written to a Warp array of {dtype.__name__} {shape}, got {came}")
+    device_rule.require_same(rc.device, "the render context is", out.device, f"{output}'s array")
     return start
+
+
+def _context(rc: Any, where: str) -> RenderContext:
+    if not isinstance(rc, RenderContext):
+        raise WarpcamError(f"{where}: rc must be what create_render_context gives, got {type(rc).__name__}")
+    return rc

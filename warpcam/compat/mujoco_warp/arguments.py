@@ -8,6 +8,8 @@ import mujoco
 import numpy as np
 
 from warpcam.errors import WarpcamError
+from warpcam.sources.mujoco_extras import check_kinds
+from warpcam.sources.mujoco_model import groups_by_kind
 
 # Options whose other value would change images in a way that is not offered, and what is drawn instead.
 FIXED = {
@@ -73,7 +75,19 @@ def check_settings(settings: dict[str, Any]) -> None:
     nworld = settings["nworld"]
     if isinstance(nworld, bool) or not isinstance(nworld, int | np.integer) or nworld < 1:
         raise WarpcamError(f"{WHERE}: nworld must be a whole number, at least 1, got {nworld!r}")
-    color = np.asarray(settings["background_color"], np.float64)
+    groups = settings["enabled_geom_groups"]
+    try:
+        groups_by_kind({"geoms": groups})
+    except WarpcamError:
+        raise WarpcamError(f"{WHERE}: enabled_geom_groups must be numbers from 0 to 5, got {groups!r}") from None
+    try:
+        check_kinds(settings["draw"])
+    except WarpcamError as error:
+        raise WarpcamError(f"{WHERE}: {error}") from None
+    try:
+        color = np.asarray(settings["background_color"], np.float64)
+    except (TypeError, ValueError):
+        color = np.zeros(0)
     if color.shape != (4,) or not ((color >= 0.0) & (color <= 1.0)).all():
         raise WarpcamError(
             f"{WHERE}: background_color must be red, green, blue and alpha in [0, 1], got "

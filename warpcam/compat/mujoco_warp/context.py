@@ -37,7 +37,7 @@ class RenderContext:
         total_rays: Pixels of all cameras.
         views: The cameras on the host.
         starts: ``rgb_adr`` and so on, on the host: by "rgb", "depth", "segmentation".
-        renderer: The ``warpcam.Renderer`` behind it, None until a model and data have been seen.
+        renderer: The ``warpcam.Renderer`` behind it, of the model and data that were seen last; None before any were.
     """
 
     def __init__(self, mjm: mujoco.MjModel, num_worlds: int, views: Sequence[View], settings: dict[str, Any]):
@@ -95,6 +95,8 @@ class RenderContext:
         key = (id(m), id(d))
         bound = self._scenes.get(key)
         if bound is None:
+            if not hasattr(d, "nworld"):
+                raise WarpcamError(f"render: d must be a mujoco_warp.Data, got {type(d).__name__}")
             if interop.is_capturing(self.device):
                 raise WarpcamError(
                     "render: a capture is under way, and this Model and Data have not been seen before; call "
@@ -105,6 +107,7 @@ class RenderContext:
             while len(self._scenes) >= MAX_SCENES:
                 self._scenes.pop(next(iter(self._scenes)))
             bound = self._scenes[key] = _Bound(self, m, d)
+        if self.renderer is not bound.renderer:
             self.renderer = bound.renderer
         return bound
 

@@ -10,6 +10,7 @@ import warpcam as wc
 from warpcam.errors import WarpcamError
 
 SKY, GROUND = (0.2, 0.2, 0.225), (0.05, 0.05, 0.06)  # what shines on what faces up and down unless told
+HALF_LOST = 0.49  # of the light comes through: where splats are a surface to Newton, unless told
 UP_SHARE = 1.5  # a surface takes two thirds of a sky's first order
 
 
@@ -71,13 +72,14 @@ class Looks:
         self._scene.array("sky").assign(terms)
 
 
-def check_config(config: Any, model: newton.Model, meshes: bool, samples: int) -> None:
+def check_config(config: Any, model: newton.Model, *, meshes: bool, splats: bool, samples: int) -> None:
     """Raise for settings that are not offered, as far as they would change an image of the model.
 
     Args:
         config: Newton's RenderConfig.
         model: The model.
         meshes: Whether some of its shapes are meshes.
+        splats: Whether some are Gaussian splats.
         samples: Rays of each pixel.
     """
     anti_aliasing = getattr(config, "anti_aliasing", 0)
@@ -95,6 +97,10 @@ def check_config(config: Any, model: newton.Model, meshes: bool, samples: int) -
         raise _refused("texture_projection_mode", config.texture_projection_mode, "no other is drawn", "CUBIC")
     if config.gaussians_mode != 0:
         raise _refused("gaussians_mode", config.gaussians_mode, "splats are blended one by one", "FAST")
+    least = getattr(config, "gaussians_min_transmittance", HALF_LOST)
+    if least != HALF_LOST and splats:
+        why = "splats are a surface where half of the light is lost"
+        raise _refused("gaussians_min_transmittance", least, why, HALF_LOST)
 
 
 def _refused(name: str, value: Any, why: str, allowed: Any) -> WarpcamError:

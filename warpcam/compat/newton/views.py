@@ -79,7 +79,8 @@ class Views:
         self.looks = Looks(self.scene, model, physical)
         self.bundles = Bundles()
         kinds = {newton.GeoType.MESH, newton.GeoType.CONVEX_MESH, newton.GeoType.HFIELD}
-        self._meshes = bool(model.shape_count) and not kinds.isdisjoint(model.shape_type.numpy().tolist())
+        types = set(model.shape_type.numpy().tolist()) if model.shape_count else set()
+        self._meshes, self._splats = not kinds.isdisjoint(types), int(newton.GeoType.GAUSSIAN) in types
         self._renderers: dict[tuple[Any, ...], _Traced] = {}
 
     def render(
@@ -100,7 +101,8 @@ class Views:
             config: Newton's RenderConfig.
         """
         bundles = [self.bundles.find(rays) for _, rays, _ in views]
-        check_config(config, self.model, self._meshes, max(bundle.samples for bundle in bundles))
+        samples = max(bundle.samples for bundle in bundles)
+        check_config(config, self.model, meshes=self._meshes, splats=self._splats, samples=samples)
         if not any(images for *_, images in views):
             return
         with interop.in_order(self.device):
