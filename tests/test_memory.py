@@ -5,6 +5,7 @@ import gc
 from pathlib import Path
 from typing import Any
 
+import mujoco
 import mujoco_warp as mjw
 import pytest
 import warp as wp
