@@ -27,7 +27,7 @@ class CameraPast:
 
     Attributes:
         trail: ``kernels.flow.Trail``.
-        views: View, (world,), of the last frame.
+        views: View, (world,), of the last frame; not written for listed cameras, whose stage reads them in place.
     """
 
     def __init__(self, camera: Camera, tables: Tables, device: wp.Device, images: Mapping[str, wp.array], listed: bool):
