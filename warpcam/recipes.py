@@ -163,7 +163,7 @@ def _stage(state: Recipes, target: Any, name: str, recipe: Any, seeds: wp.array,
     if isinstance(recipe, Choice):
         what: tuple[Any, ...] = (_whole(f"{name}: what is chosen from", recipe.values),)
     else:
-        if not isinstance(recipe.linked, bool | np.bool_):
+        if recipe.linked not in (True, False):
             raise WarpcamError(f"randomize: {name}: linked must be True or False, got {recipe.linked!r}")
         what = (_bounds(name, recipe.low), _bounds(name, recipe.high), recipe.of, bool(recipe.linked))
     key = (name, what, rows, len(seeds))

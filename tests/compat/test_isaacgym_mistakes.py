@@ -25,10 +25,10 @@ PIXELS = np.zeros(16, np.uint8)
 
 # What is said of a call; of an environment with an actor 0 and a camera 0.
 LOOKS: dict[str, Callable[[Any, Any], Any]] = {
-    "set_rigid_body_segmentation_id: a number from 0 to 2^32 - 1 is needed, got 1.7": lambda sim, env: (
+    "set_rigid_body_segmentation_id: a whole number from 0 to 2^32 - 1 is needed, got 1.7": lambda sim, env: (
         GYM.set_rigid_body_segmentation_id(env, 0, 0, 1.7)
     ),
-    "set_rigid_body_segmentation_id: a number from 0 to 2^32 - 1 is needed, got None": lambda sim, env: (
+    "set_rigid_body_segmentation_id: a whole number from 0 to 2^32 - 1 is needed, got None": lambda sim, env: (
         GYM.set_rigid_body_segmentation_id(env, 0, 0, None)
     ),
     f"reset_actor_materials: mesh type 77 came; {KINDS}": lambda sim, env: GYM.reset_actor_materials(env, 0, 77),
@@ -112,9 +112,21 @@ def test_what_cannot_be_used_is_named(world: World, message: str) -> None:
 
 def test_no_indices_move_nothing(world: World) -> None:
     before = gymtorch.wrap_tensor(GYM.acquire_actor_root_state_tensor(world.sim)).clone()
-    states(world.sim, torch.zeros(1, dtype=torch.int32), 0)
+    states(world.sim, torch.zeros(0, dtype=torch.int32), 0)
     GYM.refresh_actor_root_state_tensor(world.sim)
     assert torch.equal(gymtorch.wrap_tensor(GYM.acquire_actor_root_state_tensor(world.sim)), before)
+
+
+def test_scalars_of_all_kinds_are_numbers(world: World) -> None:
+    sim, env = world.sim, world.envs[0]
+    for scalar in (np.array, torch.tensor, np.int64):
+        GYM.set_rigid_body_segmentation_id(env, 0, 0, scalar(3))
+        assert env.actor(0, "").segments[0] == 3
+        states(sim, torch.zeros(0, dtype=torch.int32), scalar(0))
+    other = new_sim(wp.get_device("cpu"))
+    for scalar in (np.array, torch.tensor, np.float32):
+        GYM.create_box(other, scalar(1.0), 1, 1, None)
+        GYM.create_camera_sensor(GYM.create_env(other, *ZEROS, 1), props(horizontal_fov=scalar(60.0)))
 
 
 def test_what_nothing_can_be_made_of_is_named() -> None:
@@ -124,9 +136,11 @@ def test_what_nothing_can_be_made_of_is_named() -> None:
     mistakes: dict[str, Callable[[], Any]] = {
         "create_sim: type 7 came; allowed are SIM_PHYSX, SIM_FLEX": lambda: GYM.create_sim(-1, -1, 7, None),
         "create_env: lower must be a Vec3, got NoneType": lambda: GYM.create_env(sim, None, gymapi.Vec3(), 1),
-        "create_box: w must be positive, got 'a'": lambda: GYM.create_box(sim, "a", 1, 1, None),
-        "create_sphere: radius must be positive, got inf": lambda: GYM.create_sphere(sim, float("inf"), None),
-        "create_actor: segmentation_id: a number from 0 to 2^32 - 1 is needed, got 0.5": lambda: GYM.create_actor(
+        "create_box: w must be positive and finite, got 'a'": lambda: GYM.create_box(sim, "a", 1, 1, None),
+        "create_sphere: radius must be positive and finite, got inf": lambda: GYM.create_sphere(
+            sim, float("inf"), None
+        ),
+        "create_actor: segmentation_id: a whole number from 0 to 2^32 - 1 is needed, got 0.5": lambda: GYM.create_actor(
             env, box, at(0, 0, 0), "box", 0, 0, 0.5
         ),
     }

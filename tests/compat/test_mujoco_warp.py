@@ -8,6 +8,7 @@ import mujoco_warp as mjw
 import numpy as np
 import pytest
 import scenes
+import torch
 import warp as wp
 
 import warpcam as wc
@@ -263,12 +264,28 @@ def test_wrong_arguments_of_calls_are_named(mjm: mujoco.MjModel, worlds: Any) ->
         "refit_bvh: rc must be what create_render_context gives, got Data": lambda: ours.refit_bvh(m, d, d),
         "camera_index is 'top'; the context's cameras are 0 to 2": lambda: ours.get_depth(rc, "top", 1.0, depth),
         "camera_index is 0.5; the context's cameras are 0 to 2": lambda: ours.get_depth(rc, 0.5, 1.0, depth),
-        "get_depth: depth_scale must be a positive number, got 0": lambda: ours.get_depth(rc, 0, 0, depth),
-        "get_depth: depth_scale must be a positive number, got '5'": lambda: ours.get_depth(rc, 0, "5", depth),
+        "get_depth: depth_scale must be a number other than 0, got 0": lambda: ours.get_depth(rc, 0, 0, depth),
+        "get_depth: depth_scale must be a number other than 0, got '5'": lambda: ours.get_depth(rc, 0, "5", depth),
     }
     for message, call in mistakes.items():
         with pytest.raises(wc.WarpcamError, match=re.escape(message)):
             call()
+
+
+def test_scalars_of_all_kinds_are_numbers(mjm: mujoco.MjModel, worlds: Any) -> None:
+    rc = ours.create_render_context(mjm, nworld=NUM_WORLDS, **ALL)
+    ours.render(*worlds, rc)
+    depth = wp.zeros((NUM_WORLDS, rc.views[0].size[1], rc.views[0].size[0]), dtype=wp.float32)
+    ours.get_depth(rc, 0, 5.0, depth)
+    usual = depth.numpy()
+    assert usual.any()
+    for scale in (np.array(5.0), torch.tensor(5.0), wp.float32(5.0), np.float32(5.0), 5):
+        for camera in (wp.int32(0), torch.tensor(0), np.array(0), False):
+            depth.zero_()
+            ours.get_depth(rc, camera, scale, depth)
+            np.testing.assert_array_equal(depth.numpy(), usual)
+    for scale in (True, -1.0):
+        ours.get_depth(rc, 0, scale, depth)
 
 
 def test_settings_are_not_ignored_in_silence(mjm: mujoco.MjModel) -> None:

@@ -20,6 +20,7 @@ from warpcam.compat.isaacgym.maths import Transform
 from warpcam.compat.isaacgym.options import AssetOptions
 from warpcam.compat.isaacgym.sim import Sim, env_of, sim_of
 from warpcam.compat.isaacgym.world import Actor, Counts, Env
+from warpcam.compat.numbers import real
 from warpcam.errors import WarpcamError
 
 
@@ -238,10 +239,10 @@ class AssetCalls:
 
 
 def _positive(where: str, name: str, value: float) -> float:
-    is_number = isinstance(value, int | float | np.number) and not isinstance(value, bool)
-    if not is_number or not 0.0 < value < np.inf:
-        raise WarpcamError(f"{where}: {name} must be positive, got {value!r}")
-    return float(value)
+    number = real(value)
+    if not 0.0 < number < np.inf:
+        raise WarpcamError(f"{where}: {name} must be positive and finite, got {value!r}")
+    return number
 
 
 def _actor(env: Any, handle: Any, where: str) -> Actor:

@@ -11,6 +11,7 @@ from warpcam.compat.isaacgym.looks import MAX_LIGHTS, Lamp
 from warpcam.compat.isaacgym.maths import Vec3
 from warpcam.compat.isaacgym.sim import Sim, env_of, sim_of
 from warpcam.compat.isaacgym.world import COLLIDES, VISIBLE, Actor, Env
+from warpcam.compat.numbers import whole
 from warpcam.errors import WarpcamError
 
 FLAGS = {
@@ -105,8 +106,9 @@ class LookCalls:
         where = "create_texture_from_buffer"
         array = np.asarray(pixels)
         for name, size in (("width", width), ("height", height)):
-            if isinstance(size, bool) or not isinstance(size, int | np.integer) or size < 1:
+            if (whole(size) or 0) < 1:
                 raise WarpcamError(f"{where}: {name} must be a whole number of pixels, at least 1, got {size!r}")
+        width, height = int(width), int(height)
         if array.dtype != np.uint8 or array.size != 4 * width * height or not array.size:
             raise WarpcamError(
                 f"{where}: {4 * width * height} numbers of uint8 are needed, got {array.size} of {array.dtype}"
@@ -160,7 +162,7 @@ def _shapes(env: Any, actor: Any, body: Any, mesh_type: Any, where: str) -> tupl
 
 
 def _is_there(texture: Any, textures: Any) -> bool:
-    return isinstance(texture, int | np.integer) and not isinstance(texture, bool) and texture in textures
+    return whole(texture) in textures
 
 
 def _numbers(value: Any, where: str) -> tuple[float, ...]:

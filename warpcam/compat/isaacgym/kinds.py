@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from warpcam.compat.isaacgym.maths import TRANSFORM, VEC3
+from warpcam.compat.numbers import whole
 from warpcam.errors import WarpcamError
 
 
@@ -20,8 +21,9 @@ def one_of(kind: type[IntEnum], value: Any, where: str) -> Any:
 
 def check_segment(value: Any, where: str) -> None:
     """Raise unless it may be what ``IMAGE_SEGMENTATION`` shows."""
-    if isinstance(value, bool) or not isinstance(value, int | np.integer) or not 0 <= value < 2**32:
-        raise WarpcamError(f"{where}: a number from 0 to 2^32 - 1 is needed, got {value!r}")
+    number = whole(value)
+    if number is None or not 0 <= number < 2**32:
+        raise WarpcamError(f"{where}: a whole number from 0 to 2^32 - 1 is needed, got {value!r}")
 
 
 class ImageType(IntEnum):

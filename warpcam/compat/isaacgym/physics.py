@@ -13,6 +13,7 @@ from warpcam.compat.isaacgym.kinds import DofDriveMode
 from warpcam.compat.isaacgym.maths import Vec3
 from warpcam.compat.isaacgym.tensors import Tensor, take
 from warpcam.compat.isaacgym.world import Actor, Counts, Env, Grounds, build
+from warpcam.compat.numbers import whole
 from warpcam.errors import WarpcamError
 from warpcam.kernels import isaacgym as kernels
 
@@ -205,10 +206,11 @@ class Physics:
         if indices is None:
             return self._all
         most = indices.torch.numel()
-        if isinstance(count, bool) or not isinstance(count, int | np.integer) or not 0 <= count <= most:
+        number = whole(count)
+        if number is None or not 0 <= number <= most:
             raise WarpcamError(f"{where}: count must be a whole number, from 0 to the {most} indices, got {count!r}")
         taken = take(indices, f"{where}: indices", wp.int32, (most,), self.device)
-        return taken[:count] if count else wp.zeros(0, dtype=wp.int32, device=self.device)
+        return taken[:number] if number else wp.zeros(0, dtype=wp.int32, device=self.device)
 
     def _place(self) -> None:
         newton.eval_fk(self.model, self.state.joint_q, self.state.joint_qd, self.state)

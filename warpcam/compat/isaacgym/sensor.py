@@ -12,6 +12,7 @@ from warpcam.compat.isaacgym.maths import Quat, Transform, Vec3, looking, matrix
 from warpcam.compat.isaacgym.options import CameraProperties
 from warpcam.compat.isaacgym.tensors import Tensor
 from warpcam.compat.isaacgym.world import Env
+from warpcam.compat.numbers import real
 from warpcam.errors import WarpcamError
 from warpcam.kernels import isaacgym as kernels
 
@@ -64,8 +65,11 @@ def checked(props: Any) -> CameraProperties:
             raise WarpcamError(f"CameraProperties.{name} must be a whole number of pixels, at least 1, got {value!r}")
     for name in ("horizontal_fov", "near_plane", "far_plane"):
         value = getattr(props, name)
-        if isinstance(value, bool) or not isinstance(value, int | float | np.number):
+        if math.isnan(real(value)):
             raise WarpcamError(f"CameraProperties.{name} must be a number, got {value!r}")
+    props = replace(
+        props, **{name: real(getattr(props, name)) for name in ("horizontal_fov", "near_plane", "far_plane")}
+    )
     if not 0.0 < props.horizontal_fov < 180.0:
         raise WarpcamError(f"CameraProperties.horizontal_fov must be in (0, 180) degrees, got {props.horizontal_fov!r}")
     if not 0.0 <= props.near_plane < props.far_plane:
@@ -77,7 +81,7 @@ def checked(props: Any) -> CameraProperties:
     if samples not in SAMPLES:
         allowed = " or ".join(f"{a} x {b}" for a, b in SAMPLES)
         raise WarpcamError(f"CameraProperties: supersampling of {samples[0]} x {samples[1]} came; allowed is {allowed}")
-    return replace(props)
+    return props
 
 
 def axes(up: newton.Axis) -> Quat:

@@ -5,16 +5,17 @@ arguments, and images are packed alike. What is drawn looks as ``mujoco.Renderer
 docs/compat/mujoco_warp.md. All other names are MuJoCo-Warp's own: ``mjr.put_model`` is ``mujoco_warp.put_model``.
 """
 
+import math
 from collections.abc import Sequence
 from typing import Any
 
 import mujoco
-import numpy as np
 import warp as wp
 
 from warpcam import device as device_rule
 from warpcam.compat.mujoco_warp.arguments import SPLATS_ARE, check_settings, read_views
 from warpcam.compat.mujoco_warp.context import RenderContext
+from warpcam.compat.numbers import real, whole
 from warpcam.errors import WarpcamError
 from warpcam.kernels import packing
 
@@ -165,9 +166,10 @@ def get_depth(rc: RenderContext, camera_index: int, depth_scale: float, depth_ou
         depth_out: float32 (world, height, width); written.
     """
     start = _image(rc, "depth", camera_index, depth_out, wp.float32)
-    if isinstance(depth_scale, bool) or not isinstance(depth_scale, int | float | np.number) or not depth_scale > 0.0:
-        raise WarpcamError(f"get_depth: depth_scale must be a positive number, got {depth_scale!r}")
-    inputs = [rc.depth_data, start, float(depth_scale)]
+    scale = real(depth_scale)
+    if math.isnan(scale) or scale == 0.0:
+        raise WarpcamError(f"get_depth: depth_scale must be a number other than 0, got {depth_scale!r}")
+    inputs = [rc.depth_data, start, scale]
     wp.launch(packing.scale_depth, depth_out.shape, inputs, [depth_out], device=rc.device)
 
 
@@ -186,10 +188,10 @@ def get_segmentation(rc: RenderContext, camera_index: int, seg_out: wp.array) ->
 def _image(rc: RenderContext, output: str, camera_index: int, out: wp.array, dtype: Any) -> int:
     """Where the camera's image begins in a row, with ``out`` checked."""
     _context(rc, f"get_{output}")
-    is_whole = isinstance(camera_index, int | np.integer) and not isinstance(camera_index, bool)
-    if not is_whole or not 0 <= camera_index < rc.nrender:
+    place = whole(camera_index)
+    if place is None or not 0 <= place < rc.nrender:
         raise WarpcamError(f"camera_index is {camera_index!r}; the context's cameras are 0 to {rc.nrender - 1}")
-    view, start = rc.views[camera_index], rc.starts[output][camera_index]
+    view, start = rc.views[place], rc.starts[output][place]
     if start < 0:
         raise WarpcamError(f"camera_index {camera_index} renders {', '.join(view.outputs) or 'nothing'}, not {output}")
     shape = (rc.nworld, view.size[1], view.size[0])
