@@ -63,13 +63,13 @@ def checked(props: Any) -> CameraProperties:
         value = getattr(props, name)
         if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < 1:
             raise WarpcamError(f"CameraProperties.{name} must be a whole number of pixels, at least 1, got {value!r}")
+    numbers: dict[str, Any] = {}
     for name in ("horizontal_fov", "near_plane", "far_plane"):
         value = getattr(props, name)
-        if math.isnan(real(value)):
+        numbers[name] = real(value)
+        if math.isnan(numbers[name]):
             raise WarpcamError(f"CameraProperties.{name} must be a number, got {value!r}")
-    props = replace(
-        props, **{name: real(getattr(props, name)) for name in ("horizontal_fov", "near_plane", "far_plane")}
-    )
+    props = replace(props, **numbers)
     if not 0.0 < props.horizontal_fov < 180.0:
         raise WarpcamError(f"CameraProperties.horizontal_fov must be in (0, 180) degrees, got {props.horizontal_fov!r}")
     if not 0.0 <= props.near_plane < props.far_plane:
