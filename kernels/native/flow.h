@@ -64,10 +64,10 @@ WARPCAM_FN bool was_seen(const Trail& trail, const Places& places, int shape, co
 }
 
 // How far what pixel (x, y) sees has moved, by the three rows of a shape that does not rest.
-template <int LENS> struct Shift {
+template <int LENS> struct Moved {
     float right, down;
 
-    WARPCAM_FN Shift(const Row& across, const Row& along, const Row& away, float x, float y, float depth)
+    WARPCAM_FN Moved(const Row& across, const Row& along, const Row& away, float x, float y, float depth)
     {
         const float now = then<LENS>(away, x, y, depth), rate = LENS == PINHOLE ? reciprocal(now) : 1.0f;
         const bool ahead = LENS != PINHOLE || now > 0.0f;
@@ -87,7 +87,7 @@ WARPCAM_FN void put_flow_of(const Trail& trail, const Places& places, int shape,
     if (!Places::Keeps::rests(rows.at(3))) {
         const Row across = rows.at(0), along = rows.at(1), away = rows.at(2);
         for (int k = 0; k < COUNT; ++k) {
-            const Shift<LENS> shift(across, along, away, float(i), float(j + k * step), hits[k].depth);
+            const Moved<LENS> shift(across, along, away, float(i), float(j + k * step), hits[k].depth);
             right[k] = shift.right;
             down[k] = shift.down;
         }
