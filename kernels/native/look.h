@@ -245,7 +245,16 @@ WARPCAM_FN Vec extent_of(const Pose& pose, const Meshes& meshes, const HeightFie
     return size;
 }
 
-template <int TYPES, class Shapes, class Materials, class Textures, class Meshes, class HeightFields>
+// How often an image repeats along an axis. MuJoCo's renderer takes what is not positive for 1, but where it lays images on
+// from above.
+template <int TYPES> WARPCAM_FN float repeat_of(float given, int type, int own)
+{
+    const bool from_above = (TYPES >> FROM_ABOVE & 1) || type == HEIGHT_FIELD || (type == MESH && !own);
+    return given > 0.0f || from_above ? given : 1.0f;
+}
+
+// PHYSICALLY: images are repeated as the material says.
+template <int TYPES, bool PHYSICALLY, class Shapes, class Materials, class Textures, class Meshes, class HeightFields>
 WARPCAM_FN Layout load_layout(const Shapes& shapes, const Materials& materials, const Textures& textures,
                               const Meshes& meshes, const HeightFields& fields, const Pose& pose, int texture,
                               int world, int id)
@@ -257,7 +266,12 @@ WARPCAM_FN Layout load_layout(const Shapes& shapes, const Materials& materials, 
     const int kind = layout.image.levels > 0 ? int(wp::index(textures.kind, texture)) : TEXTURE_2D;
     layout.cube = kind == TEXTURE_CUBE;
     const bool uniform = row_of(materials.texture_uniform, world, index);
-    const auto repeat = row_of(materials.texture_repeat, world, index);
+    if ((TYPES >> MESH & 1) && pose.type() == MESH && pose.asset() >= 0)
+        layout.own = wp::index(meshes.has_uvs, pose.asset());
+    const auto given = row_of(materials.texture_repeat, world, index);
+    float repeat[2] = { given[0], given[1] };
+    for (int axis = 0; axis < 2 && !PHYSICALLY; ++axis)
+        repeat[axis] = repeat_of<TYPES>(repeat[axis], pose.type(), layout.own);
     const Vec extent = extent_of<TYPES>(pose, meshes, fields);
     layout.extent = to_row(extent, uniform && extent.x + extent.y > 0.0f);  // metres on endless planes all the same
     layout.repeat[0] = repeat[0] * (uniform && extent.x > 0.0f ? extent.x : 1.0f);
@@ -271,8 +285,6 @@ WARPCAM_FN Layout load_layout(const Shapes& shapes, const Materials& materials, 
             layout.repeat[axis] *= (axis == 0 ? 0.5f : -0.5f) * (half[axis] > 0.0f ? reciprocal(half[axis]) : 1.0f);
         }
     }
-    if ((TYPES >> MESH & 1) && pose.type() == MESH && pose.asset() >= 0)
-        layout.own = wp::index(meshes.has_uvs, pose.asset());
     if (layout.cube && layout.own)  // on such a mesh a cube texture does not show
         layout.image.levels = 0;
     if constexpr ((TYPES >> BARE & 1) != 0) {  // cylinders whose third size is -1, and some meshes
@@ -291,7 +303,7 @@ WARPCAM_FN void load_rest(Look<TYPES, Wants>& look, const Shapes& shapes, const 
                           int world, int id)
 {
     if constexpr (Wants::TEXTURED)
-        look.layout = load_layout<TYPES>(shapes, materials, textures, meshes, fields, look.pose,
+        look.layout = load_layout<TYPES, Wants::COATED>(shapes, materials, textures, meshes, fields, look.pose,
                                          look.finish.color.w, world, id);
     if constexpr (Wants::ON_SHEETS)
         look.layout.sheet = sheet_of(textures, look.finish.color.w);

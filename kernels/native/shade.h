@@ -242,8 +242,8 @@ WARPCAM_FN void add_light(const Light& light, float strength, const Vertex* corn
         if (!SHADOWS || !(light.ambient.w & CASTS)) {
             add_share(glows[k], share, light);
         } else {
-            if (!(arrivals[k].facing > 0.0f))
-                share.ambient = 0.0f;  // it lies in its own shadow
+            if (!lit)
+                share.ambient = 0.0f;  // all of the face lies in its own shadow
             Glow<Sum> own {};
             add_share(own, share, light);
             const Vec added = reflected(own, Vec { 0.0f, 0.0f, 0.0f }, finish);

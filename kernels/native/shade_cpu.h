@@ -97,6 +97,20 @@ static WARPCAM_COLD void illuminate_eight_as(const LightList& list, const Facets
     const Floats none = 0.0f, one = 1.0f;
     const Vec base = always_on(list, finish);
     lit = { { none, none, none }, { none, none, none } };
+    const auto strength_of = [&](const Light& light) {
+        return SHADOWS ? ((shadow & light.place.w) != 0 ? none : one) : one;
+    };
+    const auto dims = [&](const Light& light) {  // where all of a face is turned away from it
+        return SHADOWS && CORNERS > 1 && (light.ambient.w & (AMBIENT | CASTS)) == (AMBIENT | CASTS);
+    };
+    Ints faces[MAX_LIGHTS];  // the light of these falls on some corner
+    for (int n = 0; n < list.count; ++n) {
+        faces[n] = 0;
+        for (int k = 0; k < CORNERS && dims(list.lights[n]); ++k) {
+            const Arrivals arrival = arrivals_of(list.lights[n], vertices_at(facet.place[k], facet.normal[k]), one);
+            faces[n] |= (arrival.strength > none) & (arrival.facing > none);
+        }
+    }
     for (int k = 0; k < CORNERS; ++k) {
         const Vertices vertex = vertices_at(facet.place[k], facet.normal[k]);
         const Floats weight = CORNERS == 1 ? one : weights[k];
@@ -104,16 +118,16 @@ static WARPCAM_COLD void illuminate_eight_as(const LightList& list, const Facets
         for (int n = 0; n < list.count; ++n) {
             const Light& light = list.lights[n];
             const bool casts = SHADOWS && (light.ambient.w & CASTS);
-            const Floats strength = SHADOWS ? ((shadow & light.place.w) != 0 ? none : one) : one;
-            const Arrivals arrival = arrivals_of(light, vertex, strength);
+            const Arrivals arrival = arrivals_of(light, vertex, strength_of(light));
             const bool dark_too = !casts && (light.ambient.w & AMBIENT);
-            if (!any_of((arrival.strength > none) & (dark_too ? (Ints)-1 : arrival.facing > none)))
+            const Ints shone_on = dims(light) ? faces[n] : arrival.facing > none;
+            if (!any_of((arrival.strength > none) & (dark_too ? (Ints)-1 : shone_on)))
                 continue;
             Shares share = shares_of(light, vertex, arrival, finish);
             if (!casts) {
                 add_shares(glow, share, light);
             } else {
-                share.ambient = arrival.facing > none ? share.ambient : none;
+                share.ambient = shone_on ? share.ambient : none;
                 Glow<Sum> own {};
                 add_shares(own, share, light);
                 const Vecs added = reflected_by(own, Vec { 0.0f, 0.0f, 0.0f }, finish);
