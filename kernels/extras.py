@@ -4,13 +4,16 @@ from typing import Any
 
 import warp as wp
 
+from .arcs import arc_between, arc_pieces, arc_point
 from .catenary import hanging_point
 from .launch import Stage, compiler_flags, record
+from .types import SPHERE
 
 wp.set_module_options(compiler_flags())
 
 # What stands in a column that is written each frame: Entries.what, first component. The second is the column.
-COPY, MARK, SEGMENT, EDGE, STRING = 0, 1, 2, 3, 4
+COPY, MARK, SEGMENT, EDGE, STRING, ARC = 0, 1, 2, 3, 4, 5
+MOST_PIECES = 8  # of an arc
 
 
 @wp.struct
@@ -19,12 +22,15 @@ class Entries:
 
     # (entry,) COPY: a shape of its own, third component; MARK: something with a pose, third; SEGMENT: of a path,
     # third, the segment's number, fourth; EDGE: between two vertices, third and fourth; STRING: as SEGMENT, of a path
-    # between two stops that may hang slack
+    # between two stops that may hang slack; ARC: a piece of where a path, third, lies on something, fourth: the piece's
+    # number and, times MOST_PIECES, that of the place along the path
     what: wp.array(dtype=wp.vec4i)
     radii: wp.array(dtype=wp.float32)  # (entry,) of segments and edges [m]
     lengths: wp.array(dtype=wp.float32)  # (entry,) of strings [m]
     up: wp.vec3  # where strings do not hang, unit
     num_points: wp.int32  # of a string
+    slices: wp.int32  # pieces of half a turn of an arc; 0: there are no arcs but straight segments of half the width
+    types: wp.array(dtype=wp.int32)  # (shape,) see Shapes
     positions: wp.array2d(dtype=wp.vec3)  # (world, shape) and so on: see Shapes
     rotations: wp.array2d(dtype=wp.mat33)
     sizes: wp.array2d(dtype=wp.vec3)
@@ -60,6 +66,20 @@ def turn_to(axis: wp.vec3) -> wp.mat33:
         return wp.mat33(1.0, 0.0, 0.0, 0.0, -1.0, 0.0, 0.0, 0.0, -1.0)
     k = 1.0 / (1.0 + z)
     return wp.mat33(1.0 - x * x * k, -x * y * k, x, -x * y * k, 1.0 - y * y * k, y, -x, -y, z)
+
+
+@wp.func
+def find_arc(live: Entries, world: wp.int32, path: wp.int32, number: wp.int32) -> wp.int32:
+    """The stop where a path begins to lie on something for the time of this number, from 0; -1 if it does not."""
+    first = live.path_starts[world, path]
+    found = wp.int32(-1)
+    left = number
+    for stop in range(first + 1, first + live.path_counts[world, path] - 2):
+        if live.stop_objects[world, stop] >= 0 and live.stop_objects[world, stop + 1] >= 0:
+            if left == 0 and found < 0:
+                found = stop
+            left = left - 1
+    return found
 
 
 @wp.kernel(enable_backward=False)
@@ -103,6 +123,28 @@ def write_table(live: Entries, out: Table, first: wp.int32):
         end = hanging_point(first_end, second_end, live.up, live.lengths[entry], b + 1, live.num_points)
         if start == end:
             radius = 0.0
+    elif kind == ARC:
+        number = b / MOST_PIECES
+        piece = b - number * MOST_PIECES
+        stop = find_arc(live, world, a, number)
+        if stop < 0:
+            radius = 0.0
+        else:
+            on = live.stop_objects[world, stop]
+            arc = arc_between(
+                live.stops[world, stop - 1],
+                live.stops[world, stop],
+                live.stops[world, stop + 1],
+                live.stops[world, stop + 2],
+                live.positions[world, on],
+                live.rotations[world, on],
+                live.types[on] == SPHERE,
+            )
+            pieces = arc_pieces(arc, live.slices, MOST_PIECES)
+            start = arc_point(arc, wp.float32(piece) / wp.float32(pieces))
+            end = arc_point(arc, wp.float32(piece + 1) / wp.float32(pieces))
+            if piece >= pieces:
+                radius = 0.0
     else:
         stop = live.path_starts[world, a] + b
         shown = b + 1 < live.path_counts[world, a]
@@ -114,6 +156,7 @@ def write_table(live: Entries, out: Table, first: wp.int32):
             end = live.stops[world, stop + 1]
             if here >= 0 and there >= 0:  # around what the path lies on
                 radius = 0.5 * radius
+                shown = live.slices == 0
         if not shown:
             radius = 0.0
     along = end - start

@@ -50,6 +50,22 @@ HANGING = """
 """
 
 
+WRAPS = """
+  <site name="a" pos="-.9 -.1 -.2"/><site name="b" pos=".9 .2 -.1"/><site name="up" pos="0 0 1"/>
+  <geom name="drum" type="cylinder" size=".3 .3" euler="80 20 0"/>
+  <body pos="0 .1 -.6"><joint type="slide" axis="0 0 1"/><geom name="ball" size=".25"/>
+    <site name="left" pos="-.1 -.1 .6"/>
+    <site name="right" pos=".1 0 .6"/><site name="down" pos="0 -.2 -1"/></body>
+"""
+AROUND = """
+  <tendon>
+    <spatial width=".04" rgba="1 .5 0 1"><site site="a"/><geom geom="drum" sidesite="up"/><site site="b"/></spatial>
+    <spatial width=".03" rgba=".2 .8 .1 1"><site site="left"/><geom geom="ball" sidesite="down"/><site site="right"/>
+      <geom geom="drum" sidesite="up"/><site site="b"/></spatial>
+  </tendon>
+"""
+
+
 def flexcomp(dim: int, more: str = "", **changes: str) -> str:
     """One that hangs free, of any dimension."""
     count = {1: "6 1 1", 2: "5 4 1", 3: "4 3 3"}[dim]
@@ -102,6 +118,7 @@ def with_skin(inflate: float = 0.05, more: str = 'material="checks"') -> mujoco.
 MODELS = {
     "sites": lambda: scenes.compile_xml(SITES, assets=PICTURE),
     "tendons": lambda: scenes.compile_xml(TENDONS, assets=PICTURE, more=PATHS),
+    "wraps": lambda: scenes.compile_xml(WRAPS, assets=PICTURE, more=AROUND),
     "strings": lambda: scenes.compile_xml(STRINGS, assets=PICTURE, more=HANGING),
     "line": lambda: with_flex(1),
     "cloth": lambda: with_flex(2),

@@ -15,6 +15,11 @@ SPOT = '<light pos=".5 -.5 2" dir="-.2 .2 -1" castshadow="false" {}/>'
 WIDE = SPOT.format('cutoff="85" exponent="2"')
 SUN = '<light type="directional" dir="-.4 .5 -1" castshadow="false" {}/>'
 CASTS = '<light type="directional" pos="0 0 2" dir=".5 .4 -1" {}/>'
+# Its corners have one normal for all of their faces, since it has texture coordinates.
+ROOF = """
+  <mesh name="roof" vertex="-.6 -.6 0 .6 -.6 0 .6 .6 0 -.6 .6 0 0 0 .5" texcoord="0 0 1 0 1 1 0 1 .5 .5"
+    face="0 1 4 1 2 4 2 3 4 3 0 4 0 2 1 0 3 2"/>
+"""
 
 # World, assets, and whether the headlight shines.
 LIGHTS: dict[str, tuple[str, str, bool]] = {
@@ -44,6 +49,13 @@ SHADOWS = {
     "of a spot": (SPOT.format("").replace("false", "true") + BLOCK + FLOOR, "", True),
     "take the ambient part": (CASTS.format('ambient=".4 .4 .4"') + BLOCK + FLOOR, "", False),
     "one light's of two": (CASTS.format("") + SUN.format('diffuse=".3 .1 .1"') + BLOCK + FLOOR, "", False),
+    "keep the ambient part of a face that a corner sees": (
+        CASTS.format('ambient=".4 .3 .2"').replace(".5 .4 -1", ".5 .4 -.5")
+        + FLOOR
+        + '<geom type="mesh" mesh="roof" pos="0 0 .4" rgba=".3 .6 .8 1"/>',
+        ROOF,
+        False,
+    ),
     **{
         f"of an open mesh, {side} lit": (
             CASTS.format("") + FLOOR + '<geom type="mesh" mesh="s" pos="0 0 .7" rgba=".3 .6 .8 1"/>',
@@ -91,6 +103,20 @@ MATERIALS = {
     "tagged sRGB": (
         SUN.format("") + of_material("box"),
         TEXTURE.format("2d", 'colorspace="sRGB"', 60, 60) + MATERIAL.format('texture="t"'),
+        True,
+    ),
+    **{
+        f"repeated {repeat} times over a {shape}": (
+            SUN.format("") + of_material(shape),
+            FLAT + MATERIAL.format(f'texture="t" texrepeat="{repeat}" texuniform="{uniform}"'),
+            True,
+        )
+        for repeat, uniform in (("-2 3", "false"), ("2 0", "true"))
+        for shape in scenes.TYPES
+    },
+    "repeated -2 times over a mesh with coordinates": (
+        SUN.format("") + '<geom type="mesh" mesh="roof" pos="0 0 .4" material="m"/>',
+        ROOF + FLAT + MATERIAL.format('texture="t" texrepeat="-2 3"'),
         True,
     ),
     **{

@@ -13,12 +13,12 @@ import numpy as np
 
 from warpcam.accel.meshes import Mesh
 from warpcam.errors import WarpcamError
-from warpcam.kernels.extras import COPY, EDGE, MARK, SEGMENT, STRING
+from warpcam.kernels.extras import ARC, COPY, EDGE, MARK, MOST_PIECES, SEGMENT, STRING
 from warpcam.kernels.refit import Shading
 from warpcam.kernels.swell import Hull
 from warpcam.kernels.types import BARE, CAPSULE, CYLINDER, MESH, SPHERE
 from warpcam.parts import Parts
-from warpcam.sources.mujoco_model import KINDS, Groups, groups_by_kind
+from warpcam.sources.mujoco_model import KINDS, VERSION, Groups, groups_by_kind
 from warpcam.sources.mujoco_soft import flex_surface, skin_surface
 
 OBJECTS = (
@@ -29,6 +29,8 @@ OBJECTS = (
     mujoco.mjtObj.mjOBJ_SKIN,
 )
 MAX_STRING = 100  # points of a tendon that hangs slack
+MAX_SLICES = 63  # of half a turn around what a tendon is wrapped around
+WRAPPED = (3, 15)  # the version from which on MuJoCo draws tendons around what they are wrapped around
 DEFAULT_COLOR = (0.5, 0.5, 0.5, 1.0)
 
 
@@ -71,6 +73,8 @@ class Extras:
         lengths: (entry,) float32, of strings [m].
         up: (3,) against gravity, unit.
         num_points_of_string: How many.
+        slices: Pieces of half a turn of an arc, 0 where paths have none.
+        types: (geom,) int32.
         sizes: (column, 3) float32, and so on: of the columns beside the geoms' what never changes.
         materials: (column,) int32.
         colors: (column, 4) float32.
@@ -88,6 +92,8 @@ class Extras:
     lengths: np.ndarray
     up: np.ndarray
     num_points_of_string: int
+    slices: int
+    types: np.ndarray
     sizes: np.ndarray
     materials: np.ndarray
     colors: np.ndarray
@@ -168,6 +174,7 @@ class _Reader:
         self._radii = [0.0] * len(self._entries)
         self._lengths: dict[int, float] = {}
         self._string_points = min(int(mjm.vis.quality.numslices) + 1, MAX_STRING)
+        self._slices = min(int(mjm.vis.quality.numslices), MAX_SLICES) if VERSION >= WRAPPED else 0
         self._more: list[tuple[int, int, int]] = []  # columns beyond: type, id, row of what is static
         self._moved: list[Moved] = []
         self._points = 0
@@ -222,6 +229,8 @@ class _Reader:
             lengths=np.array([self._lengths.get(entry, 0.0) for entry in range(len(self._entries))], np.float32),
             up=_up(self._mjm),
             num_points_of_string=self._string_points,
+            slices=self._slices,
+            types=self._parts.shape_types,
             sizes=self._sizes[rows],
             materials=self._materials[rows],
             colors=self._colors[rows],
@@ -266,6 +275,9 @@ class _Reader:
             for segment in range(len(path) + int(around.sum()) - 1):
                 column = self._beyond(CAPSULE, row)
                 self._add((SEGMENT, column, tendon, segment), column, float(mjm.tendon_width[tendon]))
+            for piece in range(int(around.sum()) * MOST_PIECES if self._slices else 0):
+                column = self._beyond(CAPSULE, row)
+                self._add((ARC, column, tendon, piece), column, float(mjm.tendon_width[tendon]))
 
     def _read_flexes(self, start: mujoco.MjData) -> None:
         mjm = self._mjm

@@ -59,6 +59,7 @@ class ExtraTables:
         self._what = wp.array(extras.entries, dtype=wp.vec4i, device=device)
         self._lengths = wp.array(extras.lengths, dtype=wp.float32, device=device)
         self._radii = wp.array(extras.radii, dtype=wp.float32, device=device)
+        self._types = wp.array(extras.types, dtype=wp.int32, device=device)
         self._colors = extras.colors
         self._table: dict[str, wp.array] = {}
         self._arrays: dict[str, wp.array] = {}
@@ -133,6 +134,7 @@ class ExtraTables:
         entries, table = Entries(), Table()
         entries.what, entries.radii, entries.lengths = self._what, self._radii, self._lengths
         entries.up, entries.num_points = wp.vec3(*self._extras.up), self._extras.num_points_of_string
+        entries.slices, entries.types = self._extras.slices, self._types
         for name in TABLE:
             setattr(entries, name, live[f"shape_{name}"])
             setattr(table, name, self._table[name])
