@@ -64,6 +64,24 @@ AROUND = """
       <geom geom="drum" sidesite="up"/><site site="b"/></spatial>
   </tendon>
 """
+LIMITS = """
+  <site name="a" pos="-.8 0 .6"/><site name="b" pos="-.8 0 .2"/><site name="c" pos="-.8 0 -.2"/>
+  <site name="d" pos="-.8 0 -.6"/><site name="e" pos="-.8 0 -.9"/>
+  <body pos=".7 0 0"><joint type="slide" axis="1 0 0"/><geom size=".1"/><site name="u" pos="0 0 .6"/>
+    <site name="v" pos="0 0 .2"/><site name="w" pos="0 0 -.2"/><site name="x" pos="0 0 -.6"/>
+    <site name="y" pos="0 0 -.9"/></body>
+"""
+HELD = """
+  <tendon>
+    <spatial width=".05" limited="true" range=".2 1.2"><site site="a"/><site site="u"/></spatial>
+    <spatial width=".05" limited="true" range="0 1.4" solimplimit=".1 .9 .4 .3 3"><site site="b"/><site site="v"/>
+    </spatial>
+    <spatial width=".05" limited="true" range="1.7 3" margin=".1" solimplimit=".2 .9 .5"><site site="c"/>
+      <site site="w"/></spatial>
+    <spatial width=".05" limited="true" range=".1 1.2" material="gold"><site site="d"/><site site="x"/></spatial>
+    <spatial width=".05" limited="true" range=".1 1.2" rgba="0 .5 1 1"><site site="e"/><site site="y"/></spatial>
+  </tendon>
+"""
 
 
 def flexcomp(dim: int, more: str = "", **changes: str) -> str:
@@ -119,6 +137,7 @@ MODELS = {
     "sites": lambda: scenes.compile_xml(SITES, assets=PICTURE),
     "tendons": lambda: scenes.compile_xml(TENDONS, assets=PICTURE, more=PATHS),
     "wraps": lambda: scenes.compile_xml(WRAPS, assets=PICTURE, more=AROUND),
+    "held": lambda: scenes.compile_xml(LIMITS, assets=PICTURE, more=HELD),
     "strings": lambda: scenes.compile_xml(STRINGS, assets=PICTURE, more=HANGING),
     "line": lambda: with_flex(1),
     "cloth": lambda: with_flex(2),

@@ -29,7 +29,7 @@ def as_warp(name: str, device: wp.Device) -> wc.Scene:
     second = looked_at(name, 1)[1]
     m, d = scenes.put(mjm, 2, mjd=first)
     for field in ("geom_xpos", "geom_xmat", "site_xpos", "site_xmat", "xpos", "xmat", "flexvert_xpos", "wrap_xpos",
-                  "wrap_obj", "ten_wrapadr", "ten_wrapnum"):  # fmt: skip
+                  "wrap_obj", "ten_wrapadr", "ten_wrapnum", "ten_length"):  # fmt: skip
         array = getattr(d, field)
         if array.size:
             host = array.numpy()
@@ -68,6 +68,48 @@ def test_colours_are_those_of_mujocos_own_renderer(device: wp.Device, name: str)
     assert inside.sum() > 50
     assert np.quantile(off, 0.98) <= 10
     assert off.mean() < 2.0
+
+
+@pytest.mark.parametrize("source", [as_classic, as_warp], ids=["classic", "warp"])
+def test_what_a_limit_holds_has_the_limits_colour(device: wp.Device, source: object) -> None:
+    """Blended by its impedance, in each world its own; not of what has a material or a colour."""
+    scene = source("held", device)
+    camera = scenes.own_camera(
+        position=(0.0, -3.0, 0.0), rotation=(0.7071, 0.7071, 0.0, 0.0), outputs=("albedo", "segmentation"),
+        width=64, height=64,
+    )  # fmt: skip
+    renderer = wc.Renderer(scene, [camera])
+    renderer.render()
+    seen = scenes.on_host(renderer.render()["eye"])  # once more: what is blended is not blended again
+    shown = []
+    for world in range(2):
+        mjm, mjd = looked_at("held", world)
+        drawn = mujoco.MjvScene(mjm, 100)
+        mujoco.mjv_updateScene(mjm, mjd, mujoco.MjvOption(), None, mujoco.MjvCamera(), 7, drawn)
+        expected = {
+            geom.objid: geom.rgba[:3]
+            for geom in drawn.geoms[: drawn.ngeom]
+            if geom.objtype == mujoco.mjtObj.mjOBJ_TENDON
+        }
+        first = mjm.ngeom + mjm.nsite
+        colors = np.array([seen["albedo"][world][seen["segmentation"][world] == first + i][0] for i in range(5)])
+        assert np.abs(colors - 255.0 * np.array([expected[i] for i in range(5)])).max() <= 1.0
+        shown.append(colors)
+    assert (np.abs(shown[0][:, 0].astype(int) - 127)[:3] > 8).all() and (shown[0][1:3] != shown[1][1:3]).any(
+        axis=1
+    ).all()
+
+
+def test_colours_of_held_tendons_follow_the_model(device: wp.Device) -> None:
+    mjm, mjd = looked_at("held", 0)
+    camera = scenes.own_camera(position=(0.0, -3.0, 0.0), rotation=(0.7071, 0.7071, 0.0, 0.0), outputs=("albedo",))
+    renderer = wc.Renderer(wc.from_mujoco(mjm, mjd, device=device), [camera])
+    blue = lambda: (scenes.on_host(renderer.render()["eye"])["albedo"] == (0, 0, 255)).all(axis=-1).sum()  # noqa: E731
+    assert blue() == 0
+    mjm.tendon_rgba[0] = (0.0, 0.0, 1.0, 1.0)
+    assert blue() > 0
+    mjm.tendon_rgba[0] = (0.5, 0.5, 0.5, 1.0)
+    assert blue() == 0
 
 
 def test_ids_count_on_from_the_geoms(device: wp.Device) -> None:

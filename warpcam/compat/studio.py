@@ -22,10 +22,13 @@ MAX_KEPT = 8  # renderers of a studio, and scenes: ways to look that are gone to
 READ_ONCE = (
     *("site_size", "site_group", "site_matid", "tendon_width", "tendon_group", "tendon_matid", "flex_group"),
     *("flex_matid", "skin_group", "skin_matid", "geom_group", "geom_matid", "mat_reflectance"),
-    *("geom_type", "site_type"),
+    *("geom_type", "site_type", "tendon_limited", "tendon_range", "tendon_margin", "tendon_solimp_lim"),
 )
 COLORS = ("site_rgba", "tendon_rgba", "flex_rgba", "skin_rgba")
-MORE_OF_DATA = ("site_xpos", "site_xmat", "wrap_xpos", "wrap_obj", "ten_wrapadr", "ten_wrapnum", "flexvert_xpos")
+MORE_OF_DATA = (
+    *("site_xpos", "site_xmat", "wrap_xpos", "wrap_obj", "ten_wrapadr", "ten_wrapnum", "ten_length"),
+    "flexvert_xpos",
+)
 
 
 @dataclass(frozen=True)

@@ -18,6 +18,7 @@ from warpcam.kernels.refit import Shading
 from warpcam.kernels.swell import Hull
 from warpcam.kernels.types import BARE, CAPSULE, CYLINDER, MESH, SPHERE
 from warpcam.parts import Parts
+from warpcam.sources.mujoco_limits import HeldTendons, held_tendons
 from warpcam.sources.mujoco_model import KINDS, VERSION, Groups, groups_by_kind
 from warpcam.sources.mujoco_soft import flex_surface, skin_surface
 
@@ -75,6 +76,7 @@ class Extras:
         num_points_of_string: How many.
         slices: Pieces of half a turn of an arc, 0 where paths have none.
         types: (geom,) int32.
+        held: Tendons whose colour tells that a limit holds them.
         sizes: (column, 3) float32, and so on: of the columns beside the geoms' what never changes.
         materials: (column,) int32.
         colors: (column, 4) float32.
@@ -94,6 +96,7 @@ class Extras:
     num_points_of_string: int
     slices: int
     types: np.ndarray
+    held: HeldTendons | None
     sizes: np.ndarray
     materials: np.ndarray
     colors: np.ndarray
@@ -222,15 +225,17 @@ class _Reader:
 
     def extras(self) -> Extras:
         rows = np.r_[np.arange(len(self._types)), [row for _, _, row in self._more]].astype(np.int64)
+        entries = np.array(self._entries, np.int32).reshape(-1, 4)
         return Extras(
             num_columns=len(rows),
-            entries=np.array(self._entries, np.int32).reshape(-1, 4),
+            entries=entries,
             radii=np.array(self._radii, np.float32),
             lengths=np.array([self._lengths.get(entry, 0.0) for entry in range(len(self._entries))], np.float32),
             up=_up(self._mjm),
             num_points_of_string=self._string_points,
             slices=self._slices,
             types=self._parts.shape_types,
+            held=held_tendons(self._mjm, entries),
             sizes=self._sizes[rows],
             materials=self._materials[rows],
             colors=self._colors[rows],

@@ -12,6 +12,7 @@ from warpcam.errors import WarpcamError
 from warpcam.kernels.extras import EDGE, MARK, SEGMENT, STRING, Entries, Table, record_table
 from warpcam.kernels.launch import Stage
 from warpcam.kernels.refit import Tree
+from warpcam.kernels.strain import record_strain
 from warpcam.kernels.swell import Bones, record_pose, record_swell
 from warpcam.kernels.types import Meshes
 from warpcam.parts import FIELDS
@@ -25,6 +26,7 @@ PATHS: Mapping[str, str] = {
     "path_starts": "ten_wrapadr",
     "path_counts": "ten_wrapnum",
 }
+LENGTHS: Mapping[str, str] = {"path_lengths": "ten_length"}
 VERTICES: Mapping[str, str] = {"vertices": "flexvert_xpos"}
 DTYPES: Mapping[str, Any] = {
     "mark_positions": wp.vec3,
@@ -33,6 +35,7 @@ DTYPES: Mapping[str, Any] = {
     "stop_objects": wp.int32,
     "path_starts": wp.int32,
     "path_counts": wp.int32,
+    "path_lengths": wp.float32,
     "vertices": wp.vec3,
 }
 TABLE = ("positions", "rotations", "sizes", "assets", "materials", "colors")
@@ -46,6 +49,8 @@ def names_of(extras: Extras | None) -> dict[str, str]:
             names.update(MARKS)
         if extras.reads(SEGMENT) or extras.reads(STRING):
             names.update(PATHS)
+        if extras.held is not None:
+            names.update(LENGTHS)
         if extras.reads(EDGE) or any(not part.of_skin for part in extras.moved):
             names.update(VERTICES)
     return names
@@ -61,6 +66,9 @@ class ExtraTables:
         self._radii = wp.array(extras.radii, dtype=wp.float32, device=device)
         self._types = wp.array(extras.types, dtype=wp.int32, device=device)
         self._colors = extras.colors
+        self._held = extras.held.upload(device) if extras.held is not None else None
+        if self._held is not None:
+            self._held.colors = wp.array(extras.colors, dtype=wp.vec4, device=device)
         self._table: dict[str, wp.array] = {}
         self._arrays: dict[str, wp.array] = {}
         self._last: tuple[Any, ...] = ()
@@ -89,6 +97,8 @@ class ExtraTables:
         if np.array_equal(colors, self._colors):
             return
         self._colors = colors
+        if self._held is not None:
+            self._held.colors.assign(colors)
         if "colors" in self._table:
             table = self._table["colors"]
             table.assign(np.broadcast_to(colors, (table.shape[0], *colors.shape)))
@@ -106,6 +116,7 @@ class ExtraTables:
         rows = {name: live[f"shape_{name}"].shape[0] for name in TABLE}
         rows["assets"] = self._num_worlds if self._extras.moved else rows["assets"]
         rows["sizes"] = self._num_worlds if self._extras.lines else rows["sizes"]
+        rows["colors"] = self._num_worlds if self._held is not None else rows["colors"]
         for name in TABLE:
             if name not in self._table or self._table[name].shape[0] != rows[name]:
                 self._table[name] = self._make(name, rows[name])
@@ -138,13 +149,20 @@ class ExtraTables:
         for name in TABLE:
             setattr(entries, name, live[f"shape_{name}"])
             setattr(table, name, self._table[name])
+        read: dict[str, wp.array] = {}
         for name, dtype in DTYPES.items():
             if name in live:
                 device_rule.require_same(device, "the scene's other arrays are", live[name].device, name)
-                setattr(entries, name, _as(live[name], dtype))
+                read[name] = _as(live[name], dtype)
             else:
-                setattr(entries, name, wp.empty((0, 0), dtype=dtype, device=device))
+                read[name] = wp.empty((0, 0), dtype=dtype, device=device)
+        lengths = read.pop("path_lengths")
+        for name, array in read.items():
+            setattr(entries, name, array)
         stages = [record_table(entries, table, device)]
+        if self._held is not None:
+            self._held.lengths = lengths
+            stages.append(record_strain(self._held, table.colors, device))
         if any(part.of_skin for part in self._extras.moved):
             bodies = live["body_positions"], live["body_rotations"]
             stages.append(record_pose(self._bones, *bodies, self._skin, device))
