@@ -80,6 +80,7 @@ HELD = """
       <site site="w"/></spatial>
     <spatial width=".05" limited="true" range=".1 1.2" material="gold"><site site="d"/><site site="x"/></spatial>
     <spatial width=".05" limited="true" range=".1 1.2" rgba="0 .5 1 1"><site site="e"/><site site="y"/></spatial>
+    <spatial width=".03" limited="true" range="0 2.5" margin="2"><site site="a"/><site site="y"/></spatial>
   </tendon>
 """
 
