@@ -154,6 +154,9 @@ def test_values_mean_what_they_say(device: wp.Device) -> None:
     tensors["background"][2] = torch.tensor((0.0, 1.0, 0.2))
     shown = sky.render()["up"]["rgb"][:, 0, 0].tolist()
     assert shown == [[153, 76, 51], [51, 102, 204], [0, 255, 51]]
+    tensors["background"][1:] = torch.tensor((1.0, 0.2, 0.0))
+    tensors["skybox"][1], tensors["skybox"][2] = 0, 99  # a texture that is no cube, and none at all
+    assert sky.render()["up"]["rgb"][:, 0, 0].tolist() == [[153, 76, 51], [255, 51, 0], [255, 51, 0]]
 
 
 def test_a_checker_moved_by_half_changes_its_colors(device: wp.Device) -> None:
@@ -282,6 +285,11 @@ def test_what_cannot_be_varied_is_named(device: wp.Device) -> None:
     scene = make("mujoco_warp", device)
     with pytest.raises(WarpcamError, match="vary: 'geom_rgba' came; in this scene it may be shape_colors, "):
         scene.vary("geom_rgba")
+    wc.randomize(scene, seed=1, skybox=[-1, NOON])
+    with pytest.raises(
+        WarpcamError, match=r"randomize: skybox takes -1 for none and cube textures, 2, 3, got \[0, 2\]"
+    ):
+        wc.randomize(scene, seed=1, skybox=[0, 2])
     bare = wc.from_mujoco(mjm := scenes.compile_xml('<geom size="1"/>'), scenes.forward(mjm), device=device)
     with pytest.raises(WarpcamError, match="vary: 'skybox' came"):
         bare.vary("skybox")

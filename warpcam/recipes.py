@@ -237,6 +237,9 @@ def _record(
         if most is not None and (min(what[0]) < -1 or max(what[0]) >= most):
             allowed = f"-1 for none and 0 to {most - 1}" if most else "-1 for none alone"
             raise WarpcamError(f"randomize: {name}: a choice of indices takes {allowed}, got {recipe.values!r}")
+        if name == "skybox" and isinstance(target, Scene) and set(what[0]) - {-1, *target.cubes()}:
+            cubes = ", ".join(map(str, target.cubes()))
+            raise WarpcamError(f"randomize: skybox takes -1 for none and cube textures, {cubes}, got {recipe.values!r}")
         if out.dtype is wp.uint8 and not set(what[0]) <= {0, 1}:
             raise WarpcamError(f"randomize: {name}: a choice of on and off takes 1 and 0, got {recipe.values!r}")
         choices = wp.array(np.array(what[0]), dtype=wp.int32, device=device)

@@ -156,6 +156,10 @@ class Scene:
         textures = len(parts.textures)
         return {"shape_materials": parts.num_materials, "material_texture": textures, "skybox": textures}.get(name)
 
+    def cubes(self) -> list[int]:
+        """Textures that may be a skybox."""
+        return [index for index, texture in enumerate(self._parts.textures) if texture.kind == "cube"]
+
     def bounds(self) -> Bounds:
         """Lowest and highest corner of what can be seen now, over all worlds, infinite planes aside.
 

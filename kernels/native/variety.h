@@ -22,8 +22,9 @@ template <int FACTS, class Scene_> WARPCAM_FN decltype(auto) background_of(const
 {
     if constexpr ((FACTS & BACKDROPS) != 0) {
         const auto& variety = scene.frame.variety;
+        const int skybox = wp::index(variety.skyboxes, remainder(world, variety.skyboxes.shape[0]));
         return Backdrop { wp::index(variety.backgrounds, remainder(world, variety.backgrounds.shape[0])),
-                          wp::index(variety.skyboxes, remainder(world, variety.skyboxes.shape[0])) };
+                          is_cube(scene.textures, skybox) ? skybox : -1 };
     } else {
         return (scene.background);
     }
