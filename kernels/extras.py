@@ -20,7 +20,8 @@ MOST_PIECES = 8  # of an arc
 class Entries:
     """The columns that are written each frame, and what the simulator has for them."""
 
-    # (entry,) COPY: a shape of its own, third component; MARK: something with a pose, third; SEGMENT: of a path,
+    # (entry,) COPY: a shape of its own, third component; MARK: something with a pose, third, in which it stands as a
+    # row of offsets and turns, fourth, says; SEGMENT: of a path,
     # third, the segment's number, fourth; EDGE: between two vertices, third and fourth; STRING: as SEGMENT, of a path
     # between two stops that may hang slack; ARC: a piece of where a path, third, lies on something, fourth: the piece's
     # number and, times MOST_PIECES, that of the place along the path
@@ -39,6 +40,8 @@ class Entries:
     colors: wp.array2d(dtype=wp.vec4)
     mark_positions: wp.array2d(dtype=wp.vec3)  # (world, mark) world frame [m]
     mark_rotations: wp.array2d(dtype=wp.mat33)  # (world, mark)
+    offsets: wp.array(dtype=wp.vec3)  # (row,) in a mark's frame [m]
+    turns: wp.array(dtype=wp.mat33)  # (row,)
     vertices: wp.array2d(dtype=wp.vec3)  # (world, vertex) world frame [m]
     stops: wp.array2d(dtype=wp.vec3)  # (world, stop) of paths, world frame [m]
     stop_objects: wp.array2d(dtype=wp.int32)  # (world, stop) what a path lies on: from 0 a shape; -2: a gap
@@ -106,8 +109,9 @@ def write_table(live: Entries, out: Table, first: wp.int32):
             out.colors[world, column] = live.colors[world % live.colors.shape[0], a]
         return
     if kind == MARK:
-        out.positions[world, column] = live.mark_positions[world, a]
-        out.rotations[world, column] = live.mark_rotations[world, a]
+        frame = live.mark_rotations[world, a]
+        out.positions[world, column] = live.mark_positions[world, a] + frame @ live.offsets[b]
+        out.rotations[world, column] = frame @ live.turns[b]
         return
     start = wp.vec3(0.0, 0.0, 0.0)
     end = start

@@ -20,6 +20,13 @@ SITES = """
   <site name="clear" type="sphere" size=".3" pos=".6 0 -.4" rgba="1 1 1 0"/>
   <site name="other" type="sphere" size=".3" pos=".6 0 -.4" group="3"/>
 """
+WEDGE = """
+  <mesh name="wedge" vertex="-.5 -.4 0 .5 -.4 0 .5 .4 0 -.5 .4 0 .2 0 .6" refpos=".1 .2 0" refquat=".9 .3 .2 .1"/>
+"""
+MESHES = """
+  <body pos="0 0 -.2"><joint type="ball"/><geom size=".05"/>
+    <site type="mesh" mesh="wedge" pos=".1 .2 0" euler="20 30 40" rgba=".9 .5 .2 1"/></body>
+"""
 TENDONS = """
   <site name="a" pos="-.7 0 .6"/><site name="b" pos=".6 .05 .3" size=".03"/><site name="c" pos=".4 0 -.5"/>
   <geom name="drum" type="cylinder" size=".25 .2" euler="90 0 0"/>
@@ -136,6 +143,7 @@ def with_skin(inflate: float = 0.05, more: str = 'material="checks"') -> mujoco.
 
 MODELS = {
     "sites": lambda: scenes.compile_xml(SITES, assets=PICTURE),
+    "meshes": lambda: scenes.compile_xml(MESHES, assets=PICTURE + WEDGE),
     "tendons": lambda: scenes.compile_xml(TENDONS, assets=PICTURE, more=PATHS),
     "wraps": lambda: scenes.compile_xml(WRAPS, assets=PICTURE, more=AROUND),
     "held": lambda: scenes.compile_xml(LIMITS, assets=PICTURE, more=HELD),

@@ -32,6 +32,7 @@ OBJECTS = (
 MAX_STRING = 100  # points of a tendon that hangs slack
 MAX_SLICES = 63  # of half a turn around what a tendon is wrapped around
 WRAPPED = (3, 15)  # the version from which on MuJoCo draws tendons around what they are wrapped around
+IN_FRAMES = (3, 14)  # the version from which on sites that are meshes have the frames of their files
 DEFAULT_COLOR = (0.5, 0.5, 0.5, 1.0)
 
 
@@ -76,6 +77,7 @@ class Extras:
         num_points_of_string: How many.
         slices: Pieces of half a turn of an arc, 0 where paths have none.
         types: (geom,) int32.
+        offsets: (row,) and turns, (row, 3, 3), where in their frames marks stand: as they are, and meshes.
         held: Tendons whose colour tells that a limit holds them.
         sizes: (column, 3) float32, and so on: of the columns beside the geoms' what never changes.
         materials: (column,) int32.
@@ -96,6 +98,8 @@ class Extras:
     num_points_of_string: int
     slices: int
     types: np.ndarray
+    offsets: np.ndarray
+    turns: np.ndarray
     held: HeldTendons | None
     sizes: np.ndarray
     materials: np.ndarray
@@ -235,6 +239,8 @@ class _Reader:
             num_points_of_string=self._string_points,
             slices=self._slices,
             types=self._parts.shape_types,
+            offsets=np.concatenate((np.zeros((1, 3)), self._mjm.mesh_pos)).astype(np.float32),
+            turns=np.stack([np.eye(3), *map(_matrix, self._mjm.mesh_quat)]).astype(np.float32),
             held=held_tendons(self._mjm, entries),
             sizes=self._sizes[rows],
             materials=self._materials[rows],
@@ -256,7 +262,8 @@ class _Reader:
                 continue
             self._types[column], self._bodies[column] = mjm.site_type[site], mjm.site_bodyid[site]
             self._sizes[column], self._assets[column] = mjm.site_size[site], meshes[site]
-            self._add((MARK, column, site, 0), column)
+            stands = int(meshes[site]) + 1 if mjm.site_type[site] == MESH and VERSION >= IN_FRAMES else 0
+            self._add((MARK, column, site, stands), column)
 
     def _read_tendons(self) -> None:
         mjm = self._mjm
@@ -362,6 +369,12 @@ def _string_length(mjm: mujoco.MjModel, tendon: int) -> float:
     return float(limit[1] if by_limit else spring[1])
 
 
+def _matrix(quaternion: np.ndarray) -> np.ndarray:
+    turn = np.zeros(9)
+    mujoco.mju_quat2Mat(turn, quaternion.astype(np.float64))
+    return turn.reshape(3, 3)
+
+
 def _no_bonds() -> Bonds:
     return Bonds(np.zeros(1, np.int32), np.zeros(0, np.int32), np.zeros((0, 4), np.float32))
 
@@ -372,9 +385,7 @@ def _bonds(mjm: mujoco.MjModel) -> Bonds:
         for bone in range(mjm.skin_boneadr[skin], mjm.skin_boneadr[skin] + mjm.skin_bonenum[skin]):
             rows = slice(mjm.skin_bonevertadr[bone], mjm.skin_bonevertadr[bone] + mjm.skin_bonevertnum[bone])
             own = mjm.skin_vertadr[skin] + mjm.skin_bonevertid[rows]
-            turn = np.zeros(9)
-            mujoco.mju_quat2Mat(turn, mjm.skin_bonebindquat[bone].astype(np.float64))
-            local = (mjm.skin_vert[own] - mjm.skin_bonebindpos[bone]) @ turn.reshape(3, 3)
+            local = (mjm.skin_vert[own] - mjm.skin_bonebindpos[bone]) @ _matrix(mjm.skin_bonebindquat[bone])
             vertices.append(own)
             bodies.append(np.full(len(own), mjm.skin_bonebodyid[bone]))
             places.append(np.column_stack((local, mjm.skin_bonevertweight[rows])))

@@ -65,6 +65,8 @@ class ExtraTables:
         self._lengths = wp.array(extras.lengths, dtype=wp.float32, device=device)
         self._radii = wp.array(extras.radii, dtype=wp.float32, device=device)
         self._types = wp.array(extras.types, dtype=wp.int32, device=device)
+        self._offsets = wp.array(extras.offsets, dtype=wp.vec3, device=device)
+        self._turns = wp.array(extras.turns, dtype=wp.mat33, device=device)
         self._colors = extras.colors
         self._held = extras.held.upload(device) if extras.held is not None else None
         if self._held is not None:
@@ -146,6 +148,7 @@ class ExtraTables:
         entries.what, entries.radii, entries.lengths = self._what, self._radii, self._lengths
         entries.up, entries.num_points = wp.vec3(*self._extras.up), self._extras.num_points_of_string
         entries.slices, entries.types = self._extras.slices, self._types
+        entries.offsets, entries.turns = self._offsets, self._turns
         for name in TABLE:
             setattr(entries, name, live[f"shape_{name}"])
             setattr(table, name, self._table[name])
