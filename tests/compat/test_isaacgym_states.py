@@ -155,7 +155,8 @@ def test_actors_are_told_where_to_begin_while_environments_are_made(device: wp.D
     for index in range(3):
         env = GYM.create_env(sim, gymapi.Vec3(-2, -2, 0), gymapi.Vec3(2, 2, 2), 2)
         GYM.create_actor(env, GYM.create_sphere(sim, 0.1), at(0, 2, 1), "ball", index, 0, 2)
-        turned = gymapi.Transform(gymapi.Vec3(0.1 * index, 0, 1), gymapi.Quat.from_axis_angle(gymapi.Vec3(0, 0, 1), 0.3))
+        turn = gymapi.Quat.from_axis_angle(gymapi.Vec3(0, 0, 1), 0.3)
+        turned = gymapi.Transform(gymapi.Vec3(0.1 * index, 0, 1), turn)
         arm = GYM.create_actor(env, asset, turned, "arm", index, 0, 1)
         GYM.set_actor_dof_properties(env, arm, properties)
         states["pos"], states["vel"] = (0.2 * index, -0.3, 0.25), 0.5
