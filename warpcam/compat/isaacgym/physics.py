@@ -156,13 +156,14 @@ class Physics:
             ("velocities", self._control.joint_target_qd, "speed"),
         ):
             told = [actor for actor in actors if kind in actor.targets]
-            host = into.numpy() if told else None
+            if not told:
+                continue
+            host = into.numpy()
             for actor in told:
                 start = self.start_of(actor)
                 begin = start.coordinates if first == "coordinate" else start.speeds
                 host[[begin + getattr(dof, first) for dof in actor.asset.dofs]] = actor.targets.pop(kind)
-            if told:
-                into.assign(host)
+            into.assign(host)
 
     def _write_rest(self) -> None:
         """Have joints begin where actors were told before."""
