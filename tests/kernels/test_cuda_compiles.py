@@ -1,0 +1,119 @@
+"""What a GPU would be given compiles for it.
+
+NVRTC comes with Warp and needs no GPU: a name that two headers have, and what is wrong in the parts of headers that are
+for CUDA alone, is an error on a machine without one, too.
+"""
+
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+import scenes
+import warp as wp
+from warpcam.kernels import launch, refit
+
+import warpcam as wc
+
+ARCH = 90
+ASSETS = """
+  <texture name="checks" type="2d" builtin="checker" width="64" height="64" rgb1=".1 .2 .3" rgb2=".9 .8 .3"/>
+  <texture name="cube" type="cube" builtin="gradient" width="32" height="32" rgb1="1 0 0" rgb2="0 1 .5" mark="edge"/>
+  <material name="floor" texture="checks" texrepeat="3 2"/>
+  <material name="body" texture="cube" rgba="1 .7 1 1"/>
+  <mesh name="wedge" vertex="0 0 0  1 0 0  0 1 0  0 0 1  1 1 0"/>
+"""
+FEW = """
+  <geom type="plane" size="0 0 1" material="floor"/>
+  <geom type="sphere" size=".2" material="body"/>
+  <geom type="capsule" size=".1 .3"/>
+  <geom type="ellipsoid" size=".25 .1 .3"/>
+  <geom type="cylinder" size=".15 .2"/>
+  <geom type="box" size=".2 .1 .25" pos=".7 0 .1"/>
+"""
+LIGHTS = '<light pos="1 1 4" dir="-1 -1 -4"/><light directional="true" dir="0 1 -2"/>'
+HILLS = '<hfield name="hills" nrow="5" ncol="5" size="2 2 .5 .1" elevation="{}"/>'.format(
+    " ".join(str(i * 7 % 5) for i in range(25))
+)
+
+
+@pytest.fixture(autouse=True)
+def card(monkeypatch: pytest.MonkeyPatch) -> Iterator[list[launch.Stage]]:
+    """What chooses kernels takes the CPU for a GPU; the stages of renderers that are made meanwhile, not bound."""
+    stages: list[launch.Stage] = []
+    real = wp.Device.is_cuda.fget
+    monkeypatch.setattr(wp.Device, "is_cuda", property(lambda self: _chooses(sys._getframe(1)) or real(self)))
+    monkeypatch.setattr(wp.Device, "sm_count", property(lambda _: 1), raising=False)
+    monkeypatch.setattr("warpcam.renderer.bind", stages.extend)
+    with wp.ScopedDevice("cpu"):
+        yield stages
+
+
+def _chooses(frame: Any) -> bool:
+    name = frame.f_globals["__name__"]
+    runs = name in (launch.__name__, refit.__name__)  # what is made there is launched at once
+    return name.startswith("warpcam.kernels.") and not runs
+
+
+def _render(mjm: Any, outputs: tuple[str, ...], size: tuple[int, int] = (64, 64), **options: Any) -> None:
+    position = (0.0, -2.0, 0.6)
+    camera = scenes.own_camera(
+        width=size[0],
+        height=size[1],
+        outputs=outputs,
+        position=position,
+        rotation=scenes.looking(position, (0.0, 0.0, 0.0)),
+        **{"lens": wc.Pinhole(fovy=60.0), "shadows": not {"rgb", "rgba"}.isdisjoint(outputs), **options},
+    )
+    wc.Renderer(wc.from_mujoco_warp(mjm, *scenes.put(mjm, 10)), [camera])
+
+
+def _compile(stages: list[launch.Stage], folder: Path) -> int:
+    modules = {stage.module.name: stage.module for stage in stages}
+    for name, module in modules.items():
+        (path,) = wp.compile_aot_module(module, arch=ARCH, module_dir=folder / name, use_ptx=True)
+        assert path.stat().st_size > 0
+    return len(modules)
+
+
+@pytest.mark.parametrize(
+    "outputs",
+    [
+        ("depth", "segmentation"),
+        ("depth", "segmentation", "albedo", "normals", "points"),
+        ("depth", "segmentation", "flow", "flow_valid"),
+        ("rgb", "depth", "flow_valid"),
+    ],
+)
+def test_of_few_shapes(outputs: tuple[str, ...], card: list[launch.Stage], tmp_path: Path) -> None:
+    _render(scenes.compile_xml(FEW + LIGHTS, assets=ASSETS), outputs)
+    assert _compile(card, tmp_path) >= 2
+
+
+@pytest.mark.parametrize("antialiasing", [1, 4])
+def test_of_meshes_and_hills(antialiasing: int, card: list[launch.Stage], tmp_path: Path) -> None:
+    more = '<geom type="mesh" mesh="wedge" material="body" pos="0 0 1"/><geom type="hfield" hfield="hills"/>'
+    outputs = ("rgb", "depth", "normals", "albedo", "flow", "flow_valid")
+    _render(scenes.compile_xml(FEW + more + LIGHTS, assets=ASSETS + HILLS), outputs, antialiasing=antialiasing)
+    assert _compile(card, tmp_path) >= 3
+
+
+@pytest.mark.parametrize("lens", [wc.Orthographic(height=2.0), wc.Fisheye(fovy=100.0)])
+def test_of_what_is_seen_through(lens: Any, card: list[launch.Stage], tmp_path: Path) -> None:
+    more = '<geom type="plane" size="2 2 1" material="mirror" pos="0 0 .1"/><geom size=".2" rgba="1 1 1 .5"/>'
+    mirror = '<material name="mirror" reflectance=".5"/>'
+    _render(scenes.compile_xml(FEW + more + LIGHTS, assets=ASSETS + mirror), ("rgba", "depth"), lens=lens)
+    assert _compile(card, tmp_path) >= 3
+
+
+def test_of_what_moves_and_splats(card: list[launch.Stage], tmp_path: Path) -> None:
+    pytest.importorskip("newton", reason="needs Newton: pip install warpcam[newton]")
+    import newton_scenes
+    import splat_scenes
+
+    builder = newton_scenes.cloth()
+    builder.add_shape_gaussian(body=-1, gaussian=splat_scenes.random_gaussians(20, 0))
+    scene = wc.from_newton(*newton_scenes.finalize(builder, wp.get_device()))
+    wc.Renderer(scene, [splat_scenes.eye(shadows=True)])
+    assert _compile(card, tmp_path) >= 3
