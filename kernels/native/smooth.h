@@ -56,12 +56,20 @@ template <int TYPES> struct Chunk {
     NearBits own[MOST];                       // the shapes around
     Band meshes[HAS_MESH ? MOST : 1], fields[HAS_FIELD ? MOST : 1];
     unsigned char ground[HAS_FIELD ? MOST : 1];  // the record of what is_behind(), not traced, or NEAR_SHAPES
-    unsigned short samples[SAMPLES * MOST];   // that are traced: 4 * the pixel's number + the sample's
+    // That are traced: 4 * the pixel's number + the sample's. From the front on those whose rays are likely to take long,
+    // which begin first, from the back on the others.
+    unsigned short samples[SAMPLES * MOST];
     unsigned char shown[SAMPLES * MOST];      // by which of the pixels around; where there are meshes first what was hit
     SampleHit hits[HAS_MESH ? SAMPLES * MOST : 1];  // of the samples
-    int total, next;                          // of `samples`, and which comes next
+    int before, after;                        // of `samples`: how many at the front, and at the back
+    int next;                                 // which comes next
 
     WARPCAM_FN int place(int pixel) const { return pixels[pixel].place(); }
+    WARPCAM_FN int total() const { return before + after; }
+    WARPCAM_FN int sample(int number) const
+    {
+        return samples[number < before ? number : SAMPLES * MOST - 1 - (number - before)];
+    }
 };
 
 // The records as trace_rays() reads a list.
@@ -147,12 +155,19 @@ WARPCAM_FN void list_samples(Chunk<TYPES>& chunk, int pixel, const NearShapes& l
         chunk.meshes[pixel] = on_meshes.template widened<LENS>(pixel_width<LENS>(camera));
     if (Chunk<TYPES>::HAS_FIELD)
         chunk.fields[pixel] = on_fields.template widened<LENS>(pixel_width<LENS>(camera));
+    int meshes = 0;
+    for (int w = 0; w < NEAR_WORDS; ++w)
+        meshes += __popc(own[w] & list.meshes[w]);
+    const bool early = meshes > 1;
     const unsigned samples = chunk.pixels[pixel].edge() & EVERY_SAMPLE;
-    int at = atomicAdd(&chunk.total, __popc(samples));
+    int at = atomicAdd(early ? &chunk.before : &chunk.after, __popc(samples));
+    at = early ? at : SAMPLES * chunk.MOST - 1 - at;
     for (int sample = 0; sample < SAMPLES; ++sample) {
         chunk.shown[SAMPLES * pixel + sample] = ITSELF;
-        if (samples >> sample & 1)
-            chunk.samples[at++] = static_cast<unsigned short>(SAMPLES * pixel + sample);
+        if (samples >> sample & 1) {
+            chunk.samples[at] = static_cast<unsigned short>(SAMPLES * pixel + sample);
+            at += early ? 1 : -1;
+        }
     }
 }
 
@@ -191,10 +206,11 @@ WARPCAM_FN void trace_samples(Chunk<TYPES>& chunk, const NearShapes& list, Rays&
     };
     const auto next_rays = [&](int& found) {
         const int first = __shfl_sync(ALL, lane == 0 ? atomicAdd(&chunk.next, LANES) : 0, 0);
-        if (first >= chunk.total)
+        const int total = chunk.total();
+        if (first >= total)
             return false;
-        const bool active = first + lane < chunk.total;
-        const int sample = chunk.samples[active ? first + lane : first], pixel = sample / SAMPLES;
+        const bool active = first + lane < total;
+        const int sample = chunk.sample(active ? first + lane : first), pixel = sample / SAMPLES;
         const auto ray = ray_of(sample);
         Hit hit { camera.far, -1, -1 };
         NearBits around, met {};
@@ -227,8 +243,8 @@ WARPCAM_FN void trace_samples(Chunk<TYPES>& chunk, const NearShapes& list, Rays&
     if constexpr (HAS_MESH) {
         trace_rays<TYPES>(waiting, Ranked { list.records, {}, list.count }, meshes, near, next_rays, ray_of, store);
         block_barrier();
-        for (int k = threadIdx.x; k < chunk.total; k += THREADS) {
-            const int sample = chunk.samples[k], shape = chunk.shown[sample];
+        for (int k = threadIdx.x; k < chunk.total(); k += THREADS) {
+            const int sample = chunk.sample(k), shape = chunk.shown[sample];
             show(sample, Hit { chunk.hits[sample].depth, shape < NEAR_SHAPES ? shape : -1, chunk.hits[sample].face });
         }
     } else {
@@ -306,7 +322,7 @@ WARPCAM_FN void smooth_region(const Shapes& shapes, const Meshes& meshes, const 
             }
             if (threadIdx.x == 0) {
                 chunk.pixels = listed + from;
-                chunk.total = chunk.next = 0;
+                chunk.before = chunk.after = chunk.next = 0;
             }
             list.template prepare_all<TYPES, LENS>(shapes, meshes, fields, camera, region, world);
             for (int k = threadIdx.x; k < pixels; k += THREADS)
