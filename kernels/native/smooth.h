@@ -19,6 +19,8 @@ namespace warpcam {
 
 // Pixels with edges that a block lists before it traces. A warp lists up to 32 after it has seen that there is room.
 constexpr int LISTED = 896;
+// The same where images are smoothed in place, and of how many rows of tiles of a region all pixels surely fit.
+constexpr int LISTED_IN_PLACE = 1632, BAND = (LISTED_IN_PLACE - THREADS + LANES) / (64 * TILE_HEIGHT);
 // Those that it smooths together, at most: at the end its warps wait for the one whose rays take longest. Five blocks of a
 // multiprocessor have room for so many.
 constexpr int most_together(int types) { return types >> HEIGHT_FIELD & 1 ? 384 : 440; }
@@ -253,14 +255,74 @@ WARPCAM_FN void trace_samples(Chunk<TYPES>& chunk, const NearShapes& list, Rays&
     }
 }
 
-// Smooths the edges of a region.
-template <int TYPES, int LENS, int IMAGES, class Shapes, class Meshes, class HeightFields, class Centres>
+// Means of pixels that wait until nobody reads what they showed before, where images are smoothed in place: those of a band's
+// last row until the next band is done.
+struct Waiting {
+    unsigned means[64];
+    unsigned short places[64];
+    int count;
+};
+
+// What a pixel's samples show, beside its place, in the bits of a ListedPixel whose samples have been traced.
+WARPCAM_FN unsigned shown_bits(int place, const unsigned char (&shown)[SAMPLES])
+{
+    unsigned bits = unsigned(place) << 4 * SAMPLES;
+    for (int sample = 0; sample < SAMPLES; ++sample)
+        bits |= unsigned(shown[sample]) << 4 * sample;
+    return bits;
+}
+
+// Writes the means of these pixels; `means` has room for them. The band ends where the row `end` begins, and is the last
+// of the region if `last`. With barriers.
+template <int IMAGES, int LENS, class Bits, class Centres>
+WARPCAM_FN void put_in_place(const Bits* listed, int count, unsigned* means, Waiting& waiting, int end, bool last,
+                             const Seen<LENS, Centres>& seen, const Region& region)
+{
+    const auto& target = seen.centres.target;
+    const auto index = [&](unsigned place) {
+        return seen.centres.of_images(region.left + int(place % 64), region.top + int(place / 64));
+    };
+#pragma unroll 1
+    for (int k = threadIdx.x; k < count; k += THREADS) {
+        const unsigned bits = listed[k].bits, place = bits >> 4 * SAMPLES;
+        unsigned by[SAMPLES];
+        for (int sample = 0; sample < SAMPLES; ++sample)
+            by[sample] = seen.around(region.left + int(place % 64), region.top + int(place / 64),
+                                     int(bits >> 4 * sample & 15));
+        means[k] = mean_bytes<IMAGES>(seen.centres, by);
+    }
+    block_barrier();
+#pragma unroll 1
+    for (int k = threadIdx.x; k < waiting.count; k += THREADS)
+        put_bytes<IMAGES>(target, index(waiting.places[k]), waiting.means[k]);
+    block_barrier();
+    if (threadIdx.x == 0)
+        waiting.count = 0;
+    block_barrier();
+#pragma unroll 1
+    for (int k = threadIdx.x; k < count; k += THREADS) {
+        const unsigned place = listed[k].bits >> 4 * SAMPLES;
+        if (!last && int(place / 64) == end - 1) {
+            const int at = atomicAdd(&waiting.count, 1);
+            waiting.places[at] = static_cast<unsigned short>(place);
+            waiting.means[at] = means[k];
+        } else {
+            put_bytes<IMAGES>(target, index(place), means[k]);
+        }
+    }
+    block_barrier();
+}
+
+// Smooths the edges of a region; IN_PLACE: which is a whole image, whose colours are where the means go.
+template <int TYPES, int LENS, int IMAGES, bool IN_PLACE, class Shapes, class Meshes, class HeightFields, class Centres>
 WARPCAM_FN void smooth_region(const Shapes& shapes, const Meshes& meshes, const HeightFields& fields,
                               const Centres& centres, const Camera& camera, const Region& region, int world)
 {
     constexpr bool HAS_MESH = TYPES >> MESH & 1;
     constexpr int WARPS = THREADS / LANES;
-    WARPCAM_SHARED ListedPixel<TYPES> listed[LISTED];
+    constexpr int MOST_LISTED = IN_PLACE ? LISTED_IN_PLACE : LISTED;
+    WARPCAM_SHARED ListedPixel<TYPES> listed[MOST_LISTED];
+    WARPCAM_SHARED Waiting means_waiting;
     WARPCAM_SHARED int count;
     WARPCAM_SHARED Chunk<TYPES> chunk;
     WARPCAM_SHARED NearShapes list;
@@ -270,12 +332,27 @@ WARPCAM_FN void smooth_region(const Shapes& shapes, const Meshes& meshes, const 
     const int lane = threadIdx.x % LANES, warp = threadIdx.x / LANES;
     const auto sided = [&](int shape) { return has_sides<TYPES>(shapes, shape); };
     const auto has_room = [](const int& listed) {
-        return __any_sync(ALL, *static_cast<const volatile int*>(&listed) <= LISTED - THREADS);
+        return __any_sync(ALL, *static_cast<const volatile int*>(&listed) <= MOST_LISTED - THREADS);
     };
     const int across = region.width / TILE_WIDTH, tiles = across * (region.height / TILE_HEIGHT);
     static_assert(64 / TILE_WIDTH * (64 / TILE_HEIGHT) <= LANES * WARPS, "a bit for each of a warp's tiles");
     unsigned left = tiles_with_shapes(target, centres.first, region, across, tiles);
     left &= tiles <= warp ? 0 : ~0u >> (LANES - (tiles - warp + WARPS - 1) / WARPS);
+    // In place all edges are looked for before any pixel is written, or, if there are too many, band after band.
+    const unsigned whole = left;
+    const int rows = region.height / TILE_HEIGHT;
+    int band_end = rows;
+    const auto of_band = [&] {
+        unsigned its = 0;
+#pragma unroll 1
+        for (int k = 0; k < LANES; ++k) {
+            const int row = (warp + k * WARPS) / across;
+            its |= unsigned(row < band_end && row >= band_end - BAND) << k;
+        }
+        return whole & its;
+    };
+    if (IN_PLACE && threadIdx.x == 0)
+        means_waiting.count = 0;
     for (bool more = true; more;) {
         if (threadIdx.x == 0)
             count = 0;
@@ -296,6 +373,13 @@ WARPCAM_FN void smooth_region(const Shapes& shapes, const Meshes& meshes, const 
             }
         }
         more = __syncthreads_or(left != 0);
+        if constexpr (IN_PLACE) {
+            if (more) {
+                band_end = BAND;
+                left = of_band();
+                continue;
+            }
+        }
         const int found_so_far = count;
         const int chunks = (found_so_far + chunk.MOST - 1) / chunk.MOST;
         for (int from = 0, pixels; from < found_so_far; from += pixels) {
@@ -333,6 +417,12 @@ WARPCAM_FN void smooth_region(const Shapes& shapes, const Meshes& meshes, const 
             block_barrier();
             for (int k = threadIdx.x; k < pixels; k += THREADS) {
                 const int at = chunk.place(k), i = region.left + at % 64, j = region.top + at / 64;
+                if constexpr (IN_PLACE) {
+                    const unsigned char(&shown)[SAMPLES]
+                        = *reinterpret_cast<const unsigned char(*)[SAMPLES]>(chunk.shown + SAMPLES * k);
+                    listed[from + k].bits = shown_bits(at, shown);
+                    continue;
+                }
                 unsigned by[SAMPLES];
                 for (int sample = 0; sample < SAMPLES; ++sample)
                     by[sample] = seen.around(i, j, chunk.shown[SAMPLES * k + sample]);
@@ -340,20 +430,30 @@ WARPCAM_FN void smooth_region(const Shapes& shapes, const Meshes& meshes, const 
             }
             block_barrier();
         }
+        if constexpr (IN_PLACE) {
+            static_assert(HAS_MESH && sizeof(chunk.hits) >= MOST_LISTED * sizeof(unsigned), "hits have room for means");
+            put_in_place<IMAGES, LENS>(listed, found_so_far, reinterpret_cast<unsigned*>(chunk.hits), means_waiting,
+                                       band_end * TILE_HEIGHT, band_end >= rows, seen, region);
+            if (band_end < rows) {
+                band_end = lower_int(band_end + BAND, rows);
+                left = of_band();
+                more = true;
+            }
+        }
     }
 }
 
 // The same, before there is a barrier after which `camera` is there. What the trace has found is kept in shared memory where
 // little else has to lie there.
-template <int TYPES, int LENS, int WIDTH, int HEIGHT, int IMAGES, class Shapes, class Meshes, class HeightFields,
-          class Target>
+template <int TYPES, int LENS, int WIDTH, int HEIGHT, int IMAGES, bool IN_PLACE, class Shapes, class Meshes,
+          class HeightFields, class Target>
 WARPCAM_FN void smooth_region(const Shapes& shapes, const Meshes& meshes, const HeightFields& fields,
                               const Target& target, const Camera& camera, const Region& region, int world)
 {
     if constexpr (TYPES >> MESH & 1 || TYPES >> HEIGHT_FIELD & 1) {
         const ImageCentres<Target> centres { target, unsigned(world) * target.height * target.width };
         block_barrier();
-        smooth_region<TYPES, LENS, IMAGES>(shapes, meshes, fields, centres, camera, region, world);
+        smooth_region<TYPES, LENS, IMAGES, IN_PLACE>(shapes, meshes, fields, centres, camera, region, world);
     } else {
         static_assert(HEIGHT <= 32, "a ListedPixel has 16 bits");
         WARPCAM_SHARED CentresRoom<Target, IMAGES, WIDTH, HEIGHT> room;
@@ -369,16 +469,16 @@ WARPCAM_FN void smooth_region(const Shapes& shapes, const Meshes& meshes, const 
             Smoother { edges, seen, camera, region }.smooth(shapes, meshes, fields, world);
         } else {
             kept.load();
-            smooth_region<TYPES, LENS, IMAGES>(shapes, meshes, fields, kept, camera, region, world);
+            smooth_region<TYPES, LENS, IMAGES, false>(shapes, meshes, fields, kept, camera, region, world);
         }
     }
 }
 
 #endif
 
-// Copies one region of one view and smooths its edges; `index` counts worlds, then regions, then (CUDA) threads of the block.
-template <int TYPES, int LENS, int WIDTH, int HEIGHT, int IMAGES, class Shapes, class Meshes, class HeightFields,
-          class Views, class Target>
+// Copies one region of one view, but IN_PLACE, and smooths its edges; `index` counts worlds, then regions, then (CUDA) threads of the block.
+template <int TYPES, int LENS, int WIDTH, int HEIGHT, int IMAGES, bool IN_PLACE, class Shapes, class Meshes,
+          class HeightFields, class Views, class Target>
 WARPCAM_FN void smooth(const Shapes& shapes, const Meshes& meshes, const HeightFields& fields, const Views& views,
                        const Target& target, int index)
 {
@@ -389,8 +489,9 @@ WARPCAM_FN void smooth(const Shapes& shapes, const Meshes& meshes, const HeightF
         return;
     if (index % THREADS == 0)
         camera = load_camera(wp::index(views, world));
-    copy_lit<IMAGES>(target, region, size_t(world) * target.height * target.width);
-    smooth_region<TYPES, LENS, WIDTH, HEIGHT, IMAGES>(shapes, meshes, fields, target, camera, region, world);
+    if (!IN_PLACE)
+        copy_lit<IMAGES>(target, region, size_t(world) * target.height * target.width);
+    smooth_region<TYPES, LENS, WIDTH, HEIGHT, IMAGES, IN_PLACE>(shapes, meshes, fields, target, camera, region, world);
 }
 
 }  // namespace warpcam
