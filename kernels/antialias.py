@@ -32,6 +32,7 @@ REGION = (32, 32)
 WORTH_PLACE = 40
 SIDE = 64  # of a region that is a whole image [pixels]
 BLOCKS, WALK_BLOCKS = 7, 5  # that a multiprocessor is to hold, without and with meshes or height fields
+WALK_THREADS = 128
 
 
 @functools.cache
@@ -66,6 +67,9 @@ def in_place(tables: Tables, images: Collection[str], width: int, height: int, d
 def _kernel(
     types: int, lens: int, width: int, height: int, images: int, placed: bool, target_type: Any
 ) -> wp.Kernel:
+    walks = bool(types >> MESH & 1 or types >> HEIGHT_FIELD & 1)
+    threads = WALK_THREADS if walks else THREADS
+
     @wp.func_native(
         f"warpcam::smooth<{types}, {lens}, {width}, {height}, {images}, {int(placed)}>"
         "(shapes, meshes, fields, views, target, index);"
@@ -83,8 +87,8 @@ def _kernel(
         module="unique",
         enable_backward=False,
         grid_stride=False,
-        launch_bounds=(THREADS, WALK_BLOCKS if types >> MESH & 1 or types >> HEIGHT_FIELD & 1 else BLOCKS),
-        module_options=native_module("smooth.h"),
+        launch_bounds=(threads, WALK_BLOCKS if walks else BLOCKS),
+        module_options=native_module("smooth.h", threads),
     )
     def smooth_edges(
         shapes: Shapes,
@@ -146,8 +150,9 @@ def record(
     placed = in_place(tables, images, width, height, device)
     if placed:
         region = (SIDE, SIDE)
-    unit = -(-width // region[0]) * -(-height // region[1]) * (THREADS if device.is_cuda else 1)  # threads a world
+    threads = WALK_THREADS if not {MESH, HEIGHT_FIELD}.isdisjoint(tables.shape_types) else THREADS
+    unit = -(-width // region[0]) * -(-height // region[1]) * (threads if device.is_cuda else 1)  # threads a world
     kernel = _kernel(types, LENSES[lens], *region, wanted, placed, target_type)
     arguments = [tables.shapes, tables.meshes, tables.height_fields, views, target]
     start, count = group.worlds.start, len(group.worlds)
-    return record_launch(kernel, count * unit, arguments, device, start=start * unit, block_dim=THREADS)
+    return record_launch(kernel, count * unit, arguments, device, start=start * unit, block_dim=threads)
