@@ -66,7 +66,7 @@ def buffers_of(camera: Camera, tables: Tables) -> dict[str, Any]:
     dtypes = {
         "depth": wp.float32,
         "shape": ids,
-        "face": wp.uint16 if tables.num_faces <= 2**16 and HEIGHT_FIELD not in tables.shape_types else wp.int32,
+        "face": wp.uint16 if tables.num_faces < 2**16 else wp.int32,
         "shadow": wp.uint8,
     }
     chosen = {name: dtypes[name.removeprefix("mirror ")] for name, there in wanted.items() if there}
