@@ -27,8 +27,8 @@ IMAGES: Mapping[str, tuple[type, int]] = {"rgb": (wp.uint8, 3), "rgba": (wp.uint
 # Pixels of which a thread block of a GPU smooths the edges, at most, in scenes without meshes and height fields. With
 # them a block has as many as the trace's: the more samples it has, the fewer of its lanes wait for the longest ones.
 REGION = (32, 32)
-# Whole images of scenes with meshes are smoothed where they were lit if there are so many worlds for each multiprocessor:
-# a block for each image fills the device then, even one group's.
+# Whole images of scenes with meshes are smoothed where they were lit if there are so many worlds for each
+# multiprocessor: a block for each image fills the device then, even one group's.
 WORTH_PLACE = 40
 SIDE = 64  # of a region that is a whole image [pixels]
 BLOCKS, WALK_BLOCKS = 7, 5  # that a multiprocessor is to hold, without and with meshes or height fields
@@ -59,14 +59,13 @@ def _target_struct(shape_dtype: Any, face_dtype: Any) -> Any:
 
 def in_place(tables: Tables, images: Collection[str], width: int, height: int, device: wp.Device) -> bool:
     """Whether images are smoothed where they were lit, without a buffer of their colours."""
-    whole = width <= SIDE and height <= SIDE and tables.layers is None and "hdr" not in images
-    return whole and device.is_cuda and MESH in tables.shape_types and tables.num_worlds >= WORTH_PLACE * device.sm_count
+    if not device.is_cuda or MESH not in tables.shape_types or tables.layers is not None or "hdr" in images:
+        return False
+    return width <= SIDE and height <= SIDE and tables.num_worlds >= WORTH_PLACE * device.sm_count
 
 
 @functools.cache
-def _kernel(
-    types: int, lens: int, width: int, height: int, images: int, placed: bool, target_type: Any
-) -> wp.Kernel:
+def _kernel(types: int, lens: int, width: int, height: int, images: int, placed: bool, target_type: Any) -> wp.Kernel:
     walks = bool(types >> MESH & 1 or types >> HEIGHT_FIELD & 1)
     threads = WALK_THREADS if walks else THREADS
 
