@@ -31,8 +31,9 @@ REGION = (32, 32)
 # multiprocessor: a block for each image fills the device then, even one group's.
 WORTH_PLACE = 40
 SIDE = 64  # of a region that is a whole image [pixels]
-BLOCKS, WALK_BLOCKS = 7, 5  # that a multiprocessor is to hold, without and with meshes or height fields
-WALK_THREADS = 128
+THREADS_IN_PLACE = 160  # of a block of them
+# Blocks that a multiprocessor is to hold: without and with meshes or height fields, and of those in place.
+BLOCKS, WALK_BLOCKS, BLOCKS_IN_PLACE = 7, 5, 4
 
 
 @functools.cache
@@ -67,7 +68,7 @@ def in_place(tables: Tables, images: Collection[str], width: int, height: int, d
 @functools.cache
 def _kernel(types: int, lens: int, width: int, height: int, images: int, placed: bool, target_type: Any) -> wp.Kernel:
     walks = bool(types >> MESH & 1 or types >> HEIGHT_FIELD & 1)
-    threads = WALK_THREADS if walks else THREADS
+    threads, blocks = (THREADS, WALK_BLOCKS if walks else BLOCKS) if not placed else (THREADS_IN_PLACE, BLOCKS_IN_PLACE)
 
     @wp.func_native(
         f"warpcam::smooth<{types}, {lens}, {width}, {height}, {images}, {int(placed)}>"
@@ -86,7 +87,7 @@ def _kernel(types: int, lens: int, width: int, height: int, images: int, placed:
         module="unique",
         enable_backward=False,
         grid_stride=False,
-        launch_bounds=(threads, WALK_BLOCKS if walks else BLOCKS),
+        launch_bounds=(threads, blocks),
         module_options=native_module("smooth.h", threads),
     )
     def smooth_edges(
@@ -149,7 +150,7 @@ def record(
     placed = in_place(tables, images, width, height, device)
     if placed:
         region = (SIDE, SIDE)
-    threads = WALK_THREADS if not {MESH, HEIGHT_FIELD}.isdisjoint(tables.shape_types) else THREADS
+    threads = THREADS_IN_PLACE if placed else THREADS
     unit = -(-width // region[0]) * -(-height // region[1]) * (threads if device.is_cuda else 1)  # threads a world
     kernel = _kernel(types, LENSES[lens], *region, wanted, placed, target_type)
     arguments = [tables.shapes, tables.meshes, tables.height_fields, views, target]

@@ -34,7 +34,9 @@ def compiler_flags() -> dict[str, Any]:
 def native_options(header: str, threads: int | None = None) -> wp.ModuleBuildOptions:
     """Build options of a module that calls ``header`` from ``kernels/native``, on CPU and CUDA alike.
 
-    ``threads`` of a CUDA block, if not as many as lanes.h says.
+    Args:
+        header: Its name.
+        threads: Of a CUDA block, if not as many as lanes.h says.
     """
     lines = "" if threads is None else f"#define WARPCAM_THREADS {threads}\n"
     return wp.ModuleBuildOptions(

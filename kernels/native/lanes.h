@@ -14,7 +14,7 @@ namespace warpcam {
 #if !defined(WARPCAM_THREADS)
 #define WARPCAM_THREADS 128
 #endif
-constexpr int THREADS = WARPCAM_THREADS;  // threads that work on one region of an image
+constexpr int THREADS = WARPCAM_THREADS;  // that work on one region of an image
 #else
 #define WARPCAM_FN inline
 #define WARPCAM_SHARED
