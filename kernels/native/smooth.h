@@ -50,12 +50,13 @@ WARPCAM_FN void smooth_region(const Shapes& shapes, const Meshes& meshes, const 
     const unsigned whole = left;
     const int rows = region.height / TILE_HEIGHT;
     int band_end = rows;
-    const auto of_band = [&] {
+    const auto next_band = [&](int begin) {
+        band_end = lower_int(begin + BAND, rows);
         unsigned its = 0;
 #pragma unroll 1
         for (int k = 0; k < LANES; ++k) {
             const int row = (warp + k * WARPS) / across;
-            its |= unsigned(row < band_end && row >= band_end - BAND) << k;
+            its |= unsigned(row >= begin && row < band_end) << k;
         }
         return whole & its;
     };
@@ -83,8 +84,7 @@ WARPCAM_FN void smooth_region(const Shapes& shapes, const Meshes& meshes, const 
         more = __syncthreads_or(left != 0);
         if constexpr (IN_PLACE) {
             if (more) {
-                band_end = BAND;
-                left = of_band();
+                left = next_band(0);
                 continue;
             }
         }
@@ -143,8 +143,7 @@ WARPCAM_FN void smooth_region(const Shapes& shapes, const Meshes& meshes, const 
             put_in_place<IMAGES, LENS>(listed, found_so_far, reinterpret_cast<unsigned*>(chunk.hits), means_waiting,
                                        band_end * TILE_HEIGHT, band_end >= rows, seen, region);
             if (band_end < rows) {
-                band_end = lower_int(band_end + BAND, rows);
-                left = of_band();
+                left = next_band(band_end);
                 more = true;
             }
         }
