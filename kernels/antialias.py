@@ -60,7 +60,7 @@ def _target_struct(shape_dtype: Any, face_dtype: Any) -> Any:
 
 def in_place(tables: Tables, images: Collection[str], width: int, height: int, device: wp.Device) -> bool:
     """Whether images are smoothed where they were lit, without a buffer of their colours."""
-    if not device.is_cuda or MESH not in tables.shape_types or tables.layers is not None or "hdr" in images:
+    if not device.is_cuda or MESH not in tables.shape_types or "hdr" in images:
         return False
     return width <= SIDE and height <= SIDE and tables.num_worlds >= WORTH_PLACE * device.sm_count
 

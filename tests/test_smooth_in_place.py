@@ -25,6 +25,10 @@ def crowd(across: int) -> tuple[str, str]:
     return bodies, '<mesh name="corner" vertex="0 0 0 0.08 0 0 0 0.08 0 0 0 0.08"/>'
 
 
+BESIDE = """<geom type="plane" size="0 0 1" pos="0 0 -0.3" material="mirror"/>
+  <geom size="0.3" pos="0.2 0 0.2" rgba="0.3 0.5 1 0.4"/>"""
+
+
 @pytest.mark.parametrize("outputs", [("rgb",), ("rgb", "rgba", "depth"), ("rgba", "hdr")], ids="+".join)
 @pytest.mark.parametrize("size", [64, 41])
 @pytest.mark.parametrize("across", [4, 19])  # the second has more edges than a block lists at once
@@ -32,6 +36,8 @@ def test_images_smoothed_in_place_are_the_same(
     device: wp.Device, across: int, size: int, outputs: tuple[str, ...], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     bodies, mesh = crowd(across)
+    if across == 4:
+        bodies, mesh = bodies + BESIDE, mesh + '<material name="mirror" reflectance="0.4"/>'
     mjm = scenes.compile_xml(bodies, assets=mesh)
     with wp.ScopedDevice(device):
         scene = wc.from_mujoco_warp(mjm, *scenes.put(mjm, 3))
