@@ -12,7 +12,7 @@ template <class List, int LINES, class Places_, class Facings_> struct ListedRoo
     List list;
     Places_ places;
     Facings_ facings;
-    float lines[LINES];  // see Canvas
+    alignas(8) float lines[LINES];  // see Canvas
 };
 
 // As draw(), of a whole image by a block.
