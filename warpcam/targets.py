@@ -114,11 +114,12 @@ class Target:
         if tables.ids_by_world and "shape" in traced:  # what is asked for are ids; the stages pass on columns
             traced["ids"] = traced.pop("shape")
         smooth = [name for name in smooth_outputs(self._camera.outputs, self._camera.antialiasing) if name in derived]
-        for name in smooth:  # is lit into a buffer first
+        for name in smooth:  # is lit into a buffer first, if there is one
             image = self.images[name]
-            derived[name] = wp.array(
-                ptr=buffers[f"lit {name}"].ptr, shape=image.shape, dtype=image.dtype, device=device
-            )
+            if f"lit {name}" in buffers:
+                derived[name] = wp.array(
+                    ptr=buffers[f"lit {name}"].ptr, shape=image.shape, dtype=image.dtype, device=device
+                )
         if "albedo" in derived and visibility.paints(tables, projection, width, height, group.at_once, traced, device):
             traced["albedo"] = derived.pop("albedo")
         lit = {name: image for name, image in derived.items() if OUTPUTS[name].lit}

@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 import scenes
 import warp as wp
-from warpcam.kernels import launch, refit
+from warpcam.kernels import antialias, launch, refit
 
 import warpcam as wc
 
@@ -96,6 +96,17 @@ def test_of_meshes_and_hills(antialiasing: int, card: list[launch.Stage], tmp_pa
     more = '<geom type="mesh" mesh="wedge" material="body" pos="0 0 1"/><geom type="hfield" hfield="hills"/>'
     outputs = ("rgb", "depth", "normals", "albedo", "flow", "flow_valid")
     _render(scenes.compile_xml(FEW + more + LIGHTS, assets=ASSETS + HILLS), outputs, antialiasing=antialiasing)
+    assert _compile(card, tmp_path) >= 3
+
+
+@pytest.mark.parametrize("outputs", [("rgb",), ("rgb", "rgba")], ids="+".join)
+def test_of_meshes_smoothed_in_place(
+    outputs: tuple[str, ...], card: list[launch.Stage], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(antialias, "WORTH_PLACE", 1)
+    more = '<geom type="mesh" mesh="wedge" material="body" pos="0 0 1"/>'
+    _render(scenes.compile_xml(FEW + more + LIGHTS, assets=ASSETS), outputs, antialiasing=4)
+    assert antialias.THREADS_IN_PLACE in {stage.block_dim for stage in card}
     assert _compile(card, tmp_path) >= 3
 
 
