@@ -26,7 +26,7 @@ from .types import (
 
 # What the trace can write, in the order of the bits in native/outputs.h; then bits of two facts of the image's size.
 OUTPUTS = ("depth", "shape", "face", "distance", "points", "bodies", "normals")
-FOURS, TILED = 128, 256
+NORMAL, FOURS, TILED = 64, 128, 256
 IDS, BY_WORLD = 1 << 16, 1 << 17  # ids by world: outputs.h
 LABELS: Mapping[str, int] = {"instances": 1 << 18, "semantics": 1 << 19}  # the same
 OPAQUE = 1 << 20  # what is transparent is left out

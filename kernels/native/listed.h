@@ -8,10 +8,9 @@ namespace warpcam {
 #if defined(__CUDA_ARCH__)
 
 // What a block shares.
-template <class List, int LINES, class Places_, class Facings_> struct ListedRoom {
+template <class List, int LINES, class Places_> struct ListedRoom {
     List list;
     Places_ places;
-    Facings_ facings;
     float lines[LINES];  // see Canvas
 };
 
@@ -21,13 +20,13 @@ template <int TYPES, int LENS, int CAPACITY, bool SEVERAL, int WIDTH, int HEIGHT
 WARPCAM_FN void draw_listed(const Shapes& shapes, const Materials&, const Meshes& meshes, const HeightFields& fields,
                             const Views&, const Target& target, int index)
 {
-    static_assert(!SEVERAL && (OUTPUTS & FLOW_WHOLE) && !names_slots(OUTPUTS));
+    static_assert(!SEVERAL && (OUTPUTS & FLOW_WHOLE));
     constexpr bool FLOWING = (OUTPUTS & FLOWS) != 0;
-    using List = SortedList<CAPACITY>;
+    using List = SortedList<CAPACITY, names_slots(OUTPUTS)>;
     using Near = typename Places<OUTPUTS, WIDTH, HEIGHT, (OUTPUTS & FLOW_LISTED) ? CAPACITY : 0,
                                  looks_at_floors(TYPES, LENS, OUTPUTS, CAPACITY, WIDTH, HEIGHT)>::type;
     using Canvas_ = Canvas<TYPES, LENS, OUTPUTS, List, tiles_at_once(TYPES, WIDTH, HEIGHT), Target, Shapes, Near>;
-    using Room = ListedRoom<List, Canvas_::LINED ? WIDTH + HEIGHT : 1, Near, typename Canvas_::Facings_>;
+    using Room = ListedRoom<List, Canvas_::LINED ? WIDTH + HEIGHT : 1, Near>;
     WARPCAM_SHARED Room shared;
     Room& room = by_address(shared);
     const int thread = index % THREADS, world = same_of_warp(index / THREADS);
@@ -51,7 +50,7 @@ WARPCAM_FN void draw_listed(const Shapes& shapes, const Materials&, const Meshes
         for (int n = thread; n < WIDTH + HEIGHT; n += THREADS)
             room.lines[n] = n < WIDTH ? image_x(from->camera, float(n)) : image_y(from->camera, float(n - WIDTH));
     const Canvas_ canvas { target,     shapes,       room.list, room.list.camera, { 0, 0, WIDTH, HEIGHT }, world, room.places,
-                           room.facings, room.lines, room.lines + (Canvas_::LINED ? WIDTH : 0) };
+                           room.list.facings, room.lines, room.lines + (Canvas_::LINED ? WIDTH : 0) };
     if (finds)
         canvas.find_floor(thread - LANES);
     else if (thread >= THREADS - LANES)
