@@ -30,6 +30,7 @@ NORMAL, FOURS, TILED = 64, 128, 256
 IDS, BY_WORLD = 1 << 16, 1 << 17  # ids by world: outputs.h
 LABELS: Mapping[str, int] = {"instances": 1 << 18, "semantics": 1 << 19}  # the same
 OPAQUE = 1 << 20  # what is transparent is left out
+BANDS = 2  # blocks of an image whose shapes have been listed: bands_of() of native/outputs.h
 LISTED_AHEAD = 512  # shapes have been listed: native/listed.h
 PAINTED = 1 << 21  # with albedo: native/painted.h
 # native/flow_places.h
@@ -201,7 +202,8 @@ def record(
         if lists is not None:
             target.lists = lists.flatten()
             outputs |= LISTED_AHEAD
-    unit = -(-width // region[0]) * -(-height // region[1]) * (THREADS if device.is_cuda else 1)  # threads a world
+    bands = BANDS if lists is not None and "flow_valid" not in images else 1
+    unit = bands * -(-width // region[0]) * -(-height // region[1]) * (THREADS if device.is_cuda else 1)  # threads a world
     types = in_order(types, len(group.worlds) * unit, device)
     kernel = _kernel(types, LENSES[lens], capacity, several, *region, outputs, target_type, facts)
     arguments = [tables.shapes, tables.materials, tables.meshes, tables.height_fields, views, target]

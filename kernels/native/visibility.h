@@ -80,13 +80,16 @@ WARPCAM_FN void draw_tiles(List& list, const Canvas_& canvas, const Meshes& mesh
     float* row_of_lanes = reinterpret_cast<float*>(lanes[HAS_THREES ? warp : 0]);
     const Region region = canvas.region;
     const float near = canvas.camera.near;
-    const int across = region.width / TILE_WIDTH, stacks = across * ((region.height / TILE_HEIGHT + TALL - 1) / TALL);
+    const int across = region.width / TILE_WIDTH, levels = (region.height / TILE_HEIGHT + TALL - 1) / TALL;
+    // A band has so many levels of stacks, the last one perhaps fewer.
+    const int of_band = across * ((levels + Canvas_::BANDS - 1) / Canvas_::BANDS), begin = canvas.band * of_band;
+    const int stacks = Canvas_::BANDS == 1 ? of_band : lower_int(begin + of_band, across * levels);
     const unsigned per_level = unsigned(65536.0f * reciprocal(float(across))) + 1u;  // of 65536; exact below 8192 stacks
     // Where tiles take about as long as each other, each warp has its own: one of four, and of the next four the next. But
     // where much is stored: warps drift apart then, and memory gets lines in parts.
     constexpr int WARPS = THREADS / LANES;
     constexpr bool OWN = TALL > 1 && !Canvas_::STORES_MUCH;
-    int own = warp;
+    int own = begin + warp;
     bool alone = Canvas_::APART && warp != WARPS - 1;  // the motions are not there yet
     const auto meet = [&] {
         if constexpr (Canvas_::APART)
@@ -95,7 +98,7 @@ WARPCAM_FN void draw_tiles(List& list, const Canvas_& canvas, const Meshes& mesh
         alone = false;
     };
     const auto next_tile = [&](int& found) {
-        const int stack = OWN ? own : __shfl_sync(ALL, lane == 0 ? draw_next(list.next_tile) : 0, 0);
+        const int stack = OWN ? own : begin + __shfl_sync(ALL, lane == 0 ? draw_next(list.next_tile) : 0, 0);
         own = (((own + 1) & (WARPS - 1)) | (own & ~(WARPS - 1))) + WARPS;
         if (stack >= stacks)
             return false;
