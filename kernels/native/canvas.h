@@ -26,8 +26,8 @@ template <int TYPES, int LENS, int OUTPUTS, class List, int TALL_, class Target,
     using Facings_ = ShapeFacings<((OUTPUTS & NORMAL) && THREADS > 1 ? CAPACITY : 0)>;
     Facings_& facings;
     const float *columns, *rows;  // x of the region's columns, y of its rows, where they are LINED
-    int band = 0;                 // of BANDS of the region: which of them is drawn
-    static constexpr int BANDS = bands_of(OUTPUTS);
+    int part = 0;                 // of PARTS of the region: which of them is drawn
+    static constexpr int PARTS = parts_of(OUTPUTS);
     static constexpr bool LINED = THREADS > 1 && TALL > 1 && LENS == PINHOLE;
     static constexpr int THREES = OUTPUTS & FOURS ? OUTPUTS & (POINTS | NORMAL) : 0;  // stored by 16 bytes
     static constexpr bool TILES_INSIDE = (OUTPUTS & TILED) != 0;

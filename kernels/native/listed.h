@@ -29,8 +29,8 @@ WARPCAM_FN void draw_listed(const Shapes& shapes, const Materials&, const Meshes
     using Room = ListedRoom<List, Canvas_::LINED ? WIDTH + HEIGHT : 1, Near>;
     WARPCAM_SHARED Room shared;
     Room& room = by_address(shared);
-    constexpr int BANDS = bands_of(OUTPUTS);
-    const int thread = index % THREADS, block = same_of_warp(index / THREADS), world = block / BANDS;
+    constexpr int PARTS = parts_of(OUTPUTS);
+    const int thread = index % THREADS, block = same_of_warp(index / THREADS), world = block / PARTS;
     const bool wanted = wp::index(target.mask, world);
     const List* from = reinterpret_cast<const List*>(target.lists.data) + world;
     for (int i = thread; i < List::rows_of(shapes.drawn.shape[0]); i += THREADS)
@@ -51,7 +51,7 @@ WARPCAM_FN void draw_listed(const Shapes& shapes, const Materials&, const Meshes
         for (int n = thread; n < WIDTH + HEIGHT; n += THREADS)
             room.lines[n] = n < WIDTH ? image_x(from->camera, float(n)) : image_y(from->camera, float(n - WIDTH));
     const Canvas_ canvas { target,     shapes,       room.list, room.list.camera, { 0, 0, WIDTH, HEIGHT }, world, room.places,
-                           room.list.facings, room.lines, room.lines + (Canvas_::LINED ? WIDTH : 0), block % BANDS };
+                           room.list.facings, room.lines, room.lines + (Canvas_::LINED ? WIDTH : 0), block % PARTS };
     if (finds)
         canvas.find_floor(thread - LANES);
     else if (thread >= THREADS - LANES)

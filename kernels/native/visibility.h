@@ -81,9 +81,9 @@ WARPCAM_FN void draw_tiles(List& list, const Canvas_& canvas, const Meshes& mesh
     const Region region = canvas.region;
     const float near = canvas.camera.near;
     const int across = region.width / TILE_WIDTH, levels = (region.height / TILE_HEIGHT + TALL - 1) / TALL;
-    // A band has so many levels of stacks, the last one perhaps fewer.
-    const int of_band = across * ((levels + Canvas_::BANDS - 1) / Canvas_::BANDS), begin = canvas.band * of_band;
-    const int stacks = Canvas_::BANDS == 1 ? of_band : lower_int(begin + of_band, across * levels);
+    // A part has so many levels of stacks, the last one perhaps fewer.
+    const int of_part = across * ((levels + Canvas_::PARTS - 1) / Canvas_::PARTS), begin = canvas.part * of_part;
+    const int stacks = Canvas_::PARTS == 1 ? of_part : lower_int(begin + of_part, across * levels);
     const unsigned per_level = unsigned(65536.0f * reciprocal(float(across))) + 1u;  // of 65536; exact below 8192 stacks
     // Where tiles take about as long as each other, each warp has its own: one of four, and of the next four the next. But
     // where much is stored: warps drift apart then, and memory gets lines in parts.

@@ -31,14 +31,18 @@ WORLDS, BROKEN, CHOSEN = 23, 20, [0, 4, 21]  # a block of the stage has 18 world
 
 
 def frames(
-    floor: str, lens: wc.Pinhole | wc.Orthographic, outputs: tuple[str, ...], opens: bool
+    floor: str,
+    lens: wc.Pinhole | wc.Orthographic,
+    outputs: tuple[str, ...],
+    opens: bool,
+    size: tuple[int, int] = (64, 64),
 ) -> list[dict[str, np.ndarray]]:
     """What the worlds show: all, some, one that is broken, and all again; ``opens``: the camera is the first."""
     mjm = scenes.compile_xml(SHAPES.format(floor=floor))
     m, d = scenes.put(mjm, WORLDS)
     camera = scenes.own_camera(
-        width=64,
-        height=64,
+        width=size[0],
+        height=size[1],
         lens=lens,
         outputs=outputs,
         position=(0.0, -2.0, 0.6),
@@ -101,6 +105,20 @@ def test_listed_ahead_or_by_the_blocks(
             else:
                 np.testing.assert_array_equal(mine[name], image)
     assert "flow" not in outputs or all(np.abs(frame["flow"]).max() > 0.1 for frame in expected[1:])
+
+
+@pytest.mark.parametrize("size", [(16, 8), (32, 16), (32, 32)])  # fewer rows of tiles than blocks that share an image
+@pytest.mark.parametrize("outputs", [("depth", "normals", "points"), ("depth", "flow")])
+def test_small_images_of_listed_shapes(
+    outputs: tuple[str, ...], size: tuple[int, int], device: wp.Device, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    lens = wc.Pinhole(fovy=60.0)
+    monkeypatch.setattr(visibility, "region_size", lambda *_, **__: size)
+    found = frames("0 0 1", lens, outputs, True, size)
+    monkeypatch.setattr(listing, "capacity_of", lambda *_: 0)
+    for mine, theirs in zip(found, frames("0 0 1", lens, outputs, True, size), strict=True):
+        for name in outputs:
+            np.testing.assert_allclose(mine[name], theirs[name], atol=1e-4, rtol=1e-5)
 
 
 def test_what_is_listed_ahead(device: wp.Device) -> None:
