@@ -43,6 +43,12 @@ template <int TYPES, int LENS, int OUTPUTS, class List, int TALL_, class Target,
     static constexpr bool BARE_FLOORS = THREADS > 1 && TALL > 1 && LENS == PINHOLE && (TYPES >> PLANE & 1) && (OUTPUTS & TILED)
         && !((OUTPUTS & FLOWS) && names_slots(OUTPUTS));
     static constexpr bool PUTS_BARE = BARE_FLOORS && !(OUTPUTS & FLOWS);
+    // Whole rows of two stacks of such tiles beside each other are written where little is and listed shapes are few.
+    static constexpr int WRITTEN = DEPTH | SHAPE | FACE | DISTANCE | POINTS | BODIES | NORMAL | IDS | INSTANCES | SEMANTICS
+        | FLOWS | PAINTED;
+    static constexpr bool PUTS_ROWS = BARE_FLOORS && TALL == 2 && (OUTPUTS & LISTED_AHEAD)
+        && !(OUTPUTS & WRITTEN & ~(DEPTH | SHAPE | BODIES)) && CAPACITY <= LANES;
+    static constexpr int WIDE = PUTS_ROWS ? 2 : 1;  // stacks
 
     WARPCAM_FN bool inside(int i, int j) const
     {
@@ -325,6 +331,37 @@ template <int TYPES, int LENS, int OUTPUTS, class List, int TALL_, class Target,
             find_points<true>(camera, rays, hits, values);
             store_threes(*this, target.points.data, i, j, values, row_of_lanes);
         }
+    }
+
+    // Writes so many stacks beside each other, whose first pixel is given, if they surely show the endless floor, which is
+    // all that touches them; else false. A lane has two pixels beside each other in each of two rows.
+    WARPCAM_FN bool put_rows(int left, int top, int lane) const
+    {
+        constexpr int LANES_A_ROW = WIDE * TILE_WIDTH / 2;
+        static_assert(LANES / LANES_A_ROW == TILE_HEIGHT);
+        const int i = left + 2 * int(unsigned(lane) % LANES_A_ROW), j = top + int(unsigned(lane) / LANES_A_ROW);
+        const float2 x = *reinterpret_cast<const float2*>(columns + i);
+        ViewRay<PINHOLE> rays[2 * WIDE];
+        Hit hits[2 * WIDE];
+        for (int k = 0; k < WIDE; ++k) {
+            rays[2 * k] = { x.x, rows[j + k * TILE_HEIGHT] };
+            rays[2 * k + 1] = { x.y, rays[2 * k].y };
+        }
+        if (!list.floor.meet(rays, hits))
+            return false;
+        const int shape = list.floor.shape;
+        __builtin_assume(shape >= 0);
+        const int body = OUTPUTS & BODIES ? body_of<(OUTPUTS & BY_WORLD) != 0>(shapes, world, shape) : 0;
+        for (int k = 0; k < WIDE; ++k) {
+            const auto pixel = at(i, j, k);
+            if (OUTPUTS & DEPTH)
+                *reinterpret_cast<float2*>(target.depth.data + pixel) = make_float2(hits[2 * k].depth, hits[2 * k + 1].depth);
+            if (OUTPUTS & SHAPE)
+                *reinterpret_cast<int2*>(target.shape.data + pixel) = make_int2(shape, shape);
+            if (OUTPUTS & BODIES)
+                *reinterpret_cast<int2*>(target.bodies.data + pixel) = make_int2(body, body);
+        }
+        return true;
     }
 
     // As put_tiles(), where all hits are on the endless floor.

@@ -61,6 +61,7 @@ template <int TYPES, int LENS, bool FACES, class Target> struct MirrorCanvas {
     }
 
     static constexpr bool WHOLE = false, STORES_MUCH = true, APART = false, BARE_FLOORS = false, PUTS_BARE = false;
+    static constexpr int WIDE = 1;
     WARPCAM_FN void begin(int) const { }
     WARPCAM_FN void face(int, int) const { }
     WARPCAM_FN void ready() const { }
