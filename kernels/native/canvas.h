@@ -1,5 +1,6 @@
 // Where a block draws: one region of one view, and what the trace writes there.
 #pragma once
+#include "facings.h"
 #include "flow.h"
 #include "flow_motion.h"
 #include "gradient.h"
@@ -9,14 +10,6 @@
 #include "tiles.h"
 
 namespace warpcam {
-
-// What the pixels of a CUDA block take of the shape that they show alone, where normals are written: by slot, the first of
-// nothing. Normal in the world; x: BENT where it differs from place to place; w: shape id.
-template <int SLOTS> struct ShapeFacings {
-    Row rows[SLOTS + 1];
-    Row endless[SLOTS > 0 ? 3 : 1];  // the endless floor's, as it is stored over and over: the words of three times 16 bytes
-};
-constexpr float BENT = 2.0f;
 
 // Pixel (i, j) is column i and row j of the image.
 template <int TYPES, int LENS, int OUTPUTS, class List, int TALL_, class Target, class Shapes, class Places_> struct Canvas {
@@ -33,6 +26,8 @@ template <int TYPES, int LENS, int OUTPUTS, class List, int TALL_, class Target,
     using Facings_ = ShapeFacings<((OUTPUTS & NORMAL) && THREADS > 1 ? CAPACITY : 0)>;
     Facings_& facings;
     const float *columns, *rows;  // x of the region's columns, y of its rows, where they are LINED
+    int part = 0;                 // of PARTS of the region: which of them is drawn
+    static constexpr int PARTS = parts_of(OUTPUTS);
     static constexpr bool LINED = THREADS > 1 && TALL > 1 && LENS == PINHOLE;
     static constexpr int THREES = OUTPUTS & FOURS ? OUTPUTS & (POINTS | NORMAL) : 0;  // stored by 16 bytes
     static constexpr bool TILES_INSIDE = (OUTPUTS & TILED) != 0;
@@ -132,26 +127,15 @@ template <int TYPES, int LENS, int OUTPUTS, class List, int TALL_, class Target,
     // Notes what pixels take of their shapes alone, once these are listed; for so many threads.
     WARPCAM_FN void face(int thread, int threads) const
     {
-        if constexpr ((OUTPUTS & NORMAL) && THREADS > 1)
-            for (int slot = thread - 1; slot < list.count; slot += threads) {
-                Row row { 0.0f, 0.0f, 0.0f, -1 };
-                if (slot >= 0) {
-                    const Record& record = list.records[slot];
-                    row = { BENT, 0.0f, 0.0f, list.ids[slot] };
-                    if ((TYPES >> PLANE & 1) && record.axis_x.w == PLANE) {
-                        const Vec n = turned(camera.rotation, normalized(to_vec(record.axis_z)));
-                        row = to_row(n, row.w);
 #if defined(__CUDA_ARCH__)
-                        if (is_endless(record)) {
-                            facings.endless[0] = { n.x, n.y, n.z, as_int(n.x) };
-                            facings.endless[1] = { n.y, n.z, n.x, as_int(n.y) };
-                            facings.endless[2] = { n.z, n.x, n.y, as_int(n.z) };
-                        }
+        if constexpr ((OUTPUTS & NORMAL) != 0) {
+            if (thread == 0)
+                facings.begin();
+            for (int slot = thread - 1; slot < list.count; slot += threads)
+                if (slot >= 0)
+                    facings.template note<TYPES>(slot, list.records[slot], list.ids[slot], camera);
+        }
 #endif
-                    }
-                }
-                facings.rows[slot + 1] = row;
-            }
         if constexpr (Places_::PAINTS)
             places.face(list, thread, threads);
     }
@@ -215,7 +199,7 @@ template <int TYPES, int LENS, int OUTPUTS, class List, int TALL_, class Target,
             target.labels.semantics.data[pixel] = label_of(target.labels.semantic_of, world, shape, 0);
         if (WHAT & POINTS)
             put_three(target.points.data, pixel, point_of(hit, camera, seen));
-        if (WHAT & NORMAL)
+        if constexpr ((WHAT & NORMAL) != 0)
             put_three(target.normals.data, pixel, normal_of(hit, seen));
         if constexpr ((WHAT & FLOWS) != 0)
             put_flow<TYPES, LENS, WHAT>(target.trail, places, shapes, camera, seen, { hit.depth, shape, hit.face }, world, i, j,
@@ -236,14 +220,15 @@ template <int TYPES, int LENS, int OUTPUTS, class List, int TALL_, class Target,
 
     WARPCAM_FN int shape_of(const Hit& hit) const
     {
-        if (!names_slots(OUTPUTS))
+        if constexpr (!names_slots(OUTPUTS))
             return hit.shape;
-        if constexpr (Places_::PAINTS)
+        else if constexpr (Places_::PAINTS)
             return places.slots[hit.shape + 1].id;
+        else
 #if defined(__CUDA_ARCH__)
-        return facings.rows[hit.shape + 1].w;
+            return facings.rows[hit.shape + 1].w;
 #else
-        return hit.shape >= 0 ? list.ids[hit.shape] : -1;
+            return hit.shape >= 0 ? list.ids[hit.shape] : -1;
 #endif
     }
 

@@ -81,13 +81,16 @@ WARPCAM_FN void draw_tiles(List& list, const Canvas_& canvas, const Meshes& mesh
     const Region region = canvas.region;
     const float near = canvas.camera.near;
     constexpr int WIDE = Canvas_::WIDE;  // stacks beside each other that are looked at together
-    const int across = region.width / (WIDE * TILE_WIDTH), units = across * ((region.height / TILE_HEIGHT + TALL - 1) / TALL);
+    const int across = region.width / (WIDE * TILE_WIDTH), levels = (region.height / TILE_HEIGHT + TALL - 1) / TALL;
+    // A part has so many levels of units, the last one perhaps fewer.
+    const int of_part = across * ((levels + Canvas_::PARTS - 1) / Canvas_::PARTS), begin = canvas.part * of_part;
+    const int units = Canvas_::PARTS == 1 ? of_part : lower_int(begin + of_part, across * levels);
     const unsigned per_level = unsigned(65536.0f * reciprocal(float(across))) + 1u;  // of 65536; exact below 8192 units
     // Where tiles take about as long as each other, each warp has its own: one of four, and of the next four the next. But
     // where much is stored: warps drift apart then, and memory gets lines in parts.
     constexpr int WARPS = THREADS / LANES;
     constexpr bool OWN = TALL > 1 && !Canvas_::STORES_MUCH;
-    int own = warp;
+    int own = begin + warp;
     bool alone = Canvas_::APART && warp != WARPS - 1;  // the motions are not there yet
     const auto meet = [&] {
         if constexpr (Canvas_::APART)
@@ -123,7 +126,7 @@ WARPCAM_FN void draw_tiles(List& list, const Canvas_& canvas, const Meshes& mesh
                                      hit[0].depth);
     };
     const auto next_tile = [&](int& found) {
-        const int unit = OWN ? own : __shfl_sync(ALL, lane == 0 ? draw_next(list.next_tile) : 0, 0);
+        const int unit = OWN ? own : begin + __shfl_sync(ALL, lane == 0 ? draw_next(list.next_tile) : 0, 0);
         own = (((own + 1) & (WARPS - 1)) | (own & ~(WARPS - 1))) + WARPS;
         if (unit >= units)
             return false;

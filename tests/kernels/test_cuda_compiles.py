@@ -91,6 +91,13 @@ def test_of_few_shapes(outputs: tuple[str, ...], card: list[launch.Stage], tmp_p
     assert _compile(card, tmp_path) >= 2
 
 
+@pytest.mark.parametrize("output", ["normals", "points"])
+def test_of_shapes_listed_ahead(output: str, card: list[launch.Stage], tmp_path: Path) -> None:
+    _render(scenes.compile_xml(FEW + LIGHTS, assets=ASSETS), ("depth", "segmentation", output))
+    assert any("lists" in stage.module.name for stage in card)
+    assert _compile(card, tmp_path) >= 2
+
+
 @pytest.mark.parametrize("antialiasing", [1, 4])
 def test_of_meshes_and_hills(antialiasing: int, card: list[launch.Stage], tmp_path: Path) -> None:
     more = '<geom type="mesh" mesh="wedge" material="body" pos="0 0 1"/><geom type="hfield" hfield="hills"/>'
