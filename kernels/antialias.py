@@ -6,7 +6,7 @@ made the image, its edges become smooth.
 """
 
 import functools
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
 import warp as wp
@@ -27,7 +27,13 @@ IMAGES: Mapping[str, tuple[type, int]] = {"rgb": (wp.uint8, 3), "rgba": (wp.uint
 # Pixels of which a thread block of a GPU smooths the edges, at most, in scenes without meshes and height fields. With
 # them a block has as many as the trace's: the more samples it has, the fewer of its lanes wait for the longest ones.
 REGION = (32, 32)
-BLOCKS, WALK_BLOCKS = 7, 5  # that a multiprocessor is to hold, without and with meshes or height fields
+# Whole images of scenes with meshes are smoothed where they were lit if there are so many worlds for each
+# multiprocessor: a block for each image fills the device then, even one group's.
+WORTH_PLACE = 40
+SIDE = 64  # of a region that is a whole image [pixels]
+THREADS_IN_PLACE = 160  # of a block of them
+# Blocks that a multiprocessor is to hold: without and with meshes or height fields, and of those in place.
+BLOCKS, WALK_BLOCKS, BLOCKS_IN_PLACE = 7, 5, 4
 
 
 @functools.cache
@@ -52,10 +58,21 @@ def _target_struct(shape_dtype: Any, face_dtype: Any) -> Any:
     return SmoothTarget
 
 
+def in_place(tables: Tables, images: Collection[str], width: int, height: int, device: wp.Device) -> bool:
+    """Whether images are smoothed where they were lit, without a buffer of their colours."""
+    if not device.is_cuda or MESH not in tables.shape_types or "hdr" in images:
+        return False
+    return width <= SIDE and height <= SIDE and tables.num_worlds >= WORTH_PLACE * device.sm_count
+
+
 @functools.cache
-def _kernel(types: int, lens: int, width: int, height: int, images: int, target_type: Any) -> wp.Kernel:
+def _kernel(types: int, lens: int, width: int, height: int, images: int, placed: bool, target_type: Any) -> wp.Kernel:
+    walks = bool(types >> MESH & 1 or types >> HEIGHT_FIELD & 1)
+    threads, blocks = (THREADS, WALK_BLOCKS if walks else BLOCKS) if not placed else (THREADS_IN_PLACE, BLOCKS_IN_PLACE)
+
     @wp.func_native(
-        f"warpcam::smooth<{types}, {lens}, {width}, {height}, {images}>(shapes, meshes, fields, views, target, index);"
+        f"warpcam::smooth<{types}, {lens}, {width}, {height}, {images}, {int(placed)}>"
+        "(shapes, meshes, fields, views, target, index);"
     )
     def smooth(
         shapes: Shapes,
@@ -70,8 +87,8 @@ def _kernel(types: int, lens: int, width: int, height: int, images: int, target_
         module="unique",
         enable_backward=False,
         grid_stride=False,
-        launch_bounds=(THREADS, WALK_BLOCKS if types >> MESH & 1 or types >> HEIGHT_FIELD & 1 else BLOCKS),
-        module_options=native_module("smooth.h"),
+        launch_bounds=(threads, blocks),
+        module_options=native_module("smooth.h", threads),
     )
     def smooth_edges(
         shapes: Shapes,
@@ -103,7 +120,7 @@ def record(
 
     Args:
         images: Those of ``IMAGES`` that are there, (world, height, width, channels); written.
-        lit: Likewise: the same with the colours of the pixels' centres.
+        lit: Likewise: the same with the colours of the pixels' centres; the same arrays where ``in_place()``.
         tables: The scene.
         lens: "pinhole" or "orthographic".
         views: View, (world,).
@@ -130,8 +147,12 @@ def record(
     region = region_size(tables, group.at_once, width, height, device)
     if device.is_cuda and {MESH, HEIGHT_FIELD}.isdisjoint(tables.shape_types):
         region = min(region, REGION)
-    unit = -(-width // region[0]) * -(-height // region[1]) * (THREADS if device.is_cuda else 1)  # threads a world
-    kernel = _kernel(types, LENSES[lens], *region, wanted, target_type)
+    placed = in_place(tables, images, width, height, device)
+    if placed:
+        region = (SIDE, SIDE)
+    threads = THREADS_IN_PLACE if placed else THREADS
+    unit = -(-width // region[0]) * -(-height // region[1]) * (threads if device.is_cuda else 1)  # threads a world
+    kernel = _kernel(types, LENSES[lens], *region, wanted, placed, target_type)
     arguments = [tables.shapes, tables.meshes, tables.height_fields, views, target]
     start, count = group.worlds.start, len(group.worlds)
-    return record_launch(kernel, count * unit, arguments, device, start=start * unit, block_dim=THREADS)
+    return record_launch(kernel, count * unit, arguments, device, start=start * unit, block_dim=threads)

@@ -31,19 +31,25 @@ def compiler_flags() -> dict[str, Any]:
     return {"cpu_compiler_flags": " ".join(flag for flag in flags.split() if not flag.startswith("-mllvm=-inline"))}
 
 
-def native_options(header: str) -> wp.ModuleBuildOptions:
-    """Build options of a module that calls ``header`` from ``kernels/native``, on CPU and CUDA alike."""
+def native_options(header: str, threads: int | None = None) -> wp.ModuleBuildOptions:
+    """Build options of a module that calls ``header`` from ``kernels/native``, on CPU and CUDA alike.
+
+    Args:
+        header: Its name.
+        threads: Of a CUDA block, if not as many as lanes.h says.
+    """
+    lines = "" if threads is None else f"#define WARPCAM_THREADS {threads}\n"
     return wp.ModuleBuildOptions(
         extra_cuda_include_dirs=[str(NATIVE)],
-        extra_cuda_preamble=f'#include "{header}"',
+        extra_cuda_preamble=f'{lines}#include "{header}"',
         extra_cpu_preamble=f'#include "{(NATIVE / header).as_posix()}"',
         extra_build_dependencies=[str(path) for path in sorted(NATIVE.glob("*.h"))],
     )
 
 
-def native_module(header: str) -> dict[str, Any]:
-    """Options of a module that calls ``header`` from ``kernels/native``."""
-    return {"extra_build_options": native_options(header), **compiler_flags()}
+def native_module(header: str, threads: int | None = None) -> dict[str, Any]:
+    """Options of a module that calls ``header`` from ``kernels/native``; ``threads`` as above."""
+    return {"extra_build_options": native_options(header, threads), **compiler_flags()}
 
 
 @dataclass(frozen=True)

@@ -16,13 +16,13 @@ from .launch import Stage, native_module, record
 from .tables import Tables
 from .types import HEIGHT_FIELD, LOOKS_ALONE, MESH, HeightFields, Materials, Meshes, Shapes, View
 from .views import LensTable, Mount, Opening, count_frame, turned_over, view_of
-from .visibility import FLOW, FLOW_VALID, LENSES, list_capacity
+from .visibility import FLOW, FLOW_VALID, LENSES, NORMAL, list_capacity
 
 # Outputs that such a trace writes; the others need what it does not list.
 OUTPUTS = frozenset(
-    ("depth", "segmentation", "distance", "points", "bodies", "instances", "semantics", "flow", "flow_valid")
+    ("depth", "segmentation", "distance", "points", "bodies", "normals", "instances", "semantics", "flow", "flow_valid")
 )
-HEAD_ROWS, RECORD_ROWS = 17, 5  # of a SortedList: native/sorted.h
+HEAD_ROWS, RECORD_ROWS, FACING_ROWS = 17, 5, 4  # of a SortedList: native/sorted.h
 LANES = 32
 FEW = 24  # shapes a world: with more the stage takes longer than it spares, but where validity is wanted
 SHAPE_THREADS = 128  # of a block, beside LANES for the views: THREADS of native/lanes.h
@@ -152,9 +152,11 @@ def capacity_of(
     return list_capacity(tables.num_drawn) if whole else 0
 
 
-def rows_of(capacity: int) -> int:
+def rows_of(capacity: int, outputs: Collection[str]) -> int:
     """Rows of four words that the list of a world has."""
-    return HEAD_ROWS + RECORD_ROWS * capacity if capacity else 0
+    if capacity == 0:
+        return 0
+    return HEAD_ROWS + RECORD_ROWS * capacity + (FACING_ROWS + capacity) * ("normals" in outputs)
 
 
 def record_lists(
@@ -168,7 +170,7 @@ def record_lists(
     projection: str,
     lists: wp.array,
     trail: Any,
-    depths: bool,
+    outputs: Collection[str],
     device: wp.Device,
 ) -> Stage:
     """Bind the stage, which does what that of ``record_views`` does, too, and that of ``record_motions``.
@@ -179,14 +181,15 @@ def record_lists(
         projection: "pinhole" or "orthographic".
         lists: vec4, (world, row); written.
         trail: Trail, whose motions are composed; None: none are.
-        depths: ``flow_valid`` is wanted.
+        outputs: Of the camera.
         device: Where all of these lie.
     """
     opens = int(opening is not None)
     opening = Opening() if opening is None else opening
     each, threads = min(LANES, SHAPE_THREADS // tables.num_shapes), SHAPE_THREADS + LANES
     types = sum(1 << t for t in tables.shape_types - LOOKS_ALONE)
-    wanted = 0 if trail is None else FLOW | FLOW_VALID * depths
+    wanted = 0 if trail is None else FLOW | FLOW_VALID * ("flow_valid" in outputs)
+    wanted |= NORMAL * ("normals" in outputs)
     kernel = _kernel(types, LENSES[projection], list_capacity(tables.num_drawn), wanted)
     inputs = [opens, opening, mount, lens, mask, faults, views, tables.shapes, tables.materials, tables.meshes]
     inputs += [tables.height_fields, Trail() if trail is None else trail, lists.flatten(), tables.num_shapes]

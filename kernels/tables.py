@@ -26,7 +26,7 @@ class Tables:
     num_lights: int
     shape_types: frozenset[int]  # types among the drawn shapes
     num_shapes: int  # ids are below this
-    num_faces: int  # of the largest mesh, as it is stored
+    num_faces: int  # of the largest mesh, as it is stored, or of the largest height field, two a cell
     has_materials: bool
     has_textures: bool  # some material can show a texture
     has_skybox: bool

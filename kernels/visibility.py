@@ -1,7 +1,7 @@
 """The trace: for each pixel of a camera's views the nearest shape, its face and its depth."""
 
 import functools
-from collections.abc import Mapping, Set
+from collections.abc import Collection, Mapping, Set
 from typing import Any
 
 import warp as wp
@@ -26,7 +26,7 @@ from .types import (
 
 # What the trace can write, in the order of the bits in native/outputs.h; then bits of two facts of the image's size.
 OUTPUTS = ("depth", "shape", "face", "distance", "points", "bodies", "normals")
-FOURS, TILED = 128, 256
+NORMAL, FOURS, TILED = 64, 128, 256
 IDS, BY_WORLD = 1 << 16, 1 << 17  # ids by world: outputs.h
 LABELS: Mapping[str, int] = {"instances": 1 << 18, "semantics": 1 << 19}  # the same
 OPAQUE = 1 << 20  # what is transparent is left out
@@ -201,7 +201,8 @@ def record(
         if lists is not None:
             target.lists = lists.flatten()
             outputs |= LISTED_AHEAD
-    unit = -(-width // region[0]) * -(-height // region[1]) * (THREADS if device.is_cuda else 1)  # threads a world
+    parts = -(-width // region[0]) * -(-height // region[1]) if lists is None else parts_of(images)
+    unit = parts * (THREADS if device.is_cuda else 1)  # threads a world
     types = in_order(types, len(group.worlds) * unit, device)
     kernel = _kernel(types, LENSES[lens], capacity, several, *region, outputs, target_type, facts)
     arguments = [tables.shapes, tables.materials, tables.meshes, tables.height_fields, views, target]
@@ -212,6 +213,13 @@ def record(
 
 def _dtype(array: wp.array | None) -> Any:
     return wp.int32 if array is None else array.dtype
+
+
+def parts_of(images: Collection[str]) -> int:
+    """How many blocks share an image whose shapes have been listed: native/outputs.h has the same."""
+    if "flow_valid" in images:
+        return 1
+    return 4 if "points" in images or "normals" in images else 2 if "flow" in images else 1
 
 
 def blocks(types: int, capacity: int) -> int:

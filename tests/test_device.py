@@ -108,6 +108,15 @@ def test_a_device_of_this_machine_by_any_name() -> None:
         device_rule.resolve("cuda:99")
 
 
+@pytest.mark.skipif(wp.get_cuda_device_count() > 0, reason="there is a GPU")
+def test_nothing_else_is_printed_where_there_is_no_gpu(capfd: pytest.CaptureFixture[str]) -> None:
+    capfd.readouterr()
+    for name in ("cuda", torch.device("cuda")):
+        with pytest.raises(wc.WarpcamError, match=r"'cuda'.* came, this process sees cpu"):
+            device_rule.resolve(name)
+    assert capfd.readouterr() == ("", "")
+
+
 def test_devices_that_differ_are_both_named() -> None:
     with pytest.raises(wc.WarpcamError, match="device: m is on cuda:1, but d is on cpu; both must be on one"):
         device_rule.require_same(wp.get_device("cpu"), "d is", SimpleNamespace(alias="cuda:1"), "m")

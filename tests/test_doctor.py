@@ -141,6 +141,12 @@ def test_a_process_prints_nothing_but_json() -> None:
     told = json.loads(done.stdout)
     assert (done.returncode, told["ok"]) == (0, True)
     assert {"name": "MUJOCO_EGL_DEVICE_ID", "value": "3", "meaning": doctor._IGNORED} in told["environment"]
+    nowhere = {**os.environ, "WARP_CACHE_PATH": "/proc/nowhere"}
+    for form in ([], ["--json"]):
+        broken = subprocess.run([*command, *form], env=nowhere, capture_output=True, text=True, timeout=300)
+        assert broken.returncode == 1 and "Traceback" not in broken.stderr
+        problem = json.loads(broken.stdout)["problems"][0] if form else broken.stdout
+        assert "Warp does not start" in problem and "/proc/nowhere" in problem and "WARP_CACHE_PATH" in problem
     wrong = subprocess.run([*command, "--jsn"], capture_output=True, text=True, timeout=300)
     assert wrong.returncode == 2 and wrong.stdout == "" and "--jsn" in wrong.stderr
 

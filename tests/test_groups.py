@@ -152,7 +152,7 @@ def test_groups_that_are_coloured_in_turns_make_the_same_images(
 
 def test_turns_are_taken_where_they_make_phases_fewer(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(scratch, "ALWAYS_ALLOWED", 24 * 20 * 4 * 3)
-    renderer = wc.Renderer(scene_of("cpu", 500), [camera(outputs=("rgb",), shadows=True)])
+    renderer = wc.Renderer(scene_of("cpu", 500), [camera(outputs=("rgb",))])
     images = {"top": {"rgb": renderer.array("top", "rgb")}}
     plain = [[portions] for portions in renderer._scratch.phases(images)]
     fewer = renderer._fewer(plain, images)

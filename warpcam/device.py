@@ -45,6 +45,8 @@ def resolve(device: Any = None) -> wp.Device:
     else:
         name = str(device) if ordinal is None else f"cuda:{ordinal}"  # a torch.device; an int
     try:
+        if name == "cuda" and not wp.get_cuda_device_count():  # Warp writes of errors before it raises
+            raise ValueError(name)
         return wp.get_device(name)
     except (ValueError, RuntimeError):
         visible = ", ".join(known.alias for known in wp.get_devices())

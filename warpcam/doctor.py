@@ -162,7 +162,12 @@ def read_environment() -> list[Variable]:
 
 def run(options: Any) -> int:
     """Print the report; 1 if there is a problem."""
-    wp.init()
+    try:
+        wp.init()
+    except Exception as error:  # whatever a broken installation raises; mostly a folder that cannot be written
+        problem = f"Warp does not start: {error}. WARP_CACHE_PATH says where it keeps compiled kernels, else the home"
+        print(json.dumps({"ok": False, "problems": [problem]}) if options.json else f"PROBLEM {problem}")
+        return 1
     screen = Console(stderr=True)
     with screen.status("looking around") as status:
         report = examine(wp.get_devices(), lambda text: status.update(text))

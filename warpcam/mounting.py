@@ -127,9 +127,9 @@ class Mounted:
         if lists is None:
             before = None if past is None else past.views
             return views_stage.record_views(mount, lens, mask, faults, views, device, before, opening)
-        trail, depths = (None, False) if past is None else (past.trail, past.depths)
+        trail, outputs = None if past is None else past.trail, self._camera.outputs
         return listing.record_lists(
-            opening, mount, lens, mask, faults, views, tables, self.projection, lists, trail, depths, device
+            opening, mount, lens, mask, faults, views, tables, self.projection, lists, trail, outputs, device
         )
 
     def _mount(self) -> Mount:

@@ -42,7 +42,6 @@ class CameraPast:
         parts = worlds * _floor_parts(camera, tables, device)
         self.trail.floor_first = wp.zeros(parts, dtype=wp.uint8, device=device)
         self.trail.floor_second = wp.zeros(parts, dtype=wp.uint8, device=device)
-        self.depths = "flow_valid" in camera.outputs
         rows = 0 if visibility.composes(tables, device) and not listed else flow.motion_rows(tables)
         self.trail.motions = wp.zeros((worlds, rows), dtype=wp.vec4, device=device)
         self.trail.views_before = self.views

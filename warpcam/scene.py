@@ -10,7 +10,7 @@ import warp as wp
 
 from warpcam import device as device_rule
 from warpcam import interop
-from warpcam.accel.heightfields import pack_height_fields
+from warpcam.accel.heightfields import num_faces, pack_height_fields
 from warpcam.accel.meshes import pack_masks, pack_meshes
 from warpcam.accel.mips import pack_mips
 from warpcam.accel.sheets import pack_sheets
@@ -330,7 +330,7 @@ class Scene:
             num_drawn=len(parts.drawn),
             num_lights=parts.num_lights,
             num_shapes=self._counts["shapes"],
-            num_faces=self._num_faces,
+            num_faces=max([self._num_faces, *map(num_faces, parts.height_fields)]),
             shape_types=self._shape_types(),
             has_materials=parts.num_materials > 0,
             has_textures=parts.num_materials > 0 and any(i != parts.skybox for i in range(len(parts.textures))),

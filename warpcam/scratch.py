@@ -18,7 +18,7 @@ from typing import Any, TypeVar
 import warp as wp
 
 from warpcam.camera import Camera
-from warpcam.kernels import visibility
+from warpcam.kernels import antialias, visibility
 from warpcam.kernels.tables import Tables
 from warpcam.kernels.types import HEIGHT_FIELD, MESH
 from warpcam.layers import mirrors_of, veils_of
@@ -66,7 +66,7 @@ def buffers_of(camera: Camera, tables: Tables) -> dict[str, Any]:
     dtypes = {
         "depth": wp.float32,
         "shape": ids,
-        "face": wp.uint16 if tables.num_faces <= 2**16 and HEIGHT_FIELD not in tables.shape_types else wp.int32,
+        "face": wp.uint16 if tables.num_faces < 2**16 else wp.int32,
         "shadow": wp.uint8,
     }
     chosen = {name: dtypes[name.removeprefix("mirror ")] for name, there in wanted.items() if there}
@@ -276,18 +276,24 @@ class Scratch:
         camera = self._cameras[key]
         shape = (self._tables.num_worlds, camera.height, camera.width, 1)
         buffers = {}
-        for name, dtype in buffers_of(camera, self._tables).items():
+        for name, dtype in self._buffers_of(camera).items():
             stride = camera.height * camera.width * wp.types.type_size_in_bytes(dtype)
             start = places[key, worlds.start, name] - worlds.start * stride
             buffers[name] = wp.array(ptr=start, shape=shape, dtype=dtype, device=self._device)
         return buffers
+
+    def _buffers_of(self, camera: Camera) -> dict[str, Any]:
+        smooth = smooth_outputs(camera.outputs, camera.antialiasing)
+        placed = antialias.in_place(self._tables, smooth, camera.width, camera.height, self._device)
+        found = buffers_of(camera, self._tables)
+        return {name: dtype for name, dtype in found.items() if not (placed and name.startswith("lit "))}
 
     def _needed(self, camera: Camera, worlds: int) -> dict[str, int]:
         """Bytes of each buffer of a group."""
         pixels = worlds * camera.width * camera.height
         return {
             name: _aligned(pixels * wp.types.type_size_in_bytes(dtype))
-            for name, dtype in buffers_of(camera, self._tables).items()
+            for name, dtype in self._buffers_of(camera).items()
         }
 
     def _bytes(self, camera: Camera, worlds: int) -> int:

@@ -43,7 +43,8 @@ class Stages:
 
 def list_rows(camera: Camera, projection: Projection, tables: Tables, device: wp.Device) -> int:
     """Rows of four words that a camera has in each world for the shapes its image may show."""
-    return listing.rows_of(listing.capacity_of(tables, projection, camera.width, camera.height, camera.outputs, device))
+    capacity = listing.capacity_of(tables, projection, camera.width, camera.height, camera.outputs, device)
+    return listing.rows_of(capacity, camera.outputs)
 
 
 class Target:
@@ -114,11 +115,12 @@ class Target:
         if tables.ids_by_world and "shape" in traced:  # what is asked for are ids; the stages pass on columns
             traced["ids"] = traced.pop("shape")
         smooth = [name for name in smooth_outputs(self._camera.outputs, self._camera.antialiasing) if name in derived]
-        for name in smooth:  # is lit into a buffer first
+        for name in smooth:  # is lit into a buffer first, if there is one
             image = self.images[name]
-            derived[name] = wp.array(
-                ptr=buffers[f"lit {name}"].ptr, shape=image.shape, dtype=image.dtype, device=device
-            )
+            if f"lit {name}" in buffers:
+                derived[name] = wp.array(
+                    ptr=buffers[f"lit {name}"].ptr, shape=image.shape, dtype=image.dtype, device=device
+                )
         if "albedo" in derived and visibility.paints(tables, projection, width, height, group.at_once, traced, device):
             traced["albedo"] = derived.pop("albedo")
         lit = {name: image for name, image in derived.items() if OUTPUTS[name].lit}

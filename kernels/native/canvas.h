@@ -1,5 +1,6 @@
 // Where a block draws: one region of one view, and what the trace writes there.
 #pragma once
+#include "facings.h"
 #include "flow.h"
 #include "flow_motion.h"
 #include "gradient.h"
@@ -9,14 +10,6 @@
 #include "tiles.h"
 
 namespace warpcam {
-
-// What the pixels of a CUDA block take of the shape that they show alone, where normals are written: by slot, the first of
-// nothing. Normal in the world; x: BENT where it differs from place to place; w: shape id.
-template <int SLOTS> struct ShapeFacings {
-    Row rows[SLOTS + 1];
-    Row endless[SLOTS > 0 ? 3 : 1];  // the endless floor's, as it is stored over and over: the words of three times 16 bytes
-};
-constexpr float BENT = 2.0f;
 
 // Pixel (i, j) is column i and row j of the image.
 template <int TYPES, int LENS, int OUTPUTS, class List, int TALL_, class Target, class Shapes, class Places_> struct Canvas {
@@ -33,6 +26,8 @@ template <int TYPES, int LENS, int OUTPUTS, class List, int TALL_, class Target,
     using Facings_ = ShapeFacings<((OUTPUTS & NORMAL) && THREADS > 1 ? CAPACITY : 0)>;
     Facings_& facings;
     const float *columns, *rows;  // x of the region's columns, y of its rows, where they are LINED
+    int part = 0;                 // of PARTS of the region: which of them is drawn
+    static constexpr int PARTS = parts_of(OUTPUTS);
     static constexpr bool LINED = THREADS > 1 && TALL > 1 && LENS == PINHOLE;
     static constexpr int THREES = OUTPUTS & FOURS ? OUTPUTS & (POINTS | NORMAL) : 0;  // stored by 16 bytes
     static constexpr bool TILES_INSIDE = (OUTPUTS & TILED) != 0;
@@ -48,6 +43,12 @@ template <int TYPES, int LENS, int OUTPUTS, class List, int TALL_, class Target,
     static constexpr bool BARE_FLOORS = THREADS > 1 && TALL > 1 && LENS == PINHOLE && (TYPES >> PLANE & 1) && (OUTPUTS & TILED)
         && !((OUTPUTS & FLOWS) && names_slots(OUTPUTS));
     static constexpr bool PUTS_BARE = BARE_FLOORS && !(OUTPUTS & FLOWS);
+    // Whole rows of two stacks of such tiles beside each other are written where little is and listed shapes are few.
+    static constexpr int WRITTEN = DEPTH | SHAPE | FACE | DISTANCE | POINTS | BODIES | NORMAL | IDS | INSTANCES | SEMANTICS
+        | FLOWS | PAINTED;
+    static constexpr bool PUTS_ROWS = BARE_FLOORS && TALL == 2 && (OUTPUTS & LISTED_AHEAD)
+        && !(OUTPUTS & WRITTEN & ~(DEPTH | SHAPE | BODIES)) && CAPACITY <= LANES;
+    static constexpr int WIDE = PUTS_ROWS ? 2 : 1;  // stacks
 
     WARPCAM_FN bool inside(int i, int j) const
     {
@@ -126,26 +127,15 @@ template <int TYPES, int LENS, int OUTPUTS, class List, int TALL_, class Target,
     // Notes what pixels take of their shapes alone, once these are listed; for so many threads.
     WARPCAM_FN void face(int thread, int threads) const
     {
-        if constexpr ((OUTPUTS & NORMAL) && THREADS > 1)
-            for (int slot = thread - 1; slot < list.count; slot += threads) {
-                Row row { 0.0f, 0.0f, 0.0f, -1 };
-                if (slot >= 0) {
-                    const Record& record = list.records[slot];
-                    row = { BENT, 0.0f, 0.0f, list.ids[slot] };
-                    if ((TYPES >> PLANE & 1) && record.axis_x.w == PLANE) {
-                        const Vec n = turned(camera.rotation, normalized(to_vec(record.axis_z)));
-                        row = to_row(n, row.w);
 #if defined(__CUDA_ARCH__)
-                        if (is_endless(record)) {
-                            facings.endless[0] = { n.x, n.y, n.z, as_int(n.x) };
-                            facings.endless[1] = { n.y, n.z, n.x, as_int(n.y) };
-                            facings.endless[2] = { n.z, n.x, n.y, as_int(n.z) };
-                        }
+        if constexpr ((OUTPUTS & NORMAL) != 0) {
+            if (thread == 0)
+                facings.begin();
+            for (int slot = thread - 1; slot < list.count; slot += threads)
+                if (slot >= 0)
+                    facings.template note<TYPES>(slot, list.records[slot], list.ids[slot], camera);
+        }
 #endif
-                    }
-                }
-                facings.rows[slot + 1] = row;
-            }
         if constexpr (Places_::PAINTS)
             places.face(list, thread, threads);
     }
@@ -209,7 +199,7 @@ template <int TYPES, int LENS, int OUTPUTS, class List, int TALL_, class Target,
             target.labels.semantics.data[pixel] = label_of(target.labels.semantic_of, world, shape, 0);
         if (WHAT & POINTS)
             put_three(target.points.data, pixel, point_of(hit, camera, seen));
-        if (WHAT & NORMAL)
+        if constexpr ((WHAT & NORMAL) != 0)
             put_three(target.normals.data, pixel, normal_of(hit, seen));
         if constexpr ((WHAT & FLOWS) != 0)
             put_flow<TYPES, LENS, WHAT>(target.trail, places, shapes, camera, seen, { hit.depth, shape, hit.face }, world, i, j,
@@ -230,14 +220,15 @@ template <int TYPES, int LENS, int OUTPUTS, class List, int TALL_, class Target,
 
     WARPCAM_FN int shape_of(const Hit& hit) const
     {
-        if (!names_slots(OUTPUTS))
+        if constexpr (!names_slots(OUTPUTS))
             return hit.shape;
-        if constexpr (Places_::PAINTS)
+        else if constexpr (Places_::PAINTS)
             return places.slots[hit.shape + 1].id;
+        else
 #if defined(__CUDA_ARCH__)
-        return facings.rows[hit.shape + 1].w;
+            return facings.rows[hit.shape + 1].w;
 #else
-        return hit.shape >= 0 ? list.ids[hit.shape] : -1;
+            return hit.shape >= 0 ? list.ids[hit.shape] : -1;
 #endif
     }
 
@@ -340,6 +331,37 @@ template <int TYPES, int LENS, int OUTPUTS, class List, int TALL_, class Target,
             find_points<true>(camera, rays, hits, values);
             store_threes(*this, target.points.data, i, j, values, row_of_lanes);
         }
+    }
+
+    // Writes so many stacks beside each other, whose first pixel is given, if they surely show the endless floor, which is
+    // all that touches them; else false. A lane has two pixels beside each other in each of two rows.
+    WARPCAM_FN bool put_rows(int left, int top, int lane) const
+    {
+        constexpr int LANES_A_ROW = WIDE * TILE_WIDTH / 2;
+        static_assert(LANES / LANES_A_ROW == TILE_HEIGHT);
+        const int i = left + 2 * int(unsigned(lane) % LANES_A_ROW), j = top + int(unsigned(lane) / LANES_A_ROW);
+        const float2 x = *reinterpret_cast<const float2*>(columns + i);
+        ViewRay<PINHOLE> rays[2 * WIDE];
+        Hit hits[2 * WIDE];
+        for (int k = 0; k < WIDE; ++k) {
+            rays[2 * k] = { x.x, rows[j + k * TILE_HEIGHT] };
+            rays[2 * k + 1] = { x.y, rays[2 * k].y };
+        }
+        if (!list.floor.meet(rays, hits))
+            return false;
+        const int shape = list.floor.shape;
+        __builtin_assume(shape >= 0);
+        const int body = OUTPUTS & BODIES ? body_of<(OUTPUTS & BY_WORLD) != 0>(shapes, world, shape) : 0;
+        for (int k = 0; k < WIDE; ++k) {
+            const auto pixel = at(i, j, k);
+            if (OUTPUTS & DEPTH)
+                *reinterpret_cast<float2*>(target.depth.data + pixel) = make_float2(hits[2 * k].depth, hits[2 * k + 1].depth);
+            if (OUTPUTS & SHAPE)
+                *reinterpret_cast<int2*>(target.shape.data + pixel) = make_int2(shape, shape);
+            if (OUTPUTS & BODIES)
+                *reinterpret_cast<int2*>(target.bodies.data + pixel) = make_int2(body, body);
+        }
+        return true;
     }
 
     // As put_tiles(), where all hits are on the endless floor.

@@ -5,6 +5,12 @@
 
 namespace warpcam {
 
+// A face as it is stored. Of 16 bits the last number is none: -1, what is no face of a height field.
+template <int TYPES, class Face> WARPCAM_FN int stored_face(Face face)
+{
+    return (TYPES >> HEIGHT_FIELD & 1) && sizeof(Face) == 2 && face == static_cast<Face>(-1) ? -1 : int(face);
+}
+
 WARPCAM_FN Vec turned(const Matrix& m, Vec v)
 {
     return { m.at[0][0] * v.x + m.at[0][1] * v.y + m.at[0][2] * v.z,

@@ -11,7 +11,10 @@ namespace warpcam {
 #if defined(__CUDA_ARCH__)
 #define WARPCAM_FN __device__ inline
 #define WARPCAM_SHARED __shared__
-constexpr int THREADS = 128;  // threads that work on one region of an image
+#if !defined(WARPCAM_THREADS)
+#define WARPCAM_THREADS 128
+#endif
+constexpr int THREADS = WARPCAM_THREADS;  // that work on one region of an image
 #else
 #define WARPCAM_FN inline
 #define WARPCAM_SHARED

@@ -125,9 +125,8 @@ struct AnyPairRoom {
 template <int TYPES, class Meshes, class Ray>
 WARPCAM_FN float meet_face(const Record& record, const Meshes& meshes, const Ray& ray, int face, float near, float depth)
 {
-    const unsigned row = as_int(record.size.z) + unsigned(face * FACE_ROWS);
-    const Row a = load(meshes.faces.data, row), b = load(meshes.faces.data, row + 1);
-    const Row c = load(meshes.faces.data, row + 2);
+    const Row* rows = reinterpret_cast<const Row*>(meshes.faces.data) + (as_int(record.size.z) + unsigned(face * FACE_ROWS));
+    const Row a = load(rows, 0), b = load(rows, 1), c = load(rows, 2);
     const RayFrame frame = ray.template frame<TYPES>(record);
     const float t = enter_triangle(frame, project(frame, a.x, a.y, a.z), project(frame, b.x, b.y, b.z),
                                    project(frame, c.x, c.y, c.z), has_back<TYPES>(b.w));

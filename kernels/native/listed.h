@@ -8,29 +8,29 @@ namespace warpcam {
 #if defined(__CUDA_ARCH__)
 
 // What a block shares.
-template <class List, int LINES, class Places_, class Facings_> struct ListedRoom {
+template <class List, int LINES, class Places_> struct ListedRoom {
     List list;
     Places_ places;
-    Facings_ facings;
-    float lines[LINES];  // see Canvas
+    alignas(8) float lines[LINES];  // see Canvas
 };
 
-// As draw(), of a whole image by a block.
+// As draw(), of a whole image by one or several blocks.
 template <int TYPES, int LENS, int CAPACITY, bool SEVERAL, int WIDTH, int HEIGHT, int OUTPUTS, class Shapes,
           class Materials, class Meshes, class HeightFields, class Views, class Target>
 WARPCAM_FN void draw_listed(const Shapes& shapes, const Materials&, const Meshes& meshes, const HeightFields& fields,
                             const Views&, const Target& target, int index)
 {
-    static_assert(!SEVERAL && (OUTPUTS & FLOW_WHOLE) && !names_slots(OUTPUTS));
+    static_assert(!SEVERAL && (OUTPUTS & FLOW_WHOLE));
     constexpr bool FLOWING = (OUTPUTS & FLOWS) != 0;
-    using List = SortedList<CAPACITY>;
+    using List = SortedList<CAPACITY, names_slots(OUTPUTS)>;
     using Near = typename Places<OUTPUTS, WIDTH, HEIGHT, (OUTPUTS & FLOW_LISTED) ? CAPACITY : 0,
                                  looks_at_floors(TYPES, LENS, OUTPUTS, CAPACITY, WIDTH, HEIGHT)>::type;
     using Canvas_ = Canvas<TYPES, LENS, OUTPUTS, List, tiles_at_once(TYPES, WIDTH, HEIGHT), Target, Shapes, Near>;
-    using Room = ListedRoom<List, Canvas_::LINED ? WIDTH + HEIGHT : 1, Near, typename Canvas_::Facings_>;
+    using Room = ListedRoom<List, Canvas_::LINED ? WIDTH + HEIGHT : 1, Near>;
     WARPCAM_SHARED Room shared;
     Room& room = by_address(shared);
-    const int thread = index % THREADS, world = same_of_warp(index / THREADS);
+    constexpr int PARTS = parts_of(OUTPUTS);
+    const int thread = index % THREADS, block = same_of_warp(index / THREADS), world = block / PARTS;
     const bool wanted = wp::index(target.mask, world);
     const List* from = reinterpret_cast<const List*>(target.lists.data) + world;
     for (int i = thread; i < List::rows_of(shapes.drawn.shape[0]); i += THREADS)
@@ -51,7 +51,7 @@ WARPCAM_FN void draw_listed(const Shapes& shapes, const Materials&, const Meshes
         for (int n = thread; n < WIDTH + HEIGHT; n += THREADS)
             room.lines[n] = n < WIDTH ? image_x(from->camera, float(n)) : image_y(from->camera, float(n - WIDTH));
     const Canvas_ canvas { target,     shapes,       room.list, room.list.camera, { 0, 0, WIDTH, HEIGHT }, world, room.places,
-                           room.facings, room.lines, room.lines + (Canvas_::LINED ? WIDTH : 0) };
+                           room.list.facings, room.lines, room.lines + (Canvas_::LINED ? WIDTH : 0), block % PARTS };
     if (finds)
         canvas.find_floor(thread - LANES);
     else if (thread >= THREADS - LANES)

@@ -61,7 +61,7 @@ WARPCAM_FN int find_rays(MeshRays<WORDS>& rays, const ShapeList<CAPACITY>& list,
                          const ViewRay<LENS>& ray, float near, const Meshes& meshes, float depth)
 {
     const int lane = threadIdx.x % LANES, words = (list.count + LANES - 1) / LANES;
-    const unsigned steps = TileSpans::steps(column, row, 1);
+    const unsigned steps = TileSpans::steps(column, row, 1, 1);
     unsigned met[WORDS] {};
     bool any = false;
     for (int word = 0; word < words; ++word) {

@@ -11,7 +11,7 @@ constexpr float ON_MIRROR = 1.0e-3f;  // of a depth: a box shows other sides bes
 
 // Pixel (i, j) is column i of the mirrored view, counted from the other side in the images.
 template <int TYPES, int LENS, bool FACES, class Target> struct MirrorCanvas {
-    static constexpr int THREES = 0, TALL = 1;
+    static constexpr int THREES = 0, TALL = 1, PARTS = 1, part = 0;
 
     const Target& target;
     const Camera& camera;
@@ -61,6 +61,7 @@ template <int TYPES, int LENS, bool FACES, class Target> struct MirrorCanvas {
     }
 
     static constexpr bool WHOLE = false, STORES_MUCH = true, APART = false, BARE_FLOORS = false, PUTS_BARE = false;
+    static constexpr int WIDE = 1;
     WARPCAM_FN void begin(int) const { }
     WARPCAM_FN void face(int, int) const { }
     WARPCAM_FN void ready() const { }

@@ -9,6 +9,7 @@ namespace warpcam {
 
 constexpr int NEAR_SHAPES = 64, NEAR_WORDS = NEAR_SHAPES / LANES;
 constexpr int NEAR_KEYS = 256;  // of a table by id; as many as all threads can put in before they see that it is full
+static_assert(NEAR_SHAPES + THREADS <= NEAR_KEYS, "a table with room for what all threads put in");
 constexpr int NO_KEY = -1;
 
 // As bits by their places among the records.

@@ -34,6 +34,14 @@ constexpr int tiles_at_once(int types, int width, int height)
     return quick && width * height >= 32 * 32 ? 2 : 1;
 }
 
+// How many blocks share an image whose shapes have been listed. Where much is stored a launch ends sooner with short blocks;
+// where little is, they begin too often; where validity is wanted each would look at the whole floor. visibility.py has the same.
+constexpr int parts_of(int outputs)
+{
+    const bool may = (outputs & LISTED_AHEAD) && !(outputs & FLOW_VALID);
+    return !may ? 1 : outputs & (POINTS | NORMAL) ? 4 : outputs & FLOW ? 2 : 1;
+}
+
 // Where normals or albedo are written, hits name the slot of their shape's record instead of the shape: see gather().
 constexpr bool names_slots(int outputs) { return outputs & (NORMAL | PAINTED); }
 

@@ -25,10 +25,10 @@ struct TileSpans {
         return unsigned(128 - box.left) | unsigned(128 - box.top) << 8 | unsigned(128 + box.right) << 16
             | unsigned(128 + box.bottom) << 24;
     }
-    // What is to be added for any of `rows` tiles, `row` and those below it.
-    WARPCAM_FN static unsigned steps(int column, int row, int rows)
+    // What is to be added for any of some tiles, in so many columns and rows from the first.
+    WARPCAM_FN static unsigned steps(int column, int row, int columns, int rows)
     {
-        return unsigned(column * (1 - (1 << 16)) + row * ((1 << 8) - (1 << 24)) + ((rows - 1) << 8));
+        return unsigned(column * (1 - (1 << 16)) + row * ((1 << 8) - (1 << 24)) + (columns - 1) + ((rows - 1) << 8));
     }
     WARPCAM_FN bool touches(unsigned steps) const { return (~(counts + steps) & 0x80808080u) == 0u; }
 };

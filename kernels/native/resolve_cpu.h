@@ -314,8 +314,12 @@ inline void paint_sorted(const Sorted<ROOM>& sorted, const List& lights, const S
                 __builtin_memcpy(&hits.x, x + column, sizeof hits.x);
                 hits.y = y[row];
                 __builtin_memcpy(&hits.depth, frame.depth.data + at, sizeof hits.depth);
-                if (FACES)
-                    store_eight(hits.faces, load_eight(frame.face.data + at));
+                if (FACES) {
+                    Ints faces = load_eight(frame.face.data + at);
+                    if ((TYPES >> HEIGHT_FIELD & 1) && sizeof *frame.face.data == 2)
+                        faces |= faces == 0xffff;  // see stored_face()
+                    store_eight(hits.faces, faces);
+                }
                 if (SHADOWS)
                     hits.shadow = load_eight(frame.shadow.data + at);
             } else {
@@ -326,7 +330,7 @@ inline void paint_sorted(const Sorted<ROOM>& sorted, const List& lights, const S
                     hits.y[k] = y[pixel / WIDTH];
                     hits.depth[k] = frame.depth.data[at];
                     if (FACES)
-                        hits.faces[k] = frame.face.data[at];
+                        hits.faces[k] = stored_face<TYPES>(frame.face.data[at]);
                     if (SHADOWS)
                         hits.shadow[k] = frame.shadow.data[at];
                 }

@@ -21,7 +21,7 @@ template <int TYPES, int IMAGES, int FACTS, class Frame_> WARPCAM_FN Seen find(c
         if (Wanted<IMAGES, FACTS>::SURFACE)
             found.depth = frame.depth.data[pixel.at];
         if (Wanted<IMAGES, FACTS>::SURFACE && (TYPES & (1 << MESH | 1 << HEIGHT_FIELD)))
-            found.face = frame.face.data[pixel.at];
+            found.face = stored_face<TYPES>(frame.face.data[pixel.at]);
         if (Wanted<IMAGES, FACTS>::LIT && (FACTS & HAS_SHADOWS) && (FACTS & SPARE))
             found.shadow = frame.shadow.data[pixel.at];
     }

@@ -56,26 +56,37 @@ template <int IMAGES, class Target> WARPCAM_FN void copy_lit(const Target& targe
         copy(target.hdr.data, target.smooth_hdr.data, 3);
 }
 
+// The mean of the pixels that a pixel's samples show, of 8 bits a channel.
+template <int IMAGES, class Centres>
+WARPCAM_FN unsigned mean_bytes(const Centres& centres, const unsigned (&shown)[SAMPLES])
+{
+    constexpr unsigned EVERY_OTHER = 0x00ff00ff;
+    unsigned even = 0x00020002, odd = 0x00020002;  // half of four, rounding up
+    for (int sample = 0; sample < SAMPLES; ++sample) {
+        const unsigned bytes = centres.template bytes<IMAGES>(shown[sample]);
+        even += bytes & EVERY_OTHER;
+        odd += bytes >> 8 & EVERY_OTHER;
+    }
+    static_assert(SAMPLES == 4, "means are quarters");
+    return (even >> 2 & EVERY_OTHER) | (odd >> 2 & EVERY_OTHER) << 8;
+}
+
+// Writes it at the pixel's index in the images.
+template <int IMAGES, class Target> WARPCAM_FN void put_bytes(const Target& target, size_t at, unsigned mean)
+{
+    for (int k = 0; k < 3 && (IMAGES & SMOOTH_RGB); ++k)
+        target.smooth_rgb.data[3 * at + k] = static_cast<unsigned char>(mean >> 8 * k);
+    for (int k = 0; k < 4 && (IMAGES & SMOOTH_RGBA); ++k)
+        target.smooth_rgba.data[4 * at + k] = static_cast<unsigned char>(mean >> 8 * k);
+}
+
 // Writes the means of the pixels that a pixel's samples show, at its index in the images.
 template <int IMAGES, class Centres>
 WARPCAM_FN void put_means(const Centres& centres, size_t at, const unsigned (&shown)[SAMPLES])
 {
     const auto& target = centres.target;
-    if (IMAGES & (SMOOTH_RGB | SMOOTH_RGBA)) {
-        constexpr unsigned EVERY_OTHER = 0x00ff00ff;
-        unsigned even = 0x00020002, odd = 0x00020002;  // half of four, rounding up
-        for (int sample = 0; sample < SAMPLES; ++sample) {
-            const unsigned bytes = centres.template bytes<IMAGES>(shown[sample]);
-            even += bytes & EVERY_OTHER;
-            odd += bytes >> 8 & EVERY_OTHER;
-        }
-        static_assert(SAMPLES == 4, "means are quarters");
-        const unsigned mean = (even >> 2 & EVERY_OTHER) | (odd >> 2 & EVERY_OTHER) << 8;
-        for (int k = 0; k < 3 && (IMAGES & SMOOTH_RGB); ++k)
-            target.smooth_rgb.data[3 * at + k] = static_cast<unsigned char>(mean >> 8 * k);
-        for (int k = 0; k < 4 && (IMAGES & SMOOTH_RGBA); ++k)
-            target.smooth_rgba.data[4 * at + k] = static_cast<unsigned char>(mean >> 8 * k);
-    }
+    if (IMAGES & (SMOOTH_RGB | SMOOTH_RGBA))
+        put_bytes<IMAGES>(target, at, mean_bytes<IMAGES>(centres, shown));
     if (IMAGES & SMOOTH_HDR)
         for (int k = 0; k < 3; ++k) {
             float total = 0.0f;

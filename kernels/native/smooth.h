@@ -7,10 +7,10 @@
 // the image.
 #pragma once
 #include "kept_centres.h"
-#include "mesh_queue.h"
-#include "near_shapes.h"
 #include "seen_tiles.h"
+#include "smooth_chunk.h"
 #include "smooth_cpu.h"
+#include "smooth_in_place.h"
 #include "smooth_kept.h"
 
 namespace warpcam {
@@ -19,232 +19,17 @@ namespace warpcam {
 
 // Pixels with edges that a block lists before it traces. A warp lists up to 32 after it has seen that there is room.
 constexpr int LISTED = 896;
-// Those that it smooths together, at most: at the end its warps wait for the one whose rays take longest. Five blocks of a
-// multiprocessor have room for so many.
-constexpr int most_together(int types) { return types >> HEIGHT_FIELD & 1 ? 384 : 440; }
 
-// What a sample has hit, where there are meshes.
-struct SampleHit {
-    float depth;
-    int face;
-};
-
-template <bool LARGE> struct ListedBits {
-    using type = unsigned;
-};
-template <> struct ListedBits<false> {
-    using type = unsigned short;
-};
-
-// A pixel with an edge: its place in the region, and what edge() says of it in the lowest bits. Without meshes and height
-// fields regions have half as many rows, so that 16 bits hold it.
-template <int TYPES> struct ListedPixel {
-    static constexpr int SHIFT = SAMPLES + 1;
-    static constexpr bool LARGE = TYPES >> MESH & 1 || TYPES >> HEIGHT_FIELD & 1;
-    typename ListedBits<LARGE>::type bits;
-
-    WARPCAM_FN int place() const { return int(bits >> SHIFT); }
-    WARPCAM_FN unsigned edge() const { return bits & ((1u << SHIFT) - 1); }
-};
-
-// Pixels that a block smooths together.
-template <int TYPES> struct Chunk {
-    static constexpr bool HAS_MESH = TYPES >> MESH & 1, HAS_FIELD = TYPES >> HEIGHT_FIELD & 1;
-    static constexpr int MOST = most_together(TYPES);
-
-    const ListedPixel<TYPES>* pixels;
-    NearBits own[MOST];                       // the shapes around
-    Band meshes[HAS_MESH ? MOST : 1], fields[HAS_FIELD ? MOST : 1];
-    unsigned char ground[HAS_FIELD ? MOST : 1];  // the record of what is_behind(), not traced, or NEAR_SHAPES
-    unsigned short samples[SAMPLES * MOST];   // that are traced: 4 * the pixel's number + the sample's
-    unsigned char shown[SAMPLES * MOST];      // by which of the pixels around; where there are meshes first what was hit
-    SampleHit hits[HAS_MESH ? SAMPLES * MOST : 1];  // of the samples
-    int total, next;                          // of `samples`, and which comes next
-
-    WARPCAM_FN int place(int pixel) const { return pixels[pixel].place(); }
-};
-
-// The records as trace_rays() reads a list.
-struct Ranked {
-    struct Itself {
-        WARPCAM_FN int operator[](int rank) const { return rank; }
-    };
-    const Record* records;
-    Itself order;
-    int count;
-};
-
-// The nearest hit of the lane's ray among the shapes in `own` that are in `walked`.
-template <int TYPES, int LENS, class HeightFields>
-WARPCAM_FN void trace_own(const Record* records, unsigned walked, unsigned own, const ViewRay<LENS>& ray, float near,
-                          const HeightFields& fields, const Band& ground, Hit& hit)
-{
-    for (; walked; walked &= walked - 1) {
-        const int rank = lowest_bit(walked);
-        const Record& record = records[rank];
-        const bool mine = own >> rank & 1;
-        if ((TYPES >> HEIGHT_FIELD & 1) && record.axis_x.w == HEIGHT_FIELD) {
-            if (mine) {
-                Hit within { lower(hit.depth, ground.last), -1, -1 };
-                walk_height_field(fields, record, ray, upper(near, ground.first), within);
-                if (within.shape >= 0)
-                    hit = within;
-            }
-            __syncwarp();
-        } else {
-            const float t = enter_any<analytic_types(TYPES)>(record, ray.local(record));
-            if (mine && t < hit.depth && t > near) {
-                hit.depth = t;
-                hit.shape = record.axis_y.w;
-            }
-        }
-    }
-}
-
-// Finds what may be hit by the samples of a pixel whose shapes are listed, and lists these samples.
-template <int TYPES, int LENS, class Centres>
-WARPCAM_FN void list_samples(Chunk<TYPES>& chunk, int pixel, const NearShapes& list, const Camera& camera,
-                             const Seen<LENS, Centres>& seen, const Region& region)
-{
-    const int place = chunk.place(pixel), i = region.left + place % 64, j = region.top + place / 64;
-    NearBits own {};
-    Band on_meshes = NOWHERE, on_fields = NOWHERE, others = NOWHERE;
-    int before = -1, rank = NEAR_SHAPES, ground = NEAR_SHAPES;
-    bool sky = false, several = false;
-#pragma unroll 1
-    for (int k = 0; k < 9; ++k) {
-        const unsigned beside = seen.around(i, j, k);
-        const int id = seen.shape(beside);
-        sky |= id < 0;
-        if (id < 0)
-            continue;
-        if (id != before)
-            rank = list.place(id);
-        before = id;
-#pragma unroll
-        for (int w = 0; w < NEAR_WORDS; ++w) {
-            const unsigned bit = rank / LANES == w ? 1u << rank % LANES : 0;
-            own[w] |= bit;
-            if (Chunk<TYPES>::HAS_MESH && (bit & list.meshes[w]))
-                on_meshes.include(seen.depth(beside));
-            if (Chunk<TYPES>::HAS_FIELD && bit) {
-                const bool is_field = bit & list.fields[w];
-                (is_field ? on_fields : others).include(seen.depth(beside));
-                several |= is_field && ground < NEAR_SHAPES && ground != rank;
-                ground = is_field ? rank : ground;
-            }
-        }
-    }
-    if (Chunk<TYPES>::HAS_FIELD) {
-        const bool behind = !several && is_behind<LENS>(on_fields, others, sky, pixel_width<LENS>(camera));
-        chunk.ground[pixel] = static_cast<unsigned char>(behind ? ground : NEAR_SHAPES);
-        for (int w = 0; w < NEAR_WORDS; ++w)
-            own[w] &= behind ? ~list.fields[w] : ~0u;
-    }
-    for (int w = 0; w < NEAR_WORDS; ++w)
-        chunk.own[pixel][w] = own[w];
-    if (Chunk<TYPES>::HAS_MESH)
-        chunk.meshes[pixel] = on_meshes.template widened<LENS>(pixel_width<LENS>(camera));
-    if (Chunk<TYPES>::HAS_FIELD)
-        chunk.fields[pixel] = on_fields.template widened<LENS>(pixel_width<LENS>(camera));
-    const unsigned samples = chunk.pixels[pixel].edge() & EVERY_SAMPLE;
-    int at = atomicAdd(&chunk.total, __popc(samples));
-    for (int sample = 0; sample < SAMPLES; ++sample) {
-        chunk.shown[SAMPLES * pixel + sample] = ITSELF;
-        if (samples >> sample & 1)
-            chunk.samples[at++] = static_cast<unsigned short>(SAMPLES * pixel + sample);
-    }
-}
-
-// Traces the samples of a chunk; each warp takes 32 at a time.
-template <int TYPES, int LENS, int IMAGES, class Rays, class Meshes, class HeightFields, class Centres>
-WARPCAM_FN void trace_samples(Chunk<TYPES>& chunk, const NearShapes& list, Rays& waiting, const Meshes& meshes,
-                              const HeightFields& fields, const Camera& camera, const Seen<LENS, Centres>& seen,
-                              const Region& region)
-{
-    constexpr bool HAS_MESH = Chunk<TYPES>::HAS_MESH, HAS_FIELD = Chunk<TYPES>::HAS_FIELD;
-    const int lane = threadIdx.x % LANES, words = (list.count + LANES - 1) / LANES;
-    const float near = camera.near;
-    const auto ray_of = [&](int sample) {
-        const int pixel = sample / SAMPLES, at = chunk.place(pixel);
-        const ViewRay<LENS> ray
-            = sample_ray<LENS>(camera, region.left + at % 64, region.top + at / 64, sample % SAMPLES);
-        return ClippedRay<LENS> { ray, HAS_MESH ? upper(near, chunk.meshes[HAS_MESH ? pixel : 0].first) : near };
-    };
-    const auto show = [&](int sample, const Hit& hit) {
-        const int at = chunk.place(sample / SAMPLES), i = region.left + at % 64, j = region.top + at / 64;
-        const int its = sample % SAMPLES;
-        const int ground = HAS_FIELD ? chunk.ground[HAS_FIELD ? sample / SAMPLES : 0] : NEAR_SHAPES;
-        chunk.shown[sample] = static_cast<unsigned char>(
-            hit.shape < 0 ? seen.nearest(i, j, its, ground < NEAR_SHAPES ? list.records[ground].origin.w : -1)
-                          : shown_sample<TYPES, IMAGES>(seen, meshes, camera, i, j, its, hit.depth, hit.face,
-                                                        list.records[hit.shape], chunk.pixels[sample / SAMPLES].edge()));
-    };
-    // where there are meshes, which pixel shows a sample is asked when all have been traced: for all of them at once
-    const auto store = [&](int sample, const Hit& hit) {
-        if constexpr (HAS_MESH) {
-            chunk.hits[sample] = { hit.depth, hit.face };
-            chunk.shown[sample] = static_cast<unsigned char>(hit.shape < 0 ? NEAR_SHAPES : hit.shape);
-        } else {
-            show(sample, hit);
-        }
-    };
-    const auto next_rays = [&](int& found) {
-        const int first = __shfl_sync(ALL, lane == 0 ? atomicAdd(&chunk.next, LANES) : 0, 0);
-        if (first >= chunk.total)
-            return false;
-        const bool active = first + lane < chunk.total;
-        const int sample = chunk.samples[active ? first + lane : first], pixel = sample / SAMPLES;
-        const auto ray = ray_of(sample);
-        Hit hit { camera.far, -1, -1 };
-        NearBits around, met {};
-#pragma unroll
-        for (int w = 0; w < NEAR_WORDS; ++w) {
-            around[w] = active ? chunk.own[pixel][w] : 0;
-            if (w < words)
-                trace_own<TYPES, LENS>(list.records + w * LANES, bits_of_all(around[w]) & ~list.meshes[w], around[w],
-                                       ray, near, fields, chunk.fields[HAS_FIELD ? pixel : 0], hit);
-        }
-        if (active)
-            store(sample, hit);
-        if constexpr (HAS_MESH) {
-            const float until = lower(hit.depth, chunk.meshes[pixel].last);
-            bool meets = false;
-#pragma unroll
-            for (int w = 0; w < NEAR_WORDS; ++w) {
-                met[w] = around[w] & list.meshes[w];
-                meets |= met[w] != 0;
-            }
-            const unsigned meeting = __ballot_sync(ALL, meets);
-            const int at = waiting.put(meeting, met, words, sample);
-            if (meets)
-                waiting.depth[at] = until;
-            __syncwarp();
-            found = __popc(meeting);
-        }
-        return true;
-    };
-    if constexpr (HAS_MESH) {
-        trace_rays<TYPES>(waiting, Ranked { list.records, {}, list.count }, meshes, near, next_rays, ray_of, store);
-        block_barrier();
-        for (int k = threadIdx.x; k < chunk.total; k += THREADS) {
-            const int sample = chunk.samples[k], shape = chunk.shown[sample];
-            show(sample, Hit { chunk.hits[sample].depth, shape < NEAR_SHAPES ? shape : -1, chunk.hits[sample].face });
-        }
-    } else {
-        int none;
-        while (next_rays(none)) { }
-    }
-}
-
-// Smooths the edges of a region.
-template <int TYPES, int LENS, int IMAGES, class Shapes, class Meshes, class HeightFields, class Centres>
+// Smooths the edges of a region; IN_PLACE: which is a whole image, whose colours are where the means go.
+template <int TYPES, int LENS, int IMAGES, bool IN_PLACE, class Shapes, class Meshes, class HeightFields, class Centres>
 WARPCAM_FN void smooth_region(const Shapes& shapes, const Meshes& meshes, const HeightFields& fields,
                               const Centres& centres, const Camera& camera, const Region& region, int world)
 {
     constexpr bool HAS_MESH = TYPES >> MESH & 1;
     constexpr int WARPS = THREADS / LANES;
-    WARPCAM_SHARED ListedPixel<TYPES> listed[LISTED];
+    constexpr int MOST_LISTED = IN_PLACE ? LISTED_IN_PLACE : LISTED;
+    WARPCAM_SHARED ListedPixel<TYPES> listed[MOST_LISTED];
+    WARPCAM_SHARED Waiting means_waiting;
     WARPCAM_SHARED int count;
     WARPCAM_SHARED Chunk<TYPES> chunk;
     WARPCAM_SHARED NearShapes list;
@@ -254,12 +39,29 @@ WARPCAM_FN void smooth_region(const Shapes& shapes, const Meshes& meshes, const 
     const int lane = threadIdx.x % LANES, warp = threadIdx.x / LANES;
     const auto sided = [&](int shape) { return has_sides<TYPES>(shapes, shape); };
     const auto has_room = [](const int& listed) {
-        return __any_sync(ALL, *static_cast<const volatile int*>(&listed) <= LISTED - THREADS);
+        return __any_sync(ALL, *static_cast<const volatile int*>(&listed) <= MOST_LISTED - THREADS);
     };
     const int across = region.width / TILE_WIDTH, tiles = across * (region.height / TILE_HEIGHT);
     static_assert(64 / TILE_WIDTH * (64 / TILE_HEIGHT) <= LANES * WARPS, "a bit for each of a warp's tiles");
     unsigned left = tiles_with_shapes(target, centres.first, region, across, tiles);
     left &= tiles <= warp ? 0 : ~0u >> (LANES - (tiles - warp + WARPS - 1) / WARPS);
+    // In place all edges are looked for before a pixel is written or, if they are too many, those of a band of rows of tiles:
+    // of these no pixel but the last row's is seen by the next band's.
+    const unsigned whole = left;
+    const int rows = region.height / TILE_HEIGHT;
+    int band_end = rows;
+    const auto next_band = [&](int begin) {
+        band_end = lower_int(begin + BAND, rows);
+        unsigned its = 0;
+#pragma unroll 1
+        for (int k = 0; k < LANES; ++k) {
+            const int row = (warp + k * WARPS) / across;
+            its |= unsigned(row >= begin && row < band_end) << k;
+        }
+        return whole & its;
+    };
+    if (IN_PLACE && threadIdx.x == 0)
+        means_waiting.count = 0;
     for (bool more = true; more;) {
         if (threadIdx.x == 0)
             count = 0;
@@ -280,6 +82,12 @@ WARPCAM_FN void smooth_region(const Shapes& shapes, const Meshes& meshes, const 
             }
         }
         more = __syncthreads_or(left != 0);
+        if constexpr (IN_PLACE) {
+            if (more) {
+                left = next_band(0);
+                continue;
+            }
+        }
         const int found_so_far = count;
         const int chunks = (found_so_far + chunk.MOST - 1) / chunk.MOST;
         for (int from = 0, pixels; from < found_so_far; from += pixels) {
@@ -306,7 +114,7 @@ WARPCAM_FN void smooth_region(const Shapes& shapes, const Meshes& meshes, const 
             }
             if (threadIdx.x == 0) {
                 chunk.pixels = listed + from;
-                chunk.total = chunk.next = 0;
+                chunk.before = chunk.after = chunk.next = 0;
             }
             list.template prepare_all<TYPES, LENS>(shapes, meshes, fields, camera, region, world);
             for (int k = threadIdx.x; k < pixels; k += THREADS)
@@ -317,6 +125,12 @@ WARPCAM_FN void smooth_region(const Shapes& shapes, const Meshes& meshes, const 
             block_barrier();
             for (int k = threadIdx.x; k < pixels; k += THREADS) {
                 const int at = chunk.place(k), i = region.left + at % 64, j = region.top + at / 64;
+                if constexpr (IN_PLACE) {
+                    const unsigned char(&shown)[SAMPLES]
+                        = *reinterpret_cast<const unsigned char(*)[SAMPLES]>(chunk.shown + SAMPLES * k);
+                    listed[from + k].bits = shown_bits(at, shown);
+                    continue;
+                }
                 unsigned by[SAMPLES];
                 for (int sample = 0; sample < SAMPLES; ++sample)
                     by[sample] = seen.around(i, j, chunk.shown[SAMPLES * k + sample]);
@@ -324,20 +138,29 @@ WARPCAM_FN void smooth_region(const Shapes& shapes, const Meshes& meshes, const 
             }
             block_barrier();
         }
+        if constexpr (IN_PLACE) {
+            static_assert(HAS_MESH && sizeof(chunk.hits) >= MOST_LISTED * sizeof(unsigned), "hits have room for means");
+            put_in_place<IMAGES, LENS>(listed, found_so_far, reinterpret_cast<unsigned*>(chunk.hits), means_waiting,
+                                       band_end * TILE_HEIGHT, band_end >= rows, seen, region);
+            if (band_end < rows) {
+                left = next_band(band_end);
+                more = true;
+            }
+        }
     }
 }
 
 // The same, before there is a barrier after which `camera` is there. What the trace has found is kept in shared memory where
 // little else has to lie there.
-template <int TYPES, int LENS, int WIDTH, int HEIGHT, int IMAGES, class Shapes, class Meshes, class HeightFields,
-          class Target>
+template <int TYPES, int LENS, int WIDTH, int HEIGHT, int IMAGES, bool IN_PLACE, class Shapes, class Meshes,
+          class HeightFields, class Target>
 WARPCAM_FN void smooth_region(const Shapes& shapes, const Meshes& meshes, const HeightFields& fields,
                               const Target& target, const Camera& camera, const Region& region, int world)
 {
     if constexpr (TYPES >> MESH & 1 || TYPES >> HEIGHT_FIELD & 1) {
         const ImageCentres<Target> centres { target, unsigned(world) * target.height * target.width };
         block_barrier();
-        smooth_region<TYPES, LENS, IMAGES>(shapes, meshes, fields, centres, camera, region, world);
+        smooth_region<TYPES, LENS, IMAGES, IN_PLACE>(shapes, meshes, fields, centres, camera, region, world);
     } else {
         static_assert(HEIGHT <= 32, "a ListedPixel has 16 bits");
         WARPCAM_SHARED CentresRoom<Target, IMAGES, WIDTH, HEIGHT> room;
@@ -353,16 +176,17 @@ WARPCAM_FN void smooth_region(const Shapes& shapes, const Meshes& meshes, const 
             Smoother { edges, seen, camera, region }.smooth(shapes, meshes, fields, world);
         } else {
             kept.load();
-            smooth_region<TYPES, LENS, IMAGES>(shapes, meshes, fields, kept, camera, region, world);
+            smooth_region<TYPES, LENS, IMAGES, false>(shapes, meshes, fields, kept, camera, region, world);
         }
     }
 }
 
 #endif
 
-// Copies one region of one view and smooths its edges; `index` counts worlds, then regions, then (CUDA) threads of the block.
-template <int TYPES, int LENS, int WIDTH, int HEIGHT, int IMAGES, class Shapes, class Meshes, class HeightFields,
-          class Views, class Target>
+// Copies one region of one view, but IN_PLACE, and smooths its edges; `index` counts worlds, then regions, then (CUDA) threads
+// of the block.
+template <int TYPES, int LENS, int WIDTH, int HEIGHT, int IMAGES, bool IN_PLACE, class Shapes, class Meshes,
+          class HeightFields, class Views, class Target>
 WARPCAM_FN void smooth(const Shapes& shapes, const Meshes& meshes, const HeightFields& fields, const Views& views,
                        const Target& target, int index)
 {
@@ -373,8 +197,9 @@ WARPCAM_FN void smooth(const Shapes& shapes, const Meshes& meshes, const HeightF
         return;
     if (index % THREADS == 0)
         camera = load_camera(wp::index(views, world));
-    copy_lit<IMAGES>(target, region, size_t(world) * target.height * target.width);
-    smooth_region<TYPES, LENS, WIDTH, HEIGHT, IMAGES>(shapes, meshes, fields, target, camera, region, world);
+    if (!IN_PLACE)
+        copy_lit<IMAGES>(target, region, size_t(world) * target.height * target.width);
+    smooth_region<TYPES, LENS, WIDTH, HEIGHT, IMAGES, IN_PLACE>(shapes, meshes, fields, target, camera, region, world);
 }
 
 }  // namespace warpcam

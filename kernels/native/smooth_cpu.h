@@ -145,8 +145,8 @@ inline void smooth_pixels(const Edge* listed, int pixels, const Shapes& shapes, 
     }
 }
 
-template <int TYPES, int LENS, int WIDTH, int HEIGHT, int IMAGES, class Shapes, class Meshes, class HeightFields,
-          class Target>
+template <int TYPES, int LENS, int WIDTH, int HEIGHT, int IMAGES, bool IN_PLACE, class Shapes, class Meshes,
+          class HeightFields, class Target>
 inline void smooth_region(const Shapes& shapes, const Meshes& meshes, const HeightFields& fields, const Target& target,
                           const Camera& camera, const Region& region, int world)
 {

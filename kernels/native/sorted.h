@@ -1,15 +1,18 @@
 // Shapes that a stage before the trace lists for each world, where they are few and a CUDA block draws a whole image.
 #pragma once
 #include "endless_floor.h"
+#include "facings.h"
 #include "flow_motion.h"
 #include "opacity.h"
+#include "outputs.h"
 
 namespace warpcam {
 
 // As ShapeList, all of it by rank; with the view. A block of the trace copies it as it is.
 #if defined(__CUDA_ARCH__)
 
-template <int CAPACITY> struct alignas(16) SortedList {
+// SLOTS: records name their ranks in place of their shapes.
+template <int CAPACITY, bool SLOTS> struct alignas(16) SortedList {
     static constexpr int ROOM = CAPACITY;
 
     int count;
@@ -17,6 +20,7 @@ template <int CAPACITY> struct alignas(16) SortedList {
     TileSpans tiles[LANES];
     alignas(16) EndlessFloor floor;
     alignas(16) Camera camera;
+    ShapeFacings<SLOTS ? CAPACITY : 0> facings;  // see there
     alignas(16) Record records[CAPACITY];
 
     WARPCAM_FN const Record& at_rank(int rank) const { return records[rank]; }
@@ -36,13 +40,14 @@ WARPCAM_FN void list_worlds(const View& then, const View& now, int state, const 
                             const Faults& faults, int columns, int width, int height, bool opens, bool brief,
                             int first_world, int worlds, int thread)
 {
-    constexpr bool FLOWING = WANTED != 0, DEPTHS = (WANTED & FLOW_VALID) != 0;
+    constexpr bool FLOWING = (WANTED & FLOWS) != 0, DEPTHS = (WANTED & FLOW_VALID) != 0, SLOTS = names_slots(WANTED);
+    using List = SortedList<CAPACITY, SLOTS>;
     static_assert(CAPACITY <= LANES && !(TYPES >> MESH & 1) && !(TYPES >> HEIGHT_FIELD & 1));
     WARPCAM_SHARED Camera cameras[FLOWING ? 2 : 1][LANES];
     WARPCAM_SHARED int states[LANES], keys[THREADS];
-    static_assert(sizeof(SortedList<CAPACITY>) == (17 + 5 * CAPACITY) * sizeof(Row));  // listing.py has the same
+    static_assert(sizeof(List) == (17 + 5 * CAPACITY + (SLOTS ? 4 + CAPACITY : 0)) * sizeof(Row));  // listing.py has the same
     constexpr int NONE = 0x7fffffff, BAD = -1;  // of what is not seen, and what makes a world one that cannot be trusted
-    auto* const all = reinterpret_cast<SortedList<CAPACITY>*>(lists.data);
+    auto* const all = reinterpret_cast<List*>(lists.data);
     const int lane = thread - THREADS, slot = thread / columns, shape = thread - slot * columns, world = first_world + slot;
     const bool mine = thread < THREADS && slot < worlds;
     if (lane >= 0 && lane < worlds) {
@@ -90,7 +95,7 @@ WARPCAM_FN void list_worlds(const View& then, const View& now, int state, const 
         keys[thread] = key;
     block_barrier();
     if (wanted) {
-        SortedList<CAPACITY>& list = all[world];
+        List& list = all[world];
         int count = 0, rank = 0;
         bool broken = false;
         for (int other = 0; other < columns; ++other) {
@@ -102,6 +107,10 @@ WARPCAM_FN void list_worlds(const View& then, const View& now, int state, const 
         if (broken)
             count = 0;
         if (key != NONE && !broken) {
+            if constexpr (SLOTS) {
+                record.axis_y.w = rank;
+                list.facings.template note<TYPES>(rank, record, shape, camera);
+            }
             list.records[rank] = record;
             list.tiles[rank] = { TileSpans::of(tiles) };
             if (rank == 0) {
@@ -114,6 +123,8 @@ WARPCAM_FN void list_worlds(const View& then, const View& now, int state, const 
         if (shape == 0) {
             list.count = count;
             list.next_tile = 0;
+            if constexpr (SLOTS)
+                list.facings.begin();
             if (count == 0)
                 list.floor.begin();
             if (broken)

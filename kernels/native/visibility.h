@@ -80,13 +80,17 @@ WARPCAM_FN void draw_tiles(List& list, const Canvas_& canvas, const Meshes& mesh
     float* row_of_lanes = reinterpret_cast<float*>(lanes[HAS_THREES ? warp : 0]);
     const Region region = canvas.region;
     const float near = canvas.camera.near;
-    const int across = region.width / TILE_WIDTH, stacks = across * ((region.height / TILE_HEIGHT + TALL - 1) / TALL);
-    const unsigned per_level = unsigned(65536.0f * reciprocal(float(across))) + 1u;  // of 65536; exact below 8192 stacks
+    constexpr int WIDE = Canvas_::WIDE;  // stacks beside each other that are looked at together
+    const int across = region.width / (WIDE * TILE_WIDTH), levels = (region.height / TILE_HEIGHT + TALL - 1) / TALL;
+    // A part has so many levels of units, the last one perhaps fewer.
+    const int of_part = across * ((levels + Canvas_::PARTS - 1) / Canvas_::PARTS), begin = canvas.part * of_part;
+    const int units = Canvas_::PARTS == 1 ? of_part : lower_int(begin + of_part, across * levels);
+    const unsigned per_level = unsigned(65536.0f * reciprocal(float(across))) + 1u;  // of 65536; exact below 8192 units
     // Where tiles take about as long as each other, each warp has its own: one of four, and of the next four the next. But
     // where much is stored: warps drift apart then, and memory gets lines in parts.
     constexpr int WARPS = THREADS / LANES;
     constexpr bool OWN = TALL > 1 && !Canvas_::STORES_MUCH;
-    int own = warp;
+    int own = begin + warp;
     bool alone = Canvas_::APART && warp != WARPS - 1;  // the motions are not there yet
     const auto meet = [&] {
         if constexpr (Canvas_::APART)
@@ -94,13 +98,7 @@ WARPCAM_FN void draw_tiles(List& list, const Canvas_& canvas, const Meshes& mesh
                 wait_at<MOTIONS_THERE, THREADS>();
         alone = false;
     };
-    const auto next_tile = [&](int& found) {
-        const int stack = OWN ? own : __shfl_sync(ALL, lane == 0 ? draw_next(list.next_tile) : 0, 0);
-        own = (((own + 1) & (WARPS - 1)) | (own & ~(WARPS - 1))) + WARPS;
-        if (stack >= stacks)
-            return false;
-        const int level = Canvas_::WHOLE ? unsigned(stack) / unsigned(across) : unsigned(stack) * per_level >> 16;
-        const int column = stack - level * across, row = TALL * level;
+    const auto draw_stack = [&](int column, int row, int& found) {
         const int i = region.left + column * TILE_WIDTH + int(unsigned(lane) % TILE_WIDTH);
         const int j = region.top + row * TILE_HEIGHT + int(unsigned(lane) / TILE_WIDTH);
         decltype(canvas.ray(i, j)) ray[TALL];
@@ -109,14 +107,14 @@ WARPCAM_FN void draw_tiles(List& list, const Canvas_& canvas, const Meshes& mesh
             ray[k] = canvas.ray(i, j + k * TILE_HEIGHT);
             hit[k] = canvas.start(i, j + k * TILE_HEIGHT, first_pass);
         }
-        const unsigned steps = TileSpans::steps(column, row, TALL);
+        const unsigned steps = TileSpans::steps(column, row, 1, TALL);
         unsigned mask = touching<TYPES>(list, 0, steps);
         if constexpr (Canvas_::BARE_FLOORS)
             if (first_pass && (mask & list.floor.bit) && list.floor.meet(ray, hit)) {
                 mask ^= list.floor.bit;
                 if (Canvas_::PUTS_BARE && mask == 0u && !touching_more<TYPES>(list, steps)) {
                     canvas.put_bare(i, j, ray, hit, row_of_lanes);
-                    return true;
+                    return;
                 }
             }
         trace_tiles<TYPES>(list, steps, mask, ray, near, fields, hit);
@@ -126,6 +124,23 @@ WARPCAM_FN void draw_tiles(List& list, const Canvas_& canvas, const Meshes& mesh
         if constexpr (HAS_MESH)
             found = find_rays<TYPES>(rays[HAS_MESH ? warp : 0], list, column, row, ray[0], near_of(ray[0], near), meshes,
                                      hit[0].depth);
+    };
+    const auto next_tile = [&](int& found) {
+        const int unit = OWN ? own : begin + __shfl_sync(ALL, lane == 0 ? draw_next(list.next_tile) : 0, 0);
+        own = (((own + 1) & (WARPS - 1)) | (own & ~(WARPS - 1))) + WARPS;
+        if (unit >= units)
+            return false;
+        const int level = Canvas_::WHOLE ? unsigned(unit) / unsigned(across) : unsigned(unit) * per_level >> 16;
+        const int column = WIDE * (unit - level * across), row = TALL * level;
+        if constexpr (WIDE > 1) {
+            const unsigned bare = list.floor.bit;
+            if (bare != 0u && touching<TYPES>(list, 0, TileSpans::steps(column, row, WIDE, TALL)) == bare
+                && canvas.put_rows(column * TILE_WIDTH, row * TILE_HEIGHT, lane))
+                return true;
+        }
+#pragma unroll 1
+        for (int k = 0; k < WIDE; ++k)
+            draw_stack(column + k, row, found);
         return true;
     };
     if constexpr (HAS_MESH) {

@@ -92,8 +92,16 @@ def test_errors(installed: None) -> None:
     def add(_: Any, scene: Any) -> None:
         scene.ptr.ngeom += 1
 
+    def paint(_: Any, scene: Any) -> None:
+        scene.ptr.geoms[0].rgba[0] = 0.123
+
     with pytest.raises(wc.WarpcamError, match="scene_callback: 1 geoms were added"):
         one.render(HEIGHT, WIDTH, scene_callback=add)
+    with pytest.raises(wc.WarpcamError, match="scene_callback: geoms or lights of the scene were written"):
+        one.render(HEIGHT, WIDTH, scene_callback=paint)
+    assert (one.render(HEIGHT, WIDTH, scene_callback=lambda *_: None) == one.render(HEIGHT, WIDTH)).all()
+    with pytest.raises(wc.WarpcamError, match="width and height must be at least 1 pixel, got 8 and 0"):
+        one.render(0, 8)
     with pytest.raises(ValueError, match="fixed cameras"):
         one.render(HEIGHT, WIDTH, camera_id=7)
 

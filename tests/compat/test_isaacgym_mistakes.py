@@ -123,6 +123,11 @@ def test_scalars_of_all_kinds_are_numbers(world: World) -> None:
         GYM.set_rigid_body_segmentation_id(env, 0, 0, scalar(3))
         assert env.actor(0, "").segments[0] == 3
         states(sim, torch.zeros(0, dtype=torch.int32), scalar(0))
+        assert GYM.get_actor_name(GYM.get_env(sim, scalar(0)), scalar(0)) == "wall"
+        GYM.set_camera_location(scalar(0), env, *ZEROS)
+        GYM.attach_camera_to_body(scalar(0), env, scalar(0), at(-3, 0, 0), gymapi.FOLLOW_POSITION)
+        GYM.render_all_camera_sensors(sim)
+        assert GYM.get_camera_image(sim, env, scalar(0), scalar(int(gymapi.IMAGE_DEPTH))).dtype == np.float32
     other = new_sim(wp.get_device("cpu"))
     for scalar in (np.array, torch.tensor, np.float32):
         GYM.create_box(other, scalar(1.0), 1, 1, None)
@@ -136,7 +141,22 @@ def test_what_nothing_can_be_made_of_is_named() -> None:
     mistakes: dict[str, Callable[[], Any]] = {
         "create_sim: type 7 came; allowed are SIM_PHYSX, SIM_FLEX": lambda: GYM.create_sim(-1, -1, 7, None),
         "create_env: lower must be a Vec3, got NoneType": lambda: GYM.create_env(sim, None, gymapi.Vec3(), 1),
-        "create_box: w must be positive and finite, got 'a'": lambda: GYM.create_box(sim, "a", 1, 1, None),
+        "create_box: width must be positive and finite, got 'a'": lambda: GYM.create_box(sim, "a", 1, 1, None),
+        "create_box: options must be AssetOptions, got int": lambda: GYM.create_box(sim, 1, 1, 1, 3),
+        "load_asset: a folder and a file in it are needed, got None and 'arm.xml'": lambda: GYM.load_asset(
+            sim, None, "arm.xml"
+        ),
+        "create_sim: compute_device must be a CUDA ordinal, or -1, got None": lambda: GYM.create_sim(None, 0),
+        "create_env: num_per_row must be a whole number, got None": lambda: GYM.create_env(
+            sim, gymapi.Vec3(), gymapi.Vec3(), None
+        ),
+        "get_env: environment -1 came, there are 0 to 0": lambda: GYM.get_env(sim, -1),
+        "get_asset_dof_count: an asset is needed, got NoneType": lambda: GYM.get_asset_dof_count(None),
+        "get_asset_rigid_body_name: index 1 came, the asset has 1": lambda: GYM.get_asset_rigid_body_name(box, 1),
+        "get_rigid_transform: body 0 came, environment 0 has none": lambda: GYM.get_rigid_transform(env, 0),
+        "set_actor_dof_position_targets: actor 0 came, environment 0 has none": lambda: (
+            GYM.set_actor_dof_position_targets(env, 0, [1.0])
+        ),
         "create_sphere: radius must be positive and finite, got inf": lambda: GYM.create_sphere(
             sim, float("inf"), None
         ),

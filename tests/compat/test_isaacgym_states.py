@@ -143,6 +143,75 @@ def test_states_round_trip_and_move_bodies_at_once(device: wp.Device, tmp_path: 
     np.testing.assert_allclose(dofs[:, 0].cpu(), [0.5, -0.3, 0.25, -0.5, -0.3, 0.25, 0.5, -0.3, 0.25], atol=1e-6)
 
 
+def test_actors_are_told_where_to_begin_while_environments_are_made(device: wp.Device, tmp_path: Path) -> None:
+    """As programs do between two environments; what is told and asked then is what is simulated and seen."""
+    (tmp_path / "arm.xml").write_text(ARM)
+    sim = new_sim(device, dt=0.01, substeps=4)
+    asset = GYM.load_asset(sim, str(tmp_path), "arm.xml", gymapi.AssetOptions(fix_base_link=True, disable_gravity=True))
+    properties = GYM.get_asset_dof_properties(asset)
+    properties["driveMode"], properties["stiffness"], properties["damping"] = gymapi.DOF_MODE_POS, 400.0, 40.0
+    envs, hands, before, eyes = [], [], [], []
+    states = np.zeros(3, gymapi.DofState.dtype)
+    for index in range(3):
+        env = GYM.create_env(sim, gymapi.Vec3(-2, -2, 0), gymapi.Vec3(2, 2, 2), 2)
+        GYM.create_actor(env, GYM.create_sphere(sim, 0.1), at(0, 2, 1), "ball", index, 0, 2)
+        turn = gymapi.Quat.from_axis_angle(gymapi.Vec3(0, 0, 1), 0.3)
+        turned = gymapi.Transform(gymapi.Vec3(0.1 * index, 0, 1), turn)
+        arm = GYM.create_actor(env, asset, turned, "arm", index, 0, 1)
+        GYM.set_actor_dof_properties(env, arm, properties)
+        states["pos"], states["vel"] = (0.2 * index, -0.3, 0.25), 0.5
+        assert GYM.set_actor_dof_states(env, arm, states, gymapi.STATE_POS)
+        assert (GYM.get_actor_dof_states(env, arm)["pos"] == states["pos"]).all()
+        assert not GYM.get_actor_dof_states(env, arm)["vel"].any()
+        GYM.set_actor_dof_states(env, arm, states, gymapi.STATE_VEL)
+        assert GYM.set_actor_dof_position_targets(env, arm, states["pos"] + 0.2)
+        hands.append(GYM.find_actor_rigid_body_handle(env, arm, "hand"))
+        before.append((GYM.get_rigid_transform(env, hands[-1]), GYM.get_actor_rigid_body_states(env, arm)))
+        camera = GYM.create_camera_sensor(env, props())
+        GYM.attach_camera_to_body(camera, env, hands[-1], at(-1, 0, 0), gymapi.FOLLOW_TRANSFORM)
+        eyes.append(GYM.get_camera_transform(sim, env, camera))
+        envs.append(env)
+    GYM.prepare_sim(sim)
+    dofs = wrapped(GYM.acquire_dof_state_tensor(sim)).cpu().numpy()
+    np.testing.assert_allclose(dofs[:, 0].reshape(3, 3), [(0.2 * i, -0.3, 0.25) for i in range(3)], atol=1e-6)
+    np.testing.assert_allclose(dofs[:, 1], 0.5)
+    for env, hand, eye, (transform, bodies) in zip(envs, hands, eyes, before, strict=True):
+        now = GYM.get_rigid_transform(env, hand)
+        np.testing.assert_allclose((*transform.p, *transform.r), (*now.p, *now.r), atol=1e-6)
+        place = GYM.get_camera_transform(sim, env, 0)
+        np.testing.assert_allclose((*eye.p, *eye.r), (*place.p, *place.r), atol=1e-6)
+        after = GYM.get_actor_rigid_body_states(env, 1)
+        np.testing.assert_allclose(bodies.view(np.float32), after.view(np.float32), atol=1e-5)
+        assert np.abs(bodies["vel"]["angular"]["z"][1:]).min() > 0.1
+    assert before[0][0].p.x != pytest.approx(before[2][0].p.x)
+    for _ in range(150):
+        GYM.simulate(sim)
+    for index, env in enumerate(envs):
+        reached = GYM.get_actor_dof_states(env, 1)["pos"]
+        np.testing.assert_allclose(reached, (0.2 * index + 0.2, -0.1, 0.45), atol=0.02)
+    GYM.set_actor_dof_position_targets(envs[1], 1, [0.0, 0.0, 0.0])  # later as well, of that one alone
+    for _ in range(150):
+        GYM.simulate(sim)
+    np.testing.assert_allclose(GYM.get_actor_dof_states(envs[1], 1)["pos"], 0.0, atol=0.02)
+    np.testing.assert_allclose(GYM.get_actor_dof_states(envs[2], 1)["pos"], (0.6, -0.1, 0.45), atol=0.02)
+
+
+def test_speeds_of_one_actor_are_driven(device: wp.Device, tmp_path: Path) -> None:
+    (tmp_path / "cart.urdf").write_text(CART)
+    sim = new_sim(device, dt=0.01, substeps=4)
+    asset = GYM.load_asset(sim, str(tmp_path), "cart.urdf", gymapi.AssetOptions(fix_base_link=True))
+    env = GYM.create_env(sim, gymapi.Vec3(), gymapi.Vec3(), 1)
+    cart = GYM.create_actor(env, asset, at(0, 0, 0), "cart")
+    properties = GYM.get_actor_dof_properties(env, cart)
+    properties["driveMode"], properties["damping"] = gymapi.DOF_MODE_VEL, 100.0
+    GYM.set_actor_dof_properties(env, cart, properties)
+    GYM.set_actor_dof_velocity_targets(env, cart, np.array([0.5]))
+    for _ in range(100):
+        GYM.simulate(sim)
+    state = GYM.get_actor_dof_states(env, cart)
+    assert state["vel"][0] == pytest.approx(0.5, abs=0.02) and 0.3 < state["pos"][0] < 0.5
+
+
 def test_after_a_teleport_the_image_is_that_of_a_fresh_one(device: wp.Device) -> None:
     moved, fresh = walls(device, fixed=False), walls(device, fixed=False)
     moved.render()

@@ -218,6 +218,45 @@ def test_geoms_of_the_users_own_are_refused(device: wp.Device) -> None:
             renderer.render()
 
 
+def test_what_is_written_into_the_scene_is_refused(device: wp.Device) -> None:
+    """But for its camera and its flags it is not what is drawn from."""
+    model, data = made()
+
+    def paint(scene: mujoco.MjvScene) -> None:
+        scene.geoms[scene.ngeom - 1].rgba[0] = 0.123
+
+    def push(scene: mujoco.MjvScene) -> None:
+        scene.geoms[1].pos[2] += 0.1
+
+    def dim(scene: mujoco.MjvScene) -> None:
+        scene.lights[scene.nlight - 1].diffuse[:] = 0.0
+
+    def unshade(scene: mujoco.MjvScene) -> None:
+        scene.lights[scene.nlight - 1].castshadow ^= 1
+
+    def darken(scene: mujoco.MjvScene) -> None:
+        scene.nlight -= 1
+
+    with ours(model, device) as renderer:
+        renderer.update_scene(data, "fixed")
+        first = renderer.render()
+        for write in (paint, push, dim, unshade, darken):
+            renderer.update_scene(data, "fixed")
+            write(renderer.scene)
+            with pytest.raises(wc.WarpcamError, match="geoms or lights were written after update_scene"):
+                renderer.render()
+            renderer.update_scene(data, "fixed")  # MuJoCo makes them anew
+            assert (renderer.render() == first).all()
+        for name in ("stereo", "enabletransform"):
+            setattr(renderer.scene, name, 1)
+            with pytest.raises(wc.WarpcamError, match=rf"scene\.{name} is 1.* allowed is 0"):
+                renderer.render()
+            setattr(renderer.scene, name, 0)
+        for eye in renderer.scene.camera:
+            eye.pos[2] += 0.2
+        assert (renderer.render() != first).any()
+
+
 def test_cameras_that_are_not_there(device: wp.Device) -> None:
     model, data = made()
     with ours(model, device) as renderer:

@@ -277,6 +277,8 @@ def test_what_is_not_offered_is_refused_by_name(worlds: tuple[Any, Any]) -> None
         sensor.assign_checkerboard_material(shape_indices=[0])
     with pytest.raises(wc.WarpcamError, match="depth_image shape must be"):
         sensor.update(state, transforms, rays, depth_image=sensor.allocate_image_depth(2, *SIZE))
+    with pytest.raises(wc.WarpcamError, match=r"state must be a newton\.State, got NoneType"):
+        sensor.update(None, transforms, rays, depth_image=depth)
 
 
 def test_how_dense_splats_must_be_is_not_chosen(device: wp.Device) -> None:

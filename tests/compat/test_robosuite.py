@@ -239,6 +239,22 @@ def test_observables_without_patching() -> None:
         ours.observables(env, ["agentview", "frontview", "birdview"], camera_widths=[32, 64])
 
 
+def test_observables_take_what_the_environment_has_for_each_camera() -> None:
+    env = make(
+        "Lift", has_offscreen_renderer=False, use_camera_obs=False, camera_names=["agentview", "frontview"],
+        camera_heights=[16, 24], camera_widths=[32, 40], camera_depths=[False, True],
+    )  # fmt: skip
+    assert ours.observables(env, []) == {}
+    given = ours.observables(env, "frontview", add=False)
+    assert list(given) == ["frontview_image", "frontview_depth"]
+    assert given["frontview_depth"]._sensor({}).shape == (24, 40, 1)
+    turned = ours.observables(env, ["frontview", "agentview"], add=False)
+    assert list(turned) == ["frontview_image", "frontview_depth", "agentview_image"]
+    assert turned["agentview_image"]._sensor({}).shape == (16, 32, 3)
+    with pytest.raises(wc.WarpcamError, match="camera_heights: 2 came for 1 cameras"):
+        ours.observables(env, "birdview")
+
+
 @pytest.mark.parametrize("convention", ["opengl", "opencv"])
 def test_both_ways_see_the_same(installed: None, convention: str, monkeypatch: pytest.MonkeyPatch) -> None:
     from robosuite import macros

@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 import scenes
 import warp as wp
-from warpcam.kernels import launch, refit
+from warpcam.kernels import antialias, launch, refit
 
 import warpcam as wc
 
@@ -91,11 +91,29 @@ def test_of_few_shapes(outputs: tuple[str, ...], card: list[launch.Stage], tmp_p
     assert _compile(card, tmp_path) >= 2
 
 
+@pytest.mark.parametrize("output", ["normals", "points"])
+def test_of_shapes_listed_ahead(output: str, card: list[launch.Stage], tmp_path: Path) -> None:
+    _render(scenes.compile_xml(FEW + LIGHTS, assets=ASSETS), ("depth", "segmentation", output))
+    assert any("lists" in stage.module.name for stage in card)
+    assert _compile(card, tmp_path) >= 2
+
+
 @pytest.mark.parametrize("antialiasing", [1, 4])
 def test_of_meshes_and_hills(antialiasing: int, card: list[launch.Stage], tmp_path: Path) -> None:
     more = '<geom type="mesh" mesh="wedge" material="body" pos="0 0 1"/><geom type="hfield" hfield="hills"/>'
     outputs = ("rgb", "depth", "normals", "albedo", "flow", "flow_valid")
     _render(scenes.compile_xml(FEW + more + LIGHTS, assets=ASSETS + HILLS), outputs, antialiasing=antialiasing)
+    assert _compile(card, tmp_path) >= 3
+
+
+@pytest.mark.parametrize("outputs", [("rgb",), ("rgb", "rgba")], ids="+".join)
+def test_of_meshes_smoothed_in_place(
+    outputs: tuple[str, ...], card: list[launch.Stage], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(antialias, "WORTH_PLACE", 1)
+    more = '<geom type="mesh" mesh="wedge" material="body" pos="0 0 1"/>'
+    _render(scenes.compile_xml(FEW + more + LIGHTS, assets=ASSETS), outputs, antialiasing=4)
+    assert antialias.THREADS_IN_PLACE in {stage.block_dim for stage in card}
     assert _compile(card, tmp_path) >= 3
 
 

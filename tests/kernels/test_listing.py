@@ -15,8 +15,8 @@ from warpcam.kernels import listing, visibility
 import warpcam as wc
 
 SHAPES = """
-  <geom type="plane" size="{floor}" pos="0 0 -.4"/>
   <geom type="sphere" size=".2" pos="-.7 .3 0" rgba="1 1 1 0"/>
+  <geom type="plane" size="{floor}" pos="0 0 -.4" euler="4 -3 0"/>
   <geom type="capsule" size=".1 .3" pos="-.3 .2 0" euler="20 30 0"/>
   <geom type="ellipsoid" size=".25 .1 .3" pos="0 -.3 .1" euler="0 40 0" rgba="1 1 1 .5"/>
   <body><freejoint/><geom type="cylinder" size=".15 .2" pos=".3 .3 0" euler="60 0 10"/></body>
@@ -25,20 +25,24 @@ SHAPES = """
 """
 OUTPUTS = ("depth", "segmentation", "distance", "points", "bodies")
 FLOWING = ("depth", "segmentation", "flow", "flow_valid")
-
+FACING = ("depth", "segmentation", "normals")
 
 WORLDS, BROKEN, CHOSEN = 23, 20, [0, 4, 21]  # a block of the stage has 18 worlds of so many shapes
 
 
 def frames(
-    floor: str, lens: wc.Pinhole | wc.Orthographic, outputs: tuple[str, ...], opens: bool
+    floor: str,
+    lens: wc.Pinhole | wc.Orthographic,
+    outputs: tuple[str, ...],
+    opens: bool,
+    size: tuple[int, int] = (64, 64),
 ) -> list[dict[str, np.ndarray]]:
     """What the worlds show: all, some, one that is broken, and all again; ``opens``: the camera is the first."""
     mjm = scenes.compile_xml(SHAPES.format(floor=floor))
     m, d = scenes.put(mjm, WORLDS)
     camera = scenes.own_camera(
-        width=64,
-        height=64,
+        width=size[0],
+        height=size[1],
         lens=lens,
         outputs=outputs,
         position=(0.0, -2.0, 0.6),
@@ -63,7 +67,17 @@ def frames(
 @pytest.mark.parametrize("floor", ["1.2 1.5 1", "0 0 1"])  # an endless one is met before all else
 @pytest.mark.parametrize("lens", [wc.Pinhole(fovy=60.0), wc.Orthographic(height=2.5)], ids=("pinhole", "orthographic"))
 @pytest.mark.parametrize(
-    ("outputs", "opens"), [(OUTPUTS, True), (FLOWING, True), (FLOWING, False), (("flow", "depth"), True)]
+    ("outputs", "opens"),
+    [
+        (OUTPUTS, True),
+        (("depth", "segmentation", "points"), True),
+        (FLOWING, True),
+        (FLOWING, False),
+        (("flow", "depth"), True),
+        (FACING, True),
+        (("depth", "normals", "points"), False),
+        ((*FLOWING, "normals"), True),
+    ],
 )
 def test_listed_ahead_or_by_the_blocks(
     outputs: tuple[str, ...],
@@ -84,6 +98,8 @@ def test_listed_ahead_or_by_the_blocks(
         for name, image in theirs.items():
             if name == "flow":
                 np.testing.assert_allclose(mine[name], image, atol=1e-4, rtol=1e-5)
+            elif name in ("normals", "points"):
+                np.testing.assert_allclose(mine[name], image, atol=1e-6, rtol=1e-6)
             elif name == "flow_valid":
                 assert (mine[name] != image).reshape(WORLDS, -1).sum(axis=1).max() <= 24  # of 4096 pixels
             else:
@@ -91,11 +107,26 @@ def test_listed_ahead_or_by_the_blocks(
     assert "flow" not in outputs or all(np.abs(frame["flow"]).max() > 0.1 for frame in expected[1:])
 
 
+@pytest.mark.parametrize("size", [(16, 8), (32, 16), (32, 32)])  # fewer rows of tiles than blocks that share an image
+@pytest.mark.parametrize("outputs", [("depth", "normals", "points"), ("depth", "flow")])
+def test_small_images_of_listed_shapes(
+    outputs: tuple[str, ...], size: tuple[int, int], device: wp.Device, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    lens = wc.Pinhole(fovy=60.0)
+    monkeypatch.setattr(visibility, "region_size", lambda *_, **__: size)
+    found = frames("0 0 1", lens, outputs, True, size)
+    monkeypatch.setattr(listing, "capacity_of", lambda *_: 0)
+    for mine, theirs in zip(found, frames("0 0 1", lens, outputs, True, size), strict=True):
+        for name in outputs:
+            np.testing.assert_allclose(mine[name], theirs[name], atol=1e-4, rtol=1e-5)
+
+
 def test_what_is_listed_ahead(device: wp.Device) -> None:
     tables = wc.from_mujoco_warp(*_put(scenes.compile_xml(SHAPES.format(floor="0 0 1")))).tables()
     listed = listing.capacity_of(tables, "pinhole", 16, 8, ("depth", "flow"), device)
     assert listed == (16 if device.is_cuda else 0)
-    assert listing.capacity_of(tables, "pinhole", 16, 8, ("depth", "normals"), device) == 0
+    assert listing.capacity_of(tables, "pinhole", 16, 8, ("depth", "normals"), device) == listed
+    assert listing.capacity_of(tables, "pinhole", 16, 8, ("depth", "albedo"), device) == 0
     assert listing.capacity_of(tables, "rays", 16, 8, ("depth",), device) == 0
     assert listing.capacity_of(tables, "pinhole", 640, 480, ("depth",), device) == 0
     more = "".join(f'<geom size=".1" pos="{i} 0 0"/>' for i in range(20))

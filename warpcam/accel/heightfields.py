@@ -32,6 +32,12 @@ class HeightField:
     base: float
 
 
+def num_faces(field: HeightField) -> int:
+    """Two of each cell."""
+    rows, columns = np.shape(field.heights)
+    return 2 * (rows - 1) * (columns - 1)
+
+
 def pack_height_fields(fields: Sequence[HeightField], device: wp.Device) -> HeightFields:
     """Put all height fields on ``device``.
 

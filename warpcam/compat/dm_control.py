@@ -12,6 +12,7 @@ import numpy as np
 from dm_control.mujoco import engine
 
 from warpcam import device as device_rule
+from warpcam.compat import abstract
 from warpcam.compat.options import style_of
 from warpcam.compat.studio import Studio, view_of
 from warpcam.errors import WarpcamError
@@ -97,14 +98,21 @@ def _render(
         )
         return rendered
     camera.update(scene_option=scene_option)
-    own_geoms = camera.scene.ngeom
     if camera._scene_callback:
+        scene = _bare(camera.scene)
+        own_geoms, own_content = scene.ngeom, abstract.content(scene)
         camera._scene_callback(physics, camera.scene)
-    if camera.scene.ngeom != own_geoms:
-        raise WarpcamError(
-            f"scene_callback: {camera.scene.ngeom - own_geoms} geoms were added to the scene, which are not "
-            "drawn here; put them into the model, as mocap bodies or sites"
-        )
+        if scene.ngeom != own_geoms:
+            raise WarpcamError(
+                f"scene_callback: {scene.ngeom - own_geoms} geoms were added to the scene, which are not "
+                "drawn here; put them into the model, as mocap bodies or sites"
+            )
+        if abstract.content(scene) != own_content:
+            raise WarpcamError(
+                "scene_callback: geoms or lights of the scene were written, which is not drawn here; write colours, "
+                "sizes, poses and lights into the model and the data"
+            )
+        abstract.refuse_views(scene)
     model, option = physics.model.ptr, scene_option or camera.option
     with camera.scene.override_flags(dict(render_flag_overrides or {})):
         style = style_of(model, _bare(option), camera.scene.flags)

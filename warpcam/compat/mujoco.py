@@ -8,6 +8,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
+from warpcam.compat import abstract
 from warpcam.compat.options import style_of
 from warpcam.compat.studio import Studio, view_of
 from warpcam.errors import WarpcamError
@@ -60,6 +61,7 @@ class Renderer:
         self._scene = mujoco.MjvScene(model=model, maxgeom=max_geom)
         self._option = mujoco.MjvOption()
         self._own_geoms: int | None = None  # of the model's, in the scene; None before there is any state
+        self._own_content = b""
         self._depth = self._segmentation = False
         self._studio = Studio(model, device)
 
@@ -69,7 +71,7 @@ class Renderer:
 
     @property
     def scene(self) -> mujoco.MjvScene:
-        """The abstract scene: its camera, and flags of how it is drawn. Geoms that are added to it are not drawn."""
+        """The abstract scene: its camera, and flags of how it is drawn. Its geoms and lights are MuJoCo's alone."""
         return self._scene
 
     @property
@@ -117,7 +119,7 @@ class Renderer:
             self._studio.take(data)
         everything = int(mujoco.mjtCatBit.mjCAT_ALL)
         mujoco.mjv_updateScene(self._model, data, self._option, None, camera, everything, self._scene)
-        self._own_geoms = self._scene.ngeom
+        self._own_geoms, self._own_content = self._scene.ngeom, abstract.content(self._scene)
 
     def render(self, *, out: np.ndarray | None = None) -> np.ndarray:
         """The picture of the state that was taken last.
@@ -170,6 +172,12 @@ class Renderer:
                 f"scene.ngeom is {self._scene.ngeom}, but update_scene had made {self._own_geoms}: geoms that are "
                 "added to the scene are not drawn; put them into the model, as mocap bodies or sites"
             )
+        if abstract.content(self._scene) != self._own_content:
+            raise WarpcamError(
+                "scene: its geoms or lights were written after update_scene, which is not drawn; write colours, sizes, "
+                "poses and lights into the model and the data"
+            )
+        abstract.refuse_views(self._scene)
         style = style_of(self._model, self._option, self._scene.flags)
         output = "depth" if self._depth else "objects" if self._segmentation else "rgb"
         image = studio.look(view, style, self._width, self._height, (output,))[output]

@@ -209,7 +209,8 @@ def observables(
 
     Args:
         env: Of robosuite.
-        camera_names: One or more of the model's cameras; None is what the environment was made with, as for all below.
+        camera_names: One or more of the model's cameras; None is what the environment was made with, as for all below:
+            for each camera its own, where it has it.
         camera_heights: Of the images [pixels], for all cameras or each.
         camera_widths: Of the images [pixels], for all cameras or each.
         camera_depths: Whether there is an image of depth, too, for all cameras or each.
@@ -224,10 +225,11 @@ def observables(
     from robosuite.utils.mjcf_utils import IMAGE_CONVENTION_MAPPING
     from robosuite.utils.observables import Observable, sensor
 
-    names = [camera_names] if isinstance(camera_names, str) else list(camera_names or env.camera_names)
-    heights = _each("camera_heights", camera_heights, env.camera_heights, len(names))
-    widths = _each("camera_widths", camera_widths, env.camera_widths, len(names))
-    depths = _each("camera_depths", camera_depths, env.camera_depths, len(names))
+    names = [camera_names] if isinstance(camera_names, str) else camera_names
+    names = list(env.camera_names if names is None else names)
+    heights = _each("camera_heights", camera_heights, env.camera_heights, names, env.camera_names)
+    widths = _each("camera_widths", camera_widths, env.camera_widths, names, env.camera_names)
+    depths = _each("camera_depths", camera_depths, env.camera_depths, names, env.camera_names)
     kinds = [camera_segmentations] if isinstance(camera_segmentations, str) else list(camera_segmentations or ())
     for kind in kinds:
         if kind not in SEGMENTATIONS:
@@ -304,9 +306,12 @@ class _OfEnvironment:
         return table[ids]
 
 
-def _each(what: str, given: Any, own: Any, count: int) -> list[Any]:
-    values = own if given is None else given
+def _each(what: str, given: Any, own: Any, names: Sequence[str], known: Sequence[str]) -> list[Any]:
+    """For each of the names what was given, or what the environment, whose cameras are ``known``, has for it."""
+    values, count = own if given is None else given, len(names)
     values = list(values) if isinstance(values, list | tuple) else [values] * count
+    if given is None and len(values) == len(known) and set(names) <= set(known):
+        return [values[known.index(name)] for name in names]
     if len(set(values)) == 1:
         values = values[:1] * count
     if len(values) != count:

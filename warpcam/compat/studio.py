@@ -86,6 +86,8 @@ class View:
 
 def view_of(scene: mujoco.MjvScene, width: int, height: int) -> View | None:
     """What a MuJoCo scene's camera sees in an image of that size; None if none was set."""
+    if min(width, height) < 1:
+        raise WarpcamError(f"render: width and height must be at least 1 pixel, got {width} and {height}")
     one, two = scene.camera[0], scene.camera[1]
     bottom, top = 0.5 * (one.frustum_bottom + two.frustum_bottom), 0.5 * (one.frustum_top + two.frustum_top)
     if top <= bottom:

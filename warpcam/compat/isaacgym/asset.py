@@ -11,7 +11,7 @@ import newton
 import numpy as np
 import warp as wp
 
-from warpcam.compat.isaacgym.kinds import DOF_PROPERTIES, DofDriveMode, DofType
+from warpcam.compat.isaacgym.kinds import DOF_PROPERTIES, DOF_STATE, DofDriveMode, DofType
 from warpcam.compat.isaacgym.options import AssetOptions
 from warpcam.errors import WarpcamError
 
@@ -51,6 +51,7 @@ class Asset:
         shapes: (shape,) int32, the body of each, or -1.
         free: Whether its first body is free to move.
         properties: (dof,) of ``DOF_PROPERTIES``, as the file has them.
+        rest: (dof,) of ``DOF_STATE``, where its joints begin.
     """
 
     def __init__(self, name: str, builder: newton.ModelBuilder, options: AssetOptions, joints: dict[str, list[str]]):
@@ -63,12 +64,32 @@ class Asset:
         self.joints = [_last(label) for label in builder.joint_label]
         self.dofs = self._read_dofs(joints)
         self.properties = self._read_properties()
+        self.rest = np.zeros(len(self.dofs), DOF_STATE)
+        self.rest["pos"] = [float(builder.joint_q[dof.coordinate]) for dof in self.dofs]
+        self._model: newton.Model | None = None
         self.colors = np.array([tuple(color) for color in builder.shape_color], np.float32).reshape(-1, 3)
 
     def shapes_of(self, body: int, flags: int) -> np.ndarray:
         """Places of the body's shapes that have any of the flags."""
         kinds = np.asarray(self.builder.shape_flags, np.int64)
         return np.flatnonzero((self.shapes == body) & ((kinds & flags) != 0))
+
+    def bodies_at(self, states: np.ndarray) -> np.ndarray:
+        """Its bodies with its joints there, on the host, its first body at the origin.
+
+        Args:
+            states: (dof,) of ``DOF_STATE``.
+
+        Returns:
+            (body, 13): position [m], quaternion x y z w, velocities.
+        """
+        if self._model is None:
+            self._model = self.builder.finalize(device="cpu", skip_all_validations=True)
+        state = self._model.state()
+        state.joint_q.numpy()[[dof.coordinate for dof in self.dofs]] = states["pos"]
+        state.joint_qd.numpy()[[dof.speed for dof in self.dofs]] = states["vel"]
+        newton.eval_fk(self._model, state.joint_q, state.joint_qd, state)
+        return np.concatenate((state.body_q.numpy(), state.body_qd.numpy()), axis=1)
 
     def _read_dofs(self, joints: dict[str, list[str]]) -> list[Dof]:
         builder, dofs = self.builder, []
@@ -120,7 +141,10 @@ class Asset:
 
 def load(root: Any, file: Any, options: AssetOptions, up: newton.Axis) -> Asset:
     """Read .urdf, .xml or .mjcf, .usd, .usda, .usdc or .usdz."""
-    path = Path(os.fspath(root)) / os.fspath(file)
+    try:
+        path = Path(os.fspath(root)) / os.fspath(file)
+    except TypeError:
+        raise WarpcamError(f"load_asset: a folder and a file in it are needed, got {root!r} and {file!r}") from None
     if not path.is_file():
         raise WarpcamError(f"load_asset: there is no file {str(path)!r}")
     # An asset's frame is taken as it is, whichever way the world's up is.

@@ -1,5 +1,6 @@
 """Calls about assets, and about actors as they are made of them."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import newton
@@ -19,7 +20,7 @@ from warpcam.compat.isaacgym.kinds import (
 from warpcam.compat.isaacgym.maths import Transform
 from warpcam.compat.isaacgym.options import AssetOptions
 from warpcam.compat.isaacgym.sim import Sim, env_of, sim_of
-from warpcam.compat.isaacgym.world import Actor, Counts, Env
+from warpcam.compat.isaacgym.world import Actor, Counts, Env, handle_of
 from warpcam.compat.numbers import real
 from warpcam.errors import WarpcamError
 
@@ -30,18 +31,19 @@ class AssetCalls:
     def load_asset(self, sim: Sim, rootpath: str, filename: str, options: AssetOptions | None = None) -> Asset:
         """Read an MJCF, URDF or USD file."""
         sim = sim_of(sim, "load_asset")
-        return assets.load(rootpath, filename, options or AssetOptions(), sim.up)
+        return assets.load(rootpath, filename, _options(options, "load_asset"), sim.up)
 
     def create_box(
         self, sim: Sim, width: float, height: float, depth: float, options: AssetOptions | None = None
     ) -> Asset:
         """Of these lengths along x, y and z [m]."""
-        sides = [0.5 * _positive("create_box", name, v) for name, v in zip("whd", (width, height, depth), strict=True)]
+        lengths = {"width": width, "height": height, "depth": depth}
+        sides = [0.5 * _positive("create_box", name, value) for name, value in lengths.items()]
 
         def add(builder: newton.ModelBuilder, body: int, cfg: Any) -> None:
             builder.add_shape_box(body, hx=sides[0], hy=sides[1], hz=sides[2], cfg=cfg, label="box")
 
-        return assets.made("box", options or AssetOptions(), sim_of(sim, "create_box").up, add)
+        return assets.made("box", _options(options, "create_box"), sim_of(sim, "create_box").up, add)
 
     def create_sphere(self, sim: Sim, radius: float, options: AssetOptions | None = None) -> Asset:
         radius = _positive("create_sphere", "radius", radius)
@@ -49,7 +51,7 @@ class AssetCalls:
         def add(builder: newton.ModelBuilder, body: int, cfg: Any) -> None:
             builder.add_shape_sphere(body, radius=radius, cfg=cfg, label="sphere")
 
-        return assets.made("sphere", options or AssetOptions(), sim_of(sim, "create_sphere").up, add)
+        return assets.made("sphere", _options(options, "create_sphere"), sim_of(sim, "create_sphere").up, add)
 
     def create_capsule(self, sim: Sim, radius: float, length: float, options: AssetOptions | None = None) -> Asset:
         """Along x; ``length`` is that of its cylinder [m]."""
@@ -61,7 +63,7 @@ class AssetCalls:
                 body, xform=along_x, radius=radius, half_height=0.5 * length, cfg=cfg, label="capsule"
             )
 
-        return assets.made("capsule", options or AssetOptions(), sim_of(sim, "create_capsule").up, add)
+        return assets.made("capsule", _options(options, "create_capsule"), sim_of(sim, "create_capsule").up, add)
 
     def create_actor(
         self,
@@ -75,8 +77,7 @@ class AssetCalls:
     ) -> int:
         """Put an asset into an environment. Its handle counts the environment's actors."""
         env = env_of(env, "create_actor")
-        if not isinstance(asset, Asset):
-            raise WarpcamError(f"create_actor: an asset is needed, got {type(asset).__name__}")
+        asset = _asset(asset, "create_actor")
         if not isinstance(pose, Transform):
             raise WarpcamError(f"create_actor: pose must be a Transform, got {type(pose).__name__}")
         check_segment(segmentation_id, "create_actor: segmentation_id")
@@ -86,50 +87,54 @@ class AssetCalls:
         return actor.handle
 
     def get_asset_rigid_body_count(self, asset: Asset) -> int:
-        return len(asset.bodies)
+        return len(_asset(asset, "get_asset_rigid_body_count").bodies)
 
     def get_asset_rigid_body_names(self, asset: Asset) -> list[str]:
-        return list(asset.bodies)
+        return list(_asset(asset, "get_asset_rigid_body_names").bodies)
 
     def get_asset_rigid_body_name(self, asset: Asset, index: int) -> str:
-        return asset.bodies[index]
+        where = "get_asset_rigid_body_name"
+        return _one(_asset(asset, where).bodies, index, where)
 
     def get_asset_rigid_body_dict(self, asset: Asset) -> dict[str, int]:
-        return {name: index for index, name in enumerate(asset.bodies)}
+        bodies = _asset(asset, "get_asset_rigid_body_dict").bodies
+        return {name: bodies.index(name) for name in bodies}
 
     def find_asset_rigid_body_index(self, asset: Asset, name: str) -> int:
-        return asset.bodies.index(name) if name in asset.bodies else INVALID_HANDLE
+        return self.get_asset_rigid_body_dict(asset).get(name, INVALID_HANDLE)
 
     def get_asset_rigid_shape_count(self, asset: Asset) -> int:
-        return len(asset.shapes)
+        return len(_asset(asset, "get_asset_rigid_shape_count").shapes)
 
     def get_asset_joint_count(self, asset: Asset) -> int:
-        return len(asset.joints)
+        return len(_asset(asset, "get_asset_joint_count").joints)
 
     def get_asset_joint_names(self, asset: Asset) -> list[str]:
-        return list(asset.joints)
+        return list(_asset(asset, "get_asset_joint_names").joints)
 
     def get_asset_dof_count(self, asset: Asset) -> int:
-        return len(asset.dofs)
+        return len(_asset(asset, "get_asset_dof_count").dofs)
 
     def get_asset_dof_names(self, asset: Asset) -> list[str]:
-        return [dof.name for dof in asset.dofs]
+        return [dof.name for dof in _asset(asset, "get_asset_dof_names").dofs]
 
     def get_asset_dof_name(self, asset: Asset, index: int) -> str:
-        return asset.dofs[index].name
+        where = "get_asset_dof_name"
+        return _one(_asset(asset, where).dofs, index, where).name
 
     def get_asset_dof_type(self, asset: Asset, index: int) -> DofType:
-        return asset.dofs[index].kind
+        where = "get_asset_dof_type"
+        return _one(_asset(asset, where).dofs, index, where).kind
 
     def get_asset_dof_dict(self, asset: Asset) -> dict[str, int]:
-        return {dof.name: index for index, dof in enumerate(asset.dofs)}
+        return {dof.name: index for index, dof in enumerate(_asset(asset, "get_asset_dof_dict").dofs)}
 
     def find_asset_dof_index(self, asset: Asset, name: str) -> int:
         return self.get_asset_dof_dict(asset).get(name, INVALID_HANDLE)
 
     def get_asset_dof_properties(self, asset: Asset) -> np.ndarray:
         """(dof,) of ``DofProperties.dtype``; a copy."""
-        return asset.properties.copy()
+        return _asset(asset, "get_asset_dof_properties").properties.copy()
 
     def get_actor_count(self, env: Env) -> int:
         return len(env_of(env, "get_actor_count").actors)
@@ -236,6 +241,27 @@ class AssetCalls:
 
     def get_sim_dof_count(self, sim: Sim) -> int:
         return _all(sim, "get_sim_dof_count").dofs
+
+
+def _asset(value: Any, where: str) -> Asset:
+    if not isinstance(value, Asset):
+        raise WarpcamError(f"{where}: an asset is needed, got {type(value).__name__}")
+    return value
+
+
+def _one(values: Sequence[Any], index: Any, where: str) -> Any:
+    place = handle_of(index, len(values))
+    if place is None:
+        raise WarpcamError(f"{where}: index {index!r} came, the asset has {len(values)}")
+    return values[place]
+
+
+def _options(value: Any, where: str) -> AssetOptions:
+    if value is None:
+        return AssetOptions()
+    if not isinstance(value, AssetOptions):
+        raise WarpcamError(f"{where}: options must be AssetOptions, got {type(value).__name__}")
+    return value
 
 
 def _positive(where: str, name: str, value: float) -> float:

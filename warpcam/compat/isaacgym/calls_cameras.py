@@ -5,15 +5,15 @@ from typing import Any
 import numpy as np
 from PIL import Image
 
-from warpcam import interop, pictures
+from warpcam import pictures
 from warpcam.compat.isaacgym.kinds import CameraFollowMode, ImageType, one_of
-from warpcam.compat.isaacgym.maths import Quat, Transform, Vec3
+from warpcam.compat.isaacgym.maths import Transform, Vec3
 from warpcam.compat.isaacgym.options import CameraProperties
 from warpcam.compat.isaacgym.sensor import MODES, Sensor, aimed, checked, projection_matrix, view_matrix
 from warpcam.compat.isaacgym.sim import Sim, env_of, sim_of
 from warpcam.compat.isaacgym.studio import check_kind
 from warpcam.compat.isaacgym.tensors import Tensor
-from warpcam.compat.isaacgym.world import Env
+from warpcam.compat.isaacgym.world import Env, handle_of
 from warpcam.errors import WarpcamError
 from warpcam.kernels import isaacgym as kernels
 
@@ -65,11 +65,9 @@ class CameraCalls:
         """
         where = "attach_camera_to_body"
         sensor = _sensor(env, camera, where)
-        count = env.counts.bodies
-        if isinstance(body, bool) or not isinstance(body, int | np.integer) or not 0 <= body < count:
-            raise WarpcamError(f"{where}: body {body!r} came, environment {env.index} has 0 to {count - 1}")
+        place = env.body(body, where)
         follow = MODES[one_of(CameraFollowMode, mode, f"{where}: mode")]
-        sensor.put(_placed(local_transform, f"{where}: local_transform"), follow, int(body))
+        sensor.put(_placed(local_transform, f"{where}: local_transform"), follow, place)
 
     def get_camera_transform(self, sim: Sim, env: Env, camera: int, *, quirks: bool | None = None) -> Transform:
         """Where a camera is now, in its environment's frame.
@@ -183,12 +181,13 @@ def _sensor(env: Any, handle: Any, where: str, sim: Any = None) -> Sensor:
     env = env_of(env, where)
     if sim is not None and env.sim is not sim_of(sim, where):
         raise WarpcamError(f"{where}: environment {env.index} is of another simulation")
-    if isinstance(handle, bool) or not isinstance(handle, int | np.integer) or handle not in env.cameras:
-        gone = isinstance(handle, int | np.integer) and 0 <= handle < env.next_camera
+    number = handle_of(handle, env.next_camera)
+    if number is None or number not in env.cameras:
+        gone = number is not None
         known = ", ".join(map(str, env.cameras)) or "none"
         what = f"camera {handle} has been destroyed" if gone else f"camera {handle!r} came"
         raise WarpcamError(f"{where}: {what}; environment {env.index} has {known}")
-    return env.cameras[handle]
+    return env.cameras[number]
 
 
 def _place(value: Any, where: str) -> Vec3:
@@ -215,10 +214,7 @@ def _pose(sensor: Sensor) -> Transform:
     """Where it is now, in its environment's frame; waits for the device if it follows a body."""
     if sensor.mode == kernels.FREE:
         return Transform(sensor.pose.p, sensor.pose.r)
-    body = sensor.env.before().bodies + sensor.body
-    physics = sensor.env.sim.physics
-    numbers = interop.to_numpy(physics.state.body_q[body : body + 1])[0].tolist()
-    place, turn = Vec3(*numbers[:3]), Quat(*numbers[3:])
+    body = sensor.env.place(sensor.body)
     if sensor.mode == kernels.POSITION:
-        return Transform(place + sensor.pose.p, sensor.pose.r)
-    return Transform(place, turn) * sensor.pose
+        return Transform(body.p + sensor.pose.p, sensor.pose.r)
+    return body * sensor.pose

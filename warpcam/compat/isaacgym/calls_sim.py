@@ -11,7 +11,8 @@ from warpcam.compat.isaacgym.kinds import SimType, one_of
 from warpcam.compat.isaacgym.maths import Vec3
 from warpcam.compat.isaacgym.options import PlaneParams, SimParams, TriangleMeshParams
 from warpcam.compat.isaacgym.sim import Sim, env_of, sim_of
-from warpcam.compat.isaacgym.world import Env
+from warpcam.compat.isaacgym.world import Env, handle_of
+from warpcam.compat.numbers import whole
 from warpcam.errors import WarpcamError
 
 
@@ -107,7 +108,10 @@ class SimCalls:
         for name, corner in (("lower", lower), ("upper", upper)):
             if not isinstance(corner, Vec3):
                 raise WarpcamError(f"create_env: {name} must be a Vec3, got {corner.__class__.__name__}")
-        index, per_row = len(sim.envs), max(int(num_per_row), 1)
+        per_row = whole(num_per_row)
+        if per_row is None:
+            raise WarpcamError(f"create_env: num_per_row must be a whole number, got {num_per_row!r}")
+        index, per_row = len(sim.envs), max(per_row, 1)
         size, row, column = upper - lower, index // per_row, index % per_row
         if sim.up == newton.Axis.Z:
             origin = Vec3(column * size.x, row * size.y, 0.0)
@@ -119,9 +123,10 @@ class SimCalls:
 
     def get_env(self, sim: Sim, index: int) -> Env:
         envs = sim_of(sim, "get_env").envs
-        if not 0 <= index < len(envs):
-            raise WarpcamError(f"get_env: environment {index} came, there are 0 to {len(envs) - 1}")
-        return envs[index]
+        place = handle_of(index, len(envs))
+        if place is None:
+            raise WarpcamError(f"get_env: environment {index!r} came, there are 0 to {len(envs) - 1}")
+        return envs[place]
 
     def get_env_count(self, sim: Sim) -> int:
         return len(sim_of(sim, "get_env_count").envs)
@@ -142,6 +147,9 @@ class SimCalls:
 
 def _device(compute: int, graphics: int, on_gpu: bool) -> wp.Device:
     """The one device that all is on."""
+    for name, value in (("compute_device", compute), ("graphics_device", graphics)):
+        if whole(value) is None:
+            raise WarpcamError(f"create_sim: {name} must be a CUDA ordinal, or -1, got {value!r}")
     there = wp.get_cuda_devices()
     known = ", ".join(device.alias for device in there) or "none"
     if compute < 0 or (not there and not on_gpu):

@@ -6,6 +6,7 @@ import numpy as np
 
 from warpcam import interop
 from warpcam.compat.isaacgym.kinds import BODY_STATE, DOF_STATE, STATE_ALL, STATE_POS, STATE_VEL
+from warpcam.compat.isaacgym.maths import Transform
 from warpcam.compat.isaacgym.sim import Sim, env_of, sim_of
 from warpcam.compat.isaacgym.tensors import Tensor, unwrap
 from warpcam.compat.isaacgym.world import Actor, Env
@@ -76,41 +77,53 @@ class StateCalls:
     def set_dof_actuation_force_tensor_indexed(self, sim: Sim, values: Tensor, indices: Tensor, count: int) -> bool:
         return _targets(sim, "forces", values, indices, count, "set_dof_actuation_force_tensor_indexed")
 
+    def set_actor_dof_position_targets(self, env: Env, actor: int, values: np.ndarray) -> bool:
+        """Where the joints of one actor are driven to, (dof,)."""
+        return _told(env, actor, "positions", values, "set_actor_dof_position_targets")
+
+    def set_actor_dof_velocity_targets(self, env: Env, actor: int, values: np.ndarray) -> bool:
+        """How fast the joints of one actor are driven, (dof,)."""
+        return _told(env, actor, "velocities", values, "set_actor_dof_velocity_targets")
+
     def get_actor_rigid_body_states(self, env: Env, actor: int, flags: int = STATE_ALL) -> np.ndarray:
         """(body,) of ``RigidBodyState.dtype``; a copy."""
-        found, physics = _found(env, actor, "get_actor_rigid_body_states")
-        first, count = physics.start_of(found).bodies, len(found.asset.bodies)
-        rows = np.zeros(count, BODY_STATE)
-        numbers = rows.view(np.float32).reshape(count, 13)
-        physics.tensor("bodies")
-        physics.refresh("bodies")
-        numbers[:] = interop.to_numpy(physics.tensor("bodies").torch[first : first + count])
+        found = env_of(env, "get_actor_rigid_body_states").actor(actor, "get_actor_rigid_body_states")
+        rows = np.zeros(len(found.asset.bodies), BODY_STATE)
+        numbers = rows.view(np.float32).reshape(len(rows), 13)
+        numbers[:] = _states(found, "bodies") if env.sim.prepared else found.bodies()
         return _kept(numbers, flags, 7, rows)
+
+    def get_rigid_transform(self, env: Env, body: int) -> Transform:
+        """Where a body of that handle is now, in its environment's frame."""
+        env = env_of(env, "get_rigid_transform")
+        return env.place(env.body(body, "get_rigid_transform"))
 
     def get_actor_dof_states(self, env: Env, actor: int, flags: int = STATE_ALL) -> np.ndarray:
         """(dof,) of ``DofState.dtype``; a copy."""
-        found, physics = _found(env, actor, "get_actor_dof_states")
-        first, count = physics.start_of(found).dofs, len(found.asset.dofs)
-        rows = np.zeros(count, DOF_STATE)
-        numbers = rows.view(np.float32).reshape(count, 2)
-        physics.tensor("dofs")
-        physics.refresh("dofs")
-        numbers[:] = interop.to_numpy(physics.tensor("dofs").torch[first : first + count])
+        found = env_of(env, "get_actor_dof_states").actor(actor, "get_actor_dof_states")
+        rows = found.states.copy()
+        numbers = rows.view(np.float32).reshape(len(rows), 2)
+        if env.sim.prepared:
+            numbers[:] = _states(found, "dofs")
         return _kept(numbers, flags, 1, rows)
 
     def set_actor_dof_states(self, env: Env, actor: int, states: np.ndarray, flags: int = STATE_ALL) -> bool:
         """Place the joints of one actor: positions, velocities or both, as ``flags`` say."""
-        found, physics = _found(env, actor, "set_actor_dof_states")
-        first, count = physics.start_of(found).dofs, len(found.asset.dofs)
+        found = env_of(env, "set_actor_dof_states").actor(actor, "set_actor_dof_states")
+        count = len(found.asset.dofs)
         if getattr(states, "dtype", None) != DOF_STATE or states.shape != (count,):
             raise WarpcamError(f"set_actor_dof_states: {count} of DofState.dtype are needed, got {states!r}")
-        physics.tensor("dofs")
-        physics.refresh("dofs")
-        values = physics.tensor("dofs").torch.clone()
-        given = interop.as_tensor(np.ascontiguousarray(states).view(np.float32).reshape(count, 2))
-        for column, flag in enumerate((STATE_POS, STATE_VEL)):
-            if flags & flag:
-                values[first : first + count, column] = given[:, column].to(values.device)
+        columns = [column for column, flag in (("pos", STATE_POS), ("vel", STATE_VEL)) if flags & flag]
+        if not env.sim.prepared:
+            for column in columns:
+                found.states[column] = states[column]
+            return True
+        physics = env.sim.physics
+        rows = self.get_actor_dof_states(env, actor)
+        for column in columns:
+            rows[column] = states[column]
+        first, values = physics.start_of(found).dofs, physics.tensor("dofs").torch.clone()
+        values[first : first + count] = interop.as_tensor(rows.view(np.float32).reshape(count, 2)).to(values.device)
         physics.set_dofs(unwrap(values), None, None, "set_actor_dof_states")
         return True
 
@@ -132,9 +145,25 @@ def _indices(value: Any, where: str) -> Tensor:
     return value
 
 
-def _found(env: Any, actor: Any, where: str) -> tuple[Actor, Any]:
-    env = env_of(env, where)
-    return env.actor(actor, where), env.sim.physics
+def _told(env: Any, actor: Any, kind: str, values: Any, where: str) -> bool:
+    found = env_of(env, where).actor(actor, where)
+    count = len(found.asset.dofs)
+    given = np.array(values, np.float32)
+    if given.shape != (count,):
+        raise WarpcamError(f"{where}: {count} numbers are needed, got {values!r}")
+    found.targets[kind] = given
+    if env.sim.prepared:
+        env.sim.physics.take_targets([found])
+    return True
+
+
+def _states(actor: Actor, name: str) -> np.ndarray:
+    """Rows of an actor in the tensor of that name, as they are now."""
+    physics = actor.env.sim.physics
+    first, count = getattr(physics.start_of(actor), name), getattr(actor.counts, name)
+    physics.tensor(name)
+    physics.refresh(name)
+    return interop.to_numpy(physics.tensor(name).torch[first : first + count])
 
 
 def _kept(numbers: np.ndarray, flags: int, positions: int, rows: np.ndarray) -> np.ndarray:

@@ -13,7 +13,8 @@ from warpcam.errors import WarpcamError
 def one_of(kind: type[IntEnum], value: Any, where: str) -> Any:
     """The member of a closed set that was meant."""
     try:
-        return kind(value)
+        number = whole(value)
+        return kind(value if number is None else number)
     except ValueError:
         allowed = ", ".join(each.name for each in kind)
         raise WarpcamError(f"{where} {value!r} came; allowed are {allowed}") from None

@@ -9,7 +9,7 @@ import numpy as np
 import warp as wp
 
 from warpcam import interop
-from warpcam.compat.isaacgym.kinds import DofDriveMode
+from warpcam.compat.isaacgym.kinds import DOF_STATE, DofDriveMode
 from warpcam.compat.isaacgym.maths import Vec3
 from warpcam.compat.isaacgym.tensors import Tensor, take
 from warpcam.compat.isaacgym.world import Actor, Counts, Env, Grounds, build
@@ -50,13 +50,15 @@ class Physics:
         builder, self.spot = build(envs, grounds, up, gravity)
         self.model = builder.finalize(device=device)
         self.model.set_gravity(tuple(gravity))
+        self._read_places()
+        self._write_rest()
         self.state, self._other = self.model.state(), self.model.state()
         newton.eval_fk(self.model, self.model.joint_q, self.model.joint_qd, self.state)
         self._control = self.model.control()
         self._solver: Any = None
         self._moved = False  # joints are behind bodies
-        self._read_places()
         self.write_properties()
+        self.take_targets(self.actors)
         self._states: dict[str, tuple[wp.array, Tensor]] = {}
 
     def start_of(self, actor: Actor) -> Counts:
@@ -146,6 +148,34 @@ class Physics:
         with interop.in_order(self.device):
             inputs = [values, which, self._first_dofs, places, into]
             kernels.launch(kernels.write_targets, len(which), inputs, self.device)
+
+    def take_targets(self, actors: Sequence[Actor]) -> None:
+        """Have the drives of these follow what they were told one by one."""
+        for kind, into, first in (
+            ("positions", self._control.joint_target_q, "coordinate"),
+            ("velocities", self._control.joint_target_qd, "speed"),
+        ):
+            told = [actor for actor in actors if kind in actor.targets]
+            if not told:
+                continue
+            host = into.numpy()
+            for actor in told:
+                start = self.start_of(actor)
+                begin = start.coordinates if first == "coordinate" else start.speeds
+                host[[begin + getattr(dof, first) for dof in actor.asset.dofs]] = actor.targets.pop(kind)
+            into.assign(host)
+
+    def _write_rest(self) -> None:
+        """Have joints begin where actors were told before."""
+        rows = np.concatenate([np.zeros(0, DOF_STATE), *(actor.states for actor in self.actors)])
+        for array, places, column in (
+            (self.model.joint_q, self._coordinates, "pos"),
+            (self.model.joint_qd, self._speeds, "vel"),
+        ):
+            if len(rows):
+                host = array.numpy()
+                host[places.numpy()] = rows[column]
+                array.assign(host)
 
     def write_properties(self) -> None:
         """Bring the model's joints up to date with the actors' properties."""

@@ -10,7 +10,7 @@ import warp as wp
 
 import warpcam as wc
 from warpcam import interop
-from warpcam.compat.isaacgym.kinds import ImageType
+from warpcam.compat.isaacgym.kinds import ImageType, one_of
 from warpcam.compat.isaacgym.looks import Looks, View
 from warpcam.compat.isaacgym.physics import Physics
 from warpcam.compat.isaacgym.sensor import SAMPLES, Sensor, axes, focal_length
@@ -28,11 +28,8 @@ AT_ONCE = 2**28  # bytes of images that are copied to the host together
 
 
 def check_kind(kind: Any, where: str) -> ImageType:
-    try:
-        return ImageType(kind)
-    except ValueError:
-        allowed = ", ".join(each.name for each in ImageType)
-        raise WarpcamError(f"{where}: image type {kind!r} came; allowed are {allowed}") from None
+    found: ImageType = one_of(ImageType, kind, f"{where}: image type")
+    return found
 
 
 def shape_of(sensor: Sensor, kind: ImageType) -> tuple[int, ...]:

@@ -9,9 +9,11 @@ import newton
 import numpy as np
 import warp as wp
 
+from warpcam import interop
 from warpcam.compat.isaacgym.asset import Asset
-from warpcam.compat.isaacgym.maths import Transform, Vec3
+from warpcam.compat.isaacgym.maths import Transform, Vec3, matrix_of
 from warpcam.compat.isaacgym.options import PlaneParams, TriangleMeshParams
+from warpcam.compat.numbers import whole
 from warpcam.errors import WarpcamError
 
 NO_TEXTURE = -1
@@ -48,6 +50,8 @@ class Actor:
         colors: (shape,) display colours, (n, 3) float32.
         textures: (shape,) int64, handles, or NO_TEXTURE.
         properties: (dof,) of DOF_PROPERTIES.
+        states: (dof,) of DOF_STATE, until the simulation is prepared.
+        targets: (dof,) by "positions" and "velocities", until the simulation has them.
     """
 
     def __init__(self, env: "Env", asset: Asset, pose: Transform, name: str, group: int, segment: int):
@@ -56,7 +60,8 @@ class Actor:
         self.handle, self.before = len(env.actors), env.counts
         self.segments = np.full(len(asset.bodies), segment, np.int64)
         self.segment = segment
-        self.properties = asset.properties.copy()
+        self.properties, self.states = asset.properties.copy(), asset.rest.copy()
+        self.targets: dict[str, np.ndarray] = {}
         builder = asset.builder
         self.counts = Counts(
             1,
@@ -76,9 +81,19 @@ class Actor:
         self.colors[shapes] = self.asset.colors[shapes]
         self.textures[shapes] = NO_TEXTURE
 
+    def bodies(self) -> np.ndarray:
+        """(body, 13) of its bodies in its environment's frame, until the simulation is prepared."""
+        rows = self.asset.bodies_at(self.states).astype(np.float64)
+        turn = matrix_of(self.pose.r)
+        for row in rows:
+            place = self.pose * Transform(row[:3], row[3:7])
+            row[:7] = place.numbers()
+            row[7:10], row[10:] = turn @ row[7:10], turn @ row[10:]
+        return rows
+
     def body(self, index: int, where: str) -> int:
         count = len(self.asset.bodies)
-        if isinstance(index, bool) or not isinstance(index, int | np.integer) or not 0 <= index < count:
+        if handle_of(index, count) is None:
             raise WarpcamError(f"{where}: body {index!r} came, actor {self.name!r} has 0 to {count - 1}")
         return int(index)
 
@@ -102,10 +117,29 @@ class Env:
 
     def actor(self, handle: Any, where: str) -> Actor:
         count = len(self.actors)
-        if isinstance(handle, bool) or not isinstance(handle, int | np.integer) or not 0 <= handle < count:
+        place = handle_of(handle, count)
+        if place is None:
             known = f"0 to {count - 1}" if count else "none"
             raise WarpcamError(f"{where}: actor {handle!r} came, environment {self.index} has {known}")
-        return self.actors[handle]
+        return self.actors[place]
+
+    def body(self, handle: Any, where: str) -> int:
+        count = self.counts.bodies
+        place = handle_of(handle, count)
+        if place is None:
+            known = f"0 to {count - 1}" if count else "none"
+            raise WarpcamError(f"{where}: body {handle!r} came, environment {self.index} has {known}")
+        return place
+
+    def place(self, body: int) -> Transform:
+        """Where a body is now, in this environment's frame; waits for the device."""
+        if self.sim.prepared:
+            first = self.start.bodies + body
+            row = interop.to_numpy(self.sim.physics.state.body_q[first : first + 1])[0]
+        else:
+            actor = next(actor for actor in reversed(self.actors) if actor.before.bodies <= body)
+            row = actor.bodies()[body - actor.before.bodies]
+        return Transform(row[:3].tolist(), row[3:7].tolist())
 
     def add(self, actor: Actor) -> None:
         self.actors.append(actor)
@@ -125,6 +159,12 @@ class Env:
         if self.sim.prepared:
             return self.start
         return self.sim.total_before(self)
+
+
+def handle_of(value: Any, count: int) -> int | None:
+    """The whole number that it is, of Python, numpy or torch, or None if it is none from 0 to below ``count``."""
+    number = None if isinstance(value, bool) else whole(value)
+    return number if number is not None and 0 <= number < count else None
 
 
 @dataclass

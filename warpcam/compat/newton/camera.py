@@ -143,6 +143,8 @@ class SensorCamera(NewtonsCamera):
 
     def sync_deformable_meshes(self, state: newton.State, *, deformable_visuals: Any = None) -> None:
         """Nothing to do: ``update`` follows the state, which must be this one if it is told not to synchronise."""
+        if not isinstance(state, newton.State):
+            raise WarpcamError(f"state must be a newton.State, got {type(state).__name__}")
         if deformable_visuals is not None:
             kind = newton.geometry.DeformableVisuals
             if not isinstance(deformable_visuals, kind):
