@@ -25,7 +25,8 @@ SAMPLES: Mapping[int, Sequence[tuple[float, float]]] = {
 # The images whose edges can be smooth, with dtype and channels, in the order of their bits in native/smooth.h.
 IMAGES: Mapping[str, tuple[type, int]] = {"rgb": (wp.uint8, 3), "rgba": (wp.uint8, 4), "hdr": (wp.float32, 3)}
 # Pixels of which a thread block of a GPU smooths the edges, at most, in scenes without meshes and height fields. With
-# them a block has as many as the trace's: the more samples it has, the fewer of its lanes wait for the longest ones.
+# them a block has as many as the trace's, or a whole image: the more samples it has, the fewer of its lanes wait for
+# the longest ones.
 REGION = (32, 32)
 # Whole images of scenes with meshes are smoothed where they were lit if there are so many worlds for each
 # multiprocessor: a block for each image fills the device then, even one group's.

@@ -30,7 +30,8 @@ def target_struct(shape_dtype: Any, face_dtype: Any) -> Any:
         depth: wp.array(dtype=wp.float32)  # (world * height * width,) planar depth [m]; View.miss where nothing is hit
         shape: wp.array(dtype=shape_dtype)  # (world * height * width,) shape id, or -1
         # (world * height * width,) mesh: row / 3 of the face in the mesh's part of Meshes.faces; height field:
-        # 2 * cell + k, where k = 0 is the triangle below the cell's diagonal, -1 on sides and base; else undefined
+        # 2 * cell + k, where k = 0 is the triangle below the cell's diagonal, all bits on sides and base; else
+        # undefined
         face: wp.array(dtype=face_dtype)
         distance: wp.array(dtype=wp.float32)  # (world * height * width,) along the ray [m]; inf where nothing is hit
         points: wp.array(dtype=wp.float32)  # (world * height * width * 3,) world frame [m]; inf where nothing is hit

@@ -136,7 +136,8 @@ def record(
         depth: float32, (world, height, width, ...), or None if it is not wanted. A scene of more than MAX_LISTED
             shapes is drawn in passes, which go on from each other's depth and shape: then both are needed.
         shape: An integer type that holds every shape id and -1, likewise.
-        face: An integer type that holds every face, likewise; see ``target_struct``.
+        face: An integer type that holds every face, and of height fields one number more, likewise; see
+            ``target_struct``.
         images: "distance", "points", "bodies", "ids", "normals", "instances", "semantics", "flow", "flow_valid" and
             "albedo", those that are wanted, (world, height, width, channels); normals only for scenes without meshes
             and height fields, albedo where ``paints`` says so.
@@ -201,7 +202,7 @@ def record(
         if lists is not None:
             target.lists = lists.flatten()
             outputs |= LISTED_AHEAD
-    parts = -(-width // region[0]) * -(-height // region[1]) if lists is None else parts_of(images)
+    parts = -(-width // region[0]) * -(-height // region[1]) if lists is None else parts_of(images, width, height)
     unit = parts * (THREADS if device.is_cuda else 1)  # threads a world
     types = in_order(types, len(group.worlds) * unit, device)
     kernel = _kernel(types, LENSES[lens], capacity, several, *region, outputs, target_type, facts)
@@ -215,11 +216,10 @@ def _dtype(array: wp.array | None) -> Any:
     return wp.int32 if array is None else array.dtype
 
 
-def parts_of(images: Collection[str]) -> int:
+def parts_of(images: Collection[str], width: int, height: int) -> int:
     """How many blocks share an image whose shapes have been listed: native/outputs.h has the same."""
-    if "flow_valid" in images:
-        return 1
-    return 4 if "points" in images or "normals" in images else 2 if "flow" in images else 1
+    wanted = 4 if "points" in images or "normals" in images else 2 if "flow" in images else 1
+    return 1 if "flow_valid" in images else min(wanted, width * height // THREADS)
 
 
 def blocks(types: int, capacity: int) -> int:

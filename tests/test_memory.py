@@ -154,7 +154,7 @@ def test_what_is_told_is_what_is_allocated(
     check_ledger(scene_of(device, 40, layers), [camera(**options) for options in CAMERAS[which]], device, monkeypatch)
 
 
-@pytest.mark.parametrize("outputs", [("depth",), ("flow",), ("flow", "flow_valid")], ids="+".join)
+@pytest.mark.parametrize("outputs", [("depth",), ("flow",), ("flow", "flow_valid"), ("depth", "normals")], ids="+".join)
 def test_what_is_told_is_what_is_allocated_where_shapes_are_listed_ahead(
     outputs: tuple[str, ...], device: wp.Device, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -165,7 +165,8 @@ def test_what_is_told_is_what_is_allocated_where_shapes_are_listed_ahead(
     with wp.ScopedDevice(device):
         scene = wc.from_mujoco_warp(mjm, mjw.put_model(mjm), mjw.put_data(mjm, mujoco.MjData(mjm), nworld=40))
     told = check_ledger(scene, [camera(width=16, height=8, outputs=outputs)], device, monkeypatch)
-    assert told.worlds == 40 * (10 + 84 + 1552 * device.is_cuda)
+    lists = 1552 + 320 * ("normals" in outputs)
+    assert told.worlds == 40 * (10 + 84 + lists * device.is_cuda)
 
 
 def check_ledger(

@@ -26,8 +26,7 @@ template <int TYPES, int LENS, int OUTPUTS, class List, int TALL_, class Target,
     using Facings_ = ShapeFacings<((OUTPUTS & NORMAL) && THREADS > 1 ? CAPACITY : 0)>;
     Facings_& facings;
     const float *columns, *rows;  // x of the region's columns, y of its rows, where they are LINED
-    int part = 0;                 // of PARTS of the region: which of them is drawn
-    static constexpr int PARTS = parts_of(OUTPUTS);
+    int part = 0, parts = 1;      // of the region, and which of them is drawn
     static constexpr bool LINED = THREADS > 1 && TALL > 1 && LENS == PINHOLE;
     static constexpr int THREES = OUTPUTS & FOURS ? OUTPUTS & (POINTS | NORMAL) : 0;  // stored by 16 bytes
     static constexpr bool TILES_INSIDE = (OUTPUTS & TILED) != 0;
@@ -254,11 +253,11 @@ template <int TYPES, int LENS, int OUTPUTS, class List, int TALL_, class Target,
         if constexpr (Places_::LOOKS_AT_FLOORS) {
             const FlowFloor& floor = places.floor;
             const auto& trail = target.trail;
-            const unsigned part = FlowFloor::part_of(i, j);
-            const int seen = *const_cast<const volatile int*>(floor.seen + part), shape = seen & FlowFloor::NONE;
+            const unsigned here = FlowFloor::part_of(i, j);
+            const int seen = *const_cast<const volatile int*>(floor.seen + here), shape = seen & FlowFloor::NONE;
             if (!__all_sync(ALL, hit[0].shape == shape && hit[1].shape == shape)) {
                 if (!__all_sync(ALL, hit[0].shape == floor.shape && hit[1].shape == floor.shape) && lane == 0)
-                    floor.region_parts[part] = 0;
+                    floor.region_parts[here] = 0;
                 return false;
             }
             // The words of a part lie together, two a lane; of whether pixels were seen eight lanes have a row each.

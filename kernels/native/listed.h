@@ -29,7 +29,9 @@ WARPCAM_FN void draw_listed(const Shapes& shapes, const Materials&, const Meshes
     using Room = ListedRoom<List, Canvas_::LINED ? WIDTH + HEIGHT : 1, Near>;
     WARPCAM_SHARED Room shared;
     Room& room = by_address(shared);
-    constexpr int PARTS = parts_of(OUTPUTS);
+    constexpr int PARTS = parts_of(OUTPUTS, WIDTH, HEIGHT);
+    static_assert(PARTS == 1 || Canvas_::STORES_MUCH);  // else warps have their own tiles, counted from the first
+    static_assert(WIDTH % (Canvas_::WIDE * TILE_WIDTH) == 0);
     const int thread = index % THREADS, block = same_of_warp(index / THREADS), world = block / PARTS;
     const bool wanted = wp::index(target.mask, world);
     const List* from = reinterpret_cast<const List*>(target.lists.data) + world;
@@ -51,7 +53,7 @@ WARPCAM_FN void draw_listed(const Shapes& shapes, const Materials&, const Meshes
         for (int n = thread; n < WIDTH + HEIGHT; n += THREADS)
             room.lines[n] = n < WIDTH ? image_x(from->camera, float(n)) : image_y(from->camera, float(n - WIDTH));
     const Canvas_ canvas { target,     shapes,       room.list, room.list.camera, { 0, 0, WIDTH, HEIGHT }, world, room.places,
-                           room.list.facings, room.lines, room.lines + (Canvas_::LINED ? WIDTH : 0), block % PARTS };
+                           room.list.facings, room.lines, room.lines + (Canvas_::LINED ? WIDTH : 0), block % PARTS, PARTS };
     if (finds)
         canvas.find_floor(thread - LANES);
     else if (thread >= THREADS - LANES)

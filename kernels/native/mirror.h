@@ -11,7 +11,7 @@ constexpr float ON_MIRROR = 1.0e-3f;  // of a depth: a box shows other sides bes
 
 // Pixel (i, j) is column i of the mirrored view, counted from the other side in the images.
 template <int TYPES, int LENS, bool FACES, class Target> struct MirrorCanvas {
-    static constexpr int THREES = 0, TALL = 1, PARTS = 1, part = 0;
+    static constexpr int THREES = 0, TALL = 1, part = 0, parts = 1;
 
     const Target& target;
     const Camera& camera;

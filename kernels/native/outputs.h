@@ -35,11 +35,12 @@ constexpr int tiles_at_once(int types, int width, int height)
 }
 
 // How many blocks share an image whose shapes have been listed. Where much is stored a launch ends sooner with short blocks;
-// where little is, they begin too often; where validity is wanted each would look at the whole floor. visibility.py has the same.
-constexpr int parts_of(int outputs)
+// where little is, they begin too often; where validity is wanted each would look at the whole floor. None has less than a pixel a thread. visibility.py has the same.
+constexpr int parts_of(int outputs, int width, int height)
 {
-    const bool may = (outputs & LISTED_AHEAD) && !(outputs & FLOW_VALID);
-    return !may ? 1 : outputs & (POINTS | NORMAL) ? 4 : outputs & FLOW ? 2 : 1;
+    const int wanted = outputs & FLOW_VALID ? 1 : outputs & (POINTS | NORMAL) ? 4 : outputs & FLOW ? 2 : 1;
+    const int most = width * height / THREADS;
+    return wanted < most ? wanted : most;
 }
 
 // Where normals or albedo are written, hits name the slot of their shape's record instead of the shape: see gather().

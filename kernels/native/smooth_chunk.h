@@ -7,8 +7,8 @@
 #if defined(__CUDA_ARCH__)
 namespace warpcam {
 
-// Those that it smooths together, at most: at the end its warps wait for the one whose rays take longest. Five blocks of a
-// multiprocessor have room for so many.
+// Those that it smooths together, at most: at the end its warps wait for the one whose rays take longest. A multiprocessor's
+// blocks have room for so many: antialias.py.
 constexpr int most_together(int types) { return types >> HEIGHT_FIELD & 1 ? 384 : 440; }
 
 // What a sample has hit, where there are meshes.

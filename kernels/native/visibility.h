@@ -83,8 +83,8 @@ WARPCAM_FN void draw_tiles(List& list, const Canvas_& canvas, const Meshes& mesh
     constexpr int WIDE = Canvas_::WIDE;  // stacks beside each other that are looked at together
     const int across = region.width / (WIDE * TILE_WIDTH), levels = (region.height / TILE_HEIGHT + TALL - 1) / TALL;
     // A part has so many levels of units, the last one perhaps fewer.
-    const int of_part = across * ((levels + Canvas_::PARTS - 1) / Canvas_::PARTS), begin = canvas.part * of_part;
-    const int units = Canvas_::PARTS == 1 ? of_part : lower_int(begin + of_part, across * levels);
+    const int of_part = across * ((levels + canvas.parts - 1) / canvas.parts), begin = canvas.part * of_part;
+    const int units = canvas.parts == 1 ? of_part : lower_int(begin + of_part, across * levels);
     const unsigned per_level = unsigned(65536.0f * reciprocal(float(across))) + 1u;  // of 65536; exact below 8192 units
     // Where tiles take about as long as each other, each warp has its own: one of four, and of the next four the next. But
     // where much is stored: warps drift apart then, and memory gets lines in parts.

@@ -1,7 +1,4 @@
-"""Shapes listed by the stage that writes views: the same images as where each block of the trace lists them.
-
-On a CPU there is one way, so that these tests say something on a GPU alone.
-"""
+"""Shapes listed by the stage that writes views: the same images as where each block of the trace lists them."""
 
 from dataclasses import replace
 from types import SimpleNamespace
@@ -70,6 +67,8 @@ def frames(
     ("outputs", "opens"),
     [
         (OUTPUTS, True),
+        (("depth", "segmentation"), True),
+        (("depth", "segmentation", "bodies"), False),
         (("depth", "segmentation", "points"), True),
         (FLOWING, True),
         (FLOWING, False),
@@ -77,6 +76,8 @@ def frames(
         (FACING, True),
         (("depth", "normals", "points"), False),
         ((*FLOWING, "normals"), True),
+        (("flow", "normals"), True),
+        (("flow", "points", "segmentation"), False),
     ],
 )
 def test_listed_ahead_or_by_the_blocks(
@@ -87,6 +88,8 @@ def test_listed_ahead_or_by_the_blocks(
     device: wp.Device,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
+    if not device.is_cuda:
+        pytest.skip("on a CPU there is one way")
     monkeypatch.setattr(visibility, "region_size", lambda *_, **__: (64, 64))
     found = frames(floor, lens, outputs, opens)
     monkeypatch.setattr(listing, "capacity_of", lambda *_: 0)
@@ -108,10 +111,12 @@ def test_listed_ahead_or_by_the_blocks(
 
 
 @pytest.mark.parametrize("size", [(16, 8), (32, 16), (32, 32)])  # fewer rows of tiles than blocks that share an image
-@pytest.mark.parametrize("outputs", [("depth", "normals", "points"), ("depth", "flow")])
+@pytest.mark.parametrize("outputs", [("depth", "normals", "points"), ("depth", "flow"), ("depth",)])
 def test_small_images_of_listed_shapes(
     outputs: tuple[str, ...], size: tuple[int, int], device: wp.Device, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    if not device.is_cuda:
+        pytest.skip("on a CPU there is one way")
     lens = wc.Pinhole(fovy=60.0)
     monkeypatch.setattr(visibility, "region_size", lambda *_, **__: size)
     found = frames("0 0 1", lens, outputs, True, size)
