@@ -22,9 +22,9 @@ class Entries:
 
     # (entry,) COPY: a shape of its own, third component; MARK: something with a pose, third, in which it stands as a
     # row of offsets and turns, fourth, says; SEGMENT: of a path,
-    # third, the segment's number, fourth; EDGE: between two vertices, third and fourth; STRING: as SEGMENT, of a path
-    # between two stops that may hang slack; ARC: a piece of where a path, third, lies on something, fourth: the piece's
-    # number and, times MOST_PIECES, that of the place along the path
+    # third, the segment's number among those that are drawn, fourth; EDGE: between two vertices, third and fourth;
+    # STRING: as SEGMENT, of a path between two stops that may hang slack; ARC: a piece of where a path, third, lies on
+    # something, fourth: the piece's number and, times MOST_PIECES, that of the place along the path
     what: wp.array(dtype=wp.vec4i)
     radii: wp.array(dtype=wp.float32)  # (entry,) of segments and edges [m]
     lengths: wp.array(dtype=wp.float32)  # (entry,) of strings [m]
@@ -80,6 +80,23 @@ def find_arc(live: Entries, world: wp.int32, path: wp.int32, number: wp.int32) -
     for stop in range(first + 1, first + live.path_counts[world, path] - 2):
         if live.stop_objects[world, stop] >= 0 and live.stop_objects[world, stop + 1] >= 0:
             if left == 0 and found < 0:
+                found = stop
+            left = left - 1
+    return found
+
+
+@wp.func
+def find_segment(live: Entries, world: wp.int32, path: wp.int32, number: wp.int32) -> wp.int32:
+    """The stop where a path's straight segment of this number, from 0, begins; -1 if it has fewer."""
+    first = live.path_starts[world, path]
+    found = wp.int32(-1)
+    left = number
+    for stop in range(first, first + live.path_counts[world, path] - 1):
+        here = live.stop_objects[world, stop]
+        there = live.stop_objects[world, stop + 1]
+        arc = here >= 0 and there >= 0 and live.slices > 0
+        if here != -2 and there != -2 and not arc:
+            if left == 0:
                 found = stop
             left = left - 1
     return found
@@ -150,19 +167,14 @@ def write_table(live: Entries, out: Table, first: wp.int32):
             if piece >= pieces:
                 radius = 0.0
     else:
-        stop = live.path_starts[world, a] + b
-        shown = b + 1 < live.path_counts[world, a]
-        if shown:
-            here = live.stop_objects[world, stop]
-            there = live.stop_objects[world, stop + 1]
-            shown = here != -2 and there != -2
+        stop = find_segment(live, world, a, b)
+        if stop < 0:
+            radius = 0.0
+        else:
             start = live.stops[world, stop]
             end = live.stops[world, stop + 1]
-            if here >= 0 and there >= 0:  # around what the path lies on
-                radius = 0.5 * radius
-                shown = live.slices == 0
-        if not shown:
-            radius = 0.0
+            if live.stop_objects[world, stop] >= 0 and live.stop_objects[world, stop + 1] >= 0:
+                radius = 0.5 * radius  # around what the path lies on
     along = end - start
     length = wp.length(along)
     axis = wp.vec3(0.0, 0.0, 1.0)

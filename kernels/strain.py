@@ -21,7 +21,7 @@ class Limits:
     power: wp.array(dtype=wp.float32)  # (entry,) the fifth of these
     held: wp.vec3  # RGB of what a limit holds
     lengths: wp.array2d(dtype=wp.float32)  # (world, path) as they are [m]
-    colors: wp.array(dtype=wp.vec4)  # (column,) RGBA of what nothing holds
+    colors: wp.array2d(dtype=wp.vec4)  # (world*, column) RGBA of what nothing holds
 
 
 @wp.func
@@ -56,7 +56,7 @@ def write_strain(limits: Limits, colors: wp.array2d(dtype=wp.vec4), first: wp.in
     if limits.hangs[entry] and length < span[1]:
         hold = 0.0
     column = limits.columns[entry]
-    color = limits.colors[column]
+    color = limits.colors[world % limits.colors.shape[0], column]
     if color[0] == 0.5 and color[1] == 0.5 and color[2] == 0.5 and color[3] == 1.0:
         mixed = (1.0 - hold) * wp.vec3(color[0], color[1], color[2]) + hold * limits.held
         color = wp.vec4(mixed[0], mixed[1], mixed[2], color[3])
@@ -64,5 +64,5 @@ def write_strain(limits: Limits, colors: wp.array2d(dtype=wp.vec4), first: wp.in
 
 
 def record_strain(limits: Any, colors: wp.array, device: wp.Device) -> Stage:
-    """Bind the stage that writes ``colors``, (world, column), on ``device``."""
+    """Bind the stage that writes ``colors``, (world, column), on ``device``; it may be ``limits.colors``."""
     return record(write_strain, colors.shape[0] * limits.columns.shape[0], [limits, colors], device)

@@ -9,7 +9,10 @@ import test_mujoco_renderer as judge
 import warp as wp
 
 import warpcam as wc
+from warpcam.sources import mujoco_extras as extras
+from warpcam.sources.mujoco_model import VERSION
 
+WRAPPED = VERSION >= extras.WRAPPED
 ENDS = 40  # pixels: the ends of a line are closed, which MuJoCo leaves open
 
 
@@ -110,6 +113,45 @@ def test_colours_of_held_tendons_follow_the_model(device: wp.Device) -> None:
     assert blue() > 0
     mjm.tendon_rgba[0] = (0.5, 0.5, 0.5, 1.0)
     assert blue() == 0
+
+
+@pytest.mark.parametrize("source", [as_classic, as_warp], ids=["classic", "warp"])
+def test_limits_go_on_to_colour_where_colours_are_varied(device: wp.Device, source: object) -> None:
+    """But for what is painted; and what is varied begins as what nothing holds."""
+    scene = source("held", device)
+    camera = scenes.own_camera(
+        position=(0.0, -3.0, 0.0), rotation=(0.7071, 0.7071, 0.0, 0.0), outputs=("albedo", "segmentation"),
+        width=64, height=64,
+    )  # fmt: skip
+    renderer = wc.Renderer(scene, [camera])
+    before = scenes.on_host(renderer.render()["eye"])
+    colors = scene.vary("shape_colors")
+    mjm = looked_at("held", 0)[0]
+    first = mjm.ngeom + mjm.nsite
+    own = np.flatnonzero(scene._parts.shape_ids[0] == first).tolist()
+    assert (colors[:, own] == colors.new_tensor(extras.DEFAULT_COLOR)).all()
+    after = scenes.on_host(renderer.render()["eye"])
+    assert (after["albedo"] == before["albedo"]).all()
+    colors[1, own] = colors.new_tensor((0.0, 0.0, 1.0, 1.0))
+    after = scenes.on_host(renderer.render()["eye"])
+    painted = before["segmentation"] == first
+    painted[0] = False
+    assert painted.any() and (after["albedo"][painted] == (0, 0, 255)).all()
+    assert (after["albedo"][~painted] == before["albedo"][~painted]).all()
+
+
+def test_tendons_take_no_columns_that_cannot_be_drawn(device: wp.Device) -> None:
+    for slices, most in ((120, 8), (5, 5)):
+        mjm, mjd = soft_scenes.bent("wraps")
+        mjm.vis.quality.numslices = slices
+        scene = wc.from_mujoco(mjm, mjd, device=device, draw=("tendons",))
+        wraps = 1 + 2
+        straight = 2 + 4
+        arcs = wraps * most if WRAPPED else wraps
+        assert scene.tables().num_drawn == straight + arcs
+    mjm, mjd = soft_scenes.bent("tendons")
+    scene = wc.from_mujoco(mjm, mjd, device=device, draw=("tendons",))
+    assert scene.tables().num_drawn == 2 + (8 if WRAPPED else 1) + 2, "nothing beside a pulley"
 
 
 def test_ids_count_on_from_the_geoms(device: wp.Device) -> None:

@@ -173,12 +173,26 @@ def fields_of(parts: Parts) -> Mapping[str, Field]:
     return {**FIELDS, **PHYSICAL_FIELDS, "material_texture": texture}
 
 
+class Blends(Protocol):
+    """What blends colours of shapes in the stages of a source."""
+
+    def unblended(self, colors: np.ndarray) -> np.ndarray:
+        """Those of the source, (world*, shape, 4), without that."""
+
+    def blend(self, painted: wp.array) -> tuple[Stage, ...]:
+        """What does it to others, (world, shape), that are written each frame after the source's stages."""
+
+
 class Source(Protocol):
     """What reads one simulator."""
 
     device: wp.Device
     parts: Parts
     live_on_device: bool  # False: refresh() copies from the host
+
+    @property
+    def blends(self) -> Blends | None:
+        """None where colours are as they are held."""
 
     def arrays(self) -> Mapping[str, wp.array]:
         """The live arrays by the names in ``FIELDS``, and "headlight", (3,) vec3: as they are now."""

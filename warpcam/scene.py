@@ -187,7 +187,7 @@ class Scene:
     def stages(self) -> tuple[Stage, ...]:
         """What brings the device's arrays up to date there: the same tuple as long as it does the same."""
         stages = self._source.stages(self._meshes)
-        return (*stages, *self._own.stages) if self._own.stages else stages
+        return (*stages, *self._own.stages_over(self._source)) if self._own.stages else stages
 
     def clock(self) -> wp.array | None:
         """The simulator's own live array of its time in each world [s], (world,) float32; None where it keeps none."""

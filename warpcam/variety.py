@@ -10,7 +10,7 @@ from warpcam import interop
 from warpcam.errors import WarpcamError
 from warpcam.kernels.launch import Stage
 from warpcam.kernels.variety import empty_variety, record_dimming, record_painting
-from warpcam.parts import Field, Parts, fields_of
+from warpcam.parts import Field, Parts, Source, fields_of
 
 # What no simulator holds: dtype and what its second dimension counts, "" for none.
 MORE: Mapping[str, tuple[Any, str]] = {
@@ -57,7 +57,7 @@ class OwnArrays:
     def tensor(self, name: str) -> interop.Tensor:
         return self._tensors[name]
 
-    def make(self, name: str, source: Any, arrays: Mapping[str, wp.array]) -> None:
+    def make(self, name: str, source: Source, arrays: Mapping[str, wp.array]) -> None:
         """Make room for an entry for each world of ``arrays[name]``, or of what no simulator holds."""
         allowed = names_of(self._parts)
         if name not in allowed:
@@ -69,14 +69,14 @@ class OwnArrays:
         elif source.holds(name) and self._is_whole(source.arrays()[name]):
             array = self._arrays[name] = source.arrays()[name]  # an entry for each world, for nobody else to write
         else:
-            array = self._arrays[name] = self._copied(name, arrays[name])
+            array = self._arrays[name] = self._copied(name, arrays[name], source)
         self._tensors[name] = interop.to_torch(array)
 
     def over(self, arrays: Mapping[str, wp.array]) -> Mapping[str, wp.array]:
         """The source's arrays with those of one's own in their places."""
         return {**arrays, **self._arrays} if self._arrays else arrays
 
-    def finish(self, source: Any, arrays: Mapping[str, wp.array]) -> Mapping[str, wp.array]:
+    def finish(self, source: Source, arrays: Mapping[str, wp.array]) -> Mapping[str, wp.array]:
         """What the kernels are to read instead of ``arrays``; sets ``stages``, which write it."""
         stages, finished = [], dict(arrays)
         for name in DIMMED if "light_intensity" in self._arrays else ():
@@ -92,6 +92,12 @@ class OwnArrays:
             finished["headlight"] = self._headlight
         self.stages = tuple(stages)
         return finished
+
+    def stages_over(self, source: Source) -> tuple[Stage, ...]:
+        """``stages``, and what the source does to colours that are painted."""
+        if source.blends is None or "shape_colors" not in self._finished:
+            return self.stages
+        return (*self.stages, *source.blends.blend(self._finished["shape_colors"]))
 
     @property
     def headlights(self) -> bool:
@@ -123,8 +129,10 @@ class OwnArrays:
             self._finished[name] = wp.zeros(shape, dtype=dtype, device=self._device)
         return self._finished[name]
 
-    def _copied(self, name: str, array: wp.array) -> wp.array:
+    def _copied(self, name: str, array: wp.array, source: Source) -> wp.array:
         host = array.numpy()
+        if name == "shape_colors" and source.blends is not None:
+            host = source.blends.unblended(host.copy())
         rows = np.arange(self._num_worlds) % host.shape[0]
         host = np.ascontiguousarray(host[rows])
         if name == "shape_colors":

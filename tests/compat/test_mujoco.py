@@ -7,6 +7,7 @@ import sys
 import mujoco
 import numpy as np
 import pytest
+import soft_scenes
 import warp as wp
 
 import warpcam as wc
@@ -297,6 +298,25 @@ def test_pictures_follow_the_model(device: wp.Device) -> None:
             renderer.update_scene(data, "fixed")
             pictures.append(renderer.render())
             assert (pictures[-1] != pictures[-2]).any(), kind
+
+
+def test_colours_of_limits_follow_the_model(device: wp.Device) -> None:
+    model, data = soft_scenes.bent("held")
+    with ours(model, device) as renderer:
+
+        def seen() -> np.ndarray:
+            renderer.update_scene(data)
+            return renderer.render()
+
+        first = seen()
+        model.vis.rgba.constraint[:] = (0, 1, 0, 1)
+        second = seen()
+        assert (second != first).any()
+        for bit in ("CONSTRAINT", "LIMIT"):
+            model.opt.disableflags = int(getattr(mujoco.mjtDisableBit, f"mjDSBL_{bit}"))
+            assert (seen() != second).any(), bit
+        model.opt.disableflags = int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
+        assert (seen() == second).all()
 
 
 def test_out(device: wp.Device) -> None:

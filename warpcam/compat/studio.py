@@ -13,6 +13,7 @@ import warpcam as wc
 from warpcam.compat.opaque import SOLID, Opaque, has_veils, sees_veils
 from warpcam.errors import WarpcamError
 from warpcam.sources.mujoco import load
+from warpcam.sources.mujoco_limits import UNLIMITED
 from warpcam.sources.mujoco_model import DATA_NAMES, MODEL_NAMES
 
 VIEW = "view"  # the one camera's name
@@ -239,7 +240,8 @@ class Studio:
         veils = ((model.geom_rgba[:, 3] < SOLID).tobytes(), (model.mat_rgba[:, 3] < SOLID).tobytes())
         sizes = model.vis.map
         scales = (sizes.znear, sizes.zfar, sizes.shadowclip, sizes.shadowscale, sizes.haze, model.stat.extent)
-        return (*values, *veils, scales, np.asarray(model.vis.rgba.haze).tobytes())
+        colors = [np.asarray(getattr(model.vis.rgba, name)).tobytes() for name in ("haze", "constraint")]
+        return (*values, *veils, scales, *colors, model.opt.disableflags & UNLIMITED)
 
     def _opacity(self) -> tuple[np.ndarray, np.ndarray]:
         """Which sites, tendons, flexes and skins are seen now, and which of these are transparent."""

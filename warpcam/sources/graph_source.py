@@ -32,6 +32,7 @@ class GraphSource:
     """The arrays of a graph. All but poses have one row for all worlds until they are driven."""
 
     live_on_device = True
+    blends = None
 
     def __init__(
         self,

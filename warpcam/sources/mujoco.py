@@ -73,6 +73,10 @@ class MujocoSource:
     def arrays(self) -> Mapping[str, wp.array]:
         return self._arrays if self._tables is None else self._tables.arrays(self._arrays)
 
+    @property
+    def blends(self) -> ExtraTables | None:
+        return self._tables
+
     def holds(self, field: str) -> bool:
         return False
 

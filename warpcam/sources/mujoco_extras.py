@@ -283,13 +283,13 @@ class _Reader:
                     self._lengths[len(self._entries)] = length
                     self._add((STRING, column, tendon, segment), column, float(mjm.tendon_width[tendon]))
                 continue
-            around = np.isin(path, (wrap.mjWRAP_SPHERE, wrap.mjWRAP_CYLINDER))  # touched at two points
-            for segment in range(len(path) + int(around.sum()) - 1):
+            around = int(np.isin(path, (wrap.mjWRAP_SPHERE, wrap.mjWRAP_CYLINDER)).sum())
+            joined = int(((path[1:] != wrap.mjWRAP_PULLEY) & (path[:-1] != wrap.mjWRAP_PULLEY)).sum())
+            lines = [(SEGMENT, number) for number in range(joined + (0 if self._slices else around))]
+            lines += [(ARC, piece) for piece in range(around * MOST_PIECES) if piece % MOST_PIECES < self._slices]
+            for kind, number in lines:
                 column = self._beyond(CAPSULE, row)
-                self._add((SEGMENT, column, tendon, segment), column, float(mjm.tendon_width[tendon]))
-            for piece in range(int(around.sum()) * MOST_PIECES if self._slices else 0):
-                column = self._beyond(CAPSULE, row)
-                self._add((ARC, column, tendon, piece), column, float(mjm.tendon_width[tendon]))
+                self._add((kind, column, tendon, number), column, float(mjm.tendon_width[tendon]))
 
     def _read_flexes(self, start: mujoco.MjData) -> None:
         mjm = self._mjm

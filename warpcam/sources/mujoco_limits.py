@@ -10,6 +10,7 @@ from warpcam.kernels.extras import ARC, SEGMENT, STRING
 from warpcam.kernels.strain import Limits
 
 LEAST, MOST = 1e-4, 0.9999  # between which MuJoCo holds an impedance
+UNLIMITED = int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT | mujoco.mjtDisableBit.mjDSBL_LIMIT)  # each ends all limits
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,10 +38,10 @@ class HeldTendons:
 
 def held_tendons(mjm: mujoco.MjModel, entries: np.ndarray) -> HeldTendons | None:
     """Those among the entries of a table, (entry, 4), whose columns they are written to; None if there are none."""
-    off = mjm.opt.disableflags & (mujoco.mjtDisableBit.mjDSBL_CONSTRAINT | mujoco.mjtDisableBit.mjDSBL_LIMIT)
     of_tendons = entries[np.isin(entries[:, 0], (SEGMENT, STRING, ARC))]
     limited = (mjm.tendon_limited != 0) & (mjm.tendon_matid < 0)
     limited &= np.array([_moves(mjm, tendon) for tendon in range(mjm.ntendon)], bool)
+    off = mjm.opt.disableflags & UNLIMITED
     own = of_tendons[limited[of_tendons[:, 2]]] if mjm.ntendon and not off else of_tendons[:0]
     if not len(own):
         return None

@@ -69,12 +69,14 @@ class ExtraTables:
         self._turns = wp.array(extras.turns, dtype=wp.mat33, device=device)
         self._colors = extras.colors
         self._held = extras.held.upload(device) if extras.held is not None else None
+        self._over = extras.held.upload(device) if extras.held is not None else None
         if self._held is not None:
-            self._held.colors = wp.array(extras.colors, dtype=wp.vec4, device=device)
+            self._held.colors = wp.array(extras.colors[None], dtype=wp.vec4, device=device)
         self._table: dict[str, wp.array] = {}
         self._arrays: dict[str, wp.array] = {}
         self._last: tuple[Any, ...] = ()
         self._stages: tuple[Stage, ...] | None = None
+        self._blending: tuple[wp.array, Stage] | None = None
         self._live: Mapping[str, wp.array] = {}
         self._trees: list[Tree] | None = None
         points = (num_worlds, extras.num_points)
@@ -100,10 +102,26 @@ class ExtraTables:
             return
         self._colors = colors
         if self._held is not None:
-            self._held.colors.assign(colors)
+            self._held.colors.assign(colors[None])
         if "colors" in self._table:
             table = self._table["colors"]
             table.assign(np.broadcast_to(colors, (table.shape[0], *colors.shape)))
+
+    def unblended(self, colors: np.ndarray) -> np.ndarray:
+        """Those of the table, (world*, column, 4), as they are where no limit holds."""
+        if self._extras.held is not None:
+            columns = self._extras.held.columns
+            colors[:, columns] = self._colors[columns]
+        return colors
+
+    def blend(self, painted: wp.array) -> tuple[Stage, ...]:
+        """What gives painted colours, (world, column), that of limits, each frame after ``stages`` and the painting."""
+        if self._held is None or self._over is None:
+            return ()
+        if self._blending is None or self._blending[0] is not painted:
+            self._over.lengths, self._over.colors = self._held.lengths, painted
+            self._blending = painted, record_strain(self._over, painted, self._device)
+        return (self._blending[1],)
 
     def stages(self, meshes: Meshes) -> tuple[Stage, ...]:
         """What writes the tables and moves meshes: the same tuple until the simulator's arrays are others."""
@@ -125,7 +143,7 @@ class ExtraTables:
         self._live = live
         self._arrays = {name: live[name] for name in (*FIELDS, "headlight")}
         self._arrays.update({f"shape_{name}": array for name, array in self._table.items()})
-        self._stages = None
+        self._stages = self._blending = None
 
     def _make(self, name: str, rows: int) -> wp.array:
         """A table with what never changes in its columns."""

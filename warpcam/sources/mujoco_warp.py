@@ -74,6 +74,10 @@ class MujocoWarpSource:
         values = (*of_data(self._d), *of_model(self._m), self._headlight, *extras)
         return dict(zip(self._names, values, strict=True))
 
+    @property
+    def blends(self) -> ExtraTables | None:
+        return self._tables
+
     def holds(self, field: str) -> bool:
         return field in model.MODEL_NAMES and not (self._tables is not None and field.startswith("shape_"))
 

@@ -57,6 +57,7 @@ class NewtonSource:
     """A Newton model, its tables by world, and the state that is looked at."""
 
     live_on_device = True
+    blends = None
 
     def __init__(
         self,
