@@ -21,7 +21,7 @@ class Entries:
     """The columns that are written each frame, and what the simulator has for them."""
 
     # (entry,) COPY: a shape of its own, third component; MARK: something with a pose, third, in which it stands as a
-    # row of offsets and turns, fourth, says; SEGMENT: of a path, third, the segment's number among those that are drawn,
+    # row of offsets and turns, fourth, says; SEGMENT: of a path, third, the segment's number among those drawn,
     # fourth; EDGE: between two vertices, third and fourth; STRING: as SEGMENT, of a path between two stops that may
     # hang slack; ARC: a piece of where a path, third, lies on something, fourth: the piece's number and, times
     # MOST_PIECES, that of the place along the path
