@@ -36,7 +36,8 @@ def _bytes(items: Any, count: int) -> bytes:
     if not count:
         return b""
     first, last = items[0], items[count - 1]
-    numbers, arrays = _fields(type(first))
+    struct: Any = type(first)
+    numbers, arrays = _fields(struct)
     parts = [repr((numbers(first), numbers(last))).encode()]
     parts += [array.tobytes() for array in (*arrays(first), *arrays(last))]
     if count > 1:  # all but what lies before pos in the first, and from there on in the last
