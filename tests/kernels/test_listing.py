@@ -96,7 +96,7 @@ def test_listed_ahead_or_by_the_blocks(
     expected = frames(floor, lens, outputs, opens)
     assert np.flatnonzero(expected[3]["faulty"]).tolist() == [BROKEN]
     assert expected[4]["frames"].tolist() == [4 + (world in CHOSEN) for world in range(WORLDS)]
-    assert len(np.unique(expected[0]["depth"])) > 100
+    assert "depth" not in outputs or len(np.unique(expected[0]["depth"])) > 100
     for mine, theirs in zip(found, expected, strict=True):
         for name, image in theirs.items():
             if name == "flow":
