@@ -93,13 +93,17 @@ def test_errors(installed: None) -> None:
         scene.ptr.ngeom += 1
 
     def paint(_: Any, scene: Any) -> None:
-        scene.ptr.geoms[0].rgba[0] = 0.123
+        scene.ptr.geoms[0].type = 6
 
     with pytest.raises(wc.WarpcamError, match="scene_callback: 1 geoms were added"):
         one.render(HEIGHT, WIDTH, scene_callback=add)
     with pytest.raises(wc.WarpcamError, match="scene_callback: geoms or lights of the scene were written"):
         one.render(HEIGHT, WIDTH, scene_callback=paint)
     assert (one.render(HEIGHT, WIDTH, scene_callback=lambda *_: None) == one.render(HEIGHT, WIDTH)).all()
+    camera = engine.Camera(one, HEIGHT, WIDTH)
+    camera.scene.ptr.stereo = 1
+    with pytest.raises(wc.WarpcamError, match=r"scene.stereo is 1"):
+        camera.render()
     with pytest.raises(wc.WarpcamError, match="width and height must be at least 1 pixel, got 8 and 0"):
         one.render(0, 8)
     with pytest.raises(ValueError, match="fixed cameras"):

@@ -170,6 +170,21 @@ def test_what_nothing_can_be_made_of_is_named() -> None:
         assert message in str(caught.value)
 
 
+@pytest.mark.parametrize("prepared", [False, True])
+def test_targets_that_are_no_numbers_are_named(prepared: bool) -> None:
+    sim = new_sim(wp.get_device("cpu"))
+    env = GYM.create_env(sim, gymapi.Vec3(), gymapi.Vec3(), 1)
+    GYM.create_actor(env, GYM.create_box(sim, 1, 1, 1, None), at(0, 0, 0), "box")
+    if prepared:
+        GYM.prepare_sim(sim)
+    given = (["a"], "ab", [[1.0], [1.0, 2.0]], [1.0], None, torch.zeros(2), torch.zeros(0, device="meta"), [1j], {})
+    for name in ("set_actor_dof_position_targets", "set_actor_dof_velocity_targets"):
+        for values in given:
+            with pytest.raises(wc.WarpcamError, match=f"{name}: 0 numbers are needed, got "):
+                getattr(GYM, name)(env, 0, values)
+        assert getattr(GYM, name)(env, 0, torch.zeros(0))
+
+
 def test_a_picture_that_cannot_be_saved_is_named(world: World, tmp_path: Path) -> None:
     world.render()
     path = str(tmp_path / "nowhere" / "depth.png")

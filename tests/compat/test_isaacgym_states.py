@@ -212,6 +212,45 @@ def test_speeds_of_one_actor_are_driven(device: wp.Device, tmp_path: Path) -> No
     assert state["vel"][0] == pytest.approx(0.5, abs=0.02) and 0.3 < state["pos"][0] < 0.5
 
 
+def test_what_one_actor_is_told_is_brought_over_with_the_next_step(
+    device: wp.Device, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Not at each call; and what is told later, to all or to one, is what counts."""
+    (tmp_path / "cart.urdf").write_text(CART)
+    sim = new_sim(device, dt=0.02)
+    asset = GYM.load_asset(sim, str(tmp_path), "cart.urdf", gymapi.AssetOptions(fix_base_link=True))
+    envs = [GYM.create_env(sim, gymapi.Vec3(-2, -2, 0), gymapi.Vec3(2, 2, 2), 3) for _ in range(3)]
+    for env in envs:
+        cart = GYM.create_actor(env, asset, at(0, 0, 1), "cart")
+        drive = GYM.get_actor_dof_properties(env, cart)
+        drive["driveMode"], drive["stiffness"], drive["damping"] = gymapi.DOF_MODE_POS, 200.0, 40.0
+        GYM.set_actor_dof_properties(env, cart, drive)
+    GYM.set_actor_dof_position_targets(envs[2], 0, [0.6])
+    GYM.prepare_sim(sim)
+    dofs = wrapped(GYM.acquire_dof_state_tensor(sim))
+
+    def tell(env: int, target: Any) -> None:
+        with monkeypatch.context() as patch:
+            for name in ("numpy", "assign"):
+                patch.setattr(wp.array, name, None)
+            assert GYM.set_actor_dof_position_targets(envs[env], 0, target)
+
+    def reached() -> np.ndarray:
+        for _ in range(60):
+            GYM.simulate(sim)
+        GYM.refresh_dof_state_tensor(sim)
+        return dofs[:, 0].cpu().numpy()
+
+    tell(0, torch.tensor((9.0,), device=dofs.device))
+    tell(0, torch.tensor((0.5,), device=dofs.device, dtype=torch.bfloat16, requires_grad=True))
+    tell(1, (-0.25,))
+    np.testing.assert_allclose(reached(), (0.5, -0.25, 0.6), atol=0.05)
+    tell(0, [9.0])
+    GYM.set_dof_position_target_tensor(sim, gymtorch.unwrap_tensor(torch.tensor((0.1, 0.2, 0.3), device=dofs.device)))
+    tell(1, np.array([0.0]))
+    np.testing.assert_allclose(reached(), (0.1, 0.0, 0.3), atol=0.05)
+
+
 def test_after_a_teleport_the_image_is_that_of_a_fresh_one(device: wp.Device) -> None:
     moved, fresh = walls(device, fixed=False), walls(device, fixed=False)
     moved.render()

@@ -1,7 +1,9 @@
 """``mujoco.Renderer``'s calls, encodings and errors, and its pictures, from ``warpcam.compat.mujoco.Renderer``."""
 
+import copy
 import gc
 import inspect
+import itertools
 import sys
 
 import mujoco
@@ -248,14 +250,59 @@ def test_what_is_written_into_the_scene_is_refused(device: wp.Device) -> None:
                 renderer.render()
             renderer.update_scene(data, "fixed")  # MuJoCo makes them anew
             assert (renderer.render() == first).all()
-        for name in ("stereo", "enabletransform"):
-            setattr(renderer.scene, name, 1)
-            with pytest.raises(wc.WarpcamError, match=rf"scene\.{name} is 1.* allowed is 0"):
-                renderer.render()
-            setattr(renderer.scene, name, 0)
+        renderer.scene.stereo = 1
+        with pytest.raises(wc.WarpcamError, match=r"scene\.stereo is 1.* allowed is 0"):
+            renderer.render()
+        renderer.scene.stereo = 0
         for eye in renderer.scene.camera:
             eye.pos[2] += 0.2
         assert (renderer.render() != first).any()
+
+
+def test_every_field_of_the_scenes_geoms_and_lights_is_looked_at(device: wp.Device) -> None:
+    """Of the first, of one between and of the last; those that this version of MuJoCo has."""
+    model, data = made()
+    with ours(model, device) as renderer:
+        renderer.update_scene(data, "fixed")
+        scene = renderer.scene
+        assert scene.ngeom > 2 and scene.nlight > 1
+        for structs, count in ((scene.geoms, scene.ngeom), (scene.lights, scene.nlight)):
+            names = [name for name in dir(structs[0]) if not name.startswith("_")]
+            assert {"pos", "type"} < set(names)
+            for index, name in itertools.product({0, count // 2, count - 1}, names):
+                struct = structs[index]
+                value = copy.copy(getattr(struct, name))
+                if isinstance(value, np.ndarray):
+                    getattr(struct, name)[...] = value + 1
+                else:
+                    setattr(struct, name, "a" if name == "label" else not value if value in (0, 1) else value + 1)
+                with pytest.raises(wc.WarpcamError, match="geoms or lights were written after update_scene"):
+                    renderer.render()
+                if isinstance(value, np.ndarray):
+                    getattr(struct, name)[...] = value
+                else:
+                    setattr(struct, name, value)
+        renderer.render()  # all are as they were
+
+
+def test_another_frame_is_refused_and_the_same_is_not(device: wp.Device) -> None:
+    model, data = made()
+    with ours(model, device) as renderer:
+        renderer.update_scene(data, "fixed")
+        first, scene = renderer.render(), renderer.scene
+        scene.enabletransform = 1
+        assert (renderer.render() == first).all()
+        scene.rotate[0] = -1.0  # the same turn
+        assert (renderer.render() == first).all()
+        for name, value in (("translate", (0, 0.5, 0)), ("rotate", (0, 1, 0, 0)), ("scale", 2.0)):
+            before = copy.copy(getattr(scene, name))
+            setattr(scene, name, value)
+            with pytest.raises(wc.WarpcamError, match=r"scene\.enabletransform is 1 with .* allowed is 0"):
+                renderer.render()
+            scene.enabletransform = 0
+            assert (renderer.render() == first).all()
+            scene.enabletransform = 1
+            setattr(scene, name, before)
 
 
 def test_cameras_that_are_not_there(device: wp.Device) -> None:

@@ -112,7 +112,7 @@ def _render(
                 "scene_callback: geoms or lights of the scene were written, which is not drawn here; write colours, "
                 "sizes, poses and lights into the model and the data"
             )
-        abstract.refuse_views(scene)
+    abstract.refuse_views(_bare(camera.scene))
     model, option = physics.model.ptr, scene_option or camera.option
     with camera.scene.override_flags(dict(render_flag_overrides or {})):
         style = style_of(model, _bare(option), camera.scene.flags)

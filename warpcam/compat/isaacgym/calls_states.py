@@ -148,12 +148,17 @@ def _indices(value: Any, where: str) -> Tensor:
 def _told(env: Any, actor: Any, kind: str, values: Any, where: str) -> bool:
     found = env_of(env, where).actor(actor, where)
     count = len(found.asset.dofs)
-    given = np.array(values, np.float32)
-    if given.shape != (count,):
+    try:
+        given = interop.to_numpy(values)
+    except (TypeError, ValueError, RuntimeError):  # rows of several lengths, tensors without memory
+        given = np.zeros(())
+    if given.shape != (count,) or given.dtype.kind not in "biuf":
         raise WarpcamError(f"{where}: {count} numbers are needed, got {values!r}")
-    found.targets[kind] = given
+    given = given.astype(np.float32)
     if env.sim.prepared:
-        env.sim.physics.take_targets([found])
+        env.sim.physics.tell(found, kind, given)
+    else:
+        found.targets[kind] = given
     return True
 
 

@@ -58,7 +58,7 @@ class Physics:
         self._solver: Any = None
         self._moved = False  # joints are behind bodies
         self.write_properties()
-        self.take_targets(self.actors)
+        self._told = [actor for actor in self.actors if actor.targets]
         self._states: dict[str, tuple[wp.array, Tensor]] = {}
 
     def start_of(self, actor: Actor) -> Counts:
@@ -67,6 +67,7 @@ class Physics:
     def simulate(self, dt: float, substeps: int) -> None:
         """Move on by ``dt`` [s]."""
         with interop.in_order(self.device), wp.ScopedDevice(self.device):
+            self._take_targets()
             if self._solver is None:
                 self._solver = self._make_solver()
             for _ in range(substeps):
@@ -146,16 +147,23 @@ class Physics:
             "forces": (self._speeds, self._control.joint_f),
         }[kind]
         with interop.in_order(self.device):
+            self._take_targets()
             inputs = [values, which, self._first_dofs, places, into]
             kernels.launch(kernels.write_targets, len(which), inputs, self.device)
 
-    def take_targets(self, actors: Sequence[Actor]) -> None:
-        """Have the drives of these follow what they were told one by one."""
+    def tell(self, actor: Actor, kind: str, values: np.ndarray) -> None:
+        """Set the targets of one actor, "positions" or "velocities": all that are told are brought over at once."""
+        if not actor.targets:
+            self._told.append(actor)
+        actor.targets[kind] = values
+
+    def _take_targets(self) -> None:
+        """Have drives follow what their actors were told one by one."""
         for kind, into, first in (
             ("positions", self._control.joint_target_q, "coordinate"),
             ("velocities", self._control.joint_target_qd, "speed"),
         ):
-            told = [actor for actor in actors if kind in actor.targets]
+            told = [actor for actor in self._told if kind in actor.targets]
             if not told:
                 continue
             host = into.numpy()
@@ -164,6 +172,7 @@ class Physics:
                 begin = start.coordinates if first == "coordinate" else start.speeds
                 host[[begin + getattr(dof, first) for dof in actor.asset.dofs]] = actor.targets.pop(kind)
             into.assign(host)
+        self._told.clear()
 
     def _write_rest(self) -> None:
         """Have joints begin where actors were told before."""
