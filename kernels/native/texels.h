@@ -15,11 +15,6 @@ template <class Textures> WARPCAM_FN bool is_texture(const Textures& textures, i
     return texture >= 0 && texture < textures.kind.shape[0];
 }
 
-template <class Textures> WARPCAM_FN bool is_cube(const Textures& textures, int texture)
-{
-    return is_texture(textures, texture) && wp::index(textures.kind, texture) == TEXTURE_CUBE;
-}
-
 // Where a texture lies among the texels.
 struct Image {
     int start, width, height;

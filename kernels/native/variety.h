@@ -5,6 +5,11 @@
 
 namespace warpcam {
 
+template <class Textures> WARPCAM_FN bool is_cube(const Textures& textures, int texture)
+{
+    return is_texture(textures, texture) && wp::index(textures.kind, texture) == TEXTURE_CUBE;
+}
+
 // Facts of a scene and of a camera, beside those of look.h. Values of variety.py.
 enum VarietyFact {
     BACKDROPS = 1 << 21,   // worlds have a background or a skybox of their own
