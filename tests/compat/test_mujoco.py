@@ -9,7 +9,6 @@ import sys
 import mujoco
 import numpy as np
 import pytest
-import soft_scenes
 import warp as wp
 
 import warpcam as wc
@@ -348,7 +347,17 @@ def test_pictures_follow_the_model(device: wp.Device) -> None:
 
 
 def test_colours_of_limits_follow_the_model(device: wp.Device) -> None:
-    model, data = soft_scenes.bent("held")
+    model = mujoco.MjModel.from_xml_string("""
+      <mujoco>
+        <worldbody>
+          <site name="a" pos="-.8 0 0"/>
+          <body pos=".8 0 0"><joint type="slide" axis="1 0 0"/><geom size=".1"/><site name="b"/></body>
+        </worldbody>
+        <tendon><spatial width=".1" limited="true" range="0 1"><site site="a"/><site site="b"/></spatial></tendon>
+      </mujoco>
+    """)
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
     with ours(model, device) as renderer:
 
         def seen() -> np.ndarray:
