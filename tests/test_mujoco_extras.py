@@ -15,6 +15,8 @@ from warpcam.sources.mujoco_model import VERSION
 WRAPPED = VERSION >= extras.WRAPPED
 ENDS = 40  # pixels: the ends of a line are closed, which MuJoCo leaves open
 
+FROM_THE_FRONT = {"position": (0.0, -3.0, 0.0), "rotation": (0.7071, 0.7071, 0.0, 0.0)}
+
 
 def looked_at(name: str, seed: int) -> tuple[mujoco.MjModel, mujoco.MjData]:
     mjm, mjd = soft_scenes.bent(name, seed)
@@ -77,10 +79,7 @@ def test_colours_are_those_of_mujocos_own_renderer(device: wp.Device, name: str)
 def test_what_a_limit_holds_has_the_limits_colour(device: wp.Device, source: object) -> None:
     """Blended by its impedance, in each world its own; not of what has a material or a colour, or hangs slack."""
     scene = source("held", device)
-    camera = scenes.own_camera(
-        position=(0.0, -3.0, 0.0), rotation=(0.7071, 0.7071, 0.0, 0.0), outputs=("albedo", "segmentation"),
-        width=64, height=64,
-    )  # fmt: skip
+    camera = scenes.own_camera(**FROM_THE_FRONT, outputs=("albedo", "segmentation"), width=64, height=64)
     renderer = wc.Renderer(scene, [camera])
     renderer.render()
     seen = scenes.on_host(renderer.render()["eye"])  # once more: what is blended is not blended again
@@ -105,7 +104,7 @@ def test_what_a_limit_holds_has_the_limits_colour(device: wp.Device, source: obj
 
 def test_colours_of_held_tendons_follow_the_model(device: wp.Device) -> None:
     mjm, mjd = looked_at("held", 0)
-    camera = scenes.own_camera(position=(0.0, -3.0, 0.0), rotation=(0.7071, 0.7071, 0.0, 0.0), outputs=("albedo",))
+    camera = scenes.own_camera(**FROM_THE_FRONT, outputs=("albedo",))
     renderer = wc.Renderer(wc.from_mujoco(mjm, mjd, device=device), [camera])
     blue = lambda: (scenes.on_host(renderer.render()["eye"])["albedo"] == (0, 0, 255)).all(axis=-1).sum()  # noqa: E731
     assert blue() == 0
@@ -119,10 +118,7 @@ def test_colours_of_held_tendons_follow_the_model(device: wp.Device) -> None:
 def test_limits_go_on_to_colour_where_colours_are_varied(device: wp.Device, source: object) -> None:
     """But for what is painted; and what is varied begins as what nothing holds."""
     scene = source("held", device)
-    camera = scenes.own_camera(
-        position=(0.0, -3.0, 0.0), rotation=(0.7071, 0.7071, 0.0, 0.0), outputs=("albedo", "segmentation"),
-        width=64, height=64,
-    )  # fmt: skip
+    camera = scenes.own_camera(**FROM_THE_FRONT, outputs=("albedo", "segmentation"), width=64, height=64)
     renderer = wc.Renderer(scene, [camera])
     before = scenes.on_host(renderer.render()["eye"])
     colors = scene.vary("shape_colors")
