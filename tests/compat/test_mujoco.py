@@ -257,8 +257,7 @@ def test_colours_of_limits_follow_the_model(device: wp.Device) -> None:
         <worldbody><site name="a" pos="-.8 0 0"/>
           <body pos=".8 0 0"><joint type="slide" axis="1 0 0"/><geom size=".1"/><site name="b"/></body></worldbody>
         <tendon><spatial width=".1" limited="true" range="0 1"><site site="a"/><site site="b"/></spatial></tendon>
-      </mujoco>
-    """)
+      </mujoco>""")
     with ours(model, device) as renderer:
 
         def seen() -> np.ndarray:
