@@ -53,6 +53,7 @@ OF_NEWTON = (
     "test_pinhole_rays_reject_out_of_range_parameters",
     "test_render_forward_depth_output",
     "test_set_ambient_light_uniform_ground",
+    "test_texture_projection_modes_texture_uvless_shapes",
     "test_update_clears_reserved_and_out_of_range_world_indices",
     "test_update_defaults_world_indices_to_identity",
     "test_update_overrides_default_render_settings",
@@ -76,6 +77,10 @@ OF_OTHERS = (
     ("test_sensor_tiled_camera", "TestSensorTiledCamera", "test_constructor_config_none_warns_deprecated"),
     ("test_sensor_tiled_camera", "TestSensorTiledCamera", "test_constructor_rejects_default_render_config_and_config"),
     ("test_sensor_tiled_camera", "TestSensorTiledCamera", "test_forward_depth_image_matches_utility"),
+    ("test_sensor_tiled_camera", "TestSensorTiledCamera", "test_checkerboard_material_requires_keyword_arguments"),
+    ("test_sensor_tiled_camera", "TestSensorTiledCamera",
+     "test_utils_explicit_render_config_field_update_does_not_warn"),
+    ("test_sensor_tiled_camera", "TestSensorTiledCamera", "test_utils_implicit_default_render_config_update_warns"),
     ("test_sensor_tiled_camera_hdr_color", "TestSensorTiledCameraHdrColor",
      "test_hdr_color_matches_srgb_packed_color_after_encoding"),
     ("test_sensor_to_rgba", "TestToRgba", "test_world_camera_axis_ordering"),
@@ -266,15 +271,13 @@ def test_what_is_not_offered_is_refused_by_name(worlds: tuple[Any, Any]) -> None
     rays = SensorCamera.compute_camera_rays_pinhole(*SIZE, camera_fov=0.8, device=model.device)
     for settings, message in (
         ({"enable_global_world": False}, "render_config.enable_global_world is False"),
-        ({"texture_projection_mode": 1, "enable_textures": True}, "render_config.texture_projection_mode is 1"),
+        ({"texture_projection_mode": 2}, "Invalid texture_projection_mode: 2"),
     ):
         config = SensorCamera.RenderConfig(**settings)
         with pytest.raises(wc.WarpcamError, match=message):
             sensor.update(state, transforms, rays, depth_image=depth, render_config=config)
     clear = SensorCamera.RenderConfig(gaussians_min_transmittance=0.1)
     sensor.update(state, transforms, rays, depth_image=depth, render_config=clear)  # there are no splats
-    with pytest.raises(wc.WarpcamError, match="assign_checkerboard_material is not offered"):
-        sensor.assign_checkerboard_material(shape_indices=[0])
     with pytest.raises(wc.WarpcamError, match="depth_image shape must be"):
         sensor.update(state, transforms, rays, depth_image=sensor.allocate_image_depth(2, *SIZE))
     with pytest.raises(wc.WarpcamError, match=r"state must be a newton\.State, got NoneType"):
