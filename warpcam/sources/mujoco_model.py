@@ -66,15 +66,18 @@ def check_model(mjm: Any, name: str) -> None:
         raise WarpcamError(f"{name} must be a mujoco.MjModel, got {type(mjm).__name__}")
 
 
-def read_parts(mjm: mujoco.MjModel, num_worlds: int, groups: Groups) -> Parts:
+def read_parts(mjm: mujoco.MjModel, num_worlds: int, groups: Groups, geoms: Collection[int] | None = None) -> Parts:
     """The static parts of a model.
 
     Args:
         mjm: The host's model.
         num_worlds: How many worlds of it there are.
-        groups: Groups that are drawn, 0 to 5; of all kinds, or of each by its name.
+        groups: Groups that are drawn, 0 to 5; of all kinds, or of each by its name. What is of a group beyond is of 0
+            or 5, as in MuJoCo's renderer.
+        geoms: Ids of the geoms that are drawn, whatever their groups are.
     """
-    drawn_groups = groups_by_kind(groups)["geoms"]
+    if geoms is None:
+        geoms = np.flatnonzero(np.isin(np.clip(mjm.geom_group, 0, NUM_GROUPS - 1), groups_by_kind(groups)["geoms"]))
     types = mjm.geom_type.astype(np.int32)
     types[types == mujoco.mjtGeom.mjGEOM_SDF] = MESH  # drawn as the mesh it was made from
     textures = [_texture(mjm, index) for index in range(mjm.ntex)]
@@ -83,7 +86,7 @@ def read_parts(mjm: mujoco.MjModel, num_worlds: int, groups: Groups) -> Parts:
         num_worlds=num_worlds,
         shape_types=types,
         shape_bodies=mjm.geom_bodyid.astype(np.int32),
-        drawn=[int(geom) for geom in np.flatnonzero(np.isin(mjm.geom_group, drawn_groups))],
+        drawn=[int(geom) for geom in geoms],
         bodies=[mjm.body(index).name for index in range(mjm.nbody)],
         cameras=[_camera(mjm, index) for index in range(mjm.ncam)],
         num_materials=mjm.nmat,

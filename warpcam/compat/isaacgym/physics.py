@@ -64,7 +64,7 @@ class Physics:
         self.stale = {"surfaces", "masses"}
         self._write_stale()
         self._contacts_felt = Contacts(self.model)
-        rows = [(self.start_of(actor).bodies + body, *rest) for actor in self.actors for body, *rest in _sensors(actor)]
+        rows = [row for actor in self.actors for row in _sensors(actor, self.start_of(actor).bodies)]
         self._sensors = Sensors(rows, device)
         self.num_sensors = len(rows)
         self._told = [actor for actor in self.actors if actor.targets]
@@ -342,7 +342,7 @@ class Physics:
         return newton.solvers.SolverXPBD(self.model, iterations=8)
 
 
-def _sensors(actor: Actor) -> Iterator[tuple[int, Transform, bool, bool]]:
-    """Body, pose in its frame, whether it feels contacts, and along the world's axes."""
+def _sensors(actor: Actor, first: int) -> Iterator[tuple[int, Transform, bool, bool]]:
+    """Body, counted from ``first``, pose in its frame, whether it feels contacts, and whether along the world's axes."""
     for body, pose, props in actor.sensors:
-        yield body, pose, bool(props.enable_constraint_solver_forces), bool(props.use_world_frame)
+        yield first + body, pose, bool(props.enable_constraint_solver_forces), bool(props.use_world_frame)

@@ -18,7 +18,8 @@ FRICTIONS = {
     "rolling_friction": "shape_material_mu_rolling",
     "torsion_friction": "shape_material_mu_torsional",
 }
-SURFACE = np.dtype([(name, "f8") for name in (*FRICTIONS, *HELD)])
+FIELDS = (*FRICTIONS, *HELD)
+SURFACE = np.dtype([(name, "f8") for name in FIELDS])
 MASS = np.dtype([("mass", "f8"), ("com", "f8", 3), ("inertia", "f8", (3, 3))])
 
 
@@ -130,19 +131,18 @@ def masses_of(builder: newton.ModelBuilder) -> np.ndarray:
 
 
 def to_surfaces(rows: np.ndarray) -> list[RigidShapeProperties]:
-    return [
-        RigidShapeProperties(
-            **{name: int(row[name]) if name == "filter" else float(row[name]) for name in SURFACE.names}
-        )
-        for row in rows
-    ]
+    found = []
+    for row in rows:
+        values: dict[str, Any] = {name: float(row[name]) for name in FIELDS}
+        found.append(RigidShapeProperties(**{**values, "filter": int(row["filter"])}))
+    return found
 
 
 def from_surfaces(values: Any, before: np.ndarray, where: str) -> np.ndarray:
     """(shape,) of SURFACE, as many as there were before."""
     rows = np.zeros_like(before)
     for row, value in zip(rows, _listed(values, RigidShapeProperties, len(before), where), strict=True):
-        for name in SURFACE.names:
+        for name in FIELDS:
             number = real(getattr(value, name))
             if not np.isfinite(number) or (name in FRICTIONS and number < 0.0):
                 raise WarpcamError(f"{where}: {name} must be finite, and no friction negative, got {number}")

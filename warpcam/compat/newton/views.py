@@ -14,6 +14,7 @@ from warpcam.compat.newton.settings import Looks, check_config, check_shapes, ch
 from warpcam.errors import WarpcamError
 from warpcam.kernels import view_images
 from warpcam.kernels.launch import record
+from warpcam.kernels.streams import context_kept
 from warpcam.kernels.types import ROLE_COLOR
 from warpcam.sources.newton import load
 
@@ -118,7 +119,8 @@ class Views:
         images = []
         if self._board is not None:  # for each of the model's materials one that shows it
             images = [self._board, *[np.zeros((1, 1, 3), np.uint8)] * (self._num_finishes - 1)]
-        self.scene = load(model, model.state(), [light], (0.0, 0.0, 0.0), None, None, images, self._triplanar)
+        with context_kept():
+            self.scene = load(model, model.state(), [light], (0.0, 0.0, 0.0), None, None, images, self._triplanar)
         self._num_finishes = self.scene.array("material_roughness").shape[1] - len(images)
         first = self.scene.array("material_texture").numpy()[0, self._num_finishes :, ROLE_COLOR]
         self._first_image = int(first[0]) if len(first) else -1
