@@ -34,7 +34,8 @@ MIDDLE_FIRST = 19
 SHUTTERED = 20  # likewise where meshes have shutters
 PROJECTED = 21  # no type: stands among a scene's types where 2-D textures lie as Newton lays them: native/mapping.h
 TRIPLANAR = 22  # beside PROJECTED: along all three axes, blended
-LOOKS_ALONE = frozenset({FROM_ABOVE, BARE, PROJECTED, TRIPLANAR})  # what only colours ask for
+SHEER = 23  # no type: stands among a scene's types where textures have an alpha, which counts on what is transparent
+LOOKS_ALONE = frozenset({FROM_ABOVE, BARE, PROJECTED, TRIPLANAR, SHEER})  # what only colours ask for
 
 # Light types.
 LIGHT_SPOT = 0

@@ -208,7 +208,8 @@ def test_groups_background_and_skybox(mjm: mujoco.MjModel, worlds: Any) -> None:
 def test_groups_of_any_number_in_anything_that_can_be_gone_through(device: wp.Device) -> None:
     """As MuJoCo-Warp has it: a number is that group alone, where MuJoCo's renderer takes those beyond for 0 or 5."""
     balls = "".join(
-        f'<geom size=".2" pos="{0.5 * index - 1.0} 0 0" group="{group}"/>' for index, group in enumerate((0, 2, 5, 7, -1))
+        f'<geom size=".2" pos="{0.5 * index - 1.0} 0 0" group="{group}"/>'
+        for index, group in enumerate((0, 2, 5, 7, -1))
     )
     mjm = scenes.compile_xml(balls + '<camera name="eye" pos="0 0 3" fovy="60"/>')
     m, d = scenes.put(mjm, 1)

@@ -1,6 +1,7 @@
 """What of a MuJoCo model never changes, and the names of what does."""
 
-from collections.abc import Collection, Mapping
+import logging
+from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
 import mujoco
@@ -10,7 +11,7 @@ from warpcam.accel.heightfields import HeightField
 from warpcam.accel.meshes import Mesh, face_normals
 from warpcam.accel.textures import TextureImage
 from warpcam.errors import WarpcamError
-from warpcam.kernels.types import FROM_ABOVE, LIGHT_DIRECTIONAL, LIGHT_SPOT, MESH
+from warpcam.kernels.types import FROM_ABOVE, LIGHT_DIRECTIONAL, LIGHT_SPOT, MESH, SHEER
 from warpcam.parts import Parts, SceneCamera
 
 VERSION = tuple(int(part) for part in mujoco.__version__.split(".")[:2])
@@ -94,7 +95,7 @@ def read_parts(mjm: mujoco.MjModel, num_worlds: int, groups: Groups, geoms: Coll
         meshes=[_mesh(mjm, index) for index in range(mjm.nmesh)],
         height_fields=[_height_field(mjm, index) for index in range(mjm.nhfield)],
         textures=textures,
-        more_types=frozenset({FROM_ABOVE} if VERSION < REVISED and any(t.kind == "2d" for t in textures) else ()),
+        more_types=_marks(textures),
         skybox=int(skyboxes[0]) if len(skyboxes) else -1,
         horizon=float(mjm.vis.map.zfar * mjm.stat.extent),
         shadow_map=(
@@ -208,11 +209,24 @@ def _height_field(mjm: mujoco.MjModel, index: int) -> HeightField:
     return HeightField(mjm.hfield(index).name or str(index), samples.astype(np.float32) * top, (x, y), top, base)
 
 
+def _marks(textures: Sequence[TextureImage]) -> frozenset[int]:
+    """How textures are drawn."""
+    flat = [texture.pixels for texture in textures if texture.kind == "2d"]
+    marks = {FROM_ABOVE} if VERSION < REVISED and flat else set()
+    if any(pixels.shape[-1] == 4 and pixels[..., 3].min() < 255 for pixels in flat):
+        marks.add(SHEER)
+    return frozenset(marks)
+
+
 def _texture(mjm: mujoco.MjModel, index: int) -> TextureImage:
     start, coded = int(mjm.tex_adr[index]), int(mjm.tex_colorspace[index])
     if start >= 0:
         height, width, channels = (int(size[index]) for size in (mjm.tex_height, mjm.tex_width, mjm.tex_nchannel))
         pixels = np.asarray(mjm.tex_data[start : start + height * width * channels]).reshape(height, width, channels)
+        if channels not in (3, 4):  # MuJoCo's renderer leaves it out, too
+            name = mjm.tex(index).name or str(index)
+            logging.getLogger("warpcam").warning("texture '%s' has %d channels and is not shown", name, channels)
+            return TextureImage("2d", np.full((1, 1, 3), 255, np.uint8))
     else:  # kept in its file, as with the compiler's passthrough
         pixels, coded = mujoco.mj_loadTexture(mjm, index)
         height, width, channels = pixels.shape

@@ -343,6 +343,6 @@ class Physics:
 
 
 def _sensors(actor: Actor, first: int) -> Iterator[tuple[int, Transform, bool, bool]]:
-    """Body, counted from ``first``, pose in its frame, whether it feels contacts, and whether along the world's axes."""
+    """Body, counted from ``first``, pose in its frame, whether it feels contacts, whether along the world's axes."""
     for body, pose, props in actor.sensors:
         yield first + body, pose, bool(props.enable_constraint_solver_forces), bool(props.use_world_frame)
