@@ -249,7 +249,7 @@ def test_groups_of_any_number_in_anything_that_can_be_gone_through(device: wp.De
         ({"enabled_geom_groups": None}, "enabled_geom_groups must be whole numbers, got None"),
         ({"enabled_geom_groups": [0, 1.5]}, "enabled_geom_groups must be whole numbers, got [0, 1.5]"),
         ({"draw": ("legs",)}, "draw: 'legs' came; allowed are geoms, sites, "),
-        ({"draw": None}, "draw must be some of geoms, sites, tendons, flexes, skins, got None"),
+        ({"draw": None}, "draw must be some of geoms, sites, tendons, flexes, skins, actuators, got None"),
         ({"render_rgb": [True, False]}, "render_rgb has 2 flags for 3 active cameras"),
     ],
 )

@@ -21,6 +21,7 @@ NUM_GROUPS = 6
 APART = 0.25
 SHOWN = (0, 1, 2)  # groups, unless told
 KINDS = ("geoms", "sites", "tendons", "flexes", "skins")
+DRAWN = (*KINDS, "actuators")  # what may be drawn; the last have no groups
 Groups = Collection[int] | Mapping[str, Collection[int]]
 REVISED = (3, 12)  # the version from which on MuJoCo draws textures on shapes, and point lights, as it does now
 SMOOTH_BELOW = 0.8  # cosine to the face's normal under which MuJoCo takes that instead of the vertex's
