@@ -48,7 +48,8 @@ class Contacts:
             self._solver = solver
             self._ids = wp.array(np.arange(data.naconmax, dtype=np.int32), dtype=wp.int32, device=self.device)
             self._forces = wp.zeros(data.naconmax, dtype=wp.spatial_vector, device=self.device)
-        mujoco_warp.contact_force(model, data, self._ids, True, self._forces)
+        with wp.ScopedDevice(self.device):  # it launches on the current one
+            mujoco_warp.contact_force(model, data, self._ids, True, self._forces)
         contact = data.contact
         shapes = [solver.mjc_geom_to_newton_shape, self._shape_bodies]
         inputs = [data.nacon, contact.geom, contact.worldid, contact.pos, self._forces, *shapes, self.felt]
