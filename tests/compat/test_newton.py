@@ -344,3 +344,25 @@ def test_lenses_are_found_in_rays(width: int, height: int) -> None:
     slopes = rays[:, :, 0, 1, :2] / -rays[:, :, 0, 1, 2:]
     np.testing.assert_allclose(slopes[..., 0], (column - cx) / fx, atol=1e-5)
     np.testing.assert_allclose(slopes[..., 1], (cy - row) / fy, atol=1e-5)
+
+
+def test_a_camera_within_a_solid_sees_out(device: wp.Device) -> None:
+    """Where Newton's own sees its inside, but for cones and meshes."""
+    seen = {}
+    for kind, add in (
+        ("box", lambda builder: builder.add_shape_box(-1, hx=1.0, hy=1.0, hz=1.0)),
+        ("mesh", lambda builder: builder.add_shape_mesh(-1, mesh=newton.Mesh.create_box(1.0, compute_inertia=False))),
+    ):
+        builder = newton.ModelBuilder()
+        builder.add_shape_plane(plane=(0.0, 0.0, 1.0, 3.0), width=0.0, length=0.0)
+        add(builder)
+        model, state = newton_scenes.finalize(builder, device)
+        transforms = wp.array([wp.transform_identity()], dtype=wp.transformf, device=model.device)
+        for camera in (TheirCamera, SensorCamera):
+            sensor = camera(model)
+            rays = camera.compute_camera_rays_pinhole(8, 8, camera_fov=0.8, device=model.device)
+            image = sensor.allocate_image_shape_index(1, 8, 8)
+            sensor.update(state, transforms, rays, shape_index_image=image)
+            seen[kind, camera] = set(np.unique(image.numpy()))
+    assert seen["box", SensorCamera] == seen["mesh", SensorCamera] == seen["mesh", TheirCamera] == {0}
+    assert seen["box", TheirCamera] == {1}  # else the page on this sensor is to be changed
