@@ -90,6 +90,25 @@ def test_it_lies_as_newton_lays_it(device: wp.Device, mode: int) -> None:
         assert np.ptp(theirs[there]) > 20, shape
 
 
+def test_a_projection_counts_after_an_image_without_textures(device: wp.Device) -> None:
+    builder = newton.ModelBuilder()
+    builder.add_shape_sphere(-1, radius=0.8, xform=pose(0.0, 0.0, 0.6), color=WHITE)
+    model, state = newton_scenes.finalize(builder, device)
+    seen = []
+    for hides in (False, True):
+        config = TheirCamera.RenderConfig(enable_textures=True)
+        sensor = SensorCamera(model, default_render_config=config)
+        sensor.assign_checkerboard_material(shape_indices=[0], checker_size=8)
+        cubic = seen_by(sensor, model, state)[0]
+        if hides:
+            config.enable_textures = False
+            assert set(np.unique(seen_by(sensor, model, state)[0])) == {0, 255}
+        config.enable_textures, config.texture_projection_mode = True, 1
+        seen.append(seen_by(sensor, model, state)[0])
+        assert (seen[-1] != cubic).any()
+    assert (seen[0] == seen[1]).all()
+
+
 def test_each_call_is_the_whole_selection(device: wp.Device) -> None:
     """Others show no texture, not even their own; load_textures=False leaves only those out."""
     builder = newton.ModelBuilder()

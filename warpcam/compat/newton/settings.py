@@ -81,6 +81,10 @@ class Looks:
             scene.array(name).assign(values)
         self._write()
 
+    def have_textures(self) -> bool:
+        """Whether there are any, shown now or not; reads them from the device."""
+        return bool(self._all.numpy().max(initial=-1) >= 0)
+
     def show(self, textures: bool, ambient: bool) -> None:
         """Bring the scene to these settings; what is so already costs nothing."""
         if textures != self._shown:

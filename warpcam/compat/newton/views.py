@@ -109,7 +109,7 @@ class Views:
                 "update once with it before the capture"
             )
         self._triplanar = triplanar
-        if self.scene.array("material_texture").numpy().max() >= 0:
+        if self.looks.have_textures():
             self._build()
 
     def _build(self) -> None:
