@@ -247,6 +247,7 @@ def test_groups_of_any_number_in_anything_that_can_be_gone_through(device: wp.De
         ({"cam_res": [(8, 8), (9, 9)]}, "cam_res has 2 sizes for 3 active cameras"),
         ({"cam_res": (0, 8)}, "at least 1 pixel each"),
         ({"enabled_geom_groups": None}, "enabled_geom_groups must be whole numbers, got None"),
+        ({"enabled_geom_groups": [True, 1]}, "enabled_geom_groups must be whole numbers, got [True, 1]"),
         ({"enabled_geom_groups": [0, 1.5]}, "enabled_geom_groups must be whole numbers, got [0, 1.5]"),
         ({"draw": ("legs",)}, "draw: 'legs' came; allowed are geoms, sites, "),
         ({"draw": None}, "draw must be some of geoms, sites, tendons, flexes, skins, actuators, got None"),

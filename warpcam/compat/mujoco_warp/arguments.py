@@ -94,7 +94,7 @@ def check_settings(settings: dict[str, Any]) -> None:
 def _groups(value: Any) -> list[int]:
     """Of any numbers, in anything that can be gone through once."""
     try:
-        found = [whole(group) for group in value if not isinstance(group, bool | np.bool_)]
+        found = [None if isinstance(group, bool | np.bool_) else whole(group) for group in value]
     except TypeError:
         found = [None]
     groups = [group for group in found if group is not None]
