@@ -87,7 +87,9 @@ def resting(device: wp.Device, count: int, mass: float = 2.0) -> gymapi.Sim:
     sim = new_sim(device, dt=0.01, substeps=2)
     ground(sim)
     asset = GYM.create_box(sim, 0.4, 0.4, 0.2, gymapi.AssetOptions(density=mass / 0.032))
-    GYM.create_asset_force_sensor(asset, 0, at(0.1, 0.0, 0.0))
+    place, options = at(0.1, 0.0, 0.0), gymapi.ForceSensorProperties()
+    GYM.create_asset_force_sensor(asset, 0, place, options)
+    place.p.x, options.enable_constraint_solver_forces = 9.0, False  # they are copied
     for index in range(count):
         env = GYM.create_env(sim, LOWER, UPPER, 2)
         GYM.create_actor(env, asset, at(0, 0, 0.1), "box", index, 0)
@@ -286,8 +288,18 @@ def test_what_cannot_be_is_named(device: wp.Device) -> None:
     bodies[0].mass = float("nan")
     with pytest.raises(wc.WarpcamError, match="mass must be finite and not negative, got nan"):
         GYM.set_actor_rigid_body_properties(env, 0, bodies)
+    for name, value, message in (("com", 3.0, "a Vec3, got float"), ("inertia", None, "a Mat33, got NoneType")):
+        bodies = GYM.get_actor_rigid_body_properties(env, 0)
+        setattr(bodies[0], name, value)
+        with pytest.raises(wc.WarpcamError, match=f"{name} must be {message}"):
+            GYM.set_actor_rigid_body_properties(env, 0, bodies)
     surfaces[0].friction, surfaces[0].restitution = 1.0, 0.5
     with pytest.warns(RuntimeWarning, match="restitution is held and changes nothing"):
         GYM.set_actor_rigid_shape_properties(env, 0, surfaces)
+    sim = new_sim(device)
+    env, asset = GYM.create_env(sim, LOWER, UPPER, 2), GYM.create_box(sim, 0.4, 0.4, 0.2, gymapi.AssetOptions())
+    GYM.set_asset_rigid_shape_properties(asset, surfaces)
+    with pytest.warns(RuntimeWarning, match="set_asset_rigid_shape_properties: restitution is held"):
+        GYM.create_actor(env, asset, at(0, 0, 0.1), "box", 0, 0)
     with pytest.raises(wc.WarpcamError, match="RigidShapeProperties has no 'frictoin'"):
         surfaces[0].frictoin = 1.0

@@ -1,5 +1,6 @@
 """Calls about surfaces of shapes, masses of bodies, motors and force sensors."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -8,13 +9,13 @@ from warpcam.compat.isaacgym.asset import Asset
 from warpcam.compat.isaacgym.calls_assets import actor_of, asset_of
 from warpcam.compat.isaacgym.maths import Transform
 from warpcam.compat.isaacgym.properties import (
-    HELD,
     ActuatorProperties,
     ForceSensorProperties,
     RigidBodyProperties,
     RigidShapeProperties,
     from_masses,
     from_surfaces,
+    held_changes,
     to_masses,
     to_surfaces,
 )
@@ -47,9 +48,8 @@ class PropertyCalls:
         where = "set_actor_rigid_shape_properties"
         found = actor_of(env, actor, where)
         before, found.surfaces = found.surfaces, from_surfaces(properties, found.surfaces, where)
-        for name in HELD:
-            if (found.surfaces[name] != before[name]).any():
-                env.sim.warn_once(f"{where}: {name} is held and changes nothing")
+        for name in held_changes(found.surfaces, before):
+            env.sim.warn_once(f"{where}: {name} is held and changes nothing")
         if env.sim.prepared:
             env.sim.physics.stale.add("surfaces")
         return True
@@ -103,7 +103,7 @@ class PropertyCalls:
         props = ForceSensorProperties() if props is None else props
         if not isinstance(props, ForceSensorProperties):
             raise WarpcamError(f"{where}: ForceSensorProperties are needed, got {type(props).__name__}")
-        asset.sensors.append((index, Transform(pose.p, pose.r), props))
+        asset.sensors.append((index, Transform(pose.p, pose.r), replace(props)))
         return len(asset.sensors) - 1
 
     def get_asset_force_sensor_count(self, asset: Asset) -> int:

@@ -263,8 +263,9 @@ class Physics:
             first = self.start_of(actor).bodies
             rows = slice(first, first + len(actor.masses))
             mass[rows], com[rows], inertia[rows] = (actor.masses[name] for name in ("mass", "com", "inertia"))
-        whole = (np.abs(np.linalg.det(inertia.astype(np.float64))) > 0.0)[:, None, None]
-        back = np.where(whole, np.linalg.inv(np.where(whole, inertia, np.eye(3, dtype=np.float32))), 0.0)
+        fine = inertia.astype(np.float64)
+        regular = (np.abs(np.linalg.det(fine)) > 0.0)[:, None, None]
+        back = np.where(regular, np.linalg.inv(np.where(regular, fine, np.eye(3))), 0.0)
         rate = np.divide(1.0, mass, out=np.zeros_like(mass), where=mass > 0.0)
         for array, values in (
             (model.body_mass, mass),

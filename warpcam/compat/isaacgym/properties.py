@@ -55,7 +55,7 @@ class RigidBodyProperties(Strict):
         inertia: About the centre, along the axes of the body's frame [kg m^2].
         invMass: Given, never taken.
         invInertia: Given, never taken.
-        flags: Held.
+        flags: Never taken.
     """
 
     mass: float = 0.0
@@ -150,6 +150,11 @@ def from_surfaces(values: Any, before: np.ndarray, where: str) -> np.ndarray:
     return rows
 
 
+def held_changes(rows: np.ndarray, before: np.ndarray) -> list[str]:
+    """What has been changed and changes nothing."""
+    return [name for name in HELD if (rows[name] != before[name]).any()]
+
+
 def to_masses(rows: np.ndarray) -> list[RigidBodyProperties]:
     found = []
     for row in rows:
@@ -179,6 +184,10 @@ def from_masses(values: Any, before: np.ndarray, recompute: bool, where: str) ->
     """
     rows = before.copy()
     for row, value in zip(rows, _listed(values, RigidBodyProperties, len(before), where), strict=True):
+        for name, kind in (("com", Vec3), ("inertia", Mat33)):
+            if not isinstance(getattr(value, name), kind):
+                came = type(getattr(value, name)).__name__
+                raise WarpcamError(f"{where}: {name} must be a {kind.__name__}, got {came}")
         mass = real(value.mass)
         if not 0.0 <= mass < np.inf:
             raise WarpcamError(f"{where}: mass must be finite and not negative, got {value.mass!r}")
