@@ -74,7 +74,8 @@ def from_mujoco_warp(
         mjm: The host's ``mujoco.MjModel``.
         m: The ``mujoco_warp.Model`` put from it.
         d: The ``mujoco_warp.Data``; its device is the scene's.
-        groups: Groups that are drawn, of geoms and of all else; or a mapping with those of each kind of ``draw``.
+        groups: Groups that are drawn, of geoms and of all else; or a mapping with those of each kind of ``draw``, but
+            ``actuators``, which have none.
         draw: What is drawn, as MuJoCo's own renderer does unless told. ``segmentation`` gives geoms their ids; sites,
             tendons, flexes, skins and, where some are slider-cranks, which alone are drawn, actuators count on from
             there: see ``Scene.objects``.
