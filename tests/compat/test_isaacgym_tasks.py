@@ -267,6 +267,23 @@ def test_friction_and_mass_count_at_any_time(device: wp.Device) -> None:
     np.testing.assert_allclose(forces[:, 2].cpu().numpy(), (19.62, 49.05), rtol=0.03)
 
 
+def test_forces_that_nobody_knows_are_an_error(device: wp.Device) -> None:
+    """Environments that differ are stepped by XPBD, which does not tell them."""
+    sim = new_sim(device)
+    ground(sim)
+    asset = GYM.create_box(sim, 0.4, 0.4, 0.2, gymapi.AssetOptions())
+    for count in (1, 2):
+        env = GYM.create_env(sim, LOWER, UPPER, 2)
+        for index in range(count):
+            GYM.create_actor(env, asset, at(0, index, 0.1), f"box{index}", 0, 0)
+    GYM.prepare_sim(sim)
+    assert wrapped(GYM.acquire_force_sensor_tensor(sim)).shape == (0, 6)
+    GYM.simulate(sim)
+    for ask in (GYM.acquire_net_contact_force_tensor,) * 2 + (GYM.refresh_force_sensor_tensor,):
+        with pytest.raises(wc.WarpcamError, match="XPBD does not tell forces of contacts"):
+            ask(sim)
+
+
 def test_what_cannot_be_is_named(device: wp.Device) -> None:
     sim = resting(device, 1)
     env = GYM.get_env(sim, 0)

@@ -106,7 +106,11 @@ class Physics:
             array = wp.zeros((rows, width), dtype=wp.float32, device=self.device)
             shown = wp.zeros((rows, width), dtype=wp.float32, device="cpu") if self._on_host else array
             self._states[name] = array, Tensor(interop.to_torch(shown))
-            self.refresh(name)
+            try:
+                self.refresh(name)
+            except WarpcamError:
+                del self._states[name]  # asked for once more it is the same error, not zeros
+                raise
         return self._states[name][1]
 
     def refresh(self, name: str) -> None:
