@@ -267,6 +267,25 @@ def test_friction_and_mass_count_at_any_time(device: wp.Device) -> None:
     np.testing.assert_allclose(forces[:, 2].cpu().numpy(), (19.62, 49.05), rtol=0.03)
 
 
+def test_friction_counts_at_any_time_in_a_single_environment(device: wp.Device) -> None:
+    """Which MuJoCo itself steps on a CPU."""
+    sim = resting(device, 1)
+    GYM.prepare_sim(sim)
+    roots, far = wrapped(GYM.acquire_actor_root_state_tensor(sim)), {}
+    for friction in (1.5, 0.0):
+        surfaces = GYM.get_actor_rigid_shape_properties(GYM.get_env(sim, 0), 0)
+        surfaces[0].friction = friction
+        GYM.set_actor_rigid_shape_properties(GYM.get_env(sim, 0), 0, surfaces)
+        begin = torch.zeros_like(roots)
+        begin[:, 2], begin[:, 6], begin[:, 7] = 0.1, 1.0, 1.0
+        GYM.set_actor_root_state_tensor(sim, gymtorch.unwrap_tensor(begin))
+        for _ in range(40):
+            GYM.simulate(sim)
+        GYM.refresh_actor_root_state_tensor(sim)
+        far[friction] = float(roots[0, 0])
+    assert far[0.0] > 2.0 * far[1.5], far
+
+
 def test_forces_that_nobody_knows_are_an_error(device: wp.Device) -> None:
     """Environments that differ are stepped by XPBD, which does not tell them."""
     sim = new_sim(device)
@@ -312,6 +331,9 @@ def test_what_cannot_be_is_named(device: wp.Device) -> None:
             GYM.set_actor_rigid_body_properties(env, 0, bodies)
     surfaces[0].friction, surfaces[0].restitution = 1.0, 0.5
     with pytest.warns(RuntimeWarning, match="restitution is held and changes nothing"):
+        GYM.set_actor_rigid_shape_properties(env, 0, surfaces)
+    surfaces[0].rolling_friction = 0.3
+    with pytest.warns(RuntimeWarning, match="rolling_friction counts by XPBD alone"):
         GYM.set_actor_rigid_shape_properties(env, 0, surfaces)
     sim = new_sim(device)
     env, asset = GYM.create_env(sim, LOWER, UPPER, 2), GYM.create_box(sim, 0.4, 0.4, 0.2, gymapi.AssetOptions())

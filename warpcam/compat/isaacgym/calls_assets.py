@@ -19,7 +19,7 @@ from warpcam.compat.isaacgym.kinds import (
 )
 from warpcam.compat.isaacgym.maths import Transform
 from warpcam.compat.isaacgym.options import AssetOptions
-from warpcam.compat.isaacgym.properties import held_changes
+from warpcam.compat.isaacgym.properties import idle_changes
 from warpcam.compat.isaacgym.sim import Sim, env_of, sim_of
 from warpcam.compat.isaacgym.world import Actor, Counts, Env, handle_of
 from warpcam.compat.numbers import real
@@ -83,8 +83,8 @@ class AssetCalls:
             raise WarpcamError(f"create_actor: pose must be a Transform, got {type(pose).__name__}")
         check_segment(segmentation_id, "create_actor: segmentation_id")
         env.sim.require_open("create_actor")
-        for name in held_changes(asset.surfaces, asset.first_surfaces):
-            env.sim.warn_once(f"set_asset_rigid_shape_properties: {name} is held and changes nothing")
+        for change in idle_changes(asset.surfaces, asset.first_surfaces):
+            env.sim.warn_once(f"set_asset_rigid_shape_properties: {change}")
         actor = Actor(env, asset, pose, asset.name if name is None else name, group, int(segmentation_id))
         env.add(actor)
         return actor.handle

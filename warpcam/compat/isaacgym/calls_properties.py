@@ -15,7 +15,7 @@ from warpcam.compat.isaacgym.properties import (
     RigidShapeProperties,
     from_masses,
     from_surfaces,
-    held_changes,
+    idle_changes,
     to_masses,
     to_surfaces,
 )
@@ -48,8 +48,8 @@ class PropertyCalls:
         where = "set_actor_rigid_shape_properties"
         found = actor_of(env, actor, where)
         before, found.surfaces = found.surfaces, from_surfaces(properties, found.surfaces, where)
-        for name in held_changes(found.surfaces, before):
-            env.sim.warn_once(f"{where}: {name} is held and changes nothing")
+        for change in idle_changes(found.surfaces, before):
+            env.sim.warn_once(f"{where}: {change}")
         if env.sim.prepared:
             env.sim.physics.stale.add("surfaces")
         return True

@@ -256,6 +256,8 @@ class Physics:
             array.assign(host)
         if self._solver is not None:
             self._solver.notify_model_changed(newton.ModelFlags.SHAPE_PROPERTIES)
+            if getattr(self._solver, "use_mujoco_cpu", False):  # Newton does not tell MuJoCo itself
+                self._solver.mj_model.geom_friction[:] = self._solver.mjw_model.geom_friction.numpy()[0]
 
     def _write_masses(self) -> None:
         changed = [actor for actor in self.actors if actor.masses is not actor.asset.masses]

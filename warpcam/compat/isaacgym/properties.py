@@ -18,6 +18,7 @@ FRICTIONS = {
     "rolling_friction": "shape_material_mu_rolling",
     "torsion_friction": "shape_material_mu_torsional",
 }
+XPBD_ALONE = ("rolling_friction", "torsion_friction")  # MuJoCo's contacts slide only
 FIELDS = (*FRICTIONS, *HELD)
 SURFACE = np.dtype([(name, "f8") for name in FIELDS])
 MASS = np.dtype([("mass", "f8"), ("com", "f8", 3), ("inertia", "f8", (3, 3))])
@@ -29,8 +30,8 @@ class RigidShapeProperties(Strict):
 
     Attributes:
         friction: Where it slides; of two surfaces the larger one counts.
-        rolling_friction: Against rolling [m].
-        torsion_friction: Against spinning [m].
+        rolling_friction: Against rolling [m], by XPBD alone.
+        torsion_friction: Against spinning [m], by XPBD alone.
         restitution: Held, as are all that follow.
     """
 
@@ -150,9 +151,10 @@ def from_surfaces(values: Any, before: np.ndarray, where: str) -> np.ndarray:
     return rows
 
 
-def held_changes(rows: np.ndarray, before: np.ndarray) -> list[str]:
-    """What has been changed and changes nothing."""
-    return [name for name in HELD if (rows[name] != before[name]).any()]
+def idle_changes(rows: np.ndarray, before: np.ndarray) -> list[str]:
+    """Of what has been changed and changes nothing, or not with MuJoCo, a sentence each."""
+    reasons = dict.fromkeys(HELD, "is held and changes nothing") | dict.fromkeys(XPBD_ALONE, "counts by XPBD alone")
+    return [f"{name} {reason}" for name, reason in reasons.items() if (rows[name] != before[name]).any()]
 
 
 def to_masses(rows: np.ndarray) -> list[RigidBodyProperties]:
