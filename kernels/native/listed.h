@@ -34,9 +34,8 @@ WARPCAM_FN void draw_listed(const Shapes& shapes, const Materials&, const Meshes
     static_assert(WIDTH % (Canvas_::WIDE * TILE_WIDTH) == 0);
     const int thread = index % THREADS, block = same_of_warp(index / THREADS), world = block / PARTS;
     const bool wanted = wp::index(target.mask, world);
-    const List* from = reinterpret_cast<const List*>(target.lists.data) + world;
-    for (int i = thread; i < List::rows_of(shapes.drawn.shape[0]); i += THREADS)
-        copy_row(reinterpret_cast<Row*>(&room.list) + i, reinterpret_cast<const Row*>(from) + i);
+    const auto from = FarList<CAPACITY, names_slots(OUTPUTS)>::of(target.lists, world);
+    from.fetch(room.list, shapes.drawn.shape[0], thread);
     if constexpr (FLOWING)
         room.places.fetch_motions(target.trail, world, thread);
     if (!wanted) {
@@ -51,13 +50,13 @@ WARPCAM_FN void draw_listed(const Shapes& shapes, const Materials&, const Meshes
         }
     if constexpr (Canvas_::LINED)
         for (int n = thread; n < WIDTH + HEIGHT; n += THREADS)
-            room.lines[n] = n < WIDTH ? image_x(from->camera, float(n)) : image_y(from->camera, float(n - WIDTH));
+            room.lines[n] = n < WIDTH ? image_x(from.head().camera, float(n)) : image_y(from.head().camera, float(n - WIDTH));
     const Canvas_ canvas { target,     shapes,       room.list, room.list.camera, { 0, 0, WIDTH, HEIGHT }, world, room.places,
                            room.list.facings, room.lines, room.lines + (Canvas_::LINED ? WIDTH : 0), block % PARTS, PARTS };
     if (finds)
         canvas.find_floor(thread - LANES);
     else if (thread >= THREADS - LANES)
-        canvas.follow_floor(from->camera);
+        canvas.follow_floor(from.head().camera);
     await_rows();
     block_barrier();
     canvas.template look_at_floor<THREADS>(thread);
