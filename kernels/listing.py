@@ -1,7 +1,8 @@
 """The stage that writes a camera's views and lists the shapes that each of its images may show, for the trace.
 
 Only on CUDA, where a world has few shapes, none of them a mesh or a height field, and a block of the trace draws a
-whole image (native/sorted.h). A block of the trace would list them with one warp while the others wait.
+whole image or, without flow, whole rows of a larger one (native/sorted.h). A block of the trace would list them with one
+warp while the others wait.
 """
 
 import functools
@@ -24,6 +25,7 @@ OUTPUTS = frozenset(
 )
 HEAD_ROWS, RECORD_ROWS, FACING_ROWS = 17, 5, 4  # of a list: native/sorted.h, FarList
 LANES = 32
+MOST_COLUMNS, MOST_ROWS = 8 * 127, 4 * 127  # pixels of an image whose tiles a record's box can count: native/prepare.h
 FEW = 24  # shapes a world: with more the stage takes longer than it spares, but where validity is wanted
 LISTERS = 160  # threads of a block, one for each shape of its worlds: native/sorted.h
 BLOCKS, FLOWING_BLOCKS = 8, 6  # on a multiprocessor: bounds the registers of a thread
@@ -163,8 +165,10 @@ def capacity_of(
     alike = visibility.composes(tables, device)  # what the stage composes is what a block would
     if not (alike and few and plain and projection != "rays" and OUTPUTS.issuperset(outputs)):
         return 0
-    whole = visibility.region_size(tables, tables.num_worlds, width, height, device) == (width, height)
-    return list_capacity(tables.num_drawn) if whole else 0
+    region = visibility.region_size(tables, tables.num_worlds, width, height, device)
+    rows = region == visibility.REGIONS[0] and width % 16 == 0 and height % 8 == 0 and {"flow", "flow_valid"}.isdisjoint(outputs)
+    small = width <= MOST_COLUMNS and height <= MOST_ROWS
+    return list_capacity(tables.num_drawn) if region == (width, height) or (rows and small) else 0
 
 
 def rows_of(capacity: int, outputs: Collection[str]) -> int:

@@ -219,7 +219,11 @@ def _dtype(array: wp.array | None) -> Any:
 def parts_of(images: Collection[str], width: int, height: int) -> int:
     """How many blocks share an image whose shapes have been listed: native/outputs.h has the same."""
     wanted = 4 if "points" in images or "normals" in images else 2 if "flow" in images else 1
-    return 1 if "flow_valid" in images else min(wanted, width * height // THREADS)
+    wanted = 1 if "flow_valid" in images else wanted
+    pixels = REGIONS[0][0] * REGIONS[0][1]
+    if width * height <= pixels:
+        return min(wanted, width * height // THREADS)
+    return -(-(height // 8) // max(1, pixels // (8 * wanted * width)))
 
 
 def blocks(types: int, capacity: int) -> int:

@@ -30,7 +30,6 @@ WARPCAM_FN void draw_listed(const Shapes& shapes, const Materials&, const Meshes
     WARPCAM_SHARED Room shared;
     Room& room = by_address(shared);
     constexpr int PARTS = parts_of(OUTPUTS, WIDTH, HEIGHT);
-    static_assert(PARTS == 1 || Canvas_::STORES_MUCH);  // else warps have their own tiles, counted from the first
     static_assert(WIDTH % (Canvas_::WIDE * TILE_WIDTH) == 0);
     const int thread = index % THREADS, block = same_of_warp(index / THREADS), world = block / PARTS;
     const bool wanted = wp::index(target.mask, world);
@@ -48,9 +47,15 @@ WARPCAM_FN void draw_listed(const Shapes& shapes, const Materials&, const Meshes
             room.places.locate(target.trail, world);  // all write the same
             room.places.fetch(shapes, target.trail, thread);
         }
-    if constexpr (Canvas_::LINED)
-        for (int n = thread; n < WIDTH + HEIGHT; n += THREADS)
-            room.lines[n] = n < WIDTH ? image_x(from.head().camera, float(n)) : image_y(from.head().camera, float(n - WIDTH));
+    if constexpr (Canvas_::LINED) {
+        constexpr int STACK = Canvas_::TALL * TILE_HEIGHT, ROWS = (HEIGHT / STACK + PARTS - 1) / PARTS * STACK;  // of a part
+        const Camera& camera = from.head().camera;
+        const int top = PARTS > 1 ? block % PARTS * ROWS : 0;
+        for (int n = thread; n < WIDTH; n += THREADS)
+            room.lines[n] = image_x(camera, float(n));
+        for (int n = THREADS - 1 - thread + top; n < lower_int(top + ROWS, HEIGHT); n += THREADS)
+            room.lines[WIDTH + n] = image_y(camera, float(n));
+    }
     const Canvas_ canvas { target,     shapes,       room.list, room.list.camera, { 0, 0, WIDTH, HEIGHT }, world, room.places,
                            room.list.facings, room.lines, room.lines + (Canvas_::LINED ? WIDTH : 0), block % PARTS, PARTS };
     if (finds)

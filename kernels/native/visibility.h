@@ -90,7 +90,7 @@ WARPCAM_FN void draw_tiles(List& list, const Canvas_& canvas, const Meshes& mesh
     // where much is stored: warps drift apart then, and memory gets lines in parts.
     constexpr int WARPS = THREADS / LANES;
     constexpr bool OWN = TALL > 1 && !Canvas_::STORES_MUCH;
-    int own = begin + warp;
+    int own = warp;
     bool alone = Canvas_::APART && warp != WARPS - 1;  // the motions are not there yet
     const auto meet = [&] {
         if constexpr (Canvas_::APART)
@@ -126,7 +126,7 @@ WARPCAM_FN void draw_tiles(List& list, const Canvas_& canvas, const Meshes& mesh
                                      hit[0].depth);
     };
     const auto next_tile = [&](int& found) {
-        const int unit = OWN ? own : begin + __shfl_sync(ALL, lane == 0 ? draw_next(list.next_tile) : 0, 0);
+        const int unit = begin + (OWN ? own : __shfl_sync(ALL, lane == 0 ? draw_next(list.next_tile) : 0, 0));
         own = (((own + 1) & (WARPS - 1)) | (own & ~(WARPS - 1))) + WARPS;
         if (unit >= units)
             return false;
