@@ -122,11 +122,12 @@ WARPCAM_FN void list_worlds(const View& now, int state, const Shapes& shapes, co
     int kind = 0;
     bool drawn = false, listed = false;
     if (mine) {
+        __builtin_assume(world >= 0);
+        __builtin_assume(shape >= 0);
         pose = pose_now(shapes, world, shape);
         kind = wp::index(shapes.types, shape);
-        const bool hidden = transparent(shapes, materials, world, shape);
         drawn = wp::index(shapes.places, shape) >= 0;
-        listed = drawn && !hidden;
+        listed = drawn & !transparent(shapes, materials, world, shape);
     }
     const Shape made { kind, shape, pose.asset, pose.position, pose.size, pose.rotation };
     Form form;
@@ -171,9 +172,10 @@ WARPCAM_FN void list_worlds(const View& now, int state, const Shapes& shapes, co
     auto& list = far.head();
     const bool wrong = broken[at] != 0, seen = key != NONE && !wrong;
     int rank = 0;  // of what is not seen, too: behind all else
+    const int* of_world = keys + (thread - shape);
 #pragma unroll 4
-    for (int other = 0; other < columns; ++other)
-        rank += keys[thread - shape + other] < key + int(other > shape);
+    for (int other = 0; other < columns; ++other)  // those that are nearer, and of those at one place the later ones
+        rank += unsigned(of_world[other] - key + ((shape - other) >> 31)) >> 31;
     list.tiles[rank] = { seen ? TileSpans::of(tiles) : TileSpans::NONE };
 #pragma unroll 1
     for (int none = columns + shape; none < LANES; none += columns)
