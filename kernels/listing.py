@@ -1,7 +1,7 @@
 """The stage that writes a camera's views and lists the shapes that each of its images may show, for the trace.
 
 Only on CUDA, where a world has few shapes, none of them a mesh or a height field, and a block of the trace draws a
-whole image or, without flow, whole rows of a larger one (native/sorted.h). A block of the trace would list them with one
+whole image or, without validity, whole rows of a larger one (native/sorted.h). A block of the trace would list them with one
 warp while the others wait.
 """
 
@@ -166,9 +166,9 @@ def capacity_of(
     if not (alike and few and plain and projection != "rays" and OUTPUTS.issuperset(outputs)):
         return 0
     region = visibility.region_size(tables, tables.num_worlds, width, height, device)
-    rows = region == visibility.REGIONS[0] and width % 16 == 0 and height % 8 == 0 and {"flow", "flow_valid"}.isdisjoint(outputs)
-    small = width <= MOST_COLUMNS and height <= MOST_ROWS
-    return list_capacity(tables.num_drawn) if region == (width, height) or (rows and small) else 0
+    rows = region == visibility.REGIONS[0] and "flow_valid" not in outputs
+    rows &= width % 16 == 0 and height % 8 == 0 and width <= MOST_COLUMNS and height <= MOST_ROWS
+    return list_capacity(tables.num_drawn) if rows or region == (width, height) else 0
 
 
 def rows_of(capacity: int, outputs: Collection[str]) -> int:
