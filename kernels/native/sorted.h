@@ -142,13 +142,13 @@ WARPCAM_FN void list_worlds(const View& now, int state, const Shapes& shapes, co
     const size_t first_row = 4 * size_t(unsigned(world * columns)) + shape;
     const Row* before = nullptr;
     if (FLOWING && drawn && state != 0) {
-        Row* const places[2] = { reinterpret_cast<Row*>(trail.before.data) + first_row,
-                                 reinterpret_cast<Row*>(trail.after.data) + first_row };
-        before = places[state != FIRST];
+        Row* const one = reinterpret_cast<Row*>(trail.before.data) + first_row;
+        Row* const other = reinterpret_cast<Row*>(trail.after.data) + first_row;
+        before = state == FIRST ? one : other;
         for (int row = 0; row < 4; ++row)
             asm volatile("prefetch.global.L1 [%0];" ::"l"(before + row * columns));
         if (trail.keep)
-            keep_pose(places[state == FIRST], columns, pose);
+            keep_pose(state == FIRST ? other : one, columns, pose);
     }
     TileBox tiles;
     int key = NONE;
