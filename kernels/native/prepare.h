@@ -265,14 +265,14 @@ WARPCAM_FN TileBox ray_tiles(const Camera& camera, const Region& region, Vec cen
 }
 
 // A shape's box and the scale that makes it a unit shape.
-struct Form {
+struct ShapeForm {
     Extent extent;
     Vec scale;
 };
 
 // What of a shape no camera is asked for; also the size row of its record.
 template <int TYPES, class Meshes, class HeightFields>
-WARPCAM_FN Visible find_form(const Shape& shape, const Meshes& meshes, const HeightFields& fields, Form& form, Record& record)
+WARPCAM_FN Visible find_form(const Shape& shape, const Meshes& meshes, const HeightFields& fields, ShapeForm& form, Record& record)
 {
     float sum = shape.position.x + shape.position.y + shape.position.z;
     for (int i = 0; i < 3; ++i)
@@ -288,7 +288,7 @@ WARPCAM_FN Visible find_form(const Shape& shape, const Meshes& meshes, const Hei
 // The rest of its record. Without BOXES it is left open which tiles the shape touches, if any. CORNERS: as many of four are
 // worked out at once, of which each stands for two; with all of them the registers of a trace would be twice as many.
 template <int TYPES, int LENS, bool BOXES = true, int CORNERS = 1>
-WARPCAM_FN Visible place(const Shape& shape, const Form& form, const Camera& camera, const Region& region, Record& record,
+WARPCAM_FN Visible place(const Shape& shape, const ShapeForm& form, const Camera& camera, const Region& region, Record& record,
                          TileBox& tiles)
 {
     const Extent& extent = form.extent;
@@ -367,7 +367,7 @@ template <int TYPES, int LENS, bool BOXES = true, class Meshes, class HeightFiel
 WARPCAM_FN Visible prepare(const Shape& shape, const Camera& camera, const Region& region, const Meshes& meshes,
                            const HeightFields& fields, Record& record, TileBox& tiles)
 {
-    Form form;
+    ShapeForm form;
     const Visible found = find_form<TYPES>(shape, meshes, fields, form, record);
     return found == SEEN ? place<TYPES, LENS, BOXES>(shape, form, camera, region, record, tiles) : found;
 }

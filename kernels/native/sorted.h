@@ -130,7 +130,7 @@ WARPCAM_FN void list_worlds(const View& now, int state, const Shapes& shapes, co
         listed = drawn & !transparent(shapes, materials, world, shape);
     }
     const Shape made { kind, shape, pose.asset, pose.position, pose.size, pose.rotation };
-    Form form;
+    ShapeForm form;
     Record record;
     Visible found = HIDDEN;
     if (!FLOWING && drawn)
