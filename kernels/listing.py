@@ -35,9 +35,7 @@ BLOCKS, FLOWING_BLOCKS = 8, 6  # on a multiprocessor: bounds the registers of a 
 def _kernel(types: int, lens: int, capacity: int, wanted: int) -> wp.Kernel:
     function = f"list_worlds<{types}, {lens}, {capacity}, {wanted}>"
 
-    @wp.func_native(
-        f"warpcam::begin_listing<{capacity}, {wanted}>(shapes, lists, world, worlds, slot, shape, thread);"
-    )
+    @wp.func_native(f"warpcam::begin_listing<{capacity}, {wanted}>(shapes, lists, world, worlds, slot, shape, thread);")
     def begin_listing(
         shapes: Shapes,
         lists: wp.array(dtype=wp.vec4),
