@@ -1,8 +1,8 @@
 """The stage that writes a camera's views and lists the shapes that each of its images may show, for the trace.
 
 Only on CUDA, where a world has few shapes, none of them a mesh or a height field, and a block of the trace draws a
-whole image or, without validity, whole rows of a larger one (native/sorted.h). A block of the trace would list them with one
-warp while the others wait.
+whole image or, without validity, whole rows of a larger one (native/sorted.h). A block of the trace would list them
+with one warp while the others wait.
 """
 
 import functools
