@@ -260,15 +260,13 @@ struct FlowPlaces {
     }
 
     // Has all these motions, of at most LANES shapes, on their way; for all threads of a block.
-    template <class Trail> WARPCAM_FN void fetch_motions(const Trail& trail, int world, int thread)
+    template <class Trail> WARPCAM_FN void fetch_motions(const Trail& trail, int world, unsigned thread)
     {
-        static_assert(SHAPES <= LANES);
-        const int shape = thread % LANES;
-        if (shape < trail.columns) {
-            const Row* rows = composed(trail, world, shape).rows;
-            for (int row = thread / LANES; row < ROWS; row += THREADS / LANES)
-                copy_row(near_motions + ROWS * (shape + 1) + row, rows + row * trail.columns);
-        }
+        static_assert(SHAPES <= LANES && ROWS == THREADS / LANES);
+        const unsigned shape = thread % LANES, row = thread / LANES, columns = trail.columns;
+        if (shape < columns)
+            copy_row(near_motions + (ROWS * (shape + 1) + row),
+                     reinterpret_cast<const Row*>(trail.motions.data) + ((world * ROWS + row) * columns + shape));
         if (thread == 0)  // of nothing, which rests
             near_motions[3] = { 0.0f, 0.0f, -1.0f, (WANTED & FLOW_BRIEF) ? 0 : STILL };
     }

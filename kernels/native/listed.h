@@ -31,7 +31,9 @@ WARPCAM_FN void draw_listed(const Shapes& shapes, const Materials&, const Meshes
     Room& room = by_address(shared);
     constexpr int PARTS = parts_of(OUTPUTS, WIDTH, HEIGHT);
     static_assert(WIDTH % (Canvas_::WIDE * TILE_WIDTH) == 0);
-    const int thread = index % THREADS, block = same_of_warp(index / THREADS), world = block / PARTS;
+    const int thread = unsigned(index) % THREADS, block = same_of_warp(unsigned(index) / THREADS);
+    const int world = unsigned(block) / PARTS, part = unsigned(block) % PARTS;
+    __builtin_assume(world >= 0);
     const bool wanted = wp::index(target.mask, world);
     const auto from = FarList<CAPACITY, names_slots(OUTPUTS)>::of(target.lists, world);
     from.fetch(room.list, shapes.drawn.shape[0], thread);
@@ -50,14 +52,18 @@ WARPCAM_FN void draw_listed(const Shapes& shapes, const Materials&, const Meshes
     if constexpr (Canvas_::LINED) {
         constexpr int STACK = Canvas_::TALL * TILE_HEIGHT, ROWS = (HEIGHT / STACK + PARTS - 1) / PARTS * STACK;  // of a part
         const Camera& camera = from.head().camera;
-        const int top = PARTS > 1 ? block % PARTS * ROWS : 0;
-        for (int n = thread; n < WIDTH; n += THREADS)
-            room.lines[n] = image_x(camera, float(n));
-        for (int n = THREADS - 1 - thread + top; n < lower_int(top + ROWS, HEIGHT); n += THREADS)
-            room.lines[WIDTH + n] = image_y(camera, float(n));
+        const int top = PARTS > 1 ? part * ROWS : 0;
+#pragma unroll
+        for (int k = 0; k < (WIDTH + THREADS - 1) / THREADS; ++k)
+            if (const int n = k * THREADS + thread; n < WIDTH)
+                room.lines[n] = image_x(camera, float(n));
+#pragma unroll
+        for (int k = 0; k < (ROWS + THREADS - 1) / THREADS; ++k)
+            if (const int n = k * THREADS + (THREADS - 1 - thread); n < ROWS && (HEIGHT % ROWS == 0 || top + n < HEIGHT))
+                room.lines[WIDTH + top + n] = image_y(camera, float(top + n));
     }
     const Canvas_ canvas { target,     shapes,       room.list, room.list.camera, { 0, 0, WIDTH, HEIGHT }, world, room.places,
-                           room.list.facings, room.lines, room.lines + (Canvas_::LINED ? WIDTH : 0), block % PARTS, PARTS };
+                           room.list.facings, room.lines, room.lines + (Canvas_::LINED ? WIDTH : 0), part, PARTS };
     if (finds)
         canvas.find_floor(thread - LANES);
     else if (thread >= THREADS - LANES)

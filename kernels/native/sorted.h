@@ -51,15 +51,21 @@ template <int CAPACITY, bool SLOTS> struct FarList {
         records(3)[rank] = record.origin;
         records(4)[rank] = record.size;
     }
-    // Has a list of so many shapes on its way to shared memory; for all threads of a block.
-    WARPCAM_FN void fetch(List& list, int shapes, int thread) const
+    // Has a list of so many shapes on its way to shared memory; for all threads of a block. Loops that are not would take
+    // more instructions than all of this.
+    WARPCAM_FN void fetch(List& list, int shapes, unsigned thread) const
     {
-        const int rank = thread % LANES;
-        if (rank < shapes)
-            for (int row = thread / LANES; row < RECORD_ROWS; row += THREADS / LANES)
-                copy_row(reinterpret_cast<Row*>(list.records + rank) + row, records(row) + rank);
-        for (int i = THREADS - 1 - thread; i < HEAD_ROWS; i += THREADS)
-            copy_row(reinterpret_cast<Row*>(&list) + i, rows + i);
+        constexpr int WARPS = THREADS / LANES;
+        static_assert(RECORD_ROWS == WARPS + 1 && HEAD_ROWS <= (WARPS - 1) * LANES);
+        const unsigned rank = thread % LANES, row = thread / LANES;
+        if (rank < unsigned(shapes)) {
+            Row* const to = reinterpret_cast<Row*>(list.records) + RECORD_ROWS * rank;
+            copy_row(to + row, rows + (HEAD_ROWS + rank + row * CAPACITY));
+            if (row == 0)
+                copy_row(to + WARPS, rows + (HEAD_ROWS + rank + WARPS * CAPACITY));
+        }
+        if (thread - LANES < HEAD_ROWS)
+            copy_row(reinterpret_cast<Row*>(&list) + (thread - LANES), rows + (thread - LANES));
     }
 };
 
