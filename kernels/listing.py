@@ -16,7 +16,7 @@ from .flow import Trail, brief
 from .launch import Stage, native_module, record
 from .tables import Tables
 from .types import HEIGHT_FIELD, LOOKS_ALONE, MESH, HeightFields, Materials, Meshes, Shapes, View
-from .views import LensTable, Mount, Opening, count_frame, turned_over, view_of
+from .views import LensTable, Mount, Opening, turned_over, view_of
 from .visibility import FLOW, FLOW_VALID, LENSES, NORMAL, list_capacity
 
 # Outputs that such a trace writes; the others need what it does not list.
@@ -108,7 +108,6 @@ def _kernel(types: int, lens: int, capacity: int, wanted: int) -> wp.Kernel:
         begin_listing(shapes, lists, begin, worlds, slot, shape, thread)
         now = View()
         state = wp.int32(0)
-        drawn = wp.bool(False)
         if thread < worlds:
             world = begin + thread
             drawn = opens != 0 and opening.everything != 0
@@ -118,12 +117,27 @@ def _kernel(types: int, lens: int, capacity: int, wanted: int) -> wp.Kernel:
                 state = wp.int32(1)
                 if trail.known.shape[0] > 0:
                     state = wp.int32(trail.known[world])
+                count = wp.int32(0)  # loaded with the rest: memory is waited for once
+                known = wp.int32(0)
+                time = wp.float32(0.0)
                 if opens != 0:
+                    count = opening.frames[world]
+                    if opening.known.shape[0] > 0:
+                        known = wp.int32(opening.known[world])
+                    if world < opening.clock.shape[0]:
+                        time = opening.clock[world]
                     faults[world] = wp.uint8(0)
                 now = view_of(world, mount, lens, faults)
                 views[world] = now
-                if opens != 0 and trail.known.shape[0] > 0:
-                    state = turned_over(state)
+                if opens != 0:
+                    mask[world] = wp.uint8(1)
+                    opening.frames[world] = count + 1
+                    if opening.known.shape[0] > 0:
+                        opening.known[world] = wp.uint8(turned_over(known))
+                    if world < opening.clock.shape[0]:
+                        opening.times[world] = time
+                    if trail.known.shape[0] > 0:
+                        state = turned_over(state)
         list_worlds(
             now,
             state,
@@ -144,12 +158,6 @@ def _kernel(types: int, lens: int, capacity: int, wanted: int) -> wp.Kernel:
             shape,
             thread,
         )
-        if drawn and opens != 0:  # nothing waits for this
-            world = begin + thread
-            mask[world] = wp.uint8(1)
-            if opening.known.shape[0] > 0:
-                opening.known[world] = wp.uint8(turned_over(wp.int32(opening.known[world])))
-            count_frame(world, opening)
 
     return write_views_and_lists
 
