@@ -34,21 +34,11 @@ WARPCAM_FN void draw_listed(const Shapes& shapes, const Materials&, const Meshes
     const int thread = unsigned(index) % THREADS, block = same_of_warp(unsigned(index) / THREADS);
     const int world = unsigned(block) / PARTS, part = unsigned(block) % PARTS;
     __builtin_assume(world >= 0);
-    const bool wanted = wp::index(target.mask, world);
     const auto from = FarList<CAPACITY, names_slots(OUTPUTS)>::of(target.lists, world);
     from.fetch(room.list, shapes.drawn.shape[0], thread);
     if constexpr (FLOWING)
         room.places.fetch_motions(target.trail, world, thread);
-    if (!wanted) {
-        await_rows();
-        return;
-    }
-    const bool finds = thread >= LANES && thread < THREADS - LANES;
-    if constexpr ((OUTPUTS & FLOW_VALID) != 0)
-        if (finds || !Near::LOOKS_AT_FLOORS) {
-            room.places.locate(target.trail, world);  // all write the same
-            room.places.fetch(shapes, target.trail, thread);
-        }
+    const unsigned char wanted = wp::index(target.mask, world);  // all is on its way before the first is waited for
     if constexpr (Canvas_::LINED) {
         constexpr int STACK = Canvas_::TALL * TILE_HEIGHT, ROWS = (HEIGHT / STACK + PARTS - 1) / PARTS * STACK;  // of a part
         const Camera& camera = from.head().camera;
@@ -62,6 +52,16 @@ WARPCAM_FN void draw_listed(const Shapes& shapes, const Materials&, const Meshes
             if (const int n = k * THREADS + (THREADS - 1 - thread); n < ROWS && (HEIGHT % ROWS == 0 || top + n < HEIGHT))
                 room.lines[WIDTH + top + n] = image_y(camera, float(top + n));
     }
+    if (!wanted) {
+        await_rows();
+        return;
+    }
+    const bool finds = thread >= LANES && thread < THREADS - LANES;
+    if constexpr ((OUTPUTS & FLOW_VALID) != 0)
+        if (finds || !Near::LOOKS_AT_FLOORS) {
+            room.places.locate(target.trail, world);  // all write the same
+            room.places.fetch(shapes, target.trail, thread);
+        }
     const Canvas_ canvas { target,     shapes,       room.list, room.list.camera, { 0, 0, WIDTH, HEIGHT }, world, room.places,
                            room.list.facings, room.lines, room.lines + (Canvas_::LINED ? WIDTH : 0), part, PARTS };
     if (finds)
