@@ -1,6 +1,7 @@
 // From a shape's live pose to its record in one view, and the tiles of a region it may touch.
 #pragma once
 #include "ray_table.h"
+#include "span.h"
 
 namespace warpcam {
 
@@ -326,26 +327,26 @@ WARPCAM_FN Visible place(const Shape& shape, const ShapeForm& form, const Camera
                     return HIDDEN;
             }
         } else if (BOXES && (LENS == ORTHOGRAPHIC || nearest > 1.0e-3f * reach)) {
-            float left = FAR_AWAY, right = -FAR_AWAY, top = FAR_AWAY, bottom = -FAR_AWAY;
-            const Vec side { m.at[0][0] * e.x, m.at[0][1] * e.x, m.at[0][2] * e.x };
+            Span span { FAR_AWAY, -FAR_AWAY, FAR_AWAY, -FAR_AWAY };
+            if ((TYPES & ROUND_TYPES) != 0 && (ROUND_TYPES >> shape.type & 1) != 0) {
+                span_round<LENS>(shape.type, center, depth, m, e, span);
+            } else {
+                const Vec side { m.at[0][0] * e.x, m.at[0][1] * e.x, m.at[0][2] * e.x };
 #pragma unroll CORNERS
-            for (int k = 0; k < 4; ++k) {
-                const float b = k & 1 ? e.y : -e.y, c = k & 2 ? e.z : -e.z;
-                const Vec middle { center.x + m.at[1][0] * b + m.at[2][0] * c, center.y + m.at[1][1] * b + m.at[2][1] * c,
-                                   depth - (m.at[1][2] * b + m.at[2][2] * c) };
-                const float w = LENS == ORTHOGRAPHIC ? 1.0f : reciprocal(middle.z - side.z);
-                const float v = LENS == ORTHOGRAPHIC ? 1.0f : reciprocal(middle.z + side.z);
-                const float x = (middle.x + side.x) * w, u = (middle.x - side.x) * v;
-                const float y = (middle.y + side.y) * w, t = (middle.y - side.y) * v;
-                left = lower(left, lower(x, u));
-                right = upper(right, upper(x, u));
-                bottom = upper(bottom, -lower(y, t));
-                top = lower(top, -upper(y, t));
+                for (int k = 0; k < 4; ++k) {
+                    const float b = k & 1 ? e.y : -e.y, c = k & 2 ? e.z : -e.z;
+                    const Vec middle { center.x + m.at[1][0] * b + m.at[2][0] * c, center.y + m.at[1][1] * b + m.at[2][1] * c,
+                                       depth - (m.at[1][2] * b + m.at[2][2] * c) };
+                    const float w = LENS == ORTHOGRAPHIC ? 1.0f : reciprocal(middle.z - side.z);
+                    const float v = LENS == ORTHOGRAPHIC ? 1.0f : reciprocal(middle.z + side.z);
+                    span.take((middle.x + side.x) * w, (middle.x - side.x) * v, (middle.y + side.y) * w,
+                              (middle.y - side.y) * v);
+                }
             }
             const float px = reciprocal(camera.scale_x), py = reciprocal(camera.scale_y);
-            tile_span(left * px + camera.center_x - 0.5f, right * px + camera.center_x - 0.5f, region.left,
+            tile_span(span.left * px + camera.center_x - 0.5f, span.right * px + camera.center_x - 0.5f, region.left,
                       region.width, TILE_WIDTH, tiles.left, tiles.right);
-            tile_span(top * py + camera.center_y - 0.5f, bottom * py + camera.center_y - 0.5f, region.top,
+            tile_span(camera.center_y - 0.5f - span.high * py, camera.center_y - 0.5f - span.low * py, region.top,
                       region.height, TILE_HEIGHT, tiles.top, tiles.bottom);
             if (tiles.left > tiles.right || tiles.top > tiles.bottom)
                 return HIDDEN;
