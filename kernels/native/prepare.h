@@ -1,7 +1,7 @@
 // From a shape's live pose to its record in one view, and the tiles of a region it may touch.
 #pragma once
 #include "ray_table.h"
-#include "span.h"
+#include "view_span.h"
 
 namespace warpcam {
 
@@ -327,7 +327,7 @@ WARPCAM_FN Visible place(const Shape& shape, const ShapeForm& form, const Camera
                     return HIDDEN;
             }
         } else if (BOXES && (LENS == ORTHOGRAPHIC || nearest > 1.0e-3f * reach)) {
-            Span span { FAR_AWAY, -FAR_AWAY, FAR_AWAY, -FAR_AWAY };
+            ViewSpan span { FAR_AWAY, -FAR_AWAY, FAR_AWAY, -FAR_AWAY };
             if ((TYPES & ROUND_TYPES) != 0 && (ROUND_TYPES >> shape.type & 1) != 0) {
                 span_round<LENS>(shape.type, center, depth, m, e, span);
             } else {

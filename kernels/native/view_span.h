@@ -6,7 +6,7 @@
 namespace warpcam {
 
 // What spans a shape in an image: x and y, up, of all of its points by their depth, or as they are for parallel rays.
-struct Span {
+struct ViewSpan {
     float left, right, low, high;
 
     WARPCAM_FN void take(float x0, float x1, float y0, float y1)
@@ -23,7 +23,7 @@ constexpr int ROUND_TYPES = 1 << SPHERE | 1 << CAPSULE | 1 << ELLIPSOID | 1 << C
 // Of a round shape, which lies between two like ellipsoids: these are half a sphere's or a disk's length apart from its middle,
 // or at one place. One at `at` with half axes w is seen from the left to the right edge of the cone that touches it.
 // `center`: of its box, with the depth there, which is positive for all of it; m: the axes of its own frame; e: half widths.
-template <int LENS> WARPCAM_FN void span_round(int type, Vec center, float depth, const Matrix& m, Vec e, Span& span)
+template <int LENS> WARPCAM_FN void span_round(int type, Vec center, float depth, const Matrix& m, Vec e, ViewSpan& span)
 {
     const Vec half { e.x, e.y, type == CAPSULE ? e.x : type == CYLINDER ? 0.0f : e.z };
     const float length = e.z - half.z;
