@@ -19,16 +19,14 @@ from .types import HEIGHT_FIELD, LOOKS_ALONE, MESH, HeightFields, Materials, Mes
 from .views import LensTable, Mount, Opening, turned_over, view_of
 from .visibility import FLOW, FLOW_VALID, LENSES, NORMAL, list_capacity
 
-# Outputs that such a trace writes; the others need what it does not list.
-OUTPUTS = frozenset(
-    ("depth", "segmentation", "distance", "points", "bodies", "normals", "instances", "semantics", "flow", "flow_valid")
-)
+# Outputs that such a trace writes, and those that are lit from what it sees; the others need what it does not list.
+TRACED = ("depth", "segmentation", "distance", "points", "bodies", "normals", "instances", "semantics")
+OUTPUTS = frozenset((*TRACED, "flow", "flow_valid", "rgb", "rgba", "hdr"))
 HEAD_ROWS, RECORD_ROWS, FACING_ROWS = 17, 5, 4  # of a list: native/sorted.h, FarList
 LANES = 32
 MOST_COLUMNS, MOST_ROWS = 8 * 127, 4 * 127  # pixels of an image whose tiles a record's box can count: native/prepare.h
-FEW = 24  # shapes a world: with more the stage takes longer than it spares, but where validity is wanted
 LISTERS = 160  # threads of a block, one for each shape of its worlds: native/sorted.h
-BLOCKS, FLOWING_BLOCKS = 8, 6  # on a multiprocessor: bounds the registers of a thread
+BLOCKS, FLOWING_BLOCKS = 7, 5  # on a multiprocessor: bounds the registers of a thread; with more some are spilled
 
 
 @functools.cache
@@ -166,7 +164,7 @@ def capacity_of(
     tables: Tables, projection: str, width: int, height: int, outputs: Collection[str], device: wp.Device
 ) -> int:
     """How many shapes such a list has room for; 0 where there is none."""
-    few = 0 < tables.num_drawn <= (LANES if "flow_valid" in outputs else FEW)
+    few = 0 < tables.num_drawn <= LANES
     plain = {MESH, HEIGHT_FIELD}.isdisjoint(tables.shape_types) and not tables.ids_by_world
     alike = visibility.composes(tables, device)  # what the stage composes is what a block would
     if not (alike and few and plain and projection != "rays" and OUTPUTS.issuperset(outputs)):

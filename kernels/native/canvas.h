@@ -348,19 +348,16 @@ template <int TYPES, int LENS, int OUTPUTS, class List, int TALL_, class Target,
             return false;
         const int shape = list.floor.shape;
         __builtin_assume(shape >= 0);
-        const auto put_two = [&](auto* image, int k, auto first, auto second) {
-            *reinterpret_cast<Several<decltype(first), 2>*>(image + at(i, j, k)) = { { first, second } };
-        };
         const auto put_same = [&](auto* image, int number) {
             for (int k = 0; k < WIDE; ++k)
-                put_two(image, k, number, number);
+                put_two(image + at(i, j, k), number, number);
         };
         for (int k = 0; k < WIDE; ++k) {
             const Hit a { hits[2 * k].depth, shape, -1 }, b { hits[2 * k + 1].depth, shape, -1 };
             if (OUTPUTS & DEPTH)
-                put_two(target.depth.data, k, a.depth, b.depth);
+                put_two(target.depth.data + at(i, j, k), a.depth, b.depth);
             if (OUTPUTS & DISTANCE)
-                put_two(target.distance.data, k, distance_of(a, rays[2 * k]), distance_of(b, rays[2 * k + 1]));
+                put_two(target.distance.data + at(i, j, k), distance_of(a, rays[2 * k]), distance_of(b, rays[2 * k + 1]));
         }
         if (OUTPUTS & SHAPE)
             put_same(target.shape.data, shape);

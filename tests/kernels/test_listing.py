@@ -72,6 +72,8 @@ def frames(
         (("depth", "segmentation", "bodies"), False),
         (("depth", "segmentation", "points"), True),
         (("depth", "distance", "instances", "semantics"), True),
+        (("rgb", "depth"), True),
+        (("hdr", "segmentation"), False),
         (FLOWING, True),
         (FLOWING, False),
         (("flow", "depth"), True),
@@ -194,10 +196,11 @@ def test_what_is_listed_ahead(device: wp.Device) -> None:
     assert listing.capacity_of(tables, "pinhole", 16, 8, ("depth", "albedo"), device) == 0
     assert listing.capacity_of(tables, "rays", 16, 8, ("depth",), device) == 0
     assert listing.capacity_of(tables, "pinhole", 640, 480, ("depth",), device) == 0
-    more = "".join(f'<geom size=".1" pos="{i} 0 0"/>' for i in range(20))
-    tables = wc.from_mujoco_warp(*_put(scenes.compile_xml(SHAPES.format(floor="0 0 1") + more))).tables()
-    assert listing.capacity_of(tables, "pinhole", 16, 8, ("depth", "flow"), device) == 0
-    assert listing.capacity_of(tables, "pinhole", 16, 8, ("flow_valid",), device) == (32 if device.is_cuda else 0)
+    for count, most in ((20, 32), (30, 0)):
+        more = "".join(f'<geom size=".1" pos="{i} 0 0"/>' for i in range(count))
+        tables = wc.from_mujoco_warp(*_put(scenes.compile_xml(SHAPES.format(floor="0 0 1") + more))).tables()
+        found = listing.capacity_of(tables, "pinhole", 16, 8, ("rgb", "flow"), device)
+        assert found == (most if device.is_cuda else 0)
 
 
 def test_nothing_is_listed_ahead_where_a_hidden_mesh_moves() -> None:
