@@ -218,10 +218,12 @@ def _dtype(array: wp.array | None) -> Any:
 
 def parts_of(images: Collection[str], width: int, height: int) -> int:
     """How many blocks share an image whose shapes have been listed: native/outputs.h has the same."""
-    wanted = 4 if "points" in images or "normals" in images else 2 if "flow" in images else 1
-    wanted = 1 if "flow_valid" in images else wanted
     pixels = REGIONS[0][0] * REGIONS[0][1]
-    if width * height <= pixels:
+    small = width * height <= pixels
+    more = small and not {"distance", "bodies", "instances", "semantics"}.isdisjoint(images)
+    wanted = 4 if "points" in images or "normals" in images else 2 if "flow" in images or more else 1
+    wanted = 1 if "flow_valid" in images else wanted
+    if small:
         return min(wanted, width * height // THREADS)
     return -(-(height // 8) // max(1, pixels // (8 * wanted * width)))
 
