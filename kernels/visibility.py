@@ -221,7 +221,8 @@ def parts_of(images: Collection[str], width: int, height: int) -> int:
     pixels = REGIONS[0][0] * REGIONS[0][1]
     small = width * height <= pixels
     more = small and not {"distance", "bodies", "instances", "semantics"}.isdisjoint(images)
-    wanted = 4 if "points" in images or "normals" in images else 2 if "flow" in images or more else 1
+    threes = ("points" in images) + ("normals" in images)
+    wanted = 4 * threes or (2 if "flow" in images or more else 1)
     wanted = 1 if "flow_valid" in images else wanted
     if small:
         return min(wanted, width * height // THREADS)

@@ -41,7 +41,8 @@ constexpr int parts_of(int outputs, int width, int height)
 {
     constexpr int PIXELS = 64 * 64, STACK = 2 * TILE_HEIGHT;
     const int more = outputs & (DISTANCE | BODIES | INSTANCES | SEMANTICS) && width * height <= PIXELS ? 2 : 1;
-    const int wanted = outputs & FLOW_VALID ? 1 : outputs & (POINTS | NORMAL) ? 4 : outputs & FLOW ? 2 : more;
+    const int threes = (outputs & POINTS ? 1 : 0) + (outputs & NORMAL ? 1 : 0);
+    const int wanted = outputs & FLOW_VALID ? 1 : threes ? 4 * threes : outputs & FLOW ? 2 : more;
     const int most = width * height / THREADS, rows = PIXELS / (STACK * wanted * width);
     if (width * height <= PIXELS)
         return wanted < most ? wanted : most;

@@ -181,6 +181,7 @@ def test_rows_of_a_list() -> None:
         (("bodies",), (2, 1, 3, 16, 60)),
         (("flow",), (2, 1, 5, 32, 60)),
         (("points",), (4, 1, 9, 32, 60)),
+        (("points", "normals"), (8, 1, 9, 32, 60)),
         (("flow_valid",), (1, 1)),
     ],
 )
