@@ -225,7 +225,7 @@ def parts_of(images: Collection[str], width: int, height: int) -> int:
     wanted = 4 * threes or (2 if "flow" in images or more else 1)
     wanted = 1 if "flow_valid" in images else wanted
     if small:
-        return min(wanted, width * height // THREADS)
+        return min(wanted, width * height // THREADS, height // 4)
     return -(-(height // 8) // max(1, pixels // (8 * wanted * width)))
 
 

@@ -49,7 +49,7 @@ WARPCAM_FN void draw_listed(const Shapes& shapes, const Materials&, const Meshes
                 room.lines[n] = image_x(camera, float(n));
 #pragma unroll
         for (int k = 0; k < (ROWS + THREADS - 1) / THREADS; ++k)
-            if (const int n = k * THREADS + (THREADS - 1 - thread); n < ROWS && (HEIGHT % ROWS == 0 || top + n < HEIGHT))
+            if (const int n = k * THREADS + (THREADS - 1 - thread); n < ROWS && (PARTS * ROWS == HEIGHT || top + n < HEIGHT))
                 room.lines[WIDTH + top + n] = image_y(camera, float(top + n));
     }
     if (!wanted) {

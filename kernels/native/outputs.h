@@ -43,7 +43,7 @@ constexpr int parts_of(int outputs, int width, int height)
     const int more = outputs & (DISTANCE | BODIES | INSTANCES | SEMANTICS) && width * height <= PIXELS ? 2 : 1;
     const int threes = (outputs & POINTS ? 1 : 0) + (outputs & NORMAL ? 1 : 0);
     const int wanted = outputs & FLOW_VALID ? 1 : threes ? 4 * threes : outputs & FLOW ? 2 : more;
-    const int most = width * height / THREADS, rows = PIXELS / (STACK * wanted * width);
+    const int most = lower_int(width * height / THREADS, height / TILE_HEIGHT), rows = PIXELS / (STACK * wanted * width);
     if (width * height <= PIXELS)
         return wanted < most ? wanted : most;
     return rows > 1 ? (height / STACK + rows - 1) / rows : height / STACK;
