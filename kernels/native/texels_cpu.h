@@ -261,29 +261,33 @@ inline Vecs cube_directions(const Pose& pose, const Layout& layout, const Surfac
     return times(place, scale);
 }
 
-// The texture's colours at eight hits.
-template <int TYPES, class Looks, class Meshes, class Textures>
-inline Vecs texture_colors(const Looks& look, const Levels& levels, const Meshes& meshes, const Textures& textures,
-                           const Camera& camera, const Surfaces& surface, const Vecs& ray, Floats depth)
+// The texture's colours at packets of hits.
+template <int TYPES, class Looks, class Meshes, class Textures, class Hits>
+inline void texture_colors(const Looks& look, const Levels& levels, const Meshes& meshes, const Textures& textures,
+                           const Camera& camera, const Surfaces* surfaces, const Vecs* rays, const Hits* hits, int packets,
+                           Vecs* colors)
 {
     const Layout& layout = look.layout;
     const Pose& pose = look.pose;
-    const Vecs right = depth * eight_of(camera.scale_x * Vec { pose.axis_x.x, pose.axis_y.x, pose.axis_z.x });
-    const Vecs down = depth * eight_of(-camera.scale_y * Vec { pose.axis_x.y, pose.axis_y.y, pose.axis_z.y });
-    if (layout.cube) {
-        Vecs scale, color;
-        const Vecs direction = cube_directions<TYPES>(pose, layout, surface, scale);
-        sample_cubes(textures.texels.data, levels, direction, times(scale, slide(right, ray, surface.normal)),
-                     times(scale, slide(down, ray, surface.normal)), color);
-        return color;
+    const Vecs to_right = eight_of(camera.scale_x * Vec { pose.axis_x.x, pose.axis_y.x, pose.axis_z.x });
+    const Vecs to_below = eight_of(-camera.scale_y * Vec { pose.axis_x.y, pose.axis_y.y, pose.axis_z.y });
+    for (int n = 0; n < packets; ++n) {
+        const Vecs right = hits[n].depth * to_right, down = hits[n].depth * to_below, ray = rays[n];
+        if (layout.cube) {
+            Vecs scale;
+            const Vecs direction = cube_directions<TYPES>(pose, layout, surfaces[n], scale);
+            sample_cubes(textures.texels.data, levels, direction, times(scale, slide(right, ray, surfaces[n].normal)),
+                         times(scale, slide(down, ray, surfaces[n].normal)), colors[n]);
+            continue;
+        }
+        Footprints at;
+        footprints_2d<TYPES>(pose, layout, meshes, surfaces[n], ray, right, down, at);
+        if constexpr (Looks::SHIFTED) {
+            at.u += look.shift_u;
+            at.v += look.shift_v;
+        }
+        colors[n] = sample_2d(textures.texels.data, levels, at);
     }
-    Footprints at;
-    footprints_2d<TYPES>(pose, layout, meshes, surface, ray, right, down, at);
-    if constexpr (Looks::SHIFTED) {
-        at.u += look.shift_u;
-        at.v += look.shift_v;
-    }
-    return sample_2d(textures.texels.data, levels, at);
 }
 
 }  // namespace warpcam
