@@ -266,7 +266,7 @@ WARPCAM_FN TileBox ray_tiles(const Camera& camera, const Region& region, Vec cen
 
 // Without BOXES it is left open which tiles the shape touches, if any.
 template <int TYPES, int LENS, bool BOXES = true, class Meshes, class HeightFields>
-WARPCAM_FN Visible prepare(const Shape& shape, const Camera& camera, const Region& region, const Meshes& meshes,
+WARPCAM_APART WARPCAM_FN Visible prepare(const Shape& shape, const Camera& camera, const Region& region, const Meshes& meshes,
                            const HeightFields& fields, Record& record, TileBox& tiles)
 {
     float sum = shape.position.x + shape.position.y + shape.position.z;

@@ -32,7 +32,7 @@ template <int ROOM> struct Sorted {
     }
 
     // The pixels of rows that are `width` long; a row has room for WIDTH.
-    template <int WIDTH, class Array> void sort(const Array& ids, size_t first, int pitch, int width, int rows)
+    template <int WIDTH, class Array> WARPCAM_APART void sort(const Array& ids, size_t first, int pitch, int width, int rows)
     {
         for (unsigned slot = 0; slot < SLOTS; ++slot)
             table[slot] = -1;
@@ -191,7 +191,7 @@ constexpr int TOGETHER = 4;
 
 // Of the last packet's pixels `rest` count, of the others' all.
 template <int TYPES, int IMAGES, int FACTS, class Looks, class List, class Scene_, class Paint>
-inline void paint_packets(const Looks& look, const Levels* levels, int id, const List& lights, const Scene_& scene,
+WARPCAM_APART inline void paint_packets(const Looks& look, const Levels* levels, int id, const List& lights, const Scene_& scene,
                           const Camera& camera, Vec gain, const EightHits* hits, const short* pixels, int packets, int rest,
                           Paint& painted)
 {
@@ -246,10 +246,9 @@ inline void paint_packets(const Looks& look, const Levels* levels, int id, const
                 Facets facet;
                 facets_at<TYPES>(look, scene.meshes, surfaces[n], { hit.depth * hit.x, hit.depth * hit.y, -hit.depth }, facet);
                 Lits own;
-                if ((TYPES & (1 << PLANE | 1 << HEIGHT_FIELD | 1 << BOX | 1 << MESH)) && lit_at_corners<TYPES>(look))
-                    illuminate_eight<3, SHADOWS>(lights, facet, look.finish, hit.shadow, own);
-                else
-                    illuminate_eight<1, SHADOWS>(lights, facet, look.finish, hit.shadow, own);
+                const bool at_corners = (TYPES & (1 << PLANE | 1 << HEIGHT_FIELD | 1 << BOX | 1 << MESH))
+                    && lit_at_corners<TYPES>(look);
+                illuminate_eight<SHADOWS>(lights, facet, at_corners ? 3 : 1, look.finish, hit.shadow, own);
                 lit = BY_CORNERS ? Lits { own.linear, chosen(inside, lit.display, own.display) } : own;
             } else {
                 lit.linear = lit.display;
@@ -262,7 +261,7 @@ inline void paint_packets(const Looks& look, const Levels* levels, int id, const
 
 // What is behind everything.
 template <int IMAGES, int FACTS, class Scene_, class Paint>
-inline void paint_background(const Scene_& scene, const Camera& camera, int world, Vec gain, const float* x, const float* y,
+WARPCAM_APART inline void paint_background(const Scene_& scene, const Camera& camera, int world, Vec gain, const float* x, const float* y,
                              int width, const short* pixels, int count, Paint& painted)
 {
     const auto& background = background_of<FACTS>(scene, world);
@@ -290,10 +289,6 @@ inline void paint_background(const Scene_& scene, const Camera& camera, int worl
         painted.put_light(pixels + first, some, color, color, 0u);
     }
 }
-
-template <int TYPES> struct Types {
-    static constexpr int value = TYPES;
-};
 
 // What eight pixels show, of which `count` are given; the others are the last again.
 template <int TYPES, bool SHADOWS, int WIDTH, class Frame>
@@ -372,16 +367,9 @@ inline void paint_sorted(const Sorted<ROOM>& sorted, const List& lights, const S
                 load_hits<TYPES, Wants::LIT && (FACTS & HAS_SHADOWS), WIDTH>(frame, first, x, y, pixels + from,
                                                                             lower_int(PACKET, total - from), hits[n]);
             }
-            const auto paint = [&](auto types) {
-                paint_packets<types.value, IMAGES, FACTS>(look, textured ? &levels : nullptr, id, lights, scene, camera, gain,
-                                                          hits, pixels + done, packets,
-                                                          lower_int(PACKET, total - done - (packets - 1) * PACKET), painted);
-            };
-            constexpr int PLANES = TYPES & 1 << PLANE;  // mostly the ground: by code that knows of nothing else
-            if (PLANES && look.pose.type() == PLANE)
-                paint(Types<PLANES> {});
-            else
-                paint(Types<TYPES & ~PLANES> {});
+            paint_packets<TYPES, IMAGES, FACTS>(look, textured ? &levels : nullptr, id, lights, scene, camera, gain, hits,
+                                                pixels + done, packets,
+                                                lower_int(PACKET, total - done - (packets - 1) * PACKET), painted);
         }
     }
 }

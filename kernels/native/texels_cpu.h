@@ -263,7 +263,7 @@ inline Vecs cube_directions(const Pose& pose, const Layout& layout, const Surfac
 
 // The texture's colours at packets of hits.
 template <int TYPES, class Looks, class Meshes, class Textures, class Hits>
-inline void texture_colors(const Looks& look, const Levels& levels, const Meshes& meshes, const Textures& textures,
+WARPCAM_APART inline void texture_colors(const Looks& look, const Levels& levels, const Meshes& meshes, const Textures& textures,
                            const Camera& camera, const Surfaces* surfaces, const Vecs* rays, const Hits* hits, int packets,
                            Vecs* colors)
 {
