@@ -31,11 +31,17 @@ def compiler_flags() -> dict[str, Any]:
     return {"cpu_compiler_flags": " ".join(flag for flag in flags.split() if not flag.startswith("-mllvm=-inline"))}
 
 
-# Functions that are seen in their module alone are inlined where they have but one caller. Those that Warp writes for
-# derivatives are left out where they are `inline`.
-_ON_CPU = """namespace {{
-#include "{}"
+# Functions that are seen in their module alone are inlined where they have but one caller, which makes for faster and
+# larger kernels; with WARPCAM_QUICK the compiler takes less time instead. What Warp writes for derivatives is left out
+# as it is `inline`.
+_ON_CPU = """
+#if defined(WARPCAM_QUICK)
+#include "{0}"
+#else
+namespace {{
+#include "{0}"
 }}
+#endif
 #undef CUDA_CALLABLE
 #define CUDA_CALLABLE inline
 """
