@@ -30,9 +30,8 @@ def install(ours: bool = False) -> None:
         homes = {kernel.func.__module__.partition(".")[0] for kernel in module.kernels.values()}
         if homes and homes <= SIMULATORS and options["optimization_level"] is None:
             options["optimization_level"] = 1 if wp.is_cuda_available() else 0
-        elif homes == {"warpcam"} and ours and not wp.is_cuda_available():
-            options["optimization_level"] = 1
-            options["cpu_compiler_flags"] = f"{options['cpu_compiler_flags'] or ''} -DWARPCAM_QUICK"
+        elif homes == {"warpcam"} and ours and options.get("cpu_compiler_flags"):
+            options["cpu_compiler_flags"] += " -O1 -fno-vectorize -fno-slp-vectorize -DWARPCAM_QUICK"
         return options
 
     wp.Module.resolve_options = resolve_options
