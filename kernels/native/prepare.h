@@ -365,7 +365,7 @@ WARPCAM_FN Visible place(const Shape& shape, const ShapeForm& form, const Camera
 
 // All of it.
 template <int TYPES, int LENS, bool BOXES = true, class Meshes, class HeightFields>
-WARPCAM_FN Visible prepare(const Shape& shape, const Camera& camera, const Region& region, const Meshes& meshes,
+WARPCAM_APART WARPCAM_FN Visible prepare(const Shape& shape, const Camera& camera, const Region& region, const Meshes& meshes,
                            const HeightFields& fields, Record& record, TileBox& tiles)
 {
     ShapeForm form;

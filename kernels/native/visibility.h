@@ -15,7 +15,7 @@ namespace warpcam {
 // left out. ALONE: by one warp.
 template <int TYPES, int LENS, bool SLOTS, bool ALONE, int CAPACITY, class Shapes, class Meshes, class HeightFields,
           class Hidden>
-WARPCAM_FN int gather(ShapeList<CAPACITY>& list, int begin, const Shapes& shapes, const Meshes& meshes,
+WARPCAM_APART WARPCAM_FN int gather(ShapeList<CAPACITY>& list, int begin, const Shapes& shapes, const Meshes& meshes,
                       const HeightFields& fields, const Hidden& hidden, const Camera& camera, const Region& region,
                       int world, int thread)
 {
