@@ -155,7 +155,7 @@ class Scratch:
         """
         return list(self._phases(0, self._total, self._whole, images, late, turns))
 
-    def chains(self, images: Lenders, count: int) -> list[list[list[Portion]]] | None:
+    def chains(self, images: Lenders, count: int, first: int = 0) -> list[list[list[Portion]]] | None:
         """The same phases in chains that need not wait for each other; None where the block is too small for that.
 
         Each chain has worlds of its own, lent memory of these alone, and a share of the block.
@@ -163,8 +163,9 @@ class Scratch:
         Args:
             images: As above.
             count: How many chains.
+            first: Where they begin, counted in worlds of one camera after another.
         """
-        start, total = self._whole.start, self._total
+        start, total = self._whole.start, self._total - first
         share = self.size // count // ALIGNMENT * ALIGNMENT
         if any(self._bytes(camera, 1) > share for camera in self._cameras.values()):
             return None
@@ -172,8 +173,8 @@ class Scratch:
             [
                 turns[0]
                 for turns in self._phases(
-                    total * number // count,
-                    total * (number + 1) // count,
+                    first + total * number // count,
+                    first + total * (number + 1) // count,
                     Piece(start + number * share, start + (number + 1) * share),
                     images,
                 )
