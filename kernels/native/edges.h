@@ -117,12 +117,14 @@ template <int IMAGES> struct Colour {
 // What a view has found in the centres of its pixels, as its images have it. A pixel is an index into them.
 template <class Target> struct ImageCentres {
     static constexpr bool BORDERED = false;  // there are no pixels outside of the image
+    template <int> static constexpr bool by_rows() { return false; }  // whether bytes_around() is there
 
     const Target& target;
     unsigned first;  // the view's first pixel
 
     WARPCAM_FN unsigned at(int i, int j) const { return first + unsigned(j * target.width + i); }
     WARPCAM_FN unsigned line() const { return unsigned(target.width); }
+    WARPCAM_FN auto ids() const { return target.shape.data + first; }
     WARPCAM_FN unsigned of_images(unsigned pixel) const { return pixel; }
     WARPCAM_FN unsigned of_images(int i, int j) const { return at(i, j); }
     WARPCAM_FN int shape(unsigned pixel) const { return target.shape.data[pixel]; }
@@ -219,11 +221,25 @@ template <int LENS, class Centres> struct Seen {
             samples = EVERY_SAMPLE;
         }
         if (samples || sided) {
-            const Colour<IMAGES> its = colour<IMAGES>(pixel);
+            Colour<IMAGES> its {}, around[8] {};
+            if constexpr (Centres::template by_rows<IMAGES>()) {
+                unsigned nine[9];
+                centres.bytes_around(i, j, nine);
+                constexpr int places[8] { 7, 6, 3, 0, 1, 2, 5, 8 };
+                its.bytes = nine[4];
+#pragma unroll
+                for (int k = 0; k < 8; ++k)
+                    around[k].bytes = nine[places[k]];
+            } else {
+                its = colour<IMAGES>(pixel);
+#pragma unroll
+                for (int k = 0; k < 8; ++k)
+                    around[k] = colour<IMAGES>(ring[k]);
+            }
             unsigned gaps = 0, wide_gaps = 0;
 #pragma unroll
             for (int k = 0; k < 8; ++k) {
-                const Colour<IMAGES> beside = colour<IMAGES>(ring[k]);
+                const Colour<IMAGES>& beside = around[k];
                 gaps |= unsigned(its.differs(beside, within ? FAINT_WITHIN : FAINT)) << k;
                 wide_gaps |= unsigned(its.differs(beside, FAINT_SIDES)) << k;
             }

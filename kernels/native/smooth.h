@@ -43,7 +43,7 @@ WARPCAM_FN void smooth_region(const Shapes& shapes, const Meshes& meshes, const 
     };
     const int across = region.width / TILE_WIDTH, tiles = across * (region.height / TILE_HEIGHT);
     static_assert(64 / TILE_WIDTH * (64 / TILE_HEIGHT) <= LANES * WARPS, "a bit for each of a warp's tiles");
-    unsigned left = tiles_with_shapes(target, centres.first, region, across, tiles);
+    unsigned left = tiles_with_shapes(target, centres.ids(), region, across, tiles);
     left &= tiles <= warp ? 0 : ~0u >> (LANES - (tiles - warp + WARPS - 1) / WARPS);
     // In place all edges are looked for before a pixel is written or, if they are too many, those of a band of rows of tiles:
     // of these no pixel but the last row's is seen by the next band's.
@@ -157,7 +157,13 @@ template <int TYPES, int LENS, int WIDTH, int HEIGHT, int IMAGES, bool IN_PLACE,
 WARPCAM_FN void smooth_region(const Shapes& shapes, const Meshes& meshes, const HeightFields& fields,
                               const Target& target, const Camera& camera, const Region& region, int world)
 {
-    if constexpr (TYPES >> MESH & 1 || TYPES >> HEIGHT_FIELD & 1) {
+    if constexpr (IN_PLACE && ImageIds<Target>::FIT) {
+        WARPCAM_SHARED ImageIds<Target> image;
+        const PlacedCentres<Target> centres { image, target, unsigned(world) * target.height * target.width };
+        image.load(target, centres.first);
+        block_barrier();
+        smooth_region<TYPES, LENS, IMAGES, true>(shapes, meshes, fields, centres, camera, region, world);
+    } else if constexpr (TYPES >> MESH & 1 || TYPES >> HEIGHT_FIELD & 1) {
         const ImageCentres<Target> centres { target, unsigned(world) * target.height * target.width };
         block_barrier();
         smooth_region<TYPES, LENS, IMAGES, IN_PLACE>(shapes, meshes, fields, centres, camera, region, world);

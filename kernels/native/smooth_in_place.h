@@ -7,7 +7,7 @@
 namespace warpcam {
 
 // Pixels with edges that a block lists, and of how many rows of tiles of a region all pixels surely fit.
-constexpr int LISTED_IN_PLACE = 1632, BAND = (LISTED_IN_PLACE - THREADS + LANES) / (64 * TILE_HEIGHT);
+constexpr int LISTED_IN_PLACE = 1560, BAND = (LISTED_IN_PLACE - THREADS + LANES) / (64 * TILE_HEIGHT);
 
 // Means of pixels that wait until nobody reads what they showed before, where images are smoothed in place: those of a band's
 // last row until the next band is done.
