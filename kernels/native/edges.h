@@ -73,6 +73,8 @@ template <int IMAGES, class Target> WARPCAM_FN unsigned load_bytes(const Target&
 {
     constexpr int CHANNELS = IMAGES & SMOOTH_RGBA ? 4 : 3;  // the first three are the same in both
     const unsigned char* image = (IMAGES & SMOOTH_RGBA ? target.rgba : target.rgb).data + CHANNELS * size_t(pixel);
+    if (CHANNELS == 4)
+        return *reinterpret_cast<const unsigned*>(image);
     unsigned bytes = 0;
     for (int k = 0; k < CHANNELS; ++k)
         bytes |= unsigned(image[k]) << 8 * k;
@@ -117,7 +119,7 @@ template <int IMAGES> struct Colour {
 // What a view has found in the centres of its pixels, as its images have it. A pixel is an index into them.
 template <class Target> struct ImageCentres {
     static constexpr bool BORDERED = false;  // there are no pixels outside of the image
-    template <int> static constexpr bool by_rows() { return false; }  // whether bytes_around() is there
+    static constexpr bool PLACED = false;  // whether bytes_around() is there
 
     const Target& target;
     unsigned first;  // the view's first pixel
@@ -222,9 +224,9 @@ template <int LENS, class Centres> struct Seen {
         }
         if (samples || sided) {
             Colour<IMAGES> its {}, around[8] {};
-            if constexpr (Centres::template by_rows<IMAGES>()) {
+            if constexpr (Centres::PLACED) {
                 unsigned nine[9];
-                centres.bytes_around(i, j, nine);
+                centres.template bytes_around<IMAGES>(i, j, nine);
                 constexpr int places[8] { 7, 6, 3, 0, 1, 2, 5, 8 };
                 its.bytes = nine[4];
 #pragma unroll

@@ -26,7 +26,7 @@ template <class Target, int IMAGES, int WIDTH, int HEIGHT> struct KeptCentres {
     using Room = CentresRoom<Target, IMAGES, WIDTH, HEIGHT>;
     static constexpr int LINE = Room::LINE;
     static constexpr bool BORDERED = true;  // what lies outside of the image is as the nearest pixel inside
-    template <int> static constexpr bool by_rows() { return false; }
+    static constexpr bool PLACED = false;
 
     Room& room;
     const Target& target;
@@ -108,7 +108,7 @@ template <class Target> struct ImageIds {
 
 template <class Target> struct PlacedCentres {
     static constexpr bool BORDERED = false;
-    template <int IMAGES> static constexpr bool by_rows() { return IMAGES == SMOOTH_RGB; }
+    static constexpr bool PLACED = true;
 
     const ImageIds<Target>& image;
     const Target& target;
@@ -120,22 +120,30 @@ template <class Target> struct PlacedCentres {
     WARPCAM_FN unsigned of_images(unsigned pixel) const { return first + pixel; }
     WARPCAM_FN unsigned of_images(int i, int j) const { return first + at(i, j); }
     WARPCAM_FN int shape(unsigned pixel) const { return ids()[pixel]; }
+    // Where the pixel may lie outside of the image: then it is any number.
+    WARPCAM_FN int shape_beside(int i, int j) const { return ids()[j * target.width + i]; }
     WARPCAM_FN float depth(unsigned pixel) const { return target.depth.data[first + pixel]; }
     template <int IMAGES> WARPCAM_FN unsigned bytes(unsigned pixel) const
     {
         return load_bytes<IMAGES>(target, first + pixel);
     }
-    // The colours of the nine pixels around one, row after row: of each row three words have them.
-    WARPCAM_FN void bytes_around(int i, int j, unsigned (&nine)[9]) const
+    // The colours of the nine pixels around one, row after row: of each row three words of rgb have them.
+    template <int IMAGES> WARPCAM_FN void bytes_around(int i, int j, unsigned (&nine)[9]) const
     {
+        if (IMAGES & SMOOTH_RGBA) {
+#pragma unroll
+            for (int k = 0; k < 9; ++k)
+                nine[k] = bytes<IMAGES>(around(i, j, k));
+            return;
+        }
         constexpr unsigned COLOUR = 0xffffff;
         const bool leftmost = i == 0, rightmost = i + 1 == target.width;
         const int column = leftmost ? 0 : rightmost ? i - 2 : i - 1;
 #pragma unroll
         for (int k = 0; k < 3; ++k) {
             const int row = j + k - 1 < 0 ? 0 : lower_int(j + k - 1, target.height - 1);
-            const unsigned begin = 3 * (first + at(column, row)), aside = 8 * (begin % 4);
-            const unsigned* const words = reinterpret_cast<const unsigned*>(target.rgb.data) + begin / 4;
+            const unsigned begin = 3 * at(column, row), aside = 8 * (begin % 4);
+            const unsigned* const words = reinterpret_cast<const unsigned*>(target.rgb.data + 3 * size_t(first)) + begin / 4;
             const unsigned a = words[0], b = words[1], c = words[2];
             const unsigned low = __funnelshift_r(a, b, aside), high = __funnelshift_r(b, c, aside), last = c >> aside;
             const unsigned one = low & COLOUR, two = __funnelshift_r(low, high, 24) & COLOUR;
@@ -148,7 +156,7 @@ template <class Target> struct PlacedCentres {
     WARPCAM_FN bool shows(int i, int j, int shape_) const
     {
         const bool inside = i >= 0 && i < target.width && j >= 0 && j < target.height;
-        return inside & (ids()[j * target.width + i] == shape_);
+        return inside & (shape_beside(i, j) == shape_);
     }
     WARPCAM_FN unsigned around(int i, int j, int k) const
     {

@@ -3,6 +3,7 @@
 #include "mesh_queue.h"
 #include "near_shapes.h"
 #include "samples.h"
+#include "shown_placed.h"
 
 #if defined(__CUDA_ARCH__)
 namespace warpcam {
@@ -106,11 +107,11 @@ WARPCAM_FN void list_samples(Chunk<TYPES>& chunk, int pixel, const NearShapes& l
     NearBits own {};
     Band on_meshes = NOWHERE, on_fields = NOWHERE, others = NOWHERE;
     int before = -1, rank = NEAR_SHAPES, ground = NEAR_SHAPES;
+    unsigned meshes_at = 0, fields_at = 0, others_at = 0;  // which of the nine pixels around show them, by bit
     bool sky = false, several = false;
 #pragma unroll 1
     for (int k = 0; k < 9; ++k) {
-        const unsigned beside = seen.around(i, j, k);
-        const int id = seen.shape(beside);
+        const int id = seen.shape(seen.around(i, j, k));
         sky |= id < 0;
         if (id < 0)
             continue;
@@ -121,16 +122,28 @@ WARPCAM_FN void list_samples(Chunk<TYPES>& chunk, int pixel, const NearShapes& l
         for (int w = 0; w < NEAR_WORDS; ++w) {
             const unsigned bit = rank / LANES == w ? 1u << rank % LANES : 0;
             own[w] |= bit;
-            if (Chunk<TYPES>::HAS_MESH && (bit & list.meshes[w]))
-                on_meshes.include(seen.depth(beside));
+            if (Chunk<TYPES>::HAS_MESH)
+                meshes_at |= unsigned((bit & list.meshes[w]) != 0) << k;
             if (Chunk<TYPES>::HAS_FIELD && bit) {
                 const bool is_field = bit & list.fields[w];
-                (is_field ? on_fields : others).include(seen.depth(beside));
+                fields_at |= unsigned(is_field) << k;
+                others_at |= unsigned(!is_field) << k;
                 several |= is_field && ground < NEAR_SHAPES && ground != rank;
                 ground = is_field ? rank : ground;
             }
         }
     }
+    if (Chunk<TYPES>::HAS_MESH || Chunk<TYPES>::HAS_FIELD)
+#pragma unroll
+        for (int k = 0; k < 9; ++k) {
+            const float depth = seen.depth(seen.around(i, j, k));
+            if (Chunk<TYPES>::HAS_MESH && (meshes_at >> k & 1))
+                on_meshes.include(depth);
+            if (Chunk<TYPES>::HAS_FIELD && (fields_at >> k & 1))
+                on_fields.include(depth);
+            if (Chunk<TYPES>::HAS_FIELD && (others_at >> k & 1))
+                others.include(depth);
+        }
     if (Chunk<TYPES>::HAS_FIELD) {
         const bool behind = !several && is_behind<LENS>(on_fields, others, sky, pixel_width<LENS>(camera));
         chunk.ground[pixel] = static_cast<unsigned char>(behind ? ground : NEAR_SHAPES);
@@ -178,6 +191,14 @@ WARPCAM_FN void trace_samples(Chunk<TYPES>& chunk, const NearShapes& list, Rays&
         const int at = chunk.place(sample / SAMPLES), i = region.left + at % 64, j = region.top + at / 64;
         const int its = sample % SAMPLES;
         const int ground = HAS_FIELD ? chunk.ground[HAS_FIELD ? sample / SAMPLES : 0] : NEAR_SHAPES;
+        if constexpr (Centres::PLACED) {
+            const Record& record = list.records[hit.shape < 0 ? 0 : hit.shape];
+            const int shape = hit.shape >= 0 ? record.origin.w : ground < NEAR_SHAPES ? list.records[ground].origin.w : -1;
+            PlacedShower<TYPES, IMAGES, LENS, Meshes, Centres> shower { seen, meshes, camera, i, j, its };
+            chunk.shown[sample] = static_cast<unsigned char>(
+                shower.shown(shape, hit.depth, hit.face, hit.shape >= 0, record, chunk.pixels[sample / SAMPLES].edge()));
+            return;
+        }
         chunk.shown[sample] = static_cast<unsigned char>(
             hit.shape < 0 ? seen.nearest(i, j, its, ground < NEAR_SHAPES ? list.records[ground].origin.w : -1)
                           : shown_sample<TYPES, IMAGES>(seen, meshes, camera, i, j, its, hit.depth, hit.face,
