@@ -108,6 +108,8 @@ class Meshes:
     # of the third of faces with a back 1 where both sides are flat and `normals` does not have them; in scenes without
     # such faces, and where no mesh moves, the face's horizon: see native/horizon.h.
     faces: wp.array(dtype=wp.vec4)
+    # (row,) on CUDA where no mesh moves: the same faces in 2 rows, of whole numbers, see native/short_faces.h
+    short_faces: wp.array(dtype=wp.vec4)
     # Shading data, by corner of the faces as given: corner 3 * (corner_start + face) + k.
     corner_start: wp.array(dtype=wp.int32)  # (mesh,) first face in the two arrays below
     normals: wp.array(dtype=wp.vec3)  # (corner,) unit, mesh frame

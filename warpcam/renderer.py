@@ -235,7 +235,7 @@ class Renderer:
                     begin = sum(len(each.worlds) for phase in phases[:-k] for each in itertools.chain(*phase))
                     tail = self._scratch.chains(images, PARTS, begin)
                     phases = phases[:-k]
-                print([self._pixels(phase) for phase in phases], tail and [[[each.worlds for each in group] for group in chain] for chain in tail])
+
                 for phase in phases:
                     frames[everything] += self._record_phase(tables, phase, busiest)
                 if tail:

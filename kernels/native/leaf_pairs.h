@@ -2,6 +2,7 @@
 // rays: where few rays are at leaves, or leaves have many faces, a warp would else wait face after face.
 #pragma once
 #include "mask.h"
+#include "short_faces.h"
 #include "waiting_rays.h"
 
 #if defined(__CUDA_ARCH__)
@@ -195,7 +196,10 @@ WARPCAM_FN bool meet_leaves(AnyPairRoom& room, const List& list, const Meshes& m
         const float from_on = __shfl_sync(ALL, near, from), until = __shfl_sync(ALL, depth, from);
         float t = FAR_AWAY;
         if (window + lane < pairs.count)
-            t = meet_face<TYPES>(record, meshes, its, number, from_on, until);
+            if constexpr (by_child(TYPES))
+                t = meet_face<TYPES>(record, meshes, its, number, from_on, until);
+            else
+                t = meet_short_face<TYPES>(record, meshes, its, number, from_on, until);
         const unsigned hits = __ballot_sync(ALL, t < FAR_AWAY);
         for (unsigned mine = hits & pairs.places(window); __any_sync(ALL, mine); mine &= mine - 1) {
             const int giver = mine ? lowest_bit(mine) : lane;

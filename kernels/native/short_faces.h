@@ -1,0 +1,39 @@
+// Faces of meshes that rest in 32 bytes instead of 48, on CUDA: what a ray needs to test one, which then lies in one sector of
+// a cache's line.
+//
+// Coordinates are whole numbers of 23 bits, steps of a 2^22th of the mesh's extent: as exact as the coordinates are beside
+// it. Eight words have the first eight in their lower bytes; the upper bytes of the first three are the ninth, and that of
+// the fourth says whether the face has a back.
+#pragma once
+#include "mask.h"
+
+#if defined(__CUDA_ARCH__)
+namespace warpcam {
+
+constexpr int SHORT_FACE_ROWS = 2;
+constexpr float FACE_STEPS = 4194296.0f, MIDDLE_STEP = 4194304.0f;  // of an extent, and the number of 0
+
+// Such a number as the lowest bits of this one is a whole number, greater by 2^23.
+WARPCAM_FN float step_of(unsigned word) { return as_float((word & 0xffffffu) | 0x4b000000u); }
+
+// Where a ray enters its face beyond `near` and before `depth`, else FAR_AWAY; as meet_face() has it.
+template <int TYPES, class Meshes, class Ray>
+WARPCAM_FN float meet_short_face(const Record& record, const Meshes& meshes, const Ray& ray, int face, float near, float depth)
+{
+    const unsigned number = unsigned(as_int(record.size.z)) / FACE_ROWS + unsigned(face);
+    const uint4* const rows = reinterpret_cast<const uint4*>(meshes.short_faces.data) + SHORT_FACE_ROWS * size_t(number);
+    const uint4 one = __ldg(rows), two = __ldg(rows + 1);
+    RayFrame frame = ray.template frame<TYPES>(record);
+    const float steps = FACE_STEPS * reciprocal(record.size.x);
+    const auto origin = [&](float o) { return o * steps + (8388608.0f + MIDDLE_STEP); };
+    frame.origin = { origin(frame.origin.x), origin(frame.origin.y), origin(frame.origin.z) };
+    const unsigned last = __byte_perm(__byte_perm(one.x, one.y, 0x0073), one.z, 0x0710);
+    const Corner a = project(frame, step_of(one.x), step_of(one.y), step_of(one.z));
+    const Corner b = project(frame, step_of(one.w), step_of(two.x), step_of(two.y));
+    const Corner c = project(frame, step_of(two.z), step_of(two.w), step_of(last));
+    const float t = record.size.x * (1.0f / FACE_STEPS) * enter_triangle(frame, a, b, c, has_back<TYPES>(int(one.w >> 24)));
+    return t < depth && t > near && is_there<TYPES>(meshes, record, ray.local(record), face, t) ? t : FAR_AWAY;
+}
+
+}  // namespace warpcam
+#endif
