@@ -48,9 +48,11 @@ WARPCAM_FN void smooth_region(const Shapes& shapes, const Meshes& meshes, const 
     // In place all edges are looked for before a pixel is written or, if they are too many, those of a band of rows of tiles:
     // of these no pixel but the last row's is seen by the next band's.
     const unsigned whole = left;
+    bool in_bands = false;
     const int rows = region.height / TILE_HEIGHT;
     int band_end = rows;
     const auto next_band = [&](int begin) {
+        in_bands = true;
         band_end = lower_int(begin + BAND, rows);
         unsigned its = 0;
 #pragma unroll 1
@@ -65,6 +67,7 @@ WARPCAM_FN void smooth_region(const Shapes& shapes, const Meshes& meshes, const 
     for (bool more = true; more;) {
         if (threadIdx.x == 0)
             count = 0;
+        list.clear();
         block_barrier();
         for (; left && has_room(count); left &= left - 1) {
             // a warp's tiles lie aslant: what is upright is everyone's
@@ -93,8 +96,6 @@ WARPCAM_FN void smooth_region(const Shapes& shapes, const Meshes& meshes, const 
         for (int from = 0, pixels; from < found_so_far; from += pixels) {
             pixels = lower_int(found_so_far - from, (found_so_far + chunks - 1) / chunks);
             while (true) {  // fewer, until they do not show too many shapes
-                list.clear();
-                block_barrier();
                 for (int k = threadIdx.x; k < pixels; k += THREADS) {
                     const int at = listed[from + k].place(), i = region.left + at % 64, j = region.top + at / 64;
                     int before = -1;
@@ -110,6 +111,8 @@ WARPCAM_FN void smooth_region(const Shapes& shapes, const Meshes& meshes, const 
                 if (list.count <= NEAR_SHAPES)
                     break;
                 pixels = (pixels + 1) / 2;
+                block_barrier();
+                list.clear();
                 block_barrier();
             }
             if (threadIdx.x == 0) {
@@ -136,12 +139,15 @@ WARPCAM_FN void smooth_region(const Shapes& shapes, const Meshes& meshes, const 
                     by[sample] = seen.around(i, j, chunk.shown[SAMPLES * k + sample]);
                 put_means<IMAGES>(seen.centres, seen.centres.of_images(i, j), by);
             }
+            if (IN_PLACE && pixels == found_so_far)
+                break;  // each thread goes on with the pixels that it has just done
+            list.clear();
             block_barrier();
         }
         if constexpr (IN_PLACE) {
             static_assert(HAS_MESH && sizeof(chunk.hits) >= MOST_LISTED * sizeof(unsigned), "hits have room for means");
             put_in_place<IMAGES, LENS>(listed, found_so_far, reinterpret_cast<unsigned*>(chunk.hits), means_waiting,
-                                       band_end * TILE_HEIGHT, band_end >= rows, seen, region);
+                                       in_bands ? band_end * TILE_HEIGHT : 0, band_end >= rows, seen, region);
             if (band_end < rows) {
                 left = next_band(band_end);
                 more = true;
