@@ -93,7 +93,7 @@ template <bool BY_CHILD> struct NodeRay {
     static constexpr int ROWS = NODE_ROWS;
     Slabs s;
 
-    WARPCAM_FN void set(const Slabs& slabs, float) { s = slabs; }
+    WARPCAM_FN void set(Vec o, Vec d, float extent) { s = slabs(o, d, extent); }
 
     // The children of the node whose rows these are, and where the ray enters and leaves their boxes between `near` and
     // `depth`: it misses those that it leaves before it enters them.
@@ -121,17 +121,20 @@ template <> struct NodeRay<false> {
     static constexpr float MIDDLE = 8388608.0f + float(MIDDLE_BOUND);
     Vec scale, in, out;  // t = (2^23 + bound) * scale + in or out, see Slabs
 
-    // `extent` is the mesh's Record::size.x.
-    WARPCAM_FN void set(const Slabs& s, float extent)
+    // As slabs() has it, of a mesh whose Record::size.x is `extent`.
+    WARPCAM_FN void set(Vec o, Vec d, float extent)
     {
-        const bool left = s.scale.x < 0.0f, down = s.scale.y < 0.0f, back = s.scale.z < 0.0f;
         const float cell = extent * BOUND_CELL;
-        scale = { cell * s.scale.x, cell * s.scale.y, cell * s.scale.z };
-        const Vec middle { MIDDLE * scale.x, MIDDLE * scale.y, MIDDLE * scale.z };
-        in = { (left ? s.up.x : s.down.x) - middle.x, (down ? s.up.y : s.down.y) - middle.y,
-               (back ? s.up.z : s.down.z) - middle.z };
-        out = { (left ? s.down.x : s.up.x) - middle.x, (down ? s.down.y : s.up.y) - middle.y,
-                (back ? s.down.z : s.up.z) - middle.z };
+        const float pad = 1.0e-6f * (magnitude(o.x) + magnitude(o.y) + magnitude(o.z) + extent);
+        const auto along = [&](float from, float direction, float& by, float& first, float& last) {
+            const float s = reciprocal(nonzero(direction)), aside = pad * magnitude(s);
+            by = cell * s;
+            first = (-from * s - aside) - MIDDLE * by;
+            last = (-from * s + aside) - MIDDLE * by;
+        };
+        along(o.x, d.x, scale.x, in.x, out.x);
+        along(o.y, d.y, scale.y, in.y, out.y);
+        along(o.z, d.z, scale.z, in.z, out.z);
     }
 
     // Which bytes of a word and of WHOLE make the plane met first: the word has the lower one in its lower half.

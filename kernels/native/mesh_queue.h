@@ -150,7 +150,7 @@ WARPCAM_FN void trace_rays(Rays& rays, const List& list, const Meshes& meshes, f
                 const Record& record = list.records[slot];
                 if (as_float(record.size.w) < depth) {
                     const Ray local = ray.local(record);
-                    boxes.set(slabs(local.origin, local.direction, record.size.x), record.size.x);
+                    boxes.set(local.origin, local.direction, record.size.x);
                     nodes = as_int(record.size.y);
                     node = 0;
                 } else {

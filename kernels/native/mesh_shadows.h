@@ -176,7 +176,7 @@ WARPCAM_FN void cast_rays(ShadowRays<WORDS, Boxes>& rays, const List& list, cons
                 const WorldRay ray { point, ray_to(light, point) };
                 const Ray local = ray.local(record);
                 rays.put_frame(ray.template frame<TYPES>(record));
-                boxes.set(slabs(local.origin, local.direction, record.size.x), record.size.x);
+                boxes.set(local.origin, local.direction, record.size.x);
                 rays.keep_boxes(boxes);
                 nodes = record.origin.w;
                 node = 0;
