@@ -120,6 +120,7 @@ template <> struct NodeRay<false> {
     static constexpr unsigned WHOLE = 0x4b000000;
     static constexpr float MIDDLE = 8388608.0f + float(MIDDLE_BOUND);
     Vec scale, in, out;  // t = (2^23 + bound) * scale + in or out, see Slabs
+    unsigned ways, way_z;  // first_of() each axis, y's in the upper half
 
     // As slabs() has it, of a mesh whose Record::size.x is `extent`.
     WARPCAM_FN void set(Vec o, Vec d, float extent)
@@ -135,6 +136,8 @@ template <> struct NodeRay<false> {
         along(o.x, d.x, scale.x, in.x, out.x);
         along(o.y, d.y, scale.y, in.y, out.y);
         along(o.z, d.z, scale.z, in.z, out.z);
+        ways = first_of(scale.x) | first_of(scale.y) << 16;
+        way_z = first_of(scale.z);
     }
 
     // Which bytes of a word and of WHOLE make the plane met first: the word has the lower one in its lower half.
@@ -152,7 +155,7 @@ template <> struct NodeRay<false> {
     WARPCAM_FN void meet(const Row* rows, float near, float depth, float (&enter)[4], float (&leave)[4],
                          int (&child)[4]) const
     {
-        const unsigned x = first_of(scale.x), y = first_of(scale.y), z = first_of(scale.z);
+        const unsigned x = ways, y = ways >> 16, z = way_z;
         const Row planes_x = load(rows, 0), planes_y = load(rows, 1), planes_z = load(rows, 2), children = load(rows, 3);
         float tx[4], ty[4], tz[4];
         times(planes_x, x, scale.x, in.x, tx);
