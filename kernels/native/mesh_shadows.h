@@ -104,7 +104,7 @@ template <int WORDS, class Boxes> struct ShadowRays: WaitingRays<WORDS> {
 template <int TYPES, class Rays, class List, class Meshes>
 WARPCAM_FN bool meets_leaves(Rays& rays, const List& list, const Light& light, const Meshes& meshes, int slot, int node)
 {
-    const LeafPairs pairs(node);
+    const LeafPairs pairs(node, sum_of_all(LeafPairs::faces_of(node)));
     bool met = false;
     for (int window = 0; window < pairs.count; window += LANES) {
         int start;
