@@ -16,9 +16,9 @@ constexpr float FACE_STEPS = 4194296.0f, MIDDLE_STEP = 4194304.0f;  // of an ext
 // Such a number as the lowest bits of this one is a whole number, greater by 2^23.
 WARPCAM_FN float step_of(unsigned word) { return as_float((word & 0xffffffu) | 0x4b000000u); }
 
-// Where a ray enters its face beyond `near` and before `depth`, else FAR_AWAY; as meet_face() has it.
+// Where a ray enters its face, or FAR_AWAY; as meet_face() has it.
 template <int TYPES, class Meshes, class Ray>
-WARPCAM_FN float meet_short_face(const Record& record, const Meshes& meshes, const Ray& ray, int face, float near, float depth)
+WARPCAM_FN float meet_short_face(const Record& record, const Meshes& meshes, const Ray& ray, int face)
 {
     const unsigned number = unsigned(as_int(record.size.z)) / FACE_ROWS + unsigned(face);
     const uint4* const rows = reinterpret_cast<const uint4*>(meshes.short_faces.data) + SHORT_FACE_ROWS * size_t(number);
@@ -31,8 +31,9 @@ WARPCAM_FN float meet_short_face(const Record& record, const Meshes& meshes, con
     const Corner a = project(frame, step_of(one.x), step_of(one.y), step_of(one.z));
     const Corner b = project(frame, step_of(one.w), step_of(two.x), step_of(two.y));
     const Corner c = project(frame, step_of(two.z), step_of(two.w), step_of(last));
-    const float t = record.size.x * (1.0f / FACE_STEPS) * enter_triangle(frame, a, b, c, has_back<TYPES>(int(one.w >> 24)));
-    return t < depth && t > near && is_there<TYPES>(meshes, record, ray.local(record), face, t) ? t : FAR_AWAY;
+    const float steps_to = enter_triangle(frame, a, b, c, has_back<TYPES>(int(one.w >> 24)));
+    const float t = steps_to * (record.size.x * (1.0f / FACE_STEPS));
+    return steps_to < FAR_AWAY && is_there<TYPES>(meshes, record, ray.local(record), face, t) ? t : FAR_AWAY;
 }
 
 }  // namespace warpcam
