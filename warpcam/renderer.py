@@ -341,6 +341,13 @@ class Renderer:
         seen, projection = self._mounted[key].seen(tables), self._mounted[key].projection
         parts = parts if portion.buffers and self._is_large(len(portion.worlds) * area) else 1
         bounds = [portion.worlds.start + len(portion.worlds) * i // parts for i in range(parts + 1)]
+        import os
+        wave = int(os.environ.get("WAVE", "0"))
+        if wave and parts > 1:
+            bounds = [bounds[0], *(bounds[0] + max(1, round((b - bounds[0]) / wave)) * wave for b in bounds[1:-1]), bounds[-1]]
+            bounds = sorted({min(b, bounds[-1]) for b in bounds})
+            if os.environ.get("SAY"):
+                print("parts", [b - a for a, b in itertools.pairwise(bounds)])
         for first, end in itertools.pairwise(bounds):
             group = Group(range(first, end), busiest // area)
             yield self._targets[key].record(

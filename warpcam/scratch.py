@@ -209,6 +209,10 @@ class Scratch:
                     too_far = end
                 else:
                     fits = end
+            import os
+            wave = int(os.environ.get("WAVE", "0")) * turns
+            if wave and last - fits > 0 and fits - first > wave:
+                fits = first + (fits - first) // wave * wave
             cuts = _cuts(first, fits, turns)
             places = self._places(cuts, last, block, images, late)
             if places is None:
