@@ -2,7 +2,7 @@
 // at once, and faces only where colours differ.
 #pragma once
 #include "around.h"
-#include "samples.h"
+#include "near_shapes.h"
 
 #if defined(__CUDA_ARCH__)
 namespace warpcam {
@@ -46,33 +46,35 @@ template <int TYPES, int IMAGES, int LENS, class Meshes, class Centres> struct P
         return places;
     }
 
-    // The number of the pixel among the nine around. `shape` is what is seen there, if it is not `hit` what lies behind
-    // all else or, negative, nothing.
-    WARPCAM_FN int shown(int shape, float depth, int face, bool hit, const Record& record, unsigned edge)
+    // Whether depths, faces or sides must be compared to tell which pixel shows `shape`: what is seen there, if it is not
+    // what the sample `hits` what lies behind all else or, negative, nothing. `best_at` is the nearest that shows it, `left`
+    // are the others.
+    WARPCAM_FN bool is_open(int shape, int face, bool hits, const Record& record, unsigned edge, int& best_at,
+                            unsigned& left)
     {
-        unsigned left = showing(shape), order = Around::order(sample);
-        const bool own = left >> Around::MIDDLE & 1;
-        if (!left || (own && (edge & PLAIN)))
-            return ITSELF;
-        int best_at = Around::MIDDLE;
+        unsigned order = Around::order(sample);
+        left = showing(shape);
+        best_at = Around::MIDDLE;
+        if (!left || ((left >> Around::MIDDLE & 1) && (edge & PLAIN)))
+            return false;
         for (; !(left >> best_at & 1); order >>= 4)
             best_at = order & 15;
         left &= ~(1u << best_at);
-        constexpr int SIDED = TYPES & (1 << BOX | 1 << CYLINDER);
-        const int type = hit ? record.axis_x.w : -1;
-        const bool is_face = type == MESH && face >= 0, is_sided = type >= 0 && (SIDED >> type & 1);
-        if ((is_face || is_sided || ((TYPES >> HEIGHT_FIELD & 1) && type == HEIGHT_FIELD)) && left)
-            best_at = best(best_at, left, order, depth, face, is_face, is_sided, record);
-        return best_at - (best_at >> 2);
+        constexpr int SIDED = TYPES & (1 << BOX | 1 << CYLINDER | 1 << HEIGHT_FIELD);
+        const int type = record.axis_x.w;
+        if (!left || !hits || !((type == MESH && face >= 0) || (SIDED >> type & 1)))
+            return false;
+        seen.centres.template bytes_around<IMAGES>(i, j, nine);
+        return left & unlike(colour(best_at));
     }
 
-    WARPCAM_FN int best(int best_at, unsigned left, unsigned order, float depth, int face, bool is_face, bool is_sided,
-                        const Record& record)
+    // The best of these then.
+    WARPCAM_FN int best(int best_at, unsigned left, float depth, int face, const Record& record)
     {
         seen.centres.template bytes_around<IMAGES>(i, j, nine);
-        unsigned apart = unlike(colour(best_at));
-        if (!(left & apart))
-            return best_at;
+        unsigned apart = unlike(colour(best_at)), order = Around::order(sample);
+        const int type = record.axis_x.w;
+        const bool is_face = type == MESH && face >= 0, is_sided = (TYPES & (1 << BOX | 1 << CYLINDER)) >> type & 1;
         const Offset offset = sample_offset(sample);
         const unsigned rows = as_int(record.size.z);
         const auto normal_of = [&](int number) { return face_normal(meshes, rows, number); };
@@ -120,6 +122,56 @@ template <int TYPES, int IMAGES, int LENS, class Meshes, class Centres> struct P
         return best_at;
     }
 };
+
+// Says which pixels show all samples of a chunk. Each warp first looks at those it takes, and then, in full warps, at those
+// of which that is not told by shapes and colours.
+template <int TYPES, int IMAGES, int LENS, class Samples, class List, class Meshes, class Centres>
+WARPCAM_FN void show_samples(Samples& chunk, const List& list, const Meshes& meshes, const Camera& camera,
+                             const Seen<LENS, Centres>& seen, const Region& region)
+{
+    static_assert(sizeof(chunk.own) >= sizeof(chunk.samples), "what is open has room where shapes were");
+    unsigned short* const open_of = reinterpret_cast<unsigned short*>(chunk.own);  // the others, and above them the nearest
+    const int lane = threadIdx.x % LANES, begin = threadIdx.x - lane, total = chunk.total();
+    using Shower = PlacedShower<TYPES, IMAGES, LENS, Meshes, Centres>;
+    const auto shower_of = [&](int sample) {
+        const int at = chunk.place(sample / SAMPLES);
+        return Shower { seen, meshes, camera, region.left + at % 64, region.top + at / 64, sample % SAMPLES };
+    };
+    const auto record_of = [&](int rank) -> const Record& { return list.records[rank < NEAR_SHAPES ? rank : 0]; };
+    int open = 0;
+#pragma unroll 1
+    for (int first = begin; first < total; first += THREADS) {
+        const bool active = first + lane < total;
+        const int sample = chunk.sample(active ? first + lane : first), rank = chunk.shown[sample];
+        const int ground = chunk.HAS_FIELD ? chunk.ground[chunk.HAS_FIELD ? sample / SAMPLES : 0] : NEAR_SHAPES;
+        const int shown = rank < NEAR_SHAPES ? rank : ground;
+        Shower shower = shower_of(sample);
+        int best_at;
+        unsigned left;
+        const bool asks = shower.is_open(shown < NEAR_SHAPES ? list.records[shown].origin.w : -1, chunk.hits[sample].face,
+                                         rank < NEAR_SHAPES, record_of(rank), chunk.pixels[sample / SAMPLES].edge(), best_at,
+                                         left);
+        const unsigned asking = __ballot_sync(ALL, active && asks);
+        __syncwarp();
+        if (asking >> lane & 1) {
+            const int number = open + __popc(asking & ((1u << lane) - 1));
+            chunk.sample(begin + number / LANES * THREADS + number % LANES) = static_cast<unsigned short>(sample);
+            open_of[sample] = static_cast<unsigned short>(left | unsigned(best_at) << 12);
+        } else if (active) {
+            chunk.shown[sample] = static_cast<unsigned char>(best_at - (best_at >> 2));
+        }
+        open += __popc(asking);
+    }
+    __syncwarp();
+#pragma unroll 1
+    for (int number = lane; number < open; number += LANES) {
+        const int sample = chunk.sample(begin + number / LANES * THREADS + number % LANES);
+        const unsigned its = open_of[sample];
+        const int best_at = shower_of(sample).best(int(its >> 12), its & 0xfffu, chunk.hits[sample].depth,
+                                                   chunk.hits[sample].face, record_of(chunk.shown[sample]));
+        chunk.shown[sample] = static_cast<unsigned char>(best_at - (best_at >> 2));
+    }
+}
 
 }  // namespace warpcam
 #endif

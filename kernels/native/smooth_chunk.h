@@ -55,10 +55,9 @@ template <int TYPES> struct Chunk {
 
     WARPCAM_FN int place(int pixel) const { return pixels[pixel].place(); }
     WARPCAM_FN int total() const { return before + after; }
-    WARPCAM_FN int sample(int number) const
-    {
-        return samples[number < before ? number : SAMPLES * MOST - 1 - (number - before)];
-    }
+    WARPCAM_FN int index(int number) const { return number < before ? number : SAMPLES * MOST - 1 - (number - before); }
+    WARPCAM_FN unsigned short sample(int number) const { return samples[index(number)]; }
+    WARPCAM_FN unsigned short& sample(int number) { return samples[index(number)]; }
 };
 
 // The records as trace_rays() reads a list.
@@ -191,14 +190,6 @@ WARPCAM_FN void trace_samples(Chunk<TYPES>& chunk, const NearShapes& list, Rays&
         const int at = chunk.place(sample / SAMPLES), i = region.left + at % 64, j = region.top + at / 64;
         const int its = sample % SAMPLES;
         const int ground = HAS_FIELD ? chunk.ground[HAS_FIELD ? sample / SAMPLES : 0] : NEAR_SHAPES;
-        if constexpr (Centres::PLACED) {
-            const Record& record = list.records[hit.shape < 0 ? 0 : hit.shape];
-            const int shape = hit.shape >= 0 ? record.origin.w : ground < NEAR_SHAPES ? list.records[ground].origin.w : -1;
-            PlacedShower<TYPES, IMAGES, LENS, Meshes, Centres> shower { seen, meshes, camera, i, j, its };
-            chunk.shown[sample] = static_cast<unsigned char>(
-                shower.shown(shape, hit.depth, hit.face, hit.shape >= 0, record, chunk.pixels[sample / SAMPLES].edge()));
-            return;
-        }
         chunk.shown[sample] = static_cast<unsigned char>(
             hit.shape < 0 ? seen.nearest(i, j, its, ground < NEAR_SHAPES ? list.records[ground].origin.w : -1)
                           : shown_sample<TYPES, IMAGES>(seen, meshes, camera, i, j, its, hit.depth, hit.face,
@@ -252,6 +243,10 @@ WARPCAM_FN void trace_samples(Chunk<TYPES>& chunk, const NearShapes& list, Rays&
     if constexpr (HAS_MESH) {
         trace_rays<TYPES>(waiting, Ranked { list.records, {}, list.count }, meshes, near, next_rays, ray_of, store);
         block_barrier();
+        if constexpr (Centres::PLACED) {
+            show_samples<TYPES, IMAGES>(chunk, list, meshes, camera, seen, region);
+            return;
+        }
         for (int k = threadIdx.x; k < chunk.total(); k += THREADS) {
             const int sample = chunk.sample(k), shape = chunk.shown[sample];
             show(sample, Hit { chunk.hits[sample].depth, shape < NEAR_SHAPES ? shape : -1, chunk.hits[sample].face });
