@@ -110,10 +110,28 @@ template <class Target> struct PlacedCentres {
     static constexpr bool BORDERED = false;
     static constexpr bool PLACED = true;
 
-    const ImageIds<Target>& image;
+    ImageIds<Target>& image;
     const Target& target;
     unsigned first;  // the view's first pixel in the images
 
+    // All threads of the block; then a barrier.
+    WARPCAM_FN void load() const { image.load(target, first); }
+    // Adds all shapes that are seen to a list: those that the pixel before does not show. Then a barrier.
+    template <class List> WARPCAM_FN void list(List& shapes) const
+    {
+        const int words = target.width * target.height / 4;
+#pragma unroll 1
+        for (int k = threadIdx.x; k < words; k += THREADS) {
+            unsigned left = reinterpret_cast<const unsigned*>(ids())[k];
+            for (int before = -1; left != ~0u;) {  // those that are done become -1
+                const int id = static_cast<signed char>(left & 0xff);
+                if (id >= 0 && id != before)
+                    shapes.add(id);
+                before = id;
+                left = left >> 8 | 0xff000000u;
+            }
+        }
+    }
     WARPCAM_FN const typename ImageIds<Target>::Id* ids() const { return image.ids + image.BESIDE; }
     WARPCAM_FN unsigned at(int i, int j) const { return unsigned(j * target.width + i); }
     WARPCAM_FN unsigned line() const { return unsigned(target.width); }

@@ -34,6 +34,17 @@ WARPCAM_FN void smooth_region(const Shapes& shapes, const Meshes& meshes, const 
     WARPCAM_SHARED Chunk<TYPES> chunk;
     WARPCAM_SHARED NearShapes list;
     WARPCAM_SHARED AnyMeshRays<NEAR_WORDS> waiting[HAS_MESH ? WARPS : 1];
+    bool ahead = false;  // whether all shapes that the image shows are listed before its edges are known
+    if constexpr (Centres::PLACED) {
+        centres.load();
+        list.clear();
+        block_barrier();
+        centres.list(list);
+        block_barrier();
+        ahead = list.count <= NEAR_SHAPES;
+        if (!ahead)
+            block_barrier();
+    }
     const Seen<LENS, Centres> seen { centres, pixel_width<LENS>(camera), camera.scale_y };
     const auto& target = centres.target;
     const int lane = threadIdx.x % LANES, warp = threadIdx.x / LANES;
@@ -67,7 +78,8 @@ WARPCAM_FN void smooth_region(const Shapes& shapes, const Meshes& meshes, const 
     for (bool more = true; more;) {
         if (threadIdx.x == 0)
             count = 0;
-        list.clear();
+        if (!ahead)
+            list.clear();
         block_barrier();
         for (; left && has_room(count); left &= left - 1) {
             // a warp's tiles lie aslant: what is upright is everyone's
@@ -95,7 +107,7 @@ WARPCAM_FN void smooth_region(const Shapes& shapes, const Meshes& meshes, const 
         const int chunks = (found_so_far + chunk.MOST - 1) / chunk.MOST;
         for (int from = 0, pixels; from < found_so_far; from += pixels) {
             pixels = lower_int(found_so_far - from, (found_so_far + chunks - 1) / chunks);
-            while (true) {  // fewer, until they do not show too many shapes
+            while (!ahead) {  // fewer, until they do not show too many shapes
                 for (int k = threadIdx.x; k < pixels; k += THREADS) {
                     const int at = listed[from + k].place(), i = region.left + at % 64, j = region.top + at / 64;
                     int before = -1;
@@ -119,7 +131,8 @@ WARPCAM_FN void smooth_region(const Shapes& shapes, const Meshes& meshes, const 
                 chunk.pixels = listed + from;
                 chunk.before = chunk.after = chunk.next = 0;
             }
-            list.template prepare_all<TYPES, LENS>(shapes, meshes, fields, camera, region, world);
+            if (!ahead || from == 0)
+                list.template prepare_all<TYPES, LENS>(shapes, meshes, fields, camera, region, world);
             for (int k = threadIdx.x; k < pixels; k += THREADS)
                 list_samples<TYPES, LENS>(chunk, k, list, camera, seen, region);
             block_barrier();
@@ -141,7 +154,8 @@ WARPCAM_FN void smooth_region(const Shapes& shapes, const Meshes& meshes, const 
             }
             if (IN_PLACE && pixels == found_so_far)
                 break;  // each thread goes on with the pixels that it has just done
-            list.clear();
+            if (!ahead)
+                list.clear();
             block_barrier();
         }
         if constexpr (IN_PLACE) {
@@ -166,8 +180,6 @@ WARPCAM_FN void smooth_region(const Shapes& shapes, const Meshes& meshes, const 
     if constexpr (IN_PLACE && ImageIds<Target>::FIT) {
         WARPCAM_SHARED ImageIds<Target> image;
         const PlacedCentres<Target> centres { image, target, unsigned(world) * target.height * target.width };
-        image.load(target, centres.first);
-        block_barrier();
         smooth_region<TYPES, LENS, IMAGES, true>(shapes, meshes, fields, centres, camera, region, world);
     } else if constexpr (TYPES >> MESH & 1 || TYPES >> HEIGHT_FIELD & 1) {
         const ImageCentres<Target> centres { target, unsigned(world) * target.height * target.width };

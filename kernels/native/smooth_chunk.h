@@ -105,18 +105,10 @@ WARPCAM_FN void list_samples(Chunk<TYPES>& chunk, int pixel, const NearShapes& l
     const int place = chunk.place(pixel), i = region.left + place % 64, j = region.top + place / 64;
     NearBits own {};
     Band on_meshes = NOWHERE, on_fields = NOWHERE, others = NOWHERE;
-    int before = -1, rank = NEAR_SHAPES, ground = NEAR_SHAPES;
+    int ground = NEAR_SHAPES;
     unsigned meshes_at = 0, fields_at = 0, others_at = 0;  // which of the nine pixels around show them, by bit
     bool sky = false, several = false;
-#pragma unroll 1
-    for (int k = 0; k < 9; ++k) {
-        const int id = seen.shape(seen.around(i, j, k));
-        sky |= id < 0;
-        if (id < 0)
-            continue;
-        if (id != before)
-            rank = list.place(id);
-        before = id;
+    const auto include = [&](int k, int rank) {
 #pragma unroll
         for (int w = 0; w < NEAR_WORDS; ++w) {
             const unsigned bit = rank / LANES == w ? 1u << rank % LANES : 0;
@@ -130,6 +122,30 @@ WARPCAM_FN void list_samples(Chunk<TYPES>& chunk, int pixel, const NearShapes& l
                 several |= is_field && ground < NEAR_SHAPES && ground != rank;
                 ground = is_field ? rank : ground;
             }
+        }
+    };
+    if constexpr (Centres::PLACED) {
+        int ids[9];
+#pragma unroll
+        for (int k = 0; k < 9; ++k)
+            ids[k] = seen.shape(seen.around(i, j, k));
+#pragma unroll
+        for (int k = 0; k < 9; ++k) {
+            sky |= ids[k] < 0;
+            include(k, ids[k] < 0 ? NEAR_SHAPES : list.place_of_byte(ids[k]));
+        }
+    } else {
+        int before = -1, rank = NEAR_SHAPES;
+#pragma unroll 1
+        for (int k = 0; k < 9; ++k) {
+            const int id = seen.shape(seen.around(i, j, k));
+            sky |= id < 0;
+            if (id < 0)
+                continue;
+            if (id != before)
+                rank = list.place(id);
+            before = id;
+            include(k, rank);
         }
     }
     if (Chunk<TYPES>::HAS_MESH || Chunk<TYPES>::HAS_FIELD)
