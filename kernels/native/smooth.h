@@ -52,7 +52,8 @@ WARPCAM_FN void smooth_region(const Shapes& shapes, const Meshes& meshes, const 
     const auto has_room = [](const int& listed) {
         return __any_sync(ALL, *static_cast<const volatile int*>(&listed) <= MOST_LISTED - THREADS);
     };
-    const int across = region.width / TILE_WIDTH, tiles = across * (region.height / TILE_HEIGHT);
+    const int across = Centres::PLACED ? 64 / TILE_WIDTH : region.width / TILE_WIDTH;  // in place known to the compiler
+    const int tiles = across * (region.height / TILE_HEIGHT);
     static_assert(64 / TILE_WIDTH * (64 / TILE_HEIGHT) <= LANES * WARPS, "a bit for each of a warp's tiles");
     unsigned left = tiles_with_shapes(target, centres.ids(), region, across, tiles);
     left &= tiles <= warp ? 0 : ~0u >> (LANES - (tiles - warp + WARPS - 1) / WARPS);
