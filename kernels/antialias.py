@@ -68,6 +68,11 @@ def in_place(tables: Tables, images: Collection[str], width: int, height: int, d
     return width <= SIDE and height <= SIDE and tables.num_worlds >= WORTH_PLACE * device.sm_count
 
 
+def wave(device: wp.Device) -> int:
+    """How many images a device smooths in place at once: worlds that are drawn together are a multiple of them."""
+    return device.sm_count * BLOCKS_IN_PLACE
+
+
 @functools.cache
 def _kernel(types: int, lens: int, width: int, height: int, images: int, placed: bool, target_type: Any) -> wp.Kernel:
     walks = bool(types >> MESH & 1 or types >> HEIGHT_FIELD & 1)

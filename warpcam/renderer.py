@@ -228,18 +228,8 @@ class Renderer:
             if chains:
                 frames[everything].append([self._record_chain(tables, chain, busiest) for chain in chains])
             else:
-                import os
-                k = int(os.environ.get("TAIL", "0")) if everything and len(self._cameras) == 1 and all(len(t) == 1 for t in phases) else 0
-                tail = None
-                if k and len(phases) >= k:
-                    begin = sum(len(each.worlds) for phase in phases[:-k] for each in itertools.chain(*phase))
-                    tail = self._scratch.chains(images, PARTS, begin)
-                    phases = phases[:-k]
-
                 for phase in phases:
                     frames[everything] += self._record_phase(tables, phase, busiest)
-                if tail:
-                    frames[everything].append([self._record_chain(tables, chain, busiest) for chain in tail])
             frames[everything] += self._record_keeping(tables)
         self._phases, self._recordings = frames, {}
         if self._shapes_past is not None:
@@ -340,14 +330,9 @@ class Renderer:
         key, area = portion.camera, self._area(portion)
         seen, projection = self._mounted[key].seen(tables), self._mounted[key].projection
         parts = parts if portion.buffers and self._is_large(len(portion.worlds) * area) else 1
-        bounds = [portion.worlds.start + len(portion.worlds) * i // parts for i in range(parts + 1)]
-        import os
-        wave = int(os.environ.get("WAVE", "0"))
-        if wave and parts > 1:
-            bounds = [bounds[0], *(bounds[0] + max(1, round((b - bounds[0]) / wave)) * wave for b in bounds[1:-1]), bounds[-1]]
-            bounds = sorted({min(b, bounds[-1]) for b in bounds})
-            if os.environ.get("SAY"):
-                print("parts", [b - a for a, b in itertools.pairwise(bounds)])
+        count, step = len(portion.worlds), self._scratch.wave(key) if parts > 1 else 1
+        cuts = {min(-(-count * i // (parts * step)) * step, count) for i in range(parts + 1)}
+        bounds = [portion.worlds.start + cut for cut in sorted(cuts)]
         for first, end in itertools.pairwise(bounds):
             group = Group(range(first, end), busiest // area)
             yield self._targets[key].record(
