@@ -148,7 +148,7 @@ class Scratch:
             yield turns[0]
 
     def wave(self, key: str | int) -> int:
-        """Worlds of a camera are drawn together in multiples of this many, so that their last blocks fill the device, too."""
+        """Worlds of a camera are drawn together in multiples of this many: their last blocks fill the device, too."""
         return antialias.wave(self._device) if self._in_place(self._cameras[key]) else 1
 
     def phases_of_turns(self, images: Lenders, late: Mapping[str | int, Collection[str]], turns: int) -> list[Turns]:
@@ -321,6 +321,11 @@ class Scratch:
 def _cuts(first: int, end: int, turns: int) -> list[int]:
     """Where each turn begins, and where the last one ends."""
     return [first + (end - first) * turn // turns for turn in range(turns + 1)]
+
+
+def cuts_in_waves(count: int, parts: int, wave: int) -> list[int]:
+    """Where parts of about as many worlds begin, at most so many and each but the last with whole waves; and the end."""
+    return sorted({min(-(-count * part // (parts * wave)) * wave, count) for part in range(parts + 1)})
 
 
 def _rows(image: wp.array, worlds: range) -> Piece:
