@@ -324,7 +324,7 @@ def _cuts(first: int, end: int, turns: int) -> list[int]:
 
 
 def cuts_in_waves(count: int, parts: int, wave: int) -> list[int]:
-    """Where parts of about as many worlds begin, at most so many and each but the last with whole waves; and the end."""
+    """Where parts of about as many worlds begin, at most so many, each but the last with whole waves; and the end."""
     return sorted({min(-(-count * part // (parts * wave)) * wave, count) for part in range(parts + 1)})
 
 
