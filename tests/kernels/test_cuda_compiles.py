@@ -106,12 +106,12 @@ def test_of_meshes_and_hills(antialiasing: int, card: list[launch.Stage], tmp_pa
     assert _compile(card, tmp_path) >= 3
 
 
-@pytest.mark.parametrize("outputs", [("rgb",), ("rgb", "rgba")], ids="+".join)
+@pytest.mark.parametrize(("outputs", "shapes"), [(("rgb",), 1), (("rgb", "rgba"), 1), (("rgb",), 130)])
 def test_of_meshes_smoothed_in_place(
-    outputs: tuple[str, ...], card: list[launch.Stage], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    outputs: tuple[str, ...], shapes: int, card: list[launch.Stage], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(antialias, "WORTH_PLACE", 1)
-    more = '<geom type="mesh" mesh="wedge" material="body" pos="0 0 1"/>'
+    more = shapes * '<geom type="mesh" mesh="wedge" material="body" pos="0 0 1"/>'  # of many ids have more than a byte
     _render(scenes.compile_xml(FEW + more + LIGHTS, assets=ASSETS), outputs, antialiasing=4)
     assert antialias.THREADS_IN_PLACE in {stage.block_dim for stage in card}
     assert _compile(card, tmp_path) >= 3
