@@ -134,6 +134,8 @@ WARPCAM_FN void smooth_region(const Shapes& shapes, const Meshes& meshes, const 
             }
             if (!ahead || from == 0)
                 list.template prepare_all<TYPES, LENS>(shapes, meshes, fields, camera, region, world);
+            else
+                block_barrier();
             for (int k = threadIdx.x; k < pixels; k += THREADS)
                 list_samples<TYPES, LENS>(chunk, k, list, camera, seen, region);
             block_barrier();
