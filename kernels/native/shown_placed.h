@@ -99,19 +99,16 @@ template <int TYPES, int IMAGES, int LENS, class Meshes, class Centres> struct P
             const auto its = view_ray<LENS>(camera, i + Around::right(place), j + Around::down(place));
             return !is_sided || part_at<LENS>(record, its, seen.depth(pixel)) == part ? cost : cost + TURNED;
         };
-        float least = FAR_AWAY;  // not known before it is compared
+        float least = cost_of(best_at, FAR_AWAY);
+        while (true) {
+            int place = -1;  // the next that is unlike, for all lanes before any goes on
 #pragma unroll 1
-        for (; left & apart; order >>= 4) {
-            const int place = order & 15;
-            if (!(left & apart & 1u << place)) {
-                left &= ~(1u << place);
-                continue;
+            for (; (left & apart) && place < 0; order >>= 4) {
+                place = left & apart & 1u << (order & 15) ? int(order & 15) : -1;
+                left &= ~(1u << (order & 15));
             }
-            left &= ~(1u << place);
-            if (apart_from(place) >= least)
-                break;
-            if (least == FAR_AWAY)
-                least = cost_of(best_at, FAR_AWAY);
+            if (place < 0 || apart_from(place) >= least)
+                return best_at;
             const float cost = cost_of(place, least);
             if (cost < least) {
                 least = cost;
@@ -119,7 +116,6 @@ template <int TYPES, int IMAGES, int LENS, class Meshes, class Centres> struct P
                 apart = unlike(colour(place));
             }
         }
-        return best_at;
     }
 };
 
