@@ -196,7 +196,7 @@ def record(
     if device.is_cuda:  # nothing is faster by these on a CPU, and fewer kernels are compiled without
         outputs |= FOURS * (width % 4 == 0 and not images.keys().isdisjoint(("points", "normals")))
         outputs |= TILED * (width % 8 == 0 and height % (4 * tiles_at_once(tables.shape_types, region)) == 0)
-    types = sum(1 << t for t in tables.shape_types - LOOKS_ALONE)
+    types = sum(1 << t for t in tables.shape_types - (frozenset() if outputs & PAINTED else LOOKS_ALONE))
     if region == (width, height):
         outputs |= facts_of_whole(tables, device, "flow_valid" in images)
         if lists is not None:

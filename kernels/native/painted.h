@@ -302,15 +302,15 @@ template <int TYPES, int FACTS, int CAPACITY, int WIDTH, int HEIGHT, bool WHOLE_
     }
 };
 
-// As draw(), of scenes of no more shapes than a list holds.
+// As draw(), of scenes of no more shapes than a list holds. TYPES: with what colours alone ask for, too.
 template <int TYPES, int CAPACITY, int WIDTH, int HEIGHT, int OUTPUTS, int FACTS, class Shapes, class Materials, class Meshes,
           class HeightFields, class Views, class Target>
 WARPCAM_FN void draw_painted(const Shapes& shapes, const Materials& materials, const Meshes& meshes, const HeightFields& fields,
                              const Views& views, const Target& target, int index)
 {
     using Room = Painter<TYPES, FACTS, CAPACITY, WIDTH, HEIGHT, (OUTPUTS & FLOW_WHOLE) != 0>;
-    draw_with<TYPES, PINHOLE, CAPACITY, false, WIDTH, HEIGHT, OUTPUTS, Room>(shapes, materials, meshes, fields, views, target,
-                                                                             index);
+    draw_with<analytic_types(TYPES), PINHOLE, CAPACITY, false, WIDTH, HEIGHT, OUTPUTS, Room>(shapes, materials, meshes, fields,
+                                                                                             views, target, index);
 }
 
 }  // namespace warpcam

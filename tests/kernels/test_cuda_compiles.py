@@ -4,6 +4,7 @@ NVRTC comes with Warp and needs no GPU: a name that two headers have, and what i
 for CUDA alone, is an error on a machine without one, too.
 """
 
+import re
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -13,8 +14,10 @@ import pytest
 import scenes
 import warp as wp
 from warpcam.kernels import antialias, launch, refit
+from warpcam.kernels.types import FROM_ABOVE
 
 import warpcam as wc
+from warpcam.sources import mujoco_model
 
 ARCH = 90
 ASSETS = """
@@ -89,6 +92,18 @@ def _compile(stages: list[launch.Stage], folder: Path) -> int:
 def test_of_few_shapes(outputs: tuple[str, ...], card: list[launch.Stage], tmp_path: Path) -> None:
     _render(scenes.compile_xml(FEW + LIGHTS, assets=ASSETS), outputs)
     assert _compile(card, tmp_path) >= 2
+
+
+def test_textures_that_lie_from_above(
+    card: list[launch.Stage], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Albedo alone is written by the trace, which asks how textures lie."""
+    monkeypatch.setattr(mujoco_model, "VERSION", (3, 11))
+    _render(scenes.compile_xml(FEW, assets=ASSETS), ("depth", "albedo"))
+    assert _compile(card, tmp_path) >= 2
+    code = " ".join(path.read_text() for path in tmp_path.glob("*visibility*/*.cu"))
+    types = re.findall(r"draw_painted<(\d+)", code)
+    assert types and all(int(each) >> FROM_ABOVE & 1 for each in types)
 
 
 @pytest.mark.parametrize("output", ["normals", "points"])

@@ -13,6 +13,7 @@ from warpcam.kernels import visibility
 from warpcam.kernels.types import HEIGHT_FIELD, MESH, SPHERE
 
 import warpcam as wc
+from warpcam.sources import mujoco_model
 
 ASSETS = """
   <texture name="checks" type="2d" builtin="checker" width="64" height="64" rgb1=".1 .2 .3" rgb2=".9 .8 .3"/>
@@ -70,6 +71,20 @@ def test_albedo_is_as_a_second_pass_makes_it(
     # The hardware's filter rounds, and places on a floor are found in another order.
     apart = np.abs(found["albedo"].astype(int) - expected["albedo"])
     assert apart.max() <= 3 and (apart > 0).mean() < 0.05
+
+
+def test_albedo_of_textures_that_lie_from_above(device: wp.Device, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As with a MuJoCo before 3.12."""
+    outputs = ("segmentation", "albedo")
+    monkeypatch.setattr(mujoco_model, "VERSION", (3, 17))
+    usual = images("1.2 1.5 1", "floor", (64, 64), 3, outputs)["albedo"]
+    monkeypatch.setattr(mujoco_model, "VERSION", (3, 11))
+    found = images("1.2 1.5 1", "floor", (64, 64), 3, outputs)["albedo"]
+    monkeypatch.setattr(visibility, "paints", lambda *_: False)
+    expected = images("1.2 1.5 1", "floor", (64, 64), 3, outputs)["albedo"]
+    apart = np.abs(found.astype(int) - expected)
+    assert apart.max() <= 3 and (apart > 0).mean() < 0.05
+    assert (np.abs(usual.astype(int) - expected) > 8).mean() > 0.02
 
 
 @pytest.mark.parametrize("shapes", [0, 40])  # with more of them normals take the other way
