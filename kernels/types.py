@@ -32,7 +32,10 @@ BARE = 18  # no type: stands among a scene's types where textures do not show on
 # No type: stands among the types of launches that draw the middles of all images before the rest: native/prepare.h.
 MIDDLE_FIRST = 19
 SHUTTERED = 20  # likewise where meshes have shutters
-LOOKS_ALONE = frozenset({FROM_ABOVE, BARE})  # what only colours ask for
+PROJECTED = 21  # no type: stands among a scene's types where 2-D textures lie as Newton lays them: native/mapping.h
+TRIPLANAR = 22  # beside PROJECTED: along all three axes, blended
+SHEER = 23  # no type: stands among a scene's types where textures have an alpha, which counts on what is transparent
+LOOKS_ALONE = frozenset({FROM_ABOVE, BARE, PROJECTED, TRIPLANAR, SHEER})  # what only colours ask for
 
 # Light types.
 LIGHT_SPOT = 0
@@ -108,8 +111,6 @@ class Meshes:
     # of the third of faces with a back 1 where both sides are flat and `normals` does not have them; in scenes without
     # such faces, and where no mesh moves, the face's horizon: see native/horizon.h.
     faces: wp.array(dtype=wp.vec4)
-    # (row,) on CUDA where no mesh moves: the same faces in 2 rows, of whole numbers, see native/short_faces.h
-    short_faces: wp.array(dtype=wp.vec4)
     # Shading data, by corner of the faces as given: corner 3 * (corner_start + face) + k.
     corner_start: wp.array(dtype=wp.int32)  # (mesh,) first face in the two arrays below
     normals: wp.array(dtype=wp.vec3)  # (corner,) unit, mesh frame

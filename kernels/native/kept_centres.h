@@ -64,6 +64,7 @@ template <class Target, int IMAGES, int WIDTH, int HEIGHT> struct KeptCentres {
 
     WARPCAM_FN unsigned at(int i, int j) const { return unsigned((j - top) * LINE + (i - left)); }
     WARPCAM_FN static constexpr unsigned line() { return LINE; }
+    WARPCAM_FN auto ids() const { return target.shape.data + first; }  // those of the view, where the trace has them
     WARPCAM_FN unsigned of_images(int i, int j) const { return first + unsigned(j * target.width + i); }
     WARPCAM_FN unsigned of_images(unsigned pixel) const
     {

@@ -2,7 +2,6 @@
 // rays: where few rays are at leaves, or leaves have many faces, a warp would else wait face after face.
 #pragma once
 #include "mask.h"
-#include "short_faces.h"
 #include "waiting_rays.h"
 
 #if defined(__CUDA_ARCH__)
@@ -194,20 +193,16 @@ WARPCAM_FN bool meet_leaves(AnyPairRoom& room, const List& list, const Meshes& m
         its.x = __shfl_sync(ALL, ray.x, from);
         its.y = __shfl_sync(ALL, ray.y, from);
         const Record& record = list.records[__shfl_sync(ALL, slot, from)];
+        const float from_on = __shfl_sync(ALL, near, from), until = __shfl_sync(ALL, depth, from);
         float t = FAR_AWAY;
-        if constexpr (by_child(TYPES)) {
-            const float from_on = __shfl_sync(ALL, near, from), until = __shfl_sync(ALL, depth, from);
-            if (window + lane < pairs.count)
-                t = meet_face<TYPES>(record, meshes, its, number, from_on, until);
-        } else if (window + lane < pairs.count) {
-            t = meet_short_face<TYPES>(record, meshes, its, number);
-        }
+        if (window + lane < pairs.count)
+            t = meet_face<TYPES>(record, meshes, its, number, from_on, until);
         const unsigned hits = __ballot_sync(ALL, t < FAR_AWAY);
         for (unsigned mine = hits & pairs.places(window); __any_sync(ALL, mine); mine &= mine - 1) {
             const int giver = mine ? lowest_bit(mine) : lane;
             const float its_depth = __shfl_sync(ALL, t, giver);
             const int its_face = __shfl_sync(ALL, number, giver);
-            if (mine && its_depth < depth && its_depth > near) {
+            if (mine && its_depth < depth) {
                 depth = its_depth;
                 face = its_face;
                 met = true;

@@ -2,7 +2,6 @@
 // of these pixels.
 #pragma once
 #include "samples.h"
-#include "short_faces.h"
 #include "tiles.h"
 
 #if defined(__CUDA_ARCH__)
@@ -91,7 +90,6 @@ struct NearShapes {
             places[find(id)] = static_cast<unsigned char>(seen ? rank : NEAR_SHAPES);
             if (seen) {
                 record.axis_y.w = rank;
-                keep_steps<TYPES>(record);
                 records[rank] = record;
                 if (is_mesh<TYPES>(record))
                     atomicOr(meshes + rank / LANES, 1u << rank % LANES);

@@ -9,7 +9,7 @@ from trees import ABSENT, check, codes, given_of, halved, hits, sah_cost, same, 
 from warpcam.kernels.bvh4_build import MAX_LEAF
 
 from warpcam.accel.bvh4 import Bvh4, build_bvh4
-from warpcam.accel.meshes import _child_by_child, _short, _short_faces, _with_backs
+from warpcam.accel.meshes import _child_by_child, _short
 from warpcam.errors import WarpcamError
 
 
@@ -247,22 +247,3 @@ def test_rows_for_cuda() -> None:
     assert (children[:, :, 0, :3].transpose(0, 2, 1) == given[:, :3]).all()
     assert (children[:, :, 1, :3].transpose(0, 2, 1) == given[:, 3:6]).all()
     assert (children[:, :, 0, 3] == given[:, 6]).all()
-
-
-@pytest.mark.parametrize("backs", [False, True])
-def test_short_faces_for_cuda(backs: bool) -> None:
-    vertices, faces = soup(500)
-    vertices = vertices + np.float32((3.0, -0.5, 0.1))
-    rows = build_bvh4(vertices, faces).faces
-    rows = _with_backs(rows, len(faces)) if backs else rows
-    extent = float(np.abs(vertices[faces]).max())
-    words = _short_faces(rows, extent).view(np.uint32).reshape(-1, 8)
-    assert len(words) * 3 == len(rows)
-    ninth = sum((words[:, byte] >> 24) << (8 * byte) for byte in range(3))
-    steps = np.column_stack((words & 0xFFFFFF, ninth))
-    assert steps.max() < 2**23  # what is greater is no whole number in a float of 2^23 to 2^24
-    found = (steps.astype(np.float64) - 2**22) * extent / (2**22 - 8)
-    corners = rows.reshape(-1, 3, 4)[:, :, :3].reshape(-1, 9)
-    assert np.abs(found - corners).max() < 0.51 * extent / (2**22 - 8)
-    assert (words[:, 3] >> 24 == int(backs)).all()
-    assert len(_short_faces(rows[:0], 0.0)) == 0

@@ -113,6 +113,15 @@ def test_of_shapes_listed_ahead(output: str, card: list[launch.Stage], tmp_path:
     assert _compile(card, tmp_path) >= 2
 
 
+@pytest.mark.parametrize("shapes", [1, 130])  # of many ids have more than a byte
+@pytest.mark.parametrize("size", [(64, 64), (16, 8)])
+def test_of_smooth_edges_without_meshes(
+    shapes: int, size: tuple[int, int], card: list[launch.Stage], tmp_path: Path
+) -> None:
+    _render(scenes.compile_xml(FEW + shapes * '<geom size=".1"/>' + LIGHTS), ("rgb",), size, antialiasing=4)
+    assert _compile(card, tmp_path) >= 3
+
+
 @pytest.mark.parametrize("antialiasing", [1, 4])
 def test_of_meshes_and_hills(antialiasing: int, card: list[launch.Stage], tmp_path: Path) -> None:
     more = '<geom type="mesh" mesh="wedge" material="body" pos="0 0 1"/><geom type="hfield" hfield="hills"/>'

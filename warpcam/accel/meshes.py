@@ -15,7 +15,6 @@ from warpcam.kernels.types import Meshes, Textures
 
 MAX_ROWS = 2**31 - 1
 BOUNDS, MIDDLE_BOUND = 32760, 32768  # as in native/bvh4.h: steps of an extent, and the plane through 0
-STEPS, MIDDLE_STEP = 2**22 - 8, 2**22  # likewise, of corners: native/short_faces.h
 ABSENT = np.float32(1e30)  # all bounds of a child that is not there
 KEPT = 2**27  # bytes of trees, for the next scene that has those meshes, too
 
@@ -126,9 +125,6 @@ def pack_meshes(meshes: Sequence[Mesh], device: wp.Device, shut: bool = False) -
     packed.corner_start = _integers(corner_start, device)
     packed.nodes = wp.array(_joined([tree[0] for tree in trees], 4), dtype=wp.vec4, device=device)
     packed.faces = wp.array(_joined([tree[1] for tree in trees], 4), dtype=wp.vec4, device=device)
-    if device.is_cuda and not moving:
-        rows = [_short_faces(tree[1], _extent(meshes[holder])) for tree, holder in zip(trees, holders, strict=True)]
-        packed.short_faces = wp.array(_joined(rows, 4), dtype=wp.vec4, device=device)
     packed.normals = wp.array(_joined(normals, 3), dtype=wp.vec3, device=device)
     packed.uvs = wp.array(_joined(uvs, 2), dtype=wp.vec2, device=device)
     packed.has_uvs = _integers([mesh.mapped for mesh in meshes], device)
@@ -187,18 +183,6 @@ def _short(nodes: np.ndarray, extent: float) -> np.ndarray:
     rows[:, 3] = by_bound[:, 6].view(np.int32)
     rows[:, 3][rows[:, 3] == 0] = -1  # a leaf without faces
     return rows.view(np.float32).reshape(-1, 4)
-
-
-def _short_faces(faces: np.ndarray, extent: float) -> np.ndarray:
-    """Faces in 32 bytes, (2 * face, 4), from rows of faces: see ``Meshes.short_faces``."""
-    rows = faces.reshape(-1, 12)
-    corners = rows.reshape(-1, 3, 4)[:, :, :3].reshape(-1, 9).astype(np.float64)
-    steps = (np.rint(corners / (extent or 1.0) * STEPS) + MIDDLE_STEP).astype(np.uint32)
-    words = steps[:, :8].copy()
-    for byte in range(3):
-        words[:, byte] |= (steps[:, 8] >> np.uint32(8 * byte) & np.uint32(0xFF)) << np.uint32(24)
-    words[:, 3] |= (rows.view(np.int32)[:, 7] != 0).astype(np.uint32) << np.uint32(24)
-    return words.view(np.float32).reshape(-1, 4)
 
 
 def _child_by_child(nodes: np.ndarray) -> np.ndarray:
