@@ -12,7 +12,7 @@ from .types import SPHERE
 wp.set_module_options(compiler_flags())
 
 # What stands in a column that is written each frame: Entries.what, first component. The second is the column.
-COPY, MARK, SEGMENT, EDGE, STRING, ARC = 0, 1, 2, 3, 4, 5
+COPY, MARK, SEGMENT, EDGE, STRING, ARC, ROD, CRANK = 0, 1, 2, 3, 4, 5, 6, 7
 MOST_PIECES = 8  # of an arc
 
 
@@ -24,10 +24,12 @@ class Entries:
     # row of offsets and turns, fourth, says; SEGMENT: of a path, third, the segment's number among those drawn,
     # fourth; EDGE: between two vertices, third and fourth; STRING: as SEGMENT, of a path between two stops that may
     # hang slack; ARC: a piece of where a path, third, lies on something, fourth: the piece's number and, times
-    # MOST_PIECES, that of the place along the path
+    # MOST_PIECES, that of the place along the path; ROD: of a slider-crank, from a mark, third, along its z axis to
+    # where a crank begins that ends at another, fourth; CRANK: this
     what: wp.array(dtype=wp.vec4i)
     radii: wp.array(dtype=wp.float32)  # (entry,) of segments and edges [m]
-    lengths: wp.array(dtype=wp.float32)  # (entry,) of strings [m]
+    lengths: wp.array(dtype=wp.float32)  # (entry,) of strings and cranks [m]
+    crank_colors: wp.array(dtype=wp.vec4)  # (2,) of cranks, and of those that are too short
     up: wp.vec3  # where strings do not hang, unit
     num_points: wp.int32  # of a string
     slices: wp.int32  # pieces of half a turn of an arc; 0: there are no arcs but straight segments of half the width
@@ -136,6 +138,21 @@ def write_table(live: Entries, out: Table, first: wp.int32):
     if kind == EDGE:
         start = live.vertices[world, a]
         end = live.vertices[world, b]
+    elif kind == ROD or kind == CRANK:
+        frame = live.mark_rotations[world, a]
+        axis = wp.vec3(frame[0, 2], frame[1, 2], frame[2, 2])
+        start = live.mark_positions[world, a]
+        end = live.mark_positions[world, b]
+        away = end - start
+        far = wp.dot(away, axis)
+        left = far * far + live.lengths[entry] * live.lengths[entry] - wp.dot(away, away)
+        middle = start + (far - wp.sqrt(wp.max(left, 0.0))) * axis
+        if kind == ROD:
+            end = middle
+        else:
+            start = middle
+            if world < out.colors.shape[0]:
+                out.colors[world, column] = live.crank_colors[wp.where(left < 0.0, 1, 0)]
     elif kind == STRING:
         stop = live.path_starts[world, a]
         first_end = live.stops[world, stop]
@@ -177,11 +194,11 @@ def write_table(live: Entries, out: Table, first: wp.int32):
                 radius = 0.5 * radius  # around what the path lies on
     along = end - start
     length = wp.length(along)
-    axis = wp.vec3(0.0, 0.0, 1.0)
+    upright = wp.vec3(0.0, 0.0, 1.0)
     if length > 1.0e-15:
-        axis = along / length
+        upright = along / length
     out.positions[world, column] = 0.5 * (start + end)
-    out.rotations[world, column] = turn_to(axis)
+    out.rotations[world, column] = turn_to(upright)
     out.sizes[world, column] = wp.vec3(radius, 0.5 * length, wp.where(kind == EDGE, -1.0, 0.0))
 
 

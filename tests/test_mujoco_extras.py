@@ -319,3 +319,25 @@ def test_a_slack_string_hangs_in_a_catenary(device: wp.Device) -> None:
     lowest = flatness * np.cosh(1.0 / flatness)
     assert np.abs(z - (flatness * np.cosh(x / flatness) - lowest))[inside].max() < 0.02
     assert np.abs(z[np.abs(x) < 0.05].mean() - (flatness - lowest)) < 0.005
+
+
+def test_slider_cranks_of_each_world_with_mujoco_warp(device: wp.Device) -> None:
+    """The second world's is too short, and has another colour."""
+    mjm = scenes.compile_xml(
+        """<body><joint type="slide" axis="1 0 0"/><geom size=".05"/><site name="a" zaxis="1 0 0" size=".001"/></body>
+        <site name="b" pos="1 0 .3" size=".001"/><camera pos=".5 -2 .2" xyaxes="1 0 0 0 0 1" fovy="50"/>""",
+        more='<statistic meansize=".4"/><actuator><general cranksite="b" slidersite="a" cranklength=".6"/></actuator>',
+    )
+    m, d = scenes.put(mjm, 2)
+    sites = d.site_xpos.numpy()
+    sites[1, mjm.site("b").id, 2] = 0.7
+    d.site_xpos.assign(sites)
+    scene = wc.from_mujoco_warp(mjm, m, d)
+    camera = wc.Camera(0, width=64, height=64, outputs=("albedo", "segmentation"))
+    image = wc.Renderer(scene, [camera]).render()[0]
+    actuator = int(np.flatnonzero(scene.objects[:, 1] == int(mujoco.mjtObj.mjOBJ_ACTUATOR))[0])
+    for world, wanted in enumerate((mjm.vis.rgba.slidercrank, mjm.vis.rgba.crankbroken)):
+        there = image["segmentation"][world, ..., 0].cpu().numpy() == actuator
+        colors = image["albedo"][world].cpu().numpy()[there].astype(int)
+        assert len(colors) > 30
+        assert (np.abs(colors - np.rint(255.0 * np.asarray(wanted)[:3])).max(axis=-1) <= 1).sum() > 10

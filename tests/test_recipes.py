@@ -177,6 +177,8 @@ def test_it_may_be_captured(scene: wc.Scene, device: wp.Device) -> None:
         ({"light_active": (0, 1)}, "randomize: light_active takes Choice"),
         ({"light_diffuse": (0.0, float("nan"))}, "randomize: light_diffuse: bounds must be finite numbers"),
         ({"light_diffuse": ((0, 0), (1, 1))}, "randomize: light_diffuse: bounds must be a number or 3"),
+        ({"light_diffuse": (1.0, 0.0)}, r"randomize: light_diffuse: low must not be above high, got 1\.0, 0\.0"),
+        ({"light_diffuse": ((0, 0, 0.5), (1, 1, 0.25))}, "light_diffuse: low must not be above high"),
         ({"light_diffuse": wc.Uniform(0, 1, rows=[2])}, "rows must be different indices from 0 to 1"),
         ({"light_diffuse": wc.Uniform(0, 1, of="turn")}, "only light_directions and rotation turn"),
         ({"light_diffuse": wc.Uniform(0, 1, of="log")}, "of must be one of 'value', 'offset', 'factor', 'turn'"),

@@ -59,7 +59,7 @@ def from_mujoco_warp(
     d: _Any,
     *,
     groups: _Collection[int] | _Mapping[str, _Collection[int]] = (0, 1, 2),
-    draw: _Collection[str] = ("geoms", "sites", "tendons", "flexes", "skins"),
+    draw: _Collection[str] = ("geoms", "sites", "tendons", "flexes", "skins", "actuators"),
     reflections: bool | None = None,
     transparency: bool | None = None,
 ) -> Scene:
@@ -76,7 +76,8 @@ def from_mujoco_warp(
         d: The ``mujoco_warp.Data``; its device is the scene's.
         groups: Groups that are drawn, of geoms and of all else; or a mapping with those of each kind of ``draw``.
         draw: What is drawn, as MuJoCo's own renderer does unless told. ``segmentation`` gives geoms their ids; sites,
-            tendons, flexes and skins count on from there: see ``Scene.objects``.
+            tendons, flexes, skins and, where some are slider-cranks, which alone are drawn, actuators count on from
+            there: see ``Scene.objects``.
         reflections: Whether planes and boxes reflect where their materials have reflectance. None: those that do now.
             True: all, whatever material they are given later. False: none, which saves their time.
         transparency: Whether what is drawn is seen through where its colour is partly transparent. None: what is so
@@ -95,7 +96,7 @@ def from_mujoco(
     mjd: _Any,
     *,
     groups: _Collection[int] | _Mapping[str, _Collection[int]] = (0, 1, 2),
-    draw: _Collection[str] = ("geoms", "sites", "tendons", "flexes", "skins"),
+    draw: _Collection[str] = ("geoms", "sites", "tendons", "flexes", "skins", "actuators"),
     device: _Any = None,
     reflections: bool | None = None,
     transparency: bool | None = None,

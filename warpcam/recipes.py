@@ -254,6 +254,8 @@ def _record(
         raise WarpcamError(
             f"randomize: {name}: bounds must be a number or {width}, got {recipe.low!r}, {recipe.high!r}"
         )
+    if any(least > most for least, most in zip(low, high, strict=True)):
+        raise WarpcamError(f"randomize: {name}: low must not be above high, got {recipe.low!r}, {recipe.high!r}")
     draw.low, draw.high = (wp.array(np.array(values), dtype=wp.float32, device=device) for values in (low, high))
     draw.kind, draw.linked = KINDS[recipe.of], int(recipe.linked)
     if recipe.of == "value":

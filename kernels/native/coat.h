@@ -13,24 +13,6 @@ struct Paint {
     float open;  // share of the light from all around that reaches it
 };
 
-// The unit normal of a smooth surface, in the shape's frame.
-template <int TYPES, class Meshes>
-WARPCAM_FN Vec smooth_normal(const Pose& pose, const Meshes& meshes, const Surface& surface)
-{
-    if ((TYPES >> MESH & 1) && pose.type() == MESH && !surface.flat) {
-        const float weights[3] = { 1.0f - surface.weight1 - surface.weight2, surface.weight1, surface.weight2 };
-        Vec sum { 0.0f, 0.0f, 0.0f };
-        for (int k = 0; k < 3; ++k) {
-            Vec normal = to_vec(wp::index(meshes.normals, surface.corner + k));
-            if (TYPES >> SCALED & 1)
-                normal = normalized(divided(normal, to_vec(pose.size)));
-            sum = sum + weights[k] * normal;
-        }
-        return dot(sum, sum) > 1.0e-12f ? normalized(sum) : surface.normal;
-    }
-    return surface.normal;
-}
-
 // A normal tilted as a map says, whose red and green lie along the texture's u and v (v up). The frame follows the
 // triangle: u's gradient, made square to the normal, and to it v.
 WARPCAM_FN Vec tilted(Vec normal, Vec map, Vec du, Vec dv)

@@ -276,6 +276,15 @@ WARPCAM_FN Layout load_layout(const Shapes& shapes, const Materials& materials, 
     layout.extent = to_row(extent, uniform && extent.x + extent.y > 0.0f);  // metres on endless planes all the same
     layout.repeat[0] = repeat[0] * (uniform && extent.x > 0.0f ? extent.x : 1.0f);
     layout.repeat[1] = repeat[1] * (uniform && extent.y > 0.0f ? extent.y : 1.0f);
+    if constexpr ((TYPES >> PROJECTED & 1) != 0) {
+        layout.repeat[0] = repeat[0];
+        layout.repeat[1] = repeat[1];
+        if (pose.type() == PLANE) {
+            layout.start[1] = 1.0f;
+            layout.repeat[1] = -repeat[1];
+        }
+        return layout;
+    }
     if ((TYPES >> PLANE & 1) && pose.type() == PLANE) {  // a side of length 0 is endless, two metres an image
         constexpr bool FROM_MIDDLE = TYPES >> FROM_ABOVE & 1;
         const float offset = extent.x <= 0.0f || extent.y <= 0.0f || FROM_MIDDLE ? -0.5f : 0.0f;

@@ -1,4 +1,4 @@
-// Where a point of a surface lies on its texture, as MuJoCo maps it.
+// Where a point of a surface lies on its texture, as MuJoCo maps it; where PROJECTED as Newton's camera does.
 //
 // A mapping gives the place and its gradient over the shape's frame; the gradient turns the step to the next pixel into
 // a step on the texture. Measured against `mujoco.Renderer` 3.17 with a texture that shows its own coordinates. Up to 3.11
@@ -61,6 +61,23 @@ WARPCAM_FN void map_from_above(Vec local, Vec half, Mapping& mapping)
     mapping.v = mapping.dv.y * local.y;
 }
 
+// One image a metre along an axis, v upwards.
+WARPCAM_FN void map_along(int axis, const Layout& layout, Vec local, Mapping& mapping)
+{
+    const int u_axis = axis == 0 ? 1 : 0, v_axis = axis == 2 ? 1 : 2;
+    mapping.u = component(local, u_axis) * layout.repeat[0];
+    mapping.v = 1.0f - component(local, v_axis) * layout.repeat[1];
+    mapping.du = axis_vector(u_axis, layout.repeat[0]);
+    mapping.dv = axis_vector(v_axis, -layout.repeat[1]);
+}
+
+// The axis that a surface faces most.
+WARPCAM_FN int faced_axis(Vec normal)
+{
+    const float x = magnitude(normal.x), y = magnitude(normal.y), z = magnitude(normal.z);
+    return x >= y && x >= z ? 0 : y >= z ? 1 : 2;
+}
+
 // A mesh's own texture coordinates.
 template <class Meshes>
 WARPCAM_FN void map_by_corners(const Meshes& meshes, const Surface& surface, Mapping& mapping)
@@ -103,6 +120,15 @@ WARPCAM_FN Mapping map_2d(const Pose& pose, const Layout& layout, const Meshes& 
         } else {
             map_from_above(local, half, mapping);
             repeat(layout, -0.5f, mapping);
+        }
+        return mapping;
+    }
+    if constexpr ((TYPES >> PROJECTED & 1) != 0) {
+        if (own) {
+            map_by_corners(meshes, surface, mapping);
+            repeat(layout, 0.0f, mapping);
+        } else {
+            map_along(faced_axis(smooth_normal<TYPES>(pose, meshes, surface)), layout, local, mapping);
         }
         return mapping;
     }
@@ -154,6 +180,13 @@ WARPCAM_FN Vec slide(Vec step, Vec ray, Vec normal)
     return step - dot(normal, step) * reciprocal(slope) * ray;
 }
 
+// `right` and `down` are steps of the hit, in the shape's frame.
+WARPCAM_FN Footprint footprint_of(const Mapping& mapping, Vec right, Vec down)
+{
+    return { mapping.u, mapping.v, { dot(mapping.du, right), dot(mapping.dv, right) },
+             { dot(mapping.du, down), dot(mapping.dv, down) } };
+}
+
 // `right` and `down` are the changes of the ray at the depth of the hit, from pixel to pixel; all in the shape's frame.
 template <int TYPES, class Meshes>
 WARPCAM_FN Footprint footprint_2d(const Pose& pose, const Layout& layout, const Meshes& meshes, const Surface& surface,
@@ -167,11 +200,20 @@ WARPCAM_FN Footprint footprint_2d(const Pose& pose, const Layout& layout, const 
                  { rate_u * (right.x - rise_right * ray.x), rate_v * (right.y - rise_right * ray.y) },
                  { rate_u * (down.x - rise_down * ray.x), rate_v * (down.y - rise_down * ray.y) } };
     }
-    const Mapping mapping = map_2d<TYPES>(pose, layout, meshes, surface);
-    right = slide(right, ray, surface.normal);
-    down = slide(down, ray, surface.normal);
-    return { mapping.u, mapping.v, { dot(mapping.du, right), dot(mapping.dv, right) },
-             { dot(mapping.du, down), dot(mapping.dv, down) } };
+    return footprint_of(map_2d<TYPES>(pose, layout, meshes, surface), slide(right, ray, surface.normal),
+                        slide(down, ray, surface.normal));
+}
+
+// How much of each of three images, laid along the three axes, a surface shows where TRIPLANAR.
+WARPCAM_FN Vec shares_of(Vec normal)
+{
+    const Vec share { magnitude(normal.x), magnitude(normal.y), magnitude(normal.z) };
+    return reciprocal(upper(share.x + share.y + share.z, TINY)) * share;
+}
+
+template <int TYPES> WARPCAM_FN bool is_blended(const Pose& pose, const Layout& layout)
+{
+    return (TYPES >> TRIPLANAR & 1) && pose.type() != PLANE && !layout.own;
 }
 
 template <int TYPES>

@@ -2,6 +2,7 @@
 // light, the nearest first, whichever shape it is part of.
 #pragma once
 #include "mapping.h"
+#include "sheer.h"
 #include "veils.h"
 
 namespace warpcam {
@@ -58,6 +59,22 @@ WARPCAM_FN void peel(const Veils_& veils, const Scene_& scene, const RayOf& ray,
     }
 }
 
+// Where a hit lies on the 2-D textures of its shape.
+template <int TYPES, int LENS, class Looks, class Scene_>
+WARPCAM_FN Footprint footprint_at(const Looks& look, const Scene_& scene, const Camera& camera, float x, float y,
+                                  const Hit& hit)
+{
+    const Pose& pose = look.pose;
+    const Vec ray = pose.local(ViewRay<LENS> { x, y }.direction());
+    const Vec local = pose.eye() + (LENS == ORTHOGRAPHIC ? pose.local({ x, y, -hit.depth }) : hit.depth * ray);
+    const Surface surface = surface_at<TYPES>(pose, scene.meshes, scene.fields, hit.face, local, ray);
+    const Vec right = pose.local(step_right<LENS>(camera, x, y, hit.depth));
+    const Vec down = pose.local(step_down<LENS>(camera, x, y, hit.depth));
+    Footprint at = footprint_2d<TYPES>(pose, look.layout, scene.meshes, surface, ray, right, down);
+    shift(look, at.u, at.v);
+    return at;
+}
+
 // What the map of a mesh's opacity says where a ray meets it; 1 where there is none.
 template <int TYPES, int LENS, class Looks, class Scene_>
 WARPCAM_FN float mapped_opacity(const Looks& look, const Scene_& scene, const Camera& camera, int world, float x,
@@ -67,16 +84,20 @@ WARPCAM_FN float mapped_opacity(const Looks& look, const Scene_& scene, const Ca
     const int texture = material < 0 ? -1 : texture_of(scene.materials, world, material, ROLE_OPACITY);
     if (!is_texture(scene.textures, texture) || !look.layout.own)
         return 1.0f;
-    const Pose& pose = look.pose;
-    const Vec ray = pose.local(ViewRay<LENS> { x, y }.direction());
-    const Vec local = pose.eye() + (LENS == ORTHOGRAPHIC ? pose.local({ x, y, -hit.depth }) : hit.depth * ray);
-    const Surface surface = surface_at<TYPES>(pose, scene.meshes, scene.fields, hit.face, local, ray);
-    const Vec right = pose.local(step_right<LENS>(camera, x, y, hit.depth));
-    const Vec down = pose.local(step_down<LENS>(camera, x, y, hit.depth));
-    Footprint at = footprint_2d<TYPES>(pose, look.layout, scene.meshes, surface, ray, right, down);
-    shift(look, at.u, at.v);
+    const Footprint at = footprint_at<TYPES, LENS>(look, scene, camera, x, y, hit);
     const Image image = load_image(scene.textures, texture);
     return sample_2d(scene.textures.texels.data, image, at.u, at.v, at.right, at.down).x;
+}
+
+// The alpha of its texture there; 1 where there is none.
+template <int TYPES, int LENS, class Looks, class Scene_>
+WARPCAM_FN float texture_alpha(const Looks& look, const Scene_& scene, const Camera& camera, float x, float y,
+                               const Hit& hit)
+{
+    if (look.layout.image.levels <= 0 || look.layout.cube)
+        return 1.0f;
+    const Footprint at = footprint_at<TYPES, LENS>(look, scene, camera, x, y, hit);
+    return sample_alpha(scene.textures.texels.data, look.layout.image, at.u, at.v, at.right, at.down);
 }
 
 }  // namespace warpcam

@@ -93,6 +93,11 @@ WARPCAM_FN float resolve_veils(const Looks* looks, const List& lights, const Sce
                                                                                  y, hit, 0, sheet);
             linear = sheet.linear;
             display = sheet.display;
+            if constexpr ((TYPES >> SHEER & 1) && Wanted<IMAGES, FACTS>::TEXTURED)
+                return texture_alpha<TYPES, LENS>(
+                    kept_look<TYPES, CAPACITY, Wanted<IMAGES, FACTS>>(looks, lights, scene, camera, world, hit.shape), scene,
+                    camera, x, y, hit);
+            return 1.0f;
         };
         Hit first { limit, -1, -1 };
         const auto note = [&](const Hit& hit, float opacity) {

@@ -54,6 +54,19 @@ WARPCAM_FN bool follow(bool hit, Hit& found)
 #endif
 }
 
+// The texture's colour at a place of a 2-D one.
+template <class Looks, class Textures>
+WARPCAM_FN Vec sample_at(const Looks& look, const Textures& textures, Footprint at)
+{
+    const Layout& layout = look.layout;
+    shift(look, at.u, at.v);
+#if defined(__CUDA_ARCH__)
+    if (Looks::ON_SHEETS && layout.sheet)
+        return sample_2d_sheet(layout.sheet, layout.image, at.u, at.v, at.right, at.down);
+#endif
+    return sample_2d(textures.texels.data, layout.image, at.u, at.v, at.right, at.down);
+}
+
 // The texture's colour at a hit; white where there is none.
 template <int TYPES, int LENS, class Looks, class Meshes, class Textures>
 WARPCAM_FN Vec texture_color(const Looks& look, const Meshes& meshes, const Textures& textures, const Camera& camera,
@@ -64,9 +77,9 @@ WARPCAM_FN Vec texture_color(const Looks& look, const Meshes& meshes, const Text
         return { 1.0f, 1.0f, 1.0f };
     const Pose& pose = look.pose;
     const float stretch = LENS == PINHOLE ? depth : 1.0f;
-    const Vec right = LENS == RAYS ? pose.local(step_right<LENS>(camera, x, y, depth))
+    Vec right = LENS == RAYS ? pose.local(step_right<LENS>(camera, x, y, depth))
                                    : stretch * camera.scale_x * Vec { pose.axis_x.x, pose.axis_y.x, pose.axis_z.x };
-    const Vec down = LENS == RAYS ? pose.local(step_down<LENS>(camera, x, y, depth))
+    Vec down = LENS == RAYS ? pose.local(step_down<LENS>(camera, x, y, depth))
                                   : -stretch * camera.scale_y * Vec { pose.axis_x.y, pose.axis_y.y, pose.axis_z.y };
     if (layout.cube) {
         const CubeMapping mapping = map_cube<TYPES>(pose, layout, surface);
@@ -78,13 +91,22 @@ WARPCAM_FN Vec texture_color(const Looks& look, const Meshes& meshes, const Text
 #endif
         return sample_cube(textures.texels.data, layout.image, mapping.direction, to_right, to_below);
     }
-    Footprint at = footprint_2d<TYPES>(pose, layout, meshes, surface, ray, right, down);
-    shift(look, at.u, at.v);
-#if defined(__CUDA_ARCH__)
-    if (Looks::ON_SHEETS && layout.sheet)
-        return sample_2d_sheet(layout.sheet, layout.image, at.u, at.v, at.right, at.down);
-#endif
-    return sample_2d(textures.texels.data, layout.image, at.u, at.v, at.right, at.down);
+    if constexpr ((TYPES >> TRIPLANAR & 1) != 0) {
+        if (is_blended<TYPES>(pose, layout)) {
+            const Vec share = shares_of(smooth_normal<TYPES>(pose, meshes, surface));
+            right = slide(right, ray, surface.normal);
+            down = slide(down, ray, surface.normal);
+            Vec sum { 0.0f, 0.0f, 0.0f };
+            for (int axis = 0; axis < 3; ++axis) {
+                Mapping mapping;
+                map_along(axis, layout, surface.local, mapping);
+                const Footprint at = footprint_of(mapping, right, down);
+                sum = sum + component(share, axis) * sample_at(look, textures, at);
+            }
+            return sum;
+        }
+    }
+    return sample_at(look, textures, footprint_2d<TYPES>(pose, layout, meshes, surface, ray, right, down));
 }
 
 // What a surface shows.

@@ -236,4 +236,22 @@ WARPCAM_FN Surface surface_at(const Pose& pose, const Meshes& meshes, const Heig
     return surface;
 }
 
+// The unit normal of a smooth surface, in the shape's frame.
+template <int TYPES, class Meshes>
+WARPCAM_FN Vec smooth_normal(const Pose& pose, const Meshes& meshes, const Surface& surface)
+{
+    if ((TYPES >> MESH & 1) && pose.type() == MESH && !surface.flat) {
+        const float weights[3] = { 1.0f - surface.weight1 - surface.weight2, surface.weight1, surface.weight2 };
+        Vec sum { 0.0f, 0.0f, 0.0f };
+        for (int k = 0; k < 3; ++k) {
+            Vec normal = to_vec(wp::index(meshes.normals, surface.corner + k));
+            if (TYPES >> SCALED & 1)
+                normal = normalized(divided(normal, to_vec(pose.size)));
+            sum = sum + weights[k] * normal;
+        }
+        return dot(sum, sum) > 1.0e-12f ? normalized(sum) : surface.normal;
+    }
+    return surface.normal;
+}
+
 }  // namespace warpcam

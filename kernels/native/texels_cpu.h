@@ -207,6 +207,16 @@ static WARPCAM_COLD void other_footprints(const Pose& pose, const Layout& layout
     }
 }
 
+// Laid along the x axis where `first`, along z where not `upright`, else along y; `right` and `down` are steps of the hits.
+inline void footprints_along(Ints first, Ints upright, const Layout& layout, const Vecs& local, const Vecs& right,
+                             const Vecs& down, Footprints& at)
+{
+    const float rate_u = layout.repeat[0], rate_v = -layout.repeat[1];
+    const auto along_u = [&](const Vecs& v) { return rate_u * (first ? v.y : v.x); };
+    const auto along_v = [&](const Vecs& v) { return rate_v * (upright ? v.z : v.y); };
+    at = { along_u(local), 1.0f + along_v(local), along_u(right), along_v(right), along_u(down), along_v(down) };
+}
+
 template <int TYPES, class Meshes>
 inline void footprints_2d(const Pose& pose, const Layout& layout, const Meshes& meshes, const Surfaces& surface,
                           const Vecs& ray, const Vecs& right, const Vecs& down, Footprints& at)
@@ -225,7 +235,17 @@ inline void footprints_2d(const Pose& pose, const Layout& layout, const Meshes& 
             return;
         }
     }
-    if constexpr ((TYPES & (1 << MESH | 1 << HEIGHT_FIELD)) != 0) {
+    if constexpr ((TYPES >> PROJECTED & 1) != 0) {
+        if (!((TYPES >> MESH & 1) && pose.type() == MESH)) {
+            const Vecs normal = surface.normal;
+            const Floats x = magnitude(normal.x), y = magnitude(normal.y), z = magnitude(normal.z);
+            const Ints first = (x >= y) & (x >= z);
+            footprints_along(first, first | (y >= z), layout, surface.local, slide(right, ray, normal),
+                             slide(down, ray, normal), at);
+            return;
+        }
+    }
+    if constexpr (!(TYPES >> PROJECTED & 1) && (TYPES & (1 << MESH | 1 << HEIGHT_FIELD)) != 0) {
         if (pose.type() == HEIGHT_FIELD || (pose.type() == MESH && !layout.own)) {  // laid on from above
             const float rate_u = layout.repeat[0] * 0.5f * reciprocal(upper(layout.extent.x, 1.0e-12f));
             const float rate_v = layout.repeat[1] * -0.5f * reciprocal(upper(layout.extent.y, 1.0e-12f));
@@ -278,12 +298,33 @@ inline Vecs texture_colors(const Looks& look, const Levels& levels, const Meshes
         return color;
     }
     Footprints at;
-    footprints_2d<TYPES>(pose, layout, meshes, surface, ray, right, down, at);
-    if constexpr (Looks::SHIFTED) {
-        at.u += look.shift_u;
-        at.v += look.shift_v;
+    const auto sampled = [&] {
+        if constexpr (Looks::SHIFTED) {
+            at.u += look.shift_u;
+            at.v += look.shift_v;
+        }
+        return sample_2d(textures.texels.data, levels, at);
+    };
+    if constexpr ((TYPES >> TRIPLANAR & 1) != 0) {
+        if (is_blended<TYPES>(pose, layout)) {
+            const Vecs to_right = slide(right, ray, surface.normal), to_below = slide(down, ray, surface.normal);
+            Vecs share, sum { (Floats)0.0f, (Floats)0.0f, (Floats)0.0f };
+            for (int k = 0; k < PACKET; ++k) {
+                const Vec one = shares_of(smooth_normal<TYPES>(pose, meshes, surface.one(k)));
+                share.x[k] = one.x;
+                share.y[k] = one.y;
+                share.z[k] = one.z;
+            }
+            for (int axis = 0; axis < 3; ++axis) {
+                footprints_along((Ints)(axis == 0 ? -1 : 0), (Ints)(axis == 2 ? 0 : -1), layout, surface.local, to_right,
+                                 to_below, at);
+                sum = sum + (axis == 0 ? share.x : axis == 1 ? share.y : share.z) * sampled();
+            }
+            return sum;
+        }
     }
-    return sample_2d(textures.texels.data, levels, at);
+    footprints_2d<TYPES>(pose, layout, meshes, surface, ray, right, down, at);
+    return sampled();
 }
 
 }  // namespace warpcam

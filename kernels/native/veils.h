@@ -201,9 +201,9 @@ struct Covered {
 };
 
 // Covers a pixel's colour. `hit` is what is solid there; `limit` is its depth, negative where nothing is to be covered.
-// `column` and `row` are the tile's in the list's region. shade(met, hit, linear, display) is the colour of a sheet; the
-// whole warp comes there together, and those who have not met it do not look at what they get. note(hit, opacity) is told
-// of each sheet that is met.
+// `column` and `row` are the tile's in the list's region. shade(met, hit, linear, display) says the colour of a sheet
+// and returns which part of its shape's opacity it has; the whole warp comes there together, and those who have not met it
+// do not look at what they get. note(hit, opacity) is told of each sheet that is met.
 template <int TYPES, class Veils_, class RayOf, class Scene_, class Shade, class Note>
 WARPCAM_FN void cover(const Veils_& veils, const Scene_& scene, const RayOf& ray, float near, float limit, int column,
                       int row, const Shade& shade, const Note& note, Covered& covered)
@@ -220,10 +220,10 @@ WARPCAM_FN void cover(const Veils_& veils, const Scene_& scene, const RayOf& ray
             if (!any_lane(met))
                 break;
             Vec linear, display;
-            shade(met, hit, linear, display);
+            const float opacity = shade(met, hit, linear, display) * veils.opacity[slot];
             if (met) {
-                covered.add(veils.opacity[slot], linear, display);
-                note(hit, veils.opacity[slot]);
+                covered.add(opacity, linear, display);
+                note(hit, opacity);
             }
             from = type == HEIGHT_FIELD ? 1.00001f * hit.depth : hit.depth;  // not the same ground once more
             to = met ? limit : -1.0f;

@@ -197,3 +197,68 @@ def test_what_is_soft_shows_textures_by_its_own_coordinates_alone(device: wp.Dev
     assert by_shape[can] < 0.03 and by_shape[soft] < 0.04
     textured = [bool((np.ptp(rgb[ids == which], axis=1) > 40).any()) for which in (can, soft)]
     assert textured == [True, shows]
+
+
+def of_channels(channels: int) -> bytes:
+    """An image whose colours and alpha differ everywhere."""
+    down, right = np.mgrid[0:64, 0:64] * 4
+    pixels = np.stack((right, down, 255 - right // 2, 255 - down), axis=-1).astype(np.uint8)
+    file = io.BytesIO()
+    Image.fromarray(pixels[..., 0] if channels == 1 else pixels[..., :channels]).save(file, "PNG")
+    return file.getvalue()
+
+
+@pytest.mark.parametrize("shape", ["box", "sphere", "plane", "mesh with coordinates"])
+@pytest.mark.parametrize("alpha", [0.6, 1.0])
+def test_the_alpha_of_a_texture_counts_on_what_is_transparent(device: wp.Device, shape: str, alpha: float) -> None:
+    floor = '<geom type="plane" size="3 3 1" pos="0 0 -.4" rgba=".1 .8 .2 1"/>'
+    found = []
+    for channels in (4, 3):
+        mjm = mujoco.MjModel.from_xml_string(
+            f"""<mujoco>{LIT}<asset>{ASSETS.format(texture="t", uniform="false")}
+            <texture name="t" type="2d" file="t.png" nchannel="{channels}"/>
+            <material name="n" texture="t" rgba="1 1 1 {alpha}" specular="0"/></asset>
+            <worldbody>{floor}<geom material="n" {SHAPES[shape]}/>
+            <camera pos="0 -.8 .9" xyaxes="1 0 0 0 .9 .8" fovy="45"/></worldbody></mujoco>""",
+            {"coordinates.png": coordinates(), "t.png": of_channels(channels)},
+        )
+        mjd = mujoco.MjData(mjm)
+        mujoco.mj_forward(mjm, mjd)
+        found.append((paint(mjm, mjd), looked(mjm, mjd, device, "rgb", "segmentation")))
+    (painted, seen), (_, opaque) = found
+    there = seen["segmentation"] == 1
+    wrong = ~near(painted, seen["rgb"])
+    assert there.sum() > 1000 and wrong[there].mean() < 0.03 and wrong[~there].mean() < 0.03
+    # Without alpha it would look another way, where it is transparent.
+    differs = (np.abs(seen["rgb"][there].astype(int) - opaque["rgb"][there]) > 20).any(axis=-1).mean()
+    assert (differs > 0.3) == (alpha < 1.0), differs
+
+
+def test_textures_of_one_channel_are_not_shown(device: wp.Device, caplog: pytest.LogCaptureFixture) -> None:
+    mjm = mujoco.MjModel.from_xml_string(
+        f"""<mujoco>{LIT}<asset><texture name="grey" type="2d" file="t.png" nchannel="1"/>
+        <material name="m" texture="grey" rgba=".9 .6 .3 1" specular="0"/></asset>
+        <worldbody><geom type="box" size=".3 .3 .2" material="m"/>{CAMERA}</worldbody></mujoco>""",
+        {"t.png": of_channels(1)},
+    )
+    mjd = mujoco.MjData(mjm)
+    mujoco.mj_forward(mjm, mjd)
+    seen = looked(mjm, mjd, device, "rgb", "albedo", "segmentation")
+    assert "texture 'grey' has 1 channels and is not shown" in caplog.text
+    assert (np.abs(seen["albedo"][seen["segmentation"] == 0].astype(int) - (230, 153, 77)) <= 1).all()
+    if mujoco_model.VERSION >= (3, 17):  # older ones draw no such model at all
+        assert near(paint(mjm, mjd), seen["rgb"]).mean() > 0.99
+
+
+def test_groups_beyond_are_the_first_and_the_last(device: wp.Device) -> None:
+    balls = "".join(
+        f'<geom size=".2" pos="{0.5 * index - 0.75} 0 0" rgba=".8 .3 .1 1" group="{group}"/>'
+        for index, group in enumerate((0, -1, 3, 7))
+    )
+    mjm, mjd = compiled(balls)
+    seen = looked(mjm, mjd, device, "rgb", "segmentation")
+    assert set(np.unique(seen["segmentation"])) == {-1, 0, 1}
+    assert near(paint(mjm, mjd), seen["rgb"]).mean() > 0.98
+    scene = wc.from_mujoco(mjm, mjd, groups=(5,), device=device)
+    camera = wc.Camera(0, width=SIZE, height=SIZE, outputs=("segmentation",))
+    assert set(np.unique(wc.Renderer(scene, [camera]).render()[0]["segmentation"].cpu().numpy())) == {-1, 3}

@@ -205,6 +205,30 @@ def test_groups_background_and_skybox(mjm: mujoco.MjModel, worlds: Any) -> None:
     assert (drawn[..., 1] == int(mujoco.mjtObj.mjOBJ_SITE)).any()
 
 
+def test_groups_of_any_number_in_anything_that_can_be_gone_through(device: wp.Device) -> None:
+    """As MuJoCo-Warp has it: a number is that group alone, where MuJoCo's renderer takes those beyond for 0 or 5."""
+    balls = "".join(
+        f'<geom size=".2" pos="{0.5 * index - 1.0} 0 0" group="{group}"/>'
+        for index, group in enumerate((0, 2, 5, 7, -1))
+    )
+    mjm = scenes.compile_xml(balls + '<camera name="eye" pos="0 0 3" fovy="60"/>')
+    m, d = scenes.put(mjm, 1)
+    options = {"render_seg": True, "cam_res": (40, 20)}
+    for make in (lambda: [7], lambda: [0, 7, 9], lambda: [5], lambda: {0, -1}, lambda: np.array([2, 0])):
+        seen = []
+        for system in (ours, mjw):
+            rc = system.create_render_context(mjm, nworld=1, enabled_geom_groups=make(), **options)
+            system.refit_bvh(m, d, rc)
+            system.render(m, d, rc)
+            seen.append(set(np.unique(rc.seg_data.numpy()[..., 0])))
+        assert seen[0] == seen[1] and len(seen[0]) > 1, (make(), seen)
+    rc = ours.create_render_context(mjm, nworld=1, enabled_geom_groups=(group for group in (0, 7)), **options)
+    for _ in range(2):  # gone through once, it is remembered
+        ours.render(m, d, rc)
+        assert set(np.unique(rc.seg_data.numpy()[..., 0])) == {-1, 0, 3}
+    assert rc.enabled_geom_ids.numpy().tolist() == [0, 3]
+
+
 @pytest.mark.parametrize(
     ("options", "message"),
     [
@@ -222,10 +246,10 @@ def test_groups_background_and_skybox(mjm: mujoco.MjModel, worlds: Any) -> None:
         ({"cam_active": [0, 0]}, "names a camera twice"),
         ({"cam_res": [(8, 8), (9, 9)]}, "cam_res has 2 sizes for 3 active cameras"),
         ({"cam_res": (0, 8)}, "at least 1 pixel each"),
-        ({"enabled_geom_groups": None}, "enabled_geom_groups must be numbers from 0 to 5, got None"),
-        ({"enabled_geom_groups": [7]}, "enabled_geom_groups must be numbers from 0 to 5, got [7]"),
+        ({"enabled_geom_groups": None}, "enabled_geom_groups must be whole numbers, got None"),
+        ({"enabled_geom_groups": [0, 1.5]}, "enabled_geom_groups must be whole numbers, got [0, 1.5]"),
         ({"draw": ("legs",)}, "draw: 'legs' came; allowed are geoms, sites, "),
-        ({"draw": None}, "draw must be some of geoms, sites, tendons, flexes, skins, got None"),
+        ({"draw": None}, "draw must be some of geoms, sites, tendons, flexes, skins, actuators, got None"),
         ({"render_rgb": [True, False]}, "render_rgb has 2 flags for 3 active cameras"),
     ],
 )

@@ -53,6 +53,7 @@ OF_NEWTON = (
     "test_pinhole_rays_reject_out_of_range_parameters",
     "test_render_forward_depth_output",
     "test_set_ambient_light_uniform_ground",
+    "test_texture_projection_modes_texture_uvless_shapes",
     "test_update_clears_reserved_and_out_of_range_world_indices",
     "test_update_defaults_world_indices_to_identity",
     "test_update_overrides_default_render_settings",
@@ -76,6 +77,10 @@ OF_OTHERS = (
     ("test_sensor_tiled_camera", "TestSensorTiledCamera", "test_constructor_config_none_warns_deprecated"),
     ("test_sensor_tiled_camera", "TestSensorTiledCamera", "test_constructor_rejects_default_render_config_and_config"),
     ("test_sensor_tiled_camera", "TestSensorTiledCamera", "test_forward_depth_image_matches_utility"),
+    ("test_sensor_tiled_camera", "TestSensorTiledCamera", "test_checkerboard_material_requires_keyword_arguments"),
+    ("test_sensor_tiled_camera", "TestSensorTiledCamera",
+     "test_utils_explicit_render_config_field_update_does_not_warn"),
+    ("test_sensor_tiled_camera", "TestSensorTiledCamera", "test_utils_implicit_default_render_config_update_warns"),
     ("test_sensor_tiled_camera_hdr_color", "TestSensorTiledCameraHdrColor",
      "test_hdr_color_matches_srgb_packed_color_after_encoding"),
     ("test_sensor_to_rgba", "TestToRgba", "test_world_camera_axis_ordering"),
@@ -266,15 +271,13 @@ def test_what_is_not_offered_is_refused_by_name(worlds: tuple[Any, Any]) -> None
     rays = SensorCamera.compute_camera_rays_pinhole(*SIZE, camera_fov=0.8, device=model.device)
     for settings, message in (
         ({"enable_global_world": False}, "render_config.enable_global_world is False"),
-        ({"texture_projection_mode": 1, "enable_textures": True}, "render_config.texture_projection_mode is 1"),
+        ({"texture_projection_mode": 2}, "Invalid texture_projection_mode: 2"),
     ):
         config = SensorCamera.RenderConfig(**settings)
         with pytest.raises(wc.WarpcamError, match=message):
             sensor.update(state, transforms, rays, depth_image=depth, render_config=config)
     clear = SensorCamera.RenderConfig(gaussians_min_transmittance=0.1)
     sensor.update(state, transforms, rays, depth_image=depth, render_config=clear)  # there are no splats
-    with pytest.raises(wc.WarpcamError, match="assign_checkerboard_material is not offered"):
-        sensor.assign_checkerboard_material(shape_indices=[0])
     with pytest.raises(wc.WarpcamError, match="depth_image shape must be"):
         sensor.update(state, transforms, rays, depth_image=sensor.allocate_image_depth(2, *SIZE))
     with pytest.raises(wc.WarpcamError, match=r"state must be a newton\.State, got NoneType"):
@@ -341,3 +344,25 @@ def test_lenses_are_found_in_rays(width: int, height: int) -> None:
     slopes = rays[:, :, 0, 1, :2] / -rays[:, :, 0, 1, 2:]
     np.testing.assert_allclose(slopes[..., 0], (column - cx) / fx, atol=1e-5)
     np.testing.assert_allclose(slopes[..., 1], (cy - row) / fy, atol=1e-5)
+
+
+def test_a_camera_within_a_solid_sees_out(device: wp.Device) -> None:
+    """Where Newton's own sees its inside, but for cones and meshes."""
+    seen = {}
+    for kind, add in (
+        ("box", lambda builder: builder.add_shape_box(-1, hx=1.0, hy=1.0, hz=1.0)),
+        ("mesh", lambda builder: builder.add_shape_mesh(-1, mesh=newton.Mesh.create_box(1.0, compute_inertia=False))),
+    ):
+        builder = newton.ModelBuilder()
+        builder.add_shape_plane(plane=(0.0, 0.0, 1.0, 3.0), width=0.0, length=0.0)
+        add(builder)
+        model, state = newton_scenes.finalize(builder, device)
+        transforms = wp.array([wp.transform_identity()], dtype=wp.transformf, device=model.device)
+        for camera in (TheirCamera, SensorCamera):
+            sensor = camera(model)
+            rays = camera.compute_camera_rays_pinhole(8, 8, camera_fov=0.8, device=model.device)
+            image = sensor.allocate_image_shape_index(1, 8, 8)
+            sensor.update(state, transforms, rays, shape_index_image=image)
+            seen[kind, camera] = set(np.unique(image.numpy()))
+    assert seen["box", SensorCamera] == seen["mesh", SensorCamera] == seen["mesh", TheirCamera] == {0}
+    assert seen["box", TheirCamera] == {1}  # else the page on this sensor is to be changed

@@ -46,7 +46,7 @@ class Style:
     """
 
     groups: tuple[tuple[int, ...], ...] = ((0, 1, 2),) * 5
-    draw: tuple[str, ...] = ("geoms", "sites", "tendons", "flexes", "skins")
+    draw: tuple[str, ...] = ("geoms", "sites", "tendons", "flexes", "skins", "actuators")
     shadows: bool = True
     reflections: bool = True
     sky: bool = True

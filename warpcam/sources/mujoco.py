@@ -36,7 +36,7 @@ class MujocoSource:
         mjds: Sequence[mujoco.MjData],
         groups: model.Groups,
         device: wp.Device,
-        draw: Collection[str] = model.KINDS,
+        draw: Collection[str] = model.DRAWN,
         reflections: bool | None = None,
         transparency: Transparency = None,
     ):
@@ -146,7 +146,7 @@ def load(
     mjd: Any,
     groups: model.Groups,
     device: Any,
-    draw: Collection[str] = model.KINDS,
+    draw: Collection[str] = model.DRAWN,
     reflections: bool | None = None,
     transparency: Transparency = None,
 ) -> Scene:

@@ -1,7 +1,8 @@
-"""What MuJoCo draws beside geoms: sites, tendons, flexes and skins.
+"""What MuJoCo draws beside geoms: sites, tendons, flexes, skins and slider-cranks.
 
-They are further shapes of the scene. Columns count geoms, sites, tendons, flexes, skins, as the ids of ``segmentation``
-do; a tendon, or a flex that is a line, is drawn as several capsules or cylinders, whose columns follow on all these.
+They are further shapes of the scene. Columns count geoms, sites, tendons, flexes, skins, and actuators where some are
+slider-cranks, as the ids of ``segmentation`` do; a tendon, or a flex that is a line, is drawn as several capsules or
+cylinders, and a slider-crank as two, whose columns follow on all these.
 """
 
 from collections.abc import Collection, Mapping, Sequence
@@ -13,13 +14,15 @@ import numpy as np
 
 from warpcam.accel.meshes import Mesh
 from warpcam.errors import WarpcamError
-from warpcam.kernels.extras import ARC, COPY, EDGE, MARK, MOST_PIECES, SEGMENT, STRING
+from warpcam.kernels.extras import ARC, COPY, CRANK, EDGE, MARK, MOST_PIECES, ROD, SEGMENT, STRING
 from warpcam.kernels.refit import Shading
 from warpcam.kernels.swell import Hull
 from warpcam.kernels.types import BARE, CAPSULE, CYLINDER, MESH, SPHERE
 from warpcam.parts import Parts
+from warpcam.sources.mujoco_bonds import Bonds, bonds_of, matrix_of, no_bonds
+from warpcam.sources.mujoco_cranks import colors_of_cranks, count_drives, cranks_of, radius_of_rods
 from warpcam.sources.mujoco_limits import HeldTendons, held_tendons
-from warpcam.sources.mujoco_model import KINDS, VERSION, Groups, groups_by_kind
+from warpcam.sources.mujoco_model import DRAWN, KINDS, VERSION, Groups, groups_by_kind
 from warpcam.sources.mujoco_soft import flex_surface, skin_surface
 
 OBJECTS = (
@@ -28,21 +31,13 @@ OBJECTS = (
     mujoco.mjtObj.mjOBJ_TENDON,
     mujoco.mjtObj.mjOBJ_FLEX,
     mujoco.mjtObj.mjOBJ_SKIN,
+    mujoco.mjtObj.mjOBJ_ACTUATOR,
 )
 MAX_STRING = 100  # points of a tendon that hangs slack
 MAX_SLICES = 63  # of half a turn around what a tendon is wrapped around
 WRAPPED = (3, 15)  # the version from which on MuJoCo draws tendons around what they are wrapped around
 IN_FRAMES = (3, 14)  # the version from which on sites that are meshes have the frames of their files
 DEFAULT_COLOR = (0.5, 0.5, 0.5, 1.0)
-
-
-@dataclass(frozen=True, eq=False)
-class Bonds:
-    """How the vertices of all skins hang on bodies: see ``kernels.swell.Bones``."""
-
-    starts: np.ndarray
-    bodies: np.ndarray
-    places: np.ndarray
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,7 +67,8 @@ class Extras:
         num_columns: Of the table, with those of the geoms.
         entries: (entry, 4) int32, what is written each frame: see ``kernels.extras.Entries``.
         radii: (entry,) float32.
-        lengths: (entry,) float32, of strings [m].
+        lengths: (entry,) float32, of strings and cranks [m].
+        crank_colors: (2, 4) float32, see ``kernels.extras.Entries``.
         up: (3,) against gravity, unit.
         num_points_of_string: How many.
         slices: Pieces of half a turn of an arc, 0 where paths have none.
@@ -83,7 +79,7 @@ class Extras:
         materials: (column,) int32.
         colors: (column, 4) float32.
         assets: (column,) int32.
-        rows: (column,) int64, the geom, site, tendon, flex or skin that a column is of, counted through all of these.
+        rows: (column,) int64, the geom, site, tendon, flex, skin or actuator of a column, counted through all of these.
         moved: Meshes that move.
         num_points: Of all of these.
         num_skin_vertices: Of all skins.
@@ -94,6 +90,7 @@ class Extras:
     entries: np.ndarray
     radii: np.ndarray
     lengths: np.ndarray
+    crank_colors: np.ndarray
     up: np.ndarray
     num_points_of_string: int
     slices: int
@@ -114,7 +111,7 @@ class Extras:
     @property
     def lines(self) -> bool:
         """Whether sizes are written each frame."""
-        return bool(np.isin(self.entries[:, 0], (SEGMENT, EDGE, STRING)).any())
+        return bool(np.isin(self.entries[:, 0], (SEGMENT, EDGE, STRING, ROD)).any())
 
     def reads(self, kind: int) -> bool:
         return bool((self.entries[:, 0] == kind).any())
@@ -122,7 +119,8 @@ class Extras:
 
 def colors_of(mjm: mujoco.MjModel, extras: Extras) -> np.ndarray:
     """Those that all columns have now, (column, 4) float32; alpha is 0 where it is below, too: nothing is drawn."""
-    values = (mjm.geom_rgba, mjm.site_rgba, mjm.tendon_rgba, mjm.flex_rgba, mjm.skin_rgba)
+    drives = np.tile(colors_of_cranks(mjm)[:1], (count_drives(mjm), 1))
+    values = (mjm.geom_rgba, mjm.site_rgba, mjm.tendon_rgba, mjm.flex_rgba, mjm.skin_rgba, drives)
     colors = np.concatenate(values)[extras.rows]
     np.maximum(colors[:, 3], 0.0, out=colors[:, 3])
     return colors
@@ -139,10 +137,10 @@ def check_kinds(draw: Any) -> frozenset[str]:
     try:
         kinds = [draw] if isinstance(draw, str) else list(draw)
     except TypeError:
-        raise WarpcamError(f"draw must be some of {', '.join(KINDS)}, got {draw!r}") from None
+        raise WarpcamError(f"draw must be some of {', '.join(DRAWN)}, got {draw!r}") from None
     for kind in kinds:
-        if kind not in KINDS:
-            raise WarpcamError(f"draw: {kind!r} came; allowed are {', '.join(KINDS)}")
+        if kind not in DRAWN:
+            raise WarpcamError(f"draw: {kind!r} came; allowed are {', '.join(DRAWN)}")
     return frozenset(kinds)
 
 
@@ -161,7 +159,7 @@ def with_extras(
 
 
 def _counts(mjm: mujoco.MjModel) -> tuple[int, ...]:
-    return mjm.ngeom, mjm.nsite, mjm.ntendon, mjm.nflex, mjm.nskin
+    return mjm.ngeom, mjm.nsite, mjm.ntendon, mjm.nflex, mjm.nskin, count_drives(mjm)
 
 
 class _Reader:
@@ -202,6 +200,8 @@ class _Reader:
             self._read_flexes(start)
         if "skins" in self._kinds:
             self._read_skins(start)
+        if "actuators" in self._kinds:
+            self._read_cranks()
 
     def parts(self) -> Parts:
         parts = self._parts
@@ -235,12 +235,13 @@ class _Reader:
             entries=entries,
             radii=np.array(self._radii, np.float32),
             lengths=np.array([self._lengths.get(entry, 0.0) for entry in range(len(self._entries))], np.float32),
+            crank_colors=colors_of_cranks(self._mjm),
             up=_up(self._mjm),
             num_points_of_string=self._string_points,
             slices=self._slices,
             types=self._parts.shape_types,
             offsets=np.concatenate((np.zeros((1, 3)), self._mjm.mesh_pos)).astype(np.float32),
-            turns=np.stack([np.eye(3), *map(_matrix, self._mjm.mesh_quat)]).astype(np.float32),
+            turns=np.stack([np.eye(3), *map(matrix_of, self._mjm.mesh_quat)]).astype(np.float32),
             held=held_tendons(self._mjm, entries),
             sizes=self._sizes[rows],
             materials=self._materials[rows],
@@ -250,7 +251,7 @@ class _Reader:
             moved=self._moved,
             num_points=self._points,
             num_skin_vertices=self._mjm.nskinvert,
-            bonds=_bonds(self._mjm) if any(part.of_skin for part in self._moved) else _no_bonds(),
+            bonds=bonds_of(self._mjm) if any(part.of_skin for part in self._moved) else no_bonds(),
         )
 
     def _read_sites(self) -> None:
@@ -313,6 +314,15 @@ class _Reader:
             if row >= 0:
                 self._move(row, *skin_surface(mjm, skin), of_skin=True)
 
+    def _read_cranks(self) -> None:
+        mjm, radius = self._mjm, radius_of_rods(self._mjm)
+        for drive in cranks_of(mjm):
+            row, (pin, slider) = int(self._first[5] + drive), map(int, mjm.actuator_trnid[drive])
+            self._types[row], self._colors[row] = CYLINDER, colors_of_cranks(mjm)[0]
+            for kind, column, thick in ((ROD, row, radius), (CRANK, self._beyond(CAPSULE, row), 0.5 * radius)):
+                self._lengths[len(self._entries)] = float(mjm.actuator_cranklength[drive])
+                self._add((kind, column, slider, pin), column, thick)
+
     def _move(self, row: int, mesh: Mesh, hull: Hull, shading: Shading, of_skin: bool) -> None:
         hull = replace(hull, first_point=self._points)
         self._points += hull.num_vertices * (2 if hull.both else 1)
@@ -367,33 +377,3 @@ def _string_length(mjm: mujoco.MjModel, tendon: int) -> float:
     if not falls or held or mjm.tendon_num[tendon] != 2 or by_spring == by_limit:
         return 0.0
     return float(limit[1] if by_limit else spring[1])
-
-
-def _matrix(quaternion: np.ndarray) -> np.ndarray:
-    turn = np.zeros(9)
-    mujoco.mju_quat2Mat(turn, quaternion.astype(np.float64))
-    return turn.reshape(3, 3)
-
-
-def _no_bonds() -> Bonds:
-    return Bonds(np.zeros(1, np.int32), np.zeros(0, np.int32), np.zeros((0, 4), np.float32))
-
-
-def _bonds(mjm: mujoco.MjModel) -> Bonds:
-    vertices, bodies, places = [], [], []
-    for skin in range(mjm.nskin):
-        for bone in range(mjm.skin_boneadr[skin], mjm.skin_boneadr[skin] + mjm.skin_bonenum[skin]):
-            rows = slice(mjm.skin_bonevertadr[bone], mjm.skin_bonevertadr[bone] + mjm.skin_bonevertnum[bone])
-            own = mjm.skin_vertadr[skin] + mjm.skin_bonevertid[rows]
-            local = (mjm.skin_vert[own] - mjm.skin_bonebindpos[bone]) @ _matrix(mjm.skin_bonebindquat[bone])
-            vertices.append(own)
-            bodies.append(np.full(len(own), mjm.skin_bonebodyid[bone]))
-            places.append(np.column_stack((local, mjm.skin_bonevertweight[rows])))
-    of = np.concatenate(vertices)
-    order = np.argsort(of, kind="stable")
-    starts = np.r_[0, np.cumsum(np.bincount(of, minlength=mjm.nskinvert))]
-    return Bonds(
-        starts.astype(np.int32),
-        np.concatenate(bodies)[order].astype(np.int32),
-        np.concatenate(places)[order].astype(np.float32),
-    )

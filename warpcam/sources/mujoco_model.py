@@ -1,6 +1,7 @@
 """What of a MuJoCo model never changes, and the names of what does."""
 
-from collections.abc import Collection, Mapping
+import logging
+from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
 import mujoco
@@ -10,7 +11,7 @@ from warpcam.accel.heightfields import HeightField
 from warpcam.accel.meshes import Mesh, face_normals
 from warpcam.accel.textures import TextureImage
 from warpcam.errors import WarpcamError
-from warpcam.kernels.types import FROM_ABOVE, LIGHT_DIRECTIONAL, LIGHT_SPOT, MESH
+from warpcam.kernels.types import FROM_ABOVE, LIGHT_DIRECTIONAL, LIGHT_SPOT, MESH, SHEER
 from warpcam.parts import Parts, SceneCamera
 
 VERSION = tuple(int(part) for part in mujoco.__version__.split(".")[:2])
@@ -20,6 +21,7 @@ NUM_GROUPS = 6
 APART = 0.25
 SHOWN = (0, 1, 2)  # groups, unless told
 KINDS = ("geoms", "sites", "tendons", "flexes", "skins")
+DRAWN = (*KINDS, "actuators")  # what may be drawn; the last have no groups
 Groups = Collection[int] | Mapping[str, Collection[int]]
 REVISED = (3, 12)  # the version from which on MuJoCo draws textures on shapes, and point lights, as it does now
 SMOOTH_BELOW = 0.8  # cosine to the face's normal under which MuJoCo takes that instead of the vertex's
@@ -66,15 +68,18 @@ def check_model(mjm: Any, name: str) -> None:
         raise WarpcamError(f"{name} must be a mujoco.MjModel, got {type(mjm).__name__}")
 
 
-def read_parts(mjm: mujoco.MjModel, num_worlds: int, groups: Groups) -> Parts:
+def read_parts(mjm: mujoco.MjModel, num_worlds: int, groups: Groups, geoms: Collection[int] | None = None) -> Parts:
     """The static parts of a model.
 
     Args:
         mjm: The host's model.
         num_worlds: How many worlds of it there are.
-        groups: Groups that are drawn, 0 to 5; of all kinds, or of each by its name.
+        groups: Groups that are drawn, 0 to 5; of all kinds, or of each by its name. What is of a group beyond is of 0
+            or 5, as in MuJoCo's renderer.
+        geoms: Ids of the geoms that are drawn, whatever their groups are.
     """
-    drawn_groups = groups_by_kind(groups)["geoms"]
+    if geoms is None:
+        geoms = np.flatnonzero(np.isin(np.clip(mjm.geom_group, 0, NUM_GROUPS - 1), groups_by_kind(groups)["geoms"]))
     types = mjm.geom_type.astype(np.int32)
     types[types == mujoco.mjtGeom.mjGEOM_SDF] = MESH  # drawn as the mesh it was made from
     textures = [_texture(mjm, index) for index in range(mjm.ntex)]
@@ -83,7 +88,7 @@ def read_parts(mjm: mujoco.MjModel, num_worlds: int, groups: Groups) -> Parts:
         num_worlds=num_worlds,
         shape_types=types,
         shape_bodies=mjm.geom_bodyid.astype(np.int32),
-        drawn=[int(geom) for geom in np.flatnonzero(np.isin(mjm.geom_group, drawn_groups))],
+        drawn=[int(geom) for geom in geoms],
         bodies=[mjm.body(index).name for index in range(mjm.nbody)],
         cameras=[_camera(mjm, index) for index in range(mjm.ncam)],
         num_materials=mjm.nmat,
@@ -91,7 +96,7 @@ def read_parts(mjm: mujoco.MjModel, num_worlds: int, groups: Groups) -> Parts:
         meshes=[_mesh(mjm, index) for index in range(mjm.nmesh)],
         height_fields=[_height_field(mjm, index) for index in range(mjm.nhfield)],
         textures=textures,
-        more_types=frozenset({FROM_ABOVE} if VERSION < REVISED and any(t.kind == "2d" for t in textures) else ()),
+        more_types=_marks(textures),
         skybox=int(skyboxes[0]) if len(skyboxes) else -1,
         horizon=float(mjm.vis.map.zfar * mjm.stat.extent),
         shadow_map=(
@@ -205,11 +210,24 @@ def _height_field(mjm: mujoco.MjModel, index: int) -> HeightField:
     return HeightField(mjm.hfield(index).name or str(index), samples.astype(np.float32) * top, (x, y), top, base)
 
 
+def _marks(textures: Sequence[TextureImage]) -> frozenset[int]:
+    """How textures are drawn."""
+    flat = [texture.pixels for texture in textures if texture.kind == "2d"]
+    marks = {FROM_ABOVE} if VERSION < REVISED and flat else set()
+    if any(pixels.shape[-1] == 4 and pixels[..., 3].min() < 255 for pixels in flat):
+        marks.add(SHEER)
+    return frozenset(marks)
+
+
 def _texture(mjm: mujoco.MjModel, index: int) -> TextureImage:
     start, coded = int(mjm.tex_adr[index]), int(mjm.tex_colorspace[index])
     if start >= 0:
         height, width, channels = (int(size[index]) for size in (mjm.tex_height, mjm.tex_width, mjm.tex_nchannel))
         pixels = np.asarray(mjm.tex_data[start : start + height * width * channels]).reshape(height, width, channels)
+        if channels not in (3, 4):  # MuJoCo's renderer leaves it out, too
+            name = mjm.tex(index).name or str(index)
+            logging.getLogger("warpcam").warning("texture '%s' has %d channels and is not shown", name, channels)
+            return TextureImage("2d", np.full((1, 1, 3), 255, np.uint8))
     else:  # kept in its file, as with the compiler's passthrough
         pixels, coded = mujoco.mj_loadTexture(mjm, index)
         height, width, channels = pixels.shape

@@ -9,7 +9,7 @@ import warp as wp
 
 from warpcam import device as device_rule
 from warpcam.errors import WarpcamError
-from warpcam.kernels.extras import EDGE, MARK, SEGMENT, STRING, Entries, Table, record_table
+from warpcam.kernels.extras import CRANK, EDGE, MARK, SEGMENT, STRING, Entries, Table, record_table
 from warpcam.kernels.launch import Stage
 from warpcam.kernels.refit import Tree
 from warpcam.kernels.strain import record_strain
@@ -45,7 +45,7 @@ def names_of(extras: Extras | None) -> dict[str, str]:
     """What of the simulator's data is read for these, their names by ours."""
     names: dict[str, str] = {}
     if extras is not None:
-        if extras.reads(MARK):
+        if extras.reads(MARK) or extras.reads(CRANK):
             names.update(MARKS)
         if extras.reads(SEGMENT) or extras.reads(STRING):
             names.update(PATHS)
@@ -63,6 +63,7 @@ class ExtraTables:
         self._extras, self._num_worlds, self._first_mesh, self._device = extras, num_worlds, num_meshes, device
         self._what = wp.array(extras.entries, dtype=wp.vec4i, device=device)
         self._lengths = wp.array(extras.lengths, dtype=wp.float32, device=device)
+        self._crank_colors = wp.array(extras.crank_colors, dtype=wp.vec4, device=device)
         self._radii = wp.array(extras.radii, dtype=wp.float32, device=device)
         self._types = wp.array(extras.types, dtype=wp.int32, device=device)
         self._offsets = wp.array(extras.offsets, dtype=wp.vec3, device=device)
@@ -136,7 +137,8 @@ class ExtraTables:
         rows = {name: live[f"shape_{name}"].shape[0] for name in TABLE}
         rows["assets"] = self._num_worlds if self._extras.moved else rows["assets"]
         rows["sizes"] = self._num_worlds if self._extras.lines else rows["sizes"]
-        rows["colors"] = self._num_worlds if self._held is not None else rows["colors"]
+        colored = self._held is not None or self._extras.reads(CRANK)
+        rows["colors"] = self._num_worlds if colored else rows["colors"]
         for name in TABLE:
             if name not in self._table or self._table[name].shape[0] != rows[name]:
                 self._table[name] = self._make(name, rows[name])
@@ -164,6 +166,7 @@ class ExtraTables:
         device, live = self._device, self._live
         entries, table = Entries(), Table()
         entries.what, entries.radii, entries.lengths = self._what, self._radii, self._lengths
+        entries.crank_colors = self._crank_colors
         entries.up, entries.num_points = wp.vec3(*self._extras.up), self._extras.num_points_of_string
         entries.slices, entries.types = self._extras.slices, self._types
         entries.offsets, entries.turns = self._offsets, self._turns

@@ -34,9 +34,10 @@ class MujocoWarpSource:
         m: mjw.Model,
         d: mjw.Data,
         groups: model.Groups,
-        draw: Collection[str] = model.KINDS,
+        draw: Collection[str] = model.DRAWN,
         reflections: bool | None = None,
         transparency: bool | None = None,
+        geoms: Collection[int] | None = None,
     ):
         model.check_model(mjm, "mjm")
         if not isinstance(m, mjw.Model):
@@ -52,7 +53,7 @@ class MujocoWarpSource:
         self.device: wp.Device = d.geom_xpos.device
         device_rule.require_same(self.device, "d is", m.geom_size.device, "m")
         self._m, self._d = m, d
-        parts = model.read_parts(mjm, d.nworld, groups)
+        parts = model.read_parts(mjm, d.nworld, groups, geoms)
         self.parts, extras = with_extras(parts, mjm, groups, check_kinds(draw))
         colors = (array.numpy() for array in (m.geom_rgba, m.geom_matid, m.mat_rgba))
         self.parts = with_layers(self.parts, mjm, extras, reflections, transparency, *colors)
@@ -117,8 +118,9 @@ def load(
     m: Any,
     d: Any,
     groups: model.Groups,
-    draw: Collection[str] = model.KINDS,
+    draw: Collection[str] = model.DRAWN,
     reflections: bool | None = None,
     transparency: bool | None = None,
+    geoms: Collection[int] | None = None,
 ) -> Scene:
-    return Scene(MujocoWarpSource(mjm, m, d, groups, draw, reflections, transparency))
+    return Scene(MujocoWarpSource(mjm, m, d, groups, draw, reflections, transparency, geoms))

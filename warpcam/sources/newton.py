@@ -68,6 +68,7 @@ class NewtonSource:
         semantics: Mapping[str, int] | None,
         transparency: bool | None = None,
         textures: Sequence[Any] = (),
+        triplanar: bool = False,
     ):
         self.device: wp.Device = model.device
         self._model = model
@@ -123,6 +124,7 @@ class NewtonSource:
             body_labels=model.body_label,
             body_places=layout.body_places,
             scaled=True,
+            more_types=_projection(triplanar) if layout.textures else frozenset(),
             physical=True,
             clouds=layout.clouds,
             lend_textures=self.tints.lend,
@@ -353,9 +355,21 @@ def _image(pixels: Any, index: int) -> TextureImage:
     return TextureImage("2d", np.ascontiguousarray(image), blend_light=True)
 
 
+def _projection(triplanar: bool) -> frozenset[int]:
+    """How textures lie where there are no texture coordinates."""
+    return frozenset({types.PROJECTED, types.TRIPLANAR} if triplanar else {types.PROJECTED})
+
+
 def load(
-    model: Any, state: Any, lights: Any, ambient: Any, semantics: Any, transparency: Any, textures: Sequence[Any] = ()
+    model: Any,
+    state: Any,
+    lights: Any,
+    ambient: Any,
+    semantics: Any,
+    transparency: Any,
+    textures: Sequence[Any] = (),
+    triplanar: bool = False,
 ) -> Scene:
     if not isinstance(model, newton.Model):
         raise WarpcamError(f"model must be a newton.Model, got {type(model).__name__}")
-    return Scene(NewtonSource(model, state, lights, ambient, semantics, transparency, textures))
+    return Scene(NewtonSource(model, state, lights, ambient, semantics, transparency, textures, triplanar))

@@ -88,13 +88,12 @@ def read_layout(model: newton.Model) -> Layout:
     ids = np.append(entries.shapes, -1)[table].astype(np.int32)
 
     assets, materials = np.full(len(kinds) + 1, -1, np.int32), np.zeros(len(kinds) + 1, np.int32)
-    sources, scales = Sources(), model.shape_scale.numpy() if count else np.ones((0, 3))
+    sources = Sources()
     for entry in map(int, np.flatnonzero(np.isin(kinds, (types.MESH, types.HEIGHT_FIELD, types.SPLATS)))):
         source = entries.sources[entry]
         if source is not None:
             convex = entries.types[entry] == int(GEO.CONVEX_MESH)
-            shape = entries.shapes[entry]
-            assets[entry], materials[entry] = sources.add(source, convex, model.shape_label[shape], scales[shape])
+            assets[entry], materials[entry] = sources.add(source, convex, model.shape_label[entries.shapes[entry]])
     variants = None
     if entries.chosen.any():
         wanted = np.append(np.where(entries.chosen, entries.types, -1), -1)
@@ -133,17 +132,15 @@ class Sources:
         self._images: dict[Any, int] = {}
         self.finishes: dict[tuple[float, float, int], int] = {PLAIN: 0}
 
-    def add(self, source: Any, convex: bool, label: str, scale: np.ndarray) -> tuple[int, int]:
+    def add(self, source: Any, convex: bool, label: str) -> tuple[int, int]:
         """Index of a mesh, a height field or a cloud among its kind, and its material.
 
         Args:
             source: What the shape has.
             convex: Whether it is its hull.
             label: The shape's.
-            scale: (3,) of the shape.
         """
-        projected = isinstance(source, newton.Mesh) and source.texture is not None and (convex or source.uvs is None)
-        key = (id(source), convex, scale.tobytes() if projected else b"")
+        key = (id(source), convex)
         if key not in self._known:
             if isinstance(source, newton.Heightfield):
                 self.height_fields.append(_height_field(source, label))
@@ -152,8 +149,7 @@ class Sources:
                 self.clouds.append(read_cloud(source, label))
                 self._known[key] = len(self.clouds) - 1, 0
             elif isinstance(source, newton.Mesh):
-                material, stretch = self._material(source, label), scale if projected else None
-                self._known[key] = self._mesh(source, convex, label, stretch), material
+                self._known[key] = self._mesh(source, convex, label), self._material(source, label)
             else:
                 raise WarpcamError(
                     f"model: the source of shape '{label}' must be a newton.Mesh, Heightfield or Gaussian, got "
@@ -161,8 +157,8 @@ class Sources:
                 )
         return self._known[key]
 
-    def _mesh(self, source: newton.Mesh, convex: bool, label: str, stretch: np.ndarray | None) -> int:
-        mesh = _mesh(source, convex, label, stretch)
+    def _mesh(self, source: newton.Mesh, convex: bool, label: str) -> int:
+        mesh = _mesh(source, convex, label)
         arrays = (mesh.vertices, mesh.faces, mesh.normals, mesh.uvs)
         key = tuple(b"" if array is None else array.tobytes() for array in arrays)
         if key not in self._meshes:
@@ -203,7 +199,7 @@ class Sources:
         return self._images[key]
 
 
-def _mesh(source: newton.Mesh, convex: bool, label: str, stretch: np.ndarray | None) -> Mesh:
+def _mesh(source: newton.Mesh, convex: bool, label: str) -> Mesh:
     vertices = np.ascontiguousarray(source.vertices, np.float32)
     faces = np.ascontiguousarray(np.asarray(source.indices).reshape(-1, 3), np.int32)
     if faces.size and not (0 <= faces.min() and faces.max() < len(vertices)):
@@ -226,20 +222,7 @@ def _mesh(source: newton.Mesh, convex: bool, label: str, stretch: np.ndarray | N
         _require_rows(given, len(vertices), "uvs", label)
         transform = np.asarray(source.texture_transform, np.float32)
         uvs = np.ascontiguousarray((given @ transform[:, :2].T + transform[:, 2])[faces], np.float32)
-    elif stretch is not None:
-        uvs = _projected(vertices * stretch.astype(np.float32), faces)
     return Mesh(label, vertices, faces, normals, uvs)
-
-
-def _projected(points: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    """Texture coordinates of a mesh that has none, (face, 3, 2), as Newton's camera lays textures there.
-
-    Along the axis that a face looks along most, one repeat a metre.
-    """
-    x, y, z = np.abs(face_normals(points, faces)).T
-    axis = np.where((x >= y) & (x >= z), 0, np.where(y >= z, 1, 2))
-    kept = np.array(((1, 2), (0, 2), (0, 1)))[axis]
-    return np.ascontiguousarray(np.take_along_axis(points[faces], kept[:, None, :], axis=2), np.float32)
 
 
 def _require_rows(values: np.ndarray, rows: int, what: str, label: str) -> None:

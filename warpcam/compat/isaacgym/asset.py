@@ -12,7 +12,9 @@ import numpy as np
 import warp as wp
 
 from warpcam.compat.isaacgym.kinds import DOF_PROPERTIES, DOF_STATE, DofDriveMode, DofType
+from warpcam.compat.isaacgym.maths import Transform
 from warpcam.compat.isaacgym.options import AssetOptions
+from warpcam.compat.isaacgym.properties import ForceSensorProperties, masses_of, surfaces_of
 from warpcam.errors import WarpcamError
 
 JOINT = newton.JointType
@@ -52,9 +54,20 @@ class Asset:
         free: Whether its first body is free to move.
         properties: (dof,) of ``DOF_PROPERTIES``, as the file has them.
         rest: (dof,) of ``DOF_STATE``, where its joints begin.
+        surfaces: (shape,) of ``SURFACE``, of actors that are made from now on.
+        masses: (body,) of ``MASS``.
+        sensors: Force sensors: body, pose in its frame, properties.
+        path: Of the file, or None.
     """
 
-    def __init__(self, name: str, builder: newton.ModelBuilder, options: AssetOptions, joints: dict[str, list[str]]):
+    def __init__(
+        self,
+        name: str,
+        builder: newton.ModelBuilder,
+        options: AssetOptions,
+        joints: dict[str, list[str]],
+        path: Path | None = None,
+    ):
         self.name, self.builder, self.options = name, builder, replace(options)
         self.bodies = [_last(label) for label in builder.body_label]
         if not self.bodies:
@@ -66,6 +79,9 @@ class Asset:
         self.properties = self._read_properties()
         self.rest = np.zeros(len(self.dofs), DOF_STATE)
         self.rest["pos"] = [float(builder.joint_q[dof.coordinate]) for dof in self.dofs]
+        self.surfaces, self.masses, self.path = surfaces_of(builder), masses_of(builder), path
+        self.first_surfaces = self.surfaces  # what the builder says
+        self.sensors: list[tuple[int, Transform, ForceSensorProperties]] = []
         self._model: newton.Model | None = None
         self.colors = np.array([tuple(color) for color in builder.shape_color], np.float32).reshape(-1, 3)
 
@@ -175,7 +191,7 @@ def load(root: Any, file: Any, options: AssetOptions, up: newton.Axis) -> Asset:
     except Exception as error:
         raise WarpcamError(f"load_asset: {str(path)!r} cannot be read: {error}") from error
     _settle(builder, options, up)
-    return Asset(path.stem, builder, options, _joint_names(path) if kind == ".xml" else {})
+    return Asset(path.stem, builder, options, _joint_names(path) if kind == ".xml" else {}, path)
 
 
 def made(

@@ -77,7 +77,7 @@ class AssetCalls:
     ) -> int:
         """Put an asset into an environment. Its handle counts the environment's actors."""
         env = env_of(env, "create_actor")
-        asset = _asset(asset, "create_actor")
+        asset = asset_of(asset, "create_actor")
         if not isinstance(pose, Transform):
             raise WarpcamError(f"create_actor: pose must be a Transform, got {type(pose).__name__}")
         check_segment(segmentation_id, "create_actor: segmentation_id")
@@ -87,54 +87,54 @@ class AssetCalls:
         return actor.handle
 
     def get_asset_rigid_body_count(self, asset: Asset) -> int:
-        return len(_asset(asset, "get_asset_rigid_body_count").bodies)
+        return len(asset_of(asset, "get_asset_rigid_body_count").bodies)
 
     def get_asset_rigid_body_names(self, asset: Asset) -> list[str]:
-        return list(_asset(asset, "get_asset_rigid_body_names").bodies)
+        return list(asset_of(asset, "get_asset_rigid_body_names").bodies)
 
     def get_asset_rigid_body_name(self, asset: Asset, index: int) -> str:
         where = "get_asset_rigid_body_name"
-        return _one(_asset(asset, where).bodies, index, where)
+        return _one(asset_of(asset, where).bodies, index, where)
 
     def get_asset_rigid_body_dict(self, asset: Asset) -> dict[str, int]:
-        bodies = _asset(asset, "get_asset_rigid_body_dict").bodies
+        bodies = asset_of(asset, "get_asset_rigid_body_dict").bodies
         return {name: bodies.index(name) for name in bodies}
 
     def find_asset_rigid_body_index(self, asset: Asset, name: str) -> int:
         return self.get_asset_rigid_body_dict(asset).get(name, INVALID_HANDLE)
 
     def get_asset_rigid_shape_count(self, asset: Asset) -> int:
-        return len(_asset(asset, "get_asset_rigid_shape_count").shapes)
+        return len(asset_of(asset, "get_asset_rigid_shape_count").shapes)
 
     def get_asset_joint_count(self, asset: Asset) -> int:
-        return len(_asset(asset, "get_asset_joint_count").joints)
+        return len(asset_of(asset, "get_asset_joint_count").joints)
 
     def get_asset_joint_names(self, asset: Asset) -> list[str]:
-        return list(_asset(asset, "get_asset_joint_names").joints)
+        return list(asset_of(asset, "get_asset_joint_names").joints)
 
     def get_asset_dof_count(self, asset: Asset) -> int:
-        return len(_asset(asset, "get_asset_dof_count").dofs)
+        return len(asset_of(asset, "get_asset_dof_count").dofs)
 
     def get_asset_dof_names(self, asset: Asset) -> list[str]:
-        return [dof.name for dof in _asset(asset, "get_asset_dof_names").dofs]
+        return [dof.name for dof in asset_of(asset, "get_asset_dof_names").dofs]
 
     def get_asset_dof_name(self, asset: Asset, index: int) -> str:
         where = "get_asset_dof_name"
-        return _one(_asset(asset, where).dofs, index, where).name
+        return _one(asset_of(asset, where).dofs, index, where).name
 
     def get_asset_dof_type(self, asset: Asset, index: int) -> DofType:
         where = "get_asset_dof_type"
-        return _one(_asset(asset, where).dofs, index, where).kind
+        return _one(asset_of(asset, where).dofs, index, where).kind
 
     def get_asset_dof_dict(self, asset: Asset) -> dict[str, int]:
-        return {dof.name: index for index, dof in enumerate(_asset(asset, "get_asset_dof_dict").dofs)}
+        return {dof.name: index for index, dof in enumerate(asset_of(asset, "get_asset_dof_dict").dofs)}
 
     def find_asset_dof_index(self, asset: Asset, name: str) -> int:
         return self.get_asset_dof_dict(asset).get(name, INVALID_HANDLE)
 
     def get_asset_dof_properties(self, asset: Asset) -> np.ndarray:
         """(dof,) of ``DofProperties.dtype``; a copy."""
-        return _asset(asset, "get_asset_dof_properties").properties.copy()
+        return asset_of(asset, "get_asset_dof_properties").properties.copy()
 
     def get_actor_count(self, env: Env) -> int:
         return len(env_of(env, "get_actor_count").actors)
@@ -147,37 +147,37 @@ class AssetCalls:
         return names.index(name) if name in names else INVALID_HANDLE
 
     def get_actor_name(self, env: Env, actor: int) -> str:
-        return _actor(env, actor, "get_actor_name").name
+        return actor_of(env, actor, "get_actor_name").name
 
     def get_actor_asset(self, env: Env, actor: int) -> Asset:
-        return _actor(env, actor, "get_actor_asset").asset
+        return actor_of(env, actor, "get_actor_asset").asset
 
     def get_actor_index(self, env: Env, actor: int, domain: IndexDomain) -> int:
-        return _place(_actor(env, actor, "get_actor_index"), domain, "actors", 0)
+        return _place(actor_of(env, actor, "get_actor_index"), domain, "actors", 0)
 
     def get_actor_rigid_body_count(self, env: Env, actor: int) -> int:
-        return len(_actor(env, actor, "get_actor_rigid_body_count").asset.bodies)
+        return len(actor_of(env, actor, "get_actor_rigid_body_count").asset.bodies)
 
     def get_actor_rigid_body_names(self, env: Env, actor: int) -> list[str]:
-        return list(_actor(env, actor, "get_actor_rigid_body_names").asset.bodies)
+        return list(actor_of(env, actor, "get_actor_rigid_body_names").asset.bodies)
 
     def get_actor_rigid_body_dict(self, env: Env, actor: int) -> dict[str, int]:
-        return self.get_asset_rigid_body_dict(_actor(env, actor, "get_actor_rigid_body_dict").asset)
+        return self.get_asset_rigid_body_dict(actor_of(env, actor, "get_actor_rigid_body_dict").asset)
 
     def get_actor_rigid_body_handle(self, env: Env, actor: int, index: int) -> int:
         """Of a body in its environment, as cameras are attached to."""
-        found = _actor(env, actor, "get_actor_rigid_body_handle")
+        found = actor_of(env, actor, "get_actor_rigid_body_handle")
         return found.before.bodies + found.body(index, "get_actor_rigid_body_handle")
 
     def get_actor_root_rigid_body_handle(self, env: Env, actor: int) -> int:
-        return _actor(env, actor, "get_actor_root_rigid_body_handle").before.bodies
+        return actor_of(env, actor, "get_actor_root_rigid_body_handle").before.bodies
 
     def get_actor_rigid_body_index(self, env: Env, actor: int, index: int, domain: IndexDomain) -> int:
-        found = _actor(env, actor, "get_actor_rigid_body_index")
+        found = actor_of(env, actor, "get_actor_rigid_body_index")
         return _place(found, domain, "bodies", found.body(index, "get_actor_rigid_body_index"))
 
     def find_actor_rigid_body_index(self, env: Env, actor: int, name: str, domain: IndexDomain) -> int:
-        found = _actor(env, actor, "find_actor_rigid_body_index")
+        found = actor_of(env, actor, "find_actor_rigid_body_index")
         index = self.find_asset_rigid_body_index(found.asset, name)
         return index if index == INVALID_HANDLE else _place(found, domain, "bodies", index)
 
@@ -196,19 +196,19 @@ class AssetCalls:
         return env_of(env, "get_env_dof_count").counts.dofs
 
     def get_actor_rigid_shape_count(self, env: Env, actor: int) -> int:
-        return len(_actor(env, actor, "get_actor_rigid_shape_count").asset.shapes)
+        return len(actor_of(env, actor, "get_actor_rigid_shape_count").asset.shapes)
 
     def get_actor_dof_count(self, env: Env, actor: int) -> int:
-        return len(_actor(env, actor, "get_actor_dof_count").asset.dofs)
+        return len(actor_of(env, actor, "get_actor_dof_count").asset.dofs)
 
     def get_actor_dof_names(self, env: Env, actor: int) -> list[str]:
-        return self.get_asset_dof_names(_actor(env, actor, "get_actor_dof_names").asset)
+        return self.get_asset_dof_names(actor_of(env, actor, "get_actor_dof_names").asset)
 
     def get_actor_dof_dict(self, env: Env, actor: int) -> dict[str, int]:
-        return self.get_asset_dof_dict(_actor(env, actor, "get_actor_dof_dict").asset)
+        return self.get_asset_dof_dict(actor_of(env, actor, "get_actor_dof_dict").asset)
 
     def find_actor_dof_index(self, env: Env, actor: int, name: str, domain: IndexDomain) -> int:
-        found = _actor(env, actor, "find_actor_dof_index")
+        found = actor_of(env, actor, "find_actor_dof_index")
         index = self.find_asset_dof_index(found.asset, name)
         return index if index == INVALID_HANDLE else _place(found, domain, "dofs", index)
 
@@ -217,11 +217,11 @@ class AssetCalls:
 
     def get_actor_dof_properties(self, env: Env, actor: int) -> np.ndarray:
         """(dof,) of ``DofProperties.dtype``; a copy."""
-        return _actor(env, actor, "get_actor_dof_properties").properties.copy()
+        return actor_of(env, actor, "get_actor_dof_properties").properties.copy()
 
     def set_actor_dof_properties(self, env: Env, actor: int, properties: np.ndarray) -> bool:
         """Limits, drives and gains."""
-        found = _actor(env, actor, "set_actor_dof_properties")
+        found = actor_of(env, actor, "set_actor_dof_properties")
         if getattr(properties, "dtype", None) != DOF_PROPERTIES or properties.shape != found.properties.shape:
             raise WarpcamError(
                 f"set_actor_dof_properties: what get_actor_dof_properties gives is needed, {len(found.properties)} rows"
@@ -243,7 +243,7 @@ class AssetCalls:
         return _all(sim, "get_sim_dof_count").dofs
 
 
-def _asset(value: Any, where: str) -> Asset:
+def asset_of(value: Any, where: str) -> Asset:
     if not isinstance(value, Asset):
         raise WarpcamError(f"{where}: an asset is needed, got {type(value).__name__}")
     return value
@@ -271,7 +271,7 @@ def _positive(where: str, name: str, value: float) -> float:
     return number
 
 
-def _actor(env: Any, handle: Any, where: str) -> Actor:
+def actor_of(env: Any, handle: Any, where: str) -> Actor:
     return env_of(env, where).actor(handle, where)
 
 

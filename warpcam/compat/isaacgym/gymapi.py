@@ -12,6 +12,7 @@ from warpcam.compat.isaacgym.asset import Asset
 from warpcam.compat.isaacgym.calls_assets import AssetCalls
 from warpcam.compat.isaacgym.calls_cameras import CameraCalls
 from warpcam.compat.isaacgym.calls_looks import LookCalls
+from warpcam.compat.isaacgym.calls_properties import PropertyCalls
 from warpcam.compat.isaacgym.calls_sim import SimCalls
 from warpcam.compat.isaacgym.calls_states import StateCalls
 from warpcam.compat.isaacgym.kinds import (
@@ -36,7 +37,7 @@ from warpcam.compat.isaacgym.kinds import (
     TensorDataType,
     UpAxis,
 )
-from warpcam.compat.isaacgym.maths import Quat, Transform, Vec3
+from warpcam.compat.isaacgym.maths import Mat33, Quat, Transform, Vec3
 from warpcam.compat.isaacgym.options import (
     AssetOptions,
     CameraProperties,
@@ -46,6 +47,12 @@ from warpcam.compat.isaacgym.options import (
     SimParams,
     TriangleMeshParams,
     VhacdParams,
+)
+from warpcam.compat.isaacgym.properties import (
+    ActuatorProperties,
+    ForceSensorProperties,
+    RigidBodyProperties,
+    RigidShapeProperties,
 )
 from warpcam.compat.isaacgym.refused import Refusals
 from warpcam.compat.isaacgym.sim import Sim
@@ -110,6 +117,7 @@ __all__ = [
     "STATE_VEL",
     "UP_AXIS_Y",
     "UP_AXIS_Z",
+    "ActuatorProperties",
     "Asset",
     "AssetOptions",
     "CameraFollowMode",
@@ -122,15 +130,19 @@ __all__ = [
     "DofType",
     "Env",
     "FlexParams",
+    "ForceSensorProperties",
     "Gym",
     "ImageType",
     "IndexDomain",
+    "Mat33",
     "MeshNormalMode",
     "MeshType",
     "PhysXParams",
     "PlaneParams",
     "Quat",
+    "RigidBodyProperties",
     "RigidBodyState",
+    "RigidShapeProperties",
     "Sim",
     "SimParams",
     "SimType",
@@ -145,7 +157,7 @@ __all__ = [
 ]  # fmt: skip
 
 
-class Gym(SimCalls, AssetCalls, StateCalls, LookCalls, CameraCalls, Refusals):
+class Gym(SimCalls, AssetCalls, PropertyCalls, StateCalls, LookCalls, CameraCalls, Refusals):
     """All calls. Those of Isaac Gym that are not here say so when they are called."""
 
 

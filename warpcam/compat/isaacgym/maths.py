@@ -168,6 +168,29 @@ class Transform:
         return (*self.p, *self.r.normalize())
 
 
+class Mat33:
+    """A matrix by its rows."""
+
+    def __init__(self, x: Any = None, y: Any = None, z: Any = None):
+        self.x, self.y, self.z = (Vec3() if row is None else Vec3(*row) for row in (x, y, z))
+
+    @staticmethod
+    def of(matrix: np.ndarray) -> "Mat33":
+        return Mat33(*matrix.tolist())
+
+    def numbers(self) -> np.ndarray:
+        """(3, 3) float64."""
+        return np.array([tuple(self.x), tuple(self.y), tuple(self.z)])
+
+    def __repr__(self) -> str:
+        return f"Mat33({self.x}, {self.y}, {self.z})"
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Mat33) and self.x == other.x and self.y == other.y and self.z == other.z
+
+    __hash__ = None  # type: ignore[assignment] # it may be written
+
+
 def matrix_of(rotation: Quat) -> np.ndarray:
     """(3, 3) float64, from the turned frame to the other."""
     unit = rotation.normalize()

@@ -10,7 +10,7 @@ from warpcam.compat.isaacgym.maths import Transform, Vec3
 from warpcam.errors import WarpcamError
 
 
-class _Strict:
+class Strict:
     """Only what there is can be set: a misspelt name is an error, not silence."""
 
     def __setattr__(self, name: str, value: object) -> None:
@@ -21,7 +21,7 @@ class _Strict:
 
 
 @dataclass
-class CameraProperties(_Strict):
+class CameraProperties(Strict):
     """Of one camera.
 
     Attributes:
@@ -50,7 +50,7 @@ class CameraProperties(_Strict):
 
 
 @dataclass
-class PhysXParams(_Strict):
+class PhysXParams(Strict):
     """Held, but for ``use_gpu``."""
 
     use_gpu: bool = False
@@ -72,7 +72,7 @@ class PhysXParams(_Strict):
 
 
 @dataclass
-class FlexParams(_Strict):
+class FlexParams(Strict):
     """Held."""
 
     solver_type: int = 5
@@ -94,7 +94,7 @@ class FlexParams(_Strict):
 
 
 @dataclass
-class SimParams(_Strict):
+class SimParams(Strict):
     """Of a simulation.
 
     Attributes:
@@ -123,7 +123,7 @@ class SimParams(_Strict):
 
 
 @dataclass
-class PlaneParams(_Strict):
+class PlaneParams(Strict):
     """Of the ground: the points p with normal . p + distance = 0."""
 
     normal: Vec3 = field(default_factory=lambda: Vec3(0.0, 1.0, 0.0))
@@ -135,7 +135,7 @@ class PlaneParams(_Strict):
 
 
 @dataclass
-class TriangleMeshParams(_Strict):
+class TriangleMeshParams(Strict):
     """Of a terrain of triangles."""
 
     nb_vertices: int = 0
@@ -148,7 +148,7 @@ class TriangleMeshParams(_Strict):
 
 
 @dataclass
-class VhacdParams(_Strict):
+class VhacdParams(Strict):
     """Of a decomposition into convex parts. Held: there is none."""
 
     resolution: int = 100000
@@ -168,7 +168,7 @@ class VhacdParams(_Strict):
 
 
 @dataclass
-class AssetOptions(_Strict):
+class AssetOptions(Strict):
     """How a file becomes an asset.
 
     Attributes:

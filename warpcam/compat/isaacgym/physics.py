@@ -1,7 +1,7 @@
 """The simulation under the environments: Newton moves it, and states go to and from its tensors."""
 
 import logging
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import newton
@@ -9,8 +9,10 @@ import numpy as np
 import warp as wp
 
 from warpcam import interop
+from warpcam.compat.isaacgym.contacts import Contacts, Sensors
 from warpcam.compat.isaacgym.kinds import DOF_STATE, DofDriveMode
-from warpcam.compat.isaacgym.maths import Vec3
+from warpcam.compat.isaacgym.maths import Transform, Vec3
+from warpcam.compat.isaacgym.properties import FRICTIONS
 from warpcam.compat.isaacgym.tensors import Tensor, take
 from warpcam.compat.isaacgym.world import Actor, Counts, Env, Grounds, build
 from warpcam.compat.numbers import whole
@@ -36,6 +38,7 @@ class Physics:
         spot: Where its shapes and bodies are.
         state: The ``newton.State`` that is current.
         total: How much of each there is.
+        stale: "surfaces" or "masses", where actors' are others than the model's until the next step.
     """
 
     def __init__(
@@ -58,6 +61,12 @@ class Physics:
         self._solver: Any = None
         self._moved = False  # joints are behind bodies
         self.write_properties()
+        self.stale = {"surfaces", "masses"}
+        self._write_stale()
+        self._contacts_felt = Contacts(self.model)
+        rows = [row for actor in self.actors for row in _sensors(actor, self.start_of(actor).bodies)]
+        self._sensors = Sensors(rows, device)
+        self.num_sensors = len(rows)
         self._told = [actor for actor in self.actors if actor.targets]
         self._states: dict[str, tuple[wp.array, Tensor]] = {}
 
@@ -68,6 +77,7 @@ class Physics:
         """Move on by ``dt`` [s]."""
         with interop.in_order(self.device), wp.ScopedDevice(self.device):
             self._take_targets()
+            self._write_stale()
             if self._solver is None:
                 self._solver = self._make_solver()
             for _ in range(substeps):
@@ -84,12 +94,14 @@ class Physics:
             self._moved = self._pipeline is not None
 
     def tensor(self, name: str) -> Tensor:
-        """Of "roots" (actor, 13), "bodies" (body, 13) or "dofs" (dof, 2), as they are now."""
+        """Of "roots" (actor, 13), "bodies" (body, 13), "dofs" (dof, 2), "contacts" (body, 3) or "sensors" (n, 6)."""
         if name not in self._states:
             rows, width = {
                 "roots": (self.total.actors, 13),
                 "bodies": (self.total.bodies, 13),
                 "dofs": (self.total.dofs, 2),
+                "contacts": (self.total.bodies, 3),
+                "sensors": (self.num_sensors, 6),
             }[name]
             array = wp.zeros((rows, width), dtype=wp.float32, device=self.device)
             shown = wp.zeros((rows, width), dtype=wp.float32, device="cpu") if self._on_host else array
@@ -107,6 +119,13 @@ class Physics:
                 self._catch_up()
                 inputs = [self.state.joint_q, self.state.joint_qd, self._coordinates, self._speeds, array]
                 kernels.launch(kernels.read_dofs, self.total.dofs, inputs, self.device)
+            elif name in ("contacts", "sensors"):
+                self._contacts_felt.read(self._solver, f"contact forces ({name})")
+                felt = self._contacts_felt.felt
+                if name == "contacts":
+                    kernels.launch(kernels.read_forces, array.shape, [felt, self._bodies, array], self.device)
+                else:
+                    self._sensors.read(felt, self.state.body_q, array)
             else:
                 rows = self._roots if name == "roots" else self._bodies
                 inputs = [self.state.body_q, self.state.body_qd, rows, array]
@@ -210,6 +229,54 @@ class Physics:
         if self._solver is not None:
             self._solver.notify_model_changed(newton.ModelFlags.JOINT_DOF_PROPERTIES)
 
+    def _write_stale(self) -> None:
+        """Bring the model's shapes and bodies up to date with the actors'."""
+        if "surfaces" in self.stale:
+            self._write_surfaces()
+        if "masses" in self.stale:
+            self._write_masses()
+        self.stale.clear()
+
+    def _write_surfaces(self) -> None:
+        changed = [actor for actor in self.actors if actor.surfaces is not actor.asset.first_surfaces]
+        if not changed:
+            return
+        in_model = np.flatnonzero(self.spot.shapes >= 0)
+        places = in_model[np.argsort(self.spot.shapes[in_model])]
+        for name, field in FRICTIONS.items():
+            array = getattr(self.model, field)
+            host = array.numpy()
+            for actor in changed:
+                first = self.start_of(actor).shapes
+                host[places[first : first + len(actor.surfaces)]] = actor.surfaces[name]
+            array.assign(host)
+        if self._solver is not None:
+            self._solver.notify_model_changed(newton.ModelFlags.SHAPE_PROPERTIES)
+
+    def _write_masses(self) -> None:
+        changed = [actor for actor in self.actors if actor.masses is not actor.asset.masses]
+        if not changed:
+            return
+        model = self.model
+        mass, com, inertia = model.body_mass.numpy(), model.body_com.numpy(), model.body_inertia.numpy()
+        for actor in changed:
+            first = self.start_of(actor).bodies
+            rows = slice(first, first + len(actor.masses))
+            mass[rows], com[rows], inertia[rows] = (actor.masses[name] for name in ("mass", "com", "inertia"))
+        whole = (np.abs(np.linalg.det(inertia.astype(np.float64))) > 0.0)[:, None, None]
+        back = np.where(whole, np.linalg.inv(np.where(whole, inertia, np.eye(3, dtype=np.float32))), 0.0)
+        rate = np.divide(1.0, mass, out=np.zeros_like(mass), where=mass > 0.0)
+        for array, values in (
+            (model.body_mass, mass),
+            (model.body_com, com),
+            (model.body_inertia, inertia),
+            (model.body_inv_mass, rate),
+            (model.body_inv_inertia, back.astype(np.float32)),
+        ):
+            array.assign(values)
+        if self._solver is not None:
+            self._solver.notify_model_changed(newton.ModelFlags.BODY_INERTIAL_PROPERTIES)
+
     def _read_places(self) -> None:
         """Where actors, bodies and degrees of freedom are in the model's arrays."""
         coordinates: list[int] = []
@@ -273,3 +340,9 @@ class Physics:
         self._pipeline = newton.CollisionPipeline(self.model)
         self._contacts = self._pipeline.contacts()
         return newton.solvers.SolverXPBD(self.model, iterations=8)
+
+
+def _sensors(actor: Actor, first: int) -> Iterator[tuple[int, Transform, bool, bool]]:
+    """Body, counted from ``first``, pose in its frame, whether it feels contacts, whether along the world's axes."""
+    for body, pose, props in actor.sensors:
+        yield first + body, pose, bool(props.enable_constraint_solver_forces), bool(props.use_world_frame)

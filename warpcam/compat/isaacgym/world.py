@@ -52,6 +52,9 @@ class Actor:
         properties: (dof,) of DOF_PROPERTIES.
         states: (dof,) of DOF_STATE, until the simulation is prepared.
         targets: (dof,) by "positions" and "velocities", until the simulation has them.
+        surfaces: (shape,) of SURFACE.
+        masses: (body,) of MASS.
+        sensors: Its asset's force sensors, as they were when it was made.
     """
 
     def __init__(self, env: "Env", asset: Asset, pose: Transform, name: str, group: int, segment: int):
@@ -62,6 +65,8 @@ class Actor:
         self.segment = segment
         self.properties, self.states = asset.properties.copy(), asset.rest.copy()
         self.targets: dict[str, np.ndarray] = {}
+        self.surfaces, self.masses = asset.surfaces, asset.masses  # never written in place
+        self.sensors = tuple(asset.sensors)
         builder = asset.builder
         self.counts = Counts(
             1,

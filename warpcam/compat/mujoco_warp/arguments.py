@@ -7,9 +7,9 @@ from typing import Any
 import mujoco
 import numpy as np
 
+from warpcam.compat.numbers import whole
 from warpcam.errors import WarpcamError
 from warpcam.sources.mujoco_extras import check_kinds
-from warpcam.sources.mujoco_model import groups_by_kind
 
 # Options whose other value would change images in a way that is not offered, and what is drawn instead.
 FIXED = {
@@ -58,7 +58,7 @@ def read_views(mjm: mujoco.MjModel, settings: dict[str, Any]) -> list[View]:
 
 
 def check_settings(settings: dict[str, Any]) -> None:
-    """Raise for what is not offered."""
+    """Raise for what is not offered; groups become a list."""
     for name, instead in FIXED.items():
         if not settings[name]:
             raise WarpcamError(f"{WHERE}: {name}=False is not offered: {instead}; allowed is True")
@@ -75,11 +75,7 @@ def check_settings(settings: dict[str, Any]) -> None:
     nworld = settings["nworld"]
     if isinstance(nworld, bool) or not isinstance(nworld, int | np.integer) or nworld < 1:
         raise WarpcamError(f"{WHERE}: nworld must be a whole number, at least 1, got {nworld!r}")
-    groups = settings["enabled_geom_groups"]
-    try:
-        groups_by_kind({"geoms": groups})
-    except WarpcamError:
-        raise WarpcamError(f"{WHERE}: enabled_geom_groups must be numbers from 0 to 5, got {groups!r}") from None
+    settings["enabled_geom_groups"] = _groups(settings["enabled_geom_groups"])
     try:
         check_kinds(settings["draw"])
     except WarpcamError as error:
@@ -93,6 +89,18 @@ def check_settings(settings: dict[str, Any]) -> None:
             f"{WHERE}: background_color must be red, green, blue and alpha in [0, 1], got "
             f"{settings['background_color']!r}"
         )
+
+
+def _groups(value: Any) -> list[int]:
+    """Of any numbers, in anything that can be gone through once."""
+    try:
+        found = [whole(group) for group in value if not isinstance(group, bool | np.bool_)]
+    except TypeError:
+        found = [None]
+    groups = [group for group in found if group is not None]
+    if isinstance(value, str | bytes) or len(groups) < len(found):
+        raise WarpcamError(f"{WHERE}: enabled_geom_groups must be whole numbers, got {value!r}")
+    return groups
 
 
 def has_skybox(mjm: mujoco.MjModel) -> bool:

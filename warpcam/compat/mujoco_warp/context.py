@@ -14,6 +14,10 @@ from warpcam.compat.mujoco_warp.arguments import FIXED, View, has_skybox
 from warpcam.errors import WarpcamError
 from warpcam.kernels import packing
 from warpcam.kernels.launch import Stage
+from warpcam.kernels.streams import context_kept
+from warpcam.layers import choice_of
+from warpcam.sources.mujoco_model import NUM_GROUPS
+from warpcam.sources.mujoco_warp import load
 
 MAX_SCENES = 4  # Models and Datas that a context goes to and fro between without reading them anew
 
@@ -59,10 +63,10 @@ class RenderContext:
         self.zfar = float(mjm.vis.map.zfar * mjm.stat.extent)
         red, green, blue, self._miss_alpha = (int(255.0 * value) for value in settings["background_color"])
         self.background_color = np.uint32(self._miss_alpha << 24 | red << 16 | green << 8 | blue)
-        enabled = np.flatnonzero(np.isin(mjm.geom_group, list(settings["enabled_geom_groups"])))
-        self.bvh_ngeom = len(enabled)
+        self._enabled = np.flatnonzero(np.isin(mjm.geom_group, settings["enabled_geom_groups"]))
+        self.bvh_ngeom = len(self._enabled)
         with wp.ScopedDevice(self.device):
-            self.enabled_geom_ids = wp.array(enabled, dtype=int)
+            self.enabled_geom_ids = wp.array(self._enabled, dtype=int)
             self.cam_res = wp.array([view.size for view in views], dtype=wp.vec2i)
             self.cam_id_map = wp.array([view.camera for view in views], dtype=int)
             self.total_rays = sum(view.pixels for view in views)
@@ -137,15 +141,17 @@ class _Bound:
         settings = context._settings
         self._m, self._d, self._device = m, d, context.device
         mjm, self._look = look_of(context, m)
-        scene = wc.from_mujoco_warp(
-            mjm,
-            m if self._look is None else self._look.model,
-            d,
-            groups=sorted(settings["enabled_geom_groups"]),
-            draw=settings["draw"],
-            reflections=settings["reflections"],
-            transparency=settings["transparency"],
-        )
+        with context_kept():
+            scene = load(
+                mjm,
+                m if self._look is None else self._look.model,
+                d,
+                [group for group in settings["enabled_geom_groups"] if 0 <= group < NUM_GROUPS],
+                settings["draw"],
+                settings["reflections"],
+                choice_of("transparency", settings["transparency"]),
+                context._enabled,
+            )
         if scene.device != context.device:
             raise WarpcamError(
                 f"device: d is on {scene.device.alias}, but the render context on {context.device.alias}, which was "

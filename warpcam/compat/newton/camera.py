@@ -2,7 +2,6 @@
 
 import weakref
 from collections.abc import Callable
-from dataclasses import replace
 from functools import wraps
 from types import SimpleNamespace
 from typing import Any
@@ -27,14 +26,14 @@ class SensorCamera(NewtonsCamera):
         model: The ``newton.Model``.
         default_clear_data: What is written where nothing is hit, unless ``update`` is told otherwise.
         default_render_config: Settings, unless ``update`` is told otherwise.
-        load_textures: False leaves textures out whatever the settings say.
+        load_textures: False leaves the model's own textures out whatever the settings say.
         deformable_surface_mode: Only BOTH in a model that has visual meshes.
         physical: Whether surfaces gleam as their roughness and metalness say. False: matt, as Newton's camera has it.
         views_per_world: How many views of one world there may be; None counts them in each new array of
             ``world_indices``, which waits for the device.
 
     Attributes:
-        scene: The ``warpcam.Scene`` that it looks at.
+        scene: The ``warpcam.Scene`` that it looks at; a checkerboard of another kind makes it anew.
         left_out: How often a view was cleared since its world had too many: int32 (1,), a Warp array.
     """
 
@@ -57,9 +56,9 @@ class SensorCamera(NewtonsCamera):
         self.default_render_config = (
             NewtonsCamera.RenderConfig() if default_render_config is None else default_render_config
         )
-        self._model, self._load_textures, self._views_per_world = model, load_textures, views_per_world
+        self._model, self._views_per_world = model, views_per_world
         self._render_context = SimpleNamespace(model=model)  # what the methods that are Newton's own ask for
-        self._views = Views(model, physical)
+        self._views = Views(model, physical, bool(load_textures))
         self._synced: Any = None  # a reference to the state that deformables were last taken of
         self._mapped: dict[Any, tuple[Any, Mapped]] = {}
         self.left_out = wp.zeros(1, dtype=wp.int32, device=model.device)
@@ -121,7 +120,7 @@ class SensorCamera(NewtonsCamera):
             if world_indices is not None:
                 mapped.choose(world_indices)
             views = [(camera_transforms, camera_rays, asked)] * mapped.num_cameras
-            self._views.render(state, mapped, views, clear, self._without_textures(config))
+            self._views.render(state, mapped, views, clear, config)
 
     def forget_rays(self, rays: wp.array) -> None:
         """Read ``rays`` anew at the next update: another kernel has written others into the array."""
@@ -135,11 +134,15 @@ class SensorCamera(NewtonsCamera):
         """Light on what faces up and down; see ``newton.sensors.SensorCamera.set_ambient_light``."""
         self._views.looks.set_ambient(sky_color, ground_color)
 
-    def assign_checkerboard_material(self, **_: Any) -> None:
-        """Not offered."""
-        raise WarpcamError(
-            "assign_checkerboard_material is not offered: textures are those that the model's meshes have"
-        )
+    def assign_checkerboard_material(self, *, shape_indices: Any, resolution: int = 64, checker_size: int = 32) -> None:
+        """Show a grey checkerboard on these shapes and no texture on others, but for visual meshes.
+
+        Args:
+            shape_indices: Of the model.
+            resolution: Pixels of the image along each side.
+            checker_size: Pixels of each square along each side.
+        """
+        self._views.assign_checkerboard(shape_indices, resolution, checker_size)
 
     def sync_deformable_meshes(self, state: newton.State, *, deformable_visuals: Any = None) -> None:
         """Nothing to do: ``update`` follows the state, which must be this one if it is told not to synchronise."""
@@ -154,11 +157,6 @@ class SensorCamera(NewtonsCamera):
             if deformable_visuals.model is not self._model:
                 raise WarpcamError("deformable_visuals was created for another model")
         self._synced = weakref.ref(state)
-
-    def _without_textures(self, config: Any) -> Any:
-        if self._load_textures or not config.enable_textures:
-            return config
-        return replace(config, enable_textures=False)
 
     def _map(self, world_indices: wp.array | None, num_views: int) -> Mapped:
         num_worlds = self._model.world_count

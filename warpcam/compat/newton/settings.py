@@ -8,68 +8,141 @@ import warp as wp
 
 import warpcam as wc
 from warpcam.errors import WarpcamError
+from warpcam.kernels.types import ROLE_COLOR
 
 SKY, GROUND = (0.2, 0.2, 0.225), (0.05, 0.05, 0.06)  # what shines on what faces up and down unless told
 HALF_LOST = 0.49  # of the light comes through: where splats are a surface to Newton, unless told
 UP_SHARE = 1.5  # a surface takes two thirds of a sky's first order
+DOWN = (-0.57735026, 0.57735026, -0.57735026)  # where the light shines where z is up, unless told
+GREYS = (128, 191)  # of a checkerboard's squares
+SHARP = 512  # texels of a checkerboard at least along each side
 
 
 class Looks:
-    """Of a scene of ``from_newton``, what Newton's camera chooses: its light, its ambient light, whether textures show.
+    """What Newton's camera chooses of a scene: its light, its ambient light, which textures show.
 
     Args:
-        scene: Made with one light and no ambient light.
-        model: What it was made of.
+        model: What scenes are made of.
         physical: Whether surfaces gleam as their roughness and metalness say. False: matt, as Newton's camera has it.
+        textures: Whether the model's own textures show.
     """
 
-    def __init__(self, scene: wc.Scene, model: newton.Model, physical: bool):
-        self._scene, self._up = scene, np.eye(3)[int(model.up_axis)]
+    def __init__(self, model: newton.Model, physical: bool, textures: bool):
+        self._model, self._up, self._physical, self._loaded = model, np.eye(3)[int(model.up_axis)], physical, textures
+        self._light: tuple[bool, tuple[float, ...], tuple[float, ...]] | None = None
+        self._shown, self._ambient = True, True
+        self._sky, self._ground = np.array(SKY), np.array(GROUND)
+
+    def take(self, scene: wc.Scene, num_finishes: int) -> None:
+        """Be those of this scene from now on.
+
+        Args:
+            scene: Made with one light and no ambient light.
+            num_finishes: How many of its materials are the model's; as many more may show a checkerboard instead.
+        """
+        self._scene, self._count = scene, num_finishes
         self._textures = scene.array("material_texture")
         self._all, self._none = wp.clone(self._textures), wp.full_like(self._textures, -1)
         source: Any = scene._source
         source.tints.choose(self._none)  # colours of triangles are no textures to Newton
-        self._shown, self._ambient = True, True
-        self._sky, self._ground = np.array(SKY), np.array(GROUND)
-        self._write_sky()
+        if not self._loaded:
+            wp.copy(self._all, self._none)
         scene.array("light_active").fill_(False)
-        if not physical:
+        if not self._physical:
             scene.array("material_reflectance").zero_()
             scene.array("material_metallic").zero_()
+        if self._light is not None:
+            self._write_light()
+        self._write()
+        self._write_sky()
 
     def set_light(self, shadows: bool, direction: Any, color: Any) -> None:
-        scene = self._scene
-        scene.array("light_active").fill_(True)
-        scene.array("light_casts_shadow").fill_(bool(shadows))
-        if direction is not None:
-            scene.array("light_directions").fill_(wp.normalize(wp.vec3(*_triple("direction", direction))))
-        values = wp.vec3(1.0, 1.0, 1.0) if color is None else wp.vec3(*_triple("color", color))
-        for name in ("light_diffuse", "light_specular"):
-            scene.array(name).fill_(values)
+        way = default_direction(self._model) if direction is None else _triple("direction", direction)
+        self._light = bool(shadows), way, (1.0, 1.0, 1.0) if color is None else _triple("color", color)
+        self._write_light()
 
     def set_ambient(self, sky: Any, ground: Any) -> None:
         self._sky = np.array(_triple("sky_color", sky))
         self._ground = self._sky if ground is None else np.array(_triple("ground_color", ground))
-        if self._ambient:
-            self._write_sky()
+        self._write_sky()
+
+    def check(self, shapes: np.ndarray, texture: int) -> None:
+        """Let these shapes alone show a texture, which the scene's last materials have."""
+        scene, count = self._scene, self._count
+        columns, textures = scene.columns, self._all.numpy()
+        finishes = scene.array("shape_materials").numpy() % count
+        textures[:, np.unique(np.broadcast_to(finishes, columns.shape)[columns >= 0]), ROLE_COLOR] = -1
+        textures[:, count:, ROLE_COLOR] = texture
+        self._all.assign(textures)
+        scene.array("shape_materials").assign(np.where(np.isin(columns, shapes), count + finishes, finishes))
+        for name in ("material_roughness", "material_metallic"):
+            values = scene.array(name).numpy()
+            values[:, count:] = values[:, :count]
+            scene.array(name).assign(values)
+        self._write()
 
     def show(self, textures: bool, ambient: bool) -> None:
         """Bring the scene to these settings; what is so already costs nothing."""
         if textures != self._shown:
             self._shown = textures
-            wp.copy(self._textures, self._all if textures else self._none)
+            self._write()
         if ambient != self._ambient:
             self._ambient = ambient
-            if ambient:
-                self._write_sky()
-            else:
-                self._scene.array("sky").zero_()
+            self._write_sky()
+
+    def _write(self) -> None:
+        wp.copy(self._textures, self._all if self._shown else self._none)
+
+    def _write_light(self) -> None:
+        assert self._light is not None
+        shadows, direction, color = self._light
+        scene = self._scene
+        scene.array("light_active").fill_(True)
+        scene.array("light_casts_shadow").fill_(shadows)
+        scene.array("light_directions").fill_(wp.normalize(wp.vec3(*direction)))
+        for name in ("light_diffuse", "light_specular"):
+            scene.array(name).fill_(wp.vec3(*color))
 
     def _write_sky(self) -> None:
         terms = np.zeros((*self._scene.array("sky").shape, 3), np.float32)
-        terms[:, 0] = 0.5 * (self._sky + self._ground)
-        terms[:, 1:4] = UP_SHARE * 0.5 * np.outer(self._up, self._sky - self._ground)
+        if self._ambient:
+            terms[:, 0] = 0.5 * (self._sky + self._ground)
+            terms[:, 1:4] = UP_SHARE * 0.5 * np.outer(self._up, self._sky - self._ground)
         self._scene.array("sky").assign(terms)
+
+
+def default_direction(model: newton.Model) -> tuple[float, float, float]:
+    """From behind, the left and above."""
+    turn = newton.Axis.Z.quat_between_axes(newton.Axis.from_any(model.up_axis))
+    x, y, z = (float(part) for part in wp.quat_rotate(turn, wp.vec3(*DOWN)))
+    return x, y, z
+
+
+def checkerboard(resolution: Any, checker_size: Any) -> np.ndarray:
+    """An image of a checkerboard, (height, width, 3) uint8, so fine that its squares' edges are sharp."""
+    for name, value in (("resolution", resolution), ("checker_size", checker_size)):
+        if not isinstance(value, int | np.integer) or isinstance(value, bool) or value < 1:
+            raise WarpcamError(f"{name} must be a whole number of at least 1, got {value!r}")
+    number = np.arange(resolution) // checker_size
+    dark = (number[:, None] + number) % 2 == 0
+    pixels = (
+        np.where(dark, *GREYS).astype(np.uint8).repeat(-(-SHARP // resolution), 0).repeat(-(-SHARP // resolution), 1)
+    )
+    return np.ascontiguousarray(np.repeat(pixels[..., None], 3, axis=-1))
+
+
+def check_shapes(shapes: Any, model: newton.Model) -> np.ndarray:
+    """Indices of shapes, int64."""
+    chosen = np.asarray(shapes)
+    if chosen.size and not np.issubdtype(chosen.dtype, np.integer):
+        raise WarpcamError(f"shape_indices must be whole numbers, got {chosen.dtype}")
+    chosen = chosen.astype(np.int64).reshape(-1)
+    beyond = chosen[(chosen < 0) | (chosen >= model.shape_count)]
+    if len(beyond):
+        raise WarpcamError(
+            f"shape_indices contains an out-of-range shape index: {beyond[0]}; the model has {model.shape_count} shapes"
+        )
+    return chosen
 
 
 def check_config(config: Any, model: newton.Model, *, meshes: bool, splats: bool, samples: int) -> None:
@@ -93,8 +166,8 @@ def check_config(config: Any, model: newton.Model, *, meshes: bool, splats: bool
         raise _refused("enable_backface_culling", False, "meshes are not seen from behind", True)
     if not config.enable_particles and model.particle_count:
         raise _refused("enable_particles", False, "particles are drawn", True)
-    if config.texture_projection_mode != 0 and config.enable_textures:
-        raise _refused("texture_projection_mode", config.texture_projection_mode, "no other is drawn", "CUBIC")
+    if config.texture_projection_mode not in (0, 1):
+        raise WarpcamError(f"Invalid texture_projection_mode: {config.texture_projection_mode!r}")
     if config.gaussians_mode != 0:
         raise _refused("gaussians_mode", config.gaussians_mode, "splats are blended one by one", "FAST")
     least = getattr(config, "gaussians_min_transmittance", HALF_LOST)

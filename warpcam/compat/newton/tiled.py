@@ -12,6 +12,7 @@ from newton.sensors import SensorTiledCamera as NewtonsCamera
 
 from warpcam import interop
 from warpcam.compat.newton.camera import check_array, check_images, own_worlds
+from warpcam.compat.newton.settings import DOWN
 from warpcam.compat.newton.views import Views
 from warpcam.errors import WarpcamError
 
@@ -31,19 +32,40 @@ class Utils(NewtonsCamera.Utils):
         """The one light. There is none until this is called, which changes ``default_render_config`` as Newton does."""
         sensor = self._sensor()
         if sensor is not None:
-            sensor.default_render_config.enable_shadows = enable_shadows
-            down = (-0.57735026, 0.57735026, -0.57735026)
-            sensor._views.looks.set_light(enable_shadows, down if direction is None else direction, None)
+            _set(sensor, "create_default_light", "enable_shadows", enable_shadows)
+            sensor._views.looks.set_light(enable_shadows, DOWN if direction is None else direction, None)
 
-    def assign_checkerboard_material(self, **_: Any) -> None:
-        """Not offered."""
-        raise WarpcamError(
-            "assign_checkerboard_material is not offered: textures are those that the model's meshes have"
-        )
+    def assign_checkerboard_material(self, *, shape_indices: Any, resolution: int = 64, checker_size: int = 32) -> None:
+        """As ``SensorCamera`` does; it changes ``default_render_config`` as Newton does."""
+        sensor = self._sensor()
+        if sensor is not None:
+            sensor._views.assign_checkerboard(shape_indices, resolution, checker_size)
+            _set(sensor, "assign_checkerboard_material", "enable_textures", True)
 
     def assign_checkerboard_material_to_all_shapes(self, resolution: int = 64, checker_size: int = 32) -> None:
-        """Not offered."""
-        self.assign_checkerboard_material()
+        """An older name for all shapes."""
+        warnings.warn(
+            "assign_checkerboard_material_to_all_shapes is deprecated; use assign_checkerboard_material",
+            DeprecationWarning,
+            stacklevel=2,
+        )
+        sensor = self._sensor()
+        if sensor is not None:
+            shapes = range(sensor.model.shape_count)
+            self.assign_checkerboard_material(shape_indices=shapes, resolution=resolution, checker_size=checker_size)
+
+
+def _set(sensor: "SensorTiledCamera", method: str, field: str, value: bool) -> None:
+    """Change a setting, and say so, as Newton does."""
+    config = sensor.default_render_config
+    if getattr(config, field) != value:
+        warnings.warn(
+            f"SensorTiledCamera.utils.{method}() changed SensorTiledCamera.default_render_config.{field}; set it to "
+            f"{value!r} there",
+            DeprecationWarning,
+            stacklevel=3,
+        )
+    setattr(config, field, value)
 
 
 def _rays_helper(name: str) -> Any:
@@ -72,7 +94,7 @@ class SensorTiledCamera(NewtonsCamera):
         model: The ``newton.Model``.
         default_render_config: Settings, unless ``update`` is told otherwise.
         config: Its old name, which Newton is about to drop.
-        load_textures: False leaves textures out whatever the settings say.
+        load_textures: False leaves the model's own textures out whatever the settings say.
         physical: Whether surfaces gleam as their roughness and metalness say. False: matt, as Newton's camera has it.
     """
 
@@ -101,7 +123,7 @@ class SensorTiledCamera(NewtonsCamera):
         if not load_textures:
             settings.enable_textures = False
         self._config, self._clear = settings, NewtonsCamera.ClearData()
-        self._views = Views(model, physical)
+        self._views = Views(model, physical, bool(load_textures))
         self._mapped = own_worlds(model.world_count, model.world_count, model.device)
         self._slices: dict[int, tuple[wp.array, list[wp.array]]] = {}
         self._utils = Utils(self)

@@ -4,15 +4,19 @@ from collections.abc import Mapping
 from typing import Any
 
 import newton
+import numpy as np
 import warp as wp
 
 import warpcam as wc
 from warpcam import interop
 from warpcam.compat.newton.rays import Bundle, Bundles
-from warpcam.compat.newton.settings import Looks, check_config
+from warpcam.compat.newton.settings import Looks, check_config, check_shapes, checkerboard, default_direction
 from warpcam.errors import WarpcamError
 from warpcam.kernels import view_images
 from warpcam.kernels.launch import record
+from warpcam.kernels.streams import context_kept
+from warpcam.kernels.types import ROLE_COLOR
+from warpcam.sources.newton import load
 
 MAX_RENDERERS = 8  # sizes and sets of images that a sensor goes to and fro between
 # What is asked for: the field of Images, the outputs it is made of, and its dtype.
@@ -72,15 +76,57 @@ class Views:
         bundles: The rays that have been seen.
     """
 
-    def __init__(self, model: newton.Model, physical: bool):
+    def __init__(self, model: newton.Model, physical: bool, textures: bool = True):
         self.model, self.device = model, model.device
-        light = wc.Light(direction=_default_direction(model))
-        self.scene = wc.from_newton(model, model.state(), lights=[light], ambient=(0.0, 0.0, 0.0))
-        self.looks = Looks(self.scene, model, physical)
-        self.bundles = Bundles()
+        self.looks, self.bundles = Looks(model, physical, textures), Bundles()
+        self._board: np.ndarray | None = None
+        self._checked: np.ndarray | None = None
+        self._num_finishes, self._triplanar = 0, False
+        self._build()
         kinds = {newton.GeoType.MESH, newton.GeoType.CONVEX_MESH, newton.GeoType.HFIELD}
         types = set(model.shape_type.numpy().tolist()) if model.shape_count else set()
         self._meshes, self._splats = not kinds.isdisjoint(types), int(newton.GeoType.GAUSSIAN) in types
+
+    def assign_checkerboard(self, shape_indices: Any, resolution: Any, checker_size: Any) -> None:
+        """Let these shapes alone show a checkerboard."""
+        if interop.is_capturing(self.device):
+            raise WarpcamError("assign_checkerboard_material: a capture is under way; call it before")
+        shapes, board = check_shapes(shape_indices, self.model), checkerboard(resolution, checker_size)
+        with interop.in_order(self.device):
+            self._checked = shapes
+            if self._board is None or not np.array_equal(board, self._board):
+                self._board = board
+                self._build()
+            else:
+                self.looks.check(shapes, self._first_image)
+
+    def _project(self, triplanar: bool) -> None:
+        if triplanar == self._triplanar:
+            return
+        if interop.is_capturing(self.device):
+            raise WarpcamError(
+                "render_config.texture_projection_mode: a capture is under way, and it is another than before; call "
+                "update once with it before the capture"
+            )
+        self._triplanar = triplanar
+        if self.scene.array("material_texture").numpy().max() >= 0:
+            self._build()
+
+    def _build(self) -> None:
+        """Make the scene, anew where the images that shapes may show are others, or lie another way."""
+        model = self.model
+        light = wc.Light(direction=default_direction(model))
+        images = []
+        if self._board is not None:  # for each of the model's materials one that shows it
+            images = [self._board, *[np.zeros((1, 1, 3), np.uint8)] * (self._num_finishes - 1)]
+        with context_kept():
+            self.scene = load(model, model.state(), [light], (0.0, 0.0, 0.0), None, None, images, self._triplanar)
+        self._num_finishes = self.scene.array("material_roughness").shape[1] - len(images)
+        first = self.scene.array("material_texture").numpy()[0, self._num_finishes :, ROLE_COLOR]
+        self._first_image = int(first[0]) if len(first) else -1
+        self.looks.take(self.scene, self._num_finishes)
+        if self._checked is not None:
+            self.looks.check(self._checked, self._first_image)
         self._renderers: dict[tuple[Any, ...], _Traced] = {}
 
     def render(
@@ -106,6 +152,8 @@ class Views:
         if not any(images for *_, images in views):
             return
         with interop.in_order(self.device):
+            if config.enable_textures:
+                self._project(bool(config.texture_projection_mode))
             self.scene.bind(state)
             self.looks.show(bool(config.enable_textures), bool(config.enable_ambient_lighting))
             traced = self._traced(bundles, views, clear_data, config)
@@ -216,10 +264,3 @@ def _outputs(images: Mapping[str, wp.array], smooth: bool, linear: bool, table: 
 
 def _none(ndim: int, dtype: Any, device: wp.Device) -> wp.array:
     return wp.empty((0,) * ndim, dtype=dtype, device=device)
-
-
-def _default_direction(model: newton.Model) -> tuple[float, ...]:
-    """From behind, the left and above."""
-    turn = newton.Axis.Z.quat_between_axes(newton.Axis.from_any(model.up_axis))
-    down = wp.quat_rotate(turn, wp.vec3(-0.57735026, 0.57735026, -0.57735026))
-    return tuple(float(part) for part in down)
