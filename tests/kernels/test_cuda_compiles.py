@@ -118,7 +118,8 @@ def test_of_shapes_listed_ahead(output: str, card: list[launch.Stage], tmp_path:
 def test_of_smooth_edges_without_meshes(
     shapes: int, size: tuple[int, int], card: list[launch.Stage], tmp_path: Path
 ) -> None:
-    _render(scenes.compile_xml(FEW + shapes * '<geom size=".1"/>' + LIGHTS), ("rgb",), size, antialiasing=4)
+    more = shapes * '<geom size=".1"/>'
+    _render(scenes.compile_xml(FEW + more + LIGHTS, assets=ASSETS), ("rgb",), size, antialiasing=4)
     assert _compile(card, tmp_path) >= 3
 
 
