@@ -90,12 +90,13 @@ template <int TYPES, int IMAGES, int LENS, class Meshes, class Centres> struct P
         };
         const auto cost_of = [&](int place, float most) {  // or what it is at least, if that is so much
             const unsigned pixel = pixel_of(place);
-            float cost = apart_from(place) + seen.apart(pixel, depth);
+            const float cost = apart_from(place) + seen.apart(pixel, depth);
             if (cost >= most)
                 return cost;
-            if (is_face)
-                return cost
-                    + TURNED * (1.0f - dot(normal, normal_of(int(seen.centres.target.face.data[seen.centres.of_images(pixel)]))));
+            if (is_face) {
+                const int its = int(seen.centres.target.face.data[seen.centres.of_images(pixel)]);
+                return cost + TURNED * (1.0f - dot(normal, normal_of(its)));
+            }
             const auto its = view_ray<LENS>(camera, i + Around::right(place), j + Around::down(place));
             return !is_sided || part_at<LENS>(record, its, seen.depth(pixel)) == part ? cost : cost + TURNED;
         };
