@@ -63,7 +63,14 @@ def in_place(tables: Tables, images: Collection[str], width: int, height: int, d
     """Whether images are smoothed where they were lit, without a buffer of their colours."""
     if not device.is_cuda or MESH not in tables.shape_types or "hdr" in images:
         return False
+    if width * height % 4 or width < 3:  # colours are loaded by words
+        return False
     return width <= SIDE and height <= SIDE and tables.num_worlds >= WORTH_PLACE * device.sm_count
+
+
+def wave(device: wp.Device) -> int:
+    """How many images a device smooths in place at once: worlds that are drawn together are a multiple of them."""
+    return device.sm_count * BLOCKS_IN_PLACE
 
 
 @functools.cache

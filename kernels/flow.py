@@ -32,7 +32,8 @@ class Trail:
     floor_first: wp.array(dtype=wp.uint8)
     floor_second: wp.array(dtype=wp.uint8)
     known: wp.array(dtype=wp.uint8)  # (world,) which of these two has what was seen, or NEW: see views.py
-    # (world, ROWS or MOVING_ROWS of each shape). Three rows take what pixel (column, row) sees to where it was: column,
+    # (world, ROWS or MOVING_ROWS of each shape; of cameras whose shapes are listed the first row of all shapes, the
+    # second, ...). Three rows take what pixel (column, row) sees to where it was: column,
     # row and 1 times the planar depth then, or for parallel rays column, row, depth. Each is
     # depth * (x column + y row + z) + w, or for parallel rays x column + y row + z depth + w. A fourth: a part of the
     # depth then and what is added to it [m], and nothing nearer than that may have been seen there; nearest planar
@@ -45,7 +46,8 @@ class Trail:
     corners: wp.array(dtype=wp.vec3)  # CornersBefore.corners; this and what follows only where meshes move
     faces: wp.array(dtype=wp.vec4)  # Meshes.faces
     face_start: wp.array(dtype=wp.int32)  # Meshes.face_start
-    # (world, 4 for each shape): a shape's position and the rows of its rotation as they were, with its size and asset
+    # (world, 4 for each shape, the first row of all shapes, the second, ...): a shape's position and the rows of its
+    # rotation as they were, with its size and asset
     before: wp.array2d(dtype=wp.vec4)
     # The same as they are, where the trace or the stage of views composes motions; then both change places, as words do
     after: wp.array2d(dtype=wp.vec4)

@@ -218,8 +218,15 @@ def _dtype(array: wp.array | None) -> Any:
 
 def parts_of(images: Collection[str], width: int, height: int) -> int:
     """How many blocks share an image whose shapes have been listed: native/outputs.h has the same."""
-    wanted = 4 if "points" in images or "normals" in images else 2 if "flow" in images else 1
-    return 1 if "flow_valid" in images else min(wanted, width * height // THREADS)
+    pixels = REGIONS[0][0] * REGIONS[0][1]
+    small = width * height <= pixels
+    more = small and not {"distance", "bodies", "instances", "semantics"}.isdisjoint(images)
+    threes = ("points" in images) + ("normals" in images)
+    wanted = 4 * threes or (2 if "flow" in images or more else 1)
+    wanted = 1 if "flow_valid" in images else wanted
+    if small:
+        return min(wanted, width * height // THREADS, height // 4)
+    return -(-(height // 8) // max(1, pixels // (8 * wanted * width)))
 
 
 def blocks(types: int, capacity: int) -> int:

@@ -7,6 +7,11 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+# Workers share the cores. With as many threads in each, images would be cut into smaller regions, for which more
+# kernels are compiled.
+if workers := os.environ.get("PYTEST_XDIST_WORKER_COUNT"):
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    os.environ.setdefault("WARPCAM_CPU_THREADS", str(max(1, cores // int(workers))))
 # Before anything imports mujoco: its own renderer judges some tests, and works without a display on Mesa.
 if ctypes.util.find_library("OSMesa"):
     os.environ.setdefault("MUJOCO_GL", "osmesa")
@@ -17,7 +22,7 @@ import quick_simulators
 import warp as wp
 
 wp.config.quiet = True
-quick_simulators.install()
+quick_simulators.install(ours=True)
 
 
 @pytest.fixture(params=[device.alias for device in wp.get_devices()])

@@ -161,6 +161,32 @@ def test_turns_are_taken_where_they_make_phases_fewer(monkeypatch: pytest.Monkey
     assert renderer._fewer(plain[:1], images) == plain[:1]
 
 
+@pytest.mark.parametrize("wave", [1, 8, 25, 90])
+def test_groups_are_whole_waves_where_images_are_smoothed_in_place(wave: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(scratch, "ALWAYS_ALLOWED", 24 * 20 * 4 * 3)
+    renderer = wc.Renderer(scene_of("cpu", 500), [camera(outputs=("rgb",))])
+    images = {"top": {"rgb": renderer.array("top", "rgb")}}
+    sizes = {}
+    for step in (1, wave):
+        monkeypatch.setattr(scratch.Scratch, "wave", lambda self, key, step=step: step)
+        phases = [portion.worlds for (portion,) in renderer._scratch.phases(images)]
+        assert [world for worlds in phases for world in worlds] == list(range(500))
+        sizes[step] = [len(worlds) for worlds in phases]
+    assert len(sizes[wave]) <= len(sizes[1])
+    if wave == 90:  # these would be one more
+        assert sizes[90] == sizes[1] and any(size % 90 for size in sizes[1][:-1])
+    else:
+        assert not any(size % wave for size in sizes[wave][:-1])
+
+
+def test_parts_are_whole_waves() -> None:
+    assert scratch.cuts_in_waves(3168, 3, 528) == [0, 1056, 2112, 3168]
+    assert scratch.cuts_in_waves(2112, 3, 528) == [0, 1056, 1584, 2112]
+    assert scratch.cuts_in_waves(1328, 3, 528) == [0, 528, 1056, 1328]
+    assert scratch.cuts_in_waves(500, 3, 528) == [0, 500]
+    assert scratch.cuts_in_waves(10, 3, 1) == [0, 4, 7, 10]
+
+
 @pytest.mark.parametrize("turns", [1, 2, 3])
 def test_what_a_turn_needs_lies_in_no_image_that_is_there(turns: int) -> None:
     tables = scene_of("cpu", 23).tables()

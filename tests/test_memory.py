@@ -165,7 +165,7 @@ def test_what_is_told_is_what_is_allocated_where_shapes_are_listed_ahead(
     with wp.ScopedDevice(device):
         scene = wc.from_mujoco_warp(mjm, mjw.put_model(mjm), mjw.put_data(mjm, mujoco.MjData(mjm), nworld=40))
     told = check_ledger(scene, [camera(width=16, height=8, outputs=outputs)], device, monkeypatch)
-    lists = 1552 + 320 * ("normals" in outputs)
+    lists = 1568 + 320 * ("normals" in outputs)
     assert told.worlds == 40 * (10 + 84 + lists * device.is_cuda)
 
 

@@ -22,7 +22,7 @@ from warpcam.memory import check_cameras, estimate_memory, require_free
 from warpcam.mounting import CameraArrays, Mounted
 from warpcam.past import ShapesPast
 from warpcam.scene import Scene
-from warpcam.scratch import Lenders, Portion, Scratch, Turns
+from warpcam.scratch import Lenders, Portion, Scratch, Turns, cuts_in_waves
 from warpcam.selection import Selection
 from warpcam.targets import Stages, Target
 
@@ -330,7 +330,8 @@ class Renderer:
         key, area = portion.camera, self._area(portion)
         seen, projection = self._mounted[key].seen(tables), self._mounted[key].projection
         parts = parts if portion.buffers and self._is_large(len(portion.worlds) * area) else 1
-        bounds = [portion.worlds.start + len(portion.worlds) * i // parts for i in range(parts + 1)]
+        cuts = cuts_in_waves(len(portion.worlds), parts, self._scratch.wave(key) if parts > 1 else 1)
+        bounds = [portion.worlds.start + cut for cut in cuts]
         for first, end in itertools.pairwise(bounds):
             group = Group(range(first, end), busiest // area)
             yield self._targets[key].record(

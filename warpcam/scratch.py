@@ -140,8 +140,16 @@ class Scratch:
             images: Of all cameras, in the order of drawing, where all worlds are drawn; None where other worlds' images
                 must stay.
         """
-        for turns in self._phases(0, self._total, self._whole, images):
+        found = list(self._phases(0, self._total, self._whole, images))
+        if images is not None and any(self.wave(key) > 1 for key in self._cameras):
+            in_waves = list(self._phases(0, self._total, self._whole, images, in_waves=True))
+            found = in_waves if len(in_waves) <= len(found) else found
+        for turns in found:
             yield turns[0]
+
+    def wave(self, key: str | int) -> int:
+        """Worlds of a camera are drawn together in multiples of this many: their last blocks fill the device, too."""
+        return antialias.wave(self._device) if self._in_place(self._cameras[key]) else 1
 
     def phases_of_turns(self, images: Lenders, late: Mapping[str | int, Collection[str]], turns: int) -> list[Turns]:
         """The same in larger phases, each of several turns.
@@ -198,6 +206,7 @@ class Scratch:
         images: Lenders | None,
         late: Mapping[str | int, Collection[str]] = MappingProxyType({}),
         turns: int = 1,
+        in_waves: bool = False,
     ) -> Iterator[Turns]:
         """What is drawn together from one place to another, phase after phase, in a block and what is lent."""
         while first < last:
@@ -208,6 +217,10 @@ class Scratch:
                     too_far = end
                 else:
                     fits = end
+            if in_waves and fits < last:
+                worlds = fits - first
+                step = max(self.wave(key) for key, _ in self._share(first, fits))
+                fits -= worlds % step if worlds > step else 0
             cuts = _cuts(first, fits, turns)
             places = self._places(cuts, last, block, images, late)
             if places is None:
@@ -283,10 +296,15 @@ class Scratch:
         return buffers
 
     def _buffers_of(self, camera: Camera) -> dict[str, Any]:
-        smooth = smooth_outputs(camera.outputs, camera.antialiasing)
-        placed = antialias.in_place(self._tables, smooth, camera.width, camera.height, self._device)
+        placed = self._in_place(camera)
         found = buffers_of(camera, self._tables)
         return {name: dtype for name, dtype in found.items() if not (placed and name.startswith("lit "))}
+
+    def _in_place(self, camera: Camera) -> bool:
+        smooth = smooth_outputs(camera.outputs, camera.antialiasing)
+        if not smooth:
+            return False
+        return antialias.in_place(self._tables, smooth, camera.width, camera.height, self._device)
 
     def _needed(self, camera: Camera, worlds: int) -> dict[str, int]:
         """Bytes of each buffer of a group."""
@@ -303,6 +321,11 @@ class Scratch:
 def _cuts(first: int, end: int, turns: int) -> list[int]:
     """Where each turn begins, and where the last one ends."""
     return [first + (end - first) * turn // turns for turn in range(turns + 1)]
+
+
+def cuts_in_waves(count: int, parts: int, wave: int) -> list[int]:
+    """Where parts of about as many worlds begin, at most so many, each but the last with whole waves; and the end."""
+    return sorted({min(-(-count * part // (parts * wave)) * wave, count) for part in range(parts + 1)})
 
 
 def _rows(image: wp.array, worlds: range) -> Piece:

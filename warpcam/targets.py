@@ -43,6 +43,8 @@ class Stages:
 
 def list_rows(camera: Camera, projection: Projection, tables: Tables, device: wp.Device) -> int:
     """Rows of four words that a camera has in each world for the shapes its image may show."""
+    if veils_of(camera, tables):  # a trace of its own leaves out what is transparent
+        return 0
     capacity = listing.capacity_of(tables, projection, camera.width, camera.height, camera.outputs, device)
     return listing.rows_of(capacity, camera.outputs)
 

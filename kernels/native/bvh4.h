@@ -93,7 +93,7 @@ template <bool BY_CHILD> struct NodeRay {
     static constexpr int ROWS = NODE_ROWS;
     Slabs s;
 
-    WARPCAM_FN void set(const Slabs& slabs, float) { s = slabs; }
+    WARPCAM_FN void set(Vec o, Vec d, float extent) { s = slabs(o, d, extent); }
 
     // The children of the node whose rows these are, and where the ray enters and leaves their boxes between `near` and
     // `depth`: it misses those that it leaves before it enters them.
@@ -120,18 +120,24 @@ template <> struct NodeRay<false> {
     static constexpr unsigned WHOLE = 0x4b000000;
     static constexpr float MIDDLE = 8388608.0f + float(MIDDLE_BOUND);
     Vec scale, in, out;  // t = (2^23 + bound) * scale + in or out, see Slabs
+    unsigned ways, way_z;  // first_of() each axis, y's in the upper half
 
-    // `extent` is the mesh's Record::size.x.
-    WARPCAM_FN void set(const Slabs& s, float extent)
+    // As slabs() has it, of a mesh whose Record::size.x is `extent`.
+    WARPCAM_FN void set(Vec o, Vec d, float extent)
     {
-        const bool left = s.scale.x < 0.0f, down = s.scale.y < 0.0f, back = s.scale.z < 0.0f;
         const float cell = extent * BOUND_CELL;
-        scale = { cell * s.scale.x, cell * s.scale.y, cell * s.scale.z };
-        const Vec middle { MIDDLE * scale.x, MIDDLE * scale.y, MIDDLE * scale.z };
-        in = { (left ? s.up.x : s.down.x) - middle.x, (down ? s.up.y : s.down.y) - middle.y,
-               (back ? s.up.z : s.down.z) - middle.z };
-        out = { (left ? s.down.x : s.up.x) - middle.x, (down ? s.down.y : s.up.y) - middle.y,
-                (back ? s.down.z : s.up.z) - middle.z };
+        const float pad = 1.0e-6f * (magnitude(o.x) + magnitude(o.y) + magnitude(o.z) + extent);
+        const auto along = [&](float from, float direction, float& by, float& first, float& last) {
+            const float s = reciprocal(nonzero(direction)), aside = pad * magnitude(s);
+            by = cell * s;
+            first = (-from * s - aside) - MIDDLE * by;
+            last = (-from * s + aside) - MIDDLE * by;
+        };
+        along(o.x, d.x, scale.x, in.x, out.x);
+        along(o.y, d.y, scale.y, in.y, out.y);
+        along(o.z, d.z, scale.z, in.z, out.z);
+        ways = first_of(scale.x) | first_of(scale.y) << 16;
+        way_z = first_of(scale.z);
     }
 
     // Which bytes of a word and of WHOLE make the plane met first: the word has the lower one in its lower half.
@@ -149,7 +155,7 @@ template <> struct NodeRay<false> {
     WARPCAM_FN void meet(const Row* rows, float near, float depth, float (&enter)[4], float (&leave)[4],
                          int (&child)[4]) const
     {
-        const unsigned x = first_of(scale.x), y = first_of(scale.y), z = first_of(scale.z);
+        const unsigned x = ways, y = ways >> 16, z = way_z;
         const Row planes_x = load(rows, 0), planes_y = load(rows, 1), planes_z = load(rows, 2), children = load(rows, 3);
         float tx[4], ty[4], tz[4];
         times(planes_x, x, scale.x, in.x, tx);

@@ -42,11 +42,9 @@ template <int TYPES, int LENS, int OUTPUTS, class List, int TALL_, class Target,
     static constexpr bool BARE_FLOORS = THREADS > 1 && TALL > 1 && LENS == PINHOLE && (TYPES >> PLANE & 1) && (OUTPUTS & TILED)
         && !((OUTPUTS & FLOWS) && names_slots(OUTPUTS));
     static constexpr bool PUTS_BARE = BARE_FLOORS && !(OUTPUTS & FLOWS);
-    // Whole rows of two stacks of such tiles beside each other are written where little is and listed shapes are few.
-    static constexpr int WRITTEN = DEPTH | SHAPE | FACE | DISTANCE | POINTS | BODIES | NORMAL | IDS | INSTANCES | SEMANTICS
-        | FLOWS | PAINTED;
-    static constexpr bool PUTS_ROWS = BARE_FLOORS && TALL == 2 && (OUTPUTS & LISTED_AHEAD)
-        && !(OUTPUTS & WRITTEN & ~(DEPTH | SHAPE | BODIES)) && CAPACITY <= LANES;
+    // Whole rows of two stacks of such tiles beside each other are written where listed shapes are few, but for these.
+    static constexpr bool PUTS_ROWS = BARE_FLOORS && TALL == 2 && (OUTPUTS & LISTED_AHEAD) && CAPACITY <= LANES
+        && !(OUTPUTS & (FACE | POINTS | NORMAL | IDS | FLOWS | PAINTED));
     static constexpr int WIDE = PUTS_ROWS ? 2 : 1;  // stacks
 
     WARPCAM_FN bool inside(int i, int j) const
@@ -350,16 +348,25 @@ template <int TYPES, int LENS, int OUTPUTS, class List, int TALL_, class Target,
             return false;
         const int shape = list.floor.shape;
         __builtin_assume(shape >= 0);
-        const int body = OUTPUTS & BODIES ? body_of<(OUTPUTS & BY_WORLD) != 0>(shapes, world, shape) : 0;
+        const auto put_same = [&](auto* image, int number) {
+            for (int k = 0; k < WIDE; ++k)
+                put_two(image + at(i, j, k), number, number);
+        };
         for (int k = 0; k < WIDE; ++k) {
-            const auto pixel = at(i, j, k);
+            const Hit a { hits[2 * k].depth, shape, -1 }, b { hits[2 * k + 1].depth, shape, -1 };
             if (OUTPUTS & DEPTH)
-                *reinterpret_cast<float2*>(target.depth.data + pixel) = make_float2(hits[2 * k].depth, hits[2 * k + 1].depth);
-            if (OUTPUTS & SHAPE)
-                *reinterpret_cast<int2*>(target.shape.data + pixel) = make_int2(shape, shape);
-            if (OUTPUTS & BODIES)
-                *reinterpret_cast<int2*>(target.bodies.data + pixel) = make_int2(body, body);
+                put_two(target.depth.data + at(i, j, k), a.depth, b.depth);
+            if (OUTPUTS & DISTANCE)
+                put_two(target.distance.data + at(i, j, k), distance_of(a, rays[2 * k]), distance_of(b, rays[2 * k + 1]));
         }
+        if (OUTPUTS & SHAPE)
+            put_same(target.shape.data, shape);
+        if (OUTPUTS & BODIES)
+            put_same(target.bodies.data, body_of<(OUTPUTS & BY_WORLD) != 0>(shapes, world, shape));
+        if constexpr ((OUTPUTS & INSTANCES) != 0)
+            put_same(target.labels.instances.data, label_of(target.labels.instance_of, world, shape, -1));
+        if constexpr ((OUTPUTS & SEMANTICS) != 0)
+            put_same(target.labels.semantics.data, label_of(target.labels.semantic_of, world, shape, 0));
         return true;
     }
 

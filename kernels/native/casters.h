@@ -127,7 +127,7 @@ template <class List> WARPCAM_FN bool may_be_shaded(const List& list, const Plac
 
 // False if the shape casts no shadow in this light. TIGHT: see window_of().
 template <int TYPES, bool TIGHT = false, class Meshes, class HeightFields>
-WARPCAM_FN bool prepare_caster(const Shape& shape, const Light& light, const Camera& camera, const Meshes& meshes,
+WARPCAM_APART WARPCAM_FN bool prepare_caster(const Shape& shape, const Light& light, const Camera& camera, const Meshes& meshes,
                                const HeightFields& fields, Caster& caster)
 {
     Extent extent {};
@@ -176,7 +176,7 @@ WARPCAM_FN void mark_glass(Row& aim, const Record& record, const Shapes& shapes,
 // Fills the list with shapes from `begin` on until it is full, but for its bounds; returns where to go on. TEAM: so many
 // threads do it, a block or one of its warps.
 template <int TYPES, int TEAM, class List, class Shapes, class Materials, class Meshes, class HeightFields>
-WARPCAM_FN int collect_casters(List& list, int begin, const Shapes& shapes, const Materials& materials,
+WARPCAM_APART WARPCAM_FN int collect_casters(List& list, int begin, const Shapes& shapes, const Materials& materials,
                               const Meshes& meshes, const HeightFields& fields, const Light& light,
                               const Camera& camera, int world, int thread)
 {

@@ -73,6 +73,8 @@ template <int IMAGES, class Target> WARPCAM_FN unsigned load_bytes(const Target&
 {
     constexpr int CHANNELS = IMAGES & SMOOTH_RGBA ? 4 : 3;  // the first three are the same in both
     const unsigned char* image = (IMAGES & SMOOTH_RGBA ? target.rgba : target.rgb).data + CHANNELS * size_t(pixel);
+    if (CHANNELS == 4)
+        return *reinterpret_cast<const unsigned*>(image);
     unsigned bytes = 0;
     for (int k = 0; k < CHANNELS; ++k)
         bytes |= unsigned(image[k]) << 8 * k;
@@ -117,12 +119,14 @@ template <int IMAGES> struct Colour {
 // What a view has found in the centres of its pixels, as its images have it. A pixel is an index into them.
 template <class Target> struct ImageCentres {
     static constexpr bool BORDERED = false;  // there are no pixels outside of the image
+    static constexpr bool PLACED = false;  // whether bytes_around() is there
 
     const Target& target;
     unsigned first;  // the view's first pixel
 
     WARPCAM_FN unsigned at(int i, int j) const { return first + unsigned(j * target.width + i); }
     WARPCAM_FN unsigned line() const { return unsigned(target.width); }
+    WARPCAM_FN auto ids() const { return target.shape.data + first; }
     WARPCAM_FN unsigned of_images(unsigned pixel) const { return pixel; }
     WARPCAM_FN unsigned of_images(int i, int j) const { return at(i, j); }
     WARPCAM_FN int shape(unsigned pixel) const { return target.shape.data[pixel]; }
@@ -219,11 +223,25 @@ template <int LENS, class Centres> struct Seen {
             samples = EVERY_SAMPLE;
         }
         if (samples || sided) {
-            const Colour<IMAGES> its = colour<IMAGES>(pixel);
+            Colour<IMAGES> its {}, around[8] {};
+            if constexpr (Centres::PLACED) {
+                unsigned nine[9];
+                centres.template bytes_around<IMAGES>(i, j, nine);
+                constexpr int places[8] { 7, 6, 3, 0, 1, 2, 5, 8 };
+                its.bytes = nine[4];
+#pragma unroll
+                for (int k = 0; k < 8; ++k)
+                    around[k].bytes = nine[places[k]];
+            } else {
+                its = colour<IMAGES>(pixel);
+#pragma unroll
+                for (int k = 0; k < 8; ++k)
+                    around[k] = colour<IMAGES>(ring[k]);
+            }
             unsigned gaps = 0, wide_gaps = 0;
 #pragma unroll
             for (int k = 0; k < 8; ++k) {
-                const Colour<IMAGES> beside = colour<IMAGES>(ring[k]);
+                const Colour<IMAGES>& beside = around[k];
                 gaps |= unsigned(its.differs(beside, within ? FAINT_WITHIN : FAINT)) << k;
                 wide_gaps |= unsigned(its.differs(beside, FAINT_SIDES)) << k;
             }

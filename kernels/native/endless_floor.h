@@ -31,8 +31,8 @@ struct EndlessFloor {
             return;
         axis = { record.axis_z.x, record.axis_z.y, record.axis_z.z, record.axis_y.w };
         below = -record.origin.z;
-        least = 0.9999f * below / near;
-        most = lower(1.0001f * below / far, -1.0e-18f);
+        least = 0.9999f * below * reciprocal(near);
+        most = lower(1.0001f * below * reciprocal(far), -1.0e-18f);
         bit = 1u;
         shape = id;
     }

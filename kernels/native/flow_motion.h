@@ -83,17 +83,17 @@ WARPCAM_FN void put_row(Row* rows, int row, Vec v, float w)
 }
 
 // To the same pixel, but to a depth behind the camera.
-WARPCAM_FN void put_unknown(Row* motion)
+WARPCAM_FN void put_unknown(Row* motion, int step)
 {
     put_row(motion, 0, { 1.0f, 0.0f, 0.0f }, 0.0f);
-    put_row(motion, 1, { 0.0f, 1.0f, 0.0f }, 0.0f);
-    put_row(motion, 2, { 0.0f, 0.0f, 0.0f }, -1.0f);
+    put_row(motion, step, { 0.0f, 1.0f, 0.0f }, 0.0f);
+    put_row(motion, 2 * step, { 0.0f, 0.0f, 0.0f }, -1.0f);
 }
 
-// A shape's rows of Trail.before.
-WARPCAM_FN ShapePose pose_before(const Row* before)
+// A shape's rows of Trail.before, of so many shapes.
+WARPCAM_FN ShapePose pose_before(const Row* before, int columns)
 {
-    const Row a = load(before, 0), b = load(before, 1), c = load(before, 2), d = load(before, 3);
+    const Row a = load(before, 0), b = load(before, columns), c = load(before, 2 * columns), d = load(before, 3 * columns);
     return { to_vec(a), { { { b.x, b.y, b.z }, { c.x, c.y, c.z }, { d.x, d.y, d.z } } },
              { as_float(a.w), as_float(b.w), as_float(c.w) }, d.w };
 }
@@ -111,13 +111,13 @@ template <class Shapes> WARPCAM_FN ShapePose pose_now(const Shapes& shapes, int 
     return pose;
 }
 
-WARPCAM_FN void keep_pose(Row* before, const ShapePose& pose)
+WARPCAM_FN void keep_pose(Row* before, int columns, const ShapePose& pose)
 {
     const auto& r = pose.rotation.at;
     put_row(before, 0, pose.position, pose.size.x);
-    put_row(before, 1, { r[0][0], r[0][1], r[0][2] }, pose.size.y);
-    put_row(before, 2, { r[1][0], r[1][1], r[1][2] }, pose.size.z);
-    put_row(before, 3, { r[2][0], r[2][1], r[2][2] }, as_float(pose.asset));
+    put_row(before, columns, { r[0][0], r[0][1], r[0][2] }, pose.size.y);
+    put_row(before, 2 * columns, { r[1][0], r[1][1], r[1][2] }, pose.size.z);
+    put_row(before, 3 * columns, { r[2][0], r[2][1], r[2][2] }, as_float(pose.asset));
 }
 
 WARPCAM_FN bool same_pose(const ShapePose& a, const ShapePose& b)
@@ -144,23 +144,19 @@ struct ToPixels {
     }
 };
 
-// Writes the rows of Trail.motions that a shape has, and its pose now to `after`, if not null: `before` itself or another.
-// DEPTHS: the fourth tells depths, too, not only what rests.
+// Writes the rows of Trail.motions that a shape has, each so many after the last. DEPTHS: the fourth tells depths, too, not
+// only what rests.
 template <bool MOVES, bool DEPTHS, class Trail>
 WARPCAM_FN void compose_motion(const Trail& trail, const ShapePose& old, const ShapePose& pose, int kind, int state,
-                               const Camera& now, const Camera& then, bool pinhole, bool scaled, bool brief,
-                               const Row* before, Row* after, Row* motion)
+                               const Camera& now, const Camera& then, bool pinhole, bool scaled, bool brief, Row* motion,
+                               int step)
 {
     const float steps = DEPTHS && brief ? steps_of(kind, pose, now, pinhole) : 0.0f;
     if (state == NEW) {
-        put_unknown(motion);
-        put_row(motion, 3, { 0.0f, 0.0f, 0.0f }, brief ? steps : as_float(-2));
-        if (after)
-            keep_pose(after, pose);
+        put_unknown(motion, step);
+        put_row(motion, 3 * step, { 0.0f, 0.0f, 0.0f }, brief ? steps : as_float(-2));
         return;
     }
-    if (after && !(after == before && same_pose(old, pose)))
-        keep_pose(after, pose);
     // By how much a point of the shape, then one of the camera's frame, was elsewhere: 0 if nothing has moved.
     const Vec grown = stretch(kind, old.size, pose.size, scaled);
     Matrix turn, change;
@@ -190,7 +186,7 @@ WARPCAM_FN void compose_motion(const Trail& trail, const ShapePose& old, const S
     const bool known = magnitude(moved) < infinity() && old.asset == pose.asset, rests = known && moved == 0.0f;
     const ToPixels pixels(then, pinhole);
     if (!known) {
-        put_unknown(motion);
+        put_unknown(motion, step);
     } else if (!rests || corner >= 0) {
         for (int i = 0; i < 3; ++i)
             change.at[i][i] += 1.0f;
@@ -202,7 +198,7 @@ WARPCAM_FN void compose_motion(const Trail& trail, const ShapePose& old, const S
             const float start = x * (0.5f - now.center_x) + y * (0.5f - now.center_y);  // of pixel (0, 0)
             const float end = pixels.of(i, shift.x, shift.y, shift.z);
             const float middle = i == 0 ? then.center_x - 0.5f : i == 1 ? then.center_y - 0.5f : 0.0f;
-            put_row(motion, i, { x, y, pinhole ? z + start : z }, pinhole ? end : end + middle + start);
+            put_row(motion, i * step, { x, y, pinhole ? z + start : z }, pinhole ? end : end + middle + start);
         }
     }
     if (MOVES && corner >= 0) {
@@ -213,7 +209,7 @@ WARPCAM_FN void compose_motion(const Trail& trail, const ShapePose& old, const S
                 columns[j] = (j == 0 ? old.size.x : j == 1 ? old.size.y : old.size.z) * columns[j];
         }
         for (int i = 0; i < 3; ++i)
-            put_row(motion, 4 + i, { pixels.of(i, columns[0].x, columns[0].y, columns[0].z),
+            put_row(motion, (4 + i) * step, { pixels.of(i, columns[0].x, columns[0].y, columns[0].z),
                                      pixels.of(i, columns[1].x, columns[1].y, columns[1].z),
                                      pixels.of(i, columns[2].x, columns[2].y, columns[2].z) }, 0.0f);
     }
@@ -221,27 +217,30 @@ WARPCAM_FN void compose_motion(const Trail& trail, const ShapePose& old, const S
     if (kind == PLANE)
         reach.shift = -1.0e30f;
     if (!DEPTHS) {
-        put_row(motion, 3, { 0.0f, 0.0f, brief && rests ? -1.0f : 0.0f }, as_float(!brief && rests ? STILL : STILL - 1));
+        put_row(motion, 3 * step, { 0.0f, 0.0f, brief && rests ? -1.0f : 0.0f }, as_float(!brief && rests ? STILL : STILL - 1));
     } else if (brief) {
         const float old_steps = steps_of(kind, old, then, pinhole);
         const float nearest = product(reach.shift, old_steps) + TO_WHOLE;
-        put_row(motion, 3, { reach.part * old_steps, nearest, rests && corner < 0 ? -1.0f : then.near }, steps);
+        put_row(motion, 3 * step, { reach.part * old_steps, nearest, rests && corner < 0 ? -1.0f : then.near }, steps);
     } else {
-        put_row(motion, 3, { reach.part, reach.shift, then.near }, as_float(known ? 2 * corner + int(rests) : -2));
+        put_row(motion, 3 * step, { reach.part, reach.shift, then.near }, as_float(known ? 2 * corner + int(rests) : -2));
     }
 }
 
-// The same for a shape whose pose then is `before`.
+// The same for a shape whose pose then is `before`, as of so many shapes; its pose now goes to `after`, if not null: `before`
+// itself or another.
 template <bool MOVES, bool DEPTHS, class Trail, class Shapes>
 WARPCAM_FN void compose_motion_of(const Trail& trail, const Shapes& shapes, const Camera& now, const Camera& then, int world,
                                   int shape, bool pinhole, bool scaled, bool brief, const Row* before, Row* after, Row* motion)
 {
     // All is loaded before the first decision: memory is waited for once.
-    const ShapePose old = pose_before(before), pose = pose_now(shapes, world, shape);
+    const ShapePose old = pose_before(before, trail.columns), pose = pose_now(shapes, world, shape);
     const int state = wp::index(trail.known, world), kind = wp::index(shapes.types, shape);
     if (wp::index(shapes.places, shape) < 0 && kind != SPLATS)
         return;
-    compose_motion<MOVES, DEPTHS>(trail, old, pose, kind, state, now, then, pinhole, scaled, brief, before, after, motion);
+    if (after && (state == NEW || !(after == before && same_pose(old, pose))))
+        keep_pose(after, trail.columns, pose);
+    compose_motion<MOVES, DEPTHS>(trail, old, pose, kind, state, now, then, pinhole, scaled, brief, motion, 1);
 }
 
 // A shape of a world by a thread; `index` counts worlds, then shapes.
@@ -255,7 +254,7 @@ WARPCAM_FN void write_motion(const Shapes& shapes, const Views& views, const Mas
     const Camera now = load_camera(wp::index(views, world)), then = load_camera(wp::index(trail.views_before, world));
     Row* motion = reinterpret_cast<Row*>(trail.motions.data)
         + (moves ? motion_rows<true>() : motion_rows<false>()) * size_t(unsigned(index));
-    Row* before = reinterpret_cast<Row*>(trail.before.data) + 4 * size_t(unsigned(index));
+    Row* before = reinterpret_cast<Row*>(trail.before.data) + (4 * size_t(unsigned(index - shape)) + shape);
     Row* after = keep ? before : nullptr;
     if (moves)
         compose_motion_of<true, true>(trail, shapes, now, then, world, shape, pinhole, scaled, brief, before, after, motion);
@@ -277,7 +276,7 @@ WARPCAM_FN void compose_motions(const Trail& trail, const Shapes& shapes, const 
     Row* after = const_cast<Row*>(in_first ? other : one);
     for (int shape = THREADS - 1 - thread; shape < trail.columns; shape += THREADS)
         compose_motion_of<false, DEPTHS>(trail, shapes, now, then, world, shape, LENS == PINHOLE, (TYPES >> SCALED & 1) != 0,
-                                         (WANTED & FLOW_BRIEF) != 0, before + 4 * shape, keep ? after + 4 * shape : nullptr,
+                                         (WANTED & FLOW_BRIEF) != 0, before + shape, keep ? after + shape : nullptr,
                                          motions + motion_rows<false>() * (shape + 1));
     if (thread == THREADS - 1)  // of nothing, which rests
         put_row(motions, 3, { 0.0f, 0.0f, -1.0f }, (WANTED & FLOW_BRIEF) ? 0.0f : as_float(STILL));

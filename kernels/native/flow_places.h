@@ -247,23 +247,26 @@ struct FlowPlaces {
             motions = reinterpret_cast<const Row*>(trail.motions.data) + size_t(world) * trail.columns * ROWS;
     }
 
-    // The motion of a shape where a stage has composed it.
+    // The motion of a shape where the stage of views has composed it: of all shapes the first row, of all the second, ...
     struct Composed {
         const Row* rows;
-        WARPCAM_FN Row at(unsigned row) const { return load(rows, row); }
+        int columns;
+        WARPCAM_FN Row at(unsigned row) const { return load(rows, row * columns); }
     };
     template <class Trail> WARPCAM_FN static Composed composed(const Trail& trail, int world, int shape)
     {
-        const size_t index = size_t(unsigned(world * trail.columns + shape));
-        return { reinterpret_cast<const Row*>(trail.motions.data) + index * ROWS };
+        const size_t first = size_t(unsigned(world * trail.columns * ROWS + shape));
+        return { reinterpret_cast<const Row*>(trail.motions.data) + first, trail.columns };
     }
 
-    // Has all motions on their way that a stage has composed; for all threads of a block.
-    template <class Trail> WARPCAM_FN void fetch_motions(const Trail& trail, int world, int thread)
+    // Has all these motions, of at most LANES shapes, on their way; for all threads of a block.
+    template <class Trail> WARPCAM_FN void fetch_motions(const Trail& trail, int world, unsigned thread)
     {
-        const Row* rows = reinterpret_cast<const Row*>(trail.motions.data) + size_t(unsigned(world * trail.columns * ROWS));
-        for (int i = thread; i < trail.columns * ROWS; i += THREADS)
-            copy_row(near_motions + ROWS + i, rows + i);
+        static_assert(SHAPES <= LANES && ROWS == THREADS / LANES);
+        const unsigned shape = thread % LANES, row = thread / LANES, columns = trail.columns;
+        if (shape < columns)
+            copy_row(near_motions + (ROWS * (shape + 1) + row),
+                     reinterpret_cast<const Row*>(trail.motions.data) + ((world * ROWS + row) * columns + shape));
         if (thread == 0)  // of nothing, which rests
             near_motions[3] = { 0.0f, 0.0f, -1.0f, (WANTED & FLOW_BRIEF) ? 0 : STILL };
     }

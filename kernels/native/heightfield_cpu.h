@@ -58,7 +58,7 @@ struct PacketHit {
 
 // As walk_height_field(), whose comments hold here.
 template <class HeightFields>
-inline void walk_packet(const HeightFields& fields, const Record& record, const RayPacket& ray, Floats near,
+WARPCAM_APART inline void walk_packet(const HeightFields& fields, const Record& record, const RayPacket& ray, Floats near,
                         PacketHit& hit)
 {
     const Row scale = load(fields.grids.data, 2 * record.axis_z.w);

@@ -23,8 +23,14 @@ template <int LENS> WARPCAM_FN float distance_of(const Hit& hit, const ViewRay<L
 {
     if constexpr (LENS == RAYS)
         return hit.shape >= 0 ? -hit.depth * seen.direction().z : infinity();
-    const float length = LENS == PINHOLE ? root(seen.x * seen.x + seen.y * seen.y + 1.0f) : 1.0f;
-    return hit.shape >= 0 ? hit.depth * length : infinity();
+    if (LENS != PINHOLE)
+        return hit.shape >= 0 ? hit.depth : infinity();
+#if defined(__CUDA_ARCH__)  // the compiler would choose, at each place where a pixel is written, which square is rounded
+    const float across = muladd(seen.x, seen.x, product(seen.y, seen.y));
+#else
+    const float across = seen.x * seen.x + seen.y * seen.y;
+#endif
+    return hit.shape >= 0 ? hit.depth * root(across + 1.0f) : infinity();
 }
 
 template <int LENS> WARPCAM_FN Vec point_of(const Hit& hit, const Camera& camera, const ViewRay<LENS>& seen)

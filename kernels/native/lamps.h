@@ -79,7 +79,7 @@ template <class Physical> WARPCAM_FN void gather_sky(const Physical& physical, i
 
 // Fills the list; all lanes of one warp take part. `first` is where the headlight's colours begin.
 template <bool SHADOWS, class Physical>
-WARPCAM_FN void gather_lights(const Physical& physical, const Camera& camera, int world, int first, int lane,
+WARPCAM_APART WARPCAM_FN void gather_lights(const Physical& physical, const Camera& camera, int world, int first, int lane,
                               LampList& list)
 {
     const auto& lights = physical.plain;

@@ -58,18 +58,18 @@ struct LeafPairs {
     // Of a leaf; of what is none 0.
     WARPCAM_FN static int faces_of(int node) { return node < 0 ? (-node - 1) & 15 : 0; }
 
-    // Lanes whose `node` is no leaf have none. They are added up by their bits.
-    WARPCAM_FN explicit LeafPairs(int node)
+    // Lanes whose `node` is no leaf have none. They are added up by their bits; of all lanes there are `all`.
+    WARPCAM_FN LeafPairs(int node, int all)
     {
         const int code = node < 0 ? -node - 1 : 0, faces = code & 15;
         const unsigned before = (1u << threadIdx.x % LANES) - 1;
         first = code >> 4;
-        begin = count = 0;
+        begin = 0;
+        count = all;
 #pragma unroll
         for (int bit = 0; bit < 4; ++bit) {
             const unsigned with = __ballot_sync(ALL, faces >> bit & 1);
             begin += __popc(with & before) << bit;
-            count += __popc(with) << bit;
         }
         end = begin + faces;
     }
@@ -133,14 +133,15 @@ WARPCAM_FN float meet_face(const Record& record, const Meshes& meshes, const Ray
     return t < depth && t > near && is_there<TYPES>(meshes, record, ray.local(record), face, t) ? t : FAR_AWAY;
 }
 
-// The same for all lanes whose `node` is a leaf, of the mesh at `slot` of the list; says whether the lane's ray hits one.
+// The same for all lanes whose `node` is a leaf, of the mesh at `slot` of the list, which have so many faces together; says
+// whether the lane's ray hits one.
 // With `full` lanes wait for company again rather than leave most of a warp idle: `node` becomes what is left of the leaf.
 template <int TYPES, class List, class Meshes, class Ray>
 WARPCAM_FN bool meet_leaves(PairRoom& room, const List& list, const Meshes& meshes, const Ray& ray, int slot, int node,
-                            float near, bool full, float& depth, int& face, int& left)
+                            int faces, float near, bool full, float& depth, int& face, int& left)
 {
     const int lane = threadIdx.x % LANES;
-    const LeafPairs pairs(node);
+    const LeafPairs pairs(node, faces);
     const bool some = full && pairs.count > LANES && pairs.count % LANES < ENOUGH_PAIRS;
     const int tested = some ? pairs.count / LANES * LANES : pairs.count;
     room.depth[lane] = depth;
@@ -178,10 +179,10 @@ WARPCAM_FN bool meet_leaves(PairRoom& room, const List& list, const Meshes& mesh
 // The same of rays that end here if they hit: few faces are hit, so their lanes ask for them one after another.
 template <int TYPES, class List, class Meshes, class Ray>
 WARPCAM_FN bool meet_leaves(AnyPairRoom& room, const List& list, const Meshes& meshes, const Ray& ray, int slot, int node,
-                            float near, bool full, float& depth, int& face, int& left)
+                            int faces, float near, bool full, float& depth, int& face, int& left)
 {
     const int lane = threadIdx.x % LANES;
-    const LeafPairs pairs(node);
+    const LeafPairs pairs(node, faces);
     const bool some = full && pairs.count > LANES && pairs.count % LANES < ENOUGH_PAIRS;
     const int tested = some ? pairs.count / LANES * LANES : pairs.count;
     bool met = false;

@@ -199,7 +199,7 @@ WARPCAM_FN float reach_along(int type, Vec half, Vec n)
 // The window of a shape whose box has `extent` in its own frame, `position` from the camera; `height` is that of its
 // point nearest to the light. Both are widened by more than the rounding of the shape's and of any point's place.
 // TIGHT: also of a shape that stands beside the light, part of it before and part of it behind.
-template <bool TIGHT = false> WARPCAM_FN Window window_of(const Light& light, int type, Vec position, const Matrix& rotation, const Extent& extent,
+template <bool TIGHT = false> WARPCAM_APART WARPCAM_FN Window window_of(const Light& light, int type, Vec position, const Matrix& rotation, const Extent& extent,
                             float& height)
 {
     const Vec u = turned_back(rotation, light.u), v = turned_back(rotation, light.v);

@@ -30,15 +30,28 @@ WARPCAM_FN void draw_listed(const Shapes& shapes, const Materials&, const Meshes
     WARPCAM_SHARED Room shared;
     Room& room = by_address(shared);
     constexpr int PARTS = parts_of(OUTPUTS, WIDTH, HEIGHT);
-    static_assert(PARTS == 1 || Canvas_::STORES_MUCH);  // else warps have their own tiles, counted from the first
     static_assert(WIDTH % (Canvas_::WIDE * TILE_WIDTH) == 0);
-    const int thread = index % THREADS, block = same_of_warp(index / THREADS), world = block / PARTS;
-    const bool wanted = wp::index(target.mask, world);
-    const List* from = reinterpret_cast<const List*>(target.lists.data) + world;
-    for (int i = thread; i < List::rows_of(shapes.drawn.shape[0]); i += THREADS)
-        copy_row(reinterpret_cast<Row*>(&room.list) + i, reinterpret_cast<const Row*>(from) + i);
+    const int thread = unsigned(index) % THREADS, block = same_of_warp(unsigned(index) / THREADS);
+    const int world = unsigned(block) / PARTS, part = unsigned(block) % PARTS;
+    __builtin_assume(world >= 0);
+    const auto from = FarList<CAPACITY, names_slots(OUTPUTS)>::of(target.lists, world);
+    from.fetch(room.list, shapes.drawn.shape[0], thread);
     if constexpr (FLOWING)
         room.places.fetch_motions(target.trail, world, thread);
+    const unsigned char wanted = wp::index(target.mask, world);  // all is on its way before the first is waited for
+    if constexpr (Canvas_::LINED) {
+        constexpr int STACK = Canvas_::TALL * TILE_HEIGHT, ROWS = (HEIGHT / STACK + PARTS - 1) / PARTS * STACK;  // of a part
+        const Camera& camera = from.head().camera;
+        const int top = PARTS > 1 ? part * ROWS : 0;
+#pragma unroll
+        for (int k = 0; k < (WIDTH + THREADS - 1) / THREADS; ++k)
+            if (const int n = k * THREADS + thread; n < WIDTH)
+                room.lines[n] = image_x(camera, float(n));
+#pragma unroll
+        for (int k = 0; k < (ROWS + THREADS - 1) / THREADS; ++k)
+            if (const int n = k * THREADS + (THREADS - 1 - thread); n < ROWS && (PARTS * ROWS == HEIGHT || top + n < HEIGHT))
+                room.lines[WIDTH + top + n] = image_y(camera, float(top + n));
+    }
     if (!wanted) {
         await_rows();
         return;
@@ -49,15 +62,12 @@ WARPCAM_FN void draw_listed(const Shapes& shapes, const Materials&, const Meshes
             room.places.locate(target.trail, world);  // all write the same
             room.places.fetch(shapes, target.trail, thread);
         }
-    if constexpr (Canvas_::LINED)
-        for (int n = thread; n < WIDTH + HEIGHT; n += THREADS)
-            room.lines[n] = n < WIDTH ? image_x(from->camera, float(n)) : image_y(from->camera, float(n - WIDTH));
     const Canvas_ canvas { target,     shapes,       room.list, room.list.camera, { 0, 0, WIDTH, HEIGHT }, world, room.places,
-                           room.list.facings, room.lines, room.lines + (Canvas_::LINED ? WIDTH : 0), block % PARTS, PARTS };
+                           room.list.facings, room.lines, room.lines + (Canvas_::LINED ? WIDTH : 0), part, PARTS };
     if (finds)
         canvas.find_floor(thread - LANES);
     else if (thread >= THREADS - LANES)
-        canvas.follow_floor(from->camera);
+        canvas.follow_floor(from.head().camera);
     await_rows();
     block_barrier();
     canvas.template look_at_floor<THREADS>(thread);

@@ -328,7 +328,7 @@ WARPCAM_FN void load_rest(Look<TYPES, Wants>& look, const Shapes& shapes, const 
 
 template <int TYPES, class Wants, class Shapes, class Materials, class Physical, class Textures, class Meshes,
           class HeightFields>
-WARPCAM_FN Look<TYPES, Wants> load_look(const Shapes& shapes, const Materials& materials, const Physical& physical,
+WARPCAM_APART WARPCAM_FN Look<TYPES, Wants> load_look(const Shapes& shapes, const Materials& materials, const Physical& physical,
                                         const Textures& textures, const Meshes& meshes, const HeightFields& fields,
                                         const Camera& camera, float horizon, int world, int id)
 {

@@ -150,7 +150,7 @@ WARPCAM_FN void trace_rays(Rays& rays, const List& list, const Meshes& meshes, f
                 const Record& record = list.records[slot];
                 if (as_float(record.size.w) < depth) {
                     const Ray local = ray.local(record);
-                    boxes.set(slabs(local.origin, local.direction, record.size.x), record.size.x);
+                    boxes.set(local.origin, local.direction, record.size.x);
                     nodes = as_int(record.size.y);
                     node = 0;
                 } else {
@@ -191,13 +191,13 @@ WARPCAM_FN void trace_rays(Rays& rays, const List& list, const Meshes& meshes, f
                 break;
         }
 
-        const bool enough = Rays::PAIRED ? sum_of_all(LeafPairs::faces_of(node)) >= ENOUGH_PAIRS
-                                         : __popc(__ballot_sync(ALL, node < 0)) >= COMPANY;
+        const int faces = Rays::PAIRED ? sum_of_all(LeafPairs::faces_of(node)) : 0;
+        const bool enough = Rays::PAIRED ? faces >= ENOUGH_PAIRS : __popc(__ballot_sync(ALL, node < 0)) >= COMPANY;
         if (enough || (!stepping && __any_sync(ALL, node < 0))) {
             int left_of_leaf = NO_NODE;
             bool ends = false;
             if constexpr (Rays::PAIRED)
-                if (meet_leaves<TYPES>(rays.room, list, meshes, ray, slot, node, near, stepping != 0, depth, face,
+                if (meet_leaves<TYPES>(rays.room, list, meshes, ray, slot, node, faces, near, stepping != 0, depth, face,
                                        left_of_leaf)) {
                     shape = list.records[slot].axis_y.w;
                     ends = Rays::ANY;

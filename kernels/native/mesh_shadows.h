@@ -104,7 +104,7 @@ template <int WORDS, class Boxes> struct ShadowRays: WaitingRays<WORDS> {
 template <int TYPES, class Rays, class List, class Meshes>
 WARPCAM_FN bool meets_leaves(Rays& rays, const List& list, const Light& light, const Meshes& meshes, int slot, int node)
 {
-    const LeafPairs pairs(node);
+    const LeafPairs pairs(node, sum_of_all(LeafPairs::faces_of(node)));
     bool met = false;
     for (int window = 0; window < pairs.count; window += LANES) {
         int start;
@@ -176,7 +176,7 @@ WARPCAM_FN void cast_rays(ShadowRays<WORDS, Boxes>& rays, const List& list, cons
                 const WorldRay ray { point, ray_to(light, point) };
                 const Ray local = ray.local(record);
                 rays.put_frame(ray.template frame<TYPES>(record));
-                boxes.set(slabs(local.origin, local.direction, record.size.x), record.size.x);
+                boxes.set(local.origin, local.direction, record.size.x);
                 rays.keep_boxes(boxes);
                 nodes = record.origin.w;
                 node = 0;

@@ -66,6 +66,7 @@ struct NearShapes {
     }
 
     WARPCAM_FN int place(int id) const { return places[find(id)]; }
+    WARPCAM_FN int place_of_byte(int id) const { return places[id]; }  // of one below NEAR_KEYS, if all are
 
     // Makes the records of all that were added; with barriers.
     template <int TYPES, int LENS, class Shapes, class Meshes, class HeightFields>

@@ -34,13 +34,19 @@ constexpr int tiles_at_once(int types, int width, int height)
     return quick && width * height >= 32 * 32 ? 2 : 1;
 }
 
-// How many blocks share an image whose shapes have been listed. Where much is stored a launch ends sooner with short blocks;
-// where little is, they begin too often; where validity is wanted each would look at the whole floor. None has less than a pixel a thread. visibility.py has the same.
+// How many blocks share an image whose shapes have been listed. Of 64x64 pixels: where much is stored a launch ends sooner with
+// short blocks; where little is, they begin too often; where validity is wanted each would look at the whole floor. None has
+// less than a pixel a thread. Of larger ones each has some whole rows of stacks of tiles. visibility.py has the same.
 constexpr int parts_of(int outputs, int width, int height)
 {
-    const int wanted = outputs & FLOW_VALID ? 1 : outputs & (POINTS | NORMAL) ? 4 : outputs & FLOW ? 2 : 1;
-    const int most = width * height / THREADS;
-    return wanted < most ? wanted : most;
+    constexpr int PIXELS = 64 * 64, STACK = 2 * TILE_HEIGHT;
+    const int more = outputs & (DISTANCE | BODIES | INSTANCES | SEMANTICS) && width * height <= PIXELS ? 2 : 1;
+    const int threes = (outputs & POINTS ? 1 : 0) + (outputs & NORMAL ? 1 : 0);
+    const int wanted = outputs & FLOW_VALID ? 1 : threes ? 4 * threes : outputs & FLOW ? 2 : more;
+    const int most = lower_int(width * height / THREADS, height / TILE_HEIGHT), rows = PIXELS / (STACK * wanted * width);
+    if (width * height <= PIXELS)
+        return wanted < most ? wanted : most;
+    return rows > 1 ? (height / STACK + rows - 1) / rows : height / STACK;
 }
 
 // Where normals or albedo are written, hits name the slot of their shape's record instead of the shape: see gather().

@@ -27,6 +27,12 @@ WARPCAM_FN void put_three(float* image, unsigned at, Vec value)
     channels[2] = value.z;
 }
 
+// Two pixels beside each other, at once.
+template <class Value, class Given> WARPCAM_FN void put_two(Value* image, Given first, Given second)
+{
+    *reinterpret_cast<Several<Value, 2>*>(image) = { { static_cast<Value>(first), static_cast<Value>(second) } };
+}
+
 // Three numbers a pixel. QUADS: the image's width is a multiple of four pixels; then a thread stores 16 bytes at once.
 template <bool IN_QUADS, class Array> WARPCAM_FN void put_vec(const Array& image, const Pixel& pixel, Vec value)
 {

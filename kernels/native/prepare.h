@@ -1,6 +1,7 @@
 // From a shape's live pose to its record in one view, and the tiles of a region it may touch.
 #pragma once
 #include "ray_table.h"
+#include "view_span.h"
 
 namespace warpcam {
 
@@ -264,10 +265,15 @@ WARPCAM_FN TileBox ray_tiles(const Camera& camera, const Region& region, Vec cen
              static_cast<signed char>(bottom) };
 }
 
-// Without BOXES it is left open which tiles the shape touches, if any.
-template <int TYPES, int LENS, bool BOXES = true, class Meshes, class HeightFields>
-WARPCAM_FN Visible prepare(const Shape& shape, const Camera& camera, const Region& region, const Meshes& meshes,
-                           const HeightFields& fields, Record& record, TileBox& tiles)
+// A shape's box and the scale that makes it a unit shape.
+struct ShapeForm {
+    Extent extent;
+    Vec scale;
+};
+
+// What of a shape no camera is asked for; also the size row of its record.
+template <int TYPES, class Meshes, class HeightFields>
+WARPCAM_FN Visible find_form(const Shape& shape, const Meshes& meshes, const HeightFields& fields, ShapeForm& form, Record& record)
 {
     float sum = shape.position.x + shape.position.y + shape.position.z;
     for (int i = 0; i < 3; ++i)
@@ -275,12 +281,19 @@ WARPCAM_FN Visible prepare(const Shape& shape, const Camera& camera, const Regio
     const float sizes = shape.size.x + shape.size.y + shape.size.z;
     if (!(magnitude(sum) < FAR_AWAY) || sizes != sizes)
         return BROKEN;
-    Extent extent {};
-    Vec scale;
+    form.extent = {};
     record.size = { 0.0f, 0.0f, 0.0f, 0 };
-    if (!describe<TYPES>(shape, meshes, fields, extent, scale, record))
-        return HIDDEN;
+    return describe<TYPES>(shape, meshes, fields, form.extent, form.scale, record) ? SEEN : HIDDEN;
+}
 
+// The rest of its record. Without BOXES it is left open which tiles the shape touches, if any. CORNERS: as many of four are
+// worked out at once, of which each stands for two; with all of them the registers of a trace would be twice as many.
+template <int TYPES, int LENS, bool BOXES = true, int CORNERS = 1>
+WARPCAM_FN Visible place(const Shape& shape, const ShapeForm& form, const Camera& camera, const Region& region, Record& record,
+                         TileBox& tiles)
+{
+    const Extent& extent = form.extent;
+    const Vec scale = form.scale;
     const Vec away { camera.origin.x - shape.position.x, camera.origin.y - shape.position.y,
                      camera.origin.z - shape.position.z };
     const Vec o = turned_back(shape.rotation, away);
@@ -314,23 +327,26 @@ WARPCAM_FN Visible prepare(const Shape& shape, const Camera& camera, const Regio
                     return HIDDEN;
             }
         } else if (BOXES && (LENS == ORTHOGRAPHIC || nearest > 1.0e-3f * reach)) {
-            float left = FAR_AWAY, right = -FAR_AWAY, top = FAR_AWAY, bottom = -FAR_AWAY;
-#pragma unroll 1  // unrolled, the corners would hold twice the registers of the trace
-            for (int k = 0; k < 8; ++k) {
-                const float a = k & 1 ? e.x : -e.x, b = k & 2 ? e.y : -e.y, c = k & 4 ? e.z : -e.z;
-                const float z = depth - (m.at[0][2] * a + m.at[1][2] * b + m.at[2][2] * c);
-                const float w = LENS == ORTHOGRAPHIC ? 1.0f : 1.0f / z;
-                const float x = (center.x + m.at[0][0] * a + m.at[1][0] * b + m.at[2][0] * c) * w;
-                const float y = (center.y + m.at[0][1] * a + m.at[1][1] * b + m.at[2][1] * c) * w;
-                left = lower(left, x);
-                right = upper(right, x);
-                bottom = upper(bottom, -y);
-                top = lower(top, -y);
+            ViewSpan span { FAR_AWAY, -FAR_AWAY, FAR_AWAY, -FAR_AWAY };
+            if ((TYPES & ROUND_TYPES) != 0 && (ROUND_TYPES >> shape.type & 1) != 0) {
+                span_round<LENS>(shape.type, center, depth, m, e, span);
+            } else {
+                const Vec side { m.at[0][0] * e.x, m.at[0][1] * e.x, m.at[0][2] * e.x };
+#pragma unroll CORNERS
+                for (int k = 0; k < 4; ++k) {
+                    const float b = k & 1 ? e.y : -e.y, c = k & 2 ? e.z : -e.z;
+                    const Vec middle { center.x + m.at[1][0] * b + m.at[2][0] * c, center.y + m.at[1][1] * b + m.at[2][1] * c,
+                                       depth - (m.at[1][2] * b + m.at[2][2] * c) };
+                    const float w = LENS == ORTHOGRAPHIC ? 1.0f : reciprocal(middle.z - side.z);
+                    const float v = LENS == ORTHOGRAPHIC ? 1.0f : reciprocal(middle.z + side.z);
+                    span.take((middle.x + side.x) * w, (middle.x - side.x) * v, (middle.y + side.y) * w,
+                              (middle.y - side.y) * v);
+                }
             }
-            const float px = 1.0f / camera.scale_x, py = 1.0f / camera.scale_y;
-            tile_span(left * px + camera.center_x - 0.5f, right * px + camera.center_x - 0.5f, region.left,
+            const float px = reciprocal(camera.scale_x), py = reciprocal(camera.scale_y);
+            tile_span(span.left * px + camera.center_x - 0.5f, span.right * px + camera.center_x - 0.5f, region.left,
                       region.width, TILE_WIDTH, tiles.left, tiles.right);
-            tile_span(top * py + camera.center_y - 0.5f, bottom * py + camera.center_y - 0.5f, region.top,
+            tile_span(camera.center_y - 0.5f - span.high * py, camera.center_y - 0.5f - span.low * py, region.top,
                       region.height, TILE_HEIGHT, tiles.top, tiles.bottom);
             if (tiles.left > tiles.right || tiles.top > tiles.bottom)
                 return HIDDEN;
@@ -345,6 +361,16 @@ WARPCAM_FN Visible prepare(const Shape& shape, const Camera& camera, const Regio
     record.origin = { o.x * scale.x, o.y * scale.y, o.z * scale.z, 0 };
     record.size.w = as_int(nearest);
     return SEEN;
+}
+
+// All of it.
+template <int TYPES, int LENS, bool BOXES = true, class Meshes, class HeightFields>
+WARPCAM_APART WARPCAM_FN Visible prepare(const Shape& shape, const Camera& camera, const Region& region, const Meshes& meshes,
+                           const HeightFields& fields, Record& record, TileBox& tiles)
+{
+    ShapeForm form;
+    const Visible found = find_form<TYPES>(shape, meshes, fields, form, record);
+    return found == SEEN ? place<TYPES, LENS, BOXES>(shape, form, camera, region, record, tiles) : found;
 }
 
 }  // namespace warpcam

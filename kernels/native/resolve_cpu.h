@@ -32,7 +32,7 @@ template <int ROOM> struct Sorted {
     }
 
     // The pixels of rows that are `width` long; a row has room for WIDTH.
-    template <int WIDTH, class Array> void sort(const Array& ids, size_t first, int pitch, int width, int rows)
+    template <int WIDTH, class Array> WARPCAM_APART void sort(const Array& ids, size_t first, int pitch, int width, int rows)
     {
         for (unsigned slot = 0; slot < SLOTS; ++slot)
             table[slot] = -1;
@@ -186,68 +186,82 @@ struct EightHits {
     int faces[PACKET];
 };
 
+// As many packets of a shape are drawn together, step by step: what one step of a packet waits for, those of others fill.
+constexpr int TOGETHER = 4;
+
+// Of the last packet's pixels `rest` count, of the others' all.
 template <int TYPES, int IMAGES, int FACTS, class Looks, class List, class Scene_, class Paint>
-inline void paint_eight(const Looks& look, const Levels* levels, int id, const List& lights, const Scene_& scene,
-                        const Camera& camera, Vec gain, const EightHits& hits, const short* pixels, int count,
-                        Paint& painted)
+WARPCAM_APART inline void paint_packets(const Looks& look, const Levels* levels, int id, const List& lights, const Scene_& scene,
+                          const Camera& camera, Vec gain, const EightHits* hits, const short* pixels, int packets, int rest,
+                          Paint& painted)
 {
     using Wants = Wanted<IMAGES, FACTS>;
     constexpr bool SHADOWS = FACTS & HAS_SHADOWS, BY_CORNERS = Wants::FACETED && lit_by_corners<List>(SHADOWS);
     const Pose& pose = look.pose;
-    const Floats depth = hits.depth, one = 1.0f;
-    const Vecs place { depth * hits.x, depth * hits.y, -depth };
-    const Vecs ray = local_of(pose, { hits.x, hits.y, -one });
-    Surfaces surface;
-    surfaces_at<TYPES>(pose, scene.meshes, scene.fields, hits.faces, eight_of(pose.eye()) + depth * ray, ray, surface);
-    if constexpr ((IMAGES & NORMALS) != 0) {
-        const Vecs n = surface.normal;
-        const Turn& turn = look.turn;
-        const Row a = turn.axis_x, b = turn.axis_y, c = turn.axis_z;
-        const Vecs normal { a.x * n.x + a.y * n.y + a.z * n.z, b.x * n.x + b.y * n.y + b.z * n.z,
-                            c.x * n.x + c.y * n.y + c.z * n.z };
-        const Vecs facing = chosen(dot(n, ray) > 0.0f, -normal, normal);
-        for (int k = 0; k < count; ++k)
-            painted.normal[pixels[k]] = one_of(facing, k);
+    const Floats one = 1.0f;
+    Vecs rays[TOGETHER], textures[TOGETHER];
+    Surfaces surfaces[TOGETHER];
+    const auto count_of = [&](int packet) { return packet + 1 < packets ? PACKET : rest; };
+    for (int n = 0; n < packets; ++n) {
+        const EightHits& hit = hits[n];
+        rays[n] = local_of(pose, { hit.x, hit.y, -one });
+        surfaces_at<TYPES>(pose, scene.meshes, scene.fields, hit.faces, eight_of(pose.eye()) + hit.depth * rays[n], rays[n],
+                           surfaces[n]);
+        textures[n] = { one, one, one };
     }
-    Vecs texture { one, one, one };
+    if constexpr ((IMAGES & NORMALS) != 0)
+        for (int n = 0; n < packets; ++n) {
+            const Vecs normal = surfaces[n].normal;
+            const Turn& turn = look.turn;
+            const Row a = turn.axis_x, b = turn.axis_y, c = turn.axis_z;
+            const Vecs turned { a.x * normal.x + a.y * normal.y + a.z * normal.z,
+                                b.x * normal.x + b.y * normal.y + b.z * normal.z,
+                                c.x * normal.x + c.y * normal.y + c.z * normal.z };
+            const Vecs facing = chosen(dot(normal, rays[n]) > 0.0f, -turned, turned);
+            for (int k = 0; k < count_of(n); ++k)
+                painted.normal[pixels[n * PACKET + k]] = one_of(facing, k);
+        }
     if constexpr (Wants::TEXTURED)
         if (levels)
-            texture = texture_colors<TYPES>(look, *levels, scene.meshes, scene.textures, camera, surface, ray, depth);
-    if constexpr ((IMAGES & ALBEDO) != 0) {
-        const Ints bytes = to_bytes(times(eight_of(clip(to_vec(look.finish.color))), texture));
-        for (int k = 0; k < count; ++k)
-            painted.albedo[pixels[k]] = unsigned(bytes[k]);
-    }
-    if constexpr (Wants::LIT) {
-        Lits lit;
-        Ints inside = 0;
-        if constexpr (BY_CORNERS) {
-            if (id == lights.grid.shape) {
-                const OnCornersOfEight on = on_corners(lights.grid, surface.local);
-                lit.display = light_from_corners(lights.grid, on, hits.shadow);
-                inside = on.inside;
+            texture_colors<TYPES>(look, *levels, scene.meshes, scene.textures, camera, surfaces, rays, hits, packets, textures);
+    if constexpr ((IMAGES & ALBEDO) != 0)
+        for (int n = 0; n < packets; ++n) {
+            const Ints bytes = to_bytes(times(eight_of(clip(to_vec(look.finish.color))), textures[n]));
+            for (int k = 0; k < count_of(n); ++k)
+                painted.albedo[pixels[n * PACKET + k]] = unsigned(bytes[k]);
+        }
+    if constexpr (Wants::LIT)
+        for (int n = 0; n < packets; ++n) {
+            const EightHits& hit = hits[n];
+            Lits lit;
+            Ints inside = 0;
+            if constexpr (BY_CORNERS) {
+                if (id == lights.grid.shape) {
+                    const OnCornersOfEight on = on_corners(lights.grid, surfaces[n].local);
+                    lit.display = light_from_corners(lights.grid, on, hit.shadow);
+                    inside = on.inside;
+                }
             }
+            if (any_of(~inside)) {
+                Facets facet;
+                facets_at<TYPES>(look, scene.meshes, surfaces[n], { hit.depth * hit.x, hit.depth * hit.y, -hit.depth }, facet);
+                Lits own;
+                const bool at_corners = (TYPES & (1 << PLANE | 1 << HEIGHT_FIELD | 1 << BOX | 1 << MESH))
+                    && lit_at_corners<TYPES>(look);
+                illuminate_eight<SHADOWS>(lights, facet, at_corners ? 3 : 1, look.finish, hit.shadow, own);
+                lit = BY_CORNERS ? Lits { own.linear, chosen(inside, lit.display, own.display) } : own;
+            } else {
+                lit.linear = lit.display;
+            }
+            const Vecs scaled = FACTS & EXPOSED ? times(eight_of(gain), textures[n]) : textures[n];
+            painted.put_light(pixels + n * PACKET, count_of(n), times(lit.linear, scaled), times(lit.display, scaled),
+                              0xff000000u);
         }
-        if (any_of(~inside)) {
-            Facets facet;
-            facets_at<TYPES>(look, scene.meshes, surface, place, facet);
-            Lits own;
-            if ((TYPES & (1 << PLANE | 1 << HEIGHT_FIELD | 1 << BOX | 1 << MESH)) && lit_at_corners<TYPES>(look))
-                illuminate_eight<3, SHADOWS>(lights, facet, look.finish, hits.shadow, own);
-            else
-                illuminate_eight<1, SHADOWS>(lights, facet, look.finish, hits.shadow, own);
-            lit = BY_CORNERS ? Lits { own.linear, chosen(inside, lit.display, own.display) } : own;
-        } else {
-            lit.linear = lit.display;
-        }
-        const Vecs scaled = FACTS & EXPOSED ? times(eight_of(gain), texture) : texture;
-        painted.put_light(pixels, count, times(lit.linear, scaled), times(lit.display, scaled), 0xff000000u);
-    }
 }
 
 // What is behind everything.
 template <int IMAGES, int FACTS, class Scene_, class Paint>
-inline void paint_background(const Scene_& scene, const Camera& camera, int world, Vec gain, const float* x, const float* y,
+WARPCAM_APART inline void paint_background(const Scene_& scene, const Camera& camera, int world, Vec gain, const float* x, const float* y,
                              int width, const short* pixels, int count, Paint& painted)
 {
     const auto& background = background_of<FACTS>(scene, world);
@@ -274,6 +288,48 @@ inline void paint_background(const Scene_& scene, const Camera& camera, int worl
         }
         painted.put_light(pixels + first, some, color, color, 0u);
     }
+}
+
+// What eight pixels show, of which `count` are given; the others are the last again.
+template <int TYPES, bool SHADOWS, int WIDTH, class Frame>
+inline void load_hits(const Frame& frame, size_t first, const float* x, const float* y, const short* pixels, int count,
+                      EightHits& hits)
+{
+    constexpr bool FACES = (TYPES & (1 << MESH | 1 << HEIGHT_FIELD)) != 0;
+    const int row = pixels[0] / WIDTH, column = pixels[0] % WIDTH;
+    if (count == PACKET && column + PACKET <= WIDTH && in_a_row(pixels)) {
+        const size_t at = first + size_t(row) * frame.width + column;
+        __builtin_memcpy(&hits.x, x + column, sizeof hits.x);
+        hits.y = y[row];
+        __builtin_memcpy(&hits.depth, frame.depth.data + at, sizeof hits.depth);
+        if (FACES) {
+            Ints faces = load_eight(frame.face.data + at);
+            if ((TYPES >> HEIGHT_FIELD & 1) && sizeof *frame.face.data == 2)
+                faces |= faces == 0xffff;  // see stored_face()
+            store_eight(hits.faces, faces);
+        }
+        if (SHADOWS)
+            hits.shadow = load_eight(frame.shadow.data + at);
+        return;
+    }
+    float own_x[PACKET], own_y[PACKET], depth[PACKET];
+    int shadow[PACKET];
+    for (int k = 0; k < PACKET; ++k) {
+        const int pixel = pixels[lower_int(k, count - 1)];
+        const size_t at = first + size_t(pixel / WIDTH) * frame.width + pixel % WIDTH;
+        own_x[k] = x[pixel % WIDTH];
+        own_y[k] = y[pixel / WIDTH];
+        depth[k] = frame.depth.data[at];
+        if (FACES)
+            hits.faces[k] = stored_face<TYPES>(frame.face.data[at]);
+        if (SHADOWS)
+            shadow[k] = frame.shadow.data[at];
+    }
+    __builtin_memcpy(&hits.x, own_x, sizeof own_x);
+    __builtin_memcpy(&hits.y, own_y, sizeof own_y);
+    __builtin_memcpy(&hits.depth, depth, sizeof depth);
+    if (SHADOWS)
+        __builtin_memcpy(&hits.shadow, shadow, sizeof shadow);
 }
 
 // Paints what the pixels of a few rows show. `look_at(id)` gives a shape's look.
@@ -303,40 +359,17 @@ inline void paint_sorted(const Sorted<ROOM>& sorted, const List& lights, const S
             faces = look.layout.cube ? 6 : 1;
         }
         const Levels levels(image, faces);
-        for (int done = 0; done < total; done += PACKET) {
-            EightHits hits;
-            hits.shadow = 0;
-            constexpr bool FACES = (TYPES & (1 << MESH | 1 << HEIGHT_FIELD)) != 0;
-            constexpr bool SHADOWS = Wants::LIT && (FACTS & HAS_SHADOWS);
-            const int row = pixels[done] / WIDTH, column = pixels[done] % WIDTH;
-            if (done + PACKET <= total && column + PACKET <= WIDTH && in_a_row(pixels + done)) {
-                const size_t at = first + size_t(row) * frame.width + column;
-                __builtin_memcpy(&hits.x, x + column, sizeof hits.x);
-                hits.y = y[row];
-                __builtin_memcpy(&hits.depth, frame.depth.data + at, sizeof hits.depth);
-                if (FACES) {
-                    Ints faces = load_eight(frame.face.data + at);
-                    if ((TYPES >> HEIGHT_FIELD & 1) && sizeof *frame.face.data == 2)
-                        faces |= faces == 0xffff;  // see stored_face()
-                    store_eight(hits.faces, faces);
-                }
-                if (SHADOWS)
-                    hits.shadow = load_eight(frame.shadow.data + at);
-            } else {
-                for (int k = 0; k < PACKET; ++k) {
-                    const int pixel = pixels[lower_int(done + k, total - 1)];
-                    const size_t at = first + size_t(pixel / WIDTH) * frame.width + pixel % WIDTH;
-                    hits.x[k] = x[pixel % WIDTH];
-                    hits.y[k] = y[pixel / WIDTH];
-                    hits.depth[k] = frame.depth.data[at];
-                    if (FACES)
-                        hits.faces[k] = stored_face<TYPES>(frame.face.data[at]);
-                    if (SHADOWS)
-                        hits.shadow[k] = frame.shadow.data[at];
-                }
+        for (int done = 0; done < total; done += TOGETHER * PACKET) {
+            EightHits hits[TOGETHER];
+            const int packets = lower_int(TOGETHER, (total - done + PACKET - 1) / PACKET);
+            for (int n = 0; n < packets; ++n) {
+                const int from = done + n * PACKET;
+                load_hits<TYPES, Wants::LIT && (FACTS & HAS_SHADOWS), WIDTH>(frame, first, x, y, pixels + from,
+                                                                            lower_int(PACKET, total - from), hits[n]);
             }
-            paint_eight<TYPES, IMAGES, FACTS>(look, textured ? &levels : nullptr, id, lights, scene, camera, gain, hits,
-                                              pixels + done, lower_int(PACKET, total - done), painted);
+            paint_packets<TYPES, IMAGES, FACTS>(look, textured ? &levels : nullptr, id, lights, scene, camera, gain, hits,
+                                                pixels + done, packets,
+                                                lower_int(PACKET, total - done - (packets - 1) * PACKET), painted);
         }
     }
 }

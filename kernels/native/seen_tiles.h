@@ -7,13 +7,14 @@ namespace warpcam {
 
 // The tiles of a warp where anything is seen, or around them, by bit: its first, the one after so many, and so on. All are
 // where ids have more than a byte.
-template <class Target>
-WARPCAM_FN unsigned tiles_with_shapes(const Target& target, unsigned first, const Region& region, int across, int tiles)
+template <class Target, class Id>
+WARPCAM_FN unsigned tiles_with_shapes(const Target& target, const Id* ids_of_view, const Region& region, int across,
+                                      int tiles)
 {
     constexpr int WARPS = THREADS / LANES, TOGETHER = 8, WORD = 4;  // pixels
-    if (sizeof(target.shape.data[0]) != 1 || target.width % WORD)
+    if (sizeof(Id) != 1 || target.width % WORD)
         return ~0u;
-    const unsigned* words = reinterpret_cast<const unsigned*>(target.shape.data + first);
+    const unsigned* words = reinterpret_cast<const unsigned*>(ids_of_view);
     const int lane = threadIdx.x % LANES, warp = threadIdx.x / LANES;
     const int down = lower_int(lane / 4, TILE_HEIGHT + 1) - 1, right = lane % 4 * WORD - WORD;
     unsigned found = 0;

@@ -33,7 +33,7 @@ struct LightList {
 WARPCAM_FN bool has_hue(const Row& color) { return color.x != color.y || color.x != color.z; }
 
 template <bool SHADOWS, class Lights>
-WARPCAM_FN Light load_light(const Lights& lights, const Camera& camera, int world, int index, int place)
+WARPCAM_APART WARPCAM_FN Light load_light(const Lights& lights, const Camera& camera, int world, int index, int place)
 {
     const Vec direction = turned_back(camera.rotation, to_vec(row_of(lights.directions, world, index)));
     const Vec position = to_vec(row_of(lights.positions, world, index));
@@ -75,7 +75,7 @@ WARPCAM_FN void team_barrier()
 
 // Fills the list; all lanes of one warp take part. `first` is where the headlight's colours begin.
 template <bool SHADOWS, class Lights>
-WARPCAM_FN void gather_lights(const Lights& lights, const Camera& camera, int world, int first, int lane,
+WARPCAM_APART WARPCAM_FN void gather_lights(const Lights& lights, const Camera& camera, int world, int first, int lane,
                               LightList& list)
 {
     const int total = lights.types.shape[1];

@@ -89,9 +89,9 @@ struct Lits {
     Vecs linear, display;
 };
 
-template <int CORNERS, bool SHADOWS, class Sum>
-static WARPCAM_COLD void illuminate_eight_as(const LightList& list, const Facets& facet, const Finish& finish, Ints shadow,
-                                             Lits& lit)
+template <bool SHADOWS, class Sum>
+static WARPCAM_COLD void illuminate_eight_as(const LightList& list, const Facets& facet, int corners, const Finish& finish,
+                                             Ints shadow, Lits& lit)
 {
     const Floats weights[3] = { 1.0f - facet.weight1 - facet.weight2, facet.weight1, facet.weight2 };
     const Floats none = 0.0f, one = 1.0f;
@@ -101,19 +101,19 @@ static WARPCAM_COLD void illuminate_eight_as(const LightList& list, const Facets
         return SHADOWS ? ((shadow & light.place.w) != 0 ? none : one) : one;
     };
     const auto dims = [&](const Light& light) {  // where all of a face is turned away from it
-        return SHADOWS && CORNERS > 1 && (light.ambient.w & (AMBIENT | CASTS)) == (AMBIENT | CASTS);
+        return SHADOWS && corners > 1 && (light.ambient.w & (AMBIENT | CASTS)) == (AMBIENT | CASTS);
     };
     Ints faces[MAX_LIGHTS];  // the light of these falls on some corner
     for (int n = 0; n < list.count; ++n) {
         faces[n] = 0;
-        for (int k = 0; k < CORNERS && dims(list.lights[n]); ++k) {
+        for (int k = 0; k < corners && dims(list.lights[n]); ++k) {
             const Arrivals arrival = arrivals_of(list.lights[n], vertices_at(facet.place[k], facet.normal[k]), one);
             faces[n] |= (arrival.strength > none) & (arrival.facing > none);
         }
     }
-    for (int k = 0; k < CORNERS; ++k) {
+    for (int k = 0; k < corners; ++k) {
         const Vertices vertex = vertices_at(facet.place[k], facet.normal[k]);
-        const Floats weight = CORNERS == 1 ? one : weights[k];
+        const Floats weight = corners == 1 ? one : weights[k];
         Glow<Sum> glow {};
         for (int n = 0; n < list.count; ++n) {
             const Light& light = list.lights[n];
@@ -141,13 +141,15 @@ static WARPCAM_COLD void illuminate_eight_as(const LightList& list, const Facets
     }
 }
 
-template <int CORNERS, bool SHADOWS>
-inline void illuminate_eight(const LightList& list, const Facets& facet, const Finish& finish, Ints shadow, Lits& lit)
+// By the light on as many corners of the facet, 1 or 3.
+template <bool SHADOWS>
+inline void illuminate_eight(const LightList& list, const Facets& facet, int corners, const Finish& finish, Ints shadow,
+                             Lits& lit)
 {
     if (list.colored)
-        illuminate_eight_as<CORNERS, SHADOWS, Vecs>(list, facet, finish, shadow, lit);
+        illuminate_eight_as<SHADOWS, Vecs>(list, facet, corners, finish, shadow, lit);
     else
-        illuminate_eight_as<CORNERS, SHADOWS, Floats>(list, facet, finish, shadow, lit);
+        illuminate_eight_as<SHADOWS, Floats>(list, facet, corners, finish, shadow, lit);
 }
 
 // What eight corners of a plane show; `stride` numbers apart.
@@ -186,7 +188,7 @@ inline void light_eight_corners(const LightList& list, Vecs place, Vecs normal, 
 }
 
 // As light_corners().
-template <class Grid, class Looks> inline void light_all_corners(Grid& grid, const LightList& list, const Looks& look)
+template <class Grid, class Looks> WARPCAM_APART inline void light_all_corners(Grid& grid, const LightList& list, const Looks& look)
 {
     if (grid.shape < 0)
         return;

@@ -20,7 +20,7 @@ template <class Lights> WARPCAM_FN bool casts(const Lights& lights, int world, i
 }
 
 template <int LENS, class Lights>
-WARPCAM_FN LitView<LENS> light_view(const Lights& lights, const Camera& camera, int world, int light)
+WARPCAM_APART WARPCAM_FN LitView<LENS> light_view(const Lights& lights, const Camera& camera, int world, int light)
 {
     const bool distant = shared_row(lights.types, world, light) == LIGHT_DIRECTIONAL;
     const auto p = wp::index(lights.positions, world, light), d = wp::index(lights.directions, world, light);

@@ -34,6 +34,17 @@ WARPCAM_FN void smooth_region(const Shapes& shapes, const Meshes& meshes, const 
     WARPCAM_SHARED Chunk<TYPES> chunk;
     WARPCAM_SHARED NearShapes list;
     WARPCAM_SHARED AnyMeshRays<NEAR_WORDS> waiting[HAS_MESH ? WARPS : 1];
+    bool ahead = false;  // whether all shapes that the image shows are listed before its edges are known
+    if constexpr (Centres::PLACED) {
+        centres.load();
+        list.clear();
+        block_barrier();
+        centres.list(list);
+        block_barrier();
+        ahead = list.count <= NEAR_SHAPES;
+        if (!ahead)
+            block_barrier();
+    }
     const Seen<LENS, Centres> seen { centres, pixel_width<LENS>(camera), camera.scale_y };
     const auto& target = centres.target;
     const int lane = threadIdx.x % LANES, warp = threadIdx.x / LANES;
@@ -41,16 +52,19 @@ WARPCAM_FN void smooth_region(const Shapes& shapes, const Meshes& meshes, const 
     const auto has_room = [](const int& listed) {
         return __any_sync(ALL, *static_cast<const volatile int*>(&listed) <= MOST_LISTED - THREADS);
     };
-    const int across = region.width / TILE_WIDTH, tiles = across * (region.height / TILE_HEIGHT);
+    const int across = Centres::PLACED ? 64 / TILE_WIDTH : region.width / TILE_WIDTH;  // in place known to the compiler
+    const int tiles = across * (region.height / TILE_HEIGHT);
     static_assert(64 / TILE_WIDTH * (64 / TILE_HEIGHT) <= LANES * WARPS, "a bit for each of a warp's tiles");
-    unsigned left = tiles_with_shapes(target, centres.first, region, across, tiles);
+    unsigned left = tiles_with_shapes(target, centres.ids(), region, across, tiles);
     left &= tiles <= warp ? 0 : ~0u >> (LANES - (tiles - warp + WARPS - 1) / WARPS);
     // In place all edges are looked for before a pixel is written or, if they are too many, those of a band of rows of tiles:
     // of these no pixel but the last row's is seen by the next band's.
     const unsigned whole = left;
+    bool in_bands = false;
     const int rows = region.height / TILE_HEIGHT;
     int band_end = rows;
     const auto next_band = [&](int begin) {
+        in_bands = true;
         band_end = lower_int(begin + BAND, rows);
         unsigned its = 0;
 #pragma unroll 1
@@ -65,6 +79,8 @@ WARPCAM_FN void smooth_region(const Shapes& shapes, const Meshes& meshes, const 
     for (bool more = true; more;) {
         if (threadIdx.x == 0)
             count = 0;
+        if (!ahead)
+            list.clear();
         block_barrier();
         for (; left && has_room(count); left &= left - 1) {
             // a warp's tiles lie aslant: what is upright is everyone's
@@ -92,9 +108,7 @@ WARPCAM_FN void smooth_region(const Shapes& shapes, const Meshes& meshes, const 
         const int chunks = (found_so_far + chunk.MOST - 1) / chunk.MOST;
         for (int from = 0, pixels; from < found_so_far; from += pixels) {
             pixels = lower_int(found_so_far - from, (found_so_far + chunks - 1) / chunks);
-            while (true) {  // fewer, until they do not show too many shapes
-                list.clear();
-                block_barrier();
+            while (!ahead) {  // fewer, until they do not show too many shapes
                 for (int k = threadIdx.x; k < pixels; k += THREADS) {
                     const int at = listed[from + k].place(), i = region.left + at % 64, j = region.top + at / 64;
                     int before = -1;
@@ -111,12 +125,17 @@ WARPCAM_FN void smooth_region(const Shapes& shapes, const Meshes& meshes, const 
                     break;
                 pixels = (pixels + 1) / 2;
                 block_barrier();
+                list.clear();
+                block_barrier();
             }
             if (threadIdx.x == 0) {
                 chunk.pixels = listed + from;
                 chunk.before = chunk.after = chunk.next = 0;
             }
-            list.template prepare_all<TYPES, LENS>(shapes, meshes, fields, camera, region, world);
+            if (!ahead || from == 0)
+                list.template prepare_all<TYPES, LENS>(shapes, meshes, fields, camera, region, world);
+            else
+                block_barrier();
             for (int k = threadIdx.x; k < pixels; k += THREADS)
                 list_samples<TYPES, LENS>(chunk, k, list, camera, seen, region);
             block_barrier();
@@ -136,12 +155,16 @@ WARPCAM_FN void smooth_region(const Shapes& shapes, const Meshes& meshes, const 
                     by[sample] = seen.around(i, j, chunk.shown[SAMPLES * k + sample]);
                 put_means<IMAGES>(seen.centres, seen.centres.of_images(i, j), by);
             }
+            if (IN_PLACE && pixels == found_so_far)
+                break;  // each thread goes on with the pixels that it has just done
+            if (!ahead)
+                list.clear();
             block_barrier();
         }
         if constexpr (IN_PLACE) {
             static_assert(HAS_MESH && sizeof(chunk.hits) >= MOST_LISTED * sizeof(unsigned), "hits have room for means");
             put_in_place<IMAGES, LENS>(listed, found_so_far, reinterpret_cast<unsigned*>(chunk.hits), means_waiting,
-                                       band_end * TILE_HEIGHT, band_end >= rows, seen, region);
+                                       in_bands ? band_end * TILE_HEIGHT : 0, band_end >= rows, seen, region);
             if (band_end < rows) {
                 left = next_band(band_end);
                 more = true;
@@ -157,7 +180,11 @@ template <int TYPES, int LENS, int WIDTH, int HEIGHT, int IMAGES, bool IN_PLACE,
 WARPCAM_FN void smooth_region(const Shapes& shapes, const Meshes& meshes, const HeightFields& fields,
                               const Target& target, const Camera& camera, const Region& region, int world)
 {
-    if constexpr (TYPES >> MESH & 1 || TYPES >> HEIGHT_FIELD & 1) {
+    if constexpr (IN_PLACE && ImageIds<Target>::FIT) {
+        WARPCAM_SHARED ImageIds<Target> image;
+        const PlacedCentres<Target> centres { image, target, unsigned(world) * target.height * target.width };
+        smooth_region<TYPES, LENS, IMAGES, true>(shapes, meshes, fields, centres, camera, region, world);
+    } else if constexpr (TYPES >> MESH & 1 || TYPES >> HEIGHT_FIELD & 1) {
         const ImageCentres<Target> centres { target, unsigned(world) * target.height * target.width };
         block_barrier();
         smooth_region<TYPES, LENS, IMAGES, IN_PLACE>(shapes, meshes, fields, centres, camera, region, world);

@@ -3,6 +3,7 @@
 #include "mesh_queue.h"
 #include "near_shapes.h"
 #include "samples.h"
+#include "shown_placed.h"
 
 #if defined(__CUDA_ARCH__)
 namespace warpcam {
@@ -54,10 +55,9 @@ template <int TYPES> struct Chunk {
 
     WARPCAM_FN int place(int pixel) const { return pixels[pixel].place(); }
     WARPCAM_FN int total() const { return before + after; }
-    WARPCAM_FN int sample(int number) const
-    {
-        return samples[number < before ? number : SAMPLES * MOST - 1 - (number - before)];
-    }
+    WARPCAM_FN int index(int number) const { return number < before ? number : SAMPLES * MOST - 1 - (number - before); }
+    WARPCAM_FN unsigned short sample(int number) const { return samples[index(number)]; }
+    WARPCAM_FN unsigned short& sample(int number) { return samples[index(number)]; }
 };
 
 // The records as trace_rays() reads a list.
@@ -105,32 +105,60 @@ WARPCAM_FN void list_samples(Chunk<TYPES>& chunk, int pixel, const NearShapes& l
     const int place = chunk.place(pixel), i = region.left + place % 64, j = region.top + place / 64;
     NearBits own {};
     Band on_meshes = NOWHERE, on_fields = NOWHERE, others = NOWHERE;
-    int before = -1, rank = NEAR_SHAPES, ground = NEAR_SHAPES;
+    int ground = NEAR_SHAPES;
+    unsigned meshes_at = 0, fields_at = 0, others_at = 0;  // which of the nine pixels around show them, by bit
     bool sky = false, several = false;
-#pragma unroll 1
-    for (int k = 0; k < 9; ++k) {
-        const unsigned beside = seen.around(i, j, k);
-        const int id = seen.shape(beside);
-        sky |= id < 0;
-        if (id < 0)
-            continue;
-        if (id != before)
-            rank = list.place(id);
-        before = id;
+    const auto include = [&](int k, int rank) {
 #pragma unroll
         for (int w = 0; w < NEAR_WORDS; ++w) {
             const unsigned bit = rank / LANES == w ? 1u << rank % LANES : 0;
             own[w] |= bit;
-            if (Chunk<TYPES>::HAS_MESH && (bit & list.meshes[w]))
-                on_meshes.include(seen.depth(beside));
+            if (Chunk<TYPES>::HAS_MESH)
+                meshes_at |= unsigned((bit & list.meshes[w]) != 0) << k;
             if (Chunk<TYPES>::HAS_FIELD && bit) {
                 const bool is_field = bit & list.fields[w];
-                (is_field ? on_fields : others).include(seen.depth(beside));
+                fields_at |= unsigned(is_field) << k;
+                others_at |= unsigned(!is_field) << k;
                 several |= is_field && ground < NEAR_SHAPES && ground != rank;
                 ground = is_field ? rank : ground;
             }
         }
+    };
+    if constexpr (Centres::PLACED) {
+        int ids[9];
+#pragma unroll
+        for (int k = 0; k < 9; ++k)
+            ids[k] = seen.shape(seen.around(i, j, k));
+#pragma unroll
+        for (int k = 0; k < 9; ++k) {
+            sky |= ids[k] < 0;
+            include(k, ids[k] < 0 ? NEAR_SHAPES : list.place_of_byte(ids[k]));
+        }
+    } else {
+        int before = -1, rank = NEAR_SHAPES;
+#pragma unroll 1
+        for (int k = 0; k < 9; ++k) {
+            const int id = seen.shape(seen.around(i, j, k));
+            sky |= id < 0;
+            if (id < 0)
+                continue;
+            if (id != before)
+                rank = list.place(id);
+            before = id;
+            include(k, rank);
+        }
     }
+    if (Chunk<TYPES>::HAS_MESH || Chunk<TYPES>::HAS_FIELD)
+#pragma unroll
+        for (int k = 0; k < 9; ++k) {
+            const float depth = seen.depth(seen.around(i, j, k));
+            if (Chunk<TYPES>::HAS_MESH && (meshes_at >> k & 1))
+                on_meshes.include(depth);
+            if (Chunk<TYPES>::HAS_FIELD && (fields_at >> k & 1))
+                on_fields.include(depth);
+            if (Chunk<TYPES>::HAS_FIELD && (others_at >> k & 1))
+                others.include(depth);
+        }
     if (Chunk<TYPES>::HAS_FIELD) {
         const bool behind = !several && is_behind<LENS>(on_fields, others, sky, pixel_width<LENS>(camera));
         chunk.ground[pixel] = static_cast<unsigned char>(behind ? ground : NEAR_SHAPES);
@@ -231,6 +259,10 @@ WARPCAM_FN void trace_samples(Chunk<TYPES>& chunk, const NearShapes& list, Rays&
     if constexpr (HAS_MESH) {
         trace_rays<TYPES>(waiting, Ranked { list.records, {}, list.count }, meshes, near, next_rays, ray_of, store);
         block_barrier();
+        if constexpr (Centres::PLACED) {
+            show_samples<TYPES, IMAGES>(chunk, list, meshes, camera, seen, region);
+            return;
+        }
         for (int k = threadIdx.x; k < chunk.total(); k += THREADS) {
             const int sample = chunk.sample(k), shape = chunk.shown[sample];
             show(sample, Hit { chunk.hits[sample].depth, shape < NEAR_SHAPES ? shape : -1, chunk.hits[sample].face });

@@ -7,7 +7,7 @@
 namespace warpcam {
 
 // Pixels with edges that a block lists, and of how many rows of tiles of a region all pixels surely fit.
-constexpr int LISTED_IN_PLACE = 1632, BAND = (LISTED_IN_PLACE - THREADS + LANES) / (64 * TILE_HEIGHT);
+constexpr int LISTED_IN_PLACE = 1560, BAND = (LISTED_IN_PLACE - THREADS + LANES) / (64 * TILE_HEIGHT);
 
 // Means of pixels that wait until nobody reads what they showed before, where images are smoothed in place: those of a band's
 // last row until the next band is done.
@@ -26,8 +26,8 @@ WARPCAM_FN unsigned shown_bits(int place, const unsigned char (&shown)[SAMPLES])
     return bits;
 }
 
-// Writes the means of these pixels; `means` has room for them. The band ends where the row `end` begins, and is the last
-// of the region if `last`. With barriers.
+// Writes the means of these pixels; `means` has room for them. Their band ends where the row `end` begins, and is the last
+// of the region if `last`; `end` is 0 where there are no bands. With barriers, but after the last band.
 template <int IMAGES, int LENS, class Bits, class Centres>
 WARPCAM_FN void put_in_place(const Bits* listed, int count, unsigned* means, Waiting& waiting, int end, bool last,
                              const Seen<LENS, Centres>& seen, const Region& region)
@@ -46,13 +46,15 @@ WARPCAM_FN void put_in_place(const Bits* listed, int count, unsigned* means, Wai
         means[k] = mean_bytes<IMAGES>(seen.centres, by);
     }
     block_barrier();
+    if (end > 0) {
 #pragma unroll 1
-    for (int k = threadIdx.x; k < waiting.count; k += THREADS)
-        put_bytes<IMAGES>(target, index(waiting.places[k]), waiting.means[k]);
-    block_barrier();
-    if (threadIdx.x == 0)
-        waiting.count = 0;
-    block_barrier();
+        for (int k = threadIdx.x; k < waiting.count; k += THREADS)
+            put_bytes<IMAGES>(target, index(waiting.places[k]), waiting.means[k]);
+        block_barrier();
+        if (threadIdx.x == 0)
+            waiting.count = 0;
+        block_barrier();
+    }
 #pragma unroll 1
     for (int k = threadIdx.x; k < count; k += THREADS) {
         const unsigned place = listed[k].bits >> 4 * SAMPLES;
@@ -64,7 +66,8 @@ WARPCAM_FN void put_in_place(const Bits* listed, int count, unsigned* means, Wai
             put_bytes<IMAGES>(target, index(place), means[k]);
         }
     }
-    block_barrier();
+    if (!last)
+        block_barrier();
 }
 
 }  // namespace warpcam

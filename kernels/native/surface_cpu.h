@@ -65,7 +65,7 @@ inline void capsule_surfaces(float half_length, Surfaces& surface)
 }
 
 template <class HeightFields>
-inline void height_field_surfaces(const HeightFields& fields, int field, const int* faces, Surfaces& surface)
+WARPCAM_APART inline void height_field_surfaces(const HeightFields& fields, int field, const int* faces, Surfaces& surface)
 {
     const int rows = wp::index(fields.rows, field), columns = wp::index(fields.columns, field);
     const auto size = wp::index(fields.size, field);

@@ -281,50 +281,55 @@ inline Vecs cube_directions(const Pose& pose, const Layout& layout, const Surfac
     return times(place, scale);
 }
 
-// The texture's colours at eight hits.
-template <int TYPES, class Looks, class Meshes, class Textures>
-inline Vecs texture_colors(const Looks& look, const Levels& levels, const Meshes& meshes, const Textures& textures,
-                           const Camera& camera, const Surfaces& surface, const Vecs& ray, Floats depth)
+// The texture's colours at packets of hits.
+template <int TYPES, class Looks, class Meshes, class Textures, class Hits>
+WARPCAM_APART inline void texture_colors(const Looks& look, const Levels& levels, const Meshes& meshes, const Textures& textures,
+                           const Camera& camera, const Surfaces* surfaces, const Vecs* rays, const Hits* hits, int packets,
+                           Vecs* colors)
 {
     const Layout& layout = look.layout;
     const Pose& pose = look.pose;
-    const Vecs right = depth * eight_of(camera.scale_x * Vec { pose.axis_x.x, pose.axis_y.x, pose.axis_z.x });
-    const Vecs down = depth * eight_of(-camera.scale_y * Vec { pose.axis_x.y, pose.axis_y.y, pose.axis_z.y });
-    if (layout.cube) {
-        Vecs scale, color;
-        const Vecs direction = cube_directions<TYPES>(pose, layout, surface, scale);
-        sample_cubes(textures.texels.data, levels, direction, times(scale, slide(right, ray, surface.normal)),
-                     times(scale, slide(down, ray, surface.normal)), color);
-        return color;
-    }
-    Footprints at;
-    const auto sampled = [&] {
-        if constexpr (Looks::SHIFTED) {
-            at.u += look.shift_u;
-            at.v += look.shift_v;
+    const Vecs to_right = eight_of(camera.scale_x * Vec { pose.axis_x.x, pose.axis_y.x, pose.axis_z.x });
+    const Vecs to_below = eight_of(-camera.scale_y * Vec { pose.axis_x.y, pose.axis_y.y, pose.axis_z.y });
+    for (int n = 0; n < packets; ++n) {
+        const Vecs right = hits[n].depth * to_right, down = hits[n].depth * to_below, ray = rays[n];
+        if (layout.cube) {
+            Vecs scale;
+            const Vecs direction = cube_directions<TYPES>(pose, layout, surfaces[n], scale);
+            sample_cubes(textures.texels.data, levels, direction, times(scale, slide(right, ray, surfaces[n].normal)),
+                         times(scale, slide(down, ray, surfaces[n].normal)), colors[n]);
+            continue;
         }
-        return sample_2d(textures.texels.data, levels, at);
-    };
-    if constexpr ((TYPES >> TRIPLANAR & 1) != 0) {
-        if (is_blended<TYPES>(pose, layout)) {
-            const Vecs to_right = slide(right, ray, surface.normal), to_below = slide(down, ray, surface.normal);
-            Vecs share, sum { (Floats)0.0f, (Floats)0.0f, (Floats)0.0f };
-            for (int k = 0; k < PACKET; ++k) {
-                const Vec one = shares_of(smooth_normal<TYPES>(pose, meshes, surface.one(k)));
-                share.x[k] = one.x;
-                share.y[k] = one.y;
-                share.z[k] = one.z;
+        Footprints at;
+        const auto sampled = [&] {
+            if constexpr (Looks::SHIFTED) {
+                at.u += look.shift_u;
+                at.v += look.shift_v;
             }
-            for (int axis = 0; axis < 3; ++axis) {
-                footprints_along((Ints)(axis == 0 ? -1 : 0), (Ints)(axis == 2 ? 0 : -1), layout, surface.local, to_right,
-                                 to_below, at);
-                sum = sum + (axis == 0 ? share.x : axis == 1 ? share.y : share.z) * sampled();
+            return sample_2d(textures.texels.data, levels, at);
+        };
+        if constexpr ((TYPES >> TRIPLANAR & 1) != 0) {
+            if (is_blended<TYPES>(pose, layout)) {
+                const Vecs along = slide(right, ray, surfaces[n].normal), below = slide(down, ray, surfaces[n].normal);
+                Vecs share, sum { (Floats)0.0f, (Floats)0.0f, (Floats)0.0f };
+                for (int k = 0; k < PACKET; ++k) {
+                    const Vec one = shares_of(smooth_normal<TYPES>(pose, meshes, surfaces[n].one(k)));
+                    share.x[k] = one.x;
+                    share.y[k] = one.y;
+                    share.z[k] = one.z;
+                }
+                for (int axis = 0; axis < 3; ++axis) {
+                    footprints_along((Ints)(axis == 0 ? -1 : 0), (Ints)(axis == 2 ? 0 : -1), layout, surfaces[n].local,
+                                     along, below, at);
+                    sum = sum + (axis == 0 ? share.x : axis == 1 ? share.y : share.z) * sampled();
+                }
+                colors[n] = sum;
+                continue;
             }
-            return sum;
         }
+        footprints_2d<TYPES>(pose, layout, meshes, surfaces[n], ray, right, down, at);
+        colors[n] = sampled();
     }
-    footprints_2d<TYPES>(pose, layout, meshes, surface, ray, right, down, at);
-    return sampled();
 }
 
 }  // namespace warpcam

@@ -105,7 +105,7 @@ WARPCAM_FN void walk_mesh(const Meshes& meshes, const Record& record, const RayO
     const Ray ray = source.local(record);
     const RayFrame frame = source.template frame<TYPES>(record);
     NodeRay<by_child(TYPES)> boxes;
-    boxes.set(slabs(ray.origin, ray.direction, record.size.x), record.size.x);
+    boxes.set(ray.origin, ray.direction, record.size.x);
     const unsigned nodes = wp::index(meshes.node_start, record.axis_z.w);
     const unsigned faces = wp::index(meshes.face_start, record.axis_z.w);
     int stack[STACK], height = 0, node = 0;

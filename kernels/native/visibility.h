@@ -15,7 +15,7 @@ namespace warpcam {
 // left out. ALONE: by one warp.
 template <int TYPES, int LENS, bool SLOTS, bool ALONE, int CAPACITY, class Shapes, class Meshes, class HeightFields,
           class Hidden>
-WARPCAM_FN int gather(ShapeList<CAPACITY>& list, int begin, const Shapes& shapes, const Meshes& meshes,
+WARPCAM_APART WARPCAM_FN int gather(ShapeList<CAPACITY>& list, int begin, const Shapes& shapes, const Meshes& meshes,
                       const HeightFields& fields, const Hidden& hidden, const Camera& camera, const Region& region,
                       int world, int thread)
 {
@@ -90,7 +90,7 @@ WARPCAM_FN void draw_tiles(List& list, const Canvas_& canvas, const Meshes& mesh
     // where much is stored: warps drift apart then, and memory gets lines in parts.
     constexpr int WARPS = THREADS / LANES;
     constexpr bool OWN = TALL > 1 && !Canvas_::STORES_MUCH;
-    int own = begin + warp;
+    int own = warp;
     bool alone = Canvas_::APART && warp != WARPS - 1;  // the motions are not there yet
     const auto meet = [&] {
         if constexpr (Canvas_::APART)
@@ -126,7 +126,7 @@ WARPCAM_FN void draw_tiles(List& list, const Canvas_& canvas, const Meshes& mesh
                                      hit[0].depth);
     };
     const auto next_tile = [&](int& found) {
-        const int unit = OWN ? own : begin + __shfl_sync(ALL, lane == 0 ? draw_next(list.next_tile) : 0, 0);
+        const int unit = begin + (OWN ? own : __shfl_sync(ALL, lane == 0 ? draw_next(list.next_tile) : 0, 0));
         own = (((own + 1) & (WARPS - 1)) | (own & ~(WARPS - 1))) + WARPS;
         if (unit >= units)
             return false;

@@ -113,6 +113,16 @@ def test_of_shapes_listed_ahead(output: str, card: list[launch.Stage], tmp_path:
     assert _compile(card, tmp_path) >= 2
 
 
+@pytest.mark.parametrize("shapes", [1, 130])  # of many ids have more than a byte
+@pytest.mark.parametrize("size", [(64, 64), (16, 8)])
+def test_of_smooth_edges_without_meshes(
+    shapes: int, size: tuple[int, int], card: list[launch.Stage], tmp_path: Path
+) -> None:
+    more = shapes * '<geom size=".1"/>'
+    _render(scenes.compile_xml(FEW + more + LIGHTS, assets=ASSETS), ("rgb",), size, antialiasing=4)
+    assert _compile(card, tmp_path) >= 3
+
+
 @pytest.mark.parametrize("antialiasing", [1, 4])
 def test_of_meshes_and_hills(antialiasing: int, card: list[launch.Stage], tmp_path: Path) -> None:
     more = '<geom type="mesh" mesh="wedge" material="body" pos="0 0 1"/><geom type="hfield" hfield="hills"/>'
@@ -121,12 +131,12 @@ def test_of_meshes_and_hills(antialiasing: int, card: list[launch.Stage], tmp_pa
     assert _compile(card, tmp_path) >= 3
 
 
-@pytest.mark.parametrize("outputs", [("rgb",), ("rgb", "rgba")], ids="+".join)
+@pytest.mark.parametrize(("outputs", "shapes"), [(("rgb",), 1), (("rgb", "rgba"), 1), (("rgb",), 130)])
 def test_of_meshes_smoothed_in_place(
-    outputs: tuple[str, ...], card: list[launch.Stage], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    outputs: tuple[str, ...], shapes: int, card: list[launch.Stage], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(antialias, "WORTH_PLACE", 1)
-    more = '<geom type="mesh" mesh="wedge" material="body" pos="0 0 1"/>'
+    more = shapes * '<geom type="mesh" mesh="wedge" material="body" pos="0 0 1"/>'  # of many ids have more than a byte
     _render(scenes.compile_xml(FEW + more + LIGHTS, assets=ASSETS), outputs, antialiasing=4)
     assert antialias.THREADS_IN_PLACE in {stage.block_dim for stage in card}
     assert _compile(card, tmp_path) >= 3

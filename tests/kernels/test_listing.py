@@ -8,6 +8,7 @@ import pytest
 import scenes
 import warp as wp
 from warpcam.kernels import listing, visibility
+from warpcam.kernels.tables import Tables
 
 import warpcam as wc
 
@@ -24,7 +25,7 @@ OUTPUTS = ("depth", "segmentation", "distance", "points", "bodies")
 FLOWING = ("depth", "segmentation", "flow", "flow_valid")
 FACING = ("depth", "segmentation", "normals")
 
-WORLDS, BROKEN, CHOSEN = 23, 20, [0, 4, 21]  # a block of the stage has 18 worlds of so many shapes
+WORLDS, BROKEN, CHOSEN = 23, 20, [0, 4, 21]  # a block of the stage has 22 worlds of so many shapes
 
 
 def frames(
@@ -70,6 +71,9 @@ def frames(
         (("depth", "segmentation"), True),
         (("depth", "segmentation", "bodies"), False),
         (("depth", "segmentation", "points"), True),
+        (("depth", "distance", "instances", "semantics"), True),
+        (("rgb", "depth"), True),
+        (("hdr", "segmentation"), False),
         (FLOWING, True),
         (FLOWING, False),
         (("flow", "depth"), True),
@@ -126,6 +130,66 @@ def test_small_images_of_listed_shapes(
             np.testing.assert_allclose(mine[name], theirs[name], atol=1e-4, rtol=1e-5)
 
 
+# Blocks have 1, 2 or 4 rows of stacks of tiles; the last has fewer. The third has tiles that reach over its edges.
+@pytest.mark.parametrize("size", [(128, 72), (80, 120), (100, 52), (512, 24)])
+@pytest.mark.parametrize("outputs", [("depth", "segmentation", "distance"), ("depth", "flow"), ("normals", "points")])
+def test_large_images_of_listed_shapes(
+    outputs: tuple[str, ...], size: tuple[int, int], device: wp.Device, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    if not device.is_cuda:
+        pytest.skip("on a CPU there is one way")
+    lens = wc.Pinhole(fovy=60.0)
+    monkeypatch.setattr(visibility, "region_size", lambda *_, **__: (64, 64))
+    found = frames("0 0 1", lens, outputs, True, size)
+    monkeypatch.setattr(listing, "capacity_of", lambda *_: 0)
+    for mine, theirs in zip(found, frames("0 0 1", lens, outputs, True, size), strict=True):
+        for name in outputs:
+            if name in ("depth", "segmentation", "distance"):
+                np.testing.assert_array_equal(mine[name], theirs[name])
+            else:
+                np.testing.assert_allclose(mine[name], theirs[name], atol=1e-4, rtol=1e-5)
+
+
+def test_which_images_are_listed_ahead() -> None:
+    device = SimpleNamespace(is_cuda=True, sm_count=2)
+    tables = wc.from_mujoco_warp(*_put(scenes.compile_xml(SHAPES.format(floor="0 0 1")))).tables()
+    many = replace(tables, num_worlds=500)
+
+    def listed(width: int, height: int, *outputs: str, of: Tables = many) -> int:
+        return listing.capacity_of(of, "pinhole", width, height, ("depth", *outputs), device)
+
+    assert [listed(64, 64), listed(128, 72), listed(640, 480, "flow", "normals"), listed(1008, 504)] == [16] * 4
+    assert not any(
+        listed(*size) for size in ((100, 72), (72, 64), (128, 76), (1024, 64), (64, 512), (15, 17), (37, 64))
+    )
+    assert listed(128, 72, "flow_valid") == 0  # only of images that a block draws as a whole
+    assert listed(64, 64, "flow_valid") == 16
+    assert listed(128, 72, of=tables) == 0  # too few regions of 64x64 pixels to fill the device
+
+
+def test_rows_of_a_list() -> None:
+    for outputs, rows in ((("depth", "flow"), (98, 178)), (("normals",), (118, 214))):
+        assert tuple(listing.rows_of(capacity, outputs) for capacity in (16, 32)) == rows
+    assert listing.rows_of(0, ("depth",)) == 0
+
+
+# How many blocks share an image: of 64x64 pixels, of fewer, and of more.
+@pytest.mark.parametrize(
+    ("outputs", "parts"),
+    [
+        ((), (1, 1, 3, 16, 60)),
+        (("bodies",), (2, 1, 3, 16, 60)),
+        (("flow",), (2, 1, 5, 32, 60)),
+        (("points",), (4, 1, 9, 32, 60)),
+        (("points", "normals"), (8, 1, 9, 32, 60)),
+        (("flow_valid",), (1, 1)),
+    ],
+)
+def test_blocks_that_share_an_image(outputs: tuple[str, ...], parts: tuple[int, ...]) -> None:
+    sizes = [(64, 64), (16, 8), (128, 72), (256, 256), (640, 480)]
+    assert tuple(visibility.parts_of(outputs, *size) for size in sizes[: len(parts)]) == parts
+
+
 def test_what_is_listed_ahead(device: wp.Device) -> None:
     tables = wc.from_mujoco_warp(*_put(scenes.compile_xml(SHAPES.format(floor="0 0 1")))).tables()
     listed = listing.capacity_of(tables, "pinhole", 16, 8, ("depth", "flow"), device)
@@ -134,10 +198,11 @@ def test_what_is_listed_ahead(device: wp.Device) -> None:
     assert listing.capacity_of(tables, "pinhole", 16, 8, ("depth", "albedo"), device) == 0
     assert listing.capacity_of(tables, "rays", 16, 8, ("depth",), device) == 0
     assert listing.capacity_of(tables, "pinhole", 640, 480, ("depth",), device) == 0
-    more = "".join(f'<geom size=".1" pos="{i} 0 0"/>' for i in range(20))
-    tables = wc.from_mujoco_warp(*_put(scenes.compile_xml(SHAPES.format(floor="0 0 1") + more))).tables()
-    assert listing.capacity_of(tables, "pinhole", 16, 8, ("depth", "flow"), device) == 0
-    assert listing.capacity_of(tables, "pinhole", 16, 8, ("flow_valid",), device) == (32 if device.is_cuda else 0)
+    for count, most in ((20, 32), (30, 0)):
+        more = "".join(f'<geom size=".1" pos="{i} 0 0"/>' for i in range(count))
+        tables = wc.from_mujoco_warp(*_put(scenes.compile_xml(SHAPES.format(floor="0 0 1") + more))).tables()
+        found = listing.capacity_of(tables, "pinhole", 16, 8, ("rgb", "flow"), device)
+        assert found == (most if device.is_cuda else 0)
 
 
 def test_nothing_is_listed_ahead_where_a_hidden_mesh_moves() -> None:

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import scenes
 import warp as wp
-from warpcam.kernels import visibility
+from warpcam.kernels import launch, visibility
 from warpcam.kernels.types import HEIGHT_FIELD, MESH, MIDDLE_FIRST, SPHERE
 from warpcam.kernels.visibility import MANY, in_order, region_size
 
@@ -132,3 +132,25 @@ def test_a_launch_may_have_more_blocks_than_a_row_of_its_grid(
     assert len(images["segmentation"][0].unique()) == 3
     for image in images.values():
         assert bool((image == image[:1]).all())
+
+
+def test_images_do_not_depend_on_the_threads(device: wp.Device, monkeypatch: pytest.MonkeyPatch) -> None:
+    if device.is_cuda:
+        pytest.skip("launches are split on a CPU")
+    parts = []
+    spread = launch._spread
+    monkeypatch.setattr(launch, "_spread", lambda some: parts.append(len(some)) or spread(some))
+    monkeypatch.setattr(visibility, "cpu_threads", lambda: 1)  # the same regions
+    mjm = scenes.compile_xml(SHAPES)
+    m, d = scenes.put(mjm, 7)
+    for world in range(7):
+        scenes.write(d.geom_xpos, (world, slice(1, 7)), d.geom_xpos.numpy()[world, 1:7] + np.float32(0.03 * world))
+    camera = scenes.own_camera(width=40, height=24, outputs=("rgb", "depth"), position=(0.0, 0.0, 3.0), shadows=True)
+    seen = []
+    for threads in (1, 3):
+        monkeypatch.setattr(launch, "cpu_threads", lambda threads=threads: threads)
+        seen.append(scenes.on_host(wc.Renderer(wc.from_mujoco_warp(mjm, m, d), [camera]).render()["eye"]))
+        assert set(parts) == ({7} if threads > 1 else set())  # one for each world
+    for name, image in seen[0].items():
+        assert (image == seen[1][name]).all(), name
+    assert len(np.unique(np.nan_to_num(seen[0]["depth"], posinf=0.0).reshape(7, -1).sum(1))) == 7
