@@ -353,8 +353,7 @@ def test_closed(device: wp.Device) -> None:
 
 
 def test_larger_than_the_framebuffer(monkeypatch: pytest.MonkeyPatch) -> None:
-    model, _ = made()
-    unraisable: list[object] = []
+    model, unraisable = made()[0], []
     gc.collect()  # of what others have left
     monkeypatch.setattr(sys, "unraisablehook", unraisable.append)
     with pytest.raises(ValueError, match="Image width 65 > framebuffer width 64"):
