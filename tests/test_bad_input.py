@@ -220,9 +220,10 @@ def test_from_mujoco() -> None:
         wc.from_mujoco(mjm, [])
     with says("mjd[1] was made from another model than mjm: it has 0 geoms and 1 bodies, mjm has 3 and 2"):
         wc.from_mujoco(mjm, [mjd, other])
-    for groups in ((0, 6), (-1,), "012", 3, (True,)):
+    for groups in ([0, 6], [-1], "012", 3, [True], [1.5], [np.bool_(True)], ["1"]):
         with says(f"groups must be geom groups, numbers from 0 to 5, got {groups!r}"):
             wc.from_mujoco(mjm, mjd, groups=groups)
+    assert wc.from_mujoco(mjm, mjd, groups=iter((0, np.int64(1)))).num_worlds == 1
 
 
 def test_from_mujoco_warp() -> None:

@@ -278,6 +278,8 @@ def test_what_is_not_offered_is_refused_by_name(worlds: tuple[Any, Any]) -> None
             sensor.update(state, transforms, rays, depth_image=depth, render_config=config)
     clear = SensorCamera.RenderConfig(gaussians_min_transmittance=0.1)
     sensor.update(state, transforms, rays, depth_image=depth, render_config=clear)  # there are no splats
+    with pytest.raises(wc.WarpcamError, match=r"direction must be finite and not zero, got \(0, 0, 0\)"):
+        sensor.create_default_light(direction=(0, 0, 0))
     with pytest.raises(wc.WarpcamError, match="depth_image shape must be"):
         sensor.update(state, transforms, rays, depth_image=sensor.allocate_image_depth(2, *SIZE))
     with pytest.raises(wc.WarpcamError, match=r"state must be a newton\.State, got NoneType"):

@@ -1,6 +1,7 @@
 """What of a MuJoCo model never changes, and the names of what does."""
 
 import logging
+import operator
 from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
@@ -146,11 +147,11 @@ def groups_by_kind(groups: Any) -> Mapping[str, list[int]]:
 
 def _check_groups(groups: Any) -> list[int]:
     try:
-        numbers = [int(group) for group in groups if not isinstance(group, bool | str)]
-        fits = len(numbers) == len(list(groups)) and all(0 <= group < NUM_GROUPS for group in numbers)
-    except (TypeError, ValueError):
-        fits = False
-    if not fits:
+        groups = groups if isinstance(groups, str) else list(groups)
+        numbers = [NUM_GROUPS if isinstance(group, bool | np.bool_) else operator.index(group) for group in groups]
+    except TypeError:
+        numbers = [NUM_GROUPS]
+    if any(not 0 <= number < NUM_GROUPS for number in numbers):
         raise WarpcamError(f"groups must be geom groups, numbers from 0 to {NUM_GROUPS - 1}, got {groups!r}")
     return numbers
 

@@ -1,5 +1,6 @@
 """Newton's render settings: which are honoured, and how, and which are refused."""
 
+import math
 from typing import Any
 
 import newton
@@ -58,6 +59,8 @@ class Looks:
 
     def set_light(self, shadows: bool, direction: Any, color: Any) -> None:
         way = default_direction(self._model) if direction is None else _triple("direction", direction)
+        if not 0.0 < math.hypot(*way) < math.inf:
+            raise WarpcamError(f"direction must be finite and not zero, got {direction!r}")
         self._light = bool(shadows), way, (1.0, 1.0, 1.0) if color is None else _triple("color", color)
         self._write_light()
 
