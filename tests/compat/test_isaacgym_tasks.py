@@ -229,28 +229,28 @@ def test_contacts_carry_what_lies(device: wp.Device, count: int) -> None:
     np.testing.assert_allclose(sensors.cpu().numpy(), [(0.0, 0.0, 19.62, 0.0, 1.962, 0.0)] * count, atol=0.2)
 
 
+def slid(sim: Any, roots: torch.Tensor) -> list[float]:
+    """How far a push of 1 m/s takes the actors."""
+    begin = torch.zeros_like(roots)
+    begin[:, 2], begin[:, 6], begin[:, 7] = 0.1, 1.0, 1.0
+    GYM.set_actor_root_state_tensor(sim, gymtorch.unwrap_tensor(begin))
+    for _ in range(40):
+        GYM.simulate(sim)
+    GYM.refresh_actor_root_state_tensor(sim)
+    return [float(x) for x in roots[:, 0]]
+
+
 def test_friction_and_mass_count_at_any_time(device: wp.Device) -> None:
     sim = resting(device, 2)
     GYM.prepare_sim(sim)
     envs = [GYM.get_env(sim, index) for index in range(2)]
     roots = wrapped(GYM.acquire_actor_root_state_tensor(sim))
-
-    def slid() -> list[float]:
-        """How far a push of 1 m/s takes them."""
-        begin = torch.zeros_like(roots)
-        begin[:, 2], begin[:, 6], begin[:, 7] = 0.1, 1.0, 1.0
-        GYM.set_actor_root_state_tensor(sim, gymtorch.unwrap_tensor(begin))
-        for _ in range(40):
-            GYM.simulate(sim)
-        GYM.refresh_actor_root_state_tensor(sim)
-        return [float(x) for x in roots[:, 0]]
-
     for slippery in (1, 0):  # the second time the solver is there already
         for index, env in enumerate(envs):
             surfaces = GYM.get_actor_rigid_shape_properties(env, 0)
             surfaces[0].friction = 0.0 if index == slippery else 1.5
             GYM.set_actor_rigid_shape_properties(env, 0, surfaces)
-        far = slid()
+        far = slid(sim, roots)
         assert far[slippery] > 2.0 * far[1 - slippery], far  # the ground's own friction is 0.2
     bodies = GYM.get_actor_rigid_body_properties(envs[1], 0)
     before = bodies[0]
@@ -276,13 +276,7 @@ def test_friction_counts_at_any_time_in_a_single_environment(device: wp.Device) 
         surfaces = GYM.get_actor_rigid_shape_properties(GYM.get_env(sim, 0), 0)
         surfaces[0].friction = friction
         GYM.set_actor_rigid_shape_properties(GYM.get_env(sim, 0), 0, surfaces)
-        begin = torch.zeros_like(roots)
-        begin[:, 2], begin[:, 6], begin[:, 7] = 0.1, 1.0, 1.0
-        GYM.set_actor_root_state_tensor(sim, gymtorch.unwrap_tensor(begin))
-        for _ in range(40):
-            GYM.simulate(sim)
-        GYM.refresh_actor_root_state_tensor(sim)
-        far[friction] = float(roots[0, 0])
+        (far[friction],) = slid(sim, roots)
     assert far[0.0] > 2.0 * far[1.5], far
 
 
