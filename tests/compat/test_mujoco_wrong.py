@@ -1,4 +1,4 @@
-"""What ``mujoco.Renderer`` does not take, ``warpcam.compat.mujoco.Renderer`` does not either: an error of the same kind."""
+"""What ``mujoco.Renderer`` does not take, ours does not either: an error of the same kind."""
 
 import mujoco
 import numpy as np
@@ -30,10 +30,10 @@ def test_an_option_that_is_refused_leaves_the_one_before(model: mujoco.MjModel) 
         renderer.update_scene(data, "eye")
         before = renderer.render()
         for wrong in (0, 5, {"geomgroup": 1}, mujoco.MjvOption):
-            with pytest.raises(TypeError, match="scene_option must be a mujoco.MjvOption or None, got"):
+            with pytest.raises(TypeError, match=r"scene_option must be a mujoco\.MjvOption or None, got"):
                 renderer.update_scene(data, "eye", wrong)
         labelled = mujoco.MjvOption()
         labelled.label = int(mujoco.mjtLabel.mjLABEL_BODY)
-        with pytest.raises(WarpcamError, match="scene_option.label"):
+        with pytest.raises(WarpcamError, match=r"scene_option\.label"):
             renderer.update_scene(data, "eye", labelled)
         assert (renderer.render() == before).all()
