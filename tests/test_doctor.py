@@ -14,9 +14,9 @@ import numpy as np
 import pytest
 import torch
 import warp as wp
+from warpcam.kernels import launch
 
 from warpcam import cli, doctor, self_test
-from warpcam.kernels import launch
 
 CPU = wp.get_device("cpu")
 ONE = self_test.shoot(CPU)
