@@ -286,6 +286,12 @@ def pose_bytes(camera: Camera) -> int:
     return 4 * numbers
 
 
+def shared_bytes(camera: Camera, num_worlds: int) -> int:
+    """Bytes of what a camera has beside, however many worlds there are: a lens's table, and that there is no skybox."""
+    table = camera.lens.bytes(camera.width, camera.height, num_worlds) if isinstance(camera.lens, TableLens) else 0
+    return table + 4 * isinstance(camera.background, np.ndarray)
+
+
 def per_world(
     value: Any, where: str, num_worlds: int, width: tuple[int, ...], *, may_be_infinite: bool = False
 ) -> np.ndarray:
