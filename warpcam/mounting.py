@@ -58,6 +58,9 @@ class CameraArrays:
             "simulator's to hold"
         )
 
+    def __reduce__(self) -> Any:
+        raise WarpcamError(f"{self._where}: its arrays cannot be copied or pickled: no frame would read the copy")
+
 
 class Mounted:
     """One camera in a scene."""
