@@ -159,6 +159,20 @@ def test_values_mean_what_they_say(device: wp.Device) -> None:
     assert sky.render()["up"]["rgb"][:, 0, 0].tolist() == [[153, 76, 51], [255, 51, 0], [255, 51, 0]]
 
 
+def test_shininess_beyond_its_range_is_the_nearest(device: wp.Device) -> None:
+    scene = make("mujoco_warp", device)
+    for name in SPECIAL:
+        scene.vary(name)
+    shininess = scene.vary("material_shininess")
+    renderer = wc.Renderer(scene, [camera()])
+    seen = []
+    for values in ((0.0, 1.0, 0.5), (-1.0, 3.0, 0.5)):
+        shininess[:, :] = torch.tensor(values, device=shininess.device)[:, None]
+        seen.append(renderer.render()["eye"]["hdr"].clone())
+    assert (seen[0] == seen[1]).all() and seen[0].max() < 10.0
+    assert len({image.sum().item() for image in seen[0]}) == WORLDS
+
+
 def test_a_checker_moved_by_half_changes_its_colors(device: wp.Device) -> None:
     scene = make("mujoco_warp", device)
     for name in SPECIAL:
