@@ -262,6 +262,8 @@ def test_one_world_of_newton_differs(name: str, device: wp.Device, loads: list[s
     tensor = scene.vary(name)
     eye = wc.Camera("eye", width=16, height=16, lens=wc.Orthographic(height=2.0), position=(0.0, 0.0, 3.0))
     check(scene, wc.Renderer(scene, [eye]), lambda: NEWTON[name](tensor), loads)
+    with pytest.raises(WarpcamError, match="vary: 'material_texture_uniform' came"):  # no image would show it
+        scene.vary("material_texture_uniform")
 
 
 def test_what_newton_hides_stays_hidden(device: wp.Device) -> None:
