@@ -262,6 +262,12 @@ def test_one_world_of_newton_differs(name: str, device: wp.Device, loads: list[s
     tensor = scene.vary(name)
     eye = wc.Camera("eye", width=16, height=16, lens=wc.Orthographic(height=2.0), position=(0.0, 0.0, 3.0))
     check(scene, wc.Renderer(scene, [eye]), lambda: NEWTON[name](tensor), loads)
+
+
+def test_newtons_textures_are_by_the_metre_anyway(device: wp.Device) -> None:
+    builder = newton.ModelBuilder()
+    builder.add_shape_sphere(-1, radius=0.6, label="ball")
+    scene = wc.from_newton(*newton_scenes.finalize(builder, device), textures=[np.zeros((4, 4, 3), np.uint8)])
     with pytest.raises(WarpcamError, match="vary: 'material_texture_uniform' came"):  # no image would show it
         scene.vary("material_texture_uniform")
 
