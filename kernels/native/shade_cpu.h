@@ -20,39 +20,49 @@ inline Vertices vertices_at(Vecs place, Vecs normal)
 
 struct Arrivals {
     Vecs to_light;
-    Floats strength, facing;
+    Floats facing, along, distance;
+    Ints shone;  // within its cone
 };
 
-inline Arrivals arrivals_of(const Light& light, const Vertices& vertex, Floats strength)
+inline Arrivals arrivals_of(const Light& light, const Vertices& vertex)
 {
-    Arrivals arrival { eight_of(to_vec(light.place)), strength, {} };
+    Arrivals arrival { eight_of(to_vec(light.place)), {}, {}, {}, (Ints)-1 };
     if (light.ambient.w & SPOT) {
         const Vecs offset = arrival.to_light + vertex.reach * vertex.to_eye;
         const Floats square = dot(offset, offset), rate = inverse_root(square);
         arrival.to_light = rate * offset;
-        const Floats along = -dot(arrival.to_light, eight_of(to_vec(light.axis))), none = 0.0f;
-        const float exponent = as_float(light.falloff.w);
-        if (exponent != 0.0f)
-            strength *= power(upper(along, (Floats)TINY), exponent);
-        if (light.ambient.w & FADES) {
-            const Floats distance = square * rate;
-            const Floats loss = light.falloff.x + distance * (light.falloff.y + distance * light.falloff.z);
-            strength *= reciprocal(upper(loss, (Floats)1.0e-12f));
-        }
-        arrival.strength = along >= as_float(light.axis.w) ? strength : none;
+        arrival.along = -dot(arrival.to_light, eight_of(to_vec(light.axis)));
+        arrival.distance = square * rate;
+        arrival.shone = arrival.along >= as_float(light.axis.w);
     }
     arrival.facing = dot(vertex.normal, arrival.to_light);
     return arrival;
+}
+
+inline Floats strength_of(const Light& light, const Arrivals& arrival)
+{
+    Floats strength = 1.0f;
+    if (!(light.ambient.w & SPOT))
+        return strength;
+    const float exponent = as_float(light.falloff.w);
+    if (exponent != 0.0f)
+        strength = power(upper(arrival.along, (Floats)TINY), exponent);
+    if (light.ambient.w & FADES) {
+        const Floats loss = light.falloff.x + arrival.distance * (light.falloff.y + arrival.distance * light.falloff.z);
+        strength *= reciprocal(upper(loss, (Floats)1.0e-12f));
+    }
+    return strength;
 }
 
 struct Shares {
     Floats ambient, diffuse, specular;
 };
 
-inline Shares shares_of(const Light& light, const Vertices& vertex, const Arrivals& arrival, const Finish& finish)
+inline Shares shares_of(const Light& light, const Vertices& vertex, const Arrivals& arrival, Floats strength,
+                        const Finish& finish)
 {
     const Floats none = 0.0f;
-    Shares share { arrival.strength, arrival.strength * upper(arrival.facing, none), none };
+    Shares share { strength, strength * upper(arrival.facing, none), none };
     if (finish.gloss.y != 0.0f) {
         const float length = light.ambient.w & SPOT ? 2.0f : as_float(light.diffuse.w);
         const Floats halfway = length + 2.0f * dot(arrival.to_light, vertex.to_eye);
@@ -60,7 +70,7 @@ inline Shares shares_of(const Light& light, const Vertices& vertex, const Arriva
         // h^e is at most exp(-e (1 - h)): where that is nothing anywhere, no power is taken.
         if (!(finish.gloss.z > 0.0f) || any_of(finish.gloss.z * (1.0f - highlight) < 12.0f)) {
             const Floats shine = power(upper(highlight, (Floats)TINY), finish.gloss.z);
-            share.specular = arrival.facing > 0.0f ? arrival.strength * shine : none;
+            share.specular = arrival.facing > 0.0f ? strength * shine : none;
         }
     }
     return share;
@@ -97,9 +107,7 @@ static WARPCAM_COLD void illuminate_eight_as(const LightList& list, const Facets
     const Floats none = 0.0f, one = 1.0f;
     const Vec base = always_on(list, finish);
     lit = { { none, none, none }, { none, none, none } };
-    const auto strength_of = [&](const Light& light) {
-        return SHADOWS ? ((shadow & light.place.w) != 0 ? none : one) : one;
-    };
+    const auto reaches = [&](const Light& light) { return SHADOWS ? (shadow & light.place.w) == 0 : (Ints)-1; };
     const auto dims = [&](const Light& light) {  // where all of a face is turned away from it
         return SHADOWS && corners > 1 && (light.ambient.w & (AMBIENT | CASTS)) == (AMBIENT | CASTS);
     };
@@ -107,8 +115,8 @@ static WARPCAM_COLD void illuminate_eight_as(const LightList& list, const Facets
     for (int n = 0; n < list.count; ++n) {
         faces[n] = 0;
         for (int k = 0; k < corners && dims(list.lights[n]); ++k) {
-            const Arrivals arrival = arrivals_of(list.lights[n], vertices_at(facet.place[k], facet.normal[k]), one);
-            faces[n] |= (arrival.strength > none) & (arrival.facing > none);
+            const Arrivals arrival = arrivals_of(list.lights[n], vertices_at(facet.place[k], facet.normal[k]));
+            faces[n] |= arrival.shone & (arrival.facing > none);
         }
     }
     for (int k = 0; k < corners; ++k) {
@@ -118,12 +126,14 @@ static WARPCAM_COLD void illuminate_eight_as(const LightList& list, const Facets
         for (int n = 0; n < list.count; ++n) {
             const Light& light = list.lights[n];
             const bool casts = SHADOWS && (light.ambient.w & CASTS);
-            const Arrivals arrival = arrivals_of(light, vertex, strength_of(light));
+            const Arrivals arrival = arrivals_of(light, vertex);
+            const Ints reached = arrival.shone & reaches(light);
             const bool dark_too = !casts && (light.ambient.w & AMBIENT);
             const Ints shone_on = dims(light) ? faces[n] : arrival.facing > none;
-            if (!any_of((arrival.strength > none) & (dark_too ? (Ints)-1 : shone_on)))
+            if (!any_of(reached & (dark_too ? (Ints)-1 : shone_on)))
                 continue;
-            Shares share = shares_of(light, vertex, arrival, finish);
+            const Floats strength = reached ? strength_of(light, arrival) : none;
+            Shares share = shares_of(light, vertex, arrival, strength, finish);
             if (!casts) {
                 add_shares(glow, share, light);
             } else {
@@ -172,8 +182,9 @@ inline void light_eight_corners(const LightList& list, Vecs place, Vecs normal, 
     int slot = CHANNELS;
     for (int n = 0; n < list.count; ++n) {
         const Light& light = list.lights[n];
-        const Arrivals arrival = arrivals_of(light, vertex, (Floats)1.0f);
-        Shares share = shares_of(light, vertex, arrival, finish);
+        const Arrivals arrival = arrivals_of(light, vertex);
+        const Floats strength = arrival.shone ? strength_of(light, arrival) : (Floats)0.0f;
+        Shares share = shares_of(light, vertex, arrival, strength, finish);
         if (SHADOWS && (light.ambient.w & CASTS)) {
             share.ambient = arrival.facing > 0.0f ? share.ambient : (Floats)0.0f;
             Glow<Sum> own {};
