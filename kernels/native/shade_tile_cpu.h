@@ -5,48 +5,37 @@
 
 namespace warpcam {
 
-// INSIDE: by the side that points inside of the shape look out by.
+// Clears `open` of those points of a row that lie in the shadow of an analytic caster. INSIDE: by the side that points
+// inside of the shape look out by.
 template <int TYPE, bool INSIDE>
-inline void shade_points(const Record& record, const Row& aim, const Window& window, float top, bool distant,
-                         Points& points)
+inline void shade_points(const Record& r, const Row& aim, bool distant, int row, Points& points)
 {
-    const Record r = record;
     const Row o = r.origin;
     const Vec a { aim.x, aim.y, aim.z };
-    for (int row = 0; row < Points::ROWS; ++row) {
-        const Ints asks = points.may_be_shaded(row, window, top);
-        if (!any_of(asks))
-            continue;
-        const Vecs p = points.at[row];
-        const Vecs origin { r.axis_x.x * p.x + r.axis_x.y * p.y + r.axis_x.z * p.z + o.x,
-                            r.axis_y.x * p.x + r.axis_y.y * p.y + r.axis_y.z * p.z + o.y,
-                            r.axis_z.x * p.x + r.axis_z.y * p.y + r.axis_z.z * p.z + o.z };
-        const Vecs direction = distant ? eight_of(a) : eight_of(a) - origin;
-        Floats t;
-        if constexpr (INSIDE)
-            for (int k = 0; k < PACKET; ++k)
-                t[k] = leave<TYPE>(r, { one_of(origin, k), one_of(direction, k) });
-        else
-            t = enter_eight<TYPE>(r, origin, direction);
-        points.open[row] &= ~((t > points.near[row]) & (t < points.reach[row]));
-    }
+    const Vecs p = points.at[row];
+    const Vecs origin { r.axis_x.x * p.x + r.axis_x.y * p.y + r.axis_x.z * p.z + o.x,
+                        r.axis_y.x * p.x + r.axis_y.y * p.y + r.axis_y.z * p.z + o.y,
+                        r.axis_z.x * p.x + r.axis_z.y * p.y + r.axis_z.z * p.z + o.z };
+    const Vecs direction = distant ? eight_of(a) : eight_of(a) - origin;
+    Floats t;
+    if constexpr (INSIDE)
+        for (int k = 0; k < PACKET; ++k)
+            t[k] = leave<TYPE>(r, { one_of(origin, k), one_of(direction, k) });
+    else
+        t = enter_eight<TYPE>(r, origin, direction);
+    points.open[row] &= ~((t > points.near[row]) & (t < points.reach[row]));
 }
 
 template <class HeightFields>
-inline void shade_points_by_field(const HeightFields& fields, const Record& r, const Light& light, Points& points)
+inline void shade_points_by_field(const HeightFields& fields, const Record& r, const Light& light, int row, Points& points)
 {
-    for (int row = 0; row < Points::ROWS; ++row) {
-        if (!any_of(points.open[row]))
-            continue;
-        const Vecs p = points.at[row], to = rays_to(light, p);
-        const auto turned = [](const Row& axis, Vecs v) { return axis.x * v.x + axis.y * v.y + axis.z * v.z; };
-        const RayPacket rays { turned(r.axis_x, p) + r.origin.x, turned(r.axis_y, p) + r.origin.y,
-                               turned(r.axis_z, p) + r.origin.z, turned(r.axis_x, to),
-                               turned(r.axis_y, to), turned(r.axis_z, to) };
-        PacketHit hit { points.open[row] ? points.reach[row] : (Floats)-1.0f, (Ints)0, (Ints)0 };
-        walk_packet(fields, r, rays, points.near[row], hit);
-        points.open[row] &= ~hit.met;
-    }
+    const Vecs p = points.at[row], to = rays_to(light, p);
+    const auto turned = [](const Row& axis, Vecs v) { return axis.x * v.x + axis.y * v.y + axis.z * v.z; };
+    const RayPacket rays { turned(r.axis_x, p) + r.origin.x, turned(r.axis_y, p) + r.origin.y,
+                           turned(r.axis_z, p) + r.origin.z, turned(r.axis_x, to), turned(r.axis_y, to), turned(r.axis_z, to) };
+    PacketHit hit { points.open[row] ? points.reach[row] : (Floats)-1.0f, (Ints)0, (Ints)0 };
+    walk_packet(fields, r, rays, points.near[row], hit);
+    points.open[row] &= ~hit.met;
 }
 
 // As meets_box(), of eight points.
@@ -153,20 +142,26 @@ inline void shade_tile(const List& list, const ListWindows& windows, const LitVi
         unsigned long long some = 0;
         for (int number = first; number < first + TOGETHER && number < windows.count; number += PACKET)
             some |= static_cast<unsigned long long>(windows.may_shade(number / PACKET, tile)) << (number - first);
+        int tries[TOGETHER * Points::ROWS], count = 0;  // rows and casters, found without branches that cannot be foreseen
         for (; some; some &= some - 1) {
             const int slot = windows.slot_of(first + __builtin_ctzll(some));
+            for (int row = 0; row < Points::ROWS; ++row) {
+                tries[count] = slot * Points::ROWS + row;
+                count += any_of(points.may_be_shaded(row, list.windows[slot], list.heights[slot]));
+            }
+        }
+        for (int k = 0; k < count; ++k) {
+            const int slot = tries[k] / Points::ROWS, row = tries[k] % Points::ROWS;
             const Record& record = list.records[slot];
             const Row& aim = list.aims[slot];
-            const Window& window = list.windows[slot];
-            const float height = list.heights[slot];
             switch (record.axis_x.w) {
 #define WARPCAM_CASE(TYPE) \
     case TYPE: \
         if constexpr ((TYPES >> TYPE & 1) != 0) \
-            shade_points<TYPE, false>(record, aim, window, height, distant, points); \
+            shade_points<TYPE, false>(record, aim, distant, row, points); \
         if constexpr ((TYPES >> TYPE & 1) && (TYPES >> GLASS & 1)) \
             if (aim.w) \
-                shade_points<TYPE, true>(record, aim, window, height, distant, points); \
+                shade_points<TYPE, true>(record, aim, distant, row, points); \
         break;
                 WARPCAM_CASE(PLANE)
                 WARPCAM_CASE(SPHERE)
@@ -179,7 +174,7 @@ inline void shade_tile(const List& list, const ListWindows& windows, const LitVi
 #undef WARPCAM_CASE
             case HEIGHT_FIELD:
                 if constexpr ((TYPES >> HEIGHT_FIELD & 1) != 0)
-                    shade_points_by_field(fields, record, view.light, points);
+                    shade_points_by_field(fields, record, view.light, row, points);
                 break;
             default:
                 behind[slot / 32] |= 1u << slot % 32;
