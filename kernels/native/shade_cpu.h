@@ -95,11 +95,18 @@ template <class Sum> inline Vecs reflected_by(const Glow<Sum>& glow, Vec base, c
         + finish.gloss.y * in_channels(glow.gloss);
 }
 
+// The same of one light alone.
+template <class Sum> inline Vecs reflected_by(const Glow<Sum>& glow, const Finish& finish)
+{
+    return times(in_channels(glow.matt), eight_of(to_vec(finish.color))) + finish.gloss.y * in_channels(glow.gloss);
+}
+
 struct Lits {
     Vecs linear, display;
 };
 
-template <bool SHADOWS, class Sum>
+// LINEAR: whether light that is not clipped is asked for.
+template <bool SHADOWS, bool LINEAR, class Sum>
 static WARPCAM_COLD void illuminate_eight_as(const LightList& list, const Facets& facet, int corners, const Finish& finish,
                                              Ints shadow, Lits& lit)
 {
@@ -140,26 +147,28 @@ static WARPCAM_COLD void illuminate_eight_as(const LightList& list, const Facets
                 share.ambient = shone_on ? share.ambient : none;
                 Glow<Sum> own {};
                 add_shares(own, share, light);
-                const Vecs added = reflected_by(own, Vec { 0.0f, 0.0f, 0.0f }, finish);
-                lit.linear = lit.linear + weight * added;
+                const Vecs added = reflected_by(own, finish);
+                if (LINEAR)
+                    lit.linear = lit.linear + weight * added;
                 lit.display = lit.display + weight * clip(added);
             }
         }
         const Vecs steady = reflected_by(glow, base, finish);
-        lit.linear = lit.linear + weight * steady;
+        if (LINEAR)
+            lit.linear = lit.linear + weight * steady;
         lit.display = lit.display + weight * clip(steady);
     }
 }
 
 // By the light on as many corners of the facet, 1 or 3.
-template <bool SHADOWS>
+template <bool SHADOWS, bool LINEAR>
 inline void illuminate_eight(const LightList& list, const Facets& facet, int corners, const Finish& finish, Ints shadow,
                              Lits& lit)
 {
     if (list.colored)
-        illuminate_eight_as<SHADOWS, Vecs>(list, facet, corners, finish, shadow, lit);
+        illuminate_eight_as<SHADOWS, LINEAR, Vecs>(list, facet, corners, finish, shadow, lit);
     else
-        illuminate_eight_as<SHADOWS, Floats>(list, facet, corners, finish, shadow, lit);
+        illuminate_eight_as<SHADOWS, LINEAR, Floats>(list, facet, corners, finish, shadow, lit);
 }
 
 // What eight corners of a plane show; `stride` numbers apart.
@@ -189,7 +198,7 @@ inline void light_eight_corners(const LightList& list, Vecs place, Vecs normal, 
             share.ambient = arrival.facing > 0.0f ? share.ambient : (Floats)0.0f;
             Glow<Sum> own {};
             add_shares(own, share, light);
-            keep(clip(reflected_by(own, Vec { 0.0f, 0.0f, 0.0f }, finish)), slot);
+            keep(clip(reflected_by(own, finish)), slot);
             slot += CHANNELS;
         } else {
             add_shares(steady, share, light);
