@@ -240,18 +240,28 @@ template <class Grid, class Looks> WARPCAM_APART inline void light_all_corners(G
 struct OnCornersOfEight {
     Ints first, second, third, inside;
     Floats weight1, weight2, weight3;
+    bool together;  // all in one triangle
 
     // Rows of FEW numbers.
     Columns few(const float* values) const
     {
+        if (together)
+            return { of_one(values), of_one(values + 1), of_one(values + 2), of_one(values + 3) };
         const Columns a = gather_rows(values, first >> 2), b = gather_rows(values, second >> 2);
         const Columns c = gather_rows(values, third >> 2);
         return { weight1 * a.a + weight2 * b.a + weight3 * c.a, weight1 * a.b + weight2 * b.b + weight3 * c.b,
                  weight1 * a.c + weight2 * b.c + weight3 * c.c, weight1 * a.d + weight2 * b.d + weight3 * c.d };
     }
 
+    Floats of_one(const float* values) const
+    {
+        return weight1 * values[first[0]] + weight2 * values[second[0]] + weight3 * values[third[0]];
+    }
+
     Floats shown(const float* values) const
     {
+        if (together)
+            return of_one(values);
         return weight1 * gather(values, first) + weight2 * gather(values, second) + weight3 * gather(values, third);
     }
 };
@@ -277,6 +287,7 @@ template <class Grid> inline OnCornersOfEight on_corners(const Grid& grid, Vecs 
     on.first = (corner + (high & beyond & (grid.columns + 1))) * grid.stride;
     on.second = (corner + (beyond & 1)) * grid.stride;
     on.third = (corner + (beyond & grid.columns)) * grid.stride;
+    on.together = !any_of((on.first != on.first[0]) | (on.second != on.second[0]));
     on.weight2 = high ? 1.0f - b : a;
     on.weight3 = high ? 1.0f - a : b;
     on.weight1 = 1.0f - on.weight2 - on.weight3;
