@@ -2,41 +2,26 @@
 // found of eight at once by the spheres around them; patches of the region pick theirs among the others.
 #pragma once
 #include "shadow.h"
+#include "spheres_cpu.h"
 
 namespace warpcam {
 
 constexpr int PATCH = 16;  // pixels along a side, at most
 
-// Of eight shapes those that may shade something, a bit each, as far as the spheres around them tell.
-template <int TYPES, class Shapes>
-inline unsigned spheres_near(const Shapes& shapes, const Light& light, const Camera& camera, const TileWindow& region,
-                             int world, int first)
+// Those that may shade something in a region, a bit each.
+inline unsigned spheres_before(const Spheres& s, const Light& light, const Camera& camera, const TileWindow& region)
 {
-    const int total = shapes.drawn.shape[0], count = lower_int(PACKET, total - first);
-    Vecs at, size;
-    Ints type;
-    for (int k = 0; k < PACKET; ++k) {
-        const int id = wp::index(shapes.drawn, first + lower_int(k, count - 1));
-        put_one(at, k, to_vec(wp::index(shapes.positions, world, id)));
-        put_one(size, k, to_vec(shared_row(shapes.sizes, world, id)));
-        type[k] = wp::index(shapes.types, id);
-    }
-    const Floats none = 0.0f, far = FAR_AWAY, one = 1.0f;
-    const auto is = [&](int one) { return type == one; };
-    const Ints ball = is(SPHERE), pill = is(CAPSULE), tube = is(CYLINDER) | is(CONE), solid = is(ELLIPSOID) | is(BOX);
-    const Floats across = size.x + (pill ? size.y : none);
-    const Floats length = tube | solid ? size.y : none, depth = solid ? size.z : none;
-    const Floats radius = root(across * across + length * length + depth * depth);
-    const Vecs c = at - eight_of(camera.origin), from = light.distant ? c : c - eight_of(light.aim);
+    const Floats none = 0.0f, one = 1.0f;
+    const Vecs c = s.at - eight_of(camera.origin), from = light.distant ? c : c - eight_of(light.aim);
     const Vec aim = light.aim;
-    const Floats half = radius
+    const Floats half = s.radius
         + 1.0e-5f
-            * (magnitude(c.x) + magnitude(c.y) + magnitude(c.z) + 2.0f * radius
+            * (magnitude(c.x) + magnitude(c.y) + magnitude(c.z) + 2.0f * s.radius
                + (light.distant ? 0.0f : magnitude(aim.x) + magnitude(aim.y) + magnitude(aim.z)));
     const Floats u = dot(eight_of(light.u), from), v = dot(eight_of(light.v), from), w = dot(eight_of(light.w), from);
     Floats left = u - half, right = u + half, bottom = v - half, top = v + half, height = w + half;
-    Ints unknown = ~(ball | pill | tube | solid);
-    if (!light.distant) {
+    Ints unknown = s.unknown;
+    if (!light.distant) {  // as window_of()
         const Ints aside = ~(w - half > 1.0e-3f * half);
         const Floats nearest = aside ? one : w - half, at_near = 1.0001f / nearest, at_far = 0.9999f / (w + half);
         unknown |= aside;
@@ -49,7 +34,7 @@ inline unsigned spheres_near(const Shapes& shapes, const Light& light, const Cam
     const Window& all = region.window;
     const Ints may = (left <= all.right) & (right >= all.left) & (bottom <= all.top) & (top >= all.bottom)
         & (height > region.floor);
-    return bits_of(may | unknown) & ((1u << count) - 1);
+    return bits_of(may | unknown) & s.there;
 }
 
 // Fills the list with shapes from `begin` on that may shade something in the region, until it is full; returns where to
@@ -62,7 +47,7 @@ inline int gather_near(List& list, Windows<List::CAPACITY>& windows, int begin, 
     const int total = shapes.drawn.shape[0];
     windows.count = 0;
     for (; begin < total && windows.count + PACKET <= List::CAPACITY; begin += PACKET) {
-        unsigned some = spheres_near<TYPES>(shapes, light, camera, region, world, begin);
+        unsigned some = spheres_before(load_spheres(shapes, world, begin), light, camera, region);
         for (; some; some &= some - 1) {
             Caster caster;
             const int id = wp::index(shapes.drawn, begin + lowest_bit(some)), slot = windows.count;
