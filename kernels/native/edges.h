@@ -40,6 +40,19 @@ WARPCAM_FN Offset sample_offset(int sample)
     return { sign * (upright ? -0.125f : 0.375f), sign * (upright ? 0.375f : 0.125f) };
 }
 
+// Which of the nine pixels around one is the k-th nearest to a sample, by its place beside the one in the middle.
+WARPCAM_FN Place near_sample(Offset offset, int k)
+{
+    // 1 being the pixel's own line and 2 that on the sample's side: bits by twos for the direction in which the sample is
+    // farther from the centre, and for the other
+    constexpr unsigned FARTHER = 0x999, OTHER = 0x90a5;
+    const bool upright = magnitude(offset.down) > magnitude(offset.right);
+    const int x = offset.right > 0.0f ? 1 : -1, y = offset.down > 0.0f ? 1 : -1;
+    const int farther = int(FARTHER >> 2 * k & 3) - 1, other = int(OTHER >> 2 * k & 3) - 1;
+    return { x * (upright ? other : farther), y * (upright ? farther : other) };
+}
+WARPCAM_FN int number_of(const Place& place) { return 3 * (place.down + 1) + place.right + 1; }  // see ImageCentres::around()
+
 // Depths between which a sample's hit is looked for, on shapes that take long: about those that the pixels around have.
 struct Band {
     float first, last;  // the first is greater where there are none
@@ -273,26 +286,22 @@ template <int LENS, class Centres> struct Seen {
     template <int IMAGES, class Turned>
     WARPCAM_FN int shown(int i, int j, Offset offset, float hit_depth, int hit_shape, bool sided, const Turned& turned) const
     {
-        // The nine from near to far, 1 being the pixel's own line and 2 that on the sample's side: bits by twos for the
-        // direction in which the sample is farther from the centre, and for the other.
-        constexpr unsigned FARTHER = 0x999, OTHER = 0x90a5;
-        const bool upright = magnitude(offset.down) > magnitude(offset.right);
-        const int x = offset.right > 0.0f ? 1 : -1, y = offset.down > 0.0f ? 1 : -1;
-        const auto aside = [&](int k) {
-            const int farther = int(FARTHER >> 2 * k & 3) - 1, other = int(OTHER >> 2 * k & 3) - 1;
-            return Place { x * (upright ? other : farther), y * (upright ? farther : other) };
-        };
-        const auto number = [](const Place& place) { return 3 * (place.down + 1) + place.right + 1; };
-        unsigned left = 0;  // those that show the shape, by number
+        unsigned left = 0;  // those that show the shape, from near to far
 #pragma unroll
         for (int k = 0; k < 9; ++k) {
-            const Place at_k = aside(k);
+            const Place at_k = near_sample(offset, k);
             left |= unsigned(centres.shows(i + at_k.right, j + at_k.down, hit_shape)) << k;
         }
-        if (!left)
-            return ITSELF;
+        return left ? chosen<IMAGES>(left, i, j, offset, hit_depth, sided, turned) : ITSELF;
+    }
+
+    // The same of those in `left`, numbered from near to far.
+    template <int IMAGES, class Turned>
+    WARPCAM_FN int chosen(unsigned left, int i, int j, Offset offset, float hit_depth, bool sided, const Turned& turned) const
+    {
+        const auto aside = [&](int k) { return near_sample(offset, k); };
         if (!sided)
-            return number(aside(lowest_bit(left)));
+            return number_of(aside(lowest_bit(left)));
 
         const auto pixel_of = [&](const Place& place) { return at(i + place.right, j + place.down); };
         const auto apart_from = [&](const Place& place) {
@@ -304,25 +313,25 @@ template <int LENS, class Centres> struct Seen {
             return its < most ? its + turned(i + place.right, j + place.down, pixel_of(place)) : its;
         };
         Place best_at = aside(lowest_bit(left));
-        Colour<IMAGES> chosen = colour<IMAGES>(pixel_of(best_at));
+        Colour<IMAGES> best_colour = colour<IMAGES>(pixel_of(best_at));
         float best = FAR_AWAY;  // not known before some other pixel has another colour
         for (left &= left - 1; left; left &= left - 1) {
             const Place place = aside(lowest_bit(left));
             if (apart_from(place) >= best)
                 break;
             const Colour<IMAGES> its = colour<IMAGES>(pixel_of(place));
-            if (!chosen.differs(its, FAINT))
+            if (!best_colour.differs(its, FAINT))
                 continue;
             if (best == FAR_AWAY)
                 best = cost_of(best_at, FAR_AWAY);
             const float cost = cost_of(place, best);
             if (cost < best) {
                 best = cost;
-                chosen = its;
+                best_colour = its;
                 best_at = place;
             }
         }
-        return number(best_at);
+        return number_of(best_at);
     }
 };
 
