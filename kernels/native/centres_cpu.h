@@ -9,12 +9,18 @@ constexpr int AROUND = 9;  // pixels, see ImageCentres::around()
 
 // What the nine pixels around one show, those outside of the image as the nearest inside.
 struct NineIds {
-    Ints eight;
-    int last;
+    const int* here;
+    int line;
     unsigned inside;  // those that are in the image, a bit each
 
-    int operator[](int k) const { return k < PACKET ? eight[k] : last; }
-    unsigned which_are(int id) const { return bits_of(eight == id) | unsigned(last == id) << PACKET; }
+    int operator[](int k) const { return here[(k / 3 - 1) * line + k % 3 - 1]; }
+    unsigned which_are(int id) const
+    {
+        unsigned found = 0;
+        for (int row = 0; row < 3; ++row)
+            found |= (bits_of(load_eight(here + (row - 1) * line - 1) == id) & 7u) << 3 * row;
+        return found;
+    }
 };
 
 // Pixels are numbered row after row, from the one left above the region's first.
@@ -88,10 +94,9 @@ template <int IMAGES, int WIDTH, int HEIGHT, class Target> struct CentresAtHand 
     template <int> unsigned bytes(unsigned pixel) const { return colours[pixel]; }
     NineIds nine_ids(int i, int j) const
     {
-        const int *const here = ids + at(i, j), *const above = here - LINE, *const below = here + LINE;
         const unsigned upright = (j > 0 ? 0x007u : 0u) | 0x038u | (j + 1 < target.height ? 0x1c0u : 0u);
         const unsigned across = (i > 0 ? 0x049u : 0u) | 0x092u | (i + 1 < target.width ? 0x124u : 0u);
-        return { { above[-1], above[0], above[1], here[-1], here[0], here[1], below[-1], below[0] }, below[1], upright & across };
+        return { ids + at(i, j), LINE, upright & across };
     }
     unsigned around(int i, int j, int k) const { return at(i + k % 3 - 1, j + k / 3 - 1); }
 

@@ -1,6 +1,9 @@
 // Edges of an image, and which of its pixels shows what a sample beside a pixel's centre has hit.
 #pragma once
 #include "prepare.h"
+#if !defined(__CUDA_ARCH__)
+#include "eight.h"
+#endif
 
 namespace warpcam {
 
@@ -129,6 +132,30 @@ template <int IMAGES> struct Colour {
     }
 };
 
+#if !defined(__CUDA_ARCH__)
+
+// Those of eight that differ, a bit each.
+template <int IMAGES>
+inline unsigned which_differ(const Colour<IMAGES>& its, const Colour<IMAGES> (&others)[PACKET], int levels)
+{
+    unsigned found = 0;
+    for (int k = 0; k < PACKET && (IMAGES & SMOOTH_HDR); ++k)
+        found |= unsigned(its.differs(others[k], levels)) << k;
+    if constexpr (!(IMAGES & SMOOTH_HDR)) {
+        typedef unsigned char Bytes __attribute__((ext_vector_type(4 * PACKET)));
+        Ints words;
+        for (int k = 0; k < PACKET; ++k)
+            words[k] = int(others[k].bytes);
+        const Bytes theirs = (Bytes)words, own = (Bytes)(Ints)int(its.bytes);
+        const Bytes apart = __builtin_elementwise_sub_sat(theirs, own) | __builtin_elementwise_sub_sat(own, theirs);
+        const Bytes most = static_cast<unsigned char>(levels);
+        found = bits_of((Ints)__builtin_elementwise_sub_sat(apart, most) != 0);
+    }
+    return found;
+}
+
+#endif
+
 // What a view has found in the centres of its pixels, as its images have it. A pixel is an index into them.
 template <class Target> struct ImageCentres {
     static constexpr bool BORDERED = false;  // there are no pixels outside of the image
@@ -252,12 +279,17 @@ template <int LENS, class Centres> struct Seen {
                     around[k] = colour<IMAGES>(ring[k]);
             }
             unsigned gaps = 0, wide_gaps = 0;
+#if defined(__CUDA_ARCH__)
 #pragma unroll
             for (int k = 0; k < 8; ++k) {
                 const Colour<IMAGES>& beside = around[k];
                 gaps |= unsigned(its.differs(beside, within ? FAINT_WITHIN : FAINT)) << k;
                 wide_gaps |= unsigned(its.differs(beside, FAINT_SIDES)) << k;
             }
+#else
+            gaps = which_differ(its, around, within ? FAINT_WITHIN : FAINT);
+            wide_gaps = sided ? which_differ(its, around, FAINT_SIDES) : 0;
+#endif
             samples &= of_pairs(gaps | gaps >> 1 | gaps << 7);
             if (sided)  // of which two may meet in the triangle
                 samples |= of_pairs(wide_gaps) & ~of_pairs(other);
