@@ -135,7 +135,8 @@ def record(
         width: Image width [pixels].
         height: Image height [pixels].
         depth: float32, (world, height, width, ...), or None if it is not wanted. A scene of more than MAX_LISTED
-            shapes, on a CPU MANY_LISTED, is drawn in passes, which go on from each other's depth and shape: then both are needed.
+            shapes, on a CPU MANY_LISTED, is drawn in passes, which go on from each other's depth and shape: then both
+            are needed.
         shape: An integer type that holds every shape id and -1, likewise.
         face: An integer type that holds every face, and of height fields one number more, likewise; see
             ``target_struct``.
