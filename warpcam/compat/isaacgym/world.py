@@ -12,7 +12,8 @@ import warp as wp
 from warpcam import interop
 from warpcam.compat.isaacgym.asset import Asset
 from warpcam.compat.isaacgym.maths import Transform, Vec3, matrix_of
-from warpcam.compat.isaacgym.options import PlaneParams, TriangleMeshParams
+from warpcam.compat.isaacgym.options import PlaneParams
+from warpcam.compat.isaacgym.terrain import Terrain, surface_of
 from warpcam.compat.numbers import whole
 from warpcam.errors import WarpcamError
 
@@ -177,7 +178,7 @@ class Grounds:
     """What stands in no environment and is seen from all."""
 
     planes: list[PlaneParams] = field(default_factory=list)
-    terrains: list[tuple[newton.Mesh, TriangleMeshParams]] = field(default_factory=list)
+    terrains: list[Terrain] = field(default_factory=list)
 
     def __len__(self) -> int:
         return len(self.planes) + len(self.terrains)
@@ -190,7 +191,7 @@ class Grounds:
     @property
     def segments(self) -> list[int]:
         planes = [int(plane.segmentation_id) for plane in self.planes]
-        return planes + [int(params.segmentation_id) for _, params in self.terrains]
+        return planes + [int(terrain.params.segmentation_id) for terrain in self.terrains]
 
 
 @dataclass(frozen=True)
@@ -281,16 +282,9 @@ def _add_grounds(builder: newton.ModelBuilder, grounds: Grounds, origin: Vec3) -
     """In an environment whose frame has its origin there."""
     for plane in grounds.planes:
         normal = plane.normal.normalize()
-        config = _surface(plane)
+        config = surface_of(plane)
         away = plane.distance + normal.dot(origin)
         builder.add_shape_plane(plane=(*normal, away), width=0.0, length=0.0, cfg=config, color=GREY, label="ground")
-    for mesh, params in grounds.terrains:
-        place = Transform(params.transform.p - origin, params.transform.r)
-        builder.add_shape_mesh(
-            -1, xform=wp.transform(*place.numbers()), mesh=mesh, cfg=_surface(params), color=GREY, label="terrain"
-        )
+    for terrain in grounds.terrains:
+        terrain.add(builder, origin, GREY)
     return -1 - np.arange(len(grounds))
-
-
-def _surface(params: PlaneParams | TriangleMeshParams) -> newton.ModelBuilder.ShapeConfig:
-    return newton.ModelBuilder.ShapeConfig(mu=float(params.dynamic_friction), restitution=float(params.restitution))
