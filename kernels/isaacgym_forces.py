@@ -1,0 +1,74 @@
+"""Forces in Isaac Gym's front end: of contacts, at sensors, along joints, and those of a program's own."""
+
+import warp as wp
+
+from .launch import compiler_flags
+
+wp.set_module_options(compiler_flags())
+
+
+@wp.kernel(enable_backward=False)
+def add_contacts(
+    counts: wp.array(dtype=wp.int32),  # (1,)
+    geoms: wp.array(dtype=wp.vec2i),  # (contact,)
+    worlds: wp.array(dtype=wp.int32),  # (contact,)
+    places: wp.array(dtype=wp.vec3),  # (contact,)
+    forces: wp.array(dtype=wp.spatial_vector),  # (contact,) on the second geom, in its world's frame
+    shapes: wp.array2d(dtype=wp.int32),  # (world, geom)
+    bodies: wp.array(dtype=wp.int32),  # (shape,)
+    felt: wp.array2d(dtype=wp.float32),  # (body, 6) force and its moment about the origin
+):
+    contact = wp.tid()
+    if contact >= counts[0]:
+        return
+    force = wp.spatial_top(forces[contact])
+    moment = wp.cross(places[contact], force)
+    for side in range(2):
+        geom = geoms[contact][side]
+        body = wp.int32(-1)
+        if geom >= 0:
+            shape = shapes[worlds[contact], geom]
+            if shape >= 0:
+                body = bodies[shape]
+        if body >= 0:
+            sign = float(2 * side - 1)
+            for axis in range(3):
+                wp.atomic_add(felt, body, axis, sign * force[axis])
+                wp.atomic_add(felt, body, 3 + axis, sign * moment[axis])
+
+
+@wp.kernel(enable_backward=False)
+def read_forces(
+    felt: wp.array2d(dtype=wp.float32),  # (model's body, 6)
+    bodies: wp.array(dtype=wp.int32),  # (body,)
+    forces: wp.array2d(dtype=wp.float32),  # (body, 3)
+):
+    row, axis = wp.tid()
+    forces[row, axis] = felt[bodies[row], axis]
+
+
+@wp.kernel(enable_backward=False)
+def read_sensors(
+    felt: wp.array2d(dtype=wp.float32),  # (model's body, 6)
+    poses: wp.array(dtype=wp.transform),  # (model's body,)
+    bodies: wp.array(dtype=wp.int32),  # (sensor,) -1 for one that feels nothing
+    places: wp.array(dtype=wp.transform),  # (sensor,) in the body's frame
+    level: wp.array(dtype=wp.int32),  # (sensor,) 1: along the world's axes
+    readings: wp.array2d(dtype=wp.float32),  # (sensor, 6)
+):
+    sensor = wp.tid()
+    body = bodies[sensor]
+    force = wp.vec3()
+    torque = wp.vec3()
+    if body >= 0:
+        pose = poses[body] * places[sensor]
+        force = wp.vec3(felt[body, 0], felt[body, 1], felt[body, 2])
+        torque = wp.vec3(felt[body, 3], felt[body, 4], felt[body, 5])
+        torque = torque - wp.cross(wp.transform_get_translation(pose), force)
+        if level[sensor] == 0:
+            back = wp.quat_inverse(wp.transform_get_rotation(pose))
+            force = wp.quat_rotate(back, force)
+            torque = wp.quat_rotate(back, torque)
+    for axis in range(3):
+        readings[sensor, axis] = force[axis]
+        readings[sensor, 3 + axis] = torque[axis]
