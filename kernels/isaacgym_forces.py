@@ -72,3 +72,17 @@ def read_sensors(
     for axis in range(3):
         readings[sensor, axis] = force[axis]
         readings[sensor, 3 + axis] = torque[axis]
+
+
+@wp.kernel(enable_backward=False)
+def read_efforts(
+    driven: wp.array2d(dtype=wp.float32),  # (world, speed) by drives
+    applied: wp.array2d(dtype=wp.float32),  # (world, speed) by programs
+    worlds: wp.array(dtype=wp.int32),  # (dof,)
+    places: wp.array(dtype=wp.int32),  # (dof,) speed of each
+    efforts: wp.array(dtype=wp.float32),  # (dof,)
+):
+    dof = wp.tid()
+    world = worlds[dof]
+    place = places[dof]
+    efforts[dof] = driven[world, place] + applied[world, place]

@@ -11,6 +11,7 @@ where it is asked for; nothing returns None for an image.
 from warpcam.compat.isaacgym.asset import Asset
 from warpcam.compat.isaacgym.calls_assets import AssetCalls
 from warpcam.compat.isaacgym.calls_cameras import CameraCalls
+from warpcam.compat.isaacgym.calls_forces import ForceCalls
 from warpcam.compat.isaacgym.calls_looks import LookCalls
 from warpcam.compat.isaacgym.calls_properties import PropertyCalls
 from warpcam.compat.isaacgym.calls_sim import SimCalls
@@ -159,7 +160,7 @@ __all__ = [
 ]  # fmt: skip
 
 
-class Gym(SimCalls, AssetCalls, PropertyCalls, StateCalls, LookCalls, CameraCalls, Refusals):
+class Gym(SimCalls, AssetCalls, PropertyCalls, StateCalls, ForceCalls, LookCalls, CameraCalls, Refusals):
     """All calls. Those of Isaac Gym that are not here say so when they are called."""
 
 

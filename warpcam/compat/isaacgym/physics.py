@@ -13,6 +13,7 @@ import warp as wp
 from warpcam import interop
 from warpcam.compat.isaacgym import settings
 from warpcam.compat.isaacgym.contacts import Contacts, Sensors
+from warpcam.compat.isaacgym.efforts import Efforts
 from warpcam.compat.isaacgym.kinds import DOF_STATE
 from warpcam.compat.isaacgym.maths import Transform, Vec3
 from warpcam.compat.isaacgym.tensors import Tensor, take
@@ -21,6 +22,7 @@ from warpcam.compat.numbers import whole
 from warpcam.errors import WarpcamError
 from warpcam.kernels import isaacgym as kernels
 
+Source = tuple[tuple[int, ...], Callable[[wp.array], None]]
 CONTACTS_PER_SHAPE, LEAST_CONTACTS = 8, 64
 
 
@@ -76,6 +78,7 @@ class Physics:
         rows = [row for actor in self.actors for row in _sensors(actor, self.start_of(actor).bodies)]
         self._sensors = Sensors(rows, device)
         self.num_sensors = len(rows)
+        self._efforts = Efforts(self.model, self._speeds.numpy())
         self._told = [actor for actor in self.actors if actor.targets]
         self._readings: dict[tuple[str, str], Reading] = {}
 
@@ -89,6 +92,7 @@ class Physics:
             self._write_stale()
             if self._solver is None:
                 self._solver = self._make_solver()
+                self._efforts.bind(self._solver)
             for _ in range(substeps):
                 self.state.clear_forces()
                 if self._floating.size:
@@ -129,15 +133,16 @@ class Physics:
         if self._on_host:
             reading.shown.torch.copy_(interop.to_torch(reading.array))
 
-    def _reading(self, kind: str, of: str) -> tuple[tuple[int, ...], Callable[[wp.array], None]]:
+    def _reading(self, kind: str, of: str) -> Source:
         """Shape of the tensor of that kind, and what fills it."""
         total = self.total
-        readings: dict[str, Callable[[], tuple[tuple[int, ...], Callable[[wp.array], None]]]] = {
+        readings: dict[str, Callable[[], Source]] = {
             "roots": lambda: ((total.actors, 13), partial(self._read_bodies, self._roots)),
             "bodies": lambda: ((total.bodies, 13), partial(self._read_bodies, self._bodies)),
             "dofs": lambda: ((total.dofs, 2), self._read_dofs),
             "contacts": lambda: ((total.bodies, 3), self._read_contacts),
             "sensors": lambda: ((self.num_sensors, 6), self._read_sensors),
+            "efforts": lambda: ((total.dofs,), self._efforts.read),
         }
         return readings[kind]()
 
