@@ -1,4 +1,4 @@
-"""Forces in Isaac Gym's front end: of contacts, at sensors, along joints, and those of a program's own."""
+"""Forces in Isaac Gym's front end: of contacts, at sensors and along joints, and what turns the latter into motion."""
 
 import warp as wp
 
@@ -86,3 +86,24 @@ def read_efforts(
     world = worlds[dof]
     place = places[dof]
     efforts[dof] = driven[world, place] + applied[world, place]
+
+
+@wp.kernel(enable_backward=False)
+def gather_jacobians(
+    full: wp.array3d(dtype=wp.float32),  # (articulation, 6 joint, speed)
+    articulations: wp.array(dtype=wp.int32),  # (actor,)
+    joints: wp.array(dtype=wp.int32),  # (link,)
+    out: wp.array4d(dtype=wp.float32),  # (actor, link, 6, speed)
+):
+    actor, link, row, speed = wp.tid()
+    out[actor, link, row, speed] = full[articulations[actor], 6 * joints[link] + row, speed]
+
+
+@wp.kernel(enable_backward=False)
+def gather_masses(
+    full: wp.array3d(dtype=wp.float32),  # (articulation, speed, speed)
+    articulations: wp.array(dtype=wp.int32),  # (actor,)
+    out: wp.array3d(dtype=wp.float32),  # (actor, speed, speed)
+):
+    actor, row, column = wp.tid()
+    out[actor, row, column] = full[articulations[actor], row, column]

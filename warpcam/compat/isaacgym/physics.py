@@ -16,6 +16,7 @@ from warpcam.compat.isaacgym.contacts import Contacts, Sensors
 from warpcam.compat.isaacgym.efforts import Efforts
 from warpcam.compat.isaacgym.kinds import DOF_STATE
 from warpcam.compat.isaacgym.maths import Transform, Vec3
+from warpcam.compat.isaacgym.matrices import Matrices
 from warpcam.compat.isaacgym.tensors import Tensor, take
 from warpcam.compat.isaacgym.world import Actor, Counts, Env, Grounds, build
 from warpcam.compat.numbers import whole
@@ -78,6 +79,7 @@ class Physics:
         rows = [row for actor in self.actors for row in _sensors(actor, self.start_of(actor).bodies)]
         self._sensors = Sensors(rows, device)
         self.num_sensors = len(rows)
+        self._matrices = Matrices(self.model, [(actor, self.start_of(actor)) for actor in self.actors])
         self._efforts = Efforts(self.model, self._speeds.numpy())
         self._told = [actor for actor in self.actors if actor.targets]
         self._readings: dict[tuple[str, str], Reading] = {}
@@ -143,6 +145,8 @@ class Physics:
             "contacts": lambda: ((total.bodies, 3), self._read_contacts),
             "sensors": lambda: ((self.num_sensors, 6), self._read_sensors),
             "efforts": lambda: ((total.dofs,), self._efforts.read),
+            "jacobians": lambda: self._matrix(*self._matrices.jacobians(of)),
+            "masses": lambda: self._matrix(*self._matrices.masses(of)),
         }
         return readings[kind]()
 
@@ -162,6 +166,14 @@ class Physics:
     def _read_sensors(self, array: wp.array) -> None:
         self._contacts_felt.read(self._solver, "contact forces (sensors)")
         self._sensors.read(self._contacts_felt.felt, self.state.body_q, array)
+
+    def _matrix(self, shape: tuple[int, ...], read: Callable[[newton.State, wp.array], None]) -> Source:
+        def refresh(array: wp.array) -> None:
+            self._catch_up()
+            self._write_stale()
+            read(self.state, array)
+
+        return shape, refresh
 
     def set_roots(self, value: Any, chosen: Any, count: int | None, where: str) -> None:
         """Place actors; with what hangs on them, at once."""

@@ -21,8 +21,6 @@ REFUSED: Mapping[str, str] = {
     ),
     **dict.fromkeys(
         (
-            "acquire_jacobian_tensor",
-            "refresh_jacobian_tensors", "acquire_mass_matrix_tensor", "refresh_mass_matrix_tensors",
             "apply_rigid_body_force_tensors", "apply_rigid_body_force_at_pos_tensors", "apply_body_forces",
             "apply_body_force_at_pos", "apply_actor_dof_efforts", "apply_dof_effort", "set_rigid_body_state_tensor",
             "set_actor_rigid_body_states", "set_actor_scale", "get_actor_scale",
