@@ -107,3 +107,38 @@ def gather_masses(
 ):
     actor, row, column = wp.tid()
     out[actor, row, column] = full[articulations[actor], row, column]
+
+
+ENVIRONMENT = 0  # spaces that pushes are given in
+LOCAL = 1  # each body's own frame
+GLOBAL = 2  # the frame that all environments share
+
+
+@wp.kernel(enable_backward=False)
+def add_pushes(
+    poses: wp.array(dtype=wp.transform),
+    centres: wp.array(dtype=wp.vec3),  # (model's body,) of mass, in its frame
+    bodies: wp.array(dtype=wp.int32),  # (row,)
+    origins: wp.array(dtype=wp.vec3),  # (model's body,) of its environment's frame in that of all
+    forces: wp.array2d(dtype=wp.float32),  # (row, 3)
+    torques: wp.array2d(dtype=wp.float32),  # (row, 3)
+    places: wp.array2d(dtype=wp.float32),  # (row, 3) where forces act, or (0, 3): at the centres
+    space: wp.int32,
+    pushes: wp.array(dtype=wp.spatial_vector),  # (model's body,) about its centre, along the world's axes
+):
+    row = wp.tid()
+    body = bodies[row]
+    pose = poses[body]
+    force = wp.vec3(forces[row, 0], forces[row, 1], forces[row, 2])
+    torque = wp.vec3(torques[row, 0], torques[row, 1], torques[row, 2])
+    if space == LOCAL:
+        force = wp.transform_vector(pose, force)
+        torque = wp.transform_vector(pose, torque)
+    if places.shape[0] > 0:
+        place = wp.vec3(places[row, 0], places[row, 1], places[row, 2])
+        if space == LOCAL:
+            place = wp.transform_point(pose, place)
+        elif space == GLOBAL:
+            place = place - origins[body]
+        torque = torque + wp.cross(place - wp.transform_point(pose, centres[body]), force)
+    pushes[body] = pushes[body] + wp.spatial_vector(force, torque)

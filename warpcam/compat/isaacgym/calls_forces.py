@@ -1,12 +1,17 @@
-"""Calls about forces along joints, and about jacobians and mass matrices."""
+"""Calls about forces, on bodies and along joints, and about jacobians and mass matrices."""
+
+from typing import Any
 
 import numpy as np
 
 from warpcam import interop
 from warpcam.compat.isaacgym.calls_assets import actor_of
-from warpcam.compat.isaacgym.sim import Sim, sim_of
+from warpcam.compat.isaacgym.kinds import CoordinateSpace, one_of
+from warpcam.compat.isaacgym.maths import Vec3
+from warpcam.compat.isaacgym.sim import Sim, env_of, sim_of
 from warpcam.compat.isaacgym.tensors import Tensor
 from warpcam.compat.isaacgym.world import Env
+from warpcam.errors import WarpcamError
 
 
 class ForceCalls:
@@ -56,3 +61,62 @@ class ForceCalls:
         first, values = physics.start_of(found).dofs, physics.tensor("efforts").torch
         physics.refresh("efforts")
         return np.array(interop.to_numpy(values[first : first + len(found.asset.dofs)]))
+
+    def apply_rigid_body_force_tensors(
+        self,
+        sim: Sim,
+        forceTensor: Tensor | None = None,  # noqa: N803, that system's names
+        torqueTensor: Tensor | None = None,  # noqa: N803
+        space: CoordinateSpace = CoordinateSpace.ENV_SPACE,
+    ) -> bool:
+        """Forces at the centres of mass of all bodies, and torques, (body, 3) float32, in the next step [N, N m]."""
+        _push(sim, space, "apply_rigid_body_force_tensors", forces=forceTensor, torques=torqueTensor)
+        return True
+
+    def apply_rigid_body_force_at_pos_tensors(
+        self,
+        sim: Sim,
+        forceTensor: Tensor,  # noqa: N803
+        posTensor: Tensor | None = None,  # noqa: N803
+        space: CoordinateSpace = CoordinateSpace.ENV_SPACE,
+    ) -> bool:
+        """Forces on all bodies at these places, (body, 3) float32, or at their centres of mass [N, m]."""
+        _push(sim, space, "apply_rigid_body_force_at_pos_tensors", forces=forceTensor, places=posTensor)
+        return True
+
+    def apply_body_forces(
+        self,
+        env: Env,
+        rigidHandle: int,  # noqa: N803
+        force: Vec3 | None = None,
+        torque: Vec3 | None = None,
+        space: CoordinateSpace = CoordinateSpace.ENV_SPACE,
+    ) -> None:
+        """The same on one body."""
+        _push_one(env, rigidHandle, space, "apply_body_forces", forces=force, torques=torque)
+
+    def apply_body_force_at_pos(
+        self,
+        env: Env,
+        rigidHandle: int,  # noqa: N803
+        force: Vec3,
+        pos: Vec3 | None = None,
+        space: CoordinateSpace = CoordinateSpace.ENV_SPACE,
+    ) -> None:
+        """The same on one body."""
+        _push_one(env, rigidHandle, space, "apply_body_force_at_pos", forces=force, places=pos)
+
+
+def _push(sim: Any, space: Any, where: str, **given: Any) -> None:
+    kind = one_of(CoordinateSpace, space, f"{where}: space")
+    sim_of(sim, where).physics.push(kind, where, **given)
+
+
+def _push_one(env: Any, body: Any, space: Any, where: str, **given: Any) -> None:
+    env, kind = env_of(env, where), one_of(CoordinateSpace, space, f"{where}: space")
+    place = env.body(body, where)
+    for value in given.values():
+        if value is not None and not isinstance(value, Vec3):
+            raise WarpcamError(f"{where}: vectors must be Vec3, got {value!r}")
+    physics = env.sim.physics  # from here on it is known what is before the environment
+    physics.push_one(kind, env.start.bodies + place, **given)

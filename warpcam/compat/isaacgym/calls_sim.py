@@ -53,6 +53,13 @@ class SimCalls:
     def get_sim_params(self, sim: Sim) -> SimParams:
         return sim_of(sim, "get_sim_params").params
 
+    def set_sim_params(self, sim: Sim, params: SimParams) -> None:
+        """Step, substeps and gravity from the next step on; the rest is held, which way is up stays."""
+        sim = sim_of(sim, "set_sim_params")
+        if not isinstance(params, SimParams):
+            raise WarpcamError(f"set_sim_params: SimParams are needed, got {type(params).__name__}")
+        sim.change(params)
+
     def get_sim_time(self, sim: Sim) -> float:
         """Simulated since the beginning [s]."""
         return sim_of(sim, "get_sim_time").time

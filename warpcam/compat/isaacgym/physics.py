@@ -14,9 +14,10 @@ from warpcam import interop
 from warpcam.compat.isaacgym import settings
 from warpcam.compat.isaacgym.contacts import Contacts, Sensors
 from warpcam.compat.isaacgym.efforts import Efforts
-from warpcam.compat.isaacgym.kinds import DOF_STATE
+from warpcam.compat.isaacgym.kinds import DOF_STATE, CoordinateSpace
 from warpcam.compat.isaacgym.maths import Transform, Vec3
 from warpcam.compat.isaacgym.matrices import Matrices
+from warpcam.compat.isaacgym.pushes import Pushes
 from warpcam.compat.isaacgym.tensors import Tensor, take
 from warpcam.compat.isaacgym.world import Actor, Counts, Env, Grounds, build
 from warpcam.compat.numbers import whole
@@ -80,6 +81,7 @@ class Physics:
         self._sensors = Sensors(rows, device)
         self.num_sensors = len(rows)
         self._matrices = Matrices(self.model, [(actor, self.start_of(actor)) for actor in self.actors])
+        self._pushes = Pushes(self.model, envs)
         self._efforts = Efforts(self.model, self._speeds.numpy())
         self._told = [actor for actor in self.actors if actor.targets]
         self._readings: dict[tuple[str, str], Reading] = {}
@@ -97,6 +99,7 @@ class Physics:
                 self._efforts.bind(self._solver)
             for _ in range(substeps):
                 self.state.clear_forces()
+                self._pushes.put(self.state.body_f)
                 if self._floating.size:
                     inputs = [self._floating, self.model.body_mass, wp.vec3(*self._gravity), self.state.body_f]
                     kernels.launch(kernels.hold_up, self._floating.size, inputs, self.device)
@@ -106,6 +109,7 @@ class Physics:
                     self._pipeline.collide(self.state, contacts)
                 self._solver.step(self.state, self._other, self._control, contacts, dt / substeps)
                 self.state, self._other = self._other, self.state
+            self._pushes.clear()
             self._moved = self._pipeline is not None
 
     def tensor(self, kind: str, of: str = "") -> Tensor:
@@ -212,8 +216,28 @@ class Physics:
             inputs = [values, which, self._first_dofs, places, into]
             kernels.launch(kernels.write_targets, len(which), inputs, self.device)
 
+    def push(self, space: CoordinateSpace, where: str, **given: Any) -> None:
+        """Have forces act on bodies in the next step, see ``Pushes.add``."""
+        with interop.in_order(self.device):
+            self._pushes.add(self.state, space, where, **given)
+
+    def push_one(self, space: CoordinateSpace, body: int, **given: Vec3 | None) -> None:
+        """Likewise on one of all bodies."""
+        with interop.in_order(self.device):
+            self._pushes.add_one(self.state, space, body, **given)
+
+    def set_gravity(self, gravity: Vec3) -> None:
+        self._gravity = gravity
+        with interop.in_order(self.device):
+            self.model.set_gravity(tuple(gravity))
+            if self._solver is not None:
+                self._solver.notify_model_changed(newton.ModelFlags.MODEL_PROPERTIES)
+
     def tell(self, actor: Actor, kind: str, values: np.ndarray) -> None:
-        """Set the targets of one actor, "positions" or "velocities": all that are told are brought over at once."""
+        """Set targets of one actor, "positions", "velocities" or "forces"; NaN leaves one as it is.
+
+        All that are told are brought over at once, with the next step.
+        """
         if not actor.targets:
             self._told.append(actor)
         actor.targets[kind] = values
@@ -223,6 +247,7 @@ class Physics:
         for kind, into, first in (
             ("positions", self._control.joint_target_q, "coordinate"),
             ("velocities", self._control.joint_target_qd, "speed"),
+            ("forces", self._control.joint_f, "speed"),
         ):
             told = [actor for actor in self._told if kind in actor.targets]
             if not told:
@@ -231,7 +256,8 @@ class Physics:
             for actor in told:
                 start = self.start_of(actor)
                 begin = start.coordinates if first == "coordinate" else start.speeds
-                host[[begin + getattr(dof, first) for dof in actor.asset.dofs]] = actor.targets.pop(kind)
+                rows, values = [begin + getattr(dof, first) for dof in actor.asset.dofs], actor.targets.pop(kind)
+                host[rows] = np.where(np.isnan(values), host[rows], values)
             into.assign(host)
         self._told.clear()
 
@@ -249,7 +275,10 @@ class Physics:
 
     def write_properties(self) -> None:
         """Bring the model's joints up to date with the actors' properties."""
+        modes = self.model.joint_target_mode.numpy().copy()  # on a CPU it is the same memory
         settings.write_drives(self.model, self._speeds.numpy(), self.actors, self._solver)
+        if not np.array_equal(modes, self.model.joint_target_mode.numpy()):
+            self._solver = None  # what drives a joint is built into it
 
     def _write_stale(self) -> None:
         """Bring the model's shapes and bodies up to date with the actors'."""

@@ -69,7 +69,7 @@ def of_heights(samples: Any, params: HeightFieldParams) -> Terrain:
     half = [0.5 * step * (count - 1) for step, count in zip(steps, grid.shape, strict=True)]
     # Newton's rows are along y, and its frame is in the middle.
     field = newton.Heightfield(heights.T, grid.shape[1], grid.shape[0], hx=half[0], hy=half[1])
-    return Terrain(field, Transform(Vec3(*half, 0.0)), params)
+    return Terrain(field, Transform(Vec3(half[0], half[1], 0.0)), params)
 
 
 def _grid(samples: np.ndarray, shape: tuple[Any, ...], where: str) -> np.ndarray:

@@ -52,7 +52,7 @@ class Actor:
         textures: (shape,) int64, handles, or NO_TEXTURE.
         properties: (dof,) of DOF_PROPERTIES.
         states: (dof,) of DOF_STATE, until the simulation is prepared.
-        targets: (dof,) by "positions" and "velocities", until the simulation has them.
+        targets: (dof,) by "positions", "velocities" and "forces", NaN for none, until the simulation has them.
         surfaces: (shape,) of SURFACE.
         masses: (body,) of MASS.
         sensors: Its asset's force sensors, as they were when it was made.
