@@ -13,6 +13,7 @@ newton = pytest.importorskip("newton")
 from gym_worlds import GYM, at, new_sim, props, tensors_of  # noqa: E402, newton may be missing
 
 from warpcam.compat.isaacgym import gymapi, gymtorch  # noqa: E402
+from warpcam.compat.isaacgym.lattice import heights_of  # noqa: E402
 
 pytestmark = pytest.mark.filterwarnings("ignore")  # Newton's own
 ALONG_X, ALONG_Y, STEP_X, STEP_Y, RISE = 12, 7, 0.25, 0.4, 0.005
@@ -85,14 +86,22 @@ def test_heights_are_seen_where_their_triangles_are(device: wp.Device, layout: s
     assert set(np.unique(images[gymapi.IMAGE_SEGMENTATION])) == {0, 3, 9}
 
 
+@pytest.mark.parametrize("made_of", ["heights", "triangles"])
 @pytest.mark.parametrize("count", [1, 2], ids=["MuJoCo", "MuJoCo-Warp"])
-def test_a_ball_rests_in_a_ditch(device: wp.Device, count: int) -> None:
+def test_a_ball_rests_in_a_ditch(device: wp.Device, count: int, made_of: str) -> None:
     """Which the hull of the terrain would close."""
-    samples = np.repeat(100 * np.abs(np.arange(9) - 4), 6).astype(np.int16)  # a ditch along y, whose sides rise by 1
-    params = gymapi.HeightFieldParams(row_scale=0.5, column_scale=0.5, vertical_scale=0.005, nbRows=6, nbColumns=9)
-    params.transform.p, params.dynamic_friction = gymapi.Vec3(-1.0, -1.0, 0.25), 0.125
     sim = new_sim(device, dt=0.01, substeps=2)
-    GYM.add_heightfield(sim, samples.flatten(), params)
+    if made_of == "heights":
+        samples = np.repeat(100 * np.abs(np.arange(9) - 4), 6).astype(np.int16)  # along y, its sides rise by 1
+        params = gymapi.HeightFieldParams(row_scale=0.5, column_scale=0.5, vertical_scale=0.005, nbRows=6, nbColumns=9)
+    else:
+        params = gymapi.TriangleMeshParams()
+    params.transform.p, params.dynamic_friction = gymapi.Vec3(-1.0, -1.0, 0.25), 0.125
+    if made_of == "heights":
+        GYM.add_heightfield(sim, samples, params)
+    else:
+        vertices, triangles = triangles_of(np.repeat(50 * np.abs(np.arange(17) - 8)[:, None], 7, axis=1))
+        GYM.add_triangle_mesh(sim, vertices, triangles, params)
     ball = GYM.create_sphere(sim, 0.2)
     for index in range(count):
         env = GYM.create_env(sim, gymapi.Vec3(), gymapi.Vec3(), 1)
@@ -105,6 +114,68 @@ def test_a_ball_rests_in_a_ditch(device: wp.Device, count: int) -> None:
     resting = (1.0, 0.25 + 0.2 * 2.0**0.5)  # it may roll along the ditch
     np.testing.assert_allclose(roots[:, [0, 2]].cpu(), [resting] * count, atol=0.02)
     assert 0.125 in sim.physics.model.shape_material_mu.numpy()
+
+
+def test_what_collides_can_be_seen(device: wp.Device) -> None:
+    """Of triangles on a grid the same surface, as heights."""
+    sim = new_sim(device)
+    GYM.add_triangle_mesh(sim, *triangles_of(SAMPLES), placed(gymapi.TriangleMeshParams(segmentation_id=9)))
+    env = GYM.create_env(sim, gymapi.Vec3(), gymapi.Vec3(), 1)
+    GYM.create_actor(env, GYM.create_sphere(sim, 0.1), at(0, 0, 1.2), "ball", 0, 0, 3)
+    images = []
+    for collides in (False, True):
+        camera = GYM.create_camera_sensor(env, props(use_collision_geometry=collides))
+        GYM.set_camera_location(camera, env, gymapi.Vec3(*EYE), gymapi.Vec3(*TARGET))
+        images.append(tensors_of(sim, env, camera))
+    GYM.render_all_camera_sensors(sim)
+    assert (images[0][gymapi.IMAGE_SEGMENTATION] != images[1][gymapi.IMAGE_SEGMENTATION]).sum() <= 3
+    seen, felt = (image[gymapi.IMAGE_DEPTH].cpu().numpy() for image in images)
+    both = np.isfinite(seen) & np.isfinite(felt)
+    assert both.mean() > 0.3 and (np.abs(seen[both] - felt[both]) > 1e-4).sum() <= 3
+
+
+def upright(samples: np.ndarray, threshold: int) -> tuple[np.ndarray, np.ndarray]:
+    """As legged_gym has them: vertices below and above a steep slope stand over one another."""
+    vertices, triangles = triangles_of(samples)
+    steep_x, steep_y = (np.diff(samples.astype(int), axis=axis) for axis in range(2))
+    move_x, move_y, corner = (np.zeros(samples.shape, int) for _ in range(3))
+    move_x[:-1] += steep_x > threshold
+    move_x[1:] -= -steep_x > threshold
+    move_y[:, :-1] += steep_y > threshold
+    move_y[:, 1:] -= -steep_y > threshold
+    steep = samples[1:, 1:].astype(int) - samples[:-1, :-1]
+    corner[:-1, :-1] += steep > threshold
+    corner[1:, 1:] -= -steep > threshold
+    vertices[:, 0] += ((move_x + corner * (move_x == 0)) * STEP_X).reshape(-1)
+    vertices[:, 1] += ((move_y + corner * (move_y == 0)) * STEP_Y).reshape(-1)
+    return vertices, triangles
+
+
+def test_heights_are_found_in_triangles() -> None:
+    samples = np.zeros((20, 16), int)
+    samples[4:9, 3:8], samples[12:17, 5:14], samples[14:16, 7:9] = 60, -40, 80
+    samples += np.random.default_rng(3).integers(-3, 3, samples.shape)
+    for exact, (vertices, triangles) in ((True, triangles_of(samples)), (False, upright(samples, 20))):
+        found = heights_of(vertices, triangles)
+        assert found is not None
+        heights, first, steps = found
+        np.testing.assert_allclose(first, 0.0, atol=1e-6)
+        np.testing.assert_allclose(steps, (STEP_X, STEP_Y), rtol=1e-6)
+        # Where a vertex was moved away it is between its neighbours on this side of the wall.
+        np.testing.assert_allclose(heights / RISE, samples, atol=1e-3 if exact else 6.0)
+    assert len(np.unique(upright(samples, 20)[0][:, :2], axis=0)) < samples.size
+
+
+def test_vertices_that_are_no_grid_are_collided_with_as_their_hull() -> None:
+    vertices, triangles = triangles_of(SAMPLES)
+    bent = vertices.copy()
+    bent[5, 0] += 0.3 * STEP_X
+    corners = np.array([(x, y, z) for x in (0, 1) for y in (0, 1) for z in (0, 1)], np.float32)
+    for points, faces in ((bent, triangles), (corners, [(0, 4, 6), (1, 7, 3)]), (corners[:4], [(0, 1, 2)])):
+        assert heights_of(points, np.asarray(faces)) is None
+        sim = new_sim(wp.get_device("cpu"))
+        with pytest.warns(RuntimeWarning, match="MuJoCo collides with their convex hull"):
+            GYM.add_triangle_mesh(sim, points, np.asarray(faces), gymapi.TriangleMeshParams())
 
 
 def test_level_heights_are_level(device: wp.Device) -> None:

@@ -91,7 +91,7 @@ class SimCalls:
         sim.grounds.planes.append(params)
 
     def add_triangle_mesh(self, sim: Sim, vertices: Any, triangles: Any, params: TriangleMeshParams) -> None:
-        """A terrain.
+        """A terrain. It is collided with as it is seen from above, if its vertices are a grid, else as its convex hull.
 
         Args:
             sim: The simulation.
@@ -101,7 +101,13 @@ class SimCalls:
         """
         sim = sim_of(sim, "add_triangle_mesh")
         sim.require_open("add_triangle_mesh")
-        sim.grounds.terrains.append(of_triangles(vertices, triangles, params))
+        terrain = of_triangles(vertices, triangles, params, sim.up == newton.Axis.Z)
+        if terrain.felt is terrain.seen:
+            sim.warn_once(
+                "add_triangle_mesh: the vertices are no grid along x and y, so that MuJoCo collides with their convex "
+                "hull; add_heightfield makes terrains that are felt as they are seen"
+            )
+        sim.grounds.terrains.append(terrain)
 
     def add_heightfield(self, sim: Sim, samples: Any, params: HeightFieldParams) -> None:
         """A terrain of heights, where z is up. Column and row of a sample are its places along x and y.

@@ -8,6 +8,7 @@ import numpy as np
 import warp as wp
 
 from warpcam import interop
+from warpcam.compat.isaacgym.lattice import heights_of
 from warpcam.compat.isaacgym.maths import Transform, Vec3
 from warpcam.compat.isaacgym.options import HeightFieldParams, PlaneParams, TriangleMeshParams
 from warpcam.compat.numbers import real, whole
@@ -15,40 +16,59 @@ from warpcam.errors import WarpcamError
 
 
 @dataclass(frozen=True)
-class Terrain:
-    """A shape that stands in no environment.
+class Solid:
+    """What a terrain is made of.
 
     Attributes:
-        source: What it is made of.
+        source: Newton's.
         local: Where that is in the terrain's frame.
-        params: As the program gave them.
     """
 
     source: newton.Mesh | newton.Heightfield
     local: Transform
+
+
+@dataclass(frozen=True)
+class Terrain:
+    """A shape that stands in no environment.
+
+    Attributes:
+        seen: What is drawn.
+        felt: What is collided with.
+        params: As the program gave them.
+    """
+
+    seen: Solid
+    felt: Solid
     params: TriangleMeshParams | HeightFieldParams
 
-    def add(self, builder: newton.ModelBuilder, origin: Vec3, color: tuple[float, float, float]) -> None:
-        """Put it into a world whose frame has its origin there."""
-        place = Transform(self.params.transform.p - origin, self.params.transform.r) * self.local
+    def add(self, builder: newton.ModelBuilder, origin: Vec3, color: tuple[float, float, float], drawn: bool) -> None:
+        """Put it into a world whose frame has its origin there, one that is drawn or one that is simulated."""
+        solid = self.seen if drawn else self.felt
+        place = Transform(self.params.transform.p - origin, self.params.transform.r) * solid.local
         common = {"xform": wp.transform(*place.numbers()), "cfg": surface_of(self.params), "color": color}
-        if isinstance(self.source, newton.Heightfield):
-            builder.add_shape_heightfield(heightfield=self.source, label="terrain", **common)
+        if isinstance(solid.source, newton.Heightfield):
+            builder.add_shape_heightfield(heightfield=solid.source, label="terrain", **common)
         else:
-            builder.add_shape_mesh(-1, mesh=self.source, label="terrain", **common)
+            builder.add_shape_mesh(-1, mesh=solid.source, label="terrain", **common)
 
 
 def surface_of(params: PlaneParams | TriangleMeshParams | HeightFieldParams) -> newton.ModelBuilder.ShapeConfig:
     return newton.ModelBuilder.ShapeConfig(mu=float(params.dynamic_friction), restitution=float(params.restitution))
 
 
-def of_triangles(vertices: Any, triangles: Any, params: TriangleMeshParams) -> Terrain:
+def of_triangles(vertices: Any, triangles: Any, params: TriangleMeshParams, upright: bool) -> Terrain:
+    """Drawn as they are; where their vertices are a grid, and z is up, they are collided with as heights.
+
+    MuJoCo knows no triangles, but their convex hull.
+    """
     points = np.asarray(vertices, np.float32).reshape(-1, 3)
     faces = np.asarray(triangles).astype(np.int64).reshape(-1)
     if faces.size == 0 or faces.min() < 0 or faces.max() >= len(points) or faces.size % 3:
         raise WarpcamError(f"add_triangle_mesh: triangles must be three of 0 to {len(points) - 1} each")
-    mesh = newton.Mesh(points, faces.astype(np.int32), compute_inertia=False)
-    return Terrain(mesh, Transform(), params)
+    mesh = Solid(newton.Mesh(points, faces.astype(np.int32), compute_inertia=False), Transform())
+    grid = heights_of(points, faces.reshape(-1, 3)) if upright else None
+    return Terrain(mesh, mesh if grid is None else _field(*grid), params)
 
 
 def of_heights(samples: Any, params: HeightFieldParams) -> Terrain:
@@ -66,10 +86,18 @@ def of_heights(samples: Any, params: HeightFieldParams) -> Terrain:
     if grid.shape != shape:
         steps = steps[::-1]
     heights = grid.astype(np.float32) * np.float32(scales["vertical_scale"])
-    half = [0.5 * step * (count - 1) for step, count in zip(steps, grid.shape, strict=True)]
+    field = _field(heights, np.zeros(2), np.array(steps))
+    return Terrain(field, field, params)
+
+
+def _field(heights: np.ndarray, first: np.ndarray, steps: np.ndarray) -> Solid:
+    """Of heights by x and y, the first of which is there [m]."""
+    count_x, count_y = heights.shape
+    half = 0.5 * steps * (count_x - 1, count_y - 1)
     # Newton's rows are along y, and its frame is in the middle.
-    field = newton.Heightfield(heights.T, grid.shape[1], grid.shape[0], hx=half[0], hy=half[1])
-    return Terrain(field, Transform(Vec3(half[0], half[1], 0.0)), params)
+    source = newton.Heightfield(heights.T, count_y, count_x, hx=float(half[0]), hy=float(half[1]))
+    middle = first + half
+    return Solid(source, Transform(Vec3(middle[0], middle[1], 0.0)))
 
 
 def _grid(samples: np.ndarray, shape: tuple[Any, ...], where: str) -> np.ndarray:

@@ -189,6 +189,11 @@ class Grounds:
         return not level or bool(self.terrains and any(origin))
 
     @property
+    def differ(self) -> bool:
+        """Whether something is seen that is another thing to what collides with it."""
+        return any(terrain.seen is not terrain.felt for terrain in self.terrains)
+
+    @property
     def segments(self) -> list[int]:
         planes = [int(plane.segmentation_id) for plane in self.planes]
         return planes + [int(terrain.params.segmentation_id) for terrain in self.terrains]
@@ -207,13 +212,18 @@ class Spot:
     bodies: np.ndarray
 
 
-def build(envs: Sequence[Env], grounds: Grounds, up: newton.Axis, gravity: Vec3) -> tuple[newton.ModelBuilder, Spot]:
-    """A world for each environment, one on the other; where grounds differ between them, each has its own."""
+def build(
+    envs: Sequence[Env], grounds: Grounds, up: newton.Axis, gravity: Vec3, drawn: bool = False
+) -> tuple[newton.ModelBuilder, Spot]:
+    """A world for each environment, one on the other; where grounds differ between them, each has its own.
+
+    To be simulated, or ``drawn``.
+    """
     builder = newton.ModelBuilder(up_axis=up, gravity=tuple(gravity))
     apart = any(grounds.moved(env.origin) for env in envs)
     shapes: list[np.ndarray] = []
     if not apart:
-        shapes.append(_add_grounds(builder, grounds, Vec3()))
+        shapes.append(_add_grounds(builder, grounds, Vec3(), drawn))
     before = Counts()
     for together in _alike(envs):
         first = together[0]
@@ -224,7 +234,7 @@ def build(envs: Sequence[Env], grounds: Grounds, up: newton.Axis, gravity: Vec3)
             firsts = []
             for env in together:
                 builder.begin_world()
-                shapes += [_add_grounds(builder, grounds, env.origin), _shapes_of(env)]
+                shapes += [_add_grounds(builder, grounds, env.origin, drawn), _shapes_of(env)]
                 firsts.append(builder.shape_count)
                 builder.add_builder(one)
                 builder.end_world()
@@ -278,7 +288,7 @@ def _move(builder: newton.ModelBuilder, actor: Actor, start: Counts) -> None:
         builder.shape_transform[start.shapes + shape] = pose * wp.transform(*own.shape_transform[shape])
 
 
-def _add_grounds(builder: newton.ModelBuilder, grounds: Grounds, origin: Vec3) -> np.ndarray:
+def _add_grounds(builder: newton.ModelBuilder, grounds: Grounds, origin: Vec3, drawn: bool) -> np.ndarray:
     """In an environment whose frame has its origin there."""
     for plane in grounds.planes:
         normal = plane.normal.normalize()
@@ -286,5 +296,5 @@ def _add_grounds(builder: newton.ModelBuilder, grounds: Grounds, origin: Vec3) -
         away = plane.distance + normal.dot(origin)
         builder.add_shape_plane(plane=(*normal, away), width=0.0, length=0.0, cfg=config, color=GREY, label="ground")
     for terrain in grounds.terrains:
-        terrain.add(builder, origin, GREY)
+        terrain.add(builder, origin, GREY, drawn)
     return -1 - np.arange(len(grounds))
