@@ -192,3 +192,41 @@ def test_what_cannot_push_is_named() -> None:
     for call, message in mistakes:
         with pytest.raises(wc.WarpcamError, match=message):
             call()
+
+
+@pytest.mark.parametrize("count", [1, 2], ids=["MuJoCo", "MuJoCo-Warp"])
+def test_contacts_are_told_one_by_one(device: wp.Device, count: int) -> None:
+    """A ball on a plate on the ground, which is turned: what each carries, and where they touch."""
+    sim = new_sim(device, dt=DT, substeps=2)
+    ground = gymapi.PlaneParams(normal=gymapi.Vec3(0, 0, 1), static_friction=0.4, dynamic_friction=0.4)
+    GYM.add_ground(sim, ground)
+    plate = GYM.create_box(sim, 1.0, 2.0, 0.2, gymapi.AssetOptions(density=10.0))
+    ball = GYM.create_sphere(sim, 0.1)
+    for index in range(count):
+        env = GYM.create_env(sim, gymapi.Vec3(-2, -2, 0), gymapi.Vec3(2, 2, 2), 3)
+        GYM.create_actor(env, plate, gymapi.Transform(gymapi.Vec3(1, 2, 0.1), QUARTER), "plate", index, 0)
+        GYM.create_actor(env, ball, at(1.0, 2.25, 0.3), "ball", index, 0)
+    assert GYM.get_rigid_contacts(sim).dtype == gymapi.RigidContact.dtype and len(GYM.get_rigid_contacts(sim)) == 0
+    for _ in range(60):
+        GYM.simulate(sim)
+    carried = 9.81 * 1000.0 * 4.0 / 3.0 * np.pi * 0.1**3
+    assert len(GYM.get_rigid_contacts(sim)) == 5 * count
+    for index in range(count):
+        contacts = GYM.get_env_rigid_contacts(GYM.get_env(sim, index))
+        between = [contact for contact in contacts if {contact["body0"], contact["body1"]} == {0, 1}]
+        below = [contact for contact in contacts if {contact["body0"], contact["body1"]} == {0, -1}]
+        assert len(between) == 1 and len(below) == 4 == len(contacts) - 1
+        (touch,) = between
+        assert touch["env0"] == touch["env1"] == index
+        assert touch["lambda"] == pytest.approx(carried, rel=0.02)
+        assert sum(contact["lambda"] for contact in below) == pytest.approx(carried + 9.81 * 4.0, rel=0.02)
+        upper, lower = ("0", "1") if touch["body0"] == 1 else ("1", "0")
+        np.testing.assert_allclose(tuple(touch["localPos" + lower]), (0.25, 0.0, 0.1), atol=0.01)
+        assert np.linalg.norm(tuple(touch["localPos" + upper])) == pytest.approx(0.1, abs=0.005)
+        assert touch["normal"]["z"] == pytest.approx(1.0 if lower == "0" else -1.0, abs=1e-3)
+        assert touch["minDist"] < 0.0 and touch["initialOverlap"] == -touch["minDist"]
+        for contact in below:
+            side = "0" if contact["body0"] == -1 else "1"
+            assert contact["env" + side] == -1 and contact["friction"] == pytest.approx(1.0)  # the larger one
+    contacts["lambda"] = 0.0  # a copy
+    assert GYM.get_env_rigid_contacts(GYM.get_env(sim, count - 1))["lambda"].all()

@@ -62,6 +62,16 @@ class ForceCalls:
         physics.refresh("efforts")
         return np.array(interop.to_numpy(values[first : first + len(found.asset.dofs)]))
 
+    def get_rigid_contacts(self, sim: Sim) -> np.ndarray:
+        """(contact,) of ``RigidContact.dtype``, of all environments, in the last substep; a copy."""
+        return sim_of(sim, "get_rigid_contacts").physics.contacts("get_rigid_contacts").copy()
+
+    def get_env_rigid_contacts(self, env: Env) -> np.ndarray:
+        """(contact,) of ``RigidContact.dtype``, of one environment, in the last substep; a copy."""
+        env = env_of(env, "get_env_rigid_contacts")
+        rows = env.sim.physics.contacts("get_env_rigid_contacts")
+        return rows[(rows["env0"] == env.index) | (rows["env1"] == env.index)]
+
     def apply_rigid_body_force_tensors(
         self,
         sim: Sim,

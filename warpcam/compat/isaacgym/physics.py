@@ -12,6 +12,7 @@ import warp as wp
 
 from warpcam import interop
 from warpcam.compat.isaacgym import settings
+from warpcam.compat.isaacgym.contact_list import contacts_of
 from warpcam.compat.isaacgym.contacts import Contacts, Sensors
 from warpcam.compat.isaacgym.efforts import Efforts
 from warpcam.compat.isaacgym.kinds import DOF_STATE, CoordinateSpace
@@ -81,7 +82,8 @@ class Physics:
         self._sensors = Sensors(rows, device)
         self.num_sensors = len(rows)
         self._matrices = Matrices(self.model, [(actor, self.start_of(actor)) for actor in self.actors])
-        self._pushes = Pushes(self.model, envs)
+        self._pushes, self._envs = Pushes(self.model, envs), envs
+        self._listed: np.ndarray | None = None
         self._efforts = Efforts(self.model, self._speeds.numpy())
         self._told = [actor for actor in self.actors if actor.targets]
         self._readings: dict[tuple[str, str], Reading] = {}
@@ -110,6 +112,7 @@ class Physics:
                 self._solver.step(self.state, self._other, self._control, contacts, dt / substeps)
                 self.state, self._other = self._other, self.state
             self._pushes.clear()
+            self._listed = None
             self._moved = self._pipeline is not None
 
     def tensor(self, kind: str, of: str = "") -> Tensor:
@@ -215,6 +218,13 @@ class Physics:
             self._take_targets()
             inputs = [values, which, self._first_dofs, places, into]
             kernels.launch(kernels.write_targets, len(which), inputs, self.device)
+
+    def contacts(self, where: str) -> np.ndarray:
+        """Of the last step, see ``contacts_of``; waits for the device once a step."""
+        if self._listed is None:
+            with interop.in_order(self.device):
+                self._listed = contacts_of(self._solver, self.model, self.state, self._envs, where)
+        return self._listed
 
     def push(self, space: CoordinateSpace, where: str, **given: Any) -> None:
         """Have forces act on bodies in the next step, see ``Pushes.add``."""

@@ -6,7 +6,7 @@ from typing import Any
 from warpcam.errors import WarpcamError
 
 VIEWER = "there is no window; attach a camera and save its images with write_camera_image_to_file"
-PHYSICS = "this front end is for cameras; sizes, single contacts and states of inner bodies are the Newton model's own"
+PHYSICS = "this front end is for cameras; sizes and states of inner bodies are the Newton model's own"
 SOFT = "there are no soft bodies or particles here; warpcam.from_newton draws Newton's"
 REFUSED: Mapping[str, str] = {
     **dict.fromkeys(
@@ -22,7 +22,7 @@ REFUSED: Mapping[str, str] = {
     **dict.fromkeys(
         (
             "set_rigid_body_state_tensor", "set_actor_rigid_body_states", "set_actor_scale", "get_actor_scale",
-            "get_rigid_contacts", "get_env_rigid_contacts", "set_sim_rigid_body_states", "get_sim_rigid_body_states",
+            "set_sim_rigid_body_states", "get_sim_rigid_body_states",
             "destroy_env", "set_actor_fixed_tendon_joint_coefficients",
         ),
         PHYSICS,
