@@ -109,6 +109,22 @@ class StateCalls:
         numbers[:] = _states(found, "bodies") if env.sim.prepared else found.bodies()
         return _kept(numbers, flags, 7, rows)
 
+    def get_env_rigid_body_states(self, env: Env, flags: int = STATE_ALL) -> np.ndarray:
+        """(body,) of ``RigidBodyState.dtype``, of all that is in an environment; a copy."""
+        env = env_of(env, "get_env_rigid_body_states")
+        found = [self.get_actor_rigid_body_states(env, actor.handle, flags) for actor in env.actors]
+        return np.concatenate([np.zeros(0, BODY_STATE), *found])
+
+    def get_sim_rigid_body_states(self, sim: Sim, flags: int = STATE_ALL) -> np.ndarray:
+        """(body,) of ``RigidBodyState.dtype``, of all environments; a copy."""
+        physics = sim_of(sim, "get_sim_rigid_body_states").physics
+        rows = np.zeros(physics.total.bodies, BODY_STATE)
+        numbers = rows.view(np.float32).reshape(len(rows), 13)
+        tensor = physics.tensor("bodies")
+        physics.refresh("bodies")
+        numbers[:] = interop.to_numpy(tensor.torch)
+        return _kept(numbers, flags, 7, rows)
+
     def get_rigid_transform(self, env: Env, body: int) -> Transform:
         """Where a body of that handle is now, in its environment's frame."""
         env = env_of(env, "get_rigid_transform")

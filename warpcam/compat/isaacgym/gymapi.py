@@ -54,8 +54,10 @@ from warpcam.compat.isaacgym.options import (
 from warpcam.compat.isaacgym.properties import (
     ActuatorProperties,
     ForceSensorProperties,
+    IndexRange,
     RigidBodyProperties,
     RigidShapeProperties,
+    TendonProperties,
 )
 from warpcam.compat.isaacgym.refused import Refusals
 from warpcam.compat.isaacgym.sim import Sim
@@ -138,6 +140,7 @@ __all__ = [
     "HeightFieldParams",
     "ImageType",
     "IndexDomain",
+    "IndexRange",
     "Mat33",
     "MeshNormalMode",
     "MeshType",
@@ -151,6 +154,7 @@ __all__ = [
     "Sim",
     "SimParams",
     "SimType",
+    "TendonProperties",
     "Tensor",
     "TensorDataType",
     "Transform",

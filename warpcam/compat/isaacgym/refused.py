@@ -22,7 +22,7 @@ REFUSED: Mapping[str, str] = {
     **dict.fromkeys(
         (
             "set_rigid_body_state_tensor", "set_actor_rigid_body_states", "set_actor_scale", "get_actor_scale",
-            "set_sim_rigid_body_states", "get_sim_rigid_body_states",
+            "set_sim_rigid_body_states",
             "destroy_env", "set_actor_fixed_tendon_joint_coefficients",
         ),
         PHYSICS,
