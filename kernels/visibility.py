@@ -287,7 +287,9 @@ def facts_of_whole(tables: Tables, device: wp.Device, valid: bool) -> int:
 
 def list_capacity(num_drawn: int, most: int = MAX_LISTED) -> int:
     """How many shapes a block lists at once, for a scene of that many: few sizes, so that scenes share kernels."""
-    return next(size for size in (16, 32, 64, 96, 128, 192, MAX_LISTED, 512, MANY_LISTED) if size >= min(num_drawn, most))
+    return next(
+        size for size in (16, 32, 64, 96, 128, 192, MAX_LISTED, 512, MANY_LISTED) if size >= min(num_drawn, most)
+    )
 
 
 def region_size(

@@ -44,7 +44,7 @@ def floating(device: wp.Device, count: int) -> tuple[gymapi.Sim, torch.Tensor]:
     options = gymapi.AssetOptions(disable_gravity=True, density=MASS / float(np.prod(SIDES)), angular_damping=0.0)
     box, ball = GYM.create_box(sim, *SIDES, options), GYM.create_sphere(sim, 0.1, options)
     for index in range(count):
-        env = GYM.create_env(sim, gymapi.Vec3(-2, -2, 0), gymapi.Vec3(2, 2, 2), 3)
+        env = GYM.create_env(sim, gymapi.Vec3(-2, -2, 0), gymapi.Vec3(2, 2, 2), 1)
         GYM.create_actor(env, ball, at(0, 5, 1), "ball", index, 0)
         GYM.create_actor(env, box, gymapi.Transform(gymapi.Vec3(1, 2, 3), QUARTER), "box", index, 0)
     GYM.prepare_sim(sim)
@@ -156,6 +156,10 @@ def test_single_joints_are_told(device: wp.Device, tmp_path: Path, prepared: boo
     for _ in range(100):
         GYM.simulate(sim)
     np.testing.assert_allclose(GYM.get_actor_dof_states(env, 1)["pos"], (0.3, -0.1), atol=0.01)
+    GYM.set_dof_target_position(env, 2, 0.1)
+    for _ in range(100):
+        GYM.simulate(sim)
+    np.testing.assert_allclose(GYM.get_actor_dof_states(env, 1)["pos"], (0.1, -0.1), atol=0.01)
 
 
 @pytest.mark.parametrize("count", [1, 2], ids=["MuJoCo", "MuJoCo-Warp"])
