@@ -135,7 +135,8 @@ def record(
         width: Image width [pixels].
         height: Image height [pixels].
         depth: float32, (world, height, width, ...), or None if it is not wanted. A scene of more than MAX_LISTED
-            shapes is drawn in passes, which go on from each other's depth and shape: then both are needed.
+            shapes, on a CPU MANY_LISTED, is drawn in passes, which go on from each other's depth and shape: then both
+            are needed.
         shape: An integer type that holds every shape id and -1, likewise.
         face: An integer type that holds every face, and of height fields one number more, likewise; see
             ``target_struct``.
@@ -287,9 +288,8 @@ def facts_of_whole(tables: Tables, device: wp.Device, valid: bool) -> int:
 
 def list_capacity(num_drawn: int, most: int = MAX_LISTED) -> int:
     """How many shapes a block lists at once, for a scene of that many: few sizes, so that scenes share kernels."""
-    return next(
-        size for size in (16, 32, 64, 96, 128, 192, MAX_LISTED, 512, MANY_LISTED) if size >= min(num_drawn, most)
-    )
+    sizes = (16, 32, 64, 96, 128, 192, MAX_LISTED, 512, MANY_LISTED)
+    return next(size for size in sizes if size >= min(num_drawn, most))
 
 
 def region_size(
