@@ -38,6 +38,24 @@ CRANE = """
   </worldbody>
 </mujoco>
 """
+ARM = """
+<mujoco model="arm">
+  <worldbody>
+    <body name="base"><geom type="box" size="0.05 0.05 0.05" pos="0 0 -0.5" mass="1"/>
+      <body name="turret"><joint name="j0" axis="0 0 1"/><geom type="sphere" size="0.05" mass="1"/>
+        <body name="upper"><joint name="j1" axis="0 1 0"/>
+          <geom type="capsule" fromto="0 0 0 0.4 0 0" size="0.03" mass="1.2"/>
+          <body name="lower" pos="0.4 0 0"><joint name="j2" axis="0 1 0"/>
+            <geom type="capsule" fromto="0 0 0 0.3 0 0" size="0.03" mass="0.8"/>
+            <body name="hand" pos="0.35 0 0"><joint name="j3" axis="1 0 0"/>
+              <geom type="box" size="0.04 0.05 0.02" mass="0.5"/></body>
+          </body>
+        </body>
+      </body>
+    </body>
+  </worldbody>
+</mujoco>
+"""
 COUNTS = pytest.mark.parametrize("count", [1, 3], ids=["MuJoCo", "MuJoCo-Warp"])
 
 
@@ -232,3 +250,45 @@ def test_matrices_that_cannot_be_given_are_named(device: wp.Device, tmp_path: Pa
             acquire(sim, "box")
     ball = wrapped(GYM.acquire_mass_matrix_tensor(sim, "ball"))
     assert ball.shape == (1, 6, 6) and ball[0, 0, 0] == pytest.approx(1000.0 * 4.0 / 3.0 * np.pi * 0.1**3, rel=1e-4)
+
+
+def test_hands_are_driven_in_space(device: wp.Device, tmp_path: Path) -> None:
+    """By forces along joints that jacobian and mass matrix tell, as IsaacGymEnvs' task that stacks cubes does."""
+    (tmp_path / "arm.xml").write_text(ARM)
+    count = 2
+    sim = new_sim(device, dt=1.0 / 60.0, substeps=2)
+    options = gymapi.AssetOptions(fix_base_link=True, disable_gravity=True)
+    asset = GYM.load_asset(sim, str(tmp_path), "arm.xml", options)
+    drives = GYM.get_asset_dof_properties(asset)
+    drives["driveMode"], drives["stiffness"], drives["damping"] = gymapi.DOF_MODE_EFFORT, 0.0, 0.0
+    for index in range(count):
+        env = GYM.create_env(sim, gymapi.Vec3(-1, -1, 0), gymapi.Vec3(1, 1, 1), 2)
+        GYM.set_actor_dof_properties(env, GYM.create_actor(env, asset, at(0, 0, 0), "arm", index, 0), drives)
+    hand = GYM.get_asset_rigid_body_dict(asset)["hand"]
+    GYM.prepare_sim(sim)
+    jacobians, masses = (
+        wrapped(acquire(sim, "arm")) for acquire in (GYM.acquire_jacobian_tensor, GYM.acquire_mass_matrix_tensor)
+    )
+    bodies = wrapped(GYM.acquire_rigid_body_state_tensor(sim)).view(count, -1, 13)
+    dofs = wrapped(GYM.acquire_dof_state_tensor(sim)).view(count, -1, 2)
+    states = torch.tensor([[0.1, 0.0], [0.6, 0.0], [-1.1, 0.0], [0.2, 0.0]] * count, device=dofs.device)
+    GYM.set_dof_state_tensor(sim, gymtorch.unwrap_tensor(states))
+    goals = torch.tensor([[0.45, 0.25, 0.2], [0.5, -0.2, -0.1]], device=dofs.device)
+    for _ in range(120):
+        for refresh in (
+            GYM.refresh_rigid_body_state_tensor,
+            GYM.refresh_dof_state_tensor,
+            GYM.refresh_jacobian_tensors,
+            GYM.refresh_mass_matrix_tensors,
+        ):
+            refresh(sim)
+        reach, rest = jacobians[:, hand - 1, :3], torch.eye(4, device=dofs.device)
+        back = torch.linalg.inv(masses)
+        weight = torch.linalg.inv(reach @ back @ reach.mT)
+        wanted = 60.0 * (goals - bodies[:, hand, :3]) - 15.0 * bodies[:, hand, 7:10]
+        idle = rest - reach.mT @ weight @ reach @ back
+        forces = reach.mT @ weight @ wanted[..., None] - idle @ masses @ (5.0 * dofs[..., 1:])
+        GYM.set_dof_actuation_force_tensor(sim, gymtorch.unwrap_tensor(forces.reshape(-1).contiguous()))
+        GYM.simulate(sim)
+    GYM.refresh_rigid_body_state_tensor(sim)
+    np.testing.assert_allclose(bodies[:, hand, :3].cpu(), goals.cpu(), atol=2e-3)
