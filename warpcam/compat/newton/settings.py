@@ -152,14 +152,12 @@ def check_shapes(shapes: Any, model: newton.Model) -> np.ndarray:
     return chosen
 
 
-def check_config(config: Any, model: newton.Model, *, meshes: bool, splats: bool, samples: int) -> None:
+def check_config(config: Any, *, splats: bool, samples: int) -> None:
     """Raise for settings that are not offered, as far as they would change an image of the model.
 
     Args:
         config: Newton's RenderConfig.
-        model: The model.
-        meshes: Whether some of its shapes are meshes.
-        splats: Whether some are Gaussian splats.
+        splats: Whether some of the model's shapes are Gaussian splats.
         samples: Rays of each pixel.
     """
     anti_aliasing = getattr(config, "anti_aliasing", 0)
@@ -167,12 +165,6 @@ def check_config(config: Any, model: newton.Model, *, meshes: bool, splats: bool
         raise WarpcamError(f"Invalid anti_aliasing mode: {anti_aliasing!r}")
     if samples > 1 and anti_aliasing == 0:
         raise WarpcamError("anti_aliasing must be SSAA or MSAA for camera_rays with more than one sample")
-    if not config.enable_global_world:
-        raise _refused("enable_global_world", False, "what belongs to no world is seen in all", True)
-    if not config.enable_backface_culling and meshes:
-        raise _refused("enable_backface_culling", False, "meshes are not seen from behind", True)
-    if not config.enable_particles and model.particle_count:
-        raise _refused("enable_particles", False, "particles are drawn", True)
     if config.texture_projection_mode not in (0, 1):
         raise WarpcamError(f"Invalid texture_projection_mode: {config.texture_projection_mode!r}")
     if config.gaussians_mode != 0:

@@ -9,6 +9,7 @@ import warp as wp
 
 import warpcam as wc
 from warpcam import interop
+from warpcam.compat.newton.drawn import Drawn
 from warpcam.compat.newton.rays import Bundle, Bundles
 from warpcam.compat.newton.settings import Looks, check_config, check_shapes, checkerboard, default_direction
 from warpcam.errors import WarpcamError
@@ -36,6 +37,13 @@ SOURCES = {
     "rgba": "color",
     "hdr": "hdr",
     "segmentation": "shape",
+}
+# Which setting says what of a model is drawn.
+SETTINGS: Mapping[str, str] = {
+    "backs": "enable_backface_culling",
+    "particles": "enable_particles",
+    "shared": "enable_global_world",
+    "triplanar": "texture_projection_mode",
 }
 SOURCES.update({"normals": "normal", "albedo": "albedo"})
 
@@ -76,16 +84,14 @@ class Views:
         bundles: The rays that have been seen.
     """
 
-    def __init__(self, model: newton.Model, physical: bool, textures: bool = True):
+    def __init__(self, model: newton.Model, physical: bool, textures: bool, simulated: bool, visual: bool):
         self.model, self.device = model, model.device
         self.looks, self.bundles = Looks(model, physical, textures), Bundles()
         self._board: np.ndarray | None = None
         self._checked: np.ndarray | None = None
-        self._num_finishes, self._triplanar = 0, False
+        self._num_finishes, self._drawn = 0, Drawn(model, simulated, visual)
+        self._choice = self._drawn.usual
         self._build()
-        kinds = {newton.GeoType.MESH, newton.GeoType.CONVEX_MESH, newton.GeoType.HFIELD}
-        types = set(model.shape_type.numpy().tolist()) if model.shape_count else set()
-        self._meshes, self._splats = not kinds.isdisjoint(types), int(newton.GeoType.GAUSSIAN) in types
 
     def assign_checkerboard(self, shape_indices: Any, resolution: Any, checker_size: Any) -> None:
         """Let these shapes alone show a checkerboard."""
@@ -100,16 +106,19 @@ class Views:
             else:
                 self.looks.check(shapes, self._first_image)
 
-    def _project(self, triplanar: bool) -> None:
-        if triplanar == self._triplanar:
+    def _choose(self, config: Any) -> None:
+        """Draw what the settings say; another scene draws something else."""
+        choice = self._drawn.choice(config, self._choice.triplanar)
+        if choice == self._choice:
             return
+        changed = [name for name in vars(choice) if getattr(choice, name) != getattr(self._choice, name)]
         if interop.is_capturing(self.device):
             raise WarpcamError(
-                "render_config.texture_projection_mode: a capture is under way, and it is another than before; call "
+                f"render_config.{SETTINGS[changed[0]]}: a capture is under way, and it is another than before; call "
                 "update once with it before the capture"
             )
-        self._triplanar = triplanar
-        if self.looks.have_textures():
+        self._choice = choice
+        if changed != ["triplanar"] or self.looks.have_textures():
             self._build()
 
     def _build(self) -> None:
@@ -120,7 +129,7 @@ class Views:
         if self._board is not None:  # for each of the model's materials one that shows it
             images = [self._board, *[np.zeros((1, 1, 3), np.uint8)] * (self._num_finishes - 1)]
         with context_kept():
-            self.scene = load(model, model.state(), [light], (0.0, 0.0, 0.0), None, None, images, self._triplanar)
+            self.scene = load(model, model.state(), [light], (0.0, 0.0, 0.0), None, None, images, self._choice)
         self._num_finishes = self.scene.array("material_roughness").shape[1] - len(images)
         first = self.scene.array("material_texture").numpy()[0, self._num_finishes :, ROLE_COLOR]
         self._first_image = int(first[0]) if len(first) else -1
@@ -148,12 +157,11 @@ class Views:
         """
         bundles = [self.bundles.find(rays) for _, rays, _ in views]
         samples = max(bundle.samples for bundle in bundles)
-        check_config(config, self.model, meshes=self._meshes, splats=self._splats, samples=samples)
+        check_config(config, splats=self._drawn.splats, samples=samples)
         if not any(images for *_, images in views):
             return
         with interop.in_order(self.device):
-            if config.enable_textures:
-                self._project(bool(config.texture_projection_mode))
+            self._choose(config)
             self.scene.bind(state)
             self.looks.show(bool(config.enable_textures), bool(config.enable_ambient_lighting))
             traced = self._traced(bundles, views, clear_data, config)

@@ -1,0 +1,26 @@
+"""What of a Newton model is drawn, where a front end lets its users choose."""
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Choice:
+    """Decided when the scene is made: it is what the scene is made of.
+
+    Attributes:
+        simulated: Whether the triangles of cloth and soft bodies are drawn. None: those that no visual mesh stands for.
+        visual: Whether visual meshes are drawn.
+        smooth: Whether visual meshes are smooth; else their faces are flat.
+        backs: Whether meshes are seen from behind, too. None: open ones of what is soft are.
+        particles: Whether loose particles are drawn.
+        shared: Whether what belongs to no world is drawn, in all of them.
+        triplanar: Whether a texture on what has no texture coordinates is blended of three, one along each axis.
+    """
+
+    simulated: bool | None = None
+    visual: bool = True
+    smooth: bool = True
+    backs: bool | None = None
+    particles: bool = True
+    shared: bool = True
+    triplanar: bool = False
