@@ -75,6 +75,7 @@ class Parts:
         objects: (id + 1, 2) int32, what the source calls each id of ``segmentation``; the last row is for -1. None: the
             ids say all.
         clouds: What ``shape_assets`` counts for shapes of type SPLATS, none of which is in ``drawn``.
+        splat_limits: See ``kernels.tables.Tables``; None where clouds are seen through.
         lend_textures: Called with the packed ``textures`` before the first frame, for sources that paint some of them.
     """
 
@@ -105,6 +106,7 @@ class Parts:
     layers: Layers = field(default_factory=Layers)
     objects: np.ndarray | None = None
     clouds: Sequence[Cloud] = ()
+    splat_limits: wp.array | None = None
     lend_textures: Callable[[Textures], None] = lambda textures: None
 
 

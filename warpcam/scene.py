@@ -346,6 +346,7 @@ class Scene:
             moving=self._moving,
             layers=self._layers,
             splats=None if self._splats is None else self._splats.table,
+            splat_limits=parts.splat_limits,
             labels=self._labels,
         )
 

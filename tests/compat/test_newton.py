@@ -13,7 +13,6 @@ import warpcam as wc
 newton = pytest.importorskip("newton", reason="pip install 'warpcam[newton]'")
 import newton_scenes  # noqa: E402, newton may be missing
 import newtons_tests  # noqa: E402
-import splat_scenes  # noqa: E402
 from newton.sensors import SensorCamera as TheirCamera  # noqa: E402
 from newton.sensors import SensorTiledCamera as TheirTiled  # noqa: E402
 
@@ -44,6 +43,8 @@ OF_NEWTON = (
     "test_convex_hull_renders_like_its_mesh",
     "test_default_ambient_light_matches_previous_constants",
     "test_fully_transparent_shape_does_not_occlude",
+    "test_gaussian_radiance_is_clamped_and_srgb_decoded",
+    "test_gaussian_srgb_overlapping_splats_blend_in_encoded_space",
     "test_hdr_color_matches_linear_packed_color",
     "test_hdr_color_matches_srgb_packed_color",
     "test_in_memory_rgb_and_grayscale_textures",
@@ -276,26 +277,12 @@ def test_what_is_not_offered_is_refused_by_name(worlds: tuple[Any, Any]) -> None
     config = SensorCamera.RenderConfig(texture_projection_mode=2)
     with pytest.raises(wc.WarpcamError, match="Invalid texture_projection_mode: 2"):
         sensor.update(state, transforms, rays, depth_image=depth, render_config=config)
-    clear = SensorCamera.RenderConfig(gaussians_min_transmittance=0.1)
-    sensor.update(state, transforms, rays, depth_image=depth, render_config=clear)  # there are no splats
     with pytest.raises(wc.WarpcamError, match=r"direction must be finite and not zero, got \(0, 0, 0\)"):
         sensor.create_default_light(direction=(0, 0, 0))
     with pytest.raises(wc.WarpcamError, match="depth_image shape must be"):
         sensor.update(state, transforms, rays, depth_image=sensor.allocate_image_depth(2, *SIZE))
     with pytest.raises(wc.WarpcamError, match=r"state must be a newton\.State, got NoneType"):
         sensor.update(None, transforms, rays, depth_image=depth)
-
-
-def test_how_dense_splats_must_be_is_not_chosen(device: wp.Device) -> None:
-    builder = newton.ModelBuilder()
-    builder.add_shape_gaussian(-1, gaussian=splat_scenes.random_gaussians(5, 1))
-    model = builder.finalize(device=device)
-    sensor = SensorCamera(model)
-    rays = SensorCamera.compute_camera_rays_pinhole(*SIZE, camera_fov=0.8, device=model.device)
-    config = SensorCamera.RenderConfig(gaussians_min_transmittance=0.1)
-    transforms, depth = look_from([(2.0, -2.0, 1.0)], model.device), sensor.allocate_image_depth(1, *SIZE)
-    with pytest.raises(wc.WarpcamError, match=r"gaussians_min_transmittance is 0\.1: that is not offered"):
-        sensor.update(model.state(), transforms, rays, depth_image=depth, render_config=config)
 
 
 FISHEYES = {

@@ -150,13 +150,18 @@ def test_of_what_is_seen_through(lens: Any, card: list[launch.Stage], tmp_path: 
     assert _compile(card, tmp_path) >= 3
 
 
-def test_of_what_moves_and_splats(card: list[launch.Stage], tmp_path: Path) -> None:
+@pytest.mark.parametrize("solid", [False, True])
+def test_of_what_moves_and_splats(solid: bool, card: list[launch.Stage], tmp_path: Path) -> None:
     pytest.importorskip("newton", reason="needs Newton: pip install warpcam[newton]")
     import newton_scenes
     import splat_scenes
 
+    from warpcam.sources.newton import load
+    from warpcam.sources.newton_choice import Choice
+
     builder = newton_scenes.cloth()
     builder.add_shape_gaussian(body=-1, gaussian=splat_scenes.random_gaussians(20, 0))
-    scene = wc.from_newton(*newton_scenes.finalize(builder, wp.get_device()))
+    choice = Choice(solid=solid, backs=solid or None)
+    scene = load(*newton_scenes.finalize(builder, wp.get_device()), None, (0.2, 0.2, 0.2), None, None, choice=choice)
     wc.Renderer(scene, [splat_scenes.eye(shadows=True)])
     assert _compile(card, tmp_path) >= 3

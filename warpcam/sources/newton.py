@@ -129,6 +129,7 @@ class NewtonSource:
             more_types=_projection(choice.triplanar) if layout.textures else frozenset(),
             physical=True,
             clouds=layout.clouds,
+            splat_limits=wp.zeros(1, dtype=wp.vec2, device=self.device) if choice.solid and layout.clouds else None,
             lend_textures=self.tints.lend,
             layers=veils_alone(tables.kinds, drawn, _opacity(model, tables), transparency),
         )

@@ -14,6 +14,8 @@ class Choice:
         backs: Whether meshes are seen from behind, too. None: open ones of what is soft are.
         particles: Whether loose particles are drawn.
         shared: Whether what belongs to no world is drawn, in all of them.
+        solid: Whether Gaussian splats are a surface that is not seen through, and nothing where they are none; what
+            that takes is then written into ``Parts.splat_limits``.
         triplanar: Whether a texture on what has no texture coordinates is blended of three, one along each axis.
     """
 
@@ -23,4 +25,5 @@ class Choice:
     backs: bool | None = None
     particles: bool = True
     shared: bool = True
+    solid: bool = False
     triplanar: bool = False

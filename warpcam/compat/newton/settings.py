@@ -13,6 +13,7 @@ from warpcam.kernels.types import ROLE_COLOR
 
 SKY, GROUND = (0.2, 0.2, 0.225), (0.05, 0.05, 0.06)  # what shines on what faces up and down unless told
 HALF_LOST = 0.49  # of the light comes through: where splats are a surface to Newton, unless told
+FAST, QUALITY = range(2)  # Newton's GaussianRenderMode: the nearest splats of a cloud, or all
 UP_SHARE = 1.5  # a surface takes two thirds of a sky's first order
 DOWN = (-0.57735026, 0.57735026, -0.57735026)  # where the light shines where z is up, unless told
 GREYS = (128, 191)  # of a checkerboard's squares
@@ -152,12 +153,11 @@ def check_shapes(shapes: Any, model: newton.Model) -> np.ndarray:
     return chosen
 
 
-def check_config(config: Any, *, splats: bool, samples: int) -> None:
-    """Raise for settings that are not offered, as far as they would change an image of the model.
+def check_config(config: Any, samples: int) -> None:
+    """Raise for settings that Newton's camera refuses, too.
 
     Args:
         config: Newton's RenderConfig.
-        splats: Whether some of the model's shapes are Gaussian splats.
         samples: Rays of each pixel.
     """
     anti_aliasing = getattr(config, "anti_aliasing", 0)
@@ -167,16 +167,22 @@ def check_config(config: Any, *, splats: bool, samples: int) -> None:
         raise WarpcamError("anti_aliasing must be SSAA or MSAA for camera_rays with more than one sample")
     if config.texture_projection_mode not in (0, 1):
         raise WarpcamError(f"Invalid texture_projection_mode: {config.texture_projection_mode!r}")
-    if config.gaussians_mode != 0:
-        raise _refused("gaussians_mode", config.gaussians_mode, "splats are blended one by one", "FAST")
-    least = getattr(config, "gaussians_min_transmittance", HALF_LOST)
-    if least != HALF_LOST and splats:
-        why = "splats are a surface where half of the light is lost"
-        raise _refused("gaussians_min_transmittance", least, why, HALF_LOST)
 
 
-def _refused(name: str, value: Any, why: str, allowed: Any) -> WarpcamError:
-    return WarpcamError(f"render_config.{name} is {value!r}: that is not offered, {why}; allowed is {allowed}")
+def splat_limits(config: Any) -> tuple[float, float]:
+    """Below which share of the light that comes through splats are a surface, and how many of a cloud a ray blends.
+
+    Args:
+        config: Newton's RenderConfig.
+    """
+    if config.gaussians_mode not in (FAST, QUALITY):
+        raise WarpcamError(f"Invalid gaussians_mode: {config.gaussians_mode!r}")
+    least, most = getattr(config, "gaussians_min_transmittance", HALF_LOST), config.gaussians_max_num_hits
+    for name, value in (("gaussians_min_transmittance", least), ("gaussians_max_num_hits", most)):
+        if not isinstance(value, int | float | np.number) or isinstance(value, bool) or not value >= 0:
+            raise WarpcamError(f"render_config.{name} must be a number and not negative, got {value!r}")
+    below = float(np.nextafter(np.float32(least), np.float32(-1.0)))
+    return below, math.inf if config.gaussians_mode == QUALITY else float(most)
 
 
 def _triple(name: str, value: Any) -> tuple[float, float, float]:

@@ -11,7 +11,14 @@ import warpcam as wc
 from warpcam import interop
 from warpcam.compat.newton.drawn import Drawn
 from warpcam.compat.newton.rays import Bundle, Bundles
-from warpcam.compat.newton.settings import Looks, check_config, check_shapes, checkerboard, default_direction
+from warpcam.compat.newton.settings import (
+    Looks,
+    check_config,
+    check_shapes,
+    checkerboard,
+    default_direction,
+    splat_limits,
+)
 from warpcam.errors import WarpcamError
 from warpcam.kernels import view_images
 from warpcam.kernels.launch import record
@@ -90,6 +97,7 @@ class Views:
         self._board: np.ndarray | None = None
         self._checked: np.ndarray | None = None
         self._num_finishes, self._drawn = 0, Drawn(model, simulated, visual)
+        self._limits: tuple[float, float] | None = None  # of splats, as far as it is known
         self._choice = self._drawn.usual
         self._build()
 
@@ -121,6 +129,13 @@ class Views:
         if changed != ["triplanar"] or self.looks.have_textures():
             self._build()
 
+    def _limit_splats(self, limits: tuple[float, float]) -> None:
+        capturing = interop.is_capturing(self.device)
+        if limits != self._limits or capturing:
+            source: Any = self.scene._source
+            source.parts.splat_limits.fill_(wp.vec2(*limits))
+        self._limits = None if capturing else limits  # what a capture writes is there when it is launched
+
     def _build(self) -> None:
         """Make the scene, anew where the images that shapes may show are others, or lie another way."""
         model = self.model
@@ -136,6 +151,7 @@ class Views:
         self.looks.take(self.scene, self._num_finishes)
         if self._checked is not None:
             self.looks.check(self._checked, self._first_image)
+        self._limits = None
         self._renderers: dict[tuple[Any, ...], _Traced] = {}
 
     def render(
@@ -157,11 +173,13 @@ class Views:
         """
         bundles = [self.bundles.find(rays) for _, rays, _ in views]
         samples = max(bundle.samples for bundle in bundles)
-        check_config(config, splats=self._drawn.splats, samples=samples)
+        check_config(config, samples)
         if not any(images for *_, images in views):
             return
         with interop.in_order(self.device):
             self._choose(config)
+            if self._drawn.splats:
+                self._limit_splats(splat_limits(config))
             self.scene.bind(state)
             self.looks.show(bool(config.enable_textures), bool(config.enable_ambient_lighting))
             traced = self._traced(bundles, views, clear_data, config)
