@@ -67,7 +67,8 @@ class Parts:
         body_labels: What the user may call a body beside its name in ``bodies``; ``body_places`` says which of these
             it is. None: nothing else.
         body_places: (label,) int32.
-        more_types: Marks that stand among the types and are none: FROM_ABOVE, BARE, PROJECTED, TRIPLANAR, SHEER.
+        more_types: Marks that stand among the types and are none: FROM_ABOVE, BARE, PROJECTED, TRIPLANAR, SHEER,
+            LIT_NORMALS.
         scaled: Whether the sizes of meshes and height fields are scales along their axes.
         physical: Whether it is lit as metallic-roughness materials are, in linear light, instead of as MuJoCo does it.
         maps: In such a scene, whether some material has more than the texture of its colour.

@@ -213,3 +213,31 @@ def test_an_unknown_mode_is_named(device: wp.Device) -> None:
     model = newton.ModelBuilder().finalize(device=device)
     with pytest.raises(wc.WarpcamError, match="Invalid deformable_surface_mode: 3"):
         SensorCamera(model, deformable_surface_mode=3)
+
+
+@pytest.mark.parametrize("colored", [False, True])
+@pytest.mark.parametrize("scale", [(1.0, 1.0, 1.0), (0.8, 1.0, 1.9), (-1.0, 1.2, 0.5)])
+def test_smooth_meshes_have_newtons_normals(device: wp.Device, scale: Any, colored: bool) -> None:
+    """Those that light takes, also where a mesh is scaled unevenly."""
+    builder = newton.ModelBuilder()
+    mesh = newton.Mesh.create_sphere(0.6, num_latitudes=7, num_longitudes=9, compute_inertia=False)
+    builder.add_shape_mesh(-1, mesh=mesh, scale=scale, xform=pose(-0.5, 0.0, 0.6, (0.3, 0.2, 0.1, 1.0)))
+    builder.add_shape_mesh(-1, mesh=newton_scenes.tetrahedron(), xform=pose(0.5, 0.0, 0.5))
+    model, state = newton_scenes.finalize(builder, device)
+    w, x, y, z = (float(part) for part in scenes.looking(ABOVE, (0.0, 0.0, 0.6)))
+    views = wp.array([wp.transform(ABOVE, wp.quat(x, y, z, w))], dtype=wp.transformf, device=model.device)
+    found = []
+    for kind in (TheirCamera, SensorCamera):
+        sensor = kind(model)
+        sensor.create_default_light()
+        rays = kind.compute_camera_rays_pinhole(*SIZE, camera_fov=0.9, device=model.device)
+        images = {name: getattr(sensor, f"allocate_image_{what}")(1, *SIZE) for name, what in IMAGES.items()}
+        if colored:
+            images["hdr_color_image"] = sensor.allocate_image_color_hdr(1, *SIZE)
+        sensor.update(state, views, rays, **images)
+        found.append({name: image.numpy() for name, image in images.items()})
+    theirs, mine = found
+    if not colored:
+        theirs["hdr_color_image"] = mine["hdr_color_image"] = np.zeros((*mine["shape_index_image"].shape, 3))
+    assert {0, 1} <= set(np.unique(theirs["shape_index_image"]))
+    require_alike(mine, theirs)

@@ -126,7 +126,7 @@ class NewtonSource:
             body_labels=model.body_label,
             body_places=layout.body_places,
             scaled=True,
-            more_types=_projection(choice.triplanar) if layout.textures else frozenset(),
+            more_types=_marks(choice, layout),
             physical=True,
             clouds=layout.clouds,
             splat_limits=wp.zeros(1, dtype=wp.vec2, device=self.device) if choice.solid and layout.clouds else None,
@@ -358,9 +358,14 @@ def _image(pixels: Any, index: int) -> TextureImage:
     return TextureImage("2d", np.ascontiguousarray(image), blend_light=True)
 
 
-def _projection(triplanar: bool) -> frozenset[int]:
-    """How textures lie where there are no texture coordinates."""
-    return frozenset({types.PROJECTED, types.TRIPLANAR} if triplanar else {types.PROJECTED})
+def _marks(choice: Choice, layout: Layout) -> frozenset[int]:
+    """How textures lie where there are no texture coordinates, and which normals are written."""
+    marks = {types.PROJECTED} if layout.textures else set()
+    if layout.textures and choice.triplanar:
+        marks.add(types.TRIPLANAR)
+    if layout.meshes and choice.lit_normals:
+        marks.add(types.LIT_NORMALS)
+    return frozenset(marks)
 
 
 def load(

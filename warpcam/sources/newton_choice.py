@@ -16,6 +16,8 @@ class Choice:
         shared: Whether what belongs to no world is drawn, in all of them.
         solid: Whether Gaussian splats are a surface that is not seen through, and nothing where they are none; what
             that takes is then written into ``Parts.splat_limits``.
+        lit_normals: Whether the output ``normals`` has those of meshes as light takes them, scaled after they are
+            interpolated; else those of their faces.
         triplanar: Whether a texture on what has no texture coordinates is blended of three, one along each axis.
     """
 
@@ -26,4 +28,5 @@ class Choice:
     particles: bool = True
     shared: bool = True
     solid: bool = False
+    lit_normals: bool = False
     triplanar: bool = False

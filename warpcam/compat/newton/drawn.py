@@ -33,7 +33,7 @@ class Drawn:
         self._particles = bool(model.particle_count)
         worlds = [model.shape_world] * bool(model.shape_count) + [model.particle_world] * bool(model.particle_count)
         self._shared = any((rows.numpy() < 0).any() for rows in worlds) or any(mesh.world < 0 for mesh in visuals)
-        self.usual = Choice(simulated=simulated, visual=visual, smooth=False, backs=False, solid=True)
+        self.usual = Choice(simulated=simulated, visual=visual, smooth=False, backs=False, solid=True, lit_normals=True)
 
     def choice(self, config: Any, triplanar: bool) -> Choice:
         """What a RenderConfig of Newton's says.
@@ -47,6 +47,7 @@ class Drawn:
             visual=self.usual.visual,
             smooth=False,
             solid=True,
+            lit_normals=True,
             backs=self._sides and not config.enable_backface_culling,
             particles=bool(config.enable_particles) or not self._particles,
             shared=bool(config.enable_global_world) or not self._shared,

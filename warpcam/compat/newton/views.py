@@ -1,6 +1,7 @@
 """Views of a Newton model: renderers for the sizes and images that are asked for, and the way in and out of them."""
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any
 
 import newton
@@ -171,8 +172,10 @@ class Views:
             clear_data: Newton's ClearData.
             config: Newton's RenderConfig.
         """
-        bundles = [self.bundles.find(rays) for _, rays, _ in views]
-        samples = max(bundle.samples for bundle in bundles)
+        seen = [
+            _Seen(number, bundle, *view) for number, view in enumerate(views) for bundle in self.bundles.find(view[1])
+        ]
+        samples = max(each.bundle.samples for each in seen)
         check_config(config, samples)
         if not any(images for *_, images in views):
             return
@@ -182,22 +185,21 @@ class Views:
                 self._limit_splats(splat_limits(config))
             self.scene.bind(state)
             self.looks.show(bool(config.enable_textures), bool(config.enable_ambient_lighting))
-            traced = self._traced(bundles, views, clear_data, config)
-            for camera, (bundle, (transforms, *_)) in enumerate(zip(bundles, views, strict=True)):
-                traced.place(camera, mapped, transforms, bundle)
+            traced = self._traced(seen, clear_data, config)
+            for camera, each in enumerate(seen):
+                traced.place(camera, mapped, each)
             traced.renderer.render(worlds=mapped.mask)
-            for camera, (_, rays, images) in enumerate(views):
-                traced.write(camera, mapped, rays, images, clear_data, config)
+            for camera, each in enumerate(seen):
+                traced.write(camera, mapped, each, clear_data, config)
 
-    def _traced(self, bundles: list[Bundle], views: list[Any], clear_data: Any, config: Any) -> "_Traced":
-        smooth = any(bundle.samples > 1 for bundle in bundles)
+    def _traced(self, seen: "list[_Seen]", clear_data: Any, config: Any) -> "_Traced":
+        smooth = any(each.bundle.samples > 1 for each in seen)
         linear = config.output_color_space == newton.utils.ColorSpace.LINEAR
         asked = tuple(
-            tuple(_outputs(images, smooth, linear, isinstance(bundle.lens, wc.Rays)))
-            for bundle, (*_, images) in zip(bundles, views, strict=True)
+            tuple(_outputs(each.images, smooth, linear, isinstance(each.bundle.lens, wc.Rays))) for each in seen
         )
         background = tuple((int(clear_data.clear_color) >> shift & 255) / 255.0 for shift in (0, 8, 16))
-        kinds = tuple(bundle.kind for bundle in bundles)
+        kinds = tuple(each.bundle.kind for each in seen)
         key = (kinds, asked, smooth, bool(config.enable_shadows), background)
         traced = self._renderers.pop(key, None)
         if traced is None:
@@ -211,20 +213,39 @@ class Views:
             cameras = [
                 wc.Camera(
                     f"view {number}",
-                    width=bundle.size[0],
-                    height=bundle.size[1],
+                    width=each.bundle.size[0],
+                    height=each.bundle.size[1],
                     outputs=outputs,
-                    lens=bundle.lens,
+                    lens=each.bundle.lens,
                     position=(0.0, 0.0, 0.0),
                     shadows=bool(config.enable_shadows),
                     antialiasing=4 if smooth else 1,
                     background=background,
                 )
-                for number, (bundle, outputs) in enumerate(zip(bundles, asked, strict=True))
+                for number, (each, outputs) in enumerate(zip(seen, asked, strict=True))
             ]
             traced = _Traced(self.scene, cameras)
         self._renderers[key] = traced
         return traced
+
+
+@dataclass(frozen=True, eq=False)
+class _Seen:
+    """Views by one bundle, of one camera of the user's, or the rays of that which come from one place.
+
+    Attributes:
+        number: Of the user's camera.
+        bundle: Its rays, or some of them.
+        transforms: Of the views.
+        rays: All of them.
+        images: What is written.
+    """
+
+    number: int
+    bundle: Bundle
+    transforms: wp.array
+    rays: wp.array
+    images: Mapping[str, wp.array]
 
 
 class _Traced:
@@ -254,25 +275,29 @@ class _Traced:
             self._sources.append(sources)
         self._empty = {field: _none(3, dtype, self._device) for field, _, dtype in IMAGES.values()}
 
-    def place(self, camera: int, mapped: Mapped, transforms: wp.array, bundle: Bundle) -> None:
-        number = camera if mapped.num_cameras > 1 else 0
+    def place(self, camera: int, mapped: Mapped, seen: _Seen) -> None:
+        bundle, transforms = seen.bundle, seen.transforms
+        number = seen.number if mapped.num_cameras > 1 else 0
         inputs = [transforms, mapped.worlds, mapped.cameras, number, wp.vec3(*bundle.origin), wp.vec4(*bundle.numbers)]
         wp.launch(view_images.place_views, len(transforms), [*inputs, *self._poses[camera]], device=self._device)
 
-    def write(
-        self, camera: int, mapped: Mapped, rays: wp.array, images: dict[str, wp.array], clear_data: Any, config: Any
-    ) -> None:
+    def write(self, camera: int, mapped: Mapped, seen: _Seen, clear_data: Any, config: Any) -> None:
         clear, out = view_images.Clear(), view_images.Images()
         clear.color, clear.albedo = wp.uint32(clear_data.clear_color), wp.uint32(clear_data.clear_albedo)
         clear.depth, clear.shape = float(clear_data.clear_depth), wp.uint32(clear_data.clear_shape_index)
         clear.normal = wp.vec3(*clear_data.clear_normal)
         for name, (field, _, _) in IMAGES.items():
-            setattr(out, field, images.get(name, self._empty[field]))
+            setattr(out, field, seen.images.get(name, self._empty[field]))
         linear = int(config.output_color_space == newton.utils.ColorSpace.LINEAR)
-        number = camera if mapped.num_cameras > 1 else 0
-        inputs = [mapped.worlds, mapped.cameras, number, rays, float(config.max_distance), linear, clear]
-        count = len(mapped.worlds) * rays.shape[0] * rays.shape[1]
-        record(view_images.write_views, count, [*inputs, self._sources[camera], out], self._device).launch()
+        number = seen.number if mapped.num_cameras > 1 else 0
+        inputs = [mapped.worlds, mapped.cameras, number, seen.rays, float(config.max_distance), linear, clear]
+        inputs += [self._sources[camera], out]
+        kernel = view_images.write_views
+        if seen.bundle.pixels is not None:
+            kernel = view_images.write_some
+            inputs.append(seen.bundle.pixels)
+        count = len(mapped.worlds) * seen.rays.shape[0] * seen.rays.shape[1]
+        record(kernel, count, inputs, self._device).launch()
 
 
 def _outputs(images: Mapping[str, wp.array], smooth: bool, linear: bool, table: bool) -> list[str]:
