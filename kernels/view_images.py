@@ -108,11 +108,15 @@ def place_views(
 
 
 @wp.func
-def packed(image: wp.array4d(dtype=wp.uint8), world: wp.int32, row: wp.int32, column: wp.int32) -> wp.uint32:
+def packed(
+    image: wp.array4d(dtype=wp.uint8), world: wp.int32, row: wp.int32, column: wp.int32, behind: wp.uint32
+) -> wp.uint32:
+    """A pixel; where its alpha leaves something, that of ``behind`` counts, packed likewise."""
     red, green = wp.uint32(image[world, row, column, 0]), wp.uint32(image[world, row, column, 1])
     blue, alpha = wp.uint32(image[world, row, column, 2]), wp.uint32(255)
     if image.shape[3] == 4:
         alpha = wp.uint32(image[world, row, column, 3])
+        alpha += ((wp.uint32(255) - alpha) * (behind >> wp.uint32(24)) + wp.uint32(127)) / wp.uint32(255)
     return red | (green << wp.uint32(8)) | (blue << wp.uint32(16)) | (alpha << wp.uint32(24))
 
 
@@ -177,7 +181,7 @@ def write_pixel(
                     seen.hdr[world, row, column, 0], seen.hdr[world, row, column, 1], seen.hdr[world, row, column, 2]
                 )
             else:
-                color = packed(seen.color, world, row, column)
+                color = packed(seen.color, world, row, column, clear.color)
         out.color[view, row, column] = color
     if out.hdr.shape[0] > 0:
         hdr = wp.vec3(0.0, 0.0, 0.0)
@@ -214,7 +218,7 @@ def write_pixel(
                     decoded(seen.albedo[world, row, column, 2]),
                 )
             else:
-                albedo = packed(seen.albedo, world, row, column)
+                albedo = packed(seen.albedo, world, row, column, clear.albedo)
         out.albedo[view, row, column] = albedo
 
 

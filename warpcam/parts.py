@@ -71,6 +71,7 @@ class Parts:
             LIT_NORMALS.
         scaled: Whether the sizes of meshes and height fields are scales along their axes.
         physical: Whether it is lit as metallic-roughness materials are, in linear light, instead of as MuJoCo does it.
+        backs_shade: Whether in such a scene meshes that are seen from one side cast shadows from both.
         maps: In such a scene, whether some material has more than the texture of its colour.
         layers: What needs more than one layer: mirrors, transparent shapes, haze.
         objects: (id + 1, 2) int32, what the source calls each id of ``segmentation``; the last row is for -1. None: the
@@ -103,6 +104,7 @@ class Parts:
     more_types: frozenset[int] = frozenset()
     scaled: bool = False
     physical: bool = False
+    backs_shade: bool = False
     maps: bool = False
     layers: Layers = field(default_factory=Layers)
     objects: np.ndarray | None = None

@@ -163,6 +163,43 @@ def test_all_images_are_newtons_own(worlds: tuple[Any, Any]) -> None:
     np.testing.assert_allclose(mine["hdr_color_image"][same], theirs["hdr_color_image"][same], atol=5e-3)
 
 
+@pytest.mark.parametrize("kind", ["linear", "smooth"])
+def test_what_is_cleared_is_newtons_own(device: wp.Device, kind: str) -> None:
+    """In linear light, too, and with its alpha behind smooth edges."""
+    builder = newton.ModelBuilder()
+    builder.add_shape_box(-1, hx=0.5, hy=0.5, hz=0.5, xform=newton_scenes.pose(0.0, 0.0, 0.5, (0.2, 0.1, 0.3, 1.0)))
+    model, state = newton_scenes.finalize(builder, device)
+    clear = TheirCamera.ClearData(clear_color=0x80336699, clear_albedo=0x40AA5511)
+    found = []
+    for camera in (TheirCamera, SensorCamera):
+        sensor = camera(model)
+        sensor.create_default_light()
+        smooth = kind == "smooth"
+        rays = camera.compute_camera_rays_pinhole(
+            *SIZE, camera_fov=0.8, device=model.device, sample_count=4 if smooth else 1
+        )
+        space = newton.utils.ColorSpace.SRGB if smooth else newton.utils.ColorSpace.LINEAR
+        config = camera.RenderConfig(output_color_space=space, anti_aliasing=int(smooth))
+        color, albedo = sensor.allocate_image_color(1, *SIZE), sensor.allocate_image_albedo(1, *SIZE)
+        shape = sensor.allocate_image_shape_index(1, *SIZE)
+        views = look_from([(2.0, -2.0, 1.5)], model.device)
+        sensor.update(
+            state, views, rays, color_image=color, albedo_image=albedo, shape_index_image=shape, clear_data=clear,
+            render_config=config,
+        )  # fmt: skip
+        found.append([image.numpy()[0] for image in (color, albedo, shape)])
+    theirs, mine = found
+    miss = (theirs[2] == 0xFFFFFFFF) & (mine[2] == 0xFFFFFFFF)
+    for _ in range(2):  # what is around is missed, too
+        miss[1:-1, 1:-1] &= miss[:-2, 1:-1] & miss[2:, 1:-1] & miss[1:-1, :-2] & miss[1:-1, 2:]
+    assert miss.sum() > 50
+    for own, expected in zip(mine[:2], theirs[:2], strict=True):
+        own, expected = (image[miss].astype(np.uint32).view(np.uint8).astype(int) for image in (own, expected))
+        assert np.abs(own - expected).max() <= 1
+    alphas = [image[0] >> 24 for image in (mine, theirs)]
+    assert np.abs(alphas[0].astype(int) - alphas[1]).mean() < 4.0 and alphas[0].min() == 0x80
+
+
 def test_two_views_of_a_world_in_any_order(worlds: tuple[Any, Any]) -> None:
     model, state = worlds
     positions = [(2.5, -2.0, 1.5), (2.0, -2.5, 1.2), (-2.0, -2.0, 2.0), (0.0, -3.0, 1.0)]

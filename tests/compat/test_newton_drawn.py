@@ -175,9 +175,11 @@ def test_what_is_seen_from_one_side_casts_shadows_from_both(device: wp.Device, d
     same = theirs["shape_index_image"] == mine["shape_index_image"]
     assert same.mean() > 0.995 and ((theirs["shape_index_image"] == SOFT).sum() > 50) != down
     floor = same & (theirs["shape_index_image"] == 0)
-    dark, expected = (seen["hdr_color_image"][..., 1] < 0.5 * seen["hdr_color_image"].max() for seen in (mine, theirs))
-    assert expected[floor].sum() > 60
-    assert (dark == expected)[floor].mean() > 0.995
+    light, expected = (seen["hdr_color_image"][floor][:, 1] for seen in (mine, theirs))
+    dark = expected < 0.5 * expected.max()
+    assert 60 < dark.sum() < 0.5 * len(dark)
+    assert (np.abs(light - expected) < 1e-3).mean() > 0.995  # three tenths of it are left
+    assert expected[dark] == pytest.approx(0.3 * expected.max(), rel=1e-3)
 
 
 def test_a_cone_does_not_shade_itself_where_light_falls(device: wp.Device) -> None:

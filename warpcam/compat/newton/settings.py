@@ -17,6 +17,7 @@ FAST, QUALITY = range(2)  # Newton's GaussianRenderMode: the nearest splats of a
 UP_SHARE = 1.5  # a surface takes two thirds of a sky's first order
 DOWN = (-0.57735026, 0.57735026, -0.57735026)  # where the light shines where z is up, unless told
 GREYS = (128, 191)  # of a checkerboard's squares
+LEFT = 0.3  # of the light is there in its shadow
 SHARP = 512  # texels of a checkerboard at least along each side
 
 
@@ -32,14 +33,14 @@ class Looks:
     def __init__(self, model: newton.Model, physical: bool, textures: bool):
         self._model, self._up, self._physical, self._loaded = model, np.eye(3)[int(model.up_axis)], physical, textures
         self._light: tuple[bool, tuple[float, ...], tuple[float, ...]] | None = None
-        self._shown, self._ambient = True, True
+        self._shown, self._ambient, self._shadows = True, True, False
         self._sky, self._ground = np.array(SKY), np.array(GROUND)
 
     def take(self, scene: wc.Scene, num_finishes: int) -> None:
         """Be those of this scene from now on.
 
         Args:
-            scene: Made with one light and no ambient light.
+            scene: Made with two lights and no ambient light.
             num_finishes: How many of its materials are the model's; as many more may show a checkerboard instead.
         """
         self._scene, self._count = scene, num_finishes
@@ -89,7 +90,7 @@ class Looks:
         """Whether there are any, shown now or not; reads them from the device."""
         return bool(self._all.numpy().max(initial=-1) >= 0)
 
-    def show(self, textures: bool, ambient: bool) -> None:
+    def show(self, textures: bool, ambient: bool, shadows: bool) -> None:
         """Bring the scene to these settings; what is so already costs nothing."""
         if textures != self._shown:
             self._shown = textures
@@ -97,19 +98,25 @@ class Looks:
         if ambient != self._ambient:
             self._ambient = ambient
             self._write_sky()
+        if shadows != self._shadows:
+            self._shadows = shadows
+            if self._light is not None:
+                self._write_light()
 
     def _write(self) -> None:
         wp.copy(self._textures, self._all if self._shown else self._none)
 
     def _write_light(self) -> None:
+        """One light, or two of its direction: one for what there is in the shadow of the other, too."""
         assert self._light is not None
-        shadows, direction, color = self._light
-        scene = self._scene
-        scene.array("light_active").fill_(True)
-        scene.array("light_casts_shadow").fill_(shadows)
+        casts, direction, color = self._light
+        scene, parted = self._scene, casts and self._shadows
         scene.array("light_directions").fill_(wp.normalize(wp.vec3(*direction)))
-        for name in ("light_diffuse", "light_specular"):
-            scene.array(name).fill_(wp.vec3(*color))
+        for light, share in enumerate((1.0 - LEFT, LEFT) if parted else (1.0, 0.0)):
+            scene.array("light_active")[:, light].fill_(share > 0.0)
+            scene.array("light_casts_shadow")[:, light].fill_(parted and light == 0)
+            for name in ("light_diffuse", "light_specular"):
+                scene.array(name)[:, light].fill_(share * wp.vec3(*color))
 
     def _write_sky(self) -> None:
         terms = np.zeros((*self._scene.array("sky").shape, 3), np.float32)
@@ -183,6 +190,16 @@ def splat_limits(config: Any) -> tuple[float, float]:
             raise WarpcamError(f"render_config.{name} must be a number and not negative, got {value!r}")
     below = float(np.nextafter(np.float32(least), np.float32(-1.0)))
     return below, math.inf if config.gaussians_mode == QUALITY else float(most)
+
+
+def linear_color(packed: int) -> int:
+    """Of R | G << 8 | B << 16 | A << 24 in display values, with A as it is."""
+    color = int(packed) & 255 << 24
+    for shift in (0, 8, 16):
+        value = (int(packed) >> shift & 255) / 255.0
+        light = value / 12.92 if value <= 0.04045 else ((value + 0.055) / 1.055) ** 2.4
+        color |= int(255.0 * light) << shift
+    return color
 
 
 def _triple(name: str, value: Any) -> tuple[float, float, float]:

@@ -18,6 +18,7 @@ from warpcam.compat.newton.settings import (
     check_shapes,
     checkerboard,
     default_direction,
+    linear_color,
     splat_limits,
 )
 from warpcam.errors import WarpcamError
@@ -145,7 +146,7 @@ class Views:
         if self._board is not None:  # for each of the model's materials one that shows it
             images = [self._board, *[np.zeros((1, 1, 3), np.uint8)] * (self._num_finishes - 1)]
         with context_kept():
-            self.scene = load(model, model.state(), [light], (0.0, 0.0, 0.0), None, None, images, self._choice)
+            self.scene = load(model, model.state(), [light] * 2, (0.0, 0.0, 0.0), None, None, images, self._choice)
         self._num_finishes = self.scene.array("material_roughness").shape[1] - len(images)
         first = self.scene.array("material_texture").numpy()[0, self._num_finishes :, ROLE_COLOR]
         self._first_image = int(first[0]) if len(first) else -1
@@ -184,7 +185,9 @@ class Views:
             if self._drawn.splats:
                 self._limit_splats(splat_limits(config))
             self.scene.bind(state)
-            self.looks.show(bool(config.enable_textures), bool(config.enable_ambient_lighting))
+            self.looks.show(
+                bool(config.enable_textures), bool(config.enable_ambient_lighting), bool(config.enable_shadows)
+            )
             traced = self._traced(seen, clear_data, config)
             for camera, each in enumerate(seen):
                 traced.place(camera, mapped, each)
@@ -283,14 +286,17 @@ class _Traced:
 
     def write(self, camera: int, mapped: Mapped, seen: _Seen, clear_data: Any, config: Any) -> None:
         clear, out = view_images.Clear(), view_images.Images()
-        clear.color, clear.albedo = wp.uint32(clear_data.clear_color), wp.uint32(clear_data.clear_albedo)
+        linear = config.output_color_space == newton.utils.ColorSpace.LINEAR
+        clear.color, clear.albedo = (
+            wp.uint32(linear_color(packed) if linear else packed)
+            for packed in (clear_data.clear_color, clear_data.clear_albedo)
+        )
         clear.depth, clear.shape = float(clear_data.clear_depth), wp.uint32(clear_data.clear_shape_index)
         clear.normal = wp.vec3(*clear_data.clear_normal)
         for name, (field, _, _) in IMAGES.items():
             setattr(out, field, seen.images.get(name, self._empty[field]))
-        linear = int(config.output_color_space == newton.utils.ColorSpace.LINEAR)
         number = seen.number if mapped.num_cameras > 1 else 0
-        inputs = [mapped.worlds, mapped.cameras, number, seen.rays, float(config.max_distance), linear, clear]
+        inputs = [mapped.worlds, mapped.cameras, number, seen.rays, float(config.max_distance), int(linear), clear]
         inputs += [self._sources[camera], out]
         kernel = view_images.write_views
         if seen.bundle.pixels is not None:
