@@ -42,6 +42,7 @@ MANY = 64  # shapes
 MOST_COMPOSED = 128  # shapes whose motions each block composes
 FLOOR_REGION = 64  # pixels, native/flow_floor.h
 MAX_LISTED = 256  # shapes that one pass draws
+MANY_LISTED = 1024  # the same on a CPU, which has room for more
 FEW_BLOCKS = 3  # on a multiprocessor: as many are enough where a block's tiles take about as long as setting it up
 ROW_OF_BLOCKS = 2**24 // THREADS  # Warp lays out a launch's threads in rows of so many
 SHARED_MEMORY = 228 * 1024  # of a multiprocessor [bytes]
@@ -134,7 +135,8 @@ def record(
         width: Image width [pixels].
         height: Image height [pixels].
         depth: float32, (world, height, width, ...), or None if it is not wanted. A scene of more than MAX_LISTED
-            shapes is drawn in passes, which go on from each other's depth and shape: then both are needed.
+            shapes, on a CPU MANY_LISTED, is drawn in passes, which go on from each other's depth and shape: then both
+            are needed.
         shape: An integer type that holds every shape id and -1, likewise.
         face: An integer type that holds every face, and of height fields one number more, likewise; see
             ``target_struct``.
@@ -150,7 +152,7 @@ def record(
         lists: vec4, (world, row): the shapes listed for these views, by listing.py, if they are.
     """
     group = group or Group.of_all(views.shape[0])
-    capacity = list_capacity(tables.num_drawn)
+    capacity = list_capacity(tables.num_drawn, MANY_LISTED if device.is_cpu else MAX_LISTED)
     several = tables.num_drawn > capacity
     struct = target_struct if veil_places is None else opaque_target_struct
     if "flow" in images or "flow_valid" in images:
@@ -284,9 +286,10 @@ def facts_of_whole(tables: Tables, device: wp.Device, valid: bool) -> int:
     return FLOW_WHOLE | FLOW_NEAR * (valid and brief(tables) and tables.num_drawn <= MANY)
 
 
-def list_capacity(num_drawn: int) -> int:
+def list_capacity(num_drawn: int, most: int = MAX_LISTED) -> int:
     """How many shapes a block lists at once, for a scene of that many: few sizes, so that scenes share kernels."""
-    return next(size for size in (16, 32, 64, 96, 128, 192, MAX_LISTED) if size >= min(num_drawn, MAX_LISTED))
+    sizes = (16, 32, 64, 96, 128, 192, MAX_LISTED, 512, MANY_LISTED)
+    return next(size for size in sizes if size >= min(num_drawn, most))
 
 
 def region_size(

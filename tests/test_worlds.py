@@ -165,6 +165,20 @@ def test_what_is_no_number_costs_its_world(device: wp.Device, zoo: mujoco.MjMode
     assert renderer.faulty.tolist() == [world == bad for world in range(WORLDS)]
 
 
+@pytest.mark.parametrize("what", ["geom_xpos", "geom_xmat", "geom_size"])
+def test_what_is_no_number_counts_out_of_sight_too(device: wp.Device, what: str) -> None:
+    """In a scene of so many shapes that a CPU looks closely at those in sight alone."""
+    balls = "".join(f'<geom size=".02" pos="{k % 9 / 9 - 0.4} {k // 9 / 9 - 0.4} 0"/>' for k in range(80))
+    mjm = scenes.compile_xml(balls + '<geom size=".1" pos="0 0 9"/>')  # behind the camera
+    m, d = scenes.put(mjm, 2, batch={"geom_size": 2})
+    camera = scenes.own_camera(width=16, height=16, position=(0.0, 0.0, 2.0), rotation=(1.0, 0.0, 0.0, 0.0))
+    renderer = wc.Renderer(wc.from_mujoco_warp(mjm, m, d), [camera])
+    assert (renderer.render()["eye"]["segmentation"].max() >= 0) and not renderer.faulty.any()
+    scenes.write(m.geom_size if what == "geom_size" else getattr(d, what), (1, 80, 1), np.nan)
+    renderer.render()
+    assert renderer.faulty.tolist() == [False, True]
+
+
 @pytest.mark.parametrize(("width", "height"), [(37, 21), (1, 1), (100, 70), (7, 130)])
 def test_images_of_any_size(device: wp.Device, zoo: mujoco.MjModel, width: int, height: int) -> None:
     """Each is a window of a large image, whose tiles lie elsewhere."""

@@ -1,7 +1,10 @@
-// Shadows in scenes of many shapes. Most of these stand in the way of nothing that a region shows, and all but a few in
-// the way of nothing that a patch of it shows: what casters cover is kept in two words each, patches pick theirs by it,
-// and only what was picked is looked at closely.
+// Shadows in scenes of many shapes, on CUDA. Most of these stand in the way of nothing that a region shows, and all but a
+// few in the way of nothing that a patch of it shows: what casters cover is kept in two words each, patches pick theirs by
+// it, and only what was picked is looked at closely.
 #pragma once
+#if !defined(__CUDA_ARCH__)
+#include "crowd_cpu.h"
+#else
 #include "outlines.h"
 #include "shadow.h"
 
@@ -9,7 +12,7 @@ namespace warpcam {
 
 constexpr int PATCH = 8;       // pixels along a side; two tiles
 constexpr int PICKED = LANES;  // casters that a patch tries at a time
-constexpr int WARPS = THREADS < LANES ? 1 : THREADS / LANES, TEAM_SIZE = THREADS / WARPS;
+constexpr int WARPS = THREADS / LANES;
 
 // What one patch asks: the tiles of it that do, by bit.
 struct Patch {
@@ -31,25 +34,12 @@ struct Picks {
     int places[PICKED];  // among the shapes that are drawn
 };
 
-WARPCAM_FN bool any_of_team(bool value)
-{
-#if defined(__CUDA_ARCH__)
-    return __any_sync(ALL, value);
-#else
-    return value;
-#endif
-}
-
 // What the points that a warp's lanes have found cover together.
 WARPCAM_FN Cover joined(const Cover& cover)
 {
-#if defined(__CUDA_ARCH__)
     const Window& w = cover.window;
     return { { warp_min(w.left), -warp_min(-w.right), warp_min(w.bottom), -warp_min(-w.top) }, warp_min(cover.floor),
              -warp_min(-cover.top), __any_sync(ALL, cover.beside) != 0, __any_sync(ALL, cover.any) != 0 };
-#else
-    return cover;
-#endif
 }
 
 // The point that a pixel shows, if something may keep the light from it.
@@ -88,16 +78,12 @@ WARPCAM_FN void survey(const Task<LENS>& task, const Target& target, Patch* patc
         Cover cover = no_cover();
         int tiles = 0;
         for (int tile = 0; tile < PATCH / TILE_HEIGHT; ++tile) {
-            bool any = false;
-            for (int k = lane; k < LANES; k += TEAM_SIZE) {
-                const int column = patch % ACROSS * PATCH + k % TILE_WIDTH;
-                const int row = patch / ACROSS * PATCH + tile * TILE_HEIGHT + k / TILE_WIDTH;
-                const Asking a = asking_at(task, target, column, row);
-                if (a.asks)
-                    cover.add(a.place);
-                any |= a.asks;
-            }
-            tiles |= int(any_of_team(any)) << tile;
+            const int column = patch % ACROSS * PATCH + lane % TILE_WIDTH;
+            const int row = patch / ACROSS * PATCH + tile * TILE_HEIGHT + lane / TILE_WIDTH;
+            const Asking a = asking_at(task, target, column, row);
+            if (a.asks)
+                cover.add(a.place);
+            tiles |= int(__any_sync(ALL, a.asks)) << tile;
         }
         if (tiles)
             cover = joined(cover);
@@ -144,7 +130,6 @@ template <class Crowd_>
 WARPCAM_FN int pick(const Crowd_& crowd, const Outline& points, int from, int* places, int& picked, int lane)
 {
     picked = 0;
-#if defined(__CUDA_ARCH__)
     while (from < crowd.count) {
         const int slot = from + lane;
         const Outline outline = crowd.outlines[lower_int(slot, crowd.count - 1)];
@@ -161,11 +146,6 @@ WARPCAM_FN int pick(const Crowd_& crowd, const Outline& points, int from, int* p
         }
         from += LANES;
     }
-#else
-    for (; from < crowd.count && picked < PICKED; ++from)
-        if (may_shade(crowd.outlines[from], points))
-            places[picked++] = int(crowd.outlines[from].rest & ((1u << PLACE_BITS) - 1u));
-#endif
     return from;
 }
 
@@ -177,7 +157,7 @@ WARPCAM_FN void prepare_picks(Picks& picks, int picked, const Shapes& shapes, co
     auto& list = picks.list;
     if (lane == 0)
         list.count = picked;
-    for (int slot = lane; slot < picked; slot += TEAM_SIZE) {
+    for (int slot = lane; slot < picked; slot += LANES) {
         Caster caster;
         const int id = wp::index(shapes.drawn, picks.places[slot]);
         prepare_caster<TYPES, true>(load_shape(shapes, world, id), light, camera, meshes, fields, caster);
@@ -188,8 +168,6 @@ WARPCAM_FN void prepare_picks(Picks& picks, int picked, const Shapes& shapes, co
         list.heights[slot] = caster.height;
     }
 }
-
-#if defined(__CUDA_ARCH__)
 
 // Does one of the casters stand between a lane's point and the light? Each lane tries those that its point calls for.
 template <int TYPES, int LENS, class HeightFields>
@@ -224,27 +202,15 @@ WARPCAM_FN bool is_shaded(const CasterList<PICKED, false>& list, const LitView<L
     return false;
 }
 
-#endif
-
 // Adds the light's bit to the masks of a tile's pixels that lie in the shadow of what was picked.
 template <int TYPES, int LENS, class Shapes, class Meshes, class HeightFields, class Target>
 WARPCAM_FN void cast_tile(const CasterList<PICKED, false>& list, const Task<LENS>& task, const Shapes& shapes,
                           const Meshes& meshes, const HeightFields& fields, const Target& target, int column, int row,
                           int lane)
 {
-#if defined(__CUDA_ARCH__)
     const Asking a = asking_at(task, target, column + lane % TILE_WIDTH, row + lane / TILE_WIDTH);
     if (is_shaded<TYPES>(list, task.view, a, fields))
         target.shadow.data[a.at] |= static_cast<int>(task.bit);
-#else
-    const Region region = task.region;
-    const size_t first = task.corner + size_t(row) * target.width + column;
-    Points points;
-    if (!points.load<false>(task.view, target, first, region.left + column, region.top + row, task.bit, false))
-        return;
-    shade_tile<TYPES>(list, Windows<PICKED>(list), task.view, task.world, shapes, meshes, fields, points);
-    points.mark(target, first, task.bit);
-#endif
 }
 
 // Casts the shadows of one light, as far as they come from the crowd.
@@ -257,11 +223,7 @@ WARPCAM_FN void cast_patches(Crowd_& crowd, Picks& picks, const Patch* patches, 
 {
     constexpr int ACROSS = WIDTH / PATCH, COUNT = ACROSS * (HEIGHT / PATCH);
     while (true) {
-#if defined(__CUDA_ARCH__)
         const int patch = __shfl_sync(ALL, lane == 0 ? draw_next(crowd.next_patch) : 0, 0);
-#else
-        const int patch = crowd.next_patch++;
-#endif
         if (patch >= COUNT)
             return;
         const int tiles = patches[patch].tiles;
@@ -304,7 +266,7 @@ WARPCAM_FN void cast_crowd(const Shapes& shapes, const Materials& materials, con
     WARPCAM_SHARED Camera camera;
     WARPCAM_SHARED Grid grid;
     const int thread = unsigned(index) % THREADS, block = index / THREADS;
-    const int warp = thread / TEAM_SIZE, lane = thread % TEAM_SIZE;
+    const int warp = thread / LANES, lane = thread % LANES;
     const int columns = (target.width + WIDTH - 1) / WIDTH, rows = (target.height + HEIGHT - 1) / HEIGHT;
     const int world = block / (columns * rows), part = block % (columns * rows);
     if (!wp::index(target.mask, world))
@@ -333,7 +295,7 @@ WARPCAM_FN void cast_crowd(const Shapes& shapes, const Materials& materials, con
         block_barrier();
         if (warp == 0) {
             Cover sum = no_cover();
-            for (int patch = lane; patch < WIDTH / PATCH * (HEIGHT / PATCH); patch += TEAM_SIZE)
+            for (int patch = lane; patch < WIDTH / PATCH * (HEIGHT / PATCH); patch += LANES)
                 sum.add(patches[patch].cover);
             sum = joined(sum);
             if (lane == 0) {
@@ -360,3 +322,4 @@ WARPCAM_FN void cast_crowd(const Shapes& shapes, const Materials& materials, con
 }
 
 }  // namespace warpcam
+#endif

@@ -1,6 +1,9 @@
 // Edges of an image, and which of its pixels shows what a sample beside a pixel's centre has hit.
 #pragma once
 #include "prepare.h"
+#if !defined(__CUDA_ARCH__)
+#include "eight.h"
+#endif
 
 namespace warpcam {
 
@@ -39,6 +42,19 @@ WARPCAM_FN Offset sample_offset(int sample)
     const float sign = sample < 2 ? 1.0f : -1.0f;
     return { sign * (upright ? -0.125f : 0.375f), sign * (upright ? 0.375f : 0.125f) };
 }
+
+// Which of the nine pixels around one is the k-th nearest to a sample, by its place beside the one in the middle.
+WARPCAM_FN Place near_sample(Offset offset, int k)
+{
+    // 1 being the pixel's own line and 2 that on the sample's side: bits by twos for the direction in which the sample is
+    // farther from the centre, and for the other
+    constexpr unsigned FARTHER = 0x999, OTHER = 0x90a5;
+    const bool upright = magnitude(offset.down) > magnitude(offset.right);
+    const int x = offset.right > 0.0f ? 1 : -1, y = offset.down > 0.0f ? 1 : -1;
+    const int farther = int(FARTHER >> 2 * k & 3) - 1, other = int(OTHER >> 2 * k & 3) - 1;
+    return { x * (upright ? other : farther), y * (upright ? farther : other) };
+}
+WARPCAM_FN int number_of(const Place& place) { return 3 * (place.down + 1) + place.right + 1; }  // see ImageCentres::around()
 
 // Depths between which a sample's hit is looked for, on shapes that take long: about those that the pixels around have.
 struct Band {
@@ -115,6 +131,30 @@ template <int IMAGES> struct Colour {
         return found;
     }
 };
+
+#if !defined(__CUDA_ARCH__)
+
+// Those of eight that differ, a bit each.
+template <int IMAGES>
+inline unsigned which_differ(const Colour<IMAGES>& its, const Colour<IMAGES> (&others)[PACKET], int levels)
+{
+    unsigned found = 0;
+    for (int k = 0; k < PACKET && (IMAGES & SMOOTH_HDR); ++k)
+        found |= unsigned(its.differs(others[k], levels)) << k;
+    if constexpr (!(IMAGES & SMOOTH_HDR)) {
+        typedef unsigned char Bytes __attribute__((ext_vector_type(4 * PACKET)));
+        Ints words;
+        for (int k = 0; k < PACKET; ++k)
+            words[k] = int(others[k].bytes);
+        const Bytes theirs = (Bytes)words, own = (Bytes)(Ints)int(its.bytes);
+        const Bytes apart = __builtin_elementwise_sub_sat(theirs, own) | __builtin_elementwise_sub_sat(own, theirs);
+        const Bytes most = static_cast<unsigned char>(levels);
+        found = bits_of((Ints)__builtin_elementwise_sub_sat(apart, most) != 0);
+    }
+    return found;
+}
+
+#endif
 
 // What a view has found in the centres of its pixels, as its images have it. A pixel is an index into them.
 template <class Target> struct ImageCentres {
@@ -239,12 +279,17 @@ template <int LENS, class Centres> struct Seen {
                     around[k] = colour<IMAGES>(ring[k]);
             }
             unsigned gaps = 0, wide_gaps = 0;
+#if defined(__CUDA_ARCH__)
 #pragma unroll
             for (int k = 0; k < 8; ++k) {
                 const Colour<IMAGES>& beside = around[k];
                 gaps |= unsigned(its.differs(beside, within ? FAINT_WITHIN : FAINT)) << k;
                 wide_gaps |= unsigned(its.differs(beside, FAINT_SIDES)) << k;
             }
+#else
+            gaps = which_differ(its, around, within ? FAINT_WITHIN : FAINT);
+            wide_gaps = sided ? which_differ(its, around, FAINT_SIDES) : 0;
+#endif
             samples &= of_pairs(gaps | gaps >> 1 | gaps << 7);
             if (sided)  // of which two may meet in the triangle
                 samples |= of_pairs(wide_gaps) & ~of_pairs(other);
@@ -273,26 +318,22 @@ template <int LENS, class Centres> struct Seen {
     template <int IMAGES, class Turned>
     WARPCAM_FN int shown(int i, int j, Offset offset, float hit_depth, int hit_shape, bool sided, const Turned& turned) const
     {
-        // The nine from near to far, 1 being the pixel's own line and 2 that on the sample's side: bits by twos for the
-        // direction in which the sample is farther from the centre, and for the other.
-        constexpr unsigned FARTHER = 0x999, OTHER = 0x90a5;
-        const bool upright = magnitude(offset.down) > magnitude(offset.right);
-        const int x = offset.right > 0.0f ? 1 : -1, y = offset.down > 0.0f ? 1 : -1;
-        const auto aside = [&](int k) {
-            const int farther = int(FARTHER >> 2 * k & 3) - 1, other = int(OTHER >> 2 * k & 3) - 1;
-            return Place { x * (upright ? other : farther), y * (upright ? farther : other) };
-        };
-        const auto number = [](const Place& place) { return 3 * (place.down + 1) + place.right + 1; };
-        unsigned left = 0;  // those that show the shape, by number
+        unsigned left = 0;  // those that show the shape, from near to far
 #pragma unroll
         for (int k = 0; k < 9; ++k) {
-            const Place at_k = aside(k);
+            const Place at_k = near_sample(offset, k);
             left |= unsigned(centres.shows(i + at_k.right, j + at_k.down, hit_shape)) << k;
         }
-        if (!left)
-            return ITSELF;
+        return left ? chosen<IMAGES>(left, i, j, offset, hit_depth, sided, turned) : ITSELF;
+    }
+
+    // The same of those in `left`, numbered from near to far.
+    template <int IMAGES, class Turned>
+    WARPCAM_FN int chosen(unsigned left, int i, int j, Offset offset, float hit_depth, bool sided, const Turned& turned) const
+    {
+        const auto aside = [&](int k) { return near_sample(offset, k); };
         if (!sided)
-            return number(aside(lowest_bit(left)));
+            return number_of(aside(lowest_bit(left)));
 
         const auto pixel_of = [&](const Place& place) { return at(i + place.right, j + place.down); };
         const auto apart_from = [&](const Place& place) {
@@ -304,25 +345,25 @@ template <int LENS, class Centres> struct Seen {
             return its < most ? its + turned(i + place.right, j + place.down, pixel_of(place)) : its;
         };
         Place best_at = aside(lowest_bit(left));
-        Colour<IMAGES> chosen = colour<IMAGES>(pixel_of(best_at));
+        Colour<IMAGES> best_colour = colour<IMAGES>(pixel_of(best_at));
         float best = FAR_AWAY;  // not known before some other pixel has another colour
         for (left &= left - 1; left; left &= left - 1) {
             const Place place = aside(lowest_bit(left));
             if (apart_from(place) >= best)
                 break;
             const Colour<IMAGES> its = colour<IMAGES>(pixel_of(place));
-            if (!chosen.differs(its, FAINT))
+            if (!best_colour.differs(its, FAINT))
                 continue;
             if (best == FAR_AWAY)
                 best = cost_of(best_at, FAR_AWAY);
             const float cost = cost_of(place, best);
             if (cost < best) {
                 best = cost;
-                chosen = its;
+                best_colour = its;
                 best_at = place;
             }
         }
-        return number(best_at);
+        return number_of(best_at);
     }
 };
 

@@ -210,7 +210,20 @@ inline Floats power_of_two(Floats a)
     return series * (Floats)((to_whole(whole) + 127) << 23);
 }
 
-inline Floats power(Floats base, float exponent) { return power_of_two(exponent * logarithm2(base)); }
+inline Floats power(Floats base, float exponent)
+{
+    const int whole = exponent >= 1.0f && exponent <= 1024.0f ? int(exponent) : 0;
+    if (float(whole) != exponent)
+        return power_of_two(exponent * logarithm2(base));
+    // by squares, of what is large enough for them to be normal numbers, too: 2^(-64 / exponent), 6 % above it at most
+    base = upper(base, (Floats)__builtin_bit_cast(float, 0x3f800000 - int(64.0f / exponent * 0x800000)));
+    Floats product = whole & 1 ? base : (Floats)1.0f;
+    for (int left = whole >> 1; left; left >>= 1) {
+        base *= base;
+        product = left & 1 ? product * base : product;
+    }
+    return product;
+}
 
 // Eight vectors.
 struct Vecs {

@@ -194,7 +194,7 @@ WARPCAM_FN void resolve(const Scene_& scene, const Lights& lights, int index)
     };
     if constexpr (LENS == PINHOLE && Wants::SURFACE && !(FACTS & PHYSICAL)) {
         constexpr bool APART = (FACTS & (MIRRORED | REFLECTS | VEILED | HAZY)) != 0;
-        constexpr int ROWS = lower_int(HEIGHT, 1024 / WIDTH);
+        constexpr int ROWS = lower_int(HEIGHT, 4096 / WIDTH);
         Sorted<ROWS * WIDTH> sorted;
         Painted<ROWS * WIDTH, IMAGES, APART> painted;
         const int width = lower_int(WIDTH, frame.width - left), bottom = lower_int(top + HEIGHT, frame.height);

@@ -251,7 +251,7 @@ WARPCAM_APART inline void paint_packets(const Looks& look, const Levels* levels,
                 Lits own;
                 const bool at_corners = (TYPES & (1 << PLANE | 1 << HEIGHT_FIELD | 1 << BOX | 1 << MESH))
                     && lit_at_corners<TYPES>(look);
-                illuminate_eight<SHADOWS>(lights, facet, at_corners ? 3 : 1, look.finish, hit.shadow, own);
+                illuminate_eight<SHADOWS, Paint::LINEAR>(lights, facet, at_corners ? 3 : 1, look.finish, hit.shadow, own);
                 lit = BY_CORNERS ? Lits { own.linear, chosen(inside, lit.display, own.display) } : own;
             } else {
                 lit.linear = lit.display;

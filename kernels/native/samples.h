@@ -142,12 +142,13 @@ template <int LENS> WARPCAM_FN int part_at(const Record& record, const ViewRay<L
     return x > y && x > z ? 0 : y > z ? 1 : 2;
 }
 
-// Which pixel shows what a sample of pixel (i, j) has hit, as shown() has it. Two surfaces that meet in an edge are near
-// each other in depth, but not of one colour: so it counts how a mesh's face is turned from those of the pixels around,
-// and whether these show the same side. `record` is that of the shape hit, `edge` what edge() says of the pixel.
-template <int TYPES, int IMAGES, int LENS, class Meshes, class Centres>
+// Which pixel shows what a sample of pixel (i, j) has hit: show(sided, turned) says it as Seen::shown() has it. Two surfaces
+// that meet in an edge are near each other in depth, but not of one colour: so it counts how a mesh's face is turned from
+// those of the pixels around, and whether these show the same side. `record` is that of the shape hit, `edge` what edge()
+// says of the pixel.
+template <int TYPES, int LENS, class Meshes, class Centres, class Show>
 WARPCAM_FN int shown_sample(const Seen<LENS, Centres>& seen, const Meshes& meshes, const Camera& camera, int i, int j,
-                            int sample, float depth, int face, const Record& record, unsigned edge)
+                            int sample, float depth, int face, const Record& record, unsigned edge, const Show& show)
 {
     if ((edge & PLAIN) && record.origin.w == seen.shape(seen.at(i, j)))
         return ITSELF;
@@ -166,8 +167,16 @@ WARPCAM_FN int shown_sample(const Seen<LENS, Centres>& seen, const Meshes& meshe
         return !is_sided || part_at<LENS>(record, view_ray<LENS>(camera, column, row), seen.depth(pixel)) == part ? 0.0f
                                                                                                                 : TURNED;
     };
-    return seen.template shown<IMAGES>(i, j, sample_offset(sample), depth, record.origin.w,
-                                       is_face || is_sided || type == HEIGHT_FIELD, turned);
+    return show(is_face || is_sided || type == HEIGHT_FIELD, turned);
+}
+
+template <int TYPES, int IMAGES, int LENS, class Meshes, class Centres>
+WARPCAM_FN int shown_sample(const Seen<LENS, Centres>& seen, const Meshes& meshes, const Camera& camera, int i, int j,
+                            int sample, float depth, int face, const Record& record, unsigned edge)
+{
+    return shown_sample<TYPES>(seen, meshes, camera, i, j, sample, depth, face, record, edge, [&](bool sided, const auto& turned) {
+        return seen.template shown<IMAGES>(i, j, sample_offset(sample), depth, record.origin.w, sided, turned);
+    });
 }
 
 }  // namespace warpcam

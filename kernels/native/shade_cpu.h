@@ -20,39 +20,49 @@ inline Vertices vertices_at(Vecs place, Vecs normal)
 
 struct Arrivals {
     Vecs to_light;
-    Floats strength, facing;
+    Floats facing, along, distance;
+    Ints shone;  // within its cone
 };
 
-inline Arrivals arrivals_of(const Light& light, const Vertices& vertex, Floats strength)
+inline Arrivals arrivals_of(const Light& light, const Vertices& vertex)
 {
-    Arrivals arrival { eight_of(to_vec(light.place)), strength, {} };
+    Arrivals arrival { eight_of(to_vec(light.place)), {}, {}, {}, (Ints)-1 };
     if (light.ambient.w & SPOT) {
         const Vecs offset = arrival.to_light + vertex.reach * vertex.to_eye;
         const Floats square = dot(offset, offset), rate = inverse_root(square);
         arrival.to_light = rate * offset;
-        const Floats along = -dot(arrival.to_light, eight_of(to_vec(light.axis))), none = 0.0f;
-        const float exponent = as_float(light.falloff.w);
-        if (exponent != 0.0f)
-            strength *= power(upper(along, (Floats)TINY), exponent);
-        if (light.ambient.w & FADES) {
-            const Floats distance = square * rate;
-            const Floats loss = light.falloff.x + distance * (light.falloff.y + distance * light.falloff.z);
-            strength *= reciprocal(upper(loss, (Floats)1.0e-12f));
-        }
-        arrival.strength = along >= as_float(light.axis.w) ? strength : none;
+        arrival.along = -dot(arrival.to_light, eight_of(to_vec(light.axis)));
+        arrival.distance = square * rate;
+        arrival.shone = arrival.along >= as_float(light.axis.w);
     }
     arrival.facing = dot(vertex.normal, arrival.to_light);
     return arrival;
+}
+
+inline Floats strength_of(const Light& light, const Arrivals& arrival)
+{
+    Floats strength = 1.0f;
+    if (!(light.ambient.w & SPOT))
+        return strength;
+    const float exponent = as_float(light.falloff.w);
+    if (exponent != 0.0f)
+        strength = power(upper(arrival.along, (Floats)TINY), exponent);
+    if (light.ambient.w & FADES) {
+        const Floats loss = light.falloff.x + arrival.distance * (light.falloff.y + arrival.distance * light.falloff.z);
+        strength *= reciprocal(upper(loss, (Floats)1.0e-12f));
+    }
+    return strength;
 }
 
 struct Shares {
     Floats ambient, diffuse, specular;
 };
 
-inline Shares shares_of(const Light& light, const Vertices& vertex, const Arrivals& arrival, const Finish& finish)
+inline Shares shares_of(const Light& light, const Vertices& vertex, const Arrivals& arrival, Floats strength,
+                        const Finish& finish)
 {
     const Floats none = 0.0f;
-    Shares share { arrival.strength, arrival.strength * upper(arrival.facing, none), none };
+    Shares share { strength, strength * upper(arrival.facing, none), none };
     if (finish.gloss.y != 0.0f) {
         const float length = light.ambient.w & SPOT ? 2.0f : as_float(light.diffuse.w);
         const Floats halfway = length + 2.0f * dot(arrival.to_light, vertex.to_eye);
@@ -60,7 +70,7 @@ inline Shares shares_of(const Light& light, const Vertices& vertex, const Arriva
         // h^e is at most exp(-e (1 - h)): where that is nothing anywhere, no power is taken.
         if (!(finish.gloss.z > 0.0f) || any_of(finish.gloss.z * (1.0f - highlight) < 12.0f)) {
             const Floats shine = power(upper(highlight, (Floats)TINY), finish.gloss.z);
-            share.specular = arrival.facing > 0.0f ? arrival.strength * shine : none;
+            share.specular = arrival.facing > 0.0f ? strength * shine : none;
         }
     }
     return share;
@@ -85,11 +95,18 @@ template <class Sum> inline Vecs reflected_by(const Glow<Sum>& glow, Vec base, c
         + finish.gloss.y * in_channels(glow.gloss);
 }
 
+// The same of one light alone.
+template <class Sum> inline Vecs reflected_by(const Glow<Sum>& glow, const Finish& finish)
+{
+    return times(in_channels(glow.matt), eight_of(to_vec(finish.color))) + finish.gloss.y * in_channels(glow.gloss);
+}
+
 struct Lits {
     Vecs linear, display;
 };
 
-template <bool SHADOWS, class Sum>
+// LINEAR: whether light that is not clipped is asked for.
+template <bool SHADOWS, bool LINEAR, class Sum>
 static WARPCAM_COLD void illuminate_eight_as(const LightList& list, const Facets& facet, int corners, const Finish& finish,
                                              Ints shadow, Lits& lit)
 {
@@ -97,9 +114,7 @@ static WARPCAM_COLD void illuminate_eight_as(const LightList& list, const Facets
     const Floats none = 0.0f, one = 1.0f;
     const Vec base = always_on(list, finish);
     lit = { { none, none, none }, { none, none, none } };
-    const auto strength_of = [&](const Light& light) {
-        return SHADOWS ? ((shadow & light.place.w) != 0 ? none : one) : one;
-    };
+    const auto reaches = [&](const Light& light) { return SHADOWS ? (shadow & light.place.w) == 0 : (Ints)-1; };
     const auto dims = [&](const Light& light) {  // where all of a face is turned away from it
         return SHADOWS && corners > 1 && (light.ambient.w & (AMBIENT | CASTS)) == (AMBIENT | CASTS);
     };
@@ -107,8 +122,8 @@ static WARPCAM_COLD void illuminate_eight_as(const LightList& list, const Facets
     for (int n = 0; n < list.count; ++n) {
         faces[n] = 0;
         for (int k = 0; k < corners && dims(list.lights[n]); ++k) {
-            const Arrivals arrival = arrivals_of(list.lights[n], vertices_at(facet.place[k], facet.normal[k]), one);
-            faces[n] |= (arrival.strength > none) & (arrival.facing > none);
+            const Arrivals arrival = arrivals_of(list.lights[n], vertices_at(facet.place[k], facet.normal[k]));
+            faces[n] |= arrival.shone & (arrival.facing > none);
         }
     }
     for (int k = 0; k < corners; ++k) {
@@ -118,38 +133,42 @@ static WARPCAM_COLD void illuminate_eight_as(const LightList& list, const Facets
         for (int n = 0; n < list.count; ++n) {
             const Light& light = list.lights[n];
             const bool casts = SHADOWS && (light.ambient.w & CASTS);
-            const Arrivals arrival = arrivals_of(light, vertex, strength_of(light));
+            const Arrivals arrival = arrivals_of(light, vertex);
+            const Ints reached = arrival.shone & reaches(light);
             const bool dark_too = !casts && (light.ambient.w & AMBIENT);
             const Ints shone_on = dims(light) ? faces[n] : arrival.facing > none;
-            if (!any_of((arrival.strength > none) & (dark_too ? (Ints)-1 : shone_on)))
+            if (!any_of(reached & (dark_too ? (Ints)-1 : shone_on)))
                 continue;
-            Shares share = shares_of(light, vertex, arrival, finish);
+            const Floats strength = reached ? strength_of(light, arrival) : none;
+            Shares share = shares_of(light, vertex, arrival, strength, finish);
             if (!casts) {
                 add_shares(glow, share, light);
             } else {
                 share.ambient = shone_on ? share.ambient : none;
                 Glow<Sum> own {};
                 add_shares(own, share, light);
-                const Vecs added = reflected_by(own, Vec { 0.0f, 0.0f, 0.0f }, finish);
-                lit.linear = lit.linear + weight * added;
+                const Vecs added = reflected_by(own, finish);
+                if (LINEAR)
+                    lit.linear = lit.linear + weight * added;
                 lit.display = lit.display + weight * clip(added);
             }
         }
         const Vecs steady = reflected_by(glow, base, finish);
-        lit.linear = lit.linear + weight * steady;
+        if (LINEAR)
+            lit.linear = lit.linear + weight * steady;
         lit.display = lit.display + weight * clip(steady);
     }
 }
 
 // By the light on as many corners of the facet, 1 or 3.
-template <bool SHADOWS>
+template <bool SHADOWS, bool LINEAR>
 inline void illuminate_eight(const LightList& list, const Facets& facet, int corners, const Finish& finish, Ints shadow,
                              Lits& lit)
 {
     if (list.colored)
-        illuminate_eight_as<SHADOWS, Vecs>(list, facet, corners, finish, shadow, lit);
+        illuminate_eight_as<SHADOWS, LINEAR, Vecs>(list, facet, corners, finish, shadow, lit);
     else
-        illuminate_eight_as<SHADOWS, Floats>(list, facet, corners, finish, shadow, lit);
+        illuminate_eight_as<SHADOWS, LINEAR, Floats>(list, facet, corners, finish, shadow, lit);
 }
 
 // What eight corners of a plane show; `stride` numbers apart.
@@ -172,13 +191,14 @@ inline void light_eight_corners(const LightList& list, Vecs place, Vecs normal, 
     int slot = CHANNELS;
     for (int n = 0; n < list.count; ++n) {
         const Light& light = list.lights[n];
-        const Arrivals arrival = arrivals_of(light, vertex, (Floats)1.0f);
-        Shares share = shares_of(light, vertex, arrival, finish);
+        const Arrivals arrival = arrivals_of(light, vertex);
+        const Floats strength = arrival.shone ? strength_of(light, arrival) : (Floats)0.0f;
+        Shares share = shares_of(light, vertex, arrival, strength, finish);
         if (SHADOWS && (light.ambient.w & CASTS)) {
             share.ambient = arrival.facing > 0.0f ? share.ambient : (Floats)0.0f;
             Glow<Sum> own {};
             add_shares(own, share, light);
-            keep(clip(reflected_by(own, Vec { 0.0f, 0.0f, 0.0f }, finish)), slot);
+            keep(clip(reflected_by(own, finish)), slot);
             slot += CHANNELS;
         } else {
             add_shares(steady, share, light);
@@ -220,18 +240,28 @@ template <class Grid, class Looks> WARPCAM_APART inline void light_all_corners(G
 struct OnCornersOfEight {
     Ints first, second, third, inside;
     Floats weight1, weight2, weight3;
+    bool together;  // all in one triangle
 
     // Rows of FEW numbers.
     Columns few(const float* values) const
     {
+        if (together)
+            return { of_one(values), of_one(values + 1), of_one(values + 2), of_one(values + 3) };
         const Columns a = gather_rows(values, first >> 2), b = gather_rows(values, second >> 2);
         const Columns c = gather_rows(values, third >> 2);
         return { weight1 * a.a + weight2 * b.a + weight3 * c.a, weight1 * a.b + weight2 * b.b + weight3 * c.b,
                  weight1 * a.c + weight2 * b.c + weight3 * c.c, weight1 * a.d + weight2 * b.d + weight3 * c.d };
     }
 
+    Floats of_one(const float* values) const
+    {
+        return weight1 * values[first[0]] + weight2 * values[second[0]] + weight3 * values[third[0]];
+    }
+
     Floats shown(const float* values) const
     {
+        if (together)
+            return of_one(values);
         return weight1 * gather(values, first) + weight2 * gather(values, second) + weight3 * gather(values, third);
     }
 };
@@ -257,6 +287,7 @@ template <class Grid> inline OnCornersOfEight on_corners(const Grid& grid, Vecs 
     on.first = (corner + (high & beyond & (grid.columns + 1))) * grid.stride;
     on.second = (corner + (beyond & 1)) * grid.stride;
     on.third = (corner + (beyond & grid.columns)) * grid.stride;
+    on.together = !any_of((on.first != on.first[0]) | (on.second != on.second[0]));
     on.weight2 = high ? 1.0f - b : a;
     on.weight3 = high ? 1.0f - a : b;
     on.weight1 = 1.0f - on.weight2 - on.weight3;

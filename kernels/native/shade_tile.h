@@ -53,13 +53,13 @@ WARPCAM_FN bool meets_box(const Record& record, const Row& aim, const Box& box, 
     return enter <= leave;
 }
 
-#if defined(__CUDA_ARCH__)
-
 // What a tile's points that ask cover, and the lowest of them.
 struct TileWindow {
     Window window;
     float floor;
 };
+
+#if defined(__CUDA_ARCH__)
 
 // That of points of which nothing is known.
 WARPCAM_FN TileWindow whole_tile() { return { { -FAR_AWAY, FAR_AWAY, -FAR_AWAY, FAR_AWAY }, -FAR_AWAY }; }

@@ -1,229 +1,41 @@
 // The points of one tile against the casters that may stand between them and a light, on a CPU: eight at once.
 #pragma once
-#include "shade_tile.h"
+#include "points_cpu.h"
 #include "shapes_cpu.h"
 
 namespace warpcam {
 
-inline Vecs points_of(const Sight<PINHOLE>& s, Floats i, Floats j, Floats depth)
-{
-    return { depth * (s.start.x + i * s.across.x + j * s.down.x) + s.along.x,
-             depth * (s.start.y + i * s.across.y + j * s.down.y) + s.along.y,
-             depth * (s.start.z + i * s.across.z + j * s.down.z) + s.along.z };
-}
-
-inline Vecs points_of(const Sight<ORTHOGRAPHIC>& s, Floats i, Floats j, Floats depth)
-{
-    return { s.start.x + i * s.across.x + j * s.down.x + depth * s.along.x,
-             s.start.y + i * s.across.y + j * s.down.y + depth * s.along.y,
-             s.start.z + i * s.across.z + j * s.down.z + depth * s.along.z };
-}
-
-inline Vecs points_of(const Sight<RAYS>& s, Floats i, Floats j, Floats depth)
-{
-    Vecs points;
-    for (int k = 0; k < PACKET; ++k)
-        put_one(points, k, s.point(i[k], j[k], depth[k]));
-    return points;
-}
-
-inline Vecs rays_to(const Light& light, Vecs p)
-{
-    const Vecs aim = eight_of(light.aim);
-    return light.distant ? aim : aim - p;
-}
-
-// The points of a tile that ask, row by row.
-struct Points {
-    static constexpr int ROWS = LANES / PACKET;
-    Vecs at[ROWS];
-    Floats u[ROWS], v[ROWS], height[ROWS];  // as in Place
-    Ints beside[ROWS];
-    Floats near[ROWS], reach[ROWS];
-    Ints asked[ROWS], open[ROWS];  // true: asks; and is not shaded yet
-    int ids[LANES], faces[LANES];
-
-    // Loads the points of a tile, whose first pixel is `first`; false if none asks. With `fresh` their masks are cleared.
-    template <bool FACES, int LENS, class Target>
-    bool load(const LitView<LENS>& view, const Target& target, size_t first, int left, int top, unsigned bit, bool fresh)
-    {
-        static_assert(TILE_WIDTH == PACKET && TILE_HEIGHT == ROWS);
-        const Floats i = float(left) + Floats { 0, 1, 2, 3, 4, 5, 6, 7 };
-        for (int row = 0; row < ROWS; ++row) {
-            const size_t start = first + size_t(row) * target.width;
-            const int width = top + row < target.height ? target.width - left : 0;
-            Floats depth = 0.0f;
-            Ints asks = 0;
-            if (width >= PACKET) {
-                const Ints shown = load_eight(target.shape.data + start);
-                asks = shown >= 0;
-                if (fresh)
-                    __builtin_memset(target.shadow.data + start, 0, PACKET * sizeof *target.shadow.data);
-                else
-                    asks &= (load_eight(target.shadow.data + start) & int(bit)) == 0;
-                __builtin_memcpy(&depth, target.depth.data + start, sizeof depth);
-                depth = asks ? depth : (Floats)0.0f;
-                if (FACES) {
-                    const Ints met = load_eight(target.face.data + start);
-                    __builtin_memcpy(ids + row * PACKET, &shown, sizeof shown);
-                    __builtin_memcpy(faces + row * PACKET, &met, sizeof met);
-                }
-            } else {
-                for (int k = 0; k < width; ++k) {
-                    const int lane = row * PACKET + k;
-                    if (fresh)
-                        target.shadow.data[start + k] = 0;
-                    ids[lane] = target.shape.data[start + k];
-                    if (ids[lane] < 0 || (target.shadow.data[start + k] & bit))
-                        continue;
-                    asks[k] = -1;
-                    depth[k] = target.depth.data[start + k];
-                    if (FACES)
-                        faces[lane] = target.face.data[start + k];
-                }
-            }
-            open[row] = asks;
-            if (any_of(asks)) {
-                const Floats j = float(top + row);
-                put(row, view.light, view.origin, points_of(view.sight, i, j, depth), points_of(view.lit, i, j, depth), depth);
-            }
-            asked[row] = open[row];
-        }
-        return any_open();
-    }
-
-    // Adds the light's bit to the masks of those that are shaded.
-    template <class Target> void mark(const Target& target, size_t first, unsigned bit) const
-    {
-        for (int row = 0; row < ROWS; ++row)
-            for (unsigned left = bits_of(asked[row] & ~open[row]); left; left &= left - 1)
-                target.shadow.data[first + size_t(row) * target.width + lowest_bit(left)] |= static_cast<int>(bit);
-    }
-
-    // `p` in the world's axes, `lit` along the light's.
-    void put(int row, const Light& light, Vec origin, Vecs p, Vecs lit, Floats depth)
-    {
-        at[row] = p;
-        const Floats none = 0.0f, one = 1.0f;
-        if (light.distant) {
-            u[row] = lit.x;
-            v[row] = lit.y;
-            height[row] = lit.z;
-            beside[row] = 0;
-        } else {
-            const Ints aside = ~(lit.z > 1.0e-4f * (magnitude(lit.x) + magnitude(lit.y)));
-            const Floats scale = reciprocal(aside ? one : lit.z);
-            u[row] = lit.x * scale;
-            v[row] = lit.y * scale;
-            height[row] = aside ? (Floats)-FAR_AWAY : -lit.z;
-            beside[row] = aside;
-        }
-        const Vecs d = rays_to(light, p);
-        const Floats rounding = 2.0e-6f
-            * (magnitude(origin.x + p.x) + magnitude(origin.y + p.y) + magnitude(origin.z + p.z) + depth);
-        near[row] = rounding * reciprocal(root(upper(dot(d, d), (Floats)1.0e-30f))) + light.map.nearest;
-        Floats far = light.distant ? (Floats)ENDLESS : one - near[row];
-        const ShadowMap& map = light.map;
-        if (map.bounded) {
-            const Vecs offset = p - eight_of(map.from);
-            const Floats along = dot(eight_of(map.along), offset);
-            const Floats side = upper(magnitude(dot(eight_of(map.right), offset)), magnitude(dot(eight_of(map.up), offset)));
-            const Ints outside = ~(along > map.near) | (side > (light.distant ? one : along));
-            far = light.distant ? along - map.near : lower(far, one - map.near * reciprocal(along));
-            far = outside ? none : far;
-        }
-        reach[row] = far;
-        open[row] &= near[row] < far;
-    }
-
-    Vec point(int lane) const { return one_of(at[lane / PACKET], lane % PACKET); }
-    Span span(int lane) const { return { near[lane / PACKET][lane % PACKET], reach[lane / PACKET][lane % PACKET] }; }
-
-    Ints may_be_shaded(int row, const Window& w, float top) const
-    {
-        const Ints within = (w.left <= u[row]) & (w.right >= u[row]) & (w.bottom <= v[row]) & (w.top >= v[row]);
-        return open[row] & (within | beside[row]) & (top > height[row]);
-    }
-
-    bool any_open() const
-    {
-        Ints any = open[0];
-        for (int row = 1; row < ROWS; ++row)
-            any |= open[row];
-        return any_of(any);
-    }
-};
-
-// The windows of a list's casters, part by part.
-template <int CAPACITY> struct Windows {
-    static constexpr int PACKETS = (CAPACITY + PACKET - 1) / PACKET;
-    Floats left[PACKETS], right[PACKETS], bottom[PACKETS], top[PACKETS], height[PACKETS];
-
-    template <class List> explicit Windows(const List& list)
-    {
-        for (int first = 0; first < list.count; first += PACKET)
-            for (int k = 0; k < PACKET; ++k) {
-                const int packet = first / PACKET, slot = first + k;
-                const bool there = slot < list.count;
-                left[packet][k] = there ? list.windows[slot].left : FAR_AWAY;
-                right[packet][k] = there ? list.windows[slot].right : -FAR_AWAY;
-                bottom[packet][k] = there ? list.windows[slot].bottom : FAR_AWAY;
-                top[packet][k] = there ? list.windows[slot].top : -FAR_AWAY;
-                height[packet][k] = there ? list.heights[slot] : -FAR_AWAY;
-            }
-    }
-
-    // Those of eight that may shade a point of a tile, a bit each.
-    unsigned may_shade(int packet, const Window& tile, float floor) const
-    {
-        const Ints may = (left[packet] <= tile.right) & (right[packet] >= tile.left) & (bottom[packet] <= tile.top)
-            & (top[packet] >= tile.bottom) & (height[packet] > floor);
-        return bits_of(may);
-    }
-};
-
-// INSIDE: by the side that points inside of the shape look out by.
+// Clears `open` of those points of a row that lie in the shadow of an analytic caster. INSIDE: by the side that points
+// inside of the shape look out by.
 template <int TYPE, bool INSIDE>
-inline void shade_points(const Record& record, const Row& aim, const Window& window, float top, bool distant,
-                         Points& points)
+inline void shade_points(const Record& r, const Row& aim, bool distant, int row, Points& points)
 {
-    const Record r = record;
     const Row o = r.origin;
     const Vec a { aim.x, aim.y, aim.z };
-    for (int row = 0; row < Points::ROWS; ++row) {
-        const Ints asks = points.may_be_shaded(row, window, top);
-        if (!any_of(asks))
-            continue;
-        const Vecs p = points.at[row];
-        const Vecs origin { r.axis_x.x * p.x + r.axis_x.y * p.y + r.axis_x.z * p.z + o.x,
-                            r.axis_y.x * p.x + r.axis_y.y * p.y + r.axis_y.z * p.z + o.y,
-                            r.axis_z.x * p.x + r.axis_z.y * p.y + r.axis_z.z * p.z + o.z };
-        const Vecs direction = distant ? eight_of(a) : eight_of(a) - origin;
-        Floats t;
-        if constexpr (INSIDE)
-            for (int k = 0; k < PACKET; ++k)
-                t[k] = leave<TYPE>(r, { one_of(origin, k), one_of(direction, k) });
-        else
-            t = enter_eight<TYPE>(r, origin, direction);
-        points.open[row] &= ~((t > points.near[row]) & (t < points.reach[row]));
-    }
+    const Vecs p = points.at[row];
+    const Vecs origin { r.axis_x.x * p.x + r.axis_x.y * p.y + r.axis_x.z * p.z + o.x,
+                        r.axis_y.x * p.x + r.axis_y.y * p.y + r.axis_y.z * p.z + o.y,
+                        r.axis_z.x * p.x + r.axis_z.y * p.y + r.axis_z.z * p.z + o.z };
+    const Vecs direction = distant ? eight_of(a) : eight_of(a) - origin;
+    Floats t;
+    if constexpr (INSIDE)
+        for (int k = 0; k < PACKET; ++k)
+            t[k] = leave<TYPE>(r, { one_of(origin, k), one_of(direction, k) });
+    else
+        t = enter_eight<TYPE>(r, origin, direction);
+    points.open[row] &= ~((t > points.near[row]) & (t < points.reach[row]));
 }
 
 template <class HeightFields>
-inline void shade_points_by_field(const HeightFields& fields, const Record& r, const Light& light, Points& points)
+inline void shade_points_by_field(const HeightFields& fields, const Record& r, const Light& light, int row, Points& points)
 {
-    for (int row = 0; row < Points::ROWS; ++row) {
-        if (!any_of(points.open[row]))
-            continue;
-        const Vecs p = points.at[row], to = rays_to(light, p);
-        const auto turned = [](const Row& axis, Vecs v) { return axis.x * v.x + axis.y * v.y + axis.z * v.z; };
-        const RayPacket rays { turned(r.axis_x, p) + r.origin.x, turned(r.axis_y, p) + r.origin.y,
-                               turned(r.axis_z, p) + r.origin.z, turned(r.axis_x, to),
-                               turned(r.axis_y, to), turned(r.axis_z, to) };
-        PacketHit hit { points.open[row] ? points.reach[row] : (Floats)-1.0f, (Ints)0, (Ints)0 };
-        walk_packet(fields, r, rays, points.near[row], hit);
-        points.open[row] &= ~hit.met;
-    }
+    const Vecs p = points.at[row], to = rays_to(light, p);
+    const auto turned = [](const Row& axis, Vecs v) { return axis.x * v.x + axis.y * v.y + axis.z * v.z; };
+    const RayPacket rays { turned(r.axis_x, p) + r.origin.x, turned(r.axis_y, p) + r.origin.y,
+                           turned(r.axis_z, p) + r.origin.z, turned(r.axis_x, to), turned(r.axis_y, to), turned(r.axis_z, to) };
+    PacketHit hit { points.open[row] ? points.reach[row] : (Floats)-1.0f, (Ints)0, (Ints)0 };
+    walk_packet(fields, r, rays, points.near[row], hit);
+    points.open[row] &= ~hit.met;
 }
 
 // As meets_box(), of eight points.
@@ -313,46 +125,43 @@ inline void shade_points_by_meshes(const List& list, const LitView<LENS>& view, 
         }
 }
 
-// Clears `open` of the points that lie in the shadow of a caster in the list.
-template <int TYPES, int LENS, class List, int CAPACITY, class Shapes, class Meshes, class HeightFields>
-inline void shade_tile(const List& list, const Windows<CAPACITY>& windows, const LitView<LENS>& view, int world,
+// Clears `open` of the points that lie in the shadow of a caster in the list, of those in `windows`.
+template <int TYPES, int LENS, class List, class ListWindows, class Shapes, class Meshes, class HeightFields>
+inline void shade_tile(const List& list, const ListWindows& windows, const LitView<LENS>& view, int world,
                        const Shapes& shapes, const Meshes& meshes, const HeightFields& fields, Points& points)
 {
     constexpr bool HAS_MESH = TYPES >> MESH & 1;
-    Floats left = FAR_AWAY, right = -FAR_AWAY, bottom = FAR_AWAY, top = -FAR_AWAY, lowest = FAR_AWAY;
-    const Floats far = FAR_AWAY;
-    for (int row = 0; row < Points::ROWS; ++row) {
-        const Ints open = points.open[row], beside = points.beside[row];
-        left = lower(left, open ? (beside ? -far : points.u[row]) : far);
-        right = upper(right, open ? (beside ? far : points.u[row]) : -far);
-        bottom = lower(bottom, open ? (beside ? -far : points.v[row]) : far);
-        top = upper(top, open ? (beside ? far : points.v[row]) : -far);
-        lowest = lower(lowest, open ? points.height[row] : far);
-    }
-    const Window tile { least_of(left), -least_of(-right), least_of(bottom), -least_of(-top) };
-    const float floor = least_of(lowest);
+    Around around;
+    around.add(points);
+    const TileWindow tile = around.window();
     const bool distant = view.light.distant;
     unsigned behind[List::WORDS] = {};  // meshes
     bool any = false;
     constexpr int TOGETHER = 64;  // casters that are looked through before one of them is tried
-    for (int first = 0; first < list.count; first += TOGETHER) {
+    for (int first = 0; first < windows.count; first += TOGETHER) {
         unsigned long long some = 0;
-        for (int slot = first; slot < first + TOGETHER && slot < list.count; slot += PACKET)
-            some |= static_cast<unsigned long long>(windows.may_shade(slot / PACKET, tile, floor)) << (slot - first);
+        for (int number = first; number < first + TOGETHER && number < windows.count; number += PACKET)
+            some |= static_cast<unsigned long long>(windows.may_shade(number / PACKET, tile)) << (number - first);
+        int tries[TOGETHER * Points::ROWS], count = 0;  // rows and casters, found without branches that cannot be foreseen
         for (; some; some &= some - 1) {
-            const int slot = first + __builtin_ctzll(some);
+            const int slot = windows.slot_of(first + __builtin_ctzll(some));
+            for (int row = 0; row < Points::ROWS; ++row) {
+                tries[count] = slot * Points::ROWS + row;
+                count += any_of(points.may_be_shaded(row, list.windows[slot], list.heights[slot]));
+            }
+        }
+        for (int k = 0; k < count; ++k) {
+            const int slot = tries[k] / Points::ROWS, row = tries[k] % Points::ROWS;
             const Record& record = list.records[slot];
             const Row& aim = list.aims[slot];
-            const Window& window = list.windows[slot];
-            const float height = list.heights[slot];
             switch (record.axis_x.w) {
 #define WARPCAM_CASE(TYPE) \
     case TYPE: \
         if constexpr ((TYPES >> TYPE & 1) != 0) \
-            shade_points<TYPE, false>(record, aim, window, height, distant, points); \
+            shade_points<TYPE, false>(record, aim, distant, row, points); \
         if constexpr ((TYPES >> TYPE & 1) && (TYPES >> GLASS & 1)) \
             if (aim.w) \
-                shade_points<TYPE, true>(record, aim, window, height, distant, points); \
+                shade_points<TYPE, true>(record, aim, distant, row, points); \
         break;
                 WARPCAM_CASE(PLANE)
                 WARPCAM_CASE(SPHERE)
@@ -365,7 +174,7 @@ inline void shade_tile(const List& list, const Windows<CAPACITY>& windows, const
 #undef WARPCAM_CASE
             case HEIGHT_FIELD:
                 if constexpr ((TYPES >> HEIGHT_FIELD & 1) != 0)
-                    shade_points_by_field(fields, record, view.light, points);
+                    shade_points_by_field(fields, record, view.light, row, points);
                 break;
             default:
                 behind[slot / 32] |= 1u << slot % 32;

@@ -8,6 +8,7 @@
 #if !defined(__CUDA_ARCH__)
 #include "bvh4_cpu.h"
 #include "heightfield_cpu.h"
+#include "tile_parts_cpu.h"
 #endif
 
 namespace warpcam {
@@ -19,9 +20,18 @@ constexpr int analytic_types(int types)
                     | 1 << PROJECTED | 1 << TRIPLANAR | 1 << SHEER | 1 << LIT_NORMALS);
 }
 
+// What tells slots or ranks apart: of more than 256 or not.
+template <bool MANY> struct SlotOf {
+    using Type = unsigned char;
+};
+template <> struct SlotOf<true> {
+    using Type = unsigned short;
+};
+
 // What a region's rays are tested against. Ranks run from near to far.
 template <int CAPACITY> struct ShapeList {
     static constexpr int ROOM = CAPACITY;
+    using Slot = typename SlotOf<(CAPACITY > 256)>::Type;
 
     Record records[CAPACITY];
     int nearest[CAPACITY];          // by slot; the bits of a depth, which are in order
@@ -30,9 +40,9 @@ template <int CAPACITY> struct ShapeList {
 #if defined(__CUDA_ARCH__)
     TileSpans tiles[(CAPACITY + LANES - 1) / LANES * LANES];  // the same by rank, then none to a multiple of LANES
 #else
-    TileBox tiles[CAPACITY];        // the same by rank
+    TileParts<CAPACITY> tiles;      // the same by rank
 #endif
-    unsigned char order[CAPACITY];  // by rank: the slot
+    Slot order[CAPACITY];  // by rank: the slot
     int count;
     int next_tile;
     int broken;
@@ -43,10 +53,52 @@ template <int CAPACITY> struct ShapeList {
     WARPCAM_FN const Record& at_rank(int rank) const { return records[order[rank]]; }
 };
 
+#if !defined(__CUDA_ARCH__)
+
+constexpr int MANY_TO_SORT = 96;  // shapes; of fewer each is sooner compared with each
+
+// As sort_by_depth(), by digits.
+template <int CAPACITY, class Note> inline void sort_many(ShapeList<CAPACITY>& list, const Note& note)
+{
+    using Slot = typename ShapeList<CAPACITY>::Slot;
+    constexpr int DIGITS = 4;
+    const int count = list.count;
+    int starts[DIGITS][256] = {};
+    for (int slot = 0; slot < count; ++slot)
+        for (int digit = 0; digit < DIGITS; ++digit)
+            ++starts[digit][list.nearest[slot] >> 8 * digit & 255];
+    Slot orders[2][CAPACITY];
+    for (int slot = 0; slot < count; ++slot)  // slots run as ids do
+        orders[0][slot] = static_cast<Slot>(count - 1 - slot);
+    for (int digit = 0; digit < DIGITS; ++digit) {
+        int* const start = starts[digit];
+        for (int value = 0, sum = 0; value < 256; ++value) {
+            const int own = start[value];
+            start[value] = sum;
+            sum += own;
+        }
+        const Slot* const from = orders[digit % 2];
+        Slot* const to = digit + 1 < DIGITS ? orders[(digit + 1) % 2] : list.order;
+        for (int k = 0; k < count; ++k)
+            to[start[list.nearest[from[k]] >> 8 * digit & 255]++] = from[k];
+    }
+    for (int rank = 0; rank < count; ++rank) {
+        const int slot = list.order[rank];
+        list.tiles.put(rank, list.touched[slot]);
+        note(slot, rank);
+    }
+}
+
+#endif
+
 // Gives each slot its rank, which note(slot, rank) is told. The order does not depend on who came first; of shapes at one
 // place the later is seen, as where shapes are drawn one over the other.
 template <int CAPACITY, class Note> WARPCAM_FN void sort_by_depth(ShapeList<CAPACITY>& list, int thread, const Note& note)
 {
+#if !defined(__CUDA_ARCH__)
+    if (list.count > MANY_TO_SORT)
+        return sort_many(list, note);
+#endif
     for (int i = thread; i < list.count; i += THREADS) {
         const int key = list.nearest[i], id = list.ids[i];
         unsigned rank = 0, with_equals = 0;
@@ -58,12 +110,12 @@ template <int CAPACITY, class Note> WARPCAM_FN void sort_by_depth(ShapeList<CAPA
         if (with_equals > rank + 1)
             for (int j = 0; j < list.count; ++j)
                 rank += list.nearest[j] == key && list.ids[j] > id;
-        list.order[rank] = static_cast<unsigned char>(i);
+        list.order[rank] = static_cast<typename ShapeList<CAPACITY>::Slot>(i);
         note(i, int(rank));
 #if defined(__CUDA_ARCH__)
         list.tiles[rank] = { TileSpans::of(list.touched[i]) };
 #else
-        list.tiles[rank] = list.touched[i];
+        list.tiles.put(rank, list.touched[i]);
 #endif
     }
 #if defined(__CUDA_ARCH__)
@@ -220,41 +272,21 @@ inline float farthest_of(const Rays& rays)
 template <int CAPACITY> struct TileRow {
     static constexpr int ROOM = (CAPACITY + 31) / 32 * 32;
     signed char left[ROOM], right[ROOM];
-    unsigned char ranks[ROOM];
+    typename ShapeList<CAPACITY>::Slot ranks[ROOM];
     int count;
-
-    // Of the 32 from `first` on those that touch a column, a bit each.
-    unsigned touching(int first, int column) const
-    {
-        typedef signed char Bytes __attribute__((ext_vector_type(32)));
-        Bytes from, to;
-        __builtin_memcpy(&from, left + first, sizeof from);
-        __builtin_memcpy(&to, right + first, sizeof to);
-        const Bytes own = static_cast<signed char>(column);
-        const auto touch = (from <= own) & (to >= own);
-        const unsigned there = count - first >= 32 ? ~0u : (1u << (count - first)) - 1u;
-#if defined(__AVX2__)
-        typedef char Whole __attribute__((vector_size(32)));
-        return static_cast<unsigned>(__builtin_ia32_pmovmskb256((Whole)touch)) & there;
-#else
-        unsigned bits = 0;
-        for (int k = 0; k < 32; ++k)
-            bits |= (touch[k] ? 1u : 0u) << k;
-        return bits & there;
-#endif
-    }
 };
 
 template <int CAPACITY> inline void pick_row(const ShapeList<CAPACITY>& list, int row, TileRow<CAPACITY>& picked)
 {
+    const auto& tiles = list.tiles;
     int count = 0;  // in a register
-    for (int rank = 0; rank < list.count; ++rank) {
-        const TileBox box = list.tiles[rank];
-        picked.left[count] = box.left;
-        picked.right[count] = box.right;
-        picked.ranks[count] = static_cast<unsigned char>(rank);
-        count += (row >= box.top) & (row <= box.bottom);
-    }
+    for (int first = 0; first < list.count; first += 32)
+        for (unsigned some = spans_around(tiles.top, tiles.bottom, first, list.count, row); some; some &= some - 1) {
+            const int rank = first + lowest_bit(some);
+            picked.left[count] = tiles.left[rank];
+            picked.right[count] = tiles.right[rank];
+            picked.ranks[count++] = static_cast<typename ShapeList<CAPACITY>::Slot>(rank);
+        }
     picked.count = count;
 }
 
@@ -299,11 +331,11 @@ template <int TYPES, int LENS, int CAPACITY, class Near, class Meshes, class Hei
 inline void trace_tile(const ShapeList<CAPACITY>& list, const TileRow<CAPACITY>& row, int column, const Near& near,
                        const Meshes& meshes, const HeightFields& fields, Rays& rays)
 {
-    unsigned char behind[CAPACITY];  // slots of meshes, nearest first
+    typename ShapeList<CAPACITY>::Slot behind[CAPACITY];  // slots of meshes, nearest first
     int meshes_behind = 0;
     float farthest = FAR_AWAY;
     for (int first = 0; first < row.count; first += 32)
-        for (unsigned some = row.touching(first, column); some; some &= some - 1) {
+        for (unsigned some = spans_around(row.left, row.right, first, row.count, column); some; some &= some - 1) {
             const int slot = list.order[row.ranks[first + lowest_bit(some)]];
             const Record& record = list.records[slot];
             if (as_float(record.size.w) >= farthest) {
@@ -311,7 +343,7 @@ inline void trace_tile(const ShapeList<CAPACITY>& list, const TileRow<CAPACITY>&
                 break;
             }
             if (record.axis_x.w == MESH) {
-                behind[meshes_behind++] = static_cast<unsigned char>(slot);
+                behind[meshes_behind++] = static_cast<typename ShapeList<CAPACITY>::Slot>(slot);
                 continue;
             }
             trace_record<TYPES, LENS>(record, near, fields, rays);

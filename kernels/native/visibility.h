@@ -6,13 +6,43 @@
 #include "opacity.h"
 #if !defined(__CUDA_ARCH__)
 #include "canvas_cpu.h"
+#include "spheres_cpu.h"
 #endif
 
 namespace warpcam {
 
-// Fills the list with shapes from `begin` on until it is full; returns where to go on. SLOTS: records name their own
+// Adds the shape at one place among the drawn ones to the list, if the region may show it. SLOTS: records name their own
 // slots in place of their shapes, and in place of an asset where these stand among the drawn ones. hidden(id): the shape is
-// left out. ALONE: by one warp.
+// left out.
+template <int TYPES, int LENS, bool SLOTS, int CAPACITY, class Shapes, class Meshes, class HeightFields, class Hidden>
+WARPCAM_FN void list_shape(ShapeList<CAPACITY>& list, int place, const Shapes& shapes, const Meshes& meshes,
+                           const HeightFields& fields, const Hidden& hidden, const Camera& camera, const Region& region,
+                           int world)
+{
+    Record record;
+    TileBox tiles;
+    const int id = wp::index(shapes.drawn, place);
+    const Visible seen = prepare<TYPES, LENS>(load_shape(shapes, world, id), camera, region, meshes, fields, record, tiles);
+    if (seen == BROKEN)
+        list.broken = 1;
+    if (seen == SEEN && !hidden(id)) {
+        const int slot = claimed(list.count);
+        if (SLOTS) {
+            record.axis_y.w = slot;
+            record.axis_z.w = place;
+        }
+        list.records[slot] = record;
+        list.nearest[slot] = record.size.w & 0x7fffffff;
+        list.ids[slot] = id;
+        list.touched[slot] = tiles;
+    }
+}
+
+#if !defined(__CUDA_ARCH__)
+constexpr int FEW_SHAPES = 64;  // that are looked at one by one
+#endif
+
+// Fills the list with shapes from `begin` on until it is full; returns where to go on. ALONE: by one warp.
 template <int TYPES, int LENS, bool SLOTS, bool ALONE, int CAPACITY, class Shapes, class Meshes, class HeightFields,
           class Hidden>
 WARPCAM_APART WARPCAM_FN int gather(ShapeList<CAPACITY>& list, int begin, const Shapes& shapes, const Meshes& meshes,
@@ -20,33 +50,20 @@ WARPCAM_APART WARPCAM_FN int gather(ShapeList<CAPACITY>& list, int begin, const 
                       int world, int thread)
 {
     const int total = shapes.drawn.shape[0];
+#if !defined(__CUDA_ARCH__)
+    if constexpr (CAPACITY > FEW_SHAPES) {
+        for (; begin < total && list.count + PACKET <= CAPACITY; begin += PACKET)
+            for (unsigned some = spheres_in<LENS>(load_spheres(shapes, world, begin), camera, region); some; some &= some - 1)
+                list_shape<TYPES, LENS, SLOTS>(list, begin + lowest_bit(some), shapes, meshes, fields, hidden, camera, region,
+                                               world);
+        return lower_int(begin, total);
+    }
+#endif
     while (begin < total) {
         const int i = begin + thread;
         begin += THREADS;
-        if (i < total) {
-            Record record;
-            TileBox tiles;
-            const int id = wp::index(shapes.drawn, i);
-            const Visible seen = prepare<TYPES, LENS>(load_shape(shapes, world, id), camera, region, meshes, fields,
-                                                      record, tiles);
-            if (seen == BROKEN)
-                list.broken = 1;
-            if (seen == SEEN && !hidden(id)) {
-#if defined(__CUDA_ARCH__)
-                const int slot = atomicAdd(&list.count, 1);
-#else
-                const int slot = list.count++;
-#endif
-                if (SLOTS) {
-                    record.axis_y.w = slot;
-                    record.axis_z.w = i;
-                }
-                list.records[slot] = record;
-                list.nearest[slot] = record.size.w & 0x7fffffff;
-                list.ids[slot] = id;
-                list.touched[slot] = tiles;
-            }
-        }
+        if (i < total)
+            list_shape<TYPES, LENS, SLOTS>(list, i, shapes, meshes, fields, hidden, camera, region, world);
         // The next round may overflow the list. One warp never has so many, but the compiler spills less with this than without.
         if (total > CAPACITY) {
             block_barrier();
