@@ -13,6 +13,7 @@ import warp as wp
 
 from warpcam.compat.isaacgym.kinds import DOF_PROPERTIES, DOF_STATE, DofDriveMode, DofType
 from warpcam.compat.isaacgym.maths import Transform
+from warpcam.compat.isaacgym.mjcf import tendons_of
 from warpcam.compat.isaacgym.options import AssetOptions
 from warpcam.compat.isaacgym.properties import ForceSensorProperties, masses_of, surfaces_of
 from warpcam.errors import WarpcamError
@@ -56,6 +57,7 @@ class Asset:
         rest: (dof,) of ``DOF_STATE``, where its joints begin.
         surfaces: (shape,) of ``SURFACE``, of actors that are made from now on.
         masses: (body,) of ``MASS``.
+        tendons: Names and properties.
         sensors: Force sensors: body, pose in its frame, properties.
         path: Of the file, or None.
     """
@@ -82,6 +84,7 @@ class Asset:
         self.surfaces, self.masses, self.path = surfaces_of(builder), masses_of(builder), path
         self.first_surfaces = self.surfaces  # what the builder says
         self.sensors: list[tuple[int, Transform, ForceSensorProperties]] = []
+        self.tendons = self.first_tendons = tendons_of(path)
         self._model: newton.Model | None = None
         self.colors = np.array([tuple(color) for color in builder.shape_color], np.float32).reshape(-1, 3)
 

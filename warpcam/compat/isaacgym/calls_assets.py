@@ -85,6 +85,8 @@ class AssetCalls:
         env.sim.require_open("create_actor")
         for change in idle_changes(asset.surfaces, asset.first_surfaces):
             env.sim.warn_once(f"set_asset_rigid_shape_properties: {change}")
+        if asset.tendons != asset.first_tendons:
+            env.sim.warn_once("set_asset_tendon_properties: tendons are held, and pull nothing")
         actor = Actor(env, asset, pose, asset.name if name is None else name, group, int(segmentation_id))
         env.add(actor)
         return actor.handle
@@ -97,7 +99,7 @@ class AssetCalls:
 
     def get_asset_rigid_body_name(self, asset: Asset, index: int) -> str:
         where = "get_asset_rigid_body_name"
-        return _one(asset_of(asset, where).bodies, index, where)
+        return one_at(asset_of(asset, where).bodies, index, where)
 
     def get_asset_rigid_body_dict(self, asset: Asset) -> dict[str, int]:
         bodies = asset_of(asset, "get_asset_rigid_body_dict").bodies
@@ -123,11 +125,11 @@ class AssetCalls:
 
     def get_asset_dof_name(self, asset: Asset, index: int) -> str:
         where = "get_asset_dof_name"
-        return _one(asset_of(asset, where).dofs, index, where).name
+        return one_at(asset_of(asset, where).dofs, index, where).name
 
     def get_asset_dof_type(self, asset: Asset, index: int) -> DofType:
         where = "get_asset_dof_type"
-        return _one(asset_of(asset, where).dofs, index, where).kind
+        return one_at(asset_of(asset, where).dofs, index, where).kind
 
     def get_asset_dof_dict(self, asset: Asset) -> dict[str, int]:
         return {dof.name: index for index, dof in enumerate(asset_of(asset, "get_asset_dof_dict").dofs)}
@@ -252,7 +254,7 @@ def asset_of(value: Any, where: str) -> Asset:
     return value
 
 
-def _one(values: Sequence[Any], index: Any, where: str) -> Any:
+def one_at(values: Sequence[Any], index: Any, where: str) -> Any:
     place = handle_of(index, len(values))
     if place is None:
         raise WarpcamError(f"{where}: index {index!r} came, the asset has {len(values)}")

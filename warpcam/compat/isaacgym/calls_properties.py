@@ -1,21 +1,24 @@
 """Calls about surfaces of shapes, masses of bodies, motors and force sensors."""
 
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
+from warpcam.compat.isaacgym import mjcf
 from warpcam.compat.isaacgym.asset import Asset
-from warpcam.compat.isaacgym.calls_assets import actor_of, asset_of
+from warpcam.compat.isaacgym.calls_assets import actor_of, asset_of, one_at
 from warpcam.compat.isaacgym.maths import Transform
 from warpcam.compat.isaacgym.properties import (
     ActuatorProperties,
     ForceSensorProperties,
+    IndexRange,
     RigidBodyProperties,
     RigidShapeProperties,
+    TendonProperties,
     from_masses,
     from_surfaces,
     idle_changes,
+    listed,
     to_masses,
     to_surfaces,
 )
@@ -75,19 +78,49 @@ class PropertyCalls:
 
     def get_asset_actuator_properties(self, asset: Asset) -> list[ActuatorProperties]:
         """Of the motors of an MJCF file, in its order; other assets have none."""
-        asset = asset_of(asset, "get_asset_actuator_properties")
-        if asset.path is None or asset.path.suffix.lower() not in (".xml", ".mjcf"):
-            return []
-        import mujoco
-
-        try:
-            model = mujoco.MjModel.from_xml_path(str(asset.path))
-        except ValueError as error:
-            raise WarpcamError(f"get_asset_actuator_properties: {str(asset.path)!r} cannot be read: {error}") from error
-        return [_motor(mujoco, model, index) for index in range(model.nu)]
+        return mjcf.motors_of(asset_of(asset, "get_asset_actuator_properties").path)
 
     def get_asset_actuator_count(self, asset: Asset) -> int:
-        return len(self.get_asset_actuator_properties(asset))
+        return len(mjcf.motors_of(asset_of(asset, "get_asset_actuator_count").path))
+
+    def get_asset_actuator_name(self, asset: Asset, index: int) -> str:
+        where = "get_asset_actuator_name"
+        return one_at(mjcf.motors_of(asset_of(asset, where).path), index, where).name
+
+    def get_asset_actuator_joint_name(self, asset: Asset, index: int) -> str:
+        """Of what it moves."""
+        where = "get_asset_actuator_joint_name"
+        return one_at(mjcf.motors_of(asset_of(asset, where).path), index, where).joint
+
+    def get_asset_tendon_count(self, asset: Asset) -> int:
+        """Of an MJCF file; other assets have none."""
+        return len(asset_of(asset, "get_asset_tendon_count").tendons)
+
+    def get_asset_tendon_name(self, asset: Asset, index: int) -> str:
+        where = "get_asset_tendon_name"
+        return one_at(asset_of(asset, where).tendons, index, where)[0]
+
+    def get_asset_tendon_properties(self, asset: Asset) -> list[TendonProperties]:
+        """Of all of its tendons; copies."""
+        return [replace(one) for _, one in asset_of(asset, "get_asset_tendon_properties").tendons]
+
+    def set_asset_tendon_properties(self, asset: Asset, properties: list[TendonProperties]) -> bool:
+        """Held: tendons pull nothing."""
+        where = "set_asset_tendon_properties"
+        asset = asset_of(asset, where)
+        given = listed(properties, TendonProperties, len(asset.tendons), where)
+        names = [name for name, _ in asset.tendons]
+        asset.tendons = [(name, replace(one)) for name, one in zip(names, given, strict=True)]
+        return True
+
+    def get_asset_rigid_body_shape_indices(self, asset: Asset) -> list[IndexRange]:
+        """Which of its shapes each body has."""
+        return _ranges(asset_of(asset, "get_asset_rigid_body_shape_indices"), "get_asset_rigid_body_shape_indices")
+
+    def get_actor_rigid_body_shape_indices(self, env: Env, actor: int) -> list[IndexRange]:
+        """Which of its shapes each body has."""
+        where = "get_actor_rigid_body_shape_indices"
+        return _ranges(actor_of(env, actor, where).asset, where)
 
     def create_asset_force_sensor(
         self, asset: Asset, body: int, pose: Transform, props: ForceSensorProperties | None = None
@@ -133,24 +166,12 @@ class PropertyCalls:
         return True
 
 
-def _motor(mujoco: Any, model: Any, index: int) -> ActuatorProperties:
-    joint, moved = "", int(model.actuator_trnid[index, 0])
-    if model.actuator_trntype[index] in (mujoco.mjtTrn.mjTRN_JOINT, mujoco.mjtTrn.mjTRN_JOINTINPARENT):
-        joint = model.joint(moved).name
-    control, force = model.actuator_ctrlrange[index], model.actuator_forcerange[index]
-    bias = (
-        model.actuator_biasprm[index] if model.actuator_biastype[index] == mujoco.mjtBias.mjBIAS_AFFINE else np.zeros(3)
-    )
-    return ActuatorProperties(
-        name=model.actuator(index).name,
-        joint=joint,
-        motor_effort=float(model.actuator_gear[index, 0]),
-        control_limited=bool(model.actuator_ctrllimited[index]),
-        lower_control_limit=float(control[0]),
-        upper_control_limit=float(control[1]),
-        force_limited=bool(model.actuator_forcelimited[index]),
-        lower_force_limit=float(force[0]),
-        upper_force_limit=float(force[1]),
-        kp=float(-bias[1]),
-        kv=float(-bias[2]),
-    )
+def _ranges(asset: Asset, where: str) -> list[IndexRange]:
+    found = []
+    for body, name in enumerate(asset.bodies):
+        places = np.flatnonzero(asset.shapes == body)
+        start = int(places[0]) if len(places) else 0
+        if not np.array_equal(places, start + np.arange(len(places))):
+            raise WarpcamError(f"{where}: shapes of body {name!r} do not follow one another: {places.tolist()}")
+        found.append(IndexRange(start, len(places)))
+    return found

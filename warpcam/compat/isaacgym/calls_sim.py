@@ -3,14 +3,14 @@
 from typing import Any
 
 import newton
-import numpy as np
 import warp as wp
 
 from warpcam import device as device_rule
 from warpcam.compat.isaacgym.kinds import SimType, one_of
 from warpcam.compat.isaacgym.maths import Vec3
-from warpcam.compat.isaacgym.options import PlaneParams, SimParams, TriangleMeshParams
+from warpcam.compat.isaacgym.options import HeightFieldParams, PlaneParams, SimParams, TriangleMeshParams
 from warpcam.compat.isaacgym.sim import Sim, env_of, sim_of
+from warpcam.compat.isaacgym.terrain import of_heights, of_triangles
 from warpcam.compat.isaacgym.world import Env, handle_of
 from warpcam.compat.numbers import whole
 from warpcam.errors import WarpcamError
@@ -53,6 +53,13 @@ class SimCalls:
     def get_sim_params(self, sim: Sim) -> SimParams:
         return sim_of(sim, "get_sim_params").params
 
+    def set_sim_params(self, sim: Sim, params: SimParams) -> None:
+        """Step, substeps and gravity from the next step on; the rest is held, which way is up stays."""
+        sim = sim_of(sim, "set_sim_params")
+        if not isinstance(params, SimParams):
+            raise WarpcamError(f"set_sim_params: SimParams are needed, got {type(params).__name__}")
+        sim.change(params)
+
     def get_sim_time(self, sim: Sim) -> float:
         """Simulated since the beginning [s]."""
         return sim_of(sim, "get_sim_time").time
@@ -84,7 +91,7 @@ class SimCalls:
         sim.grounds.planes.append(params)
 
     def add_triangle_mesh(self, sim: Sim, vertices: Any, triangles: Any, params: TriangleMeshParams) -> None:
-        """A terrain.
+        """A terrain. It is collided with as it is seen from above, if its vertices are a grid, else as its convex hull.
 
         Args:
             sim: The simulation.
@@ -94,12 +101,30 @@ class SimCalls:
         """
         sim = sim_of(sim, "add_triangle_mesh")
         sim.require_open("add_triangle_mesh")
-        points = np.asarray(vertices, np.float32).reshape(-1, 3)
-        faces = np.asarray(triangles).astype(np.int64).reshape(-1)
-        if faces.size == 0 or faces.min() < 0 or faces.max() >= len(points) or faces.size % 3:
-            raise WarpcamError(f"add_triangle_mesh: triangles must be three of 0 to {len(points) - 1} each")
-        mesh = newton.Mesh(points, faces.astype(np.int32), compute_inertia=False)
-        sim.grounds.terrains.append((mesh, params))
+        terrain = of_triangles(vertices, triangles, params, sim.up == newton.Axis.Z)
+        if terrain.felt is terrain.seen:
+            sim.warn_once(
+                "add_triangle_mesh: the vertices are no grid along x and y, so that MuJoCo collides with their convex "
+                "hull; add_heightfield makes terrains that are felt as they are seen"
+            )
+        sim.grounds.terrains.append(terrain)
+
+    def add_heightfield(self, sim: Sim, samples: Any, params: HeightFieldParams) -> None:
+        """A terrain of heights, where z is up. Column and row of a sample are its places along x and y.
+
+        Args:
+            sim: The simulation.
+            samples: (column, row) or (nbColumns * nbRows,) int16, in units of ``vertical_scale``: an array's slower
+                index in memory is along x. An array of two dimensions may have its rows along x instead, (row, column).
+            params: Its sizes, and where its first sample stands.
+        """
+        sim = sim_of(sim, "add_heightfield")
+        sim.require_open("add_heightfield")
+        if sim.up != newton.Axis.Z:
+            raise WarpcamError("add_heightfield: z must be up; where y is, add_triangle_mesh takes any terrain")
+        if not isinstance(params, HeightFieldParams):
+            raise WarpcamError(f"add_heightfield: HeightFieldParams are needed, got {type(params).__name__}")
+        sim.grounds.terrains.append(of_heights(samples, params))
 
     def create_env(self, sim: Sim, lower: Vec3, upper: Vec3, num_per_row: int) -> Env:
         """A world of its own. The corners say how far apart the origins of two are, where any frame has both."""

@@ -1,5 +1,6 @@
 """Calls about states: as tensors of all environments, and as arrays of one actor."""
 
+import math
 from typing import Any
 
 import numpy as np
@@ -9,7 +10,8 @@ from warpcam.compat.isaacgym.kinds import BODY_STATE, DOF_STATE, STATE_ALL, STAT
 from warpcam.compat.isaacgym.maths import Transform
 from warpcam.compat.isaacgym.sim import Sim, env_of, sim_of
 from warpcam.compat.isaacgym.tensors import Tensor, unwrap
-from warpcam.compat.isaacgym.world import Actor, Env
+from warpcam.compat.isaacgym.world import Actor, Env, handle_of
+from warpcam.compat.numbers import real
 from warpcam.errors import WarpcamError
 
 
@@ -85,12 +87,42 @@ class StateCalls:
         """How fast the joints of one actor are driven, (dof,)."""
         return _told(env, actor, "velocities", values, "set_actor_dof_velocity_targets")
 
+    def apply_actor_dof_efforts(self, env: Env, actor: int, values: np.ndarray) -> bool:
+        """Forces along the joints of one actor, (dof,), from the next step on."""
+        return _told(env, actor, "forces", values, "apply_actor_dof_efforts")
+
+    def set_dof_target_position(self, env: Env, dof: int, value: float) -> None:
+        """Where one joint is driven to; its handle counts those of the environment."""
+        _told_one(env, dof, "positions", value, "set_dof_target_position")
+
+    def set_dof_target_velocity(self, env: Env, dof: int, value: float) -> None:
+        _told_one(env, dof, "velocities", value, "set_dof_target_velocity")
+
+    def apply_dof_effort(self, env: Env, dof: int, value: float) -> None:
+        _told_one(env, dof, "forces", value, "apply_dof_effort")
+
     def get_actor_rigid_body_states(self, env: Env, actor: int, flags: int = STATE_ALL) -> np.ndarray:
         """(body,) of ``RigidBodyState.dtype``; a copy."""
         found = env_of(env, "get_actor_rigid_body_states").actor(actor, "get_actor_rigid_body_states")
         rows = np.zeros(len(found.asset.bodies), BODY_STATE)
         numbers = rows.view(np.float32).reshape(len(rows), 13)
         numbers[:] = _states(found, "bodies") if env.sim.prepared else found.bodies()
+        return _kept(numbers, flags, 7, rows)
+
+    def get_env_rigid_body_states(self, env: Env, flags: int = STATE_ALL) -> np.ndarray:
+        """(body,) of ``RigidBodyState.dtype``, of all that is in an environment; a copy."""
+        env = env_of(env, "get_env_rigid_body_states")
+        found = [self.get_actor_rigid_body_states(env, actor.handle, flags) for actor in env.actors]
+        return np.concatenate([np.zeros(0, BODY_STATE), *found])
+
+    def get_sim_rigid_body_states(self, sim: Sim, flags: int = STATE_ALL) -> np.ndarray:
+        """(body,) of ``RigidBodyState.dtype``, of all environments; a copy."""
+        physics = sim_of(sim, "get_sim_rigid_body_states").physics
+        rows = np.zeros(physics.total.bodies, BODY_STATE)
+        numbers = rows.view(np.float32).reshape(len(rows), 13)
+        tensor = physics.tensor("bodies")
+        physics.refresh("bodies")
+        numbers[:] = interop.to_numpy(tensor.torch)
         return _kept(numbers, flags, 7, rows)
 
     def get_rigid_transform(self, env: Env, body: int) -> Transform:
@@ -154,12 +186,29 @@ def _told(env: Any, actor: Any, kind: str, values: Any, where: str) -> bool:
         given = np.zeros(())
     if given.shape != (count,) or given.dtype.kind not in "biuf":
         raise WarpcamError(f"{where}: {count} numbers are needed, got {values!r}")
-    given = given.astype(np.float32)
-    if env.sim.prepared:
-        env.sim.physics.tell(found, kind, given)
-    else:
-        found.targets[kind] = given
+    _tell(found, kind, given.astype(np.float32))
     return True
+
+
+def _told_one(env: Any, dof: Any, kind: str, value: Any, where: str) -> None:
+    env = env_of(env, where)
+    place, number = handle_of(dof, env.counts.dofs), real(value)
+    if place is None:
+        raise WarpcamError(f"{where}: degree of freedom {dof!r} came, environment {env.index} has {env.counts.dofs}")
+    if math.isnan(number):
+        raise WarpcamError(f"{where}: a number is needed, got {value!r}")
+    found = next(actor for actor in reversed(env.actors) if actor.before.dofs <= place)
+    before = found.targets.get(kind)
+    values = np.full(len(found.asset.dofs), np.nan, np.float32) if before is None else before.copy()
+    values[place - found.before.dofs] = number
+    _tell(found, kind, values)
+
+
+def _tell(actor: Actor, kind: str, values: np.ndarray) -> None:
+    if actor.env.sim.prepared:
+        actor.env.sim.physics.tell(actor, kind, values)
+    else:
+        actor.targets[kind] = values
 
 
 def _states(actor: Actor, name: str) -> np.ndarray:

@@ -8,7 +8,8 @@ import warp as wp
 
 from warpcam.compat.isaacgym.maths import Transform
 from warpcam.errors import WarpcamError
-from warpcam.kernels import isaacgym as kernels
+from warpcam.kernels import isaacgym_forces as kernels
+from warpcam.kernels.isaacgym import launch
 
 
 class Contacts:
@@ -40,6 +41,10 @@ class Contacts:
         else:
             self._read(solver)
 
+    def write(self, bodies: wp.array, forces: wp.array) -> None:
+        """Write what each of these bodies feels, (body, 3)."""
+        launch(kernels.read_forces, forces.shape, [self.felt, bodies, forces], self.device)
+
     def _read(self, solver: Any) -> None:
         import mujoco_warp
 
@@ -53,7 +58,7 @@ class Contacts:
         contact = data.contact
         shapes = [solver.mjc_geom_to_newton_shape, self._shape_bodies]
         inputs = [data.nacon, contact.geom, contact.worldid, contact.pos, self._forces, *shapes, self.felt]
-        kernels.launch(kernels.add_contacts, data.naconmax, inputs, self.device)
+        launch(kernels.add_contacts, data.naconmax, inputs, self.device)
 
     def _read_on_host(self, solver: Any) -> None:
         import mujoco
@@ -91,4 +96,4 @@ class Sensors:
     def read(self, felt: wp.array, poses: wp.array, out: wp.array) -> None:
         """Write what they feel, (sensor, 6): force and torque about the sensor."""
         inputs = [felt, poses, self._bodies, self._places, self._level, out]
-        kernels.launch(kernels.read_sensors, self._count, inputs, self._device)
+        launch(kernels.read_sensors, self._count, inputs, self._device)

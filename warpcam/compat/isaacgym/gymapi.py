@@ -11,6 +11,7 @@ where it is asked for; nothing returns None for an image.
 from warpcam.compat.isaacgym.asset import Asset
 from warpcam.compat.isaacgym.calls_assets import AssetCalls
 from warpcam.compat.isaacgym.calls_cameras import CameraCalls
+from warpcam.compat.isaacgym.calls_forces import ForceCalls
 from warpcam.compat.isaacgym.calls_looks import LookCalls
 from warpcam.compat.isaacgym.calls_properties import PropertyCalls
 from warpcam.compat.isaacgym.calls_sim import SimCalls
@@ -33,6 +34,7 @@ from warpcam.compat.isaacgym.kinds import (
     MeshNormalMode,
     MeshType,
     RigidBodyState,
+    RigidContact,
     SimType,
     TensorDataType,
     UpAxis,
@@ -42,6 +44,7 @@ from warpcam.compat.isaacgym.options import (
     AssetOptions,
     CameraProperties,
     FlexParams,
+    HeightFieldParams,
     PhysXParams,
     PlaneParams,
     SimParams,
@@ -51,8 +54,10 @@ from warpcam.compat.isaacgym.options import (
 from warpcam.compat.isaacgym.properties import (
     ActuatorProperties,
     ForceSensorProperties,
+    IndexRange,
     RigidBodyProperties,
     RigidShapeProperties,
+    TendonProperties,
 )
 from warpcam.compat.isaacgym.refused import Refusals
 from warpcam.compat.isaacgym.sim import Sim
@@ -132,8 +137,10 @@ __all__ = [
     "FlexParams",
     "ForceSensorProperties",
     "Gym",
+    "HeightFieldParams",
     "ImageType",
     "IndexDomain",
+    "IndexRange",
     "Mat33",
     "MeshNormalMode",
     "MeshType",
@@ -142,10 +149,12 @@ __all__ = [
     "Quat",
     "RigidBodyProperties",
     "RigidBodyState",
+    "RigidContact",
     "RigidShapeProperties",
     "Sim",
     "SimParams",
     "SimType",
+    "TendonProperties",
     "Tensor",
     "TensorDataType",
     "Transform",
@@ -157,7 +166,7 @@ __all__ = [
 ]  # fmt: skip
 
 
-class Gym(SimCalls, AssetCalls, PropertyCalls, StateCalls, LookCalls, CameraCalls, Refusals):
+class Gym(SimCalls, AssetCalls, PropertyCalls, StateCalls, ForceCalls, LookCalls, CameraCalls, Refusals):
     """All calls. Those of Isaac Gym that are not here say so when they are called."""
 
 

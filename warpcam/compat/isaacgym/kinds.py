@@ -146,6 +146,27 @@ DOF_PROPERTIES = np.dtype(
     ]
 )
 
+RIGID_CONTACT = np.dtype(
+    [
+        ("env0", "i4"),
+        ("env1", "i4"),
+        ("body0", "i4"),
+        ("body1", "i4"),
+        ("localPos0", VEC3),
+        ("localPos1", VEC3),
+        ("minDist", "f4"),
+        ("initialOverlap", "f4"),
+        ("normal", VEC3),
+        ("offset0", VEC3),
+        ("offset1", VEC3),
+        ("lambda", "f4"),
+        ("lambdaFriction", [("x", "f4"), ("y", "f4")]),
+        ("friction", "f4"),
+        ("torsionFriction", "f4"),
+        ("rollingFriction", "f4"),
+    ]
+)
+
 
 class DofState:
     """Position [m or rad] and velocity of a degree of freedom."""
@@ -157,6 +178,15 @@ class RigidBodyState:
     """Pose and velocity of a body."""
 
     dtype = BODY_STATE
+
+
+class RigidContact:
+    """Where two bodies touch, counted in their environments, -1 for the ground, and the forces that they feel [N].
+
+    The normal points from the first to the second; a distance that is negative is an overlap.
+    """
+
+    dtype = RIGID_CONTACT
 
 
 class DofProperties:

@@ -138,8 +138,9 @@ class View:
         self._clothed = clothed | self._clothed if len(self._clothed) else clothed  # once is always
         textured = bool(self._clothed.any())
         self._images = list(looks.textures) if textured else []
-        if textured or self._colliders or len(self.envs) != physics.model.world_count:
-            builder, spot = build(self.envs, self._grounds, self._up, Vec3())
+        apart = textured or self._colliders or self._grounds.differ
+        if apart or len(self.envs) != physics.model.world_count:
+            builder, spot = build(self.envs, self._grounds, self._up, Vec3(), drawn=not self._colliders)
             self._places = _local(spot, self.envs)
             self._dress(builder)
             with wp.ScopedDevice(device):

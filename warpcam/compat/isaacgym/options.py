@@ -148,6 +148,35 @@ class TriangleMeshParams(Strict):
 
 
 @dataclass
+class HeightFieldParams(Strict):
+    """Of a terrain of heights, see ``add_heightfield``.
+
+    Attributes:
+        row_scale: From one row to the next [m].
+        column_scale: From one column to the next [m].
+        vertical_scale: What a height of 1 is [m].
+        nbRows: How many rows.
+        nbColumns: How many columns.
+        transform: Where its first sample stands, and how it is turned.
+        static_friction: Held.
+        dynamic_friction: Where something slides on it.
+        restitution: Held.
+        segmentation_id: In segmentation images.
+    """
+
+    row_scale: float = 1.0
+    column_scale: float = 1.0
+    vertical_scale: float = 1.0
+    nbRows: int = 0  # noqa: N815, that system's name
+    nbColumns: int = 0  # noqa: N815
+    transform: Transform = field(default_factory=Transform)
+    static_friction: float = 1.0
+    dynamic_friction: float = 1.0
+    restitution: float = 0.0
+    segmentation_id: int = 0
+
+
+@dataclass
 class VhacdParams(Strict):
     """Of a decomposition into convex parts. Held: there is none."""
 

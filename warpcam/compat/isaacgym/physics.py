@@ -1,7 +1,9 @@
 """The simulation under the environments: Newton moves it, and states go to and from its tensors."""
 
 import logging
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import newton
@@ -9,25 +11,37 @@ import numpy as np
 import warp as wp
 
 from warpcam import interop
+from warpcam.compat.isaacgym import settings
+from warpcam.compat.isaacgym.contact_list import contacts_of
 from warpcam.compat.isaacgym.contacts import Contacts, Sensors
-from warpcam.compat.isaacgym.kinds import DOF_STATE, DofDriveMode
+from warpcam.compat.isaacgym.efforts import Efforts
+from warpcam.compat.isaacgym.kinds import DOF_STATE, CoordinateSpace
 from warpcam.compat.isaacgym.maths import Transform, Vec3
-from warpcam.compat.isaacgym.properties import FRICTIONS
+from warpcam.compat.isaacgym.matrices import Matrices
+from warpcam.compat.isaacgym.pushes import Pushes
 from warpcam.compat.isaacgym.tensors import Tensor, take
 from warpcam.compat.isaacgym.world import Actor, Counts, Env, Grounds, build
 from warpcam.compat.numbers import whole
 from warpcam.errors import WarpcamError
 from warpcam.kernels import isaacgym as kernels
 
-MODES = {
-    DofDriveMode.DOF_MODE_NONE: newton.JointTargetMode.NONE,
-    DofDriveMode.DOF_MODE_POS: newton.JointTargetMode.POSITION,
-    DofDriveMode.DOF_MODE_VEL: newton.JointTargetMode.VELOCITY,
-    DofDriveMode.DOF_MODE_EFFORT: newton.JointTargetMode.EFFORT,
-}
-# Gains by mode, as that system has them: a speed is driven by its damping alone.
-STIFF, DAMPED = (DofDriveMode.DOF_MODE_POS,), (DofDriveMode.DOF_MODE_POS, DofDriveMode.DOF_MODE_VEL)
+Source = tuple[tuple[int, ...], Callable[[wp.array], None]]
 CONTACTS_PER_SHAPE, LEAST_CONTACTS = 8, 64
+
+
+@dataclass(frozen=True)
+class Reading:
+    """A tensor that programs read.
+
+    Attributes:
+        array: On the device.
+        shown: The same memory, or a copy on the host.
+        read: What fills it.
+    """
+
+    array: wp.array
+    shown: Tensor
+    read: Callable[[wp.array], None]
 
 
 class Physics:
@@ -67,8 +81,12 @@ class Physics:
         rows = [row for actor in self.actors for row in _sensors(actor, self.start_of(actor).bodies)]
         self._sensors = Sensors(rows, device)
         self.num_sensors = len(rows)
+        self._matrices = Matrices(self.model, [(actor, self.start_of(actor)) for actor in self.actors])
+        self._pushes, self._envs = Pushes(self.model, envs), envs
+        self._listed: np.ndarray | None = None
+        self._efforts = Efforts(self.model, self._speeds.numpy())
         self._told = [actor for actor in self.actors if actor.targets]
-        self._states: dict[str, tuple[wp.array, Tensor]] = {}
+        self._readings: dict[tuple[str, str], Reading] = {}
 
     def start_of(self, actor: Actor) -> Counts:
         return actor.env.start + actor.before
@@ -80,8 +98,10 @@ class Physics:
             self._write_stale()
             if self._solver is None:
                 self._solver = self._make_solver()
+                self._efforts.bind(self._solver)
             for _ in range(substeps):
                 self.state.clear_forces()
+                self._pushes.put(self.state.body_f)
                 if self._floating.size:
                     inputs = [self._floating, self.model.body_mass, wp.vec3(*self._gravity), self.state.body_f]
                     kernels.launch(kernels.hold_up, self._floating.size, inputs, self.device)
@@ -91,51 +111,76 @@ class Physics:
                     self._pipeline.collide(self.state, contacts)
                 self._solver.step(self.state, self._other, self._control, contacts, dt / substeps)
                 self.state, self._other = self._other, self.state
+            self._pushes.clear()
+            self._listed = None
             self._moved = self._pipeline is not None
 
-    def tensor(self, name: str) -> Tensor:
-        """Of "roots" (actor, 13), "bodies" (body, 13), "dofs" (dof, 2), "contacts" (body, 3) or "sensors" (n, 6)."""
-        if name not in self._states:
-            rows, width = {
-                "roots": (self.total.actors, 13),
-                "bodies": (self.total.bodies, 13),
-                "dofs": (self.total.dofs, 2),
-                "contacts": (self.total.bodies, 3),
-                "sensors": (self.num_sensors, 6),
-            }[name]
-            array = wp.zeros((rows, width), dtype=wp.float32, device=self.device)
-            shown = wp.zeros((rows, width), dtype=wp.float32, device="cpu") if self._on_host else array
-            self._states[name] = array, Tensor(interop.to_torch(shown))
+    def tensor(self, kind: str, of: str = "") -> Tensor:
+        """One of ``_reading``, brought up to date at each ``refresh`` of its kind from now on."""
+        key = kind, of
+        if key not in self._readings:
+            shape, read = self._reading(kind, of)
+            array = wp.zeros(shape, dtype=wp.float32, device=self.device)
+            shown = wp.zeros(shape, dtype=wp.float32, device="cpu") if self._on_host else array
+            self._readings[key] = Reading(array, Tensor(interop.to_torch(shown)), read)
             try:
-                self.refresh(name)
+                self._refresh(self._readings[key])
             except WarpcamError:
-                del self._states[name]  # asked for once more it is the same error, not zeros
+                del self._readings[key]  # asked for once more it is the same error, not zeros
                 raise
-        return self._states[name][1]
+        return self._readings[key].shown
 
-    def refresh(self, name: str) -> None:
-        """Bring the tensor up to date, if anybody has it."""
-        if name not in self._states:
-            return
-        array, shown = self._states[name]
+    def refresh(self, kind: str) -> None:
+        """Bring the tensors of a kind up to date, if anybody has them."""
+        for (name, _), reading in self._readings.items():
+            if name == kind:
+                self._refresh(reading)
+
+    def _refresh(self, reading: Reading) -> None:
         with interop.in_order(self.device):
-            if name == "dofs":
-                self._catch_up()
-                inputs = [self.state.joint_q, self.state.joint_qd, self._coordinates, self._speeds, array]
-                kernels.launch(kernels.read_dofs, self.total.dofs, inputs, self.device)
-            elif name in ("contacts", "sensors"):
-                self._contacts_felt.read(self._solver, f"contact forces ({name})")
-                felt = self._contacts_felt.felt
-                if name == "contacts":
-                    kernels.launch(kernels.read_forces, array.shape, [felt, self._bodies, array], self.device)
-                else:
-                    self._sensors.read(felt, self.state.body_q, array)
-            else:
-                rows = self._roots if name == "roots" else self._bodies
-                inputs = [self.state.body_q, self.state.body_qd, rows, array]
-                kernels.launch(kernels.read_bodies, len(rows), inputs, self.device)
+            reading.read(reading.array)
         if self._on_host:
-            shown.torch.copy_(interop.to_torch(array))
+            reading.shown.torch.copy_(interop.to_torch(reading.array))
+
+    def _reading(self, kind: str, of: str) -> Source:
+        """Shape of the tensor of that kind, and what fills it."""
+        total = self.total
+        readings: dict[str, Callable[[], Source]] = {
+            "roots": lambda: ((total.actors, 13), partial(self._read_bodies, self._roots)),
+            "bodies": lambda: ((total.bodies, 13), partial(self._read_bodies, self._bodies)),
+            "dofs": lambda: ((total.dofs, 2), self._read_dofs),
+            "contacts": lambda: ((total.bodies, 3), self._read_contacts),
+            "sensors": lambda: ((self.num_sensors, 6), self._read_sensors),
+            "efforts": lambda: ((total.dofs,), self._efforts.read),
+            "jacobians": lambda: self._matrix(*self._matrices.jacobians(of)),
+            "masses": lambda: self._matrix(*self._matrices.masses(of)),
+        }
+        return readings[kind]()
+
+    def _read_bodies(self, rows: wp.array, array: wp.array) -> None:
+        inputs = [self.state.body_q, self.state.body_qd, rows, array]
+        kernels.launch(kernels.read_bodies, len(rows), inputs, self.device)
+
+    def _read_dofs(self, array: wp.array) -> None:
+        self._catch_up()
+        inputs = [self.state.joint_q, self.state.joint_qd, self._coordinates, self._speeds, array]
+        kernels.launch(kernels.read_dofs, self.total.dofs, inputs, self.device)
+
+    def _read_contacts(self, array: wp.array) -> None:
+        self._contacts_felt.read(self._solver, "contact forces (contacts)")
+        self._contacts_felt.write(self._bodies, array)
+
+    def _read_sensors(self, array: wp.array) -> None:
+        self._contacts_felt.read(self._solver, "contact forces (sensors)")
+        self._sensors.read(self._contacts_felt.felt, self.state.body_q, array)
+
+    def _matrix(self, shape: tuple[int, ...], read: Callable[[newton.State, wp.array], None]) -> Source:
+        def refresh(array: wp.array) -> None:
+            self._catch_up()
+            self._write_stale()
+            read(self.state, array)
+
+        return shape, refresh
 
     def set_roots(self, value: Any, chosen: Any, count: int | None, where: str) -> None:
         """Place actors; with what hangs on them, at once."""
@@ -174,8 +219,35 @@ class Physics:
             inputs = [values, which, self._first_dofs, places, into]
             kernels.launch(kernels.write_targets, len(which), inputs, self.device)
 
+    def contacts(self, where: str) -> np.ndarray:
+        """Of the last step, see ``contacts_of``; waits for the device once a step."""
+        if self._listed is None:
+            with interop.in_order(self.device):
+                self._listed = contacts_of(self._solver, self.model, self.state, self._envs, where)
+        return self._listed
+
+    def push(self, space: CoordinateSpace, where: str, **given: Any) -> None:
+        """Have forces act on bodies in the next step, see ``Pushes.add``."""
+        with interop.in_order(self.device):
+            self._pushes.add(self.state, space, where, **given)
+
+    def push_one(self, space: CoordinateSpace, body: int, **given: Vec3 | None) -> None:
+        """Likewise on one of all bodies."""
+        with interop.in_order(self.device):
+            self._pushes.add_one(self.state, space, body, **given)
+
+    def set_gravity(self, gravity: Vec3) -> None:
+        self._gravity = gravity
+        with interop.in_order(self.device):
+            self.model.set_gravity(tuple(gravity))
+            if self._solver is not None:
+                self._solver.notify_model_changed(newton.ModelFlags.MODEL_PROPERTIES)
+
     def tell(self, actor: Actor, kind: str, values: np.ndarray) -> None:
-        """Set the targets of one actor, "positions" or "velocities": all that are told are brought over at once."""
+        """Set targets of one actor, "positions", "velocities" or "forces"; NaN leaves one as it is.
+
+        All that are told are brought over at once, with the next step.
+        """
         if not actor.targets:
             self._told.append(actor)
         actor.targets[kind] = values
@@ -185,6 +257,7 @@ class Physics:
         for kind, into, first in (
             ("positions", self._control.joint_target_q, "coordinate"),
             ("velocities", self._control.joint_target_qd, "speed"),
+            ("forces", self._control.joint_f, "speed"),
         ):
             told = [actor for actor in self._told if kind in actor.targets]
             if not told:
@@ -193,7 +266,8 @@ class Physics:
             for actor in told:
                 start = self.start_of(actor)
                 begin = start.coordinates if first == "coordinate" else start.speeds
-                host[[begin + getattr(dof, first) for dof in actor.asset.dofs]] = actor.targets.pop(kind)
+                rows, values = [begin + getattr(dof, first) for dof in actor.asset.dofs], actor.targets.pop(kind)
+                host[rows] = np.where(np.isnan(values), host[rows], values)
             into.assign(host)
         self._told.clear()
 
@@ -211,78 +285,19 @@ class Physics:
 
     def write_properties(self) -> None:
         """Bring the model's joints up to date with the actors' properties."""
-        model, speeds = self.model, self._speeds.numpy()
-        if not len(speeds):
-            return
-        rows = np.concatenate([actor.properties for actor in self.actors])
-        modes = rows["driveMode"]
-        for array, values in (
-            (model.joint_limit_lower, rows["lower"]),
-            (model.joint_limit_upper, rows["upper"]),
-            (model.joint_target_ke, np.where(np.isin(modes, STIFF), rows["stiffness"], 0.0)),
-            (model.joint_target_kd, np.where(np.isin(modes, DAMPED), rows["damping"], 0.0)),
-            (model.joint_velocity_limit, rows["velocity"]),
-            (model.joint_effort_limit, rows["effort"]),
-            (model.joint_friction, rows["friction"]),
-            (model.joint_armature, rows["armature"]),
-            (model.joint_target_mode, np.array([int(MODES[DofDriveMode(mode)]) for mode in modes])),
-        ):
-            host = array.numpy()
-            host[speeds] = values
-            array.assign(host)
-        if self._solver is not None:
-            self._solver.notify_model_changed(newton.ModelFlags.JOINT_DOF_PROPERTIES)
+        modes = self.model.joint_target_mode.numpy().copy()  # on a CPU it is the same memory
+        settings.write_drives(self.model, self._speeds.numpy(), self.actors, self._solver)
+        if not np.array_equal(modes, self.model.joint_target_mode.numpy()):
+            self._solver = None  # what drives a joint is built into it
 
     def _write_stale(self) -> None:
         """Bring the model's shapes and bodies up to date with the actors'."""
+        starts = [(actor, self.start_of(actor)) for actor in self.actors] if self.stale else []
         if "surfaces" in self.stale:
-            self._write_surfaces()
+            settings.write_surfaces(self.model, self.spot, starts, self._solver)
         if "masses" in self.stale:
-            self._write_masses()
+            settings.write_masses(self.model, starts, self._solver)
         self.stale.clear()
-
-    def _write_surfaces(self) -> None:
-        changed = [actor for actor in self.actors if actor.surfaces is not actor.asset.first_surfaces]
-        if not changed:
-            return
-        in_model = np.flatnonzero(self.spot.shapes >= 0)
-        places = in_model[np.argsort(self.spot.shapes[in_model])]
-        for name, field in FRICTIONS.items():
-            array = getattr(self.model, field)
-            host = array.numpy()
-            for actor in changed:
-                first = self.start_of(actor).shapes
-                host[places[first : first + len(actor.surfaces)]] = actor.surfaces[name]
-            array.assign(host)
-        if self._solver is not None:
-            self._solver.notify_model_changed(newton.ModelFlags.SHAPE_PROPERTIES)
-            if getattr(self._solver, "use_mujoco_cpu", False):  # Newton does not tell MuJoCo itself
-                self._solver.mj_model.geom_friction[:] = self._solver.mjw_model.geom_friction.numpy()[0]
-
-    def _write_masses(self) -> None:
-        changed = [actor for actor in self.actors if actor.masses is not actor.asset.masses]
-        if not changed:
-            return
-        model = self.model
-        mass, com, inertia = model.body_mass.numpy(), model.body_com.numpy(), model.body_inertia.numpy()
-        for actor in changed:
-            first = self.start_of(actor).bodies
-            rows = slice(first, first + len(actor.masses))
-            mass[rows], com[rows], inertia[rows] = (actor.masses[name] for name in ("mass", "com", "inertia"))
-        fine = inertia.astype(np.float64)
-        regular = (np.abs(np.linalg.det(fine)) > 0.0)[:, None, None]
-        back = np.where(regular, np.linalg.inv(np.where(regular, fine, np.eye(3))), 0.0)
-        rate = np.divide(1.0, mass, out=np.zeros_like(mass), where=mass > 0.0)
-        for array, values in (
-            (model.body_mass, mass),
-            (model.body_com, com),
-            (model.body_inertia, inertia),
-            (model.body_inv_mass, rate),
-            (model.body_inv_inertia, back.astype(np.float32)),
-        ):
-            array.assign(values)
-        if self._solver is not None:
-            self._solver.notify_model_changed(newton.ModelFlags.BODY_INERTIAL_PROPERTIES)
 
     def _read_places(self) -> None:
         """Where actors, bodies and degrees of freedom are in the model's arrays."""

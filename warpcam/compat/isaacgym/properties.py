@@ -109,6 +109,27 @@ class ActuatorProperties(Strict):
     kv: float = 0.0
 
 
+@dataclass
+class TendonProperties(Strict):
+    """Of a tendon of an MJCF file. Held."""
+
+    stiffness: float = 0.0
+    damping: float = 0.0
+    fixed_spring_rest_length: float = 0.0
+    is_fixed_limited: bool = False
+    fixed_lower_limit: float = 0.0
+    fixed_upper_limit: float = 0.0
+    limit_stiffness: float = 1.0
+
+
+@dataclass(frozen=True)
+class IndexRange:
+    """Some that follow one another: the first of them, and how many."""
+
+    start: int
+    count: int
+
+
 def surfaces_of(builder: newton.ModelBuilder) -> np.ndarray:
     """(shape,) of SURFACE."""
     rows = np.zeros(builder.shape_count, SURFACE)
@@ -142,7 +163,7 @@ def to_surfaces(rows: np.ndarray) -> list[RigidShapeProperties]:
 def from_surfaces(values: Any, before: np.ndarray, where: str) -> np.ndarray:
     """(shape,) of SURFACE, as many as there were before."""
     rows = np.zeros_like(before)
-    for row, value in zip(rows, _listed(values, RigidShapeProperties, len(before), where), strict=True):
+    for row, value in zip(rows, listed(values, RigidShapeProperties, len(before), where), strict=True):
         for name in FIELDS:
             number = real(getattr(value, name))
             if not np.isfinite(number) or (name in FRICTIONS and number < 0.0):
@@ -185,7 +206,7 @@ def from_masses(values: Any, before: np.ndarray, recompute: bool, where: str) ->
         where: The call.
     """
     rows = before.copy()
-    for row, value in zip(rows, _listed(values, RigidBodyProperties, len(before), where), strict=True):
+    for row, value in zip(rows, listed(values, RigidBodyProperties, len(before), where), strict=True):
         for name, kind in (("com", Vec3), ("inertia", Mat33)):
             if not isinstance(getattr(value, name), kind):
                 came = type(getattr(value, name)).__name__
@@ -203,7 +224,7 @@ def from_masses(values: Any, before: np.ndarray, recompute: bool, where: str) ->
     return rows
 
 
-def _listed(values: Any, kind: type, count: int, where: str) -> Sequence[Any]:
+def listed(values: Any, kind: type, count: int, where: str) -> Sequence[Any]:
     if not isinstance(values, Sequence) or len(values) != count or not all(isinstance(each, kind) for each in values):
         raise WarpcamError(f"{where}: a list of {count} {kind.__name__} is needed, got {values!r}")
     return values

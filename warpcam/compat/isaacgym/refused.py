@@ -6,7 +6,7 @@ from typing import Any
 from warpcam.errors import WarpcamError
 
 VIEWER = "there is no window; attach a camera and save its images with write_camera_image_to_file"
-PHYSICS = "this front end is for cameras; other forces and sizes of bodies are those of the Newton model"
+PHYSICS = "this front end is for cameras; sizes and states of inner bodies are the Newton model's own"
 SOFT = "there are no soft bodies or particles here; warpcam.from_newton draws Newton's"
 REFUSED: Mapping[str, str] = {
     **dict.fromkeys(
@@ -21,13 +21,8 @@ REFUSED: Mapping[str, str] = {
     ),
     **dict.fromkeys(
         (
-            "acquire_dof_force_tensor", "refresh_dof_force_tensor", "acquire_jacobian_tensor",
-            "refresh_jacobian_tensors", "acquire_mass_matrix_tensor", "refresh_mass_matrix_tensors",
-            "apply_rigid_body_force_tensors", "apply_rigid_body_force_at_pos_tensors", "apply_body_forces",
-            "apply_body_force_at_pos", "apply_actor_dof_efforts", "apply_dof_effort", "set_rigid_body_state_tensor",
-            "set_actor_rigid_body_states", "set_actor_scale", "get_actor_scale", "enable_actor_dof_force_sensors",
-            "get_rigid_contacts", "get_env_rigid_contacts", "set_sim_params", "set_sim_rigid_body_states",
-            "get_sim_rigid_body_states", "set_dof_target_position", "set_dof_target_velocity", "add_heightfield",
+            "set_rigid_body_state_tensor", "set_actor_rigid_body_states", "set_actor_scale", "get_actor_scale",
+            "set_sim_rigid_body_states",
             "destroy_env", "set_actor_fixed_tendon_joint_coefficients",
         ),
         PHYSICS,

@@ -59,6 +59,15 @@ class Sim:
             self._physics = Physics(self.envs, self.grounds, self.up, self.gravity, self.device, self.on_host)
         return self._physics
 
+    def change(self, params: SimParams) -> None:
+        """Take other parameters, of which some can no longer be changed."""
+        up = newton.Axis.Z if params.up_axis == UpAxis.UP_AXIS_Z else newton.Axis.Y
+        if up != self.up:
+            raise WarpcamError("set_sim_params: up_axis is another than that of create_sim; it cannot be changed")
+        self.params, self.gravity = params, Vec3(*params.gravity)
+        if self._physics is not None:
+            self._physics.set_gravity(self.gravity)
+
     def total_before(self, env: Env) -> Counts:
         """What is in the environments before one, as of now."""
         if env is not self.envs[-1]:

@@ -12,7 +12,8 @@ import warp as wp
 from warpcam import interop
 from warpcam.compat.isaacgym.asset import Asset
 from warpcam.compat.isaacgym.maths import Transform, Vec3, matrix_of
-from warpcam.compat.isaacgym.options import PlaneParams, TriangleMeshParams
+from warpcam.compat.isaacgym.options import PlaneParams
+from warpcam.compat.isaacgym.terrain import Terrain, surface_of
 from warpcam.compat.numbers import whole
 from warpcam.errors import WarpcamError
 
@@ -51,7 +52,7 @@ class Actor:
         textures: (shape,) int64, handles, or NO_TEXTURE.
         properties: (dof,) of DOF_PROPERTIES.
         states: (dof,) of DOF_STATE, until the simulation is prepared.
-        targets: (dof,) by "positions" and "velocities", until the simulation has them.
+        targets: (dof,) by "positions", "velocities" and "forces", NaN for none, until the simulation has them.
         surfaces: (shape,) of SURFACE.
         masses: (body,) of MASS.
         sensors: Its asset's force sensors, as they were when it was made.
@@ -177,7 +178,7 @@ class Grounds:
     """What stands in no environment and is seen from all."""
 
     planes: list[PlaneParams] = field(default_factory=list)
-    terrains: list[tuple[newton.Mesh, TriangleMeshParams]] = field(default_factory=list)
+    terrains: list[Terrain] = field(default_factory=list)
 
     def __len__(self) -> int:
         return len(self.planes) + len(self.terrains)
@@ -188,9 +189,14 @@ class Grounds:
         return not level or bool(self.terrains and any(origin))
 
     @property
+    def differ(self) -> bool:
+        """Whether something is seen that is another thing to what collides with it."""
+        return any(terrain.seen is not terrain.felt for terrain in self.terrains)
+
+    @property
     def segments(self) -> list[int]:
         planes = [int(plane.segmentation_id) for plane in self.planes]
-        return planes + [int(params.segmentation_id) for _, params in self.terrains]
+        return planes + [int(terrain.params.segmentation_id) for terrain in self.terrains]
 
 
 @dataclass(frozen=True)
@@ -206,13 +212,18 @@ class Spot:
     bodies: np.ndarray
 
 
-def build(envs: Sequence[Env], grounds: Grounds, up: newton.Axis, gravity: Vec3) -> tuple[newton.ModelBuilder, Spot]:
-    """A world for each environment, one on the other; where grounds differ between them, each has its own."""
+def build(
+    envs: Sequence[Env], grounds: Grounds, up: newton.Axis, gravity: Vec3, drawn: bool = False
+) -> tuple[newton.ModelBuilder, Spot]:
+    """A world for each environment, one on the other; where grounds differ between them, each has its own.
+
+    To be simulated, or ``drawn``.
+    """
     builder = newton.ModelBuilder(up_axis=up, gravity=tuple(gravity))
     apart = any(grounds.moved(env.origin) for env in envs)
     shapes: list[np.ndarray] = []
     if not apart:
-        shapes.append(_add_grounds(builder, grounds, Vec3()))
+        shapes.append(_add_grounds(builder, grounds, Vec3(), drawn))
     before = Counts()
     for together in _alike(envs):
         first = together[0]
@@ -223,7 +234,7 @@ def build(envs: Sequence[Env], grounds: Grounds, up: newton.Axis, gravity: Vec3)
             firsts = []
             for env in together:
                 builder.begin_world()
-                shapes += [_add_grounds(builder, grounds, env.origin), _shapes_of(env)]
+                shapes += [_add_grounds(builder, grounds, env.origin, drawn), _shapes_of(env)]
                 firsts.append(builder.shape_count)
                 builder.add_builder(one)
                 builder.end_world()
@@ -277,20 +288,13 @@ def _move(builder: newton.ModelBuilder, actor: Actor, start: Counts) -> None:
         builder.shape_transform[start.shapes + shape] = pose * wp.transform(*own.shape_transform[shape])
 
 
-def _add_grounds(builder: newton.ModelBuilder, grounds: Grounds, origin: Vec3) -> np.ndarray:
+def _add_grounds(builder: newton.ModelBuilder, grounds: Grounds, origin: Vec3, drawn: bool) -> np.ndarray:
     """In an environment whose frame has its origin there."""
     for plane in grounds.planes:
         normal = plane.normal.normalize()
-        config = _surface(plane)
+        config = surface_of(plane)
         away = plane.distance + normal.dot(origin)
         builder.add_shape_plane(plane=(*normal, away), width=0.0, length=0.0, cfg=config, color=GREY, label="ground")
-    for mesh, params in grounds.terrains:
-        place = Transform(params.transform.p - origin, params.transform.r)
-        builder.add_shape_mesh(
-            -1, xform=wp.transform(*place.numbers()), mesh=mesh, cfg=_surface(params), color=GREY, label="terrain"
-        )
+    for terrain in grounds.terrains:
+        terrain.add(builder, origin, GREY, drawn)
     return -1 - np.arange(len(grounds))
-
-
-def _surface(params: PlaneParams | TriangleMeshParams) -> newton.ModelBuilder.ShapeConfig:
-    return newton.ModelBuilder.ShapeConfig(mu=float(params.dynamic_friction), restitution=float(params.restitution))

@@ -1,0 +1,95 @@
+"""What programs set of joints, surfaces and masses, written into the model that is simulated."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import newton
+import numpy as np
+
+from warpcam.compat.isaacgym.kinds import DofDriveMode
+from warpcam.compat.isaacgym.properties import FRICTIONS
+from warpcam.compat.isaacgym.world import Actor, Counts, Spot
+
+MODES = {
+    DofDriveMode.DOF_MODE_NONE: newton.JointTargetMode.NONE,
+    DofDriveMode.DOF_MODE_POS: newton.JointTargetMode.POSITION,
+    DofDriveMode.DOF_MODE_VEL: newton.JointTargetMode.VELOCITY,
+    DofDriveMode.DOF_MODE_EFFORT: newton.JointTargetMode.EFFORT,
+}
+# Gains by mode, as that system has them: a speed is driven by its damping alone.
+STIFF, DAMPED = (DofDriveMode.DOF_MODE_POS,), (DofDriveMode.DOF_MODE_POS, DofDriveMode.DOF_MODE_VEL)
+
+
+def write_drives(model: newton.Model, speeds: np.ndarray, actors: Sequence[Actor], solver: Any) -> None:
+    """Limits, drives and gains of all joints.
+
+    Args:
+        model: What is simulated.
+        speeds: (dof,) places among the model's joint velocities.
+        actors: All of them.
+        solver: Newton's, or None before the first step; likewise in what follows.
+    """
+    if not len(speeds):
+        return
+    rows = np.concatenate([actor.properties for actor in actors])
+    modes = rows["driveMode"]
+    for array, values in (
+        (model.joint_limit_lower, rows["lower"]),
+        (model.joint_limit_upper, rows["upper"]),
+        (model.joint_target_ke, np.where(np.isin(modes, STIFF), rows["stiffness"], 0.0)),
+        (model.joint_target_kd, np.where(np.isin(modes, DAMPED), rows["damping"], 0.0)),
+        (model.joint_velocity_limit, rows["velocity"]),
+        (model.joint_effort_limit, rows["effort"]),
+        (model.joint_friction, rows["friction"]),
+        (model.joint_armature, rows["armature"]),
+        (model.joint_target_mode, np.array([int(MODES[DofDriveMode(mode)]) for mode in modes])),
+    ):
+        host = array.numpy()
+        host[speeds] = values
+        array.assign(host)
+    if solver is not None:
+        solver.notify_model_changed(newton.ModelFlags.JOINT_DOF_PROPERTIES)
+
+
+def write_surfaces(model: newton.Model, spot: Spot, starts: Sequence[tuple[Actor, Counts]], solver: Any) -> None:
+    """Frictions of the shapes of actors that have others than their assets."""
+    changed = [pair for pair in starts if pair[0].surfaces is not pair[0].asset.first_surfaces]
+    if not changed:
+        return
+    in_model = np.flatnonzero(spot.shapes >= 0)
+    places = in_model[np.argsort(spot.shapes[in_model])]
+    for name, field in FRICTIONS.items():
+        array = getattr(model, field)
+        host = array.numpy()
+        for actor, start in changed:
+            host[places[start.shapes : start.shapes + len(actor.surfaces)]] = actor.surfaces[name]
+        array.assign(host)
+    if solver is not None:
+        solver.notify_model_changed(newton.ModelFlags.SHAPE_PROPERTIES)
+        if getattr(solver, "use_mujoco_cpu", False):  # Newton does not tell MuJoCo itself
+            solver.mj_model.geom_friction[:] = solver.mjw_model.geom_friction.numpy()[0]
+
+
+def write_masses(model: newton.Model, starts: Sequence[tuple[Actor, Counts]], solver: Any) -> None:
+    """Masses, centres and inertias of the bodies of actors that have others than their assets."""
+    changed = [pair for pair in starts if pair[0].masses is not pair[0].asset.masses]
+    if not changed:
+        return
+    mass, com, inertia = model.body_mass.numpy(), model.body_com.numpy(), model.body_inertia.numpy()
+    for actor, start in changed:
+        rows = slice(start.bodies, start.bodies + len(actor.masses))
+        mass[rows], com[rows], inertia[rows] = (actor.masses[name] for name in ("mass", "com", "inertia"))
+    fine = inertia.astype(np.float64)
+    regular = (np.abs(np.linalg.det(fine)) > 0.0)[:, None, None]
+    back = np.where(regular, np.linalg.inv(np.where(regular, fine, np.eye(3))), 0.0)
+    rate = np.divide(1.0, mass, out=np.zeros_like(mass), where=mass > 0.0)
+    for array, values in (
+        (model.body_mass, mass),
+        (model.body_com, com),
+        (model.body_inertia, inertia),
+        (model.body_inv_mass, rate),
+        (model.body_inv_inertia, back.astype(np.float32)),
+    ):
+        array.assign(values)
+    if solver is not None:
+        solver.notify_model_changed(newton.ModelFlags.BODY_INERTIAL_PROPERTIES)
