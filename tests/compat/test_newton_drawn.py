@@ -205,10 +205,15 @@ def test_a_capture_draws_what_was_drawn_before(device: wp.Device) -> None:
         pytest.skip("only CUDA has captures")
     model, state = newton_scenes.finalize(worlds_and_all(), device)
     sensor = SensorCamera(model)
-    seen_by(sensor, state)
-    with pytest.raises(wc.WarpcamError, match=r"render_config\.enable_particles: a capture is under way"):
-        with wp.ScopedCapture(device):
-            seen_by(sensor, state, enable_particles=False)
+    views = wp.array([wp.transform_identity()] * 2, dtype=wp.transformf, device=device)
+    rays = SensorCamera.compute_camera_rays_pinhole(*SIZE, camera_fov=0.9, device=device)
+    shape = sensor.allocate_image_shape_index(2, *SIZE)
+    sensor.update(state, views, rays, shape_index_image=shape)
+    without = SensorCamera.RenderConfig(enable_particles=False)
+    with wp.ScopedCapture(device):
+        with pytest.raises(wc.WarpcamError, match=r"render_config\.enable_particles: a capture is under way"):
+            sensor.update(state, views, rays, shape_index_image=shape, render_config=without)
+        sensor.update(state, views, rays, shape_index_image=shape)
 
 
 def test_an_unknown_mode_is_named(device: wp.Device) -> None:
