@@ -154,6 +154,33 @@ def test_each_call_is_the_whole_selection(device: wp.Device) -> None:
     assert colors(sensor)[0] == plain and greys <= colors(sensor)[1]
 
 
+def test_it_stays_when_fewer_shapes_are_drawn(device: wp.Device) -> None:
+    """Of which some have materials of their own."""
+    builder = newton.ModelBuilder()
+    for index in range(3):
+        mesh = newton.Mesh.create_sphere(0.3, num_latitudes=5, num_longitudes=6, compute_inertia=False)
+        mesh.roughness = 0.2 + 0.2 * index
+        if index == 2:
+            builder.begin_world()
+        builder.add_shape_mesh(-1, mesh=mesh, xform=pose(index - 1.0, 0.0, 0.0))
+    builder.end_world()
+    model, state = newton_scenes.finalize(builder, device)
+    sensor = SensorCamera(model)
+    sensor.assign_checkerboard_material(shape_indices=[1, 2], resolution=8, checker_size=1)
+    views = wp.array([wp.transform((0.0, 0.0, 4.0), wp.quat_identity())], dtype=wp.transformf, device=device)
+    rays = SensorCamera.compute_camera_rays_pinhole(48, 24, camera_fov=0.5, device=device)
+    images, shape = [], sensor.allocate_image_shape_index(1, 48, 24)
+    for everywhere in (True, False, True):
+        config = SensorCamera.RenderConfig(enable_textures=True, enable_global_world=everywhere)
+        albedo = sensor.allocate_image_albedo(1, 48, 24)
+        sensor.update(state, views, rays, albedo_image=albedo, shape_index_image=shape, render_config=config)
+        images.append(albedo.numpy())
+        assert set(np.unique(shape.numpy())) == ({0, 1, 2, 0xFFFFFFFF} if everywhere else {2, 0xFFFFFFFF})
+    there = shape.numpy() == 2
+    assert len(np.unique(images[0][there])) > 1 and (images[1][there] == images[0][there]).all()
+    assert (images[2] == images[0]).all()
+
+
 def test_the_light_is_the_default_one_again(device: wp.Device) -> None:
     builder = newton.ModelBuilder(up_axis=newton.Axis.Y)
     builder.add_shape_sphere(-1, radius=0.5)

@@ -1,5 +1,7 @@
 """What of a model Newton's settings have drawn, and its sides, beside Newton's own camera."""
 
+import gc
+import weakref
 from typing import Any
 
 import numpy as np
@@ -8,6 +10,7 @@ import scenes
 import warp as wp
 
 import warpcam as wc
+from warpcam import interop
 
 newton = pytest.importorskip("newton", reason="pip install 'warpcam[newton]'")
 import newton_scenes  # noqa: E402, newton may be missing
@@ -216,9 +219,48 @@ def test_a_capture_draws_what_was_drawn_before(device: wp.Device) -> None:
         sensor.update(state, views, rays, shape_index_image=shape)
 
 
+CHANGED = (
+    ("enable_particles", False),
+    ("enable_textures", True),
+    ("enable_ambient_lighting", False),
+    ("enable_shadows", True),
+)
+
+
+def test_what_is_captured_stays_as_it_was(device: wp.Device, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Other settings than before are refused, and its renderer is kept when the scene is made anew."""
+    model, state = newton_scenes.finalize(worlds_and_all(), device)
+    sensor = SensorCamera(model)
+    sensor.create_default_light()
+    views = wp.array([wp.transform_identity()] * 2, dtype=wp.transformf, device=device)
+    rays = SensorCamera.compute_camera_rays_pinhole(*SIZE, camera_fov=0.9, device=device)
+    color = sensor.allocate_image_color(2, *SIZE)
+
+    def update(**settings: Any) -> None:
+        sensor.update(state, views, rays, color_image=color, render_config=SensorCamera.RenderConfig(**settings))
+
+    update()
+    with monkeypatch.context() as capture:
+        capture.setattr(interop, "is_capturing", lambda device: True)
+        for name, value in CHANGED:
+            with pytest.raises(wc.WarpcamError, match=rf"render_config\.{name}: a capture is under way, and it is ano"):
+                update(**{name: value})
+        update()
+    (traced,) = sensor._views._renderers.values()
+    captured = weakref.ref(traced.renderer), weakref.ref(sensor.scene)
+    del traced
+    update(enable_particles=False)
+    gc.collect()
+    assert all(kept() is not None for kept in captured) and captured[1]() is not sensor.scene
+    scene = weakref.ref(sensor.scene)
+    update()
+    gc.collect()
+    assert scene() is None  # which no capture has
+
+
 def test_an_unknown_mode_is_named(device: wp.Device) -> None:
     model = newton.ModelBuilder().finalize(device=device)
-    with pytest.raises(wc.WarpcamError, match="Invalid deformable_surface_mode: 3"):
+    with pytest.raises(wc.WarpcamError, match="Invalid deformable_surface_mode: 3; allowed are BOTH"):
         SensorCamera(model, deformable_surface_mode=3)
 
 

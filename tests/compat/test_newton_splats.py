@@ -8,6 +8,7 @@ import scenes
 import warp as wp
 
 import warpcam as wc
+from warpcam import interop
 
 newton = pytest.importorskip("newton", reason="pip install 'warpcam[newton]'")
 import newton_scenes  # noqa: E402, newton may be missing
@@ -135,6 +136,60 @@ def test_settings_of_splats_may_change(device: wp.Device) -> None:
         assert set(np.unique(color.numpy()[hit] >> 24)) <= {255}
         assert (color.numpy()[~hit] == 0).all()
     assert counts[0] == counts[2] < counts[1]
+
+
+def test_limits_that_a_capture_writes_are_not_taken_for_others(
+    device: wp.Device, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    builder = newton.ModelBuilder()
+    builder.add_shape_gaussian(-1, gaussian=faint(3))
+    model, state = newton_scenes.finalize(builder, device)
+    sensor = SensorCamera(model)
+    views = wp.array([wp.transform((0.0, 0.0, 4.0), wp.quat_identity())], dtype=wp.transformf, device=device)
+    rays = SensorCamera.compute_camera_rays_pinhole(*SIZE, camera_fov=0.7, device=device)
+    shape = sensor.allocate_image_shape_index(1, *SIZE)
+    limits: Any = sensor.scene._source
+    limits = limits.parts.splat_limits
+
+    def update(most: int) -> None:
+        config = SensorCamera.RenderConfig(gaussians_max_num_hits=most)
+        sensor.update(state, views, rays, shape_index_image=shape, render_config=config)
+
+    update(20)
+    with monkeypatch.context() as capture:
+        capture.setattr(interop, "is_capturing", lambda device: True)
+        update(5)
+    update(20)
+    limits.fill_(wp.vec2(0.5, 5.0))  # as a launch of the graph would
+    update(20)
+    assert limits.numpy()[0, 1] == 20.0
+
+
+def test_a_cloud_may_be_left_out_and_seen_by_other_renderers(device: wp.Device) -> None:
+    """One that is in all worlds; those of the user's own need no update before them."""
+    builder = newton.ModelBuilder()
+    source = gaussians(np.zeros((1, 3)), np.ones((1, 3)), scales=np.full(1, 0.5), opacities=0.9)
+    builder.add_shape_gaussian(-1, gaussian=source)
+    model, state = newton_scenes.finalize(builder, device)
+    sensor = SensorCamera(model)
+    camera = wc.Camera(
+        "eye",
+        width=SIZE[0],
+        height=SIZE[1],
+        outputs=["segmentation"],
+        lens=wc.Pinhole(fovy=40.0),
+        position=(0.0, 0.0, 4.0),
+    )
+    ids = wc.Renderer(sensor.scene, [camera]).render()["eye"]["segmentation"].cpu().numpy()
+    counts = [(ids == 0).sum()]
+    views = wp.array([wp.transform((0.0, 0.0, 4.0), wp.quat_identity())], dtype=wp.transformf, device=device)
+    rays = SensorCamera.compute_camera_rays_pinhole(*SIZE, camera_fov=np.radians(40.0), device=device)
+    shape = sensor.allocate_image_shape_index(1, *SIZE)
+    for everywhere in (True, False, True):
+        config = SensorCamera.RenderConfig(enable_global_world=everywhere)
+        sensor.update(state, views, rays, shape_index_image=shape, render_config=config)
+        counts.append((shape.numpy() == 0).sum())
+    assert counts[0] == counts[1] == counts[3] > 20 and counts[2] == 0
 
 
 @pytest.mark.parametrize(

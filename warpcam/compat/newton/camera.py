@@ -34,7 +34,8 @@ class SensorCamera(NewtonsCamera):
             ``world_indices``, which waits for the device.
 
     Attributes:
-        scene: The ``warpcam.Scene`` that it looks at; a checkerboard of another kind makes it anew.
+        scene: The ``warpcam.Scene`` that it looks at; a checkerboard of another kind makes it anew, and settings
+            that say what of the model is drawn.
         left_out: How often a view was cleared since its world had too many: int32 (1,), a Warp array.
     """
 
@@ -51,7 +52,10 @@ class SensorCamera(NewtonsCamera):
     ):
         mode = BOTH if deformable_surface_mode is None else deformable_surface_mode
         if mode not in (BOTH, SIMULATION_ONLY, VISUAL_ONLY):
-            raise WarpcamError(f"Invalid deformable_surface_mode: {deformable_surface_mode!r}")
+            raise WarpcamError(
+                f"Invalid deformable_surface_mode: {deformable_surface_mode!r}; allowed are BOTH (0), SIMULATION_ONLY "
+                "(1) and VISUAL_ONLY (2)"
+            )
         self.default_clear_data = NewtonsCamera.ClearData() if default_clear_data is None else default_clear_data
         self.default_render_config = (
             NewtonsCamera.RenderConfig() if default_render_config is None else default_render_config

@@ -1,6 +1,7 @@
 """Newton's render settings: which are honoured, and how, and which are refused."""
 
 import math
+from collections.abc import Sequence
 from typing import Any
 
 import newton
@@ -13,6 +14,7 @@ from warpcam.kernels.types import ROLE_COLOR
 
 SKY, GROUND = (0.2, 0.2, 0.225), (0.05, 0.05, 0.06)  # what shines on what faces up and down unless told
 HALF_LOST = 0.49  # of the light comes through: where splats are a surface to Newton, unless told
+USUAL_LIMITS = float(np.nextafter(np.float32(HALF_LOST), np.float32(-1.0))), 20.0  # see splat_limits
 FAST, QUALITY = range(2)  # Newton's GaussianRenderMode: the nearest splats of a cloud, or all
 UP_SHARE = 1.5  # a surface takes two thirds of a sky's first order
 DOWN = (-0.57735026, 0.57735026, -0.57735026)  # where the light shines where z is up, unless told
@@ -33,7 +35,7 @@ class Looks:
     def __init__(self, model: newton.Model, physical: bool, textures: bool):
         self._model, self._up, self._physical, self._loaded = model, np.eye(3)[int(model.up_axis)], physical, textures
         self._light: tuple[bool, tuple[float, ...], tuple[float, ...]] | None = None
-        self._shown, self._ambient, self._shadows = True, True, False
+        self._settings = {"enable_textures": True, "enable_ambient_lighting": True, "enable_shadows": False}
         self._sky, self._ground = np.array(SKY), np.array(GROUND)
 
     def take(self, scene: wc.Scene, num_finishes: int) -> None:
@@ -41,7 +43,7 @@ class Looks:
 
         Args:
             scene: Made with two lights and no ambient light.
-            num_finishes: How many of its materials are the model's; as many more may show a checkerboard instead.
+            num_finishes: How many of its materials are the model's; as many more, or yet more, may show a checkerboard.
         """
         self._scene, self._count = scene, num_finishes
         self._textures = scene.array("material_texture")
@@ -77,12 +79,12 @@ class Looks:
         columns, textures = scene.columns, self._all.numpy()
         finishes = scene.array("shape_materials").numpy() % count
         textures[:, np.unique(np.broadcast_to(finishes, columns.shape)[columns >= 0]), ROLE_COLOR] = -1
-        textures[:, count:, ROLE_COLOR] = texture
+        textures[:, count : 2 * count, ROLE_COLOR] = texture
         self._all.assign(textures)
         scene.array("shape_materials").assign(np.where(np.isin(columns, shapes), count + finishes, finishes))
         for name in ("material_roughness", "material_metallic"):
             values = scene.array(name).numpy()
-            values[:, count:] = values[:, :count]
+            values[:, count : 2 * count] = values[:, :count]
             scene.array(name).assign(values)
         self._write()
 
@@ -90,27 +92,32 @@ class Looks:
         """Whether there are any, shown now or not; reads them from the device."""
         return bool(self._all.numpy().max(initial=-1) >= 0)
 
-    def show(self, textures: bool, ambient: bool, shadows: bool) -> None:
-        """Bring the scene to these settings; what is so already costs nothing."""
-        if textures != self._shown:
-            self._shown = textures
+    def show(self, config: Any, capturing: bool) -> None:
+        """Bring the scene to these settings; what is so already costs nothing.
+
+        Args:
+            config: Newton's RenderConfig.
+            capturing: Whether a capture is under way: nothing is written then before the graph is launched.
+        """
+        wanted = {name: bool(getattr(config, name)) for name in self._settings}
+        changed = [name for name in wanted if wanted[name] != self._settings[name]]
+        require_unchanged(changed, capturing)
+        self._settings = wanted
+        if "enable_textures" in changed:
             self._write()
-        if ambient != self._ambient:
-            self._ambient = ambient
+        if "enable_ambient_lighting" in changed:
             self._write_sky()
-        if shadows != self._shadows:
-            self._shadows = shadows
-            if self._light is not None:
-                self._write_light()
+        if "enable_shadows" in changed and self._light is not None:
+            self._write_light()
 
     def _write(self) -> None:
-        wp.copy(self._textures, self._all if self._shown else self._none)
+        wp.copy(self._textures, self._all if self._settings["enable_textures"] else self._none)
 
     def _write_light(self) -> None:
         """One light, or two of its direction: one for what there is in the shadow of the other, too."""
         assert self._light is not None
         casts, direction, color = self._light
-        scene, parted = self._scene, casts and self._shadows
+        scene, parted = self._scene, casts and self._settings["enable_shadows"]
         scene.array("light_directions").fill_(wp.normalize(wp.vec3(*direction)))
         for light, share in enumerate((1.0 - LEFT, LEFT) if parted else (1.0, 0.0)):
             scene.array("light_active")[:, light].fill_(share > 0.0)
@@ -120,7 +127,7 @@ class Looks:
 
     def _write_sky(self) -> None:
         terms = np.zeros((*self._scene.array("sky").shape, 3), np.float32)
-        if self._ambient:
+        if self._settings["enable_ambient_lighting"]:
             terms[:, 0] = 0.5 * (self._sky + self._ground)
             terms[:, 1:4] = UP_SHARE * 0.5 * np.outer(self._up, self._sky - self._ground)
         self._scene.array("sky").assign(terms)
@@ -160,6 +167,15 @@ def check_shapes(shapes: Any, model: newton.Model) -> np.ndarray:
     return chosen
 
 
+def require_unchanged(changed: Sequence[str], capturing: bool) -> None:
+    """Raise if settings are others than before, by their names, within a capture."""
+    if changed and capturing:
+        raise WarpcamError(
+            f"render_config.{changed[0]}: a capture is under way, and it is another than before; call update once with "
+            "it before the capture"
+        )
+
+
 def check_config(config: Any, samples: int) -> None:
     """Raise for settings that Newton's camera refuses, too.
 
@@ -169,11 +185,16 @@ def check_config(config: Any, samples: int) -> None:
     """
     anti_aliasing = getattr(config, "anti_aliasing", 0)
     if anti_aliasing not in (0, 1, 2):
-        raise WarpcamError(f"Invalid anti_aliasing mode: {anti_aliasing!r}")
+        raise WarpcamError(
+            f"Invalid anti_aliasing mode: {anti_aliasing!r}; allowed are NONE (0), SSAA (1) and MSAA (2)"
+        )
     if samples > 1 and anti_aliasing == 0:
         raise WarpcamError("anti_aliasing must be SSAA or MSAA for camera_rays with more than one sample")
     if config.texture_projection_mode not in (0, 1):
-        raise WarpcamError(f"Invalid texture_projection_mode: {config.texture_projection_mode!r}")
+        raise WarpcamError(
+            f"Invalid texture_projection_mode: {config.texture_projection_mode!r}; allowed are CUBIC (0) and "
+            "TRIPLANAR (1)"
+        )
 
 
 def splat_limits(config: Any) -> tuple[float, float]:
@@ -183,7 +204,7 @@ def splat_limits(config: Any) -> tuple[float, float]:
         config: Newton's RenderConfig.
     """
     if config.gaussians_mode not in (FAST, QUALITY):
-        raise WarpcamError(f"Invalid gaussians_mode: {config.gaussians_mode!r}")
+        raise WarpcamError(f"Invalid gaussians_mode: {config.gaussians_mode!r}; allowed are FAST (0) and QUALITY (1)")
     least, most = getattr(config, "gaussians_min_transmittance", HALF_LOST), config.gaussians_max_num_hits
     for name, value in (("gaussians_min_transmittance", least), ("gaussians_max_num_hits", most)):
         if not isinstance(value, int | float | np.number) or isinstance(value, bool) or not value >= 0:

@@ -13,12 +13,14 @@ from warpcam import interop
 from warpcam.compat.newton.drawn import Drawn
 from warpcam.compat.newton.rays import Bundle, Bundles
 from warpcam.compat.newton.settings import (
+    USUAL_LIMITS,
     Looks,
     check_config,
     check_shapes,
     checkerboard,
     default_direction,
     linear_color,
+    require_unchanged,
     splat_limits,
 )
 from warpcam.errors import WarpcamError
@@ -39,13 +41,16 @@ IMAGES: Mapping[str, tuple[str, str, Any]] = {
     "normal_image": ("normal", "normals", wp.vec3),
     "albedo_image": ("albedo", "albedo", wp.uint32),
 }
-SOURCES = {
+# Each output and the field of Sources that it is.
+SOURCES: Mapping[str, str] = {
     "depth": "depth",
     "distance": "depth",
     "rgb": "color",
     "rgba": "color",
     "hdr": "hdr",
     "segmentation": "shape",
+    "normals": "normal",
+    "albedo": "albedo",
 }
 # Which setting says what of a model is drawn.
 SETTINGS: Mapping[str, str] = {
@@ -54,7 +59,6 @@ SETTINGS: Mapping[str, str] = {
     "shared": "enable_global_world",
     "triplanar": "texture_projection_mode",
 }
-SOURCES.update({"normals": "normal", "albedo": "albedo"})
 
 
 class Mapped:
@@ -100,8 +104,11 @@ class Views:
         self._checked: np.ndarray | None = None
         self._num_finishes, self._drawn = 0, Drawn(model, simulated, visual)
         self._limits: tuple[float, float] | None = None  # of splats, as far as it is known
+        self._captured = False  # whether graphs may write other limits whenever they are launched
+        self._held: dict[tuple[int, int], Any] = {}  # what graphs use
         self._choice = self._drawn.usual
         self._build()
+        self._most_finishes = self._num_finishes  # other choices draw no more
 
     def assign_checkerboard(self, shape_indices: Any, resolution: Any, checker_size: Any) -> None:
         """Let these shapes alone show a checkerboard."""
@@ -122,21 +129,17 @@ class Views:
         if choice == self._choice:
             return
         changed = [name for name in vars(choice) if getattr(choice, name) != getattr(self._choice, name)]
-        if interop.is_capturing(self.device):
-            raise WarpcamError(
-                f"render_config.{SETTINGS[changed[0]]}: a capture is under way, and it is another than before; call "
-                "update once with it before the capture"
-            )
+        require_unchanged([SETTINGS[name] for name in changed], interop.is_capturing(self.device))
         self._choice = choice
         if changed != ["triplanar"] or self.looks.have_textures():
             self._build()
 
     def _limit_splats(self, limits: tuple[float, float]) -> None:
-        capturing = interop.is_capturing(self.device)
-        if limits != self._limits or capturing:
-            source: Any = self.scene._source
+        source: Any = self.scene._source
+        self._captured |= interop.is_capturing(self.device)
+        if source.parts.splat_limits is not None and (limits != self._limits or self._captured):
             source.parts.splat_limits.fill_(wp.vec2(*limits))
-        self._limits = None if capturing else limits  # what a capture writes is there when it is launched
+        self._limits = limits
 
     def _build(self) -> None:
         """Make the scene, anew where the images that shapes may show are others, or lie another way."""
@@ -144,7 +147,7 @@ class Views:
         light = wc.Light(direction=default_direction(model))
         images = []
         if self._board is not None:  # for each of the model's materials one that shows it
-            images = [self._board, *[np.zeros((1, 1, 3), np.uint8)] * (self._num_finishes - 1)]
+            images = [self._board, *[np.zeros((1, 1, 3), np.uint8)] * (self._most_finishes - 1)]
         with context_kept():
             self.scene = load(model, model.state(), [light] * 2, (0.0, 0.0, 0.0), None, None, images, self._choice)
         self._num_finishes = self.scene.array("material_roughness").shape[1] - len(images)
@@ -154,6 +157,7 @@ class Views:
         if self._checked is not None:
             self.looks.check(self._checked, self._first_image)
         self._limits = None
+        self._limit_splats(USUAL_LIMITS)  # for renderers of the user's own, before the first update
         self._renderers: dict[tuple[Any, ...], _Traced] = {}
 
     def render(
@@ -185,10 +189,10 @@ class Views:
             if self._drawn.splats:
                 self._limit_splats(splat_limits(config))
             self.scene.bind(state)
-            self.looks.show(
-                bool(config.enable_textures), bool(config.enable_ambient_lighting), bool(config.enable_shadows)
-            )
+            self.looks.show(config, interop.is_capturing(self.device))
             traced = self._traced(seen, clear_data, config)
+            if interop.is_capturing(self.device):
+                self._held[id(traced), id(mapped)] = traced, mapped, [each.bundle for each in seen]
             for camera, each in enumerate(seen):
                 traced.place(camera, mapped, each)
             traced.renderer.render(worlds=mapped.mask)
