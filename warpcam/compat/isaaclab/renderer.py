@@ -10,8 +10,12 @@ import warpcam as wc
 from warpcam.compat.isaaclab.render_data import LABELLED, RenderData
 from warpcam.compat.isaaclab.renderer_cfg import NAME, WarpcamRendererCfg
 from warpcam.errors import WarpcamError
+from warpcam.kernels.streams import context_kept
+from warpcam.sources.newton import load
+from warpcam.sources.newton_choice import Choice
 
 AMBIENT = (0.2, 0.2, 0.2)
+LIKE_NEWTONS = Choice(lit_normals=True)
 
 
 class WarpcamRenderer(BaseRenderer):
@@ -37,12 +41,10 @@ class WarpcamRenderer(BaseRenderer):
         self._provider = sim.get_scene_data_provider()
         model = self._backend.model
         self._mapping = self._provider.create_mapping(list(model.body_label))
-        self.scene = wc.from_newton(
-            model,
-            self._backend.state_0,
-            lights=None if self.cfg.create_default_light else (),
-            ambient=AMBIENT if self.cfg.enable_ambient_lighting else (0.0, 0.0, 0.0),
-        )
+        lights = None if self.cfg.create_default_light else ()
+        ambient = AMBIENT if self.cfg.enable_ambient_lighting else (0.0, 0.0, 0.0)
+        with context_kept():
+            self.scene = load(model, self._backend.state_0, lights, ambient, None, None, choice=LIKE_NEWTONS)
         if not self.cfg.enable_textures:
             self.scene.array("material_texture").fill_(-1)
 
