@@ -3,6 +3,7 @@
 import gc
 import weakref
 from typing import Any
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -256,6 +257,21 @@ def test_what_is_captured_stays_as_it_was(device: wp.Device, monkeypatch: pytest
     update()
     gc.collect()
     assert scene() is None  # which no capture has
+
+
+def test_a_scene_that_cannot_be_made_is_made_when_it_is_asked_for_again(
+    device: wp.Device, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As when memory is short."""
+    model, state = newton_scenes.finalize(worlds_and_all(), device)
+    sensor = SensorCamera(model)
+    with monkeypatch.context() as full:
+        full.setattr("warpcam.compat.newton.views.load", Mock(side_effect=MemoryError))
+        with pytest.raises(MemoryError):
+            seen_by(sensor, state, enable_particles=False)
+    for particles in (False, True):
+        ids = seen_by(sensor, state, enable_particles=particles)["shape_index_image"]
+        assert (PARTICLE in ids) == particles
 
 
 def test_an_unknown_mode_is_named(device: wp.Device) -> None:

@@ -29,6 +29,7 @@ from warpcam.kernels.launch import record
 from warpcam.kernels.streams import context_kept
 from warpcam.kernels.types import ROLE_COLOR
 from warpcam.sources.newton import load
+from warpcam.sources.newton_choice import Choice
 
 MAX_RENDERERS = 8  # sizes and sets of images that a sensor goes to and fro between
 # What is asked for: the field of Images, the outputs it is made of, and its dtype.
@@ -106,8 +107,7 @@ class Views:
         self._limits: tuple[float, float] | None = None  # of splats, as far as it is known
         self._captured = False  # whether graphs may write other limits whenever they are launched
         self._held: dict[tuple[int, int], Any] = {}  # what graphs use
-        self._choice = self._drawn.usual
-        self._build()
+        self._build(self._drawn.usual)
         self._most_finishes = self._num_finishes  # other choices draw no more
 
     def assign_checkerboard(self, shape_indices: Any, resolution: Any, checker_size: Any) -> None:
@@ -119,7 +119,7 @@ class Views:
             self._checked = shapes
             if self._board is None or not np.array_equal(board, self._board):
                 self._board = board
-                self._build()
+                self._build(self._choice)
             else:
                 self.looks.check(shapes, self._first_image)
 
@@ -130,9 +130,9 @@ class Views:
             return
         changed = [name for name in vars(choice) if getattr(choice, name) != getattr(self._choice, name)]
         require_unchanged([SETTINGS[name] for name in changed], interop.is_capturing(self.device))
-        self._choice = choice
         if changed != ["triplanar"] or self.looks.have_textures():
-            self._build()
+            self._build(choice)
+        self._choice = choice
 
     def _limit_splats(self, limits: tuple[float, float]) -> None:
         source: Any = self.scene._source
@@ -141,7 +141,7 @@ class Views:
             source.parts.splat_limits.fill_(wp.vec2(*limits))
         self._limits = limits
 
-    def _build(self) -> None:
+    def _build(self, choice: Choice) -> None:
         """Make the scene, anew where the images that shapes may show are others, or lie another way."""
         model = self.model
         light = wc.Light(direction=default_direction(model))
@@ -149,7 +149,8 @@ class Views:
         if self._board is not None:  # for each of the model's materials one that shows it
             images = [self._board, *[np.zeros((1, 1, 3), np.uint8)] * (self._most_finishes - 1)]
         with context_kept():
-            self.scene = load(model, model.state(), [light] * 2, (0.0, 0.0, 0.0), None, None, images, self._choice)
+            self.scene = load(model, model.state(), [light] * 2, (0.0, 0.0, 0.0), None, None, images, choice)
+        self._choice = choice
         self._num_finishes = self.scene.array("material_roughness").shape[1] - len(images)
         first = self.scene.array("material_texture").numpy()[0, self._num_finishes :, ROLE_COLOR]
         self._first_image = int(first[0]) if len(first) else -1
