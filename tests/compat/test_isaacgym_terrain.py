@@ -172,6 +172,26 @@ def test_heights_are_found_in_triangles() -> None:
     assert len(np.unique(upright(samples, 20)[0][:, :2], axis=0)) < samples.size
 
 
+def test_heights_are_found_far_from_the_first_ones() -> None:
+    """Where steps of single precision differ, so that one of them does not tell how many there are."""
+    samples = np.zeros((12, 4000), int)
+    samples[3:7, 2000:2003] = 60
+    found = heights_of(*upright(samples, 20))
+    assert found is not None and found[0].shape == samples.shape
+    np.testing.assert_allclose(found[0] / RISE, samples, atol=1e-3)
+
+
+def test_a_vertex_may_have_left_the_rim() -> None:
+    samples = np.zeros((7, 6), int)
+    samples[3, 1] = samples[5, 4] = 60
+    vertices, triangles = upright(samples, 20)
+    assert not np.isclose(vertices[3 * 6, :2], (3 * STEP_X, 0.0)).all()
+    found = heights_of(vertices, triangles)
+    assert found is not None
+    np.testing.assert_allclose(found[0][[3, 6, 5], [0, 4, 5]], 0.0)
+    assert found[0][3, 1] == found[0][5, 4] == np.float32(60 * RISE)
+
+
 def test_vertices_that_are_no_grid_are_collided_with_as_their_hull() -> None:
     vertices, triangles = triangles_of(SAMPLES)
     bent = vertices.copy()
