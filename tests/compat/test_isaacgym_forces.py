@@ -13,7 +13,7 @@ import warpcam as wc
 mujoco, newton = pytest.importorskip("mujoco"), pytest.importorskip("newton")
 from gym_worlds import GYM, at, new_sim  # noqa: E402, newton may be missing
 
-from warpcam.compat.isaacgym import gymapi, gymtorch  # noqa: E402
+from warpcam.compat.isaacgym import gymapi, gymtorch, settings  # noqa: E402
 
 pytestmark = pytest.mark.filterwarnings("ignore")  # Newton's own
 CRANE = """
@@ -237,6 +237,25 @@ def test_a_heavier_body_is_in_the_mass_matrix_at_once(device: wp.Device, tmp_pat
     expected = before.clone()
     expected[0, 3, 3] += 2.0
     torch.testing.assert_close(masses, expected)
+
+
+def test_drives_of_many_actors_are_written_at_once(
+    device: wp.Device, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As they are read next: a program may set those of each actor, one after the other."""
+    sim = cranes(device, tmp_path, 3)
+    GYM.prepare_sim(sim)
+    masses, written = wrapped(GYM.acquire_mass_matrix_tensor(sim, "crane")), []
+    before, write = masses.clone(), settings.write_drives
+    monkeypatch.setattr(settings, "write_drives", lambda *given: written.append(1) or write(*given))
+    for index in range(3):
+        drives = GYM.get_actor_dof_properties(GYM.get_env(sim, index), 1)
+        drives["armature"][2] += 0.5 + index
+        GYM.set_actor_dof_properties(GYM.get_env(sim, index), 1, drives)
+    GYM.refresh_mass_matrix_tensors(sim)
+    assert len(written) == 1
+    before[:, 2, 2] += 0.5 + torch.arange(3, device=before.device)
+    torch.testing.assert_close(masses, before)
 
 
 def test_matrices_that_cannot_be_given_are_named(device: wp.Device, tmp_path: Path) -> None:

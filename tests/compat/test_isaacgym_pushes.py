@@ -140,6 +140,11 @@ def test_single_joints_are_told(device: wp.Device, tmp_path: Path, prepared: boo
         GYM.prepare_sim(sim)
     assert GYM.apply_actor_dof_efforts(env, 0, np.array((0.8, 0.3), np.float32))
     GYM.apply_dof_effort(env, 1, 0.4)
+    for told in (np.array((0.1, np.nan)), np.array((np.inf, 0.0))):
+        with pytest.raises(wc.WarpcamError, match="apply_actor_dof_efforts: finite numbers are needed, got"):
+            GYM.apply_actor_dof_efforts(env, 0, told)
+    with pytest.raises(wc.WarpcamError, match="set_dof_target_velocity: a finite number is needed, got inf"):
+        GYM.set_dof_target_velocity(env, 2, np.inf)
     GYM.set_dof_target_velocity(env, 2, 0.25)
     GYM.set_dof_target_velocity(env, 3, -0.5)
     GYM.simulate(sim)
@@ -160,6 +165,7 @@ def test_single_joints_are_told(device: wp.Device, tmp_path: Path, prepared: boo
     for _ in range(100):
         GYM.simulate(sim)
     np.testing.assert_allclose(GYM.get_actor_dof_states(env, 1)["pos"], (0.1, -0.1), atol=0.01)
+    assert sim.physics._pushes is None  # no memory for what is never pushed
 
 
 @pytest.mark.parametrize("count", [1, 2], ids=["MuJoCo", "MuJoCo-Warp"])
@@ -173,8 +179,11 @@ def test_gravity_and_steps_may_change(device: wp.Device, count: int) -> None:
     bodies = wrapped(GYM.acquire_rigid_body_state_tensor(sim)).view(count, 2, 13)
     np.testing.assert_allclose(gained(sim, bodies)[:, 0, :3], [(0, 0, -9.81 * DT)] * count, atol=1e-5)
     params = GYM.get_sim_params(sim)
-    params.gravity, params.dt = gymapi.Vec3(1.0, 0.0, -3.0), 2.0 * DT
+    params.gravity.x, params.gravity.z, params.dt = 1.0, -3.0, 2.0 * DT
+    before = GYM.get_sim_params(sim)  # not yet: each is a copy
+    assert (before.gravity.x, before.gravity.z, before.dt) == (0.0, pytest.approx(-9.81), DT)
     GYM.set_sim_params(sim, params)
+    params.gravity.z, params.dt = 7.0, 7.0
     np.testing.assert_allclose(gained(sim, bodies)[:, 0, :3], [(2.0 * DT, 0, -6.0 * DT)] * count, atol=1e-5)
     np.testing.assert_allclose(bodies[:, 1, 7:10].cpu(), 0.0, atol=1e-6)
     with pytest.raises(wc.WarpcamError, match="up_axis is another than that of create_sim"):
@@ -192,6 +201,11 @@ def test_what_cannot_push_is_named() -> None:
         (lambda: GYM.apply_body_force_at_pos(env, 0, (1, 2, 3)), r"vectors must be Vec3, got \(1, 2, 3\)"),
         (lambda: GYM.apply_dof_effort(env, 0, 1.0), "degree of freedom 0 came, environment 0 has 0"),
         (lambda: GYM.set_sim_params(sim, None), "SimParams are needed, got NoneType"),
+        (lambda: GYM.set_sim_params(sim, gymapi.SimParams(dt=0.0, up_axis=gymapi.UP_AXIS_Z)), "dt must be positive"),
+        (
+            lambda: GYM.set_sim_params(sim, gymapi.SimParams(gravity=(0, 0, -9.8), up_axis=gymapi.UP_AXIS_Z)),
+            r"set_sim_params: SimParams.gravity must be a Vec3 of finite numbers, got \(0, 0, -9.8\)",
+        ),
     ]
     for call, message in mistakes:
         with pytest.raises(wc.WarpcamError, match=message):

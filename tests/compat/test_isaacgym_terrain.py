@@ -200,8 +200,14 @@ def test_vertices_that_are_no_grid_are_collided_with_as_their_hull() -> None:
     for points, faces in ((bent, triangles), (corners, [(0, 4, 6), (1, 7, 3)]), (corners[:4], [(0, 1, 2)])):
         assert heights_of(points, np.asarray(faces)) is None
         sim = new_sim(wp.get_device("cpu"))
-        with pytest.warns(RuntimeWarning, match="MuJoCo collides with their convex hull"):
+        with pytest.warns(RuntimeWarning, match="are no grid along x and y, so that MuJoCo collides with the convex"):
             GYM.add_triangle_mesh(sim, points, np.asarray(faces), gymapi.TriangleMeshParams())
+
+
+def test_where_y_is_up_terrains_are_collided_with_as_their_hull() -> None:
+    sim = new_sim(wp.get_device("cpu"), up=gymapi.UP_AXIS_Y)
+    with pytest.warns(RuntimeWarning, match="add_triangle_mesh: z is not up, so that MuJoCo collides with the convex"):
+        GYM.add_triangle_mesh(sim, *triangles_of(SAMPLES), gymapi.TriangleMeshParams())
 
 
 def test_level_heights_are_level(device: wp.Device) -> None:
@@ -231,6 +237,8 @@ def test_what_no_terrain_can_be_made_of_is_named() -> None:
     for call, message in mistakes:
         with pytest.raises(wc.WarpcamError, match=f"add_heightfield: .*{message}"):
             call()
+    with pytest.raises(wc.WarpcamError, match="add_triangle_mesh: TriangleMeshParams are needed, got HeightField"):
+        GYM.add_triangle_mesh(sim, *triangles_of(SAMPLES), described())
     GYM.create_env(sim, gymapi.Vec3(), gymapi.Vec3(), 1)
     GYM.prepare_sim(sim)
     with pytest.raises(wc.WarpcamError, match="add_heightfield: the simulation is prepared already"):

@@ -242,7 +242,7 @@ class AssetCalls:
             one_of(DofDriveMode, mode, "set_actor_dof_properties: driveMode")
         found.properties[:] = properties
         if env.sim.prepared:
-            env.sim.physics.write_properties()
+            env.sim.physics.stale.add("drives")
         return True
 
     def get_sim_actor_count(self, sim: Sim) -> int:
