@@ -114,6 +114,25 @@ def test_forces_act_where_they_are_put(device: wp.Device, space: gymapi.Coordina
     np.testing.assert_allclose(gained(sim, bodies), expected, rtol=0.02, atol=2e-4)
 
 
+@pytest.mark.parametrize("placed", [False, True])
+@pytest.mark.parametrize("count", [1, 2], ids=["MuJoCo", "MuJoCo-Warp"])
+def test_a_force_at_the_centre_of_mass_turns_nothing(device: wp.Device, count: int, placed: bool) -> None:
+    """Which is beside the body's origin."""
+    sim, bodies = floating(device, count)
+    for index in range(count):
+        env = GYM.get_env(sim, index)
+        properties = GYM.get_actor_rigid_body_properties(env, 1)
+        properties[0].com = gymapi.Vec3(0.05, 0.0, 0.1)
+        GYM.set_actor_rigid_body_properties(env, 1, properties)
+    forces, places = np.zeros((count, 2, 3)), np.zeros((count, 2, 3))
+    forces[:, 1], places[:, 1] = (0.5, -1.0, 0.7), (1.0, 2.05, 3.1)  # a quarter turned
+    where = described(places, bodies) if placed else None
+    assert GYM.apply_rigid_body_force_at_pos_tensors(sim, described(forces, bodies), where)
+    expected = np.zeros((count, 2, 6))
+    expected[:, 1, :3] = forces[:, 1] * DT / MASS
+    np.testing.assert_allclose(gained(sim, bodies), expected, rtol=2e-3, atol=1e-4)
+
+
 def test_one_body_is_pushed_alone(device: wp.Device) -> None:
     sim, bodies = floating(device, 2)
     env = GYM.get_env(sim, 1)

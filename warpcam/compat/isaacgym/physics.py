@@ -239,7 +239,8 @@ class Physics:
             self._pushing().add_one(self.state, space, body, **given)
 
     def _pushing(self) -> Pushes:
-        """Made for programs that push."""
+        """Made for programs that push; centres of mass are those that were set last."""
+        self._write_stale()
         if self._pushes is None:
             self._pushes = Pushes(self.model, self._envs)
         return self._pushes
