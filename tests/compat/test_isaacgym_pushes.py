@@ -209,6 +209,33 @@ def test_gravity_and_steps_may_change(device: wp.Device, count: int) -> None:
         GYM.set_sim_params(sim, gymapi.SimParams(up_axis=gymapi.UP_AXIS_Y))
 
 
+def test_tasks_are_randomized(device: wp.Device) -> None:
+    """As IsaacGymEnvs does: it looks up all calls, and starts from what gravity was the first time."""
+    sim, _ = floating(device, 2)
+    setters = {
+        name: (getattr(GYM, f"get_{call}"), getattr(GYM, f"set_{call}"))
+        for name, call in (
+            ("dof_properties", "actor_dof_properties"),
+            ("tendon_properties", "actor_tendon_properties"),
+            ("rigid_body_properties", "actor_rigid_body_properties"),
+            ("rigid_shape_properties", "actor_rigid_shape_properties"),
+            ("sim_params", "sim_params"),
+        )
+    }
+    with pytest.raises(wc.WarpcamError, match=r"Gym\.get_actor_tendon_properties is not here: tendons pull nothing"):
+        setters["tendon_properties"][0](GYM.get_env(sim, 0), 0)
+    get, put = setters["sim_params"]
+    first = get(sim)
+    original = {name: getattr(first, name) for name in dir(first)}
+    for count in range(3):
+        assert GYM.get_frame_count(sim) == count
+        params = get(sim)
+        params.gravity.z = original["gravity"].z + np.float64(1.0)
+        put(sim, params)
+        GYM.simulate(sim)
+    assert get(sim).gravity.z == pytest.approx(-9.81 + 1.0)
+
+
 def test_what_cannot_push_is_named() -> None:
     sim, bodies = floating(wp.get_device("cpu"), 1)
     env, force = GYM.get_env(sim, 0), described(np.zeros((2, 3)), torch.zeros(1))

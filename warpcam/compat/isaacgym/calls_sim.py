@@ -69,6 +69,10 @@ class SimCalls:
     def get_elapsed_time(self, sim: Sim) -> float:
         return sim_of(sim, "get_elapsed_time").time
 
+    def get_frame_count(self, sim: Sim) -> int:
+        """How many times ``simulate`` has been called."""
+        return sim_of(sim, "get_frame_count").steps
+
     def prepare_sim(self, sim: Sim) -> bool:
         """Build it all. What needs it does so by itself."""
         return sim_of(sim, "prepare_sim").physics is not None
@@ -77,7 +81,7 @@ class SimCalls:
         """Move on by ``params.dt``."""
         sim = sim_of(sim, "simulate")
         sim.physics.simulate(float(sim.params.dt), max(int(sim.params.substeps), 1))
-        sim.time += float(sim.params.dt)
+        sim.time, sim.steps = sim.time + float(sim.params.dt), sim.steps + 1
         sim.fetched = sim.shown = False
 
     def fetch_results(self, sim: Sim, wait: bool = True) -> None:

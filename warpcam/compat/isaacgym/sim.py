@@ -30,6 +30,7 @@ class Sim:
         fetched: Whether the last step's results have been fetched.
         shown: Whether ``step_graphics`` has been called since the last step.
         accessing: Whether images are being read, between start and end.
+        steps: How many there have been.
     """
 
     def __init__(self, device: wp.Device, params: SimParams, quirks: bool):
@@ -44,7 +45,7 @@ class Sim:
         self.fetched = self.shown = True
         self.accessing = self.alive = False
         self.alive = True
-        self.time = 0.0
+        self.time, self.steps = 0.0, 0
         self._physics: Physics | None = None
         self._sum, self._summed = Counts(), 0
         self._warned: set[str] = set()
