@@ -259,6 +259,39 @@ def test_what_cannot_push_is_named() -> None:
 
 
 @pytest.mark.parametrize("count", [1, 2], ids=["MuJoCo", "MuJoCo-Warp"])
+def test_contacts_are_where_bodies_were(device: wp.Device, count: int) -> None:
+    """A ball that slides fast, and is elsewhere before anybody asks; sensors and contacts are of the step."""
+    sim = new_sim(device, dt=DT, substeps=1)
+    GYM.add_ground(sim, gymapi.PlaneParams(normal=gymapi.Vec3(0, 0, 1)))
+    ball = GYM.create_sphere(sim, 0.1)
+    GYM.create_asset_force_sensor(ball, 0, gymapi.Transform(), gymapi.ForceSensorProperties(use_world_frame=True))
+    for index in range(count):
+        env = GYM.create_env(sim, gymapi.Vec3(-2, -2, 0), gymapi.Vec3(2, 2, 2), 3)
+        GYM.create_actor(env, ball, at(1.0, 2.0, 0.1), "ball", index, 0)
+    roots = wrapped(GYM.acquire_actor_root_state_tensor(sim))
+    sensors = wrapped(GYM.acquire_force_sensor_tensor(sim))
+    for _ in range(60):
+        GYM.simulate(sim)
+    GYM.refresh_actor_root_state_tensor(sim)
+    states = roots.clone()
+    states[:, 7] = 4.0
+    GYM.set_actor_root_state_tensor(sim, gymtorch.unwrap_tensor(states))
+    GYM.simulate(sim)
+    states[:, :3] += 3.0
+    GYM.set_actor_root_state_tensor(sim, gymtorch.unwrap_tensor(states))
+    GYM.refresh_force_sensor_tensor(sim)
+    contacts = GYM.get_rigid_contacts(sim)
+    assert len(contacts) == count
+    for contact in contacts:
+        side = "0" if contact["body0"] == 0 else "1"
+        assert np.linalg.norm(tuple(contact["localPos" + side])) == pytest.approx(0.1, abs=2e-3)
+    # What rubs turns it, about its centre.
+    forces, torques = sensors[:, :3].cpu().numpy(), sensors[:, 3:].cpu().numpy()
+    assert (forces[:, 0] < -5.0).all()
+    np.testing.assert_allclose(torques, np.cross((0.0, 0.0, -0.1), forces), atol=0.02 * np.abs(forces).max() * 0.1)
+
+
+@pytest.mark.parametrize("count", [1, 2], ids=["MuJoCo", "MuJoCo-Warp"])
 def test_contacts_are_told_one_by_one(device: wp.Device, count: int) -> None:
     """A ball on a plate on the ground, which is turned: what each carries, and where they touch."""
     sim = new_sim(device, dt=DT, substeps=2)

@@ -174,7 +174,7 @@ class Physics:
 
     def _read_sensors(self, array: wp.array) -> None:
         self._contacts_felt.read(self._solver, "contact forces (sensors)")
-        self._sensors.read(self._contacts_felt.felt, self.state.body_q, array)
+        self._sensors.read(self._contacts_felt.felt, self._other.body_q, array)
 
     def _matrix(self, shape: tuple[int, ...], read: Callable[[newton.State, wp.array], None]) -> Source:
         def refresh(array: wp.array) -> None:
@@ -225,7 +225,7 @@ class Physics:
         """Of the last step, see ``contacts_of``; waits for the device once a step."""
         if self._listed is None:
             with interop.in_order(self.device):
-                self._listed = contacts_of(self._solver, self.model, self.state, self._envs, where)
+                self._listed = contacts_of(self._solver, self.model, self._other, self._envs, where)
         return self._listed
 
     def push(self, space: CoordinateSpace, where: str, **given: Any) -> None:
