@@ -237,6 +237,12 @@ def test_what_no_terrain_can_be_made_of_is_named() -> None:
     for call, message in mistakes:
         with pytest.raises(wc.WarpcamError, match=f"add_heightfield: .*{message}"):
             call()
+    vertices, triangles = triangles_of(SAMPLES)
+    nowhere = vertices.copy()
+    nowhere[5, 2] = np.nan
+    for points in (nowhere, vertices.flatten()[:-1]):
+        with pytest.raises(wc.WarpcamError, match="add_triangle_mesh: vertices must be three finite numbers each"):
+            GYM.add_triangle_mesh(sim, points, triangles, gymapi.TriangleMeshParams())
     with pytest.raises(wc.WarpcamError, match="add_triangle_mesh: TriangleMeshParams are needed, got HeightField"):
         GYM.add_triangle_mesh(sim, *triangles_of(SAMPLES), described())
     GYM.create_env(sim, gymapi.Vec3(), gymapi.Vec3(), 1)

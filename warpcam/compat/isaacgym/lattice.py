@@ -39,7 +39,7 @@ def heights_of(points: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.nd
     np.maximum.at(heights, tuple(cells.T), points[:, 2])
     if not np.isfinite(heights).all():
         _cover(heights, cells, points[:, 2].astype(np.float64), faces)
-        _mend_rim(heights)
+        _fill_rim(heights)
     return (heights, first, steps) if np.isfinite(heights).all() else None
 
 
@@ -66,7 +66,7 @@ def _cover(heights: np.ndarray, cells: np.ndarray, z: np.ndarray, faces: np.ndar
         np.maximum.at(heights, tuple(place[inside].T), (shares * z).sum(axis=1)[inside])
 
 
-def _mend_rim(heights: np.ndarray) -> None:
+def _fill_rim(heights: np.ndarray) -> None:
     """Give places at the rim that no triangle covers the lowest height beside them: the lower vertices move."""
     end = np.array(heights.shape) - 1
     for place in np.argwhere(~np.isfinite(heights)):
