@@ -2,6 +2,7 @@
 
 import functools
 import itertools
+import logging
 import os
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -227,10 +228,19 @@ def cpu_parts() -> int:
 @functools.cache
 def cpu_threads() -> int:
     """Threads a CPU launch is split over: the cores this process may use, or WARPCAM_CPU_THREADS."""
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
     wanted = os.environ.get("WARPCAM_CPU_THREADS", "")
-    if wanted.isdigit() and int(wanted) > 0:
-        return int(wanted)
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    number = whole_above_zero(wanted)
+    if wanted.strip() and number is None:
+        said = "WARPCAM_CPU_THREADS=%r is no whole number above 0; a frame is split over %d threads"
+        logging.getLogger("warpcam").warning(said, wanted, cores)
+    return number or cores
+
+
+def whole_above_zero(text: str) -> int | None:
+    """The number that a text is, whatever spaces are around it; None if it is no such number."""
+    digits = text.strip()
+    return int(digits) or None if digits.isdecimal() else None
 
 
 def _spread(parts: Sequence[wp.Launch]) -> Iterator[None]:

@@ -89,3 +89,15 @@ def test_each_pixel_may_show_a_shape_of_its_own(device: wp.Device) -> None:
     camera = scenes.own_camera(width=width, height=height, outputs=("rgb",), lens=wc.Pinhole(fovy=50.0))
     seen = scenes.look(wc.from_mujoco(mjm, scenes.forward(mjm), device=device), camera)["rgb"][0]
     assert np.abs(seen[..., :2].reshape(-1, 2).astype(int) - colors).max() <= 1
+
+
+@pytest.mark.parametrize("others", [0, 150])
+def test_of_shapes_at_one_place_the_later_is_seen(device: wp.Device, others: int) -> None:
+    """As where shapes are drawn one over the other."""
+    away = "".join(f'<geom size=".2" pos="{k % 15 / 5 - 1.4} {k // 15 / 5 - 0.9} -2"/>' for k in range(others))
+    same = '<geom type="box" size=".5 .5 .1"/>'
+    mjm = scenes.compile_xml(same + away + 2 * same)
+    camera = scenes.own_camera(width=32, height=16, position=(0.0, 0.0, 2.0), rotation=(1.0, 0.0, 0.0, 0.0))
+    seen = scenes.look(wc.from_mujoco(mjm, scenes.forward(mjm), device=device), camera)["segmentation"][0]
+    assert (seen == others + 2).sum() > 40
+    assert not np.isin(seen, (0, others + 1)).any()

@@ -6,6 +6,7 @@ import re
 import subprocess
 import sys
 from collections.abc import Callable
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -13,6 +14,7 @@ import numpy as np
 import pytest
 import torch
 import warp as wp
+from warpcam.kernels import launch
 
 from warpcam import cli, doctor, self_test
 
@@ -247,3 +249,35 @@ def test_a_list_that_cuda_does_not_show_is_told(monkeypatch: pytest.MonkeyPatch)
     monkeypatch.setattr(doctor.device_rule.wp, "get_cuda_device_count", lambda: 1)
     (remark,) = two_devices(monkeypatch).remarks
     assert remark.startswith("CUDA_VISIBLE_DEVICES='0,7': it names 2, and CUDA shows 1")
+
+
+@pytest.mark.parametrize(
+    ("value", "threads"), [("3", 3), (" 2", 2), ("2 ", 2), ("0", 0), ("-1", 0), ("two", 0), ("²", 0)]
+)
+def test_how_many_threads_a_cpu_has(
+    value: str, threads: int, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    """A text that is no such number is told, not passed over."""
+    launch.cpu_threads.cache_clear()
+    monkeypatch.setenv("WARPCAM_CPU_THREADS", value)
+    try:
+        cores = launch.cpu_threads()
+        (meaning,) = [each.meaning for each in doctor.read_environment() if each.name == "WARPCAM_CPU_THREADS"]
+        remarks = [each for each in two_devices(monkeypatch).remarks if "no whole number" in each]
+    finally:
+        launch.cpu_threads.cache_clear()
+    assert cores == (threads or len(os.sched_getaffinity(0)))
+    assert meaning == f"a frame on the CPU is split over {cores} threads"
+    said = [] if threads else [f"WARPCAM_CPU_THREADS={value!r} is no whole number above 0"]
+    assert [each.split(",")[0] for each in remarks] == said
+    assert [each.split(";")[0] for each in caplog.messages] == said
+
+
+def test_a_folder_that_keeps_no_trees_is_told(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setenv("WARPCAM_CACHE_DIR", str(tmp_path / "new" / "folder"))
+    assert two_devices(monkeypatch).remarks == []
+    (tmp_path / "file").write_text("")
+    monkeypatch.setenv("WARPCAM_CACHE_DIR", str(tmp_path / "file" / "folder"))
+    (remark,) = two_devices(monkeypatch).remarks
+    assert remark.startswith("trees of large meshes are built anew in each program: ")
+    assert str(tmp_path / "file") in remark and "WARPCAM_CACHE_DIR" in remark

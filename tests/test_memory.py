@@ -7,6 +7,7 @@ from typing import Any
 
 import mujoco
 import mujoco_warp as mjw
+import numpy as np
 import pytest
 import warp as wp
 from small_scene import GLASS, MIRROR, camera, scene_of
@@ -102,6 +103,21 @@ def test_scratch_of_layers_follows_the_formula(outputs: tuple[str, ...], layers:
         assert told.worlds == num_worlds * (10 + 84 + 124 * (MIRROR in layers and lit))
 
 
+def test_what_a_camera_has_of_its_own_follows_the_formula() -> None:
+    own = {"position": (0, 0, 4), "lens": wc.Pinhole(fovy=50.0)}
+    for options, once, each in (
+        ({}, 0, 0),
+        (own, 0, 28 + 4),
+        (own | {"lens": wc.Pinhole(fx=30.0)}, 0, 28 + 16),
+        ({"exposure": 0.0}, 0, 16),
+        ({"gain": 1.0}, 0, 16),
+        (own | {"exposure": 0.0, "gain": 1.0, "background": np.zeros((3, 3))}, 4, 28 + 4 + 16 + 12),
+        ({"lens": wc.Fisheye(fovy=90.0)}, 16 * 16 * 8 + 2 * 4 * 16 + 16, 0),
+    ):
+        told = wc.estimate_memory(scene_of("cpu", 3), [camera(width=16, height=16, **options)])
+        assert told.worlds == 3 * (10 + 84 + each) + once, options
+
+
 def test_images_take_their_shape_times_their_type() -> None:
     scene = scene_of("cpu", 3)
     told = wc.estimate_memory(scene, [camera(outputs=tuple(OUTPUTS))])
@@ -142,6 +158,10 @@ CAMERAS = {
     "own": [
         {"outputs": tuple(OUTPUTS), "position": (0, 0, 4), "lens": wc.Pinhole(fovy=50.0), "parent": 1, "shadows": True},
         {"name": "plain", "lens": wc.Orthographic(height=3.0), "position": (0, 0, 4)},
+    ],
+    "exposed": [
+        {"exposure": 0.5, "background": np.zeros((40, 3))},
+        {"name": "side", "gain": 2.0, "background": np.ones((40, 3)), "lens": wc.Fisheye(fovy=120.0)},
     ],
 }
 

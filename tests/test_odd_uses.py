@@ -146,6 +146,8 @@ def test_renderers(scene: wc.Scene) -> None:
     for way in (pickle.dumps, copy.copy, copy.deepcopy):
         with says("Renderer: it cannot be copied or pickled, as it holds memory of a device"):
             way(renderer)
+        with says("Camera('own'): its arrays cannot be copied or pickled: no frame would read the copy"):
+            way(renderer.camera("own"))
 
 
 def test_scenes(scene: wc.Scene) -> None:

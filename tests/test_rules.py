@@ -35,6 +35,11 @@ LIGHTS: dict[str, tuple[str, str, bool]] = {
     "attenuation": (SPOT.format('attenuation="1 .5 .3"') + BALL + FLOOR, "", False),
     "ambient of a spot": (SPOT.format('ambient=".3 .2 .1"') + BALL + FLOOR, "", False),
     "point lights are ignored": ('<light type="point" pos="0 -1 2"/>' + SUN.format("") + BALL, "", False),
+    "image lights are ignored": (
+        '<light type="image" pos="0 -1 2" texture="t" intensity="2000"/>' + SUN.format("") + BALL,
+        '<texture name="t" type="2d" builtin="flat" rgb1="1 .8 .2" width="8" height="8"/>',
+        True,
+    ),
     "off": (SUN.format('active="false"') + SPOT.format("") + BALL, "", False),
     "of ten the first eight": (
         "".join(SUN.format(f'diffuse=".1 {0.02 * k} .1"').replace("-.4", f"{0.2 * k - 1}") for k in range(10)) + BALL,
@@ -114,6 +119,19 @@ MATERIALS = {
         for repeat, uniform in (("-2 3", "false"), ("2 0", "true"))
         for shape in scenes.TYPES
     },
+    **{
+        f"cube by the metre on a {shape}": (
+            SUN.format("") + of_material(shape),
+            CUBE + MATERIAL.format('texture="t" texuniform="true"'),
+            True,
+        )
+        for shape in scenes.TYPES
+    },
+    "finer than pixels": (
+        SUN.format("") + '<geom type="plane" size="1.5 1.5 .3" material="m"/>',
+        FLAT + MATERIAL.format('texture="t" texrepeat="40 30"'),
+        True,
+    ),
     "repeated -2 times over a mesh with coordinates": (
         SUN.format("") + '<geom type="mesh" mesh="roof" pos="0 0 .4" material="m"/>',
         ROOF + FLAT + MATERIAL.format('texture="t" texrepeat="-2 3"'),

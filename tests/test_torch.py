@@ -2,6 +2,7 @@
 
 import gc
 from collections.abc import Iterator
+from typing import Any
 
 import pytest
 import scenes
@@ -77,7 +78,24 @@ def test_tensors_outlive_the_renderer(walls: tuple[wp.array, wc.Scene], device: 
     del clutter
 
 
-def test_nothing_is_allocated(walls: tuple[wp.array, wc.Scene], device: wp.Device) -> None:
+class Asked:
+    """Stands in for a Warp allocator and counts what it is asked for."""
+
+    def __init__(self, allocator: Any):
+        self._allocator = allocator
+        self.count = 0
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._allocator, name)
+
+    def allocate(self, size: int) -> int:
+        self.count += 1
+        return int(self._allocator.allocate(size))
+
+
+def test_nothing_is_allocated(
+    walls: tuple[wp.array, wc.Scene], device: wp.Device, monkeypatch: pytest.MonkeyPatch
+) -> None:
     positions, scene = walls
     renderer = wc.Renderer(scene, [eye()])
     worlds = torch.tensor([True, False, True, True], device=wp.device_to_torch(device))
@@ -92,8 +110,15 @@ def test_nothing_is_allocated(walls: tuple[wp.array, wc.Scene], device: wp.Devic
     wp.synchronize_device(device)
     if not device.is_cuda:
         pointers = [image.data_ptr() for image in renderer.images["eye"].values()]
-        frame(9)
+        asked = Asked(device.default_allocator)
+        monkeypatch.setattr(device, "default_allocator", asked)
+        for number in range(3, 10):
+            frame(number)
+            renderer.render(worlds=[0, 2], forward=True)
+        assert asked.count == 0
         assert pointers == [image.data_ptr() for image in renderer.images["eye"].values()]
+        wp.zeros(1, device=device)
+        assert asked.count == 1  # or nothing would be seen
         return
     torch.cuda.synchronize()
     used, warps = torch.cuda.memory_allocated(device.ordinal), wp.get_mempool_used_mem_current(device)

@@ -159,6 +159,20 @@ def test_values_mean_what_they_say(device: wp.Device) -> None:
     assert sky.render()["up"]["rgb"][:, 0, 0].tolist() == [[153, 76, 51], [255, 51, 0], [255, 51, 0]]
 
 
+def test_shininess_beyond_its_range_is_the_nearest(device: wp.Device) -> None:
+    scene = make("mujoco_warp", device)
+    for name in SPECIAL:
+        scene.vary(name)
+    shininess = scene.vary("material_shininess")
+    renderer = wc.Renderer(scene, [camera()])
+    seen = []
+    for values in ((0.0, 1.0, 0.5), (-1.0, 3.0, 0.5)):
+        shininess[:, :] = torch.tensor(values, device=shininess.device)[:, None]
+        seen.append(renderer.render()["eye"]["hdr"].clone())
+    assert (seen[0] == seen[1]).all() and seen[0].max() < 10.0
+    assert len({image.sum().item() for image in seen[0]}) == WORLDS
+
+
 def test_a_checker_moved_by_half_changes_its_colors(device: wp.Device) -> None:
     scene = make("mujoco_warp", device)
     for name in SPECIAL:
@@ -248,6 +262,14 @@ def test_one_world_of_newton_differs(name: str, device: wp.Device, loads: list[s
     tensor = scene.vary(name)
     eye = wc.Camera("eye", width=16, height=16, lens=wc.Orthographic(height=2.0), position=(0.0, 0.0, 3.0))
     check(scene, wc.Renderer(scene, [eye]), lambda: NEWTON[name](tensor), loads)
+
+
+def test_newtons_textures_are_by_the_metre_anyway(device: wp.Device) -> None:
+    builder = newton.ModelBuilder()
+    builder.add_shape_sphere(-1, radius=0.6, label="ball")
+    scene = wc.from_newton(*newton_scenes.finalize(builder, device), textures=[np.zeros((4, 4, 3), np.uint8)])
+    with pytest.raises(WarpcamError, match="vary: 'material_texture_uniform' came"):  # no image would show it
+        scene.vary("material_texture_uniform")
 
 
 def test_what_newton_hides_stays_hidden(device: wp.Device) -> None:

@@ -4,6 +4,7 @@ import json
 import os
 import platform
 import sys
+import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from importlib.metadata import PackageNotFoundError, version
@@ -19,6 +20,7 @@ from rich.text import Text
 from warpcam import device as device_rule
 from warpcam import self_test
 from warpcam.accel.bvh4 import cache_folder
+from warpcam.kernels.launch import cpu_threads, whole_above_zero
 
 PACKAGES = ("warpcam", "warp-lang", "torch", "numpy", "pillow", "rich")
 SIMULATORS = (
@@ -47,7 +49,7 @@ VARIABLES: Mapping[str, str | Callable[[], str]] = {
     "CUDA_LAUNCH_BLOCKING": "1 waits for every kernel: slow, and for debugging only",
     "WARP_CACHE_PATH": "where Warp keeps compiled kernels",
     "WARPCAM_CACHE_DIR": "where trees of large meshes are kept",
-    "WARPCAM_CPU_THREADS": "over how many cores a frame on the CPU is split; all if unset",
+    "WARPCAM_CPU_THREADS": lambda: f"a frame on the CPU is split over {cpu_threads()} threads",
 }
 
 
@@ -279,7 +281,29 @@ def _remarks(environment: Sequence[Variable]) -> list[str]:
         and any(_names_gpu(entry.strip()) for entry in (each.value or "").split(","))
         and each.meaning == "there is no CUDA driver"
     ]
+    remarks += [
+        f"{each.name}={each.value!r} is no whole number above 0, and counts for nothing"
+        for each in environment
+        if each.name == "WARPCAM_CPU_THREADS" and (each.value or "").strip() and not whole_above_zero(each.value or "")
+    ]
+    if why := _why_no_trees():
+        remarks.append(
+            f"trees of large meshes are built anew in each program: {why}. WARPCAM_CACHE_DIR says where they go"
+        )
     return remarks
+
+
+def _why_no_trees() -> str | None:
+    """Why nothing can be kept in the folder of trees; None if it can."""
+    folder = cache_folder()
+    if folder is None:
+        return "there is no home folder"
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            return None
+    except OSError as error:
+        return str(error)
 
 
 def _names_gpu(entry: str) -> bool:

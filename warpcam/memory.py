@@ -11,9 +11,8 @@ from warpcam.device import free_bytes
 from warpcam.errors import WarpcamError
 from warpcam.kernels.types import View
 from warpcam.layers import world_bytes
-from warpcam.mounting import pose_bytes, projection_of
+from warpcam.mounting import pose_bytes, projection_of, shared_bytes
 from warpcam.past import past_bytes
-from warpcam.rays import TableLens
 from warpcam.scene import Scene
 from warpcam.scratch import Scratch, image_bytes
 from warpcam.targets import check_size, list_rows
@@ -80,11 +79,7 @@ def estimate_memory(scene: Scene, cameras: Sequence[Camera]) -> Memory:
         scratch=Scratch(by_key, tables, scene.device).size,
         worlds=scene.num_worlds
         * (10 + sum(view + pose_bytes(one) + world_bytes(one, tables) + lists[key] for key, one in by_key.items()))
-        + sum(
-            one.lens.bytes(one.width, one.height, scene.num_worlds)
-            for one in by_key.values()
-            if isinstance(one.lens, TableLens)
-        ),
+        + sum(shared_bytes(one, scene.num_worlds) for one in by_key.values()),
         past=past_bytes(by_key, [key for key, size in lists.items() if size], scene, tables),
     )
 

@@ -58,6 +58,9 @@ class CameraArrays:
             "simulator's to hold"
         )
 
+    def __reduce__(self) -> Any:
+        raise WarpcamError(f"{self._where}: its arrays cannot be copied or pickled: no frame would read the copy")
+
 
 class Mounted:
     """One camera in a scene."""
@@ -284,6 +287,12 @@ def pose_bytes(camera: Camera) -> int:
     if camera.lens is not None:
         numbers += sum(len(values) for values in camera.lens.values(camera.width, camera.height).values())
     return 4 * numbers
+
+
+def shared_bytes(camera: Camera, num_worlds: int) -> int:
+    """Bytes of what a camera has beside, however many worlds there are: a lens's table, and that there is no skybox."""
+    table = camera.lens.bytes(camera.width, camera.height, num_worlds) if isinstance(camera.lens, TableLens) else 0
+    return table + 4 * isinstance(camera.background, np.ndarray)
 
 
 def per_world(

@@ -9,6 +9,7 @@ import warp as wp
 from warpcam import interop
 from warpcam.errors import WarpcamError
 from warpcam.kernels.launch import Stage
+from warpcam.kernels.types import PROJECTED
 from warpcam.kernels.variety import empty_variety, record_dimming, record_painting
 from warpcam.parts import Field, Parts, Source, fields_of
 
@@ -21,6 +22,8 @@ MORE: Mapping[str, tuple[Any, str]] = {
     "skybox": (wp.int32, ""),
 }
 DIMMED = ("light_ambient", "light_diffuse", "light_specular")
+# What metallic-roughness materials have no use for: their colour is their shapes'.
+UNUSED = ("material_color", "material_emission", "material_specular", "material_shininess")
 
 
 def names_of(parts: Parts) -> tuple[str, ...]:
@@ -31,7 +34,9 @@ def names_of(parts: Parts) -> tuple[str, ...]:
     rest = [
         name
         for name, field in fields.items()
-        if name == "sky" or (name.startswith(("material_", "light_")) and counts[field.rows])
+        if (name == "sky" or (name.startswith(("material_", "light_")) and counts[field.rows]))
+        and not (parts.physical and name in UNUSED)
+        and not (PROJECTED in parts.more_types and name == "material_texture_uniform")  # by the metre, all of them
     ]
     more = [name for name, (_, rows) in MORE.items() if counts.get(rows, 1)]
     if parts.physical or not any(image.kind == "cube" for image in parts.textures):

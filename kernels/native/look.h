@@ -189,7 +189,7 @@ WARPCAM_FN Finish load_finish(const Shapes& shapes, const Materials& materials, 
         finish.color.w = texture_of(materials, world, index);
         finish.gloss.x = row_of(materials.emission, world, index);
         finish.gloss.y = row_of(materials.specular, world, index);
-        finish.gloss.z = 128.0f * row_of(materials.shininess, world, index);
+        finish.gloss.z = 128.0f * lower(upper(row_of(materials.shininess, world, index), 0.0f), 1.0f);  // as OpenGL takes
     }
     finish.color.x = color[0];
     finish.color.y = color[1];

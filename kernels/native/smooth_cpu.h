@@ -86,7 +86,9 @@ template <int TYPES, int LENS, int IMAGES, class Shapes, class Meshes, class Hei
     SampleHits hits[EDGES_TOGETHER];
     short sorted[AROUND * EDGES_TOGETHER];  // the pixels around which shapes are seen, shape after shape
 
-    void begin()
+    Smoother(const Shapes& shapes_, const Meshes& meshes_, const HeightFields& fields_, const Seen<LENS, Centres>& seen_,
+             const Camera& camera_, const Region& region_, int world_)
+        : shapes(shapes_), meshes(meshes_), fields(fields_), seen(seen_), camera(camera_), region(region_), world(world_)
     {
         around.clear();
         for (int sample = 0; sample < SAMPLES; ++sample)
@@ -301,9 +303,8 @@ inline void smooth_region(const Shapes& shapes, const Meshes& meshes, const Heig
     using Centres = CentresAtHand<IMAGES, WIDTH, HEIGHT, Target>;
     const Centres centres(target, unsigned(world) * target.height * target.width, region);
     const Seen<LENS, Centres> seen { centres, pixel_width<LENS>(camera), camera.scale_y };
-    Smoother<TYPES, LENS, IMAGES, Shapes, Meshes, HeightFields, Centres> smoother { shapes, meshes, fields, seen,
-                                                                                    camera, region, world };
-    smoother.begin();
+    Smoother<TYPES, LENS, IMAGES, Shapes, Meshes, HeightFields, Centres> smoother(shapes, meshes, fields, seen, camera, region,
+                                                                                  world);
     const int right = lower_int(region.left + region.width, target.width);
     const int bottom = lower_int(region.top + region.height, target.height);
     for (int j = region.top; j < bottom; ++j)

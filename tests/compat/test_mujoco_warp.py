@@ -242,6 +242,8 @@ def test_groups_of_any_number_in_anything_that_can_be_gone_through(device: wp.De
         ({"background_color": (1, 2, 3)}, "background_color must be"),
         ({"background_color": "red"}, "background_color must be"),
         ({"cam_active": ["nose"]}, "cam_active has 'nose'; the model's cameras are 'top', 'side', 'flat'"),
+        ({"cam_active": 1}, "cam_active must be None, or a list of flags, names or ids, got 1"),
+        ({"render_rgb": 1}, "render_rgb must be None, True, False or a list of these, got 1"),
         ({"cam_active": [True]}, "cam_active has 1 flags, the model 3 cameras"),
         ({"cam_active": [0, 0]}, "names a camera twice"),
         ({"cam_res": [(8, 8), (9, 9)]}, "cam_res has 2 sizes for 3 active cameras"),

@@ -50,6 +50,8 @@ class Renderer:
             ("width", width, model.vis.global_.offwidth),
             ("height", height, model.vis.global_.offheight),
         ):
+            if not hasattr(pixels, "__index__"):
+                raise TypeError(f"Image {side} must be a whole number, got {pixels!r}")
             if pixels > most:
                 raise ValueError(
                     f"Image {side} {pixels} > framebuffer {side} {most}. Ask for a smaller image, or for a larger "
@@ -113,8 +115,11 @@ class Renderer:
             WarpcamError: ``scene_option`` asks for something that is not drawn here; it says what.
         """
         camera = self._camera(camera)
-        self._option = scene_option or mujoco.MjvOption()
-        style_of(self._model, self._option, self._scene.flags)  # refuse now what would be refused at the picture
+        option = mujoco.MjvOption() if scene_option is None else scene_option
+        if not isinstance(option, mujoco.MjvOption):
+            raise TypeError(f"scene_option must be a mujoco.MjvOption or None, got {type(option).__name__}")
+        style_of(self._model, option, self._scene.flags)  # refuse now what would be refused at the picture
+        self._option = option
         if self._studio is not None:
             self._studio.take(data)
         everything = int(mujoco.mjtCatBit.mjCAT_ALL)

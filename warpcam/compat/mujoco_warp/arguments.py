@@ -111,7 +111,7 @@ def _active(mjm: mujoco.MjModel, cam_active: Any) -> list[int]:
     """Ids of the cameras to render."""
     if cam_active is None:
         return list(range(mjm.ncam))
-    wanted = list(cam_active)
+    wanted = _listed("cam_active", cam_active, "None, or a list of flags, names or ids")
     if all(isinstance(item, bool | np.bool_) for item in wanted):
         if wanted and len(wanted) != mjm.ncam:
             raise WarpcamError(f"{WHERE}: cam_active has {len(wanted)} flags, the model {mjm.ncam} cameras")
@@ -152,6 +152,13 @@ def _sizes(mjm: mujoco.MjModel, ids: Sequence[int], cam_res: Any) -> list[tuple[
     return checked
 
 
+def _listed(name: str, value: Any, allowed: str) -> list[Any]:
+    try:
+        return list(value)
+    except TypeError:
+        raise WarpcamError(f"{WHERE}: {name} must be {allowed}, got {value!r}") from None
+
+
 def _each(name: str, settings: dict[str, Any], mjm: mujoco.MjModel, ids: Sequence[int], bit: Any) -> list[bool]:
     """A flag for each active camera."""
     flags = settings[name]
@@ -159,7 +166,7 @@ def _each(name: str, settings: dict[str, Any], mjm: mujoco.MjModel, ids: Sequenc
         return [bool(int(mjm.cam_output[camera]) & int(bit)) for camera in ids]
     if isinstance(flags, bool | np.bool_):
         return [bool(flags)] * len(ids)
-    values = [bool(flag) for flag in flags]
+    values = [bool(flag) for flag in _listed(name, flags, "None, True, False or a list of these")]
     if len(values) == mjm.ncam and len(ids) != mjm.ncam:
         return [values[camera] for camera in ids]
     if len(values) == 1:
