@@ -123,9 +123,9 @@ def record(
     if face is not None:
         target.face = face.flatten()
     types = sum(1 << t for t in tables.shape_types)
-    if tables.physical is None and MESH in tables.shape_types:
-        types |= 1 << SHADING_BACKS
-        types |= (1 << SHUTTERED) * shuttered(tables)
+    if MESH in tables.shape_types:
+        types |= (1 << SHADING_BACKS) * (tables.physical is None or tables.backs_shade)
+        types |= (1 << SHUTTERED) * (tables.physical is None and shuttered(tables))
     if tables.layers is not None and tables.layers.veiled:
         types |= 1 << GLASS
     crowded = MANY < tables.num_drawn <= MOST and MESH not in tables.shape_types

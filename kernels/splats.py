@@ -30,7 +30,7 @@ OUTPUTS: Mapping[str, type] = {
     "instances": wp.int32,
     "semantics": wp.int32,
 }
-BY_WORLD, LINEAR, EXPOSED = 1 << len(OUTPUTS), 2 << len(OUTPUTS), 4 << len(OUTPUTS)  # native/splats.h
+BY_WORLD, LINEAR, EXPOSED, SOLID = (1 << len(OUTPUTS) << bit for bit in range(4))  # native/splats.h
 LIT = ("rgb", "rgba", "hdr")  # what an exposure changes
 REGION = 16  # side of what a block draws [pixels], SPLAT_REGION
 BLOCKS = 6  # on a multiprocessor: bounds the registers of a thread
@@ -107,6 +107,26 @@ def _exposed_frame_struct(shape_dtype: Any) -> Any:
         gains: wp.array(dtype=wp.vec3)  # (world,) factors of red, green and blue
 
     return ExposedFrame
+
+
+@functools.cache
+def _solid_frame_struct(shape_dtype: Any) -> Any:
+    """The same where clouds are solid; the trail and the exposures may be empty."""
+
+    @wp.struct
+    class SolidFrame:
+        views: wp.array(dtype=View)
+        mask: wp.array(dtype=wp.uint8)
+        depth: wp.array(dtype=wp.float32)
+        shape: wp.array(dtype=shape_dtype)
+        width: wp.int32
+        height: wp.int32
+        trail: Trail
+        exposures: wp.array(dtype=wp.float32)
+        gains: wp.array(dtype=wp.vec3)
+        limits: wp.array(dtype=wp.vec2)  # (1,) see Tables.splat_limits
+
+    return SolidFrame
 
 
 @functools.cache
@@ -210,11 +230,14 @@ def record(
     """
     flows = FLOW * ("flow" in images) + FLOW_VALID * ("flow_valid" in images)
     exposed = tables.variety is not None and tables.variety.exposures.size > 0 and not set(LIT).isdisjoint(images)
+    solid = tables.splat_limits is not None
     make = _exposed_frame_struct if exposed else _flow_frame_struct if flows else _frame_struct
-    frame_type = make(shape.dtype)
+    frame_type = (_solid_frame_struct if solid else make)(shape.dtype)
     frame = frame_type()
     if exposed:
         frame.exposures, frame.gains = tables.variety.exposures, tables.variety.gains
+    if solid:
+        frame.limits = tables.splat_limits
     if flows:
         frame.trail = trail
         flows |= FLOW_MOVES * bool(tables.moving)
@@ -222,7 +245,7 @@ def record(
     frame.depth, frame.shape = depth.flatten(), shape.flatten()
     frame.width, frame.height = width, height
     changed = Images()
-    wanted = flows | (BY_WORLD if tables.ids_by_world else 0) | (EXPOSED if exposed else 0)
+    wanted = flows | (BY_WORLD if tables.ids_by_world else 0) | (EXPOSED if exposed else 0) | (SOLID if solid else 0)
     if tables.physical is not None and "hdr" in images:
         wanted |= LINEAR
     for bit, (name, dtype) in enumerate(OUTPUTS.items()):

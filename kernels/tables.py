@@ -36,7 +36,11 @@ class Tables:
     first_plane: int = -1  # id of the first plane that is drawn
     physical: Any = None  # Physical, of scenes that are lit as native/physical.h does it
     has_maps: bool = False  # some material of such a scene has more than the texture of its colour
+    backs_shade: bool = False  # in such a scene meshes that are seen from one side cast shadows from both
     splats: Any = None  # clouds of Gaussians, if shapes are such
+    # (1,) vec2 where such clouds are solid: where less light than this share comes through, and how many Gaussians of a
+    # cloud a ray blends at most; None where they are seen through
+    splat_limits: Any = None
     moving: tuple[int, ...] = ()  # meshes whose corners move
     layers: LayerTables | None = None  # of what one layer cannot show: mirrors, transparent shapes, haze
     variety: Any = None  # Variety, if worlds have more for themselves than the tables say

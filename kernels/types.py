@@ -35,7 +35,11 @@ SHUTTERED = 20  # likewise where meshes have shutters
 PROJECTED = 21  # no type: stands among a scene's types where 2-D textures lie as Newton lays them: native/mapping.h
 TRIPLANAR = 22  # beside PROJECTED: along all three axes, blended
 SHEER = 23  # no type: stands among a scene's types where textures have an alpha, which counts on what is transparent
-LOOKS_ALONE = frozenset({FROM_ABOVE, BARE, PROJECTED, TRIPLANAR, SHEER})  # what only colours ask for
+# No type: stands among a scene's types where normals of meshes are written as light takes them, which is as Newton's
+# camera does: native/surface.h.
+LIT_NORMALS = 24
+# What only colours and normals of meshes ask for.
+LOOKS_ALONE = frozenset({FROM_ABOVE, BARE, PROJECTED, TRIPLANAR, SHEER, LIT_NORMALS})
 
 # Light types.
 LIGHT_SPOT = 0

@@ -108,11 +108,15 @@ def place_views(
 
 
 @wp.func
-def packed(image: wp.array4d(dtype=wp.uint8), world: wp.int32, row: wp.int32, column: wp.int32) -> wp.uint32:
+def packed(
+    image: wp.array4d(dtype=wp.uint8), world: wp.int32, row: wp.int32, column: wp.int32, behind: wp.uint32
+) -> wp.uint32:
+    """A pixel; where its alpha leaves something, that of ``behind`` counts, packed likewise."""
     red, green = wp.uint32(image[world, row, column, 0]), wp.uint32(image[world, row, column, 1])
     blue, alpha = wp.uint32(image[world, row, column, 2]), wp.uint32(255)
     if image.shape[3] == 4:
         alpha = wp.uint32(image[world, row, column, 3])
+        alpha += ((wp.uint32(255) - alpha) * (behind >> wp.uint32(24)) + wp.uint32(127)) / wp.uint32(255)
     return red | (green << wp.uint32(8)) | (blue << wp.uint32(16)) | (alpha << wp.uint32(24))
 
 
@@ -136,8 +140,9 @@ def linear_bytes(red: wp.float32, green: wp.float32, blue: wp.float32) -> wp.uin
     return low | (byte_of(blue) << wp.uint32(16)) | (wp.uint32(255) << wp.uint32(24))
 
 
-@wp.kernel(enable_backward=False)
-def write_views(
+@wp.func
+def write_pixel(
+    index: wp.int32,
     worlds: wp.array(dtype=wp.int32),
     cameras: wp.array(dtype=wp.int32),
     camera: wp.int32,
@@ -147,9 +152,7 @@ def write_views(
     clear: Clear,
     seen: Sources,
     out: Images,
-    first: wp.int32,
 ):
-    index = first + wp.tid()
     pixels = rays.shape[0] * rays.shape[1]
     view = index // pixels
     world = worlds[view]
@@ -162,7 +165,7 @@ def write_views(
     forward = wp.float32(0.0)
     distance = max_distance
     if world >= 0 and seen.along != 0:
-        distance = seen.depth[world, row, column, 0]
+        distance = seen.depth[world, row, column, 0] / wp.length(ray)
         forward = distance * -ray[2]
     elif world >= 0 and ray[2] < 0.0:
         forward = seen.depth[world, row, column, 0]
@@ -178,7 +181,7 @@ def write_views(
                     seen.hdr[world, row, column, 0], seen.hdr[world, row, column, 1], seen.hdr[world, row, column, 2]
                 )
             else:
-                color = packed(seen.color, world, row, column)
+                color = packed(seen.color, world, row, column, clear.color)
         out.color[view, row, column] = color
     if out.hdr.shape[0] > 0:
         hdr = wp.vec3(0.0, 0.0, 0.0)
@@ -215,5 +218,43 @@ def write_views(
                     decoded(seen.albedo[world, row, column, 2]),
                 )
             else:
-                albedo = packed(seen.albedo, world, row, column)
+                albedo = packed(seen.albedo, world, row, column, clear.albedo)
         out.albedo[view, row, column] = albedo
+
+
+@wp.kernel(enable_backward=False)
+def write_views(
+    worlds: wp.array(dtype=wp.int32),
+    cameras: wp.array(dtype=wp.int32),
+    camera: wp.int32,
+    rays: wp.array4d(dtype=wp.vec3),
+    max_distance: wp.float32,
+    linear: wp.int32,
+    clear: Clear,
+    seen: Sources,
+    out: Images,
+    first: wp.int32,
+):
+    write_pixel(first + wp.tid(), worlds, cameras, camera, rays, max_distance, linear, clear, seen, out)
+
+
+@wp.kernel(enable_backward=False)
+def write_some(
+    worlds: wp.array(dtype=wp.int32),
+    cameras: wp.array(dtype=wp.int32),
+    camera: wp.int32,
+    rays: wp.array4d(dtype=wp.vec3),
+    max_distance: wp.float32,
+    linear: wp.int32,
+    clear: Clear,
+    seen: Sources,
+    out: Images,
+    chosen: wp.array2d(dtype=wp.uint8),
+    first: wp.int32,
+):
+    """Likewise, of the pixels that are chosen, (height, width)."""
+    index = first + wp.tid()
+    pixel = index % (rays.shape[0] * rays.shape[1])
+    row = pixel // rays.shape[1]
+    if chosen[row, pixel - row * rays.shape[1]] != wp.uint8(0):
+        write_pixel(index, worlds, cameras, camera, rays, max_distance, linear, clear, seen, out)

@@ -67,14 +67,17 @@ class Parts:
         body_labels: What the user may call a body beside its name in ``bodies``; ``body_places`` says which of these
             it is. None: nothing else.
         body_places: (label,) int32.
-        more_types: Marks that stand among the types and are none: FROM_ABOVE, BARE, PROJECTED, TRIPLANAR, SHEER.
+        more_types: Marks that stand among the types and are none: FROM_ABOVE, BARE, PROJECTED, TRIPLANAR, SHEER,
+            LIT_NORMALS.
         scaled: Whether the sizes of meshes and height fields are scales along their axes.
         physical: Whether it is lit as metallic-roughness materials are, in linear light, instead of as MuJoCo does it.
+        backs_shade: Whether in such a scene meshes that are seen from one side cast shadows from both.
         maps: In such a scene, whether some material has more than the texture of its colour.
         layers: What needs more than one layer: mirrors, transparent shapes, haze.
         objects: (id + 1, 2) int32, what the source calls each id of ``segmentation``; the last row is for -1. None: the
             ids say all.
         clouds: What ``shape_assets`` counts for shapes of type SPLATS, none of which is in ``drawn``.
+        splat_limits: See ``kernels.tables.Tables``; None where clouds are seen through.
         lend_textures: Called with the packed ``textures`` before the first frame, for sources that paint some of them.
     """
 
@@ -101,10 +104,12 @@ class Parts:
     more_types: frozenset[int] = frozenset()
     scaled: bool = False
     physical: bool = False
+    backs_shade: bool = False
     maps: bool = False
     layers: Layers = field(default_factory=Layers)
     objects: np.ndarray | None = None
     clouds: Sequence[Cloud] = ()
+    splat_limits: wp.array | None = None
     lend_textures: Callable[[Textures], None] = lambda textures: None
 
 

@@ -343,9 +343,11 @@ class Scene:
             first_plane=next((shape for shape in parts.drawn if parts.shape_types[shape] == PLANE), -1),
             physical=physical,
             has_maps=parts.maps,
+            backs_shade=parts.backs_shade,
             moving=self._moving,
             layers=self._layers,
             splats=None if self._splats is None else self._splats.table,
+            splat_limits=parts.splat_limits,
             labels=self._labels,
         )
 

@@ -211,13 +211,16 @@ WARPCAM_APART inline void paint_packets(const Looks& look, const Levels* levels,
     }
     if constexpr ((IMAGES & NORMALS) != 0)
         for (int n = 0; n < packets; ++n) {
-            const Vecs normal = surfaces[n].normal;
+            Vecs normal = surfaces[n].normal;
+            if constexpr ((TYPES >> LIT_NORMALS & 1) != 0)
+                for (int k = 0; k < PACKET; ++k)
+                    put_one(normal, k, smooth_normal<TYPES>(pose, scene.meshes, surfaces[n].one(k)));
             const Turn& turn = look.turn;
             const Row a = turn.axis_x, b = turn.axis_y, c = turn.axis_z;
             const Vecs turned { a.x * normal.x + a.y * normal.y + a.z * normal.z,
                                 b.x * normal.x + b.y * normal.y + b.z * normal.z,
                                 c.x * normal.x + c.y * normal.y + c.z * normal.z };
-            const Vecs facing = chosen(dot(normal, rays[n]) > 0.0f, -turned, turned);
+            const Vecs facing = chosen(dot(surfaces[n].normal, rays[n]) > 0.0f, -turned, turned);
             for (int k = 0; k < count_of(n); ++k)
                 painted.normal[pixels[n * PACKET + k]] = one_of(facing, k);
         }

@@ -135,7 +135,10 @@ WARPCAM_FN void resolve_surface(const Looks& look, const List& lights, const Sce
         surface = surface_at<TYPES>(pose, scene.meshes, scene.fields, found.face, local, ray);
     }
     if constexpr (Wants::TURNED) {
-        shown.normal = look.turn.world(surface.normal);
+        if constexpr ((TYPES >> LIT_NORMALS & 1) != 0)
+            shown.normal = look.turn.world(smooth_normal<TYPES>(look.pose, scene.meshes, surface));
+        else
+            shown.normal = look.turn.world(surface.normal);
         if (dot(surface.normal, ray) > 0.0f)
             shown.normal = -shown.normal;
     }

@@ -7,12 +7,13 @@
 // The ray keeps the KEPT nearest that it has not blended yet, by t, and walks the clouds' trees again for the next ones until nothing is
 // left or little light comes through. t is the same in all frames, for which planar depth is taken.
 #pragma once
-#include "flow.h"
+#include "clouds.h"
 #include "srgb.h"
 
 namespace warpcam {
 
-// What is wanted, in the order of OUTPUTS in splats.py; BY_WORLD: ids by world; EXPOSED: the camera has an exposure.
+// What is wanted, in the order of OUTPUTS in splats.py; BY_WORLD: ids by world; EXPOSED: the camera has an
+// exposure; SOLID: see solid_surface.
 enum SplatOutput {
     SPLAT_RGB = 1,
     SPLAT_RGBA = 2,
@@ -28,185 +29,24 @@ enum SplatOutput {
     SPLAT_SEMANTICS = 2048,
     SPLAT_BY_WORLD = 4096,
     SPLAT_LINEAR = 8192,  // hdr is light; else display values
-    SPLAT_EXPOSED = 16384
+    SPLAT_EXPOSED = 16384,
+    SPLAT_SOLID = 32768
 };
 constexpr int SPLAT_COLORS = SPLAT_RGB | SPLAT_RGBA | SPLAT_HDR | SPLAT_ALBEDO;
 
-constexpr int KEPT = 32;  // hits that a ray orders at once: more cost shared memory, fewer cost walks
 constexpr int SPLAT_REGION = 16;  // side of what a block draws [pixels]
 constexpr float LEAST_LIGHT = 0.001f;  // with less of it coming through a ray ends: a quarter of a step of 255
 constexpr float HALF_LIGHT = 0.5f;  // where no more comes through is the surface: depth, ids and the rest
-
-// A hit, ordered by t: bits of t, which is not negative, above those of the Gaussian's name.
-using Key = unsigned long long;
-constexpr Key NO_KEY = ~0ull;
-WARPCAM_FN Key key_of(float t, unsigned name) { return Key(unsigned(as_int(t))) << 32 | name; }
-WARPCAM_FN float time_of(Key key) { return as_float(int(key >> 32)); }
-
-// A cloud as one view sees it; rows take camera coordinates to its own, as Record's do.
-struct Cloud {
-    Row axis_x;  // w: shape, or -1 where nothing is seen
-    Row axis_y;  // w: first node
-    Row axis_z;  // w: first Gaussian
-    Row origin;  // w: bits of the shape's opacity
-    float extent, reach;  // see types.py, Splats.clouds
-
-    template <int LENS> WARPCAM_FN Ray local(const ViewRay<LENS>& ray) const
-    {
-        return ray.local({ axis_x, axis_y, axis_z, origin, {} });
-    }
-};
-
-template <class Shapes, class Splats>
-WARPCAM_FN void load_cloud(Cloud& cloud, const Shapes& shapes, const Splats& splats, const Camera& camera, int world, int place)
-{
-    const int shape = wp::index(splats.columns, place);
-    const auto color = row_of(shapes.colors, world, shape);
-    const int asset = row_of(shapes.assets, world, shape);
-    const Vec size = to_vec(row_of(shapes.sizes, world, shape));
-    cloud.axis_x.w = -1;
-    if (!(color[3] > 0.0f) || asset < 0 || size.x == 0.0f || size.y == 0.0f || size.z == 0.0f)
-        return;
-    const auto position = *wp::address(shapes.positions, world, shape);
-    const auto rotation = *wp::address(shapes.rotations, world, shape);
-    Matrix r;
-    for (int i = 0; i < 3; ++i)
-        for (int j = 0; j < 3; ++j)
-            r.at[i][j] = rotation.data[i][j];
-    const Vec scale { 1.0f / size.x, 1.0f / size.y, 1.0f / size.z };
-    const Vec o = times(scale, turned_back(r, camera.origin - to_vec(position)));
-    Row* rows[3] = { &cloud.axis_x, &cloud.axis_y, &cloud.axis_z };
-    for (int i = 0; i < 3; ++i) {
-        Vec v;
-        v.x = r.at[0][i] * camera.rotation.at[0][0] + r.at[1][i] * camera.rotation.at[1][0] + r.at[2][i] * camera.rotation.at[2][0];
-        v.y = r.at[0][i] * camera.rotation.at[0][1] + r.at[1][i] * camera.rotation.at[1][1] + r.at[2][i] * camera.rotation.at[2][1];
-        v.z = r.at[0][i] * camera.rotation.at[0][2] + r.at[1][i] * camera.rotation.at[1][2] + r.at[2][i] * camera.rotation.at[2][2];
-        v = component(scale, i) * v;
-        rows[i]->x = v.x;
-        rows[i]->y = v.y;
-        rows[i]->z = v.z;
-    }
-    const Row head = load(splats.clouds.data, asset);
-    cloud.axis_x.w = shape;
-    cloud.axis_y.w = as_int(head.x);
-    cloud.axis_z.w = as_int(head.y);
-    cloud.origin = { o.x, o.y, o.z, as_int(lower(color[3], 1.0f)) };
-    cloud.extent = head.z;
-    cloud.reach = as_float(head.w);
-}
-
-// The ray in the frame in which a Gaussian's ellipsoid is the unit sphere.
-struct Whitened {
-    Vec origin, direction;
-};
-
-WARPCAM_FN Whitened whiten(const Row& a, const Row& b, const Row& c, const Ray& ray)
-{
-    const Vec off = ray.origin - Vec { as_float(a.w), as_float(b.w), as_float(c.w) };
-    return { { dot(to_vec(a), off), dot(to_vec(b), off), dot(to_vec(c), off) },
-             { dot(to_vec(a), ray.direction), dot(to_vec(b), ray.direction), dot(to_vec(c), ray.direction) } };
-}
-
-// The nearest hits of a ray after `after` and before `end`.
-struct Nearest {
-    Key* keys;  // ascending, every `step`-th
-    int step, count;
-    Key after, end;
-
-    WARPCAM_FN Key bound() const { return count < KEPT ? end : keys[(KEPT - 1) * step]; }
-
-    WARPCAM_FN void add(Key key)  // below bound()
-    {
-        int i = count < KEPT ? count++ : KEPT - 1;
-        for (; i > 0 && keys[(i - 1) * step] > key; --i)
-            keys[i * step] = keys[(i - 1) * step];
-        keys[i * step] = key;
-    }
-};
-
-WARPCAM_FN void order(Key& a, Key& b)
-{
-    const Key low = a < b ? a : b;
-    b = a < b ? b : a;
-    a = low;
-}
-
-WARPCAM_FN void meet_leaf(const void* gaussians, const Cloud& cloud, const Ray& ray, int code, unsigned name, Nearest& nearest)
-{
-    const int first = code >> 4, end = first + (code & 15);
-    Key bound = nearest.bound();
-    for (int i = first; i < end; ++i) {
-        const unsigned row = 4u * (unsigned(cloud.axis_z.w) + i);
-        const Whitened w = whiten(load(gaussians, row), load(gaussians, row + 1), load(gaussians, row + 2), ray);
-        const Vec off = cross(w.origin, w.direction);
-        const float dd = dot(w.direction, w.direction), t = -dot(w.origin, w.direction) * reciprocal(dd);
-        if (dot(off, off) < dd && t > 0.0f) {
-            const Key key = key_of(t, name | unsigned(i));
-            if (key > nearest.after && key < bound) {
-                nearest.add(key);
-                bound = nearest.bound();
-            }
-        }
-    }
-}
-
-// Gathers the hits of one cloud; `name` are the upper bits of their names.
-template <class Splats> WARPCAM_FN void walk(const Splats& splats, const Cloud& cloud, const Ray& ray, unsigned name, Nearest& nearest)
-{
-    const Slabs s = slabs(ray.origin, ray.direction, cloud.extent);
-    const float from = time_of(nearest.after);
-    Key stack[STACK];  // where the ray enters a child's box, and the child
-    int top = 0, child = 0;
-    for (;;) {
-        Key next = NO_KEY;
-        if (child >= 0) {
-            const unsigned row = 8u * (unsigned(cloud.axis_y.w) + child);
-            const float until = time_of(nearest.bound());
-            Key found[4];
-#pragma unroll
-            for (int k = 0; k < 4; ++k) {
-                const Row lo = load(splats.nodes.data, row + 2 * k), hi = load(splats.nodes.data, row + 2 * k + 1);
-                const float x0 = lo.x * s.scale.x + s.down.x, x1 = hi.x * s.scale.x + s.up.x;
-                const float y0 = lo.y * s.scale.y + s.down.y, y1 = hi.y * s.scale.y + s.up.y;
-                const float z0 = lo.z * s.scale.z + s.down.z, z1 = hi.z * s.scale.z + s.up.z;
-                const float enter = upper(upper(lower(x0, x1), lower(y0, y1)), upper(lower(z0, z1), from));
-                const float leave = lower(lower(upper(x0, x1), upper(y0, y1)), lower(upper(z0, z1), until));
-                found[k] = enter <= leave ? key_of(enter, unsigned(lo.w)) : NO_KEY;
-            }
-            order(found[0], found[1]);
-            order(found[2], found[3]);
-            order(found[0], found[2]);
-            order(found[1], found[3]);
-            order(found[1], found[2]);
-#pragma unroll
-            for (int k = 3; k > 0; --k)
-                if (found[k] != NO_KEY)
-                    stack[top++] = found[k];
-            next = found[0];
-        } else {
-            meet_leaf(splats.gaussians.data, cloud, ray, -(child + 1), name, nearest);
-        }
-        const unsigned until = unsigned(nearest.bound() >> 32);
-        while (next == NO_KEY && top > 0) {
-            next = stack[--top];
-            if (unsigned(next >> 32) > until)
-                next = NO_KEY;
-        }
-        if (next == NO_KEY)
-            return;
-        child = int(unsigned(next));
-    }
-}
 
 // What a ray has blended.
 struct Blend {
     Vec color;
     float light;  // that comes through
-    Key median;  // the hit after which no more than half of it does
+    Key median;  // the hit after which no more than half of it does, or another share
 };
 
 template <class Splats, int LENS>
-WARPCAM_FN void blend(const Splats& splats, const Cloud& cloud, const ViewRay<LENS>& seen, Key key, unsigned index, Blend& blend)
+WARPCAM_FN void blend(const Splats& splats, const Cloud& cloud, const ViewRay<LENS>& seen, Key key, unsigned index, float half, Blend& blend)
 {
     const unsigned row = 4u * (unsigned(cloud.axis_z.w) + index);
     const void* rows = splats.gaussians.data;
@@ -219,7 +59,7 @@ WARPCAM_FN void blend(const Splats& splats, const Cloud& cloud, const ViewRay<LE
     const float alpha = lower(opacity * power(2.0f, end * far), 1.0f) * as_float(cloud.origin.w);
     blend.color = blend.color + blend.light * alpha * to_vec(look);
     blend.light *= 1.0f - alpha;
-    if (blend.median == NO_KEY && blend.light <= HALF_LIGHT)
+    if (blend.median == NO_KEY && blend.light <= half)
         blend.median = key;
 }
 
@@ -283,14 +123,11 @@ template <class Frame_, class Images_, class Shapes_, class Splats_> struct Spla
 };
 template <class... Structs> SplatScene(const Structs&...) -> SplatScene<Structs...>;
 
-template <int LENS, int WANTED, class Scene>
-WARPCAM_FN void draw_splat_pixel(const Scene& scene, const Cloud* clouds, int num_clouds, const Camera& camera, int world, int column,
-                                 int row, unsigned at, Key* keys, int step)
+// What a ray blends of all clouds.
+template <int WANTED, int LENS, class Scene>
+WARPCAM_FN Blend blend_all(const Scene& scene, const Cloud* clouds, int num_clouds, const Camera& camera, const ViewRay<LENS>& seen, float far,
+                           unsigned mask, Key* keys, int step)
 {
-    const int behind = scene.frame.shape.data[at];
-    const float far = behind < 0 ? camera.far : scene.frame.depth.data[at];
-    const ViewRay<LENS> seen = view_ray<LENS>(camera, column, row);
-    const unsigned mask = scene.splats.bits < 32 ? (1u << scene.splats.bits) - 1u : ~0u;
     constexpr float LEAST = (WANTED & SPLAT_COLORS) != 0 ? LEAST_LIGHT : HALF_LIGHT;
     Blend found { { 0.0f, 0.0f, 0.0f }, 1.0f, NO_KEY };
     Nearest nearest { keys, step, 0, key_of(camera.near, ~0u), key_of(far, 0u) };
@@ -302,13 +139,65 @@ WARPCAM_FN void draw_splat_pixel(const Scene& scene, const Cloud* clouds, int nu
         for (int i = 0; i < nearest.count && found.light > LEAST; ++i) {
             key = keys[i * step];
             const unsigned name = unsigned(key);
-            blend(scene.splats, clouds[scene.splats.bits < 32 ? name >> scene.splats.bits : 0], seen, key, name & mask, found);
+            blend(scene.splats, clouds[scene.splats.bits < 32 ? name >> scene.splats.bits : 0], seen, key, name & mask, HALF_LIGHT, found);
         }
         if (nearest.count < KEPT || found.light <= LEAST)
             break;
         nearest.after = key;
         nearest.count = 0;
     }
+    return found;
+}
+
+// What a ray sees of clouds that are solid where little enough light comes through, and nothing elsewhere, as Newton's camera has them: each
+// cloud by itself, in the mean colour of the Gaussians that the ray blends of it, and of several clouds the nearest.
+template <int LENS, class Scene>
+WARPCAM_FN Blend solid_surface(const Scene& scene, const Cloud* clouds, int num_clouds, const Camera& camera, const ViewRay<LENS>& seen,
+                               float far, unsigned mask, Key* keys, int step)
+{
+    const auto limits = wp::index(scene.frame.limits, 0);
+    Blend surface { { 0.0f, 0.0f, 0.0f }, 1.0f, NO_KEY };
+    for (int place = 0; place < num_clouds; ++place) {
+        const Cloud& cloud = clouds[place];
+        if (cloud.axis_x.w < 0)
+            continue;
+        const unsigned prefix = scene.splats.bits < 32 ? unsigned(place) << scene.splats.bits : 0u;
+        Blend found { { 0.0f, 0.0f, 0.0f }, 1.0f, NO_KEY };
+        Nearest nearest { keys, step, 0, key_of(camera.near, ~0u), key_of(far, 0u) };
+        float left = limits[1];
+        const auto goes_on = [&] { return left > 0.0f && (found.light > LEAST_LIGHT || found.median == NO_KEY); };
+        for (;;) {
+            walk(scene.splats, cloud, cloud.local(seen), prefix, nearest);
+            Key key = 0;
+            for (int i = 0; i < nearest.count && goes_on(); ++i) {
+                key = keys[i * step];
+                blend(scene.splats, cloud, seen, key, unsigned(key) & mask, limits[0], found);
+                left -= 1.0f;
+            }
+            if (nearest.count < KEPT || !goes_on())
+                break;
+            nearest.after = key;
+            nearest.count = 0;
+        }
+        if (found.median < surface.median)
+            surface = { reciprocal(1.0f - found.light) * found.color, 0.0f, found.median };
+    }
+    return surface;
+}
+
+template <int LENS, int WANTED, class Scene>
+WARPCAM_FN void draw_splat_pixel(const Scene& scene, const Cloud* clouds, int num_clouds, const Camera& camera, int world, int column,
+                                 int row, unsigned at, Key* keys, int step)
+{
+    const int behind = scene.frame.shape.data[at];
+    const float far = behind < 0 ? camera.far : scene.frame.depth.data[at];
+    const ViewRay<LENS> seen = view_ray<LENS>(camera, column, row);
+    const unsigned mask = scene.splats.bits < 32 ? (1u << scene.splats.bits) - 1u : ~0u;
+    Blend found;
+    if constexpr ((WANTED & SPLAT_SOLID) != 0)
+        found = solid_surface(scene, clouds, num_clouds, camera, seen, far, mask, keys, step);
+    else
+        found = blend_all<WANTED>(scene, clouds, num_clouds, camera, seen, far, mask, keys, step);
     if (found.light == 1.0f)
         return;
     put_colors<WANTED>(scene.frame, scene.images, world, at, found);

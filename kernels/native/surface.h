@@ -236,7 +236,7 @@ WARPCAM_FN Surface surface_at(const Pose& pose, const Meshes& meshes, const Heig
     return surface;
 }
 
-// The unit normal of a smooth surface, in the shape's frame.
+// The unit normal of a smooth surface, in the shape's frame. LIT_NORMALS: scaled after it is interpolated, as Newton's camera does.
 template <int TYPES, class Meshes>
 WARPCAM_FN Vec smooth_normal(const Pose& pose, const Meshes& meshes, const Surface& surface)
 {
@@ -245,10 +245,12 @@ WARPCAM_FN Vec smooth_normal(const Pose& pose, const Meshes& meshes, const Surfa
         Vec sum { 0.0f, 0.0f, 0.0f };
         for (int k = 0; k < 3; ++k) {
             Vec normal = to_vec(wp::index(meshes.normals, surface.corner + k));
-            if (TYPES >> SCALED & 1)
+            if ((TYPES >> SCALED & 1) && !(TYPES >> LIT_NORMALS & 1))
                 normal = normalized(divided(normal, to_vec(pose.size)));
             sum = sum + weights[k] * normal;
         }
+        if ((TYPES >> SCALED & 1) && (TYPES >> LIT_NORMALS & 1))
+            sum = divided(sum, to_vec(pose.size));
         return dot(sum, sum) > 1.0e-12f ? normalized(sum) : surface.normal;
     }
     return surface.normal;

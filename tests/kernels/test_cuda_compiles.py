@@ -150,13 +150,21 @@ def test_of_what_is_seen_through(lens: Any, card: list[launch.Stage], tmp_path: 
     assert _compile(card, tmp_path) >= 3
 
 
-def test_of_what_moves_and_splats(card: list[launch.Stage], tmp_path: Path) -> None:
-    pytest.importorskip("newton", reason="needs Newton: pip install warpcam[newton]")
+@pytest.mark.parametrize("theirs", [False, True])
+def test_of_what_moves_and_splats(theirs: bool, card: list[launch.Stage], tmp_path: Path) -> None:
+    newton = pytest.importorskip("newton", reason="needs Newton: pip install warpcam[newton]")
     import newton_scenes
     import splat_scenes
 
+    from warpcam.sources.newton import load
+    from warpcam.sources.newton_choice import Choice
+
     builder = newton_scenes.cloth()
     builder.add_shape_gaussian(body=-1, gaussian=splat_scenes.random_gaussians(20, 0))
-    scene = wc.from_newton(*newton_scenes.finalize(builder, wp.get_device()))
+    if theirs:
+        ball = newton.Mesh.create_sphere(0.3, compute_inertia=False)
+        builder.add_shape_mesh(body=-1, mesh=ball, scale=(1.0, 2.0, 1.0))
+    choice = Choice(solid=theirs, lit_normals=theirs, backs=theirs or None)
+    scene = load(*newton_scenes.finalize(builder, wp.get_device()), None, (0.2, 0.2, 0.2), None, None, choice=choice)
     wc.Renderer(scene, [splat_scenes.eye(shadows=True)])
     assert _compile(card, tmp_path) >= 3

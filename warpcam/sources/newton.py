@@ -20,12 +20,14 @@ from warpcam.light import Light, light_arrays
 from warpcam.mounting import per_world
 from warpcam.parts import FIELDS, PHYSICAL_FIELDS, Parts
 from warpcam.scene import Scene
+from warpcam.sources.newton_choice import Choice
 from warpcam.sources.newton_labels import read_labels
 from warpcam.sources.newton_model import PLAIN, Layout, read_layout
 from warpcam.sources.newton_soft import Soft, read_soft
 from warpcam.sources.newton_tints import Tints
 from warpcam.sources.newton_visual import Moves, Visual, read_visuals, with_visuals
 
+EVERYTHING = Choice()
 MAX_BOUND = 8  # states whose stages are kept
 # The arrays of a model that are read each frame: field of FlatShapes, dtype.
 LIVE: Mapping[str, tuple[str, Any]] = {
@@ -68,14 +70,14 @@ class NewtonSource:
         semantics: Mapping[str, int] | None,
         transparency: bool | None = None,
         textures: Sequence[Any] = (),
-        triplanar: bool = False,
+        choice: Choice = EVERYTHING,
     ):
         self.device: wp.Device = model.device
         self._model = model
         self._check_state(state)
-        layout = read_layout(model)
-        visuals = read_visuals(model)
-        soft = with_visuals(read_soft(model, visuals.particles), visuals)
+        layout = read_layout(model, choice)
+        visuals = read_visuals(model, choice)
+        soft = with_visuals(read_soft(model, visuals.particles, choice), visuals)
         more = [_image(pixels, index) for index, pixels in enumerate(textures)]
         first_finish, first_texture = len(layout.finishes), len(layout.textures)
         images = [*layout.textures, *visuals.textures, *more]
@@ -124,9 +126,11 @@ class NewtonSource:
             body_labels=model.body_label,
             body_places=layout.body_places,
             scaled=True,
-            more_types=_projection(triplanar) if layout.textures else frozenset(),
+            more_types=_marks(choice, layout),
             physical=True,
+            backs_shade=choice.backs is not None,
             clouds=layout.clouds,
+            splat_limits=wp.zeros(1, dtype=wp.vec2, device=self.device) if choice.solid and layout.clouds else None,
             lend_textures=self.tints.lend,
             layers=veils_alone(tables.kinds, drawn, _opacity(model, tables), transparency),
         )
@@ -221,7 +225,7 @@ class NewtonSource:
             for part in self._soft.parts:
                 assets = np.arange(first, first + len(part.worlds))
                 bases = np.asarray(part.bases)
-                shading, both = (part.shading, False) if isinstance(part, Visual) else (None, part.is_open)
+                shading, both = (part.shading, False) if isinstance(part, Visual) else (None, part.backs)
                 self._trees.append(Tree(meshes, assets, bases, part.faces, self.device, shading, both))
                 first += len(part.worlds)
         return self._trees
@@ -355,9 +359,14 @@ def _image(pixels: Any, index: int) -> TextureImage:
     return TextureImage("2d", np.ascontiguousarray(image), blend_light=True)
 
 
-def _projection(triplanar: bool) -> frozenset[int]:
-    """How textures lie where there are no texture coordinates."""
-    return frozenset({types.PROJECTED, types.TRIPLANAR} if triplanar else {types.PROJECTED})
+def _marks(choice: Choice, layout: Layout) -> frozenset[int]:
+    """How textures lie where there are no texture coordinates, and which normals are written."""
+    marks = {types.PROJECTED} if layout.textures else set()
+    if layout.textures and choice.triplanar:
+        marks.add(types.TRIPLANAR)
+    if layout.meshes and choice.lit_normals:
+        marks.add(types.LIT_NORMALS)
+    return frozenset(marks)
 
 
 def load(
@@ -368,8 +377,8 @@ def load(
     semantics: Any,
     transparency: Any,
     textures: Sequence[Any] = (),
-    triplanar: bool = False,
+    choice: Choice = EVERYTHING,
 ) -> Scene:
     if not isinstance(model, newton.Model):
         raise WarpcamError(f"model must be a newton.Model, got {type(model).__name__}")
-    return Scene(NewtonSource(model, state, lights, ambient, semantics, transparency, textures, triplanar))
+    return Scene(NewtonSource(model, state, lights, ambient, semantics, transparency, textures, choice))

@@ -2,7 +2,7 @@
 
 import logging
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +16,7 @@ from warpcam.accel.textures import TextureImage
 from warpcam.errors import WarpcamError
 from warpcam.kernels import types
 from warpcam.sources.columns import columns_of, places_of
+from warpcam.sources.newton_choice import Choice
 from warpcam.sources.newton_splats import read_cloud
 from warpcam.sources.newton_variants import read_entries
 
@@ -72,7 +73,7 @@ class Layout:
     variants: tuple[np.ndarray, np.ndarray] | None
 
 
-def read_layout(model: newton.Model) -> Layout:
+def read_layout(model: newton.Model, choice: Choice) -> Layout:
     """Read what never changes."""
     num_worlds, count = model.world_count, model.shape_count
     entries = read_entries(model)
@@ -84,11 +85,13 @@ def read_layout(model: newton.Model) -> Layout:
             kinds[entries.types == int(theirs)] = ours
         bent = entries.chosen | (model.shape_scale.numpy()[entries.shapes, 2] > 0.0)
         kinds[(kinds == types.CYLINDER) & bent] = types.BARREL
+        if not choice.shared:
+            kinds[worlds < 0] = -1
     table, of_column = columns_of(worlds, kinds, num_worlds)
     ids = np.append(entries.shapes, -1)[table].astype(np.int32)
 
     assets, materials = np.full(len(kinds) + 1, -1, np.int32), np.zeros(len(kinds) + 1, np.int32)
-    sources = Sources()
+    sources = Sources(bool(choice.backs))
     for entry in map(int, np.flatnonzero(np.isin(kinds, (types.MESH, types.HEIGHT_FIELD, types.SPLATS)))):
         source = entries.sources[entry]
         if source is not None:
@@ -120,9 +123,14 @@ def read_layout(model: newton.Model) -> Layout:
 
 
 class Sources:
-    """Meshes, height fields, clouds and textures, each kept once."""
+    """Meshes, height fields, clouds and textures, each kept once.
 
-    def __init__(self) -> None:
+    Args:
+        backs: Whether meshes are seen from behind, too.
+    """
+
+    def __init__(self, backs: bool):
+        self._backs = backs
         self.meshes: list[Mesh] = []
         self.height_fields: list[HeightField] = []
         self.textures: list[TextureImage] = []
@@ -159,6 +167,8 @@ class Sources:
 
     def _mesh(self, source: newton.Mesh, convex: bool, label: str) -> int:
         mesh = _mesh(source, convex, label)
+        if self._backs:
+            mesh = _with_backs(mesh)
         arrays = (mesh.vertices, mesh.faces, mesh.normals, mesh.uvs)
         key = tuple(b"" if array is None else array.tobytes() for array in arrays)
         if key not in self._meshes:
@@ -223,6 +233,15 @@ def _mesh(source: newton.Mesh, convex: bool, label: str) -> Mesh:
         transform = np.asarray(source.texture_transform, np.float32)
         uvs = np.ascontiguousarray((given @ transform[:, :2].T + transform[:, 2])[faces], np.float32)
     return Mesh(label, vertices, faces, normals, uvs)
+
+
+def _with_backs(mesh: Mesh) -> Mesh:
+    """The same, seen from both sides."""
+    back = np.array((0, 2, 1))
+    faces = np.concatenate((mesh.faces, mesh.faces[:, back]))
+    normals = None if mesh.normals is None else np.concatenate((mesh.normals, -mesh.normals[:, back]))
+    uvs = None if mesh.uvs is None else np.concatenate((mesh.uvs, mesh.uvs[:, back]))
+    return replace(mesh, faces=faces, normals=normals, uvs=uvs, two_sided=True)
 
 
 def _require_rows(values: np.ndarray, rows: int, what: str, label: str) -> None:

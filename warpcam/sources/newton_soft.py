@@ -9,6 +9,7 @@ import numpy as np
 
 from warpcam.accel.meshes import Mesh
 from warpcam.errors import WarpcamError
+from warpcam.sources.newton_choice import Choice
 from warpcam.sources.newton_tints import differ, texel_coordinates
 
 MAX_PARTS = 32  # of one world; more are drawn as one, in one colour
@@ -23,6 +24,7 @@ class Part:
         faces: (face, 3) int32, particles counted from the first.
         vertices: (vertex, 3) float32, where they were in the first of the worlds [m].
         column: Which of the soft columns it stands in.
+        backs: Whether it is seen from both sides.
         worlds: Where it is, -1 for all worlds.
         bases: Its first particle in each of these.
         triangles: One of its triangles in each, for the colour.
@@ -33,19 +35,15 @@ class Part:
     faces: np.ndarray
     vertices: np.ndarray
     column: int
+    backs: bool
     worlds: list[int] = field(default_factory=list)
     bases: list[int] = field(default_factory=list)
     triangles: list[int] = field(default_factory=list)
     all_triangles: list[np.ndarray] = field(default_factory=list)
     tinted: bool = False
 
-    @property
-    def is_open(self) -> bool:
-        """Whether it is seen from both sides."""
-        return not is_closed(self.faces)
-
     def mesh(self) -> Mesh:
-        faces, both = self.faces, self.is_open
+        faces, both = self.faces, self.backs
         uvs = texel_coordinates(len(faces)) if self.tinted else None
         if both:
             faces = np.concatenate((faces, faces[:, (0, 2, 1)]))
@@ -72,13 +70,14 @@ class Soft:
         return [part.mesh() for part in self.parts for _ in part.worlds]
 
 
-def read_soft(model: newton.Model, covered: np.ndarray) -> Soft:
+def read_soft(model: newton.Model, covered: np.ndarray, choice: Choice) -> Soft:
     """What is simulated and seen.
 
     Args:
         model: All of it.
-        covered: (particle,) bool, on which something hangs that is to be seen instead: surfaces that hang together with
-            these are left out.
+        covered: (particle,) bool, on which something hangs that may be seen instead: then surfaces that hang together
+            with these are left out.
+        choice: What is drawn.
     """
     num_worlds = model.world_count
     nothing = np.full((num_worlds, 0), -1, np.int32)
@@ -100,27 +99,32 @@ def read_soft(model: newton.Model, covered: np.ndarray) -> Soft:
         if model.tet_count:
             elements.append(model.tet_indices.numpy().reshape(-1, 4))
             bound[elements[1].reshape(-1)] = True
-        triangles, numbers = _uncovered(elements, covered)
-        parts = _parts(triangles, numbers, worlds, positions) if len(triangles) else []
+        numbers = np.arange(len(triangles)) if choice.simulated else np.zeros(0, np.int64)
+        if choice.simulated is None:
+            numbers = _uncovered(elements, covered)
+        if not choice.shared:
+            numbers = numbers[worlds[triangles[numbers, 0]] >= 0]
+        parts = _parts(triangles[numbers], numbers, worlds, positions, choice.backs) if len(numbers) else []
         colors = model.tri_color
         values = None if colors is None or colors.shape[0] != model.tri_count else colors.numpy()
         parts = [replace(part, tinted=differ(values, part.all_triangles)) for part in parts]
-    loose = np.flatnonzero(~bound)
+    loose = np.flatnonzero(~bound & (choice.shared | (worlds >= 0)) & choice.particles)
     return Soft(parts, 1 + max((part.column for part in parts), default=-1), _particles(loose, worlds, num_worlds))
 
 
-def _uncovered(elements: list[np.ndarray], covered: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The triangles, first of the elements, that hang together with nothing that is covered, and their numbers."""
+def _uncovered(elements: list[np.ndarray], covered: np.ndarray) -> np.ndarray:
+    """The numbers of triangles, first of the elements, that hang together with nothing that is covered."""
     reached, count = covered.copy(), -1
     while count != reached.sum():
         count = reached.sum()
         for element in elements if count else ():
             reached[element[reached[element].any(axis=1)]] = True
-    numbers = np.flatnonzero(~reached[elements[0]].any(axis=1))
-    return elements[0][numbers], numbers
+    return np.flatnonzero(~reached[elements[0]].any(axis=1))
 
 
-def _parts(triangles: np.ndarray, numbers: np.ndarray, worlds: np.ndarray, positions: np.ndarray) -> list[Part]:
+def _parts(
+    triangles: np.ndarray, numbers: np.ndarray, worlds: np.ndarray, positions: np.ndarray, backs: bool | None
+) -> list[Part]:
     of_triangle = worlds[triangles[:, 0]]
     order = np.argsort(of_triangle, kind="stable")
     known: dict[bytes, list[Part]] = {}
@@ -136,7 +140,8 @@ def _parts(triangles: np.ndarray, numbers: np.ndarray, worlds: np.ndarray, posit
             for number, label in enumerate(np.unique(labels)):
                 faces = own[labels == label]
                 vertices = positions[base : base + int(own.max()) + 1].astype(np.float32)
-                known[key].append(Part(np.ascontiguousarray(faces, np.int32), vertices, shared + number))
+                both = not is_closed(faces) if backs is None else backs
+                known[key].append(Part(np.ascontiguousarray(faces, np.int32), vertices, shared + number, both))
                 members[key].append(np.flatnonzero(labels == label))
             if world < 0:  # what is in all worlds has columns before the worlds' own
                 shared = len(known[key])

@@ -15,6 +15,7 @@ from warpcam.accel.textures import TextureImage
 from warpcam.kernels.launch import Stage
 from warpcam.kernels.refit import Shading
 from warpcam.kernels.swell import Hull, record_bind, record_swell
+from warpcam.sources.newton_choice import Choice
 from warpcam.sources.newton_soft import Part, Soft, is_closed
 
 VISUAL = -2  # stands for a triangle that nothing has: the surface is white
@@ -30,17 +31,19 @@ class Visual(Part):
         hull: How its points are made of its vertices.
         uvs: (face, 3, 2) float32, or None.
         texture: Index among those of all visuals, or -1.
+        smooth: Whether it is; else its faces are flat.
         drivers: For each mesh (vertex, 4) int32 and (vertex, 4) float32: see ``kernels.swell.bind_vertices``.
     """
 
     hull: Hull = field(kw_only=True)
     uvs: np.ndarray | None = field(kw_only=True)
     texture: int = field(kw_only=True)
+    smooth: bool = field(kw_only=True)
     drivers: list[tuple[np.ndarray, np.ndarray]] = field(kw_only=True, default_factory=list)
 
     @property
     def shading(self) -> Shading:
-        return Shading(num_smooth=len(self.faces))
+        return Shading(num_smooth=len(self.faces) if self.smooth else 0)
 
     @property
     def num_points(self) -> int:
@@ -65,10 +68,11 @@ class Visuals:
     particles: np.ndarray
 
 
-def read_visuals(model: newton.Model) -> Visuals:
-    reader = _Reader(model)
-    for mesh in getattr(model, "deformable_visual_meshes", ()):
-        reader.add(mesh)
+def read_visuals(model: newton.Model, choice: Choice) -> Visuals:
+    reader = _Reader(model, choice)
+    for mesh in getattr(model, "deformable_visual_meshes", ()) if choice.visual else ():
+        if choice.shared or mesh.world >= 0:
+            reader.add(mesh)
     return Visuals(list(reader.parts.values()), reader.textures, reader.particles)
 
 
@@ -104,7 +108,8 @@ class Moves:
 
 
 class _Reader:
-    def __init__(self, model: newton.Model):
+    def __init__(self, model: newton.Model, choice: Choice):
+        self._choice = choice
         self._triangles = _table(model.tri_indices, 3)
         self._tetrahedra = _table(model.tet_indices, 4)
         self.parts: dict[Any, Visual] = {}
@@ -130,7 +135,8 @@ class _Reader:
         part.drivers.append(self._drivers(mesh))
 
     def _part(self, faces: np.ndarray, vertices: np.ndarray, uvs: np.ndarray | None, texture: int) -> Visual:
-        count, both = len(vertices), not is_closed(faces)
+        count, backs = len(vertices), self._choice.backs
+        both = not is_closed(faces) if backs is None else backs
         hull = Hull(faces, count, 0.0, by_area=True, first_vertex=0, first_point=0, both=both)
         corners = None if uvs is None else uvs[faces]
         if both:  # seen from both sides
@@ -139,7 +145,8 @@ class _Reader:
             vertices = np.concatenate((vertices, vertices))
             corners = None if corners is None else np.concatenate((corners, corners[:, back]))
         vertices = np.ascontiguousarray(vertices, np.float32)
-        return Visual(faces, vertices, len(self.parts), hull=hull, uvs=corners, texture=texture)
+        smooth = self._choice.smooth
+        return Visual(faces, vertices, len(self.parts), both, hull=hull, uvs=corners, texture=texture, smooth=smooth)
 
     def _drivers(self, mesh: "newton.geometry.DeformableVisualMesh") -> tuple[np.ndarray, np.ndarray]:
         parent = mesh.parent.numpy().reshape(-1)

@@ -16,6 +16,7 @@ from warpcam.compat.newton.rays import Bundles
 from warpcam.compat.newton.views import IMAGES, Mapped, Views
 from warpcam.errors import WarpcamError
 
+BOTH, SIMULATION_ONLY, VISUAL_ONLY = range(3)  # Newton's DeformableSurfaceMode, which older ones do not have
 WORLDS_KEPT = 16  # arrays of world indices whose counts are kept
 
 
@@ -27,7 +28,7 @@ class SensorCamera(NewtonsCamera):
         default_clear_data: What is written where nothing is hit, unless ``update`` is told otherwise.
         default_render_config: Settings, unless ``update`` is told otherwise.
         load_textures: False leaves the model's own textures out whatever the settings say.
-        deformable_surface_mode: Only BOTH in a model that has visual meshes.
+        deformable_surface_mode: Whether triangles of cloth and soft bodies are seen, deformable visual meshes, or both.
         physical: Whether surfaces gleam as their roughness and metalness say. False: matt, as Newton's camera has it.
         views_per_world: How many views of one world there may be; None counts them in each new array of
             ``world_indices``, which waits for the device.
@@ -48,17 +49,17 @@ class SensorCamera(NewtonsCamera):
         physical: bool = False,
         views_per_world: int | None = None,
     ):
-        both = NewtonsCamera.DeformableSurfaceMode.BOTH
-        mode = both if deformable_surface_mode is None else NewtonsCamera.DeformableSurfaceMode(deformable_surface_mode)
-        if mode != both:
-            raise WarpcamError(f"deformable_surface_mode is {mode!r}: that is not offered; allowed is BOTH")
+        mode = BOTH if deformable_surface_mode is None else deformable_surface_mode
+        if mode not in (BOTH, SIMULATION_ONLY, VISUAL_ONLY):
+            raise WarpcamError(f"Invalid deformable_surface_mode: {deformable_surface_mode!r}")
         self.default_clear_data = NewtonsCamera.ClearData() if default_clear_data is None else default_clear_data
         self.default_render_config = (
             NewtonsCamera.RenderConfig() if default_render_config is None else default_render_config
         )
         self._model, self._views_per_world = model, views_per_world
         self._render_context = SimpleNamespace(model=model)  # what the methods that are Newton's own ask for
-        self._views = Views(model, physical, bool(load_textures))
+        self._views = Views(model, physical, bool(load_textures), mode != VISUAL_ONLY, mode != SIMULATION_ONLY)
+        self._mode = mode
         self._synced: Any = None  # a reference to the state that deformables were last taken of
         self._mapped: dict[Any, tuple[Any, Mapped]] = {}
         self.left_out = wp.zeros(1, dtype=wp.int32, device=model.device)
@@ -156,6 +157,10 @@ class SensorCamera(NewtonsCamera):
                 )
             if deformable_visuals.model is not self._model:
                 raise WarpcamError("deformable_visuals was created for another model")
+            if self._mode == SIMULATION_ONLY:
+                raise WarpcamError(
+                    "deformable_visuals: deformable_surface_mode is SIMULATION_ONLY, which draws no visual meshes"
+                )
         self._synced = weakref.ref(state)
 
     def _map(self, world_indices: wp.array | None, num_views: int) -> Mapped:

@@ -13,9 +13,11 @@ from warpcam.kernels.types import ROLE_COLOR
 
 SKY, GROUND = (0.2, 0.2, 0.225), (0.05, 0.05, 0.06)  # what shines on what faces up and down unless told
 HALF_LOST = 0.49  # of the light comes through: where splats are a surface to Newton, unless told
+FAST, QUALITY = range(2)  # Newton's GaussianRenderMode: the nearest splats of a cloud, or all
 UP_SHARE = 1.5  # a surface takes two thirds of a sky's first order
 DOWN = (-0.57735026, 0.57735026, -0.57735026)  # where the light shines where z is up, unless told
 GREYS = (128, 191)  # of a checkerboard's squares
+LEFT = 0.3  # of the light is there in its shadow
 SHARP = 512  # texels of a checkerboard at least along each side
 
 
@@ -31,14 +33,14 @@ class Looks:
     def __init__(self, model: newton.Model, physical: bool, textures: bool):
         self._model, self._up, self._physical, self._loaded = model, np.eye(3)[int(model.up_axis)], physical, textures
         self._light: tuple[bool, tuple[float, ...], tuple[float, ...]] | None = None
-        self._shown, self._ambient = True, True
+        self._shown, self._ambient, self._shadows = True, True, False
         self._sky, self._ground = np.array(SKY), np.array(GROUND)
 
     def take(self, scene: wc.Scene, num_finishes: int) -> None:
         """Be those of this scene from now on.
 
         Args:
-            scene: Made with one light and no ambient light.
+            scene: Made with two lights and no ambient light.
             num_finishes: How many of its materials are the model's; as many more may show a checkerboard instead.
         """
         self._scene, self._count = scene, num_finishes
@@ -88,7 +90,7 @@ class Looks:
         """Whether there are any, shown now or not; reads them from the device."""
         return bool(self._all.numpy().max(initial=-1) >= 0)
 
-    def show(self, textures: bool, ambient: bool) -> None:
+    def show(self, textures: bool, ambient: bool, shadows: bool) -> None:
         """Bring the scene to these settings; what is so already costs nothing."""
         if textures != self._shown:
             self._shown = textures
@@ -96,19 +98,25 @@ class Looks:
         if ambient != self._ambient:
             self._ambient = ambient
             self._write_sky()
+        if shadows != self._shadows:
+            self._shadows = shadows
+            if self._light is not None:
+                self._write_light()
 
     def _write(self) -> None:
         wp.copy(self._textures, self._all if self._shown else self._none)
 
     def _write_light(self) -> None:
+        """One light, or two of its direction: one for what there is in the shadow of the other, too."""
         assert self._light is not None
-        shadows, direction, color = self._light
-        scene = self._scene
-        scene.array("light_active").fill_(True)
-        scene.array("light_casts_shadow").fill_(shadows)
+        casts, direction, color = self._light
+        scene, parted = self._scene, casts and self._shadows
         scene.array("light_directions").fill_(wp.normalize(wp.vec3(*direction)))
-        for name in ("light_diffuse", "light_specular"):
-            scene.array(name).fill_(wp.vec3(*color))
+        for light, share in enumerate((1.0 - LEFT, LEFT) if parted else (1.0, 0.0)):
+            scene.array("light_active")[:, light].fill_(share > 0.0)
+            scene.array("light_casts_shadow")[:, light].fill_(parted and light == 0)
+            for name in ("light_diffuse", "light_specular"):
+                scene.array(name)[:, light].fill_(share * wp.vec3(*color))
 
     def _write_sky(self) -> None:
         terms = np.zeros((*self._scene.array("sky").shape, 3), np.float32)
@@ -152,14 +160,11 @@ def check_shapes(shapes: Any, model: newton.Model) -> np.ndarray:
     return chosen
 
 
-def check_config(config: Any, model: newton.Model, *, meshes: bool, splats: bool, samples: int) -> None:
-    """Raise for settings that are not offered, as far as they would change an image of the model.
+def check_config(config: Any, samples: int) -> None:
+    """Raise for settings that Newton's camera refuses, too.
 
     Args:
         config: Newton's RenderConfig.
-        model: The model.
-        meshes: Whether some of its shapes are meshes.
-        splats: Whether some are Gaussian splats.
         samples: Rays of each pixel.
     """
     anti_aliasing = getattr(config, "anti_aliasing", 0)
@@ -167,24 +172,34 @@ def check_config(config: Any, model: newton.Model, *, meshes: bool, splats: bool
         raise WarpcamError(f"Invalid anti_aliasing mode: {anti_aliasing!r}")
     if samples > 1 and anti_aliasing == 0:
         raise WarpcamError("anti_aliasing must be SSAA or MSAA for camera_rays with more than one sample")
-    if not config.enable_global_world:
-        raise _refused("enable_global_world", False, "what belongs to no world is seen in all", True)
-    if not config.enable_backface_culling and meshes:
-        raise _refused("enable_backface_culling", False, "meshes are not seen from behind", True)
-    if not config.enable_particles and model.particle_count:
-        raise _refused("enable_particles", False, "particles are drawn", True)
     if config.texture_projection_mode not in (0, 1):
         raise WarpcamError(f"Invalid texture_projection_mode: {config.texture_projection_mode!r}")
-    if config.gaussians_mode != 0:
-        raise _refused("gaussians_mode", config.gaussians_mode, "splats are blended one by one", "FAST")
-    least = getattr(config, "gaussians_min_transmittance", HALF_LOST)
-    if least != HALF_LOST and splats:
-        why = "splats are a surface where half of the light is lost"
-        raise _refused("gaussians_min_transmittance", least, why, HALF_LOST)
 
 
-def _refused(name: str, value: Any, why: str, allowed: Any) -> WarpcamError:
-    return WarpcamError(f"render_config.{name} is {value!r}: that is not offered, {why}; allowed is {allowed}")
+def splat_limits(config: Any) -> tuple[float, float]:
+    """Below which share of the light that comes through splats are a surface, and how many of a cloud a ray blends.
+
+    Args:
+        config: Newton's RenderConfig.
+    """
+    if config.gaussians_mode not in (FAST, QUALITY):
+        raise WarpcamError(f"Invalid gaussians_mode: {config.gaussians_mode!r}")
+    least, most = getattr(config, "gaussians_min_transmittance", HALF_LOST), config.gaussians_max_num_hits
+    for name, value in (("gaussians_min_transmittance", least), ("gaussians_max_num_hits", most)):
+        if not isinstance(value, int | float | np.number) or isinstance(value, bool) or not value >= 0:
+            raise WarpcamError(f"render_config.{name} must be a number and not negative, got {value!r}")
+    below = float(np.nextafter(np.float32(least), np.float32(-1.0)))
+    return below, math.inf if config.gaussians_mode == QUALITY else float(most)
+
+
+def linear_color(packed: int) -> int:
+    """Of R | G << 8 | B << 16 | A << 24 in display values, with A as it is."""
+    color = int(packed) & 255 << 24
+    for shift in (0, 8, 16):
+        value = (int(packed) >> shift & 255) / 255.0
+        light = value / 12.92 if value <= 0.04045 else ((value + 0.055) / 1.055) ** 2.4
+        color |= int(255.0 * light) << shift
+    return color
 
 
 def _triple(name: str, value: Any) -> tuple[float, float, float]:

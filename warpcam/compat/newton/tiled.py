@@ -123,7 +123,7 @@ class SensorTiledCamera(NewtonsCamera):
         if not load_textures:
             settings.enable_textures = False
         self._config, self._clear = settings, NewtonsCamera.ClearData()
-        self._views = Views(model, physical, bool(load_textures))
+        self._views = Views(model, physical, bool(load_textures), simulated=True, visual=False)
         self._mapped = own_worlds(model.world_count, model.world_count, model.device)
         self._slices: dict[int, tuple[wp.array, list[wp.array]]] = {}
         self._utils = Utils(self)

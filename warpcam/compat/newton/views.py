@@ -1,6 +1,7 @@
 """Views of a Newton model: renderers for the sizes and images that are asked for, and the way in and out of them."""
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any
 
 import newton
@@ -9,8 +10,17 @@ import warp as wp
 
 import warpcam as wc
 from warpcam import interop
+from warpcam.compat.newton.drawn import Drawn
 from warpcam.compat.newton.rays import Bundle, Bundles
-from warpcam.compat.newton.settings import Looks, check_config, check_shapes, checkerboard, default_direction
+from warpcam.compat.newton.settings import (
+    Looks,
+    check_config,
+    check_shapes,
+    checkerboard,
+    default_direction,
+    linear_color,
+    splat_limits,
+)
 from warpcam.errors import WarpcamError
 from warpcam.kernels import view_images
 from warpcam.kernels.launch import record
@@ -36,6 +46,13 @@ SOURCES = {
     "rgba": "color",
     "hdr": "hdr",
     "segmentation": "shape",
+}
+# Which setting says what of a model is drawn.
+SETTINGS: Mapping[str, str] = {
+    "backs": "enable_backface_culling",
+    "particles": "enable_particles",
+    "shared": "enable_global_world",
+    "triplanar": "texture_projection_mode",
 }
 SOURCES.update({"normals": "normal", "albedo": "albedo"})
 
@@ -76,16 +93,15 @@ class Views:
         bundles: The rays that have been seen.
     """
 
-    def __init__(self, model: newton.Model, physical: bool, textures: bool = True):
+    def __init__(self, model: newton.Model, physical: bool, textures: bool, simulated: bool, visual: bool):
         self.model, self.device = model, model.device
         self.looks, self.bundles = Looks(model, physical, textures), Bundles()
         self._board: np.ndarray | None = None
         self._checked: np.ndarray | None = None
-        self._num_finishes, self._triplanar = 0, False
+        self._num_finishes, self._drawn = 0, Drawn(model, simulated, visual)
+        self._limits: tuple[float, float] | None = None  # of splats, as far as it is known
+        self._choice = self._drawn.usual
         self._build()
-        kinds = {newton.GeoType.MESH, newton.GeoType.CONVEX_MESH, newton.GeoType.HFIELD}
-        types = set(model.shape_type.numpy().tolist()) if model.shape_count else set()
-        self._meshes, self._splats = not kinds.isdisjoint(types), int(newton.GeoType.GAUSSIAN) in types
 
     def assign_checkerboard(self, shape_indices: Any, resolution: Any, checker_size: Any) -> None:
         """Let these shapes alone show a checkerboard."""
@@ -100,17 +116,27 @@ class Views:
             else:
                 self.looks.check(shapes, self._first_image)
 
-    def _project(self, triplanar: bool) -> None:
-        if triplanar == self._triplanar:
+    def _choose(self, config: Any) -> None:
+        """Draw what the settings say; another scene draws something else."""
+        choice = self._drawn.choice(config, self._choice.triplanar)
+        if choice == self._choice:
             return
+        changed = [name for name in vars(choice) if getattr(choice, name) != getattr(self._choice, name)]
         if interop.is_capturing(self.device):
             raise WarpcamError(
-                "render_config.texture_projection_mode: a capture is under way, and it is another than before; call "
+                f"render_config.{SETTINGS[changed[0]]}: a capture is under way, and it is another than before; call "
                 "update once with it before the capture"
             )
-        self._triplanar = triplanar
-        if self.looks.have_textures():
+        self._choice = choice
+        if changed != ["triplanar"] or self.looks.have_textures():
             self._build()
+
+    def _limit_splats(self, limits: tuple[float, float]) -> None:
+        capturing = interop.is_capturing(self.device)
+        if limits != self._limits or capturing:
+            source: Any = self.scene._source
+            source.parts.splat_limits.fill_(wp.vec2(*limits))
+        self._limits = None if capturing else limits  # what a capture writes is there when it is launched
 
     def _build(self) -> None:
         """Make the scene, anew where the images that shapes may show are others, or lie another way."""
@@ -120,13 +146,14 @@ class Views:
         if self._board is not None:  # for each of the model's materials one that shows it
             images = [self._board, *[np.zeros((1, 1, 3), np.uint8)] * (self._num_finishes - 1)]
         with context_kept():
-            self.scene = load(model, model.state(), [light], (0.0, 0.0, 0.0), None, None, images, self._triplanar)
+            self.scene = load(model, model.state(), [light] * 2, (0.0, 0.0, 0.0), None, None, images, self._choice)
         self._num_finishes = self.scene.array("material_roughness").shape[1] - len(images)
         first = self.scene.array("material_texture").numpy()[0, self._num_finishes :, ROLE_COLOR]
         self._first_image = int(first[0]) if len(first) else -1
         self.looks.take(self.scene, self._num_finishes)
         if self._checked is not None:
             self.looks.check(self._checked, self._first_image)
+        self._limits = None
         self._renderers: dict[tuple[Any, ...], _Traced] = {}
 
     def render(
@@ -146,32 +173,36 @@ class Views:
             clear_data: Newton's ClearData.
             config: Newton's RenderConfig.
         """
-        bundles = [self.bundles.find(rays) for _, rays, _ in views]
-        samples = max(bundle.samples for bundle in bundles)
-        check_config(config, self.model, meshes=self._meshes, splats=self._splats, samples=samples)
+        seen = [
+            _Seen(number, bundle, *view) for number, view in enumerate(views) for bundle in self.bundles.find(view[1])
+        ]
+        samples = max(each.bundle.samples for each in seen)
+        check_config(config, samples)
         if not any(images for *_, images in views):
             return
         with interop.in_order(self.device):
-            if config.enable_textures:
-                self._project(bool(config.texture_projection_mode))
+            self._choose(config)
+            if self._drawn.splats:
+                self._limit_splats(splat_limits(config))
             self.scene.bind(state)
-            self.looks.show(bool(config.enable_textures), bool(config.enable_ambient_lighting))
-            traced = self._traced(bundles, views, clear_data, config)
-            for camera, (bundle, (transforms, *_)) in enumerate(zip(bundles, views, strict=True)):
-                traced.place(camera, mapped, transforms, bundle)
+            self.looks.show(
+                bool(config.enable_textures), bool(config.enable_ambient_lighting), bool(config.enable_shadows)
+            )
+            traced = self._traced(seen, clear_data, config)
+            for camera, each in enumerate(seen):
+                traced.place(camera, mapped, each)
             traced.renderer.render(worlds=mapped.mask)
-            for camera, (_, rays, images) in enumerate(views):
-                traced.write(camera, mapped, rays, images, clear_data, config)
+            for camera, each in enumerate(seen):
+                traced.write(camera, mapped, each, clear_data, config)
 
-    def _traced(self, bundles: list[Bundle], views: list[Any], clear_data: Any, config: Any) -> "_Traced":
-        smooth = any(bundle.samples > 1 for bundle in bundles)
+    def _traced(self, seen: "list[_Seen]", clear_data: Any, config: Any) -> "_Traced":
+        smooth = any(each.bundle.samples > 1 for each in seen)
         linear = config.output_color_space == newton.utils.ColorSpace.LINEAR
         asked = tuple(
-            tuple(_outputs(images, smooth, linear, isinstance(bundle.lens, wc.Rays)))
-            for bundle, (*_, images) in zip(bundles, views, strict=True)
+            tuple(_outputs(each.images, smooth, linear, isinstance(each.bundle.lens, wc.Rays))) for each in seen
         )
         background = tuple((int(clear_data.clear_color) >> shift & 255) / 255.0 for shift in (0, 8, 16))
-        kinds = tuple(bundle.kind for bundle in bundles)
+        kinds = tuple(each.bundle.kind for each in seen)
         key = (kinds, asked, smooth, bool(config.enable_shadows), background)
         traced = self._renderers.pop(key, None)
         if traced is None:
@@ -185,20 +216,39 @@ class Views:
             cameras = [
                 wc.Camera(
                     f"view {number}",
-                    width=bundle.size[0],
-                    height=bundle.size[1],
+                    width=each.bundle.size[0],
+                    height=each.bundle.size[1],
                     outputs=outputs,
-                    lens=bundle.lens,
+                    lens=each.bundle.lens,
                     position=(0.0, 0.0, 0.0),
                     shadows=bool(config.enable_shadows),
                     antialiasing=4 if smooth else 1,
                     background=background,
                 )
-                for number, (bundle, outputs) in enumerate(zip(bundles, asked, strict=True))
+                for number, (each, outputs) in enumerate(zip(seen, asked, strict=True))
             ]
             traced = _Traced(self.scene, cameras)
         self._renderers[key] = traced
         return traced
+
+
+@dataclass(frozen=True, eq=False)
+class _Seen:
+    """Views by one bundle, of one camera of the user's, or the rays of that which come from one place.
+
+    Attributes:
+        number: Of the user's camera.
+        bundle: Its rays, or some of them.
+        transforms: Of the views.
+        rays: All of them.
+        images: What is written.
+    """
+
+    number: int
+    bundle: Bundle
+    transforms: wp.array
+    rays: wp.array
+    images: Mapping[str, wp.array]
 
 
 class _Traced:
@@ -228,25 +278,32 @@ class _Traced:
             self._sources.append(sources)
         self._empty = {field: _none(3, dtype, self._device) for field, _, dtype in IMAGES.values()}
 
-    def place(self, camera: int, mapped: Mapped, transforms: wp.array, bundle: Bundle) -> None:
-        number = camera if mapped.num_cameras > 1 else 0
+    def place(self, camera: int, mapped: Mapped, seen: _Seen) -> None:
+        bundle, transforms = seen.bundle, seen.transforms
+        number = seen.number if mapped.num_cameras > 1 else 0
         inputs = [transforms, mapped.worlds, mapped.cameras, number, wp.vec3(*bundle.origin), wp.vec4(*bundle.numbers)]
         wp.launch(view_images.place_views, len(transforms), [*inputs, *self._poses[camera]], device=self._device)
 
-    def write(
-        self, camera: int, mapped: Mapped, rays: wp.array, images: dict[str, wp.array], clear_data: Any, config: Any
-    ) -> None:
+    def write(self, camera: int, mapped: Mapped, seen: _Seen, clear_data: Any, config: Any) -> None:
         clear, out = view_images.Clear(), view_images.Images()
-        clear.color, clear.albedo = wp.uint32(clear_data.clear_color), wp.uint32(clear_data.clear_albedo)
+        linear = config.output_color_space == newton.utils.ColorSpace.LINEAR
+        clear.color, clear.albedo = (
+            wp.uint32(linear_color(packed) if linear else packed)
+            for packed in (clear_data.clear_color, clear_data.clear_albedo)
+        )
         clear.depth, clear.shape = float(clear_data.clear_depth), wp.uint32(clear_data.clear_shape_index)
         clear.normal = wp.vec3(*clear_data.clear_normal)
         for name, (field, _, _) in IMAGES.items():
-            setattr(out, field, images.get(name, self._empty[field]))
-        linear = int(config.output_color_space == newton.utils.ColorSpace.LINEAR)
-        number = camera if mapped.num_cameras > 1 else 0
-        inputs = [mapped.worlds, mapped.cameras, number, rays, float(config.max_distance), linear, clear]
-        count = len(mapped.worlds) * rays.shape[0] * rays.shape[1]
-        record(view_images.write_views, count, [*inputs, self._sources[camera], out], self._device).launch()
+            setattr(out, field, seen.images.get(name, self._empty[field]))
+        number = seen.number if mapped.num_cameras > 1 else 0
+        inputs = [mapped.worlds, mapped.cameras, number, seen.rays, float(config.max_distance), int(linear), clear]
+        inputs += [self._sources[camera], out]
+        kernel = view_images.write_views
+        if seen.bundle.pixels is not None:
+            kernel = view_images.write_some
+            inputs.append(seen.bundle.pixels)
+        count = len(mapped.worlds) * seen.rays.shape[0] * seen.rays.shape[1]
+        record(kernel, count, inputs, self._device).launch()
 
 
 def _outputs(images: Mapping[str, wp.array], smooth: bool, linear: bool, table: bool) -> list[str]:
