@@ -38,16 +38,17 @@ inline unsigned spheres_before(const Spheres& s, const Light& light, const Camer
 }
 
 // Fills the list with shapes from `begin` on that may shade something in the region, until it is full; returns where to
-// go on.
+// go on. `spheres`: of the first shapes, as many as the list has room for.
 template <int TYPES, class List, class Shapes, class Materials, class Meshes, class HeightFields>
-inline int gather_near(List& list, Windows<List::CAPACITY>& windows, int begin, const Shapes& shapes,
+inline int gather_near(List& list, Windows<List::CAPACITY>& windows, int begin, const Spheres* spheres, const Shapes& shapes,
                        const Materials& materials, const Meshes& meshes, const HeightFields& fields, const Light& light,
                        const Camera& camera, const TileWindow& region, int world)
 {
     const int total = shapes.drawn.shape[0];
     windows.count = 0;
     for (; begin < total && windows.count + PACKET <= List::CAPACITY; begin += PACKET) {
-        unsigned some = spheres_before(load_spheres(shapes, world, begin), light, camera, region);
+        unsigned some = spheres_before(begin < List::CAPACITY ? spheres[begin / PACKET] : load_spheres(shapes, world, begin),
+                                       light, camera, region);
         for (; some; some &= some - 1) {
             Caster caster;
             const int id = wp::index(shapes.drawn, begin + lowest_bit(some)), slot = windows.count;
@@ -102,6 +103,8 @@ inline void cast_crowd(const Shapes& shapes, const Materials& materials, const M
     CasterList<CAPACITY, false> list;
     Windows<CAPACITY> windows;
     PickedWindows<CAPACITY> picked;
+    Spheres spheres[CAPACITY / PACKET];  // for all lights
+    Points kept_points[ACROSS * DOWN];
     int world;
     const Region region = region_of<WIDTH, HEIGHT>(target, index, world);
     if (!wp::index(target.mask, world))
@@ -122,19 +125,25 @@ inline void cast_crowd(const Shapes& shapes, const Materials& materials, const M
             return points.load<false>(view, target, corner + size_t(row) * target.width + column, region.left + column,
                                       region.top + row, bit, clear);
         };
-        Points points;
         Around patches[PATCHES], all;
+        bool asks[ACROSS * DOWN];
         for (int row = 0; row < DOWN; ++row)
-            for (int column = 0; column < ACROSS; ++column)
-                if (load(points, column, row, fresh))
-                    patches[row / PATCH_DOWN * PATCHES_ACROSS + column / PATCH_ACROSS].add(points);
+            for (int column = 0; column < ACROSS; ++column) {
+                const int tile = row * ACROSS + column;
+                asks[tile] = load(kept_points[tile], column, row, fresh);
+                if (asks[tile])
+                    patches[row / PATCH_DOWN * PATCHES_ACROSS + column / PATCH_ACROSS].add(kept_points[tile]);
+            }
+        if (fresh)
+            for (int first = 0; first < lower_int(total, CAPACITY); first += PACKET)
+                spheres[first / PACKET] = load_spheres(shapes, world, first);
         fresh = false;
         for (const Around& patch : patches)
             all.add(patch);
         const TileWindow everything = all.window();
         int begin = everything.floor < FAR_AWAY ? 0 : total;  // no point asks
         while (begin < total) {
-            begin = gather_near<TYPES>(list, windows, begin, shapes, materials, meshes, fields, view.light, camera,
+            begin = gather_near<TYPES>(list, windows, begin, spheres, shapes, materials, meshes, fields, view.light, camera,
                                        everything, world);
             for (int patch = 0; patch < PATCHES; ++patch) {
                 const TileWindow its = patches[patch].window();
@@ -146,8 +155,9 @@ inline void cast_crowd(const Shapes& shapes, const Materials& materials, const M
                 for (int tile = 0; tile < PATCH_ACROSS * PATCH_DOWN; ++tile) {
                     const int column = patch % PATCHES_ACROSS * PATCH_ACROSS + tile % PATCH_ACROSS;
                     const int row = patch / PATCHES_ACROSS * PATCH_DOWN + tile / PATCH_ACROSS;
-                    if (!load(points, column, row, false))
+                    if (!asks[row * ACROSS + column])
                         continue;
+                    Points& points = kept_points[row * ACROSS + column];
                     shade_tile<TYPES>(list, picked, view, world, shapes, meshes, fields, points);
                     points.mark(target, corner + size_t(row) * TILE_HEIGHT * target.width + column * TILE_WIDTH, bit);
                 }

@@ -13,7 +13,7 @@ import warpcam as wc
 mujoco, newton = pytest.importorskip("mujoco"), pytest.importorskip("newton")
 from gym_worlds import GYM, at, new_sim  # noqa: E402, newton may be missing
 
-from warpcam.compat.isaacgym import gymapi, gymtorch  # noqa: E402
+from warpcam.compat.isaacgym import gymapi, gymtorch, settings  # noqa: E402
 
 pytestmark = pytest.mark.filterwarnings("ignore")  # Newton's own
 CRANE = """
@@ -239,6 +239,25 @@ def test_a_heavier_body_is_in_the_mass_matrix_at_once(device: wp.Device, tmp_pat
     torch.testing.assert_close(masses, expected)
 
 
+def test_drives_of_many_actors_are_written_at_once(
+    device: wp.Device, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As they are read next: a program may set those of each actor, one after the other."""
+    sim = cranes(device, tmp_path, 3)
+    GYM.prepare_sim(sim)
+    masses, written = wrapped(GYM.acquire_mass_matrix_tensor(sim, "crane")), []
+    before, write = masses.clone(), settings.write_drives
+    monkeypatch.setattr(settings, "write_drives", lambda *given: written.append(1) or write(*given))
+    for index in range(3):
+        drives = GYM.get_actor_dof_properties(GYM.get_env(sim, index), 1)
+        drives["armature"][2] += 0.5 + index
+        GYM.set_actor_dof_properties(GYM.get_env(sim, index), 1, drives)
+    GYM.refresh_mass_matrix_tensors(sim)
+    assert len(written) == 1
+    before[:, 2, 2] += 0.5 + torch.arange(3, device=before.device)
+    torch.testing.assert_close(masses, before)
+
+
 def test_matrices_that_cannot_be_given_are_named(device: wp.Device, tmp_path: Path) -> None:
     sim = cranes(device, tmp_path, 1)
     for index in range(2):
@@ -264,7 +283,7 @@ def test_hands_are_driven_in_space(device: wp.Device, tmp_path: Path) -> None:
     for index in range(count):
         env = GYM.create_env(sim, gymapi.Vec3(-1, -1, 0), gymapi.Vec3(1, 1, 1), 2)
         GYM.set_actor_dof_properties(env, GYM.create_actor(env, asset, at(0, 0, 0), "arm", index, 0), drives)
-    hand = GYM.get_asset_rigid_body_dict(asset)["hand"]
+    hand, row = GYM.get_asset_rigid_body_dict(asset)["hand"], GYM.get_actor_joint_dict(env, 0)["j3"]
     GYM.prepare_sim(sim)
     jacobians, masses = (
         wrapped(acquire(sim, "arm")) for acquire in (GYM.acquire_jacobian_tensor, GYM.acquire_mass_matrix_tensor)
@@ -282,7 +301,7 @@ def test_hands_are_driven_in_space(device: wp.Device, tmp_path: Path) -> None:
             GYM.refresh_mass_matrix_tensors,
         ):
             refresh(sim)
-        reach, rest = jacobians[:, hand - 1, :3], torch.eye(4, device=dofs.device)
+        reach, rest = jacobians[:, row, :3], torch.eye(4, device=dofs.device)
         back = torch.linalg.inv(masses)
         weight = torch.linalg.inv(reach @ back @ reach.mT)
         wanted = 60.0 * (goals - bodies[:, hand, :3]) - 15.0 * bodies[:, hand, 7:10]

@@ -57,6 +57,33 @@ def test_motors_are_named_with_their_joints(hand: tuple[gymapi.Sim, gymapi.Asset
         GYM.get_asset_actuator_joint_name(asset, 2)
 
 
+def test_files_are_read_for_motors_when_those_are_asked_for(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """And once: MuJoCo makes a whole model, meshes and all, and may not be installed."""
+    mujoco = pytest.importorskip("mujoco")
+    (tmp_path / "hand.xml").write_text(HAND)
+    sim, seen = new_sim(wp.get_device("cpu")), []
+    read = mujoco.MjModel.from_xml_path
+    monkeypatch.setattr(mujoco.MjModel, "from_xml_path", lambda path: seen.append(path) or read(path))
+    asset = GYM.load_asset(sim, str(tmp_path), "hand.xml")
+    GYM.create_actor(GYM.create_env(sim, gymapi.Vec3(), gymapi.Vec3(), 1), asset, at(0, 0, 1), "hand")
+    assert not seen
+    GYM.get_asset_actuator_properties(asset)[0].kp = 7.0  # of a copy
+    names = [GYM.get_asset_actuator_name(asset, index) for index in range(GYM.get_asset_actuator_count(asset))]
+    assert names == ["A_J1", "A_J0"] and GYM.get_asset_tendon_count(asset) == 1 and len(seen) == 1
+    assert GYM.get_asset_actuator_properties(asset)[0].kp == 5.0
+
+
+@pytest.mark.parametrize("fixed", [True, False])
+def test_what_a_base_is_held_by_is_no_joint(tmp_path: Path, fixed: bool) -> None:
+    (tmp_path / "hand.xml").write_text(HAND if fixed else HAND.replace('"palm">', '"palm"><freejoint name="root"/>'))
+    sim = new_sim(wp.get_device("cpu"))
+    asset = GYM.load_asset(sim, str(tmp_path), "hand.xml", gymapi.AssetOptions(fix_base_link=fixed))
+    env = GYM.create_env(sim, gymapi.Vec3(), gymapi.Vec3(), 1)
+    assert GYM.get_actor_joint_dict(env, GYM.create_actor(env, asset, at(0, 0, 1), "hand")) == {"J1": 0, "J0": 1}
+    assert GYM.get_asset_joint_names(asset) == ["J1", "J0"] and GYM.get_asset_joint_count(asset) == 2
+    assert GYM.get_asset_dof_names(asset) == ["J1", "J0"]
+
+
 def test_tendons_are_told_of_and_held(hand: tuple[gymapi.Sim, gymapi.Asset]) -> None:
     sim, asset = hand
     assert GYM.get_asset_tendon_count(asset) == 1 and GYM.get_asset_tendon_name(asset, 0) == "T_J1c"

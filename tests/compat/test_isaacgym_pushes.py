@@ -114,6 +114,25 @@ def test_forces_act_where_they_are_put(device: wp.Device, space: gymapi.Coordina
     np.testing.assert_allclose(gained(sim, bodies), expected, rtol=0.02, atol=2e-4)
 
 
+@pytest.mark.parametrize("placed", [False, True])
+@pytest.mark.parametrize("count", [1, 2], ids=["MuJoCo", "MuJoCo-Warp"])
+def test_a_force_at_the_centre_of_mass_turns_nothing(device: wp.Device, count: int, placed: bool) -> None:
+    """Which is beside the body's origin."""
+    sim, bodies = floating(device, count)
+    for index in range(count):
+        env = GYM.get_env(sim, index)
+        properties = GYM.get_actor_rigid_body_properties(env, 1)
+        properties[0].com = gymapi.Vec3(0.05, 0.0, 0.1)
+        GYM.set_actor_rigid_body_properties(env, 1, properties)
+    forces, places = np.zeros((count, 2, 3)), np.zeros((count, 2, 3))
+    forces[:, 1], places[:, 1] = (0.5, -1.0, 0.7), (1.0, 2.05, 3.1)  # a quarter turned
+    where = described(places, bodies) if placed else None
+    assert GYM.apply_rigid_body_force_at_pos_tensors(sim, described(forces, bodies), where)
+    expected = np.zeros((count, 2, 6))
+    expected[:, 1, :3] = forces[:, 1] * DT / MASS
+    np.testing.assert_allclose(gained(sim, bodies), expected, rtol=2e-3, atol=1e-4)
+
+
 def test_one_body_is_pushed_alone(device: wp.Device) -> None:
     sim, bodies = floating(device, 2)
     env = GYM.get_env(sim, 1)
@@ -140,6 +159,11 @@ def test_single_joints_are_told(device: wp.Device, tmp_path: Path, prepared: boo
         GYM.prepare_sim(sim)
     assert GYM.apply_actor_dof_efforts(env, 0, np.array((0.8, 0.3), np.float32))
     GYM.apply_dof_effort(env, 1, 0.4)
+    for told in (np.array((0.1, np.nan)), np.array((np.inf, 0.0))):
+        with pytest.raises(wc.WarpcamError, match="apply_actor_dof_efforts: finite numbers are needed, got"):
+            GYM.apply_actor_dof_efforts(env, 0, told)
+    with pytest.raises(wc.WarpcamError, match="set_dof_target_velocity: a finite number is needed, got inf"):
+        GYM.set_dof_target_velocity(env, 2, np.inf)
     GYM.set_dof_target_velocity(env, 2, 0.25)
     GYM.set_dof_target_velocity(env, 3, -0.5)
     GYM.simulate(sim)
@@ -160,6 +184,7 @@ def test_single_joints_are_told(device: wp.Device, tmp_path: Path, prepared: boo
     for _ in range(100):
         GYM.simulate(sim)
     np.testing.assert_allclose(GYM.get_actor_dof_states(env, 1)["pos"], (0.1, -0.1), atol=0.01)
+    assert sim.physics._pushes is None  # no memory for what is never pushed
 
 
 @pytest.mark.parametrize("count", [1, 2], ids=["MuJoCo", "MuJoCo-Warp"])
@@ -173,12 +198,42 @@ def test_gravity_and_steps_may_change(device: wp.Device, count: int) -> None:
     bodies = wrapped(GYM.acquire_rigid_body_state_tensor(sim)).view(count, 2, 13)
     np.testing.assert_allclose(gained(sim, bodies)[:, 0, :3], [(0, 0, -9.81 * DT)] * count, atol=1e-5)
     params = GYM.get_sim_params(sim)
-    params.gravity, params.dt = gymapi.Vec3(1.0, 0.0, -3.0), 2.0 * DT
+    params.gravity.x, params.gravity.z, params.dt = 1.0, -3.0, 2.0 * DT
+    before = GYM.get_sim_params(sim)  # not yet: each is a copy
+    assert (before.gravity.x, before.gravity.z, before.dt) == (0.0, pytest.approx(-9.81), DT)
     GYM.set_sim_params(sim, params)
+    params.gravity.z, params.dt = 7.0, 7.0
     np.testing.assert_allclose(gained(sim, bodies)[:, 0, :3], [(2.0 * DT, 0, -6.0 * DT)] * count, atol=1e-5)
     np.testing.assert_allclose(bodies[:, 1, 7:10].cpu(), 0.0, atol=1e-6)
     with pytest.raises(wc.WarpcamError, match="up_axis is another than that of create_sim"):
         GYM.set_sim_params(sim, gymapi.SimParams(up_axis=gymapi.UP_AXIS_Y))
+
+
+def test_tasks_are_randomized(device: wp.Device) -> None:
+    """As IsaacGymEnvs does: it looks up all calls, and starts from what gravity was the first time."""
+    sim, _ = floating(device, 2)
+    setters = {
+        name: (getattr(GYM, f"get_{call}"), getattr(GYM, f"set_{call}"))
+        for name, call in (
+            ("dof_properties", "actor_dof_properties"),
+            ("tendon_properties", "actor_tendon_properties"),
+            ("rigid_body_properties", "actor_rigid_body_properties"),
+            ("rigid_shape_properties", "actor_rigid_shape_properties"),
+            ("sim_params", "sim_params"),
+        )
+    }
+    with pytest.raises(wc.WarpcamError, match=r"Gym\.get_actor_tendon_properties is not here: tendons pull nothing"):
+        setters["tendon_properties"][0](GYM.get_env(sim, 0), 0)
+    get, put = setters["sim_params"]
+    first = get(sim)
+    original = {name: getattr(first, name) for name in dir(first)}
+    for count in range(3):
+        assert GYM.get_frame_count(sim) == count
+        params = get(sim)
+        params.gravity.z = original["gravity"].z + np.float64(1.0)
+        put(sim, params)
+        GYM.simulate(sim)
+    assert get(sim).gravity.z == pytest.approx(-9.81 + 1.0)
 
 
 def test_what_cannot_push_is_named() -> None:
@@ -192,10 +247,48 @@ def test_what_cannot_push_is_named() -> None:
         (lambda: GYM.apply_body_force_at_pos(env, 0, (1, 2, 3)), r"vectors must be Vec3, got \(1, 2, 3\)"),
         (lambda: GYM.apply_dof_effort(env, 0, 1.0), "degree of freedom 0 came, environment 0 has 0"),
         (lambda: GYM.set_sim_params(sim, None), "SimParams are needed, got NoneType"),
+        (lambda: GYM.set_sim_params(sim, gymapi.SimParams(dt=0.0, up_axis=gymapi.UP_AXIS_Z)), "dt must be positive"),
+        (
+            lambda: GYM.set_sim_params(sim, gymapi.SimParams(gravity=(0, 0, -9.8), up_axis=gymapi.UP_AXIS_Z)),
+            r"set_sim_params: SimParams.gravity must be a Vec3 of finite numbers, got \(0, 0, -9.8\)",
+        ),
     ]
     for call, message in mistakes:
         with pytest.raises(wc.WarpcamError, match=message):
             call()
+
+
+@pytest.mark.parametrize("count", [1, 2], ids=["MuJoCo", "MuJoCo-Warp"])
+def test_contacts_are_where_bodies_were(device: wp.Device, count: int) -> None:
+    """A ball that slides fast, and is elsewhere before anybody asks; sensors and contacts are of the step."""
+    sim = new_sim(device, dt=DT, substeps=1)
+    GYM.add_ground(sim, gymapi.PlaneParams(normal=gymapi.Vec3(0, 0, 1)))
+    ball = GYM.create_sphere(sim, 0.1)
+    GYM.create_asset_force_sensor(ball, 0, gymapi.Transform(), gymapi.ForceSensorProperties(use_world_frame=True))
+    for index in range(count):
+        env = GYM.create_env(sim, gymapi.Vec3(-2, -2, 0), gymapi.Vec3(2, 2, 2), 3)
+        GYM.create_actor(env, ball, at(1.0, 2.0, 0.1), "ball", index, 0)
+    roots = wrapped(GYM.acquire_actor_root_state_tensor(sim))
+    sensors = wrapped(GYM.acquire_force_sensor_tensor(sim))
+    for _ in range(60):
+        GYM.simulate(sim)
+    GYM.refresh_actor_root_state_tensor(sim)
+    states = roots.clone()
+    states[:, 7] = 4.0
+    GYM.set_actor_root_state_tensor(sim, gymtorch.unwrap_tensor(states))
+    GYM.simulate(sim)
+    states[:, :3] += 3.0
+    GYM.set_actor_root_state_tensor(sim, gymtorch.unwrap_tensor(states))
+    GYM.refresh_force_sensor_tensor(sim)
+    contacts = GYM.get_rigid_contacts(sim)
+    assert len(contacts) == count
+    for contact in contacts:
+        side = "0" if contact["body0"] == 0 else "1"
+        assert np.linalg.norm(tuple(contact["localPos" + side])) == pytest.approx(0.1, abs=2e-3)
+    # What rubs turns it, about its centre.
+    forces, torques = sensors[:, :3].cpu().numpy(), sensors[:, 3:].cpu().numpy()
+    assert (forces[:, 0] < -5.0).all()
+    np.testing.assert_allclose(torques, np.cross((0.0, 0.0, -0.1), forces), atol=0.02 * np.abs(forces).max() * 0.1)
 
 
 @pytest.mark.parametrize("count", [1, 2], ids=["MuJoCo", "MuJoCo-Warp"])

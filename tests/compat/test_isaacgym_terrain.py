@@ -172,6 +172,26 @@ def test_heights_are_found_in_triangles() -> None:
     assert len(np.unique(upright(samples, 20)[0][:, :2], axis=0)) < samples.size
 
 
+def test_heights_are_found_far_from_the_first_ones() -> None:
+    """Where steps of single precision differ, so that one of them does not tell how many there are."""
+    samples = np.zeros((12, 4000), int)
+    samples[3:7, 2000:2003] = 60
+    found = heights_of(*upright(samples, 20))
+    assert found is not None and found[0].shape == samples.shape
+    np.testing.assert_allclose(found[0] / RISE, samples, atol=1e-3)
+
+
+def test_a_vertex_may_have_left_the_rim() -> None:
+    samples = np.zeros((7, 6), int)
+    samples[3, 1] = samples[5, 4] = 60
+    vertices, triangles = upright(samples, 20)
+    assert not np.isclose(vertices[3 * 6, :2], (3 * STEP_X, 0.0)).all()
+    found = heights_of(vertices, triangles)
+    assert found is not None
+    np.testing.assert_allclose(found[0][[3, 6, 5], [0, 4, 5]], 0.0)
+    assert found[0][3, 1] == found[0][5, 4] == np.float32(60 * RISE)
+
+
 def test_vertices_that_are_no_grid_are_collided_with_as_their_hull() -> None:
     vertices, triangles = triangles_of(SAMPLES)
     bent = vertices.copy()
@@ -180,8 +200,14 @@ def test_vertices_that_are_no_grid_are_collided_with_as_their_hull() -> None:
     for points, faces in ((bent, triangles), (corners, [(0, 4, 6), (1, 7, 3)]), (corners[:4], [(0, 1, 2)])):
         assert heights_of(points, np.asarray(faces)) is None
         sim = new_sim(wp.get_device("cpu"))
-        with pytest.warns(RuntimeWarning, match="MuJoCo collides with their convex hull"):
+        with pytest.warns(RuntimeWarning, match="are no grid along x and y, so that MuJoCo collides with the convex"):
             GYM.add_triangle_mesh(sim, points, np.asarray(faces), gymapi.TriangleMeshParams())
+
+
+def test_where_y_is_up_terrains_are_collided_with_as_their_hull() -> None:
+    sim = new_sim(wp.get_device("cpu"), up=gymapi.UP_AXIS_Y)
+    with pytest.warns(RuntimeWarning, match="add_triangle_mesh: z is not up, so that MuJoCo collides with the convex"):
+        GYM.add_triangle_mesh(sim, *triangles_of(SAMPLES), gymapi.TriangleMeshParams())
 
 
 def test_level_heights_are_level(device: wp.Device) -> None:
@@ -211,6 +237,14 @@ def test_what_no_terrain_can_be_made_of_is_named() -> None:
     for call, message in mistakes:
         with pytest.raises(wc.WarpcamError, match=f"add_heightfield: .*{message}"):
             call()
+    vertices, triangles = triangles_of(SAMPLES)
+    nowhere = vertices.copy()
+    nowhere[5, 2] = np.nan
+    for points in (nowhere, vertices.flatten()[:-1]):
+        with pytest.raises(wc.WarpcamError, match="add_triangle_mesh: vertices must be three finite numbers each"):
+            GYM.add_triangle_mesh(sim, points, triangles, gymapi.TriangleMeshParams())
+    with pytest.raises(wc.WarpcamError, match="add_triangle_mesh: TriangleMeshParams are needed, got HeightField"):
+        GYM.add_triangle_mesh(sim, *triangles_of(SAMPLES), described())
     GYM.create_env(sim, gymapi.Vec3(), gymapi.Vec3(), 1)
     GYM.prepare_sim(sim)
     with pytest.raises(wc.WarpcamError, match="add_heightfield: the simulation is prepared already"):

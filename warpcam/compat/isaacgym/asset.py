@@ -13,9 +13,9 @@ import warp as wp
 
 from warpcam.compat.isaacgym.kinds import DOF_PROPERTIES, DOF_STATE, DofDriveMode, DofType
 from warpcam.compat.isaacgym.maths import Transform
-from warpcam.compat.isaacgym.mjcf import tendons_of
+from warpcam.compat.isaacgym.mjcf import Extras
 from warpcam.compat.isaacgym.options import AssetOptions
-from warpcam.compat.isaacgym.properties import ForceSensorProperties, masses_of, surfaces_of
+from warpcam.compat.isaacgym.properties import ForceSensorProperties, TendonProperties, masses_of, surfaces_of
 from warpcam.errors import WarpcamError
 
 JOINT = newton.JointType
@@ -57,9 +57,10 @@ class Asset:
         rest: (dof,) of ``DOF_STATE``, where its joints begin.
         surfaces: (shape,) of ``SURFACE``, of actors that are made from now on.
         masses: (body,) of ``MASS``.
-        tendons: Names and properties.
+        joints: Names, without what a base is held by or floats with.
+        extras: Motors and tendons of its file.
+        tendons: Properties, where they are others than the file's.
         sensors: Force sensors: body, pose in its frame, properties.
-        path: Of the file, or None.
     """
 
     def __init__(
@@ -76,15 +77,17 @@ class Asset:
             raise WarpcamError(f"load_asset: {name!r} has no bodies; at least one is needed")
         self.shapes = np.asarray(builder.shape_body, np.int32)
         self.free = builder.joint_type[0] == JOINT.FREE
-        self.joints = [_last(label) for label in builder.joint_label]
-        self.dofs = self._read_dofs(joints)
+        labels = [_last(label) for label in builder.joint_label]
+        self.joints = labels[1:] if builder.joint_type[0] in (JOINT.FREE, JOINT.FIXED) else labels
+        self.dofs = self._read_dofs(labels, joints)
         self.properties = self._read_properties()
         self.rest = np.zeros(len(self.dofs), DOF_STATE)
         self.rest["pos"] = [float(builder.joint_q[dof.coordinate]) for dof in self.dofs]
-        self.surfaces, self.masses, self.path = surfaces_of(builder), masses_of(builder), path
+        self.surfaces, self.masses = surfaces_of(builder), masses_of(builder)
         self.first_surfaces = self.surfaces  # what the builder says
         self.sensors: list[tuple[int, Transform, ForceSensorProperties]] = []
-        self.tendons = self.first_tendons = tendons_of(path)
+        self.extras = Extras(path)
+        self.tendons: list[TendonProperties] | None = None
         self._model: newton.Model | None = None
         self.colors = np.array([tuple(color) for color in builder.shape_color], np.float32).reshape(-1, 3)
 
@@ -110,12 +113,12 @@ class Asset:
         newton.eval_fk(self._model, state.joint_q, state.joint_qd, state)
         return np.concatenate((state.body_q.numpy(), state.body_qd.numpy()), axis=1)
 
-    def _read_dofs(self, joints: dict[str, list[str]]) -> list[Dof]:
+    def _read_dofs(self, labels: list[str], joints: dict[str, list[str]]) -> list[Dof]:
         builder, dofs = self.builder, []
         for index, kind in enumerate(builder.joint_type):
             if kind in (JOINT.FREE, JOINT.FIXED):
                 continue
-            label = self.joints[index]
+            label = labels[index]
             if kind not in (JOINT.REVOLUTE, JOINT.PRISMATIC, JOINT.D6):
                 raise WarpcamError(
                     f"load_asset: {self.name!r}: joint {label!r} is a {JOINT(kind).name}; allowed are hinges, slides "

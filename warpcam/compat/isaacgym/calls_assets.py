@@ -85,7 +85,7 @@ class AssetCalls:
         env.sim.require_open("create_actor")
         for change in idle_changes(asset.surfaces, asset.first_surfaces):
             env.sim.warn_once(f"set_asset_rigid_shape_properties: {change}")
-        if asset.tendons != asset.first_tendons:
+        if asset.tendons is not None and asset.tendons != [one for _, one in asset.extras.tendons]:
             env.sim.warn_once("set_asset_tendon_properties: tendons are held, and pull nothing")
         actor = Actor(env, asset, pose, asset.name if name is None else name, group, int(segmentation_id))
         env.add(actor)
@@ -116,6 +116,10 @@ class AssetCalls:
 
     def get_asset_joint_names(self, asset: Asset) -> list[str]:
         return list(asset_of(asset, "get_asset_joint_names").joints)
+
+    def get_asset_joint_dict(self, asset: Asset) -> dict[str, int]:
+        """Places among ``get_asset_joint_names``: of a fixed base, rows of jacobians."""
+        return {name: index for index, name in enumerate(asset_of(asset, "get_asset_joint_dict").joints)}
 
     def get_asset_dof_count(self, asset: Asset) -> int:
         return len(asset_of(asset, "get_asset_dof_count").dofs)
@@ -203,6 +207,9 @@ class AssetCalls:
     def get_actor_rigid_shape_count(self, env: Env, actor: int) -> int:
         return len(actor_of(env, actor, "get_actor_rigid_shape_count").asset.shapes)
 
+    def get_actor_joint_dict(self, env: Env, actor: int) -> dict[str, int]:
+        return self.get_asset_joint_dict(actor_of(env, actor, "get_actor_joint_dict").asset)
+
     def get_actor_dof_count(self, env: Env, actor: int) -> int:
         return len(actor_of(env, actor, "get_actor_dof_count").asset.dofs)
 
@@ -235,7 +242,7 @@ class AssetCalls:
             one_of(DofDriveMode, mode, "set_actor_dof_properties: driveMode")
         found.properties[:] = properties
         if env.sim.prepared:
-            env.sim.physics.write_properties()
+            env.sim.physics.stale.add("drives")
         return True
 
     def get_sim_actor_count(self, sim: Sim) -> int:

@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from warpcam.compat.isaacgym import mjcf
 from warpcam.compat.isaacgym.asset import Asset
 from warpcam.compat.isaacgym.calls_assets import actor_of, asset_of, one_at
 from warpcam.compat.isaacgym.maths import Transform
@@ -78,39 +77,41 @@ class PropertyCalls:
 
     def get_asset_actuator_properties(self, asset: Asset) -> list[ActuatorProperties]:
         """Of the motors of an MJCF file, in its order; other assets have none."""
-        return mjcf.motors_of(asset_of(asset, "get_asset_actuator_properties").path)
+        motors = asset_of(asset, "get_asset_actuator_properties").extras.motors
+        return [replace(one) for one in motors]
 
     def get_asset_actuator_count(self, asset: Asset) -> int:
-        return len(mjcf.motors_of(asset_of(asset, "get_asset_actuator_count").path))
+        return len(asset_of(asset, "get_asset_actuator_count").extras.motors)
 
     def get_asset_actuator_name(self, asset: Asset, index: int) -> str:
         where = "get_asset_actuator_name"
-        return one_at(mjcf.motors_of(asset_of(asset, where).path), index, where).name
+        return one_at(asset_of(asset, where).extras.motors, index, where).name
 
     def get_asset_actuator_joint_name(self, asset: Asset, index: int) -> str:
         """Of what it moves."""
         where = "get_asset_actuator_joint_name"
-        return one_at(mjcf.motors_of(asset_of(asset, where).path), index, where).joint
+        return one_at(asset_of(asset, where).extras.motors, index, where).joint
 
     def get_asset_tendon_count(self, asset: Asset) -> int:
         """Of an MJCF file; other assets have none."""
-        return len(asset_of(asset, "get_asset_tendon_count").tendons)
+        return len(asset_of(asset, "get_asset_tendon_count").extras.tendons)
 
     def get_asset_tendon_name(self, asset: Asset, index: int) -> str:
         where = "get_asset_tendon_name"
-        return one_at(asset_of(asset, where).tendons, index, where)[0]
+        return one_at(asset_of(asset, where).extras.tendons, index, where)[0]
 
     def get_asset_tendon_properties(self, asset: Asset) -> list[TendonProperties]:
         """Of all of its tendons; copies."""
-        return [replace(one) for _, one in asset_of(asset, "get_asset_tendon_properties").tendons]
+        asset = asset_of(asset, "get_asset_tendon_properties")
+        rows = [one for _, one in asset.extras.tendons] if asset.tendons is None else asset.tendons
+        return [replace(one) for one in rows]
 
     def set_asset_tendon_properties(self, asset: Asset, properties: list[TendonProperties]) -> bool:
         """Held: tendons pull nothing."""
         where = "set_asset_tendon_properties"
         asset = asset_of(asset, where)
-        given = listed(properties, TendonProperties, len(asset.tendons), where)
-        names = [name for name, _ in asset.tendons]
-        asset.tendons = [(name, replace(one)) for name, one in zip(names, given, strict=True)]
+        given = listed(properties, TendonProperties, len(asset.extras.tendons), where)
+        asset.tendons = [replace(one) for one in given]
         return True
 
     def get_asset_rigid_body_shape_indices(self, asset: Asset) -> list[IndexRange]:

@@ -1,5 +1,6 @@
 """Calls about the simulation as a whole, its environments and its ground."""
 
+from copy import deepcopy
 from typing import Any
 
 import newton
@@ -51,7 +52,8 @@ class SimCalls:
         del sim.studio
 
     def get_sim_params(self, sim: Sim) -> SimParams:
-        return sim_of(sim, "get_sim_params").params
+        """A copy."""
+        return deepcopy(sim_of(sim, "get_sim_params").params)
 
     def set_sim_params(self, sim: Sim, params: SimParams) -> None:
         """Step, substeps and gravity from the next step on; the rest is held, which way is up stays."""
@@ -67,6 +69,10 @@ class SimCalls:
     def get_elapsed_time(self, sim: Sim) -> float:
         return sim_of(sim, "get_elapsed_time").time
 
+    def get_frame_count(self, sim: Sim) -> int:
+        """How many times ``simulate`` has been called."""
+        return sim_of(sim, "get_frame_count").steps
+
     def prepare_sim(self, sim: Sim) -> bool:
         """Build it all. What needs it does so by itself."""
         return sim_of(sim, "prepare_sim").physics is not None
@@ -75,7 +81,7 @@ class SimCalls:
         """Move on by ``params.dt``."""
         sim = sim_of(sim, "simulate")
         sim.physics.simulate(float(sim.params.dt), max(int(sim.params.substeps), 1))
-        sim.time += float(sim.params.dt)
+        sim.time, sim.steps = sim.time + float(sim.params.dt), sim.steps + 1
         sim.fetched = sim.shown = False
 
     def fetch_results(self, sim: Sim, wait: bool = True) -> None:
@@ -91,7 +97,7 @@ class SimCalls:
         sim.grounds.planes.append(params)
 
     def add_triangle_mesh(self, sim: Sim, vertices: Any, triangles: Any, params: TriangleMeshParams) -> None:
-        """A terrain. It is collided with as it is seen from above, if its vertices are a grid, else as its convex hull.
+        """A terrain. Where z is up and vertices are a grid it is collided with as seen from above, else as its hull.
 
         Args:
             sim: The simulation.
@@ -101,11 +107,14 @@ class SimCalls:
         """
         sim = sim_of(sim, "add_triangle_mesh")
         sim.require_open("add_triangle_mesh")
+        if not isinstance(params, TriangleMeshParams):
+            raise WarpcamError(f"add_triangle_mesh: TriangleMeshParams are needed, got {type(params).__name__}")
         terrain = of_triangles(vertices, triangles, params, sim.up == newton.Axis.Z)
         if terrain.felt is terrain.seen:
+            reason = "z is not up" if sim.up != newton.Axis.Z else "the vertices are no grid along x and y"
             sim.warn_once(
-                "add_triangle_mesh: the vertices are no grid along x and y, so that MuJoCo collides with their convex "
-                "hull; add_heightfield makes terrains that are felt as they are seen"
+                f"add_triangle_mesh: {reason}, so that MuJoCo collides with the convex hull; where z is up, "
+                "add_heightfield makes terrains that are felt as they are seen"
             )
         sim.grounds.terrains.append(terrain)
 
@@ -121,7 +130,7 @@ class SimCalls:
         sim = sim_of(sim, "add_heightfield")
         sim.require_open("add_heightfield")
         if sim.up != newton.Axis.Z:
-            raise WarpcamError("add_heightfield: z must be up; where y is, add_triangle_mesh takes any terrain")
+            raise WarpcamError("add_heightfield: z must be up; where y is, add_triangle_mesh draws any terrain")
         if not isinstance(params, HeightFieldParams):
             raise WarpcamError(f"add_heightfield: HeightFieldParams are needed, got {type(params).__name__}")
         sim.grounds.terrains.append(of_heights(samples, params))

@@ -186,6 +186,8 @@ def _told(env: Any, actor: Any, kind: str, values: Any, where: str) -> bool:
         given = np.zeros(())
     if given.shape != (count,) or given.dtype.kind not in "biuf":
         raise WarpcamError(f"{where}: {count} numbers are needed, got {values!r}")
+    if not np.isfinite(given).all():
+        raise WarpcamError(f"{where}: finite numbers are needed, got {values!r}")
     _tell(found, kind, given.astype(np.float32))
     return True
 
@@ -195,8 +197,8 @@ def _told_one(env: Any, dof: Any, kind: str, value: Any, where: str) -> None:
     place, number = handle_of(dof, env.counts.dofs), real(value)
     if place is None:
         raise WarpcamError(f"{where}: degree of freedom {dof!r} came, environment {env.index} has {env.counts.dofs}")
-    if math.isnan(number):
-        raise WarpcamError(f"{where}: a number is needed, got {value!r}")
+    if not math.isfinite(number):
+        raise WarpcamError(f"{where}: a finite number is needed, got {value!r}")
     found = next(actor for actor in reversed(env.actors) if actor.before.dofs <= place)
     before = found.targets.get(kind)
     values = np.full(len(found.asset.dofs), np.nan, np.float32) if before is None else before.copy()

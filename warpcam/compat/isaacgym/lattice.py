@@ -10,7 +10,7 @@ def heights_of(points: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.nd
     """The surface as it is seen from above, or None if the vertices are no grid of as many.
 
     Vertices may have been moved to others' places along the grid, as steep slopes are made upright; the places that
-    they left are inside of triangles.
+    they left are inside of triangles, or notches of the rim.
 
     Args:
         points: (vertex, 3) [m].
@@ -27,7 +27,7 @@ def heights_of(points: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.nd
         gaps = gaps[gaps > 1e-5 * extent[axis]]
         if not len(gaps):
             return None
-        steps[axis] = extent[axis] / np.rint(extent[axis] / gaps.min())
+        steps[axis] = extent[axis] / np.rint(gaps / gaps.min()).sum()  # one by one: far off float32 is coarse
     counts = np.rint(extent / steps).astype(np.int64) + 1
     if counts.prod() != len(points):
         return None
@@ -39,6 +39,7 @@ def heights_of(points: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.nd
     np.maximum.at(heights, tuple(cells.T), points[:, 2])
     if not np.isfinite(heights).all():
         _cover(heights, cells, points[:, 2].astype(np.float64), faces)
+        _fill_rim(heights)
     return (heights, first, steps) if np.isfinite(heights).all() else None
 
 
@@ -63,6 +64,16 @@ def _cover(heights: np.ndarray, cells: np.ndarray, z: np.ndarray, faces: np.ndar
         shares /= area[:, None]
         inside = (shares >= -1e-9).all(axis=1) & (place <= low + span).all(axis=1)
         np.maximum.at(heights, tuple(place[inside].T), (shares * z).sum(axis=1)[inside])
+
+
+def _fill_rim(heights: np.ndarray) -> None:
+    """Give places at the rim that no triangle covers the lowest height beside them: the lower vertices move."""
+    end = np.array(heights.shape) - 1
+    for place in np.argwhere(~np.isfinite(heights)):
+        if (place == 0).any() or (place == end).any():
+            low = np.maximum(place - 1, 0)
+            beside = heights[low[0] : place[0] + 2, low[1] : place[1] + 2]
+            heights[tuple(place)] = beside.min(initial=np.inf, where=np.isfinite(beside))
 
 
 def _cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:

@@ -35,11 +35,12 @@ class Matrices:
 
     Args:
         model: What is simulated.
-        starts: All actors, and what is before each.
+        actors: All of them.
+        start_of: What is before one.
     """
 
-    def __init__(self, model: newton.Model, starts: Sequence[tuple[Actor, Counts]]):
-        self._model, self._starts = model, starts
+    def __init__(self, model: newton.Model, actors: Sequence[Actor], start_of: Callable[[Actor], Counts]):
+        self._model, self._actors, self._start_of = model, actors, start_of
         self._trees: dict[str, Trees] = {}
         self._scratch: dict[str, wp.array] = {}
 
@@ -87,18 +88,18 @@ class Matrices:
         return self._trees[name]
 
     def _find(self, name: str, where: str) -> Trees:
-        pairs = [pair for pair in self._starts if pair[0].name == name]
-        if not pairs:
-            known = ", ".join(sorted({repr(actor.name) for actor, _ in self._starts}))
+        actors = [actor for actor in self._actors if actor.name == name]
+        if not actors:
+            known = ", ".join(sorted({repr(actor.name) for actor in self._actors}))
             raise WarpcamError(f"{where}: there is no actor {name!r}; there are {known or 'none'}")
-        asset = pairs[0][0].asset
-        if any(actor.asset is not asset for actor, _ in pairs):
+        asset = actors[0].asset
+        if any(actor.asset is not asset for actor in actors):
             raise WarpcamError(f"{where}: actors {name!r} are made of several assets; their matrices differ")
         builder = asset.builder
         if builder.articulation_count != 1 or builder.articulation_start[0] != 0:
             raise WarpcamError(f"{where}: actor {name!r} is not one tree of joints")
         firsts = self._model.articulation_start.numpy()
-        found = np.searchsorted(firsts, [start.joints for _, start in pairs])
+        found = np.searchsorted(firsts, [self._start_of(actor).joints for actor in actors])
         chosen = np.zeros(self._model.articulation_count, bool)
         chosen[found] = True
         joints = {body: joint for joint, body in reversed(list(enumerate(builder.joint_child)))}

@@ -1,5 +1,6 @@
 """What MuJoCo's files say beside bodies and joints: motors and tendons."""
 
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -9,30 +10,38 @@ from warpcam.compat.isaacgym.properties import ActuatorProperties, TendonPropert
 from warpcam.errors import WarpcamError
 
 
-def motors_of(path: Path | None) -> list[ActuatorProperties]:
-    """In the file's order; none of other files."""
-    model = _read(path, "get_asset_actuator_properties")
-    return [] if model is None else [_motor(model, index) for index in range(model.nu)]
+class Extras:
+    """Of one file, which is read when they are first asked for: MuJoCo makes a whole model of it.
 
+    Args:
+        path: Of any file, or None. Those that are no MJCF have none.
+    """
 
-def tendons_of(path: Path | None) -> list[tuple[str, TendonProperties]]:
-    """Names and properties, in the file's order; none of other files, or of one that MuJoCo cannot read."""
-    try:
-        model = _read(path, "load_asset")
-    except WarpcamError:
-        return []
-    return [] if model is None else [_tendon(model, index) for index in range(model.ntendon)]
+    def __init__(self, path: Path | None):
+        self._path = path
 
+    @property
+    def motors(self) -> list[ActuatorProperties]:
+        """In the file's order."""
+        return self._both[0]
 
-def _read(path: Path | None, where: str) -> Any:
-    if path is None or path.suffix.lower() not in (".xml", ".mjcf"):
-        return None
-    import mujoco
+    @property
+    def tendons(self) -> list[tuple[str, TendonProperties]]:
+        """Names and properties, in the file's order."""
+        return self._both[1]
 
-    try:
-        return mujoco.MjModel.from_xml_path(str(path))
-    except ValueError as error:
-        raise WarpcamError(f"{where}: {str(path)!r} cannot be read: {error}") from error
+    @cached_property
+    def _both(self) -> tuple[list[ActuatorProperties], list[tuple[str, TendonProperties]]]:
+        path = self._path
+        if path is None or path.suffix.lower() not in (".xml", ".mjcf"):
+            return [], []
+        import mujoco
+
+        try:
+            model = mujoco.MjModel.from_xml_path(str(path))
+        except ValueError as error:
+            raise WarpcamError(f"motors and tendons: {str(path)!r} cannot be read: {error}") from error
+        return [_motor(model, row) for row in range(model.nu)], [_tendon(model, row) for row in range(model.ntendon)]
 
 
 def _motor(model: Any, index: int) -> ActuatorProperties:

@@ -52,7 +52,7 @@ class Physics:
         spot: Where its shapes and bodies are.
         state: The ``newton.State`` that is current.
         total: How much of each there is.
-        stale: "surfaces" or "masses", where actors' are others than the model's until the next step.
+        stale: "drives", "surfaces" or "masses", where actors' are others than the model's until the next step.
     """
 
     def __init__(
@@ -74,15 +74,15 @@ class Physics:
         self._control = self.model.control()
         self._solver: Any = None
         self._moved = False  # joints are behind bodies
-        self.write_properties()
-        self.stale = {"surfaces", "masses"}
+        self.stale = {"drives", "surfaces", "masses"}
         self._write_stale()
         self._contacts_felt = Contacts(self.model)
         rows = [row for actor in self.actors for row in _sensors(actor, self.start_of(actor).bodies)]
         self._sensors = Sensors(rows, device)
         self.num_sensors = len(rows)
-        self._matrices = Matrices(self.model, [(actor, self.start_of(actor)) for actor in self.actors])
-        self._pushes, self._envs = Pushes(self.model, envs), envs
+        self._matrices = Matrices(self.model, self.actors, self.start_of)
+        self._envs = envs
+        self._pushes: Pushes | None = None
         self._listed: np.ndarray | None = None
         self._efforts = Efforts(self.model, self._speeds.numpy())
         self._told = [actor for actor in self.actors if actor.targets]
@@ -101,7 +101,8 @@ class Physics:
                 self._efforts.bind(self._solver)
             for _ in range(substeps):
                 self.state.clear_forces()
-                self._pushes.put(self.state.body_f)
+                if self._pushes is not None:
+                    self._pushes.put(self.state.body_f)
                 if self._floating.size:
                     inputs = [self._floating, self.model.body_mass, wp.vec3(*self._gravity), self.state.body_f]
                     kernels.launch(kernels.hold_up, self._floating.size, inputs, self.device)
@@ -111,7 +112,8 @@ class Physics:
                     self._pipeline.collide(self.state, contacts)
                 self._solver.step(self.state, self._other, self._control, contacts, dt / substeps)
                 self.state, self._other = self._other, self.state
-            self._pushes.clear()
+            if self._pushes is not None:
+                self._pushes.clear()
             self._listed = None
             self._moved = self._pipeline is not None
 
@@ -172,7 +174,7 @@ class Physics:
 
     def _read_sensors(self, array: wp.array) -> None:
         self._contacts_felt.read(self._solver, "contact forces (sensors)")
-        self._sensors.read(self._contacts_felt.felt, self.state.body_q, array)
+        self._sensors.read(self._contacts_felt.felt, self._other.body_q, array)
 
     def _matrix(self, shape: tuple[int, ...], read: Callable[[newton.State, wp.array], None]) -> Source:
         def refresh(array: wp.array) -> None:
@@ -223,18 +225,25 @@ class Physics:
         """Of the last step, see ``contacts_of``; waits for the device once a step."""
         if self._listed is None:
             with interop.in_order(self.device):
-                self._listed = contacts_of(self._solver, self.model, self.state, self._envs, where)
+                self._listed = contacts_of(self._solver, self.model, self._other, self._envs, where)
         return self._listed
 
     def push(self, space: CoordinateSpace, where: str, **given: Any) -> None:
         """Have forces act on bodies in the next step, see ``Pushes.add``."""
         with interop.in_order(self.device):
-            self._pushes.add(self.state, space, where, **given)
+            self._pushing().add(self.state, space, where, **given)
 
     def push_one(self, space: CoordinateSpace, body: int, **given: Vec3 | None) -> None:
         """Likewise on one of all bodies."""
         with interop.in_order(self.device):
-            self._pushes.add_one(self.state, space, body, **given)
+            self._pushing().add_one(self.state, space, body, **given)
+
+    def _pushing(self) -> Pushes:
+        """Made for programs that push; centres of mass are those that were set last."""
+        self._write_stale()
+        if self._pushes is None:
+            self._pushes = Pushes(self.model, self._envs)
+        return self._pushes
 
     def set_gravity(self, gravity: Vec3) -> None:
         self._gravity = gravity
@@ -283,16 +292,17 @@ class Physics:
                 host[places.numpy()] = rows[column]
                 array.assign(host)
 
-    def write_properties(self) -> None:
-        """Bring the model's joints up to date with the actors' properties."""
+    def _write_drives(self) -> None:
         modes = self.model.joint_target_mode.numpy().copy()  # on a CPU it is the same memory
         settings.write_drives(self.model, self._speeds.numpy(), self.actors, self._solver)
         if not np.array_equal(modes, self.model.joint_target_mode.numpy()):
             self._solver = None  # what drives a joint is built into it
 
     def _write_stale(self) -> None:
-        """Bring the model's shapes and bodies up to date with the actors'."""
+        """Bring the model's joints, shapes and bodies up to date with the actors', of all that changed at once."""
         starts = [(actor, self.start_of(actor)) for actor in self.actors] if self.stale else []
+        if "drives" in self.stale:
+            self._write_drives()
         if "surfaces" in self.stale:
             settings.write_surfaces(self.model, self.spot, starts, self._solver)
         if "masses" in self.stale:

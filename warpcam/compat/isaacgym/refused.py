@@ -7,6 +7,7 @@ from warpcam.errors import WarpcamError
 
 VIEWER = "there is no window; attach a camera and save its images with write_camera_image_to_file"
 PHYSICS = "this front end is for cameras; sizes and states of inner bodies are the Newton model's own"
+TENDONS = "tendons pull nothing here; those of an asset are held"
 SOFT = "there are no soft bodies or particles here; warpcam.from_newton draws Newton's"
 REFUSED: Mapping[str, str] = {
     **dict.fromkeys(
@@ -23,9 +24,16 @@ REFUSED: Mapping[str, str] = {
         (
             "set_rigid_body_state_tensor", "set_actor_rigid_body_states", "set_actor_scale", "get_actor_scale",
             "set_sim_rigid_body_states",
-            "destroy_env", "set_actor_fixed_tendon_joint_coefficients",
+            "destroy_env",
         ),
         PHYSICS,
+    ),
+    **dict.fromkeys(
+        (
+            "get_actor_tendon_properties", "set_actor_tendon_properties", "get_actor_tendon_count",
+            "get_actor_fixed_tendon_joint_coefficients", "set_actor_fixed_tendon_joint_coefficients",
+        ),
+        TENDONS,
     ),
     **dict.fromkeys(
         (

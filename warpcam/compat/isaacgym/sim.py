@@ -1,6 +1,8 @@
 """A simulation: what a program has made of it so far, and where it is on the way from step to image."""
 
+import math
 import warnings
+from copy import deepcopy
 from typing import Any
 
 import newton
@@ -13,6 +15,7 @@ from warpcam.compat.isaacgym.options import SimParams
 from warpcam.compat.isaacgym.physics import Physics
 from warpcam.compat.isaacgym.studio import Studio
 from warpcam.compat.isaacgym.world import Counts, Env, Grounds
+from warpcam.compat.numbers import real
 from warpcam.errors import WarpcamError
 
 DAYLIGHT = Lamp((0.85, 0.85, 0.85), (0.25, 0.25, 0.25), (0.5, -0.5, 0.8))
@@ -27,10 +30,11 @@ class Sim:
         fetched: Whether the last step's results have been fetched.
         shown: Whether ``step_graphics`` has been called since the last step.
         accessing: Whether images are being read, between start and end.
+        steps: How many there have been.
     """
 
     def __init__(self, device: wp.Device, params: SimParams, quirks: bool):
-        self.device, self.params, self.quirks = device, params, quirks
+        self.device, self.params, self.quirks = device, _checked(params, "create_sim"), quirks
         self.on_host = device.is_cuda and not params.use_gpu_pipeline
         self.up = newton.Axis.Z if params.up_axis == UpAxis.UP_AXIS_Z else newton.Axis.Y
         self.gravity = Vec3(*params.gravity)
@@ -41,7 +45,7 @@ class Sim:
         self.fetched = self.shown = True
         self.accessing = self.alive = False
         self.alive = True
-        self.time = 0.0
+        self.time, self.steps = 0.0, 0
         self._physics: Physics | None = None
         self._sum, self._summed = Counts(), 0
         self._warned: set[str] = set()
@@ -64,7 +68,7 @@ class Sim:
         up = newton.Axis.Z if params.up_axis == UpAxis.UP_AXIS_Z else newton.Axis.Y
         if up != self.up:
             raise WarpcamError("set_sim_params: up_axis is another than that of create_sim; it cannot be changed")
-        self.params, self.gravity = params, Vec3(*params.gravity)
+        self.params, self.gravity = _checked(params, "set_sim_params"), Vec3(*params.gravity)
         if self._physics is not None:
             self._physics.set_gravity(self.gravity)
 
@@ -91,6 +95,15 @@ class Sim:
         if message not in self._warned:
             self._warned.add(message)
             warnings.warn(message, RuntimeWarning, stacklevel=3)
+
+
+def _checked(params: SimParams, where: str) -> SimParams:
+    """A copy of parameters that can be stepped with."""
+    if not 0.0 < real(params.dt) < math.inf:
+        raise WarpcamError(f"{where}: SimParams.dt must be positive and finite, got {params.dt!r}")
+    if not isinstance(params.gravity, Vec3) or not all(math.isfinite(value) for value in params.gravity):
+        raise WarpcamError(f"{where}: SimParams.gravity must be a Vec3 of finite numbers, got {params.gravity!r}")
+    return deepcopy(params)
 
 
 def sim_of(value: Any, where: str) -> Sim:

@@ -62,7 +62,10 @@ def of_triangles(vertices: Any, triangles: Any, params: TriangleMeshParams, upri
 
     MuJoCo knows no triangles, but their convex hull.
     """
-    points = np.asarray(vertices, np.float32).reshape(-1, 3)
+    points = np.asarray(vertices, np.float32)
+    if points.size % 3 or not np.isfinite(points).all():
+        raise WarpcamError(f"add_triangle_mesh: vertices must be three finite numbers each, got shape {points.shape}")
+    points = points.reshape(-1, 3)
     faces = np.asarray(triangles).astype(np.int64).reshape(-1)
     if faces.size == 0 or faces.min() < 0 or faces.max() >= len(points) or faces.size % 3:
         raise WarpcamError(f"add_triangle_mesh: triangles must be three of 0 to {len(points) - 1} each")
