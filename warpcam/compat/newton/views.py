@@ -107,7 +107,8 @@ class Views:
         self._limits: tuple[float, float] | None = None  # of splats, as far as it is known
         self._captured = False  # whether graphs may write other limits whenever they are launched
         self._held: dict[tuple[int, int], Any] = {}  # what graphs use
-        self._build(self._drawn.usual)
+        self._choice: Choice = self._drawn.usual
+        self._build(self._choice)
         self._most_finishes = self._num_finishes  # other choices draw no more
 
     def assign_checkerboard(self, shape_indices: Any, resolution: Any, checker_size: Any) -> None:
