@@ -3,7 +3,6 @@
 import gc
 import weakref
 from typing import Any
-from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -262,11 +261,19 @@ def test_what_is_captured_stays_as_it_was(device: wp.Device, monkeypatch: pytest
 def test_a_scene_that_cannot_be_made_is_made_when_it_is_asked_for_again(
     device: wp.Device, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """As when memory is short."""
+    """As when memory is short, of which the images of the scene before take none then."""
     model, state = newton_scenes.finalize(worlds_and_all(), device)
     sensor = SensorCamera(model)
+    seen_by(sensor, state)
+    (traced,) = map(weakref.ref, sensor._views._renderers.values())
+
+    def fail(*_: Any) -> None:
+        gc.collect()
+        assert traced() is None
+        raise MemoryError
+
     with monkeypatch.context() as full:
-        full.setattr("warpcam.compat.newton.views.load", Mock(side_effect=MemoryError))
+        full.setattr("warpcam.compat.newton.views.load", fail)
         with pytest.raises(MemoryError):
             seen_by(sensor, state, enable_particles=False)
     for particles in (False, True):

@@ -149,6 +149,7 @@ class Views:
         images = []
         if self._board is not None:  # for each of the model's materials one that shows it
             images = [self._board, *[np.zeros((1, 1, 3), np.uint8)] * (self._most_finishes - 1)]
+        self._renderers: dict[tuple[Any, ...], _Traced] = {}  # their images make room
         with context_kept():
             self.scene = load(model, model.state(), [light] * 2, (0.0, 0.0, 0.0), None, None, images, choice)
         self._choice = choice
@@ -160,7 +161,6 @@ class Views:
             self.looks.check(self._checked, self._first_image)
         self._limits = None
         self._limit_splats(USUAL_LIMITS)  # for renderers of the user's own, before the first update
-        self._renderers: dict[tuple[Any, ...], _Traced] = {}
 
     def render(
         self,
