@@ -125,7 +125,7 @@ inline void cast_crowd(const Shapes& shapes, const Materials& materials, const M
             return points.load<false>(view, target, corner + size_t(row) * target.width + column, region.left + column,
                                       region.top + row, bit, clear);
         };
-        Around patches[PATCHES], all;
+        PointsAround patches[PATCHES], all;
         bool asks[ACROSS * DOWN];
         for (int row = 0; row < DOWN; ++row)
             for (int column = 0; column < ACROSS; ++column) {
@@ -138,7 +138,7 @@ inline void cast_crowd(const Shapes& shapes, const Materials& materials, const M
             for (int first = 0; first < lower_int(total, CAPACITY); first += PACKET)
                 spheres[first / PACKET] = load_spheres(shapes, world, first);
         fresh = false;
-        for (const Around& patch : patches)
+        for (const PointsAround& patch : patches)
             all.add(patch);
         const TileWindow everything = all.window();
         int begin = everything.floor < FAR_AWAY ? 0 : total;  // no point asks

@@ -155,7 +155,7 @@ struct Points {
 };
 
 // What points cover as the light sees them: everything if some lie behind a light that shines forwards.
-struct Around {
+struct PointsAround {
     Floats left = FAR_AWAY, right = -FAR_AWAY, bottom = FAR_AWAY, top = -FAR_AWAY, floor = FAR_AWAY;
 
     // Those of a tile that are not shaded yet.
@@ -172,7 +172,7 @@ struct Around {
         }
     }
 
-    void add(const Around& other)
+    void add(const PointsAround& other)
     {
         left = lower(left, other.left);
         right = upper(right, other.right);

@@ -131,7 +131,7 @@ inline void shade_tile(const List& list, const ListWindows& windows, const LitVi
                        const Shapes& shapes, const Meshes& meshes, const HeightFields& fields, Points& points)
 {
     constexpr bool HAS_MESH = TYPES >> MESH & 1;
-    Around around;
+    PointsAround around;
     around.add(points);
     const TileWindow tile = around.window();
     const bool distant = view.light.distant;
