@@ -12,9 +12,12 @@ from typing import Any
 if workers := os.environ.get("PYTEST_XDIST_WORKER_COUNT"):
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
     os.environ.setdefault("WARPCAM_CPU_THREADS", str(max(1, cores // int(workers))))
-# Before anything imports mujoco: its own renderer judges some tests, and works without a display on Mesa.
+# Before anything imports mujoco: its own renderer judges some tests, and works without a display on Mesa. Where it has
+# neither it is told so: what is left of a context that could not be made would fail another test.
 if ctypes.util.find_library("OSMesa"):
     os.environ.setdefault("MUJOCO_GL", "osmesa")
+elif sys.platform == "linux" and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
+    os.environ.setdefault("MUJOCO_GL", "disable")
 sys.path.append(str(Path(__file__).parent))
 
 import pytest

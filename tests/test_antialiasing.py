@@ -106,7 +106,7 @@ def level(depth: np.ndarray, pinhole: bool) -> np.ndarray:
         return 1.0 / depth if pinhole else depth
 
 
-FAINT, FAINT_WITHIN, FAINT_SIDES, TURNED = 8, 24, 32, 2.0  # of native/edges.h
+FAINT, FAINT_WITHIN, FAINT_SIDES, TURNED = 12, 24, 32, 2.0  # of native/edges.h
 
 
 def edges_of(

@@ -11,7 +11,7 @@ namespace warpcam {
 constexpr float CREASE = 1.0f;
 // Colours that differ by so much or less are about the same [levels of 255], at an edge of a shape and within one. Of a
 // pixel's mean a sample is a quarter.
-constexpr int FAINT = 8, FAINT_WITHIN = 24, FAINT_SIDES = 32;
+constexpr int FAINT = 12, FAINT_WITHIN = 24, FAINT_SIDES = 32;
 // Of the pixels that may show a sample's surface one that lies apart from it by so many pixels' widths in depth is as bad
 // as one that lies a pixel's width aside.
 constexpr float STEEP = 8.0f;
