@@ -4,11 +4,15 @@ Warp's simulators and their renderers are compiled without optimising, in a fift
 tests. Where there is a GPU they are optimised a little, as Warp warns of CUDA's compiler otherwise. Run as a program
 this runs another one so, in the same process.
 
-Our own are the same code on a CPU, optimised less, in two thirds of the time; WARPCAM_TESTS=optimized has them compiled
+Our own are the same code on a CPU, optimised less, in a third of the time; WARPCAM_TESTS=optimized has them compiled
 as they are for users. Tests that start programs of their own (examples, the command line, the doctor, benchmarks), and
 those of single native functions, always have them so.
+
+Headers are precompiled once for all processes, not in each of them, and ours (together.h) with Warp's.
 """
 
+import fcntl
+import hashlib
 import os
 import runpy
 import sys
@@ -18,6 +22,10 @@ from typing import Any
 import warp as wp
 
 SIMULATORS = {"mujoco_warp", "newton"}
+TOGETHER = Path(__file__).with_name("together.h")
+# What templates Warp's headers need themselves is instantiated with them, not in each module.
+INSTANTIATED = "-fpch-instantiate-templates"
+QUICK = f"-O1 -fno-vectorize -fno-slp-vectorize -DWARPCAM_QUICK {INSTANTIATED}"
 
 
 def install(ours: bool = False) -> None:
@@ -30,11 +38,48 @@ def install(ours: bool = False) -> None:
         homes = {kernel.func.__module__.partition(".")[0] for kernel in module.kernels.values()}
         if homes and homes <= SIMULATORS and options["optimization_level"] is None:
             options["optimization_level"] = 1 if wp.is_cuda_available() else 0
+            options["cpu_compiler_flags"] = f"-march=native {INSTANTIATED}"
         elif homes == {"warpcam"} and ours and options.get("cpu_compiler_flags"):
-            options["cpu_compiler_flags"] += " -O1 -fno-vectorize -fno-slp-vectorize -DWARPCAM_QUICK"
+            options["cpu_compiler_flags"] += f" {QUICK}{_together()}"
+            if options["extra_cpu_preamble"]:
+                options["extra_cpu_preamble"] += "#pragma clang fp contract(on)\n"  # as lanes.h has it
         return options
 
     wp.Module.resolve_options = resolve_options
+    share_headers()
+
+
+def _together() -> str:
+    """Flags that have our headers precompiled, wherever warpcam is installed; Warp takes none with a space in it."""
+    native = sys.modules["warpcam.kernels.launch"].NATIVE
+    return "" if " " in f"{native}{TOGETHER}" else f" -I{native} -include {TOGETHER}"
+
+
+def share_headers() -> None:
+    """Have all processes with the same sources share their precompiled headers, and QUICK be quick to the end."""
+    build = wp._src.build.build_cpu
+    sources = [*sorted((TOGETHER.parents[1] / "kernels" / "native").glob("*.h")), TOGETHER, Path(wp.__file__)]
+    stamps = [(str(path), path.stat().st_mtime_ns) for path in sources]
+    name = f"wp_headers_{hashlib.sha256(repr(stamps).encode()).hexdigest()[:16]}"
+    made: set[tuple[Any, ...]] = set()
+
+    def build_cpu(*args: Any, **options: Any) -> None:
+        if QUICK in options["extra_flags"]:
+            options["optimization_level"] = 0  # of what turns the optimised code into the machine's
+        folder = Path(wp.config.kernel_cache_dir) / name
+        folder.mkdir(parents=True, exist_ok=True)
+        if options["pch_dir"]:
+            options["pch_dir"] = str(folder)
+        kind = (options["extra_flags"], options["optimization_level"], options["block_dim"])
+        if kind in made:
+            return build(*args, **options)
+        with open(folder / "lock", "w") as lock:  # the first of all processes precompiles them; others wait for it
+            fcntl.flock(lock, fcntl.LOCK_EX)
+            build(*args, **options)
+        made.add(kind)
+        return None
+
+    wp._src.build.build_cpu = build_cpu
 
 
 if __name__ == "__main__":

@@ -127,7 +127,7 @@ template <class List> WARPCAM_FN bool may_be_shaded(const List& list, const Plac
 
 // False if the shape casts no shadow in this light. TIGHT: see window_of().
 template <int TYPES, bool TIGHT = false, class Meshes, class HeightFields>
-WARPCAM_APART WARPCAM_FN bool prepare_caster(const Shape& shape, const Light& light, const Camera& camera, const Meshes& meshes,
+WARPCAM_APART WARPCAM_FN bool prepare_caster(const Shape& shape, const LightView& light, const Camera& camera, const Meshes& meshes,
                                const HeightFields& fields, Caster& caster)
 {
     Extent extent {};
@@ -177,7 +177,7 @@ WARPCAM_FN void mark_glass(Row& aim, const Record& record, const Shapes& shapes,
 // threads do it, a block or one of its warps.
 template <int TYPES, int TEAM, class List, class Shapes, class Materials, class Meshes, class HeightFields>
 WARPCAM_APART WARPCAM_FN int collect_casters(List& list, int begin, const Shapes& shapes, const Materials& materials,
-                              const Meshes& meshes, const HeightFields& fields, const Light& light,
+                              const Meshes& meshes, const HeightFields& fields, const LightView& light,
                               const Camera& camera, int world, int thread)
 {
     const int total = shapes.drawn.shape[0];
@@ -223,7 +223,7 @@ WARPCAM_APART WARPCAM_FN int collect_casters(List& list, int begin, const Shapes
 // The same with its bounds, by a whole block.
 template <int TYPES, class List, class Shapes, class Materials, class Meshes, class HeightFields>
 WARPCAM_FN int gather_casters(List& list, int begin, const Shapes& shapes, const Materials& materials,
-                              const Meshes& meshes, const HeightFields& fields, const Light& light,
+                              const Meshes& meshes, const HeightFields& fields, const LightView& light,
                               const Camera& camera, int world, int thread)
 {
     begin = collect_casters<TYPES, THREADS>(list, begin, shapes, materials, meshes, fields, light, camera, world, thread);
@@ -289,7 +289,7 @@ WARPCAM_FN Facing face_light(const Meshes& meshes, int mesh, int face, bool dist
 
 // The same of a shape's face. The point is seen from `origin`, by a ray along `sight`; both in the world's axes.
 template <int TYPES, class Shapes, class Meshes>
-WARPCAM_FN Facing face_light(const Shapes& shapes, const Meshes& meshes, int world, int id, int face, const Light& light,
+WARPCAM_FN Facing face_light(const Shapes& shapes, const Meshes& meshes, int world, int id, int face, const LightView& light,
                              Vec origin, Vec sight, Vec point)
 {
     if (wp::index(shapes.types, id) != MESH)

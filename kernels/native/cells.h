@@ -18,7 +18,7 @@ struct PlaneCells {
     Cells u, v;
 };
 
-struct Span {
+struct CellSpan {
     float start, length;
 };
 
@@ -51,7 +51,7 @@ WARPCAM_FN PlaneCells plane_cells(const Pose& pose, const float* repeat, float h
 }
 
 // The cell around `x`.
-WARPCAM_FN Span cell_around(const Cells& cells, float x)
+WARPCAM_FN CellSpan cell_around(const Cells& cells, float x)
 {
     const float start = cells.start + cells.step * round_down((x - cells.start) * cells.inverse);
     if (cells.rest < 0.0f || (x > cells.start && x <= -cells.start))

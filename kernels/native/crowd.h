@@ -96,7 +96,7 @@ WARPCAM_FN void survey(const Task<LENS>& task, const Target& target, Patch* patc
 // returns where to go on.
 template <int TYPES, class Crowd_, class Shapes, class Materials, class Meshes, class HeightFields>
 WARPCAM_FN int gather_outlines(Crowd_& crowd, int begin, const Shapes& shapes, const Materials& materials,
-                               const Meshes& meshes, const HeightFields& fields, const Light& light,
+                               const Meshes& meshes, const HeightFields& fields, const LightView& light,
                                const Camera& camera, const Cover& all, const Grid& grid, int world, int thread)
 {
     const int total = shapes.drawn.shape[0];
@@ -151,7 +151,7 @@ WARPCAM_FN int pick(const Crowd_& crowd, const Outline& points, int from, int* p
 
 template <int TYPES, class Shapes, class Materials, class Meshes, class HeightFields>
 WARPCAM_FN void prepare_picks(Picks& picks, int picked, const Shapes& shapes, const Materials& materials,
-                              const Meshes& meshes, const HeightFields& fields, const Light& light, const Camera& camera,
+                              const Meshes& meshes, const HeightFields& fields, const LightView& light, const Camera& camera,
                               int world, int lane)
 {
     auto& list = picks.list;

@@ -9,7 +9,7 @@ namespace warpcam {
 constexpr int PATCH = 16;  // pixels along a side, at most
 
 // Those that may shade something in a region, a bit each.
-inline unsigned spheres_before(const Spheres& s, const Light& light, const Camera& camera, const TileWindow& region)
+inline unsigned spheres_before(const Spheres& s, const LightView& light, const Camera& camera, const TileWindow& region)
 {
     const Floats none = 0.0f, one = 1.0f;
     const Vecs c = s.at - eight_of(camera.origin), from = light.distant ? c : c - eight_of(light.aim);
@@ -41,7 +41,7 @@ inline unsigned spheres_before(const Spheres& s, const Light& light, const Camer
 // go on. `spheres`: of the first shapes, as many as the list has room for.
 template <int TYPES, class List, class Shapes, class Materials, class Meshes, class HeightFields>
 inline int gather_near(List& list, Windows<List::CAPACITY>& windows, int begin, const Spheres* spheres, const Shapes& shapes,
-                       const Materials& materials, const Meshes& meshes, const HeightFields& fields, const Light& light,
+                       const Materials& materials, const Meshes& meshes, const HeightFields& fields, const LightView& light,
                        const Camera& camera, const TileWindow& region, int world)
 {
     const int total = shapes.drawn.shape[0];

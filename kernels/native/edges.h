@@ -31,7 +31,7 @@ struct Offset {
     float right, down;  // from the pixel's centre [pixels]
 };
 
-struct Place {
+struct Neighbour {
     int right, down;  // of a pixel [pixels]
 };
 
@@ -44,7 +44,7 @@ WARPCAM_FN Offset sample_offset(int sample)
 }
 
 // Which of the nine pixels around one is the k-th nearest to a sample, by its place beside the one in the middle.
-WARPCAM_FN Place near_sample(Offset offset, int k)
+WARPCAM_FN Neighbour near_sample(Offset offset, int k)
 {
     // 1 being the pixel's own line and 2 that on the sample's side: bits by twos for the direction in which the sample is
     // farther from the centre, and for the other
@@ -54,7 +54,7 @@ WARPCAM_FN Place near_sample(Offset offset, int k)
     const int farther = int(FARTHER >> 2 * k & 3) - 1, other = int(OTHER >> 2 * k & 3) - 1;
     return { x * (upright ? other : farther), y * (upright ? farther : other) };
 }
-WARPCAM_FN int number_of(const Place& place) { return 3 * (place.down + 1) + place.right + 1; }  // see ImageCentres::around()
+WARPCAM_FN int number_of(const Neighbour& place) { return 3 * (place.down + 1) + place.right + 1; }  // see ImageCentres::around()
 
 // Depths between which a sample's hit is looked for, on shapes that take long: about those that the pixels around have.
 struct Band {
@@ -321,7 +321,7 @@ template <int LENS, class Centres> struct Seen {
         unsigned left = 0;  // those that show the shape, from near to far
 #pragma unroll
         for (int k = 0; k < 9; ++k) {
-            const Place at_k = near_sample(offset, k);
+            const Neighbour at_k = near_sample(offset, k);
             left |= unsigned(centres.shows(i + at_k.right, j + at_k.down, hit_shape)) << k;
         }
         return left ? chosen<IMAGES>(left, i, j, offset, hit_depth, sided, turned) : ITSELF;
@@ -335,20 +335,20 @@ template <int LENS, class Centres> struct Seen {
         if (!sided)
             return number_of(aside(lowest_bit(left)));
 
-        const auto pixel_of = [&](const Place& place) { return at(i + place.right, j + place.down); };
-        const auto apart_from = [&](const Place& place) {
+        const auto pixel_of = [&](const Neighbour& place) { return at(i + place.right, j + place.down); };
+        const auto apart_from = [&](const Neighbour& place) {
             const float right = float(place.right) - offset.right, down = float(place.down) - offset.down;
             return right * right + down * down;
         };
-        const auto cost_of = [&](const Place& place, float most) {  // or what it is at least, if that is so much
+        const auto cost_of = [&](const Neighbour& place, float most) {  // or what it is at least, if that is so much
             const float its = apart_from(place) + apart(pixel_of(place), hit_depth);
             return its < most ? its + turned(i + place.right, j + place.down, pixel_of(place)) : its;
         };
-        Place best_at = aside(lowest_bit(left));
+        Neighbour best_at = aside(lowest_bit(left));
         Colour<IMAGES> best_colour = colour<IMAGES>(pixel_of(best_at));
         float best = FAR_AWAY;  // not known before some other pixel has another colour
         for (left &= left - 1; left; left &= left - 1) {
-            const Place place = aside(lowest_bit(left));
+            const Neighbour place = aside(lowest_bit(left));
             if (apart_from(place) >= best)
                 break;
             const Colour<IMAGES> its = colour<IMAGES>(pixel_of(place));

@@ -21,7 +21,7 @@ struct Facet {
 // The half of an axis-aligned quad that a hit lies in. The quad is cut from its second to its fourth corner; mirrored,
 // from its first to its third. `place` is the hit in the camera's frame, `along` and `across` are the quad's axes
 // there, `a` and `b` the hit's coordinates on them.
-WARPCAM_FN void in_quad(Vec place, Vec along, Vec across, float a, float b, Span u, Span v, bool mirrored, Facet& facet)
+WARPCAM_FN void in_quad(Vec place, Vec along, Vec across, float a, float b, CellSpan u, CellSpan v, bool mirrored, Facet& facet)
 {
     float weight1 = between((a - u.start) * reciprocal(upper(u.length, 1.0e-20f)), 0.0f, 1.0f);
     float weight2 = between((b - v.start) * reciprocal(upper(v.length, 1.0e-20f)), 0.0f, 1.0f);
@@ -44,7 +44,7 @@ WARPCAM_FN void in_quad(Vec place, Vec along, Vec across, float a, float b, Span
 }
 
 // One of the equal cells of a box's side.
-WARPCAM_FN Span box_cell(float x, float half)
+WARPCAM_FN CellSpan box_cell(float x, float half)
 {
     const float length = 2.0f / BOX_CELLS * half;
     const float i = between(round_down((x + half) * reciprocal(length)), 0.0f, float(BOX_CELLS - 1));
@@ -87,7 +87,7 @@ WARPCAM_FN void facet_at(const Looks& look, const Meshes& meshes, const Surface&
     facet.normal[0] = facet.normal[1] = facet.normal[2] = pose.seen(surface.normal);
     bool quad = false, mirrored = false;
     int u_axis = 0, v_axis = 1;
-    Span u, v;
+    CellSpan u, v;
     float a, b;
     if constexpr (HAS_PLANE) {
         if (type == PLANE && look.cells.u.step != 0.0f && cells) {

@@ -8,7 +8,7 @@ namespace warpcam {
 constexpr int MOST_VISITS = 1024;  // of nodes and leaves, by one face
 
 // Where something lies, by a face's own axes: how far along and across from any place on the face, and how high it rises.
-struct Around {
+struct FromFace {
     float left, right, low, high, rise;
 };
 
@@ -43,13 +43,13 @@ struct Onlooker {
     }
 
     // Of what lies between two corners of a box along the face's axes.
-    WARPCAM_FN Around around(Vec from, Vec to) const
+    WARPCAM_FN FromFace around(Vec from, Vec to) const
     {
         return { from.x - most.x - slack, to.x - least.x + slack, from.y - most.y - slack, to.y - least.y + slack,
                  to.z - least.z };
     }
 
-    WARPCAM_FN Around around_box(Vec center, Vec half) const
+    WARPCAM_FN FromFace around_box(Vec center, Vec half) const
     {
         const auto reach = [&](Vec n) {
             return magnitude(n.x) * half.x + magnitude(n.y) * half.y + magnitude(n.z) * half.z;
@@ -65,7 +65,7 @@ struct Onlooker {
     }
 
     // The sectors with what lies `around` in them: risen() as it would be, but for more than `most_risen`.
-    WARPCAM_FN unsigned with(const Around& it, int most_risen) const
+    WARPCAM_FN unsigned with(const FromFace& it, int most_risen) const
     {
         unsigned all = risen;
         if (it.rise <= slack)
@@ -116,7 +116,7 @@ struct Onlooker {
         const Vec there[3] = { axes.of(others[0]), axes.of(others[1]), axes.of(others[2]) };
         Vec from, to;
         bounds(there, from, to);
-        const Around it = around(from, to);
+        const FromFace it = around(from, to);
         if (with(it, 15) == risen)
             return;
         const Vec n = cross(others[1] - others[0], others[2] - others[0]);

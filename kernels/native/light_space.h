@@ -24,7 +24,7 @@ struct ShadowMap {
 };
 
 // A light and the frame it sees the scene in. All is relative to the camera of the view, along the world's axes.
-struct Light {
+struct LightView {
     bool distant;  // directional: its rays are parallel
     Vec aim;       // distant: the direction towards it; else its position
     Vec u, v;      // across its direction
@@ -53,9 +53,9 @@ WARPCAM_FN ShadowMap shadow_map(Vec position, Vec direction, const Camera& camer
              size.width * size.gap, size.width > 0.0f };
 }
 
-WARPCAM_FN Light make_light(bool distant, Vec position, Vec direction, const Camera& camera, const MapSize& size)
+WARPCAM_FN LightView make_light(bool distant, Vec position, Vec direction, const Camera& camera, const MapSize& size)
 {
-    Light light;
+    LightView light;
     light.distant = distant;
     light.aim = distant ? Vec { -direction.x, -direction.y, -direction.z }
                         : Vec { position.x - camera.origin.x, position.y - camera.origin.y,
@@ -75,7 +75,7 @@ WARPCAM_FN Light make_light(bool distant, Vec position, Vec direction, const Cam
 }
 
 // From a point to the light: all of the way, or the direction if the light is distant.
-WARPCAM_FN Vec ray_to(const Light& light, Vec p)
+WARPCAM_FN Vec ray_to(const LightView& light, Vec p)
 {
     return light.distant ? light.aim : Vec { light.aim.x - p.x, light.aim.y - p.y, light.aim.z - p.z };
 }
@@ -88,7 +88,7 @@ template <class Lights> WARPCAM_FN MapSize map_size(const Lights& lights, bool d
 }
 
 // How far a ray from p to the light counts, in the units of ray_to(); `near` is where it begins to.
-WARPCAM_FN float reach_of(const Light& light, Vec p, float near)
+WARPCAM_FN float reach_of(const LightView& light, Vec p, float near)
 {
     const float reach = light.distant ? ENDLESS : 1.0f - near;
     const ShadowMap& map = light.map;
@@ -156,7 +156,7 @@ template <int LENS> WARPCAM_FN Sight<LENS> sight_of(const Camera& camera)
 }
 
 // Points along the light's axes; from the light, if it is not distant.
-template <int LENS> WARPCAM_FN Sight<LENS> lit_sight(const Light& light, const Sight<LENS>& sight)
+template <int LENS> WARPCAM_FN Sight<LENS> lit_sight(const LightView& light, const Sight<LENS>& sight)
 {
     const auto turned = [&](Vec a) { return Vec { dot(light.u, a), dot(light.v, a), dot(light.w, a) }; };
     if constexpr (LENS == RAYS) {
@@ -199,7 +199,7 @@ WARPCAM_FN float reach_along(int type, Vec half, Vec n)
 // The window of a shape whose box has `extent` in its own frame, `position` from the camera; `height` is that of its
 // point nearest to the light. Both are widened by more than the rounding of the shape's and of any point's place.
 // TIGHT: also of a shape that stands beside the light, part of it before and part of it behind.
-template <bool TIGHT = false> WARPCAM_APART WARPCAM_FN Window window_of(const Light& light, int type, Vec position, const Matrix& rotation, const Extent& extent,
+template <bool TIGHT = false> WARPCAM_APART WARPCAM_FN Window window_of(const LightView& light, int type, Vec position, const Matrix& rotation, const Extent& extent,
                             float& height)
 {
     const Vec u = turned_back(rotation, light.u), v = turned_back(rotation, light.v);

@@ -102,7 +102,7 @@ template <int WORDS, class Boxes> struct ShadowRays: WaitingRays<WORDS> {
 // Is one of the faces of the lane's leaf, if its `node` is one, in the way of its ray to the light? All lanes test faces
 // for all.
 template <int TYPES, class Rays, class List, class Meshes>
-WARPCAM_FN bool meets_leaves(Rays& rays, const List& list, const Light& light, const Meshes& meshes, int slot, int node)
+WARPCAM_FN bool meets_leaves(Rays& rays, const List& list, const LightView& light, const Meshes& meshes, int slot, int node)
 {
     const LeafPairs pairs(node, sum_of_all(LeafPairs::faces_of(node)));
     bool met = false;
@@ -136,7 +136,7 @@ WARPCAM_FN bool meets_leaves(Rays& rays, const List& list, const Light& light, c
 // Calls shade(pixel) for each ray that `next_tile` finds (see Supply) and that meets a front face, or any where backs
 // shade, on its way to the light.
 template <int TYPES, int WORDS, class Boxes, class List, class Meshes, class NextTile, class Shade>
-WARPCAM_FN void cast_rays(ShadowRays<WORDS, Boxes>& rays, const List& list, const Light& light, const Meshes& meshes,
+WARPCAM_FN void cast_rays(ShadowRays<WORDS, Boxes>& rays, const List& list, const LightView& light, const Meshes& meshes,
                           const NextTile& next_tile, const Shade& shade)
 {
     const int lane = threadIdx.x % LANES, words = WORDS == 1 ? 1 : (list.count + LANES - 1) / LANES;

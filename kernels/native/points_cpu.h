@@ -27,7 +27,7 @@ inline Vecs points_of(const Sight<RAYS>& s, Floats i, Floats j, Floats depth)
     return points;
 }
 
-inline Vecs rays_to(const Light& light, Vecs p)
+inline Vecs rays_to(const LightView& light, Vecs p)
 {
     const Vecs aim = eight_of(light.aim);
     return light.distant ? aim : aim - p;
@@ -101,7 +101,7 @@ struct Points {
     }
 
     // `p` in the world's axes, `lit` along the light's.
-    void put(int row, const Light& light, Vec origin, Vecs p, Vecs lit, Floats depth)
+    void put(int row, const LightView& light, Vec origin, Vecs p, Vecs lit, Floats depth)
     {
         at[row] = p;
         const Floats none = 0.0f, one = 1.0f;

@@ -14,7 +14,7 @@ constexpr float UNKNOWN = -1.0f;  // how good an order is was not measured yet
 constexpr int EVERY = 16;  // frames that share in a measurement
 constexpr float ABSENT = 1.0e30f;  // all bounds of a child that is not there, as bvh4_build.h has it
 constexpr int DIGIT_BITS = 4, DIGITS = 1 << DIGIT_BITS, KEY_BITS = 32;
-constexpr float CELLS = 1024.0f;  // of the curve along each axis
+constexpr float CURVE_CELLS = 1024.0f;  // of the curve along each axis
 
 struct Bounds {
     Vec low, high;
@@ -92,7 +92,7 @@ WARPCAM_FN unsigned spread(unsigned x)
     return (x | x << 2) & 0x09249249u;
 }
 
-WARPCAM_FN unsigned cell_of(float x, float low, float rate) { return unsigned(between((x - low) * rate, 0.0f, CELLS - 1.0f)); }
+WARPCAM_FN unsigned cell_of(float x, float low, float rate) { return unsigned(between((x - low) * rate, 0.0f, CURVE_CELLS - 1.0f)); }
 
 // Three times the middle of a face.
 template <class Moving, class Points> WARPCAM_FN Vec middle_of(const Moving& moving, const Points& points, int base, int face)
@@ -147,7 +147,7 @@ WARPCAM_FN void deal_out(const Moving& moving, const Meshes& meshes, const Point
     }
     block_barrier();
     const Vec size = all.high - all.low;
-    const float rate = CELLS / upper(upper(size.x, upper(size.y, size.z)), 1.0e-30f);
+    const float rate = CURVE_CELLS / upper(upper(size.x, upper(size.y, size.z)), 1.0e-30f);
     float* pairs = &meshes.normals.data[3 * wp::index(meshes.corner_start, asset)][0];
     float* others = pairs + 2 * count;
     for (int face = thread; face < count; face += THREADS) {

@@ -166,10 +166,10 @@ WARPCAM_FN void resolve(const Scene_& scene, const Lights& lights, int index)
         return;
     }
     go_to<WIDTH, FACTS>(pixel, frame, first, left, top, warp);
-    Seen next = find<TYPES, IMAGES, FACTS>(frame, pixel);
+    Found next = find<TYPES, IMAGES, FACTS>(frame, pixel);
 #pragma unroll 1
     for (unsigned tile = warp; tile < TILES; tile += STEP) {
-        const Seen found = next;
+        const Found found = next;
         if (tile + STEP < TILES) {  // ask for the next tile's pixels before this one's are drawn
             go_to<WIDTH, FACTS>(pixel, frame, first, left, top, tile + STEP);
             next = find<TYPES, IMAGES, FACTS>(frame, pixel);
@@ -233,7 +233,7 @@ WARPCAM_FN void resolve(const Scene_& scene, const Lights& lights, int index)
         for (pixel.row = top; pixel.row < lower_int(top + HEIGHT, frame.height); ++pixel.row)
             for (pixel.column = left; pixel.column < lower_int(left + WIDTH, frame.width); ++pixel.column) {
                 pixel.at = first + pixel.row * frame.width + pixel.column;
-                const Seen found = find<TYPES, IMAGES, FACTS>(frame, pixel);
+                const Found found = find<TYPES, IMAGES, FACTS>(frame, pixel);
                 if (found.shape >= 0)
                     make_look(found.shape);
                 if constexpr (LENS == RAYS)

@@ -9,13 +9,13 @@
 namespace warpcam {
 
 // What the trace and the shadow pass found at a pixel.
-struct Seen : Hit {
+struct Found : Hit {
     int shadow;  // where FACTS have SPARE; otherwise it is asked for when the pixel is drawn
 };
 
-template <int TYPES, int IMAGES, int FACTS, class Frame_> WARPCAM_FN Seen find(const Frame_& frame, const Pixel& pixel)
+template <int TYPES, int IMAGES, int FACTS, class Frame_> WARPCAM_FN Found find(const Frame_& frame, const Pixel& pixel)
 {
-    Seen found { { 0.0f, -1, 0 }, 0 };
+    Found found { { 0.0f, -1, 0 }, 0 };
     if (pixel.inside) {
         found.shape = frame.shape.data[pixel.at];
         if (Wanted<IMAGES, FACTS>::SURFACE)
@@ -123,7 +123,7 @@ WARPCAM_FN float resolve_veils(const Looks* looks, const List& lights, const Sce
 template <int TYPES, int LENS, int CAPACITY, int IMAGES, int FACTS, class Looks, class List, class Scene_,
           class Veils_, class Camera_, class... Painted_>
 WARPCAM_FN void resolve_pixel(const Looks* looks, const List& lights, const Scene_& scene, const Camera_& camera,
-                              const Veils_& veils, const Region& region, int world, const Pixel& pixel, Seen found,
+                              const Veils_& veils, const Region& region, int world, const Pixel& pixel, Found found,
                               const Painted_&... painted)
 {
     constexpr bool IS_PAINTED = sizeof...(Painted_) > 0;

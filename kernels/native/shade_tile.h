@@ -7,7 +7,7 @@ namespace warpcam {
 
 // One light in one view.
 template <int LENS> struct LitView {
-    Light light;
+    LightView light;
     Sight<LENS> sight;  // points from the camera, along the world's axes
     Sight<LENS> lit;    // the same along the light's axes
     Vec origin;         // the camera, world frame
@@ -19,7 +19,7 @@ struct Span {
     float near, reach;
 };
 
-WARPCAM_FN Span span_of(const Light& light, Vec origin, Vec p, float depth)
+WARPCAM_FN Span span_of(const LightView& light, Vec origin, Vec p, float depth)
 {
     const Vec d = ray_to(light, p);
     const float rounding = 2.0e-6f

@@ -27,7 +27,7 @@ inline void shade_points(const Record& r, const Row& aim, bool distant, int row,
 }
 
 template <class HeightFields>
-inline void shade_points_by_field(const HeightFields& fields, const Record& r, const Light& light, int row, Points& points)
+inline void shade_points_by_field(const HeightFields& fields, const Record& r, const LightView& light, int row, Points& points)
 {
     const Vecs p = points.at[row], to = rays_to(light, p);
     const auto turned = [](const Row& axis, Vecs v) { return axis.x * v.x + axis.y * v.y + axis.z * v.z; };
@@ -82,7 +82,7 @@ template <int TYPES, int LENS, class List, class Shapes, class Meshes>
 inline void shade_points_by_meshes(const List& list, const LitView<LENS>& view, int world, const Shapes& shapes,
                                    const Meshes& meshes, const unsigned* behind, Points& points)
 {
-    const Light& light = view.light;
+    const LightView& light = view.light;
     unsigned facing = 0, known = 0;  // points on sides that see the light, and those of which it is known
     for (int word = 0; word < (list.count + 31) / 32; ++word)
         for (unsigned left = behind[word]; left; left &= left - 1) {

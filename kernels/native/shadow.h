@@ -24,7 +24,7 @@ WARPCAM_APART WARPCAM_FN LitView<LENS> light_view(const Lights& lights, const Ca
 {
     const bool distant = shared_row(lights.types, world, light) == LIGHT_DIRECTIONAL;
     const auto p = wp::index(lights.positions, world, light), d = wp::index(lights.directions, world, light);
-    const Light made = make_light(distant, { p[0], p[1], p[2] }, { d[0], d[1], d[2] }, camera,
+    const LightView made = make_light(distant, { p[0], p[1], p[2] }, { d[0], d[1], d[2] }, camera,
                                   map_size(lights, distant, world, light));
     const Sight<LENS> sight = sight_of<LENS>(camera);
     return { made, sight, lit_sight(made, sight), camera.origin };

@@ -52,7 +52,7 @@ constexpr int SHUTTER_TRIES = 2;  // a second one where the first stopped some
 // Finds what a list's mesh covers by its outline, and along diagonals, where all of that lies before the light. Called by one
 // warp.
 template <class List, class Meshes>
-WARPCAM_FN void outline_caster(List& list, int slot, const Light& light, const Meshes& meshes)
+WARPCAM_FN void outline_caster(List& list, int slot, const LightView& light, const Meshes& meshes)
 {
     const Record& record = list.records[slot];
     const int row = record.axis_z.w * ALL_SHUTTER_ROWS + SHUTTER_ROWS * SHUTTERS;

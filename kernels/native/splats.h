@@ -39,14 +39,14 @@ constexpr float LEAST_LIGHT = 0.001f;  // with less of it coming through a ray e
 constexpr float HALF_LIGHT = 0.5f;  // where no more comes through is the surface: depth, ids and the rest
 
 // What a ray has blended.
-struct Blend {
+struct Blended {
     Vec color;
     float light;  // that comes through
     Key median;  // the hit after which no more than half of it does, or another share
 };
 
 template <class Splats, int LENS>
-WARPCAM_FN void blend(const Splats& splats, const Cloud& cloud, const ViewRay<LENS>& seen, Key key, unsigned index, float half, Blend& blend)
+WARPCAM_FN void blend(const Splats& splats, const Cloud& cloud, const ViewRay<LENS>& seen, Key key, unsigned index, float half, Blended& blend)
 {
     const unsigned row = 4u * (unsigned(cloud.axis_z.w) + index);
     const void* rows = splats.gaussians.data;
@@ -75,7 +75,7 @@ WARPCAM_FN Vec splat_normal(const Splats& splats, const Cloud& cloud, const View
     return local.x * to_vec(cloud.axis_x) + local.y * to_vec(cloud.axis_y) + local.z * to_vec(cloud.axis_z);
 }
 
-template <class Array> WARPCAM_FN void blend_bytes(const Array& image, size_t at, const Blend& found)
+template <class Array> WARPCAM_FN void blend_bytes(const Array& image, size_t at, const Blended& found)
 {
     unsigned char* bytes = reinterpret_cast<unsigned char*>(image.data) + at;
     for (int k = 0; k < 3; ++k)
@@ -83,7 +83,7 @@ template <class Array> WARPCAM_FN void blend_bytes(const Array& image, size_t at
 }
 
 // What the camera makes of the light that a ray has blended: of its mean colour. What is behind is exposed already.
-template <class Frame_> WARPCAM_FN void expose(const Frame_& frame, int world, Blend& found)
+template <class Frame_> WARPCAM_FN void expose(const Frame_& frame, int world, Blended& found)
 {
     const Vec factor = power(2.0f, wp::index(frame.exposures, world)) * to_vec(wp::index(frame.gains, world));
     const float part = 1.0f - found.light;
@@ -91,7 +91,7 @@ template <class Frame_> WARPCAM_FN void expose(const Frame_& frame, int world, B
 }
 
 template <int WANTED, class Frame_, class Images>
-WARPCAM_FN void put_colors(const Frame_& frame, const Images& images, int world, unsigned at, Blend found)
+WARPCAM_FN void put_colors(const Frame_& frame, const Images& images, int world, unsigned at, Blended found)
 {
     if (WANTED & SPLAT_ALBEDO)
         blend_bytes(images.albedo, 3 * size_t(at), found);
@@ -125,11 +125,11 @@ template <class... Structs> SplatScene(const Structs&...) -> SplatScene<Structs.
 
 // What a ray blends of all clouds.
 template <int WANTED, int LENS, class Scene>
-WARPCAM_FN Blend blend_all(const Scene& scene, const Cloud* clouds, int num_clouds, const Camera& camera, const ViewRay<LENS>& seen, float far,
+WARPCAM_FN Blended blend_all(const Scene& scene, const Cloud* clouds, int num_clouds, const Camera& camera, const ViewRay<LENS>& seen, float far,
                            unsigned mask, Key* keys, int step)
 {
     constexpr float LEAST = (WANTED & SPLAT_COLORS) != 0 ? LEAST_LIGHT : HALF_LIGHT;
-    Blend found { { 0.0f, 0.0f, 0.0f }, 1.0f, NO_KEY };
+    Blended found { { 0.0f, 0.0f, 0.0f }, 1.0f, NO_KEY };
     Nearest nearest { keys, step, 0, key_of(camera.near, ~0u), key_of(far, 0u) };
     for (;;) {
         for (int place = 0; place < num_clouds; ++place)
@@ -152,17 +152,17 @@ WARPCAM_FN Blend blend_all(const Scene& scene, const Cloud* clouds, int num_clou
 // What a ray sees of clouds that are solid where little enough light comes through, and nothing elsewhere, as Newton's camera has them: each
 // cloud by itself, in the mean colour of the Gaussians that the ray blends of it, and of several clouds the nearest.
 template <int LENS, class Scene>
-WARPCAM_FN Blend solid_surface(const Scene& scene, const Cloud* clouds, int num_clouds, const Camera& camera, const ViewRay<LENS>& seen,
+WARPCAM_FN Blended solid_surface(const Scene& scene, const Cloud* clouds, int num_clouds, const Camera& camera, const ViewRay<LENS>& seen,
                                float far, unsigned mask, Key* keys, int step)
 {
     const auto limits = wp::index(scene.frame.limits, 0);
-    Blend surface { { 0.0f, 0.0f, 0.0f }, 1.0f, NO_KEY };
+    Blended surface { { 0.0f, 0.0f, 0.0f }, 1.0f, NO_KEY };
     for (int place = 0; place < num_clouds; ++place) {
         const Cloud& cloud = clouds[place];
         if (cloud.axis_x.w < 0)
             continue;
         const unsigned prefix = scene.splats.bits < 32 ? unsigned(place) << scene.splats.bits : 0u;
-        Blend found { { 0.0f, 0.0f, 0.0f }, 1.0f, NO_KEY };
+        Blended found { { 0.0f, 0.0f, 0.0f }, 1.0f, NO_KEY };
         Nearest nearest { keys, step, 0, key_of(camera.near, ~0u), key_of(far, 0u) };
         float left = limits[1];
         const auto goes_on = [&] { return left > 0.0f && (found.light > LEAST_LIGHT || found.median == NO_KEY); };
@@ -193,7 +193,7 @@ WARPCAM_FN void draw_splat_pixel(const Scene& scene, const Cloud* clouds, int nu
     const float far = behind < 0 ? camera.far : scene.frame.depth.data[at];
     const ViewRay<LENS> seen = view_ray<LENS>(camera, column, row);
     const unsigned mask = scene.splats.bits < 32 ? (1u << scene.splats.bits) - 1u : ~0u;
-    Blend found;
+    Blended found;
     if constexpr ((WANTED & SPLAT_SOLID) != 0)
         found = solid_surface(scene, clouds, num_clouds, camera, seen, far, mask, keys, step);
     else

@@ -53,6 +53,12 @@ def card(monkeypatch: pytest.MonkeyPatch) -> Iterator[list[launch.Stage]]:
         yield stages
 
 
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Where a module that several tests ask for is compiled once."""
+    return tmp_path_factory.mktemp("compiled")
+
+
 def _chooses(frame: Any) -> bool:
     name = frame.f_globals["__name__"]
     runs = name in (launch.__name__, refit.__name__)  # what is made there is launched at once
@@ -89,9 +95,9 @@ def _compile(stages: list[launch.Stage], folder: Path) -> int:
         ("rgb", "depth", "flow_valid"),
     ],
 )
-def test_of_few_shapes(outputs: tuple[str, ...], card: list[launch.Stage], tmp_path: Path) -> None:
+def test_of_few_shapes(outputs: tuple[str, ...], card: list[launch.Stage], folder: Path) -> None:
     _render(scenes.compile_xml(FEW + LIGHTS, assets=ASSETS), outputs)
-    assert _compile(card, tmp_path) >= 2
+    assert _compile(card, folder) >= 2
 
 
 def test_textures_that_lie_from_above(
@@ -107,51 +113,51 @@ def test_textures_that_lie_from_above(
 
 
 @pytest.mark.parametrize("output", ["normals", "points"])
-def test_of_shapes_listed_ahead(output: str, card: list[launch.Stage], tmp_path: Path) -> None:
+def test_of_shapes_listed_ahead(output: str, card: list[launch.Stage], folder: Path) -> None:
     _render(scenes.compile_xml(FEW + LIGHTS, assets=ASSETS), ("depth", "segmentation", output))
     assert any("lists" in stage.module.name for stage in card)
-    assert _compile(card, tmp_path) >= 2
+    assert _compile(card, folder) >= 2
 
 
 @pytest.mark.parametrize("shapes", [1, 130])  # of many ids have more than a byte
 @pytest.mark.parametrize("size", [(64, 64), (16, 8)])
 def test_of_smooth_edges_without_meshes(
-    shapes: int, size: tuple[int, int], card: list[launch.Stage], tmp_path: Path
+    shapes: int, size: tuple[int, int], card: list[launch.Stage], folder: Path
 ) -> None:
     more = shapes * '<geom size=".1"/>'
     _render(scenes.compile_xml(FEW + more + LIGHTS, assets=ASSETS), ("rgb",), size, antialiasing=4)
-    assert _compile(card, tmp_path) >= 3
+    assert _compile(card, folder) >= 3
 
 
 @pytest.mark.parametrize("antialiasing", [1, 4])
-def test_of_meshes_and_hills(antialiasing: int, card: list[launch.Stage], tmp_path: Path) -> None:
+def test_of_meshes_and_hills(antialiasing: int, card: list[launch.Stage], folder: Path) -> None:
     more = '<geom type="mesh" mesh="wedge" material="body" pos="0 0 1"/><geom type="hfield" hfield="hills"/>'
     outputs = ("rgb", "depth", "normals", "albedo", "flow", "flow_valid")
     _render(scenes.compile_xml(FEW + more + LIGHTS, assets=ASSETS + HILLS), outputs, antialiasing=antialiasing)
-    assert _compile(card, tmp_path) >= 3
+    assert _compile(card, folder) >= 3
 
 
 @pytest.mark.parametrize(("outputs", "shapes"), [(("rgb",), 1), (("rgb", "rgba"), 1), (("rgb",), 130)])
 def test_of_meshes_smoothed_in_place(
-    outputs: tuple[str, ...], shapes: int, card: list[launch.Stage], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    outputs: tuple[str, ...], shapes: int, card: list[launch.Stage], folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(antialias, "WORTH_PLACE", 1)
     more = shapes * '<geom type="mesh" mesh="wedge" material="body" pos="0 0 1"/>'  # of many ids have more than a byte
     _render(scenes.compile_xml(FEW + more + LIGHTS, assets=ASSETS), outputs, antialiasing=4)
     assert antialias.THREADS_IN_PLACE in {stage.block_dim for stage in card}
-    assert _compile(card, tmp_path) >= 3
+    assert _compile(card, folder) >= 3
 
 
 @pytest.mark.parametrize("lens", [wc.Orthographic(height=2.0), wc.Fisheye(fovy=100.0)])
-def test_of_what_is_seen_through(lens: Any, card: list[launch.Stage], tmp_path: Path) -> None:
+def test_of_what_is_seen_through(lens: Any, card: list[launch.Stage], folder: Path) -> None:
     more = '<geom type="plane" size="2 2 1" material="mirror" pos="0 0 .1"/><geom size=".2" rgba="1 1 1 .5"/>'
     mirror = '<material name="mirror" reflectance=".5"/>'
     _render(scenes.compile_xml(FEW + more + LIGHTS, assets=ASSETS + mirror), ("rgba", "depth"), lens=lens)
-    assert _compile(card, tmp_path) >= 3
+    assert _compile(card, folder) >= 3
 
 
 @pytest.mark.parametrize("theirs", [False, True])
-def test_of_what_moves_and_splats(theirs: bool, card: list[launch.Stage], tmp_path: Path) -> None:
+def test_of_what_moves_and_splats(theirs: bool, card: list[launch.Stage], folder: Path) -> None:
     newton = pytest.importorskip("newton", reason="needs Newton: pip install warpcam[newton]")
     import newton_scenes
     import splat_scenes
@@ -167,4 +173,4 @@ def test_of_what_moves_and_splats(theirs: bool, card: list[launch.Stage], tmp_pa
     choice = Choice(solid=theirs, lit_normals=theirs, backs=theirs or None)
     scene = load(*newton_scenes.finalize(builder, wp.get_device()), None, (0.2, 0.2, 0.2), None, None, choice=choice)
     wc.Renderer(scene, [splat_scenes.eye(shadows=True)])
-    assert _compile(card, tmp_path) >= 3
+    assert _compile(card, folder) >= 3

@@ -62,7 +62,7 @@ def cut(
 
 
 @wp.func_native("""
-    const warpcam::Span cell = warpcam::cell_around(warpcam::cells_of_endless(repeat, horizon), x);
+    const warpcam::CellSpan cell = warpcam::cell_around(warpcam::cells_of_endless(repeat, horizon), x);
     wp::index(cells, i) = wp::vec2(cell.start, cell.length);
 """)
 def find_cell(
