@@ -160,7 +160,7 @@ inline void illuminate_eight(const LightList& list, const Facets& facet, int cor
 }
 
 // As own_shadow().
-inline Ints own_shadow_of_eight(const LightList& list, const Camera& camera, Vecs place, Vecs normal)
+WARPCAM_APART inline Ints own_shadow_of_eight(const LightList& list, const Camera& camera, const Vecs& place, const Vecs& normal)
 {
     Ints shadow = 0;
     for (int n = 0; n < list.count; ++n) {
