@@ -248,7 +248,7 @@ struct MeshLight {
     Vec sight;  // of the ray that sees the point
 };
 
-// Light that shines on the other side only adds nothing, so that its shadow does not matter.
+// Light that shines on the other side only adds nothing but its ambient part, so that the shadow of one without does not matter.
 template <int TYPES, class Meshes>
 WARPCAM_FN Facing face_light(const Meshes& meshes, int mesh, int face, bool distant, const MeshLight& light)
 {

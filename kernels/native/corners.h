@@ -270,8 +270,6 @@ WARPCAM_FN void light_corner(const LightList& list, Vec place, Vec normal, const
             share = share_of<false>(light, corner, arrival, finish.gloss.z);
         }
         if (SHADOWS && (light.ambient.w & CASTS)) {
-            if (!(arrival.facing > 0.0f))
-                share.ambient = 0.0f;  // it lies in its own shadow
             Glow<Sum> own {};
             add_share(own, share, light);
             keep(values + slot, shown(reflected(own, { 0.0f, 0.0f, 0.0f }, finish)), Sum {});

@@ -288,7 +288,7 @@ WARPCAM_FN void cast_crowd(const Shapes& shapes, const Materials& materials, con
         block_barrier();  // what is kept for the block may still be in use
         if (thread == 0) {
             camera = load_camera(wp::index(views, world));
-            task = { light_view<LENS>(lights, camera, world, number), region, corner, world, 1u << place, false };
+            task = { light_view<TYPES, LENS>(lights, camera, world, number), region, corner, world, 1u << place, false };
         }
         block_barrier();
         survey<LENS, WIDTH, HEIGHT>(task, target, patches, warp, lane);

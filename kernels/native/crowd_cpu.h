@@ -118,7 +118,7 @@ inline void cast_crowd(const Shapes& shapes, const Materials& materials, const M
         const int place = kept.next(lights, world, number);
         if (place < 0 || !casts(lights, world, number))
             continue;
-        const LitView<LENS> view = light_view<LENS>(lights, camera, world, number);
+        const LitView<LENS> view = light_view<TYPES, LENS>(lights, camera, world, number);
         const unsigned bit = 1u << place;
         const auto load = [&](Points& points, int tile_column, int tile_row, bool clear) {
             const int column = tile_column * TILE_WIDTH, row = tile_row * TILE_HEIGHT;

@@ -1,27 +1,9 @@
 // A light as a camera: where points and shapes lie as it sees them, and so which shapes may stand in its way.
 #pragma once
 #include "prepare.h"
-#include "vectors.h"
+#include "shadow_map.h"
 
 namespace warpcam {
-
-// How far the shadows of a light reach. MuJoCo's renderer draws what the light sees into a map: what lies outside of it
-// is lit, and what is nearer to the light than its near plane casts no shadow.
-struct MapSize {
-    float width;  // half of it: of a distant light [m], else at a distance of 1; 0 where shadows reach everywhere
-    float near;   // from the light's position along its direction [m]
-    float gap;    // nothing nearer to a point casts a shadow on it, as a part of `width`
-};
-
-// The map of one light, relative to the camera of the view, along the world's axes.
-struct ShadowMap {
-    Vec right, up;  // over half the map's width
-    Vec along;
-    Vec from;  // the light's position
-    float near;
-    float nearest;  // what stands nearer to a point casts no shadow on it, in the units of ray_to()
-    bool bounded;  // else the rest means nothing
-};
 
 // A light and the frame it sees the scene in. All is relative to the camera of the view, along the world's axes.
 struct LightView {
@@ -44,15 +26,6 @@ struct alignas(16) Window {
     float left, right, bottom, top;
 };
 
-WARPCAM_FN ShadowMap shadow_map(Vec position, Vec direction, const Camera& camera, const MapSize& size)
-{
-    const Vec along = 1.0f / root(upper(dot(direction, direction), 1.0e-30f)) * direction;
-    const Vec up { 0.0f, -along.z, along.y };  // across the world's x axis
-    const float rate = reciprocal(root(upper(dot(up, up), 1.0e-30f)) * upper(size.width, 1.0e-30f));
-    return { rate * cross(along, up), rate * up, along, position - camera.origin, size.near,
-             size.width * size.gap, size.width > 0.0f };
-}
-
 WARPCAM_FN LightView make_light(bool distant, Vec position, Vec direction, const Camera& camera, const MapSize& size)
 {
     LightView light;
@@ -70,7 +43,8 @@ WARPCAM_FN LightView make_light(bool distant, Vec position, Vec direction, const
     const Vec v = cross(light.w, across);
     light.v = 1.0f / root(upper(dot(v, v), 1.0e-30f)) * v;
     light.u = cross(light.v, light.w);
-    light.map = shadow_map(position, direction, camera, size);
+    const Vec shines = 1.0f / root(upper(dot(direction, direction), 1.0e-30f)) * direction;
+    light.map = shadow_map(position - camera.origin, shines, { 0.0f, -shines.z, shines.y }, size);
     return light;
 }
 
@@ -80,13 +54,6 @@ WARPCAM_FN Vec ray_to(const LightView& light, Vec p)
     return light.distant ? light.aim : Vec { light.aim.x - p.x, light.aim.y - p.y, light.aim.z - p.z };
 }
 
-template <class Lights> WARPCAM_FN MapSize map_size(const Lights& lights, bool distant, int world, int light)
-{
-    const float half = 0.017453292519943295f * lower(lights.shadow_scale * shared_row(lights.cutoff, world, light), 80.0f);
-    return { distant || !(lights.shadow_width > 0.0f) ? lights.shadow_width : wp::tan(half), lights.shadow_near,
-             lights.shadow_gap };
-}
-
 // How far a ray from p to the light counts, in the units of ray_to(); `near` is where it begins to.
 WARPCAM_FN float reach_of(const LightView& light, Vec p, float near)
 {
@@ -94,10 +61,8 @@ WARPCAM_FN float reach_of(const LightView& light, Vec p, float near)
     const ShadowMap& map = light.map;
     if (!map.bounded)
         return reach;
-    const Vec offset = p - map.from;
-    const float along = dot(map.along, offset);
-    const float side = upper(magnitude(dot(map.right, offset)), magnitude(dot(map.up, offset)));
-    if (!(along > map.near) || side > (light.distant ? 1.0f : along))
+    float along;
+    if (!has_place(map, light.distant, p, along))
         return 0.0f;
     return light.distant ? along - map.near : lower(reach, 1.0f - map.near * reciprocal(along));
 }

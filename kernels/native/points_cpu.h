@@ -2,6 +2,7 @@
 #pragma once
 #include "eight.h"
 #include "shade_tile.h"
+#include "shadow_map_cpu.h"
 
 namespace warpcam {
 
@@ -125,12 +126,10 @@ struct Points {
         Floats far = light.distant ? (Floats)ENDLESS : one - near[row];
         const ShadowMap& map = light.map;
         if (map.bounded) {
-            const Vecs offset = p - eight_of(map.from);
-            const Floats along = dot(eight_of(map.along), offset);
-            const Floats side = upper(magnitude(dot(eight_of(map.right), offset)), magnitude(dot(eight_of(map.up), offset)));
-            const Ints outside = ~(along > map.near) | (side > (light.distant ? one : along));
+            Floats along;
+            const Ints inside = have_places(map, light.distant, p, along);
             far = light.distant ? along - map.near : lower(far, one - map.near * reciprocal(along));
-            far = outside ? none : far;
+            far = inside ? far : none;
         }
         reach[row] = far;
         open[row] &= near[row] < far;

@@ -236,22 +236,28 @@ WARPCAM_APART inline void paint_packets(const Looks& look, const Levels* levels,
     if constexpr (Wants::LIT)
         for (int n = 0; n < packets; ++n) {
             const EightHits& hit = hits[n];
+            const Vecs place { hit.depth * hit.x, hit.depth * hit.y, -hit.depth };
+            Ints shadow = 0, inside = 0;
+            if constexpr (SHADOWS)
+                shadow = hit.shadow;
+            if constexpr (SHADOWS && (TYPES & SHADES_ITSELF))
+                if (lights.dims && (SHADES_ITSELF >> pose.type() & 1))
+                    shadow |= own_shadow_of_eight(lights, camera, place, seen_of(pose, surfaces[n].normal));
             Lits lit;
-            Ints inside = 0;
             if constexpr (BY_CORNERS) {
                 if (id == lights.grid.shape) {
                     const OnCornersOfEight on = on_corners(lights.grid, surfaces[n].local);
-                    lit.display = light_from_corners(lights.grid, on, hit.shadow);
+                    lit.display = light_from_corners(lights.grid, on, shadow);
                     inside = on.inside;
                 }
             }
             if (any_of(~inside)) {
                 Facets facet;
-                facets_at<TYPES>(look, scene.meshes, surfaces[n], { hit.depth * hit.x, hit.depth * hit.y, -hit.depth }, facet);
+                facets_at<TYPES>(look, scene.meshes, surfaces[n], place, facet);
                 Lits own;
                 const bool at_corners = (TYPES & (1 << PLANE | 1 << HEIGHT_FIELD | 1 << BOX | 1 << MESH))
                     && lit_at_corners<TYPES>(look);
-                illuminate_eight<SHADOWS, Paint::LINEAR>(lights, facet, at_corners ? 3 : 1, look.finish, hit.shadow, own);
+                illuminate_eight<SHADOWS, Paint::LINEAR>(lights, facet, at_corners ? 3 : 1, look.finish, shadow, own);
                 lit = BY_CORNERS ? Lits { own.linear, chosen(inside, lit.display, own.display) } : own;
             } else {
                 lit.linear = lit.display;

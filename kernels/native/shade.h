@@ -6,17 +6,19 @@
 #pragma once
 #include "facet.h"
 #include "kept_lights.h"
+#include "shadow_map.h"
 
 namespace warpcam {
 
 // One light in the camera's frame.
 struct Light {
     Row place;     // position of a spot [m], direction to a directional light; w: the light's bit of a shadow mask
-    Row axis;      // direction that a spot shines in; w: bits of the cosine of its cutoff, -2 where it has none
+    Row axis;      // direction that a spot shines in, position of a directional light; w: bits of the cosine of its
+                   // cutoff, -2 where it has none
     Row falloff;   // constant, linear, quadratic; w: bits of a spot's exponent
     Row ambient;   // w: Nature
     Row diffuse;   // w: bits of 1 + the squared length of a directional light's `place`
-    Row specular;
+    Row specular;  // w: where it `dims`, bits of the width of its MapSize
 };
 
 enum Nature { SPOT = 1, FADES = 2, CASTS = 4, AMBIENT = 8 };
@@ -28,7 +30,12 @@ struct LightList {
     int count;
     int used;     // 1: some light is on, so that none is everywhere
     int colored;  // 1: some light has a hue
+    int dims;     // 1: some light does
+    float near;   // of their MapSize
 };
+
+// Whether the shadow of a light takes its ambient part from what is turned away from it.
+WARPCAM_FN bool dims(const Light& light) { return (light.ambient.w & (CASTS | AMBIENT)) == (CASTS | AMBIENT); }
 
 WARPCAM_FN bool has_hue(const Row& color) { return color.x != color.y || color.x != color.z; }
 
@@ -55,12 +62,15 @@ WARPCAM_APART WARPCAM_FN Light load_light(const Lights& lights, const Camera& ca
     Light light;
     light.place = to_row(spot ? turned_back(camera.rotation, position - camera.origin) : -direction,
                          SHADOWS ? 1 << place : 0);
-    light.axis = to_row(direction, as_int(wide ? -2.0f : cosine(0.017453292519943295f * cutoff)));
+    light.axis = to_row(spot ? direction : turned_back(camera.rotation, position - camera.origin),
+                        as_int(wide ? -2.0f : cosine(0.017453292519943295f * cutoff)));
     light.falloff = to_row(falloff, as_int(even ? 0.0f : exponent));
     light.ambient = to_row(ambient, nature);
     light.diffuse = to_row(strength * to_vec(row_of(lights.diffuse, world, index)),
                            as_int(1.0f + dot(direction, direction)));
     light.specular = to_row(strength * to_vec(row_of(lights.specular, world, index)), 0);
+    if (SHADOWS && dims(light))
+        light.specular.w = as_int(map_size(lights, !spot, cutoff).width);
     return light;
 }
 
@@ -107,13 +117,16 @@ WARPCAM_APART WARPCAM_FN void gather_lights(const Lights& lights, const Camera& 
     if (lane == 0) {
         const float everywhere = list.used ? 0.0f : lights.global_ambient;
         list.ambient = { everywhere, everywhere, everywhere };
-        list.colored = 0;
+        list.colored = list.dims = 0;
+        list.near = lights.shadow_near;
         for (int n = 0; n < list.count; ++n) {
             const Light& light = list.lights[n];
             if (!(light.ambient.w & AMBIENT))
                 list.ambient = list.ambient + to_vec(light.ambient);
             if (has_hue(light.ambient) || has_hue(light.diffuse) || has_hue(light.specular))
                 list.colored = 1;
+            if (SHADOWS && dims(light))
+                list.dims = 1;
         }
     }
     team_barrier();
@@ -223,13 +236,12 @@ template <bool IS_SPOT, int CORNERS, bool SHADOWS, class Sum>
 WARPCAM_FN void add_light(const Light& light, float strength, const Vertex* corners, const float* weights,
                           const Finish& finish, Glow<Sum>* glows, Lit& casting)
 {
-    constexpr int DARK_TOO = SHADOWS ? AMBIENT | CASTS : AMBIENT;  // lights the other side where only AMBIENT is set of these
     Arrival arrivals[CORNERS];
     bool lit = false;
 #pragma unroll
     for (int k = 0; k < CORNERS; ++k) {
         arrivals[k] = arrival_of<IS_SPOT>(light, corners[k], strength);
-        lit |= arrivals[k].strength > 0.0f && (arrivals[k].facing > 0.0f || (light.ambient.w & DARK_TOO) == AMBIENT);
+        lit |= arrivals[k].strength > 0.0f && (arrivals[k].facing > 0.0f || (light.ambient.w & AMBIENT));
     }
     if (!any_lane(lit))
         return;
@@ -238,12 +250,10 @@ WARPCAM_FN void add_light(const Light& light, float strength, const Vertex* corn
             arrivals[k].strength *= faded(light, corners[k]);
 #pragma unroll
     for (int k = 0; k < CORNERS; ++k) {
-        Share share = share_of<IS_SPOT>(light, corners[k], arrivals[k], finish.gloss.z);
+        const Share share = share_of<IS_SPOT>(light, corners[k], arrivals[k], finish.gloss.z);
         if (!SHADOWS || !(light.ambient.w & CASTS)) {
             add_share(glows[k], share, light);
         } else {
-            if (!lit)
-                share.ambient = 0.0f;  // all of the face lies in its own shadow
             Glow<Sum> own {};
             add_share(own, share, light);
             const Vec added = reflected(own, Vec { 0.0f, 0.0f, 0.0f }, finish);

@@ -1,6 +1,8 @@
 // Light on eight places of one shape, on a CPU: shade.h and corners.h, whose comments hold here.
 #pragma once
 #include "corners.h"
+#include "own_shadow.h"
+#include "shadow_map_cpu.h"
 #include "surface_cpu.h"
 
 namespace warpcam {
@@ -115,17 +117,6 @@ static WARPCAM_COLD void illuminate_eight_as(const LightList& list, const Facets
     const Vec base = always_on(list, finish);
     lit = { { none, none, none }, { none, none, none } };
     const auto reaches = [&](const Light& light) { return SHADOWS ? (shadow & light.place.w) == 0 : (Ints)-1; };
-    const auto dims = [&](const Light& light) {  // where all of a face is turned away from it
-        return SHADOWS && corners > 1 && (light.ambient.w & (AMBIENT | CASTS)) == (AMBIENT | CASTS);
-    };
-    Ints faces[MAX_LIGHTS];  // the light of these falls on some corner
-    for (int n = 0; n < list.count; ++n) {
-        faces[n] = 0;
-        for (int k = 0; k < corners && dims(list.lights[n]); ++k) {
-            const Arrivals arrival = arrivals_of(list.lights[n], vertices_at(facet.place[k], facet.normal[k]));
-            faces[n] |= arrival.shone & (arrival.facing > none);
-        }
-    }
     for (int k = 0; k < corners; ++k) {
         const Vertices vertex = vertices_at(facet.place[k], facet.normal[k]);
         const Floats weight = corners == 1 ? one : weights[k];
@@ -135,16 +126,13 @@ static WARPCAM_COLD void illuminate_eight_as(const LightList& list, const Facets
             const bool casts = SHADOWS && (light.ambient.w & CASTS);
             const Arrivals arrival = arrivals_of(light, vertex);
             const Ints reached = arrival.shone & reaches(light);
-            const bool dark_too = !casts && (light.ambient.w & AMBIENT);
-            const Ints shone_on = dims(light) ? faces[n] : arrival.facing > none;
-            if (!any_of(reached & (dark_too ? (Ints)-1 : shone_on)))
+            if (!any_of(light.ambient.w & AMBIENT ? reached : reached & (arrival.facing > none)))
                 continue;
             const Floats strength = reached ? strength_of(light, arrival) : none;
-            Shares share = shares_of(light, vertex, arrival, strength, finish);
+            const Shares share = shares_of(light, vertex, arrival, strength, finish);
             if (!casts) {
                 add_shares(glow, share, light);
             } else {
-                share.ambient = shone_on ? share.ambient : none;
                 Glow<Sum> own {};
                 add_shares(own, share, light);
                 const Vecs added = reflected_by(own, finish);
@@ -171,6 +159,26 @@ inline void illuminate_eight(const LightList& list, const Facets& facet, int cor
         illuminate_eight_as<SHADOWS, LINEAR, Floats>(list, facet, corners, finish, shadow, lit);
 }
 
+// As own_shadow().
+WARPCAM_APART inline Ints own_shadow_of_eight(const LightList& list, const Camera& camera, const Vecs& place, const Vecs& normal)
+{
+    Ints shadow = 0;
+    for (int n = 0; n < list.count; ++n) {
+        const Light& light = list.lights[n];
+        if (!dims(light))
+            continue;
+        const bool spot = light.ambient.w & SPOT;
+        const ShadowMap map = map_of(list, light, camera);
+        const Vecs source = eight_of(to_vec(light.place));
+        Floats along;
+        Ints dark = ~(dot(normal, spot ? source - place : source) > 0.0f);
+        if (map.bounded)
+            dark &= have_places(map, !spot, place, along);
+        shadow |= dark & light.place.w;
+    }
+    return shadow;
+}
+
 // What eight corners of a plane show; `stride` numbers apart.
 template <class Sum, bool SHADOWS>
 inline void light_eight_corners(const LightList& list, Vecs place, Vecs normal, const Finish& finish, int stride,
@@ -193,9 +201,8 @@ inline void light_eight_corners(const LightList& list, Vecs place, Vecs normal, 
         const Light& light = list.lights[n];
         const Arrivals arrival = arrivals_of(light, vertex);
         const Floats strength = arrival.shone ? strength_of(light, arrival) : (Floats)0.0f;
-        Shares share = shares_of(light, vertex, arrival, strength, finish);
+        const Shares share = shares_of(light, vertex, arrival, strength, finish);
         if (SHADOWS && (light.ambient.w & CASTS)) {
-            share.ambient = arrival.facing > 0.0f ? share.ambient : (Floats)0.0f;
             Glow<Sum> own {};
             add_shares(own, share, light);
             keep(clip(reflected_by(own, finish)), slot);

@@ -83,7 +83,8 @@ inline void shade_points_by_meshes(const List& list, const LitView<LENS>& view, 
                                    const Meshes& meshes, const unsigned* behind, Points& points)
 {
     const LightView& light = view.light;
-    unsigned facing = 0, known = 0;  // points on sides that see the light, and those of which it is known
+    const unsigned all = view.dims ? ~0u : 0u;
+    unsigned facing = all, known = all;  // points on sides whose shadow matters, and those of which it is known
     for (int word = 0; word < (list.count + 31) / 32; ++word)
         for (unsigned left = behind[word]; left; left &= left - 1) {
             const int slot = word * 32 + lowest_bit(left);

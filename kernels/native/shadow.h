@@ -19,15 +19,20 @@ template <class Lights> WARPCAM_FN bool casts(const Lights& lights, int world, i
     return row_of(lights.casts_shadow, world, light) && dot(sum, sum) > 0.0f;
 }
 
-template <int LENS, class Lights>
+template <int TYPES, int LENS, class Lights>
 WARPCAM_APART WARPCAM_FN LitView<LENS> light_view(const Lights& lights, const Camera& camera, int world, int light)
 {
     const bool distant = shared_row(lights.types, world, light) == LIGHT_DIRECTIONAL;
     const auto p = wp::index(lights.positions, world, light), d = wp::index(lights.directions, world, light);
     const LightView made = make_light(distant, { p[0], p[1], p[2] }, { d[0], d[1], d[2] }, camera,
-                                  map_size(lights, distant, world, light));
+                                      map_size(lights, distant, shared_row(lights.cutoff, world, light)));
     const Sight<LENS> sight = sight_of<LENS>(camera);
-    return { made, sight, lit_sight(made, sight), camera.origin };
+    bool dims = false;
+    if constexpr ((TYPES >> MESH & 1) && (TYPES >> SHADING_BACKS & 1)) {
+        const Vec ambient = to_vec(row_of(lights.ambient, world, light));
+        dims = dot(ambient, ambient) > 0.0f;
+    }
+    return { made, sight, lit_sight(made, sight), camera.origin, dims };
 }
 
 // What there is to do for one light in one region. In shared memory on CUDA: in registers it would crowd out what the
@@ -157,7 +162,7 @@ WARPCAM_FN void cast_light(List& list, const Task<LENS>& task, const Shapes& sha
                 const Vec sight = WorldRay::turned(record, view.sight.along_of(p), { 0.0f, 0.0f, 0.0f });
                 const Facing facing = face_light<TYPES>(meshes, record.axis_z.w, target.face.data[at], view.light.distant,
                                                         { to_vec(list.aims[slot]), ray.direction, sight });
-                keep = facing.front && (!facing.clear || others_met(list, met, slot));
+                keep = (facing.front || view.dims) && (!facing.clear || others_met(list, met, slot));
                 tries = keep && !facing.clear;
             }
             if constexpr (has_shutters(TYPES)) {
@@ -292,7 +297,7 @@ WARPCAM_FN void cast(const Shapes& shapes, const Materials& materials, const Mes
                 if (lane == 0)
                     list.count = list.next_tile = list.strips = 0;
                 const Camera camera = load_camera(wp::index(views, world));
-                const LitView<LENS> view = light_view<LENS>(lights, camera, world, own);
+                const LitView<LENS> view = light_view<TYPES, LENS>(lights, camera, world, own);
                 if (lane == 0)
                     tasks[warp] = { view, region, corner, world, 1u << own_place, false };
                 warp_barrier();
@@ -330,7 +335,7 @@ WARPCAM_FN void cast(const Shapes& shapes, const Materials& materials, const Mes
                 list.count = list.next_tile = list.strips = 0;
             {
                 const Camera camera = load_camera(wp::index(views, world));
-                const LitView<LENS> own = light_view<LENS>(lights, camera, world, number);
+                const LitView<LENS> own = light_view<TYPES, LENS>(lights, camera, world, number);
                 if (thread == 0)
                     task = { own, region, corner, world, 1u << place, fresh };
                 block_barrier();

@@ -5,6 +5,7 @@
 #include "mapping.h"
 #include "physical.h"
 #include "mirror_plane.h"
+#include "own_shadow.h"
 #include "shade.h"
 #include "texels.h"
 #include "variety.h"
@@ -160,6 +161,9 @@ WARPCAM_FN void resolve_surface(const Looks& look, const List& lights, const Sce
         constexpr bool SHADOWS = FACTS & HAS_SHADOWS;
         // else draw_floor() did, or left this pixel out
         constexpr bool BY_CORNERS = lit_by_corners<List>(SHADOWS) && (!(FACTS & SPARE) || (IMAGES & (NORMALS | ALBEDO)));
+        if constexpr (SHADOWS && (TYPES & SHADES_ITSELF))
+            if (lights.dims && (SHADES_ITSELF >> look.pose.type() & 1))
+                shadow |= own_shadow(lights, camera, place, look.pose.seen(surface.normal));
         OnCorners on;
         on.inside = false;
         if constexpr (BY_CORNERS) {

@@ -64,6 +64,7 @@ WARPCAM_FN float power(float base, float exponent)  // of a normal base above ze
     return r;
 }
 
+WARPCAM_FN float sine(float a) { return __sinf(a); }
 WARPCAM_FN float cosine(float a) { return __cosf(a); }
 WARPCAM_FN float round_down(float a) { return floorf(a); }
 
@@ -73,6 +74,7 @@ WARPCAM_FN float saturated(float a) { return between(a, 0.0f, 1.0f); }
 WARPCAM_FN float inverse_root(float a) { return 1.0f / __builtin_sqrtf(a); }
 WARPCAM_FN float logarithm2(float a) { return wp::log2(a); }
 WARPCAM_FN float power(float base, float exponent) { return wp::pow(base, exponent); }
+WARPCAM_FN float sine(float a) { return wp::sin(a); }
 WARPCAM_FN float cosine(float a) { return wp::cos(a); }
 WARPCAM_FN float round_down(float a) { return wp::floor(a); }
 
