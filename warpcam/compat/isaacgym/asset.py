@@ -172,9 +172,7 @@ def load(root: Any, file: Any, options: AssetOptions, up: newton.Axis) -> Asset:
     # An asset's frame is taken as it is, whichever way the world's up is.
     builder = newton.ModelBuilder(up_axis=newton.Axis.Z)
     readers: dict[str, Callable[[], Any]] = {
-        ".urdf": lambda: builder.add_urdf(
-            str(path), floating=not options.fix_base_link, collapse_fixed_joints=options.collapse_fixed_joints
-        ),
+        ".urdf": lambda: _read_urdf(builder, path, options),
         ".xml": lambda: builder.add_mjcf(
             str(path),
             floating=False if options.fix_base_link else None,
@@ -213,6 +211,15 @@ def made(
     add(builder, body, newton.ModelBuilder.ShapeConfig(density=float(options.density)))
     _settle(builder, options, up)
     return Asset(name, builder, options, {})
+
+
+def _read_urdf(builder: newton.ModelBuilder, path: Path, options: AssetOptions) -> None:
+    """Bodies that are fixed to one another become one if asked for, but where their joint says ``dont_collapse``."""
+    builder.add_urdf(str(path), floating=not options.fix_base_link)
+    if options.collapse_fixed_joints:
+        joints = ElementTree.parse(path).iter("joint")
+        kept = {joint.get("name") for joint in joints if joint.get("dont_collapse", "").lower() == "true"}
+        builder.collapse_fixed_joints(joints_to_keep=[name for name in builder.joint_label if _last(name) in kept])
 
 
 def _settle(builder: newton.ModelBuilder, options: AssetOptions, up: newton.Axis) -> None:

@@ -1,0 +1,96 @@
+"""What programs of the field count on in Isaac Gym's calls, beside what its pages say."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+import warp as wp
+
+import warpcam as wc
+
+pytest.importorskip("newton")
+from gym_worlds import GYM, at, new_sim, props
+
+from warpcam.compat.isaacgym import gymapi
+
+pytestmark = pytest.mark.filterwarnings("ignore")  # Newton's own
+INERTIAL = '<inertial><mass value="{}"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>'
+LINK = '<link name="{}">' + INERTIAL + "</link>"
+LINKS = "".join(LINK.format(name, mass) for name, mass in (("trunk", 4), ("shank", 1), ("foot", 0.5), ("lamp", 1)))
+HELD = f"""
+<robot name="dog">{LINKS}
+  <joint name="hip" type="revolute"><parent link="trunk"/><child link="shank"/><axis xyz="0 1 0"/>
+    <limit lower="-1" upper="1" effort="9" velocity="9"/></joint>
+  <joint name="ankle" type="fixed" dont_collapse="true"><parent link="shank"/><child link="foot"/></joint>
+  <joint name="screw" type="fixed"><parent link="trunk"/><child link="lamp"/></joint>
+</robot>
+"""
+
+
+def test_bodies_that_are_not_to_be_collapsed_stay(tmp_path: Path) -> None:
+    """As feet that sensors are put on; their masses stay with them."""
+    (tmp_path / "dog.urdf").write_text(HELD)
+    sim, bodies, masses = new_sim(wp.get_device("cpu")), {}, {}
+    for collapse in (False, True):
+        asset = GYM.load_asset(sim, str(tmp_path), "dog.urdf", gymapi.AssetOptions(collapse_fixed_joints=collapse))
+        env = GYM.create_env(sim, gymapi.Vec3(), gymapi.Vec3(), 1)
+        actor = GYM.create_actor(env, asset, at(0, 0, 0.4), "dog", 0, 0)
+        bodies[collapse] = GYM.get_asset_rigid_body_names(asset)
+        masses[collapse] = [one.mass for one in GYM.get_actor_rigid_body_properties(env, actor)]
+    assert bodies == {False: ["trunk", "shank", "foot", "lamp"], True: ["trunk", "shank", "foot"]}
+    np.testing.assert_allclose(masses[True], (5.0, 1.0, 0.5))
+    np.testing.assert_allclose(masses[False], (4.0, 1.0, 0.5, 1.0))
+
+
+def test_meshes_of_collada_files_are_seen(tmp_path: Path) -> None:
+    """Most of the field's robots have them."""
+    collada = pytest.importorskip("collada")
+    points = np.array([(0, -0.5, -0.5), (0, 0.5, -0.5), (0, 0, 0.5)], np.float32)
+    mesh = collada.Collada()
+    source = collada.source.FloatSource("points", points.flatten(), ("X", "Y", "Z"))
+    form = collada.geometry.Geometry(mesh, "form", "form", [source])
+    inputs = collada.source.InputList()
+    inputs.addInput(0, "VERTEX", "#points")
+    form.primitives.append(form.createTriangleSet(np.array([0, 1, 2, 0, 2, 1]), inputs, "paint"))
+    mesh.geometries.append(form)
+    mesh.scene = collada.scene.Scene("all", [collada.scene.Node("one", [collada.scene.GeometryNode(form, [])])])
+    mesh.scenes.append(mesh.scene)
+    mesh.write(str(tmp_path / "wedge.dae"))
+    (tmp_path / "wedge.urdf").write_text(
+        f'<robot name="wedge"><link name="wedge">{INERTIAL.format(1)}'
+        '<visual><geometry><mesh filename="wedge.dae" scale="2 2 2"/></geometry></visual></link></robot>'
+    )
+    sim = new_sim(wp.get_device("cpu"))
+    env = GYM.create_env(sim, gymapi.Vec3(), gymapi.Vec3(), 1)
+    asset = GYM.load_asset(sim, str(tmp_path), "wedge.urdf", gymapi.AssetOptions())
+    GYM.create_actor(env, asset, at(2, 0, 0), "wedge", 0, 0, 5)
+    camera = GYM.create_camera_sensor(env, props())
+    GYM.set_camera_location(camera, env, gymapi.Vec3(0, 0, 0), gymapi.Vec3(1, 0, 0))
+    GYM.render_all_camera_sensors(sim)
+    ids = GYM.get_camera_image(sim, env, camera, gymapi.IMAGE_SEGMENTATION)
+    # A triangle of 2 m by 2 m, 2 m away, beside a picture of 4 m by 3 m.
+    assert set(np.unique(ids)) == {0, 5} and (ids == 5).mean() == pytest.approx(2.0 / 12.0, abs=0.02)
+
+
+def test_numbers_may_be_arrays_of_one() -> None:
+    """As programs draw random ones."""
+    sim = new_sim(wp.get_device("cpu"))
+    env = GYM.create_env(sim, gymapi.Vec3(), gymapi.Vec3(), 1)
+    box = GYM.create_actor(env, GYM.create_box(sim, 0.1, 0.1, 0.1), at(0, 0, 1), "box", 0, 0)
+    bodies, surfaces = GYM.get_actor_rigid_body_properties(env, box), GYM.get_actor_rigid_shape_properties(env, box)
+    bodies[0].mass, bodies[0].com = np.array([2.5]), gymapi.Vec3(np.array([0.1]), torch.tensor([0.2]), np.float32(0.25))
+    surfaces[0].friction = torch.tensor([0.75])
+    GYM.set_actor_rigid_body_properties(env, box, bodies)
+    GYM.set_actor_rigid_shape_properties(env, box, surfaces)
+    after = GYM.get_actor_rigid_body_properties(env, box)[0]
+    assert after.mass == 2.5 and tuple(after.com) == pytest.approx((0.1, 0.2, 0.25))
+    assert GYM.get_actor_rigid_shape_properties(env, box)[0].friction == 0.75
+    pose = gymapi.Transform()
+    pose.p.x, pose.r.w = np.array([3.0]), torch.tensor(0.5)
+    assert pose == gymapi.Transform(gymapi.Vec3(3, 0, 0), gymapi.Quat(0, 0, 0, 0.5))
+    with pytest.raises(wc.WarpcamError, match="Vec3 has no 'w'; it has x, y, z"):
+        pose.p.w = 1.0
+    bodies[0].mass = np.array([2.5, 3.0])
+    with pytest.raises(wc.WarpcamError, match="mass must be finite and not negative"):
+        GYM.set_actor_rigid_body_properties(env, box, bodies)
