@@ -43,6 +43,37 @@ def test_bodies_that_are_not_to_be_collapsed_stay(tmp_path: Path) -> None:
     np.testing.assert_allclose(masses[False], (4.0, 1.0, 0.5, 1.0))
 
 
+@pytest.mark.parametrize("kind", ["urdf", "xml"])
+def test_a_base_that_is_held_stays_a_body(tmp_path: Path, kind: str) -> None:
+    """As walls and furniture of one link, and of several."""
+    lamp = '<body name="lamp" pos="0 0 0.5"><geom size="0.1" mass="1"/></body>'
+    texts = {
+        "urdf": f"""<robot name="wall">{LINK.format("wall", 2)}{LINK.format("lamp", 1)}
+        <joint name="screw" type="fixed"><parent link="wall"/><child link="lamp"/></joint></robot>""",
+        "xml": f'<mujoco><worldbody><body name="wall"><geom size="0.2" mass="2"/>{lamp}</body></worldbody></mujoco>',
+    }
+    (tmp_path / f"wall.{kind}").write_text(texts[kind])
+    sim = new_sim(wp.get_device("cpu"))
+    options = gymapi.AssetOptions(collapse_fixed_joints=True, fix_base_link=True)
+    asset = GYM.load_asset(sim, str(tmp_path), f"wall.{kind}", options)
+    assert GYM.get_asset_rigid_body_names(asset) == ["wall"] and GYM.get_asset_dof_count(asset) == 0
+    env = GYM.create_env(sim, gymapi.Vec3(), gymapi.Vec3(), 1)
+    wall = GYM.create_actor(env, asset, at(0, 0, 2), "wall", 0, 0)
+    assert GYM.get_actor_rigid_body_properties(env, wall)[0].mass == pytest.approx(3.0)
+    GYM.simulate(sim)
+    assert GYM.get_rigid_transform(env, GYM.get_actor_rigid_body_handle(env, wall, 0)).p == gymapi.Vec3(0, 0, 2)
+
+
+def test_motors_are_read_though_a_material_is_missing(tmp_path: Path) -> None:
+    (tmp_path / "arm.xml").write_text("""
+    <mujoco><worldbody>
+      <geom type="plane" size="9 9 1" material="nowhere"/>
+      <body name="arm"><joint name="hinge"/><geom size="0.1" material="nowhere"/><site material="nowhere"/></body>
+    </worldbody><actuator><motor joint="hinge" gear="45"/></actuator></mujoco>""")
+    asset = GYM.load_asset(new_sim(wp.get_device("cpu")), str(tmp_path), "arm.xml", gymapi.AssetOptions())
+    assert [motor.motor_effort for motor in GYM.get_asset_actuator_properties(asset)] == [45.0]
+
+
 def test_meshes_of_collada_files_are_seen(tmp_path: Path) -> None:
     """Most of the field's robots have them."""
     collada = pytest.importorskip("collada")

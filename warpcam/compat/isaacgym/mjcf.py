@@ -38,7 +38,12 @@ class Extras:
         import mujoco
 
         try:
-            model = mujoco.MjModel.from_xml_path(str(path))
+            spec = mujoco.MjSpec.from_file(str(path))
+            known = {material.name for material in spec.materials}
+            for drawn in (*spec.geoms, *spec.sites):
+                if drawn.material not in known:  # which Isaac Gym passes over, MuJoCo does not
+                    drawn.material = ""
+            model = spec.compile()
         except ValueError as error:
             raise WarpcamError(f"motors and tendons: {str(path)!r} cannot be read: {error}") from error
         return [_motor(model, row) for row in range(model.nu)], [_tendon(model, row) for row in range(model.ntendon)]
