@@ -12,7 +12,7 @@ import warpcam as wc
 pytest.importorskip("newton")
 from gym_worlds import GYM, at, new_sim, props
 
-from warpcam.compat.isaacgym import gymapi
+from warpcam.compat.isaacgym import gymapi, gymtorch
 
 pytestmark = pytest.mark.filterwarnings("ignore")  # Newton's own
 INERTIAL = '<inertial><mass value="{}"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>'
@@ -72,6 +72,50 @@ def test_motors_are_read_though_a_material_is_missing(tmp_path: Path) -> None:
     </worldbody><actuator><motor joint="hinge" gear="45"/></actuator></mujoco>""")
     asset = GYM.load_asset(new_sim(wp.get_device("cpu")), str(tmp_path), "arm.xml", gymapi.AssetOptions())
     assert [motor.motor_effort for motor in GYM.get_asset_actuator_properties(asset)] == [45.0]
+
+
+def test_motors_are_read_of_old_files_in_parts(tmp_path: Path) -> None:
+    (tmp_path / "robot.xml").write_text(
+        '<mujoco><body name="arm"><joint name="hinge"/><geom size="0.1"/></body></mujoco>'
+    )
+    (tmp_path / "motors.xml").write_text('<mujoco><motor joint="hinge" gear="45"/></mujoco>')
+    (tmp_path / "arm.xml").write_text("""
+    <mujoco><option timestep="0.002" apirate="200"/><worldbody><include file="robot.xml"/></worldbody>
+      <actuator><include file="motors.xml"/></actuator></mujoco>""")
+    asset = GYM.load_asset(new_sim(wp.get_device("cpu")), str(tmp_path), "arm.xml", gymapi.AssetOptions())
+    assert [motor.joint for motor in GYM.get_asset_actuator_properties(asset)] == ["hinge"]
+
+
+def test_states_that_there_are_none_of_are_none() -> None:
+    """By which programs tell whether their robots have joints."""
+    sim = new_sim(wp.get_device("cpu"))
+    env = GYM.create_env(sim, gymapi.Vec3(), gymapi.Vec3(), 1)
+    GYM.create_actor(env, GYM.create_box(sim, 0.1, 0.1, 0.1), at(0, 0, 1), "box", 0, 0)
+    assert gymtorch.wrap_tensor(GYM.acquire_dof_state_tensor(sim)) is None
+    assert gymtorch.wrap_tensor(GYM.acquire_actor_root_state_tensor(sim)).shape == (1, 13)
+
+
+def test_actors_and_joints_are_counted(tmp_path: Path) -> None:
+    (tmp_path / "dog.urdf").write_text(HELD)
+    sim = new_sim(wp.get_device("cpu"))
+    dog, box = GYM.load_asset(sim, str(tmp_path), "dog.urdf", gymapi.AssetOptions()), GYM.create_box(sim, 1, 1, 1)
+    for _ in range(2):
+        env = GYM.create_env(sim, gymapi.Vec3(), gymapi.Vec3(), 1)
+        for asset, name in ((box, "box"), (dog, "dog")):
+            GYM.create_actor(env, asset, at(0, 0, 1), name, 0, 0)
+    assert GYM.find_actor_index(env, "dog", gymapi.DOMAIN_ENV) == 1
+    assert GYM.find_actor_index(env, "dog", gymapi.DOMAIN_SIM) == 3
+    assert GYM.find_actor_index(env, "cat", gymapi.DOMAIN_SIM) == gymapi.INVALID_HANDLE
+    counts = [GYM.get_actor_joint_count(env, 0), GYM.get_actor_joint_count(env, 1), GYM.get_env_joint_count(env)]
+    assert [*counts, GYM.get_sim_joint_count(sim)] == [0, 3, 3, 6]
+
+
+def test_names_that_are_not_here_say_why() -> None:
+    for name, reason in (("KEY_ESCAPE", "there is no window"), ("AttractorProperties", "there are no attractors")):
+        with pytest.raises(AttributeError, match=f"gymapi.{name} is not here: {reason}"):
+            getattr(gymapi, name)
+    with pytest.raises(AttributeError, match="gymapi has no 'KYE'"):
+        gymapi.KYE  # noqa: B018, it is what raises
 
 
 def test_meshes_of_collada_files_are_seen(tmp_path: Path) -> None:

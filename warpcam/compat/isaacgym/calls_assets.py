@@ -164,6 +164,10 @@ class AssetCalls:
     def get_actor_index(self, env: Env, actor: int, domain: IndexDomain) -> int:
         return _place(actor_of(env, actor, "get_actor_index"), domain, "actors", 0)
 
+    def find_actor_index(self, env: Env, name: str, domain: IndexDomain) -> int:
+        handle = self.find_actor_handle(env, name)
+        return handle if handle == INVALID_HANDLE else self.get_actor_index(env, handle, domain)
+
     def get_actor_rigid_body_count(self, env: Env, actor: int) -> int:
         return len(actor_of(env, actor, "get_actor_rigid_body_count").asset.bodies)
 
@@ -206,6 +210,12 @@ class AssetCalls:
 
     def get_actor_rigid_shape_count(self, env: Env, actor: int) -> int:
         return len(actor_of(env, actor, "get_actor_rigid_shape_count").asset.shapes)
+
+    def get_actor_joint_count(self, env: Env, actor: int) -> int:
+        return len(actor_of(env, actor, "get_actor_joint_count").asset.joints)
+
+    def get_env_joint_count(self, env: Env) -> int:
+        return sum(len(actor.asset.joints) for actor in env_of(env, "get_env_joint_count").actors)
 
     def get_actor_joint_dict(self, env: Env, actor: int) -> dict[str, int]:
         return self.get_asset_joint_dict(actor_of(env, actor, "get_actor_joint_dict").asset)
@@ -253,6 +263,9 @@ class AssetCalls:
 
     def get_sim_dof_count(self, sim: Sim) -> int:
         return _all(sim, "get_sim_dof_count").dofs
+
+    def get_sim_joint_count(self, sim: Sim) -> int:
+        return sum(self.get_env_joint_count(env) for env in sim_of(sim, "get_sim_joint_count").envs)
 
 
 def asset_of(value: Any, where: str) -> Asset:
