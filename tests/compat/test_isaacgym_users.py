@@ -64,6 +64,68 @@ def test_a_base_that_is_held_stays_a_body(tmp_path: Path, kind: str) -> None:
     assert GYM.get_rigid_transform(env, GYM.get_actor_rigid_body_handle(env, wall, 0)).p == gymapi.Vec3(0, 0, 2)
 
 
+APART = {
+    "no filter, one group": ((0, 0), (0, 0), True),
+    "one bit": ((0, 0), (1, 1), False),
+    "one bit of two": ((0, 0), (1, 3), False),
+    "other bits": ((0, 0), (1, 2), True),
+    "one has none": ((0, 0), (1, 0), True),
+    "the asset's own": ((0, 0), (1, -1), True),
+    "other groups": ((4, 5), (0, 0), False),
+    "all groups": ((-1, 5), (0, 0), True),
+}
+
+
+def test_filters_and_groups_keep_actors_apart() -> None:
+    """Balls are let fall upon others."""
+    sim = new_sim(wp.get_device("cpu"))
+    env = GYM.create_env(sim, gymapi.Vec3(), gymapi.Vec3(), 1)
+    held = GYM.create_sphere(sim, 0.1, gymapi.AssetOptions(fix_base_link=True))
+    ball = GYM.create_sphere(sim, 0.1)
+    for place, (groups, filters, _) in enumerate(APART.values()):
+        # Apart from those of other cases by their places.
+        GYM.create_actor(env, held, at(2.0 * place, 0, 0.1), "held", groups[0], filters[0])
+        GYM.create_actor(env, ball, at(2.0 * place, 0, 0.35), "ball", groups[1], filters[1])
+    GYM.prepare_sim(sim)
+    roots = gymtorch.wrap_tensor(GYM.acquire_actor_root_state_tensor(sim))
+    for _ in range(20):
+        GYM.simulate(sim)
+    GYM.refresh_actor_root_state_tensor(sim)
+    found = {case: bool(height > 0.25) for case, height in zip(APART, roots[1::2, 2], strict=True)}
+    assert found == {case: rests for case, (_, _, rests) in APART.items()}
+
+
+def test_bodies_of_an_actor_collide_unless_it_has_a_filter(tmp_path: Path) -> None:
+    """Of those that are not joined; where environments differ in this alone, too."""
+    ball = "<collision><geometry><sphere radius='0.3'/></geometry></collision>"
+    links = "".join(f'<link name="l{i}">{INERTIAL.format(1)}{ball}</link>' for i in range(3))
+    joints = "".join(
+        f'<joint name="j{i}" type="prismatic"><parent link="l{i}"/><child link="l{i + 1}"/><origin xyz="0.15 0 0"/>'
+        '<axis xyz="1 0 0"/><limit lower="-9" upper="9" effort="9" velocity="9"/></joint>'
+        for i in range(2)
+    )
+    (tmp_path / "chain.urdf").write_text(f'<robot name="chain">{links}{joints}</robot>')
+    sim = new_sim(wp.get_device("cpu"))
+    asset = GYM.load_asset(sim, str(tmp_path), "chain.urdf", gymapi.AssetOptions(fix_base_link=True))
+    for filters in (0, 1):
+        env = GYM.create_env(sim, gymapi.Vec3(), gymapi.Vec3(), 1)
+        GYM.create_actor(env, asset, at(0, 0, 1), "chain", 0, filters)
+    model = sim.physics.model
+    pairs = {tuple(sorted(pair)) for pair in model.shape_collision_filter_pairs}
+    groups = model.shape_collision_group.numpy()
+    assert (0, 2) not in pairs and (0, 1) in pairs
+    assert groups[0] == groups[2] > 0 and (groups[3:] == -1).all()
+
+
+def test_groups_and_filters_that_cannot_be_are_named() -> None:
+    sim = new_sim(wp.get_device("cpu"))
+    env, ball = GYM.create_env(sim, gymapi.Vec3(), gymapi.Vec3(), 1), GYM.create_sphere(sim, 0.1)
+    for name in ("group", "filter"):
+        for value in (-2, 0.5, 2**31):
+            with pytest.raises(wc.WarpcamError, match=f"create_actor: {name} must be a whole number, at least -1, got"):
+                GYM.create_actor(env, ball, at(0, 0, 0), **{name: value})
+
+
 def test_motors_are_read_though_a_material_is_missing(tmp_path: Path) -> None:
     (tmp_path / "arm.xml").write_text("""
     <mujoco><worldbody>
