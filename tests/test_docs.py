@@ -213,8 +213,8 @@ def test_blocks_run(page: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
             for number, block in enumerate(blocks_of(page)):
                 exec(compile(block, f"{page}, block {number}", "exec"), names)
         finally:
-            if "pictures" in names:
-                names["pictures"].uninstall()
+            for patch in {"pictures", "isaacgym"} & set(names):
+                names[patch].uninstall()
 
 
 def test_every_page_with_code_is_run() -> None:

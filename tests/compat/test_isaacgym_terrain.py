@@ -1,10 +1,12 @@
 """Isaac Gym's terrains: heights are where triangles of the same samples are, and things rest on them."""
 
+import warnings
 from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 import pytest
+import trimesh
 import warp as wp
 
 import warpcam as wc
@@ -13,7 +15,7 @@ newton = pytest.importorskip("newton")
 from gym_worlds import GYM, at, new_sim, props, tensors_of  # noqa: E402, newton may be missing
 
 from warpcam.compat.isaacgym import gymapi, gymtorch  # noqa: E402
-from warpcam.compat.isaacgym.lattice import heights_of  # noqa: E402
+from warpcam.compat.isaacgym.lattice import heights_of, is_convex, seen_from_above  # noqa: E402
 
 pytestmark = pytest.mark.filterwarnings("ignore")  # Newton's own
 ALONG_X, ALONG_Y, STEP_X, STEP_Y, RISE = 12, 7, 0.25, 0.4, 0.005
@@ -192,16 +194,66 @@ def test_a_vertex_may_have_left_the_rim() -> None:
     assert found[0][3, 1] == found[0][5, 4] == np.float32(60 * RISE)
 
 
-def test_vertices_that_are_no_grid_are_collided_with_as_their_hull() -> None:
-    vertices, triangles = triangles_of(SAMPLES)
-    bent = vertices.copy()
-    bent[5, 0] += 0.3 * STEP_X
+def bent(samples: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Vertices that stand on no grid."""
+    vertices, triangles = triangles_of(samples)
+    vertices[5, 0] += 0.3 * STEP_X
+    return vertices, triangles
+
+
+def test_triangles_that_are_no_grid_are_collided_with_as_seen_from_above(device: wp.Device) -> None:
+    """Large ones and small ones, and a hole."""
+    tall = np.array([(0.0, 0.0), (0.5, 0.0), (0.5, 0.3), (1.0, 0.3), (1.0, 0.0), (3.0, 0.0), (3.0, 0.0), (3.2, 0.2)])
+    points = np.array([(x, y, z) for x, z in tall for y in (0.0, 2.0)], np.float32)
+    first = 2 * np.array([0, 1, 2, 3, 4, 6])[:, None]
+    faces = np.concatenate([first + np.array((0, 2, 1)), first + np.array((1, 2, 3))])
+    sim = new_sim(device, dt=0.01)
+    with pytest.warns(
+        RuntimeWarning, match="no grid along x and y, so that MuJoCo collides with heights .* from above"
+    ):
+        GYM.add_triangle_mesh(sim, points, faces, gymapi.TriangleMeshParams())
+    env = GYM.create_env(sim, gymapi.Vec3(), gymapi.Vec3(), 1)
+    ball = GYM.create_sphere(sim, 0.1)
+    for x in (0.75, 2.0):  # the hull would hold both up, at 0.4 and at 0.3
+        GYM.create_actor(env, ball, at(x, 1.0, 0.6), "ball", 0, 0, 3)
+    GYM.prepare_sim(sim)
+    roots = gymtorch.wrap_tensor(GYM.acquire_actor_root_state_tensor(sim))
+    for _ in range(150):
+        GYM.simulate(sim)
+    GYM.refresh_actor_root_state_tensor(sim)
+    np.testing.assert_allclose(roots[:, 2].cpu(), (0.4, 0.1), atol=0.01)
+
+
+def test_heights_seen_from_above_are_those_of_the_highest_triangles() -> None:
+    rng = np.random.default_rng(2)
+    points, faces = bent(rng.integers(-80, 80, (30, 20)))
+    # A large triangle across, above some of them.
+    points = np.concatenate((points, np.array([(0.3, 0.2, 0.1), (5.0, 1.0, 0.1), (2.0, 6.5, 0.1)], np.float32)))
+    faces = np.concatenate((faces, [np.arange(len(points) - 3, len(points))])).astype(np.int64)
+    assert heights_of(points, faces) is None
+    heights, first, steps = seen_from_above(points, faces)
+    mesh = trimesh.Trimesh(points, faces, process=False)
+    x, y = (rng.integers(1, count - 1, 200) for count in heights.shape)
+    above = np.stack((first[0] + x * steps[0], first[1] + y * steps[1], np.full(200, 5.0)), axis=1)
+    hits, rays, _ = mesh.ray.intersects_location(above + 1e-7, np.tile((0.0, 0.0, -1.0), (200, 1)), multiple_hits=True)
+    highest = np.full(200, -np.inf)
+    np.maximum.at(highest, rays, hits[:, 2])
+    np.testing.assert_allclose(heights[x, y], highest, atol=1e-5)
+    assert (np.abs(highest - 0.1) < 1e-6).sum() > 20
+
+
+def test_what_is_convex_is_collided_with_as_it_is() -> None:
     corners = np.array([(x, y, z) for x in (0, 1) for y in (0, 1) for z in (0, 1)], np.float32)
-    for points, faces in ((bent, triangles), (corners, [(0, 4, 6), (1, 7, 3)]), (corners[:4], [(0, 1, 2)])):
-        assert heights_of(points, np.asarray(faces)) is None
+    corners[1::2, 0] += 0.2
+    faces = np.array([(0, 4, 6), (0, 6, 2), (1, 7, 5), (1, 3, 7)])
+    assert is_convex(corners, faces) and not is_convex(*bent(SAMPLES)) and not is_convex(corners[:3], faces[:0])
+    for points, triangles, upright in ((corners, faces, False), (corners[[0, 1, 2]] * (0, 1, 1), [(0, 1, 2)], True)):
         sim = new_sim(wp.get_device("cpu"))
-        with pytest.warns(RuntimeWarning, match="are no grid along x and y, so that MuJoCo collides with the convex"):
-            GYM.add_triangle_mesh(sim, points, np.asarray(faces), gymapi.TriangleMeshParams())
+        with warnings.catch_warnings(record=True) as told:
+            warnings.simplefilter("always")
+            GYM.add_triangle_mesh(sim, points, np.asarray(triangles), gymapi.TriangleMeshParams())
+        assert sim.grounds.terrains[0].felt is sim.grounds.terrains[0].seen
+        assert any("the triangles are all upright" in str(each.message) for each in told) == upright
 
 
 def test_where_y_is_up_terrains_are_collided_with_as_their_hull() -> None:

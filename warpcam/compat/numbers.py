@@ -1,4 +1,4 @@
-"""Numbers as simulators take them: of Python, and scalars of numpy, torch and Warp."""
+"""Numbers as simulators take them: of Python, and scalars and single elements of numpy, torch and Warp."""
 
 import math
 import operator
@@ -18,6 +18,6 @@ def real(value: Any) -> float:
     if isinstance(value, str | bytes):
         return math.nan
     try:
-        return float(value)
+        return float(value.item() if hasattr(value, "item") else value)
     except (TypeError, ValueError, RuntimeError, OverflowError):
         return math.nan

@@ -172,19 +172,9 @@ def load(root: Any, file: Any, options: AssetOptions, up: newton.Axis) -> Asset:
     # An asset's frame is taken as it is, whichever way the world's up is.
     builder = newton.ModelBuilder(up_axis=newton.Axis.Z)
     readers: dict[str, Callable[[], Any]] = {
-        ".urdf": lambda: builder.add_urdf(
-            str(path), floating=not options.fix_base_link, collapse_fixed_joints=options.collapse_fixed_joints
-        ),
-        ".xml": lambda: builder.add_mjcf(
-            str(path),
-            floating=False if options.fix_base_link else None,
-            collapse_fixed_joints=options.collapse_fixed_joints,
-        ),
-        ".usd": lambda: builder.add_usd(
-            str(path),
-            floating=False if options.fix_base_link else None,
-            collapse_fixed_joints=options.collapse_fixed_joints,
-        ),
+        ".urdf": lambda: builder.add_urdf(str(path), floating=not options.fix_base_link),
+        ".xml": lambda: builder.add_mjcf(str(path), floating=False if options.fix_base_link else None),
+        ".usd": lambda: builder.add_usd(str(path), floating=False if options.fix_base_link else None),
     }
     kind = path.suffix.lower()
     kind = ".xml" if kind == ".mjcf" else ".usd" if kind.startswith(".usd") else kind
@@ -192,6 +182,8 @@ def load(root: Any, file: Any, options: AssetOptions, up: newton.Axis) -> Asset:
         raise WarpcamError(f"load_asset: {path.name!r} came; allowed are .urdf, .xml, .mjcf and .usd files")
     try:
         readers[kind]()
+        if options.collapse_fixed_joints:
+            _collapse(builder, _held(path) if kind == ".urdf" else set())
     except WarpcamError:
         raise
     except Exception as error:
@@ -213,6 +205,19 @@ def made(
     add(builder, body, newton.ModelBuilder.ShapeConfig(density=float(options.density)))
     _settle(builder, options, up)
     return Asset(name, builder, options, {})
+
+
+def _held(path: Path) -> set[str]:
+    """Names of the joints of a URDF file that are not to be collapsed."""
+    joints = ElementTree.parse(path).iter("joint")
+    return {joint.get("name", "") for joint in joints if joint.get("dont_collapse", "").lower() == "true"}
+
+
+def _collapse(builder: newton.ModelBuilder, held: set[str]) -> None:
+    """Make bodies that are fixed to one another one, but where their joint is held; a base stays a body."""
+    names = [_last(label) for label in builder.joint_label]
+    kept = [joint for joint, name in enumerate(names) if name in held or builder.joint_parent[joint] < 0]
+    builder.collapse_fixed_joints(joints_to_keep=kept)
 
 
 def _settle(builder: newton.ModelBuilder, options: AssetOptions, up: newton.Axis) -> None:

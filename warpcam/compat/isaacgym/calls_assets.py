@@ -22,7 +22,7 @@ from warpcam.compat.isaacgym.options import AssetOptions
 from warpcam.compat.isaacgym.properties import idle_changes
 from warpcam.compat.isaacgym.sim import Sim, env_of, sim_of
 from warpcam.compat.isaacgym.world import Actor, Counts, Env, handle_of
-from warpcam.compat.numbers import real
+from warpcam.compat.numbers import real, whole
 from warpcam.errors import WarpcamError
 
 
@@ -76,7 +76,18 @@ class AssetCalls:
         filter: int = -1,
         segmentation_id: int = 0,
     ) -> int:
-        """Put an asset into an environment. Its handle counts the environment's actors."""
+        """Put an asset into an environment. Its handle counts the environment's actors.
+
+        Args:
+            env: The environment.
+            asset: What it is made of.
+            pose: Where, in the environment's frame.
+            name: None is the asset's.
+            group: Actors of different groups do not collide, but those of -1 do with all.
+            filter: Bits: actors that share one do not collide, nor do the bodies of one with one another. 0 and -1 are
+                none; then bodies that are joined do not.
+            segmentation_id: Of its bodies, in images.
+        """
         env = env_of(env, "create_actor")
         asset = asset_of(asset, "create_actor")
         if not isinstance(pose, Transform):
@@ -87,7 +98,13 @@ class AssetCalls:
             env.sim.warn_once(f"set_asset_rigid_shape_properties: {change}")
         if asset.tendons is not None and asset.tendons != [one for _, one in asset.extras.tendons]:
             env.sim.warn_once("set_asset_tendon_properties: tendons are held, and pull nothing")
-        actor = Actor(env, asset, pose, asset.name if name is None else name, group, int(segmentation_id))
+        masks = {"group": whole(group), "filter": whole(filter)}
+        for argument, mask in masks.items():
+            if mask is None or not -1 <= mask < 2**31:
+                came = {"group": group, "filter": filter}[argument]
+                raise WarpcamError(f"create_actor: {argument} must be a whole number, at least -1, got {came!r}")
+        called = asset.name if name is None else name
+        actor = Actor(env, asset, pose, called, int(group), int(filter), int(segmentation_id))
         env.add(actor)
         return actor.handle
 
@@ -164,6 +181,10 @@ class AssetCalls:
     def get_actor_index(self, env: Env, actor: int, domain: IndexDomain) -> int:
         return _place(actor_of(env, actor, "get_actor_index"), domain, "actors", 0)
 
+    def find_actor_index(self, env: Env, name: str, domain: IndexDomain) -> int:
+        handle = self.find_actor_handle(env, name)
+        return handle if handle == INVALID_HANDLE else self.get_actor_index(env, handle, domain)
+
     def get_actor_rigid_body_count(self, env: Env, actor: int) -> int:
         return len(actor_of(env, actor, "get_actor_rigid_body_count").asset.bodies)
 
@@ -206,6 +227,12 @@ class AssetCalls:
 
     def get_actor_rigid_shape_count(self, env: Env, actor: int) -> int:
         return len(actor_of(env, actor, "get_actor_rigid_shape_count").asset.shapes)
+
+    def get_actor_joint_count(self, env: Env, actor: int) -> int:
+        return len(actor_of(env, actor, "get_actor_joint_count").asset.joints)
+
+    def get_env_joint_count(self, env: Env) -> int:
+        return sum(len(actor.asset.joints) for actor in env_of(env, "get_env_joint_count").actors)
 
     def get_actor_joint_dict(self, env: Env, actor: int) -> dict[str, int]:
         return self.get_asset_joint_dict(actor_of(env, actor, "get_actor_joint_dict").asset)
@@ -253,6 +280,9 @@ class AssetCalls:
 
     def get_sim_dof_count(self, sim: Sim) -> int:
         return _all(sim, "get_sim_dof_count").dofs
+
+    def get_sim_joint_count(self, sim: Sim) -> int:
+        return sum(self.get_env_joint_count(env) for env in sim_of(sim, "get_sim_joint_count").envs)
 
 
 def asset_of(value: Any, where: str) -> Asset:

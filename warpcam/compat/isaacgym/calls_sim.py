@@ -97,7 +97,7 @@ class SimCalls:
         sim.grounds.planes.append(params)
 
     def add_triangle_mesh(self, sim: Sim, vertices: Any, triangles: Any, params: TriangleMeshParams) -> None:
-        """A terrain. Where z is up and vertices are a grid it is collided with as seen from above, else as its hull.
+        """A terrain. Where z is up it is collided with as seen from above, else, and where it is convex, as its hull.
 
         Args:
             sim: The simulation.
@@ -110,12 +110,8 @@ class SimCalls:
         if not isinstance(params, TriangleMeshParams):
             raise WarpcamError(f"add_triangle_mesh: TriangleMeshParams are needed, got {type(params).__name__}")
         terrain = of_triangles(vertices, triangles, params, sim.up == newton.Axis.Z)
-        if terrain.felt is terrain.seen:
-            reason = "z is not up" if sim.up != newton.Axis.Z else "the vertices are no grid along x and y"
-            sim.warn_once(
-                f"add_triangle_mesh: {reason}, so that MuJoCo collides with the convex hull; where z is up, "
-                "add_heightfield makes terrains that are felt as they are seen"
-            )
+        if terrain.told:
+            sim.warn_once(f"add_triangle_mesh: {terrain.told}")
         sim.grounds.terrains.append(terrain)
 
     def add_heightfield(self, sim: Sim, samples: Any, params: HeightFieldParams) -> None:

@@ -8,6 +8,8 @@ Calls have that system's names, arguments and conventions. Whatever cannot be gi
 where it is asked for; nothing returns None for an image.
 """
 
+from typing import NoReturn
+
 from warpcam.compat.isaacgym.asset import Asset
 from warpcam.compat.isaacgym.calls_assets import AssetCalls
 from warpcam.compat.isaacgym.calls_cameras import CameraCalls
@@ -59,7 +61,7 @@ from warpcam.compat.isaacgym.properties import (
     RigidShapeProperties,
     TendonProperties,
 )
-from warpcam.compat.isaacgym.refused import Refusals
+from warpcam.compat.isaacgym.refused import Refusals, why_missing
 from warpcam.compat.isaacgym.sim import Sim
 from warpcam.compat.isaacgym.tensors import Tensor
 from warpcam.compat.isaacgym.world import Env
@@ -176,3 +178,7 @@ _GYM = Gym()
 def acquire_gym() -> Gym:
     """The one that all calls go to."""
     return _GYM
+
+
+def __getattr__(name: str) -> NoReturn:
+    raise AttributeError(why_missing(name))

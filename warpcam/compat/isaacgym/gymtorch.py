@@ -10,8 +10,10 @@ __all__ = ["unwrap_tensor", "wrap_tensor", "wrap_tensor_impl"]
 
 def wrap_tensor(
     gym_tensor: Tensor, offsets: Sequence[int] | None = None, counts: Sequence[int] | None = None
-) -> interop.Tensor:
+) -> interop.Tensor | None:
     """The memory of a tensor as a torch tensor. It costs nothing, and the address never changes.
+
+    None, as there, of what a simulation has none of, such as states of degrees of freedom: never of an image.
 
     Args:
         gym_tensor: As calls of ``gymapi`` hand it out.

@@ -55,8 +55,8 @@ class MeshType(IntEnum):
 class UpAxis(IntEnum):
     """Which way is up."""
 
-    UP_AXIS_Y = 1
-    UP_AXIS_Z = 2
+    UP_AXIS_Y = 0
+    UP_AXIS_Z = 1
 
 
 class SimType(IntEnum):

@@ -6,18 +6,34 @@ from typing import Any
 
 import numpy as np
 
+from warpcam.errors import WarpcamError
+
 VEC3 = np.dtype([("x", "f4"), ("y", "f4"), ("z", "f4")])
 QUAT = np.dtype([("x", "f4"), ("y", "f4"), ("z", "f4"), ("w", "f4")])
 TRANSFORM = np.dtype([("p", VEC3), ("r", QUAT)])
 
 
-class Vec3:
+class Numbered:
+    """Of numbers alone: of Python, or single ones of numpy and torch."""
+
+    dtype: np.dtype
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        if name not in (self.dtype.names or ()):
+            raise WarpcamError(f"{type(self).__name__} has no {name!r}; it has {', '.join(self.dtype.names or ())}")
+        super().__setattr__(name, float(value.item() if hasattr(value, "item") else value))
+
+
+class Vec3(Numbered):
     """A vector, or red, green and blue."""
 
     dtype = VEC3
+    x: float
+    y: float
+    z: float
 
     def __init__(self, x: float = 0.0, y: float = 0.0, z: float = 0.0):
-        self.x, self.y, self.z = float(x), float(y), float(z)
+        self.x, self.y, self.z = x, y, z
 
     def __iter__(self) -> Iterator[float]:
         yield from (self.x, self.y, self.z)
@@ -68,13 +84,17 @@ class Vec3:
         return self / length if length > 0.0 else Vec3()
 
 
-class Quat:
+class Quat(Numbered):
     """A rotation."""
 
     dtype = QUAT
+    x: float
+    y: float
+    z: float
+    w: float
 
     def __init__(self, x: float = 0.0, y: float = 0.0, z: float = 0.0, w: float = 1.0):
-        self.x, self.y, self.z, self.w = float(x), float(y), float(z), float(w)
+        self.x, self.y, self.z, self.w = x, y, z, w
 
     @staticmethod
     def from_axis_angle(axis: Vec3, angle: float) -> "Quat":
@@ -163,6 +183,14 @@ class Transform:
     def transform_vector(self, vector: Vec3) -> Vec3:
         return self.r.rotate(vector)
 
+    def transform_points(self, points: np.ndarray) -> np.ndarray:
+        """Points, an array of ``Vec3.dtype`` of any shape."""
+        return _moved(points, self.r, self.p)
+
+    def transform_vectors(self, vectors: np.ndarray) -> np.ndarray:
+        """Vectors, likewise."""
+        return _moved(vectors, self.r, Vec3())
+
     def numbers(self) -> tuple[float, ...]:
         """Position [m] and unit quaternion x y z w, 7 numbers."""
         return (*self.p, *self.r.normalize())
@@ -189,6 +217,11 @@ class Mat33:
         return isinstance(other, Mat33) and self.x == other.x and self.y == other.y and self.z == other.z
 
     __hash__ = None  # type: ignore[assignment] # it may be written
+
+
+def _moved(vectors: np.ndarray, turn: Quat, shift: Vec3) -> np.ndarray:
+    numbers = np.stack([vectors[name] for name in "xyz"], axis=-1) @ matrix_of(turn).T + tuple(shift)
+    return np.ascontiguousarray(numbers, np.float32).view(VEC3)[..., 0]
 
 
 def matrix_of(rotation: Quat) -> np.ndarray:

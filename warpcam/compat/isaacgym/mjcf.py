@@ -1,5 +1,6 @@
 """What MuJoCo's files say beside bodies and joints: motors and tendons."""
 
+import re
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -8,6 +9,9 @@ import numpy as np
 
 from warpcam.compat.isaacgym.properties import ActuatorProperties, TendonProperties
 from warpcam.errors import WarpcamError
+
+APIRATE = re.compile(r"""\sapirate=["'][^"']*["']""")
+INCLUDE = re.compile(r"""<include\s+file=["']([^"']+)["']""")
 
 
 class Extras:
@@ -35,13 +39,35 @@ class Extras:
         path = self._path
         if path is None or path.suffix.lower() not in (".xml", ".mjcf"):
             return [], []
-        import mujoco
 
         try:
-            model = mujoco.MjModel.from_xml_path(str(path))
-        except ValueError as error:
+            spec = _spec(path)
+            known = {material.name for material in spec.materials}
+            for drawn in (*spec.geoms, *spec.sites):
+                if drawn.material not in known:  # which Isaac Gym passes over, MuJoCo does not
+                    drawn.material = ""
+            model = spec.compile()
+        except (ValueError, OSError) as error:
             raise WarpcamError(f"motors and tendons: {str(path)!r} cannot be read: {error}") from error
         return [_motor(model, row) for row in range(model.nu)], [_tendon(model, row) for row in range(model.ntendon)]
+
+
+def _spec(path: Path) -> Any:
+    """MuJoCo's description of a file, also of one that was written before ``apirate`` was no option any more."""
+    import mujoco
+
+    text, included = path.read_text(), {}
+    if not APIRATE.search(text):
+        return mujoco.MjSpec.from_file(str(path))
+    waiting = INCLUDE.findall(text)
+    while waiting:
+        name = waiting.pop()
+        if name not in included:
+            included[name] = (path.parent / name).read_bytes()
+            waiting += INCLUDE.findall(included[name].decode())
+    spec = mujoco.MjSpec.from_string(APIRATE.sub("", text), include=included)
+    spec.modelfiledir = str(path.parent)
+    return spec
 
 
 def _motor(model: Any, index: int) -> ActuatorProperties:

@@ -9,6 +9,7 @@ VIEWER = "there is no window; attach a camera and save its images with write_cam
 PHYSICS = "this front end is for cameras; sizes and states of inner bodies are the Newton model's own"
 TENDONS = "tendons pull nothing here; those of an asset are held"
 SOFT = "there are no soft bodies or particles here; warpcam.from_newton draws Newton's"
+ATTRACTORS = "there are no attractors here; forces and drives of joints pull bodies"
 REFUSED: Mapping[str, str] = {
     **dict.fromkeys(
         (
@@ -44,9 +45,28 @@ REFUSED: Mapping[str, str] = {
         ),
         SOFT,
     ),
+    **dict.fromkeys(
+        (
+            "create_rigid_body_attractor", "get_attractor_properties", "set_attractor_properties",
+            "set_attractor_target", "get_env_attractor_count",
+        ),
+        ATTRACTORS,
+    ),
     "set_camera_view_matrix": "give the pose to set_camera_transform",
     "get_viewer_camera": VIEWER,
 }  # fmt: skip
+
+# Names of gymapi, by what they begin with.
+NAMES = {
+    **dict.fromkeys(("KEY_", "MOUSE_", "KeyboardInput", "MouseInput", "DEFAULT_VIEWER_"), VIEWER),
+    **dict.fromkeys(("AttractorProperties", "AXIS_"), ATTRACTORS),
+}
+
+
+def why_missing(name: str) -> str:
+    """What to tell of a name that is not there."""
+    reasons = [f"gymapi.{name} is not here: {reason}" for start, reason in NAMES.items() if name.startswith(start)]
+    return reasons[0] if reasons else f"gymapi has no {name!r}"
 
 
 class Refusals:

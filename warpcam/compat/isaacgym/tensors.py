@@ -49,10 +49,12 @@ class Tensor:
         return f"Tensor({self.dtype.name}, shape {self.shape}, {where})"
 
 
-def wrap(tensor: Any, offsets: Sequence[int] | None, counts: Sequence[int] | None) -> interop.Tensor:
-    """The memory as a torch tensor: the same at every call."""
+def wrap(tensor: Any, offsets: Sequence[int] | None, counts: Sequence[int] | None) -> interop.Tensor | None:
+    """The memory as a torch tensor: the same at every call. None if there are no numbers in it."""
     if not isinstance(tensor, Tensor):
         raise WarpcamError(f"wrap_tensor: a tensor of gymapi is needed, got {type(tensor).__name__}")
+    if tensor.torch.numel() == 0:
+        return None
     return _part(tensor.torch, offsets, counts, "wrap_tensor")
 
 

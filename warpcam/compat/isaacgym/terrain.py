@@ -8,7 +8,7 @@ import numpy as np
 import warp as wp
 
 from warpcam import interop
-from warpcam.compat.isaacgym.lattice import heights_of
+from warpcam.compat.isaacgym.lattice import heights_of, is_convex, seen_from_above
 from warpcam.compat.isaacgym.maths import Transform, Vec3
 from warpcam.compat.isaacgym.options import HeightFieldParams, PlaneParams, TriangleMeshParams
 from warpcam.compat.numbers import real, whole
@@ -36,11 +36,13 @@ class Terrain:
         seen: What is drawn.
         felt: What is collided with.
         params: As the program gave them.
+        told: How what is collided with is another surface than what is drawn, or nothing.
     """
 
     seen: Solid
     felt: Solid
     params: TriangleMeshParams | HeightFieldParams
+    told: str = ""
 
     def add(self, builder: newton.ModelBuilder, origin: Vec3, color: tuple[float, float, float], drawn: bool) -> None:
         """Put it into a world whose frame has its origin there, one that is drawn or one that is simulated."""
@@ -58,7 +60,7 @@ def surface_of(params: PlaneParams | TriangleMeshParams | HeightFieldParams) -> 
 
 
 def of_triangles(vertices: Any, triangles: Any, params: TriangleMeshParams, upright: bool) -> Terrain:
-    """Drawn as they are; where their vertices are a grid, and z is up, they are collided with as heights.
+    """Drawn as they are; where z is up, they are collided with as heights, but for what is convex.
 
     MuJoCo knows no triangles, but their convex hull.
     """
@@ -66,12 +68,25 @@ def of_triangles(vertices: Any, triangles: Any, params: TriangleMeshParams, upri
     if points.size % 3 or not np.isfinite(points).all():
         raise WarpcamError(f"add_triangle_mesh: vertices must be three finite numbers each, got shape {points.shape}")
     points = points.reshape(-1, 3)
-    faces = np.asarray(triangles).astype(np.int64).reshape(-1)
-    if faces.size == 0 or faces.min() < 0 or faces.max() >= len(points) or faces.size % 3:
+    corners = np.asarray(triangles).astype(np.int64).reshape(-1)
+    if corners.size == 0 or corners.min() < 0 or corners.max() >= len(points) or corners.size % 3:
         raise WarpcamError(f"add_triangle_mesh: triangles must be three of 0 to {len(points) - 1} each")
-    mesh = Solid(newton.Mesh(points, faces.astype(np.int32), compute_inertia=False), Transform())
-    grid = heights_of(points, faces.reshape(-1, 3)) if upright else None
-    return Terrain(mesh, mesh if grid is None else _field(*grid), params)
+    mesh = Solid(newton.Mesh(points, corners.astype(np.int32), compute_inertia=False), Transform())
+    faces = corners.reshape(-1, 3)
+    grid = heights_of(points, faces) if upright else None
+    if grid is not None:
+        return Terrain(mesh, _field(*grid), params)
+    if is_convex(points, faces):
+        return Terrain(mesh, mesh, params)
+    if not upright or not np.ptp(points[:, :2], axis=0).all():
+        reason = "the triangles are all upright" if upright else "z is not up"
+        return Terrain(mesh, mesh, params, f"{reason}, so that MuJoCo collides with the convex hull")
+    heights, first, steps = seen_from_above(points, faces)
+    told = (
+        "the vertices are no grid along x and y, so that MuJoCo collides with heights as they are seen from above, "
+        f"{steps[0]:.3g} by {steps[1]:.3g} m apart"
+    )
+    return Terrain(mesh, _field(heights, first, steps), params, told)
 
 
 def of_heights(samples: Any, params: HeightFieldParams) -> Terrain:

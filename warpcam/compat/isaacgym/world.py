@@ -3,6 +3,7 @@
 import weakref
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from itertools import combinations, product
 from typing import Any
 
 import newton
@@ -46,6 +47,8 @@ class Actor:
 
     Attributes:
         handle: Its place in the environment.
+        group: What is in another one does not collide with it, but for -1.
+        filter: Bits; what shares one does not collide with it, nor do its bodies with one another. 0 and -1 are none.
         before: What is in the environment before it.
         segments: (body,) int64, ids in segmentation images.
         colors: (shape,) display colours, (n, 3) float32.
@@ -58,8 +61,8 @@ class Actor:
         sensors: Its asset's force sensors, as they were when it was made.
     """
 
-    def __init__(self, env: "Env", asset: Asset, pose: Transform, name: str, group: int, segment: int):
-        self.env, self.asset, self.name, self.group = env, asset, name, group
+    def __init__(self, env: "Env", asset: Asset, pose: Transform, name: str, group: int, filter: int, segment: int):
+        self.env, self.asset, self.name, self.group, self.filter = env, asset, name, group, filter
         self.pose = Transform(pose.p, pose.r)
         self.handle, self.before = len(env.actors), env.counts
         self.segments = np.full(len(asset.bodies), segment, np.int64)
@@ -230,6 +233,7 @@ def build(
         one = newton.ModelBuilder(up_axis=up, gravity=tuple(gravity))
         for actor in first.actors:
             one.add_builder(actor.asset.builder, xform=wp.transform(*actor.pose.numbers()))
+        _keep_apart(one, first.actors)
         if apart:
             firsts = []
             for env in together:
@@ -257,17 +261,37 @@ def _shapes_of(env: Env) -> np.ndarray:
 
 
 def _alike(envs: Sequence[Env]) -> list[list[Env]]:
-    """Runs of environments with the same assets."""
+    """Runs of environments with the same assets, which collide in the same way."""
     runs: list[list[Env]] = []
-    assets: list[int] = []
+    assets: list[tuple[int, int, int]] = []
     for env in envs:
-        found = [id(actor.asset) for actor in env.actors]
+        groups = [actor.group for actor in env.actors]
+        found = [(id(actor.asset), actor.filter, actor.group < 0 or groups.index(actor.group)) for actor in env.actors]
         if runs and found == assets:
             runs[-1].append(env)
         else:
             runs.append([env])
             assets = found
     return runs
+
+
+def _keep_apart(builder: newton.ModelBuilder, actors: Sequence[Actor]) -> None:
+    """Have what shares bits of filters, or is in different groups, not collide."""
+    for actor in actors:
+        if actor.filter > 0:  # of a negative group, shapes collide with all but one another
+            for shape in _solid(actor):
+                builder.shape_collision_group[shape] = -actor.filter
+    for one, other in combinations(actors, 2):
+        bits = one.filter & other.filter if min(one.filter, other.filter) > 0 and one.filter != other.filter else 0
+        if bits or (one.group != other.group and min(one.group, other.group) >= 0):
+            for pair in product(_solid(one), _solid(other)):
+                builder.add_shape_collision_filter_pair(*pair)
+
+
+def _solid(actor: Actor) -> list[int]:
+    """Its shapes that collide, in its environment's."""
+    flags = np.asarray(actor.asset.builder.shape_flags, np.int64)
+    return [actor.before.shapes + int(shape) for shape in np.flatnonzero(flags & COLLIDES)]
 
 
 def _move(builder: newton.ModelBuilder, actor: Actor, start: Counts) -> None:
