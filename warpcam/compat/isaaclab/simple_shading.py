@@ -10,6 +10,7 @@ from collections.abc import Collection, Mapping
 from typing import Any, Literal
 
 import numpy as np
+import warp as wp
 
 import warpcam as wc
 from warpcam.errors import WarpcamError
@@ -67,7 +68,10 @@ def shaded_scene(model: Any, state: Any, stage: Any, kind: str, choice: Choice, 
         scene.array("material_metallic").zero_()
         scene.array("material_reflectance").zero_()
     if level == "constant":
-        scene.vary("shape_colors")[..., :3] = float(_encoded(np.float64(GRAY)))
+        colors = wp.from_torch(scene.vary("shape_colors"))
+        host = colors.numpy().copy()
+        host[..., :3] = _encoded(np.float64(GRAY))
+        colors.assign(host)
     return scene
 
 
