@@ -210,6 +210,9 @@ def test_beside_it_there_is_what_has_no_colour(device: wp.Device, monkeypatch: p
     for made in (plain, eye):
         with pytest.raises(wc.WarpcamError, match="full_mdl: the camera was made without it in CameraCfg"):
             made.renderer.set_outputs(made.data, {FULL: buffer})
+    for kind in ("rgb", "rgba", "rgb_hdr", "albedo"):  # its scene is lit otherwise
+        with pytest.raises(wc.WarpcamError, match=f"{DIFFUSE}, {kind} came for one camera"):
+            eye.renderer.set_outputs(eye.data, {DIFFUSE: eye.buffers[DIFFUSE], kind: buffer})
 
 
 def test_the_curve(device: wp.Device) -> None:

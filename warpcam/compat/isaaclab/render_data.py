@@ -69,10 +69,11 @@ class RenderData:
         self._near, self._far = float(clipping[0]), float(clipping[1])
         color = spec.cfg.background_color
         color = None if color is None else tuple(min(max(float(part), 0.0), 1.0) for part in color)
-        self._simple = simple_shading.level_of(spec.cfg.data_types)
+        self._simple = simple_shading.chosen_from(spec.cfg.data_types)
         self._background: Any = (GRAY,) * 3 if color is None else color
         if self._simple is not None:
             self._background = (0.0, 0.0, 0.0) if color is None else np.tile(WHITE, (scene.num_worlds, 1))
+        # Brighter than a background may be told to be: written in place, in the array that one for each world has.
         self._behind = None if self._simple is None or color is None else simple_shading.background_of(color)
         self.renderer: wc.Renderer | None = None
         self.info: dict[str, Any] = {}
@@ -88,6 +89,8 @@ class RenderData:
                 raise WarpcamError(f"data type {kind!r} is not offered; allowed are rgb, {', '.join(SOURCES)}")
             if kind in simple_shading.LEVELS and kind != self._simple:
                 raise WarpcamError(f"{kind}: the camera was made without it in CameraCfg.data_types")
+        if self._simple is not None:
+            simple_shading.chosen_from((self._simple, *buffers))  # its scene is lit for that alone
         camera, pinhole = self._spec.cfg, isinstance(self._lens, wc.Pinhole)
         if "motion_vectors" in kinds and not pinhole:
             raise WarpcamError("motion_vectors are not offered for fisheye and distorted lenses")
@@ -113,7 +116,9 @@ class RenderData:
         )
         arrays = self.renderer.camera("camera")
         if self._behind is not None:
-            wp.from_torch(arrays.background).assign(np.tile(self._behind, (self._scene.num_worlds, 1)))
+            behind = np.tile(self._behind, (self._scene.num_worlds, 1))
+            with interop.in_order(self._scene.device):
+                wp.from_torch(arrays.background).assign(behind)
         self._targets = (
             wp.from_torch(arrays.position, dtype=wp.vec3),
             wp.from_torch(arrays.rotation, dtype=wp.vec4),

@@ -71,7 +71,7 @@ class WarpcamRenderer(BaseRenderer):
         for kind in LABELLED:
             if kind in spec.cfg.data_types:
                 self._labels().build_mapping(kind, bool(getattr(self.cfg, f"colorize_{kind}")))
-        simple = simple_shading.level_of(spec.cfg.data_types)
+        simple = simple_shading.chosen_from(spec.cfg.data_types)
         scene = self.scene if simple is None else self._simply_shaded(simple)
         return RenderData(scene, self._backend.model, spec, self.cfg, self._mapper)
 

@@ -32,7 +32,7 @@ GRAY = 0.2  # the one colour, linear
 CURVE = (2.51, 0.03, 2.43, 0.59, 0.14)  # as kernels/tone.py has it
 
 
-def level_of(kinds: Collection[str]) -> str | None:
+def chosen_from(kinds: Collection[str]) -> str | None:
     """The one data type of simple shading among ``kinds``, None if there is none."""
     wanted = [kind for kind in LEVELS if kind in kinds]
     beside = [kind for kind in COLORS if kind in kinds]
