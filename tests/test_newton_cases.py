@@ -182,6 +182,43 @@ def test_what_is_wholly_transparent_hides_nothing(device: wp.Device) -> None:
     assert (seen["rgb"] == expected["rgb"]).all()  # and casts no shadow
 
 
+@pytest.mark.parametrize("down", [False, True])
+def test_an_open_mesh_casts_a_shadow_whichever_side_is_lit(device: wp.Device, down: bool) -> None:
+    """As in Newton's camera, where a ray to a light meets both sides of all meshes."""
+    corners = np.float32(((-0.4, -0.3, 0.0), (0.4, -0.3, 0.0), (0.0, 0.5, 0.0)))
+    builder = newton.ModelBuilder()
+    builder.add_ground_plane()
+    turn = (1.0, 0.0, 0.0, 0.0) if down else None
+    sheet = newton.Mesh(corners, np.array((0, 1, 2)), compute_inertia=False)
+    builder.add_shape_mesh(-1, mesh=sheet, xform=pose(0.1, 0.2, 0.8, turn))
+    model, state = finalize(builder, device)
+    light = wc.Light(direction=(0.0, 0.0, -1.0))
+    scene = wc.from_newton(model, state, lights=[light], ambient=(0.0, 0.0, 0.0))
+    lit, seen = (
+        scenes.look(scene, eye(outputs=("hdr", "segmentation", "points"), shadows=shadows)) for shadows in (False, True)
+    )
+    floor = seen["segmentation"] == 0
+    points, dark = seen["points"][floor], (seen["hdr"] < 0.5 * lit["hdr"]).any(axis=-1)[floor]
+    x, y = points[:, 0] - 0.1, (-1.0 if down else 1.0) * (points[:, 1] - 0.2)
+    inside = np.minimum(y + 0.3, (0.5 - y) / 0.8 * 0.4 - np.abs(x))  # how far from the edges, about [m]
+    assert (dark == (inside > 0.0))[np.abs(inside) > 0.02].all() and dark.sum() > 20
+    assert ((seen["segmentation"] == 1).sum() > 0) != down
+
+
+def test_a_smooth_closed_mesh_is_lit_where_light_falls(device: wp.Device) -> None:
+    """Its own faces, which are met from both sides, do not shade it there."""
+    builder = newton.ModelBuilder()
+    ball = newton.Mesh.create_sphere(0.6, num_latitudes=24, num_longitudes=24, compute_inertia=False)
+    builder.add_shape_mesh(-1, mesh=ball, xform=pose(0.0, 0.0, 0.9, (0.1, 0.2, 0.3, 0.9)))
+    model, state = finalize(builder, device)
+    direction = np.array((0.4, 0.7, -0.6))
+    scene = wc.from_newton(model, state, lights=[wc.Light(direction=tuple(direction))], ambient=(0.0, 0.0, 0.0))
+    lit, shaded = (scenes.look(scene, eye(outputs=("hdr", "normals"), shadows=shadows)) for shadows in (False, True))
+    facing = lit["normals"] @ -direction / np.linalg.norm(direction) > 0.15
+    assert facing.sum() > 200 and (lit["hdr"][facing].max(axis=-1) > 0.02).all()
+    np.testing.assert_array_equal(lit["hdr"][facing], shaded["hdr"][facing])
+
+
 def test_a_convex_hull_is_drawn_as_its_mesh(device: wp.Device) -> None:
     def look(add: str) -> dict:
         builder = newton.ModelBuilder()

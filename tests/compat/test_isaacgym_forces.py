@@ -56,6 +56,32 @@ ARM = """
   </worldbody>
 </mujoco>
 """
+# Bodies that are fixed to others: turned, off their own centres, in a chain, on the base and on what moves.
+FIXED = """
+<mujoco model="fixed">
+  <compiler fusestatic="true"/>
+  <worldbody>
+    <body name="base"><freejoint/>
+      <geom type="box" size="0.1 0.2 0.1" pos="0.05 0 0.02" mass="1"/>
+      <body name="mast" pos="0.3 -0.1 0.4" quat="0.8 0.2 0.5 0.1">
+        <geom type="box" size="0.05 0.3 0.02" pos="0.2 0.1 -0.1" mass="0.8"/>
+        <body name="lamp" pos="0.1 0.2 0.3" quat="0.5 -0.4 0.3 0.6">
+          <geom type="sphere" size="0.1" pos="0 0.3 0" mass="0.6"/></body>
+      </body>
+      <body name="boom" pos="0.1 0 0.3">
+        <joint name="lift" axis="0 1 0"/>
+        <geom type="box" size="0.3 0.05 0.04" pos="0.3 0.02 0.01" mass="1.5"/>
+        <body name="claw" pos="0.6 0.1 -0.1" quat="0.9 0.1 0.3 0.2">
+          <geom type="capsule" fromto="0 0 0 0.1 0.2 0.1" size="0.04" mass="0.4"/>
+          <body name="tip" pos="0.1 0.2 0.1">
+            <joint name="turn" axis="1 0 0.5"/><geom type="box" size="0.05 0.1 0.2" pos="0.1 0 0" mass="0.3"/>
+          </body>
+        </body>
+      </body>
+    </body>
+  </worldbody>
+</mujoco>
+"""
 COUNTS = pytest.mark.parametrize("count", [1, 3], ids=["MuJoCo", "MuJoCo-Warp"])
 
 
@@ -198,6 +224,66 @@ def test_jacobians_and_mass_matrices_are_mujocos(device: wp.Device, tmp_path: Pa
         links = bodies[:, 1:, 7:] if fixed else bodies[:, :, 7:]
         moving = (jacobians @ speeds[:, None])[..., 0]
         torch.testing.assert_close(moving, links, atol=1e-4, rtol=1e-4)
+
+
+@pytest.mark.parametrize("kind", ["xml", "urdf"])
+def test_bodies_made_one_weigh_and_turn_as_mujocos(device: wp.Device, tmp_path: Path, kind: str) -> None:
+    model = mujoco.MjModel.from_xml_string(FIXED)
+    text = FIXED if kind == "xml" else as_urdf(mujoco.MjModel.from_xml_string(FIXED.replace('"true"', '"false"')))
+    (tmp_path / f"fixed.{kind}").write_text(text)
+    sim = new_sim(device)
+    options = gymapi.AssetOptions(collapse_fixed_joints=True)
+    asset = GYM.load_asset(sim, str(tmp_path), f"fixed.{kind}", options)
+    assert GYM.get_asset_rigid_body_names(asset) == ["base", "boom", "tip"]
+    env = GYM.create_env(sim, gymapi.Vec3(), gymapi.Vec3(), 1)
+    turn = gymapi.Quat.from_axis_angle(gymapi.Vec3(0.3, 0.2, 1.0), 0.5)
+    GYM.create_actor(env, asset, gymapi.Transform(gymapi.Vec3(0, 0, 1), turn), "robot", 0, 0)
+    GYM.prepare_sim(sim)
+    states = torch.tensor([[0.4, 0.0], [-0.7, 0.0]])
+    root = wrapped(GYM.acquire_actor_root_state_tensor(sim))
+    dofs = states.to(root.device)
+    GYM.set_dof_state_tensor(sim, gymtorch.unwrap_tensor(dofs))
+    jacobians, full = as_mujoco_has_it(model, root[0].cpu().numpy(), states[:, 0].numpy(), False)
+    found = wrapped(GYM.acquire_jacobian_tensor(sim, "robot")), wrapped(GYM.acquire_mass_matrix_tensor(sim, "robot"))
+    np.testing.assert_allclose(found[0][0].cpu(), jacobians, atol=2e-5)
+    np.testing.assert_allclose(found[1][0].cpu(), full, atol=2e-5, rtol=1e-4)
+    masses = [body.mass for body in GYM.get_actor_rigid_body_properties(env, 0)]
+    np.testing.assert_allclose(masses, (2.4, 1.9, 0.3), rtol=1e-6)
+    GYM.simulate(sim)
+    assert np.isfinite(wrapped(GYM.acquire_rigid_body_state_tensor(sim)).cpu()).all()
+
+
+def as_urdf(model: Any) -> str:
+    """The bodies of a model and how they hang together, without geometry."""
+    texts = []
+    for body in range(1, model.nbody):
+        name = model.body(body).name
+        turned = np.zeros(9)
+        mujoco.mju_quat2Mat(turned, model.body_iquat[body])
+        inertia = turned.reshape(3, 3) @ np.diag(model.body_inertia[body]) @ turned.reshape(3, 3).T
+        terms = " ".join(f'i{"xyz"[i]}{"xyz"[j]}="{inertia[i, j]:.9g}"' for i in range(3) for j in range(i, 3))
+        center = " ".join(f"{part:.9g}" for part in model.body_ipos[body])
+        texts.append(
+            f'<link name="{name}"><inertial><origin xyz="{center}"/><mass value="{model.body_mass[body]:.9g}"/>'
+            f"<inertia {terms}/></inertial></link>"
+        )
+        if body == 1:
+            continue
+        place = " ".join(f"{part:.9g}" for part in model.body_pos[body])
+        w, x, y, z = model.body_quat[body]
+        angles = (
+            np.arctan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y)),
+            np.arcsin(2 * (w * y - z * x)),
+            np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z)),
+        )
+        first = model.body_jntadr[body]
+        axis = " ".join(map(str, model.jnt_axis[first])) if first >= 0 else "1 0 0"
+        texts.append(
+            f'<joint name="{name}_joint" type="{"continuous" if first >= 0 else "fixed"}">'
+            f'<parent link="{model.body(model.body_parentid[body]).name}"/><child link="{name}"/>'
+            f'<origin xyz="{place}" rpy="{" ".join(f"{angle:.9g}" for angle in angles)}"/><axis xyz="{axis}"/></joint>'
+        )
+    return f'<robot name="fixed">{"".join(texts)}</robot>'
 
 
 def test_refreshing_launches_and_does_nothing_else(

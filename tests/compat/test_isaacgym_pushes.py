@@ -327,3 +327,73 @@ def test_contacts_are_told_one_by_one(device: wp.Device, count: int) -> None:
             assert contact["env" + side] == -1 and contact["friction"] == pytest.approx(1.0)  # the larger one
     contacts["lambda"] = 0.0  # a copy
     assert GYM.get_env_rigid_contacts(GYM.get_env(sim, count - 1))["lambda"].all()
+
+
+@pytest.mark.parametrize("count", [1, 2], ids=["MuJoCo", "MuJoCo-Warp"])
+def test_contacts_of_the_last_step_stay_whatever_is_changed(device: wp.Device, tmp_path: Path, count: int) -> None:
+    """A joint that is driven otherwise needs another solver from the next step on, the rest is told to the same."""
+    (tmp_path / "swing.xml").write_text(SWING)
+    sim = new_sim(device, dt=DT, substeps=1)
+    GYM.add_ground(sim, gymapi.PlaneParams(normal=gymapi.Vec3(0, 0, 1)))
+    swing = GYM.load_asset(sim, str(tmp_path), "swing.xml", gymapi.AssetOptions(fix_base_link=True))
+    ball = GYM.create_sphere(sim, 0.1)
+    GYM.create_asset_force_sensor(ball, 0, gymapi.Transform(), gymapi.ForceSensorProperties(use_world_frame=True))
+    for index in range(count):
+        env = GYM.create_env(sim, gymapi.Vec3(-2, -2, 0), gymapi.Vec3(2, 2, 2), 3)
+        GYM.create_actor(env, swing, at(0, 0, 3), "swing", index, 0)
+        GYM.create_actor(env, ball, at(1.0, 2.0, 0.1), "ball", index, 0)
+    GYM.prepare_sim(sim)
+    forces, sensors = wrapped(GYM.acquire_net_contact_force_tensor(sim)), wrapped(GYM.acquire_force_sensor_tensor(sim))
+    GYM.acquire_mass_matrix_tensor(sim, "swing")
+    along = wrapped(GYM.acquire_dof_force_tensor(sim))
+
+    def read() -> list[Any]:
+        for refresh in (
+            GYM.refresh_mass_matrix_tensors,  # which brings the model up to date
+            GYM.refresh_net_contact_force_tensor,
+            GYM.refresh_force_sensor_tensor,
+            GYM.refresh_dof_force_tensor,
+        ):
+            refresh(sim)
+        single = GYM.get_rigid_contacts(sim)["lambda"]
+        return [forces.cpu().numpy().copy(), sensors.cpu().numpy().copy(), along.cpu().numpy().copy(), single.copy()]
+
+    def drive(mode: Any) -> None:
+        env = GYM.get_env(sim, count - 1)
+        drives = GYM.get_actor_dof_properties(env, 0)
+        drives["driveMode"], drives["stiffness"], drives["damping"] = mode, 40.0, 4.0
+        GYM.set_actor_dof_properties(env, 0, drives)
+
+    def weigh() -> None:
+        bodies = GYM.get_actor_rigid_body_properties(GYM.get_env(sim, 0), 1)
+        bodies[0].mass *= 1.5
+        GYM.set_actor_rigid_body_properties(GYM.get_env(sim, 0), 1, bodies)
+
+    def rub() -> None:
+        shapes = GYM.get_actor_rigid_shape_properties(GYM.get_env(sim, 0), 1)
+        shapes[0].friction = 0.3
+        GYM.set_actor_rigid_shape_properties(GYM.get_env(sim, 0), 1, shapes)
+
+    def pull() -> None:
+        params = GYM.get_sim_params(sim)
+        params.gravity.z = -4.0
+        GYM.set_sim_params(sim, params)
+
+    def stay() -> None:
+        roots = wrapped(GYM.acquire_actor_root_state_tensor(sim))
+        GYM.refresh_actor_root_state_tensor(sim)
+        GYM.set_actor_root_state_tensor(sim, gymtorch.unwrap_tensor(roots))
+
+    changes = (lambda: drive(gymapi.DOF_MODE_POS), weigh, lambda: drive(gymapi.DOF_MODE_VEL), rub, pull, stay)
+    gravity, mass = 9.81, 1000.0 * 4.0 / 3.0 * np.pi * 0.1**3  # what was changed before counts by the next turn
+    for change in changes:
+        for _ in range(60):
+            GYM.apply_dof_effort(GYM.get_env(sim, 0), 0, 0.3)
+            GYM.simulate(sim)
+        before = read()
+        assert len(before[3]) == count and all(part.any() for part in before)
+        assert GYM.get_env_rigid_contacts(GYM.get_env(sim, 0))["lambda"] == pytest.approx(gravity * mass, rel=0.02)
+        change()
+        for found, expected in zip(read(), before, strict=True):
+            np.testing.assert_array_equal(found, expected)
+        gravity, mass = (4.0 if change is pull else gravity), mass * (1.5 if change is weigh else 1.0)

@@ -34,6 +34,7 @@ with warnings.catch_warnings():
     from isaaclab_newton.renderers import NewtonWarpRendererCfg
 
     from warpcam.compat.isaaclab import WarpcamRenderer, WarpcamRendererCfg
+    from warpcam.compat.isaaclab.simple_shading import AMBIENT, CAMERA_LIGHT
 
 pytestmark = pytest.mark.filterwarnings("ignore")  # Isaac Lab's and Newton's own
 
@@ -67,12 +68,13 @@ def camera(name: str, kinds: tuple[str, ...], renderer: Any) -> Any:
 
 @configclass
 class Boxes(InteractiveSceneCfg):
-    """Two boxes in each environment, and two cameras at one place: one drawn by Isaac Lab, one by us."""
+    """Two boxes in each environment, and cameras at one place: one drawn by Isaac Lab, two by us."""
 
     first: Any = box("First", (0.0, 0.3, 0.6), "box")
     second: Any = box("Second", (0.5, -0.4, 0.7), "brick")
     theirs: Any = camera("Theirs", BOTH, NewtonWarpRendererCfg(enable_backface_culling=True))
     ours: Any = camera("Ours", BOTH + MORE, WarpcamRendererCfg())
+    simple: Any = camera("Simple", ("simple_shading_diffuse_mdl", "depth"), WarpcamRendererCfg())
 
 
 class Lab:
@@ -126,6 +128,18 @@ def test_images_are_those_of_the_renderer_that_it_brings(lab: Lab) -> None:
         assert info[kind] == their_info[kind] and len(info[kind]["idToLabels"]) >= 4
 
 
+def test_simple_shading_is_of_the_colours_that_the_stage_has(lab: Lab) -> None:
+    """Lit from the camera, as the stage has no light, and bent by the curve that RTX shows it with."""
+    hit = np.isfinite(lab.image("depth", "simple"))[..., 0]
+    np.testing.assert_array_equal(hit, np.isfinite(lab.image("depth"))[..., 0])
+    image = lab.image("simple_shading_diffuse_mdl", "simple")
+    assert (image.dtype, image.shape) == (np.uint8, (NUM_ENVS, HEIGHT, WIDTH, 3)) and not image[~hit].any()
+    light = np.array((0.9, 0.3, 0.1)) * (AMBIENT + CAMERA_LIGHT)
+    shown = light * (2.51 * light + 0.03) / (light * (2.43 * light + 0.59) + 0.14)
+    facing = hit & np.isclose(lab.image("normals")[..., 0], -1.0)
+    assert np.abs(image[facing] - 255.0 * (1.055 * shown ** (1 / 2.4) - 0.055)).max() < 1.0 and facing.sum() > 40
+
+
 def test_it_is_known_by_name(lab: Lab) -> None:
     assert set(lab.sim.render_context.renderer_types) == {"newton_warp", "warpcam"}
     assert isinstance(lab.scene["ours"]._renderer, WarpcamRenderer)
@@ -175,5 +189,5 @@ def test_intrinsics_of_each_environment(lab: Lab) -> None:
 
 def test_what_it_cannot_do_is_refused(lab: Lab) -> None:
     buffer = wp.zeros((NUM_ENVS, HEIGHT, WIDTH, 3))
-    with pytest.raises(wc.WarpcamError, match="simple_shading_full_mdl' is not offered"):
+    with pytest.raises(wc.WarpcamError, match="simple_shading_full_mdl: the camera was made without it"):
         lab.scene["ours"]._render_data.set_outputs({"simple_shading_full_mdl": buffer})

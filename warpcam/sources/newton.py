@@ -128,7 +128,7 @@ class NewtonSource:
             scaled=True,
             more_types=_marks(choice, layout),
             physical=True,
-            backs_shade=choice.backs is not None,
+            backs_shade=True,  # as in Newton's own camera, whichever faces that leaves out
             clouds=layout.clouds,
             splat_limits=wp.zeros(1, dtype=wp.vec2, device=self.device) if choice.solid and layout.clouds else None,
             lend_textures=self.tints.lend,

@@ -11,8 +11,7 @@ class Choice:
         simulated: Whether the triangles of cloth and soft bodies are drawn. None: those that no visual mesh stands for.
         visual: Whether visual meshes are drawn.
         smooth: Whether visual meshes are smooth; else their faces are flat.
-        backs: Whether meshes are seen from behind, too; all cast shadows from both sides then. None: open ones of what
-            is soft are, and others cast shadows where light falls on them from behind.
+        backs: Whether meshes are seen from behind, too. None: open ones of what is soft are.
         particles: Whether loose particles are drawn.
         shared: Whether what belongs to no world is drawn, in all of them.
         solid: Whether Gaussian splats are a surface that is not seen through, and nothing where they are none; what

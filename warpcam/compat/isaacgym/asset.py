@@ -11,6 +11,7 @@ import newton
 import numpy as np
 import warp as wp
 
+from warpcam.compat.isaacgym.fused import Builder
 from warpcam.compat.isaacgym.kinds import DOF_PROPERTIES, DOF_STATE, DofDriveMode, DofType
 from warpcam.compat.isaacgym.maths import Transform
 from warpcam.compat.isaacgym.mjcf import Extras
@@ -170,7 +171,7 @@ def load(root: Any, file: Any, options: AssetOptions, up: newton.Axis) -> Asset:
     if not path.is_file():
         raise WarpcamError(f"load_asset: there is no file {str(path)!r}")
     # An asset's frame is taken as it is, whichever way the world's up is.
-    builder = newton.ModelBuilder(up_axis=newton.Axis.Z)
+    builder = Builder(up_axis=newton.Axis.Z)
     readers: dict[str, Callable[[], Any]] = {
         ".urdf": lambda: builder.add_urdf(str(path), floating=not options.fix_base_link),
         ".xml": lambda: builder.add_mjcf(str(path), floating=False if options.fix_base_link else None),

@@ -73,6 +73,8 @@ class Physics:
         newton.eval_fk(self.model, self.model.joint_q, self.model.joint_qd, self.state)
         self._control = self.model.control()
         self._solver: Any = None
+        self._outdated = True  # the next step needs another solver
+        self._changes = settings.NOTHING  # of the model, that the solver has not been told of
         self._moved = False  # joints are behind bodies
         self.stale = {"drives", "surfaces", "masses"}
         self._write_stale()
@@ -96,9 +98,12 @@ class Physics:
         with interop.in_order(self.device), wp.ScopedDevice(self.device):
             self._take_targets()
             self._write_stale()
-            if self._solver is None:
-                self._solver = self._make_solver()
+            if self._outdated:
+                self._solver, self._outdated = self._make_solver(), False
                 self._efforts.bind(self._solver)
+            else:
+                settings.tell(self._solver, self._changes)
+            self._changes = settings.NOTHING
             for _ in range(substeps):
                 self.state.clear_forces()
                 if self._pushes is not None:
@@ -193,8 +198,8 @@ class Physics:
             places = [self._free_coordinates, self._free_speeds, self._first_joints]
             into = [self.state.joint_q, self.state.joint_qd, self.model.joint_X_p]
             kernels.launch(kernels.write_roots, len(which), [states, which, *places, *into], self.device)
-            if self._solver is not None and self._any_fixed:
-                self._solver.notify_model_changed(newton.ModelFlags.JOINT_PROPERTIES)
+            if self._any_fixed:
+                self._changes |= newton.ModelFlags.JOINT_PROPERTIES
             self._place()
 
     def set_dofs(self, value: Any, chosen: Any, count: int | None, where: str) -> None:
@@ -249,8 +254,7 @@ class Physics:
         self._gravity = gravity
         with interop.in_order(self.device):
             self.model.set_gravity(tuple(gravity))
-            if self._solver is not None:
-                self._solver.notify_model_changed(newton.ModelFlags.MODEL_PROPERTIES)
+            self._changes |= newton.ModelFlags.MODEL_PROPERTIES
 
     def tell(self, actor: Actor, kind: str, values: np.ndarray) -> None:
         """Set targets of one actor, "positions", "velocities" or "forces"; NaN leaves one as it is.
@@ -294,9 +298,9 @@ class Physics:
 
     def _write_drives(self) -> None:
         modes = self.model.joint_target_mode.numpy().copy()  # on a CPU it is the same memory
-        settings.write_drives(self.model, self._speeds.numpy(), self.actors, self._solver)
+        self._changes |= settings.write_drives(self.model, self._speeds.numpy(), self.actors)
         if not np.array_equal(modes, self.model.joint_target_mode.numpy()):
-            self._solver = None  # what drives a joint is built into it
+            self._outdated = True  # what drives a joint is built into the solver, which still tells of the last step
 
     def _write_stale(self) -> None:
         """Bring the model's joints, shapes and bodies up to date with the actors', of all that changed at once."""
@@ -304,9 +308,9 @@ class Physics:
         if "drives" in self.stale:
             self._write_drives()
         if "surfaces" in self.stale:
-            settings.write_surfaces(self.model, self.spot, starts, self._solver)
+            self._changes |= settings.write_surfaces(self.model, self.spot, starts)
         if "masses" in self.stale:
-            settings.write_masses(self.model, starts, self._solver)
+            self._changes |= settings.write_masses(self.model, starts)
         self.stale.clear()
 
     def _read_places(self) -> None:

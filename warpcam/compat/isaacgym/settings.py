@@ -20,17 +20,21 @@ MODES = {
 STIFF, DAMPED = (DofDriveMode.DOF_MODE_POS,), (DofDriveMode.DOF_MODE_POS, DofDriveMode.DOF_MODE_VEL)
 
 
-def write_drives(model: newton.Model, speeds: np.ndarray, actors: Sequence[Actor], solver: Any) -> None:
+# Bits of newton.ModelFlags: what a solver has to be told. It may lose the contacts of the last step by that, so it is
+# told when the next one begins.
+NOTHING = 0
+
+
+def write_drives(model: newton.Model, speeds: np.ndarray, actors: Sequence[Actor]) -> int:
     """Limits, drives and gains of all joints.
 
     Args:
         model: What is simulated.
         speeds: (dof,) places among the model's joint velocities.
         actors: All of them.
-        solver: Newton's, or None before the first step; likewise in what follows.
     """
     if not len(speeds):
-        return
+        return NOTHING
     rows = np.concatenate([actor.properties for actor in actors])
     modes = rows["driveMode"]
     for array, values in (
@@ -47,15 +51,14 @@ def write_drives(model: newton.Model, speeds: np.ndarray, actors: Sequence[Actor
         host = array.numpy()
         host[speeds] = values
         array.assign(host)
-    if solver is not None:
-        solver.notify_model_changed(newton.ModelFlags.JOINT_DOF_PROPERTIES)
+    return int(newton.ModelFlags.JOINT_DOF_PROPERTIES)
 
 
-def write_surfaces(model: newton.Model, spot: Spot, starts: Sequence[tuple[Actor, Counts]], solver: Any) -> None:
+def write_surfaces(model: newton.Model, spot: Spot, starts: Sequence[tuple[Actor, Counts]]) -> int:
     """Frictions of the shapes of actors that have others than their assets."""
     changed = [pair for pair in starts if pair[0].surfaces is not pair[0].asset.first_surfaces]
     if not changed:
-        return
+        return NOTHING
     in_model = np.flatnonzero(spot.shapes >= 0)
     places = in_model[np.argsort(spot.shapes[in_model])]
     for name, field in FRICTIONS.items():
@@ -64,17 +67,14 @@ def write_surfaces(model: newton.Model, spot: Spot, starts: Sequence[tuple[Actor
         for actor, start in changed:
             host[places[start.shapes : start.shapes + len(actor.surfaces)]] = actor.surfaces[name]
         array.assign(host)
-    if solver is not None:
-        solver.notify_model_changed(newton.ModelFlags.SHAPE_PROPERTIES)
-        if getattr(solver, "use_mujoco_cpu", False):  # Newton does not tell MuJoCo itself
-            solver.mj_model.geom_friction[:] = solver.mjw_model.geom_friction.numpy()[0]
+    return int(newton.ModelFlags.SHAPE_PROPERTIES)
 
 
-def write_masses(model: newton.Model, starts: Sequence[tuple[Actor, Counts]], solver: Any) -> None:
+def write_masses(model: newton.Model, starts: Sequence[tuple[Actor, Counts]]) -> int:
     """Masses, centres and inertias of the bodies of actors that have others than their assets."""
     changed = [pair for pair in starts if pair[0].masses is not pair[0].asset.masses]
     if not changed:
-        return
+        return NOTHING
     mass, com, inertia = model.body_mass.numpy(), model.body_com.numpy(), model.body_inertia.numpy()
     for actor, start in changed:
         rows = slice(start.bodies, start.bodies + len(actor.masses))
@@ -91,5 +91,13 @@ def write_masses(model: newton.Model, starts: Sequence[tuple[Actor, Counts]], so
         (model.body_inv_inertia, back.astype(np.float32)),
     ):
         array.assign(values)
-    if solver is not None:
-        solver.notify_model_changed(newton.ModelFlags.BODY_INERTIAL_PROPERTIES)
+    return int(newton.ModelFlags.BODY_INERTIAL_PROPERTIES)
+
+
+def tell(solver: Any, changes: int) -> None:
+    """Let Newton's solver know."""
+    if not changes:
+        return
+    solver.notify_model_changed(changes)
+    if changes & newton.ModelFlags.SHAPE_PROPERTIES and getattr(solver, "use_mujoco_cpu", False):
+        solver.mj_model.geom_friction[:] = solver.mjw_model.geom_friction.numpy()[0]  # Newton does not tell MuJoCo

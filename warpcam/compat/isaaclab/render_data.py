@@ -10,13 +10,16 @@ from isaaclab.renderers.segmentation_colors import BACKGROUND_ID, UNLABELLED_ID,
 
 import warpcam as wc
 from warpcam import interop
+from warpcam.compat.isaaclab import simple_shading
 from warpcam.compat.isaaclab.lenses import lens_of
 from warpcam.errors import WarpcamError
 from warpcam.kernels import packing
 from warpcam.kernels.launch import Stage
+from warpcam.kernels.tone import record_toned
 
 # Isaac Lab's cameras look along +x with z up: this turns them to look along -z with y up. x y z w.
 TURN = (0.5, -0.5, -0.5, 0.5)
+WHITE = (1.0, 1.0, 1.0)
 GRAY = 0xEE / 255.0  # what its renderers have behind everything unless told
 # The output that each data type is made of. "rgb" is a view of "rgba".
 SOURCES: Mapping[str, str] = {
@@ -31,6 +34,7 @@ SOURCES: Mapping[str, str] = {
     "semantic_segmentation": "segmentation",
     "instance_segmentation": "segmentation",
     "instance_id_segmentation_fast": "segmentation",
+    **dict.fromkeys(simple_shading.LEVELS, "hdr"),
 }
 LABELLED = ("semantic_segmentation", "instance_segmentation")
 OPAQUE_BLACK = 0xFF000000
@@ -40,7 +44,7 @@ class RenderData:
     """One camera.
 
     Args:
-        scene: What it looks at.
+        scene: What it looks at, lit as ``spec`` asks for.
         model: The Newton model that the scene was made of.
         spec: Isaac Lab's CameraRenderSpec.
         cfg: The renderer's configuration.
@@ -64,7 +68,13 @@ class RenderData:
         clipping = spawn.clipping_range if spawn is not None else (0.0, cfg.max_distance)
         self._near, self._far = float(clipping[0]), float(clipping[1])
         color = spec.cfg.background_color
-        self._background = (GRAY,) * 3 if color is None else tuple(min(max(float(part), 0.0), 1.0) for part in color)
+        color = None if color is None else tuple(min(max(float(part), 0.0), 1.0) for part in color)
+        self._simple = simple_shading.chosen_from(spec.cfg.data_types)
+        self._background: Any = (GRAY,) * 3 if color is None else color
+        if self._simple is not None:
+            self._background = (0.0, 0.0, 0.0) if color is None else np.tile(WHITE, (scene.num_worlds, 1))
+        # Brighter than a background may be told to be: written in place, in the array that one for each world has.
+        self._behind = None if self._simple is None or color is None else simple_shading.background_of(color)
         self.renderer: wc.Renderer | None = None
         self.info: dict[str, Any] = {}
         self._pose: tuple[Any, ...] = ()
@@ -77,6 +87,10 @@ class RenderData:
         for kind in kinds:
             if kind not in SOURCES:
                 raise WarpcamError(f"data type {kind!r} is not offered; allowed are rgb, {', '.join(SOURCES)}")
+            if kind in simple_shading.LEVELS and kind != self._simple:
+                raise WarpcamError(f"{kind}: the camera was made without it in CameraCfg.data_types")
+        if self._simple is not None:
+            simple_shading.chosen_from((self._simple, *buffers))  # its scene is lit for that alone
         camera, pinhole = self._spec.cfg, isinstance(self._lens, wc.Pinhole)
         if "motion_vectors" in kinds and not pinhole:
             raise WarpcamError("motion_vectors are not offered for fisheye and distorted lenses")
@@ -101,6 +115,10 @@ class RenderData:
             ],
         )
         arrays = self.renderer.camera("camera")
+        if self._behind is not None:
+            behind = np.tile(self._behind, (self._scene.num_worlds, 1))
+            with interop.in_order(self._scene.device):
+                wp.from_torch(arrays.background).assign(behind)
         self._targets = (
             wp.from_torch(arrays.position, dtype=wp.vec3),
             wp.from_torch(arrays.rotation, dtype=wp.vec4),
@@ -132,6 +150,10 @@ class RenderData:
         if self.renderer is not None:
             self.renderer.reset(worlds)
 
+    def bind(self, state: newton.State) -> None:
+        """Look at this state from now on."""
+        self._scene.bind(state)
+
     def render(self) -> None:
         if self.renderer is None:
             return
@@ -150,6 +172,8 @@ class RenderData:
         pixels = (image.shape[0], image.shape[1] * image.shape[2])
         if kind in ("rgba", "albedo"):
             return _bound(packing.record_color(image, packing.RGBA, _seen_as(buffer, wp.uint32, pixels), 0, device))
+        if kind in simple_shading.LEVELS:
+            return _bound(record_toned(image, buffer, device))
         if kind == "distance_to_camera":
             beyond = {"max": self._far, "zero": 0.0, "none": np.inf}[self._cfg.depth_clipping_behavior]
             return _bound(packing.record_clipped(image, beyond, _seen_as(buffer, wp.float32, pixels), device))

@@ -7,6 +7,7 @@ import warp as wp
 from isaaclab.renderers import BaseRenderer, RenderBufferKind, RenderBufferSpec
 
 import warpcam as wc
+from warpcam.compat.isaaclab import simple_shading
 from warpcam.compat.isaaclab.render_data import LABELLED, RenderData
 from warpcam.compat.isaaclab.renderer_cfg import NAME, WarpcamRendererCfg
 from warpcam.errors import WarpcamError
@@ -30,6 +31,7 @@ class WarpcamRenderer(BaseRenderer):
         self.scene: wc.Scene | None = None
         self._stage: Any = None
         self._mapper: Any = None
+        self._shaded: dict[str, wc.Scene] = {}
         sim = simulation()
         self._backend_cfg = _backend_cfg(sim)
         sim.requires_newton_model = True
@@ -69,7 +71,9 @@ class WarpcamRenderer(BaseRenderer):
         for kind in LABELLED:
             if kind in spec.cfg.data_types:
                 self._labels().build_mapping(kind, bool(getattr(self.cfg, f"colorize_{kind}")))
-        return RenderData(self.scene, self._backend.model, spec, self.cfg, self._mapper)
+        simple = simple_shading.chosen_from(spec.cfg.data_types)
+        scene = self.scene if simple is None else self._simply_shaded(simple)
+        return RenderData(scene, self._backend.model, spec, self.cfg, self._mapper)
 
     def set_outputs(self, render_data: RenderData, output_data: Mapping[str, Any]) -> None:
         render_data.set_outputs({str(name): proxy.warp for name, proxy in output_data.items()})
@@ -88,9 +92,8 @@ class WarpcamRenderer(BaseRenderer):
         render_data.set_lens(_array(intrinsics))
 
     def render(self, render_data: RenderData) -> None:
-        assert self.scene is not None
         self._follow()
-        self.scene.bind(self._backend.state_0)
+        render_data.bind(self._backend.state_0)
         render_data.render()
 
     def read_output(self, render_data: RenderData, camera_data: Any) -> None:
@@ -107,6 +110,17 @@ class WarpcamRenderer(BaseRenderer):
 
     def close(self) -> None:
         self.scene = self._mapper = self._stage = None
+        self._shaded.clear()
+
+    def _simply_shaded(self, kind: str) -> wc.Scene:
+        """The scene with the lights and materials that this data type has; cameras share it."""
+        if kind not in self._shaded:
+            backend = self._backend
+            with context_kept():
+                self._shaded[kind] = simple_shading.shaded_scene(
+                    backend.model, backend.state_0, self._stage, kind, LIKE_NEWTONS, self.cfg.enable_textures
+                )
+        return self._shaded[kind]
 
     def _follow(self) -> None:
         """Bring the state to what the provider publishes."""

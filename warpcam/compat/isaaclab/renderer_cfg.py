@@ -27,7 +27,7 @@ class WarpcamRendererCfg(RendererCfg):
     """Whether meshes show their textures."""
 
     enable_shadows: bool = False
-    """Whether the light casts shadows."""
+    """Whether the light casts shadows, in simple shading, too."""
 
     enable_ambient_lighting: bool = True
     """Whether there is light from everywhere."""
@@ -78,4 +78,7 @@ class WarpcamRendererCfg(RendererCfg):
             RenderBufferKind.INSTANCE_SEGMENTATION: labels(self.colorize_instance_segmentation),
             RenderBufferKind.INSTANCE_ID_SEGMENTATION_FAST: labels(self.colorize_instance_id_segmentation),
             RenderBufferKind.MOTION_VECTORS: RenderBufferSpec(2, wp.float32),
+            RenderBufferKind.SIMPLE_SHADING_CONSTANT_DIFFUSE: RenderBufferSpec(3, wp.uint8),
+            RenderBufferKind.SIMPLE_SHADING_DIFFUSE_MDL: RenderBufferSpec(3, wp.uint8),
+            RenderBufferKind.SIMPLE_SHADING_FULL_MDL: RenderBufferSpec(3, wp.uint8),
         }
