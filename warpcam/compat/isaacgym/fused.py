@@ -1,8 +1,10 @@
 """Bodies that are fixed to one another made one, with the inertia that they have together.
 
-Newton 1.8 adds inertias up as if centres of mass lay at the bodies' origins.
+Newton 1.8 adds inertias up as if centres of mass lay at the bodies' origins, and makes a base that is held part of the
+world, which no actor could be placed or known by.
 """
 
+import warnings
 from collections.abc import Sequence
 from typing import Any
 
@@ -20,11 +22,17 @@ class Builder(newton.ModelBuilder):
         masses = np.array(self.body_mass, np.float64)
         centers = np.array([tuple(center) for center in self.body_com], np.float64).reshape(-1, 3)
         inertias = np.array([tuple(inertia) for inertia in self.body_inertia], np.float64).reshape(-1, 3, 3)
-        found = super().collapse_fixed_joints(verbose, joints_to_keep)
+        holds = [
+            joint
+            for joint, (kind, parent) in enumerate(zip(self.joint_type, self.joint_parent, strict=True))
+            if kind == newton.JointType.FIXED and parent < 0
+        ]
+        with warnings.catch_warnings():
+            warnings.filterwarnings("ignore", "Skipped joint")  # a base that is held may weigh nothing
+            found = super().collapse_fixed_joints(verbose, [*(joints_to_keep or ()), *holds])
         parts: dict[int, list[int]] = {}
         for body, kept in found["body_merged_parent"].items():
-            if kept >= 0:  # else it is the world's
-                parts.setdefault(kept, [kept]).append(body)
+            parts.setdefault(kept, [kept]).append(body)
         for kept, bodies in parts.items():
             if masses[bodies].sum() > 0.0:
                 poses = [found["body_merged_transform"].get(body, wp.transform()) for body in bodies]
