@@ -214,10 +214,9 @@ def _held(path: Path) -> set[str]:
     return {joint.get("name", "") for joint in joints if joint.get("dont_collapse", "").lower() == "true"}
 
 
-def _collapse(builder: newton.ModelBuilder, held: set[str]) -> None:
-    """Make bodies that are fixed to one another one, but where their joint is held; a base stays a body."""
-    names = [_last(label) for label in builder.joint_label]
-    kept = [joint for joint, name in enumerate(names) if name in held or builder.joint_parent[joint] < 0]
+def _collapse(builder: Builder, held: set[str]) -> None:
+    """Make bodies that are fixed to one another one, but where their joint is held."""
+    kept = [joint for joint, label in enumerate(builder.joint_label) if _last(label) in held]
     builder.collapse_fixed_joints(joints_to_keep=kept)
 
 
