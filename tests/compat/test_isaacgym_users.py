@@ -168,7 +168,7 @@ def test_motors_are_read_of_old_files_in_parts(tmp_path: Path) -> None:
     (tmp_path / "motors.xml").write_text('<mujoco><motor joint="hinge" gear="45"/></mujoco>')
     (tmp_path / "arm.xml").write_text("""
     <mujoco><option timestep="0.002" apirate="200"/><worldbody><include file="robot.xml"/></worldbody>
-      <actuator><include file="motors.xml"/></actuator></mujoco>""")
+      <!-- <include file="nowhere.xml"/> --><actuator><include file="motors.xml"/></actuator></mujoco>""")
     asset = GYM.load_asset(new_sim(wp.get_device("cpu")), str(tmp_path), "arm.xml", gymapi.AssetOptions())
     assert [motor.joint for motor in GYM.get_asset_actuator_properties(asset)] == ["hinge"]
 
