@@ -152,8 +152,9 @@ def test_command_lines_name_devices(monkeypatch: pytest.MonkeyPatch, capsys: pyt
     ):
         with pytest.raises(wc.WarpcamError, match=message):
             parsed(monkeypatch, line, **more)
-    with pytest.raises(wc.WarpcamError, match="'cpu:1' came"):
-        gymutil.parse_device_str("cpu:1")
+    for device in ("cpu:1", "cuda:", "cuda:first"):
+        with pytest.raises(wc.WarpcamError, match=f"'{device}' came"):
+            gymutil.parse_device_str(device)
     assert gymutil.parse_bool("Yes") and not gymutil.parse_bool("0")
     with pytest.raises(wc.WarpcamError, match="parse_bool: 'maybe' came"):
         gymutil.parse_bool("maybe")
@@ -168,6 +169,14 @@ def test_tables_become_simulation_parameters() -> None:
     assert params.gravity == gymapi.Vec3(0, 0, -9.81) and params.physx.num_threads == 10
     assert params.physx.contact_collection is gymapi.CC_LAST_SUBSTEP and params.physx.rest_offset == 0.0
     assert params.flex.num_outer_iterations == 4
+    for name, value in (
+        ("gravity", [0.0, -9.8]), ("gravity", 9.8), ("substeps", 2.5), ("use_gpu_pipeline", "False"),
+        ("use_gpu_pipeline", 2), ("up_axis", "z"), ("dt", None),
+    ):  # fmt: skip
+        with pytest.raises(wc.WarpcamError, match=f"{name} of SimParams must be as .* is, a .*, got"):
+            gymutil.parse_sim_config({name: value}, params)
+    gymutil.parse_sim_config({"dt": "1e-3", "use_gpu_pipeline": 1}, params)  # 1e-3 is a word in YAML
+    assert params.dt == 0.001 and params.use_gpu_pipeline is True
     with pytest.raises(wc.WarpcamError, match="PhysXParams has no 'num_threds'"):
         gymutil.parse_physx_config({"num_threds": 2}, params)
 

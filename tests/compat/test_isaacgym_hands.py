@@ -62,8 +62,8 @@ def test_files_are_read_for_motors_when_those_are_asked_for(tmp_path: Path, monk
     mujoco = pytest.importorskip("mujoco")
     (tmp_path / "hand.xml").write_text(HAND)
     sim, seen = new_sim(wp.get_device("cpu")), []
-    read = mujoco.MjModel.from_xml_path
-    monkeypatch.setattr(mujoco.MjModel, "from_xml_path", lambda path: seen.append(path) or read(path))
+    read = mujoco.MjSpec.from_file
+    monkeypatch.setattr(mujoco.MjSpec, "from_file", lambda path: seen.append(path) or read(path))
     asset = GYM.load_asset(sim, str(tmp_path), "hand.xml")
     GYM.create_actor(GYM.create_env(sim, gymapi.Vec3(), gymapi.Vec3(), 1), asset, at(0, 0, 1), "hand")
     assert not seen

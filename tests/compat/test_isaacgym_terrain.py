@@ -1,5 +1,6 @@
 """Isaac Gym's terrains: heights are where triangles of the same samples are, and things rest on them."""
 
+import itertools
 import warnings
 from collections.abc import Callable
 from typing import Any
@@ -15,7 +16,7 @@ newton = pytest.importorskip("newton")
 from gym_worlds import GYM, at, new_sim, props, tensors_of  # noqa: E402, newton may be missing
 
 from warpcam.compat.isaacgym import gymapi, gymtorch  # noqa: E402
-from warpcam.compat.isaacgym.lattice import heights_of, is_convex, seen_from_above  # noqa: E402
+from warpcam.compat.isaacgym.lattice import _cover, heights_of, is_convex, seen_from_above  # noqa: E402
 
 pytestmark = pytest.mark.filterwarnings("ignore")  # Newton's own
 ALONG_X, ALONG_Y, STEP_X, STEP_Y, RISE = 12, 7, 0.25, 0.4, 0.005
@@ -242,11 +243,38 @@ def test_heights_seen_from_above_are_those_of_the_highest_triangles() -> None:
     assert (np.abs(highest - 0.1) < 1e-6).sum() > 20
 
 
+def test_upright_triangles_are_no_taller_than_they_are() -> None:
+    """Where a wall goes across places, rounding alone says where in its triangles they are."""
+    rng = np.random.default_rng(0)
+    for wide in rng.uniform(0.05, 0.4, 20):
+        along = rng.integers(0, 100, 600) * np.float32(0.05)
+        heights = np.full((60, 60), -np.inf)
+        places = np.stack((along / wide, along / (3.0 * wide)), axis=1)
+        _cover(heights, places, rng.uniform(0.0, 1.0, 600), np.arange(600).reshape(-1, 3))
+        assert heights.max() <= 1.0
+
+
+def test_places_on_a_long_terrain_are_as_near_as_on_a_short_one() -> None:
+    count = 12000
+    x = np.repeat(np.arange(count) * 0.1, 2)
+    strip = np.stack((x, np.tile((0.0, 0.1), count), np.zeros(2 * count)), axis=1).astype(np.float32)
+    strip[5, 0] += 0.03
+    first = 2 * np.arange(count - 1)[:, None]
+    _, _, steps = seen_from_above(strip, np.concatenate((first + np.array((0, 3, 1)), first + np.array((0, 2, 3)))))
+    np.testing.assert_allclose(steps, 0.1, atol=0.01)
+
+
 def test_what_is_convex_is_collided_with_as_it_is() -> None:
     corners = np.array([(x, y, z) for x in (0, 1) for y in (0, 1) for z in (0, 1)], np.float32)
     corners[1::2, 0] += 0.2
-    faces = np.array([(0, 4, 6), (0, 6, 2), (1, 7, 5), (1, 3, 7)])
-    assert is_convex(corners, faces) and not is_convex(*bent(SAMPLES)) and not is_convex(corners[:3], faces[:0])
+    sides = [(0, 1, 3, 2), (4, 5, 7, 6), (0, 1, 5, 4), (2, 3, 7, 6), (0, 2, 6, 4), (1, 3, 7, 5)]
+    faces = np.array([(a, b, c) for a, *rest in sides for b, c in itertools.pairwise(rest)])
+    assert is_convex(corners, faces) and is_convex(corners[faces].reshape(-1, 3), np.arange(36).reshape(-1, 3))
+    assert not is_convex(*bent(SAMPLES)) and not is_convex(corners[:3], faces[:0])
+    assert not is_convex(corners, faces[:-2])  # a box without a lid: the hull would close it
+    dented = corners.copy()
+    dented[0] = 0.6
+    assert not is_convex(dented, faces)
     for points, triangles, upright in ((corners, faces, False), (corners[[0, 1, 2]] * (0, 1, 1), [(0, 1, 2)], True)):
         sim = new_sim(wp.get_device("cpu"))
         with warnings.catch_warnings(record=True) as told:

@@ -95,6 +95,31 @@ def test_filters_and_groups_keep_actors_apart() -> None:
     assert found == {case: rests for case, (_, _, rests) in APART.items()}
 
 
+ALIKE = {((0, 0), (0, 1)): True, ((7, 7), (0, 4)): True, ((-1, 3), (0, 2)): True}
+OTHER = {((0, 5), (0, 0)): False, ((1, 0), (0, 0)): False, ((0, 0), (2, 3)): False, ((-1, 0), (0, 0)): True}
+
+
+@pytest.mark.parametrize(("cases", "by_xpbd"), [({**ALIKE, **OTHER}, True), (ALIKE, False)])
+def test_environments_may_differ_in_groups_and_filters(
+    cases: dict[tuple[tuple[int, int], ...], bool], by_xpbd: bool, caplog: pytest.LogCaptureFixture
+) -> None:
+    """Balls are let fall upon others. MuJoCo would keep apart in all environments what is apart in the first."""
+    sim = new_sim(wp.get_device("cpu"))
+    held = GYM.create_sphere(sim, 0.1, gymapi.AssetOptions(fix_base_link=True))
+    ball = GYM.create_sphere(sim, 0.1)
+    for groups, filters in cases:
+        env = GYM.create_env(sim, gymapi.Vec3(), gymapi.Vec3(), 1)
+        GYM.create_actor(env, held, at(0, 0, 0.1), "held", groups[0], filters[0])
+        GYM.create_actor(env, ball, at(0, 0, 0.35), "ball", groups[1], filters[1])
+    GYM.prepare_sim(sim)
+    roots = gymtorch.wrap_tensor(GYM.acquire_actor_root_state_tensor(sim))
+    for _ in range(20):
+        GYM.simulate(sim)
+    GYM.refresh_actor_root_state_tensor(sim)
+    assert {case: bool(height > 0.25) for case, height in zip(cases, roots[1::2, 2], strict=True)} == cases
+    assert ("by XPBD, as MuJoCo cannot: groups and filters keep other actors apart" in caplog.text) == by_xpbd
+
+
 def test_bodies_of_an_actor_collide_unless_it_has_a_filter(tmp_path: Path) -> None:
     """Of those that are not joined; where environments differ in this alone, too."""
     ball = "<collision><geometry><sphere radius='0.3'/></geometry></collision>"
@@ -143,7 +168,7 @@ def test_motors_are_read_of_old_files_in_parts(tmp_path: Path) -> None:
     (tmp_path / "motors.xml").write_text('<mujoco><motor joint="hinge" gear="45"/></mujoco>')
     (tmp_path / "arm.xml").write_text("""
     <mujoco><option timestep="0.002" apirate="200"/><worldbody><include file="robot.xml"/></worldbody>
-      <actuator><include file="motors.xml"/></actuator></mujoco>""")
+      <!-- <include file="nowhere.xml"/> --><actuator><include file="motors.xml"/></actuator></mujoco>""")
     asset = GYM.load_asset(new_sim(wp.get_device("cpu")), str(tmp_path), "arm.xml", gymapi.AssetOptions())
     assert [motor.joint for motor in GYM.get_asset_actuator_properties(asset)] == ["hinge"]
 

@@ -78,8 +78,8 @@ def parse_bool(arg: str) -> bool:
 
 def parse_device_str(device_str: str) -> tuple[str, int]:
     """Kind and number of a device as torch writes them: "cpu", "cuda", "cuda:1"."""
-    kind, _, number = str(device_str).partition(":")
-    if kind not in ("cpu", "cuda") or (number and not (kind == "cuda" and number.isdecimal())):
+    kind, colon, number = str(device_str).partition(":")
+    if kind not in ("cpu", "cuda") or (colon and not (kind == "cuda" and number.isdecimal())):
         raise WarpcamError(f'parse_device_str: {device_str!r} came; allowed are "cpu", "cuda" and "cuda:<number>"')
     return kind, int(number or 0)
 
@@ -172,11 +172,26 @@ def _set(params: Any, config: Mapping[str, Any]) -> None:
     """Each as what it is there: a number, a vector, a member of a closed set."""
     for name, value in config.items():
         before = getattr(params, name, None)
-        if isinstance(before, gymapi.Vec3):
-            value = gymapi.Vec3(*value)
-        elif isinstance(before, IntEnum | bool | int | float):
-            value = type(before)(value)
-        setattr(params, name, value)
+        try:
+            like = _like(before, value)
+        except (TypeError, ValueError):
+            raise WarpcamError(
+                f"{name} of {type(params).__name__} must be as {before!r} is, a {type(before).__name__}, got {value!r}"
+            ) from None
+        setattr(params, name, like)
+
+
+def _like(before: Any, value: Any) -> Any:
+    if isinstance(before, gymapi.Vec3):
+        x, y, z = value
+        return gymapi.Vec3(x, y, z)
+    if not isinstance(before, IntEnum | bool | int | float):
+        return value
+    number = float(value)
+    like = type(before)(number) if isinstance(before, float) else type(before)(int(number))
+    if like != number:
+        raise ValueError(value)  # a part of it would be lost
+    return like
 
 
 def _add(parser: argparse.ArgumentParser, parameter: Mapping[str, Any]) -> None:

@@ -7,6 +7,7 @@ CLOSE = 1e-9  # of a step: places as far outside of a triangle are covered, too
 SMALL = 0.02  # the share of edges that are shorter than a step from place to place
 MOST = 1 << 22  # places
 AT_ONCE = 1 << 20
+THIN = 1e-9  # of its extent's square: a triangle of less area is upright, and rounding alone says where it is
 
 
 def heights_of(points: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
@@ -62,8 +63,9 @@ def seen_from_above(points: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, 
     flat = points[:, :2].astype(np.float64)
     first, extent = flat.min(axis=0), np.ptp(flat, axis=0)
     edges = np.linalg.norm(flat[faces] - flat[np.roll(faces, 1, axis=1)], axis=-1)
-    edges = edges[edges > 1e-4 * extent.max()]
-    step = max(float(np.quantile(edges, SMALL)), float(np.sqrt(extent.prod() / MOST)))
+    edges = edges[edges > 1e-6 * extent.max()]  # not the upright ones
+    short = float(np.quantile(edges, SMALL)) if len(edges) else 0.0
+    step = max(short, float(np.sqrt(extent.prod() / MOST)))
     counts = np.maximum(np.rint(extent / step).astype(np.int64) + 1, 2)
     steps = extent / (counts - 1)
     heights = np.full(counts, -np.inf)
@@ -73,9 +75,14 @@ def seen_from_above(points: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, 
 
 
 def is_convex(points: np.ndarray, faces: np.ndarray) -> bool:
-    """Whether a small mesh is a body no face of which has vertices on both of its sides: its hull is the same."""
+    """Whether a small mesh is a closed body whose hull is the same: no face has vertices on both of its sides."""
     if len(points) * len(faces) > MOST:
         return False
+    _, same = np.unique(points, axis=0, return_inverse=True)
+    corners = same.reshape(-1)[faces]
+    edges = np.sort(np.stack((corners, np.roll(corners, -1, axis=1)), axis=-1).reshape(-1, 2), axis=1)
+    if (np.unique(edges, axis=0, return_counts=True)[1] != 2).any():
+        return False  # as valleys and open boxes, which their hulls would fill
     a, b, c = (points[faces[:, corner]].astype(np.float64) for corner in range(3))
     normals = np.cross(b - a, c - a)
     normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-30)
@@ -100,7 +107,7 @@ def _cover(heights: np.ndarray, places: np.ndarray, z: np.ndarray, faces: np.nda
     low = np.maximum(np.ceil(corners.min(axis=1) - CLOSE), 0).astype(np.int64)
     high = np.minimum(np.floor(corners.max(axis=1) + CLOSE), np.array(heights.shape) - 1).astype(np.int64)
     spans = high - low + 1
-    usable = (area != 0.0) & (spans > 0).all(axis=1)
+    usable = (np.abs(area) > THIN * np.ptp(corners, axis=1).max(axis=1) ** 2) & (spans > 0).all(axis=1)
     # Triangles of about one size together: places in as many steps as the largest of them has, of a few at a time.
     sizes = np.ceil(np.log2(np.maximum(spans, 1))).astype(np.int64)
     for size in np.unique(sizes[usable], axis=0):

@@ -56,15 +56,16 @@ def _spec(path: Path) -> Any:
     """MuJoCo's description of a file, also of one that was written before ``apirate`` was no option any more."""
     import mujoco
 
-    text, included = path.read_text(), {}
+    text = path.read_text(encoding="utf-8", errors="replace")
     if not APIRATE.search(text):
         return mujoco.MjSpec.from_file(str(path))
+    included: dict[str, bytes] = {}
     waiting = INCLUDE.findall(text)
     while waiting:
         name = waiting.pop()
-        if name not in included:
+        if name not in included and (path.parent / name).is_file():  # else it is in a comment, or MuJoCo says so
             included[name] = (path.parent / name).read_bytes()
-            waiting += INCLUDE.findall(included[name].decode())
+            waiting += INCLUDE.findall(included[name].decode(errors="replace"))
     spec = mujoco.MjSpec.from_string(APIRATE.sub("", text), include=included)
     spec.modelfiledir = str(path.parent)
     return spec

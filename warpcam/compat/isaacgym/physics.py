@@ -20,7 +20,7 @@ from warpcam.compat.isaacgym.maths import Transform, Vec3
 from warpcam.compat.isaacgym.matrices import Matrices
 from warpcam.compat.isaacgym.pushes import Pushes
 from warpcam.compat.isaacgym.tensors import Tensor, take
-from warpcam.compat.isaacgym.world import Actor, Counts, Env, Grounds, build
+from warpcam.compat.isaacgym.world import Actor, Counts, Env, Grounds, build, collide_alike
 from warpcam.compat.numbers import whole
 from warpcam.errors import WarpcamError
 from warpcam.kernels import isaacgym as kernels
@@ -368,6 +368,8 @@ class Physics:
         self._pipeline, per_world = None, self.model.shape_count // max(self.model.world_count, 1)
         most = max(LEAST_CONTACTS, CONTACTS_PER_SHAPE * per_world)
         try:
+            if not collide_alike(self._envs):
+                raise ValueError("groups and filters keep other actors apart in one environment than in another")
             if self.device.is_cpu and self.model.world_count <= 1:
                 return newton.solvers.SolverMuJoCo(self.model, use_mujoco_cpu=True)
             return newton.solvers.SolverMuJoCo(self.model, nconmax=most, njmax=4 * most)

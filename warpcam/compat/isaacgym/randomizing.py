@@ -5,7 +5,6 @@ A table of one number has "range", "distribution" ("uniform", "loguniform", "gau
 """
 # ruff: noqa: NPY002, programs seed numpy's own
 
-from bisect import bisect
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
@@ -145,12 +144,11 @@ def _bucketed(values: Any, table: Table) -> Any:
     first, second = table["range"]
     if table["distribution"] == "gaussian":
         first, second = first - 2.0 * np.sqrt(second), first + 2.0 * np.sqrt(second)
-    count = table["num_buckets"]
-    starts = [(second - first) * index / count + first for index in range(count)]
-    return np.vectorize(lambda value: starts[max(bisect(starts, value) - 1, 0)])(values)
+    starts = np.linspace(first, second, table["num_buckets"], endpoint=False)
+    return starts[np.maximum(np.searchsorted(starts, values, side="right") - 1, 0)]
 
 
 def _one(table: Table, name: str, allowed: Sequence[str]) -> str:
-    if table[name] not in allowed:
-        raise WarpcamError(f"{name} {table[name]!r} came; allowed are {', '.join(allowed)}")
+    if table.get(name) not in allowed:
+        raise WarpcamError(f"{name} {table.get(name)!r} came; allowed are {', '.join(allowed)}")
     return str(table[name])

@@ -158,12 +158,13 @@ def get_euler_xyz(q: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor, torch.Te
 
 def quat_from_euler_xyz(roll: torch.Tensor, pitch: torch.Tensor, yaw: torch.Tensor) -> torch.Tensor:
     """(..., 4) of angles about the fixed axes x, then y, then z [rad]."""
-    cr, sr = torch.cos(0.5 * roll), torch.sin(0.5 * roll)
-    cp, sp = torch.cos(0.5 * pitch), torch.sin(0.5 * pitch)
-    cy, sy = torch.cos(0.5 * yaw), torch.sin(0.5 * yaw)
-    x, y = cy * sr * cp - sy * cr * sp, cy * cr * sp + sy * sr * cp
-    z, w = sy * cr * cp - cy * sr * sp, cy * cr * cp + sy * sr * sp
-    return torch.stack([x, y, z, w], dim=-1)
+    half = 0.5 * torch.stack([roll, pitch, yaw], dim=-1)
+    zero = torch.zeros_like(roll)
+    sin, cos = half.sin().unbind(dim=-1), half.cos().unbind(dim=-1)
+    about_x = torch.stack([sin[0], zero, zero, cos[0]], dim=-1)
+    about_y = torch.stack([zero, sin[1], zero, cos[1]], dim=-1)
+    about_z = torch.stack([zero, zero, sin[2], cos[2]], dim=-1)
+    return quat_mul(about_z, quat_mul(about_y, about_x))
 
 
 def torch_rand_float(lower: float, upper: float, shape: tuple[int, int], device: str) -> torch.Tensor:
@@ -173,8 +174,8 @@ def torch_rand_float(lower: float, upper: float, shape: tuple[int, int], device:
 
 def torch_random_dir_2(shape: tuple[int, int], device: str) -> torch.Tensor:
     """Directions in a plane: (n, 2) of a shape (n, 1)."""
-    angle = torch_rand_float(-math.pi, math.pi, shape, device).squeeze(-1)
-    return torch.stack([torch.cos(angle), torch.sin(angle)], dim=-1)
+    turns = 2.0 * math.pi * torch.rand(shape, device=device)
+    return torch.stack([turns.cos(), turns.sin()], dim=-1).squeeze(-2)
 
 
 def tensor_clamp(t: torch.Tensor, min_t: torch.Tensor, max_t: torch.Tensor) -> torch.Tensor:
@@ -184,14 +185,14 @@ def tensor_clamp(t: torch.Tensor, min_t: torch.Tensor, max_t: torch.Tensor) -> t
 
 def scale(x: torch.Tensor, lower: torch.Tensor, upper: torch.Tensor) -> torch.Tensor:
     """From -1 to 1 to between limits."""
-    return 0.5 * (x + 1.0) * (upper - lower) + lower
+    return lower + (upper - lower) * (x + 1.0) / 2.0
 
 
 def unscale(x: torch.Tensor, lower: torch.Tensor, upper: torch.Tensor) -> torch.Tensor:
     """From between limits to -1 to 1."""
-    return (2.0 * x - upper - lower) / (upper - lower)
+    return 2.0 * (x - lower) / (upper - lower) - 1.0
 
 
 def unscale_np(x: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> np.ndarray:
     """The same of numpy's numbers."""
-    return (2.0 * x - upper - lower) / (upper - lower)
+    return 2.0 * (x - lower) / (upper - lower) - 1.0

@@ -3,6 +3,7 @@
 import weakref
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 from itertools import combinations, product
 from typing import Any
 
@@ -21,6 +22,7 @@ from warpcam.errors import WarpcamError
 NO_TEXTURE = -1
 GREY = (0.5, 0.5, 0.5)
 VISIBLE, COLLIDES = int(newton.ShapeFlags.VISIBLE), int(newton.ShapeFlags.COLLIDE_SHAPES)
+Apart = tuple[tuple[int, ...], tuple[tuple[int, int], ...]]
 
 
 @dataclass
@@ -233,7 +235,7 @@ def build(
         one = newton.ModelBuilder(up_axis=up, gravity=tuple(gravity))
         for actor in first.actors:
             one.add_builder(actor.asset.builder, xform=wp.transform(*actor.pose.numbers()))
-        _keep_apart(one, first.actors)
+        _keep_apart(one, first)
         if apart:
             firsts = []
             for env in together:
@@ -260,13 +262,17 @@ def _shapes_of(env: Env) -> np.ndarray:
     return np.arange(env.start.shapes, env.start.shapes + env.counts.shapes)
 
 
+def collide_alike(envs: Sequence[Env]) -> bool:
+    """Whether the same actors are kept apart in each environment: MuJoCo keeps apart what the first one does."""
+    return len({_apart_in(env) for env in envs}) <= 1
+
+
 def _alike(envs: Sequence[Env]) -> list[list[Env]]:
     """Runs of environments with the same assets, which collide in the same way."""
     runs: list[list[Env]] = []
-    assets: list[tuple[int, int, int]] = []
+    assets: tuple[list[int], Apart] | None = None
     for env in envs:
-        groups = [actor.group for actor in env.actors]
-        found = [(id(actor.asset), actor.filter, actor.group < 0 or groups.index(actor.group)) for actor in env.actors]
+        found = [id(actor.asset) for actor in env.actors], _apart_in(env)
         if runs and found == assets:
             runs[-1].append(env)
         else:
@@ -275,15 +281,32 @@ def _alike(envs: Sequence[Env]) -> list[list[Env]]:
     return runs
 
 
-def _keep_apart(builder: newton.ModelBuilder, actors: Sequence[Actor]) -> None:
+def _apart_in(env: Env) -> Apart:
+    """Actors whose bodies do not collide with one another, and pairs of actors that do not."""
+    groups = [actor.group for actor in env.actors]
+    # Which actors are of one group matters, not its number: that differs between environments.
+    firsts = tuple(-1 if group < 0 else groups.index(group) for group in groups)
+    return _apart(firsts, tuple(max(actor.filter, 0) for actor in env.actors))
+
+
+@lru_cache(maxsize=64)
+def _apart(groups: tuple[int, ...], filters: tuple[int, ...]) -> Apart:
+    pairs = [
+        (one, other)
+        for one, other in combinations(range(len(groups)), 2)
+        if filters[one] & filters[other] or (groups[one] != groups[other] and min(groups[one], groups[other]) >= 0)
+    ]
+    return tuple(np.flatnonzero(filters).tolist()), tuple(pairs)
+
+
+def _keep_apart(builder: newton.ModelBuilder, env: Env) -> None:
     """Have what shares bits of filters, or is in different groups, not collide."""
-    for actor in actors:
-        if actor.filter > 0:  # of a negative group, shapes collide with all but one another
-            for shape in _solid(actor):
-                builder.shape_collision_group[shape] = -actor.filter
-    for one, other in combinations(actors, 2):
-        bits = one.filter & other.filter if min(one.filter, other.filter) > 0 and one.filter != other.filter else 0
-        if bits or (one.group != other.group and min(one.group, other.group) >= 0):
+    alone, pairs = _apart_in(env)
+    for actor in (env.actors[index] for index in alone):
+        for shape in _solid(actor):  # of a negative group, shapes collide with all but one another
+            builder.shape_collision_group[shape] = -actor.filter
+    for one, other in ((env.actors[first], env.actors[second]) for first, second in pairs):
+        if not one.filter == other.filter > 0:
             for pair in product(_solid(one), _solid(other)):
                 builder.add_shape_collision_filter_pair(*pair)
 
