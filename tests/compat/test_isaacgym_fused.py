@@ -12,6 +12,7 @@ from gym_worlds import GYM, at, new_sim  # noqa: E402, newton may be missing
 
 from warpcam.compat.isaacgym import gymapi, gymtorch  # noqa: E402
 
+pytestmark = pytest.mark.filterwarnings("ignore")  # Newton's own
 ROD = '<inertial><mass value="{}"/><inertia ixx="0.1" ixy="0" ixz="0" iyy="0.1" iyz="0" izz="0.1"/></inertial>'
 URDF = f"""
 <robot name="held">
