@@ -1,4 +1,7 @@
-"""What of a MuJoCo model is not transparent: all that the buffer of depth has where MuJoCo draws colours."""
+"""Copies of a MuJoCo model in which what is transparent is left out, or what can move is transparent.
+
+The former is all that the buffer of depth has where MuJoCo draws colours, the latter what ``mjVIS_TRANSPARENT`` shows.
+"""
 
 import copy
 from collections.abc import Sequence
@@ -18,6 +21,7 @@ FOLLOWED = tuple(
             *MODEL_NAMES.values(),
             *(f"{kind}_{what}" for kind in KINDS for what in ("rgba", "matid", "group")),
             *("geom_type", "site_type", "site_size", "tendon_width", "mat_reflectance"),
+            *("tendon_limited", "tendon_range", "tendon_margin", "tendon_solimp_lim"),
         )
     )
 )
@@ -54,8 +58,8 @@ def sees_veils(model: mujoco.MjModel, objects: np.ndarray) -> bool:
     return False
 
 
-class Opaque:
-    """A copy of a model in which nothing that is transparent is to be seen.
+class Follower:
+    """A copy of a model with other colours.
 
     Attributes:
         model: The copy.
@@ -64,17 +68,49 @@ class Opaque:
     def __init__(self, model: mujoco.MjModel):
         self._of, self.model = model, copy.copy(model)
 
+    def is_old(self) -> bool:
+        """Whether something has changed that a copy does not follow."""
+        return any(getattr(self.model, name) != getattr(self._of, name) for name in ("vis", "stat", "opt"))
+
     def follow(self) -> None:
         """Bring the copy to what the model says now."""
         for name in FOLLOWED:
             np.copyto(getattr(self.model, name), getattr(self._of, name))
         for kind in KINDS:
-            getattr(self.model, f"{kind}_rgba")[_opacity(self._of, kind) < SOLID] = 0.0
+            self._recolor(getattr(self.model, f"{kind}_rgba"), _colors(self._of, kind), kind)
+
+    def _recolor(self, colors: np.ndarray, shown: np.ndarray, kind: str) -> None:
+        """Write the colours of a kind, which shows those of the model."""
+        raise NotImplementedError
+
+
+class Opaque(Follower):
+    """A copy in which nothing that is transparent is to be seen."""
+
+    def _recolor(self, colors: np.ndarray, shown: np.ndarray, kind: str) -> None:
+        colors[shown[:, 3] < SOLID] = 0.0
+
+
+class Thinned(Follower):
+    """A copy in which all but what is fixed to the world has ``vis.map.alpha`` of its opacity."""
+
+    def _recolor(self, colors: np.ndarray, shown: np.ndarray, kind: str) -> None:
+        model = self._of
+        moves = np.full(len(shown), True)
+        if kind in ("geom", "site"):
+            body = getattr(model, f"{kind}_bodyid")
+            moves = (model.body_weldid[body] != 0) | (model.body_mocapid[model.body_rootid[body]] >= 0)
+        shown[:, 3] *= model.vis.map.alpha
+        colors[moves] = shown[moves]
 
 
 def _opacity(model: mujoco.MjModel, kind: str) -> np.ndarray:
-    colors, materials = getattr(model, f"{kind}_rgba"), getattr(model, f"{kind}_matid")
-    opacity = np.array(colors[:, 3])
+    return _colors(model, kind)[:, 3]
+
+
+def _colors(model: mujoco.MjModel, kind: str) -> np.ndarray:
+    """Those that are shown, their own or their materials'."""
+    colors, materials = np.array(getattr(model, f"{kind}_rgba")), getattr(model, f"{kind}_matid")
     by_material = (materials >= 0) & (colors == PLAIN).all(axis=1)
-    opacity[by_material] = model.mat_rgba[materials[by_material], 3]
-    return opacity
+    colors[by_material] = model.mat_rgba[materials[by_material]]
+    return colors

@@ -27,7 +27,7 @@ def _soft(model: mujoco.MjModel) -> bool:
 
 
 # Flags that must be as they are by default, with what in a model makes a difference of them.
-# The others are honoured (tendons, skins), or change nothing but how what is refused here would be drawn.
+# The others are honoured (tendons, skins, transparency), or change nothing but how what is refused here would be drawn.
 AS_DEFAULT: Mapping[str, Matters] = {
     "CONVEXHULL": _any("nmesh"),
     "TEXTURE": _any("ntex"),
@@ -40,7 +40,6 @@ AS_DEFAULT: Mapping[str, Matters] = {
     "CONTACTPOINT": _any("ngeom"),
     "CONTACTFORCE": _any("ngeom"),
     "ISLAND": _always,
-    "TRANSPARENT": _always,
     "AUTOCONNECT": _always,
     "COM": _always,
     "STATIC": _any("ngeom"),
@@ -65,7 +64,7 @@ OPTION_FLAGS = _numbers(mujoco.mjtVisFlag, "mjVIS_", AS_DEFAULT)
 OPTION_DEFAULTS = np.array(mujoco.MjvOption().flags)
 RENDERING_FLAGS = _numbers(mujoco.mjtRndFlag, "mjRND_", RENDERING_AS_DEFAULT)
 RENDERING_DEFAULTS = {name: name in ("HAZE", "CULL_FACE") for name in RENDERING_FLAGS}
-TENDON, SKIN = int(mujoco.mjtVisFlag.mjVIS_TENDON), int(mujoco.mjtVisFlag.mjVIS_SKIN)
+TENDON, SKIN, TRANSPARENT = (int(getattr(mujoco.mjtVisFlag, f"mjVIS_{n}")) for n in ("TENDON", "SKIN", "TRANSPARENT"))
 SHADOW, REFLECTION, SKYBOX = (int(getattr(mujoco.mjtRndFlag, f"mjRND_{n}")) for n in ("SHADOW", "REFLECTION", "SKYBOX"))
 
 
@@ -101,6 +100,7 @@ def style_of(model: mujoco.MjModel, option: mujoco.MjvOption, flags: Any) -> Sty
         reflections=bool(flags[REFLECTION]),
         sky=bool(flags[SKYBOX]),
         antialiasing=4 if quality.offsamples > 1 else 1,
+        thinned=bool(chosen[TRANSPARENT]) and model.vis.map.alpha != 1.0,
     )
 
 

@@ -2,7 +2,7 @@
 
 from collections import OrderedDict
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import mujoco
@@ -10,7 +10,7 @@ import numpy as np
 import warp as wp
 
 import warpcam as wc
-from warpcam.compat.opaque import SOLID, Opaque, has_veils, sees_veils
+from warpcam.compat.opaque import SOLID, Follower, Opaque, Thinned, has_veils, sees_veils
 from warpcam.errors import WarpcamError
 from warpcam.sources.mujoco import load
 from warpcam.sources.mujoco_limits import UNLIMITED
@@ -43,6 +43,7 @@ class Style:
         reflections: Whether planes and boxes reflect.
         sky: Whether the scene's skybox is behind everything; else black.
         antialiasing: Samples of a pixel at an edge, 1 or 4.
+        thinned: Whether all but what is fixed to the world is as transparent as the model's ``vis.map.alpha`` says.
     """
 
     groups: tuple[tuple[int, ...], ...] = ((0, 1, 2),) * 5
@@ -51,6 +52,7 @@ class Style:
     reflections: bool = True
     sky: bool = True
     antialiasing: int = 4
+    thinned: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,7 +135,7 @@ class Studio:
         self._sizes = _sizes(self._state)
         self._scenes: OrderedDict[Any, _Made] = OrderedDict()
         self._eyes: OrderedDict[Any, _Eye] = OrderedDict()
-        self._behind: tuple[Opaque, Studio] | None = None  # what is seen through all that is transparent
+        self._copies: dict[type[Follower], tuple[Follower, Studio]] = {}  # the same state with other colours
 
     def take(self, data: mujoco.MjData) -> None:
         """Keep the state as it is now: what is simulated later is not seen in pictures of this one."""
@@ -157,7 +159,7 @@ class Studio:
         """Read meshes, height fields and textures of the model again at the next picture."""
         self._scenes.clear()
         self._eyes.clear()
-        self._behind = None
+        self._copies.clear()
 
     def scene(self, style: Style, backs: bool = False) -> wc.Scene:
         """The scene in which what that style names is drawn; with ``backs`` planes are seen from behind."""
@@ -195,11 +197,14 @@ class Studio:
         the same kernels serve whatever is asked. With ``through`` depth is of what is not transparent, as MuJoCo's
         buffer of depth has it where it draws colours.
         """
+        if style.thinned:
+            plain, thinned = replace(style, thinned=False), self._copy(Thinned)
+            return thinned.look(view, plain, width, height, outputs, drawn, through=through)
         if through and "depth" in outputs and has_veils(self._model, style.groups, style.draw):
             both = [[*names, "objects"] if names and "objects" not in names else names for names in (outputs, drawn)]
             images = self.look(view, style, width, height, *both)
             if sees_veils(self._model, images["objects"]):
-                images["depth"] = self._opaque().look(view, style, width, height, ("depth",))["depth"]
+                images["depth"] = self._copy(Opaque).look(view, style, width, height, ("depth",))["depth"]
             return {name: images[name] for name in outputs}
         names, wanted = _outputs(drawn or outputs), _outputs(outputs)
         scene = self.scene(style, "rgb" in wanted and self._sees_backs(view, style))
@@ -224,14 +229,15 @@ class Studio:
         seen = np.isin(model.geom_group[planes], style.groups[0]) & (model.geom_rgba[planes, 3] > 0.0)
         return bool((behind & seen).any()) and not has_veils(model, style.groups, style.draw)
 
-    def _opaque(self) -> "Studio":
-        """Of the same state, without what is transparent."""
-        if self._behind is None:
-            opaque = Opaque(self._model)
-            self._behind = opaque, Studio(opaque.model, self._device)
-            self._behind[1]._state = self._state
-        self._behind[0].follow()
-        return self._behind[1]
+    def _copy(self, kind: type[Follower]) -> "Studio":
+        """Of the same state, in a copy of the model."""
+        if kind not in self._copies or self._copies[kind][0].is_old():
+            follower = kind(self._model)
+            self._copies[kind] = follower, Studio(follower.model, self._device)
+            self._copies[kind][1]._state = self._state
+        follower, studio = self._copies[kind]
+        follower.follow()
+        return studio
 
     def _fixed(self) -> tuple[Any, ...]:
         """Equal as long as a scene that was made needs not be made anew."""
