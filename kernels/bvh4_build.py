@@ -52,13 +52,18 @@ def _build_kernel(
     _build(vertices, faces, num_faces, scratch, nodes, rows, counts)
 
 
+def load() -> None:
+    """Compile the builder, by a thread for which others are compiled, too: each has to precompile headers."""
+    wp.force_load("cpu", [_build_kernel.module])
+
+
 def max_listed(num_faces: int) -> int:
     """How many faces the leaves of a mesh list at most, as room_for(): those that are cut stand in several."""
     return 2 * num_faces
 
 
 def build(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray, int]:
-    """Build the tree of one mesh, on one core.
+    """Build the tree of one mesh, on one core. Several threads may, after ``load()``.
 
     Args:
         vertices: (vertex, 3) float32, contiguous, magnitudes below 1e18 [m].

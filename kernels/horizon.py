@@ -10,7 +10,9 @@ from .types import Meshes
 
 
 @functools.cache
-def _kernel() -> wp.Kernel:
+def kernel() -> wp.Kernel:
+    """What finds them, for CUDA."""
+
     @wp.func_native("warpcam::find_horizon(meshes, mesh, face);")
     def find(meshes: Meshes, mesh: int, face: int): ...
 
@@ -39,4 +41,4 @@ def find_horizons(meshes: Meshes, owners: np.ndarray, device: wp.Device) -> None
         device: Where to.
     """
     if len(owners):
-        wp.launch(_kernel(), len(owners), [meshes, wp.array(owners, dtype=wp.int32, device=device)], device=device)
+        wp.launch(kernel(), len(owners), [meshes, wp.array(owners, dtype=wp.int32, device=device)], device=device)

@@ -6,6 +6,7 @@ import logging
 import os
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -186,16 +187,31 @@ class Frame:
 def bind(stages: Sequence[Stage]) -> None:
     """Make stages of one device ready for launches, compiling kernels for CUDA side by side.
 
-    Not so on a CPU, where the headers are precompiled once for a thread, which takes longer than most kernels.
+    Those of colour, which come last, take longest to compile, and begin first. Not so on a CPU, where the headers are
+    precompiled once for a thread, which takes longer than most kernels.
     """
     modules: dict[int, dict[wp.Module, None]] = {}
     for stage in stages:
         modules.setdefault(stage.block_dim if stage.device.is_cuda else 1, {})[stage.module] = None
     for block_dim, together in modules.items():
         device = stages[0].device
-        wp.force_load(device, list(together), block_dim=block_dim, max_workers=cpu_threads() if device.is_cuda else 0)
+        workers = cpu_threads() if device.is_cuda else 0
+        wp.force_load(device, list(together)[::-1], block_dim=block_dim, max_workers=workers)
     for stage in stages:
         stage.bind()
+
+
+@contextmanager
+def compiled_meanwhile(kernels: Sequence[wp.Kernel], device: wp.Device) -> Iterator[None]:
+    """Compile kernels for a CUDA device, as ``wp.launch`` asks for them, while something else is done."""
+    if not (kernels and device.is_cuda):
+        yield
+        return
+    with ThreadPoolExecutor(1) as pool:
+        modules = [kernel.module for kernel in kernels]
+        compiled = pool.submit(wp.force_load, device, modules, max_workers=cpu_threads())
+        yield
+        compiled.result()
 
 
 def record(

@@ -13,7 +13,9 @@ TURNS, SLABS = 4, 24  # native/shutter_build.h
 
 
 @functools.cache
-def _kernel() -> wp.Kernel:
+def kernel() -> wp.Kernel:
+    """What tries them."""
+
     @wp.func_native("return warpcam::find_shutter(meshes, open, mesh, face, warpcam::Way(way), at, rows);")
     def find(  # type: ignore[empty-body]
         meshes: Meshes,
@@ -65,7 +67,7 @@ def find_shutters(
     def tried(ways: np.ndarray, rows: wp.array) -> np.ndarray:
         worths = wp.empty(ways.shape, dtype=wp.float32, device=device)
         inputs = [meshes, *given, wp.array(ways, dtype=wp.int32, device=device), worths, rows]
-        wp.launch(_kernel(), ways.shape, inputs, device=device)
+        wp.launch(kernel(), ways.shape, inputs, device=device)
         found: np.ndarray = worths.numpy()
         return found
 

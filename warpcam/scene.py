@@ -19,7 +19,7 @@ from warpcam.accel.textures import pack_textures
 from warpcam.bounds import Bounds, bounds_of
 from warpcam.checks import check_array, check_indices, check_parts
 from warpcam.errors import WarpcamError
-from warpcam.kernels.launch import Stage
+from warpcam.kernels.launch import Stage, bind
 from warpcam.kernels.resolve import has_strips, is_spare
 from warpcam.kernels.tables import Tables
 from warpcam.kernels.types import (
@@ -107,7 +107,8 @@ class Scene:
         )
         self._layers = parts.layers.tables(len(parts.shape_types), self.device)
         source.refresh()
-        for stage in self.stages():
+        bind(stages := self.stages())
+        for stage in stages:
             stage.launch()
         self._tables = self.tables()
         check_indices(self._arrays, parts, self._seen(), source.label)

@@ -5,6 +5,8 @@ import os
 import struct
 import sys
 import tempfile
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -12,6 +14,7 @@ import numpy as np
 
 from warpcam.errors import WarpcamError
 from warpcam.kernels import bvh4_build
+from warpcam.kernels.launch import cpu_threads
 
 MAX_DEPTH = bvh4_build.MAX_DEPTH
 MAX_MAGNITUDE = 1e18  # of a coordinate [m]; beyond it a float32 ray test overflows
@@ -57,21 +60,41 @@ def build_bvh4(vertices: np.ndarray, faces: np.ndarray, *, cache: bool = True, n
     Raises:
         WarpcamError: An argument is not as described.
     """
-    vertices, faces = _checked(vertices, faces, name)
-    if len(faces) == 0:
-        return _empty()
-    if not cache or len(faces) <= CACHED_ABOVE:
-        return Bvh4(*bvh4_build.build(vertices, faces))
+    (tree,) = build_bvh4s([(vertices, faces, name)], cache=cache)
+    return tree
+
+
+def build_bvh4s(meshes: Sequence[tuple[np.ndarray, np.ndarray, str | None]], *, cache: bool = True) -> list[Bvh4]:
+    """The same for many: vertices, faces and name of each. What has to be built is built on all cores.
+
+    Raises:
+        WarpcamError: An argument is not as described.
+    """
+    checked = [_checked(*mesh) for mesh in meshes]
+    folder = cache_folder() if cache else None
+    places = [_place(folder, *arrays) for arrays in checked]
+    found = [
+        _read(*place, len(faces)) if place is not None else None if len(faces) else _empty()
+        for place, (_, faces) in zip(places, checked, strict=True)
+    ]
+    missing = [k for k, tree in enumerate(found) if tree is None]
+    if missing:
+        bvh4_build.load()
+    with ThreadPoolExecutor(cpu_threads()) as pool:
+        trees = list(pool.map(lambda k: Bvh4(*bvh4_build.build(*checked[k])), missing))
+    for k, tree in zip(missing, trees, strict=True):
+        found[k] = tree
+        if (place := places[k]) is not None:
+            _write(*place, tree)
+    return [tree for tree in found if tree is not None]
+
+
+def _place(folder: Path | None, vertices: np.ndarray, faces: np.ndarray) -> tuple[Path, bytes] | None:
+    """The file of a mesh's tree, and its key; None where it has none."""
+    if folder is None or len(faces) <= CACHED_ABOVE:
+        return None
     key = _key(vertices, faces)
-    folder = cache_folder()
-    path = folder / "bvh4" / key.hex() if folder is not None else None
-    found = _read(path, key, len(faces)) if path is not None else None
-    if found is not None:
-        return found
-    built = Bvh4(*bvh4_build.build(vertices, faces))
-    if path is not None:
-        _write(path, key, built)
-    return built
+    return folder / "bvh4" / key.hex(), key
 
 
 def _checked(vertices: np.ndarray, faces: np.ndarray, name: str | None) -> tuple[np.ndarray, np.ndarray]:

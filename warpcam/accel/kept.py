@@ -25,17 +25,25 @@ class Kept(Generic[Built]):
 
     def get(self, key: bytes, build: Callable[[], Built]) -> Built:
         """What has that key, built if it is not there. Nobody may write to it."""
+        result = self.find(key)
+        if result is None:
+            self.keep(key, result := build())
+        return result
+
+    def find(self, key: bytes) -> Built | None:
+        """What has that key, None if nothing has. Nobody may write to it."""
         if key in self._results:
             self._results.move_to_end(key)
-            return self._results[key]
-        result = build()
+        return self._results.get(key)
+
+    def keep(self, key: bytes, result: Built) -> None:
+        """Have it found by that key, which has nothing yet, while there is room."""
         if self._size(result) <= self._max_bytes:
             self._results[key] = result
             self._bytes += self._size(result)
         while self._bytes > self._max_bytes:
             _, oldest = self._results.popitem(last=False)
             self._bytes -= self._size(oldest)
-        return result
 
 
 def key_of(*parts: np.ndarray | str | bool | int) -> bytes:

@@ -6,11 +6,12 @@ from dataclasses import dataclass
 import numpy as np
 import warp as wp
 
-from warpcam.accel.bvh4 import Bvh4, build_bvh4
+from warpcam.accel.bvh4 import Bvh4, build_bvh4s
 from warpcam.accel.kept import Kept, key_of
-from warpcam.accel.shutters import are_worth, pack_shutters
+from warpcam.accel.shutters import FEW_FACES, are_worth, pack_shutters
 from warpcam.errors import WarpcamError
-from warpcam.kernels import horizon
+from warpcam.kernels import horizon, shutters
+from warpcam.kernels.launch import compiled_meanwhile
 from warpcam.kernels.types import Meshes, Textures
 
 MAX_ROWS = 2**31 - 1
@@ -77,6 +78,10 @@ def pack_meshes(meshes: Sequence[Mesh], device: wp.Device, shut: bool = False) -
     """
     places: dict[tuple[bytes, ...], tuple[int, int]] = {}  # by content: first rows of nodes and faces
     built: dict[tuple[bytes, ...], int] = {}  # by content: place among the trees
+    bounded = horizon.are_kept(device) and not any(mesh.moves or mesh.two_sided for mesh in meshes)
+    shut = shut and bounded
+    with compiled_meanwhile(_finders(meshes, shut) if bounded else (), device):
+        whole = _trees(meshes)
     trees: list[tuple[np.ndarray, np.ndarray]] = []
     holders: list[int] = []  # the first mesh of each
     node_start, face_start, corner_start = [], [], []
@@ -85,10 +90,9 @@ def pack_meshes(meshes: Sequence[Mesh], device: wp.Device, shut: bool = False) -
     normals, uvs = [], []
     node_rows = face_rows = corners = 0
     moving = any(mesh.moves for mesh in meshes)
-    for index, mesh in enumerate(meshes):
+    for index, (mesh, tree) in enumerate(zip(meshes, whole, strict=True)):
         key = (mesh.vertices.tobytes(), mesh.faces.tobytes(), b"two-sided" * mesh.two_sided)
         if key not in built:
-            tree = _tree(mesh)
             nodes = tree.nodes
             if device.is_cuda:
                 nodes = _child_by_child(nodes) if moving else _short(nodes, _extent(mesh))
@@ -128,12 +132,12 @@ def pack_meshes(meshes: Sequence[Mesh], device: wp.Device, shut: bool = False) -
     packed.normals = wp.array(_joined(normals, 3), dtype=wp.vec3, device=device)
     packed.uvs = wp.array(_joined(uvs, 2), dtype=wp.vec2, device=device)
     packed.has_uvs = _integers([mesh.mapped for mesh in meshes], device)
-    if horizon.are_kept(device) and not any(mesh.moves or mesh.two_sided for mesh in meshes):
-        sizes = [len(tree[1]) // 3 for tree in trees]
+    if bounded:
+        sizes = [len(rows) // 3 for _, rows in trees]
         horizon.find_horizons(packed, np.repeat(np.array(holders, np.int32), sizes), device)
-        if shut and are_worth(faces := [tree[1] for tree in trees]):
+        if shut and are_worth(faces := [rows for _, rows in trees]):
             packed.shutters = pack_shutters(packed, faces, holders, device)
-    return packed, max((len(tree[1]) // 3 for tree in trees), default=0)
+    return packed, max((len(rows) // 3 for _, rows in trees), default=0)
 
 
 def pack_masks(meshes: Sequence[Mesh], textures: Textures, packed: Meshes, device: wp.Device) -> bool:
@@ -150,9 +154,23 @@ def pack_masks(meshes: Sequence[Mesh], textures: Textures, packed: Meshes, devic
     return True
 
 
-def _tree(mesh: Mesh) -> Bvh4:
-    content = key_of(np.asarray(mesh.vertices), np.asarray(mesh.fronts))
-    return _kept.get(content, lambda: build_bvh4(mesh.vertices, mesh.fronts, name=mesh.name))
+def _finders(meshes: Sequence[Mesh], shut: bool) -> list[wp.Kernel]:
+    """The kernels that look for horizons and, where they may be worth it, shutters."""
+    few = all(len(mesh.faces) < FEW_FACES for mesh in meshes)
+    return ([horizon.kernel()] if meshes else []) + ([shutters.kernel()] if shut and not few else [])
+
+
+def _trees(meshes: Sequence[Mesh]) -> list[Bvh4]:
+    """The tree of each mesh, in their order."""
+    contents = [key_of(np.asarray(mesh.vertices), np.asarray(mesh.fronts)) for mesh in meshes]
+    named = dict(zip(contents, meshes, strict=True))
+    trees = {content: tree for content in named if (tree := _kept.find(content)) is not None}
+    new = [content for content in named if content not in trees]
+    built = build_bvh4s([(named[content].vertices, named[content].fronts, named[content].name) for content in new])
+    for content, tree in zip(new, built, strict=True):
+        trees[content] = tree
+        _kept.keep(content, tree)
+    return [trees[content] for content in contents]
 
 
 def face_normals(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
