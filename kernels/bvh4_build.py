@@ -54,7 +54,7 @@ def _build_kernel(
 
 def load() -> None:
     """Compile the builder, by a thread for which others are compiled, too: each has to precompile headers."""
-    wp.force_load("cpu", [_build_kernel.module])
+    wp.force_load("cpu", [_build_kernel.module], max_workers=0)
 
 
 def max_listed(num_faces: int) -> int:
