@@ -1,5 +1,6 @@
 """What one layer of visibility cannot show: mirrors, transparent shapes, haze. Found when a scene is made."""
 
+import logging
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal
@@ -100,7 +101,8 @@ def find_veils(
 ) -> list[int]:
     """Shapes that are transparent in some world and planes, which are so from behind, or with ``wanted`` all.
 
-    Of more than ``MAX_VEILS`` those that are transparent now come first; what is left over is drawn solid.
+    Of more than ``MAX_VEILS`` those that are transparent now come first; what is left over is drawn solid, which the
+    log says.
 
     Args:
         types: (shape,).
@@ -117,7 +119,15 @@ def find_veils(
     veils += [shape for shape in drawn if backs and types[shape] == PLANE]
     if wanted is True:
         veils += drawn
-    return sorted(list(dict.fromkeys(veils))[:MAX_VEILS])
+    found = list(dict.fromkeys(veils))
+    if len(found) > MAX_VEILS:
+        logging.getLogger("warpcam").warning(
+            "transparency: %d shapes are or may become transparent; %d of them are seen through, %d are drawn solid",
+            len(found),
+            MAX_VEILS,
+            len(found) - MAX_VEILS,
+        )
+    return sorted(found[:MAX_VEILS])
 
 
 def veils_alone(types: np.ndarray, drawn: Sequence[int], opacity: np.ndarray, wanted: bool | None) -> Layers:
