@@ -421,3 +421,38 @@ def test_what_is_not_offered_is_named() -> None:
     for name in ("flow", "flow_valid"):
         with pytest.raises(wc.WarpcamError, match=f"outputs has '{name}', which no lens that is a table"):
             camera(parallel(), outputs=("depth", name))
+
+
+def test_shapes_are_near_or_far_from_where_rays_begin(device: wp.Device) -> None:
+    """Not from the camera, which is nearer to the second ball and too near to the third."""
+    balls = "".join(f'<geom type="sphere" size=".5" pos="{x} 0 0"/>' for x in (9, 2))
+    mjm = scenes.compile_xml(balls)
+    scene = wc.from_mujoco(mjm, scenes.forward(mjm), device=device)
+    lens = wc.Rays(np.full((1, 2, 3), (-1.0, 0.0, 0.0)), origins=[[(10.0, 0.0, 0.0), (-10.0, 0.0, 0.0)]])
+    settings = {"width": 2, "height": 1, "position": (0.0, 0.0, 0.0), "rotation": (1.0, 0.0, 0.0, 0.0)}
+    settings["outputs"] = ("distance", "segmentation")
+    first, second = rendered(
+        scene, camera(lens, "far", far=8.0, **settings), camera(lens, "near", near=5.0, far=8.0, **settings)
+    )
+    assert first["segmentation"][0, :, 0].tolist() == [0, -1] and first["distance"][0, 0, 0] == pytest.approx(0.5)
+    assert second["segmentation"][0, :, 0].tolist() == [1, -1] and second["distance"][0, 0, 0] == pytest.approx(7.5)
+
+
+@pytest.mark.parametrize("turn", [0.0, 90.0])
+def test_textures_are_filtered_as_wide_as_rays_begin_apart(turn: float, device: wp.Device) -> None:
+    """Parallel rays have no other width."""
+    assets = (
+        '<texture name="stripes" type="2d" builtin="checker" rgb1="1 1 1" rgb2="0 0 0" width="64" height="64"/>'
+        '<material name="stripes" texture="stripes" texrepeat="150 .1"/>'
+    )
+    mjm = scenes.compile_xml(f'<geom type="plane" size="9 9 1" material="stripes" euler="0 0 {turn}"/>', assets=assets)
+    settings = {"outputs": ("albedo",), "position": (0.0, 0.0, 2.0), "rotation": (0.99, 0.05, 0.08, 0.0)}
+    expected, seen = (
+        one["albedo"].astype(int)
+        for one in rendered(
+            wc.from_mujoco(mjm, scenes.forward(mjm), device=device),
+            camera(wc.Orthographic(height=SPAN), "flat", **settings),
+            camera(parallel(), "table", **settings),
+        )
+    )
+    assert expected.std() < 40.0 and np.abs(seen - expected).max() <= 2

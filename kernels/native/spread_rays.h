@@ -19,6 +19,16 @@ struct Beam {
     Vec start, direction;
 };
 
+WARPCAM_FN Ray local_of(const Beam& beam, const Record& record)
+{
+    const Row ax = record.axis_x, ay = record.axis_y, az = record.axis_z, o = record.origin;
+    const Vec s = beam.start, d = beam.direction;
+    return { { o.x + (ax.x * s.x + ax.y * s.y + ax.z * s.z), o.y + (ay.x * s.x + ay.y * s.y + ay.z * s.z),
+               o.z + (az.x * s.x + az.y * s.y + az.z * s.z) },
+             { ax.x * d.x + ax.y * d.y + ax.z * d.z, ay.x * d.x + ay.y * d.y + ay.z * d.z,
+               az.x * d.x + az.y * d.y + az.z * d.z } };
+}
+
 template <> struct ViewRay<SPREAD> {
     float x, y;
 
@@ -47,16 +57,7 @@ template <> struct ViewRay<SPREAD> {
     WARPCAM_FN Beam across() const { return step(1, LINKED_LEFT, LINKED_RIGHT); }
     WARPCAM_FN Beam down() const { return step(load(own_rows(), 1).w, LINKED_UP, LINKED_DOWN); }
 
-    WARPCAM_FN Ray local(const Record& record) const
-    {
-        const Row ax = record.axis_x, ay = record.axis_y, az = record.axis_z, o = record.origin;
-        const Beam seen = beam();
-        const Vec s = seen.start, d = seen.direction;
-        return { { o.x + (ax.x * s.x + ax.y * s.y + ax.z * s.z), o.y + (ay.x * s.x + ay.y * s.y + ay.z * s.z),
-                   o.z + (az.x * s.x + az.y * s.y + az.z * s.z) },
-                 { ax.x * d.x + ax.y * d.y + ax.z * d.z, ay.x * d.x + ay.y * d.y + ay.z * d.z,
-                   az.x * d.x + az.y * d.y + az.z * d.z } };
-    }
+    WARPCAM_FN Ray local(const Record& record) const { return local_of(beam(), record); }
 
     template <int TYPES> WARPCAM_FN RayFrame frame(const Record& record) const { return frame_along(local(record)); }
 
