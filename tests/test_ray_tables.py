@@ -89,7 +89,8 @@ def test_balls_hold_where_rays_begin() -> None:
     cones, balls = by_tile[..., :4], by_tile[..., 4:]
     unit = tables.unit(rays)
     assert ((cones[..., :3] * unit).sum(axis=-1) >= cones[..., 3] - 1e-6)[seeing].all()
-    assert (np.linalg.norm(places.astype(np.float32) - balls[..., :3], axis=-1) <= balls[..., 3] * (1 + 1e-6))[seeing].all()
+    off = np.linalg.norm(places.astype(np.float32) - balls[..., :3], axis=-1)
+    assert (off <= balls[..., 3] * (1 + 1e-6))[seeing].all()
     assert (balls[:8, :16, 3] == 0.0).all() and balls[..., 3].max() < whole[3]
     pixels = pixels.reshape(HEIGHT, WIDTH, 8)
     assert (pixels[seeing][:, :3] == places.astype(np.float32)[seeing]).all()

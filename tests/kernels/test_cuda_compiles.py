@@ -159,11 +159,11 @@ def test_of_what_is_seen_through(lens: Any, card: list[launch.Stage], folder: Pa
 
 @pytest.mark.parametrize("antialiasing", [1, 4])
 def test_of_rays_that_begin_apart(antialiasing: int, card: list[launch.Stage], folder: Path) -> None:
-    more = '<geom type="mesh" mesh="wedge" pos="0 0 1"/><geom type="hfield" hfield="hills"/><geom size=".2" rgba="1 1 0 .5"/>'
+    more = '<geom type="mesh" mesh="wedge" pos="0 0 1"/><geom type="hfield" hfield="hills"/>'
+    mjm = scenes.compile_xml(FEW + more + '<geom size=".2" rgba="1 1 0 .5"/>' + LIGHTS, assets=ASSETS + HILLS)
     rays = np.ones((64, 64, 3))
     outputs = ("rgb", "depth", "distance", "normals", "points", "albedo")
-    lens = wc.Rays(rays, origins=rays)
-    _render(scenes.compile_xml(FEW + more + LIGHTS, assets=ASSETS + HILLS), outputs, lens=lens, antialiasing=antialiasing)
+    _render(mjm, outputs, lens=wc.Rays(rays, origins=rays), antialiasing=antialiasing)
     assert _compile(card, folder) >= 3
 
 

@@ -32,7 +32,7 @@ def pack_spread(directions: np.ndarray, starts: np.ndarray) -> np.ndarray:
     for first in range(0, count, chunk := max(1, 2**20 // (width * height))):
         some = slice(first, first + chunk)
         rays, places = unit(directions[some]), starts[some].astype(np.float32)
-        seeing = rays.any(axis=-1)
+        seeing: np.ndarray = np.asarray(rays.any(axis=-1))
         places = np.where(seeing[..., None], places, np.float32(0.0))
         cones = tile_cones(rays).astype(np.float32)
         whole = balls(places.reshape(len(rays), 1, -1, 3), seeing.reshape(len(rays), 1, -1))
@@ -66,7 +66,7 @@ def balls(places: np.ndarray, seeing: np.ndarray) -> np.ndarray:
     counts = seeing[..., None]
     low, high = np.where(counts, places, np.inf).min(axis=2), np.where(counts, places, -np.inf).max(axis=2)
     with np.errstate(invalid="ignore"):
-        middle = np.where(seeing.any(axis=2)[..., None], 0.5 * low + 0.5 * high, 0.0).astype(np.float32)
+        middle = np.where(counts.any(axis=2), 0.5 * low + 0.5 * high, 0.0).astype(np.float32)
     off = np.linalg.norm(places.astype(np.float64) - middle[:, :, None], axis=-1)
     radius = np.where(seeing, off, 0.0).max(axis=2)
     return np.concatenate([middle, (radius * (1.0 + ROUNDING)).astype(np.float32)[..., None]], axis=-1)
@@ -102,7 +102,7 @@ def both_sides(steps: np.ndarray, axis: int, beyond: float | bool) -> tuple[np.n
 
 def spread_width(directions: np.ndarray, starts: np.ndarray) -> float:
     """The angle between neighbouring rays and how far apart they begin, of most of an image [rad, m]."""
-    seeing = directions.any(axis=-1)
+    seeing: np.ndarray = np.asarray(directions.any(axis=-1))
     steps = [
         np.linalg.norm(_pairs(starts, axis, np.subtract), axis=-1)[_pairs(seeing, axis, np.logical_and)]
         for axis in (0, 1)
@@ -114,4 +114,3 @@ def spread_width(directions: np.ndarray, starts: np.ndarray) -> float:
 def _pairs(values: np.ndarray, axis: int, combine: np.ufunc) -> np.ndarray:
     length = values.shape[axis]
     return combine(np.take(values, range(1, length), axis), np.take(values, range(length - 1), axis))
-

@@ -128,4 +128,3 @@ def _line(place: np.ndarray, slope: np.ndarray) -> tuple[float, float]:
     rise = slope[last] - slope[first]
     f = float((place[last] - place[first]) / rise) if rise else np.inf
     return f, float(place[first] - f * slope[first])
-
