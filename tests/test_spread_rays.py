@@ -513,3 +513,28 @@ def test_maps_of_opacity(tmp_path: Path, device: wp.Device) -> None:
     )
     assert_alike(seen, expected)
     assert len(np.unique(expected["rgb"].reshape(-1, 3), axis=0)) >= 4
+
+
+def test_shadows_on_sheets_that_are_seen_from_both_sides(device: wp.Device) -> None:
+    """Which side a ray sees tells whether the light falls on it: a roof over a floor, both of one mesh."""
+    pytest.importorskip("pxr.Usd", reason="pip install 'warpcam[usd]'")
+    from physical_scenes import add_sun
+    from pxr import Usd, UsdGeom
+
+    stage = Usd.Stage.CreateInMemory()
+    UsdGeom.SetStageMetersPerUnit(stage, 1.0)
+    UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.z)
+    sheets = UsdGeom.Mesh.Define(stage, "/sheets")
+    square = np.array([(-1.0, -1.0, 0.0), (1.0, -1.0, 0.0), (1.0, 1.0, 0.0), (-1.0, 1.0, 0.0)])
+    sheets.CreatePointsAttr(np.concatenate([3.0 * square, 1.6 * square + (0.0, 0.0, 1.2)]).astype(np.float32))
+    sheets.CreateFaceVertexCountsAttr([4, 4])
+    sheets.CreateFaceVertexIndicesAttr([3, 2, 1, 0, 4, 5, 6, 7])  # the floor is seen from behind
+    sheets.CreateSubdivisionSchemeAttr("none")
+    sheets.CreateDoubleSidedAttr(True)
+    add_sun(stage, (0.2, 0.1, 1.0))
+    scene = wc.from_usd(stage, num_worlds=SMALL[0] * SMALL[1], device=device, exposure=0.0)
+    place = (0.3, -4.0, 1.0)
+    settings = {"position": place, "rotation": scenes.looking(place, (0.0, -1.0, 0.0)), "outputs": ALL}
+    shaded = assert_as_from_each_place(scene, shadows=True, **settings)["hdr"]
+    lit = assert_as_from_each_place(scene, **settings)["hdr"]
+    assert 5 < (shaded != lit).any(axis=-1).sum() < 100

@@ -54,10 +54,11 @@ struct Band {
         last = upper(last, depth);
     }
 
-    // With room for slopes that grow beyond the pixels' centres; `width` is that of a pixel at a depth of 1 m.
+    // With room for slopes that grow beyond the pixels' centres; `width` is that of a pixel at a depth of 1 m. What is
+    // widths_at() is written out here and below: of a call the compiler makes a second load of the width.
     template <int LENS> WARPCAM_FN Band widened(float width) const
     {
-        const float margin = BEYOND * (last - first) + ASIDE * width * widths_at<LENS>(last);
+        const float margin = BEYOND * (last - first) + ASIDE * width * (LENS == SPREAD ? 1.0f + last : LENS != ORTHOGRAPHIC ? last : 1.0f);
         return { first - margin, last + margin };
     }
 };
@@ -76,7 +77,7 @@ constexpr Band NOWHERE { FAR_AWAY, -FAR_AWAY };
 template <int LENS> WARPCAM_FN bool is_behind(const Band& ground, const Band& others, bool sky, float width)
 {
     return !sky && others.last > 0.0f
-        && ground.first > others.last + ASIDE * width * widths_at<LENS>(others.last);
+        && ground.first > others.last + ASIDE * width * (LENS == SPREAD ? 1.0f + others.last : LENS != ORTHOGRAPHIC ? others.last : 1.0f);
 }
 
 // A pixel's colour of 8 bits a channel; alpha is 0 where only rgb is smoothed.
