@@ -17,7 +17,7 @@ from .launch import Stage, native_module, record
 from .tables import Tables
 from .types import HEIGHT_FIELD, LOOKS_ALONE, MESH, HeightFields, Materials, Meshes, Shapes, View
 from .views import LensTable, Mount, Opening, turned_over, view_of
-from .visibility import FLOW, FLOW_VALID, LENSES, NORMAL, list_capacity
+from .visibility import FLOW, FLOW_VALID, LENSES, NORMAL, TABLES, list_capacity
 
 # Outputs that such a trace writes, and those that are lit from what it sees; the others need what it does not list.
 TRACED = ("depth", "segmentation", "distance", "points", "bodies", "normals", "instances", "semantics")
@@ -167,7 +167,7 @@ def capacity_of(
     few = 0 < tables.num_drawn <= LANES
     plain = {MESH, HEIGHT_FIELD}.isdisjoint(tables.shape_types) and not tables.ids_by_world
     alike = visibility.composes(tables, device)  # what the stage composes is what a block would
-    if not (alike and few and plain and projection != "rays" and OUTPUTS.issuperset(outputs)):
+    if not (alike and few and plain and projection not in TABLES and OUTPUTS.issuperset(outputs)):
         return 0
     region = visibility.region_size(tables, tables.num_worlds, width, height, device)
     rows = region == visibility.REGIONS[0] and "flow_valid" not in outputs

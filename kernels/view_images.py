@@ -140,9 +140,8 @@ def linear_bytes(red: wp.float32, green: wp.float32, blue: wp.float32) -> wp.uin
     return low | (byte_of(blue) << wp.uint32(16)) | (wp.uint32(255) << wp.uint32(24))
 
 
-@wp.func
-def write_pixel(
-    index: wp.int32,
+@wp.kernel(enable_backward=False)
+def write_views(
     worlds: wp.array(dtype=wp.int32),
     cameras: wp.array(dtype=wp.int32),
     camera: wp.int32,
@@ -152,7 +151,9 @@ def write_pixel(
     clear: Clear,
     seen: Sources,
     out: Images,
+    first: wp.int32,
 ):
+    index = first + wp.tid()
     pixels = rays.shape[0] * rays.shape[1]
     view = index // pixels
     world = worlds[view]
@@ -220,41 +221,3 @@ def write_pixel(
             else:
                 albedo = packed(seen.albedo, world, row, column, clear.albedo)
         out.albedo[view, row, column] = albedo
-
-
-@wp.kernel(enable_backward=False)
-def write_views(
-    worlds: wp.array(dtype=wp.int32),
-    cameras: wp.array(dtype=wp.int32),
-    camera: wp.int32,
-    rays: wp.array4d(dtype=wp.vec3),
-    max_distance: wp.float32,
-    linear: wp.int32,
-    clear: Clear,
-    seen: Sources,
-    out: Images,
-    first: wp.int32,
-):
-    write_pixel(first + wp.tid(), worlds, cameras, camera, rays, max_distance, linear, clear, seen, out)
-
-
-@wp.kernel(enable_backward=False)
-def write_some(
-    worlds: wp.array(dtype=wp.int32),
-    cameras: wp.array(dtype=wp.int32),
-    camera: wp.int32,
-    rays: wp.array4d(dtype=wp.vec3),
-    max_distance: wp.float32,
-    linear: wp.int32,
-    clear: Clear,
-    seen: Sources,
-    out: Images,
-    chosen: wp.array2d(dtype=wp.uint8),
-    first: wp.int32,
-):
-    """Likewise, of the pixels that are chosen, (height, width)."""
-    index = first + wp.tid()
-    pixel = index % (rays.shape[0] * rays.shape[1])
-    row = pixel // rays.shape[1]
-    if chosen[row, pixel - row * rays.shape[1]] != wp.uint8(0):
-        write_pixel(index, worlds, cameras, camera, rays, max_distance, linear, clear, seen, out)

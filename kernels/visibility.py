@@ -34,7 +34,8 @@ LISTED_AHEAD = 512  # shapes have been listed: native/listed.h
 PAINTED = 1 << 21  # with albedo: native/painted.h
 # native/flow_places.h
 FLOW, FLOW_VALID, FLOW_MOVES, FLOW_BRIEF, FLOW_LISTED, FLOW_WHOLE, FLOW_NEAR = (1 << bit for bit in range(24, 31))
-LENSES = {"pinhole": 0, "orthographic": 1, "rays": 2}
+LENSES = {"pinhole": 0, "orthographic": 1, "rays": 2, "spread": 3}
+TABLES = frozenset(("rays", "spread"))  # those of them that are tables
 THREADS = 128  # of a CUDA block; lanes.h has the same number
 REGIONS = ((64, 64), (64, 32), (32, 32), (32, 16), (16, 16), (16, 8))
 QUICK = (32, 16)  # pixels: a strip of tiles for each warp
@@ -127,8 +128,7 @@ def record(
 
     Args:
         tables: The scene.
-        lens: "pinhole", "orthographic" or "rays"; with the last, depth is the distance along the ray, and "distance"
-            the planar depth.
+        lens: One of LENSES; with TABLES, depth is the distance along the ray, and "distance" the planar depth.
         views: View, (world,).
         mask: uint8, (world,); worlds with 0 are left alone.
         faults: uint8, (world,); set to 1 where a pose or size is not a number.

@@ -87,7 +87,8 @@ def looked_at(*outputs: str) -> Names:
 
 
 def cameras() -> Names:
-    return {**looked_at(), "directions": np.tile((0.0, 0.0, -1.0), (4, 4, 1))}
+    directions = np.tile((0.0, 0.0, -1.0), (64, 64, 1))
+    return {**looked_at(), "directions": directions, "origins": 0.1 * directions}
 
 
 def outputs() -> Names:

@@ -19,6 +19,7 @@ from warpcam.outputs import OUTPUTS
 CAMERAS_MORE = '<camera name="left" pos="-4 0 1"/><camera name="right" pos="4 0 1"/>'
 DOCS = Path(__file__).resolve().parents[1] / "docs" / "memory.md"
 LIT = {"rgb", "rgba", "hdr"}
+RAYS = np.ones((16, 16, 3))
 FACED = {*LIT, "normals", "albedo"}
 FLOWS = {"flow", "flow_valid"}
 TRACED = {"depth", "segmentation", "distance", "points", "bodies", "instances", "semantics", *FLOWS}
@@ -113,6 +114,8 @@ def test_what_a_camera_has_of_its_own_follows_the_formula() -> None:
         ({"gain": 1.0}, 0, 16),
         (own | {"exposure": 0.0, "gain": 1.0, "background": np.zeros((3, 3))}, 4, 28 + 4 + 16 + 12),
         ({"lens": wc.Fisheye(fovy=90.0)}, 16 * 16 * 8 + 2 * 4 * 16 + 16, 0),
+        ({"lens": wc.Rays(RAYS, origins=RAYS)}, 16 * 16 * 32 + 2 * 4 * 32 + 32, 0),
+        ({"lens": wc.Rays(RAYS, origins=np.stack([RAYS] * 3))}, 0, 16 * 16 * 32 + 2 * 4 * 32 + 32),
     ):
         told = wc.estimate_memory(scene_of("cpu", 3), [camera(width=16, height=16, **options)])
         assert told.worlds == 3 * (10 + 84 + each) + once, options

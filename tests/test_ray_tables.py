@@ -6,6 +6,7 @@ from ray_tables import HEIGHT, WIDTH, curled_rays, random_rays
 
 import warpcam as wc
 from warpcam.accel import rays as tables
+from warpcam.accel import spread
 
 
 def test_cones_hold_their_rays() -> None:
@@ -72,3 +73,46 @@ def test_distortion_is_opencvs() -> None:
     np.testing.assert_allclose(41.0 * v + 13.0, row, atol=1e-3)
     folded = wc.Distorted(fx=10.0, coefficients=(-0.4, 0.0, 0.0, 0.0)).rays(WIDTH, HEIGHT, 1, "lens")[0]
     assert folded[13, 22].any() and not folded[0, 0].any()  # no ray comes to the corner
+
+
+def test_balls_hold_where_rays_begin() -> None:
+    """And cones the rays, of each tile; pixels have theirs to the last digit of float32."""
+    random = np.random.default_rng(4)
+    rays, places = random_rays(5), random.normal(size=(HEIGHT, WIDTH, 3)) * (1.0, 20.0, 0.01)
+    rays[:9, :17] = 0.0  # whole tiles see nothing
+    packed = spread.pack_spread(rays[None], places[None])[0]
+    assert len(packed) == spread.spread_floats(WIDTH, HEIGHT)
+    seeing, tiles = rays.any(axis=-1), (-(-HEIGHT // 4), -(-WIDTH // 8))
+    whole, by_tile, pixels = np.split(packed, [4, 4 + 8 * tiles[0] * tiles[1]])
+    assert (np.linalg.norm(places - whole[:3], axis=-1)[seeing] <= whole[3]).all()
+    by_tile = by_tile.reshape(*tiles, 8).repeat(4, axis=0).repeat(8, axis=1)[:HEIGHT, :WIDTH]
+    cones, balls = by_tile[..., :4], by_tile[..., 4:]
+    unit = tables.unit(rays)
+    assert ((cones[..., :3] * unit).sum(axis=-1) >= cones[..., 3] - 1e-6)[seeing].all()
+    off = np.linalg.norm(places.astype(np.float32) - balls[..., :3], axis=-1)
+    assert (off <= balls[..., 3] * (1 + 1e-6))[seeing].all()
+    assert (balls[:8, :16, 3] == 0.0).all() and balls[..., 3].max() < whole[3]
+    pixels = pixels.reshape(HEIGHT, WIDTH, 8)
+    assert (pixels[seeing][:, :3] == places.astype(np.float32)[seeing]).all()
+    assert np.abs(pixels[seeing][:, 4:7] - unit[seeing]).max() < 1e-7
+    assert (pixels[..., 7].view(np.int32) == WIDTH).all()
+    assert ((pixels[..., 3].view(np.int32) == spread.BLIND) == ~seeing).all()
+
+
+def test_pixels_that_go_on_into_each_other() -> None:
+    """Not into what sees nothing, nor over a seam where rays jump or begin elsewhere."""
+    column, row = np.meshgrid(np.linspace(-0.5, 0.5, 12), np.linspace(-0.5, 0.5, 9))
+    rays = np.stack([column, row, -np.ones_like(row)], axis=-1)
+    places = 0.1 * np.stack([column, row, row], axis=-1)
+    places[:, 5:] += 0.3  # begins elsewhere
+    rays[4:] += (0.0, 0.4, 0.0)  # jumps
+    rays[0, 2] = 0.0
+    seeing = rays.any(axis=-1)
+    bits = spread.bits_of(tables.unit(rays)[None], places[None].astype(np.float32), seeing[None])[0]
+    every = spread.LEFT | spread.RIGHT | spread.UP | spread.DOWN
+    assert bits[2, 2] == every and bits[2, 8] == every
+    assert bits[2, 4] == every & ~spread.RIGHT and bits[2, 5] == every & ~spread.LEFT
+    assert bits[3, 2] == every & ~spread.DOWN and bits[4, 2] == every & ~spread.UP
+    assert bits[0, 2] == spread.BLIND and bits[1, 2] == every & ~spread.UP
+    assert bits[0, 0] == spread.RIGHT | spread.DOWN and bits[8, 11] == spread.LEFT | spread.UP
+    assert (spread.bits_of(rays[None], np.zeros_like(places)[None], seeing[None])[0, 2] & spread.LEFT)[1:].all()

@@ -7,13 +7,16 @@ from typing import Any, ClassVar, Literal
 
 from warpcam.errors import WarpcamError
 
-Projection = Literal["pinhole", "orthographic", "rays"]
+Projection = Literal["pinhole", "orthographic", "rays", "spread"]
 
 
 class Lens(ABC):
     """A lens of your own, in place of the one the scene's camera has."""
 
-    projection: ClassVar[Projection]
+    @property
+    @abstractmethod
+    def projection(self) -> Projection:
+        """How its rays run."""
 
     @abstractmethod
     def values(self, width: int, height: int) -> Mapping[str, tuple[Any, ...]]:

@@ -9,6 +9,7 @@ import warp as wp
 
 from warpcam import interop
 from warpcam.accel.rays import handles, pack_rays, pixel_angle
+from warpcam.accel.spread import pack_spread, spread_width
 from warpcam.camera import Camera
 from warpcam.errors import WarpcamError
 from warpcam.kernels import listing
@@ -186,10 +187,10 @@ class Mounted:
         return lens
 
     def _make_table(self, lens: TableLens) -> None:
-        camera, device = self._camera, self._scene.device
-        rays = lens.rays(camera.width, camera.height, self._scene.num_worlds, camera.where)
-        self._table = wp.array(pack_rays(rays), dtype=wp.float32, device=device)
-        self._handles = wp.array(self._handles_of(rays), dtype=wp.vec4, device=device)
+        device = self._scene.device
+        packed, width = self._packed(lens, lens.spread)
+        self._table = wp.array(packed, dtype=wp.float32, device=device)
+        self._handles = wp.array(self._handles_of(width), dtype=wp.vec4, device=device)
 
     def set_table(self, lens: Any) -> None:
         """Write another lens over the table there is."""
@@ -199,19 +200,32 @@ class Mounted:
                 f"{camera.where}: set_lens puts Fisheye, Distorted or Rays in place of one of these, got "
                 f"{type(lens).__name__} in place of {type(own).__name__}; other lenses have arrays to write to"
             )
-        rays = lens.rays(camera.width, camera.height, self._scene.num_worlds, camera.where)
-        if len(rays) > len(self._table):
+        if lens.spread and not own.spread:
+            raise WarpcamError(
+                f"{camera.where}: set_lens was given Rays with origins, and the renderer was built with a lens whose "
+                "rays all begin at the camera's position; build it with Rays that have origins"
+            )
+        packed, width = self._packed(lens, own.spread)
+        if len(packed) > len(self._table):
             raise WarpcamError(
                 f"{camera.where}: set_lens was given a lens for each world, and the renderer was built with one for "
                 "all; build it with a lens for each world"
             )
-        rays = np.broadcast_to(rays, (len(self._table), *rays.shape[1:]))
-        self._table.assign(pack_rays(rays))
-        self._handles.assign(self._handles_of(rays))
+        self._table.assign(np.broadcast_to(packed, self._table.shape))
+        self._handles.assign(self._handles_of(width))
 
-    def _handles_of(self, rays: np.ndarray) -> np.ndarray:
-        camera = self._camera
-        return handles(self._table.ptr or 0, len(rays), camera.width, camera.height, pixel_angle(rays[0]))
+    def _packed(self, lens: TableLens, spread: bool) -> tuple[np.ndarray, float]:
+        """A lens's tables, with room for where rays begin if they are ``spread``, and how wide a pixel is."""
+        size = (self._camera.width, self._camera.height, self._scene.num_worlds, self._camera.where)
+        rays = lens.rays(*size)
+        if not spread:
+            return pack_rays(rays), pixel_angle(rays[0])
+        rays, starts = np.broadcast_arrays(rays, lens.starts(*size))
+        return pack_spread(rays, starts), spread_width(rays[0], starts[0])
+
+    def _handles_of(self, width: float) -> np.ndarray:
+        count, floats = self._table.shape
+        return handles(self._table.ptr or 0, count, floats, self._camera.width, self._camera.height, width)
 
     def _make_lens(self, lens: Lens) -> None:
         camera, num_worlds = self._camera, self._scene.num_worlds

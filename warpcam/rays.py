@@ -1,19 +1,21 @@
 """Lenses that no formula of the trace has: fisheyes, distorted ones, any. Each is a table of one ray for each pixel.
 
-A table is made once, when the renderer is. Rays run from one point; ``near`` and ``far`` count along them.
+A table is made once, when the renderer is. Rays run from the camera's position, but where ``Rays`` is given other
+places; ``near`` and ``far`` count along them.
 """
 
 import math
 from abc import abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 import warp as wp
 
 from warpcam import interop
 from warpcam.accel.rays import MOST_PIXELS, table_floats
+from warpcam.accel.spread import spread_floats
 from warpcam.errors import WarpcamError
 from warpcam.lens import Lens, Projection
 
@@ -24,7 +26,9 @@ NEAR_ENOUGH = 1e-3  # pixels that it may lie aside
 class TableLens(Lens):
     """A lens that is a table of rays."""
 
-    projection: ClassVar[Projection] = "rays"
+    @property
+    def projection(self) -> Projection:
+        return "spread" if self.spread else "rays"
 
     def values(self, width: int, height: int) -> Mapping[str, tuple[Any, ...]]:
         return {}
@@ -38,9 +42,19 @@ class TableLens(Lens):
     def rays(self, width: int, height: int, num_worlds: int, where: str) -> np.ndarray:
         """(1 or world, height, width, 3) in the camera's frame, of any length; 0 sees nothing."""
 
+    @property
+    def spread(self) -> bool:
+        """Whether rays begin elsewhere than at the camera's position."""
+        return False
+
+    def starts(self, width: int, height: int, num_worlds: int, where: str) -> np.ndarray:
+        """(1 or world, height, width, 3) where rays begin, in the camera's frame [m]."""
+        return np.zeros((1, height, width, 3))
+
     def bytes(self, width: int, height: int, num_worlds: int) -> int:
         """What its tables take."""
-        return 4 * (table_floats(width, height) + 4) * (num_worlds if self.differs else 1)
+        floats = spread_floats(width, height) if self.spread else table_floats(width, height)
+        return 4 * (floats + 4) * (num_worlds if self.differs else 1)
 
 
 def check_table_size(lens: Lens | None, width: int, height: int, where: str) -> None:
@@ -54,30 +68,47 @@ def check_table_size(lens: Lens | None, width: int, height: int, where: str) -> 
 
 @dataclass(frozen=True, eq=False)
 class Rays(TableLens):
-    """Any camera whose rays run from one point.
+    """Any camera: a ray for each pixel.
 
     Attributes:
         directions: (height, width, 3), or (world, height, width, 3): where each pixel looks, in the camera's frame
             (-z ahead, +x right, +y up), of any length; numpy, torch or Warp. A pixel with (0, 0, 0) sees nothing. All
             directions are allowed, straight back, too.
+        origins: Of the same shapes: where each pixel's ray begins, in the camera's frame [m]. None: all at the camera's
+            position. A table with them is four times as large, and takes longer to trace.
     """
 
     directions: Any
+    origins: Any = None
 
     @property
     def differs(self) -> bool:
-        return len(_shape(self.directions)) == 4
+        return 4 in (len(_shape(self.directions)), 0 if self.origins is None else len(_shape(self.origins)))
+
+    @property
+    def spread(self) -> bool:
+        return self.origins is not None
+
+    def starts(self, width: int, height: int, num_worlds: int, where: str) -> np.ndarray:
+        if self.origins is None:
+            return super().starts(width, height, num_worlds, where)
+        return self._table(self.origins, width, height, num_worlds, f"{where}: lens Rays: origins")
 
     def rays(self, width: int, height: int, num_worlds: int, where: str) -> np.ndarray:
         where = f"{where}: lens Rays: directions"
-        given = _numbers(self.directions, where)
+        given = self._table(self.directions, width, height, num_worlds, where)
+        if not given.any():
+            raise WarpcamError(f"{where} are all 0: no pixel sees anything")
+        return given
+
+    @staticmethod
+    def _table(value: Any, width: int, height: int, num_worlds: int, where: str) -> np.ndarray:
+        given = _numbers(value, where)
         if given.shape not in ((height, width, 3), (num_worlds, height, width, 3)):
             raise WarpcamError(
                 f"{where} must have shape ({height}, {width}, 3) or ({num_worlds}, {height}, {width}, 3), for images "
                 f"of {width} x {height} pixels, got {given.shape}"
             )
-        if not given.any():
-            raise WarpcamError(f"{where} are all 0: no pixel sees anything")
         return given.reshape(-1, height, width, 3)
 
 

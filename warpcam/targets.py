@@ -126,7 +126,7 @@ class Target:
         if "albedo" in derived and visibility.paints(tables, projection, width, height, group.at_once, traced, device):
             traced["albedo"] = derived.pop("albedo")
         lit = {name: image for name, image in derived.items() if OUTPUTS[name].lit}
-        if projection == "rays":
+        if projection in visibility.TABLES:
             traced = _swapped(traced)
         depth, shape, face = (traced.pop(name, buffers.get(name)) for name in ("depth", "shape", "face"))
         shadows = buffers.get("shadow") if lit else None
@@ -209,7 +209,7 @@ class Target:
             blended = {name: self.images[name] for name in outputs}
             last.append(
                 splats.record(
-                    _swapped(blended) if projection == "rays" else blended,
+                    _swapped(blended) if projection in visibility.TABLES else blended,
                     projection,
                     tables,
                     views,

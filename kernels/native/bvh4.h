@@ -23,16 +23,6 @@ struct Hit {
     int face;
 };
 
-WARPCAM_FN Row load(const void* rows, unsigned index)
-{
-#if defined(__CUDA_ARCH__)
-    const int4 bits = __ldg(static_cast<const int4*>(rows) + index);
-    return { __int_as_float(bits.x), __int_as_float(bits.y), __int_as_float(bits.z), bits.w };
-#else
-    return static_cast<const Row*>(rows)[index];
-#endif
-}
-
 // So many faces of a leaf are loaded before the first is tested: memory is waited for less often, in more registers.
 constexpr int faces_together(int types) { return types >> MOVING & 1 ? 2 : 1; }
 

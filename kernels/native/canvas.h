@@ -160,8 +160,9 @@ template <int TYPES, int LENS, int OUTPUTS, class List, int TALL_, class Target,
             if (inside(i, j))
                 places.expect(target.trail, i, j);
         Hit hit { inside(i, j) ? camera.far : -1.0f, -1, -1 };
-        if (LENS == RAYS && ray(i, j).x >= BLIND)
-            hit.depth = -1.0f;
+        if constexpr (has_table(LENS))
+            if (is_blind(ray(i, j)))
+                hit.depth = -1.0f;
         if (!first_pass && inside(i, j) && target.shape.data[at(i, j)] >= 0)
             hit.depth = target.depth.data[at(i, j)];
         return hit;
@@ -185,7 +186,7 @@ template <int TYPES, int LENS, int OUTPUTS, class List, int TALL_, class Target,
         if (WHAT & FACE)
             target.face.data[pixel] = hit.face;
         if (WHAT & DISTANCE)
-            target.distance.data[pixel] = LENS == RAYS && hit.shape < 0 ? camera.miss : distance_of(hit, seen);
+            target.distance.data[pixel] = has_table(LENS) && hit.shape < 0 ? camera.miss : distance_of(hit, seen);
         if (WHAT & BODIES)
             target.bodies.data[pixel] = body_of<(OUTPUTS & BY_WORLD) != 0>(shapes, world, shape);
         if (WHAT & IDS)
@@ -212,7 +213,7 @@ template <int TYPES, int LENS, int OUTPUTS, class List, int TALL_, class Target,
 
     WARPCAM_FN float depth_of(const Hit& hit) const
     {
-        return hit.shape < 0 ? (LENS == RAYS ? infinity() : camera.miss) : hit.depth;
+        return hit.shape < 0 ? (has_table(LENS) ? infinity() : camera.miss) : hit.depth;
     }
 
     WARPCAM_FN int shape_of(const Hit& hit) const

@@ -35,7 +35,7 @@ template <int TYPES, int LENS, int OUTPUTS, class List, int TALL, class Target, 
 inline bool start_whole(const Canvas<TYPES, LENS, OUTPUTS, List, TALL, Target, Shapes, Places_>& canvas, int left, int top,
                         Rays& rays)
 {
-    if (LENS == RAYS || (OUTPUTS & FLOW_VALID) || !canvas.inside(left + TILE_WIDTH - 1, top + TILE_HEIGHT - 1))
+    if (has_table(LENS) || (OUTPUTS & FLOW_VALID) || !canvas.inside(left + TILE_WIDTH - 1, top + TILE_HEIGHT - 1))
         return false;
     const Camera camera = canvas.camera;  // a copy, which nothing that is written here may change
     for (int row = 0; row < TILE_HEIGHT; ++row)
@@ -56,7 +56,7 @@ inline void put_whole(const Canvas<TYPES, LENS, OUTPUTS, List, TALL, Target, Sha
 {
     constexpr int IN_ROWS = DEPTH | FACE | (names_slots(OUTPUTS) ? 0 : SHAPE);
     constexpr int PIXELWISE = SHAPE | DISTANCE | POINTS | BODIES | NORMAL | IDS | INSTANCES | SEMANTICS | FLOWS;
-    const float miss = LENS == RAYS ? infinity() : canvas.camera.miss;
+    const float miss = has_table(LENS) ? infinity() : canvas.camera.miss;
     static_assert(TILE_WIDTH == PACKET);
     for (int row = 0; row < TILE_HEIGHT; ++row) {
         const int lane = row * TILE_WIDTH;

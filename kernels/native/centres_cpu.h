@@ -117,6 +117,8 @@ template <int IMAGES, int WIDTH, int HEIGHT, class Target> struct CentresAtHand 
         const Floats b = depths_at(here);
         const auto turns = [&](unsigned step, float scale) {  // as Seen::turns_at()
             const Floats a = depths_at(here - step), c = depths_at(here + step);
+            if (LENS == SPREAD)
+                return is_bent(a, b, c, scale);
             if (LENS != ORTHOGRAPHIC)
                 return magnitude(b * (a + c) - 2.0f * a * c) > CREASE * scale * (a * c);
             return magnitude(a + c - 2.0f * b) > CREASE * scale;

@@ -1,6 +1,7 @@
 // Edges of an image, and which of its pixels shows what a sample beside a pixel's centre has hit.
 #pragma once
 #include "prepare.h"
+#include "sample_places.h"
 #if !defined(__CUDA_ARCH__)
 #include "eight.h"
 #endif
@@ -19,7 +20,6 @@ constexpr float STEEP = 8.0f;
 constexpr float TURNED = 2.0f;
 // How far beyond the depths around a sample is followed: parts of their range, and pixels' widths.
 constexpr float BEYOND = 2.5f, ASIDE = 4.0f;
-constexpr int SAMPLES = 4;  // of a pixel
 constexpr int ITSELF = 4;  // of the nine pixels around one
 constexpr unsigned EVERY_SAMPLE = (1u << SAMPLES) - 1;
 // Beside a pixel's samples: all pixels around that show its shape have about its colour.
@@ -27,21 +27,9 @@ constexpr unsigned PLAIN = 1u << SAMPLES;
 // Images: bits in the order of antialias.py.
 constexpr int SMOOTH_RGB = 1, SMOOTH_RGBA = 2, SMOOTH_HDR = 4;
 
-struct Offset {
-    float right, down;  // from the pixel's centre [pixels]
-};
-
 struct Neighbour {
     int right, down;  // of a pixel [pixels]
 };
-
-// Where OpenGL's implementations have a pixel's samples (antialias.py has the same numbers).
-WARPCAM_FN Offset sample_offset(int sample)
-{
-    const bool upright = sample == 0 || sample == 3;
-    const float sign = sample < 2 ? 1.0f : -1.0f;
-    return { sign * (upright ? -0.125f : 0.375f), sign * (upright ? 0.375f : 0.125f) };
-}
 
 // Which of the nine pixels around one is the k-th nearest to a sample, by its place beside the one in the middle.
 WARPCAM_FN Neighbour near_sample(Offset offset, int k)
@@ -66,13 +54,21 @@ struct Band {
         last = upper(last, depth);
     }
 
-    // With room for slopes that grow beyond the pixels' centres; `width` is that of a pixel at a depth of 1 m.
+    // With room for slopes that grow beyond the pixels' centres; `width` is that of a pixel at a depth of 1 m. What is
+    // widths_at() is written out here and below: of a call the compiler makes a second load of the width.
     template <int LENS> WARPCAM_FN Band widened(float width) const
     {
-        const float margin = BEYOND * (last - first) + ASIDE * width * (LENS != ORTHOGRAPHIC ? last : 1.0f);
+        const float margin = BEYOND * (last - first) + ASIDE * width * (LENS == SPREAD ? 1.0f + last : LENS != ORTHOGRAPHIC ? last : 1.0f);
         return { first - margin, last + margin };
     }
 };
+
+// Are three depths of spread rays not on one plane? They run apart, or begin apart: 1 / depth is linear, or depth.
+template <class Number> WARPCAM_FN auto is_bent(Number a, Number b, Number c, float width)
+{
+    const Number apart = CREASE * width * widths_at<SPREAD>(b);
+    return (magnitude(a + c - 2.0f * b) > apart) & (magnitude(b * (a + c) - 2.0f * a * c) > apart * b);
+}
 
 constexpr Band NOWHERE { FAR_AWAY, -FAR_AWAY };
 
@@ -81,7 +77,7 @@ constexpr Band NOWHERE { FAR_AWAY, -FAR_AWAY };
 template <int LENS> WARPCAM_FN bool is_behind(const Band& ground, const Band& others, bool sky, float width)
 {
     return !sky && others.last > 0.0f
-        && ground.first > others.last + ASIDE * width * (LENS != ORTHOGRAPHIC ? others.last : 1.0f);
+        && ground.first > others.last + ASIDE * width * (LENS == SPREAD ? 1.0f + others.last : LENS != ORTHOGRAPHIC ? others.last : 1.0f);
 }
 
 // A pixel's colour of 8 bits a channel; alpha is 0 where only rgb is smoothed.
@@ -204,6 +200,8 @@ template <int LENS, class Centres> struct Seen {
     }
     WARPCAM_FN bool turns_at(float a, float b, float c, float scale) const
     {
+        if (LENS == SPREAD)
+            return is_bent(a, b, c, scale);
         if (LENS != ORTHOGRAPHIC)
             return magnitude(b * (a + c) - 2.0f * a * c) > CREASE * scale * (a * c);
         return magnitude(a + c - 2.0f * b) > CREASE * scale;
@@ -309,7 +307,7 @@ template <int LENS, class Centres> struct Seen {
     WARPCAM_FN float apart(unsigned pixel, float hit_depth) const
     {
         return magnitude(depth(pixel) - hit_depth)
-            * reciprocal(STEEP * scale_x * (LENS != ORTHOGRAPHIC ? hit_depth : 1.0f));
+            * reciprocal(STEEP * scale_x * widths_at<LENS>(hit_depth));
     }
 
     // Which of the nine pixels around shows what a sample of pixel (i, j) has hit: the nearest by place and, of a shape

@@ -37,13 +37,13 @@ WARPCAM_FN Mist haze_along(float along, float down, float above, float width, fl
     return { t * radius, height < middle ? height / middle : (1.0f - height) / (1.0f - middle) };
 }
 
-// `ray` is along the world's axes and reaches a planar depth of 1.
+// `ray` begins at the eye, is along the world's axes and reaches a depth of 1.
 template <class Scene_>
-WARPCAM_FN Mist haze_of(const Scene_& scene, const Camera& camera, int world, Vec ray)
+WARPCAM_FN Mist haze_of(const Scene_& scene, Vec eye, int world, Vec ray)
 {
     const auto& haze = scene.frame.haze;
     const auto r = wp::index(scene.shapes.rotations, world, haze.plane);
-    const Vec away = camera.origin - to_vec(wp::index(scene.shapes.positions, world, haze.plane));
+    const Vec away = eye - to_vec(wp::index(scene.shapes.positions, world, haze.plane));
     const Vec normal { r.data[0][2], r.data[1][2], r.data[2][2] };
     const auto size = row_of(scene.shapes.sizes, world, haze.plane);
     if (size[0] > 0.0f || size[1] > 0.0f || opacity(scene.shapes, scene.materials, world, haze.plane) == 0.0f)

@@ -182,6 +182,16 @@ inline void trace_height_field(const HeightFields& fields, const Record& record,
             ray = { o.x, o.y, o.z, rate * across_x + back * ax.z, rate * across_y + back * ay.z,
                     rate * across_z + back * az.z };
         }
+        if constexpr (LENS == SPREAD)
+            for (int k = 0; k < PACKET; ++k) {
+                const Ray one = ViewRay<LENS> { x[k], y[k] }.local(record);
+                ray.ox[k] = one.origin.x;
+                ray.oy[k] = one.origin.y;
+                ray.oz[k] = one.origin.z;
+                ray.dx[k] = one.direction.x;
+                ray.dy[k] = one.direction.y;
+                ray.dz[k] = one.direction.z;
+            }
         walk_packet(fields, record, ray, nears, hit);
         __builtin_memcpy(&shape, rays.shape + lane, sizeof shape);
         __builtin_memcpy(&face, rays.face + lane, sizeof face);

@@ -23,6 +23,10 @@ template <int LENS> WARPCAM_FN float distance_of(const Hit& hit, const ViewRay<L
 {
     if constexpr (LENS == RAYS)
         return hit.shape >= 0 ? -hit.depth * seen.direction().z : infinity();
+    if constexpr (LENS == SPREAD) {
+        const Beam beam = seen.beam();
+        return hit.shape >= 0 ? -(beam.start.z + hit.depth * beam.direction.z) : infinity();
+    }
     if (LENS != PINHOLE)
         return hit.shape >= 0 ? hit.depth : infinity();
 #if defined(__CUDA_ARCH__)  // the compiler would choose, at each place where a pixel is written, which square is rounded
@@ -39,6 +43,10 @@ template <int LENS> WARPCAM_FN Vec point_of(const Hit& hit, const Camera& camera
         return { infinity(), infinity(), infinity() };
     if constexpr (LENS == RAYS)
         return camera.origin + turned(camera.rotation, hit.depth * seen.direction());
+    if constexpr (LENS == SPREAD) {
+        const Beam beam = seen.beam();
+        return camera.origin + turned(camera.rotation, beam.start + hit.depth * beam.direction);
+    }
     const float near = LENS == PINHOLE ? hit.depth : 1.0f;
     return camera.origin + turned(camera.rotation, { near * seen.x, near * seen.y, -hit.depth });
 }

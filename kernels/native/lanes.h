@@ -38,6 +38,16 @@ struct alignas(16) Row {
     int w;
 };
 
+WARPCAM_FN Row load(const void* rows, unsigned index)
+{
+#if defined(__CUDA_ARCH__)
+    const int4 bits = __ldg(static_cast<const int4*>(rows) + index);
+    return { __int_as_float(bits.x), __int_as_float(bits.y), __int_as_float(bits.z), bits.w };
+#else
+    return static_cast<const Row*>(rows)[index];
+#endif
+}
+
 struct alignas(8) Pair {
     float x, y;
 };

@@ -81,7 +81,7 @@ template <int LENS> struct Sight {
         return { depth * r.x + along.x, depth * r.y + along.y, depth * r.z + along.z };
     }
 
-    WARPCAM_FN Vec along_of(Vec point) const  // the way the ray to a point runs
+    WARPCAM_FN Vec along_of(Vec point, float, float) const  // the way the ray to a point runs, through column i and row j
     {
         return LENS == ORTHOGRAPHIC ? along : Vec { point.x - along.x, point.y - along.y, point.z - along.z };
     }
@@ -99,7 +99,24 @@ template <> struct Sight<RAYS> {
         return along + depth * (d.x * right + d.y * up + d.z * back);
     }
 
-    WARPCAM_FN Vec along_of(Vec point) const { return point - along; }
+    WARPCAM_FN Vec along_of(Vec point, float, float) const { return point - along; }
+};
+
+// The same where they do not.
+template <> struct Sight<SPREAD> {
+    Vec right, up, back;
+    Vec along;  // where the camera is
+    Camera camera;
+
+    WARPCAM_FN Vec point(float i, float j, float depth) const
+    {
+        const Beam beam = spread_ray(camera, int(i), int(j)).beam();
+        return along + axes(beam.start + depth * beam.direction);
+    }
+
+    WARPCAM_FN Vec along_of(Vec, float i, float j) const { return axes(spread_ray(camera, int(i), int(j)).direction()); }
+
+    WARPCAM_FN Vec axes(Vec v) const { return v.x * right + v.y * up + v.z * back; }
 };
 
 // Points from the camera, along the world's axes.
@@ -108,7 +125,7 @@ template <int LENS> WARPCAM_FN Sight<LENS> sight_of(const Camera& camera)
     const Matrix& r = camera.rotation;
     const Vec right { r.at[0][0], r.at[1][0], r.at[2][0] }, up { r.at[0][1], r.at[1][1], r.at[2][1] };
     const Vec forward { -r.at[0][2], -r.at[1][2], -r.at[2][2] };
-    if constexpr (LENS == RAYS) {
+    if constexpr (has_table(LENS)) {
         return { right, up, -forward, { 0.0f, 0.0f, 0.0f }, camera };
     } else {
         const float x = image_x(camera, 0.0f), y = image_y(camera, 0.0f);
@@ -124,7 +141,7 @@ template <int LENS> WARPCAM_FN Sight<LENS> sight_of(const Camera& camera)
 template <int LENS> WARPCAM_FN Sight<LENS> lit_sight(const LightView& light, const Sight<LENS>& sight)
 {
     const auto turned = [&](Vec a) { return Vec { dot(light.u, a), dot(light.v, a), dot(light.w, a) }; };
-    if constexpr (LENS == RAYS) {
+    if constexpr (has_table(LENS)) {
         const Vec start = light.distant ? Vec { 0.0f, 0.0f, 0.0f } : -turned(light.aim);
         return { turned(sight.right), turned(sight.up), turned(sight.back), start, sight.camera };
     } else {

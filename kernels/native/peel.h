@@ -66,7 +66,9 @@ WARPCAM_FN Footprint footprint_at(const Looks& look, const Scene_& scene, const 
 {
     const Pose& pose = look.pose;
     const Vec ray = pose.local(ViewRay<LENS> { x, y }.direction());
-    const Vec local = pose.eye() + (LENS == ORTHOGRAPHIC ? pose.local({ x, y, -hit.depth }) : hit.depth * ray);
+    Vec local = pose.eye() + (LENS == ORTHOGRAPHIC ? pose.local({ x, y, -hit.depth }) : hit.depth * ray);
+    if constexpr (LENS == SPREAD)
+        local = local + pose.local(ViewRay<LENS> { x, y }.beam().start);
     const Surface surface = surface_at<TYPES>(pose, scene.meshes, scene.fields, hit.face, local, ray);
     const Vec right = pose.local(step_right<LENS>(camera, x, y, hit.depth));
     const Vec down = pose.local(step_down<LENS>(camera, x, y, hit.depth));

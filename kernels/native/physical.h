@@ -23,7 +23,9 @@ WARPCAM_FN Vec shade_physically(const Looks& look, const LampList& list, const S
         = paint_at<TYPES, LENS, MAPS>(look, scene.meshes, scene.textures, camera, x, y, surface, ray, depth, color,
                                       normal);
     normal = look.pose.seen(normal);
-    const Vec to_eye = LENS != ORTHOGRAPHIC ? -normalized(place) : Vec { 0.0f, 0.0f, 1.0f };
+    Vec to_eye = LENS != ORTHOGRAPHIC ? -normalized(place) : Vec { 0.0f, 0.0f, 1.0f };
+    if constexpr (LENS == SPREAD)
+        to_eye = -ViewRay<LENS> { x, y }.direction();
     const float slant = dot(normal, to_eye), eye_cosine = upper(magnitude(slant), 1.0e-4f);
     Vec light = paint.glow, around { 0.0f, 0.0f, 0.0f };
 #pragma unroll 1

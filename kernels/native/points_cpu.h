@@ -20,7 +20,7 @@ inline Vecs points_of(const Sight<ORTHOGRAPHIC>& s, Floats i, Floats j, Floats d
              s.start.z + i * s.across.z + j * s.down.z + depth * s.along.z };
 }
 
-inline Vecs points_of(const Sight<RAYS>& s, Floats i, Floats j, Floats depth)
+template <int LENS> inline Vecs points_of(const Sight<LENS>& s, Floats i, Floats j, Floats depth)  // of a table
 {
     Vecs points;
     for (int k = 0; k < PACKET; ++k)
@@ -43,12 +43,15 @@ struct Points {
     Floats near[ROWS], reach[ROWS];
     Ints asked[ROWS], open[ROWS];  // true: asks; and is not shaded yet
     int ids[LANES], faces[LANES];
+    int left, top;  // the tile's first pixel
 
     // Loads the points of a tile, whose first pixel is `first`; false if none asks. With `fresh` their masks are cleared.
     template <bool FACES, int LENS, class Target>
     bool load(const LitView<LENS>& view, const Target& target, size_t first, int left, int top, unsigned bit, bool fresh)
     {
         static_assert(TILE_WIDTH == PACKET && TILE_HEIGHT == ROWS);
+        this->left = left;
+        this->top = top;
         const Floats i = float(left) + Floats { 0, 1, 2, 3, 4, 5, 6, 7 };
         for (int row = 0; row < ROWS; ++row) {
             const size_t start = first + size_t(row) * target.width;

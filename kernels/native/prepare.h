@@ -265,6 +265,35 @@ WARPCAM_FN TileBox ray_tiles(const Camera& camera, const Region& region, Vec cen
              static_cast<signed char>(bottom) };
 }
 
+// The same of spread rays, and a ball.
+WARPCAM_FN TileBox spread_tiles(const Camera& camera, const Region& region, Vec center, float radius)
+{
+    const int across = region.width / TILE_WIDTH, down = region.height / TILE_HEIGHT;
+    int left = across, right = -1, top = down, bottom = -1;
+#pragma unroll 1
+    for (int row = 0; row < down; ++row)
+#pragma unroll 1
+        for (int column = 0; column < across; ++column) {
+            const Row* tile = tile_starts(camera, region.left / TILE_WIDTH + column, region.top / TILE_HEIGHT + row);
+            const Row cone = load(tile, 0), starts = load(tile, 1);
+            const Vec offset { center.x - starts.x, center.y - starts.y, center.z - starts.z };
+            const float length = root(dot(offset, offset)), reach = radius + as_float(starts.w) + 1.0e-5f * (length + radius);
+            if (length > reach) {  // no ray begins within
+                const float sine = reach / length, cosine = root(1.0f - sine * sine);
+                const float wide = as_float(cone.w), narrow = root(upper(1.0f - wide * wide, 0.0f));
+                const float least = wide <= -cosine ? -2.0f : wide * cosine - narrow * sine - 5.0e-5f;
+                if (dot(offset, { cone.x, cone.y, cone.z }) < least * length)
+                    continue;
+            }
+            left = lower_int(left, column);
+            right = column > right ? column : right;
+            top = lower_int(top, row);
+            bottom = row;
+        }
+    return { static_cast<signed char>(left), static_cast<signed char>(top), static_cast<signed char>(right),
+             static_cast<signed char>(bottom) };
+}
+
 // A shape's box and the scale that makes it a unit shape.
 struct ShapeForm {
     Extent extent;
@@ -318,11 +347,26 @@ WARPCAM_FN Visible place(const Shape& shape, const ShapeForm& form, const Camera
         float farthest = depth + reach + slack;
         if constexpr (LENS == RAYS)
             distances(offset, e, nearest, farthest);
+        if constexpr (LENS == SPREAD) {
+            const Row s = all_starts(camera);
+            const Vec from { m.at[0][0] * s.x + m.at[0][1] * s.y + m.at[0][2] * s.z,
+                             m.at[1][0] * s.x + m.at[1][1] * s.y + m.at[1][2] * s.z,
+                             m.at[2][0] * s.x + m.at[2][1] * s.y + m.at[2][2] * s.z };
+            distances({ offset.x - from.x, offset.y - from.y, offset.z - from.z }, e, nearest, farthest);
+            nearest = upper(nearest - as_float(s.w), 0.0f);
+            farthest += as_float(s.w);
+        }
         if (farthest < camera.near || nearest > camera.far)
             return HIDDEN;
         if constexpr (LENS == RAYS) {
             if (BOXES) {
                 tiles = ray_tiles(camera, region, center, m, e);
+                if (tiles.left > tiles.right)
+                    return HIDDEN;
+            }
+        } else if constexpr (LENS == SPREAD) {
+            if (BOXES) {
+                tiles = spread_tiles(camera, region, center, root(dot(e, e)));
                 if (tiles.left > tiles.right)
                     return HIDDEN;
             }
@@ -352,7 +396,7 @@ WARPCAM_FN Visible place(const Shape& shape, const ShapeForm& form, const Camera
                 return HIDDEN;
         }
     }
-    if (LENS != ORTHOGRAPHIC && shape.type == PLANE && !(o.z > 0.0f))
+    if (has_centre(LENS) && shape.type == PLANE && !(o.z > 0.0f))
         return HIDDEN;  // seen from below
 
     record.axis_x = { m.at[0][0] * scale.x, m.at[0][1] * scale.x, m.at[0][2] * scale.x, shape.type };

@@ -10,7 +10,14 @@ enum ShapeType {
     SHADING_BACKS, MOVING, GLASS, FROM_ABOVE, BARE,
     MIDDLE_FIRST, SHUTTERED, PROJECTED, TRIPLANAR, SHEER, LIT_NORMALS
 };
-enum Lens { PINHOLE, ORTHOGRAPHIC, RAYS };  // RAYS: from a table, see ray_table.h
+// RAYS: from a table, see ray_table.h; SPREAD: likewise, and each begins at a place of its own, see spread_rays.h.
+enum Lens { PINHOLE, ORTHOGRAPHIC, RAYS, SPREAD };
+
+// Rays that have unit directions, and distances along them in place of planar depths.
+constexpr bool has_table(int lens) { return lens == RAYS || lens == SPREAD; }
+
+// Rays that all begin where the camera is.
+constexpr bool has_centre(int lens) { return lens == PINHOLE || lens == RAYS; }
 
 // The rows take camera coordinates to the shape's own, in which spheres and ellipsoids are the unit sphere, boxes
 // the cube of half width 1, cylinders and cones have radius and half length 1, capsules radius 1, barrels end radius 1;

@@ -176,9 +176,9 @@ WARPCAM_FN void resolve(const Scene_& scene, const Lights& lights, int index)
         }
         go_to<WIDTH, FACTS>(pixel, frame, first, left, top, tile);
         if ((FACTS & WHOLE_REGIONS) || (pixel.width > 0 && pixel.height > 0)) {
-            if constexpr (LENS == RAYS)
+            if constexpr (has_table(LENS))
                 resolve_pixel<TYPES, LENS, HELD, IMAGES, OWN_FACTS>(looks, list, scene,
-                    camera_at(kept_camera, pixel.column, pixel.row), veils, region, world, pixel, found);
+                    camera_at<LENS>(kept_camera, pixel.column, pixel.row), veils, region, world, pixel, found);
             else
                 resolve_pixel<TYPES, LENS, HELD, IMAGES, OWN_FACTS>(looks, list, scene, kept_camera, veils, region, world, pixel, found);
         }
@@ -236,9 +236,9 @@ WARPCAM_FN void resolve(const Scene_& scene, const Lights& lights, int index)
                 const Found found = find<TYPES, IMAGES, FACTS>(frame, pixel);
                 if (found.shape >= 0)
                     make_look(found.shape);
-                if constexpr (LENS == RAYS)
+                if constexpr (has_table(LENS))
                     resolve_pixel<TYPES, LENS, HELD, IMAGES, FACTS>(looks, list, scene,
-                        camera_at(kept_camera, pixel.column, pixel.row), veils, region, world, pixel, found);
+                        camera_at<LENS>(kept_camera, pixel.column, pixel.row), veils, region, world, pixel, found);
                 else
                     resolve_pixel<TYPES, LENS, HELD, IMAGES, FACTS>(looks, list, scene, kept_camera, veils, region, world, pixel, found);
             }

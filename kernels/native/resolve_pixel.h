@@ -170,7 +170,10 @@ WARPCAM_FN void resolve_pixel(const Looks* looks, const List& lights, const Scen
             const Vec ray = turned(camera.rotation, ViewRay<LENS> { x, y }.direction());
             sky = skybox_depth(ray, frame.haze.radius);
             seen = hit && solid.depth < sky;
-            mist = haze_of(scene, camera, world, ray);
+            Vec eye = camera.origin;
+            if constexpr (LENS == SPREAD)
+                eye = eye + turned(camera.rotation, ViewRay<LENS> { x, y }.beam().start);
+            mist = haze_of(scene, eye, world, ray);
         }
         if (!seen) {
             shown.linear = shown.display = FACTS & MIRRORED

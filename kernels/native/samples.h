@@ -110,12 +110,6 @@ WARPCAM_FN bool sample_record(const Shapes& shapes, const Meshes& meshes, const 
     return seen;
 }
 
-template <int LENS> WARPCAM_FN ViewRay<LENS> sample_ray(const Camera& camera, int i, int j, int sample)
-{
-    const Offset offset = sample_offset(sample);
-    return view_ray<LENS>(camera, i, j, offset.right, offset.down);
-}
-
 template <class Meshes> WARPCAM_FN Vec face_normal(const Meshes& meshes, unsigned first, int face)
 {
     const unsigned row = first + unsigned(face * FACE_ROWS);

@@ -147,10 +147,21 @@ WARPCAM_FN Vertex vertex_at(Vec place, Vec normal)
     return vertex;
 }
 
+// The same as a ray sees it that does not begin there, but at `eye`.
+struct SpreadVertex: Vertex {
+    Vec place;
+};
+
+WARPCAM_FN SpreadVertex vertex_at(Vec place, Vec normal, Vec eye) { return { vertex_at(place - eye, normal), place }; }
+
+// From a corner to a place.
+WARPCAM_FN Vec from_vertex(const Vertex& vertex, Vec place) { return place + vertex.reach * vertex.to_eye; }
+WARPCAM_FN Vec from_vertex(const SpreadVertex& vertex, Vec place) { return place - vertex.place; }
+
 // A spot's strength at a corner, before its cone.
-WARPCAM_FN float faded(const Light& light, const Vertex& vertex)
+template <class Vertex_> WARPCAM_FN float faded(const Light& light, const Vertex_& vertex)
 {
-    const Vec offset = to_vec(light.place) + vertex.reach * vertex.to_eye;
+    const Vec offset = from_vertex(vertex, to_vec(light.place));
     const float distance = root(dot(offset, offset));
     return reciprocal(upper(light.falloff.x + distance * (light.falloff.y + distance * light.falloff.z), 1.0e-12f));
 }
@@ -166,11 +177,12 @@ struct Arrival {
     float strength, facing;
 };
 
-template <bool IS_SPOT> WARPCAM_FN Arrival arrival_of(const Light& light, const Vertex& vertex, float strength)
+template <bool IS_SPOT, class Vertex_>
+WARPCAM_FN Arrival arrival_of(const Light& light, const Vertex_& vertex, float strength)
 {
     Arrival arrival { to_vec(light.place), strength, 0.0f };
     if (IS_SPOT) {
-        const Vec offset = arrival.to_light + vertex.reach * vertex.to_eye;
+        const Vec offset = from_vertex(vertex, arrival.to_light);
         arrival.to_light = inverse_root(dot(offset, offset)) * offset;
         const float along = -dot(arrival.to_light, to_vec(light.axis));
         arrival.strength = along >= as_float(light.axis.w)
@@ -232,8 +244,8 @@ WARPCAM_FN Vec always_on(const LightList& list, const Finish& finish)
                                              finish.gloss.x + list.ambient.z });
 }
 
-template <bool IS_SPOT, int CORNERS, bool SHADOWS, class Sum>
-WARPCAM_FN void add_light(const Light& light, float strength, const Vertex* corners, const float* weights,
+template <bool IS_SPOT, int CORNERS, bool SHADOWS, class Vertex_, class Sum>
+WARPCAM_FN void add_light(const Light& light, float strength, const Vertex_* corners, const float* weights,
                           const Finish& finish, Glow<Sum>* glows, Lit& casting)
 {
     Arrival arrivals[CORNERS];
@@ -263,15 +275,15 @@ WARPCAM_FN void add_light(const Light& light, float strength, const Vertex* corn
     }
 }
 
-template <int CORNERS, bool SHADOWS, class Sum>
-WARPCAM_FN Lit illuminate_as(const LightList& list, const Facet& facet, const Finish& finish, int shadow)
+template <int CORNERS, bool SHADOWS, class Sum, class... Eye_>
+WARPCAM_FN Lit illuminate_as(const LightList& list, const Facet& facet, const Finish& finish, int shadow, Eye_... eye)
 {
     const float weights[3] = { 1.0f - facet.weight1 - facet.weight2, facet.weight1, facet.weight2 };
-    Vertex corners[CORNERS];
+    decltype(vertex_at(facet.place[0], facet.normal[0], eye...)) corners[CORNERS];
     Glow<Sum> glows[CORNERS];
 #pragma unroll
     for (int k = 0; k < CORNERS; ++k) {
-        corners[k] = vertex_at(facet.place[k], facet.normal[k]);
+        corners[k] = vertex_at(facet.place[k], facet.normal[k], eye...);
         glows[k] = {};
     }
     Lit lit { { 0.0f, 0.0f, 0.0f }, { 0.0f, 0.0f, 0.0f } };
@@ -295,13 +307,13 @@ WARPCAM_FN Lit illuminate_as(const LightList& list, const Facet& facet, const Fi
 }
 
 // The light of a facet's corners, or with CORNERS == 1 of its place. Bit l of `shadow` says that light l, of
-// those that are kept, does not reach it.
-template <int CORNERS, bool SHADOWS>
-WARPCAM_FN Lit illuminate(const LightList& list, const Facet& facet, const Finish& finish, int shadow)
+// those that are kept, does not reach it. `eye`: where the ray begins that sees it, if not where the camera is.
+template <int CORNERS, bool SHADOWS, class... Eye_>
+WARPCAM_FN Lit illuminate(const LightList& list, const Facet& facet, const Finish& finish, int shadow, Eye_... eye)
 {
     if (list.colored)
-        return illuminate_as<CORNERS, SHADOWS, Vec>(list, facet, finish, shadow);
-    return illuminate_as<CORNERS, SHADOWS, float>(list, facet, finish, shadow);
+        return illuminate_as<CORNERS, SHADOWS, Vec>(list, facet, finish, shadow, eye...);
+    return illuminate_as<CORNERS, SHADOWS, float>(list, facet, finish, shadow, eye...);
 }
 
 }  // namespace warpcam

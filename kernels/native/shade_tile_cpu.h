@@ -100,8 +100,10 @@ inline void shade_points_by_meshes(const List& list, const LitView<LENS>& view, 
                 for (unsigned asked = met & ~(known >> row * PACKET); asked; asked &= asked - 1) {
                     const int lane = row * PACKET + lowest_bit(asked);
                     const Vec point = points.point(lane);
+                    const Vec sight = view.sight.along_of(point, float(points.left + lane % TILE_WIDTH),
+                                                          float(points.top + lane / TILE_WIDTH));
                     const Facing one = face_light<TYPES>(shapes, meshes, world, points.ids[lane], points.faces[lane], light,
-                                                         view.origin, view.sight.along_of(point), point);
+                                                         view.origin, sight, point);
                     facing |= unsigned(one.front) << lane;
                 }
                 known |= met << row * PACKET;

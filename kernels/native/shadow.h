@@ -159,7 +159,7 @@ WARPCAM_FN void cast_light(List& list, const Task<LENS>& task, const Shapes& sha
             const Record& record = list.records[slot];
             const Ray ray = look_back(record, list.aims[slot], p, view.light.distant);
             if (keep && record.axis_y.w == id) {
-                const Vec sight = WorldRay::turned(record, view.sight.along_of(p), { 0.0f, 0.0f, 0.0f });
+                const Vec sight = WorldRay::turned(record, view.sight.along_of(p, i, j), { 0.0f, 0.0f, 0.0f });
                 const Facing facing = face_light<TYPES>(meshes, record.axis_z.w, target.face.data[at], view.light.distant,
                                                         { to_vec(list.aims[slot]), ray.direction, sight });
                 keep = (facing.front || view.dims) && (!facing.clear || others_met(list, met, slot));

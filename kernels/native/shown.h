@@ -78,9 +78,9 @@ WARPCAM_FN Vec texture_color(const Looks& look, const Meshes& meshes, const Text
         return { 1.0f, 1.0f, 1.0f };
     const Pose& pose = look.pose;
     const float stretch = LENS == PINHOLE ? depth : 1.0f;
-    Vec right = LENS == RAYS ? pose.local(step_right<LENS>(camera, x, y, depth))
+    Vec right = has_table(LENS) ? pose.local(step_right<LENS>(camera, x, y, depth))
                                    : stretch * camera.scale_x * Vec { pose.axis_x.x, pose.axis_y.x, pose.axis_z.x };
-    Vec down = LENS == RAYS ? pose.local(step_down<LENS>(camera, x, y, depth))
+    Vec down = has_table(LENS) ? pose.local(step_down<LENS>(camera, x, y, depth))
                                   : -stretch * camera.scale_y * Vec { pose.axis_x.y, pose.axis_y.y, pose.axis_z.y };
     if (layout.cube) {
         const CubeMapping mapping = map_cube<TYPES>(pose, layout, surface);
@@ -132,7 +132,12 @@ WARPCAM_FN void resolve_surface(const Looks& look, const List& lights, const Sce
             place = depth * ViewRay<LENS> { x, y }.direction();
             ray = pose.local(ViewRay<LENS> { x, y }.direction());
         }
-        const Vec local = pose.eye() + (LENS != ORTHOGRAPHIC ? depth * ray : pose.local(place));
+        if constexpr (LENS == SPREAD) {
+            const Beam beam = ViewRay<LENS> { x, y }.beam();
+            place = beam.start + depth * beam.direction;
+            ray = pose.local(beam.direction);
+        }
+        const Vec local = pose.eye() + (has_centre(LENS) ? depth * ray : pose.local(place));
         surface = surface_at<TYPES>(pose, scene.meshes, scene.fields, found.face, local, ray);
     }
     if constexpr (Wants::TURNED) {
@@ -176,8 +181,14 @@ WARPCAM_FN void resolve_surface(const Looks& look, const List& lights, const Sce
             Facet facet;
             facet_at<TYPES>(look, scene.meshes, surface, place, facet, !on.inside);
             const bool three = (TYPES & (1 << PLANE | 1 << HEIGHT_FIELD | 1 << BOX | 1 << MESH)) && any_lane(facet.three);
-            lit = three ? illuminate<3, SHADOWS>(lights, facet, look.finish, shadow)
-                        : illuminate<1, SHADOWS>(lights, facet, look.finish, shadow);
+            const auto lit_from = [&](auto... eye) {
+                return three ? illuminate<3, SHADOWS>(lights, facet, look.finish, shadow, eye...)
+                             : illuminate<1, SHADOWS>(lights, facet, look.finish, shadow, eye...);
+            };
+            if constexpr (LENS == SPREAD)
+                lit = lit_from(ViewRay<LENS> { x, y }.beam().start);
+            else
+                lit = lit_from();
         }
         if constexpr (BY_CORNERS)
             if (any_lane(on.inside)) {

@@ -46,7 +46,7 @@ template <class Shapes> inline Spheres load_spheres(const Shapes& shapes, int wo
 // Those that a region of a view may show, a bit each.
 template <int LENS> inline unsigned spheres_in(const Spheres& s, const Camera& camera, const Region& region)
 {
-    if constexpr (LENS == RAYS)
+    if constexpr (has_table(LENS))
         return s.there;
     const Matrix& r = camera.rotation;
     const Vecs offset = s.at - eight_of(camera.origin);

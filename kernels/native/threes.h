@@ -17,7 +17,7 @@ WARPCAM_FN void find_points(const Camera& camera, const ViewRay<LENS> (&rays)[TA
     const Vec start = LENS == PINHOLE ? rays[0].x * right - back : camera.origin + rays[0].x * right;
     for (int k = 0; k < TALL; ++k) {
         const Vec along = start + rays[k].y * up;
-        points[k] = LENS == RAYS ? point_of(hits[k], camera, rays[k])
+        points[k] = has_table(LENS) ? point_of(hits[k], camera, rays[k])
             : LENS == PINHOLE    ? camera.origin + hits[k].depth * along
                                  : along - hits[k].depth * back;
         const bool missed = MISSES && hits[k].shape < 0;

@@ -290,11 +290,41 @@ template <int CAPACITY> inline void pick_row(const ShapeList<CAPACITY>& list, in
     picked.count = count;
 }
 
+// A tile's rays as shapes are tested against them.
+template <int LENS> struct RayLanes {
+    const Rays& rays;
+
+    Ray local(const Record& record, int lane) const { return ViewRay<LENS> { rays.x[lane], rays.y[lane] }.local(record); }
+};
+
+// Spread ones are read first, or what follows would not become vector code.
+template <> struct RayLanes<SPREAD> {
+    float start[3][LANES], direction[3][LANES];
+
+    explicit RayLanes(const Rays& rays)
+    {
+        for (int lane = 0; lane < LANES; ++lane) {
+            const Beam beam = ViewRay<SPREAD> { rays.x[lane], rays.y[lane] }.beam();
+            for (int axis = 0; axis < 3; ++axis) {
+                start[axis][lane] = component(beam.start, axis);
+                direction[axis][lane] = component(beam.direction, axis);
+            }
+        }
+    }
+
+    Ray local(const Record& record, int lane) const
+    {
+        return local_of({ { start[0][lane], start[1][lane], start[2][lane] },
+                          { direction[0][lane], direction[1][lane], direction[2][lane] } }, record);
+    }
+};
+
 template <int TYPE, int LENS, class Near> inline void trace_shape(const Record& record, const Near& near, Rays& rays)
 {
     const Record r = record;
+    const RayLanes<LENS> lanes { rays };
     for (int lane = 0; lane < LANES; ++lane) {
-        const float t = enter<TYPE>(r, ViewRay<LENS> { rays.x[lane], rays.y[lane] }.local(r));
+        const float t = enter<TYPE>(r, lanes.local(r, lane));
         const bool closer = (t < rays.depth[lane]) & (t > near.at(lane));
         rays.depth[lane] = closer ? t : rays.depth[lane];
         rays.shape[lane] = closer ? r.axis_y.w : rays.shape[lane];

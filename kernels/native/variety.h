@@ -44,8 +44,12 @@ WARPCAM_FN Vec background_color(const Textures& textures, const Background& back
     if ((FACTS & HAS_SKYBOX) && image.levels > 0) {
         const Vec none { 0.0f, 0.0f, 0.0f };
         const Vec ray = turned(camera.rotation, ViewRay<LENS> { x, y }.direction());
-        const Vec right = LENS == ORTHOGRAPHIC ? none : turned(camera.rotation, step_right<LENS>(camera, x, y, 1.0f));
-        const Vec down = LENS == ORTHOGRAPHIC ? none : turned(camera.rotation, step_down<LENS>(camera, x, y, 1.0f));
+        Vec right = LENS == ORTHOGRAPHIC ? none : turned(camera.rotation, step_right<LENS>(camera, x, y, 1.0f));
+        Vec down = LENS == ORTHOGRAPHIC ? none : turned(camera.rotation, step_down<LENS>(camera, x, y, 1.0f));
+        if constexpr (LENS == SPREAD) {  // it is too far away to tell where they begin
+            right = turned(camera.rotation, ViewRay<LENS> { x, y }.across().direction);
+            down = turned(camera.rotation, ViewRay<LENS> { x, y }.down().direction);
+        }
         return sample_cube(textures.texels.data, image, { ray.x, ray.z, -ray.y }, { right.x, right.z, -right.y },
                            { down.x, down.z, -down.y });
     }

@@ -1,4 +1,4 @@
-"""Bundles of rays for Newton's camera sensors: lenses that they are found to be, and several places they come from."""
+"""Bundles of rays for Newton's camera sensors: lenses that they are found to be, and places that they come from."""
 
 from typing import Any
 
@@ -37,13 +37,13 @@ def zoo(device: wp.Device) -> tuple[Any, Any]:
 
 @pytest.mark.parametrize(("width", "height"), [(24, 16), (1, 1), (1, 7), (7, 1)])
 def test_lenses_are_found_in_rays(width: int, height: int) -> None:
-    from warpcam.compat.newton.rays import read_bundles
+    from warpcam.compat.newton.rays import read_bundle
 
     rays = SensorCamera.compute_camera_rays_pinhole(
         width, height, focal_length=24.0, horizontal_aperture=20.0, vertical_aperture=15.0,
         horizontal_aperture_offset=2.0, vertical_aperture_offset=-1.0, device="cpu",
     ).numpy()  # fmt: skip
-    (bundle,) = read_bundles(rays)
+    bundle = read_bundle(rays)
     fx, fy, cx, cy = bundle.numbers
     column, row = np.meshgrid(np.arange(width) + 0.5, np.arange(height) + 0.5)
     slopes = rays[:, :, 0, 1, :2] / -rays[:, :, 0, 1, 2:]
@@ -66,12 +66,23 @@ def bundle(kind: str) -> np.ndarray:
         rays[:, :, 0, 1] *= random.uniform(0.5, 2.0, (*SIZE[::-1], 1))
         rays[place == 4, 0, 1] *= -1.0
         rays[:4, :4, 0, 1] = 0.0
-    else:  # rows of a camera that moves while it looks
-        rays[:, :, 0, 0, 0] = np.linspace(-0.5, 0.5, SIZE[1] // 2).repeat(2)[:, None]
+    elif kind == "rows":  # of a camera that moves while it looks
+        rays[:, :, 0, 0, 0] = np.linspace(-0.5, 0.5, SIZE[1])[:, None]
+    elif kind == "lenslets":  # of a light field: each four by four pixels look from a place of their own
+        places = np.stack(np.meshgrid(*(np.linspace(-0.6, 0.6, n // 4).repeat(4) for n in SIZE)), axis=-1)
+        rays[:, :, 0, 0, :2] = places
+    elif kind == "scattered":  # each pixel from anywhere
+        rays[:, :, 0, 0] = random.uniform(-0.4, 0.4, (*SIZE[::-1], 3))
+    else:  # columns of a line camera on a cylinder, which all look outwards
+        turn = np.linspace(-1.0, 1.0, SIZE[0])
+        outwards = np.stack([np.sin(turn), 0.0 * turn, -np.cos(turn)], axis=-1)
+        rays[:, :, 0, 0] = 0.7 * outwards
+        rays[:, :, 0, 0, 1] = np.linspace(0.9, -0.9, SIZE[1])[:, None]
+        rays[:, :, 0, 1] = outwards
     return rays
 
 
-@pytest.mark.parametrize("kind", ["eyes", "mosaic", "rows"])
+@pytest.mark.parametrize("kind", ["eyes", "mosaic", "rows", "lenslets", "scattered", "cylinder"])
 def test_rays_from_several_places_are_newtons_own(zoo: tuple[Any, Any], kind: str) -> None:
     model, state = zoo
     rays = wp.array(bundle(kind), dtype=wp.vec3, device=model.device)
@@ -123,12 +134,12 @@ def test_tiled_cameras_take_them_too(zoo: tuple[Any, Any]) -> None:
     assert (found[1][:, 0] != found[1][:, 1]).mean() > 0.1
 
 
-def test_too_many_places_are_refused(zoo: tuple[Any, Any]) -> None:
+def test_rays_that_are_not_finite_are_refused(zoo: tuple[Any, Any]) -> None:
     model, state = zoo
     rays = bundle("rows")
-    rays[:, :, 0, 0, 0] = np.linspace(-0.5, 0.5, SIZE[1])[:, None]
+    rays[3, 4, 0, 0, 1] = np.nan
     sensor = SensorCamera(model)
     views = wp.array([wp.transform_identity()] * 2, dtype=wp.transformf, device=model.device)
     depth = sensor.allocate_image_depth(2, *SIZE)
-    with pytest.raises(wc.WarpcamError, match="camera_rays: they come from more than 16 places; allowed are"):
+    with pytest.raises(wc.WarpcamError, match="camera_rays: some are not finite; allowed are"):
         sensor.update(state, views, wp.array(rays, dtype=wp.vec3, device=model.device), depth_image=depth)

@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 import scenes
 import warp as wp
@@ -153,6 +154,16 @@ def test_of_what_is_seen_through(lens: Any, card: list[launch.Stage], folder: Pa
     more = '<geom type="plane" size="2 2 1" material="mirror" pos="0 0 .1"/><geom size=".2" rgba="1 1 1 .5"/>'
     mirror = '<material name="mirror" reflectance=".5"/>'
     _render(scenes.compile_xml(FEW + more + LIGHTS, assets=ASSETS + mirror), ("rgba", "depth"), lens=lens)
+    assert _compile(card, folder) >= 3
+
+
+@pytest.mark.parametrize("antialiasing", [1, 4])
+def test_of_rays_that_begin_apart(antialiasing: int, card: list[launch.Stage], folder: Path) -> None:
+    more = '<geom type="mesh" mesh="wedge" pos="0 0 1"/><geom type="hfield" hfield="hills"/>'
+    mjm = scenes.compile_xml(FEW + more + '<geom size=".2" rgba="1 1 0 .5"/>' + LIGHTS, assets=ASSETS + HILLS)
+    rays = np.ones((64, 64, 3))
+    outputs = ("rgb", "depth", "distance", "normals", "points", "albedo")
+    _render(mjm, outputs, lens=wc.Rays(rays, origins=rays), antialiasing=antialiasing)
     assert _compile(card, folder) >= 3
 
 

@@ -92,17 +92,18 @@ def pixel_angle(directions: np.ndarray) -> float:
     return max(float(np.median(found)), 1e-6) if found.size else 0.5 * math.pi
 
 
-def handles(table: int, count: int, width: int, height: int, angle: float) -> np.ndarray:
+def handles(table: int, count: int, floats: int, width: int, height: int, angle: float) -> np.ndarray:
     """What stands in View.scale and View.center for each of some tables: float32 (count, 4), bits.
 
     Args:
         table: Address of the first.
         count: How many.
+        floats: That each has.
         width: Of the image [pixels].
         height: Of the image [pixels].
-        angle: Between neighbouring rays [rad].
+        angle: Between neighbouring rays [rad]; with spread rays see ``spread_width``.
     """
-    addresses = table + 4 * table_floats(width, height) * np.arange(count, dtype=np.uint64)
+    addresses = table + 4 * floats * np.arange(count, dtype=np.uint64)
     words = np.empty((count, 4), np.uint32)
     words[:, 0] = width | height << 16
     words[:, 1] = np.float32(angle).view(np.uint32)

@@ -179,9 +179,7 @@ class Views:
             clear_data: Newton's ClearData.
             config: Newton's RenderConfig.
         """
-        seen = [
-            _Seen(number, bundle, *view) for number, view in enumerate(views) for bundle in self.bundles.find(view[1])
-        ]
+        seen = [_Seen(number, self.bundles.find(view[1]), *view) for number, view in enumerate(views)]
         samples = max(each.bundle.samples for each in seen)
         check_config(config, samples)
         if not any(images for *_, images in views):
@@ -240,13 +238,13 @@ class Views:
 
 @dataclass(frozen=True, eq=False)
 class _Seen:
-    """Views by one bundle, of one camera of the user's, or the rays of that which come from one place.
+    """Views by one camera of the user's.
 
     Attributes:
-        number: Of the user's camera.
-        bundle: Its rays, or some of them.
+        number: Of the camera.
+        bundle: What its rays are.
         transforms: Of the views.
-        rays: All of them.
+        rays: Its rays.
         images: What is written.
     """
 
@@ -304,12 +302,8 @@ class _Traced:
         number = seen.number if mapped.num_cameras > 1 else 0
         inputs = [mapped.worlds, mapped.cameras, number, seen.rays, float(config.max_distance), int(linear), clear]
         inputs += [self._sources[camera], out]
-        kernel = view_images.write_views
-        if seen.bundle.pixels is not None:
-            kernel = view_images.write_some
-            inputs.append(seen.bundle.pixels)
         count = len(mapped.worlds) * seen.rays.shape[0] * seen.rays.shape[1]
-        record(kernel, count, inputs, self._device).launch()
+        record(view_images.write_views, count, inputs, self._device).launch()
 
 
 def _outputs(images: Mapping[str, wp.array], smooth: bool, linear: bool, table: bool) -> list[str]:
