@@ -1,12 +1,11 @@
 """Kernels that are quick to compile, which is what most of the tests' time goes into.
 
 Warp's simulators and their renderers are compiled without optimising, in a fifth of the time: they compute little in
-tests. Where there is a GPU they are optimised a little, as Warp warns of CUDA's compiler otherwise. Run as a program
-this runs another one so, in the same process.
+tests. Where there is a GPU they are optimised a little, as Warp warns of CUDA's compiler otherwise.
 
 Our own are the same code on a CPU, optimised less, in a third of the time; WARPCAM_TESTS=optimized has them compiled
-as they are for users. Tests that start programs of their own (examples, the command line, the doctor, benchmarks), and
-those of single native functions, always have them so.
+as they are for users. So they always are in tests of single native functions, and in programs that a test starts as a
+user would: Python's own arguments behind this file's name run another one quickly, with the kernels of other tests.
 
 Headers are precompiled once for all processes, not in each of them, and ours (together.h) with Warp's.
 """
@@ -83,7 +82,15 @@ def share_headers() -> None:
 
 
 if __name__ == "__main__":
-    del sys.argv[0]
-    sys.path[0] = str(Path(sys.argv[0]).parent)
-    install()
-    runpy.run_path(sys.argv[0], run_name="__main__")
+    install(ours=True)
+    kind, sys.argv = sys.argv[1], sys.argv[1:]
+    if kind in ("-c", "-m"):
+        what = sys.argv.pop(1)
+        sys.path[0] = ""
+    if kind == "-c":
+        exec(compile(what, "<string>", "exec"), {"__name__": "__main__"})
+    elif kind == "-m":
+        runpy.run_module(what, run_name="__main__", alter_sys=True)
+    else:
+        sys.path[0] = str(Path(kind).parent)
+        runpy.run_path(kind, run_name="__main__")

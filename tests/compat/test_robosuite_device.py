@@ -7,6 +7,7 @@ import textwrap
 from typing import Any
 
 import pytest
+import quick_simulators
 import warp as wp
 from machines import PART, UUIDS, Machine
 
@@ -130,8 +131,8 @@ def test_nothing_of_opengl(tmp_path: Any) -> None:
     """
     variables = {"MUJOCO_GL": "disable", "MUJOCO_EGL_DEVICE_ID": "7", "CUDA_VISIBLE_DEVICES": "0"}
     done = subprocess.run(
-        [sys.executable, "-c", textwrap.dedent(code)], cwd=tmp_path, env={**os.environ, **variables}, check=False,
-        capture_output=True, text=True,
+        [sys.executable, quick_simulators.__file__, "-c", textwrap.dedent(code)], cwd=tmp_path,
+        env={**os.environ, **variables}, check=False, capture_output=True, text=True,
     )  # fmt: skip
     assert done.stdout.endswith("nothing\n"), done.stderr[-2000:]
     assert done.stderr.count("MUJOCO_EGL_DEVICE_ID=7 chooses a GPU for OpenGL; warpcam uses none and ignores it") == 1
