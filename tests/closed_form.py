@@ -105,20 +105,33 @@ def cone(o: np.ndarray, d: np.ndarray, radius: float, half: float) -> Entry:
 
 def barrel(o: np.ndarray, d: np.ndarray, radius: float, half: float, arc: float) -> Entry:
     """A cylinder about z whose side is bent outwards in an arc, by steps along the ray and bisection."""
+    around = np.hypot(radius + arc - np.sqrt(arc**2 - half**2), half)  # a ball, in which all of it lies
+    o, square = np.broadcast_to(o, d.shape), (d * d).sum(-1)
+    closest = -(o * d).sum(-1) / square
+    inwards = around**2 - np.square(o + closest[..., None] * d).sum(-1)
+    near = inwards > 0.0
+    reach = np.sqrt(inwards[near] / square[near])
+    t, normal = np.full(near.shape, np.inf), np.tile((0.0, 0.0, 1.0), (*near.shape, 1))
+    first = closest[near] - reach
+    t[near], normal[near] = _into_barrel(o[near], d[near], first, 2.0 * reach.max(initial=0.0), radius, half, arc)
+    return t, normal
 
+
+def _into_barrel(
+    o: np.ndarray, d: np.ndarray, first: np.ndarray, reach: float, radius: float, half: float, arc: float
+) -> Entry:
     def outside(t: np.ndarray) -> np.ndarray:
         at = o + t[..., None] * d
         z = np.clip(at[..., 2], -half, half)
         side = np.hypot(at[..., 0], at[..., 1]) - radius - np.sqrt(arc**2 - z**2) + np.sqrt(arc**2 - half**2)
         return np.maximum(side, np.abs(at[..., 2]) - half)
 
-    times = np.linspace(0.0, 6.0, 3001)
-    high, found = np.full(d.shape[:-1], np.inf), np.zeros(d.shape[:-1], bool)
-    for t in times:
-        inside = ~found & (outside(np.full(high.shape, t)) <= 0.0)
-        high[inside], found = t, found | inside
-    high = np.where(found, high, 0.0)
-    low = high - times[1]
+    step = 0.002
+    high, found = first.copy(), np.zeros(first.shape, bool)
+    for further in np.arange(0.0, reach + step, step):
+        inside = ~found & (outside(first + further) <= 0.0)
+        high[inside], found = (first + further)[inside], found | inside
+    low = high - step
     for _ in range(40):
         middle = 0.5 * (low + high)
         inside = outside(middle) <= 0.0
@@ -129,7 +142,7 @@ def barrel(o: np.ndarray, d: np.ndarray, radius: float, half: float, arc: float)
     normal = _unit(np.concatenate((around, rise[..., None]), axis=-1))
     cap = np.abs(np.abs(at[..., 2]) - half) < 1e-7
     normal = np.where(cap[..., None], np.sign(at[..., 2:]) * (0.0, 0.0, 1.0), normal)
-    return np.where(found, high, np.inf), normal
+    return np.where(found, high, np.inf), np.where(found[..., None], normal, (0.0, 0.0, 1.0))
 
 
 def _first_root(o: np.ndarray, d: np.ndarray) -> np.ndarray:

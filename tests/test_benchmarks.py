@@ -6,10 +6,12 @@ import os
 import subprocess
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
+import quick_simulators
 import warp as wp
 
 pytest.importorskip("mujoco_warp")
@@ -20,6 +22,7 @@ import warpcam as wc
 from warpcam import cli
 
 ROOT = Path(__file__).resolve().parents[1]
+QUICK = quick_simulators.__file__
 TINY = ("--worlds", "2", "--size", "16x16", "--replays", "2", "--device", "cpu")
 
 
@@ -260,8 +263,8 @@ def test_what_is_not_installed_is_said_and_written(
 def test_empty_caches_are_another_folder(cold: bool, tmp_path: Path) -> None:
     """In a process of its own: what is loaded already is not compiled again."""
     out, kernels = tmp_path / "out.json", tmp_path / "kernels"
-    command = [sys.executable, "-m", "warpcam.benchmarks", "--case", "humanoid", "--outputs", "ds", "--peer", "warpcam"]
-    command += [*TINY, *["--cold"] * cold, "--out", str(out)]
+    command = [sys.executable, QUICK, "-m", "warpcam.benchmarks", "--case", "humanoid", "--outputs", "ds"]
+    command += ["--peer", "warpcam", *TINY, *["--cold"] * cold, "--out", str(out)]
     environment = {**os.environ, "WARP_CACHE_PATH": str(kernels)}
     done = subprocess.run(command, capture_output=True, text=True, timeout=300, env=environment)
     assert done.returncode == 0, done.stdout + done.stderr
@@ -278,6 +281,10 @@ def test_host_cost_and_the_first_image(monkeypatch: pytest.MonkeyPatch, tmp_path
         full.append(bool(list(caches.rglob("*.o"))))
         return in_child(case, wanted, device, caches)
 
+    def quickly(command: list[str], **options: Any) -> Any:
+        return subprocess.run([command[0], QUICK, *command[1:]], **options)
+
+    monkeypatch.setattr(host, "subprocess", SimpleNamespace(run=quickly))
     monkeypatch.setattr(host, "in_child", noted)
     monkeypatch.setattr(host, "WANTED", host.WANTED[:1])
     out = tmp_path / "host.json"

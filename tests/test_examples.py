@@ -1,4 +1,4 @@
-"""Every example runs, as a user would run it: in a process of its own, in an empty folder."""
+"""Every example runs, as a user would run it: in a process of its own, in an empty folder; most of them quickly."""
 
 import json
 import os
@@ -51,7 +51,7 @@ def test_ci_on_cpu(tmp_path: Path) -> None:
 
 
 def test_randomize_saves_eight_worlds(tmp_path: Path) -> None:
-    run(str(EXAMPLES / "randomize.py"), folder=tmp_path)
+    run(QUICK, str(EXAMPLES / "randomize.py"), folder=tmp_path)
     picture = np.asarray(Image.open(tmp_path / "randomize.png")).astype(int)
     assert picture.shape == (320, 640, 3)
     worlds = [half[:, first : first + 160] for half in (picture[:160], picture[160:]) for first in range(0, 640, 160)]
@@ -60,7 +60,7 @@ def test_randomize_saves_eight_worlds(tmp_path: Path) -> None:
 
 
 def test_every_gpu(tmp_path: Path) -> None:
-    printed = run(str(EXAMPLES / "every_gpu.py"), folder=tmp_path)
+    printed = run(QUICK, str(EXAMPLES / "every_gpu.py"), folder=tmp_path)
     assert printed.splitlines()[-2].startswith("cpu: ")
     assert "contexts on GPUs []" in printed
 
@@ -77,7 +77,7 @@ def test_gymnasium_cartpole(tmp_path: Path) -> None:
 def test_formats_are_rendered_as_the_readme_shows(tmp_path: Path) -> None:
     pytest.importorskip("pxr.Usd")
     pytest.importorskip("trimesh")
-    run(str(EXAMPLES / "formats.py"), folder=tmp_path)
+    run(QUICK, str(EXAMPLES / "formats.py"), folder=tmp_path)
     images = EXAMPLES.parent / "docs" / "images"
     code = "import json, sys; from warpcam.cli import main; sys.exit(any(list(map(main, json.loads(sys.argv[1])))))"
     common = ("--worlds", "1", "--size", "320x240", "--outputs", "rgb", "--device", "cpu", "--out", ".")
@@ -88,7 +88,7 @@ def test_formats_are_rendered_as_the_readme_shows(tmp_path: Path) -> None:
         "glb": ("free", "vases.glb"),
     }
     commands = [["render", *common, *scene] for _, *scene in scenes.values()]
-    run("-c", code, json.dumps(commands), folder=tmp_path)
+    run(QUICK, "-c", code, json.dumps(commands), folder=tmp_path)
     for kind, (camera, *_) in scenes.items():
         folder = tmp_path / "rover" if kind == "urdf" else tmp_path
         made, kept = (

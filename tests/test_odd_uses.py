@@ -14,6 +14,7 @@ import balls
 import mujoco
 import numpy as np
 import pytest
+import quick_simulators
 import torch
 import warp as wp
 
@@ -200,9 +201,8 @@ sys.exit(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]))
 def test_a_forked_process_renders_on() -> None:
     folder = os.path.dirname(balls.__file__)
     environment = {**os.environ, "CUDA_VISIBLE_DEVICES": "", "WARPCAM_CPU_THREADS": "2"}
-    done = subprocess.run(
-        [sys.executable, "-c", FORKING, folder], env=environment, capture_output=True, text=True, timeout=120
-    )
+    command = [sys.executable, quick_simulators.__file__, "-c", FORKING, folder]
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=120)
     assert done.returncode == 0, done.stdout + done.stderr
 
 
