@@ -118,7 +118,10 @@ def test_images_are_those_of_its_own_context(lift: Any, monkeypatch: pytest.Monk
         for camera in range(lift.sim.model.ncam):
             expected, seen = read(theirs, camera), read(mine, camera)
             assert psnr(expected[0], seen[0]) > 32.0
-            assert (expected[2] == seen[2]).all(axis=-1).mean() > 0.99
+            same = (expected[2] == seen[2]).all(axis=-1)
+            inside = ~edges(expected[2][..., 1] * 100 + expected[2][..., 0])
+            print(f"{lift.sim.model.camera_id2name(camera)}: ids {same.mean():.3%}, {(~same[inside]).sum()} inside")
+            assert same[inside].all() and same.mean() > 0.99
         # Depth of several samples is that of the first, which Mesa has here.
         monkeypatch.setattr(ours, "view_of", lambda *scene: moved(view_of(*scene), -2 / 16 / SIZE, -6 / 16 / SIZE))
         compare_depths(theirs, mine)
@@ -327,7 +330,7 @@ def test_every_task(installed: None, task: str) -> None:
         if task in OF_ALL_KINDS:
             by_its_own_context(sim, lambda theirs: compare_depths(theirs, mine), offsamples=0, **FINE)
     random = np.random.default_rng(0)
-    for _ in range(10):
+    for _ in range(20):
         observations = env.step(random.uniform(-1, 1, env.action_dim))[0]
         assert observations["agentview_image"].std() > 5.0 and observations["agentview_depth"].std() > 0.0
     assert (observations["agentview_image"] != first).any()
