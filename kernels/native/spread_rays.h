@@ -10,7 +10,7 @@
 
 namespace warpcam {
 
-// Bits of a pixel: which of the pixels beside it see what it sees the rest of, or that it sees nothing.
+// Bits of a pixel: which of those beside it its view goes on into, or that it sees nothing.
 enum SpreadBit { LINKED_LEFT = 1, LINKED_RIGHT = 2, LINKED_UP = 4, LINKED_DOWN = 8, BLIND_PIXEL = 16 };
 constexpr int SPREAD_ROWS = 2;  // start, with the bits; unit direction, with how many pixels a row of the image has
 
