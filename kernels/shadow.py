@@ -128,15 +128,17 @@ def record(
         types |= (1 << SHUTTERED) * (tables.physical is None and shuttered(tables))
     if tables.layers is not None and tables.layers.veiled:
         types |= 1 << GLASS
-    crowded = MANY < tables.num_drawn <= MOST and MESH not in tables.shape_types
+    shapes = tables.shapes if tables.casters is None else tables.casters
+    num_casters = shapes.drawn.shape[0]
+    crowded = MANY < num_casters <= MOST and MESH not in tables.shape_types
     capacities = CROWDS if crowded else CAPACITIES
-    capacity = next(size for size in capacities if size >= min(tables.num_drawn, capacities[-1]))
+    capacity = next(size for size in capacities if size >= min(num_casters, capacities[-1]))
     group = group or Group.of_all(views.shape[0])
     region = region_size(tables, group.at_once, width, height, device)
     unit = -(-width // region[0]) * -(-height // region[1]) * (THREADS if device.is_cuda else 1)  # threads a world
     types = in_order(types, len(group.worlds) * unit, device)
     kernel = _kernel(crowded, types, LENSES[lens], capacity, *region, target_type)
-    arguments = [tables.shapes, tables.materials, tables.meshes, tables.height_fields, tables.lights, views, target]
+    arguments = [shapes, tables.materials, tables.meshes, tables.height_fields, tables.lights, views, target]
     return record_launch(
         kernel, len(group.worlds) * unit, arguments, device, start=group.worlds.start * unit, block_dim=THREADS
     )

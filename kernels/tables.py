@@ -45,4 +45,5 @@ class Tables:
     layers: LayerTables | None = None  # of what one layer cannot show: mirrors, transparent shapes, haze
     variety: Any = None  # Variety, if worlds have more for themselves than the tables say
     headlights: bool = False  # each world has a headlight of its own: see native/variety.h
+    casters: Any = None  # as `shapes`, but of those that are drawn the ones that cast shadows; None: all of them do
     labels: Mapping[str, Any] = field(default_factory=dict)  # (world or 1, shape) int32 of "instances" and "semantics"

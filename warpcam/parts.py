@@ -76,6 +76,7 @@ class Parts:
         layers: What needs more than one layer: mirrors, transparent shapes, haze.
         objects: (id + 1, 2) int32, what the source calls each id of ``segmentation``; the last row is for -1. None: the
             ids say all.
+        casting: Those of ``drawn`` that cast shadows, ascending; None: all of them.
         clouds: What ``shape_assets`` counts for shapes of type SPLATS, none of which is in ``drawn``.
         splat_limits: See ``kernels.tables.Tables``; None where clouds are seen through.
         lend_textures: Called with the packed ``textures`` before the first frame, for sources that paint some of them.
@@ -108,6 +109,7 @@ class Parts:
     maps: bool = False
     layers: Layers = field(default_factory=Layers)
     objects: np.ndarray | None = None
+    casting: Sequence[int] | None = None
     clouds: Sequence[Cloud] = ()
     splat_limits: wp.array | None = None
     lend_textures: Callable[[Textures], None] = lambda textures: None

@@ -83,7 +83,10 @@ class Scene:
         parts.lend_textures(self._textures)
         self._masked = pack_masks(parts.meshes, self._textures, self._meshes, self.device)
         self._splats = self._pack_splats()
-        self._drawn = wp.array(np.asarray(parts.drawn, np.int32), dtype=wp.int32, device=self.device)
+        self._drawn, self._casting = (
+            None if columns is None else wp.array(np.asarray(columns, np.int32), dtype=wp.int32, device=self.device)
+            for columns in (parts.drawn, parts.casting)
+        )
         places = np.full(len(parts.shape_types), -1, np.int32)
         places[np.asarray(parts.drawn, np.int64)] = np.arange(len(parts.drawn))
         self._places = wp.array(places, dtype=wp.int32, device=self.device)
@@ -300,14 +303,9 @@ class Scene:
     def _build(self, arrays: Mapping[str, wp.array], ambient: float) -> Tables:
         parts = self._parts
         arrays = self._own.finish(self._source, arrays)
-        shapes, materials, lights = Shapes(), Materials(), Lights()
-        shapes.drawn, shapes.places = self._drawn, self._places
-        shapes.types, shapes.bodies = self._types, self._bodies
-        shapes.ids, shapes.body_ids = self._ids, self._body_ids
-        for prefix, struct in (("shape_", shapes), ("material_", materials), ("light_", lights)):
-            for name in FIELDS:
-                if name.startswith(prefix):
-                    setattr(struct, name.removeprefix(prefix), arrays[name])
+        shapes, materials, lights = self._shapes(arrays, self._drawn), Materials(), Lights()
+        for prefix, struct in (("material_", materials), ("light_", lights)):
+            _fill(struct, prefix, arrays)
         lights.headlight = arrays["headlight"]
         lights.global_ambient = ambient
         lights.shadow_width, lights.shadow_near, lights.shadow_scale, lights.shadow_gap = parts.shadow_map
@@ -350,7 +348,16 @@ class Scene:
             splats=None if self._splats is None else self._splats.table,
             splat_limits=parts.splat_limits,
             labels=self._labels,
+            casters=None if self._casting is None else self._shapes(arrays, self._casting),
         )
+
+    def _shapes(self, arrays: Mapping[str, wp.array], drawn: wp.array) -> Shapes:
+        shapes = Shapes()
+        shapes.drawn, shapes.places = drawn, self._places
+        shapes.types, shapes.bodies = self._types, self._bodies
+        shapes.ids, shapes.body_ids = self._ids, self._body_ids
+        _fill(shapes, "shape_", arrays)
+        return shapes
 
     def _pack_splats(self) -> Packed | None:
         columns = self._clouds()
@@ -371,6 +378,13 @@ class Scene:
             found = ((TWO_SIDED, sides), (MOVING, self._moving), (MASKED, self._masked))
             types |= {kind for kind, there in found if there}
         return frozenset(types)
+
+
+def _fill(struct: Any, prefix: str, arrays: Mapping[str, wp.array]) -> None:
+    """Give a struct the arrays of the fields whose names begin so."""
+    for name in FIELDS:
+        if name.startswith(prefix):
+            setattr(struct, name.removeprefix(prefix), arrays[name])
 
 
 def _identity(array: Any) -> tuple[Any, ...] | None:

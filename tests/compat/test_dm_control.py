@@ -80,6 +80,32 @@ def test_flags_and_options(installed: None) -> None:
     assert (one.render(HEIGHT, WIDTH, segmentation=True, scene_option=option)[..., 1] != 5).all()
 
 
+@pytest.mark.parametrize("alpha", [1.0, 0.5])
+def test_what_a_scene_callback_adds(installed: None, alpha: float) -> None:
+    """Depth is of what is not seen through, ids are of what has one."""
+
+    def add(_: Any, scene: Any) -> None:
+        scene.ptr.ngeom += 1
+        ball = scene.ptr.geoms[scene.ptr.ngeom - 1]
+        place = np.array((0.0, -0.6, 0.6))
+        mujoco.mjv_initGeom(ball, 2, np.full(3, 0.4), place, np.eye(3).ravel(), np.array((1, 0, 0, alpha), np.float32))
+        ball.category, ball.segid, ball.objid, ball.objtype = 4, scene.ptr.ngeom - 1, 5, 3
+
+    one = physics()
+    given = {"camera_id": 0, "scene_callback": add}
+    before, far = one.render(HEIGHT, WIDTH, camera_id=0), one.render(HEIGHT, WIDTH, camera_id=0, depth=True)
+    color, depth = one.render(HEIGHT, WIDTH, **given), one.render(HEIGHT, WIDTH, **given, depth=True)
+    ids = one.render(HEIGHT, WIDTH, **given, segmentation=True)
+    assert (color[..., 0].astype(int) - before[..., 0] > 40).mean() > 0.02
+    assert (depth < far - 0.1).mean() > 0.02 if alpha == 1.0 else (depth == far).all()
+    assert (ids == (5, 3)).all(axis=-1).mean() > 0.02
+    assert psnr(own(one, **given), color) > 26.0
+    same = (own(one, **given, segmentation=True) == ids).all(axis=-1)
+    seen = same & (ids[..., 0] >= 0) & ((ids != (5, 3)).any(axis=-1) | (alpha == 1.0))
+    off = np.abs(own(one, **given, depth=True) / depth - 1.0)[seen]
+    assert same.mean() > 0.97 and np.quantile(off, 0.95) < 1e-2
+
+
 def test_errors(installed: None) -> None:
     one = physics()
     with pytest.raises(ValueError, match="only one of depth and segmentation"):
@@ -89,16 +115,11 @@ def test_errors(installed: None) -> None:
     with pytest.raises(wc.WarpcamError, match="overlays: text is not drawn here, got 1"):
         one.render(HEIGHT, WIDTH, overlays=[engine.TextOverlay("a", "b")])
 
-    def add(_: Any, scene: Any) -> None:
-        scene.ptr.ngeom += 1
+    def label(_: Any, scene: Any) -> None:
+        scene.ptr.geoms[0].label = "here"
 
-    def paint(_: Any, scene: Any) -> None:
-        scene.ptr.geoms[0].type = 6
-
-    with pytest.raises(wc.WarpcamError, match="scene_callback: 1 geoms were added"):
-        one.render(HEIGHT, WIDTH, scene_callback=add)
-    with pytest.raises(wc.WarpcamError, match="scene_callback: geoms or lights of the scene were written"):
-        one.render(HEIGHT, WIDTH, scene_callback=paint)
+    with pytest.raises(wc.WarpcamError, match=r"scene.geoms\[0\].label is 'here': text is not drawn"):
+        one.render(HEIGHT, WIDTH, scene_callback=label)
     assert (one.render(HEIGHT, WIDTH, scene_callback=lambda *_: None) == one.render(HEIGHT, WIDTH)).all()
     camera = engine.Camera(one, HEIGHT, WIDTH)
     camera.scene.ptr.stereo = 1

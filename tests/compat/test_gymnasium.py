@@ -168,11 +168,31 @@ def test_videos_are_recorded(installed: None, tmp_path: Path) -> None:
     assert len(videos) == 1 and videos[0].stat().st_size > 1000
 
 
+def test_markers_are_drawn_once(device: wp.Device) -> None:
+    model = mujoco.MjModel.from_xml_string("<mujoco><worldbody><geom size='1'/></worldbody></mujoco>")
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    ours.install(device)
+    viewers: list[Any] = [ours.OffScreenViewer(model, data, WIDTH, HEIGHT)]
+    ours.uninstall()
+    if has_judge():
+        viewers.append(ours._original(model, data, WIDTH, HEIGHT))
+    pictures = []
+    for viewer in viewers:
+        plain = viewer.render("rgb_array").copy()
+        viewer.add_marker(pos=np.array((0.0, -0.9, 0.2)), size=np.full(3, 0.3), rgba=np.array((1, 0, 0, 1), np.float32))
+        viewer.add_marker(type=int(mujoco.mjtGeom.mjGEOM_BOX), size=np.full(3, 0.2), pos=np.array((0.5, -0.8, 0.0)))
+        marked = viewer.render("rgb_array").copy()
+        assert (marked != plain).any(axis=-1).mean() > 0.02
+        assert (viewer.render("rgb_array") == plain).all()
+        pictures.append(marked)
+        viewer.free()
+    assert psnr(pictures[0], pictures[-1]) > 26.0
+
+
 def test_what_is_not_drawn_is_refused(device: wp.Device) -> None:
     model = mujoco.MjModel.from_xml_string("<mujoco><worldbody><geom size='1'/></worldbody></mujoco>")
     viewer = ours.OffScreenViewer(model, mujoco.MjData(model), 16, 16)
-    with pytest.raises(wc.WarpcamError, match="markers are not drawn"):
-        viewer.add_marker(pos=(0, 0, 0))
     with pytest.raises(wc.WarpcamError, match="text is not drawn"):
         viewer.add_overlay(0, "a", "b")
     with pytest.raises(wc.WarpcamError, match="render_mode is 'human'; allowed are rgb_array"):

@@ -13,6 +13,7 @@ from dm_control.mujoco import engine
 
 from warpcam import device as device_rule
 from warpcam.compat import abstract
+from warpcam.compat.decor import Own
 from warpcam.compat.options import style_of
 from warpcam.compat.studio import Studio, view_of
 from warpcam.errors import WarpcamError
@@ -81,7 +82,7 @@ def _render(
     """The picture of the state as it is: see ``engine.Camera.render``, whose arguments, values and errors it has.
 
     Raises:
-        WarpcamError: Text, geoms of a scene callback or a flag were asked for that are not drawn here.
+        WarpcamError: Text, something of a scene callback or a flag was asked for that is not drawn here.
     """
     if depth and segmentation:
         raise ValueError("only one of depth and segmentation can be rendered at a time")
@@ -98,22 +99,11 @@ def _render(
         )
         return rendered
     camera.update(scene_option=scene_option)
-    if camera._scene_callback:
-        scene = _bare(camera.scene)
-        own_geoms, own_content = scene.ngeom, abstract.content(scene)
-        camera._scene_callback(physics, camera.scene)
-        if scene.ngeom != own_geoms:
-            raise WarpcamError(
-                f"scene_callback: {scene.ngeom - own_geoms} geoms were added to the scene, which are not "
-                "drawn here; put them into the model, as mocap bodies or sites"
-            )
-        if abstract.content(scene) != own_content:
-            raise WarpcamError(
-                "scene_callback: geoms or lights of the scene were written, which is not drawn here; write colours, "
-                "sizes, poses and lights into the model and the data"
-            )
-    abstract.refuse_views(_bare(camera.scene))
     model, option = physics.model.ptr, scene_option or camera.option
+    own = Own(model, _bare(camera.scene))
+    if camera._scene_callback:
+        camera._scene_callback(physics, camera.scene)
+    abstract.refuse_views(_bare(camera.scene))
     with camera.scene.override_flags(dict(render_flag_overrides or {})):
         style = style_of(model, _bare(option), camera.scene.flags)
         view = view_of(_bare(camera.scene), camera.width, camera.height)
@@ -121,7 +111,9 @@ def _render(
         raise WarpcamError("render: the camera has no field of view")
     contexts.studio.take(physics.data.ptr)
     output = "depth" if depth else "objects" if segmentation else "rgb"
-    image = contexts.studio.look(view, style, camera.width, camera.height, (output,), through=True)[output]
+    decor = own.decor(view, camera.height, style, solid=segmentation)
+    look = contexts.studio.look
+    image = look(view, style, camera.width, camera.height, (output,), through=True, decor=decor)[output]
     return image[..., 0] if depth else image
 
 

@@ -12,6 +12,7 @@ import numpy as np
 from gymnasium.envs.mujoco import mujoco_rendering
 
 from warpcam import device as device_rule
+from warpcam.compat.decor import Own
 from warpcam.compat.options import style_of
 from warpcam.compat.studio import Studio, depth_buffer, view_of
 from warpcam.errors import WarpcamError
@@ -72,6 +73,7 @@ class OffScreenViewer:
         self.cam.type, self.cam.fixedcamid = int(mujoco.mjtCamera.mjCAMERA_FREE), -1
         self.cam.lookat[:] = np.median(data.geom_xpos, axis=0) if model.ngeom else 0.0
         self.cam.distance = model.stat.extent
+        self._markers: list[dict[str, Any]] = []
         self._studio: Studio | None = Studio(model, _chosen[0])
 
     def render(
@@ -96,6 +98,9 @@ class OffScreenViewer:
             kind = mujoco.mjtCamera.mjCAMERA_FREE if camera_id == -1 else mujoco.mjtCamera.mjCAMERA_FIXED
             self.cam.type, self.cam.fixedcamid = int(kind), camera_id
         mujoco.mjv_updateScene(model, self.data, self.vopt, self.pert, self.cam, everything, self.scn)
+        own = Own(model, self.scn)
+        for marker in self._markers:
+            self._add_marker_to_scene(marker)
         self._studio.take(self.data)
         width, height = self.viewport.width, self.viewport.height
         view = view_of(self.scn, width, height)
@@ -104,7 +109,9 @@ class OffScreenViewer:
         style = style_of(model, self.vopt, self.scn.flags)
         colors = "objects" if segmentation else "rgb"
         outputs = {"rgb_array": (colors,), "depth_array": ("depth",), "rgbd_tuple": (colors, "depth")}[render_mode]
-        images = self._studio.look(view, style, width, height, outputs, through=not segmentation)
+        decor = own.decor(view, height, style, solid=segmentation)
+        images = self._studio.look(view, style, width, height, outputs, through=not segmentation, decor=decor)
+        self._markers.clear()
         if "depth" in images:
             images["depth"] = depth_buffer(images["depth"][..., 0], view)
         if segmentation and colors in images:
@@ -112,8 +119,22 @@ class OffScreenViewer:
         first, *more = (images[name] for name in outputs)
         return (first, more[0]) if more else first
 
-    def add_marker(self, **_: Any) -> None:
-        raise WarpcamError("add_marker: markers are not drawn here; put them into the model, as mocap bodies or sites")
+    def add_marker(self, **marker: Any) -> None:
+        """Draw a geom in the next picture: ``type``, ``size``, ``pos``, ``mat`` and ``rgba``, each of them or none."""
+        self._markers.append(marker)
+
+    def _add_marker_to_scene(self, marker: Mapping[str, Any]) -> None:
+        if self.scn.ngeom >= self.scn.maxgeom:
+            raise RuntimeError(f"Ran out of geoms. maxgeom: {self.scn.maxgeom}")
+        mujoco.mjv_initGeom(
+            self.scn.geoms[self.scn.ngeom],
+            marker.get("type", mujoco.mjtGeom.mjGEOM_SPHERE),
+            size=marker.get("size", np.array([0.01, 0.01, 0.01])),
+            pos=marker.get("pos", np.zeros(3)),
+            mat=marker.get("mat", np.eye(3).ravel()),
+            rgba=marker.get("rgba", np.ones(4)),
+        )
+        self.scn.ngeom += 1
 
     def add_overlay(self, gridpos: int, text1: str, text2: str) -> None:
         raise WarpcamError(f"add_overlay: text is not drawn here, got {text1!r} and {text2!r} at {gridpos}")

@@ -9,9 +9,9 @@ import mujoco
 import numpy as np
 
 from warpcam.compat import abstract
+from warpcam.compat.decor import Own
 from warpcam.compat.options import style_of
 from warpcam.compat.studio import Studio, view_of
-from warpcam.errors import WarpcamError
 
 __all__ = ["Renderer"]
 
@@ -62,8 +62,7 @@ class Renderer:
         self._model, self._height, self._width = model, int(height), int(width)
         self._scene = mujoco.MjvScene(model=model, maxgeom=max_geom)
         self._option = mujoco.MjvOption()
-        self._own_geoms: int | None = None  # of the model's, in the scene; None before there is any state
-        self._own_content = b""
+        self._own: Own | None = None  # the scene as update_scene has made it; None before there is any state
         self._depth = self._segmentation = False
         self._studio = Studio(model, device)
 
@@ -73,7 +72,7 @@ class Renderer:
 
     @property
     def scene(self) -> mujoco.MjvScene:
-        """The abstract scene: its camera, and flags of how it is drawn. Its geoms and lights are MuJoCo's alone."""
+        """The abstract scene, from which pictures are drawn: its camera, its geoms, and flags of how it is drawn."""
         return self._scene
 
     @property
@@ -124,7 +123,7 @@ class Renderer:
             self._studio.take(data)
         everything = int(mujoco.mjtCatBit.mjCAT_ALL)
         mujoco.mjv_updateScene(self._model, data, self._option, None, camera, everything, self._scene)
-        self._own_geoms, self._own_content = self._scene.ngeom, abstract.content(self._scene)
+        self._own = Own(self._model, self._scene)
 
     def render(self, *, out: np.ndarray | None = None) -> np.ndarray:
         """The picture of the state that was taken last.
@@ -170,22 +169,13 @@ class Renderer:
 
     def _picture(self, studio: Studio) -> np.ndarray:
         view = view_of(self._scene, self._width, self._height)
-        if self._own_geoms is None or view is None:  # no state, and nothing to be seen
+        if self._own is None or view is None:  # no state, and nothing to be seen
             return self._empty()
-        if self._scene.ngeom != self._own_geoms:
-            raise WarpcamError(
-                f"scene.ngeom is {self._scene.ngeom}, but update_scene had made {self._own_geoms}: geoms that are "
-                "added to the scene are not drawn; put them into the model, as mocap bodies or sites"
-            )
-        if abstract.content(self._scene) != self._own_content:
-            raise WarpcamError(
-                "scene: its geoms or lights were written after update_scene, which is not drawn; write colours, sizes, "
-                "poses and lights into the model and the data"
-            )
         abstract.refuse_views(self._scene)
         style = style_of(self._model, self._option, self._scene.flags)
         output = "depth" if self._depth else "objects" if self._segmentation else "rgb"
-        image = studio.look(view, style, self._width, self._height, (output,))[output]
+        decor = self._own.decor(view, self._height, style, solid=output != "rgb")
+        image = studio.look(view, style, self._width, self._height, (output,), decor=decor)[output]
         return image[..., 0] if self._depth else image
 
     def _empty(self) -> np.ndarray:

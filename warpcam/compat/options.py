@@ -26,30 +26,17 @@ def _soft(model: mujoco.MjModel) -> bool:
     return bool((np.asarray(model.flex_dim) > 1).any())
 
 
-# Flags that must be as they are by default, with what in a model makes a difference of them.
-# The others are honoured (tendons, skins, transparency), or change nothing but how what is refused here would be drawn.
+# Flags that must be as they are by default, with what in a model makes a difference of them. The others are honoured
+# (tendons, skins, transparency), make geoms of the abstract scene, which are drawn from there, or change these alone.
 AS_DEFAULT: Mapping[str, Matters] = {
     "CONVEXHULL": _any("nmesh"),
     "TEXTURE": _any("ntex"),
-    "JOINT": _any("njnt"),
-    "CAMERA": _any("ncam"),
-    "ACTUATOR": _any("nu"),
-    "LIGHT": _any("nlight"),
-    "CONSTRAINT": _any("neq"),
-    "INERTIA": _always,
-    "CONTACTPOINT": _any("ngeom"),
-    "CONTACTFORCE": _any("ngeom"),
     "ISLAND": _always,
-    "AUTOCONNECT": _always,
-    "COM": _always,
     "STATIC": _any("ngeom"),
     "FLEXVERT": _any("nflex"),
     "FLEXEDGE": _any("nflex"),
     "FLEXFACE": _soft,
     "FLEXSKIN": _soft,
-    "BODYBVH": _always,
-    "MESHBVH": _any("nmesh"),
-    "SDFITER": _always,
 }
 RENDERING_AS_DEFAULT = ("WIREFRAME", "ADDITIVE", "FOG", "HAZE", "DEPTH", "SEGMENT", "IDCOLOR", "CULL_FACE")
 
@@ -85,9 +72,8 @@ def style_of(model: mujoco.MjModel, option: mujoco.MjvOption, flags: Any) -> Sty
             if chosen[number] != OPTION_DEFAULTS[number] and AS_DEFAULT[name](model):
                 allowed = OPTION_DEFAULTS[number]
                 raise WarpcamError(_refusal(f"scene_option.flags[mjVIS_{name}]", chosen[number], allowed))
-    for name in ("label", "frame"):
-        if getattr(option, name):
-            raise WarpcamError(_refusal(f"scene_option.{name}", getattr(option, name), 0))
+    if option.label:
+        raise WarpcamError(_refusal("scene_option.label", option.label, 0))
     for name, number in RENDERING_FLAGS.items():
         if flags[number] != RENDERING_DEFAULTS[name]:
             raise WarpcamError(_refusal(f"scene.flags[mjRND_{name}]", flags[number], RENDERING_DEFAULTS[name]))

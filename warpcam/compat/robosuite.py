@@ -16,9 +16,11 @@ import warp as wp
 
 from warpcam import device as device_rule
 from warpcam.compat import robosuite_shims
+from warpcam.compat.decor import Own
 from warpcam.compat.options import style_of
 from warpcam.compat.studio import Studio, depth_buffer, view_of
 from warpcam.errors import WarpcamError
+from warpcam.sources.mujoco_decor import Decor
 
 __all__ = ["OffscreenContext", "install", "observables", "uninstall"]
 
@@ -91,6 +93,7 @@ class OffscreenContext:
         limits = sim.model.vis.global_
         self.con = SimpleNamespace(offWidth=limits.offwidth, offHeight=limits.offheight, free=_nothing)
         self.gl_ctx = SimpleNamespace(make_current=_nothing, free=_nothing)
+        self._own = Own(sim.model._model, self.scn)
         self._drawn: tuple[int, int, bool] | None = None
 
     def update_offscreen_size(self, width: int, height: int) -> None:
@@ -115,6 +118,7 @@ class OffscreenContext:
         if self.cam.type == int(mujoco.mjtCamera.mjCAMERA_FIXED) and not 0 <= self.cam.fixedcamid < model.ncam:
             raise WarpcamError(f"camera_id {self.cam.fixedcamid} came; the model has cameras 0 to {model.ncam - 1}")
         mujoco.mjv_updateScene(model, data, self.vopt, self.pert, self.cam, everything, self.scn)
+        self._own = Own(model, self.scn)
         self._pictures.take(data)
         self._drawn = (width, height, segmentation)
 
@@ -139,7 +143,8 @@ class OffscreenContext:
         wanted = ["objects" if segmentation else "rgb", *(["depth"] if depth else [])]
         style = style_of(self.model._model, self.vopt, self.scn.flags)
         camera, through = (self.cam.type, self.cam.fixedcamid), not (depth and segmentation)
-        images = self._pictures.look(camera, view, style, width, height, wanted, through)
+        decor = self._own.decor(view, height, style, solid=segmentation)
+        images = self._pictures.look(camera, view, style, width, height, wanted, through, decor)
         image = images[wanted[0]]
         pixels = np.ascontiguousarray(image[::-1, :, ::-1] if segmentation else image[::-1])
         if not depth:
@@ -175,8 +180,18 @@ class _Pictures:
             self._images.clear()
 
     def look(
-        self, camera: Any, view: Any, style: Any, width: int, height: int, outputs: Sequence[str], through: bool = True
+        self,
+        camera: Any,
+        view: Any,
+        style: Any,
+        width: int,
+        height: int,
+        outputs: Sequence[str],
+        through: bool = True,
+        decor: Decor | None = None,
     ) -> dict[str, np.ndarray]:
+        if decor is not None:  # which is another each time
+            return self._studio.look(view, style, width, height, outputs, DRAWN, through=through, decor=decor)
         key = (camera, style, width, height, through)
         asked = self._asked.setdefault(key, [])
         asked.extend(name for name in outputs if name not in asked)

@@ -13,6 +13,7 @@ import warpcam as wc
 from warpcam.compat.opaque import SOLID, Follower, Opaque, Thinned, has_veils, sees_veils
 from warpcam.errors import WarpcamError
 from warpcam.sources.mujoco import load
+from warpcam.sources.mujoco_decor import Decor, Places, Room
 from warpcam.sources.mujoco_limits import UNLIMITED
 from warpcam.sources.mujoco_model import DATA_NAMES, MODEL_NAMES
 
@@ -135,6 +136,7 @@ class Studio:
         self._sizes = _sizes(self._state)
         self._scenes: OrderedDict[Any, _Made] = OrderedDict()
         self._eyes: OrderedDict[Any, _Eye] = OrderedDict()
+        self._room = Room()  # of scenes with something beside the model
         self._copies: dict[type[Follower], tuple[Follower, Studio]] = {}  # the same state with other colours
 
     def take(self, data: mujoco.MjData) -> None:
@@ -161,23 +163,28 @@ class Studio:
         self._eyes.clear()
         self._copies.clear()
 
-    def scene(self, style: Style, backs: bool = False) -> wc.Scene:
+    def scene(self, style: Style, backs: bool = False, decor: Decor | None = None) -> wc.Scene:
         """The scene in which what that style names is drawn; with ``backs`` planes are seen from behind."""
         model = self._model
         known = (style.groups, style.draw, style.reflections, backs, self._fixed())
         seen, veils = self._opacity()
         for key, made in reversed(self._scenes.items()):
-            if key[0] == known and (made.seen >= seen).all() and (made.veils == veils)[seen].all():
+            if key[0] == known and made.suits(seen, veils, decor):
                 self._scenes.move_to_end(key)
-                return made.scene
+                return made.filled(decor)
         groups = dict(zip(("geoms", "sites", "tendons", "flexes", "skins"), style.groups, strict=True))
+        places = None
+        if decor is not None:
+            self._room = self._room.grown(decor)
+            places = Places(model, self._room)
         scene = load(
             model, self._state, groups, self._device, style.draw, None if style.reflections else False,
-            "backs" if backs else None,
+            "backs" if backs else None, places,
         )  # fmt: skip
-        self._scenes[known, seen.tobytes(), veils.tobytes()] = _Made(scene, seen, veils)
+        key = known, seen.tobytes(), veils.tobytes(), None if places is None else places.room
+        made = self._scenes[key] = _Made(scene, seen, veils, places)
         _shorten(self._scenes)
-        return scene
+        return made.filled(decor)
 
     def look(
         self,
@@ -189,25 +196,29 @@ class Studio:
         drawn: Sequence[str] = (),
         *,
         through: bool = False,
+        decor: Decor | None = None,
     ) -> dict[str, np.ndarray]:
         """Images (height, width, channels) by output, of the state that was taken last; they are the caller's own.
 
         ``depth`` is ``view.far`` where nothing is hit. ``objects`` is an output here, too: int32 id and ``mjtObj``,
         -1 twice where nothing is hit. With ``drawn`` these outputs are drawn and only ``outputs`` of them read: then
         the same kernels serve whatever is asked. With ``through`` depth is of what is not transparent, as MuJoCo's
-        buffer of depth has it where it draws colours.
+        buffer of depth has it where it draws colours. ``decor`` stands beside the model.
         """
         if style.thinned:
             plain, thinned = replace(style, thinned=False), self._copy(Thinned)
-            return thinned.look(view, plain, width, height, outputs, drawn, through=through)
-        if through and "depth" in outputs and has_veils(self._model, style.groups, style.draw):
+            return thinned.look(view, plain, width, height, outputs, drawn, through=through, decor=decor)
+        veiled = decor is not None and decor.veiled
+        if through and "depth" in outputs and (veiled or has_veils(self._model, style.groups, style.draw)):
             both = [[*names, "objects"] if names and "objects" not in names else names for names in (outputs, drawn)]
-            images = self.look(view, style, width, height, *both)
-            if sees_veils(self._model, images["objects"]):
-                images["depth"] = self._copy(Opaque).look(view, style, width, height, ("depth",))["depth"]
+            images = self.look(view, style, width, height, *both, decor=decor)
+            if veiled or sees_veils(self._model, images["objects"]):
+                opaque = None if decor is None else decor.opaque()
+                solid = self._copy(Opaque).look(view, style, width, height, ("depth",), decor=opaque)
+                images["depth"] = solid["depth"]
             return {name: images[name] for name in outputs}
         names, wanted = _outputs(drawn or outputs), _outputs(outputs)
-        scene = self.scene(style, "rgb" in wanted and self._sees_backs(view, style))
+        scene = self.scene(style, "rgb" in wanted and self._sees_backs(view, style), decor)
         key = (id(scene), names, width, height, view.orthographic, style.shadows, style.sky, style.antialiasing)
         if key not in self._eyes or self._eyes[key].scene is not scene:
             self._eyes[key] = _Eye(scene, style, view, width, height, names)
@@ -215,8 +226,20 @@ class Studio:
         self._eyes.move_to_end(key)
         images = self._eyes[key].see(view, wanted)
         if "objects" in outputs:
-            images["objects"] = scene.objects[images.pop("segmentation")[..., 0]]
+            ids = images.pop("segmentation")[..., 0]
+            images["objects"] = scene.objects[ids] if decor is None else self._objects(scene, ids, decor)
         return images
+
+    def _objects(self, scene: wc.Scene, ids: np.ndarray, decor: Decor) -> np.ndarray:
+        """What stands beside the model with what it is called there."""
+        made = next(made for made in self._scenes.values() if made.scene is scene)
+        table = scene.objects.copy()
+        if made.places is not None:
+            first = len(table) - 1 - len(made.places.objects)
+            for old, new in decor.renamed:
+                table[:first][(scene.objects[:first] == old).all(axis=1)] = new
+            table[first:-1] = made.places.objects
+        return table[ids]
 
     def _sees_backs(self, view: View, style: Style) -> bool:
         """Whether a plane has its back to the camera, and a scene would not show it unless told to."""
@@ -257,11 +280,24 @@ class Studio:
 
 @dataclass(frozen=True, eq=False)
 class _Made:
-    """A scene, and what of sites, tendons, flexes and skins was seen, and transparent, when it was made."""
+    """A scene, what of sites, tendons, flexes and skins was seen, and transparent, when it was made, and its places."""
 
     scene: wc.Scene
     seen: np.ndarray
     veils: np.ndarray
+    places: Places | None
+
+    def suits(self, seen: np.ndarray, veils: np.ndarray, decor: Decor | None) -> bool:
+        if self.places is None or decor is None:
+            holds = self.places is None and decor is None
+        else:
+            holds = self.places.room.holds(decor)
+        return holds and bool((self.seen >= seen).all() and (self.veils == veils)[seen].all())
+
+    def filled(self, decor: Decor | None) -> wc.Scene:
+        if self.places is not None and decor is not None:
+            self.places.fill(decor)
+        return self.scene
 
 
 class _Eye:

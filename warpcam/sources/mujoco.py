@@ -1,6 +1,7 @@
 """Classic MuJoCo: worlds whose state lies on the host, copied to the device before each frame."""
 
 from collections.abc import Collection, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import mujoco
@@ -15,6 +16,7 @@ from warpcam.layers import Transparency
 from warpcam.parts import FIELDS
 from warpcam.scene import Scene
 from warpcam.sources import mujoco_model as model
+from warpcam.sources.mujoco_decor import Places
 from warpcam.sources.mujoco_extras import check_kinds, colors_of, with_extras
 from warpcam.sources.mujoco_layers import with_layers
 from warpcam.sources.mujoco_tables import DTYPES, ExtraTables, names_of
@@ -39,15 +41,23 @@ class MujocoSource:
         draw: Collection[str] = model.DRAWN,
         reflections: bool | None = None,
         transparency: Transparency = None,
+        decor: Places | None = None,
     ):
         self.device = device
-        self._mjm, self._mjds = mjm, mjds
+        self._mjm, self._mjds, self._decor = mjm, mjds, decor
         parts = model.read_parts(mjm, len(mjds), groups)
-        self.parts, extras = with_extras(parts, mjm, groups, check_kinds(draw))
-        self.parts = with_layers(self.parts, mjm, extras, reflections, transparency)
+        kinds = decor.kinds if decor is not None else ()
+        self.parts, extras = with_extras(parts, mjm, groups, check_kinds(draw), kinds)
+        self.parts = with_layers(self.parts, mjm, extras, reflections, transparency, decor=kinds)
         self._extras = extras
         self._tables = ExtraTables(extras, len(mjds), len(parts.meshes), device) if extras is not None else None
         self._data_names = {**model.DATA_NAMES, **names_of(extras)}
+        self._model_names = dict(model.MODEL_NAMES)
+        if decor is not None and decor.lights:
+            self.parts = replace(self.parts, num_lights=len(decor.lights["light_types"]))
+            for names in (self._data_names, self._model_names):
+                for name in names.keys() & decor.lights.keys():
+                    del names[name]
         shapes = {name: self._shape(name) for name in FIELDS}
         dtypes = {name: FIELDS[name].dtype for name in FIELDS}
         for name in names_of(extras):
@@ -66,6 +76,11 @@ class MujocoSource:
         self._block = wp.zeros(total, dtype=wp.uint8, device=device)
         layout = [(name, starts[name], shapes[name], dtypes[name]) for name in shapes]
         self._staged = {name: self._view(self._host, *place).numpy() for name, *place in layout}
+        self._staged_decor: list[tuple[np.ndarray, np.ndarray]] = []  # where it goes, what does
+        for name, array in {**decor.shapes, **decor.lights}.items() if decor is not None else ():
+            own = self._staged[name].shape[1] - len(array)
+            self._staged[name], more = np.split(self._staged[name], (own,), axis=1)
+            self._staged_decor.append((more, array))
         self._arrays = {name: self._view(self._block, *place) for name, *place in layout}
         self._clock = self._arrays.pop("time")
         self._copied = wp.Event(device) if device.is_cuda else None
@@ -84,6 +99,8 @@ class MujocoSource:
         return f"mjd.{model.DATA_NAMES[field]}" if field in model.DATA_NAMES else f"mjm.{model.MODEL_NAMES[field]}"
 
     def global_ambient(self) -> float:
+        if self._decor is not None and self._decor.lights:
+            return model.GLOBAL_AMBIENT
         return model.global_ambient(self._mjm)
 
     def clock(self) -> wp.array | None:
@@ -97,16 +114,28 @@ class MujocoSource:
             staged = self._staged[field]
             for world, mjd in enumerate(self._mjds):
                 staged[world] = getattr(mjd, name).reshape(staged.shape[1:])
-        for field, name in model.MODEL_NAMES.items():
+        for field, name in self._model_names.items():
             staged = self._staged[field]
             staged[0] = getattr(self._mjm, name).reshape(staged.shape[1:])
         self._staged["time"][:] = [mjd.time for mjd in self._mjds]
         self._staged["headlight"][:] = model.headlight(self._mjm)
+        if self._decor is not None:
+            self._stage_decor(self._decor)
         wp.copy(self._block, self._host)
         if self._tables is not None and self._extras is not None:
-            self._tables.paint(colors_of(self._mjm, self._extras))
+            colors = colors_of(self._mjm, self._extras)
+            if self._decor is not None:
+                colors[np.isin(self._extras.rows, self._decor.hidden)] = 0.0
+            self._tables.paint(colors)
         if self._copied is not None:
             self.device.stream.record_event(self._copied)
+
+    def _stage_decor(self, decor: Places) -> None:
+        for staged, array in self._staged_decor:
+            staged[:] = array
+        self._staged["shape_colors"][:, decor.hidden[decor.hidden < self._mjm.ngeom]] = 0.0
+        if decor.lights:
+            self._staged["headlight"][:] = 0.0
 
     def stages(self, meshes: Meshes) -> tuple[Stage, ...]:
         if self._tables is None:
@@ -127,10 +156,15 @@ class MujocoSource:
                 mujoco.mj_tendon(self._mjm, mjd)
 
     def _shape(self, name: str) -> tuple[int, ...]:
+        more = 0
+        if self._decor is not None:
+            if name in self._decor.lights:
+                return 1, *self._decor.lights[name].shape[:1]
+            more = len(self._decor.kinds) if name in self._decor.shapes else 0
         if name in model.DATA_NAMES:
-            return len(self._mjds), len(getattr(self._mjds[0], model.DATA_NAMES[name]))
-        values = getattr(self._mjm, model.MODEL_NAMES[name])
-        return (1, *values.shape[: 1 + len(FIELDS[name].more)])
+            return len(self._mjds), len(getattr(self._mjds[0], model.DATA_NAMES[name])) + more
+        count, *rest = getattr(self._mjm, model.MODEL_NAMES[name]).shape[: 1 + len(FIELDS[name].more)]
+        return (1, count + more, *rest)
 
     @staticmethod
     def _view(block: wp.array, start: int, shape: tuple[int, ...], dtype: Any) -> wp.array:
@@ -149,6 +183,7 @@ def load(
     draw: Collection[str] = model.DRAWN,
     reflections: bool | None = None,
     transparency: Transparency = None,
+    decor: Places | None = None,
 ) -> Scene:
     model.check_model(mjm, "mjm")
     several = isinstance(mjd, list | tuple)
@@ -164,4 +199,4 @@ def load(
                 f"{which} was made from another model than mjm: it has {data.geom_xpos.shape[0]} geoms and "
                 f"{data.xpos.shape[0]} bodies, mjm has {mjm.ngeom} and {mjm.nbody}"
             )
-    return Scene(MujocoSource(mjm, mjds, groups, device_rule.resolve(device), draw, reflections, transparency))
+    return Scene(MujocoSource(mjm, mjds, groups, device_rule.resolve(device), draw, reflections, transparency, decor))

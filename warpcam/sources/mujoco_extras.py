@@ -21,6 +21,7 @@ from warpcam.kernels.types import BARE, CAPSULE, CYLINDER, MESH, SPHERE
 from warpcam.parts import Parts
 from warpcam.sources.mujoco_bonds import Bonds, bonds_of, matrix_of, no_bonds
 from warpcam.sources.mujoco_cranks import colors_of_cranks, count_drives, cranks_of, radius_of_rods
+from warpcam.sources.mujoco_decor import Kind
 from warpcam.sources.mujoco_limits import HeldTendons, held_tendons
 from warpcam.sources.mujoco_model import DRAWN, KINDS, VERSION, Groups, groups_by_kind
 from warpcam.sources.mujoco_soft import flex_surface, skin_surface
@@ -32,6 +33,7 @@ OBJECTS = (
     mujoco.mjtObj.mjOBJ_FLEX,
     mujoco.mjtObj.mjOBJ_SKIN,
     mujoco.mjtObj.mjOBJ_ACTUATOR,
+    mujoco.mjtObj.mjOBJ_UNKNOWN,  # what stands beside the model
 )
 MAX_STRING = 100  # points of a tendon that hangs slack
 MAX_SLICES = 63  # of half a turn around what a tendon is wrapped around
@@ -84,6 +86,7 @@ class Extras:
         num_points: Of all of these.
         num_skin_vertices: Of all skins.
         bonds: Of these.
+        num_decor: Places for what stands beside the model.
     """
 
     num_columns: int
@@ -107,6 +110,7 @@ class Extras:
     num_points: int
     num_skin_vertices: int
     bonds: Bonds
+    num_decor: int
 
     @property
     def lines(self) -> bool:
@@ -120,15 +124,16 @@ class Extras:
 def colors_of(mjm: mujoco.MjModel, extras: Extras) -> np.ndarray:
     """Those that all columns have now, (column, 4) float32; alpha is 0 where it is below, too: nothing is drawn."""
     drives = np.tile(colors_of_cranks(mjm)[:1], (count_drives(mjm), 1))
-    values = (mjm.geom_rgba, mjm.site_rgba, mjm.tendon_rgba, mjm.flex_rgba, mjm.skin_rgba, drives)
+    decor = np.zeros((extras.num_decor, 4), np.float32)  # written each frame
+    values = (mjm.geom_rgba, mjm.site_rgba, mjm.tendon_rgba, mjm.flex_rgba, mjm.skin_rgba, drives, decor)
     colors = np.concatenate(values)[extras.rows]
     np.maximum(colors[:, 3], 0.0, out=colors[:, 3])
     return colors
 
 
-def objects(mjm: mujoco.MjModel) -> np.ndarray:
+def objects(mjm: mujoco.MjModel, num_decor: int = 0) -> np.ndarray:
     """Id and mjtObj of what has each id of ``segmentation``, (id + 1, 2) int32; the last row is for -1, nothing."""
-    counts = _counts(mjm)
+    counts = (*_counts(mjm), num_decor)
     rows = [np.stack((np.arange(n), np.full(n, int(kind))), axis=1) for n, kind in zip(counts, OBJECTS, strict=True)]
     return np.concatenate([*rows, [(-1, -1)]]).astype(np.int32)
 
@@ -145,13 +150,13 @@ def check_kinds(draw: Any) -> frozenset[str]:
 
 
 def with_extras(
-    parts: Parts, mjm: mujoco.MjModel, groups: Groups, kinds: Collection[str]
+    parts: Parts, mjm: mujoco.MjModel, groups: Groups, kinds: Collection[str], decor: Sequence[Kind] = ()
 ) -> tuple[Parts, Extras | None]:
     """The scene's parts with what is drawn beside geoms, and that; None where there is nothing of it."""
     if "geoms" not in kinds:
         parts = replace(parts, drawn=[])
-    parts = replace(parts, objects=objects(mjm))
-    reader = _Reader(mjm, parts, groups_by_kind(groups), kinds)
+    parts = replace(parts, objects=objects(mjm, len(decor)), num_materials=parts.num_materials + len(decor))
+    reader = _Reader(mjm, parts, groups_by_kind(groups), kinds, decor)
     reader.read()
     if not reader.drawn:
         return parts, None
@@ -165,10 +170,17 @@ def _counts(mjm: mujoco.MjModel) -> tuple[int, ...]:
 class _Reader:
     """Goes through the model once, adding columns."""
 
-    def __init__(self, mjm: mujoco.MjModel, parts: Parts, groups: Mapping[str, list[int]], kinds: Collection[str]):
-        self._mjm, self._parts, self._kinds = mjm, parts, kinds
+    def __init__(
+        self,
+        mjm: mujoco.MjModel,
+        parts: Parts,
+        groups: Mapping[str, list[int]],
+        kinds: Collection[str],
+        decor: Sequence[Kind],
+    ):
+        self._mjm, self._parts, self._kinds, self._decor = mjm, parts, kinds, decor
         self._shown = [groups[kind] for kind in KINDS]
-        self._first = np.r_[0, np.cumsum(_counts(mjm))]
+        self._first = np.r_[0, np.cumsum((*_counts(mjm), len(decor)))]
         total = int(self._first[-1])
         self._types, self._ids = np.full(total, SPHERE, np.int32), np.arange(total, dtype=np.int32)
         self._bodies = np.full(total, -1, np.int32)
@@ -202,6 +214,7 @@ class _Reader:
             self._read_skins(start)
         if "actuators" in self._kinds:
             self._read_cranks()
+        self._read_decor()
 
     def parts(self) -> Parts:
         parts = self._parts
@@ -219,11 +232,14 @@ class _Reader:
         if soft and any(texture != parts.skybox for texture in range(len(parts.textures))):
             parts = replace(parts, more_types=parts.more_types | {BARE})
         meshes = [*parts.meshes, *(part.mesh for part in self._moved for _ in range(parts.num_worlds))]
+        drawn = sorted([*parts.drawn, *self.drawn])
+        bare = {int(self._first[6]) + place for place, kind in enumerate(self._decor) if not kind.casts}
         return replace(
             parts,
             shape_types=types,
             shape_bodies=bodies,
-            drawn=sorted([*parts.drawn, *self.drawn]),
+            drawn=drawn,
+            casting=[column for column in drawn if column not in bare] if bare else None,
             meshes=meshes,
         )
 
@@ -252,6 +268,7 @@ class _Reader:
             num_points=self._points,
             num_skin_vertices=self._mjm.nskinvert,
             bonds=bonds_of(self._mjm) if any(part.of_skin for part in self._moved) else no_bonds(),
+            num_decor=len(self._decor),
         )
 
     def _read_sites(self) -> None:
@@ -322,6 +339,13 @@ class _Reader:
             for kind, column, thick in ((ROD, row, radius), (CRANK, self._beyond(CAPSULE, row), 0.5 * radius)):
                 self._lengths[len(self._entries)] = float(mjm.actuator_cranklength[drive])
                 self._add((kind, column, slider, pin), column, thick)
+
+    def _read_decor(self) -> None:
+        for place, kind in enumerate(self._decor):
+            column = int(self._first[6]) + place
+            self._types[column], self._materials[column] = kind.type, self._mjm.nmat + place
+            self._colors[column] = (0.0, 0.0, 0.0, 0.5 if kind.veiled else 1.0)
+            self._add((COPY, column, self._mjm.ngeom + place, 0), column)
 
     def _move(self, row: int, mesh: Mesh, hull: Hull, shading: Shading, of_skin: bool) -> None:
         hull = replace(hull, first_point=self._points)

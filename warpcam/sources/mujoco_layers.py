@@ -1,5 +1,6 @@
 """What of a MuJoCo model needs more than one layer: mirrors, transparent geoms, haze."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import mujoco
@@ -8,6 +9,7 @@ import numpy as np
 from warpcam.kernels.types import PLANE
 from warpcam.layers import Layers, Transparency, find_mirrors, find_veils
 from warpcam.parts import Parts
+from warpcam.sources.mujoco_decor import Kind
 from warpcam.sources.mujoco_extras import Extras
 
 PLAIN = (0.5, 0.5, 0.5, 1.0)  # a geom's colour that lets its material's count
@@ -23,6 +25,7 @@ def with_layers(
     colors: np.ndarray | None = None,
     materials: np.ndarray | None = None,
     material_colors: np.ndarray | None = None,
+    decor: Sequence[Kind] = (),
 ) -> Parts:
     """The scene's parts with what of them needs more than one layer.
 
@@ -35,19 +38,24 @@ def with_layers(
         colors: (n, geom, 4), where worlds have their own; None is the model's.
         materials: (n, geom), likewise.
         material_colors: (n, material, 4), likewise.
+        decor: What may stand beside the model.
     """
     colors = mjm.geom_rgba[None] if colors is None else colors
     materials = mjm.geom_matid[None] if materials is None else materials
     material_colors = mjm.mat_rgba[None] if material_colors is None else material_colors
     types, drawn, reach = parts.shape_types, parts.drawn, mjm.geom_rbound
+    reflectance = np.r_[mjm.mat_reflectance, [kind.reflectance for kind in decor]].astype(np.float32)
+    if decor:  # their columns' own colours tell what is seen through
+        more = np.broadcast_to(np.asarray(PLAIN), (len(material_colors), len(decor), 4))
+        material_colors = np.concatenate((material_colors, more), axis=1)
     if extras is not None:
         colors, materials = _extended(colors, extras.colors), _extended(materials, extras.materials)
         reach = np.r_[reach, np.full(len(types) - mjm.ngeom, -1.0)]
     haze = [g for g in drawn if g < mjm.ngeom and types[g] == PLANE and (mjm.geom_size[g, :2] == 0.0).all()]
     red, green, blue = mjm.vis.rgba.haze[:3]
     layers = Layers(
-        mirrors=find_mirrors(types, drawn, materials, mjm.mat_reflectance, reflections),
-        reflectance=mjm.mat_reflectance.astype(np.float32),
+        mirrors=find_mirrors(types, drawn, materials, reflectance, reflections),
+        reflectance=reflectance,
         veils=find_veils(types, drawn, _opacity(colors, materials, material_colors), transparency),
         reach=np.where(types == PLANE, np.inf, reach).astype(np.float32),
         haze_plane=haze[0] if haze else -1,

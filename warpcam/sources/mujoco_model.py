@@ -25,6 +25,7 @@ KINDS = ("geoms", "sites", "tendons", "flexes", "skins")
 DRAWN = (*KINDS, "actuators")  # what may be drawn; the last have no groups
 Groups = Collection[int] | Mapping[str, Collection[int]]
 REVISED = (3, 12)  # the version from which on MuJoCo draws textures on shapes, and point lights, as it does now
+GLOBAL_AMBIENT = 0.3  # of a scene without lights
 SMOOTH_BELOW = 0.8  # cosine to the face's normal under which MuJoCo takes that instead of the vertex's
 
 # Where MuJoCo and MuJoCo-Warp keep each live array: in the data, or in the model.
@@ -124,7 +125,7 @@ def headlight(mjm: mujoco.MjModel) -> np.ndarray:
 
 def global_ambient(mjm: mujoco.MjModel) -> float:
     """MuJoCo lights a scene evenly that has no light at all; the shading looks whether other lights are on."""
-    return 0.0 if mjm.vis.headlight.active or len(_unplaced(mjm)) else 0.3
+    return 0.0 if mjm.vis.headlight.active or len(_unplaced(mjm)) else GLOBAL_AMBIENT
 
 
 def _unplaced(mjm: mujoco.MjModel) -> np.ndarray:
