@@ -19,6 +19,8 @@ from warpcam.errors import WarpcamError
 
 __all__ = ["install", "uninstall"]
 
+UPLOADS = (mujoco.mjr_uploadHField, mujoco.mjr_uploadMesh, mujoco.mjr_uploadTexture)
+
 _chosen: list[Any] = [None]  # the device that install() was given
 _originals: dict[str, Callable[..., Any]] = {}
 
@@ -59,8 +61,10 @@ class _Contexts:
     def make_current(self) -> Iterator["_Contexts"]:
         yield self
 
-    def call(self, *_: Any, **__: Any) -> None:
-        """Calls of OpenGL have nothing to do here."""
+    def call(self, function: Callable[..., Any], *_: Any, **__: Any) -> None:
+        """Have what was to be uploaded read again; other calls of OpenGL have nothing to do here."""
+        if function in UPLOADS:
+            self.studio.reload()
 
     def free(self) -> None: ...
 
