@@ -1,21 +1,57 @@
 """``mujoco.Renderer``, with the same calls, encodings and errors, and with no graphics library behind it.
 
-``from warpcam.compat.mujoco import Renderer`` in place of ``from mujoco import Renderer`` is all there is to change.
+``from warpcam.compat.mujoco import Renderer`` in place of ``from mujoco import Renderer`` is all there is to change; or
+``install()``, for packages that make a ``mujoco.Renderer`` by themselves.
 """
 
+import sys
 from typing import Any
 
 import mujoco
 import numpy as np
 
+from warpcam import device as device_rule
 from warpcam.compat import abstract
 from warpcam.compat.options import style_of
 from warpcam.compat.studio import Studio, view_of
 from warpcam.errors import WarpcamError
 
-__all__ = ["Renderer"]
+__all__ = ["Renderer", "install", "uninstall"]
 
 BEFORE_4 = mujoco.mj_version() < 4000000
+
+_chosen: list[Any] = [None]  # the device that install() was given
+_originals: list[type] = []  # MuJoCo's own renderer, while it is replaced
+
+
+def install(device: Any = None) -> None:
+    """Have every ``mujoco.Renderer`` that is made from now on be one of this module.
+
+    Names that were imported before, by ``from mujoco import Renderer``, keep what they mean.
+
+    Args:
+        device: Where they render: a name, a Warp or torch device, a CUDA ordinal; None is Warp's current device.
+    """
+    if device is not None:
+        device_rule.resolve(device)
+    _chosen[0] = device
+    if not _originals:
+        _originals.append(mujoco.Renderer)
+        _replace(mujoco.Renderer, Renderer)
+
+
+def uninstall() -> None:
+    """Give MuJoCo its own renderer back. Those that were made here stay."""
+    if _originals:
+        _replace(Renderer, _originals.pop())
+    _chosen[0] = None
+
+
+def _replace(old: type, new: type) -> None:
+    """In all of MuJoCo's own modules."""
+    for name, module in list(sys.modules.items()):
+        if name.split(".")[0] == "mujoco" and vars(module).get("Renderer") is old:
+            vars(module)["Renderer"] = new
 
 
 class Renderer:
@@ -27,7 +63,8 @@ class Renderer:
         width: Of the images [pixels].
         max_geom: How many geoms ``scene`` has room for.
         font_scale: Of text, which is not drawn.
-        device: Where to render: a name, a Warp or torch device, a CUDA ordinal; None is Warp's current device.
+        device: Where to render: a name, a Warp or torch device, a CUDA ordinal; None is what ``install`` was given,
+            and else Warp's current device.
 
     Raises:
         ValueError: The image is larger than the model's ``vis.global_.offwidth`` and ``offheight``.
@@ -65,7 +102,7 @@ class Renderer:
         self._own_geoms: int | None = None  # of the model's, in the scene; None before there is any state
         self._own_content = b""
         self._depth = self._segmentation = False
-        self._studio = Studio(model, device)
+        self._studio = Studio(model, _chosen[0] if device is None else device)
 
     @property
     def model(self) -> mujoco.MjModel:
