@@ -426,3 +426,28 @@ def test_installed_it_is_what_packages_make(device: wp.Device, monkeypatch: pyte
     with pytest.raises(wc.WarpcamError, match="device: 'cuda:99' came"):
         front.install("cuda:99")
     assert mujoco.Renderer is own
+
+
+def test_installed_it_reads_again_what_is_uploaded(device: wp.Device) -> None:
+    """As MuJoCo Playground does with a height field of its own, in ``render_array``."""
+    model, data = made("""
+        <mujoco>
+          <asset><hfield name="hills" nrow="4" ncol="4" size="2 2 1 .1"/></asset>
+          <worldbody><geom type="hfield" hfield="hills"/></worldbody>
+        </mujoco>""")
+    own = mujoco.mjr_uploadHField
+    front.install(device)
+    try:
+        renderer = mujoco.Renderer(model, HEIGHT, WIDTH)
+        renderer.enable_depth_rendering()
+        renderer.update_scene(data)
+        flat = renderer.render()
+        model.hfield_data[5:7] = 1.0
+        assert (renderer.render() == flat).all()
+        mujoco.mjr_uploadHField(model, renderer._mjr_context, 0)
+        assert (renderer.render() != flat).any()
+        with pytest.raises(TypeError, match="mjr_uploadHField"):
+            mujoco.mjr_uploadHField(model, None, "hills")
+    finally:
+        front.uninstall()
+    assert mujoco.mjr_uploadHField is own

@@ -14,12 +14,10 @@ from dm_control.mujoco import engine
 from warpcam import device as device_rule
 from warpcam.compat import abstract
 from warpcam.compat.options import style_of
-from warpcam.compat.studio import Studio, view_of
+from warpcam.compat.studio import UPLOADS, Studio, view_of
 from warpcam.errors import WarpcamError
 
 __all__ = ["install", "uninstall"]
-
-UPLOADS = (mujoco.mjr_uploadHField, mujoco.mjr_uploadMesh, mujoco.mjr_uploadTexture)
 
 _chosen: list[Any] = [None]  # the device that install() was given
 _originals: dict[str, Callable[..., Any]] = {}
@@ -63,7 +61,7 @@ class _Contexts:
 
     def call(self, function: Callable[..., Any], *_: Any, **__: Any) -> None:
         """Have what was to be uploaded read again; other calls of OpenGL have nothing to do here."""
-        if function in UPLOADS:
+        if getattr(function, "__name__", "") in UPLOADS:
             self.studio.reload()
 
     def free(self) -> None: ...

@@ -5,6 +5,8 @@
 """
 
 import sys
+from collections.abc import Callable
+from functools import wraps
 from typing import Any
 
 import mujoco
@@ -13,7 +15,7 @@ import numpy as np
 from warpcam import device as device_rule
 from warpcam.compat import abstract
 from warpcam.compat.options import style_of
-from warpcam.compat.studio import Studio, view_of
+from warpcam.compat.studio import UPLOADS, Studio, view_of
 from warpcam.errors import WarpcamError
 
 __all__ = ["Renderer", "install", "uninstall"]
@@ -22,6 +24,7 @@ BEFORE_4 = mujoco.mj_version() < 4000000
 
 _chosen: list[Any] = [None]  # the device that install() was given
 _originals: list[type] = []  # MuJoCo's own renderer, while it is replaced
+_uploads: dict[str, Callable[..., None]] = {}  # and its own calls of ``UPLOADS``
 
 
 def install(device: Any = None) -> None:
@@ -38,12 +41,18 @@ def install(device: Any = None) -> None:
     if not _originals:
         _originals.append(mujoco.Renderer)
         _replace(mujoco.Renderer, Renderer)
+        _uploads.update((name, getattr(mujoco, name)) for name in UPLOADS)
+        for name, own in _uploads.items():
+            setattr(mujoco, name, _upload(own))
 
 
 def uninstall() -> None:
     """Give MuJoCo its own renderer back. Those that were made here stay."""
     if _originals:
         _replace(Renderer, _originals.pop())
+    for name, own in _uploads.items():
+        setattr(mujoco, name, own)
+    _uploads.clear()
     _chosen[0] = None
 
 
@@ -52,6 +61,26 @@ def _replace(old: type, new: type) -> None:
     for name, module in list(sys.modules.items()):
         if name.split(".")[0] == "mujoco" and vars(module).get("Renderer") is old:
             vars(module)["Renderer"] = new
+
+
+def _upload(own: Callable[..., None]) -> Callable[..., None]:
+    """MuJoCo's call, which takes the context of a renderer of this module, too."""
+
+    @wraps(own)
+    def upload(m: mujoco.MjModel, con: Any, *rest: Any, **named: Any) -> None:
+        if isinstance(con, _Context):
+            con.reload()
+        else:
+            own(m, con, *rest, **named)
+
+    return upload
+
+
+class _Context:
+    """In place of MuJoCo's context, for those who upload to it what they have changed in the model."""
+
+    def __init__(self, studio: Studio):
+        self.reload = studio.reload
 
 
 class Renderer:
@@ -81,6 +110,7 @@ class Renderer:
         device: Any = None,
     ):
         self._studio: Studio | None = None
+        self._mjr_context: _Context | None = None  # programs know it by MuJoCo's name
         if not isinstance(model, mujoco.MjModel):
             raise TypeError(f"model must be a mujoco.MjModel, got {type(model).__name__}")
         for side, pixels, most in (
@@ -103,6 +133,7 @@ class Renderer:
         self._own_content = b""
         self._depth = self._segmentation = False
         self._studio = Studio(model, _chosen[0] if device is None else device)
+        self._mjr_context = _Context(self._studio)
 
     @property
     def model(self) -> mujoco.MjModel:
@@ -197,7 +228,7 @@ class Renderer:
 
     def close(self) -> None:
         """Let go of all memory. Closing twice does nothing."""
-        self._studio = None
+        self._studio = self._mjr_context = None
 
     def __enter__(self) -> "Renderer":
         return self
