@@ -144,6 +144,30 @@ def test_states_and_models(installed: None) -> None:
     one.free()
 
 
+def test_what_is_uploaded_is_seen(installed: None) -> None:
+    """As the suite's quadruped uploads the terrain that it has made for an episode."""
+    one = engine.Physics.from_xml_string("""
+        <mujoco>
+          <asset>
+            <hfield name="hills" nrow="4" ncol="4" size="2 2 1 0.1"/>
+            <texture name="paint" type="2d" builtin="flat" width="4" height="4" rgb1="1 0 0"/>
+            <material name="paint" texture="paint"/>
+          </asset>
+          <worldbody><light pos="0 0 9"/><geom type="hfield" hfield="hills" material="paint"/></worldbody>
+        </mujoco>""")
+    flat, red = one.render(HEIGHT, WIDTH, depth=True), one.render(HEIGHT, WIDTH)
+    one.model.hfield_data[5:7] = 1.0
+    one.model.tex_data[:] = np.tile(np.array((0, 255, 0), np.uint8), 16)
+    for upload in (mujoco.mjr_uploadHField, mujoco.mjr_uploadTexture):
+        assert (one.render(HEIGHT, WIDTH, depth=True) == flat).all() or upload is mujoco.mjr_uploadTexture
+        with one.contexts.gl.make_current() as context:
+            context.call(upload, one.model.ptr, one.contexts.mujoco.ptr, 0)
+    assert (one.render(HEIGHT, WIDTH, depth=True) != flat).any()
+    green = one.render(HEIGHT, WIDTH)
+    assert red[..., 0].max() > 60 > red[..., 1].max()
+    assert green[..., 1].max() > 60 > green[..., 0].max()
+
+
 def test_pixels_as_observations(installed: None) -> None:
     """The suite's own wrapper."""
     from dm_control.suite.wrappers import pixels

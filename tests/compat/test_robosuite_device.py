@@ -138,6 +138,35 @@ def test_nothing_of_opengl(tmp_path: Any) -> None:
     assert done.stderr.count("MUJOCO_EGL_DEVICE_ID=7 chooses a GPU for OpenGL; warpcam uses none and ignores it") == 1
 
 
+@pytest.mark.skipif(sys.platform != "linux", reason="elsewhere robosuite has no EGL to import")
+@pytest.mark.parametrize(
+    ("there", "variable", "seen"),
+    [(None, "disable", "glx"), (None, "osmesa", "osmesa"), ("libEGL.so.1", "disable", "disable")],
+)
+def test_robosuite_1_4_is_imported_without_egl(
+    monkeypatch: pytest.MonkeyPatch, there: str | None, variable: str, seen: str
+) -> None:
+    """It would load EGL whatever ``MUJOCO_GL`` says, but for these two."""
+    monkeypatch.setattr(ours, "find_library", {"EGL": there}.get)
+    monkeypatch.setenv("MUJOCO_GL", variable)
+    with ours._unguarded():
+        assert os.environ["MUJOCO_GL"] == seen
+    assert os.environ["MUJOCO_GL"] == variable
+
+
+def test_modules_that_lack_the_context_are_left_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Robosuite 1.4's tester of grippers forgets to import it."""
+    from robosuite.environments import base
+    from robosuite.models.grippers import gripper_tester
+
+    monkeypatch.delattr(gripper_tester, "MjRenderContextOffscreen")
+    ours.install()
+    assert base.MjRenderContextOffscreen is ours.OffscreenContext
+    assert not hasattr(gripper_tester, "MjRenderContextOffscreen")
+    ours.uninstall()
+    assert base.MjRenderContextOffscreen is not ours.OffscreenContext
+
+
 def test_devices_are_checked_when_installing() -> None:
     with pytest.raises(wc.WarpcamError, match=r"device: 'cuda:99' came"):
         ours.install("cuda:99")

@@ -15,7 +15,7 @@ from warpcam import device as device_rule
 from warpcam.compat import abstract
 from warpcam.compat.decor import Own
 from warpcam.compat.options import style_of
-from warpcam.compat.studio import Studio, view_of
+from warpcam.compat.studio import UPLOADS, Studio, view_of
 from warpcam.errors import WarpcamError
 
 __all__ = ["install", "uninstall"]
@@ -60,8 +60,10 @@ class _Contexts:
     def make_current(self) -> Iterator["_Contexts"]:
         yield self
 
-    def call(self, *_: Any, **__: Any) -> None:
-        """Calls of OpenGL have nothing to do here."""
+    def call(self, function: Callable[..., Any], *_: Any, **__: Any) -> None:
+        """Have what was to be uploaded read again; other calls of OpenGL have nothing to do here."""
+        if getattr(function, "__name__", "") in UPLOADS:
+            self.studio.reload()
 
     def free(self) -> None: ...
 

@@ -1,21 +1,86 @@
 """``mujoco.Renderer``, with the same calls, encodings and errors, and with no graphics library behind it.
 
-``from warpcam.compat.mujoco import Renderer`` in place of ``from mujoco import Renderer`` is all there is to change.
+``from warpcam.compat.mujoco import Renderer`` in place of ``from mujoco import Renderer`` is all there is to change; or
+``install()``, for packages that make a ``mujoco.Renderer`` by themselves.
 """
 
+import sys
+from collections.abc import Callable
+from functools import wraps
 from typing import Any
 
 import mujoco
 import numpy as np
 
+from warpcam import device as device_rule
 from warpcam.compat import abstract
 from warpcam.compat.decor import Own
 from warpcam.compat.options import style_of
-from warpcam.compat.studio import Studio, view_of
+from warpcam.compat.studio import UPLOADS, Studio, view_of
 
-__all__ = ["Renderer"]
+__all__ = ["Renderer", "install", "uninstall"]
 
 BEFORE_4 = mujoco.mj_version() < 4000000
+
+_chosen: list[Any] = [None]  # the device that install() was given
+_originals: list[type] = []  # MuJoCo's own renderer, while it is replaced
+_uploads: dict[str, Callable[..., None]] = {}  # and its own calls of ``UPLOADS``
+
+
+def install(device: Any = None) -> None:
+    """Have every ``mujoco.Renderer`` that is made from now on be one of this module.
+
+    Names that were imported before, by ``from mujoco import Renderer``, keep what they mean.
+
+    Args:
+        device: Where they render: a name, a Warp or torch device, a CUDA ordinal; None is Warp's current device.
+    """
+    if device is not None:
+        device_rule.resolve(device)
+    _chosen[0] = device
+    if not _originals:
+        _originals.append(mujoco.Renderer)
+        _replace(mujoco.Renderer, Renderer)
+        _uploads.update((name, getattr(mujoco, name)) for name in UPLOADS)
+        for name, own in _uploads.items():
+            setattr(mujoco, name, _upload(own))
+
+
+def uninstall() -> None:
+    """Give MuJoCo its own renderer back. Those that were made here stay."""
+    if _originals:
+        _replace(Renderer, _originals.pop())
+    for name, own in _uploads.items():
+        setattr(mujoco, name, own)
+    _uploads.clear()
+    _chosen[0] = None
+
+
+def _replace(old: type, new: type) -> None:
+    """In all of MuJoCo's own modules."""
+    for name, module in list(sys.modules.items()):
+        if name.split(".")[0] == "mujoco" and vars(module).get("Renderer") is old:
+            vars(module)["Renderer"] = new
+
+
+def _upload(own: Callable[..., None]) -> Callable[..., None]:
+    """MuJoCo's call, which takes the context of a renderer of this module, too."""
+
+    @wraps(own)
+    def upload(m: mujoco.MjModel, con: Any, *rest: Any, **named: Any) -> None:
+        if isinstance(con, _Context):
+            con.reload()
+        else:
+            own(m, con, *rest, **named)
+
+    return upload
+
+
+class _Context:
+    """In place of MuJoCo's context, for those who upload to it what they have changed in the model."""
+
+    def __init__(self, studio: Studio):
+        self.reload = studio.reload
 
 
 class Renderer:
@@ -27,7 +92,8 @@ class Renderer:
         width: Of the images [pixels].
         max_geom: How many geoms ``scene`` has room for.
         font_scale: Of text, which is not drawn.
-        device: Where to render: a name, a Warp or torch device, a CUDA ordinal; None is Warp's current device.
+        device: Where to render: a name, a Warp or torch device, a CUDA ordinal; None is what ``install`` was given,
+            and else Warp's current device.
 
     Raises:
         ValueError: The image is larger than the model's ``vis.global_.offwidth`` and ``offheight``.
@@ -44,6 +110,7 @@ class Renderer:
         device: Any = None,
     ):
         self._studio: Studio | None = None
+        self._mjr_context: _Context | None = None  # programs know it by MuJoCo's name
         if not isinstance(model, mujoco.MjModel):
             raise TypeError(f"model must be a mujoco.MjModel, got {type(model).__name__}")
         for side, pixels, most in (
@@ -64,7 +131,8 @@ class Renderer:
         self._option = mujoco.MjvOption()
         self._own: Own | None = None  # the scene as update_scene has made it; None before there is any state
         self._depth = self._segmentation = False
-        self._studio = Studio(model, device)
+        self._studio = Studio(model, _chosen[0] if device is None else device)
+        self._mjr_context = _Context(self._studio)
 
     @property
     def model(self) -> mujoco.MjModel:
@@ -159,7 +227,7 @@ class Renderer:
 
     def close(self) -> None:
         """Let go of all memory. Closing twice does nothing."""
-        self._studio = None
+        self._studio = self._mjr_context = None
 
     def __enter__(self) -> "Renderer":
         return self

@@ -5,8 +5,10 @@ and leaves robosuite as it is.
 """
 
 import os
+import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from ctypes.util import find_library
 from types import SimpleNamespace
 from typing import Any
 
@@ -52,8 +54,9 @@ def install(device: Any = None) -> None:
         from robosuite.utils import binding_utils, mjmod
     robosuite_shims.mend()
     for module in (binding_utils, base, gripper_tester, mjmod):
-        _originals.setdefault(module, module.MjRenderContextOffscreen)
-        module.MjRenderContextOffscreen = _ModderContext if module is mjmod else OffscreenContext
+        if hasattr(module, "MjRenderContextOffscreen"):  # robosuite 1.4's tester of grippers forgets it
+            _originals.setdefault(module, module.MjRenderContextOffscreen)
+            module.MjRenderContextOffscreen = _ModderContext if module is mjmod else OffscreenContext
 
 
 def uninstall() -> None:
@@ -352,11 +355,14 @@ def _device(device_id: int) -> wp.Device:
 def _unguarded() -> Iterator[None]:
     """Robosuite looks at variables of OpenGL as it is imported, and sets one for all processes that are started later.
 
-    Here they count for nothing: it does not see them, and finds them afterwards as they were.
+    Here they count for nothing: it does not see them, and finds them afterwards as they were. Robosuite 1.4 imports EGL
+    with itself, whatever they say; where there is none it is made to import GLFW, which MuJoCo brings along.
     """
     names = ("MUJOCO_EGL_DEVICE_ID", "MUJOCO_GL")
     before = {name: os.environ.get(name) for name in names}
     os.environ.pop("MUJOCO_EGL_DEVICE_ID", None)
+    if sys.platform == "linux" and before["MUJOCO_GL"] != "osmesa" and find_library("EGL") is None:
+        os.environ["MUJOCO_GL"] = "glx"
     try:
         yield
     finally:

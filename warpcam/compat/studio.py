@@ -18,6 +18,7 @@ from warpcam.sources.mujoco_limits import UNLIMITED
 from warpcam.sources.mujoco_model import DATA_NAMES, MODEL_NAMES
 
 VIEW = "view"  # the one camera's name
+UPLOADS = ("mjr_uploadHField", "mjr_uploadMesh", "mjr_uploadTexture")  # MuJoCo's calls for what a scene reads once
 MAX_KEPT = 8  # renderers of a studio, and scenes: ways to look that are gone to and fro between
 
 # What a scene reads once of what a user may write: such a change makes another scene.
