@@ -107,6 +107,11 @@ class Stage:
         self._kernel, self._dim, self._inputs, self._start = kernel, dim, inputs, start
         self._parts: tuple[wp.Launch, ...] = ()
 
+    @property
+    def is_bound(self) -> bool:
+        """Whether it is ready for launches."""
+        return bool(self._parts)
+
     def bind(self) -> None:
         """Make ready for launches; compiles and loads the kernel if nobody did."""
         count = min(self._dim, 1 if self.device.is_cuda else cpu_parts())
@@ -199,6 +204,13 @@ def bind(stages: Sequence[Stage]) -> None:
         wp.force_load(device, list(together)[::-1], block_dim=block_dim, max_workers=workers)
     for stage in stages:
         stage.bind()
+
+
+def run(stages: Sequence[Stage]) -> None:
+    """Launch stages of one device one after another; those that never were are made ready together."""
+    bind([stage for stage in stages if not stage.is_bound])
+    for stage in stages:
+        stage.launch()
 
 
 @contextmanager

@@ -19,7 +19,7 @@ from warpcam.accel.textures import pack_textures
 from warpcam.bounds import Bounds, bounds_of
 from warpcam.checks import check_array, check_indices, check_parts
 from warpcam.errors import WarpcamError
-from warpcam.kernels.launch import Stage, bind
+from warpcam.kernels.launch import Stage, run
 from warpcam.kernels.resolve import has_strips, is_spare
 from warpcam.kernels.tables import Tables
 from warpcam.kernels.types import (
@@ -110,9 +110,7 @@ class Scene:
         )
         self._layers = parts.layers.tables(len(parts.shape_types), self.device)
         source.refresh()
-        bind(stages := self.stages())
-        for stage in stages:
-            stage.launch()
+        run(self.stages())
         self._tables = self.tables()
         check_indices(self._arrays, parts, self._seen(), source.label)
 
@@ -170,8 +168,7 @@ class Scene:
         Two (3,) float32 arrays in the world frame [m]; zeros where there is nothing. Waits for the device.
         """
         self.refresh()
-        for stage in self.stages():
-            stage.launch()
+        run(self.stages())
         self.tables()
         host = {name: array.numpy() for name, array in self._arrays.items() if name.startswith(("shape", "material_c"))}
         parts, clouds = self._parts, self._splats

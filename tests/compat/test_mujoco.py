@@ -10,7 +10,6 @@ import pytest
 import warp as wp
 
 import warpcam as wc
-from warpcam.compat import mujoco as front
 from warpcam.compat import studio
 from warpcam.compat.mujoco import Renderer
 
@@ -398,55 +397,3 @@ def test_ways_to_look_are_let_go(device: wp.Device) -> None:
             renderer.update_scene(data)
             renderer.render()
         assert len(renderer._studio._scenes) == len(renderer._studio._eyes) == studio.MAX_KEPT
-
-
-def test_installed_it_is_what_packages_make(device: wp.Device, monkeypatch: pytest.MonkeyPatch) -> None:
-    """``mujoco.Renderer`` and what modules of MuJoCo call so, with the device that was said; names from before stay."""
-    own, chosen = mujoco.Renderer, []
-    model, data = made()
-    monkeypatch.setattr(front, "Studio", lambda model, device: chosen.append(device) or studio.Studio(model, device))
-    front.install(device)
-    try:
-        from mujoco import renderer as module
-
-        assert mujoco.Renderer is module.Renderer is Renderer is not own
-        with mujoco.Renderer(model, HEIGHT, WIDTH) as renderer:
-            renderer.update_scene(data, "fixed")
-            picture = renderer.render()
-        with ours(model, device) as renderer:
-            renderer.update_scene(data, "fixed")
-            assert (renderer.render() == picture).all() and picture.std() > 5.0
-        Renderer(model, HEIGHT, WIDTH, device="cpu")
-        front.install(device)  # again
-    finally:
-        front.uninstall()
-    assert chosen == [device, device, "cpu"]
-    assert mujoco.Renderer is module.Renderer is own
-    with pytest.raises(wc.WarpcamError, match="device: 'cuda:99' came"):
-        front.install("cuda:99")
-    assert mujoco.Renderer is own
-
-
-def test_installed_it_reads_again_what_is_uploaded(device: wp.Device) -> None:
-    """As MuJoCo Playground does with a height field of its own, in ``render_array``."""
-    model, data = made("""
-        <mujoco>
-          <asset><hfield name="hills" nrow="4" ncol="4" size="2 2 1 .1"/></asset>
-          <worldbody><geom type="hfield" hfield="hills"/></worldbody>
-        </mujoco>""")
-    own = mujoco.mjr_uploadHField
-    front.install(device)
-    try:
-        renderer = mujoco.Renderer(model, HEIGHT, WIDTH)
-        renderer.enable_depth_rendering()
-        renderer.update_scene(data)
-        flat = renderer.render()
-        model.hfield_data[5:7] = 1.0
-        assert (renderer.render() == flat).all()
-        mujoco.mjr_uploadHField(model, renderer._mjr_context, 0)
-        assert (renderer.render() != flat).any()
-        with pytest.raises(TypeError, match="mjr_uploadHField"):
-            mujoco.mjr_uploadHField(model, None, "hills")
-    finally:
-        front.uninstall()
-    assert mujoco.mjr_uploadHField is own

@@ -22,7 +22,7 @@ from warpcam.parts import Parts
 from warpcam.sources.mujoco_bonds import Bonds, bonds_of, matrix_of, no_bonds
 from warpcam.sources.mujoco_cranks import colors_of_cranks, count_drives, cranks_of, radius_of_rods
 from warpcam.sources.mujoco_decor import Kind
-from warpcam.sources.mujoco_limits import HeldTendons, held_tendons
+from warpcam.sources.mujoco_limits import HeldTendons, held_tendons, string_length
 from warpcam.sources.mujoco_model import DRAWN, KINDS, VERSION, Groups, groups_by_kind
 from warpcam.sources.mujoco_soft import flex_surface, skin_surface
 
@@ -294,7 +294,7 @@ class _Reader:
             row = self._column(2, tendon, mjm.tendon_group, mjm.tendon_rgba, mjm.tendon_matid)
             if row < 0:
                 continue
-            length = _string_length(mjm, tendon)
+            length = string_length(mjm, tendon)
             if length > 0.0:
                 for segment in range(self._string_points - 1):
                     column = self._beyond(CAPSULE, row)
@@ -379,25 +379,3 @@ class _Reader:
 def _up(mjm: mujoco.MjModel) -> np.ndarray:
     gravity = np.array(mjm.opt.gravity)
     return -gravity / max(float(np.linalg.norm(gravity)), 1e-15)
-
-
-def _string_length(mjm: mujoco.MjModel, tendon: int) -> float:
-    """How long a tendon is that hangs slack between two sites, as MuJoCo draws it; 0 for one that never does.
-
-    It is one that nothing but an upper bound of its length holds: a limit, or a spring that is free below.
-    """
-
-    def any_of(*names: str) -> bool:
-        values = [getattr(mjm, f"tendon_{name}")[tendon] for name in names if hasattr(mjm, f"tendon_{name}")]
-        return any(np.any(value) for value in values)
-
-    stiff = any_of("stiffness", "stiffnesspoly")
-    spring, limit = mjm.tendon_lengthspring[tendon], mjm.tendon_range[tendon]
-    by_spring = stiff and spring[0] == 0.0 and spring[1] > 0.0
-    by_limit = not stiff and bool(mjm.tendon_limited[tendon]) and limit[0] == 0.0
-    driven = (mjm.actuator_trntype == mujoco.mjtTrn.mjTRN_TENDON) & (mjm.actuator_trnid[:, 0] == tendon)
-    falls = not mjm.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_GRAVITY and np.any(mjm.opt.gravity)
-    held = any_of("damping", "dampingpoly", "frictionloss") or driven.any()
-    if not falls or held or mjm.tendon_num[tendon] != 2 or by_spring == by_limit:
-        return 0.0
-    return float(limit[1] if by_limit else spring[1])

@@ -67,3 +67,25 @@ def _moves(mjm: mujoco.MjModel, tendon: int) -> bool:
     sites = mjm.site_bodyid[things[kinds == wrap.mjWRAP_SITE]]
     geoms = mjm.geom_bodyid[things[np.isin(kinds, (wrap.mjWRAP_SPHERE, wrap.mjWRAP_CYLINDER))]]
     return len(np.unique(mjm.body_weldid[np.concatenate((sites, geoms))])) > 1
+
+
+def string_length(mjm: mujoco.MjModel, tendon: int) -> float:
+    """How long a tendon is that hangs slack between two sites, as MuJoCo draws it; 0 for one that never does.
+
+    It is one that nothing but an upper bound of its length holds: a limit, or a spring that is free below.
+    """
+
+    def any_of(*names: str) -> bool:
+        values = [getattr(mjm, f"tendon_{name}")[tendon] for name in names if hasattr(mjm, f"tendon_{name}")]
+        return any(np.any(value) for value in values)
+
+    stiff = any_of("stiffness", "stiffnesspoly")
+    spring, limit = mjm.tendon_lengthspring[tendon], mjm.tendon_range[tendon]
+    by_spring = stiff and spring[0] == 0.0 and spring[1] > 0.0
+    by_limit = not stiff and bool(mjm.tendon_limited[tendon]) and limit[0] == 0.0
+    driven = (mjm.actuator_trntype == mujoco.mjtTrn.mjTRN_TENDON) & (mjm.actuator_trnid[:, 0] == tendon)
+    falls = not mjm.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_GRAVITY and np.any(mjm.opt.gravity)
+    held = any_of("damping", "dampingpoly", "frictionloss") or driven.any()
+    if not falls or held or mjm.tendon_num[tendon] != 2 or by_spring == by_limit:
+        return 0.0
+    return float(limit[1] if by_limit else spring[1])
