@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 import pytest
 import warp as wp
-from decor_scene import DECOR, GEOM, XML, add, connect, made, tilted
+from decor_scene import GEOM, XML, add, connect, made, tilted
 
 import warpcam as wc
 from warpcam.compat import studio
