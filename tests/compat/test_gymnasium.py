@@ -187,7 +187,8 @@ def test_markers_are_drawn_once(device: wp.Device) -> None:
         assert (viewer.render("rgb_array") == plain).all()
         pictures.append(marked)
         viewer.free()
-    assert psnr(pictures[0], pictures[-1]) > 26.0
+    if len(pictures) > 1:
+        assert psnr(*pictures) > 26.0
 
 
 def test_what_is_not_drawn_is_refused(device: wp.Device) -> None:
