@@ -192,8 +192,7 @@ class Frame:
 def bind(stages: Sequence[Stage]) -> None:
     """Make stages of one device ready for launches, compiling kernels for CUDA side by side.
 
-    Those of colour, which come last, take longest to compile, and begin first. Not so on a CPU, where the headers are
-    precompiled once for a thread, which takes longer than most kernels.
+    Not so on a CPU, where the headers are precompiled once for a thread, which takes longer than most kernels.
     """
     modules: dict[int, dict[wp.Module, None]] = {}
     for stage in stages:
@@ -201,7 +200,7 @@ def bind(stages: Sequence[Stage]) -> None:
     for block_dim, together in modules.items():
         device = stages[0].device
         workers = cpu_threads() if device.is_cuda else 0
-        wp.force_load(device, list(together)[::-1], block_dim=block_dim, max_workers=workers)
+        wp.force_load(device, list(together), block_dim=block_dim, max_workers=workers)
     for stage in stages:
         stage.bind()
 

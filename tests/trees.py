@@ -3,9 +3,14 @@
 import numpy as np
 from warpcam.kernels.bvh4_build import MAX_LEAF, max_listed
 
-from warpcam.accel.bvh4 import MAX_DEPTH, Bvh4
+from warpcam.accel.bvh4 import MAX_DEPTH, Bvh4, build_bvh4s
 
 ABSENT = np.float32(1e30)
+
+
+def build_bvh4(vertices: np.ndarray, faces: np.ndarray, *, cache: bool = True, name: str | None = None) -> Bvh4:
+    """The tree of one mesh."""
+    return build_bvh4s([(vertices, faces, name)], cache=cache)[0]
 
 
 def codes(bvh: Bvh4) -> np.ndarray:

@@ -167,6 +167,35 @@ WARPCAM_FN void distances(Vec offset, Vec half, float& nearest, float& farthest)
     nearest = upper(root(dot(near, near)) - 1.0e-5f * farthest, 0.0f);
 }
 
+// Tiles of a region, found one after another in its rows: what holds them all.
+struct TileRange {
+    int left, right, top, bottom;  // empty while left > right
+
+    WARPCAM_FN void add(int row, int column)
+    {
+        left = lower_int(left, column);
+        right = column > right ? column : right;
+        top = lower_int(top, row);
+        bottom = row;
+    }
+
+    WARPCAM_FN TileBox box() const
+    {
+        return { static_cast<signed char>(left), static_cast<signed char>(top), static_cast<signed char>(right),
+                 static_cast<signed char>(bottom) };
+    }
+};
+
+WARPCAM_FN Vec axis_of(const Row& cone) { return { cone.x, cone.y, cone.z }; }
+
+// The cosine of the widest angle to a tile's cone under which what lies within another cone around a direction, whose
+// half angle has this cosine and sine, may be seen.
+WARPCAM_FN float least_along(const Row& cone, float cosine, float sine)
+{
+    const float wide = as_float(cone.w), narrow = root(upper(1.0f - wide * wide, 0.0f));
+    return wide <= -cosine ? -2.0f : wide * cosine - narrow * sine - 5.0e-5f;
+}
+
 // The tiles of a region whose cones may meet a box: its middle in the camera's frame, the rotation from there to its own
 // frame, its half widths. Empty (left > right) if there are none.
 WARPCAM_FN TileBox ray_tiles(const Camera& camera, const Region& region, Vec center, const Matrix& m, Vec half)
@@ -187,31 +216,23 @@ WARPCAM_FN TileBox ray_tiles(const Camera& camera, const Region& region, Vec cen
         cosine = lower(cosine, along / far);
     }
     const float sine = root(upper(1.0f - cosine * cosine, 0.0f));
-    int left = across, right = -1, top = down, bottom = -1;
+    TileRange tiles { across, -1, down, -1 };
     const Row* cones = tile_cones(camera, region.left / TILE_WIDTH, region.top / TILE_HEIGHT);
 #pragma unroll 1
     for (int row = 0; row < down; ++row, cones += tiles_across(camera))
 #pragma unroll 1
         for (int column = 0; column < across; ++column) {
-            const Row cone = cones[column];
-            const float wide = as_float(cone.w), narrow = root(upper(1.0f - wide * wide, 0.0f));
-            const float least = wide <= -cosine ? -2.0f : wide * cosine - narrow * sine - 5.0e-5f;
-            if (dot(axis, { cone.x, cone.y, cone.z }) < least)
-                continue;
-            left = lower_int(left, column);
-            right = column > right ? column : right;
-            top = lower_int(top, row);
-            bottom = row;
+            if (dot(axis, axis_of(cones[column])) >= least_along(cones[column], cosine, sine))
+                tiles.add(row, column);
         }
-    return { static_cast<signed char>(left), static_cast<signed char>(top), static_cast<signed char>(right),
-             static_cast<signed char>(bottom) };
+    return tiles.box();
 }
 
 // The same of spread rays, and a ball.
 WARPCAM_FN TileBox spread_tiles(const Camera& camera, const Region& region, Vec center, float radius)
 {
     const int across = region.width / TILE_WIDTH, down = region.height / TILE_HEIGHT;
-    int left = across, right = -1, top = down, bottom = -1;
+    TileRange tiles { across, -1, down, -1 };
 #pragma unroll 1
     for (int row = 0; row < down; ++row)
 #pragma unroll 1
@@ -222,18 +243,12 @@ WARPCAM_FN TileBox spread_tiles(const Camera& camera, const Region& region, Vec 
             const float length = root(dot(offset, offset)), reach = radius + as_float(starts.w) + 1.0e-5f * (length + radius);
             if (length > reach) {  // no ray begins within
                 const float sine = reach / length, cosine = root(1.0f - sine * sine);
-                const float wide = as_float(cone.w), narrow = root(upper(1.0f - wide * wide, 0.0f));
-                const float least = wide <= -cosine ? -2.0f : wide * cosine - narrow * sine - 5.0e-5f;
-                if (dot(offset, { cone.x, cone.y, cone.z }) < least * length)
+                if (dot(offset, axis_of(cone)) < least_along(cone, cosine, sine) * length)
                     continue;
             }
-            left = lower_int(left, column);
-            right = column > right ? column : right;
-            top = lower_int(top, row);
-            bottom = row;
+            tiles.add(row, column);
         }
-    return { static_cast<signed char>(left), static_cast<signed char>(top), static_cast<signed char>(right),
-             static_cast<signed char>(bottom) };
+    return tiles.box();
 }
 
 // A shape's box and the scale that makes it a unit shape.

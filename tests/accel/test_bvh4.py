@@ -5,10 +5,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from trees import ABSENT, check, codes, given_of, halved, hits, sah_cost, same, traverse
+from trees import ABSENT, build_bvh4, check, codes, given_of, halved, hits, sah_cost, same, traverse
 from warpcam.kernels.bvh4_build import MAX_LEAF
 
-from warpcam.accel.bvh4 import Bvh4, build_bvh4
+from warpcam.accel.bvh4 import Bvh4
 from warpcam.accel.meshes import _child_by_child, _short
 from warpcam.errors import WarpcamError
 

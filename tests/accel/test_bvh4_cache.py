@@ -5,9 +5,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from trees import build_bvh4
 
 from warpcam.accel import bvh4
-from warpcam.accel.bvh4 import Bvh4, build_bvh4
+from warpcam.accel.bvh4 import Bvh4
 
 
 def soup(count: int, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:

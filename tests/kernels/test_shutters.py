@@ -5,10 +5,10 @@ import pytest
 import warp as wp
 from native import native_kernel
 from surfaces import CLOSED, SHAPES, grid, hills, meets
+from trees import build_bvh4
 from warpcam.kernels.types import Meshes
 
 from warpcam.accel import shutters
-from warpcam.accel.bvh4 import build_bvh4
 from warpcam.accel.meshes import Mesh, pack_meshes
 
 DEVICES = [str(device) for device in wp.get_devices()]

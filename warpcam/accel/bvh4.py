@@ -43,29 +43,18 @@ class Bvh4:
     depth: int
 
 
-def build_bvh4(vertices: np.ndarray, faces: np.ndarray, *, cache: bool = True, name: str | None = None) -> Bvh4:
-    """Build the tree of one mesh, or read it from the cache.
+def build_bvh4s(meshes: Sequence[tuple[np.ndarray, np.ndarray, str | None]], *, cache: bool = True) -> list[Bvh4]:
+    """Build the tree of each mesh, on all cores, or read it from the cache.
 
     The cache is a folder of files named by content: ``$WARPCAM_CACHE_DIR``, else ``$XDG_CACHE_HOME/warpcam``, else
     ``~/.cache/warpcam``. A file there that is not whole and the mesh's own is ignored and written again; a folder
     that cannot be written means no cache.
 
     Args:
-        vertices: (vertex, 3) float32, finite, magnitudes below 1e18 [m].
-        faces: (face, 3) int32, indices of vertices, counterclockwise seen from the front. Faces without area are
-            kept, no ray hits them. No faces at all give a tree of one node without children.
-        cache: Keep the tree of a mesh of more than 2,000 faces on disk.
-        name: What to call the mesh in an error message.
-
-    Raises:
-        WarpcamError: An argument is not as described.
-    """
-    (tree,) = build_bvh4s([(vertices, faces, name)], cache=cache)
-    return tree
-
-
-def build_bvh4s(meshes: Sequence[tuple[np.ndarray, np.ndarray, str | None]], *, cache: bool = True) -> list[Bvh4]:
-    """The same for many: vertices, faces and name of each. What has to be built is built on all cores.
+        meshes: Of each its vertices, (vertex, 3) float32, finite, magnitudes below 1e18 [m]; its faces, (face, 3)
+            int32, indices of vertices, counterclockwise seen from the front; and what to call it in an error message.
+            Faces without area are kept, no ray hits them. No faces at all give a tree of one node without children.
+        cache: Keep the trees of meshes of more than 2,000 faces on disk.
 
     Raises:
         WarpcamError: An argument is not as described.

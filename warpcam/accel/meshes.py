@@ -187,7 +187,7 @@ def _extent(mesh: Mesh) -> float:
 
 
 def _short(nodes: np.ndarray, extent: float) -> np.ndarray:
-    """Rows of nodes as CUDA reads them, (4 * node, 4), from those of build_bvh4: see ``Meshes.nodes``."""
+    """Rows of nodes as CUDA reads them, (4 * node, 4), from those of build_bvh4s: see ``Meshes.nodes``."""
     by_bound = nodes.reshape(-1, 7, 4)
     cell = (extent or 1.0) / BOUNDS
     # one step more on each side, as rays round by less than one
