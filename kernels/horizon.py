@@ -5,7 +5,7 @@ import functools
 import numpy as np
 import warp as wp
 
-from .launch import native_module
+from .launch import BLOCK, native_module
 from .types import Meshes
 
 
@@ -41,4 +41,5 @@ def find_horizons(meshes: Meshes, owners: np.ndarray, device: wp.Device) -> None
         device: Where to.
     """
     if len(owners):
-        wp.launch(kernel(), len(owners), [meshes, wp.array(owners, dtype=wp.int32, device=device)], device=device)
+        inputs = [meshes, wp.array(owners, dtype=wp.int32, device=device)]
+        wp.launch(kernel(), len(owners), inputs, device=device, block_dim=BLOCK)

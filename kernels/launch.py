@@ -4,7 +4,7 @@ import functools
 import itertools
 import logging
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -16,6 +16,7 @@ import warp as wp
 from .streams import quiet_stream
 
 STREAMS = 4  # chains of stages that really run side by side
+BLOCK = 128  # threads in a CUDA block of stages that do not say otherwise
 
 NATIVE = Path(__file__).resolve().parent / "native"
 
@@ -25,13 +26,17 @@ def compiler_flags() -> dict[str, Any]:
 
     Warp raises LLVM's thresholds of inlining. LLVM's own are enough, and modules take half as long to compile. With the
     same flags, among them folders of headers, for all of them Warp's own headers are precompiled once in a process,
-    which takes longer than most kernels.
+    which takes longer than most kernels, and a third less without numbers of 16 bits that no kernel of ours has.
     """
     flags = getattr(wp.config, "cpu_compiler_flags", None)
     if not flags:
         return {}
-    return {"cpu_compiler_flags": " ".join(flag for flag in flags.split() if not flag.startswith("-mllvm=-inline"))}
+    kept = [flag for flag in flags.split() if not flag.startswith("-mllvm=-inline")]
+    return {"cpu_compiler_flags": " ".join([*kept, "-DWP_NO_BFLOAT16="])}
 
+
+# CUDA's compiler keeps what it read up to here, Warp's headers, for the next module that begins with these alone.
+_PRECOMPILED = "#pragma nv_hdrstop\n"
 
 # Functions that are seen in their module alone are inlined where they have but one caller, which makes for faster and
 # larger kernels; with WARPCAM_QUICK the compiler takes less time instead. What Warp writes for derivatives is left out
@@ -59,7 +64,7 @@ def native_options(header: str, threads: int | None = None) -> wp.ModuleBuildOpt
     lines = "" if threads is None else f"#define WARPCAM_THREADS {threads}\n"
     return wp.ModuleBuildOptions(
         extra_cuda_include_dirs=[str(NATIVE)],
-        extra_cuda_preamble=f'{lines}#include "{header}"',
+        extra_cuda_preamble=f'{_PRECOMPILED}{lines}#include "{header}"',
         extra_cpu_preamble=_ON_CPU.format((NATIVE / header).as_posix()),
         extra_build_dependencies=[str(path) for path in sorted(NATIVE.glob("*.h"))],
     )
@@ -189,18 +194,39 @@ class Frame:
             stream.wait_event(done)
 
 
-def bind(stages: Sequence[Stage]) -> None:
-    """Make stages of one device ready for launches, compiling kernels for CUDA side by side.
+def load(wanted: Iterable[tuple[wp.Module, int]], device: wp.Device) -> None:
+    """Compile and load modules for launches on a device, those for CUDA side by side.
 
     Not so on a CPU, where the headers are precompiled once for a thread, which takes longer than most kernels.
+
+    Args:
+        wanted: Each with the threads in a CUDA block.
+        device: Where they are launched.
     """
-    modules: dict[int, dict[wp.Module, None]] = {}
-    for stage in stages:
-        modules.setdefault(stage.block_dim if stage.device.is_cuda else 1, {})[stage.module] = None
-    for block_dim, together in modules.items():
-        device = stages[0].device
-        workers = cpu_threads() if device.is_cuda else 0
-        wp.force_load(device, list(together), block_dim=block_dim, max_workers=workers)
+    blocks: dict[wp.Module, dict[int, None]] = {}
+    for module, block_dim in wanted:
+        blocks.setdefault(module, {})[block_dim if device.is_cuda else 1] = None
+
+    def loaded(module: wp.Module) -> None:
+        for block_dim in blocks[module]:
+            wp.force_load(device, [module], block_dim=block_dim, max_workers=0)
+
+    if not device.is_cuda or len(blocks) < 2:
+        for module in blocks:
+            loaded(module)
+        return
+    with ThreadPoolExecutor(cpu_threads()) as pool:
+        for _ in pool.map(loaded, blocks):
+            pass
+
+
+def bind(stages: Sequence[Stage]) -> None:
+    """Make stages of one device ready for launches, compiling their kernels together.
+
+    Those of last stages come first, as they take longest: CUDA's compiler reads one module at a time.
+    """
+    if stages:
+        load([(stage.module, stage.block_dim) for stage in reversed(stages)], stages[0].device)
     for stage in stages:
         stage.bind()
 
@@ -213,14 +239,18 @@ def run(stages: Sequence[Stage]) -> None:
 
 
 @contextmanager
-def compiled_meanwhile(kernels: Sequence[wp.Kernel], device: wp.Device) -> Iterator[None]:
-    """Compile kernels for a CUDA device, as ``wp.launch`` asks for them, while something else is done."""
+def compiled_meanwhile(kernels: Sequence[tuple[wp.Kernel, int]], device: wp.Device) -> Iterator[None]:
+    """Compile kernels for a CUDA device while something else is done.
+
+    Args:
+        kernels: Each with the threads in a block.
+        device: Where they are launched. Nothing is done ahead for a CPU.
+    """
     if not (kernels and device.is_cuda):
         yield
         return
     with ThreadPoolExecutor(1) as pool:
-        modules = [kernel.module for kernel in kernels]
-        compiled = pool.submit(wp.force_load, device, modules, max_workers=cpu_threads())
+        compiled = pool.submit(load, [(kernel.module, block_dim) for kernel, block_dim in kernels], device)
         yield
         compiled.result()
 
@@ -232,7 +262,7 @@ def record(
     device: wp.Device,
     *,
     start: int = 0,
-    block_dim: int = 128,
+    block_dim: int = BLOCK,
 ) -> Stage:
     """A 1-D kernel with its arguments.
 

@@ -93,6 +93,11 @@ def move_normals(
     _move_normals(moving, meshes, points, normals, first + wp.tid())
 
 
+def kernels_of(backs: bool) -> list[wp.Kernel]:
+    """Those of most trees' stages; faces with ``backs`` have their normals from themselves."""
+    return [move_leaves, finish_trees] if backs else [move_leaves, finish_trees, move_normals]
+
+
 @dataclass(frozen=True)
 class Shading:
     """How the faces of a moving mesh are shaded: see ``Moving``."""

@@ -5,7 +5,7 @@ import functools
 import numpy as np
 import warp as wp
 
-from .launch import native_module
+from .launch import BLOCK, native_module
 from .types import Meshes
 
 SHUTTERS, ROWS = 32, 3  # native/shutters.h
@@ -67,7 +67,7 @@ def find_shutters(
     def tried(ways: np.ndarray, rows: wp.array) -> np.ndarray:
         worths = wp.empty(ways.shape, dtype=wp.float32, device=device)
         inputs = [meshes, *given, wp.array(ways, dtype=wp.int32, device=device), worths, rows]
-        wp.launch(kernel(), ways.shape, inputs, device=device)
+        wp.launch(kernel(), ways.shape, inputs, device=device, block_dim=BLOCK)
         found: np.ndarray = worths.numpy()
         return found
 

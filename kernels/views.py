@@ -270,6 +270,9 @@ for _dtype in (wp.int32, wp.int64):
     wp.overload(mark_worlds, [wp.array(dtype=_dtype), wp.array(dtype=wp.uint8)])
 
 
+LAUNCHED = (write_views, BLOCK)  # in every frame; the others are compiled with it
+
+
 def opening_of(
     everything: bool, clock: wp.array | None, tags: Tags, device: wp.Device, known: wp.array | None = None
 ) -> Any:

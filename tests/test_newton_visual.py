@@ -164,3 +164,14 @@ def test_states_are_swapped_under_visual_meshes(device: wp.Device) -> None:
         assert (scenes.on_host(renderer.render()["eye"])["depth"] != rest).any()
         scene.bind(first)
         assert (scenes.on_host(renderer.render()["eye"])["depth"] == rest).all()
+
+
+@pytest.mark.parametrize("kind", ["particle", "cloth alone"])
+def test_what_is_compiled_while_trees_are_built_is_launched(device: wp.Device, kind: str) -> None:
+    builder = newton.ModelBuilder()
+    if kind == "cloth alone":
+        cloth(builder)
+    else:
+        builder = dressed(kind)
+    scene = wc.from_newton(*finalize(builder, device))
+    assert {kernel.module for kernel in scene._source.kernels()} == {stage.module for stage in scene.stages()}

@@ -7,6 +7,7 @@ import mujoco
 import mujoco_warp as mjw
 import numpy as np
 import pytest
+import soft_scenes
 import warp as wp
 
 import warpcam as wc
@@ -118,3 +119,10 @@ def test_the_loads_are_counted(device: wp.Device, loads: list[str]) -> None:
     scene = Simulation(device).scene
     wc.Renderer(scene, [wc.Camera("top", width=16, height=12, outputs=("albedo", "hdr", "distance"))]).render()
     assert loads
+
+
+@pytest.mark.parametrize("name", ["sites", "held", "cloth", "skin"])
+def test_what_is_compiled_while_trees_are_built_is_launched(name: str, device: wp.Device) -> None:
+    mjm, mjd = soft_scenes.bent(name)
+    scene = wc.from_mujoco(mjm, mjd, device=device)
+    assert {kernel.module for kernel in scene._source.kernels()} == {stage.module for stage in scene.stages()}

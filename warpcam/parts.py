@@ -219,6 +219,9 @@ class Source(Protocol):
     def refresh(self) -> None:
         """Bring the arrays up to date with a state on the host."""
 
+    def kernels(self) -> Sequence[wp.Kernel]:
+        """Of the stages, as far as they are known before there are meshes: they are compiled meanwhile."""
+
     def stages(self, meshes: Meshes) -> tuple[Stage, ...]:
         """What brings the arrays up to date on the device, at the head of each frame, and those meshes that move.
 

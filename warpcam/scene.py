@@ -19,7 +19,8 @@ from warpcam.accel.textures import pack_textures
 from warpcam.bounds import Bounds, bounds_of
 from warpcam.checks import check_array, check_indices, check_parts
 from warpcam.errors import WarpcamError
-from warpcam.kernels.launch import Stage, run
+from warpcam.kernels import views
+from warpcam.kernels.launch import BLOCK, Stage, run
 from warpcam.kernels.resolve import has_strips, is_spare
 from warpcam.kernels.tables import Tables
 from warpcam.kernels.types import (
@@ -69,14 +70,15 @@ class Scene:
         self._ambient, self._last = -1.0, ()
         seen = [int(parts.shape_types[shape]) for shape in parts.drawn]
         shut = 0 < seen.count(MESH) <= FEW_MESHES and not parts.physical and not parts.scaled
-        self._meshes, self._num_faces = pack_meshes(parts.meshes, self.device, shut)
+        ahead = [(kernel, BLOCK) for kernel in source.kernels()]
+        ahead += [views.LAUNCHED] if ahead or parts.meshes else []  # else compiled beside a renderer's other kernels
+        self._meshes, self._num_faces = pack_meshes(parts.meshes, self.device, shut, ahead)
         self._moving = tuple(index for index, mesh in enumerate(parts.meshes) if mesh.moves)
         self._height_fields = pack_height_fields(parts.height_fields, self.device)
         self._textures = pack_textures(parts.textures, self.device)
-        types, num_drawn = {int(parts.shape_types[shape]) for shape in parts.drawn}, len(parts.drawn)
-        spare = is_spare(types, num_drawn)
+        types, spare = set(seen), is_spare(set(seen), len(seen))
         self._mips: list[wp.Texture2D] = []
-        if spare or (has_strips(types, num_drawn) and not parts.physical):
+        if spare or (has_strips(types, len(seen)) and not parts.physical):
             self._sheets = pack_sheets(parts.textures, self._textures, self.device, not spare)
             if types.isdisjoint((MESH, HEIGHT_FIELD)) and not (parts.physical or parts.clouds):
                 self._mips = pack_mips(parts.textures, self._textures, self.device)

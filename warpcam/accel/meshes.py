@@ -11,7 +11,7 @@ from warpcam.accel.kept import Kept, key_of
 from warpcam.accel.shutters import FEW_FACES, are_worth, pack_shutters
 from warpcam.errors import WarpcamError
 from warpcam.kernels import horizon, shutters
-from warpcam.kernels.launch import compiled_meanwhile
+from warpcam.kernels.launch import BLOCK, compiled_meanwhile
 from warpcam.kernels.types import Meshes, Textures
 
 MAX_ROWS = 2**31 - 1
@@ -64,11 +64,14 @@ class Mesh:
         return self.faces[: len(self.faces) // 2] if self.two_sided else self.faces
 
 
-def pack_meshes(meshes: Sequence[Mesh], device: wp.Device, shut: bool = False) -> tuple[Meshes, int]:
+def pack_meshes(
+    meshes: Sequence[Mesh], device: wp.Device, shut: bool = False, ahead: Sequence[tuple[wp.Kernel, int]] = ()
+) -> tuple[Meshes, int]:
     """Build the tree of every mesh and put all of them on ``device``. Equal meshes share their rows.
 
     Args:
         shut: Whether they are to have shutters, where they can.
+        ahead: What else is compiled for a CUDA device meanwhile, each with the threads in a block.
 
     Returns:
         The meshes, and how many faces the largest of them has in its leaves.
@@ -80,7 +83,8 @@ def pack_meshes(meshes: Sequence[Mesh], device: wp.Device, shut: bool = False) -
     built: dict[tuple[bytes, ...], int] = {}  # by content: place among the trees
     bounded = horizon.are_kept(device) and not any(mesh.moves or mesh.two_sided for mesh in meshes)
     shut = shut and bounded
-    with compiled_meanwhile(_finders(meshes, shut) if bounded else (), device):
+    finders = [(kernel, BLOCK) for kernel in _finders(meshes, shut)] if bounded else []
+    with compiled_meanwhile([*finders, *ahead], device):
         whole = _trees(meshes)
     trees: list[tuple[np.ndarray, np.ndarray]] = []
     holders: list[int] = []  # the first mesh of each

@@ -140,6 +140,9 @@ class GraphSource:
     def forward(self) -> None:
         pass
 
+    def kernels(self) -> tuple[wp.Kernel, ...]:
+        return ()
+
     def stages(self, meshes: Any) -> tuple[Any, ...]:
         """Nothing moves by itself."""
         self._packed = meshes

@@ -137,6 +137,9 @@ class MujocoSource:
         if decor.lights:
             self._staged["headlight"][:] = 0.0
 
+    def kernels(self) -> list[wp.Kernel]:
+        return [] if self._tables is None else self._tables.kernels()
+
     def stages(self, meshes: Meshes) -> tuple[Stage, ...]:
         if self._tables is None:
             return ()

@@ -9,11 +9,11 @@ import warp as wp
 
 from warpcam import device as device_rule
 from warpcam.errors import WarpcamError
-from warpcam.kernels.extras import CRANK, EDGE, MARK, SEGMENT, STRING, Entries, Table, record_table
+from warpcam.kernels.extras import CRANK, EDGE, MARK, SEGMENT, STRING, Entries, Table, record_table, write_table
 from warpcam.kernels.launch import Stage
-from warpcam.kernels.refit import Tree
-from warpcam.kernels.strain import record_strain
-from warpcam.kernels.swell import Bones, record_pose, record_swell
+from warpcam.kernels.refit import Tree, kernels_of
+from warpcam.kernels.strain import record_strain, write_strain
+from warpcam.kernels.swell import Bones, record_pose, record_swell, swell
 from warpcam.kernels.types import Meshes
 from warpcam.parts import FIELDS
 from warpcam.sources.mujoco_extras import Extras
@@ -123,6 +123,13 @@ class ExtraTables:
             self._over.lengths, self._over.colors = self._held.lengths, painted
             self._blending = painted, record_strain(self._over, painted, self._device)
         return (self._blending[1],)
+
+    def kernels(self) -> list[wp.Kernel]:
+        """Of the stages."""
+        kernels = [write_table]
+        if self._held is not None:
+            kernels.append(write_strain)
+        return [*kernels, swell, *kernels_of(backs=False)] if self._extras.moved else kernels
 
     def stages(self, meshes: Meshes) -> tuple[Stage, ...]:
         """What writes the tables and moves meshes: the same tuple until the simulator's arrays are others."""

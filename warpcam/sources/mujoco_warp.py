@@ -94,6 +94,9 @@ class MujocoWarpSource:
     def refresh(self) -> None:
         pass
 
+    def kernels(self) -> list[wp.Kernel]:
+        return [] if self._tables is None else self._tables.kernels()
+
     def stages(self, meshes: Meshes) -> tuple[Stage, ...]:
         if self._tables is None:
             return ()

@@ -12,9 +12,10 @@ from warpcam import device as device_rule
 from warpcam.accel.textures import TextureImage
 from warpcam.errors import WarpcamError
 from warpcam.kernels import types
-from warpcam.kernels.gather import WHITE, FlatShapes, WorldShapes, record_gather
+from warpcam.kernels.gather import WHITE, FlatShapes, WorldShapes, record_gather, write_worlds
 from warpcam.kernels.launch import Stage
-from warpcam.kernels.refit import Tree
+from warpcam.kernels.refit import Tree, kernels_of
+from warpcam.kernels.swell import swell
 from warpcam.layers import veils_alone
 from warpcam.light import Light, light_arrays
 from warpcam.mounting import per_world
@@ -179,6 +180,12 @@ class NewtonSource:
 
     def refresh(self) -> None:
         pass
+
+    def kernels(self) -> list[wp.Kernel]:
+        kernels = [write_worlds]
+        if self._soft.parts:
+            kernels += kernels_of(not self._visual and all(part.backs for part in self._soft.parts))
+        return [*kernels, swell] if self._visual else kernels
 
     def stages(self, meshes: types.Meshes) -> tuple[Stage, ...]:
         model = self._model
