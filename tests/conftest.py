@@ -1,6 +1,7 @@
 """What every test may use: the devices there are, and the helpers beside this file."""
 
 import ctypes.util
+import gc
 import os
 import sys
 from collections.abc import Iterator
@@ -24,8 +25,16 @@ import pytest
 import quick_simulators
 import warp as wp
 
+gc.disable()  # until all is imported, which stays
 wp.config.quiet = True
 quick_simulators.install(ours=True)
+
+
+def pytest_collection_finish() -> None:
+    """Have no collection of garbage go through all that was imported, which takes half a second each time."""
+    gc.collect()
+    gc.freeze()
+    gc.enable()
 
 
 @pytest.fixture(params=[device.alias for device in wp.get_devices()])

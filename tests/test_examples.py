@@ -45,7 +45,7 @@ def test_torch_observations(tmp_path: Path) -> None:
 
 
 def test_ci_on_cpu(tmp_path: Path) -> None:
-    command = ("-m", "pytest", "-n", "0", "-p", "no:cacheprovider", str(EXAMPLES / "ci_on_cpu.py"))
+    command = (QUICK, "-m", "pytest", "-n", "0", "-p", "no:cacheprovider", str(EXAMPLES / "ci_on_cpu.py"))
     printed = run(*command, folder=tmp_path)
     assert "3 passed" in printed
 

@@ -184,13 +184,13 @@ def test_actors_are_told_where_to_begin_while_environments_are_made(device: wp.D
         np.testing.assert_allclose(bodies.view(np.float32), after.view(np.float32), atol=1e-5)
         assert np.abs(bodies["vel"]["angular"]["z"][1:]).min() > 0.1
     assert before[0][0].p.x != pytest.approx(before[2][0].p.x)
-    for _ in range(150):
+    for _ in range(60):
         GYM.simulate(sim)
     for index, env in enumerate(envs):
         reached = GYM.get_actor_dof_states(env, 1)["pos"]
         np.testing.assert_allclose(reached, (0.2 * index + 0.2, -0.1, 0.45), atol=0.02)
     GYM.set_actor_dof_position_targets(envs[1], 1, [0.0, 0.0, 0.0])  # later as well, of that one alone
-    for _ in range(150):
+    for _ in range(60):
         GYM.simulate(sim)
     np.testing.assert_allclose(GYM.get_actor_dof_states(envs[1], 1)["pos"], 0.0, atol=0.02)
     np.testing.assert_allclose(GYM.get_actor_dof_states(envs[2], 1)["pos"], (0.6, -0.1, 0.45), atol=0.02)
