@@ -202,7 +202,7 @@ class Lights:
     shadow_width: wp.float32  # half the width of what a directional light sees [m]; 0: shadows reach everywhere
     shadow_near: wp.float32  # nothing nearer to a light casts a shadow [m]
     shadow_scale: wp.float32  # half the angle of what a spot sees, as part of its cutoff
-    shadow_gap: wp.float32  # nothing nearer to a surface shades it, as a part of half the width of what the light sees
+    shadow_gap: wp.float32  # no single face nearer to a surface shades it, as a part of half the width of what it sees
 
 
 @wp.struct

@@ -57,7 +57,7 @@ class Parts:
         horizon: How far the source's own renderer draws endless planes [m]; 0 if it has none.
         shadow_map: How far the source's own renderer draws shadows: half the width of what a directional light sees
             [m], the distance from a light that they begin at [m], half the angle of what a spot sees, as part of its
-            cutoff, and how near to each other what shades must not be, as part of half the width. Zeros: everywhere.
+            cutoff, and nearer than which single faces shade nothing, as part of half the width. Zeros: everywhere.
         shape_instances: (shape,) or (world or 1, shape) int32, which replicated thing each is part of, or -1; None if
             nobody knows.
         shape_semantics: Likewise its label's number, 0 for none.

@@ -184,7 +184,8 @@ WARPCAM_FN bool is_shaded(const CasterList<PICKED, false>& list, const LitView<L
         const Record& record = list.records[slot];
         if ((TYPES >> HEIGHT_FIELD & 1) && record.axis_x.w == HEIGHT_FIELD) {
             Hit hit { a.span.reach, -1, -1 };
-            walk_height_field(fields, record, WorldRay { a.p, ray_to(view.light, a.p) }, a.span.near, hit);
+            walk_height_field(fields, record, WorldRay { a.p, ray_to(view.light, a.p) },
+                              thin_span(view.light, a.span).near, hit);
             if (hit.shape >= 0)
                 return true;
         } else {
@@ -194,7 +195,7 @@ WARPCAM_FN bool is_shaded(const CasterList<PICKED, false>& list, const LitView<L
                 return true;
             if constexpr ((TYPES >> GLASS & 1) != 0) {
                 const float out = list.aims[slot].w ? leave_any<analytic_types(TYPES)>(record, ray) : FAR_AWAY;
-                if ((out > a.span.near) & (out < a.span.reach))
+                if ((out > thin_span(view.light, a.span).near) & (out < a.span.reach))
                     return true;
             }
         }

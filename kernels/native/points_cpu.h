@@ -125,7 +125,7 @@ struct Points {
         const Vecs d = rays_to(light, p);
         const Floats rounding = 2.0e-6f
             * (magnitude(origin.x + p.x) + magnitude(origin.y + p.y) + magnitude(origin.z + p.z) + depth);
-        near[row] = rounding * reciprocal(root(upper(dot(d, d), (Floats)1.0e-30f))) + light.map.nearest;
+        near[row] = rounding * reciprocal(root(upper(dot(d, d), (Floats)1.0e-30f)));
         Floats far = light.distant ? (Floats)ENDLESS : one - near[row];
         const ShadowMap& map = light.map;
         if (map.bounded) {

@@ -15,7 +15,8 @@ template <int LENS> struct LitView {
 };
 
 // A ray from a hit point to the light runs from t = 0 to 1, or to infinity if the light is distant. It counts from
-// `near` on, past the rounding of its own starting point and what is too near to it to shade it, to `reach`.
+// `near` on, past the rounding of its own starting point, to `reach`. What it enters there shades the point however near it
+// is: MuJoCo's maps have the side that it leaves by, which is farther away.
 struct Span {
     float near, reach;
 };
@@ -25,9 +26,12 @@ WARPCAM_FN Span span_of(const LightView& light, Vec origin, Vec p, float depth)
     const Vec d = ray_to(light, p);
     const float rounding = 2.0e-6f
         * (magnitude(origin.x + p.x) + magnitude(origin.y + p.y) + magnitude(origin.z + p.z) + depth);
-    const float near = rounding * reciprocal(root(upper(dot(d, d), 1.0e-30f))) + light.map.nearest;
+    const float near = rounding * reciprocal(root(upper(dot(d, d), 1.0e-30f)));
     return { near, reach_of(light, p, near) };
 }
+
+// That of single faces, which may be too near to the point to shade it.
+WARPCAM_FN Span thin_span(const LightView& light, const Span& span) { return { span.near + light.map.nearest, span.reach }; }
 
 // The ray of an analytic shape's test, in the shape's frame.
 WARPCAM_FN Ray look_back(const Record& record, const Row& aim, Vec p, bool distant)
@@ -104,12 +108,13 @@ WARPCAM_FN bool shade_tile(const List& list, const LitView<LENS>& view, Vec p, c
             const Record& record = list.records[slot];
             const int type = record.axis_x.w;
             if (HAS_MESH && type == MESH) {
-                meets = meets & meets_box(record, list.aims[slot], list.boxes[slot], p, span, distant);
+                meets = meets & meets_box(record, list.aims[slot], list.boxes[slot], p, thin_span(view.light, span), distant);
                 word_met |= meets ? 1u << bit : 0u;
             } else if (HAS_FIELD && type == HEIGHT_FIELD) {
                 if (meets) {
                     Hit hit { span.reach, -1, -1 };
-                    walk_height_field(fields, record, WorldRay { p, ray_to(view.light, p) }, span.near, hit);
+                    walk_height_field(fields, record, WorldRay { p, ray_to(view.light, p) },
+                                      thin_span(view.light, span).near, hit);
                     open = hit.shape < 0;
                 }
                 __syncwarp();
@@ -120,7 +125,7 @@ WARPCAM_FN bool shade_tile(const List& list, const LitView<LENS>& view, Vec p, c
                 if constexpr ((TYPES >> GLASS & 1) != 0) {
                     if (list.aims[slot].w) {
                         const float out = leave_any<analytic_types(TYPES)>(record, ray);
-                        open = open & !((out > span.near) & (out < span.reach));
+                        open = open & !((out > thin_span(view.light, span).near) & (out < span.reach));
                     }
                 }
             }

@@ -8,7 +8,7 @@ namespace warpcam {
 // Clears `open` of those points of a row that lie in the shadow of an analytic caster. INSIDE: by the side that points
 // inside of the shape look out by.
 template <int TYPE, bool INSIDE>
-inline void shade_points(const Record& r, const Row& aim, bool distant, int row, Points& points)
+inline void shade_points(const Record& r, const Row& aim, const LightView& light, int row, Points& points)
 {
     const Row o = r.origin;
     const Vec a { aim.x, aim.y, aim.z };
@@ -16,14 +16,15 @@ inline void shade_points(const Record& r, const Row& aim, bool distant, int row,
     const Vecs origin { r.axis_x.x * p.x + r.axis_x.y * p.y + r.axis_x.z * p.z + o.x,
                         r.axis_y.x * p.x + r.axis_y.y * p.y + r.axis_y.z * p.z + o.y,
                         r.axis_z.x * p.x + r.axis_z.y * p.y + r.axis_z.z * p.z + o.z };
-    const Vecs direction = distant ? eight_of(a) : eight_of(a) - origin;
+    const Vecs direction = light.distant ? eight_of(a) : eight_of(a) - origin;
     Floats t;
     if constexpr (INSIDE)
         for (int k = 0; k < PACKET; ++k)
             t[k] = leave<TYPE>(r, { one_of(origin, k), one_of(direction, k) });
     else
         t = enter_eight<TYPE>(r, origin, direction);
-    points.open[row] &= ~((t > points.near[row]) & (t < points.reach[row]));
+    const Floats near = INSIDE ? points.near[row] + light.map.nearest : points.near[row];
+    points.open[row] &= ~((t > near) & (t < points.reach[row]));
 }
 
 template <class HeightFields>
@@ -34,7 +35,7 @@ inline void shade_points_by_field(const HeightFields& fields, const Record& r, c
     const RayPacket rays { turned(r.axis_x, p) + r.origin.x, turned(r.axis_y, p) + r.origin.y,
                            turned(r.axis_z, p) + r.origin.z, turned(r.axis_x, to), turned(r.axis_y, to), turned(r.axis_z, to) };
     PacketHit hit { points.open[row] ? points.reach[row] : (Floats)-1.0f, (Ints)0, (Ints)0 };
-    walk_packet(fields, r, rays, points.near[row], hit);
+    walk_packet(fields, r, rays, points.near[row] + light.map.nearest, hit);
     points.open[row] &= ~hit.met;
 }
 
@@ -95,8 +96,9 @@ inline void shade_points_by_meshes(const List& list, const LitView<LENS>& view, 
                 const Ints asks = points.may_be_shaded(row, list.windows[slot], list.heights[slot]);
                 if (!any_of(asks))
                     continue;
-                unsigned met = bits_of(asks & meet_box(record, list.aims[slot], list.boxes[slot], points.at[row],
-                                                       points.near[row], points.reach[row], light.distant));
+                const Floats near = points.near[row] + light.map.nearest;
+                unsigned met = bits_of(asks & meet_box(record, list.aims[slot], list.boxes[slot], points.at[row], near,
+                                                       points.reach[row], light.distant));
                 for (unsigned asked = met & ~(known >> row * PACKET); asked; asked &= asked - 1) {
                     const int lane = row * PACKET + lowest_bit(asked);
                     const Vec point = points.point(lane);
@@ -111,8 +113,8 @@ inline void shade_points_by_meshes(const List& list, const LitView<LENS>& view, 
                 if (!met)
                     continue;
                 walks |= met << row * PACKET;
-                put_rays<TYPES>(walk, row * PACKET, record, points.at[row], rays_to(light, points.at[row]),
-                                points.near[row], points.reach[row]);
+                put_rays<TYPES>(walk, row * PACKET, record, points.at[row], rays_to(light, points.at[row]), near,
+                                points.reach[row]);
             }
             for (unsigned some = walks; some; some &= some - 1)
                 walk.start(lowest_bit(some));
@@ -137,7 +139,6 @@ inline void shade_tile(const List& list, const ListWindows& windows, const LitVi
     PointsAround around;
     around.add(points);
     const TileWindow tile = around.window();
-    const bool distant = view.light.distant;
     unsigned behind[List::WORDS] = {};  // meshes
     bool any = false;
     constexpr int TOGETHER = 64;  // casters that are looked through before one of them is tried
@@ -161,10 +162,10 @@ inline void shade_tile(const List& list, const ListWindows& windows, const LitVi
 #define WARPCAM_CASE(TYPE) \
     case TYPE: \
         if constexpr ((TYPES >> TYPE & 1) != 0) \
-            shade_points<TYPE, false>(record, aim, distant, row, points); \
+            shade_points<TYPE, false>(record, aim, view.light, row, points); \
         if constexpr ((TYPES >> TYPE & 1) && (TYPES >> GLASS & 1)) \
             if (aim.w) \
-                shade_points<TYPE, true>(record, aim, distant, row, points); \
+                shade_points<TYPE, true>(record, aim, view.light, row, points); \
         break;
                 WARPCAM_CASE(PLANE)
                 WARPCAM_CASE(SPHERE)

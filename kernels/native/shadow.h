@@ -166,13 +166,13 @@ WARPCAM_FN void cast_light(List& list, const Task<LENS>& task, const Shapes& sha
                 tries = keep && !facing.clear;
             }
             if constexpr (has_shutters(TYPES)) {
-                if (meets_shutters(meshes, slot, record.axis_z.w, ray, span, tries)) {
+                if (meets_shutters(meshes, slot, record.axis_z.w, ray, thin_span(view.light, span), tries)) {
                     mark_shadow<BESIDE>(target, at, task.bit);
                     keep = false;
                 }
             }
             const unsigned kept = __ballot_sync(ALL, keep);
-            rays[warp].put(kept, met, (list.count + 31) / 32, row * 64 + column, p, span);
+            rays[warp].put(kept, met, (list.count + 31) / 32, row * 64 + column, p, thin_span(view.light, span));
             __syncwarp();
             found = __popc(kept);
         }

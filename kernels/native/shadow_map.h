@@ -8,7 +8,7 @@ namespace warpcam {
 struct MapSize {
     float width;  // half of it: of a distant light [m], else at a distance of 1; 0 where shadows reach everywhere
     float near;   // from the light's position along its direction [m]
-    float gap;    // nothing nearer to a point casts a shadow on it, as a part of `width`
+    float gap;    // a single face nearer to a point casts no shadow on it, as a part of `width`
 };
 
 // The map of one light, in axes of one's choice and from a place of one's choice.
@@ -17,7 +17,7 @@ struct ShadowMap {
     Vec along;
     Vec from;  // the light's position
     float near;
-    float nearest;  // what stands nearer to a point casts no shadow on it, in the units of ray_to()
+    float nearest;  // a single face nearer to a point casts no shadow on it, in the units of ray_to()
     bool bounded;  // else the rest means nothing
 };
 
