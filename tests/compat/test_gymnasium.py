@@ -14,6 +14,7 @@ import warpcam as wc
 gymnasium = pytest.importorskip("gymnasium", reason="pip install 'gymnasium[mujoco]'")
 pytest.importorskip("gymnasium.envs.mujoco.mujoco_rendering", reason="pip install 'gymnasium[mujoco]'")
 from warpcam.compat import gymnasium as ours  # noqa: E402 - needs what may not be there
+from warpcam.compat import mujoco as front  # noqa: E402 - likewise
 from warpcam.compat.mujoco import Renderer  # noqa: E402 - likewise
 
 WIDTH, HEIGHT = 80, 64
@@ -212,3 +213,31 @@ def test_uninstalling() -> None:
     assert mujoco_rendering.OffScreenViewer is ours._original
     with pytest.raises(wc.WarpcamError, match=r"device: 'cuda:99' came"):
         ours.install("cuda:99")
+
+
+def test_what_is_uploaded_to_the_viewer_is_read_again(installed: None) -> None:
+    """As MyoSuite does with a mesh that it changes."""
+    model = mujoco.MjModel.from_xml_string("""
+        <mujoco>
+          <asset><hfield name="hills" nrow="4" ncol="4" size="2 2 1 .1"/></asset>
+          <worldbody><geom type="hfield" hfield="hills"/></worldbody>
+        </mujoco>""")
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    viewer = ours.OffScreenViewer(model, data, WIDTH, HEIGHT)
+    flat = viewer.render("depth_array")
+    model.hfield_data[5:7] = 1.0
+    assert (viewer.render("depth_array") == flat).all()
+    viewer.make_context_current()
+    mujoco.mjr_uploadHField(model, viewer.con, 0)
+    assert (viewer.render("depth_array") != flat).any()
+
+
+def test_two_front_ends_share_what_is_uploaded(device: wp.Device) -> None:
+    own = mujoco.mjr_uploadMesh
+    ours.install(device)
+    front.install(device)
+    ours.uninstall()
+    assert mujoco.mjr_uploadMesh is not own
+    front.uninstall()
+    assert mujoco.mjr_uploadMesh is own

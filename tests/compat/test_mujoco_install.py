@@ -72,6 +72,7 @@ def test_installed_it_reads_again_what_is_uploaded(device: wp.Device) -> None:
         flat = renderer.render()
         model.hfield_data[5:7] = 1.0
         assert (renderer.render() == flat).all()
+        renderer._gl_context.make_current()
         mujoco.mjr_uploadHField(model, renderer._mjr_context, 0)
         assert (renderer.render() != flat).any()
         with pytest.raises(TypeError, match="mjr_uploadHField"):
@@ -79,3 +80,20 @@ def test_installed_it_reads_again_what_is_uploaded(device: wp.Device) -> None:
     finally:
         front.uninstall()
     assert mujoco.mjr_uploadHField is own
+
+
+def test_options_of_its_own_are_where_none_are_given(device: wp.Device) -> None:
+    """Programs write to MuJoCo's ``_scene_option``, to leave sites or lines of rangefinders out of all pictures."""
+    model, data = made()
+    given, flag = mujoco.MjvOption(), int(mujoco.mjtVisFlag.mjVIS_TRANSPARENT)
+    with Renderer(model, HEIGHT, WIDTH, device=device) as renderer:
+        renderer.update_scene(data, "fixed")
+        before = renderer.render()
+        renderer._scene_option.flags[flag] = True
+        renderer.update_scene(data, "fixed")
+        written = renderer.render()
+        renderer.update_scene(data, "fixed", given)
+        assert (renderer.render() == before).all()
+        given.flags[flag] = True
+        renderer.update_scene(data, "fixed", given)
+        assert (renderer.render() == written).all() and (written != before).any()

@@ -39,8 +39,9 @@ def refuse_views(scene: mujoco.MjvScene) -> None:
     """Raise for a scene that is to be seen twice, or in another frame."""
     if int(scene.stereo):
         raise WarpcamError(f"scene.stereo is {int(scene.stereo)}, which warpcam does not draw; allowed is 0")
-    moved = scene.translate.any() or abs(scene.rotate[0]) != 1.0 or scene.rotate[1:].any() or scene.scale != 1.0
-    if scene.enabletransform and moved:
+    if scene.enabletransform and (
+        scene.translate.any() or abs(scene.rotate[0]) != 1.0 or scene.rotate[1:].any() or scene.scale != 1.0
+    ):
         raise WarpcamError(
             f"scene.enabletransform is 1 with translate {scene.translate}, rotate {scene.rotate} and scale "
             f"{scene.scale}, which warpcam does not draw; allowed is 0"

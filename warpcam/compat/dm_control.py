@@ -15,7 +15,8 @@ from warpcam import device as device_rule
 from warpcam.compat import abstract
 from warpcam.compat.decor import Own
 from warpcam.compat.options import style_of
-from warpcam.compat.studio import UPLOADS, Studio, view_of
+from warpcam.compat.studio import Studio, view_of
+from warpcam.compat.uploads import UPLOADS
 from warpcam.errors import WarpcamError
 
 __all__ = ["install", "uninstall"]
@@ -86,11 +87,12 @@ def _render(
     Raises:
         WarpcamError: Text, something of a scene callback or a flag was asked for that is not drawn here.
     """
+    if overlays and (depth or segmentation):
+        raise ValueError("Overlays are not supported with depth or segmentation rendering.")
+    if render_flag_overrides and (depth or segmentation):
+        raise ValueError("`render_flag_overrides` are not supported for depth or segmentation rendering.")
     if depth and segmentation:
-        raise ValueError("only one of depth and segmentation can be rendered at a time")
-    for name, given in (("overlays", overlays), ("render_flag_overrides", render_flag_overrides)):
-        if given and (depth or segmentation):
-            raise ValueError(f"{name} can only be given where neither depth nor segmentation is rendered")
+        raise ValueError("`segmentation` and `depth` cannot both be `True`.")
     if overlays:
         raise WarpcamError(f"overlays: text is not drawn here, got {len(overlays)}")
     physics = camera._physics

@@ -12,6 +12,7 @@ import numpy as np
 from gymnasium.envs.mujoco import mujoco_rendering
 
 from warpcam import device as device_rule
+from warpcam.compat import uploads
 from warpcam.compat.decor import Own
 from warpcam.compat.options import style_of
 from warpcam.compat.studio import Studio, depth_buffer, view_of
@@ -35,11 +36,13 @@ def install(device: Any = None) -> None:
         device_rule.resolve(device)
     _chosen[0] = device
     mujoco_rendering.OffScreenViewer = OffScreenViewer
+    uploads.serve(__name__)
 
 
 def uninstall() -> None:
     """Give Gymnasium its own viewer back. Environments that have one of ours keep it."""
     mujoco_rendering.OffScreenViewer = _original
+    uploads.leave(__name__)
     _chosen[0] = None
 
 
@@ -75,6 +78,7 @@ class OffScreenViewer:
         self.cam.distance = model.stat.extent
         self._markers: list[dict[str, Any]] = []
         self._studio: Studio | None = Studio(model, _chosen[0])
+        self.con: uploads.Context | None = uploads.Context(self._studio)
 
     def render(
         self, render_mode: str | None, camera_id: int | None = None, segmentation: bool = False
@@ -144,7 +148,7 @@ class OffScreenViewer:
 
     def free(self) -> None:
         """Let go of all memory."""
-        self._studio = None
+        self._studio = self.con = None
 
     def close(self) -> None:
         self.free()

@@ -5,18 +5,16 @@
 """
 
 import sys
-from collections.abc import Callable
-from functools import wraps
 from typing import Any
 
 import mujoco
 import numpy as np
 
 from warpcam import device as device_rule
-from warpcam.compat import abstract
+from warpcam.compat import abstract, uploads
 from warpcam.compat.decor import Own
 from warpcam.compat.options import style_of
-from warpcam.compat.studio import UPLOADS, Studio, view_of
+from warpcam.compat.studio import Studio, view_of
 
 __all__ = ["Renderer", "install", "uninstall"]
 
@@ -24,7 +22,6 @@ BEFORE_4 = mujoco.mj_version() < 4000000
 
 _chosen: list[Any] = [None]  # the device that install() was given
 _originals: list[type] = []  # MuJoCo's own renderer, while it is replaced
-_uploads: dict[str, Callable[..., None]] = {}  # and its own calls of ``UPLOADS``
 
 
 def install(device: Any = None) -> None:
@@ -41,18 +38,14 @@ def install(device: Any = None) -> None:
     if not _originals:
         _originals.append(mujoco.Renderer)
         _replace(mujoco.Renderer, Renderer)
-        _uploads.update((name, getattr(mujoco, name)) for name in UPLOADS)
-        for name, own in _uploads.items():
-            setattr(mujoco, name, _upload(own))
+    uploads.serve(__name__)
 
 
 def uninstall() -> None:
     """Give MuJoCo its own renderer back. Those that were made here stay."""
     if _originals:
         _replace(Renderer, _originals.pop())
-    for name, own in _uploads.items():
-        setattr(mujoco, name, own)
-    _uploads.clear()
+    uploads.leave(__name__)
     _chosen[0] = None
 
 
@@ -61,26 +54,6 @@ def _replace(old: type, new: type) -> None:
     for name, module in list(sys.modules.items()):
         if name.split(".")[0] == "mujoco" and vars(module).get("Renderer") is old:
             vars(module)["Renderer"] = new
-
-
-def _upload(own: Callable[..., None]) -> Callable[..., None]:
-    """MuJoCo's call, which takes the context of a renderer of this module, too."""
-
-    @wraps(own)
-    def upload(m: mujoco.MjModel, con: Any, *rest: Any, **named: Any) -> None:
-        if isinstance(con, _Context):
-            con.reload()
-        else:
-            own(m, con, *rest, **named)
-
-    return upload
-
-
-class _Context:
-    """In place of MuJoCo's context, for those who upload to it what they have changed in the model."""
-
-    def __init__(self, studio: Studio):
-        self.reload = studio.reload
 
 
 class Renderer:
@@ -110,7 +83,9 @@ class Renderer:
         device: Any = None,
     ):
         self._studio: Studio | None = None
-        self._mjr_context: _Context | None = None  # programs know it by MuJoCo's name
+        # Programs know these by MuJoCo's names.
+        self._mjr_context: uploads.Context | None = None
+        self._gl_context: uploads.Context | None = None
         if not isinstance(model, mujoco.MjModel):
             raise TypeError(f"model must be a mujoco.MjModel, got {type(model).__name__}")
         for side, pixels, most in (
@@ -128,11 +103,12 @@ class Renderer:
                 raise ValueError(f"Image {side} must be at least 1, got {pixels}")
         self._model, self._height, self._width = model, int(height), int(width)
         self._scene = mujoco.MjvScene(model=model, maxgeom=max_geom)
-        self._option = mujoco.MjvOption()
+        self._scene_option = mujoco.MjvOption()  # where none is given; programs write to it
+        self._option = self._scene_option
         self._own: Own | None = None  # the scene as update_scene has made it; None before there is any state
         self._depth = self._segmentation = False
         self._studio = Studio(model, _chosen[0] if device is None else device)
-        self._mjr_context = _Context(self._studio)
+        self._mjr_context = self._gl_context = uploads.Context(self._studio)
 
     @property
     def model(self) -> mujoco.MjModel:
@@ -182,7 +158,7 @@ class Renderer:
             WarpcamError: ``scene_option`` asks for something that is not drawn here; it says what.
         """
         camera = self._camera(camera)
-        option = mujoco.MjvOption() if scene_option is None else scene_option
+        option = self._scene_option if scene_option is None else scene_option
         if not isinstance(option, mujoco.MjvOption):
             raise TypeError(f"scene_option must be a mujoco.MjvOption or None, got {type(option).__name__}")
         style_of(self._model, option, self._scene.flags)  # refuse now what would be refused at the picture
@@ -227,7 +203,7 @@ class Renderer:
 
     def close(self) -> None:
         """Let go of all memory. Closing twice does nothing."""
-        self._studio = self._mjr_context = None
+        self._studio = self._mjr_context = self._gl_context = None
 
     def __enter__(self) -> "Renderer":
         return self

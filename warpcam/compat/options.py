@@ -1,6 +1,7 @@
 """MuJoCo's options of what is drawn, ``MjvOption`` and the flags of an ``MjvScene``: honoured, or refused by name."""
 
 from collections.abc import Callable, Iterable, Mapping
+from itertools import compress, count
 from typing import Any
 
 import mujoco
@@ -48,7 +49,7 @@ def _numbers(enum: Any, prefix: str, names: Iterable[str]) -> dict[str, int]:
 
 KINDS = Style().draw
 OPTION_FLAGS = _numbers(mujoco.mjtVisFlag, "mjVIS_", AS_DEFAULT)
-OPTION_DEFAULTS = np.array(mujoco.MjvOption().flags)
+OPTION_DEFAULTS = mujoco.MjvOption().flags.tolist()
 RENDERING_FLAGS = _numbers(mujoco.mjtRndFlag, "mjRND_", RENDERING_AS_DEFAULT)
 RENDERING_DEFAULTS = {name: name in ("HAZE", "CULL_FACE") for name in RENDERING_FLAGS}
 TENDON, SKIN, TRANSPARENT = (int(getattr(mujoco.mjtVisFlag, f"mjVIS_{n}")) for n in ("TENDON", "SKIN", "TRANSPARENT"))
@@ -66,12 +67,11 @@ def style_of(model: mujoco.MjModel, option: mujoco.MjvOption, flags: Any) -> Sty
     Raises:
         WarpcamError: A flag asks for something that is not drawn here.
     """
-    chosen = option.flags
-    if (chosen != OPTION_DEFAULTS).any():
-        for name, number in OPTION_FLAGS.items():
-            if chosen[number] != OPTION_DEFAULTS[number] and AS_DEFAULT[name](model):
-                allowed = OPTION_DEFAULTS[number]
-                raise WarpcamError(_refusal(f"scene_option.flags[mjVIS_{name}]", chosen[number], allowed))
+    chosen, flags = option.flags.tolist(), flags.tolist()
+    for name, number in OPTION_FLAGS.items():
+        if chosen[number] != OPTION_DEFAULTS[number] and AS_DEFAULT[name](model):
+            allowed = OPTION_DEFAULTS[number]
+            raise WarpcamError(_refusal(f"scene_option.flags[mjVIS_{name}]", chosen[number], allowed))
     if option.label:
         raise WarpcamError(_refusal("scene_option.label", option.label, 0))
     for name, number in RENDERING_FLAGS.items():
@@ -80,7 +80,7 @@ def style_of(model: mujoco.MjModel, option: mujoco.MjvOption, flags: Any) -> Sty
     hidden = [kind for kind, number in (("tendons", TENDON), ("skins", SKIN)) if not chosen[number]]
     quality = model.vis.quality
     return Style(
-        groups=tuple(tuple(np.flatnonzero(getattr(option, name)).tolist()) for name in GROUPS),
+        groups=tuple(tuple(compress(count(), getattr(option, name).tolist())) for name in GROUPS),
         draw=tuple(kind for kind in KINDS if kind not in hidden),
         shadows=bool(flags[SHADOW]) and quality.shadowsize > 0,
         reflections=bool(flags[REFLECTION]),

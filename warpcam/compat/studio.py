@@ -18,7 +18,6 @@ from warpcam.sources.mujoco_limits import UNLIMITED
 from warpcam.sources.mujoco_model import DATA_NAMES, MODEL_NAMES
 
 VIEW = "view"  # the one camera's name
-UPLOADS = ("mjr_uploadHField", "mjr_uploadMesh", "mjr_uploadTexture")  # MuJoCo's calls for what a scene reads once
 MAX_KEPT = 8  # renderers of a studio, and scenes: ways to look that are gone to and fro between
 
 # What a scene reads once of what a user may write: such a change makes another scene.
@@ -27,6 +26,7 @@ READ_ONCE = (
     *("flex_matid", "skin_group", "skin_matid", "geom_group", "geom_matid", "mat_reflectance"),
     *("geom_type", "site_type", "tendon_limited", "tendon_range", "tendon_margin", "tendon_solimp_lim"),
 )
+PLANE = int(mujoco.mjtGeom.mjGEOM_PLANE)
 COLORS = ("site_rgba", "tendon_rgba", "flex_rgba", "skin_rgba")
 MORE_OF_DATA = (
     *("site_xpos", "site_xmat", "wrap_xpos", "wrap_obj", "ten_wrapadr", "ten_wrapnum", "ten_length"),
@@ -93,20 +93,18 @@ def view_of(scene: mujoco.MjvScene, width: int, height: int) -> View | None:
     """What a MuJoCo scene's camera sees in an image of that size; None if none was set."""
     if min(width, height) < 1:
         raise WarpcamError(f"render: width and height must be at least 1 pixel, got {width} and {height}")
-    one, two = scene.camera[0], scene.camera[1]
+    one, two = scene.camera  # two eyes for a stereo picture; one that is none is taken from between them
     bottom, top = 0.5 * (one.frustum_bottom + two.frustum_bottom), 0.5 * (one.frustum_top + two.frustum_top)
     if top <= bottom:
         return None
-    # Two eyes for a stereo picture; one that is none is taken from between them.
-    forward, up = np.add(one.forward, two.forward), np.add(one.up, two.up)
-    forward, up = forward / np.linalg.norm(forward), up / np.linalg.norm(up)
-    axes = np.stack((np.cross(forward, up), up, -forward), axis=1)
-    rotation = np.zeros(4)
-    mujoco.mju_mat2Quat(rotation, axes.ravel().astype(np.float64))
+    position, forward, up, right, rotation = (np.zeros(size) for size in (3, 3, 3, 3, 4))
+    mujoco.mjv_cameraInRoom(position, forward, up, scene)
+    mujoco.mju_cross(right, forward, up)
+    mujoco.mju_mat2Quat(rotation, np.array((right, up, -forward)).T.ravel())
     center = 0.5 * (one.frustum_center + two.frustum_center)
     half = 0.5 * (one.frustum_width + two.frustum_width) or 0.5 * (top - bottom) * width / height
     return View(
-        position=0.5 * np.add(one.pos, two.pos), rotation=rotation, left=center - half, right=center + half,
+        position=position, rotation=rotation, left=center - half, right=center + half,
         bottom=bottom, top=top, near=float(one.frustum_near), far=float(one.frustum_far),
         orthographic=bool(one.orthographic),
     )  # fmt: skip
@@ -245,11 +243,13 @@ class Studio:
     def _sees_backs(self, view: View, style: Style) -> bool:
         """Whether a plane has its back to the camera, and a scene would not show it unless told to."""
         model, state = self._model, self._state
-        planes = np.flatnonzero(model.geom_type == int(mujoco.mjtGeom.mjGEOM_PLANE))
-        if "geoms" not in style.draw or not len(planes):
+        if "geoms" not in style.draw:
             return False
-        up = state.geom_xmat[planes].reshape(-1, 3, 3)[:, :, 2]
+        planes = np.flatnonzero(model.geom_type == PLANE)
+        up = state.geom_xmat[planes, 2::3]
         behind = ((view.position - state.geom_xpos[planes]) * up).sum(axis=1) < 0.0
+        if not behind.any():
+            return False
         seen = np.isin(model.geom_group[planes], style.groups[0]) & (model.geom_rgba[planes, 3] > 0.0)
         return bool((behind & seen).any()) and not has_veils(model, style.groups, style.draw)
 
@@ -320,7 +320,8 @@ class _Eye:
         self._written: dict[str, Any] = {}
 
     def see(self, view: View, wanted: Sequence[str]) -> dict[str, np.ndarray]:
-        values = {"position": view.position, "rotation": view.rotation, "near": view.near, "far": view.far}
+        values: dict[str, Any] = {"position": view.position.tolist(), "rotation": view.rotation.tolist()}
+        values.update(near=view.near, far=view.far)
         across, down = view.right - view.left, view.top - view.bottom
         if view.orthographic:
             values["height"] = down
@@ -328,9 +329,8 @@ class _Eye:
             fx, fy = view.near * self._width / across, view.near * self._height / down
             values["intrinsics"] = (fx, fy, -view.left * self._width / across, view.top * self._height / down)
         for name, value in values.items():
-            value = np.asarray(value, np.float32)[None]
-            if name not in self._written or (self._written[name] != value).any():
-                self._arrays[name].assign(value)
+            if self._written.get(name) != value:
+                self._arrays[name].assign(np.array([value], np.float32))
                 self._written[name] = value
         images = self._renderer.render()[VIEW]
         on_host = {name: images[name][0].cpu().numpy() for name in wanted}

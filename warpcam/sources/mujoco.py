@@ -1,6 +1,6 @@
 """Classic MuJoCo: worlds whose state lies on the host, copied to the device before each frame."""
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -81,6 +81,7 @@ class MujocoSource:
             own = self._staged[name].shape[1] - len(array)
             self._staged[name], more = np.split(self._staged[name], (own,), axis=1)
             self._staged_decor.append((more, array))
+        self._live = list(self._pairs())
         self._arrays = {name: self._view(self._block, *place) for name, *place in layout}
         self._clock = self._arrays.pop("time")
         self._copied = wp.Event(device) if device.is_cuda else None
@@ -110,13 +111,8 @@ class MujocoSource:
         """Copy poses and all else that may change to the device, in order with its current stream."""
         if self._copied is not None:
             wp.synchronize_event(self._copied)  # of the frame before: the staging block is free again
-        for field, name in self._data_names.items():
-            staged = self._staged[field]
-            for world, mjd in enumerate(self._mjds):
-                staged[world] = getattr(mjd, name).reshape(staged.shape[1:])
-        for field, name in self._model_names.items():
-            staged = self._staged[field]
-            staged[0] = getattr(self._mjm, name).reshape(staged.shape[1:])
+        for staged, live in self._live:
+            staged[...] = live
         self._staged["time"][:] = [mjd.time for mjd in self._mjds]
         self._staged["headlight"][:] = model.headlight(self._mjm)
         if self._decor is not None:
@@ -129,6 +125,13 @@ class MujocoSource:
             self._tables.paint(colors)
         if self._copied is not None:
             self.device.stream.record_event(self._copied)
+
+    def _pairs(self) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+        """Where to each of MuJoCo's own arrays goes, and the array: they stay where they are in memory."""
+        for names, owners in ((self._data_names, self._mjds), (self._model_names, (self._mjm,))):
+            for field, name in names.items():
+                for staged, owner in zip(self._staged[field], owners, strict=True):
+                    yield staged, getattr(owner, name).reshape(staged.shape)
 
     def _stage_decor(self, decor: Places) -> None:
         for staged, array in self._staged_decor:

@@ -116,7 +116,7 @@ def headlight(mjm: mujoco.MjModel) -> np.ndarray:
     What MuJoCo's renderer cannot place, as point lights, it leaves out from 3.12 on; up to there it adds to this.
     """
     light = mjm.vis.headlight
-    colors = np.stack((light.ambient, light.diffuse, light.specular)).astype(np.float32)
+    colors = np.array((light.ambient, light.diffuse, light.specular), np.float32)
     colors *= bool(light.active)
     for index in _unplaced(mjm):
         colors += (mjm.light_ambient[index], mjm.light_diffuse[index], mjm.light_specular[index])
