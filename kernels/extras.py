@@ -1,5 +1,6 @@
 """The stage that writes the table of shapes where a source draws more than its shapes: marks, segments, edges."""
 
+import functools
 from typing import Any
 
 import warp as wp
@@ -8,8 +9,6 @@ from .arcs import arc_between, arc_pieces, arc_point
 from .catenary import hanging_point
 from .launch import Stage, compiler_flags, record
 from .types import SPHERE
-
-wp.set_module_options(compiler_flags())
 
 # What stands in a column that is written each frame: Entries.what, first component. The second is the column.
 COPY, MARK, SEGMENT, EDGE, STRING, ARC, ROD, CRANK = 0, 1, 2, 3, 4, 5, 6, 7
@@ -104,104 +103,150 @@ def find_segment(live: Entries, world: wp.int32, path: wp.int32, number: wp.int3
     return found
 
 
-@wp.kernel(enable_backward=False)
-def write_table(live: Entries, out: Table, first: wp.int32):
-    index = first + wp.tid()
-    width = live.what.shape[0]
-    world = index // width
-    entry = index - world * width
-    what = live.what[entry]
-    kind = what[0]
-    column = what[1]
-    a = what[2]
-    b = what[3]
-    if kind == COPY:
-        out.positions[world, column] = live.positions[world, a]
-        out.rotations[world, column] = live.rotations[world, a]
-        if world < out.sizes.shape[0]:
-            out.sizes[world, column] = live.sizes[world % live.sizes.shape[0], a]
-        if world < out.assets.shape[0]:
-            out.assets[world, column] = live.assets[world % live.assets.shape[0], a]
-        if world < out.materials.shape[0]:
-            out.materials[world, column] = live.materials[world % live.materials.shape[0], a]
-        if world < out.colors.shape[0]:
-            out.colors[world, column] = live.colors[world % live.colors.shape[0], a]
-        return
-    if kind == MARK:
-        frame = live.mark_rotations[world, a]
-        out.positions[world, column] = live.mark_positions[world, a] + frame @ live.offsets[b]
-        out.rotations[world, column] = frame @ live.turns[b]
-        return
-    start = wp.vec3(0.0, 0.0, 0.0)
-    end = start
-    radius = live.radii[entry]
-    if kind == EDGE:
-        start = live.vertices[world, a]
-        end = live.vertices[world, b]
-    elif kind == ROD or kind == CRANK:
-        frame = live.mark_rotations[world, a]
-        axis = wp.vec3(frame[0, 2], frame[1, 2], frame[2, 2])
-        start = live.mark_positions[world, a]
-        end = live.mark_positions[world, b]
-        away = end - start
-        far = wp.dot(away, axis)
-        left = far * far + live.lengths[entry] * live.lengths[entry] - wp.dot(away, away)
-        middle = start + (far - wp.sqrt(wp.max(left, 0.0))) * axis
-        if kind == ROD:
-            end = middle
-        else:
-            start = middle
-            if world < out.colors.shape[0]:
-                out.colors[world, column] = live.crank_colors[wp.where(left < 0.0, 1, 0)]
-    elif kind == STRING:
-        stop = live.path_starts[world, a]
-        first_end = live.stops[world, stop]
-        second_end = live.stops[world, stop + 1]
-        start = hanging_point(first_end, second_end, live.up, live.lengths[entry], b, live.num_points)
-        end = hanging_point(first_end, second_end, live.up, live.lengths[entry], b + 1, live.num_points)
-        if start == end:
-            radius = 0.0
-    elif kind == ARC:
-        number = b / MOST_PIECES
-        piece = b - number * MOST_PIECES
-        stop = find_arc(live, world, a, number)
-        if stop < 0:
-            radius = 0.0
-        else:
-            on = live.stop_objects[world, stop]
-            arc = arc_between(
-                live.stops[world, stop - 1],
-                live.stops[world, stop],
-                live.stops[world, stop + 1],
-                live.stops[world, stop + 2],
-                live.positions[world, on],
-                live.rotations[world, on],
-                live.types[on] == SPHERE,
-            )
-            pieces = arc_pieces(arc, live.slices, MOST_PIECES)
-            start = arc_point(arc, wp.float32(piece) / wp.float32(pieces))
-            end = arc_point(arc, wp.float32(piece + 1) / wp.float32(pieces))
-            if piece >= pieces:
-                radius = 0.0
-    else:
-        stop = find_segment(live, world, a, b)
-        if stop < 0:
-            radius = 0.0
-        else:
-            start = live.stops[world, stop]
-            end = live.stops[world, stop + 1]
-            if live.stop_objects[world, stop] >= 0 and live.stop_objects[world, stop + 1] >= 0:
-                radius = 0.5 * radius  # around what the path lies on
-    along = end - start
-    length = wp.length(along)
-    upright = wp.vec3(0.0, 0.0, 1.0)
-    if length > 1.0e-15:
-        upright = along / length
-    out.positions[world, column] = 0.5 * (start + end)
-    out.rotations[world, column] = turn_to(upright)
-    out.sizes[world, column] = wp.vec3(radius, 0.5 * length, wp.where(kind == EDGE, -1.0, 0.0))
+@wp.struct
+class Line:
+    """What a capsule or a cylinder is drawn along, in the world frame [m]; of radius 0 where there is nothing."""
+
+    start: wp.vec3
+    end: wp.vec3
+    radius: wp.float32
 
 
-def record_table(live: Any, out: Any, device: wp.Device) -> Stage:
-    """Bind the stage that writes ``out`` from ``live``, ``Table`` and ``Entries`` on ``device``."""
-    return record(write_table, out.positions.shape[0] * live.what.shape[0], [live, out], device)
+@wp.func
+def edge_of(live: Entries, world: wp.int32, a: wp.int32, b: wp.int32, radius: wp.float32) -> Line:
+    return Line(live.vertices[world, a], live.vertices[world, b], radius)
+
+
+@wp.func
+def string_of(live: Entries, world: wp.int32, path: wp.int32, b: wp.int32, entry: wp.int32) -> Line:
+    stop = live.path_starts[world, path]
+    first_end = live.stops[world, stop]
+    second_end = live.stops[world, stop + 1]
+    length = live.lengths[entry]
+    start = hanging_point(first_end, second_end, live.up, length, b, live.num_points)
+    end = hanging_point(first_end, second_end, live.up, length, b + 1, live.num_points)
+    return Line(start, end, wp.where(start == end, 0.0, live.radii[entry]))
+
+
+@wp.func
+def arc_of(live: Entries, world: wp.int32, path: wp.int32, b: wp.int32, radius: wp.float32) -> Line:
+    number = b / MOST_PIECES
+    piece = b - number * MOST_PIECES
+    stop = find_arc(live, world, path, number)
+    if stop < 0:
+        return Line(wp.vec3(), wp.vec3(), 0.0)
+    on = live.stop_objects[world, stop]
+    arc = arc_between(
+        live.stops[world, stop - 1],
+        live.stops[world, stop],
+        live.stops[world, stop + 1],
+        live.stops[world, stop + 2],
+        live.positions[world, on],
+        live.rotations[world, on],
+        live.types[on] == SPHERE,
+    )
+    pieces = arc_pieces(arc, live.slices, MOST_PIECES)
+    start = arc_point(arc, wp.float32(piece) / wp.float32(pieces))
+    end = arc_point(arc, wp.float32(piece + 1) / wp.float32(pieces))
+    return Line(start, end, wp.where(piece >= pieces, 0.0, radius))
+
+
+@wp.func
+def segment_of(live: Entries, world: wp.int32, path: wp.int32, number: wp.int32, radius: wp.float32) -> Line:
+    stop = find_segment(live, world, path, number)
+    if stop < 0:
+        return Line(wp.vec3(), wp.vec3(), 0.0)
+    around = live.stop_objects[world, stop] >= 0 and live.stop_objects[world, stop + 1] >= 0
+    return Line(live.stops[world, stop], live.stops[world, stop + 1], wp.where(around, 0.5 * radius, radius))
+
+
+@wp.func
+def copy_shape(live: Entries, out: Table, world: wp.int32, column: wp.int32, shape: wp.int32):
+    out.positions[world, column] = live.positions[world, shape]
+    out.rotations[world, column] = live.rotations[world, shape]
+    if world < out.sizes.shape[0]:
+        out.sizes[world, column] = live.sizes[world % live.sizes.shape[0], shape]
+    if world < out.assets.shape[0]:
+        out.assets[world, column] = live.assets[world % live.assets.shape[0], shape]
+    if world < out.materials.shape[0]:
+        out.materials[world, column] = live.materials[world % live.materials.shape[0], shape]
+    if world < out.colors.shape[0]:
+        out.colors[world, column] = live.colors[world % live.colors.shape[0], shape]
+
+
+@wp.func
+def copy_mark(live: Entries, out: Table, world: wp.int32, column: wp.int32, mark: wp.int32, row: wp.int32):
+    frame = live.mark_rotations[world, mark]
+    out.positions[world, column] = live.mark_positions[world, mark] + frame @ live.offsets[row]
+    out.rotations[world, column] = frame @ live.turns[row]
+
+
+@functools.cache
+def kernel_of(kinds: frozenset[int]) -> wp.Kernel:
+    """What writes entries of these kinds."""
+
+    @wp.kernel(module="unique", enable_backward=False, module_options=compiler_flags())
+    def write_table(live: Entries, out: Table, first: wp.int32):
+        index = first + wp.tid()
+        width = live.what.shape[0]
+        world = index // width
+        entry = index - world * width
+        what = live.what[entry]
+        kind = what[0]
+        column = what[1]
+        a = what[2]
+        b = what[3]
+        if wp.static(COPY in kinds):
+            if kind == COPY:
+                copy_shape(live, out, world, column, a)
+                return
+        if wp.static(MARK in kinds):
+            if kind == MARK:
+                copy_mark(live, out, world, column, a, b)
+                return
+        if wp.static(not kinds <= {COPY, MARK}):
+            radius = live.radii[entry]
+            line = Line(wp.vec3(), wp.vec3(), 0.0)
+            if wp.static(EDGE in kinds):
+                if kind == EDGE:
+                    line = edge_of(live, world, a, b, radius)
+            if wp.static(STRING in kinds):
+                if kind == STRING:
+                    line = string_of(live, world, a, b, entry)
+            if wp.static(ARC in kinds):
+                if kind == ARC:
+                    line = arc_of(live, world, a, b, radius)
+            if wp.static(SEGMENT in kinds):
+                if kind == SEGMENT:
+                    line = segment_of(live, world, a, b, radius)
+            if wp.static(ROD in kinds):
+                if kind == ROD or kind == CRANK:
+                    frame = live.mark_rotations[world, a]
+                    axis = wp.vec3(frame[0, 2], frame[1, 2], frame[2, 2])
+                    start = live.mark_positions[world, a]
+                    end = live.mark_positions[world, b]
+                    away = end - start
+                    far = wp.dot(away, axis)
+                    left = far * far + live.lengths[entry] * live.lengths[entry] - wp.dot(away, away)
+                    middle = start + (far - wp.sqrt(wp.max(left, 0.0))) * axis
+                    if kind == ROD:
+                        line = Line(start, middle, radius)
+                    else:
+                        line = Line(middle, end, radius)
+                        if world < out.colors.shape[0]:
+                            out.colors[world, column] = live.crank_colors[wp.where(left < 0.0, 1, 0)]
+            along = line.end - line.start
+            length = wp.length(along)
+            upright = wp.vec3(0.0, 0.0, 1.0)
+            if length > 1.0e-15:
+                upright = along / length
+            out.positions[world, column] = 0.5 * (line.start + line.end)
+            out.rotations[world, column] = turn_to(upright)
+            out.sizes[world, column] = wp.vec3(line.radius, 0.5 * length, wp.where(kind == EDGE, -1.0, 0.0))
+
+    return write_table
+
+
+def record_table(live: Any, out: Any, kinds: frozenset[int], device: wp.Device) -> Stage:
+    """Bind the stage that writes ``out`` from ``live``, ``Table`` and ``Entries`` of these kinds, on ``device``."""
+    return record(kernel_of(kinds), out.positions.shape[0] * live.what.shape[0], [live, out], device)

@@ -117,8 +117,13 @@ class Extras:
         """Whether sizes are written each frame."""
         return bool(np.isin(self.entries[:, 0], (SEGMENT, EDGE, STRING, ROD)).any())
 
+    @property
+    def kinds(self) -> frozenset[int]:
+        """Of entries."""
+        return frozenset(self.entries[:, 0].tolist())
+
     def reads(self, kind: int) -> bool:
-        return bool((self.entries[:, 0] == kind).any())
+        return kind in self.kinds
 
 
 def colors_of(mjm: mujoco.MjModel, extras: Extras) -> np.ndarray:

@@ -9,7 +9,7 @@ import warp as wp
 
 from warpcam import device as device_rule
 from warpcam.errors import WarpcamError
-from warpcam.kernels.extras import CRANK, EDGE, MARK, SEGMENT, STRING, Entries, Table, record_table, write_table
+from warpcam.kernels.extras import CRANK, EDGE, MARK, SEGMENT, STRING, Entries, Table, kernel_of, record_table
 from warpcam.kernels.launch import Stage
 from warpcam.kernels.refit import Tree, kernels_of
 from warpcam.kernels.strain import record_strain, write_strain
@@ -126,7 +126,7 @@ class ExtraTables:
 
     def kernels(self) -> list[wp.Kernel]:
         """Of the stages."""
-        kernels = [write_table]
+        kernels = [kernel_of(self._extras.kinds)]
         if self._held is not None:
             kernels.append(write_strain)
         return [*kernels, swell, *kernels_of(backs=False)] if self._extras.moved else kernels
@@ -190,7 +190,7 @@ class ExtraTables:
         lengths = read.pop("path_lengths")
         for name, array in read.items():
             setattr(entries, name, array)
-        stages = [record_table(entries, table, device)]
+        stages = [record_table(entries, table, self._extras.kinds, device)]
         if self._held is not None:
             self._held.lengths = lengths
             stages.append(record_strain(self._held, table.colors, device))
