@@ -37,6 +37,11 @@ def pytest_collection_finish() -> None:
     gc.enable()
 
 
+def pytest_unconfigure() -> None:
+    """Let Python take all down at its end, of which modules in C++ tell otherwise."""
+    gc.unfreeze()
+
+
 @pytest.fixture(params=[device.alias for device in wp.get_devices()])
 def device(request: pytest.FixtureRequest) -> Iterator[wp.Device]:
     """Each device of this machine in turn, as Warp's current device."""
