@@ -113,8 +113,17 @@ class Line:
 
 
 @wp.func
+def line_along(start: wp.vec3, end: wp.vec3, radius: wp.float32) -> Line:
+    line = Line()
+    line.start = start
+    line.end = end
+    line.radius = radius
+    return line
+
+
+@wp.func
 def edge_of(live: Entries, world: wp.int32, a: wp.int32, b: wp.int32, radius: wp.float32) -> Line:
-    return Line(live.vertices[world, a], live.vertices[world, b], radius)
+    return line_along(live.vertices[world, a], live.vertices[world, b], radius)
 
 
 @wp.func
@@ -125,7 +134,7 @@ def string_of(live: Entries, world: wp.int32, path: wp.int32, b: wp.int32, entry
     length = live.lengths[entry]
     start = hanging_point(first_end, second_end, live.up, length, b, live.num_points)
     end = hanging_point(first_end, second_end, live.up, length, b + 1, live.num_points)
-    return Line(start, end, wp.where(start == end, 0.0, live.radii[entry]))
+    return line_along(start, end, wp.where(start == end, 0.0, live.radii[entry]))
 
 
 @wp.func
@@ -134,7 +143,7 @@ def arc_of(live: Entries, world: wp.int32, path: wp.int32, b: wp.int32, radius: 
     piece = b - number * MOST_PIECES
     stop = find_arc(live, world, path, number)
     if stop < 0:
-        return Line(wp.vec3(), wp.vec3(), 0.0)
+        return line_along(wp.vec3(), wp.vec3(), 0.0)
     on = live.stop_objects[world, stop]
     arc = arc_between(
         live.stops[world, stop - 1],
@@ -148,16 +157,16 @@ def arc_of(live: Entries, world: wp.int32, path: wp.int32, b: wp.int32, radius: 
     pieces = arc_pieces(arc, live.slices, MOST_PIECES)
     start = arc_point(arc, wp.float32(piece) / wp.float32(pieces))
     end = arc_point(arc, wp.float32(piece + 1) / wp.float32(pieces))
-    return Line(start, end, wp.where(piece >= pieces, 0.0, radius))
+    return line_along(start, end, wp.where(piece >= pieces, 0.0, radius))
 
 
 @wp.func
 def segment_of(live: Entries, world: wp.int32, path: wp.int32, number: wp.int32, radius: wp.float32) -> Line:
     stop = find_segment(live, world, path, number)
     if stop < 0:
-        return Line(wp.vec3(), wp.vec3(), 0.0)
+        return line_along(wp.vec3(), wp.vec3(), 0.0)
     around = live.stop_objects[world, stop] >= 0 and live.stop_objects[world, stop + 1] >= 0
-    return Line(live.stops[world, stop], live.stops[world, stop + 1], wp.where(around, 0.5 * radius, radius))
+    return line_along(live.stops[world, stop], live.stops[world, stop + 1], wp.where(around, 0.5 * radius, radius))
 
 
 @wp.func
@@ -206,7 +215,7 @@ def kernel_of(kinds: frozenset[int]) -> wp.Kernel:
                 return
         if wp.static(not kinds <= {COPY, MARK}):
             radius = live.radii[entry]
-            line = Line(wp.vec3(), wp.vec3(), 0.0)
+            line = line_along(wp.vec3(), wp.vec3(), 0.0)
             if wp.static(EDGE in kinds):
                 if kind == EDGE:
                     line = edge_of(live, world, a, b, radius)
@@ -230,9 +239,9 @@ def kernel_of(kinds: frozenset[int]) -> wp.Kernel:
                     left = far * far + live.lengths[entry] * live.lengths[entry] - wp.dot(away, away)
                     middle = start + (far - wp.sqrt(wp.max(left, 0.0))) * axis
                     if kind == ROD:
-                        line = Line(start, middle, radius)
+                        line = line_along(start, middle, radius)
                     else:
-                        line = Line(middle, end, radius)
+                        line = line_along(middle, end, radius)
                         if world < out.colors.shape[0]:
                             out.colors[world, column] = live.crank_colors[wp.where(left < 0.0, 1, 0)]
             along = line.end - line.start
