@@ -138,6 +138,12 @@ WORLDS = {
         "",
     ),
     "many": ("", '<light pos="0 0 3"/>' + BALLS, ""),
+    "sky": (
+        '<texture type="skybox" builtin="checker" rgb1="1 1 .2" rgb2=".1 .2 .6" width="128" height="128"'
+        ' mark="random" markrgb="1 0 0" random=".3"/>',
+        '<geom size=".3" pos=".4 .2 1"/>',
+        "",
+    ),
 }
 
 

@@ -146,7 +146,7 @@ constexpr int SAMPLE_COLUMNS = 8, SAMPLE_ROWS = 16;
 
 // Chooses which corners of a plane are kept: those around what a region shows of it, and where there is no room for these
 // around what is near. A team calls it. `sheet`: of the plane's texture, see Textures.sheets; 0: none.
-template <class Grid, class Looks, class Frame>
+template <int LENS, class Grid, class Looks, class Frame>
 WARPCAM_FN void choose_corners(Grid& grid, const LightList& list, const Looks& look, const Camera& camera,
                                const Region& region, const Frame& frame, unsigned long long sheet, bool mirrored, int lane)
 {
@@ -173,12 +173,18 @@ WARPCAM_FN void choose_corners(Grid& grid, const LightList& list, const Looks& l
             + float(sample % SAMPLE_COLUMNS) * (float(region.width - 1) / float(SAMPLE_COLUMNS - 1));
         const float j = float(region.top)
             + float(sample / SAMPLE_COLUMNS) * (float(region.height - 1) / float(SAMPLE_ROWS - 1));
-        const Vec ray = pose.local({ image_x(camera, mirrored ? float(frame.width - 1) - i : i), image_y(camera, j), -1.0f });
-        const float away = -eye.z * reciprocal(nonzero(ray.z));
-        const bool seen = eye.z * ray.z < 0.0f && away < camera.far;
+        ViewRay<LENS> sight { 0.0f, 0.0f };
+        if constexpr (LENS == RAYS)
+            sight = table_ray(camera, int(i), int(j));
+        else
+            sight = { image_x(camera, mirrored ? float(frame.width - 1) - i : i), image_y(camera, j) };
+        const Vec ray = pose.local(sight.direction());
+        const Vec start = has_centre(LENS) ? eye : eye + pose.local({ sight.x, sight.y, 0.0f });
+        const float away = -start.z * reciprocal(nonzero(ray.z));
+        const bool seen = start.z * ray.z < 0.0f && away < camera.far && !(LENS == RAYS && sight.x >= BLIND);
         depth[k] = seen ? away : FAR_AWAY;
-        u[k] = between(u_axis.at(eye.x + away * ray.x), u_axis.low - 1.0f, u_axis.high + 0.999f);
-        v[k] = between(v_axis.at(eye.y + away * ray.y), v_axis.low - 1.0f, v_axis.high + 0.999f);
+        u[k] = between(u_axis.at(start.x + away * ray.x), u_axis.low - 1.0f, u_axis.high + 0.999f);
+        v[k] = between(v_axis.at(start.y + away * ray.y), v_axis.low - 1.0f, v_axis.high + 0.999f);
     }
     float limit = FAR_AWAY, all = 0.0f;  // samples that see the plane
     int kept = -1;

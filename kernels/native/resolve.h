@@ -22,7 +22,12 @@ WARPCAM_FN void resolve(const Scene_& scene, const Lights& lights, int index)
     constexpr bool SHADOWS = FACTS & HAS_SHADOWS;
     // Corners keep radiance, not display colours. Otherwise, where there is both, pixels are lit for themselves.
     constexpr bool RADIANT = IMAGES == HDR && (FACTS & STRIPS);
-    constexpr int CORNERS = Wants::FACETED && (TYPES >> PLANE & 1) && LENS == PINHOLE && (!(IMAGES & HDR) || RADIANT)
+#if defined(__CUDA_ARCH__)
+    constexpr bool CORNERED_LENS = LENS == PINHOLE;
+#else
+    constexpr bool CORNERED_LENS = LENS != SPREAD;
+#endif
+    constexpr int CORNERS = Wants::FACETED && (TYPES >> PLANE & 1) && CORNERED_LENS && (!(IMAGES & HDR) || RADIANT)
         ? corner_room(WIDTH * HEIGHT, (ROOM < CORNERED ? ROOM : CORNERED) - KEPT * int(sizeof(Looks)) - 1024)
         : 0;
     // Where not all looks can be kept, some are.
@@ -127,7 +132,7 @@ WARPCAM_FN void resolve(const Scene_& scene, const Lights& lights, int index)
                 image = wp::index(scene.textures.mips, look.finish.color.w);
         if (thread < TEAM) {
             if constexpr (CORNERS > 0)
-                choose_corners(list.grid, list, look, camera, region, frame, sheet, FACTS & MIRRORED, thread);
+                choose_corners<LENS>(list.grid, list, look, camera, region, frame, sheet, FACTS & MIRRORED, thread);
             else
                 see_floor(list.grid, look, camera, frame.plane, sheet, thread);
         }
@@ -185,6 +190,12 @@ WARPCAM_FN void resolve(const Scene_& scene, const Lights& lights, int index)
     }
 #else
     pixel.inside = true;
+    const auto own_camera = [&](const Pixel& one) -> decltype(auto) {
+        if constexpr (has_table(LENS))
+            return camera_at<LENS>(camera, one.column, one.row);
+        else
+            return (camera);
+    };
     const auto make_look = [&](int id) {
         if constexpr (KEPT > 0)
             if (const int place = wp::index(scene.shapes.places, id); !made[place]) {
@@ -192,15 +203,13 @@ WARPCAM_FN void resolve(const Scene_& scene, const Lights& lights, int index)
                 made[place] = true;
             }
     };
-    if constexpr (LENS == PINHOLE && Wants::SURFACE && !(FACTS & PHYSICAL)) {
+    if constexpr (Wants::SURFACE && !(FACTS & PHYSICAL)) {
         constexpr bool APART = (FACTS & (MIRRORED | REFLECTS | VEILED | HAZY)) != 0;
         constexpr int ROWS = lower_int(HEIGHT, 4096 / WIDTH);
         Sorted<ROWS * WIDTH> sorted;
         Painted<ROWS * WIDTH, IMAGES, APART> painted;
         const int width = lower_int(WIDTH, frame.width - left), bottom = lower_int(top + HEIGHT, frame.height);
-        float x[WIDTH], y[ROWS];
-        for (int column = 0; column < width; ++column)
-            x[column] = image_x(camera, float(FACTS & MIRRORED ? frame.width - 1 - left - column : left + column));
+        RayRows<LENS, WIDTH, ROWS> ray_rows(camera, left, width, FACTS & MIRRORED, frame.width);
         const auto look_at = [&](int id) -> decltype(auto) {
             make_look(id);
             if constexpr (KEPT > 0)
@@ -211,11 +220,10 @@ WARPCAM_FN void resolve(const Scene_& scene, const Lights& lights, int index)
         for (int start = top; start < bottom; start += ROWS) {
             const int rows = lower_int(ROWS, bottom - start);
             const size_t corner = first + size_t(start) * frame.width + left;
-            for (int row = 0; row < rows; ++row)
-                y[row] = image_y(camera, float(start + row));
+            ray_rows.go_to(start, rows);
             sorted.template sort<WIDTH>(frame.shape, corner, frame.width, width, rows);
-            paint_sorted<TYPES, IMAGES, FACTS, WIDTH, ROWS * WIDTH, !APART>(sorted, list, scene, camera, world, corner, x, y,
-                                                                           look_at, painted);
+            paint_sorted<TYPES, LENS, IMAGES, FACTS, WIDTH, ROWS * WIDTH, !APART>(sorted, list, scene, ray_rows, world,
+                                                                                  corner, look_at, painted);
             for (int row = 0; row < rows; ++row) {
                 const size_t at = corner + size_t(row) * frame.width;
                 if constexpr (!APART)
@@ -223,7 +231,7 @@ WARPCAM_FN void resolve(const Scene_& scene, const Lights& lights, int index)
                 else
                     for (int column = 0; column < width; ++column) {
                         pixel = { left + column, start + row, unsigned(at) + column, true };
-                        resolve_pixel<TYPES, LENS, HELD, IMAGES, FACTS>(looks, list, scene, kept_camera, veils, region,
+                        resolve_pixel<TYPES, LENS, HELD, IMAGES, FACTS>(looks, list, scene, own_camera(pixel), veils, region,
                                                                         world, pixel, find<TYPES, IMAGES, FACTS>(frame, pixel),
                                                                         painted.shown(row * WIDTH + column));
                     }
@@ -236,11 +244,7 @@ WARPCAM_FN void resolve(const Scene_& scene, const Lights& lights, int index)
                 const Found found = find<TYPES, IMAGES, FACTS>(frame, pixel);
                 if (found.shape >= 0)
                     make_look(found.shape);
-                if constexpr (has_table(LENS))
-                    resolve_pixel<TYPES, LENS, HELD, IMAGES, FACTS>(looks, list, scene,
-                        camera_at<LENS>(kept_camera, pixel.column, pixel.row), veils, region, world, pixel, found);
-                else
-                    resolve_pixel<TYPES, LENS, HELD, IMAGES, FACTS>(looks, list, scene, kept_camera, veils, region, world, pixel, found);
+                resolve_pixel<TYPES, LENS, HELD, IMAGES, FACTS>(looks, list, scene, own_camera(pixel), veils, region, world, pixel, found);
             }
     }
 #endif

@@ -2,6 +2,7 @@
 // one shape are drawn eight at once.
 #pragma once
 #include "kept_looks.h"
+#include "lens_cpu.h"
 #include "shade_cpu.h"
 #include "texels_cpu.h"
 
@@ -91,9 +92,6 @@ template <int ROOM> struct Sorted {
         }
     }
 };
-
-// Whether eight pixels of a group, which stand in order, follow each other.
-inline bool in_a_row(const short* pixels) { return pixels[PACKET - 1] - pixels[0] == PACKET - 1; }
 
 // What the pixels of a few rows show. APART: as numbers, for what else covers them; else as bytes.
 template <int ROOM, int IMAGES, bool APART> struct Painted {
@@ -190,9 +188,9 @@ struct EightHits {
 constexpr int TOGETHER = 4;
 
 // Of the last packet's pixels `rest` count, of the others' all.
-template <int TYPES, int IMAGES, int FACTS, class Looks, class List, class Scene_, class Paint>
+template <int TYPES, int LENS, int IMAGES, int FACTS, class Looks, class List, class Scene_, class Rows, class Paint>
 WARPCAM_APART inline void paint_packets(const Looks& look, const Levels* levels, int id, const List& lights, const Scene_& scene,
-                          const Camera& camera, Vec gain, const EightHits* hits, const short* pixels, int packets, int rest,
+                          const Rows& rows, Vec gain, const EightHits* hits, const short* pixels, int packets, int rest,
                           Paint& painted)
 {
     using Wants = Wanted<IMAGES, FACTS>;
@@ -200,13 +198,15 @@ WARPCAM_APART inline void paint_packets(const Looks& look, const Levels* levels,
     const Pose& pose = look.pose;
     const Floats one = 1.0f;
     Vecs rays[TOGETHER], textures[TOGETHER];
+    Beams beams[TOGETHER];
     Surfaces surfaces[TOGETHER];
     const auto count_of = [&](int packet) { return packet + 1 < packets ? PACKET : rest; };
     for (int n = 0; n < packets; ++n) {
         const EightHits& hit = hits[n];
-        rays[n] = local_of(pose, { hit.x, hit.y, -one });
-        surfaces_at<TYPES>(pose, scene.meshes, scene.fields, hit.faces, eight_of(pose.eye()) + hit.depth * rays[n], rays[n],
-                           surfaces[n]);
+        beams_of<LENS>(hit.x, hit.y, beams[n]);
+        rays[n] = local_of(pose, beams[n].direction);
+        const Vecs away = has_centre(LENS) ? hit.depth * rays[n] : local_of(pose, places_on<LENS>(beams[n], hit.depth));
+        surfaces_at<TYPES>(pose, scene.meshes, scene.fields, hit.faces, eight_of(pose.eye()) + away, rays[n], surfaces[n]);
         textures[n] = { one, one, one };
     }
     if constexpr ((IMAGES & NORMALS) != 0)
@@ -225,8 +225,15 @@ WARPCAM_APART inline void paint_packets(const Looks& look, const Levels* levels,
                 painted.normal[pixels[n * PACKET + k]] = one_of(facing, k);
         }
     if constexpr (Wants::TEXTURED)
-        if (levels)
-            texture_colors<TYPES>(look, *levels, scene.meshes, scene.textures, camera, surfaces, rays, hits, packets, textures);
+        if (levels) {
+            const auto steps = [&](int n, Vecs& right, Vecs& down) {
+                Beams across, below;
+                rows.steps(pixels + n * PACKET, count_of(n), hits[n].x, hits[n].y, across, below);
+                right = local_of(pose, places_on<LENS>(across, hits[n].depth));
+                down = local_of(pose, places_on<LENS>(below, hits[n].depth));
+            };
+            texture_colors<TYPES>(look, *levels, scene.meshes, scene.textures, steps, surfaces, rays, packets, textures);
+        }
     if constexpr ((IMAGES & ALBEDO) != 0)
         for (int n = 0; n < packets; ++n) {
             const Ints bytes = to_bytes(times(eight_of(clip(to_vec(look.finish.color))), textures[n]));
@@ -236,13 +243,13 @@ WARPCAM_APART inline void paint_packets(const Looks& look, const Levels* levels,
     if constexpr (Wants::LIT)
         for (int n = 0; n < packets; ++n) {
             const EightHits& hit = hits[n];
-            const Vecs place { hit.depth * hit.x, hit.depth * hit.y, -hit.depth };
+            const Vecs place = places_on<LENS>(beams[n], hit.depth);
             Ints shadow = 0, inside = 0;
             if constexpr (SHADOWS)
                 shadow = hit.shadow;
             if constexpr (SHADOWS && (TYPES & SHADES_ITSELF))
                 if (lights.dims && (SHADES_ITSELF >> pose.type() & 1))
-                    shadow |= own_shadow_of_eight(lights, camera, place, seen_of(pose, surfaces[n].normal));
+                    shadow |= own_shadow_of_eight(lights, rows.camera, place, seen_of(pose, surfaces[n].normal));
             Lits lit;
             if constexpr (BY_CORNERS) {
                 if (id == lights.grid.shape) {
@@ -257,7 +264,13 @@ WARPCAM_APART inline void paint_packets(const Looks& look, const Levels* levels,
                 Lits own;
                 const bool at_corners = (TYPES & (1 << PLANE | 1 << HEIGHT_FIELD | 1 << BOX | 1 << MESH))
                     && lit_at_corners<TYPES>(look);
-                illuminate_eight<SHADOWS, Paint::LINEAR>(lights, facet, at_corners ? 3 : 1, look.finish, shadow, own);
+                const auto light = [&](auto... eye) {
+                    illuminate_eight<SHADOWS, Paint::LINEAR>(lights, facet, at_corners ? 3 : 1, look.finish, shadow, own, eye...);
+                };
+                if constexpr (LENS == SPREAD)
+                    light(beams[n].start);
+                else
+                    light();
                 lit = BY_CORNERS ? Lits { own.linear, chosen(inside, lit.display, own.display) } : own;
             } else {
                 lit.linear = lit.display;
@@ -269,30 +282,28 @@ WARPCAM_APART inline void paint_packets(const Looks& look, const Levels* levels,
 }
 
 // What is behind everything.
-template <int IMAGES, int FACTS, class Scene_, class Paint>
-WARPCAM_APART inline void paint_background(const Scene_& scene, const Camera& camera, int world, Vec gain, const float* x, const float* y,
-                             int width, const short* pixels, int count, Paint& painted)
+template <int LENS, int IMAGES, int FACTS, class Scene_, class Rows, class Paint>
+WARPCAM_APART inline void paint_background(const Scene_& scene, const Rows& rows, int world, Vec gain, const short* pixels,
+                             int count, Paint& painted)
 {
     const auto& background = background_of<FACTS>(scene, world);
     Vecs color = eight_of(times(gain, to_vec(background.color)));
     const Image image = FACTS & HAS_SKYBOX ? load_image(scene.textures, background.skybox) : Image { 0, 0, 0, 0 };
-    const Matrix& r = camera.rotation;
-    const auto to_sky = [](Vec v) { return Vec { v.x, v.z, -v.y }; };
-    const Vec right = to_sky({ r.at[0][0], r.at[1][0], r.at[2][0] }), up = to_sky({ r.at[0][1], r.at[1][1], r.at[2][1] });
-    const Vec back = to_sky({ r.at[0][2], r.at[1][2], r.at[2][2] });
+    const Matrix& r = rows.camera.rotation;
+    const auto axis = [&](int k) { return eight_of(Vec { r.at[0][k], r.at[2][k], -r.at[1][k] }); };
+    const Vecs x_axis = axis(0), y_axis = axis(1), z_axis = axis(2);
+    const auto to_sky = [&](Vecs v) { return v.x * x_axis + v.y * y_axis + v.z * z_axis; };
     const Levels levels(image, 6);
     for (int first = 0; first < count; first += PACKET) {
         const int some = lower_int(PACKET, count - first);
         if ((FACTS & HAS_SKYBOX) && image.levels > 0) {
-            Floats at_x, at_y;
-            for (int k = 0; k < PACKET; ++k) {
-                const int pixel = pixels[first + lower_int(k, some - 1)];
-                at_x[k] = x[pixel % width];
-                at_y[k] = y[pixel / width];
-            }
-            const Vecs ray = at_x * eight_of(right) + at_y * eight_of(up) - eight_of(back);
-            sample_cubes(scene.textures.texels.data, levels, ray, eight_of(camera.scale_x * right),
-                         eight_of(-camera.scale_y * up), color);
+            Floats x, y;
+            Beams beams, right, down;
+            rows.find(pixels + first, some, x, y);
+            rows.steps(pixels + first, some, x, y, right, down);
+            beams_of<LENS>(x, y, beams);
+            sample_cubes(scene.textures.texels.data, levels, to_sky(beams.direction), to_sky(right.direction),
+                         to_sky(down.direction), color);
             color = times(eight_of(gain), color);
         }
         painted.put_light(pixels + first, some, color, color, 0u);
@@ -300,16 +311,13 @@ WARPCAM_APART inline void paint_background(const Scene_& scene, const Camera& ca
 }
 
 // What eight pixels show, of which `count` are given; the others are the last again.
-template <int TYPES, bool SHADOWS, int WIDTH, class Frame>
-inline void load_hits(const Frame& frame, size_t first, const float* x, const float* y, const short* pixels, int count,
-                      EightHits& hits)
+template <int TYPES, bool SHADOWS, int WIDTH, class Frame, class Rows>
+inline void load_hits(const Frame& frame, size_t first, const Rows& rows, const short* pixels, int count, EightHits& hits)
 {
     constexpr bool FACES = (TYPES & (1 << MESH | 1 << HEIGHT_FIELD)) != 0;
-    const int row = pixels[0] / WIDTH, column = pixels[0] % WIDTH;
-    if (count == PACKET && column + PACKET <= WIDTH && in_a_row(pixels)) {
-        const size_t at = first + size_t(row) * frame.width + column;
-        __builtin_memcpy(&hits.x, x + column, sizeof hits.x);
-        hits.y = y[row];
+    rows.find(pixels, count, hits.x, hits.y);
+    if (in_one_row<WIDTH>(pixels, count)) {
+        const size_t at = first + size_t(pixels[0] / WIDTH) * frame.width + pixels[0] % WIDTH;
         __builtin_memcpy(&hits.depth, frame.depth.data + at, sizeof hits.depth);
         if (FACES) {
             Ints faces = load_eight(frame.face.data + at);
@@ -321,31 +329,27 @@ inline void load_hits(const Frame& frame, size_t first, const float* x, const fl
             hits.shadow = load_eight(frame.shadow.data + at);
         return;
     }
-    float own_x[PACKET], own_y[PACKET], depth[PACKET];
+    float depth[PACKET];
     int shadow[PACKET];
     for (int k = 0; k < PACKET; ++k) {
         const int pixel = pixels[lower_int(k, count - 1)];
         const size_t at = first + size_t(pixel / WIDTH) * frame.width + pixel % WIDTH;
-        own_x[k] = x[pixel % WIDTH];
-        own_y[k] = y[pixel / WIDTH];
         depth[k] = frame.depth.data[at];
         if (FACES)
             hits.faces[k] = stored_face<TYPES>(frame.face.data[at]);
         if (SHADOWS)
             shadow[k] = frame.shadow.data[at];
     }
-    __builtin_memcpy(&hits.x, own_x, sizeof own_x);
-    __builtin_memcpy(&hits.y, own_y, sizeof own_y);
     __builtin_memcpy(&hits.depth, depth, sizeof depth);
     if (SHADOWS)
         __builtin_memcpy(&hits.shadow, shadow, sizeof shadow);
 }
 
 // Paints what the pixels of a few rows show. `look_at(id)` gives a shape's look.
-template <int TYPES, int IMAGES, int FACTS, int WIDTH, int ROOM, bool BEHIND, class List, class Scene_, class LookAt,
-          class Paint>
-inline void paint_sorted(const Sorted<ROOM>& sorted, const List& lights, const Scene_& scene, const Camera& camera,
-                         int world, size_t first, const float* x, const float* y, const LookAt& look_at, Paint& painted)
+template <int TYPES, int LENS, int IMAGES, int FACTS, int WIDTH, int ROOM, bool BEHIND, class List, class Scene_, class Rows,
+          class LookAt, class Paint>
+inline void paint_sorted(const Sorted<ROOM>& sorted, const List& lights, const Scene_& scene, const Rows& rows, int world,
+                         size_t first, const LookAt& look_at, Paint& painted)
 {
     using Wants = Wanted<IMAGES, FACTS>;
     const auto& frame = scene.frame;
@@ -355,7 +359,7 @@ inline void paint_sorted(const Sorted<ROOM>& sorted, const List& lights, const S
         const short* const pixels = sorted.order + begin;
         if (id < 0) {
             if constexpr (BEHIND && Wants::LIT)
-                paint_background<IMAGES, FACTS>(scene, camera, world, gain, x, y, WIDTH, pixels, total, painted);
+                paint_background<LENS, IMAGES, FACTS>(scene, rows, world, gain, pixels, total, painted);
             continue;
         }
         const auto& look = look_at(id);
@@ -373,10 +377,10 @@ inline void paint_sorted(const Sorted<ROOM>& sorted, const List& lights, const S
             const int packets = lower_int(TOGETHER, (total - done + PACKET - 1) / PACKET);
             for (int n = 0; n < packets; ++n) {
                 const int from = done + n * PACKET;
-                load_hits<TYPES, Wants::LIT && (FACTS & HAS_SHADOWS), WIDTH>(frame, first, x, y, pixels + from,
+                load_hits<TYPES, Wants::LIT && (FACTS & HAS_SHADOWS), WIDTH>(frame, first, rows, pixels + from,
                                                                             lower_int(PACKET, total - from), hits[n]);
             }
-            paint_packets<TYPES, IMAGES, FACTS>(look, textured ? &levels : nullptr, id, lights, scene, camera, gain, hits,
+            paint_packets<TYPES, LENS, IMAGES, FACTS>(look, textured ? &levels : nullptr, id, lights, scene, rows, gain, hits,
                                                 pixels + done, packets,
                                                 lower_int(PACKET, total - done - (packets - 1) * PACKET), painted);
         }

@@ -26,11 +26,12 @@ struct Arrivals {
     Ints shone;  // within its cone
 };
 
-inline Arrivals arrivals_of(const Light& light, const Vertices& vertex)
+// `eye`: where rays begin that see the place, if not where the camera is.
+template <class... Eye_> inline Arrivals arrivals_of(const Light& light, const Vertices& vertex, const Eye_&... eye)
 {
     Arrivals arrival { eight_of(to_vec(light.place)), {}, {}, {}, (Ints)-1 };
     if (light.ambient.w & SPOT) {
-        const Vecs offset = arrival.to_light + vertex.reach * vertex.to_eye;
+        const Vecs offset = (arrival.to_light - ... - eye) + vertex.reach * vertex.to_eye;
         const Floats square = dot(offset, offset), rate = inverse_root(square);
         arrival.to_light = rate * offset;
         arrival.along = -dot(arrival.to_light, eight_of(to_vec(light.axis)));
@@ -108,9 +109,9 @@ struct Lits {
 };
 
 // LINEAR: whether light that is not clipped is asked for.
-template <bool SHADOWS, bool LINEAR, class Sum>
+template <bool SHADOWS, bool LINEAR, class Sum, class... Eye_>
 static WARPCAM_COLD void illuminate_eight_as(const LightList& list, const Facets& facet, int corners, const Finish& finish,
-                                             Ints shadow, Lits& lit)
+                                             Ints shadow, Lits& lit, const Eye_&... eye)
 {
     const Floats weights[3] = { 1.0f - facet.weight1 - facet.weight2, facet.weight1, facet.weight2 };
     const Floats none = 0.0f, one = 1.0f;
@@ -118,13 +119,13 @@ static WARPCAM_COLD void illuminate_eight_as(const LightList& list, const Facets
     lit = { { none, none, none }, { none, none, none } };
     const auto reaches = [&](const Light& light) { return SHADOWS ? (shadow & light.place.w) == 0 : (Ints)-1; };
     for (int k = 0; k < corners; ++k) {
-        const Vertices vertex = vertices_at(facet.place[k], facet.normal[k]);
+        const Vertices vertex = vertices_at((facet.place[k] - ... - eye), facet.normal[k]);
         const Floats weight = corners == 1 ? one : weights[k];
         Glow<Sum> glow {};
         for (int n = 0; n < list.count; ++n) {
             const Light& light = list.lights[n];
             const bool casts = SHADOWS && (light.ambient.w & CASTS);
-            const Arrivals arrival = arrivals_of(light, vertex);
+            const Arrivals arrival = arrivals_of(light, vertex, eye...);
             const Ints reached = arrival.shone & reaches(light);
             if (!any_of(light.ambient.w & AMBIENT ? reached : reached & (arrival.facing > none)))
                 continue;
@@ -149,14 +150,14 @@ static WARPCAM_COLD void illuminate_eight_as(const LightList& list, const Facets
 }
 
 // By the light on as many corners of the facet, 1 or 3.
-template <bool SHADOWS, bool LINEAR>
+template <bool SHADOWS, bool LINEAR, class... Eye_>
 inline void illuminate_eight(const LightList& list, const Facets& facet, int corners, const Finish& finish, Ints shadow,
-                             Lits& lit)
+                             Lits& lit, const Eye_&... eye)
 {
     if (list.colored)
-        illuminate_eight_as<SHADOWS, LINEAR, Vecs>(list, facet, corners, finish, shadow, lit);
+        illuminate_eight_as<SHADOWS, LINEAR, Vecs>(list, facet, corners, finish, shadow, lit, eye...);
     else
-        illuminate_eight_as<SHADOWS, LINEAR, Floats>(list, facet, corners, finish, shadow, lit);
+        illuminate_eight_as<SHADOWS, LINEAR, Floats>(list, facet, corners, finish, shadow, lit, eye...);
 }
 
 // As own_shadow().

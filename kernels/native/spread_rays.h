@@ -61,14 +61,14 @@ template <> struct ViewRay<SPREAD> {
 
     template <int TYPES> WARPCAM_FN RayFrame frame(const Record& record) const { return frame_along(local(record)); }
 
-private:
-    enum { LOWEST = 15 };  // bits of an address that are 0
-
     WARPCAM_FN const Row* own_rows() const
     {
         const unsigned long long low = unsigned(as_int(x) & ~LOWEST), high = unsigned(as_int(y));
         return reinterpret_cast<const Row*>(high << 32 | low);
     }
+
+private:
+    enum { LOWEST = 15 };  // bits of an address that are 0
 
     WARPCAM_FN Beam step(int pixels, int before, int after) const
     {

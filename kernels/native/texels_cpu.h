@@ -281,18 +281,17 @@ inline Vecs cube_directions(const Pose& pose, const Layout& layout, const Surfac
     return times(place, scale);
 }
 
-// The texture's colours at packets of hits.
-template <int TYPES, class Looks, class Meshes, class Textures, class Hits>
+// The texture's colours at packets of hits. `steps(n, right, down)` says how far it is to what the next pixels show.
+template <int TYPES, class Looks, class Meshes, class Textures, class Steps>
 WARPCAM_APART inline void texture_colors(const Looks& look, const Levels& levels, const Meshes& meshes, const Textures& textures,
-                           const Camera& camera, const Surfaces* surfaces, const Vecs* rays, const Hits* hits, int packets,
-                           Vecs* colors)
+                           const Steps& steps, const Surfaces* surfaces, const Vecs* rays, int packets, Vecs* colors)
 {
     const Layout& layout = look.layout;
     const Pose& pose = look.pose;
-    const Vecs to_right = eight_of(camera.scale_x * Vec { pose.axis_x.x, pose.axis_y.x, pose.axis_z.x });
-    const Vecs to_below = eight_of(-camera.scale_y * Vec { pose.axis_x.y, pose.axis_y.y, pose.axis_z.y });
     for (int n = 0; n < packets; ++n) {
-        const Vecs right = hits[n].depth * to_right, down = hits[n].depth * to_below, ray = rays[n];
+        const Vecs ray = rays[n];
+        Vecs right, down;
+        steps(n, right, down);
         if (layout.cube) {
             Vecs scale;
             const Vecs direction = cube_directions<TYPES>(pose, layout, surfaces[n], scale);
