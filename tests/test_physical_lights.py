@@ -58,6 +58,23 @@ def test_a_sky_lights_from_where_it_is_bright(stage: Usd.Stage, tmp_path: Path, 
     np.testing.assert_allclose(seen, np.repeat(1.0 + mirror[facing, 2:], 3, 1), atol=0.04)
 
 
+def test_a_mirror_shows_the_skys_image(stage: Usd.Stage, tmp_path: Path, device: wp.Device) -> None:
+    """Above the horizon it is white and below it black, which is no sum of few harmonics."""
+    Image.fromarray(np.repeat((255, 0), 32)[:, None, None].repeat(128, 1).repeat(3, 2).astype(np.uint8)).save(
+        tmp_path / "sky.png"
+    )
+    dome = UsdLux.DomeLight.Define(stage, "/sky")
+    dome.CreateTextureFileAttr("./sky.png")
+    UsdGeom.Xformable(dome).AddRotateXOp().Set(90.0)  # its top, +y, is +z
+    add_ball(stage, diffuseColor=(1.0, 1.0, 1.0), metallic=1.0, roughness=0.0)
+    hit, normals, to_eye = ball_normals()
+    mirrored = 2.0 * dot(normals, to_eye) * normals - to_eye
+    away = (dot(normals, to_eye)[:, 0] > 0.3) & (np.abs(mirrored[:, 2]) > 0.1)
+    assert 100 < np.count_nonzero(mirrored[away, 2] > 0.0) < np.count_nonzero(away) - 100
+    wanted = np.repeat((mirrored[away, 2:] > 0.0).astype(float), 3, 1)
+    np.testing.assert_allclose(see(stage, device, "hdr")["hdr"][hit][away], wanted, atol=0.05)
+
+
 def floor_light(
     stage: Usd.Stage, device: wp.Device, at: tuple[float, float, float], tilt: float = 0.0, **inputs: Any
 ) -> float:

@@ -203,7 +203,7 @@ WARPCAM_FN void resolve(const Scene_& scene, const Lights& lights, int index)
                 made[place] = true;
             }
     };
-    if constexpr (Wants::SURFACE && !(FACTS & PHYSICAL)) {
+    if constexpr (Wants::SURFACE) {
         constexpr bool APART = (FACTS & (MIRRORED | REFLECTS | VEILED | HAZY)) != 0;
         constexpr int ROWS = lower_int(HEIGHT, 4096 / WIDTH);
         Sorted<ROWS * WIDTH> sorted;

@@ -1,97 +1,13 @@
 // From the visibility buffer to colours on a CPU: pixels of a few rows are sorted by the shape that they show, and those of
 // one shape are drawn eight at once.
 #pragma once
+#include "by_shape_cpu.h"
 #include "kept_looks.h"
 #include "lens_cpu.h"
+#include "physical_cpu.h"
 #include "shade_cpu.h"
-#include "texels_cpu.h"
 
 namespace warpcam {
-
-// Pixels by shape. Those that see nothing are a shape of their own, -1.
-template <int ROOM> struct Sorted {
-    static constexpr unsigned SLOTS = 2 * ROOM;
-    short order[ROOM + PACKET];  // pixels, group after group; with room for what is written too many
-    int shapes[ROOM + 1], ends[ROOM + 1];  // by group, the first of nothing; where its pixels end
-    short places[ROOM + 1];  // by group: how many runs it has, then where its next goes
-    short table[SLOTS];      // groups by a hash of their shape; -1: free
-    struct Run {
-        short group, first, end;  // pixels of one row
-    } runs[ROOM], in_order[ROOM];
-    int count;
-
-    int find(int shape)
-    {
-        unsigned slot = (unsigned(shape) * 0x9e3779b1u >> 16) % SLOTS;
-        for (; table[slot] >= 0; slot = (slot + 1) % SLOTS)
-            if (shapes[table[slot]] == shape)
-                return table[slot];
-        table[slot] = short(count);
-        shapes[count] = shape;
-        ends[count] = places[count] = 0;
-        return count++;
-    }
-
-    // The pixels of rows that are `width` long; a row has room for WIDTH.
-    template <int WIDTH, class Array> WARPCAM_APART void sort(const Array& ids, size_t first, int pitch, int width, int rows)
-    {
-        for (unsigned slot = 0; slot < SLOTS; ++slot)
-            table[slot] = -1;
-        count = 0;
-        int total = 0, last = -1, group = find(-1);
-        for (int row = 0; row < rows; ++row) {
-            const auto* const line = ids.data + first + size_t(row) * pitch;
-            short begins[WIDTH + 1];  // of its runs
-            int number = 0;
-            for (int column = 0; column < width;) {
-                unsigned long long changes = 0;  // pixels that show another shape than the one before, of 64
-                const int base = column, end = lower_int(width, base + 64);
-                for (; column + PACKET <= end; column += PACKET) {
-                    const Ints own = load_eight(line + column);
-                    const Ints before = column == 0 ? __builtin_shufflevector(own, ~own, 8, 0, 1, 2, 3, 4, 5, 6)
-                                                    : load_eight(line + column - 1);
-                    changes |= static_cast<unsigned long long>(bits_of(own != before)) << (column - base);
-                }
-                for (; column < end; ++column)
-                    if (column == 0 || line[column] != line[column - 1])
-                        changes |= 1ull << (column - base);
-                for (; changes; changes &= changes - 1)
-                    begins[number++] = short(base + __builtin_ctzll(changes));
-            }
-            begins[number] = short(width);
-            for (int run = 0; run < number; ++run) {
-                const int column = begins[run], end = begins[run + 1];
-                const auto id = line[column];
-                const int shape = id < 0 ? -1 : int(id);
-                if (shape != last)
-                    group = find(shape);
-                last = shape;
-                runs[total++] = { short(group), short(row * WIDTH + column), short(row * WIDTH + end) };
-                ends[group] += end - column;
-                ++places[group];
-            }
-        }
-        for (int g = 0, pixels = 0, place = 0; g < count; ++g) {
-            ends[g] = pixels += ends[g];
-            const int its = places[g];
-            places[g] = short(place);
-            place += its;
-        }
-        for (int i = 0; i < total; ++i)
-            in_order[places[runs[i].group]++] = runs[i];
-        short* to = order;
-        for (int i = 0; i < total; ++i) {
-            int k = in_order[i].first;
-            const int end = in_order[i].end;
-            for (short* at = to; k < end; k += PACKET, at += PACKET) {  // what it writes too many is written over by the next
-                typedef short Shorts __attribute__((ext_vector_type(PACKET)));
-                const Shorts pixels = short(k) + Shorts { 0, 1, 2, 3, 4, 5, 6, 7 };
-                __builtin_memcpy(at, &pixels, sizeof pixels);
-            }
-            to += end - in_order[i].first;
-        }
-    }
-};
 
 // What the pixels of a few rows show. APART: as numbers, for what else covers them; else as bytes.
 template <int ROOM, int IMAGES, bool APART> struct Painted {
@@ -117,6 +33,19 @@ template <int ROOM, int IMAGES, bool APART> struct Painted {
                 for (int k = 0; k < count; ++k)
                     words[pixels[k]] = unsigned(bytes[k]);
         }
+    }
+
+    void put_normals(const short* pixels, int count, const Vecs& normals)
+    {
+        for (int k = 0; k < count; ++k)
+            normal[pixels[k]] = one_of(normals, k);
+    }
+
+    void put_albedo(const short* pixels, int count, const Vecs& color)
+    {
+        const Ints bytes = to_bytes(color);
+        for (int k = 0; k < count; ++k)
+            albedo[pixels[k]] = unsigned(bytes[k]);
     }
 
     Shown shown(int place) const
@@ -184,6 +113,56 @@ struct EightHits {
     int faces[PACKET];
 };
 
+// What surfaces that face the camera have for normals, in the world.
+template <int TYPES, class Looks, class Scene_>
+inline Vecs facing_normals(const Looks& look, const Scene_& scene, const Surfaces& surface, const Vecs& ray)
+{
+    const Turn& turn = look.turn;
+    const Row a = turn.axis_x, b = turn.axis_y, c = turn.axis_z;
+    Vecs normal = surface.normal;
+    if constexpr ((TYPES >> LIT_NORMALS & 1) != 0)
+        normal = smooth_normals<TYPES>(look.pose, scene.meshes, surface);
+    const Vecs turned { a.x * normal.x + a.y * normal.y + a.z * normal.z, b.x * normal.x + b.y * normal.y + b.z * normal.z,
+                        c.x * normal.x + c.y * normal.y + c.z * normal.z };
+    return chosen(dot(surface.normal, ray) > 0.0f, -turned, turned);
+}
+
+// The light on eight places of a shape, as MuJoCo's renderer has it, before its texture.
+template <int TYPES, int LENS, int FACTS, bool LINEAR, class Looks, class List, class Scene_>
+inline void light_eight(const Looks& look, int id, const List& lights, const Scene_& scene, const Camera& camera,
+                        const Surfaces& surface, const Beams& beams, const Vecs& place, Ints shadow, Lits& lit)
+{
+    constexpr bool SHADOWS = FACTS & HAS_SHADOWS, BY_CORNERS = lit_by_corners<List>(SHADOWS);
+    const Pose& pose = look.pose;
+    if constexpr (SHADOWS && (TYPES & SHADES_ITSELF))
+        if (lights.dims && (SHADES_ITSELF >> pose.type() & 1))
+            shadow |= own_shadow_of_eight(lights, camera, place, seen_of(pose, surface.normal));
+    Ints inside = 0;
+    if constexpr (BY_CORNERS)
+        if (id == lights.grid.shape) {
+            const OnCornersOfEight on = on_corners(lights.grid, surface.local);
+            lit.display = light_from_corners(lights.grid, on, shadow);
+            inside = on.inside;
+        }
+    if (!any_of(~inside)) {
+        lit.linear = lit.display;
+        return;
+    }
+    Facets facet;
+    facets_at<TYPES>(look, scene.meshes, surface, place, facet);
+    const bool at_corners
+        = (TYPES & (1 << PLANE | 1 << HEIGHT_FIELD | 1 << BOX | 1 << MESH)) && lit_at_corners<TYPES>(look);
+    Lits own;
+    const auto illuminate = [&](const auto&... eye) {
+        illuminate_eight<SHADOWS, LINEAR>(lights, facet, at_corners ? 3 : 1, look.finish, shadow, own, eye...);
+    };
+    if constexpr (LENS == SPREAD)
+        illuminate(beams.start);
+    else
+        illuminate();
+    lit = BY_CORNERS ? Lits { own.linear, chosen(inside, lit.display, own.display) } : own;
+}
+
 // As many packets of a shape are drawn together, step by step: what one step of a packet waits for, those of others fill.
 constexpr int TOGETHER = 4;
 
@@ -194,7 +173,7 @@ WARPCAM_APART inline void paint_packets(const Looks& look, const Levels* levels,
                           Paint& painted)
 {
     using Wants = Wanted<IMAGES, FACTS>;
-    constexpr bool SHADOWS = FACTS & HAS_SHADOWS, BY_CORNERS = Wants::FACETED && lit_by_corners<List>(SHADOWS);
+    constexpr bool SHADOWS = FACTS & HAS_SHADOWS;
     const Pose& pose = look.pose;
     const Floats one = 1.0f;
     Vecs rays[TOGETHER], textures[TOGETHER];
@@ -209,85 +188,55 @@ WARPCAM_APART inline void paint_packets(const Looks& look, const Levels* levels,
         surfaces_at<TYPES>(pose, scene.meshes, scene.fields, hit.faces, eight_of(pose.eye()) + away, rays[n], surfaces[n]);
         textures[n] = { one, one, one };
     }
-    if constexpr ((IMAGES & NORMALS) != 0)
-        for (int n = 0; n < packets; ++n) {
-            Vecs normal = surfaces[n].normal;
-            if constexpr ((TYPES >> LIT_NORMALS & 1) != 0)
-                for (int k = 0; k < PACKET; ++k)
-                    put_one(normal, k, smooth_normal<TYPES>(pose, scene.meshes, surfaces[n].one(k)));
-            const Turn& turn = look.turn;
-            const Row a = turn.axis_x, b = turn.axis_y, c = turn.axis_z;
-            const Vecs turned { a.x * normal.x + a.y * normal.y + a.z * normal.z,
-                                b.x * normal.x + b.y * normal.y + b.z * normal.z,
-                                c.x * normal.x + c.y * normal.y + c.z * normal.z };
-            const Vecs facing = chosen(dot(surfaces[n].normal, rays[n]) > 0.0f, -turned, turned);
-            for (int k = 0; k < count_of(n); ++k)
-                painted.normal[pixels[n * PACKET + k]] = one_of(facing, k);
-        }
+    const auto steps = [&](int n, Vecs& right, Vecs& down) {
+        Beams across, below;
+        rows.steps(pixels + n * PACKET, count_of(n), hits[n].x, hits[n].y, across, below);
+        right = local_of(pose, places_on<LENS>(across, hits[n].depth));
+        down = local_of(pose, places_on<LENS>(below, hits[n].depth));
+    };
     if constexpr (Wants::TEXTURED)
         if (levels) {
-            const auto steps = [&](int n, Vecs& right, Vecs& down) {
-                Beams across, below;
-                rows.steps(pixels + n * PACKET, count_of(n), hits[n].x, hits[n].y, across, below);
-                right = local_of(pose, places_on<LENS>(across, hits[n].depth));
-                down = local_of(pose, places_on<LENS>(below, hits[n].depth));
-            };
             texture_colors<TYPES>(look, *levels, scene.meshes, scene.textures, steps, surfaces, rays, packets, textures);
+            for (int n = 0; Wants::COATED && n < packets; ++n)
+                textures[n] = decoded(textures[n]);
         }
+    if constexpr ((IMAGES & NORMALS) != 0)
+        for (int n = 0; n < packets; ++n)
+            painted.put_normals(pixels + n * PACKET, count_of(n), facing_normals<TYPES>(look, scene, surfaces[n], rays[n]));
     if constexpr ((IMAGES & ALBEDO) != 0)
         for (int n = 0; n < packets; ++n) {
-            const Ints bytes = to_bytes(times(eight_of(clip(to_vec(look.finish.color))), textures[n]));
-            for (int k = 0; k < count_of(n); ++k)
-                painted.albedo[pixels[n * PACKET + k]] = unsigned(bytes[k]);
+            const Vecs albedo = times(eight_of(clip(to_vec(look.finish.color))), textures[n]);
+            painted.put_albedo(pixels + n * PACKET, count_of(n), Wants::COATED ? encoded(albedo) : albedo);
         }
-    if constexpr (Wants::LIT)
-        for (int n = 0; n < packets; ++n) {
-            const EightHits& hit = hits[n];
-            const Vecs place = places_on<LENS>(beams[n], hit.depth);
-            Ints shadow = 0, inside = 0;
-            if constexpr (SHADOWS)
-                shadow = hit.shadow;
-            if constexpr (SHADOWS && (TYPES & SHADES_ITSELF))
-                if (lights.dims && (SHADES_ITSELF >> pose.type() & 1))
-                    shadow |= own_shadow_of_eight(lights, rows.camera, place, seen_of(pose, surfaces[n].normal));
-            Lits lit;
-            if constexpr (BY_CORNERS) {
-                if (id == lights.grid.shape) {
-                    const OnCornersOfEight on = on_corners(lights.grid, surfaces[n].local);
-                    lit.display = light_from_corners(lights.grid, on, shadow);
-                    inside = on.inside;
-                }
-            }
-            if (any_of(~inside)) {
-                Facets facet;
-                facets_at<TYPES>(look, scene.meshes, surfaces[n], place, facet);
-                Lits own;
-                const bool at_corners = (TYPES & (1 << PLANE | 1 << HEIGHT_FIELD | 1 << BOX | 1 << MESH))
-                    && lit_at_corners<TYPES>(look);
-                const auto light = [&](auto... eye) {
-                    illuminate_eight<SHADOWS, Paint::LINEAR>(lights, facet, at_corners ? 3 : 1, look.finish, shadow, own, eye...);
-                };
-                if constexpr (LENS == SPREAD)
-                    light(beams[n].start);
-                else
-                    light();
-                lit = BY_CORNERS ? Lits { own.linear, chosen(inside, lit.display, own.display) } : own;
-            } else {
-                lit.linear = lit.display;
-            }
+    for (int n = 0; Wants::LIT && n < packets; ++n) {
+        const Vecs place = places_on<LENS>(beams[n], hits[n].depth);
+        const Ints shadow = SHADOWS ? hits[n].shadow : (Ints)0;
+        Lits lit;
+        if constexpr (Wants::LIT && Wants::COATED) {
+            const Vecs to_eye = LENS == ORTHOGRAPHIC || LENS == SPREAD ? -beams[n].direction : -normalized(place);
+            const auto own_steps = [&](Vecs& right, Vecs& down) { steps(n, right, down); };
+            shade_eight_physically<TYPES, FACTS>(look, lights, scene, rows.camera.rotation, own_steps, surfaces[n], place, to_eye,
+                                                 rays[n], textures[n], shadow, lit.linear);
+            if (FACTS & EXPOSED)
+                lit.linear = times(eight_of(gain), lit.linear);
+            lit.display = encoded(lit.linear);
+        } else if constexpr (Wants::LIT) {
+            light_eight<TYPES, LENS, FACTS, Paint::LINEAR>(look, id, lights, scene, rows.camera, surfaces[n], beams[n], place,
+                                                           shadow, lit);
             const Vecs scaled = FACTS & EXPOSED ? times(eight_of(gain), textures[n]) : textures[n];
-            painted.put_light(pixels + n * PACKET, count_of(n), times(lit.linear, scaled), times(lit.display, scaled),
-                              0xff000000u);
+            lit = { times(lit.linear, scaled), times(lit.display, scaled) };
         }
+        painted.put_light(pixels + n * PACKET, count_of(n), lit.linear, lit.display, 0xff000000u);
+    }
 }
 
 // What is behind everything.
-template <int LENS, int IMAGES, int FACTS, class Scene_, class Rows, class Paint>
-WARPCAM_APART inline void paint_background(const Scene_& scene, const Rows& rows, int world, Vec gain, const short* pixels,
-                             int count, Paint& painted)
+template <int LENS, int IMAGES, int FACTS, class List, class Scene_, class Rows, class Paint>
+WARPCAM_APART inline void paint_background(const List& lights, const Scene_& scene, const Rows& rows, int world, Vec gain,
+                             const short* pixels, int count, Paint& painted)
 {
     const auto& background = background_of<FACTS>(scene, world);
-    Vecs color = eight_of(times(gain, to_vec(background.color)));
+    Vecs color = eight_of(to_vec(background.color));
     const Image image = FACTS & HAS_SKYBOX ? load_image(scene.textures, background.skybox) : Image { 0, 0, 0, 0 };
     const Matrix& r = rows.camera.rotation;
     const auto axis = [&](int k) { return eight_of(Vec { r.at[0][k], r.at[2][k], -r.at[1][k] }); };
@@ -304,9 +253,18 @@ WARPCAM_APART inline void paint_background(const Scene_& scene, const Rows& rows
             beams_of<LENS>(x, y, beams);
             sample_cubes(scene.textures.texels.data, levels, to_sky(beams.direction), to_sky(right.direction),
                          to_sky(down.direction), color);
-            color = times(eight_of(gain), color);
         }
-        painted.put_light(pixels + first, some, color, color, 0u);
+        Vecs linear = color, display = color;
+        if constexpr ((FACTS & PHYSICAL) != 0) {
+            linear = decoded(color);
+            if constexpr ((FACTS & HAS_SKYBOX) != 0)
+                linear = times(eight_of(lights.sky.gain), linear);
+        }
+        if (FACTS & EXPOSED)
+            linear = display = times(eight_of(gain), linear);
+        if constexpr ((FACTS & PHYSICAL) != 0 && (FACTS & (HAS_SKYBOX | EXPOSED)) != 0)
+            display = encoded(linear);
+        painted.put_light(pixels + first, some, linear, display, 0u);
     }
 }
 
@@ -359,7 +317,7 @@ inline void paint_sorted(const Sorted<ROOM>& sorted, const List& lights, const S
         const short* const pixels = sorted.order + begin;
         if (id < 0) {
             if constexpr (BEHIND && Wants::LIT)
-                paint_background<LENS, IMAGES, FACTS>(scene, rows, world, gain, pixels, total, painted);
+                paint_background<LENS, IMAGES, FACTS>(lights, scene, rows, world, gain, pixels, total, painted);
             continue;
         }
         const auto& look = look_at(id);

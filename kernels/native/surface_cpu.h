@@ -184,6 +184,31 @@ inline void surfaces_at(const Pose& pose, const Meshes& meshes, const HeightFiel
     }
 }
 
+template <int TYPES, class Meshes>
+inline Vecs smooth_normals(const Pose& pose, const Meshes& meshes, const Surfaces& surface)
+{
+    if constexpr ((TYPES >> MESH & 1) != 0) {
+        if (pose.type() == MESH) {
+            constexpr bool STRETCHED = TYPES >> SCALED & 1, LATE = TYPES >> LIT_NORMALS & 1;
+            const Vecs size = eight_of(to_vec(pose.size));
+            const Floats weights[3] = { 1.0f - surface.weight1 - surface.weight2, surface.weight1, surface.weight2 }, none = 0.0f;
+            Vecs sum { none, none, none };
+            for (int i = 0; i < 3; ++i) {
+                Vecs normal;
+                for (int k = 0; k < PACKET; ++k)
+                    put_one(normal, k,
+                            surface.flat[k] ? one_of(surface.normal, k)
+                                            : to_vec(wp::index(meshes.normals, surface.corner[k] + i)));
+                sum = sum + weights[i] * (STRETCHED && !LATE ? normalized(divided(normal, size)) : normal);
+            }
+            if (STRETCHED && LATE)
+                sum = divided(sum, size);
+            return chosen(surface.flat | ~(dot(sum, sum) > 1.0e-12f), surface.normal, normalized(sum));
+        }
+    }
+    return surface.normal;
+}
+
 struct Facets {
     Vecs place[3], normal[3];
     Floats weight1, weight2;
