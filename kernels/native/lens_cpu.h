@@ -1,7 +1,6 @@
 // Eight rays of a lens, on a CPU: record.h, ray_table.h and spread_rays.h, whose comments hold here.
 #pragma once
 #include "eight.h"
-#include "look.h"
 #include "ray_table.h"
 
 namespace warpcam {
@@ -54,9 +53,43 @@ template <int LENS> inline Vecs places_on(const Beams& beams, Floats depth)
         return beams.start + depth * beams.direction;
 }
 
+inline void load_pairs(const Pair* from, Floats& x, Floats& y)
+{
+    Floats low, high;
+    __builtin_memcpy(&low, from, sizeof low);
+    __builtin_memcpy(&high, from + PACKET / 2, sizeof high);
+    x = __builtin_shufflevector(low, high, 0, 2, 4, 6, 8, 10, 12, 14);
+    y = __builtin_shufflevector(low, high, 1, 3, 5, 7, 9, 11, 13, 15);
+}
+
+// What begins each pixel's of a table.
+template <int LENS> struct TableEntry {
+    using type = Pair;
+};
+template <> struct TableEntry<SPREAD> {
+    using type = Row;
+};
+
+// The rays of a table from pixel (i, j) on, of those in the image that are nearest.
+template <int LENS> inline void beams_from(const Camera& camera, int i, int j, Beams& beams)
+{
+    Floats x, y;
+    if (LENS == RAYS && i + PACKET <= table_width(camera) && j < table_height(camera)) {
+        const Row* const end = tile_cones(camera, 0, tiles_down(camera));
+        load_pairs(reinterpret_cast<const Pair*>(end) + (size_t(j) * table_width(camera) + i), x, y);
+    } else {
+        for (int k = 0; k < PACKET; ++k) {
+            const ViewRay<LENS> ray = view_ray<LENS>(camera, i + k, j);
+            x[k] = ray.x;
+            y[k] = ray.y;
+        }
+    }
+    beams_of<LENS>(x, y, beams);
+}
+
 // The rays of some rows of a region, whose pixels have numbers, WIDTH of them a row.
 template <int LENS, int WIDTH, int ROWS> struct RayRows {
-    using Entry = typename Either<LENS == SPREAD, Row, Pair>::type;
+    using Entry = typename TableEntry<LENS>::type;
 
     const Camera& camera;
     int left, top;
@@ -143,15 +176,6 @@ private:
     {
         x[k] = two.x;
         y[k] = two.y;
-    }
-
-    static void load_pairs(const Pair* from, Floats& x, Floats& y)
-    {
-        Floats low, high;
-        __builtin_memcpy(&low, from, sizeof low);
-        __builtin_memcpy(&high, from + PACKET / 2, sizeof high);
-        x = __builtin_shufflevector(low, high, 0, 2, 4, 6, 8, 10, 12, 14);
-        y = __builtin_shufflevector(low, high, 1, 3, 5, 7, 9, 11, 13, 15);
     }
 
     // The rays of the pixels so far beside them, and which of these there are, and see anything; else their own.

@@ -1,31 +1,49 @@
 // The points of one tile, and what they cover as a light sees them, on a CPU: eight at once.
 #pragma once
-#include "eight.h"
+#include "lens_cpu.h"
 #include "shade_tile.h"
 #include "shadow_map_cpu.h"
 
 namespace warpcam {
 
-inline Vecs points_of(const Sight<PINHOLE>& s, Floats i, Floats j, Floats depth)
+// Eight rays of a row: where they are in the image, or from a table.
+struct RowPart {
+    Floats i, j;
+};
+template <bool TABLE> struct RaysOfRow {
+    using type = Beams;
+};
+template <> struct RaysOfRow<false> {
+    using type = RowPart;
+};
+template <int LENS> using RowRays = typename RaysOfRow<has_table(LENS)>::type;
+
+template <int LENS> inline void row_rays(const Sight<LENS>& s, int left, int row, RowRays<LENS>& rays)
 {
-    return { depth * (s.start.x + i * s.across.x + j * s.down.x) + s.along.x,
-             depth * (s.start.y + i * s.across.y + j * s.down.y) + s.along.y,
-             depth * (s.start.z + i * s.across.z + j * s.down.z) + s.along.z };
+    if constexpr (has_table(LENS))
+        beams_from<LENS>(s.camera, left, row, rays);
+    else
+        rays = { float(left) + Floats { 0, 1, 2, 3, 4, 5, 6, 7 }, (Floats)float(row) };
 }
 
-inline Vecs points_of(const Sight<ORTHOGRAPHIC>& s, Floats i, Floats j, Floats depth)
+inline Vecs points_of(const Sight<PINHOLE>& s, const RowPart& at, Floats depth)
 {
-    return { s.start.x + i * s.across.x + j * s.down.x + depth * s.along.x,
-             s.start.y + i * s.across.y + j * s.down.y + depth * s.along.y,
-             s.start.z + i * s.across.z + j * s.down.z + depth * s.along.z };
+    return { depth * (s.start.x + at.i * s.across.x + at.j * s.down.x) + s.along.x,
+             depth * (s.start.y + at.i * s.across.y + at.j * s.down.y) + s.along.y,
+             depth * (s.start.z + at.i * s.across.z + at.j * s.down.z) + s.along.z };
 }
 
-template <int LENS> inline Vecs points_of(const Sight<LENS>& s, Floats i, Floats j, Floats depth)  // of a table
+inline Vecs points_of(const Sight<ORTHOGRAPHIC>& s, const RowPart& at, Floats depth)
 {
-    Vecs points;
-    for (int k = 0; k < PACKET; ++k)
-        put_one(points, k, s.point(i[k], j[k], depth[k]));
-    return points;
+    return { s.start.x + at.i * s.across.x + at.j * s.down.x + depth * s.along.x,
+             s.start.y + at.i * s.across.y + at.j * s.down.y + depth * s.along.y,
+             s.start.z + at.i * s.across.z + at.j * s.down.z + depth * s.along.z };
+}
+
+template <int LENS> inline Vecs points_of(const Sight<LENS>& s, const Beams& beams, Floats depth)
+{
+    const Vecs v = places_on<LENS>(beams, depth);
+    return eight_of(s.along) + (v.x * eight_of(s.right) + v.y * eight_of(s.up) + v.z * eight_of(s.back));
 }
 
 inline Vecs rays_to(const LightView& light, Vecs p)
@@ -52,7 +70,6 @@ struct Points {
         static_assert(TILE_WIDTH == PACKET && TILE_HEIGHT == ROWS);
         this->left = left;
         this->top = top;
-        const Floats i = float(left) + Floats { 0, 1, 2, 3, 4, 5, 6, 7 };
         for (int row = 0; row < ROWS; ++row) {
             const size_t start = first + size_t(row) * target.width;
             const int width = top + row < target.height ? target.width - left : 0;
@@ -88,8 +105,9 @@ struct Points {
             }
             open[row] = asks;
             if (any_of(asks)) {
-                const Floats j = float(top + row);
-                put(row, view.light, view.origin, points_of(view.sight, i, j, depth), points_of(view.lit, i, j, depth), depth);
+                RowRays<LENS> rays;
+                row_rays(view.sight, left, top + row, rays);
+                put(row, view.light, view.origin, points_of(view.sight, rays, depth), points_of(view.lit, rays, depth), depth);
             }
             asked[row] = open[row];
         }
