@@ -46,6 +46,7 @@ WARPCAM_FN Cover joined(const Cover& cover)
 struct Asking {
     size_t at;  // the pixel
     Vec p;
+    int id;  // of its shape
     Place place;
     Span span;
     bool asks;
@@ -58,7 +59,8 @@ WARPCAM_FN Asking asking_at(const Task<LENS>& task, const Target& target, int co
     const LitView<LENS>& view = task.view;
     const int i = task.region.left + column, j = task.region.top + row;
     a.at = task.corner + unsigned(row * target.width + column);
-    if (i < target.width && j < target.height && target.shape.data[a.at] >= 0) {
+    a.id = i < target.width && j < target.height ? target.shape.data[a.at] : -1;
+    if (a.id >= 0) {
         const float depth = target.depth.data[a.at];
         a.p = view.sight.point(float(i), float(j), depth);
         a.place = place_of(view.light.distant, view.lit.point(float(i), float(j), depth));
@@ -183,10 +185,7 @@ WARPCAM_FN bool is_shaded(const CasterList<PICKED, false>& list, const LitView<L
         const int slot = lowest_bit(mine);
         const Record& record = list.records[slot];
         if ((TYPES >> HEIGHT_FIELD & 1) && record.axis_x.w == HEIGHT_FIELD) {
-            Hit hit { a.span.reach, -1, -1 };
-            walk_height_field(fields, record, WorldRay { a.p, ray_to(view.light, a.p) },
-                              thin_span(view.light, a.span).near, hit);
-            if (hit.shape >= 0)
+            if (in_shade_of_field(fields, record, view.light, a.p, a.id, a.span))
                 return true;
         } else {
             const Ray ray = look_back(record, list.aims[slot], a.p, distant);

@@ -122,7 +122,7 @@ inline void cast_crowd(const Shapes& shapes, const Materials& materials, const M
         const unsigned bit = 1u << place;
         const auto load = [&](Points& points, int tile_column, int tile_row, bool clear) {
             const int column = tile_column * TILE_WIDTH, row = tile_row * TILE_HEIGHT;
-            return points.load<false>(view, target, corner + size_t(row) * target.width + column, region.left + column,
+            return points.load<TYPES>(view, target, corner + size_t(row) * target.width + column, region.left + column,
                                       region.top + row, bit, clear);
         };
         PointsAround patches[PATCHES], all;

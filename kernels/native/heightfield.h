@@ -2,6 +2,7 @@
 // and in large steps where the ray runs above all that is near.
 #pragma once
 #include "bvh4.h"
+#include "vectors.h"
 
 namespace warpcam {
 
@@ -166,6 +167,31 @@ WARPCAM_FN void walk_height_field(const HeightFields& fields, const Record& reco
         i = to_x;
         j = to_y;
     }
+}
+
+// Is a place, in the field's frame, in the ground: not above its top, beside it or below its base?
+template <class HeightFields> WARPCAM_FN bool in_ground(const HeightFields& fields, const Record& record, Vec place)
+{
+    const Row scale = load(fields.grids.data, 2 * record.axis_z.w);
+    const Row grid = load(fields.grids.data, 2 * record.axis_z.w + 1);
+    const int columns = as_int(grid.x), rows = as_int(grid.y);
+    const float x = muladd(place.x, scale.x, 0.5f * float(columns)), y = muladd(place.y, scale.y, 0.5f * float(rows));
+    if (!(x >= 0.0f && x <= float(columns) && y >= 0.0f && y <= float(rows)))
+        return false;
+    if (!(place.z >= -record.size.z && place.z <= scale.z))
+        return false;
+    const int i = lower_int(int(x), columns - 1), j = lower_int(int(y), rows - 1);
+    const Row plane = load(fields.cells.data, unsigned(grid.w + j * columns + i));
+    const float u = x - float(i), v = y - float(j);
+    return place.z <= plane.x + u * plane.y + v * plane.z + as_float(plane.w) * upper(u - v, 0.0f);
+}
+
+// Does a ray come out of the ground, in which it is at `near`, before it is at `far`? The walk meets fronts alone.
+template <class HeightFields>
+WARPCAM_FN bool comes_out(const HeightFields& fields, const Record& record, const Ray& ray, float near, float far)
+{
+    return in_ground(fields, record, ray.origin + near * ray.direction)
+        && !in_ground(fields, record, ray.origin + far * ray.direction);
 }
 
 }  // namespace warpcam

@@ -64,9 +64,10 @@ struct Points {
     int left, top;  // the tile's first pixel
 
     // Loads the points of a tile, whose first pixel is `first`; false if none asks. With `fresh` their masks are cleared.
-    template <bool FACES, int LENS, class Target>
+    template <int TYPES, int LENS, class Target>
     bool load(const LitView<LENS>& view, const Target& target, size_t first, int left, int top, unsigned bit, bool fresh)
     {
+        constexpr bool FACES = TYPES >> MESH & 1, IDS = FACES || (TYPES >> HEIGHT_FIELD & 1);
         static_assert(TILE_WIDTH == PACKET && TILE_HEIGHT == ROWS);
         this->left = left;
         this->top = top;
@@ -84,9 +85,10 @@ struct Points {
                     asks &= (load_eight(target.shadow.data + start) & int(bit)) == 0;
                 __builtin_memcpy(&depth, target.depth.data + start, sizeof depth);
                 depth = asks ? depth : (Floats)0.0f;
+                if (IDS)
+                    __builtin_memcpy(ids + row * PACKET, &shown, sizeof shown);
                 if (FACES) {
                     const Ints met = load_eight(target.face.data + start);
-                    __builtin_memcpy(ids + row * PACKET, &shown, sizeof shown);
                     __builtin_memcpy(faces + row * PACKET, &met, sizeof met);
                 }
             } else {

@@ -58,6 +58,21 @@ WARPCAM_FN bool meets_box(const Record& record, const Row& aim, const Box& box, 
     return enter <= leave;
 }
 
+// Does a height field shade the point p of shape `id`? What is in the ground is shaded by the side that the way to the light
+// comes out by, as the maps have that, too; a field's own points are on its ground, where rounding would tell.
+template <class HeightFields>
+WARPCAM_FN bool in_shade_of_field(const HeightFields& fields, const Record& record, const LightView& light, Vec p, int id,
+                                  const Span& span)
+{
+    const WorldRay ray { p, ray_to(light, p) };
+    const float near = thin_span(light, span).near;
+    if (id != record.axis_y.w && comes_out(fields, record, ray.local(record), near, span.reach))
+        return true;
+    Hit hit { span.reach, -1, -1 };
+    walk_height_field(fields, record, ray, near, hit);
+    return hit.shape >= 0;
+}
+
 // What a tile's points that ask cover, and the lowest of them.
 struct TileWindow {
     Window window;
@@ -86,11 +101,11 @@ template <class List> WARPCAM_FN bool may_shade(const List& list, const TileWind
     return __any_sync(ALL, any);
 }
 
-// Is the lane's point, which the light sees at `place`, in the shadow of a caster? `open` is false in lanes that do not
-// ask; afterwards it is true in those that still do. Meshes are not tried but named in `met`, bits by slot, if the way
-// to the light leads through their boxes; true if there are any.
+// Is the lane's point, of shape `id`, which the light sees at `place`, in the shadow of a caster? `open` is false in lanes
+// that do not ask; afterwards it is true in those that still do. Meshes are not tried but named in `met`, bits by slot, if
+// the way to the light leads through their boxes; true if there are any.
 template <int TYPES, int LENS, class List, class HeightFields>
-WARPCAM_FN bool shade_tile(const List& list, const LitView<LENS>& view, Vec p, const Span& span,
+WARPCAM_FN bool shade_tile(const List& list, const LitView<LENS>& view, Vec p, int id, const Span& span,
                            const Place& place, const TileWindow& tile, bool& open, const HeightFields& fields, unsigned* met)
 {
     constexpr bool HAS_MESH = TYPES >> MESH & 1, HAS_FIELD = TYPES >> HEIGHT_FIELD & 1;
@@ -111,12 +126,8 @@ WARPCAM_FN bool shade_tile(const List& list, const LitView<LENS>& view, Vec p, c
                 meets = meets & meets_box(record, list.aims[slot], list.boxes[slot], p, thin_span(view.light, span), distant);
                 word_met |= meets ? 1u << bit : 0u;
             } else if (HAS_FIELD && type == HEIGHT_FIELD) {
-                if (meets) {
-                    Hit hit { span.reach, -1, -1 };
-                    walk_height_field(fields, record, WorldRay { p, ray_to(view.light, p) },
-                                      thin_span(view.light, span).near, hit);
-                    open = hit.shape < 0;
-                }
+                if (meets)
+                    open = !in_shade_of_field(fields, record, view.light, p, id, span);
                 __syncwarp();
             } else {
                 const Ray ray = look_back(record, list.aims[slot], p, distant);

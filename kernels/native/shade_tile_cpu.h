@@ -27,15 +27,27 @@ inline void shade_points(const Record& r, const Row& aim, const LightView& light
     points.open[row] &= ~((t > near) & (t < points.reach[row]));
 }
 
+// As in_shade_of_field(), whose comments hold here.
 template <class HeightFields>
 inline void shade_points_by_field(const HeightFields& fields, const Record& r, const LightView& light, int row, Points& points)
 {
     const Vecs p = points.at[row], to = rays_to(light, p);
+    const Floats near = points.near[row] + light.map.nearest, far = points.reach[row];
     const auto turned = [](const Row& axis, Vecs v) { return axis.x * v.x + axis.y * v.y + axis.z * v.z; };
     const RayPacket rays { turned(r.axis_x, p) + r.origin.x, turned(r.axis_y, p) + r.origin.y,
                            turned(r.axis_z, p) + r.origin.z, turned(r.axis_x, to), turned(r.axis_y, to), turned(r.axis_z, to) };
-    PacketHit hit { points.open[row] ? points.reach[row] : (Floats)-1.0f, (Ints)0, (Ints)0 };
-    walk_packet(fields, r, rays, points.near[row] + light.map.nearest, hit);
+    Ints ids;
+    __builtin_memcpy(&ids, points.ids + row * PACKET, sizeof ids);
+    const Floats height = rays.oz + near * rays.dz;
+    const Ints low = (height <= load(fields.grids.data, 2 * r.axis_z.w).z) & (height >= -r.size.z);
+    for (unsigned some = bits_of(points.open[row] & (ids != r.axis_y.w) & low); some; some &= some - 1) {
+        const int k = lowest_bit(some);
+        const Ray ray { { rays.ox[k], rays.oy[k], rays.oz[k] }, { rays.dx[k], rays.dy[k], rays.dz[k] } };
+        if (comes_out(fields, r, ray, near[k], far[k]))
+            points.open[row][k] = 0;
+    }
+    PacketHit hit { points.open[row] ? far : (Floats)-1.0f, (Ints)0, (Ints)0 };
+    walk_packet(fields, r, rays, near, hit);
     points.open[row] &= ~hit.met;
 }
 

@@ -152,7 +152,7 @@ WARPCAM_FN void cast_light(List& list, const Task<LENS>& task, const Shapes& sha
         const Vec p = view.sight.point(i, j, depth);
         const Span span = span_of(view.light, view.origin, p, depth);
         unsigned met[WORDS] {};
-        const bool met_any = shade_tile<TYPES>(list, view, p, span, place, around, open, fields, met);
+        const bool met_any = shade_tile<TYPES>(list, view, p, id, span, place, around, open, fields, met);
         if (HAS_MESH) {
             bool keep = open && met_any, tries = keep;
             const int slot = keep ? slot_to_try(list, met, id) : 0;
@@ -203,7 +203,7 @@ WARPCAM_FN void cast_light(List& list, const Task<LENS>& task, const Shapes& sha
         const int column = tile % across * TILE_WIDTH, left = region.left + column;
         const int row = tile / across * TILE_HEIGHT;
         const size_t first = corner + size_t(row) * target.width + column;
-        if (!points.template load<HAS_MESH>(view, target, first, left, region.top + row, bit, fresh))
+        if (!points.template load<TYPES>(view, target, first, left, region.top + row, bit, fresh))
             continue;
         shade_tile<TYPES>(list, windows, view, world, shapes, meshes, fields, points);
         points.mark(target, first, bit);

@@ -7,6 +7,7 @@ import numpy as np
 import warp as wp
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
+from native import native_kernel
 from warpcam.kernels.launch import native_module
 from warpcam.kernels.types import HeightFields
 
@@ -101,6 +102,36 @@ def walk_all_on_cpu(
     walk_eight(fields, origins, directions, limits, depth, found, PACKET * wp.tid())
 
 
+@wp.func_native("""
+    warpcam::Record record {};
+    record.axis_z.w = 1;
+    record.size.z = wp::index(fields.size, 1)[3];
+    const auto o = wp::index(origins, i), d = wp::index(directions, i);
+    const auto limit = wp::index(limits, i);
+    const warpcam::Ray ray { { o[0], o[1], o[2] }, { d[0], d[1], d[2] } };
+    out.data[i] = warpcam::comes_out(fields, record, ray, limit[0], limit[1]);
+""")
+def comes_out_one(
+    fields: HeightFields,
+    origins: wp.array(dtype=wp.vec3),
+    directions: wp.array(dtype=wp.vec3),
+    limits: wp.array(dtype=wp.vec2),
+    out: wp.array(dtype=wp.int32),
+    i: int,
+): ...
+
+
+@native_kernel("heightfield.h")
+def come_out(
+    fields: HeightFields,
+    origins: wp.array(dtype=wp.vec3),
+    directions: wp.array(dtype=wp.vec3),
+    limits: wp.array(dtype=wp.vec2),
+    out: wp.array(dtype=wp.int32),
+):
+    comes_out_one(fields, origins, directions, limits, out, wp.tid())
+
+
 @dataclass(frozen=True)
 class Walker:
     """One of the walks that are tested, and where."""
@@ -110,16 +141,20 @@ class Walker:
     rays: int  # of a thread
 
 
+def packed(field: HeightField, rays: tuple, device: wp.Device) -> list:
+    """The field, of index 1, and rays (origin, direction, near and far) as kernels take them."""
+    other = HeightField("other", np.ones((4, 3), np.float32), (1.0, 1.0), 1.0, 0.1)
+    types = (wp.vec3, wp.vec3, wp.vec2)
+    arrays = [wp.array(np.float32(part), dtype=kind, device=device) for part, kind in zip(rays, types, strict=True)]
+    return [pack_height_fields([other, field], device), *arrays]
+
+
 def walk(field: HeightField, rays: tuple, walker: Walker) -> tuple[np.ndarray, np.ndarray]:
     """Depth (ray,) and shape and face (ray, 2) of rays (origin, direction, near and far)."""
     device = walker.device
-    other = HeightField("other", np.ones((4, 3), np.float32), (1.0, 1.0), 1.0, 0.1)
     count = len(rays[0])
     depth, found = wp.zeros(count, dtype=wp.float32, device=device), wp.zeros(count, dtype=wp.vec2i, device=device)
-    types = (wp.vec3, wp.vec3, wp.vec2)
-    arrays = [wp.array(np.float32(part), dtype=kind, device=device) for part, kind in zip(rays, types, strict=True)]
-    inputs = [pack_height_fields([other, field], device), *arrays, depth, found]
-    wp.launch(walker.kernel, count // walker.rays, inputs, device=device)
+    wp.launch(walker.kernel, count // walker.rays, [*packed(field, rays, device), depth, found], device=device)
     return depth.numpy(), found.numpy()
 
 
@@ -265,3 +300,27 @@ def test_no_ray_slips_through() -> None:
         depth, found = walk(field, rays, walker)
         assert (found[:, 0] == SHAPE).all() and (found[:, 1] >= 0).all(), walker
         assert np.abs(depth - 1.0).max() < 1e-4, walker
+
+
+def test_what_is_in_the_ground_comes_out(device: wp.Device) -> None:
+    random = np.random.default_rng(5)
+    half, base = np.array((2.0, 3.0)), 0.25
+    field = HeightField("any", np.float32(random.uniform(0.1, 0.4, (9, 6))), tuple(half), 1.0, base)
+    ends = random.uniform(-1.2, 1.2, (2, 20_000, 3)) * (*half, 0.4)
+    ends[1, ::4] *= 1e25  # as where light comes from far away
+    limits = np.tile((0.25, 1.5), (len(ends[0]), 1))
+    d = (ends[1] - ends[0]) / (limits[:, 1:] - limits[:, :1])
+    o = ends[0] - limits[:, :1] * d
+    rays = [np.float32(part).astype(np.float64) for part in (o, d, limits)]
+    inside, near_border = [], np.zeros(len(o), bool)
+    for k in range(2):
+        place = rays[0] + rays[2][:, k : k + 1] * rays[1]
+        z, top = place[:, 2], Truth(field).ground(np.clip(place[:, :2], -half, half))
+        within = np.min((*(half - np.abs(place[:, :2])).T, z + base, top - z), axis=0)
+        inside.append(within > 0)
+        near_border |= np.abs(within) < 1e-5
+    truth = inside[0] & ~inside[1]
+    assert 0.1 < truth.mean() < 0.9 and near_border.mean() < 0.01
+    out = wp.zeros(len(o), dtype=wp.int32, device=device)
+    wp.launch(come_out, len(o), [*packed(field, rays, device), out], device=device)
+    assert ((out.numpy() > 0) == truth)[~near_border].all()
