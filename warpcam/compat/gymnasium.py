@@ -113,7 +113,7 @@ class OffScreenViewer:
         style = style_of(model, self.vopt, self.scn.flags)
         colors = "objects" if segmentation else "rgb"
         outputs = {"rgb_array": (colors,), "depth_array": ("depth",), "rgbd_tuple": (colors, "depth")}[render_mode]
-        decor = own.decor(view, height, style, solid=segmentation)
+        style, decor = own.drawn(view, height, style, solid=segmentation)
         images = self._studio.look(view, style, width, height, outputs, through=not segmentation, decor=decor)
         self._markers.clear()
         if "depth" in images:
