@@ -78,7 +78,7 @@ class OffScreenViewer:
         self.cam.distance = model.stat.extent
         self._markers: list[dict[str, Any]] = []
         self._studio: Studio | None = Studio(model, _chosen[0])
-        self.con: uploads.Context | None = uploads.Context(self._studio)
+        self.con: uploads.Context | None = uploads.Context(self._studio.reload)
 
     def render(
         self, render_mode: str | None, camera_id: int | None = None, segmentation: bool = False
