@@ -336,23 +336,3 @@ def test_what_is_not_drawn_is_refused(pair: Pair, name: str) -> None:
     write, message = REFUSED[name]
     with pytest.raises(wc.WarpcamError, match=message):
         picture(pair.ours, pair.data, lambda scene: write(scene) and None)
-
-
-def test_what_is_written_of_a_tendon_is_refused() -> None:
-    xml = XML.replace(
-        "<actuator>",
-        '<tendon><spatial width=".02"><site site="mark"/><site site="away"/></spatial></tendon><actuator>',
-    )
-    model = mujoco.MjModel.from_xml_string(xml)
-    data = mujoco.MjData(model)
-    mujoco.mj_forward(model, data)
-
-    def write(scene: mujoco.MjvScene) -> None:
-        tendon = int(mujoco.mjtObj.mjOBJ_TENDON)
-        next(geom for geom in scene.geoms[: scene.ngeom] if geom.objtype == tendon).rgba[0] = 0.1
-
-    with (
-        Renderer(model, HEIGHT, WIDTH, device="cpu") as renderer,
-        pytest.raises(wc.WarpcamError, match=r"scene.geoms\[\d+\], of a tendon, was written after update_scene"),
-    ):
-        picture(renderer, data, write)

@@ -23,6 +23,13 @@ def lights_of(scene: mujoco.MjvScene) -> np.ndarray:
     return _copy_of("lights", scene.lights, int(scene.nlight))
 
 
+def soft_of(scene: mujoco.MjvScene) -> tuple[bytes, ...]:
+    """Equal for scenes whose flexes and skins are drawn alike, as far as their geoms do not tell."""
+    arrays = scene.flexvert, scene.skinvert
+    options = scene.flexvertopt, scene.flexedgeopt, scene.flexfaceopt, scene.flexskinopt
+    return (*(values.tobytes() for values in arrays), bytes(bool(option) for option in options))
+
+
 def same(one: np.ndarray, other: np.ndarray) -> np.ndarray:
     """Which of two copies' items are the same in all fields, (item,) bool."""
     width = one.dtype.itemsize

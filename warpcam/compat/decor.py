@@ -5,6 +5,7 @@ what ``mjv_updateScene`` has made.
 """
 
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from typing import Any
 
 import mujoco
@@ -27,6 +28,11 @@ HEAD = 1.75  # of an arrow, as wide as this times its shaft
 BOXES_WIDTH = 1.5  # of the edges of a box of lines [line widths]
 UNLIT = 1024.0  # emission of what light does not change; its colour is as many times darker, so that light adds nothing
 NOTHING = tuple(int(getattr(GEOM, f"mjGEOM_{name}")) for name in ("LABEL", "NONE"))
+SOFT = tuple(int(getattr(GEOM, f"mjGEOM_{name}")) for name in ("FLEX", "SKIN"))
+FROM_STATES = (
+    "flexes and skins are drawn of a state, not of a scene: call update_scene(data, camera, scene_option) in place of "
+    "mujoco.mjv_updateScene, and write what they show into the model and the data"
+)
 
 
 class Own:
@@ -40,9 +46,10 @@ class Own:
     def __init__(self, model: mujoco.MjModel, scene: mujoco.MjvScene):
         self._model, self._scene = model, scene
         self._geoms, self._lights = abstract.geoms_of(scene), abstract.lights_of(scene)
+        self._soft = abstract.soft_of(scene)
 
-    def decor(self, view: View, height: int, style: Style, *, solid: bool) -> Decor | None:
-        """What stands in the scene now beside the model, or None for nothing.
+    def drawn(self, view: View, height: int, style: Style, *, solid: bool) -> tuple[Style, Decor | None]:
+        """How the scene is drawn as it is now: the style of the model, and what stands beside it, or None for nothing.
 
         Args:
             view: From where it is looked at: lines are as wide as pixels.
@@ -58,43 +65,70 @@ class Own:
         chosen = np.ones(len(geoms), bool)
         chosen[:some] = own["category"][:some] == DECOR
         hidden = np.zeros(0, np.int64)
+        if self._soft != abstract.soft_of(self._scene):
+            raise WarpcamError(
+                f"what the scene holds of flexes and skins was written after update_scene; {FROM_STATES}"
+            )
         if some < len(own) or not abstract.same_all(own, geoms[:some]):
             written = np.ones(len(own), bool)
             written[:some] = ~abstract.same(own[:some], geoms[:some])
             written &= own["category"] != DECOR
+            numbers = self._numbers(np.flatnonzero(written))
+            if numbers is None:
+                return drawn_alone(self._model, self._scene, view, height, style, solid=solid)
             chosen[:some] |= written[:some]
-            hidden = self._numbers(np.flatnonzero(written))
+            hidden = numbers
         lit = not abstract.same_all(self._lights, lights)
         if not (chosen.any() or len(hidden) or lit):
-            return None
-        casting = int(((lights["castshadow"] != 0) & np.isin(lights["type"], PLACED)).sum()) if style.shadows else 0
-        decor = _Reader(self._model, geoms, view, height, style.antialiasing > 1 and not solid, casting).read(
-            chosen, hidden, lights if lit else None
-        )
-        return decor.solid() if solid else decor.some(decor.colors[:, 3] > 0.0)
+            return style, None
+        reader = _Reader(self._model, geoms, lights, view, height, style, solid)
+        return style, reader.read(chosen, hidden, lights if lit else None)
 
-    def _numbers(self, written: np.ndarray) -> np.ndarray:
-        """Of geoms and sites of the model, which are counted after them."""
+    def _numbers(self, written: np.ndarray) -> np.ndarray | None:
+        """Of geoms and sites of the model, which are counted after them; None if others are among what was written."""
         kinds, ids = self._geoms["objtype"][written], self._geoms["objid"][written].astype(np.int64)
         geoms, sites = kinds == int(OBJECT.mjOBJ_GEOM), kinds == int(OBJECT.mjOBJ_SITE)
-        others = np.flatnonzero(~(geoms | sites))
-        if len(others):
-            what = OBJECT(int(kinds[others[0]])).name.removeprefix("mjOBJ_").lower()
+        soft = np.flatnonzero(np.isin(self._geoms["type"][written], SOFT))
+        if len(soft):
+            what = OBJECT(int(kinds[soft[0]])).name.removeprefix("mjOBJ_").lower()
             raise WarpcamError(
-                f"scene.geoms[{written[others[0]]}], of a {what}, was written after update_scene, which is not drawn; "
-                "write geoms and sites, or what it shows into the model and the data"
+                f"scene.geoms[{written[soft[0]]}], of a {what}, was written after update_scene; {FROM_STATES}"
             )
+        if not (geoms | sites).all():
+            return None
         return ids + np.where(sites, self._model.ngeom, 0)
+
+
+def drawn_alone(
+    model: mujoco.MjModel, scene: mujoco.MjvScene, view: View, height: int, style: Style, *, solid: bool
+) -> tuple[Style, Decor]:
+    """How a scene is drawn whose state is not known, as one that a program made: all of it stands beside the model.
+
+    The style that is returned draws nothing of the model; see ``Own.drawn``.
+    """
+    geoms, lights = abstract.geoms_of(scene), abstract.lights_of(scene)
+    bare = replace(style, groups=Style().groups, draw=(), thinned=False)
+    reader = _Reader(model, geoms, lights, view, height, bare, solid)
+    return bare, reader.read(np.ones(len(geoms), bool), np.zeros(0, np.int64), lights)
 
 
 class _Reader:
     """Makes shapes of geoms."""
 
     def __init__(
-        self, model: mujoco.MjModel, geoms: np.ndarray, view: View, height: int, smooth: bool, num_casting: int
+        self,
+        model: mujoco.MjModel,
+        geoms: np.ndarray,
+        lights: np.ndarray,
+        view: View,
+        height: int,
+        style: Style,
+        solid: bool,
     ):
-        self._model, self._geoms, self._view, self._casting = model, geoms, view, num_casting
-        self._height, self._smooth = height, smooth
+        self._model, self._geoms, self._view, self._height = model, geoms, view, height
+        self._solid, self._smooth = solid, style.antialiasing > 1 and not solid
+        casting = (lights["castshadow"] != 0) & np.isin(lights["type"], PLACED)
+        self._casting = int(casting.sum()) if style.shadows else 0
         self._rows: list[dict[str, np.ndarray]] = []
 
     def read(self, chosen: np.ndarray, hidden: np.ndarray, lights: np.ndarray | None) -> Decor:
@@ -108,12 +142,14 @@ class _Reader:
             raise WarpcamError(f"scene.geoms[{labelled[0]}].label is {label!r}: text is not drawn; allowed is ''")
         for kind in np.unique(geoms["type"][there]).tolist():
             if kind not in READERS:
-                raise WarpcamError(
-                    f"scene.geoms[{np.argmax(there & (geoms['type'] == kind))}].type is {_name(kind)}, which warpcam "
-                    f"does not draw; allowed are {', '.join(_name(known) for known in READERS)}"
-                )
+                what = f"scene.geoms[{np.argmax(there & (geoms['type'] == kind))}].type is {_name(kind)}"
+                if kind in SOFT:
+                    raise WarpcamError(f"{what}, beside what update_scene has taken; {FROM_STATES}")
+                allowed = ", ".join(_name(known) for known in READERS)
+                raise WarpcamError(f"{what}, which warpcam does not draw; allowed are {allowed}")
             READERS[kind](self, np.flatnonzero(there & (geoms["type"] == kind)))
-        return self._joined(chosen, hidden, lights)
+        decor = self._joined(chosen, hidden, lights)
+        return decor.solid() if self._solid else decor.some(decor.colors[:, 3] > 0.0)
 
     def add(self, of: np.ndarray, kind: int, sizes: Any, along: Any = 0.0, flip: bool = False, **more: Any) -> None:
         """Shapes of one type for some geoms.

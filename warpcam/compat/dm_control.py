@@ -115,7 +115,7 @@ def _render(
         raise WarpcamError("render: the camera has no field of view")
     contexts.studio.take(physics.data.ptr)
     output = "depth" if depth else "objects" if segmentation else "rgb"
-    decor = own.decor(view, camera.height, style, solid=segmentation)
+    style, decor = own.drawn(view, camera.height, style, solid=segmentation)
     look = contexts.studio.look
     image = look(view, style, camera.width, camera.height, (output,), through=True, decor=decor)[output]
     return image[..., 0] if depth else image

@@ -78,7 +78,7 @@ class OffScreenViewer:
         self.cam.distance = model.stat.extent
         self._markers: list[dict[str, Any]] = []
         self._studio: Studio | None = Studio(model, _chosen[0])
-        self.con: uploads.Context | None = uploads.Context(self._studio)
+        self.con: uploads.Context | None = uploads.Context(self._studio.reload)
 
     def render(
         self, render_mode: str | None, camera_id: int | None = None, segmentation: bool = False
@@ -113,7 +113,7 @@ class OffScreenViewer:
         style = style_of(model, self.vopt, self.scn.flags)
         colors = "objects" if segmentation else "rgb"
         outputs = {"rgb_array": (colors,), "depth_array": ("depth",), "rgbd_tuple": (colors, "depth")}[render_mode]
-        decor = own.decor(view, height, style, solid=segmentation)
+        style, decor = own.drawn(view, height, style, solid=segmentation)
         images = self._studio.look(view, style, width, height, outputs, through=not segmentation, decor=decor)
         self._markers.clear()
         if "depth" in images:

@@ -12,9 +12,12 @@ import numpy as np
 
 from warpcam import device as device_rule
 from warpcam.compat import abstract, uploads
-from warpcam.compat.decor import Own
+from warpcam.compat.decor import Own, drawn_alone
 from warpcam.compat.options import style_of
+from warpcam.compat.snapshot import Snapshot
 from warpcam.compat.studio import Studio, view_of
+from warpcam.errors import WarpcamError
+from warpcam.sources.mujoco_decor import Decor
 
 __all__ = ["Renderer", "install", "uninstall"]
 
@@ -105,10 +108,11 @@ class Renderer:
         self._scene = mujoco.MjvScene(model=model, maxgeom=max_geom)
         self._scene_option = mujoco.MjvOption()  # where none is given; programs write to it
         self._option = self._scene_option
-        self._own: Own | None = None  # the scene as update_scene has made it; None before there is any state
+        self._own: Own | None = None  # the scene as update_scene has made it; None before it has
         self._depth = self._segmentation = False
-        self._studio = Studio(model, _chosen[0] if device is None else device)
-        self._mjr_context = self._gl_context = uploads.Context(self._studio)
+        self._taken = Snapshot(model)
+        self._studio = Studio(self._taken.model, _chosen[0] if device is None else device)
+        self._mjr_context = self._gl_context = uploads.Context(self._upload)
 
     @property
     def model(self) -> mujoco.MjModel:
@@ -148,7 +152,7 @@ class Renderer:
         """Take the state as it is now.
 
         Args:
-            data: The ``mujoco.MjData``, of the renderer's model. What happens to it afterwards is not seen.
+            data: The ``mujoco.MjData``, of the renderer's model. What happens to either afterwards is not seen.
             camera: Index or name of one of the model's cameras, -1 for the free camera as it is by default, or an
                 ``MjvCamera`` of any type.
             scene_option: Groups and flags of what is drawn; None is MuJoCo's default.
@@ -165,6 +169,7 @@ class Renderer:
         self._option = option
         if self._studio is not None:
             self._studio.take(data)
+            self._taken.follow()
         everything = int(mujoco.mjtCatBit.mjCAT_ALL)
         mujoco.mjv_updateScene(self._model, data, self._option, None, camera, everything, self._scene)
         self._own = Own(self._model, self._scene)
@@ -212,15 +217,33 @@ class Renderer:
         self.close()
 
     def _picture(self, studio: Studio) -> np.ndarray:
-        view = view_of(self._scene, self._width, self._height)
-        if self._own is None or view is None:  # no state, and nothing to be seen
+        model, scene = self._taken.model, self._scene
+        view = view_of(scene, self._width, self._height)
+        if view is None:
+            if scene.ngeom:
+                raise WarpcamError(
+                    f"scene has {scene.ngeom} geoms and a camera without a field of view; call update_scene, or "
+                    "mujoco.mjv_updateScene or mjv_updateCamera with an MjvCamera, before render"
+                )
             return self._empty()
-        abstract.refuse_views(self._scene)
-        style = style_of(self._model, self._option, self._scene.flags)
+        abstract.refuse_views(scene)
         output = "depth" if self._depth else "objects" if self._segmentation else "rgb"
-        decor = self._own.decor(view, self._height, style, solid=output != "rgb")
+        solid = output != "rgb"
+        decor: Decor | None
+        if self._own is None:  # what MjvOption chose is what its geoms are
+            self._taken.follow()
+            style = style_of(model, mujoco.MjvOption(), scene.flags)
+            style, decor = drawn_alone(model, scene, view, self._height, style, solid=solid)
+        else:
+            style = style_of(model, self._option, scene.flags)
+            style, decor = self._own.drawn(view, self._height, style, solid=solid)
         image = studio.look(view, style, self._width, self._height, (output,), decor=decor)[output]
         return image[..., 0] if self._depth else image
+
+    def _upload(self) -> None:
+        if self._studio is not None:
+            self._taken.upload()
+            self._studio.reload()
 
     def _empty(self) -> np.ndarray:
         size = (self._height, self._width)

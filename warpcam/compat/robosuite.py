@@ -146,7 +146,7 @@ class OffscreenContext:
         wanted = ["objects" if segmentation else "rgb", *(["depth"] if depth else [])]
         style = style_of(self.model._model, self.vopt, self.scn.flags)
         camera, through = (self.cam.type, self.cam.fixedcamid), not (depth and segmentation)
-        decor = self._own.decor(view, height, style, solid=segmentation)
+        style, decor = self._own.drawn(view, height, style, solid=segmentation)
         images = self._pictures.look(camera, view, style, width, height, wanted, through, decor)
         image = images[wanted[0]]
         pixels = np.ascontiguousarray(image[::-1, :, ::-1] if segmentation else image[::-1])

@@ -6,8 +6,6 @@ from typing import Any
 
 import mujoco
 
-from warpcam.compat.studio import Studio
-
 UPLOADS = ("mjr_uploadHField", "mjr_uploadMesh", "mjr_uploadTexture")
 
 _own: dict[str, Callable[..., None]] = {}  # MuJoCo's own calls, while they are replaced
@@ -17,8 +15,8 @@ _served: set[str] = set()  # names of the front ends that need it
 class Context:
     """In place of MuJoCo's context and OpenGL's, for those who upload to the one and make the other current."""
 
-    def __init__(self, studio: Studio):
-        self.reload = studio.reload
+    def __init__(self, reload: Callable[[], None]):
+        self.reload = reload
 
     def make_current(self) -> None: ...
 
