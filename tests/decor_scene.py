@@ -1,5 +1,6 @@
-"""A MuJoCo scene, and what programs put into its abstract one."""
+"""A MuJoCo scene, what programs put into its abstract one, and the renderer that judges."""
 
+from collections.abc import Iterator
 from typing import Any
 
 import mujoco
@@ -71,3 +72,14 @@ def tilted() -> np.ndarray:
     mat = np.zeros(9)
     mujoco.mju_quat2Mat(mat, np.array((0.8, 0.3, -0.4, 0.33)))
     return mat
+
+
+def judging(model: mujoco.MjModel, height: int, width: int) -> Iterator[Any]:
+    """MuJoCo's own renderer, closed afterwards, or None where there is no library for it; what a fixture yields."""
+    try:
+        renderer = mujoco.Renderer(model, height, width)
+    except Exception:
+        yield None
+    else:
+        yield renderer
+        renderer.close()

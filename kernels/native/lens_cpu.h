@@ -62,7 +62,7 @@ inline void load_pairs(const Pair* from, Floats& x, Floats& y)
     y = __builtin_shufflevector(low, high, 1, 3, 5, 7, 9, 11, 13, 15);
 }
 
-// What begins each pixel's of a table.
+// What begins a pixel's part of a table.
 template <int LENS> struct TableEntry {
     using type = Pair;
 };
@@ -70,13 +70,23 @@ template <> struct TableEntry<SPREAD> {
     using type = Row;
 };
 
+// Those of a table, row after row of the image; ENTRIES a pixel.
+template <int LENS> constexpr int ENTRIES = LENS == SPREAD ? SPREAD_ROWS : 1;
+template <int LENS> inline const typename TableEntry<LENS>::type* table_entries(const Camera& camera)
+{
+    if constexpr (LENS == SPREAD)
+        return tile_starts(camera, 0, tiles_down(camera));
+    else
+        return reinterpret_cast<const Pair*>(tile_cones(camera, 0, tiles_down(camera)));
+}
+
 // The rays of a table from pixel (i, j) on, of those in the image that are nearest.
 template <int LENS> inline void beams_from(const Camera& camera, int i, int j, Beams& beams)
 {
     Floats x, y;
-    if (LENS == RAYS && i + PACKET <= table_width(camera) && j < table_height(camera)) {
-        const Row* const end = tile_cones(camera, 0, tiles_down(camera));
-        load_pairs(reinterpret_cast<const Pair*>(end) + (size_t(j) * table_width(camera) + i), x, y);
+    const int width = table_width(camera);
+    if (LENS == RAYS && i + PACKET <= width && j < table_height(camera)) {
+        load_pairs(table_entries<RAYS>(camera) + (size_t(j) * width + i), x, y);
     } else {
         for (int k = 0; k < PACKET; ++k) {
             const ViewRay<LENS> ray = view_ray<LENS>(camera, i + k, j);
@@ -103,10 +113,7 @@ template <int LENS, int WIDTH, int ROWS> struct RayRows {
         if constexpr (has_table(LENS)) {
             across = table_width(camera);
             down = table_height(camera);
-            if constexpr (LENS == SPREAD)
-                rays = tile_starts(camera, 0, tiles_down(camera));
-            else
-                rays = reinterpret_cast<const Pair*>(tile_cones(camera, 0, tiles_down(camera)));
+            rays = table_entries<LENS>(camera);
         } else {
             for (int column = 0; column < width; ++column)
                 x[column] = image_x(camera, float(mirrored ? columns - 1 - left - column : left + column));
@@ -170,7 +177,7 @@ template <int LENS, int WIDTH, int ROWS> struct RayRows {
     }
 
 private:
-    const Entry* entry(int i, int j) const { return rays + (LENS == SPREAD ? SPREAD_ROWS : 1) * (size_t(j) * across + i); }
+    const Entry* entry(int i, int j) const { return rays + ENTRIES<LENS> * (size_t(j) * across + i); }
 
     template <class Two> static void put(const Two& two, int k, Floats& x, Floats& y)
     {

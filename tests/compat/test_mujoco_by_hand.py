@@ -7,7 +7,7 @@ import mujoco
 import numpy as np
 import pytest
 import warp as wp
-from decor_scene import XML
+from decor_scene import XML, judging
 
 import warpcam as wc
 from warpcam.compat.mujoco import Renderer
@@ -97,13 +97,7 @@ WAYS: dict[str, dict[str, Any]] = {
 
 @pytest.fixture(scope="module")
 def judge() -> Iterator[Any]:
-    try:
-        renderer = mujoco.Renderer(stated()[0], HEIGHT, WIDTH)
-    except Exception:
-        yield None
-    else:
-        yield renderer
-        renderer.close()
+    yield from judging(stated()[0], HEIGHT, WIDTH)
 
 
 @pytest.fixture(scope="module")

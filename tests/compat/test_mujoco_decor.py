@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 import pytest
 import warp as wp
-from decor_scene import GEOM, XML, add, connect, made, tilted
+from decor_scene import GEOM, XML, add, connect, judging, made, tilted
 
 import warpcam as wc
 from warpcam.compat import studio
@@ -72,13 +72,7 @@ def differ(one: np.ndarray, two: np.ndarray) -> float:
 
 @pytest.fixture(scope="module")
 def judge() -> Iterator[Any]:
-    try:
-        renderer = mujoco.Renderer(made()[0], HEIGHT, WIDTH)
-    except Exception:
-        yield None
-    else:
-        yield renderer
-        renderer.close()
+    yield from judging(made()[0], HEIGHT, WIDTH)
 
 
 @pytest.fixture(scope="module")
