@@ -38,8 +38,9 @@ SHEER = 23  # no type: stands among a scene's types where textures have an alpha
 # No type: stands among a scene's types where normals of meshes are written as light takes them, which is as Newton's
 # camera does: native/surface.h.
 LIT_NORMALS = 24
+COINCIDENT = 25  # no type: stands among a scene's types where shapes of MuJoCo's stand in the same place: native/look.h
 # What only colours and normals of meshes ask for.
-LOOKS_ALONE = frozenset({FROM_ABOVE, BARE, PROJECTED, TRIPLANAR, SHEER, LIT_NORMALS})
+LOOKS_ALONE = frozenset({FROM_ABOVE, BARE, PROJECTED, TRIPLANAR, SHEER, LIT_NORMALS, COINCIDENT})
 
 # Light types.
 LIGHT_SPOT = 0
@@ -78,6 +79,9 @@ class Shapes:
     places: wp.array(dtype=wp.int32)  # (shape,) where the shape stands in `drawn`, or -1
     types: wp.array(dtype=wp.int32)  # (shape,) one of the shape types above
     bodies: wp.array(dtype=wp.int32)  # (shape,) id of the body the shape is fixed to
+    # (shape,) the next of those that stand where it does, around to the first, or -1; empty: COINCIDENT is not among
+    # the scene's types
+    coincident: wp.array(dtype=wp.int32)
     ids: wp.array2d(dtype=wp.int32)  # (world, shape) the source's id, -1 where a world has none; empty: as `shape`
     body_ids: wp.array2d(dtype=wp.int32)  # (world, shape) likewise, instead of `bodies`
     positions: wp.array2d(dtype=wp.vec3)  # (world, shape) world frame [m]; NaN hides the shape's world

@@ -68,7 +68,8 @@ class Parts:
             it is. None: nothing else.
         body_places: (label,) int32.
         more_types: Marks that stand among the types and are none: FROM_ABOVE, BARE, PROJECTED, TRIPLANAR, SHEER,
-            LIT_NORMALS.
+            LIT_NORMALS, COINCIDENT.
+        coincident: With COINCIDENT among ``more_types`` (shape,) int32: see ``kernels.types.Shapes``.
         scaled: Whether the sizes of meshes and height fields are scales along their axes.
         physical: Whether it is lit as metallic-roughness materials are, in linear light, instead of as MuJoCo does it.
         backs_shade: Whether in such a scene meshes that are seen from one side cast shadows from both.
@@ -103,6 +104,7 @@ class Parts:
     body_labels: Sequence[str] | None = None
     body_places: np.ndarray | None = None
     more_types: frozenset[int] = frozenset()
+    coincident: np.ndarray = field(default_factory=lambda: np.zeros(0, np.int32))
     scaled: bool = False
     physical: bool = False
     backs_shade: bool = False

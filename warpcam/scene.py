@@ -91,20 +91,18 @@ class Scene:
         )
         places = np.full(len(parts.shape_types), -1, np.int32)
         places[np.asarray(parts.drawn, np.int64)] = np.arange(len(parts.drawn))
-        self._places = wp.array(places, dtype=wp.int32, device=self.device)
-        self._types = wp.array(parts.shape_types.astype(np.int32), dtype=wp.int32, device=self.device)
-        self._bodies = wp.array(parts.shape_bodies.astype(np.int32), dtype=wp.int32, device=self.device)
+        self._places, self._types, self._bodies, self._coincident = (
+            wp.array(values, dtype=wp.int32, device=self.device)
+            for values in (places, parts.shape_types, parts.shape_bodies, parts.coincident)
+        )
         self._labels = {
             name: wp.array(
-                np.atleast_2d(np.full(len(parts.shape_types), none) if values is None else values),
+                np.atleast_2d(np.full(len(parts.shape_types), no) if values is None else values),
                 dtype=wp.int32,
                 ndim=2,
                 device=self.device,
             )
-            for name, values, none in (
-                ("instances", parts.shape_instances, -1),
-                ("semantics", parts.shape_semantics, 0),
-            )
+            for name, values, no in (("instances", parts.shape_instances, -1), ("semantics", parts.shape_semantics, 0))
         }
         self._ids, self._body_ids = (
             wp.array(np.zeros((0, 0), np.int32) if ids is None else ids, dtype=wp.int32, ndim=2, device=self.device)
@@ -353,7 +351,7 @@ class Scene:
     def _shapes(self, arrays: Mapping[str, wp.array], drawn: wp.array) -> Shapes:
         shapes = Shapes()
         shapes.drawn, shapes.places = drawn, self._places
-        shapes.types, shapes.bodies = self._types, self._bodies
+        shapes.types, shapes.bodies, shapes.coincident = self._types, self._bodies, self._coincident
         shapes.ids, shapes.body_ids = self._ids, self._body_ids
         _fill(shapes, "shape_", arrays)
         return shapes

@@ -278,7 +278,7 @@ WARPCAM_FN void light_corner(const LightList& list, Vec place, Vec normal, const
         if (SHADOWS && (light.ambient.w & CASTS)) {
             Glow<Sum> own {};
             add_share(own, share, light);
-            keep(values + slot, shown(reflected(own, { 0.0f, 0.0f, 0.0f }, finish)), Sum {});
+            keep(values + slot, shown(reflected(own, of_casting(finish))), Sum {});
             slot += CHANNELS;
         } else {
             add_share(steady, share, light);

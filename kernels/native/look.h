@@ -1,6 +1,7 @@
 // What a block keeps of each shape of its world to draw its pixels: pose as the view has it, size, material.
 #pragma once
 #include "cells.h"
+#include "finish.h"
 #include "srgb.h"
 #include "texels.h"
 
@@ -42,16 +43,11 @@ template <int IMAGES, int FACTS> struct Wanted {
     static constexpr bool COATED = COLORED && (FACTS & PHYSICAL);
     static constexpr bool MAPPED = COATED && (FACTS & HAS_MAPS);
     static constexpr bool FACETED = LIT && !(FACTS & PHYSICAL);
+    static constexpr bool JOINS = LIT && (FACTS & HAS_SHADOWS);
     static constexpr bool DIMMED = FACTS & MIRRORED;  // colours are those that the mirror shows
 };
 
-// How a shape looks, its material and its own colour resolved.
-struct Finish {
-    Row color;  // RGB; w: texture or -1
-    Row gloss;  // x: emission, y: specular, z: exponent of the highlight; w unused
-};
-
-// The same in a physically based scene: its material, the shape's own colour resolved.
+// How a shape looks in a physically based scene: its material, the shape's own colour resolved.
 struct Coat {
     Row color;  // RGB, linear; w: texture or -1
     Row gloss;  // x: roughness, y: metallic, z: reflectance of what is no metal; w: packed texture or -1
@@ -116,7 +112,9 @@ template <class Looks> WARPCAM_FN void shift(const Looks& look, float& u, float&
 template <int TYPES, class Wants> struct Look : Either<Wants::SHIFTED, Shift, Unmoved>::type {
     static constexpr bool SHIFTED = Wants::SHIFTED, TEXTURED = Wants::TEXTURED, ON_SHEETS = Wants::ON_SHEETS;
     typename Kept<Wants::SURFACE, Pose>::type pose;
-    typename Kept<Wants::COLORED, typename Either<Wants::COATED, Coat, Finish>::type>::type finish;
+    static constexpr bool JOINT = Wants::JOINS && (TYPES >> COINCIDENT & 1);
+    using Finish_ = typename Either<JOINT, JointFinish, Finish>::type;
+    typename Kept<Wants::COLORED, typename Either<Wants::COATED, Coat, Finish_>::type>::type finish;
     typename Kept<Wants::TURNED, Turn>::type turn;
     typename Kept<Wants::TEXTURED, Layout>::type layout;
     typename Kept<Wants::FACETED && (TYPES >> PLANE & 1), PlaneCells>::type cells;
@@ -156,45 +154,6 @@ template <class Shapes> WARPCAM_FN Turn load_turn(const Shapes& shapes, int worl
     return { { r.data[0][0], r.data[0][1], r.data[0][2], 0 },
              { r.data[1][0], r.data[1][1], r.data[1][2], 0 },
              { r.data[2][0], r.data[2][1], r.data[2][2], 0 } };
-}
-
-// The index of a shape's material, or -1: indices can be written by the user at any time.
-template <class Shapes, class Materials>
-WARPCAM_FN int material_of(const Shapes& shapes, const Materials& materials, int world, int id)
-{
-    const int index = row_of(shapes.materials, world, id);
-    return index < materials.color.shape[1] ? index : -1;
-}
-
-enum Role { ROLE_COLOR = 1, ROLE_NORMAL = 5, ROLE_OPACITY = 6, ROLE_EMISSION = 7, ROLE_PACKED = 9 };  // values of types.py
-
-template <class Materials>
-WARPCAM_FN int texture_of(const Materials& materials, int world, int material, Role role = ROLE_COLOR)
-{
-    const int rows = materials.texture.shape[0];
-    return *wp::address(materials.texture, world < rows ? world : remainder(world, rows), material, role);
-}
-
-// A shape's own colour counts where it has been set: where it differs from the default, (0.5, 0.5, 0.5, 1). The
-// material of a shape without one is MuJoCo's: half specular, half shininess.
-template <bool MATERIAL, class Shapes, class Materials>
-WARPCAM_FN Finish load_finish(const Shapes& shapes, const Materials& materials, int world, int id)
-{
-    auto color = row_of(shapes.colors, world, id);
-    Finish finish { { 0.0f, 0.0f, 0.0f, -1 }, { 0.0f, 0.5f, 64.0f, 0 } };
-    const int index = MATERIAL ? material_of(shapes, materials, world, id) : -1;
-    if (MATERIAL && index >= 0) {
-        if (color[0] == 0.5f && color[1] == 0.5f && color[2] == 0.5f && color[3] == 1.0f)
-            color = row_of(materials.color, world, index);
-        finish.color.w = texture_of(materials, world, index);
-        finish.gloss.x = row_of(materials.emission, world, index);
-        finish.gloss.y = row_of(materials.specular, world, index);
-        finish.gloss.z = 128.0f * lower(upper(row_of(materials.shininess, world, index), 0.0f), 1.0f);  // as OpenGL takes
-    }
-    finish.color.x = color[0];
-    finish.color.y = color[1];
-    finish.color.z = color[2];
-    return finish;
 }
 
 // What a physically based scene has instead.
@@ -337,8 +296,12 @@ WARPCAM_APART WARPCAM_FN Look<TYPES, Wants> load_look(const Shapes& shapes, cons
         look.pose = load_pose<TYPES>(shapes, meshes, camera, world, id);
     if constexpr (Wants::TURNED)
         look.turn = load_turn(shapes, world, id);
-    if constexpr (Wants::COLORED && !Wants::COATED)
-        look.finish = load_finish<Wants::MATERIAL>(shapes, materials, world, id);
+    if constexpr (Wants::COLORED && !Wants::COATED) {
+        const Finish finish = load_finish<Wants::MATERIAL>(shapes, materials, world, id);
+        static_cast<Finish&>(look.finish) = finish;
+        if constexpr (Look<TYPES, Wants>::JOINT)
+            look.finish.joint = load_joint<Wants::MATERIAL>(shapes, materials, world, id, finish);
+    }
     if constexpr (Wants::COATED)
         look.finish = load_coat<Wants::MATERIAL, Wants::MAPPED>(shapes, materials, physical, world, id);
     load_rest(look, shapes, materials, textures, meshes, fields, horizon, world, id);

@@ -237,6 +237,12 @@ template <class Sum> WARPCAM_FN Vec reflected(const Glow<Sum>& glow, Vec base, c
     return base + times(in_channels(glow.matt), to_vec(finish.color)) + finish.gloss.y * in_channels(glow.gloss);
 }
 
+// The same of a light that casts shadows alone.
+template <class Sum> WARPCAM_FN Vec reflected(const Glow<Sum>& glow, const Reflectance& reflectance)
+{
+    return times(in_channels(glow.matt), reflectance.matt) + reflectance.gloss * in_channels(glow.gloss);
+}
+
 // What a surface sends wherever lights are.
 WARPCAM_FN Vec always_on(const LightList& list, const Finish& finish)
 {
@@ -244,9 +250,9 @@ WARPCAM_FN Vec always_on(const LightList& list, const Finish& finish)
                                              finish.gloss.x + list.ambient.z });
 }
 
-template <bool IS_SPOT, int CORNERS, bool SHADOWS, class Vertex_, class Sum>
+template <bool IS_SPOT, int CORNERS, bool SHADOWS, class Vertex_, class Finish_, class Sum>
 WARPCAM_FN void add_light(const Light& light, float strength, const Vertex_* corners, const float* weights,
-                          const Finish& finish, Glow<Sum>* glows, Lit& casting)
+                          const Finish_& finish, Glow<Sum>* glows, Lit& casting)
 {
     Arrival arrivals[CORNERS];
     bool lit = false;
@@ -268,15 +274,15 @@ WARPCAM_FN void add_light(const Light& light, float strength, const Vertex_* cor
         } else {
             Glow<Sum> own {};
             add_share(own, share, light);
-            const Vec added = reflected(own, Vec { 0.0f, 0.0f, 0.0f }, finish);
+            const Vec added = reflected(own, of_casting(finish));
             casting.linear = casting.linear + weights[k] * added;
             casting.display = casting.display + weights[k] * clip(added);
         }
     }
 }
 
-template <int CORNERS, bool SHADOWS, class Sum, class... Eye_>
-WARPCAM_FN Lit illuminate_as(const LightList& list, const Facet& facet, const Finish& finish, int shadow, Eye_... eye)
+template <int CORNERS, bool SHADOWS, class Sum, class Finish_, class... Eye_>
+WARPCAM_FN Lit illuminate_as(const LightList& list, const Facet& facet, const Finish_& finish, int shadow, Eye_... eye)
 {
     const float weights[3] = { 1.0f - facet.weight1 - facet.weight2, facet.weight1, facet.weight2 };
     decltype(vertex_at(facet.place[0], facet.normal[0], eye...)) corners[CORNERS];
@@ -308,8 +314,8 @@ WARPCAM_FN Lit illuminate_as(const LightList& list, const Facet& facet, const Fi
 
 // The light of a facet's corners, or with CORNERS == 1 of its place. Bit l of `shadow` says that light l, of
 // those that are kept, does not reach it. `eye`: where the ray begins that sees it, if not where the camera is.
-template <int CORNERS, bool SHADOWS, class... Eye_>
-WARPCAM_FN Lit illuminate(const LightList& list, const Facet& facet, const Finish& finish, int shadow, Eye_... eye)
+template <int CORNERS, bool SHADOWS, class Finish_, class... Eye_>
+WARPCAM_FN Lit illuminate(const LightList& list, const Facet& facet, const Finish_& finish, int shadow, Eye_... eye)
 {
     if (list.colored)
         return illuminate_as<CORNERS, SHADOWS, Vec>(list, facet, finish, shadow, eye...);

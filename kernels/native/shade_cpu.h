@@ -61,12 +61,13 @@ struct Shares {
     Floats ambient, diffuse, specular;
 };
 
+template <class Finish_>
 inline Shares shares_of(const Light& light, const Vertices& vertex, const Arrivals& arrival, Floats strength,
-                        const Finish& finish)
+                        const Finish_& finish)
 {
     const Floats none = 0.0f;
     Shares share { strength, strength * upper(arrival.facing, none), none };
-    if (finish.gloss.y != 0.0f) {
+    if (finish.gloss.y != 0.0f || of_casting(finish).gloss != 0.0f) {
         const float length = light.ambient.w & SPOT ? 2.0f : as_float(light.diffuse.w);
         const Floats halfway = length + 2.0f * dot(arrival.to_light, vertex.to_eye);
         const Floats highlight = saturated((arrival.facing + vertex.slant) * inverse_root(halfway));
@@ -98,10 +99,10 @@ template <class Sum> inline Vecs reflected_by(const Glow<Sum>& glow, Vec base, c
         + finish.gloss.y * in_channels(glow.gloss);
 }
 
-// The same of one light alone.
-template <class Sum> inline Vecs reflected_by(const Glow<Sum>& glow, const Finish& finish)
+// The same of a light that casts shadows alone.
+template <class Sum> inline Vecs reflected_by(const Glow<Sum>& glow, const Reflectance& reflectance)
 {
-    return times(in_channels(glow.matt), eight_of(to_vec(finish.color))) + finish.gloss.y * in_channels(glow.gloss);
+    return times(in_channels(glow.matt), eight_of(reflectance.matt)) + reflectance.gloss * in_channels(glow.gloss);
 }
 
 struct Lits {
@@ -109,8 +110,8 @@ struct Lits {
 };
 
 // LINEAR: whether light that is not clipped is asked for.
-template <bool SHADOWS, bool LINEAR, class Sum, class... Eye_>
-static WARPCAM_COLD void illuminate_eight_as(const LightList& list, const Facets& facet, int corners, const Finish& finish,
+template <bool SHADOWS, bool LINEAR, class Sum, class Finish_, class... Eye_>
+static WARPCAM_COLD void illuminate_eight_as(const LightList& list, const Facets& facet, int corners, const Finish_& finish,
                                              Ints shadow, Lits& lit, const Eye_&... eye)
 {
     const Floats weights[3] = { 1.0f - facet.weight1 - facet.weight2, facet.weight1, facet.weight2 };
@@ -136,7 +137,7 @@ static WARPCAM_COLD void illuminate_eight_as(const LightList& list, const Facets
             } else {
                 Glow<Sum> own {};
                 add_shares(own, share, light);
-                const Vecs added = reflected_by(own, finish);
+                const Vecs added = reflected_by(own, of_casting(finish));
                 if (LINEAR)
                     lit.linear = lit.linear + weight * added;
                 lit.display = lit.display + weight * clip(added);
@@ -150,8 +151,8 @@ static WARPCAM_COLD void illuminate_eight_as(const LightList& list, const Facets
 }
 
 // By the light on as many corners of the facet, 1 or 3.
-template <bool SHADOWS, bool LINEAR, class... Eye_>
-inline void illuminate_eight(const LightList& list, const Facets& facet, int corners, const Finish& finish, Ints shadow,
+template <bool SHADOWS, bool LINEAR, class Finish_, class... Eye_>
+inline void illuminate_eight(const LightList& list, const Facets& facet, int corners, const Finish_& finish, Ints shadow,
                              Lits& lit, const Eye_&... eye)
 {
     if (list.colored)
@@ -206,7 +207,7 @@ inline void light_eight_corners(const LightList& list, Vecs place, Vecs normal, 
         if (SHADOWS && (light.ambient.w & CASTS)) {
             Glow<Sum> own {};
             add_shares(own, share, light);
-            keep(clip(reflected_by(own, finish)), slot);
+            keep(clip(reflected_by(own, of_casting(finish))), slot);
             slot += CHANNELS;
         } else {
             add_shares(steady, share, light);

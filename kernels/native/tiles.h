@@ -17,7 +17,7 @@ constexpr int analytic_types(int types)
 {
     return types & ~(1 << HEIGHT_FIELD | 1 << MESH | 1 << SCALED | 1 << TWO_SIDED | 1 << MASKED
                     | 1 << SHADING_BACKS | 1 << MOVING | 1 << GLASS | 1 << FROM_ABOVE | 1 << BARE | 1 << MIDDLE_FIRST
-                    | 1 << PROJECTED | 1 << TRIPLANAR | 1 << SHEER | 1 << LIT_NORMALS);
+                    | 1 << PROJECTED | 1 << TRIPLANAR | 1 << SHEER | 1 << LIT_NORMALS | 1 << COINCIDENT);
 }
 
 // What tells slots or ranks apart: of more than 256 or not.

@@ -14,6 +14,7 @@ namespace warpcam {
 constexpr int MAX_SHEETS = 8;           // of one shape in one ray that can be seen through one another
 constexpr float FROM_BEHIND = 0.3f;     // how solid a plane is that is seen from behind, of what it is from its front
 constexpr float NOTEWORTHY = 0.2929f;   // opacity from which a shape, drawn twice, covers half of what lies behind
+constexpr float AS_FAR = 1.000001f;     // of the depth of what is solid: what lies there is drawn over it
 constexpr float PLANES_LAST = 1.0e10f;  // the distance by which planes are sorted [m]
 
 // Transparent shapes of a region.
@@ -200,14 +201,15 @@ struct Covered {
     WARPCAM_FN Vec final_display() const { return display_over + left * display; }
 };
 
-// Covers a pixel's colour. `hit` is what is solid there; `limit` is its depth, negative where nothing is to be covered.
+// Covers a pixel's colour. `solid` is the depth of what is solid there, negative where nothing is to be covered.
 // `column` and `row` are the tile's in the list's region. shade(met, hit, linear, display) says the colour of a sheet
 // and returns which part of its shape's opacity it has; the whole warp comes there together, and those who have not met it
 // do not look at what they get. note(hit, opacity) is told of each sheet that is met.
 template <int TYPES, class Veils_, class RayOf, class Scene_, class Shade, class Note>
-WARPCAM_FN void cover(const Veils_& veils, const Scene_& scene, const RayOf& ray, float near, float limit, int column,
+WARPCAM_FN void cover(const Veils_& veils, const Scene_& scene, const RayOf& ray, float near, float solid, int column,
                       int row, const Shade& shade, const Note& note, Covered& covered)
 {
+    const float limit = AS_FAR * solid;
     const auto draw = [&](int rank) {
         const int slot = veils.order[rank], type = veils.records[slot].axis_x.w;
         const int sheets = type == MESH || type == HEIGHT_FIELD ? MAX_SHEETS : 1;

@@ -238,11 +238,15 @@ class _Reader:
             parts = replace(parts, more_types=parts.more_types | {BARE})
         meshes = [*parts.meshes, *(part.mesh for part in self._moved for _ in range(parts.num_worlds))]
         drawn = sorted([*parts.drawn, *self.drawn])
+        coincident = parts.coincident
+        if len(coincident):
+            coincident = np.pad(coincident, (0, len(types) - len(coincident)), constant_values=-1)
         bare = {int(self._first[6]) + place for place, kind in enumerate(self._decor) if not kind.casts}
         return replace(
             parts,
             shape_types=types,
             shape_bodies=bodies,
+            coincident=coincident,
             drawn=drawn,
             casting=[column for column in drawn if column not in bare] if bare else None,
             meshes=meshes,

@@ -12,7 +12,7 @@ from warpcam.accel.heightfields import HeightField
 from warpcam.accel.meshes import Mesh, face_normals
 from warpcam.accel.textures import TextureImage
 from warpcam.errors import WarpcamError
-from warpcam.kernels.types import FROM_ABOVE, LIGHT_DIRECTIONAL, LIGHT_SPOT, MESH, SHEER
+from warpcam.kernels.types import COINCIDENT, FROM_ABOVE, LIGHT_DIRECTIONAL, LIGHT_SPOT, MESH, PLANE, SHEER
 from warpcam.parts import Parts, SceneCamera
 
 VERSION = tuple(int(part) for part in mujoco.__version__.split(".")[:2])
@@ -85,6 +85,7 @@ def read_parts(mjm: mujoco.MjModel, num_worlds: int, groups: Groups, geoms: Coll
     types = mjm.geom_type.astype(np.int32)
     types[types == mujoco.mjtGeom.mjGEOM_SDF] = MESH  # drawn as the mesh it was made from
     textures = [_texture(mjm, index) for index in range(mjm.ntex)]
+    coincident = _coincident(mjm, geoms)
     skyboxes = np.flatnonzero(mjm.tex_type == mujoco.mjtTexture.mjTEXTURE_SKYBOX)
     return Parts(
         num_worlds=num_worlds,
@@ -98,7 +99,8 @@ def read_parts(mjm: mujoco.MjModel, num_worlds: int, groups: Groups, geoms: Coll
         meshes=[_mesh(mjm, index) for index in range(mjm.nmesh)],
         height_fields=[_height_field(mjm, index) for index in range(mjm.nhfield)],
         textures=textures,
-        more_types=_marks(textures),
+        more_types=_marks(textures) | ({COINCIDENT} if len(coincident) else frozenset()),
+        coincident=coincident,
         skybox=int(skyboxes[0]) if len(skyboxes) else -1,
         horizon=float(mjm.vis.map.zfar * mjm.stat.extent),
         shadow_map=(
@@ -108,6 +110,24 @@ def read_parts(mjm: mujoco.MjModel, num_worlds: int, groups: Groups, geoms: Coll
             APART * 2.0 / max(int(mjm.vis.quality.shadowsize), 1),
         ),
     )
+
+
+def _coincident(mjm: mujoco.MjModel, geoms: Collection[int]) -> np.ndarray:
+    """(geom,) the next of those that stand where it does, in a ring, -1 for all others; empty if there are none.
+
+    Robots whose meshes are there twice, to be seen and to collide. Not planes, whose corners are lit for all images.
+    """
+    places: dict[tuple[Any, ...], list[int]] = {}
+    for geom in map(int, geoms):
+        if mjm.geom_type[geom] != PLANE:
+            numbers = (values[geom].tobytes() for values in (mjm.geom_pos, mjm.geom_quat, mjm.geom_size))
+            kind = mjm.geom_bodyid[geom], mjm.geom_type[geom], mjm.geom_dataid[geom]
+            places.setdefault((*kind, *numbers), []).append(geom)
+    rings = [ring for ring in places.values() if len(ring) > 1]
+    following = np.full(mjm.ngeom if rings else 0, -1, np.int32)
+    for ring in rings:
+        following[ring] = np.roll(ring, -1)
+    return following
 
 
 def headlight(mjm: mujoco.MjModel) -> np.ndarray:
