@@ -3,9 +3,12 @@
 import functools
 import itertools
 import logging
+import math
 import os
-from collections.abc import Iterable, Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
+import time
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,6 +19,7 @@ import warp as wp
 from .streams import quiet_stream
 
 STREAMS = 4  # chains of stages that really run side by side
+WORTH_WAKING = 2e-4  # seconds of work for each thread of a CPU that shares it
 BLOCK = 128  # threads in a CUDA block of stages that do not say otherwise
 
 NATIVE = Path(__file__).resolve().parent / "native"
@@ -111,6 +115,7 @@ class Stage:
         self.module, self.block_dim, self.device = kernel.module, block_dim, device
         self._kernel, self._dim, self._inputs, self._start = kernel, dim, inputs, start
         self._parts: tuple[wp.Launch, ...] = ()
+        self._busy = math.inf  # seconds of all threads of a CPU at the last launch
 
     @property
     def is_bound(self) -> bool:
@@ -142,8 +147,19 @@ class Stage:
             for part in self._parts:
                 part.launch(stream)
         else:
-            for _ in _spread(self._parts):
-                pass
+            self._launch_shared()
+
+    def _launch_shared(self) -> None:
+        """Launch the parts on the calling thread and on others that come to help.
+
+        Others are woken as far as the last launch was long enough for them to be worth it. What they did not begin
+        before nothing was left is not waited for.
+        """
+        left = deque(self._parts)
+        threads = min(cpu_threads(), int(min(self._busy / WORTH_WAKING, len(left))))
+        others = _wake(functools.partial(_work, left), threads - 1)
+        busy = _work(left)
+        self._busy = busy + sum(other.result() for other in others if not other.cancel())
 
 
 class Frame:
@@ -300,12 +316,23 @@ def whole_above_zero(text: str) -> int | None:
     return int(digits) or None if digits.isdecimal() else None
 
 
-def _spread(parts: Sequence[wp.Launch]) -> Iterator[None]:
-    """Launch the parts on all threads; what is iterated are those that are done."""
+def _work(left: deque[wp.Launch]) -> float:
+    """Launch what is left, one part after another; the seconds that it took."""
+    begun = time.perf_counter()
+    while True:
+        try:
+            part = left.popleft()
+        except IndexError:
+            return time.perf_counter() - begun
+        part.launch()
+
+
+def _wake(work: Callable[[], float], threads: int) -> list[Future[float]]:
+    """Have so many threads of the pool do some work."""
     try:
-        return _pool().map(wp.Launch.launch, parts)
+        return [_pool().submit(work) for _ in range(threads)]
     except RuntimeError:  # the interpreter is ending, and a thread that does not keep it from that renders on
-        return map(wp.Launch.launch, parts)
+        return []
 
 
 @functools.cache

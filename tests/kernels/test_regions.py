@@ -1,5 +1,7 @@
 """How many pixels a thread block draws: few worlds are cut into more blocks, as far as that pays. Images stay alike."""
 
+import threading
+from concurrent.futures import ThreadPoolExecutor
 from types import SimpleNamespace
 from typing import Any
 
@@ -137,9 +139,9 @@ def test_a_launch_may_have_more_blocks_than_a_row_of_its_grid(
 def test_images_do_not_depend_on_the_threads(device: wp.Device, monkeypatch: pytest.MonkeyPatch) -> None:
     if device.is_cuda:
         pytest.skip("launches are split on a CPU")
-    parts = []
-    spread = launch._spread
-    monkeypatch.setattr(launch, "_spread", lambda some: parts.append(len(some)) or spread(some))
+    woken = []
+    wake = launch._wake
+    monkeypatch.setattr(launch, "_wake", lambda work, threads: woken.append(threads) or wake(work, threads))
     monkeypatch.setattr(visibility, "cpu_threads", lambda: 1)  # the same regions
     mjm = scenes.compile_xml(SHAPES)
     m, d = scenes.put(mjm, 7)
@@ -150,7 +152,29 @@ def test_images_do_not_depend_on_the_threads(device: wp.Device, monkeypatch: pyt
     for threads in (1, 3):
         monkeypatch.setattr(launch, "cpu_threads", lambda threads=threads: threads)
         seen.append(scenes.on_host(wc.Renderer(wc.from_mujoco_warp(mjm, m, d), [camera]).render()["eye"]))
-        assert set(parts) == ({7} if threads > 1 else set())  # one for each world
+        assert set(woken) == ({2} if threads > 1 else set())  # beside the calling one
     for name, image in seen[0].items():
         assert (image == seen[1][name]).all(), name
     assert len(np.unique(np.nan_to_num(seen[0]["depth"], posinf=0.0).reshape(7, -1).sum(1))) == 7
+
+
+def test_a_frame_does_not_wait_for_threads_that_do_not_come(device: wp.Device, monkeypatch: pytest.MonkeyPatch) -> None:
+    if device.is_cuda:
+        pytest.skip("launches are split on a CPU")
+    monkeypatch.setattr(launch, "cpu_threads", lambda: 3)
+    monkeypatch.setattr(launch, "WORTH_WAKING", 1e-12)
+    mjm = scenes.compile_xml(SHAPES)
+    m, d = scenes.put(mjm, 7)
+    camera = scenes.own_camera(width=40, height=24, outputs=("depth",), position=(0.0, 0.0, 3.0))
+    renderer = wc.Renderer(wc.from_mujoco_warp(mjm, m, d), [camera])
+    seen = renderer.render()["eye"]["depth"].clone()
+    free = threading.Event()
+    with ThreadPoolExecutor(1) as pool:
+        monkeypatch.setattr(launch, "_pool", lambda: pool)
+        busy = pool.submit(free.wait, 10.0)
+        wp.copy(d.geom_xpos, wp.array(d.geom_xpos.numpy() + np.float32(0.1), dtype=wp.vec3, device=device))
+        moved = renderer.render()["eye"]["depth"].clone()
+        assert not busy.done()
+        free.set()
+    assert bool(seen.isfinite().any()) and bool((moved != seen).any())
+    assert bool((moved == renderer.render()["eye"]["depth"]).all())
