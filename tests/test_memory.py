@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 import warp as wp
 from small_scene import GLASS, MIRROR, camera, scene_of
+from warpcam.kernels.flat import flat
 
 import warpcam as wc
 from warpcam import memory, scratch
-from warpcam.kernels.flat import flat
 from warpcam.outputs import OUTPUTS
 
 CAMERAS_MORE = '<camera name="left" pos="-4 0 1"/><camera name="right" pos="4 0 1"/>'
