@@ -11,6 +11,7 @@ from typing import Any
 
 import warp as wp
 
+from .flat import flat
 from .launch import Group, Stage, native_module
 from .launch import record as record_launch
 from .tables import Tables
@@ -148,8 +149,8 @@ def record(
     wanted = 0
     for bit, name in enumerate(IMAGES):
         if name in images:
-            setattr(target, name, lit[name].flatten())
-            setattr(target, f"smooth_{name}", images[name].flatten())
+            setattr(target, name, flat(lit[name]))
+            setattr(target, f"smooth_{name}", flat(images[name]))
             wanted |= 1 << bit
     types = sum(1 << t for t in tables.shape_types)
     region = region_size(tables, group.at_once, width, height, device)

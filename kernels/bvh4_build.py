@@ -11,7 +11,7 @@ MAX_FACES = 67_000_000  # in a mesh, as kMaxFaces
 ABSENT = np.float32(1e30)  # all the bounds of a child that is not there, as kAbsent
 HEADERS = tuple(NATIVE / f"bvh4_{part}.h" for part in ("items", "split", "cut", "build"))
 
-_SCRATCH = 320  # bytes a face, as kScratch
+SCRATCH = 320  # bytes a face or box, as kScratch
 
 _OPTIONS = wp.ModuleBuildOptions(  # for the CPU alone: a build for CUDA, which nothing launches, is of an empty kernel
     extra_cpu_preamble=f'#include "{(NATIVE / "bvh4_build.h").as_posix()}"',
@@ -79,7 +79,7 @@ def build(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarr
     nodes = np.empty((7 * room, 4), np.float32)
     rows = np.empty((3 * room, 4), np.float32)
     counts = np.zeros(3, np.int32)
-    scratch = np.empty(count * _SCRATCH // 4, np.int32)
+    scratch = np.empty(count * SCRATCH // 4, np.int32)
 
     def flat(values: np.ndarray, dtype: type) -> wp.array:
         return wp.array(values.reshape(-1), dtype=dtype, device="cpu", copy=False)

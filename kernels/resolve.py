@@ -6,6 +6,7 @@ from typing import Any
 
 import warp as wp
 
+from .flat import flat
 from .launch import Group, Stage, native_module
 from .launch import record as record_stage
 from .layers import Haze, LayerTables, Mirror
@@ -266,7 +267,7 @@ def record(
     wanted = 0
     for bit, (name, (dtype, _)) in enumerate(OUTPUTS.items()):
         if name in outputs:
-            setattr(images, name, outputs[name].flatten())
+            setattr(images, name, flat(outputs[name]))
             wanted |= 1 << bit
         else:
             setattr(images, name, wp.empty(0, dtype=dtype, device=device))

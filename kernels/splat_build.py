@@ -3,10 +3,8 @@
 import numpy as np
 import warp as wp
 
-from .bvh4_build import HEADERS
+from .bvh4_build import HEADERS, SCRATCH
 from .launch import NATIVE, compiler_flags
-
-SCRATCH = 320  # bytes a box, as kScratch
 
 _OPTIONS = wp.ModuleBuildOptions(  # for the CPU alone, as in bvh4_build.py
     extra_cpu_preamble=f'#include "{(NATIVE / "bvh4_boxes.h").as_posix()}"',

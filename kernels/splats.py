@@ -6,6 +6,7 @@ from typing import Any
 
 import warp as wp
 
+from .flat import flat
 from .flow import Trail
 from .launch import Group, Stage, compiler_flags, native_module
 from .launch import record as record_stage
@@ -250,7 +251,7 @@ def record(
         wanted |= LINEAR
     for bit, (name, dtype) in enumerate(OUTPUTS.items()):
         if name in images:
-            setattr(changed, name, images[name].flatten())
+            setattr(changed, name, flat(images[name]))
             wanted |= 1 << bit
         else:
             setattr(changed, name, wp.empty(0, dtype=dtype, device=device))

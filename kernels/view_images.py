@@ -172,11 +172,9 @@ def write_views(
         forward = seen.depth[world, row, column, 0]
         distance = forward / -ray[2]
     hit = distance < max_distance
-    if not hit:
-        world = 0
     if out.color.shape[0] > 0:
         color = clear.color
-        if hit or (seen.color.shape[3] == 4 and worlds[view] >= 0):
+        if hit or (seen.color.shape[3] == 4 and world >= 0):
             if linear != 0:
                 color = linear_bytes(
                     seen.hdr[world, row, column, 0], seen.hdr[world, row, column, 1], seen.hdr[world, row, column, 2]

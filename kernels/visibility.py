@@ -6,6 +6,7 @@ from typing import Any
 
 import warp as wp
 
+from .flat import flat
 from .flow import brief
 from .launch import Group, Stage, cpu_threads, native_module
 from .launch import record as record_launch
@@ -168,7 +169,7 @@ def record(
     arrays = {"depth": depth, "shape": shape, "face": face, **images}
     for bit, name in enumerate(OUTPUTS):
         if arrays.get(name) is not None:
-            setattr(target, name, arrays[name].flatten())
+            setattr(target, name, flat(arrays[name]))
             outputs |= 1 << bit
     if struct is flow_target_struct:
         target.trail = trail
@@ -176,7 +177,7 @@ def record(
         outputs |= FLOW_BRIEF * brief(tables)
         outputs |= FLOW_LISTED * composes(tables, device)
     elif struct is painted_target_struct:
-        target.albedo = images["albedo"].flatten()
+        target.albedo = flat(images["albedo"])
         target.textures, target.plane = tables.textures, tables.first_plane
         outputs |= PAINTED
     if "ids" in images:

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 import warp as wp
 from small_scene import GLASS, MIRROR, camera, scene_of
+from warpcam.kernels.flat import flat
 
 import warpcam as wc
 from warpcam import memory, scratch
@@ -250,6 +251,25 @@ def test_more_than_is_free_is_an_error_before_anything_is_taken(monkeypatch: pyt
     assert ledger.held == 0
     monkeypatch.setattr(memory, "free_bytes", lambda device: needed)
     wc.Renderer(scene, [camera()])
+
+
+def test_scratch_of_more_bytes_than_a_dimension_counts() -> None:
+    scene = one_scene_of("cpu", 2)
+    large = camera(width=20000, height=20000, outputs=("hdr", "normals", "points"))
+    block = scratch.Scratch({"large": large}, scene.tables(), scene.device)
+    assert block.size > 2**31
+    block.allocate()  # never written to: nothing is taken but addresses
+    places = [each.buffers["face"] for phase in block.phases(None) for each in phase]
+    assert len(places) == 1 and places[0].shape == (2, 20000, 20000, 1)
+
+
+def test_images_of_more_numbers_than_a_dimension_counts() -> None:
+    """They begin where they are, and have a number for each pixel."""
+    here = wp.zeros(1, dtype=wp.uint8, device="cpu")
+    large = wp.array(ptr=here.ptr, shape=(2**14, 2**8, 2**8, 3), dtype=wp.uint8, device="cpu")
+    small = wp.zeros((2, 3, 4, 3), dtype=wp.float32, device="cpu")
+    assert flat(large).ptr == here.ptr and flat(large).shape == (2**30,)
+    assert flat(small).ptr == small.ptr and flat(small).shape == (72,)
 
 
 def test_free_memory_is_known(device: wp.Device) -> None:

@@ -8,6 +8,7 @@ import subprocess
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
 
 import balls
@@ -204,6 +205,14 @@ def test_a_forked_process_renders_on() -> None:
     command = [sys.executable, quick_simulators.__file__, "-c", FORKING, folder]
     done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=120)
     assert done.returncode == 0, done.stdout + done.stderr
+
+
+def test_binary_models_by_a_name_in_capitals(tmp_path: Path) -> None:
+    path = str(tmp_path / "BALL.MJB")
+    mujoco.mj_saveModel(
+        mujoco.MjModel.from_xml_string("<mujoco><worldbody><geom size='1'/></worldbody></mujoco>"), path
+    )
+    assert wc.load(path, 2, device="cpu").num_worlds == 2
 
 
 def test_files(tmp_path: Any) -> None:

@@ -143,6 +143,19 @@ def test_bounds_leave_out_infinite_planes_and_what_is_transparent(kind: str, dev
     np.testing.assert_allclose(high, (2, 1, 0.7), atol=1e-5)
 
 
+@pytest.mark.parametrize(
+    ("shape", "high"),
+    [
+        ('type="capsule" size=".2 .5"', (0.2, 0.2, 0.7)),
+        ('type="cylinder" size=".2 .5"', (0.2, 0.2, 0.5)),
+        ('type="ellipsoid" size=".2 .3 .5"', (0.2, 0.3, 0.5)),
+    ],
+)
+def test_bounds_hold_whole_solids(shape: str, high: tuple[float, ...]) -> None:
+    found = make("mujoco", *compile_model(f"<mujoco><worldbody><geom {shape}/></worldbody></mujoco>"), "cpu").bounds()
+    np.testing.assert_allclose(found, (np.negative(high), high), atol=1e-6)
+
+
 @every_source
 def test_a_scene_of_nothing_has_bounds(kind: str) -> None:
     low, high = make(kind, *compile_model("<mujoco/>"), "cpu").bounds()

@@ -23,7 +23,7 @@ FLOOR = '<geom name="floor" type="plane" size="9 9 1"/>'
 EYE = {"width": 64, "height": 64, "position": (0.0, -3.0, 3.0), "rotation": scenes.looking((0, -3, 3), (0, 0, 0))}
 
 
-def check(mjm: mujoco.MjModel, device: wp.Device) -> None:
+def check(mjm: mujoco.MjModel) -> None:
     """The floor is black just where a ray to the light meets a caster; pixels on a shadow's edge may differ."""
     mjm.vis.map.shadowclip = 0.0  # as far as light goes
     mjd = scenes.forward(mjm)
@@ -49,7 +49,7 @@ def check(mjm: mujoco.MjModel, device: wp.Device) -> None:
 @pytest.mark.parametrize("kind", CASTERS)
 def test_each_type_casts(device: wp.Device, kind: str, light: str) -> None:
     body = f'<body pos="0 0 1" euler="20 10 30">{scenes.geom_xml(kind)}</body>'
-    check(scenes.compile_xml(LIGHTS[light] + FLOOR + body, assets=scenes.ASSETS, more=DARK), device)
+    check(scenes.compile_xml(LIGHTS[light] + FLOOR + body, assets=scenes.ASSETS, more=DARK))
 
 
 @pytest.mark.parametrize("light", LIGHTS)
@@ -58,7 +58,7 @@ def test_more_casters_than_one_pass_lists(device: wp.Device, light: str) -> None
         f'<geom size="0.04" pos="{0.12 * (i % 20) - 1.2} {0.12 * (i // 20) - 1.0} {0.4 + 0.01 * (i % 7)}"/>'
         for i in range(300)
     )
-    check(scenes.compile_xml(LIGHTS[light] + balls + FLOOR, more=DARK), device)
+    check(scenes.compile_xml(LIGHTS[light] + balls + FLOOR, more=DARK))
 
 
 @pytest.mark.parametrize("count", [3, 300])

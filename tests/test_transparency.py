@@ -1,6 +1,8 @@
 """Transparent shapes, and planes seen from behind: as ``mujoco.Renderer`` draws them, in every world."""
 
 import colour_reference
+import mujoco
+import mujoco_warp as mjw
 import numpy as np
 import pytest
 import scenes
@@ -139,6 +141,20 @@ def test_what_becomes_transparent_later(device: wp.Device) -> None:
         assert (images[wanted][1] == solid[1]).all()
     _, renderer = scene_of_three(device, transparency=False)
     assert (frame(renderer)[1] != images[None][1]).any()
+
+
+def test_worlds_that_share_colours_otherwise_than_materials(device: wp.Device) -> None:
+    """Of six worlds only the last has the colour that lets a material count, and the material that is transparent."""
+    mjm = mujoco.MjModel.from_xml_string(
+        '<mujoco><asset><material name="glass" rgba=".2 .9 .3 .3"/></asset>'
+        '<worldbody><geom size=".3"/></worldbody></mujoco>'
+    )
+    with wp.ScopedDevice(device):
+        m, d = mjw.put_model(mjm), mjw.make_data(mjm, nworld=6)
+        m.geom_rgba = wp.array([[(1.0, 0.0, 0.0, 1.0)], [(0.5, 0.5, 0.5, 1.0)]], dtype=wp.vec4)
+        m.geom_matid = wp.array([[-1], [-1], [0]], dtype=wp.int32)
+    layers = wc.from_mujoco_warp(mjm, m, d).tables().layers
+    assert layers is not None and layers.veiled
 
 
 def test_of_too_many_some_are_solid_and_it_is_said(device: wp.Device, caplog: pytest.LogCaptureFixture) -> None:

@@ -49,7 +49,7 @@ def make(source: str, device: wp.Device) -> wc.Scene:
     return wc.from_mujoco_warp(mjm, *scenes.put(mjm, WORLDS, batch=batch))
 
 
-def check(scene: wc.Scene, renderer: wc.Renderer, change: Callable[[], None], loads: list[str]) -> None:
+def check(renderer: wc.Renderer, change: Callable[[], None], loads: list[str]) -> None:
     """World 1 is changed, the others are not, and the frame is the one that was there before."""
     (images,) = renderer.render().values()
     before = images["rgb"].clone()
@@ -101,7 +101,7 @@ def test_one_world_of_mujoco_warp_differs(name: str, device: wp.Device, loads: l
     tensor = scene.vary(name)
     assert tensor.shape[0] == WORLDS
     assert scene.vary(name) is tensor
-    check(scene, wc.Renderer(scene, [camera()]), lambda: CHANGES[name](tensor), loads)
+    check(wc.Renderer(scene, [camera()]), lambda: CHANGES[name](tensor), loads)
 
 
 @pytest.mark.parametrize("name", ["shape_colors", "material_texture", "light_diffuse", "light_positions"])
@@ -110,7 +110,7 @@ def test_one_world_of_classic_mujoco_differs(name: str, device: wp.Device, loads
     for each in SPECIAL:
         scene.vary(each)
     tensor = scene.vary(name)
-    check(scene, wc.Renderer(scene, [camera()]), lambda: CHANGES[name](tensor), loads)
+    check(wc.Renderer(scene, [camera()]), lambda: CHANGES[name](tensor), loads)
 
 
 def test_arrays_of_the_simulator_that_have_all_worlds_are_taken_as_they_are(device: wp.Device) -> None:
@@ -232,7 +232,7 @@ def test_one_world_of_glass(seen_through: bool, device: wp.Device, loads: list[s
     scene = wc.from_mujoco_warp(mjm, *scenes.put(mjm, WORLDS), transparency=True)
     tensor = scene.vary("shape_colors")
     eye = wc.Camera("eye", width=SIZE, height=SIZE, outputs=("rgb",))
-    check(scene, wc.Renderer(scene, [eye]), lambda: tensor[1, 1, 3].fill_(0.3), loads)
+    check(wc.Renderer(scene, [eye]), lambda: tensor[1, 1, 3].fill_(0.3), loads)
 
 
 NEWTON = {
@@ -261,7 +261,7 @@ def test_one_world_of_newton_differs(name: str, device: wp.Device, loads: list[s
     scene.vary("headlight"), scene.vary("background")
     tensor = scene.vary(name)
     eye = wc.Camera("eye", width=16, height=16, lens=wc.Orthographic(height=2.0), position=(0.0, 0.0, 3.0))
-    check(scene, wc.Renderer(scene, [eye]), lambda: NEWTON[name](tensor), loads)
+    check(wc.Renderer(scene, [eye]), lambda: NEWTON[name](tensor), loads)
 
 
 def test_newtons_textures_are_by_the_metre_anyway(device: wp.Device) -> None:
@@ -297,7 +297,7 @@ def test_one_world_of_a_stage_differs(device: wp.Device, loads: list[str]) -> No
     tensors = {name: scene.vary(name) for name in ("shape_colors", "material_roughness", "material_metallic")}
     renderer = wc.Renderer(scene, [stages.above(3.0, 16, 2.0, "rgb")])
     for tensor in tensors.values():
-        check(scene, renderer, lambda tensor=tensor: tensor[1].fill_(0.9), loads)
+        check(renderer, lambda tensor=tensor: tensor[1].fill_(0.9), loads)
         tensor[:] = tensor[:1].clone()
     with pytest.raises(WarpcamError, match=r'set_colors: vary\("shape_colors"\) holds the colours now'):
         scene.set_colors(["/square"], np.ones((1, 1, 3), np.float32))

@@ -11,12 +11,12 @@ import warp as wp
 from warpcam.camera import Camera
 from warpcam.errors import WarpcamError
 from warpcam.kernels.layers import Haze, LayerTables, Mirror
+from warpcam.kernels.mirrors import SOLID
 from warpcam.kernels.tables import Tables
 from warpcam.kernels.types import BOX, PLANE, View
 from warpcam.outputs import OUTPUTS
 from warpcam.rays import TableLens
 
-SOLID = 0.995  # opacity from which MuJoCo draws a shape solid
 MAX_VEILS = 256  # shapes that a block can sort
 
 # Which shapes are transparent: all, none, those that are now. "backs": those, and planes from behind in any case.

@@ -8,6 +8,7 @@ import warp as wp
 
 from warpcam.camera import Camera
 from warpcam.kernels import corners, flow, visibility
+from warpcam.kernels.flat import flat
 from warpcam.kernels.launch import Stage
 from warpcam.kernels.tables import Tables
 from warpcam.kernels.types import View
@@ -35,7 +36,7 @@ class CameraPast:
         self.views = wp.zeros(worlds, dtype=View, device=device)
         self.trail = flow.Trail()
         for name in set(OUTPUTS) & images.keys():
-            setattr(self.trail, name, images[name].flatten())
+            setattr(self.trail, name, flat(images[name]))
         kept = worlds * _kept_words(camera, tables)
         self.trail.kept_first = wp.zeros(kept, dtype=wp.uint32, device=device)
         self.trail.kept_second = wp.zeros(kept, dtype=wp.uint32, device=device)

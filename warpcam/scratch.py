@@ -119,7 +119,7 @@ class Scratch:
 
     def __init__(self, cameras: Mapping[str | int, Camera], tables: Tables, device: wp.Device):
         self._cameras, self._tables, self._device = cameras, tables, device
-        self._block = wp.empty(0, dtype=wp.uint8, device=device)
+        self._block = wp.empty((0, ALIGNMENT), dtype=wp.uint8, device=device)
         images = sum(sum(image_bytes(camera, tables).values()) for camera in cameras.values())
         allowed = max(images // 2, ALWAYS_ALLOWED)
         self.size = max(
@@ -131,7 +131,8 @@ class Scratch:
         )
 
     def allocate(self) -> None:
-        self._block = wp.empty(self.size, dtype=wp.uint8, device=self._device)
+        rows = -(-self.size // ALIGNMENT)  # of one dimension it could not have 2^31 bytes
+        self._block = wp.empty((rows, ALIGNMENT), dtype=wp.uint8, device=self._device)
 
     def phases(self, images: Lenders | None) -> Iterator[list[Portion]]:
         """What is drawn together, phase after phase, as much in each as there is room for.

@@ -47,7 +47,7 @@ def load(path: Path, *, num_worlds: int, seed: int | None, device: wp.Device) ->
         if path.suffix.lower() == ".urdf":
             host = urdf.load(path)
         else:
-            read = mujoco.MjModel.from_binary_path if path.suffix == ".mjb" else mujoco.MjModel.from_xml_path
+            read = mujoco.MjModel.from_binary_path if path.suffix.lower() == ".mjb" else mujoco.MjModel.from_xml_path
             host = read(str(path))
     except ValueError as error:
         raise WarpcamError(f"scene: MuJoCo cannot read {str(path)!r}: {' '.join(str(error).split())}") from None

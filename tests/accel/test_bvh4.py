@@ -9,7 +9,7 @@ from trees import ABSENT, build_bvh4, check, codes, given_of, halved, hits, sah_
 from warpcam.kernels.bvh4_build import MAX_LEAF
 
 from warpcam.accel.bvh4 import Bvh4
-from warpcam.accel.meshes import _child_by_child, _short
+from warpcam.accel.meshes import _short, child_by_child
 from warpcam.errors import WarpcamError
 
 
@@ -243,7 +243,7 @@ def test_rows_for_cuda() -> None:
     assert (~there).any() and (rows[:, :3].transpose(0, 2, 1)[~there] == 65535).all()  # lower bounds above upper ones
     codes_there = rows[:, 3].view(np.int32)
     assert (codes_there[there] == given[:, 6][there]).all() and (codes_there[~there] == -1).all()
-    children = _child_by_child(tree.nodes).view(np.int32).reshape(-1, 4, 2, 4)
+    children = child_by_child(tree.nodes).view(np.int32).reshape(-1, 4, 2, 4)
     assert (children[:, :, 0, :3].transpose(0, 2, 1) == given[:, :3]).all()
     assert (children[:, :, 1, :3].transpose(0, 2, 1) == given[:, 3:6]).all()
     assert (children[:, :, 0, 3] == given[:, 6]).all()

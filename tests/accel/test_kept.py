@@ -25,6 +25,15 @@ def test_the_last_ones_are_kept() -> None:
     assert built == ["a", "b", "c", "b", "large"]
 
 
+def test_what_two_threads_have_built_counts_once() -> None:
+    kept: Kept[np.ndarray] = Kept(200, lambda result: result.nbytes)
+    first, second = np.zeros(100, np.uint8), np.ones(100, np.uint8)
+    for result in (first, second):  # neither found it
+        kept.keep(b"a", result)
+    kept.keep(b"b", first)
+    assert kept.find(b"a") is second and kept.find(b"b") is first
+
+
 def test_keys_tell_contents_apart() -> None:
     numbers = np.arange(6, dtype=np.int32)
     same = key_of(numbers, True, "a")

@@ -200,6 +200,32 @@ def test_what_is_cleared_is_newtons_own(device: wp.Device, kind: str) -> None:
     assert np.abs(alphas[0].astype(int) - alphas[1]).mean() < 4.0 and alphas[0].min() == 0x80
 
 
+def test_what_is_missed_beside_smooth_edges_is_of_its_own_world(worlds: tuple[Any, Any], device: wp.Device) -> None:
+    """Each world's view alone is what it is among those of other worlds."""
+    model, state = worlds
+    rays = SensorCamera.compute_camera_rays_pinhole(*SIZE, camera_fov=0.8, device=device, sample_count=4)
+    positions = [(2.5, -2.0, 0.5)] * 3
+    config = SensorCamera.RenderConfig(anti_aliasing=1)
+    clear = TheirCamera.ClearData(clear_color=0x00336699)
+
+    def seen(indices: list[int]) -> np.ndarray:
+        sensor = SensorCamera(model)
+        sensor.create_default_light()
+        color = sensor.allocate_image_color(len(indices), *SIZE)
+        views, chosen = look_from(positions[: len(indices)], device), wp.array(indices, dtype=wp.int32, device=device)
+        sensor.update(
+            state, views, rays, color_image=color, world_indices=chosen, clear_data=clear, render_config=config
+        )
+        return color.numpy()
+
+    together = seen([0, 1, 2])
+    assert ((together[0] != together[2]) & (together[2] == 0x00336699)).any(), (
+        "nothing is hit where the first world's ball is"
+    )
+    for world in (1, 2):
+        np.testing.assert_array_equal(together[world], seen([world])[0], err_msg=f"{world}")
+
+
 def test_two_views_of_a_world_in_any_order(worlds: tuple[Any, Any]) -> None:
     model, state = worlds
     positions = [(2.5, -2.0, 1.5), (2.0, -2.5, 1.2), (-2.0, -2.0, 2.0), (0.0, -3.0, 1.0)]

@@ -188,7 +188,7 @@ def test_mjcf_and_urdf_are_read_by_mujoco(tmp_path: Path, device: wp.Device) -> 
         assert isinstance(Around(*scene.bounds(), (1, 1, 1)), Around)
 
 
-def test_formats_of_the_command_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_formats_of_the_command_line(tmp_path: Path) -> None:
     from warpcam import cli
 
     scene_of_parts().export(tmp_path / "it.glb")

@@ -1,6 +1,7 @@
 """What was built once and may be wanted again: by content, within bounds."""
 
 import hashlib
+import threading
 from collections import OrderedDict
 from collections.abc import Callable
 from typing import Generic, TypeVar
@@ -11,7 +12,7 @@ Built = TypeVar("Built")
 
 
 class Kept(Generic[Built]):
-    """The results used last, up to so many bytes of host memory.
+    """The results used last, up to so many bytes of host memory. Several threads may share it.
 
     Args:
         max_bytes: Of all that is kept.
@@ -22,6 +23,7 @@ class Kept(Generic[Built]):
         self._max_bytes, self._size = max_bytes, size
         self._results: OrderedDict[bytes, Built] = OrderedDict()
         self._bytes = 0
+        self._lock = threading.Lock()
 
     def get(self, key: bytes, build: Callable[[], Built]) -> Built:
         """What has that key, built if it is not there. Nobody may write to it."""
@@ -32,18 +34,22 @@ class Kept(Generic[Built]):
 
     def find(self, key: bytes) -> Built | None:
         """What has that key, None if nothing has. Nobody may write to it."""
-        if key in self._results:
-            self._results.move_to_end(key)
-        return self._results.get(key)
+        with self._lock:
+            if key in self._results:
+                self._results.move_to_end(key)
+            return self._results.get(key)
 
     def keep(self, key: bytes, result: Built) -> None:
-        """Have it found by that key, which has nothing yet, while there is room."""
-        if self._size(result) <= self._max_bytes:
-            self._results[key] = result
-            self._bytes += self._size(result)
-        while self._bytes > self._max_bytes:
-            _, oldest = self._results.popitem(last=False)
-            self._bytes -= self._size(oldest)
+        """Have it found by that key, in place of what was, while there is room."""
+        with self._lock:
+            if key in self._results:  # another thread has built it meanwhile
+                self._bytes -= self._size(self._results.pop(key))
+            if self._size(result) <= self._max_bytes:
+                self._results[key] = result
+                self._bytes += self._size(result)
+            while self._bytes > self._max_bytes:
+                _, oldest = self._results.popitem(last=False)
+                self._bytes -= self._size(oldest)
 
 
 def key_of(*parts: np.ndarray | str | bool | int) -> bytes:

@@ -99,7 +99,7 @@ def pack_meshes(
         if key not in built:
             nodes = tree.nodes
             if device.is_cuda:
-                nodes = _child_by_child(nodes) if moving else _short(nodes, _extent(mesh))
+                nodes = child_by_child(nodes) if moving else _short(nodes, _extent(mesh))
             built[key] = len(trees)
             trees.append((nodes, _with_backs(tree.faces, len(mesh.fronts)) if mesh.two_sided else tree.faces))
         elif mesh.moves or key not in places:
@@ -207,7 +207,7 @@ def _short(nodes: np.ndarray, extent: float) -> np.ndarray:
     return rows.view(np.float32).reshape(-1, 4)
 
 
-def _child_by_child(nodes: np.ndarray) -> np.ndarray:
+def child_by_child(nodes: np.ndarray) -> np.ndarray:
     """The same in scenes where meshes move."""
     by_bound = nodes.reshape(-1, 7, 4)
     by_child = np.zeros((len(by_bound), 4, 2, 4), np.float32)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 import warp as wp
 
-from warpcam.accel.meshes import _child_by_child
+from warpcam.accel.meshes import child_by_child
 from warpcam.errors import WarpcamError
 from warpcam.kernels import splat_build
 from warpcam.kernels.types import Splats
@@ -76,7 +76,7 @@ def pack_splats(clouds: Sequence[Cloud], columns: Sequence[int], device: wp.Devi
         tree[:, :3] = 1e30  # no children
         if len(gaussians):
             tree, order = splat_build.build(low, high)
-            tree, gaussians = _child_by_child(tree), gaussians[order]
+            tree, gaussians = child_by_child(tree), gaussians[order]
             lower[index], upper[index] = low.min(axis=0), high.max(axis=0)
         heads[index].view(np.int32)[:2] = node_rows // 8, num_gaussians
         heads[index, 2] = max(np.abs(lower[index]).max(), np.abs(upper[index]).max())

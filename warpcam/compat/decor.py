@@ -15,8 +15,8 @@ from warpcam.compat import abstract
 from warpcam.compat.lines import line_pieces
 from warpcam.compat.studio import Style, View
 from warpcam.errors import WarpcamError
+from warpcam.kernels.mirrors import SOLID
 from warpcam.kernels.types import BOX, CAPSULE, CONE, CYLINDER, ELLIPSOID, HEIGHT_FIELD, MESH, PLANE, SPHERE
-from warpcam.layers import SOLID
 from warpcam.sources.mujoco_decor import Decor, Pair
 
 GEOM = mujoco.mjtGeom

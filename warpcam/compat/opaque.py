@@ -9,11 +9,11 @@ from collections.abc import Sequence
 import mujoco
 import numpy as np
 
+from warpcam.kernels.mirrors import SOLID
 from warpcam.sources.mujoco_model import MODEL_NAMES
 
 KINDS = ("geom", "site", "tendon", "flex", "skin")
 PLAIN = np.array((0.5, 0.5, 0.5, 1.0), np.float32)  # a colour that lets the material's count
-SOLID = 0.995  # opacity from which on MuJoCo draws something solid
 # What a copy of a model follows.
 FOLLOWED = tuple(
     dict.fromkeys(

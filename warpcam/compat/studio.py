@@ -10,8 +10,9 @@ import numpy as np
 import warp as wp
 
 import warpcam as wc
-from warpcam.compat.opaque import SOLID, Follower, Opaque, Thinned, has_veils, sees_veils
+from warpcam.compat.opaque import Follower, Opaque, Thinned, has_veils, sees_veils
 from warpcam.errors import WarpcamError
+from warpcam.kernels.mirrors import SOLID
 from warpcam.sources.mujoco import load
 from warpcam.sources.mujoco_decor import Decor, Places, Room
 from warpcam.sources.mujoco_limits import UNLIMITED

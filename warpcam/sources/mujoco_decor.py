@@ -12,8 +12,8 @@ from typing import NamedTuple
 import mujoco
 import numpy as np
 
+from warpcam.kernels.mirrors import SOLID
 from warpcam.kernels.types import PLANE
-from warpcam.layers import SOLID
 
 LEAST = 8  # places of a kind, and of lights
 OF_ALL = ("hidden", "renamed", "lights")  # what of Decor has no rows

@@ -216,7 +216,7 @@ class _Reader:
         if "flexes" in self._kinds:
             self._read_flexes(start)
         if "skins" in self._kinds:
-            self._read_skins(start)
+            self._read_skins()
         if "actuators" in self._kinds:
             self._read_cranks()
         self._read_decor()
@@ -333,7 +333,7 @@ class _Reader:
             else:
                 self._move(row, *flex_surface(mjm, start, flex), of_skin=False)
 
-    def _read_skins(self, start: mujoco.MjData) -> None:
+    def _read_skins(self) -> None:
         mjm = self._mjm
         for skin in range(mjm.nskin):
             row = self._column(4, skin, mjm.skin_group, mjm.skin_rgba, mjm.skin_matid)

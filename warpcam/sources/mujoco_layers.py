@@ -53,10 +53,11 @@ def with_layers(
         reach = np.r_[reach, np.full(len(types) - mjm.ngeom, -1.0)]
     haze = [g for g in drawn if g < mjm.ngeom and types[g] == PLANE and (mjm.geom_size[g, :2] == 0.0).all()]
     red, green, blue = mjm.vis.rgba.haze[:3]
+    opacity = _opacity(colors, materials, material_colors, parts.num_worlds)
     layers = Layers(
         mirrors=find_mirrors(types, drawn, materials, reflectance, reflections),
         reflectance=reflectance,
-        veils=find_veils(types, drawn, _opacity(colors, materials, material_colors), transparency),
+        veils=find_veils(types, drawn, opacity, transparency),
         reach=np.where(types == PLANE, np.inf, reach).astype(np.float32),
         haze_plane=haze[0] if haze else -1,
         haze_color=(float(red), float(green), float(blue)),
@@ -72,11 +73,10 @@ def _extended(geoms: np.ndarray, columns: np.ndarray) -> np.ndarray:
     return np.concatenate((geoms, more), axis=1)
 
 
-def _opacity(colors: np.ndarray, materials: np.ndarray, material_colors: np.ndarray) -> np.ndarray:
-    """(n, geom): of the colour that counts."""
+def _opacity(colors: np.ndarray, materials: np.ndarray, material_colors: np.ndarray, num_worlds: int) -> np.ndarray:
+    """(n, geom): of the colour that counts, in as many worlds as there are different ones."""
     count = int(np.lcm.reduce([len(colors), len(materials), max(len(material_colors), 1)]))
-    count = min(count, max(len(colors), len(materials), len(material_colors)))
-    worlds = np.arange(count)
+    worlds = np.arange(min(count, num_worlds))
     color = np.array(colors[worlds % len(colors)])
     if material_colors.shape[1] == 0:
         return color[..., 3]

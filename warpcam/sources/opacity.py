@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from warpcam.layers import SOLID
+from warpcam.kernels.mirrors import SOLID
 
 
 def opacity_of(values: np.ndarray | None, factor: float, cutoff: float) -> tuple[float, np.ndarray | None]:
