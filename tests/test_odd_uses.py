@@ -127,6 +127,9 @@ CAMERAS = {
     f"Camera('own'): position must be numbers, (3,) or (3, 3), got {META}": {"position": torch.ones(3, device="meta")},
     "Camera('own'): position must be numbers, (3,) or (3, 3), got array([0.+1.j": {"position": np.array([1j, 0, 0])},
     "Camera('own'): position must be finite, got inf": {"position": (0.0, 0.0, 1e300)},
+    f"Camera('own'): lens Rays: directions must be numbers, got {META}": {
+        "lens": wc.Rays(torch.ones((8, 8, 3), device="meta"))
+    },
     "Camera('own'): antialiasing is 4.0; allowed are 1, 4": {"antialiasing": 4.0},
 }
 
@@ -145,6 +148,10 @@ def test_renderers(scene: wc.Scene) -> None:
         renderer.array([], "depth")  # type: ignore[arg-type]
     with says("Renderer.array: output [] came, 'own' renders depth"):
         renderer.array("own", [])  # type: ignore[arg-type]
+    with says("render: forward must be True or False, got 'no'"):
+        renderer.render(forward="no")  # type: ignore[arg-type]
+    with says("Renderer: graph must be True or False, got 'no'"):
+        wc.Renderer(scene, [own()], graph="no")  # type: ignore[arg-type]
     for way in (pickle.dumps, copy.copy, copy.deepcopy):
         with says("Renderer: it cannot be copied or pickled, as it holds memory of a device"):
             way(renderer)
@@ -181,6 +188,13 @@ def test_recipes() -> None:
         wc.randomize(scene, seed=1, shape_materials=[0.7])
     with says("randomize: shape_colors: rows must be whole numbers, got 'a'"):
         wc.randomize(scene, seed=1, shape_colors=wc.Uniform(0.0, 1.0, rows="a"))  # type: ignore[arg-type]
+    with says("randomize: shape_colors: of must be one of 'value', 'offset', 'factor', 'turn', got ['value']"):
+        wc.randomize(scene, seed=1, shape_colors=wc.Uniform(0.0, 1.0, of=["value"]))  # type: ignore[arg-type]
+    with says("randomize: shape_colors: linked must be True or False, got array([1, 0])"):
+        linked: Any = np.array([1, 0])
+        wc.randomize(scene, seed=1, shape_colors=wc.Uniform(0.0, 1.0, linked=linked))
+    with says("randomize: shape_colors: bounds must be finite numbers, got 1e+300"):
+        wc.randomize(scene, seed=1, shape_colors=wc.Uniform(0.0, 1e300))
 
 
 # Renders, and renders again in a child that has been forked off, where the threads of the parent are not.
@@ -242,6 +256,8 @@ def test_stages(stage: Any) -> None:
             wc.from_usd(stage, exposure=exposure)
     with says("textures must map names to images, got list"):
         wc.from_usd(stage, textures=["oak.png"])  # type: ignore[arg-type]
+    with says("textures must map names to images, got list"):
+        wc.from_usd(stage, textures=[])  # type: ignore[arg-type]
     scene = wc.from_usd(stage, device="cpu")
     with says(f"set_poses: poses must be an array of float32, got {META}"):
         scene.set_poses(["/Ball"], torch.zeros(1, 1, 7, device="meta"))

@@ -204,7 +204,7 @@ def from_usd(
         meters_per_unit=meters_per_unit,
         double_sided=double_sided,
         semantics=semantics,
-        textures=textures or {},
+        textures={} if textures is None else textures,
         exposure=exposure,
         transparency=transparency,
     )
@@ -238,7 +238,9 @@ def load(
     """
     from warpcam import files
 
-    return files.load(path, num_worlds, device, meters_per_unit, up_axis, textures or {}, transparency)
+    return files.load(
+        path, num_worlds, device, meters_per_unit, up_axis, {} if textures is None else textures, transparency
+    )
 
 
 def _source(name: str, extra: str = "mujoco") -> _Any:

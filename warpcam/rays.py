@@ -342,7 +342,7 @@ def _shape(value: Any) -> tuple[int, ...]:
 def _numbers(value: Any, where: str) -> np.ndarray:
     try:
         raw = np.asarray(interop.to_numpy(value))
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, RuntimeError):
         raise WarpcamError(f"{where} must be numbers, got {value!r}") from None
     if raw.dtype.kind not in "iuf":
         raise WarpcamError(f"{where} must be numbers, got {value!r}")

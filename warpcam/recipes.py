@@ -163,9 +163,11 @@ def _stage(state: Recipes, target: Any, name: str, recipe: Any, seeds: wp.array,
     if isinstance(recipe, Choice):
         what: tuple[Any, ...] = (_whole(f"{name}: what is chosen from", recipe.values),)
     else:
-        if recipe.linked not in (True, False):
+        if not isinstance(recipe.linked, bool):
             raise WarpcamError(f"randomize: {name}: linked must be True or False, got {recipe.linked!r}")
-        what = (_bounds(name, recipe.low), _bounds(name, recipe.high), recipe.of, bool(recipe.linked))
+        if not isinstance(recipe.of, str) or recipe.of not in KINDS:
+            raise WarpcamError(f"randomize: {name}: of must be one of {', '.join(map(repr, KINDS))}, got {recipe.of!r}")
+        what = (_bounds(name, recipe.low), _bounds(name, recipe.high), recipe.of, recipe.linked)
     key = (name, what, rows, len(seeds))
     stage = state.stages.get(key)
     if stage is None:
@@ -188,7 +190,8 @@ def _bounds(name: str, value: Any) -> tuple[float, ...]:
         numbers = np.ravel(np.asarray(value, np.float64))
     except (TypeError, ValueError):
         numbers = np.full(1, np.nan)
-    if not np.isfinite(numbers).all() or not numbers.size:
+    # What float32 cannot hold is not finite.
+    if not (np.abs(numbers) <= np.finfo(np.float32).max).all() or not numbers.size:
         raise WarpcamError(f"randomize: {name}: bounds must be finite numbers, got {value!r}")
     return tuple(float(number) for number in numbers)
 
@@ -246,8 +249,6 @@ def _record(
         column = ROLE_COLOR if name == "material_texture" else 0
         return kernels.record_draw(draw, out, choices, device, column)
     low, high = (bounds * width if len(bounds) == 1 else bounds for bounds in what[:2])
-    if recipe.of not in KINDS:
-        raise WarpcamError(f"randomize: {name}: of must be one of {', '.join(map(repr, KINDS))}, got {recipe.of!r}")
     if recipe.of == "turn" and (name not in TURNED or len(what[0]) != 1 or len(what[1]) != 1):
         raise WarpcamError(f"randomize: {name}: only {' and '.join(TURNED)} turn, by angles from low to high [degrees]")
     if recipe.of != "turn" and (len(low) != width or len(high) != width):

@@ -75,6 +75,8 @@ class Renderer:
     @context_kept()
     def __init__(self, scene: Scene, cameras: Sequence[Camera], *, graph: bool = True):
         self._cameras = check_cameras(scene, cameras)
+        if not isinstance(graph, bool):
+            raise WarpcamError(f"Renderer: graph must be True or False, got {graph!r}")
         interop.require_no_capture(scene.device, "Renderer")
         self._scene, self._device = scene, scene.device
         self.memory = estimate_memory(scene, cameras)
@@ -125,6 +127,8 @@ class Renderer:
         Returns:
             ``images``.
         """
+        if not isinstance(forward, bool):
+            raise WarpcamError(f"render: forward must be True or False, got {forward!r}")
         with self._turn:
             capturing = interop.is_capturing(self._device)
             if capturing and not self._scene.live_on_device:
