@@ -163,11 +163,11 @@ def _stage(state: Recipes, target: Any, name: str, recipe: Any, seeds: wp.array,
     if isinstance(recipe, Choice):
         what: tuple[Any, ...] = (_whole(f"{name}: what is chosen from", recipe.values),)
     else:
-        if not isinstance(recipe.linked, bool):
+        if not isinstance(recipe.linked, bool | np.bool_):
             raise WarpcamError(f"randomize: {name}: linked must be True or False, got {recipe.linked!r}")
         if not isinstance(recipe.of, str) or recipe.of not in KINDS:
             raise WarpcamError(f"randomize: {name}: of must be one of {', '.join(map(repr, KINDS))}, got {recipe.of!r}")
-        what = (_bounds(name, recipe.low), _bounds(name, recipe.high), recipe.of, recipe.linked)
+        what = (_bounds(name, recipe.low), _bounds(name, recipe.high), recipe.of, bool(recipe.linked))
     key = (name, what, rows, len(seeds))
     stage = state.stages.get(key)
     if stage is None:

@@ -7,6 +7,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
 import warp as wp
 
 from warpcam import interop
@@ -75,7 +76,7 @@ class Renderer:
     @context_kept()
     def __init__(self, scene: Scene, cameras: Sequence[Camera], *, graph: bool = True):
         self._cameras = check_cameras(scene, cameras)
-        if not isinstance(graph, bool):
+        if not isinstance(graph, bool | np.bool_):
             raise WarpcamError(f"Renderer: graph must be True or False, got {graph!r}")
         interop.require_no_capture(scene.device, "Renderer")
         self._scene, self._device = scene, scene.device
@@ -127,7 +128,7 @@ class Renderer:
         Returns:
             ``images``.
         """
-        if not isinstance(forward, bool):
+        if not isinstance(forward, bool | np.bool_):
             raise WarpcamError(f"render: forward must be True or False, got {forward!r}")
         with self._turn:
             capturing = interop.is_capturing(self._device)
