@@ -9,7 +9,7 @@ import time
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -329,10 +329,11 @@ def _work(left: deque[wp.Launch]) -> float:
 
 def _wake(work: Callable[[], float], threads: int) -> list[Future[float]]:
     """Have so many threads of the pool do some work."""
-    try:
-        return [_pool().submit(work) for _ in range(threads)]
-    except RuntimeError:  # the interpreter is ending, and a thread that does not keep it from that renders on
-        return []
+    woken: list[Future[float]] = []
+    with suppress(RuntimeError):  # the interpreter is ending, and a thread that does not keep it from that renders on
+        for _ in range(threads):
+            woken.append(_pool().submit(work))
+    return woken
 
 
 @functools.cache

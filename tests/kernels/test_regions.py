@@ -1,7 +1,8 @@
 """How many pixels a thread block draws: few worlds are cut into more blocks, as far as that pays. Images stay alike."""
 
 import threading
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Callable
+from concurrent.futures import Future, ThreadPoolExecutor
 from types import SimpleNamespace
 from typing import Any
 
@@ -178,3 +179,17 @@ def test_a_frame_does_not_wait_for_threads_that_do_not_come(device: wp.Device, m
         free.set()
     assert bool(seen.isfinite().any()) and bool((moved != seen).any())
     assert bool((moved == renderer.render()["eye"]["depth"]).all())
+
+
+def test_threads_that_came_before_one_could_not_are_waited_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    with ThreadPoolExecutor(1) as pool:
+        asked = iter((pool.submit, RuntimeError))
+
+        def submit(work: Callable[[], float]) -> Future[float]:
+            how = next(asked)
+            if how is RuntimeError:
+                raise RuntimeError("cannot schedule new futures after interpreter shutdown")
+            return how(work)
+
+        monkeypatch.setattr(launch, "_pool", lambda: SimpleNamespace(submit=submit))
+        assert [other.result() for other in launch._wake(lambda: 1.0, 3)] == [1.0]
