@@ -227,6 +227,7 @@ class DrivenScene(Scene):
     def _upload(self, what: str, value: Any, dtype: Any) -> wp.array:
         if interop.is_capturing(self.device):
             raise WarpcamError(f"{what}: a capture is under way; give a tensor on {self.device.alias}")
+        interop.require_wxyz(value, what)
         try:
             numbers = np.asarray(interop.to_numpy(value))
             allowed = {wp.uint8: "bu", wp.int32: "iu"}.get(dtype, "fiu")

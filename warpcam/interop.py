@@ -70,6 +70,17 @@ def to_numpy(value: Any) -> np.ndarray:
     return np.asarray(value)
 
 
+def require_wxyz(value: Any, where: str) -> None:
+    """Raise for Warp's own quaternions and transforms, whose w is last: their numbers would be read as w x y z."""
+    if isinstance(value, wp.array) and (
+        wp.types.type_is_quaternion(value.dtype) or wp.types.type_is_transformation(value.dtype)
+    ):
+        raise WarpcamError(
+            f"{where} must be numbers with quaternions w x y z, got a Warp array of {value.dtype.__name__}, which has "
+            "x y z w; give an array of float32"
+        )
+
+
 def as_tensor(array: np.ndarray) -> torch.Tensor:
     """The same memory, on the host."""
     return torch.from_numpy(array)

@@ -319,6 +319,7 @@ def per_world(
     """
     several = f"({num_worlds}, {width[0]})" if width else f"({num_worlds},)"
     allowed = f"{width or 'a number'} or {several}"
+    interop.require_wxyz(value, where)
     try:
         raw = np.asarray(interop.to_numpy(value))
     except (TypeError, ValueError, RuntimeError):
