@@ -23,6 +23,7 @@ from warpcam.past import CameraPast
 from warpcam.rays import TableLens
 from warpcam.scene import Scene
 
+MAX_EXPOSURE = 127  # beyond, 2 to it is no float32
 CLIPPING = {"none": views_stage.CLIP_NONE, "max": views_stage.CLIP_MAX, "zero": views_stage.CLIP_ZERO}
 
 
@@ -255,6 +256,8 @@ class Mounted:
         if camera.exposure is None and camera.gain is None:
             return
         self._own("exposure", 0.0 if camera.exposure is None else camera.exposure, wp.float32)
+        if self.arrays["exposure"].numpy().max() > MAX_EXPOSURE:
+            raise WarpcamError(f"{camera.where}: exposure must be at most {MAX_EXPOSURE}, got {camera.exposure!r}")
         gain = 1.0 if camera.gain is None else camera.gain
         try:
             is_one = interop.to_numpy(gain).ndim == 0

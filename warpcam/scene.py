@@ -260,19 +260,22 @@ class Scene:
 
     def tables(self) -> Tables:
         """The scene for the kernels: the same object until the source's arrays are others."""
-        arrays = self._own.over(self._source.arrays())
-        ambient = self._source.global_ambient()
-        if ambient == self._ambient and all(map(operator.is_, arrays.values(), self._last)):
+        theirs = self._source.arrays()
+        arrays = self._own.over(theirs)
+        ambient, hiding = self._source.global_ambient(), theirs["shape_colors"]  # which hides what is painted, too
+        last = (*arrays.values(), hiding)
+        if ambient == self._ambient and all(map(operator.is_, last, self._last)):
             return self._tables
-        key = (ambient, *map(_identity, arrays.values()))
+        key = (ambient, *map(_identity, last))
         if key != self._key:
             for name, field in self._fields.items():
                 rows, label = self._counts[field.rows], self._source.label(name)
-                check_array(label, field, arrays[name], rows, self.num_worlds, self.device)
+                for array in (arrays[name], hiding) if name == "shape_colors" else (arrays[name],):
+                    check_array(label, field, array, rows, self.num_worlds, self.device)
             self._arrays = arrays
             self._tables = self._build(arrays, ambient)
             self._key = key
-        self._ambient, self._last = ambient, tuple(arrays.values())
+        self._ambient, self._last = ambient, last
         return self._tables
 
     def moving_faces(self) -> np.ndarray:
