@@ -266,9 +266,7 @@ class OneWorld(gymnasium.Env):  # type: ignore[misc]
         return _row(observations, 0), _info(infos)
 
     def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
-        observations, rewards, terminations, truncations, infos = self.env.step(
-            action[None] if interop.is_tensor(action) else np.asarray(action)[None]
-        )
+        observations, rewards, terminations, truncations, infos = self.env.step(_batched(action))
         ends = bool(terminations[0]), bool(truncations[0])
         return _row(observations, 0), float(rewards[0]), *ends, _info(infos)
 
@@ -347,6 +345,15 @@ def _row(observations: Any, world: int) -> Any:
     if isinstance(observations, tuple):
         return tuple(_row(value, world) for value in observations)
     return observations[world]
+
+
+def _batched(action: Any) -> Any:
+    """Of one world."""
+    if isinstance(action, Mapping):
+        return {key: _batched(value) for key, value in action.items()}
+    if isinstance(action, tuple):
+        return tuple(map(_batched, action))
+    return action[None] if interop.is_tensor(action) else np.asarray(action)[None]
 
 
 def _info(infos: Mapping[str, Any]) -> dict[str, Any]:

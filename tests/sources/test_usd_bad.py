@@ -85,6 +85,9 @@ WARNINGS: dict[str, str] = {
         'texCoord2f[] primvars:st = [(0, 0)] (interpolation = "vertex")\nint[] faceVertexCounts',
     ),
     "is a light of type GeometryLight, which gives no light here: /a": 'def GeometryLight "a" {}',
+    "is of a brightness that is not finite, and gives no light: /a": (
+        'def DistantLight "a" {\nfloat inputs:exposure = 2000\n}'
+    ),
     "shines, which meshes do not here: /a": SQUARE.replace('"it"', '"a" (prepend apiSchemas = ["MeshLightAPI"])'),
     "changes its faces with time, and is drawn as it was at first: /a": SQUARE.replace("it", "a").replace(
         "int[] faceVertexCounts = [4]", "int[] faceVertexCounts.timeSamples = {0: [4], 1: [4]}"
