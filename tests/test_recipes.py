@@ -186,7 +186,7 @@ def test_it_may_be_captured(scene: wc.Scene, device: wp.Device) -> None:
         ({"light_diffuse": wc.Uniform(0, 1, of="log")}, "of must be one of 'value', 'offset', 'factor', 'turn'"),
         ({"light_diffuse": wc.Uniform(0, 1, linked="no")}, "light_diffuse: linked must be True or False, got 'no'"),
         ({"light_diffuse": ([[0, 0, 0]], 1)}, "randomize: light_diffuse: bounds must be a number or 3"),
-        ({"light_diffuse": wc.Uniform(0, 1, rows=[True, False])}, "light_diffuse: rows must be indices and no truths"),
+        ({"light_diffuse": wc.Uniform(0, 1, rows=[True, False])}, "light_diffuse: rows must be whole numbers, got"),
         ({"light_intensity": (-2, -1)}, "randomize: light_intensity: values must be from 0 to inf, got -2, -1"),
         ({"light_intensity": wc.Uniform(-1, 1, of="factor")}, "light_intensity: factors must be from 0 to inf, got -1"),
         ({"background": (0, 2)}, "randomize: background: values must be from 0 to 1, got 0, 2"),

@@ -82,9 +82,9 @@ class PixelObservation(VectorWrapper):  # type: ignore[misc]
             if value not in allowed:
                 raise WarpcamError(f"PixelObservation: {name} {value!r} came, allowed are {', '.join(allowed)}")
         switches = {"concatenate": concatenate, "copy": copy, "forward": forward, "final_images": final_images}
-        for name, value in switches.items():
-            if not isinstance(value, bool | np.bool_):
-                raise WarpcamError(f"PixelObservation: {name} must be True or False, got {value!r}")
+        for name, switch in switches.items():
+            if not isinstance(switch, bool | np.bool_):
+                raise WarpcamError(f"PixelObservation: {name} must be True or False, got {switch!r}")
         if len(renderer.faulty) != env.num_envs:
             raise WarpcamError(
                 f"PixelObservation: the renderer's scene has {len(renderer.faulty)} worlds, the env {env.num_envs}; "

@@ -166,9 +166,7 @@ def _stage(state: Recipes, target: Any, name: str, recipe: Any, seeds: wp.array,
         recipe = Choice(recipe)
     if not isinstance(recipe, Uniform | Choice):
         raise WarpcamError(f"randomize: {name} must be (low, high), a list, Uniform or Choice, got {recipe!r}")
-    rows = None if recipe.rows is None else _whole(f"{name}: rows", recipe.rows)
-    if rows is not None and any(isinstance(row, bool | np.bool_) for row in recipe.rows):
-        raise WarpcamError(f"randomize: {name}: rows must be indices and no truths, got {recipe.rows!r}")
+    rows = None if recipe.rows is None else _whole(f"{name}: rows", recipe.rows, truths=False)
     if isinstance(recipe, Choice):
         what: tuple[Any, ...] = (_whole(f"{name}: what is chosen from", recipe.values),)
     else:
@@ -187,9 +185,13 @@ def _stage(state: Recipes, target: Any, name: str, recipe: Any, seeds: wp.array,
     return state.keep(key, stage, capturing)
 
 
-def _whole(what: str, values: Any) -> tuple[int, ...]:
+def _whole(what: str, values: Any, truths: bool = True) -> tuple[int, ...]:
+    """Of a sequence that may have ``truths``, which are 1 and 0, or must not."""
     try:
-        return tuple(operator.index(value.item() if isinstance(value, np.bool_) else value) for value in values)
+        plain = [value.item() if isinstance(value, np.bool_) else value for value in values]
+        if not truths and any(isinstance(value, bool) for value in plain):
+            raise TypeError
+        return tuple(map(operator.index, plain))
     except TypeError:
         raise WarpcamError(f"randomize: {what} must be whole numbers, got {values!r}") from None
 
@@ -267,11 +269,11 @@ def _record(
         )
     if any(one > other for one, other in zip(low, high, strict=True)):
         raise WarpcamError(f"randomize: {name}: low must not be above high, got {recipe.low!r}, {recipe.high!r}")
-    least, most = RANGES.get(name, (-math.inf, math.inf))
-    if (recipe.of == "value" and (min(low) < least or max(high) > most)) or (
-        recipe.of == "factor" and least == 0.0 and min(low) < 0.0
-    ):
-        allowed = f"from {least:g} to {most:g}" if least > -math.inf else f"at most {most:g}"
+    lowest, highest = RANGES.get(name, (-math.inf, math.inf))
+    beyond = min(low) < lowest or max(high) > highest
+    turned_round = lowest == 0.0 and min(low) < 0.0
+    if (recipe.of == "value" and beyond) or (recipe.of == "factor" and turned_round):
+        allowed = f"from {lowest:g} to {highest:g}" if lowest > -math.inf else f"at most {highest:g}"
         raise WarpcamError(f"randomize: {name}: {recipe.of}s must be {allowed}, got {recipe.low!r}, {recipe.high!r}")
     draw.low, draw.high = (wp.array(np.array(values), dtype=wp.float32, device=device) for values in (low, high))
     draw.kind, draw.linked = KINDS[recipe.of], int(recipe.linked)
