@@ -68,6 +68,7 @@ class Scene:
         self._arrays: Mapping[str, wp.array] = {}
         self._key: tuple[Any, ...] = ()
         self._ambient, self._last = -1.0, ()
+        self._hiding: wp.array | None = None
         seen = [int(parts.shape_types[shape]) for shape in parts.drawn]
         shut = 0 < seen.count(MESH) <= FEW_MESHES and not parts.physical and not parts.scaled
         ahead = [(kernel, BLOCK) for kernel in source.kernels()]
@@ -263,19 +264,17 @@ class Scene:
         theirs = self._source.arrays()
         arrays = self._own.over(theirs)
         ambient, hiding = self._source.global_ambient(), theirs["shape_colors"]  # which hides what is painted, too
-        last = (*arrays.values(), hiding)
-        if ambient == self._ambient and all(map(operator.is_, last, self._last)):
+        if ambient == self._ambient and hiding is self._hiding and all(map(operator.is_, arrays.values(), self._last)):
             return self._tables
-        key = (ambient, *map(_identity, last))
+        key = (ambient, _identity(hiding), *map(_identity, arrays.values()))
         if key != self._key:
             for name, field in self._fields.items():
                 rows, label = self._counts[field.rows], self._source.label(name)
-                for array in (arrays[name], hiding) if name == "shape_colors" else (arrays[name],):
-                    check_array(label, field, array, rows, self.num_worlds, self.device)
+                check_array(label, field, arrays[name], rows, self.num_worlds, self.device)
             self._arrays = arrays
             self._tables = self._build(arrays, ambient)
             self._key = key
-        self._ambient, self._last = ambient, last
+        self._ambient, self._hiding, self._last = ambient, hiding, tuple(arrays.values())
         return self._tables
 
     def moving_faces(self) -> np.ndarray:
