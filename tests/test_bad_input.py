@@ -184,6 +184,7 @@ WORLDS = {
     "render: worlds has id 7; allowed are 0 to 1": wp.array([7], dtype=wp.int64, device="cpu"),
     "render: worlds as a mask must have shape (2,), got (3,)": [True, False, True],
     "render: worlds as a mask must have shape (2,), got (1,)": torch.ones(1, dtype=torch.bool),
+    "render: worlds must be ids (n,), or a mask (2,) of bool or uint8, got [True, 1]": [True, 1],
     "render: worlds must be ids (n,), or a mask (2,) of bool or uint8, got 'all'": "all",
     "render: worlds must be ids (n,), or a mask (2,) of bool or uint8, got 1": 1,
     "render: worlds must be ids (n,), or a mask (2,) of bool or uint8, got tensor(1)": torch.tensor(1),

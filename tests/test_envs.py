@@ -115,6 +115,19 @@ def test_one_world_tells_of_itself_alone(device: wp.Device) -> None:
     assert observation["state"].shape == (1,)
 
 
+def test_one_worlds_action_may_have_parts() -> None:
+    class Parts(Sliders):
+        def step(self, actions: Any) -> Any:
+            assert actions["arm"][0].shape == (1, 2) and actions["grip"].shape == (1,)
+            return super().step(actions["arm"][1])
+
+    env = OneWorld(Parts(1, AutoresetMode.DISABLED))
+    env.reset(seed=1)
+    before = env.step({"arm": (np.zeros(2), np.zeros(1, np.float32)), "grip": np.int64(1)})[0]
+    after = env.step({"arm": (np.zeros(2), np.ones(1, np.float32)), "grip": np.int64(1)})[0]
+    assert after != before
+
+
 def test_classic_envs_in_gymnasiums_own_vector_env(device: wp.Device) -> None:
     """Worlds of classic MuJoCo, one for each env: their data are what is rendered, whoever steps them."""
     mjm = mujoco.MjModel.from_xml_string(MODEL)

@@ -138,6 +138,14 @@ def test_spaces_hold_what_is_behind_a_fisheye(device: wp.Device) -> None:
     assert observation in seen.observation_space
 
 
+@pytest.mark.parametrize("name", ["forward", "copy", "concatenate", "final_images"])
+def test_switches_are_on_or_off(name: str) -> None:
+    env = Sliders(2, AutoresetMode.NEXT_STEP, "cpu")
+    renderer = wc.Renderer(env.scene, [scenes.own_camera(width=4, height=4, outputs=("depth",))])
+    with pytest.raises(wc.WarpcamError, match=f"PixelObservation: {name} must be True or False, got 'no'"):
+        PixelObservation(env, renderer, **{name: "no"})
+
+
 @pytest.mark.parametrize("as_tensor", [True, False], ids=["tensor", "numpy"])
 def test_a_mask_of_whole_numbers_is_not_taken_for_ids(as_tensor: bool) -> None:
     env = pixels(3, AutoresetMode.DISABLED)

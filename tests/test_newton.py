@@ -130,6 +130,22 @@ def test_a_mesh_with_bad_indices_is_named(device: wp.Device) -> None:
         wc.from_newton(model, state)
 
 
+def test_a_joint_that_closes_a_loop_takes_no_body_from_its_articulation(device: wp.Device) -> None:
+    builder = newton.ModelBuilder()
+    links = [builder.add_link(xform=wp.transform((x, 0.0, 0.0), wp.quat_identity())) for x in (-0.5, 0.5)]
+    for link in links:
+        builder.add_shape_sphere(link, radius=0.4)
+    joints = [builder.add_joint_revolute(-1, links[0]), builder.add_joint_revolute(links[0], links[1])]
+    builder.add_articulation(joints, label="arm")
+    builder.add_joint_ball(-1, links[1])
+    model, state = newton_scenes.finalize(builder, device)
+    scene = wc.from_newton(model, state, semantics={"arm": 5})
+    seen = scenes.look(scene, eye(outputs=("segmentation", "instances", "semantics")))
+    there = seen["segmentation"] >= 0
+    assert set(np.unique(seen["segmentation"][there])) == {0, 1}
+    assert (seen["instances"][there] == 0).all() and (seen["semantics"][there] == 5).all()
+
+
 def test_labels_of_articulations_bodies_and_paths(device: wp.Device, caplog: pytest.LogCaptureFixture) -> None:
     robot = newton.ModelBuilder()
     hand = robot.add_link(label="robot/arm/hand", xform=pose(0.0, 0.0, 1.0))

@@ -6,8 +6,10 @@ import mujoco
 import numpy as np
 import pytest
 import scenes
+import stages
 import torch
 import warp as wp
+from pxr import Usd, UsdLux
 
 import warpcam as wc
 from warpcam import recipes
@@ -183,6 +185,11 @@ def test_it_may_be_captured(scene: wc.Scene, device: wp.Device) -> None:
         ({"light_diffuse": wc.Uniform(0, 1, of="turn")}, "only light_directions and rotation turn"),
         ({"light_diffuse": wc.Uniform(0, 1, of="log")}, "of must be one of 'value', 'offset', 'factor', 'turn'"),
         ({"light_diffuse": wc.Uniform(0, 1, linked="no")}, "light_diffuse: linked must be True or False, got 'no'"),
+        ({"light_diffuse": ([[0, 0, 0]], 1)}, "randomize: light_diffuse: bounds must be a number or 3"),
+        ({"light_diffuse": wc.Uniform(0, 1, rows=[True, False])}, "light_diffuse: rows must be whole numbers, got"),
+        ({"light_intensity": (-2, -1)}, "randomize: light_intensity: values must be from 0 to inf, got -2, -1"),
+        ({"light_intensity": wc.Uniform(-1, 1, of="factor")}, "light_intensity: factors must be from 0 to inf, got -1"),
+        ({"background": (0, 2)}, "randomize: background: values must be from 0 to 1, got 0, 2"),
         ({"seed": torch.tensor(5, dtype=torch.int32), "light_diffuse": (0, 1)}, "seed must be a whole number of 32 b"),
         ({"light_active": [0, 2]}, "a choice of on and off takes 1 and 0"),
         ({"light_active": []}, "a choice needs at least one value"),
@@ -236,3 +243,23 @@ def test_nothing_may_be_drawn_of_nothing(device: wp.Device) -> None:
 def test_targets_are_scenes_and_cameras(device: wp.Device) -> None:
     with pytest.raises(WarpcamError, match=r"randomize: target must be a scene or renderer.camera\(...\), got dict"):
         wc.randomize({}, light_diffuse=(0, 1))
+
+
+def test_no_camera_is_exposed_beyond_what_a_float_holds(scene: wc.Scene) -> None:
+    eye = wc.Camera("eye", width=4, height=4, lens=wc.Pinhole(fovy=60.0), position=(0.0, 0.0, 3.0), exposure=0.0)
+    arrays = wc.Renderer(scene, [eye]).camera("eye")
+    wc.randomize(arrays, exposure=(-2.0, 2.0))
+    with pytest.raises(WarpcamError, match="randomize: exposure: values must be at most 127, got 0, 128"):
+        wc.randomize(arrays, exposure=(0, 128))
+
+
+def test_bounds_may_have_the_shape_of_an_entry(device: wp.Device) -> None:
+    stage = stages.metric(Usd.Stage.CreateInMemory())
+    stages.add_square(stage, "/square")
+    UsdLux.SphereLight.Define(stage, "/lamp")
+    scene = wc.from_usd(stage, 2, device=device)
+    axes = np.arange(9.0).reshape(3, 3)
+    wc.randomize(scene, light_rotations=(axes, axes))
+    assert (scene.vary("light_rotations").cpu() == torch.as_tensor(axes)).all()
+    with pytest.raises(WarpcamError, match="randomize: light_rotations: bounds must be a number or 9"):
+        wc.randomize(scene, light_rotations=(axes[None], axes))

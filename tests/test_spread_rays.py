@@ -93,6 +93,23 @@ def test_worlds_have_tables_of_their_own(model: tuple[Any, Any], device: wp.Devi
         assert (together["distance"][0] != together["distance"][2]).any()
 
 
+@pytest.mark.parametrize("spread", [False, True], ids=["one place", "spread"])
+def test_edges_are_smoothed_by_the_pixels_of_their_own_world(
+    model: tuple[Any, Any], spread: bool, device: wp.Device
+) -> None:
+    """Of which the first world's are far narrower than the second's."""
+    mjm, mjd = model
+    scene, alone = wc.from_mujoco(mjm, [mjd] * 2, device=device), wc.from_mujoco(mjm, mjd, device=device)
+    x, y = np.meshgrid(np.linspace(-0.9, 0.9, WIDTH), np.linspace(0.7, -0.7, HEIGHT))
+    rays = np.stack([np.stack((part * x, part * y, -np.ones_like(x)), axis=-1) for part in (0.05, 1.0)])
+    origins = 0.05 * rays * (1.0, 1.0, 0.0) if spread else None
+    settings = {"outputs": ("rgb",), "antialiasing": 4}
+    together = wc.Renderer(scene, [camera(wc.Rays(rays, origins=origins), **settings)]).render()["own"]["rgb"]
+    for world in range(2):
+        lens = wc.Rays(rays[world], origins=None if origins is None else origins[world])
+        assert (together[world].cpu().numpy() == rendered(alone, camera(lens, **settings))[0]["rgb"]).all()
+
+
 def test_a_table_is_written_again(model: tuple[Any, Any], device: wp.Device) -> None:
     """By any lens that is a table; but there is room for places only where some were given."""
     scene = wc.from_mujoco(*model, device=device)

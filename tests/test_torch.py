@@ -2,6 +2,7 @@
 
 import gc
 from collections.abc import Iterator
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -10,6 +11,7 @@ import torch
 import warp as wp
 
 import warpcam as wc
+from warpcam import interop
 from warpcam.outputs import OUTPUTS
 
 # Without "rgb": its light would only lengthen the compilation.
@@ -198,3 +200,19 @@ def test_a_capture_of_a_host_scene_is_refused(device: wp.Device) -> None:
     renderer.render()
     with pytest.raises(wc.WarpcamError, match="capture"), wp.ScopedCapture(device):
         renderer.render()
+
+
+def test_streams_are_in_order_after_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What was queued before it is waited for."""
+    waits = []
+
+    def stream(name: str) -> Any:
+        wait = lambda other: waits.append((name, other.cuda_stream))  # noqa: E731 - as Warp's streams have it
+        return SimpleNamespace(cuda_stream=name, is_capturing=False, wait_stream=wait)
+
+    monkeypatch.setattr(torch.cuda, "current_stream", lambda ordinal: stream("torch's"))
+    monkeypatch.setattr(interop, "_stream", lambda ordinal, handle: stream(handle))
+    device: Any = SimpleNamespace(stream=stream("Warp's"), ordinal=0)
+    with pytest.raises(KeyError), interop._in_order(device):
+        raise KeyError
+    assert waits == [("Warp's", "torch's"), ("torch's", "Warp's")]

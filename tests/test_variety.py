@@ -303,6 +303,19 @@ def test_one_world_of_a_stage_differs(device: wp.Device, loads: list[str]) -> No
         scene.set_colors(["/square"], np.ones((1, 1, 3), np.float32))
 
 
+def test_what_a_stage_hides_later_stays_hidden(device: wp.Device) -> None:
+    """Where it has one colour for all worlds, until some of them hide it."""
+    stage = stages.metric(Usd.Stage.CreateInMemory())
+    stages.add_square(stage, "/square")
+    scene = wc.from_usd(stage, WORLDS, device=device)
+    renderer = wc.Renderer(scene, [eye := stages.above(3.0, 8, 2.0, "depth")])
+    scene.vary("shape_colors").fill_(1.0)
+    assert torch.isfinite(renderer.render()[eye.name]["depth"]).all()
+    scene.set_visible(["/square"], np.array([[True], [False], [True]]))
+    depth = renderer.render()[eye.name]["depth"]
+    assert [torch.isfinite(depth[world]).all().item() for world in range(WORLDS)] == [True, False, True]
+
+
 def test_what_cannot_be_varied_is_named(device: wp.Device) -> None:
     scene = make("mujoco_warp", device)
     with pytest.raises(WarpcamError, match="vary: 'geom_rgba' came; in this scene it may be shape_colors, "):
@@ -323,6 +336,7 @@ def test_what_cannot_be_varied_is_named(device: wp.Device) -> None:
     ("options", "message"),
     [
         ({"exposure": "dark"}, r"Camera\('eye'\): exposure must be numbers"),
+        ({"exposure": (0.0, 128.0, 0.0)}, r"Camera\('eye'\): exposure must be at most 127, got \(0.0, 128.0, 0.0\)"),
         ({"gain": (1.0, 2.0)}, r"Camera\('eye'\): gain must have shape"),
         ({"gain": -1.0}, r"Camera\('eye'\): gain must not be negative, got -1.0"),
         ({"background": np.zeros((2, 3))}, r"Camera\('eye'\): background must have shape \(3,\) or \(3, 3\)"),

@@ -43,7 +43,8 @@ class Camera:
             ``rgb``, ``rgba`` and ``hdr``; all other outputs are those of the pixel's centre.
         background: Display colour in [0, 1] where nothing is hit, (3,) or (world, 3); None is the scene's own: its
             skybox, else black.
-        exposure: All light is multiplied by 2 to this in ``rgb``, ``rgba`` and ``hdr``: a number or (world,).
+        exposure: All light is multiplied by 2 to this in ``rgb``, ``rgba`` and ``hdr``: a number or (world,), at
+            most 127.
         gain: All light is multiplied by this, too: a number, (3,) for red, green and blue, or (world, 3).
     """
 

@@ -20,6 +20,13 @@ def check_num_worlds(num_worlds: Any) -> None:
         raise WarpcamError(f"num_worlds must be less than 2^31, got {num_worlds}")
 
 
+def check_unit(meters_per_unit: Any) -> None:
+    """What a user gives as the length of a file's unit, None for the file's own."""
+    is_number = isinstance(meters_per_unit, int | float | np.number) and not isinstance(meters_per_unit, bool)
+    if meters_per_unit is not None and not (is_number and 0.0 < meters_per_unit < np.inf):
+        raise WarpcamError(f"meters_per_unit must be a positive number, got {meters_per_unit!r}")
+
+
 def check_semantics(labels: Any) -> dict[str, int]:
     """A user's numbers of labels."""
     if not isinstance(labels, Mapping):

@@ -81,6 +81,10 @@ class PixelObservation(VectorWrapper):  # type: ignore[misc]
         for name, value, allowed in (("layout", layout, LAYOUTS), ("arrays", arrays, KINDS)):
             if value not in allowed:
                 raise WarpcamError(f"PixelObservation: {name} {value!r} came, allowed are {', '.join(allowed)}")
+        switches = {"concatenate": concatenate, "copy": copy, "forward": forward, "final_images": final_images}
+        for name, switch in switches.items():
+            if not isinstance(switch, bool | np.bool_):
+                raise WarpcamError(f"PixelObservation: {name} must be True or False, got {switch!r}")
         if len(renderer.faulty) != env.num_envs:
             raise WarpcamError(
                 f"PixelObservation: the renderer's scene has {len(renderer.faulty)} worlds, the env {env.num_envs}; "
@@ -262,9 +266,7 @@ class OneWorld(gymnasium.Env):  # type: ignore[misc]
         return _row(observations, 0), _info(infos)
 
     def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
-        observations, rewards, terminations, truncations, infos = self.env.step(
-            action[None] if interop.is_tensor(action) else np.asarray(action)[None]
-        )
+        observations, rewards, terminations, truncations, infos = self.env.step(_batched(action))
         ends = bool(terminations[0]), bool(truncations[0])
         return _row(observations, 0), float(rewards[0]), *ends, _info(infos)
 
@@ -343,6 +345,15 @@ def _row(observations: Any, world: int) -> Any:
     if isinstance(observations, tuple):
         return tuple(_row(value, world) for value in observations)
     return observations[world]
+
+
+def _batched(action: Any) -> Any:
+    """Of one world."""
+    if isinstance(action, Mapping):
+        return {key: _batched(value) for key, value in action.items()}
+    if isinstance(action, tuple):
+        return tuple(map(_batched, action))
+    return action[None] if interop.is_tensor(action) else np.asarray(action)[None]
 
 
 def _info(infos: Mapping[str, Any]) -> dict[str, Any]:

@@ -5,11 +5,10 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-from warpcam.checks import check_num_worlds
+from warpcam.checks import check_num_worlds, check_unit
 from warpcam.device import resolve
 from warpcam.errors import WarpcamError
+from warpcam.layers import choice_of
 from warpcam.scene import Scene
 
 USD = (".usd", ".usda", ".usdc", ".usdz")
@@ -40,10 +39,8 @@ def load(
     check_num_worlds(num_worlds)
     if up_axis not in ("Z", None):
         raise WarpcamError(f'up_axis must be "Z", or None for the file\'s own axes, got {up_axis!r}')
-    if meters_per_unit is not None and not (
-        isinstance(meters_per_unit, int | float) and 0.0 < meters_per_unit < np.inf
-    ):
-        raise WarpcamError(f"meters_per_unit must be a positive number, got {meters_per_unit!r}")
+    check_unit(meters_per_unit)
+    choice_of("transparency", transparency)
     if kind in USD:
         return warpcam.from_usd(
             file,

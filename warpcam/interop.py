@@ -137,9 +137,11 @@ def _in_order(device: wp.Device) -> Iterator[None]:
     apart = theirs.cuda_stream != ours.cuda_stream
     if apart:
         ours.wait_stream(theirs)
-    yield
-    if apart:
-        theirs.wait_stream(ours)
+    try:
+        yield
+    finally:  # what was queued before an error, too
+        if apart:
+            theirs.wait_stream(ours)
 
 
 @lru_cache(maxsize=64)

@@ -23,6 +23,7 @@ from warpcam.past import CameraPast
 from warpcam.rays import TableLens
 from warpcam.scene import Scene
 
+MAX_EXPOSURE = 127  # beyond, 2 to it is no float32
 CLIPPING = {"none": views_stage.CLIP_NONE, "max": views_stage.CLIP_MAX, "zero": views_stage.CLIP_ZERO}
 
 
@@ -188,9 +189,9 @@ class Mounted:
 
     def _make_table(self, lens: TableLens) -> None:
         device = self._scene.device
-        packed, width = self._packed(lens, lens.spread)
+        packed, widths = self._packed(lens, lens.spread)
         self._table = wp.array(packed, dtype=wp.float32, device=device)
-        self._handles = wp.array(self._handles_of(width), dtype=wp.vec4, device=device)
+        self._handles = wp.array(self._handles_of(widths), dtype=wp.vec4, device=device)
 
     def set_table(self, lens: Any) -> None:
         """Write another lens over the table there is."""
@@ -205,27 +206,28 @@ class Mounted:
                 f"{camera.where}: set_lens was given Rays with origins, and the renderer was built with a lens whose "
                 "rays all begin at the camera's position; build it with Rays that have origins"
             )
-        packed, width = self._packed(lens, own.spread)
+        packed, widths = self._packed(lens, own.spread)
         if len(packed) > len(self._table):
             raise WarpcamError(
                 f"{camera.where}: set_lens was given a lens for each world, and the renderer was built with one for "
                 "all; build it with a lens for each world"
             )
         self._table.assign(np.broadcast_to(packed, self._table.shape))
-        self._handles.assign(self._handles_of(width))
+        self._handles.assign(self._handles_of(widths))
 
-    def _packed(self, lens: TableLens, spread: bool) -> tuple[np.ndarray, float]:
-        """A lens's tables, with room for where rays begin if they are ``spread``, and how wide a pixel is."""
+    def _packed(self, lens: TableLens, spread: bool) -> tuple[np.ndarray, list[float]]:
+        """A lens's tables, with room for where rays begin if they are ``spread``, and how wide a pixel is of each."""
         size = (self._camera.width, self._camera.height, self._scene.num_worlds, self._camera.where)
         rays = lens.rays(*size)
         if not spread:
-            return pack_rays(rays), pixel_angle(rays[0])
+            return pack_rays(rays), [pixel_angle(one) for one in rays]
         rays, starts = np.broadcast_arrays(rays, lens.starts(*size))
-        return pack_spread(rays, starts), spread_width(rays[0], starts[0])
+        widths = [spread_width(one, begin) for one, begin in zip(rays, starts, strict=True)]
+        return pack_spread(rays, starts), widths
 
-    def _handles_of(self, width: float) -> np.ndarray:
+    def _handles_of(self, widths: list[float]) -> np.ndarray:
         count, floats = self._table.shape
-        return handles(self._table.ptr or 0, count, floats, self._camera.width, self._camera.height, width)
+        return handles(self._table.ptr or 0, count, floats, self._camera.width, self._camera.height, widths)
 
     def _make_lens(self, lens: Lens) -> None:
         camera, num_worlds = self._camera, self._scene.num_worlds
@@ -255,6 +257,8 @@ class Mounted:
         if camera.exposure is None and camera.gain is None:
             return
         self._own("exposure", 0.0 if camera.exposure is None else camera.exposure, wp.float32)
+        if self.arrays["exposure"].numpy().max() > MAX_EXPOSURE:
+            raise WarpcamError(f"{camera.where}: exposure must be at most {MAX_EXPOSURE}, got {camera.exposure!r}")
         gain = 1.0 if camera.gain is None else camera.gain
         try:
             is_one = interop.to_numpy(gain).ndim == 0

@@ -17,7 +17,7 @@ from warpcam.errors import WarpcamError
 from warpcam.kernels import randomize as kernels
 from warpcam.kernels.launch import Stage
 from warpcam.kernels.types import ROLE_COLOR
-from warpcam.mounting import CameraArrays
+from warpcam.mounting import MAX_EXPOSURE, CameraArrays
 from warpcam.scene import Scene
 from warpcam.selection import Selection
 
@@ -30,6 +30,13 @@ KINDS: Mapping[str, int] = {
 }
 SINGLE = ("background", "skybox")  # arrays of a scene without a second dimension that counts something
 TURNED = ("light_directions", "rotation")
+# What Light and Camera refuse is not drawn either: the lowest and the highest value of these.
+LIT = ("light_intensity", "light_ambient", "light_diffuse", "light_specular", "light_attenuation", "light_exponent")
+RANGES: Mapping[str, tuple[float, float]] = {
+    **dict.fromkeys((*LIT, "gain", "near"), (0.0, math.inf)),
+    "background": (0.0, 1.0),
+    "exposure": (-math.inf, MAX_EXPOSURE),
+}
 MAX_STAGES = 256  # of a target that are kept, beside those that are part of a graph of the user's
 
 
@@ -38,7 +45,7 @@ class Uniform:
     """A number anywhere between two bounds.
 
     Attributes:
-        low: A number, or one for each component.
+        low: A number, or one for each component, in the shape of an entry or one after another.
         high: Likewise.
         of: What is drawn: the "value" itself; an "offset" that is added to what was there when the attribute was first
             drawn in this way; a "factor" of that; or an angle [degrees] by which a direction or a quaternion "turn"s
@@ -159,7 +166,7 @@ def _stage(state: Recipes, target: Any, name: str, recipe: Any, seeds: wp.array,
         recipe = Choice(recipe)
     if not isinstance(recipe, Uniform | Choice):
         raise WarpcamError(f"randomize: {name} must be (low, high), a list, Uniform or Choice, got {recipe!r}")
-    rows = None if recipe.rows is None else _whole(f"{name}: rows", recipe.rows)
+    rows = None if recipe.rows is None else _whole(f"{name}: rows", recipe.rows, truths=False)
     if isinstance(recipe, Choice):
         what: tuple[Any, ...] = (_whole(f"{name}: what is chosen from", recipe.values),)
     else:
@@ -178,35 +185,39 @@ def _stage(state: Recipes, target: Any, name: str, recipe: Any, seeds: wp.array,
     return state.keep(key, stage, capturing)
 
 
-def _whole(what: str, values: Any) -> tuple[int, ...]:
+def _whole(what: str, values: Any, truths: bool = True) -> tuple[int, ...]:
+    """Of a sequence that may have ``truths``, which are 1 and 0, or must not."""
     try:
-        return tuple(operator.index(value.item() if isinstance(value, np.bool_) else value) for value in values)
+        plain = [value.item() if isinstance(value, np.bool_) else value for value in values]
+        if not truths and any(isinstance(value, bool) for value in plain):
+            raise TypeError
+        return tuple(map(operator.index, plain))
     except TypeError:
         raise WarpcamError(f"randomize: {what} must be whole numbers, got {values!r}") from None
 
 
-def _bounds(name: str, value: Any) -> tuple[float, ...]:
+def _bounds(name: str, value: Any) -> tuple[tuple[int, ...], tuple[float, ...]]:
+    """Their shape, and they themselves one after another."""
     try:
-        numbers = np.ravel(np.asarray(value, np.float64))
+        numbers = np.asarray(value, np.float64)
     except (TypeError, ValueError):
         numbers = np.full(1, np.nan)
     # What float32 cannot hold is not finite.
     if not (np.abs(numbers) <= np.finfo(np.float32).max).all() or not numbers.size:
         raise WarpcamError(f"randomize: {name}: bounds must be finite numbers, got {value!r}")
-    return tuple(float(number) for number in numbers)
+    return numbers.shape, tuple(numbers.ravel().tolist())
 
 
-def _array(target: Any, name: str) -> wp.array:
-    """The attribute's memory as (world, row, width)."""
+def _array(target: Any, name: str) -> tuple[wp.array, tuple[int, ...]]:
+    """The attribute's memory as (world, row, width), and the shape of an entry."""
     if isinstance(target, Scene):
         tensor = target.vary(name)
-        rows = 1 if name in SINGLE else tensor.shape[1]
+        single = name in SINGLE
     else:
-        tensor = getattr(target, name)
-        rows = 1
-    width = math.prod(tensor.shape[1:]) // rows if rows else math.prod(tensor.shape[2:])
-    array: Any = interop.as_array(tensor.reshape(tensor.shape[0], rows, width))
-    return array.view(wp.uint8) if array.dtype is wp.bool else array
+        tensor, single = getattr(target, name), True
+    rows, entry = (1, tensor.shape[1:]) if single else (tensor.shape[1], tensor.shape[2:])
+    array: Any = interop.as_array(tensor.reshape(tensor.shape[0], rows, math.prod(entry)))
+    return array.view(wp.uint8) if array.dtype is wp.bool else array, tuple(entry)
 
 
 def _record(
@@ -218,7 +229,7 @@ def _record(
     rows: tuple[int, ...] | None,
     seeds: wp.array,
 ) -> Stage:
-    out, device = _array(target, name), state.device
+    (out, entry), device = _array(target, name), state.device
     count, width = out.shape[1:]
     numbers = out.dtype is wp.float32
     if rows is not None and (not rows or min(rows) < 0 or max(rows) >= count or len(set(rows)) < len(rows)):
@@ -248,15 +259,22 @@ def _record(
         choices = wp.array(np.array(what[0]), dtype=wp.int32, device=device)
         column = ROLE_COLOR if name == "material_texture" else 0
         return kernels.record_draw(draw, out, choices, device, column)
-    low, high = (bounds * width if len(bounds) == 1 else bounds for bounds in what[:2])
-    if recipe.of == "turn" and (name not in TURNED or len(what[0]) != 1 or len(what[1]) != 1):
+    shapes, bounds = zip(*what[:2], strict=True)
+    low, high = (numbers * width if len(numbers) == 1 else numbers for numbers in bounds)
+    if recipe.of == "turn" and (name not in TURNED or not set(shapes) <= {(), (1,)}):
         raise WarpcamError(f"randomize: {name}: only {' and '.join(TURNED)} turn, by angles from low to high [degrees]")
-    if recipe.of != "turn" and (len(low) != width or len(high) != width):
+    if recipe.of != "turn" and not set(shapes) <= {(), (1,), (width,), entry}:
         raise WarpcamError(
             f"randomize: {name}: bounds must be a number or {width}, got {recipe.low!r}, {recipe.high!r}"
         )
-    if any(least > most for least, most in zip(low, high, strict=True)):
+    if any(one > other for one, other in zip(low, high, strict=True)):
         raise WarpcamError(f"randomize: {name}: low must not be above high, got {recipe.low!r}, {recipe.high!r}")
+    lowest, highest = RANGES.get(name, (-math.inf, math.inf))
+    beyond = min(low) < lowest or max(high) > highest
+    turned_round = lowest == 0.0 and min(low) < 0.0
+    if (recipe.of == "value" and beyond) or (recipe.of == "factor" and turned_round):
+        allowed = f"from {lowest:g} to {highest:g}" if lowest > -math.inf else f"at most {highest:g}"
+        raise WarpcamError(f"randomize: {name}: {recipe.of}s must be {allowed}, got {recipe.low!r}, {recipe.high!r}")
     draw.low, draw.high = (wp.array(np.array(values), dtype=wp.float32, device=device) for values in (low, high))
     draw.kind, draw.linked = KINDS[recipe.of], int(recipe.linked)
     if recipe.of == "value":

@@ -68,6 +68,7 @@ class Scene:
         self._arrays: Mapping[str, wp.array] = {}
         self._key: tuple[Any, ...] = ()
         self._ambient, self._last = -1.0, ()
+        self._hiding: wp.array | None = None
         seen = [int(parts.shape_types[shape]) for shape in parts.drawn]
         shut = 0 < seen.count(MESH) <= FEW_MESHES and not parts.physical and not parts.scaled
         ahead = [(kernel, BLOCK) for kernel in source.kernels()]
@@ -260,11 +261,12 @@ class Scene:
 
     def tables(self) -> Tables:
         """The scene for the kernels: the same object until the source's arrays are others."""
-        arrays = self._own.over(self._source.arrays())
-        ambient = self._source.global_ambient()
-        if ambient == self._ambient and all(map(operator.is_, arrays.values(), self._last)):
+        theirs = self._source.arrays()
+        arrays = self._own.over(theirs)
+        ambient, hiding = self._source.global_ambient(), theirs["shape_colors"]  # which hides what is painted, too
+        if ambient == self._ambient and hiding is self._hiding and all(map(operator.is_, arrays.values(), self._last)):
             return self._tables
-        key = (ambient, *map(_identity, arrays.values()))
+        key = (ambient, _identity(hiding), *map(_identity, arrays.values()))
         if key != self._key:
             for name, field in self._fields.items():
                 rows, label = self._counts[field.rows], self._source.label(name)
@@ -272,7 +274,7 @@ class Scene:
             self._arrays = arrays
             self._tables = self._build(arrays, ambient)
             self._key = key
-        self._ambient, self._last = ambient, tuple(arrays.values())
+        self._ambient, self._hiding, self._last = ambient, hiding, tuple(arrays.values())
         return self._tables
 
     def moving_faces(self) -> np.ndarray:

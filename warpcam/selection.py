@@ -1,5 +1,6 @@
 """Which worlds a frame draws."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -58,7 +59,9 @@ class Selection:
             values = np.zeros((), object)
         if values.ndim == 1 and values.size == 0 and not isinstance(worlds, np.ndarray):
             values = values.astype(np.int64)
-        if values.ndim != 1 or values.dtype.kind not in "iub":
+        # In a list of truths and numbers numpy has numbers alone.
+        mixed = values.dtype.kind in "iu" and _has_truths(worlds)
+        if values.ndim != 1 or values.dtype.kind not in "iub" or mixed:
             raise WarpcamError(
                 f"{self._call}: worlds must be ids (n,), or a mask ({self._num_worlds},) of bool or uint8, got "
                 f"{worlds!r}"
@@ -82,3 +85,7 @@ class Selection:
         outside = ids[(ids < 0) | (ids >= self._num_worlds)]
         if outside.size:
             raise WarpcamError(f"{self._call}: worlds has id {outside[0]}; allowed are 0 to {self._num_worlds - 1}")
+
+
+def _has_truths(values: Any) -> bool:
+    return isinstance(values, Sequence) and any(isinstance(value, bool | np.bool_) for value in values)

@@ -7,6 +7,7 @@ import numpy as np
 import warp as wp
 
 from warpcam import interop
+from warpcam.checks import check_array
 from warpcam.errors import WarpcamError
 from warpcam.kernels.launch import Stage
 from warpcam.kernels.types import PROJECTED
@@ -90,7 +91,8 @@ class OwnArrays:
             stages.append(record_dimming(arrays[name], intensity, finished[name], self._device))
         theirs = source.arrays()["shape_colors"]
         if "shape_colors" in self._arrays and not source.holds("shape_colors"):
-            own = self._arrays["shape_colors"]
+            own, label = self._arrays["shape_colors"], source.label("shape_colors")
+            check_array(label, self._fields["shape_colors"], theirs, own.shape[1], self._num_worlds, self._device)
             finished["shape_colors"] = self._room("shape_colors", wp.vec4, own.shape)
             stages.append(record_painting(theirs, own, finished["shape_colors"], self._device))
         if self._headlight is not None:

@@ -144,6 +144,14 @@ def test_states_and_models(installed: None) -> None:
     one.free()
 
 
+def test_what_was_rendered_here_is_its_own_renderers_afterwards(installed: None) -> None:
+    one = physics()
+    color = one.render(HEIGHT, WIDTH)
+    assert (own(one) == one.render(HEIGHT, WIDTH)).all()  # own() uninstalls
+    ours.install()
+    assert (one.render(HEIGHT, WIDTH) != color).any()  # it keeps what it has
+
+
 def test_what_is_uploaded_is_seen(installed: None) -> None:
     """As the suite's quadruped uploads the terrain that it has made for an episode."""
     one = engine.Physics.from_xml_string("""

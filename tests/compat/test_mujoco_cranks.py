@@ -1,5 +1,7 @@
 """Slider-cranks beside ``mujoco.Renderer``."""
 
+from collections.abc import Callable
+
 import mujoco
 import numpy as np
 import pytest
@@ -49,6 +51,37 @@ def drawn(mjm: mujoco.MjModel, mjd: mujoco.MjData, kind: type = mujoco.Renderer)
         renderer.enable_segmentation_rendering()
         renderer.update_scene(mjd, camera=0)
         return colors, renderer.render().copy()
+
+
+def thicker(mjm: mujoco.MjModel) -> None:
+    mjm.vis.scale.slidercrank *= 2.0
+
+
+def smaller(mjm: mujoco.MjModel) -> None:
+    mjm.stat.meansize *= 0.5
+
+
+def longer(mjm: mujoco.MjModel) -> None:
+    mjm.actuator_cranklength *= 1.2
+
+
+def painted(mjm: mujoco.MjModel) -> None:
+    mjm.vis.rgba.slidercrank[:] = 0.9, 0.1, 0.8, 1.0
+
+
+@pytest.mark.parametrize("change", [thicker, smaller, longer, painted])
+def test_they_follow_the_model(device: wp.Device, change: Callable[[mujoco.MjModel], None]) -> None:
+    mjm, mjd = posed(0.0)
+    with Renderer(mjm, SIZE, SIZE, device=device) as renderer:
+        renderer.update_scene(mjd, camera=0)
+        before = renderer.render().copy()
+        change(mjm)
+        renderer.update_scene(mjd, camera=0)
+        after = renderer.render().copy()
+    with Renderer(mjm, SIZE, SIZE, device=device) as anew:
+        anew.update_scene(mjd, camera=0)
+        assert (after == anew.render()).all()
+    assert (after != before).any()
 
 
 def alike(colors: np.ndarray, pairs: np.ndarray, painted: np.ndarray, theirs: np.ndarray) -> None:

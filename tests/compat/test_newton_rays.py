@@ -134,6 +134,22 @@ def test_tiled_cameras_take_them_too(zoo: tuple[Any, Any]) -> None:
     assert (found[1][:, 0] != found[1][:, 1]).mean() > 0.1
 
 
+def test_arrays_of_rays_are_not_kept_for_ever(zoo: tuple[Any, Any], device: wp.Device) -> None:
+    """One for each frame, as of a lens that zooms, beside one that stays."""
+    model, state = zoo
+    tiled, count = SensorTiledCamera(model), []
+    poses = wp.array([[wp.transform((0.0, 0.0, 5.0), wp.quat_identity())] * 2] * 1, dtype=wp.transform, device=device)
+    depth = tiled.utils.create_depth_image_output(8, 6, 1)
+    stays = tiled.utils.compute_pinhole_camera_rays(8, 6, 0.5)
+    for frame in range(40):
+        zooms = tiled.utils.compute_pinhole_camera_rays(8, 6, 0.5 + 0.01 * frame)
+        for rays in (stays, zooms):
+            tiled.update(state, poses, rays, depth_image=depth)
+        count.append(len(tiled._slices))
+    assert count[-1] == max(count) < 20
+    assert tiled._slices[id(stays)][0] is stays
+
+
 def test_rays_that_are_not_finite_are_refused(zoo: tuple[Any, Any]) -> None:
     model, state = zoo
     rays = bundle("rows")

@@ -159,6 +159,9 @@ BAD_CALLS = {
     "num_worlds must be a whole number, at least 1, got 0": (__file__.replace(".py", ".stl"), {"num_worlds": 0}),
     "up_axis must be \"Z\", or None for the file's own axes, got 'Y'": ("here.stl", {"up_axis": "Y"}),
     "meters_per_unit must be a positive number, got -1": ("here.stl", {"meters_per_unit": -1}),
+    "meters_per_unit must be a positive number, got True": ("here.stl", {"meters_per_unit": True}),
+    "textures must map names to images, got list": ("broken.glb", {"textures": ["a"]}),
+    "transparency must be True, False or None, got 1": ("broken.glb", {"transparency": 1}),
 }
 
 
@@ -167,8 +170,9 @@ def test_bad_calls(text: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -
     monkeypatch.chdir(tmp_path)
     path, arguments = BAD_CALLS[text]
     if arguments:
-        path = "here.stl"
-        trimesh.creation.box().export(tmp_path / path)
+        path = "broken.glb" if path == "broken.glb" else "here.stl"
+        trimesh.creation.box().export(tmp_path / "here.stl")
+        (tmp_path / "broken.glb").write_bytes(b"glTF")
     with pytest.raises(wc.WarpcamError) as caught:
         wc.load(path, device="cpu", **arguments)
     assert text in str(caught.value)

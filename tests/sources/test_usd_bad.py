@@ -85,6 +85,9 @@ WARNINGS: dict[str, str] = {
         'texCoord2f[] primvars:st = [(0, 0)] (interpolation = "vertex")\nint[] faceVertexCounts',
     ),
     "is a light of type GeometryLight, which gives no light here: /a": 'def GeometryLight "a" {}',
+    "is of a brightness that is not finite, and gives no light: /a": (
+        'def DistantLight "a" {\nfloat inputs:exposure = 2000\n}'
+    ),
     "shines, which meshes do not here: /a": SQUARE.replace('"it"', '"a" (prepend apiSchemas = ["MeshLightAPI"])'),
     "changes its faces with time, and is drawn as it was at first: /a": SQUARE.replace("it", "a").replace(
         "int[] faceVertexCounts = [4]", "int[] faceVertexCounts.timeSamples = {0: [4], 1: [4]}"
@@ -122,6 +125,10 @@ def test_warnings(text: str, tmp_path: Path, caplog: pytest.LogCaptureFixture) -
         ("purposes must be a sequence of 'default', 'render', 'proxy', 'guide', got ['all']", {"purposes": ["all"]}),
         ('up_axis must be "Z", or None for the stage\'s own axes, got \'Y\'', {"up_axis": "Y"}),
         ("meters_per_unit must be a positive number, got 0", {"meters_per_unit": 0}),
+        ("meters_per_unit must be a positive number, got True", {"meters_per_unit": True}),
+        ("exposure must be a finite number up to 127 or None, got 1000", {"exposure": 1000}),
+        ("textures must map names to images, got list", {"path_or_stage": __file__, "textures": ["a"]}),
+        ("transparency must be True, False or None, got 1", {"path_or_stage": __file__, "transparency": 1}),
         ("semantics: must map labels to whole numbers, got 'cup': 'one'", {"semantics": {"cup": "one"}}),
         ("time must be a finite number, got 'now'", {"time": "now"}),
         ("textures: 'a': 'gone.png' cannot be read: No such file or directory", {"textures": {"a": "gone.png"}}),

@@ -1,6 +1,7 @@
 """Tables of rays, as native/ray_table.h reads them."""
 
 import math
+from typing import Any
 
 import numpy as np
 
@@ -92,7 +93,7 @@ def pixel_angle(directions: np.ndarray) -> float:
     return max(float(np.median(found)), 1e-6) if found.size else 0.5 * math.pi
 
 
-def handles(table: int, count: int, floats: int, width: int, height: int, angle: float) -> np.ndarray:
+def handles(table: int, count: int, floats: int, width: int, height: int, angles: Any) -> np.ndarray:
     """What stands in View.scale and View.center for each of some tables: float32 (count, 4), bits.
 
     Args:
@@ -101,12 +102,12 @@ def handles(table: int, count: int, floats: int, width: int, height: int, angle:
         floats: That each has.
         width: Of the image [pixels].
         height: Of the image [pixels].
-        angle: Between neighbouring rays [rad]; with spread rays see ``spread_width``.
+        angles: Of each, between neighbouring rays [rad]; with spread rays see ``spread_width``. Or one for all.
     """
     addresses = table + 4 * floats * np.arange(count, dtype=np.uint64)
     words = np.empty((count, 4), np.uint32)
     words[:, 0] = width | height << 16
-    words[:, 1] = np.float32(angle).view(np.uint32)
+    words[:, 1] = np.asarray(angles, np.float32).view(np.uint32)
     words[:, 2] = addresses & np.uint64(0xFFFFFFFF)
     words[:, 3] = addresses >> np.uint64(32)
     return words.view(np.float32)

@@ -6,6 +6,7 @@
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Any
+from weakref import WeakSet
 
 import mujoco
 import numpy as np
@@ -23,6 +24,7 @@ __all__ = ["install", "uninstall"]
 
 _chosen: list[Any] = [None]  # the device that install() was given
 _originals: dict[str, Callable[..., Any]] = {}
+_drawn: WeakSet[Any] = WeakSet()  # every Physics that was given contexts of ours
 
 
 def install(device: Any = None) -> None:
@@ -41,10 +43,15 @@ def install(device: Any = None) -> None:
 
 
 def uninstall() -> None:
-    """Give dm_control its own renderer back, for every ``Physics`` that has not rendered yet."""
+    """Give dm_control its own renderer back, for what is rendered from now on."""
     if _originals:
         engine.Camera.render = _originals["render"]
         engine.Physics._make_rendering_contexts = _originals["contexts"]
+    for physics in _drawn:
+        with physics._contexts_lock:
+            if physics._contexts and isinstance(physics._contexts.gl, _Contexts):
+                physics._free_rendering_contexts()  # it makes its own when it renders
+    _drawn.clear()
     _originals.clear()
     _chosen[0] = None
 
@@ -72,6 +79,7 @@ class _Contexts:
 def _make_contexts(physics: Any) -> None:
     own = _Contexts(physics)
     physics._contexts = engine.Contexts(gl=own, mujoco=own)
+    _drawn.add(physics)
 
 
 def _render(

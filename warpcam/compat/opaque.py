@@ -22,6 +22,8 @@ FOLLOWED = tuple(
             *(f"{kind}_{what}" for kind in KINDS for what in ("rgba", "matid", "group")),
             *("geom_type", "site_type", "site_size", "tendon_width", "mat_reflectance"),
             *("tendon_limited", "tendon_range", "tendon_margin", "tendon_solimp_lim"),
+            *("tendon_stiffness", "tendon_damping", "tendon_frictionloss", "tendon_lengthspring"),
+            *("flex_radius", "flex_flatskin", "skin_inflate", "actuator_cranklength"),
         )
     )
 )

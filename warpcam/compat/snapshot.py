@@ -7,16 +7,18 @@ import mujoco
 import numpy as np
 
 from warpcam.compat.opaque import FOLLOWED
+from warpcam.compat.studio import PAINTS
 
 ASSETS = ("mesh_", "hfield_", "tex_", "skin_")  # how arrays begin that a renderer reads once, or when they are uploaded
 # Numbers that a scene is made by, and where they are.
 SETTINGS = {
     "vis.headlight": ("active",),
     "vis.map": ("znear", "zfar", "shadowclip", "shadowscale", "haze", "alpha"),
-    "stat": ("extent",),
+    "vis.scale": ("slidercrank",),
+    "stat": ("extent", "meansize"),
     "opt": ("disableflags",),
 }
-COLORS = {"vis.headlight": ("ambient", "diffuse", "specular"), "vis.rgba": ("haze", "constraint")}
+COLORS = {"vis.headlight": ("ambient", "diffuse", "specular"), "vis.rgba": PAINTS}
 
 
 class Snapshot:

@@ -26,7 +26,10 @@ READ_ONCE = (
     *("site_size", "site_group", "site_matid", "tendon_width", "tendon_group", "tendon_matid", "flex_group"),
     *("flex_matid", "skin_group", "skin_matid", "geom_group", "geom_matid", "mat_reflectance"),
     *("geom_type", "site_type", "tendon_limited", "tendon_range", "tendon_margin", "tendon_solimp_lim"),
+    *("tendon_stiffness", "tendon_damping", "tendon_frictionloss", "tendon_lengthspring"),
+    *("flex_radius", "flex_flatskin", "skin_inflate", "actuator_cranklength"),
 )
+PAINTS = ("haze", "constraint", "slidercrank", "crankbroken")  # of vis.rgba, likewise
 PLANE = int(mujoco.mjtGeom.mjGEOM_PLANE)
 COLORS = ("site_rgba", "tendon_rgba", "flex_rgba", "skin_rgba")
 MORE_OF_DATA = (
@@ -271,8 +274,9 @@ class Studio:
         veils = ((model.geom_rgba[:, 3] < SOLID).tobytes(), (model.mat_rgba[:, 3] < SOLID).tobytes())
         sizes = model.vis.map
         scales = (sizes.znear, sizes.zfar, sizes.shadowclip, sizes.shadowscale, sizes.haze, model.stat.extent)
-        colors = [np.asarray(getattr(model.vis.rgba, name)).tobytes() for name in ("haze", "constraint")]
-        return (*values, *veils, scales, *colors, model.opt.disableflags & UNLIMITED)
+        cranks = (model.vis.scale.slidercrank, model.stat.meansize)
+        colors = [np.asarray(getattr(model.vis.rgba, name)).tobytes() for name in PAINTS]
+        return (*values, *veils, scales, cranks, *colors, model.opt.disableflags & UNLIMITED)
 
     def _opacity(self) -> tuple[np.ndarray, np.ndarray]:
         """Which sites, tendons, flexes and skins are seen now, and which of these are transparent."""

@@ -49,7 +49,7 @@ def load(
     textures: Mapping[str, Any],
     transparency: bool | None,
 ) -> DrivenScene:
-    where = device_rule.resolve(device)
+    images, where = named_images(textures), device_rule.resolve(device)
     notes = Notes(str(path))
     is_gltf = path.suffix.lower() in GLTF
     with _heard(notes) as heard:
@@ -62,7 +62,7 @@ def load(
         missing = next((text for text in heard if "didn't decode" in text), None)
         if missing is not None:  # it goes on with zeros
             raise WarpcamError(f"{path}: trimesh cannot decode it, a package may be missing: {missing}")
-        root = np.eye(4) * (meters_per_unit or 1.0)
+        root = np.eye(4) * (1.0 if meters_per_unit is None else float(meters_per_unit))
         root[3, 3] = 1.0
         graph = Graph(str(path), [Node("/", -1, root @ Y_UP if is_gltf and up_axis == "Z" else root)])
         if is_gltf:
@@ -71,7 +71,7 @@ def load(
     if not graph.items:
         notes.say()
         raise WarpcamError(f"{path}: has no triangles that can be drawn")
-    for label, image in named_images(textures).items():
+    for label, image in images.items():
         graph.texture_names.append(label)
         graph.textures.append(image)
     notes.say()

@@ -22,7 +22,9 @@ def read_labels(
     """
     of_body = np.full(model.body_count + 1, -1, np.int32)
     if model.joint_count:
-        of_body[model.joint_child.numpy()] = model.joint_articulation.numpy()
+        articulations = model.joint_articulation.numpy()
+        tree = articulations >= 0  # a joint that closes a loop is of none
+        of_body[model.joint_child.numpy()[tree]] = articulations[tree]
     of_body[-1] = -1
     instances = of_body[bodies]
     numbers = Numbers(semantics)

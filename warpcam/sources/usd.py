@@ -9,9 +9,11 @@ import numpy as np
 from pxr import Tf, Usd, UsdGeom
 
 from warpcam import device as device_rule
-from warpcam.checks import check_num_worlds
+from warpcam.checks import check_num_worlds, check_unit
 from warpcam.driven import DrivenScene
 from warpcam.errors import WarpcamError
+from warpcam.layers import choice_of
+from warpcam.mounting import MAX_EXPOSURE
 from warpcam.sources.graph import Graph, Node
 from warpcam.sources.graph_source import GraphSource
 from warpcam.sources.images import named_images
@@ -41,14 +43,16 @@ def load(
     if not isinstance(double_sided, bool | np.bool_ | None):
         raise WarpcamError(f"double_sided must be True, False or None, got {double_sided!r}")
     is_number = isinstance(exposure, int | float | np.number) and not isinstance(exposure, bool)
-    if exposure is not None and not (is_number and np.isfinite(exposure)):
-        raise WarpcamError(f"exposure must be a finite number or None, got {exposure!r}")
+    if exposure is not None and not (is_number and -math.inf < exposure <= MAX_EXPOSURE):
+        raise WarpcamError(f"exposure must be a finite number up to {MAX_EXPOSURE} or None, got {exposure!r}")
     for purpose in purposes if not isinstance(purposes, str) else [purposes]:
         if purpose not in PURPOSES or isinstance(purposes, str):
             raise WarpcamError(f"purposes must be a sequence of {', '.join(map(repr, PURPOSES))}, got {purposes!r}")
     if up_axis not in ("Z", None):
         raise WarpcamError(f'up_axis must be "Z", or None for the stage\'s own axes, got {up_axis!r}')
-    where = device_rule.resolve(device)
+    check_unit(meters_per_unit)
+    choice_of("transparency", transparency)
+    images, where = named_images(textures), device_rule.resolve(device)
     stage, name = _opened(path_or_stage)
     notes = Notes(name)
     _tell_of_errors(stage, notes)
@@ -65,7 +69,7 @@ def load(
     if not graph.items:
         notes.say()
         raise WarpcamError(f"{name}: the stage has nothing that can be drawn: no visible geometry of a purpose that is")
-    for label, image in named_images(textures).items():
+    for label, image in images.items():
         graph.texture_names.append(label)
         graph.textures.append(image)
     notes.say()
@@ -100,8 +104,6 @@ def _tell_of_errors(stage: Usd.Stage, notes: Notes) -> None:
 
 def _unit(stage: Usd.Stage, given: float | None, notes: Notes) -> float:
     if given is not None:
-        if isinstance(given, bool) or not isinstance(given, int | float) or not 0.0 < given < math.inf:
-            raise WarpcamError(f"meters_per_unit must be a positive number, got {given!r}")
         return float(given)
     unit = float(UsdGeom.GetStageMetersPerUnit(stage))
     if not 0.0 < unit < math.inf:

@@ -61,7 +61,11 @@ def read_light(
     color = np.array(api.GetColorAttr().Get(time) or (1.0, 1.0, 1.0), np.float64)
     if api.GetEnableColorTemperatureAttr().Get(time):
         color = color * np.array(UsdLux.BlackbodyTemperatureAsRgb(value("colorTemperature", 6500.0)))
-    radiance = color * value("intensity", 1.0) * 2.0 ** value("exposure", 0.0)
+    with np.errstate(over="ignore", invalid="ignore"):
+        radiance = color * value("intensity", 1.0) * np.exp2(value("exposure", 0.0))
+    if not np.isfinite(radiance).all():
+        notes.warn("is of a brightness that is not finite, and gives no light", name)
+        radiance = np.zeros(3)
     normalize = bool(api.GetNormalizeAttr().Get(time))
     shadow = prim.GetAttribute("inputs:shadow:enable")
     casts = not (shadow and shadow.Get(time) is False)

@@ -17,6 +17,7 @@ from warpcam.compat.newton.views import Views
 from warpcam.errors import WarpcamError
 
 _UNSET: Any = object()
+RAYS_KEPT = 16  # arrays of rays whose slices are kept
 
 
 class Utils(NewtonsCamera.Utils):
@@ -205,9 +206,12 @@ class SensorTiledCamera(NewtonsCamera):
 
     def _of_cameras(self, camera_rays: wp.array) -> list[wp.array]:
         """Each camera's rays, (height, width, 1, 2), the same arrays every time."""
-        known = self._slices.get(id(camera_rays))
+        known = self._slices.pop(id(camera_rays), None)
         if known is None or known[0] is not camera_rays:
+            if len(self._slices) >= RAYS_KEPT:
+                self._slices.pop(next(iter(self._slices)))
             _, height, width, _ = camera_rays.shape
             slices = [camera_rays[camera].reshape((height, width, 1, 2)) for camera in range(camera_rays.shape[0])]
-            known = self._slices[id(camera_rays)] = camera_rays, slices
+            known = camera_rays, slices
+        self._slices[id(camera_rays)] = known  # the last used at the end
         return known[1]
