@@ -105,9 +105,11 @@ class Stage:
 
     Attributes:
         aside: Of a scene's stages those that wait for none that are not aside, and that cameras' poses do not need.
+        shading: Of a scene's stages those that write what colours and normals alone need.
     """
 
     aside = False
+    shading = False
 
     def __init__(
         self, kernel: wp.Kernel, dim: int, inputs: Sequence[Any], device: wp.Device, start: int, block_dim: int
@@ -115,6 +117,7 @@ class Stage:
         self.module, self.block_dim, self.device = kernel.module, block_dim, device
         self._kernel, self._dim, self._inputs, self._start = kernel, dim, inputs, start
         self._parts: tuple[wp.Launch, ...] = ()
+        self._whole: wp.Launch | None = None  # all parts as one, where there are several
         self._busy = math.inf  # seconds of all threads of a CPU at the last launch
 
     @property
@@ -126,37 +129,36 @@ class Stage:
         """Make ready for launches; compiles and loads the kernel if nobody did."""
         count = min(self._dim, 1 if self.device.is_cuda else cpu_parts())
         bounds = [self._dim * i // max(count, 1) for i in range(count + 1)]
+        self._parts = tuple(self._bound(first, end) for first, end in itertools.pairwise(bounds))
+        self._whole = self._bound(0, self._dim) if count > 1 else None
+
+    def _bound(self, first: int, end: int) -> wp.Launch:
+        """A launch of some of the threads."""
         block_dim = {"block_dim": self.block_dim} if self.device.is_cuda else {}
-        self._parts = tuple(
-            wp.launch(
-                self._kernel,
-                end - first,
-                [*self._inputs, self._start + first],
-                device=self.device,
-                record_cmd=True,
-                **block_dim,
-            )
-            for first, end in itertools.pairwise(bounds)
-        )
+        inputs = [*self._inputs, self._start + first]
+        return wp.launch(self._kernel, end - first, inputs, device=self.device, record_cmd=True, **block_dim)
 
     def launch(self, stream: wp.Stream | None = None) -> None:
         """Enqueue the work on a stream, the device's current one unless given (CUDA), or finish it (CPU)."""
         if not self._parts:
             self.bind()
-        if len(self._parts) == 1 or self.device.is_capturing:
+        if self._whole is not None and not self.device.is_capturing:
+            self._launch_shared(self._whole)
+        else:
             for part in self._parts:
                 part.launch(stream)
-        else:
-            self._launch_shared()
 
-    def _launch_shared(self) -> None:
-        """Launch the parts on the calling thread and on others that come to help.
+    def _launch_shared(self, whole: wp.Launch) -> None:
+        """Launch the parts on the calling thread and on others that come to help, or all as one if none is to come.
 
         Others are woken as far as the last launch was long enough for them to be worth it. What they did not begin
         before nothing was left is not waited for.
         """
+        threads = min(cpu_threads(), int(min(self._busy / WORTH_WAKING, len(self._parts))))
+        if threads < 2:
+            self._busy = _work(deque([whole]))
+            return
         left = deque(self._parts)
-        threads = min(cpu_threads(), int(min(self._busy / WORTH_WAKING, len(left))))
         others = _wake(functools.partial(_work, left), threads - 1)
         busy = _work(left)
         self._busy = busy + sum(other.result() for other in others if not other.cancel())

@@ -192,6 +192,7 @@ class Tree:
         faces = moving.triangles.shape[0]
         whole = -(-faces // LANES) * LANES if device.is_cuda else faces  # a warp works on faces of one instance
         stages.append(record(move_normals, instances * whole, [moving, meshes, points, normals], device))
+        stages[-1].shading = True
         return stages
 
     def _integers(self, values: np.ndarray) -> wp.array:

@@ -21,6 +21,7 @@ from warpcam.kernels.views import Tags, opening_of
 from warpcam.lens import Lens
 from warpcam.memory import check_cameras, estimate_memory, require_free
 from warpcam.mounting import CameraArrays, Mounted
+from warpcam.outputs import OUTPUTS
 from warpcam.past import ShapesPast
 from warpcam.scene import Scene
 from warpcam.scratch import Lenders, Portion, Scratch, Turns, cuts_in_waves
@@ -76,6 +77,7 @@ class Renderer:
     @context_kept()
     def __init__(self, scene: Scene, cameras: Sequence[Camera], *, graph: bool = True):
         self._cameras = check_cameras(scene, cameras)
+        self._shades = any(OUTPUTS[name].face for camera in self._cameras.values() for name in camera.outputs)
         if not isinstance(graph, bool | np.bool_):
             raise WarpcamError(f"Renderer: graph must be True or False, got {graph!r}")
         interop.require_no_capture(scene.device, "Renderer")
@@ -268,8 +270,9 @@ class Renderer:
         if recording is None:
             if len(self._recordings) >= MAX_RECORDINGS:
                 self._recordings.pop(next(iter(self._recordings)))
-            aside = [stage for stage in stages if stage.aside]
-            rest = [stage for stage in stages if not stage.aside]
+            needed = [stage for stage in stages if self._shades or not stage.shading]
+            aside = [stage for stage in needed if stage.aside]
+            rest = [stage for stage in needed if not stage.aside]
             frames = {}
             for everything, ((views,), *phases) in self._phases.items():
                 head = [[[*rest, *views], aside]] if aside else [[rest], [views]]
