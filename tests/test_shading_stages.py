@@ -13,7 +13,7 @@ CLOTH = """
 <mujoco>
   <visual><headlight active="0"/></visual>
   <worldbody>
-    <light directional="true" pos="0 0 5" dir="0 0 -1" diffuse="1 1 1" ambient="0 0 0" specular="0 0 0" castshadow="false"/>
+    <light directional="true" pos="0 0 5" dir="0 0 -1" diffuse="1 1 1" ambient="0 0 0" specular="0 0 0"/>
     <camera name="top" pos="0 0 3"/>
     <flexcomp name="cloth" type="grid" count="5 5 1" spacing=".2 .2 .2" dim="2" radius=".01" mass="1" rgba="1 1 1 1"/>
   </worldbody>
