@@ -252,7 +252,7 @@ def test_stages(stage: Any) -> None:
     with says("double_sided must be True, False or None, got 'both'"):
         wc.from_usd(stage, double_sided="both")  # type: ignore[arg-type]
     for exposure in ("bright", float("nan")):
-        with says(f"exposure must be a finite number or None, got {exposure!r}"):
+        with says(f"exposure must be a finite number up to 127 or None, got {exposure!r}"):
             wc.from_usd(stage, exposure=exposure)
     with says("textures must map names to images, got list"):
         wc.from_usd(stage, textures=["oak.png"])  # type: ignore[arg-type]
