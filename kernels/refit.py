@@ -18,6 +18,7 @@ FAR = 1.0e29  # bounds of children that are not there lie beyond it
 LANES = 32  # of a warp
 EVERY = 16  # frames that share in measuring a tree; reorder.h has the same number
 LEAF_LANES = 8  # of CUDA work on a leaf; refit.h has the same number
+RUN = 32  # of leaves, children or faces that an index of a CPU's launch does; refit.h has the same number
 FEW = 1024  # children of a level: so many one block brings to where they are now, with all levels above
 
 
@@ -42,8 +43,8 @@ class Moving:
     levels: wp.array(dtype=wp.int32)  # (level + 1,) where in `entries` the levels of nodes begin, and the end
 
 
-@wp.func_native("warpcam::move_leaf(moving, meshes, points, index);")
-def _move_leaf(moving: Moving, meshes: Meshes, points: wp.array(dtype=wp.vec3), index: wp.int32): ...
+@wp.func_native("warpcam::move_leaves(moving, meshes, points, index);")
+def _move_leaves(moving: Moving, meshes: Meshes, points: wp.array(dtype=wp.vec3), index: wp.int32): ...
 
 
 @wp.func_native("warpcam::move_level(moving, meshes, begin, count, index);")
@@ -69,7 +70,7 @@ NATIVE = {"grid_stride": False, "module_options": native_module("refit.h")}
 
 @wp.kernel(module="unique", enable_backward=False, **NATIVE)
 def move_leaves(moving: Moving, meshes: Meshes, points: wp.array(dtype=wp.vec3), first: wp.int32):
-    _move_leaf(moving, meshes, points, first + wp.tid())
+    _move_leaves(moving, meshes, points, first + wp.tid())
 
 
 @wp.kernel(module="unique", enable_backward=False, **NATIVE)
@@ -175,15 +176,15 @@ class Tree:
         moving, meshes, device, instances = self._moving, self._meshes, self._device, self._instances
         if normals is None:
             normals = wp.empty(0, dtype=wp.vec3, device=device)
-        lanes, threads = (LEAF_LANES, THREADS) if device.is_cuda else (1, 1)
-        leaves = instances * moving.num_leaves * lanes
+        lanes, threads, run = (LEAF_LANES, THREADS, 1) if device.is_cuda else (1, 1, RUN)
+        leaves = -(-instances * moving.num_leaves * lanes // run)
         stages = [record(move_leaves, leaves, [moving, meshes, points], device)] if leaves else []
         level = 0
         for begin, end in itertools.pairwise(map(int, self._starts)):
             if end - begin <= FEW:
                 break
             count = end - begin
-            stages.append(record(move_level, instances * count, [moving, meshes, begin, count], device))
+            stages.append(record(move_level, -(-instances * count // run), [moving, meshes, begin, count], device))
             level += 1
         finish = [moving, meshes, points, level]
         stages.append(record(finish_trees, instances * threads, finish, device, block_dim=THREADS))
@@ -191,7 +192,7 @@ class Tree:
             return stages
         faces = moving.triangles.shape[0]
         whole = -(-faces // LANES) * LANES if device.is_cuda else faces  # a warp works on faces of one instance
-        stages.append(record(move_normals, instances * whole, [moving, meshes, points, normals], device))
+        stages.append(record(move_normals, -(-instances * whole // run), [moving, meshes, points, normals], device))
         stages[-1].shading = True
         return stages
 

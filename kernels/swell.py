@@ -55,6 +55,41 @@ def pose_vertices(
     vertices[world, vertex] = place
 
 
+@wp.func
+def _normal(surface: Surface, vertices: wp.array2d(dtype=wp.vec3), world: wp.int32, number: wp.int32) -> wp.vec3:
+    """What a face adds to the normals of its vertices."""
+    face = surface.faces[number]
+    a = vertices[world, surface.first_vertex + face[0]]
+    b = vertices[world, surface.first_vertex + face[1]]
+    c = vertices[world, surface.first_vertex + face[2]]
+    normal = wp.cross(b - a, c - a)
+    if surface.by_area == 0:
+        normal = wp.normalize(normal)
+    return normal
+
+
+@wp.func
+def _put(
+    surface: Surface,
+    vertices: wp.array2d(dtype=wp.vec3),
+    points: wp.array2d(dtype=wp.vec3),
+    normals: wp.array2d(dtype=wp.vec3),
+    world: wp.int32,
+    vertex: wp.int32,
+    sum: wp.vec3,
+):
+    """A vertex's points and normals, from the sum of its faces' normals."""
+    normal = wp.normalize(sum)
+    place = vertices[world, surface.first_vertex + vertex]
+    at = surface.first_point + vertex
+    points[world, at] = place + surface.offset * normal
+    normals[world, at] = normal
+    if surface.both != 0:
+        width = surface.starts.shape[0] - 1
+        points[world, at + width] = place - surface.offset * normal
+        normals[world, at + width] = -normal
+
+
 @wp.kernel(enable_backward=False)
 def swell(
     surface: Surface,
@@ -63,28 +98,38 @@ def swell(
     normals: wp.array2d(dtype=wp.vec3),
     first: wp.int32,
 ):
+    """A vertex for each index."""
     index = first + wp.tid()
     width = surface.starts.shape[0] - 1
     world = index // width
     vertex = index - world * width
     sum = wp.vec3(0.0, 0.0, 0.0)
     for entry in range(surface.starts[vertex], surface.starts[vertex + 1]):
-        face = surface.faces[surface.around[entry]]
-        a = vertices[world, surface.first_vertex + face[0]]
-        b = vertices[world, surface.first_vertex + face[1]]
-        c = vertices[world, surface.first_vertex + face[2]]
-        normal = wp.cross(b - a, c - a)
-        if surface.by_area == 0:
-            normal = wp.normalize(normal)
-        sum += normal
-    normal = wp.normalize(sum)
-    place = vertices[world, surface.first_vertex + vertex]
-    at = surface.first_point + vertex
-    points[world, at] = place + surface.offset * normal
-    normals[world, at] = normal
-    if surface.both != 0:
-        points[world, at + width] = place - surface.offset * normal
-        normals[world, at + width] = -normal
+        sum += _normal(surface, vertices, world, surface.around[entry])
+    _put(surface, vertices, points, normals, world, vertex, sum)
+
+
+@wp.kernel(enable_backward=False)
+def swell_worlds(
+    surface: Surface,
+    vertices: wp.array2d(dtype=wp.vec3),
+    points: wp.array2d(dtype=wp.vec3),
+    normals: wp.array2d(dtype=wp.vec3),
+    first: wp.int32,
+):
+    """The same with a world for each index: a face's normal is computed once, not for each of its vertices."""
+    world = first + wp.tid()
+    width = surface.starts.shape[0] - 1
+    begin = surface.first_point
+    for vertex in range(width):
+        normals[world, begin + vertex] = wp.vec3(0.0, 0.0, 0.0)
+    for number in range(surface.faces.shape[0]):
+        normal = _normal(surface, vertices, world, number)
+        face = surface.faces[number]
+        for k in range(3):
+            normals[world, begin + face[k]] += normal
+    for vertex in range(width):
+        _put(surface, vertices, points, normals, world, vertex, normals[world, begin + vertex])
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,8 +174,10 @@ def record_pose(bones: Any, positions: wp.array, rotations: wp.array, vertices: 
 
 def record_swell(surface: Any, vertices: wp.array, points: wp.array, normals: wp.array, device: wp.Device) -> Stage:
     """Bind the stage that writes the points and normals, (world, point), of one surface from (world, vertex)."""
-    threads = points.shape[0] * (surface.starts.shape[0] - 1)
-    return record(swell, threads, [surface, vertices, points, normals], device)
+    inputs, worlds = [surface, vertices, points, normals], points.shape[0]
+    if not device.is_cuda:
+        return record(swell_worlds, worlds, inputs, device)
+    return record(swell, worlds * (surface.starts.shape[0] - 1), inputs, device)
 
 
 @wp.kernel(enable_backward=False)

@@ -5,6 +5,20 @@
 namespace warpcam {
 
 constexpr int LEAF_LANES = 8;  // a leaf has at most 15 faces of three corners, most have 2 to 6
+constexpr int REFIT_RUN = 32;  // of leaves, children or faces that an index of a CPU's launch does
+
+// On a CPU each index of a launch begins with a copy of all arguments, which takes as long as a leaf: it does a run of
+// `total` then.
+template <class Each> WARPCAM_FN void for_run(int index, int total, const Each& each)
+{
+#if defined(__CUDA_ARCH__)
+    each(index);
+#else
+    const int begin = REFIT_RUN * index, end = begin + REFIT_RUN < total ? begin + REFIT_RUN : total;
+    for (int i = begin; i < end; ++i)
+        each(i);
+#endif
+}
 
 WARPCAM_FN Bounds joined(const Bounds& a, const Bounds& b)
 {
@@ -96,6 +110,12 @@ WARPCAM_FN void move_leaf(const Moving& moving, const Meshes& meshes, const Poin
 #endif
 }
 
+template <class Moving, class Meshes, class Points>
+WARPCAM_FN void move_leaves(const Moving& moving, const Meshes& meshes, const Points& points, int index)
+{
+    for_run(index, moving.assets.shape[0] * moving.num_leaves, [&](int i) { move_leaf(moving, meshes, points, i); });
+}
+
 // How a face lies, or what it was made of (see Moving).
 template <class Moving, class Points>
 WARPCAM_FN Vec flat_normal(const Moving& moving, const Points& points, const Points& normals, int base, int face)
@@ -110,11 +130,11 @@ WARPCAM_FN Vec flat_normal(const Moving& moving, const Points& points, const Poi
     return normalized(cross(at[1] - at[0], at[2] - at[0]));
 }
 
-// Normals at the corners of a face without a back. `index` counts instances, then faces, on CUDA filled up to whole warps,
+// Normals at the corners of a face that has no back. `index` counts instances, then faces, on CUDA filled up to whole warps,
 // which write what their faces have to write one after another.
 template <class Moving, class Meshes, class Points>
-WARPCAM_FN void move_normals(const Moving& moving, const Meshes& meshes, const Points& points, const Points& normals,
-                             int index)
+WARPCAM_FN void move_face(const Moving& moving, const Meshes& meshes, const Points& points, const Points& normals,
+                          int index)
 {
     const int count = moving.triangles.shape[0];
 #if defined(__CUDA_ARCH__)
@@ -148,6 +168,14 @@ WARPCAM_FN void move_normals(const Moving& moving, const Meshes& meshes, const P
 #endif
 }
 
+template <class Moving, class Meshes, class Points>
+WARPCAM_FN void move_normals(const Moving& moving, const Meshes& meshes, const Points& points, const Points& normals,
+                             int index)
+{
+    for_run(index, moving.assets.shape[0] * moving.triangles.shape[0],
+            [&](int i) { move_face(moving, meshes, points, normals, i); });
+}
+
 // The box around a node's children.
 template <class Meshes> WARPCAM_FN Bounds node_box(const Meshes& meshes, int nodes, int node)
 {
@@ -172,9 +200,11 @@ WARPCAM_FN void move_inner(const Moving& moving, const Meshes& meshes, int nodes
 template <class Moving, class Meshes>
 WARPCAM_FN void move_level(const Moving& moving, const Meshes& meshes, int begin, int count, int index)
 {
-    const int instance = index / count;
-    const int nodes = wp::index(meshes.node_start, wp::index(moving.assets, instance));
-    move_inner(moving, meshes, nodes, begin + index - instance * count);
+    for_run(index, moving.assets.shape[0] * count, [&](int i) {
+        const int instance = i / count;
+        const int nodes = wp::index(meshes.node_start, wp::index(moving.assets, instance));
+        move_inner(moving, meshes, nodes, begin + i - instance * count);
+    });
 }
 
 // All levels from `level` on up to the root, the mesh's bounds, and whether its faces get a new order for the next frame:
