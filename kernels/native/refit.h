@@ -55,16 +55,14 @@ template <class Array> WARPCAM_FN void put_box(const Array& nodes, int row, int 
 #endif
 }
 
-// Writes a corner of the face that stands in a row; where it is now.
+// Writes a corner of a face, at its place among the rows; where it is now.
 template <class Moving, class Meshes, class Points>
-WARPCAM_FN Vec move_corner(const Moving& moving, const Meshes& meshes, const Points& points, int instance, int first_face,
-                           int row, int k)
+WARPCAM_FN Vec move_corner(const Moving& moving, const Meshes& meshes, const Points& points, int base, int face, int at,
+                           int k)
 {
-    const int base = wp::index(moving.bases, instance), face = wp::index(moving.order, instance, row);
     const Vec place = to_vec(points.data[base + moving.triangles.data[face][k]]);
     const int back = moving.backs ? moving.triangles.shape[0] + face : 0;
     const float mark = as_float(k == 0 ? face : k == 1 ? back : moving.backs);
-    const int at = first_face + FACE_ROWS * row + k;
 #if defined(__CUDA_ARCH__)
     reinterpret_cast<float4*>(meshes.faces.data)[at] = make_float4(place.x, place.y, place.z, mark);
 #else
@@ -87,12 +85,14 @@ WARPCAM_FN void move_leaf(const Moving& moving, const Meshes& meshes, const Poin
     const int instance = leaf / moving.num_leaves;
     const auto entry = wp::index(moving.entries, leaf - instance * moving.num_leaves);
     const int asset = wp::index(moving.assets, instance), code = -entry[2] - 1, first = code >> 4, count = code & 15;
-    const int nodes = wp::index(meshes.node_start, asset), faces = wp::index(meshes.face_start, asset);
-    const int row = nodes + NODE_ROWS * entry[0];
+    const int nodes = wp::index(meshes.node_start, asset), base = wp::index(moving.bases, instance);
+    const int faces = wp::index(meshes.face_start, asset) + FACE_ROWS * first, row = nodes + NODE_ROWS * entry[0];
+    const int* const order = &wp::index(moving.order, instance, first);
     Bounds box = nowhere();
 #if defined(__CUDA_ARCH__)
     for (int i = lane; i < 3 * count; i += LEAF_LANES)
-        box.include(move_corner(moving, meshes, points, instance, faces, first + i / 3, i % 3));
+        box.include(
+            move_corner(moving, meshes, points, base, order[i / 3], faces + FACE_ROWS * (i / 3) + i % 3, i % 3));
     const unsigned mask = ((1u << LEAF_LANES) - 1) << (threadIdx.x % LANES / LEAF_LANES * LEAF_LANES);
     for (int step = LEAF_LANES / 2; step > 0; step /= 2) {
         const Bounds other = { { __shfl_xor_sync(mask, box.low.x, step), __shfl_xor_sync(mask, box.low.y, step),
@@ -104,8 +104,9 @@ WARPCAM_FN void move_leaf(const Moving& moving, const Meshes& meshes, const Poin
     if (lane < 2)
         put_half(meshes.nodes, row, entry[1], entry[2], box, lane);
 #else
-    for (int i = 0; i < 3 * count; ++i)
-        box.include(move_corner(moving, meshes, points, instance, faces, first + i / 3, i % 3));
+    for (int i = 0; i < count; ++i)
+        for (int k = 0; k < 3; ++k)
+            box.include(move_corner(moving, meshes, points, base, order[i], faces + FACE_ROWS * i + k, k));
     put_box(meshes.nodes, row, entry[1], entry[2], box);
 #endif
 }
