@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 import warp as wp
-
 from warpcam.kernels.launch import record
 from warpcam.kernels.swell import Hull, swell, swell_worlds
 
