@@ -12,6 +12,7 @@ EXAMPLES = """examples:
   warpcam bench --case humanoid --peer warpcam --worlds 1024 --size 128x96 --plot humanoid.png
   warpcam bench --sweep worlds --plot worlds.png       how the cost grows
   warpcam bench --host                                 Python time of a frame, seconds to the first image
+  warpcam bench --gpus                                 each GPU alone, and all at the same time
   warpcam bench --merge a.json b.json --plot all.png   show and draw what was measured
 """
 # What is known elsewhere by these names, so that help needs no simulator.
@@ -31,6 +32,7 @@ TAKEN = {
     "cases": {*MEASURED, "case", "setting", "outputs"},
     "--sweep": {*MEASURED, "points"},
     "--host": {"case", "device", "threads", "out"},
+    "--gpus": {"case", "worlds", "replays", "out"},
     "--merge": {"out", "plot"},
 }
 
@@ -73,12 +75,13 @@ def add(parser: argparse.ArgumentParser) -> None:
     instead = parser.add_argument_group("instead of cases").add_mutually_exclusive_group()
     instead.add_argument("--sweep", choices=SWEEPS, help="one scene, ever more of something")
     instead.add_argument("--host", action="store_true", help="what a frame and a first image cost in Python")
+    instead.add_argument("--gpus", action="store_true", help="every GPU alone, and beside all others")
     instead.add_argument("--merge", nargs="+", type=Path, metavar="FILE.json", help="measure nothing: show these runs")
 
 
 def check(options: argparse.Namespace) -> None:
     """Refuse options that would be passed over."""
-    kind = next((name for name in ("--sweep", "--host", "--merge") if getattr(options, name[2:])), "cases")
+    kind = next((name for name in ("--sweep", "--host", "--gpus", "--merge") if getattr(options, name[2:])), "cases")
     taken = set(TAKEN[kind])
     if kind == "--sweep":
         taken -= {"worlds": {"worlds"}, "pixels": {"size"}}.get(options.sweep, set())

@@ -1,7 +1,7 @@
 """Results: how they are kept as JSON, brought together from several runs, and shown as a table.
 
-A report is {"format": 1, "kind": "cases" | "sweep" | "host", "runs": [...], "results": [...]}: a run says with what
-command, when and on what it was measured, a result is one renderer on one problem with one set of outputs.
+A report is {"format": 1, "kind": "cases" | "sweep" | "host" | "gpus", "runs": [...], "results": [...]}: a run says with
+what command, when and on what it was measured, a result is one renderer on one problem with one set of outputs.
 """
 
 import datetime
@@ -82,7 +82,7 @@ def problem(row: Row) -> tuple[Any, ...]:
 
 def rank(rows: list[Row]) -> None:
     """Say how many times longer the peers took, the best of them, and what one more output costs."""
-    timed = [row for row in rows if "ms" in row]
+    timed = [row for row in rows if "median" in row.get("ms", ())]
     for ours in (row for row in timed if row["renderer"] == OURS):
         peers = [row for row in timed if row["renderer"] != OURS and problem(row) == problem(ours)]
         for row in peers:

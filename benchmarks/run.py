@@ -41,14 +41,10 @@ def run(options: argparse.Namespace) -> int:
 
 
 def show(report: dict[str, Any]) -> None:
-    if report["kind"] == "host":
-        from warpcam.benchmarks import host
-
-        host.show(report)
-        return
+    from warpcam.benchmarks import gpus, host
     from warpcam.benchmarks import report as reports
 
-    reports.show(report)
+    {"host": host.show, "gpus": gpus.show}.get(report["kind"], reports.show)(report)
 
 
 def need(*packages: str, hint: str | None = None) -> None:
@@ -84,7 +80,7 @@ def measured_here(options: argparse.Namespace) -> dict[str, Any]:
     if options.threads is not None:
         os.environ["WARPCAM_CPU_THREADS"] = str(cases.positive("--threads", options.threads))
     import warp as wp
-    from warpcam.benchmarks import host, measure, peers, runner, sweeps
+    from warpcam.benchmarks import gpus, host, measure, peers, runner, sweeps
     from warpcam.benchmarks import report as reports
 
     from warpcam.device import resolve
@@ -97,6 +93,16 @@ def measured_here(options: argparse.Namespace) -> dict[str, Any]:
         with wp.ScopedDevice(device):
             host.measure(chosen("--case", options.case or ["humanoid", "yam"], all_cases()), device, report)
         reports.write(report, out)
+        return report
+
+    if options.gpus:
+        report = reports.new("gpus", device, timing="render() in a loop, by the host's clock")
+        for option, value in (("--worlds", options.worlds), ("--replays", options.replays)):
+            cases.positive(option, 1 if value is None else value)
+        asked = chosen("--case", options.case or ["humanoid", "yam"], all_cases())
+        for row in gpus.rows(asked, options.worlds, options.replays):
+            report["results"].append(row)
+            reports.write(report, out)
         return report
 
     timing = "CUDA graph replays between events" if device.is_cuda else "plain calls"

@@ -7,7 +7,6 @@ Prints the worlds that each card renders a second, alone and while all others re
 process has a context: with torchrun, its own and no other.
 """
 
-import ctypes
 import os
 import time
 
@@ -17,6 +16,7 @@ import torch
 import warp as wp
 
 import warpcam as wc
+from warpcam.device import contexts
 
 FRAMES = 200
 
@@ -63,19 +63,6 @@ def wait(renderers: list[wc.Renderer]) -> None:
             torch.cuda.synchronize(renderer.faulty.device)
 
 
-def cards_in_use() -> list[int]:
-    """Ordinals of the visible GPUs on which this process has a context, and so some of their memory."""
-    try:
-        cuda = ctypes.CDLL("libcuda.so.1")
-    except OSError:
-        return []
-    flags, active, used = ctypes.c_uint(), ctypes.c_int(), []
-    for ordinal in range(torch.cuda.device_count()):
-        cuda.cuDevicePrimaryCtxGetState(ordinal, ctypes.byref(flags), ctypes.byref(active))
-        used += [ordinal] if active.value else []
-    return used
-
-
 def main() -> None:
     rank = os.environ.get("LOCAL_RANK")
     devices = [device.alias for device in wp.get_cuda_devices()]
@@ -90,7 +77,7 @@ def main() -> None:
             f"{device}: {alone[device]:,.0f} worlds/s alone, {together:,.0f} with all, "
             f"{renderer.memory.total / 1e6:,.0f} MB"
         )
-    print(f"contexts on GPUs {cards_in_use()}")
+    print(f"contexts on GPUs {contexts()}")
 
 
 if __name__ == "__main__":

@@ -57,6 +57,17 @@ def driver_installed() -> bool:
     return True
 
 
+def active_contexts() -> list[int]:
+    """Ordinals of the visible GPUs whose primary context this process has made."""
+    flags, active, found = ctypes.c_uint(), ctypes.c_int(), []
+    for ordinal in range(wp.get_cuda_device_count()):
+        error = _driver().cuDevicePrimaryCtxGetState(ordinal, ctypes.byref(flags), ctypes.byref(active))
+        if error:
+            raise RuntimeError(f"cuDevicePrimaryCtxGetState of GPU {ordinal}: CUDA error {error}")
+        found += [ordinal] if active.value else []
+    return found
+
+
 @functools.cache
 def _driver() -> ctypes.CDLL:
     return ctypes.CDLL("nvcuda.dll" if sys.platform == "win32" else "libcuda.so.1")

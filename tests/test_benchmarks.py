@@ -2,9 +2,12 @@
 
 import argparse
 import json
+import multiprocessing
 import os
 import subprocess
 import sys
+import threading
+from multiprocessing.connection import Connection
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -16,10 +19,11 @@ import warp as wp
 
 pytest.importorskip("mujoco_warp")
 
-from warpcam.benchmarks import cases, compare, host, measure, options, peers, problem, report, rooms, run, sweeps
+from warpcam.benchmarks import cases, compare, gpus, host, measure, options, peers, problem, report, rooms, run, sweeps
 
 import warpcam as wc
 from warpcam import cli
+from warpcam.device import contexts
 
 ROOT = Path(__file__).resolve().parents[1]
 QUICK = quick_simulators.__file__
@@ -228,6 +232,7 @@ def test_differences_are_counted() -> None:
         (["--sweep", "shapes", "--case", "humanoid"], "--case: came where --sweep shapes was asked for"),
         (["--host", "--plot", "host.png"], "--plot: came where --host was asked for, which takes --case, --device"),
         (["--host", "--cold"], "--cold: came where --host was asked for"),
+        (["--gpus", "--setting", "8192x64"], "--setting: came where --gpus was asked for, which takes --case, --out"),
         (["--merge", "a.json", "--peer", "warpcam"], "--peer: came where --merge was asked for, which takes --out"),
     ],
     ids=lambda value: " ".join(value) if isinstance(value, list) else "",
@@ -297,6 +302,52 @@ def test_host_cost_and_the_first_image(monkeypatch: pytest.MonkeyPatch, tmp_path
     for first in (row["cold"], row["warm"]):
         parts = first["scene_s"] + first["renderer_s"] + first["first_render_s"]
         assert 0.0 < first["total_s"] == pytest.approx(parts)
+
+
+def test_every_gpu_works_alone_and_beside_others() -> None:
+    assert list(gpus.ways(["cuda:0", "cuda:1"])) == [
+        ("alone", [["cuda:0"]]),
+        ("alone", [["cuda:1"]]),
+        ("all in one process", [["cuda:0", "cuda:1"]]),
+        ("a process each", [["cuda:0"], ["cuda:1"]]),
+    ]
+    assert [way for way, _ in gpus.ways(["cuda:0"])] == ["alone"]
+
+
+class InAThread(threading.Thread):
+    """Stands in for a process that is spawned: its end of the pipe is its own."""
+
+    def __init__(self, target: Any, args: tuple[Any, ...], daemon: bool):
+        mine = Connection(os.dup(args[0].fileno()))
+        super().__init__(target=target, args=(mine, *args[1:]), daemon=daemon)
+
+
+@pytest.fixture
+def threads(monkeypatch: pytest.MonkeyPatch) -> None:
+    """In place of processes, as kernels are compiled already."""
+    spawn = SimpleNamespace(Pipe=multiprocessing.Pipe, Process=InAThread)
+    monkeypatch.setattr(gpus, "multiprocessing", SimpleNamespace(get_context=lambda _: spawn))
+
+
+@pytest.mark.usefixtures("threads")
+def test_processes_render_at_the_same_time(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    used = iter([{"GPU-a": 5, "GPU-b": 3}, {"GPU-a": 11, "GPU-b": 3}] * 3)
+    monkeypatch.setattr(gpus, "memory_used", lambda: next(used))
+    monkeypatch.setattr(gpus, "ways", lambda _: [("alone", [["cpu"]]), ("a process each", [["cpu"], ["cpu"]])])
+    rows = list(gpus.measured(cases.CASES["humanoid"], gpus.WANTED[0], 2, 3, ["cpu"]))
+    assert [row["way"] for row in rows] == ["alone", "a process each", "a process each"]
+    for row in rows:
+        assert row["ms"]["mean"] > 0.0 and row["frames"] == 3 and row["contexts"] == contexts()
+        assert row["memory_mib"] == {"GPU-a": 6, "GPU-b": 0}
+    gpus.show({"results": rows})
+    assert capsys.readouterr().out.count("6, 0") == 3
+
+
+@pytest.mark.usefixtures("threads")
+def test_a_process_that_ends_is_not_waited_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(gpus, "work", lambda *_: None)
+    with pytest.raises(RuntimeError, match="a process that renders has ended"):
+        list(gpus.measured(cases.CASES["humanoid"], gpus.WANTED[0], 2, 3, ["cpu"]))
 
 
 def test_spans_that_overlap_are_counted_once() -> None:

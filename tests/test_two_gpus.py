@@ -25,13 +25,14 @@ CHILD = """
 import json, sys
 sys.path.append(sys.argv[2])
 import every_gpu, torch
+from warpcam.device import contexts
 renderer = every_gpu.renderer_on(sys.argv[1], 64)
 for _ in range(3):
     images = renderer.render()["front"]
 with torch.cuda.stream(torch.cuda.Stream(device=images["rgb"].device)):
     renderer.render()
 every_gpu.wait([renderer])
-print("DONE " + json.dumps([every_gpu.cards_in_use(), int(images["rgb"].sum())]))
+print("DONE " + json.dumps([contexts(), int(images["rgb"].sum())]))
 """
 
 
@@ -83,6 +84,7 @@ HOLDING = """
 import sys
 sys.path.append(sys.argv[3])
 import every_gpu, mujoco, warp as wp, warpcam as wc
+from warpcam.device import contexts
 device, way = sys.argv[1], sys.argv[2]
 host = mujoco.MjModel.from_xml_string(every_gpu.SCENE)
 state = mujoco.MjData(host)
@@ -104,7 +106,7 @@ for _ in range(3):
     renderer.render(worlds=[0])
     renderer.render()
 every_gpu.wait([renderer])
-print("READY", *every_gpu.cards_in_use(), flush=True)
+print("READY", *contexts(), flush=True)
 sys.stdin.read()
 """
 

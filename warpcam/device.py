@@ -14,7 +14,7 @@ import numpy as np
 import warp as wp
 
 from warpcam.errors import WarpcamError
-from warpcam.kernels.streams import driver_installed
+from warpcam.kernels.streams import active_contexts, driver_installed
 
 VISIBLE = "CUDA_VISIBLE_DEVICES"
 
@@ -77,6 +77,14 @@ def meaning() -> str:
         f"it names {len(entries)}, and CUDA shows {count}: it stops at the first that it does not find, shows none if "
         "one comes twice, and does not read what is set after it has started"
     )
+
+
+def contexts() -> list[int]:
+    """Ordinals of the visible GPUs on which this process has a CUDA context, and so some of their memory.
+
+    Rendering makes one on the scene's device and on no other. Asking makes none.
+    """
+    return active_contexts()
 
 
 def require_same(expected: wp.Device, whose: str, found: wp.Device, what: str) -> None:
