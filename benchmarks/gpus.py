@@ -42,7 +42,7 @@ def rows(cases: Iterable[Case], worlds: int | None, frames: int | None) -> Itera
 
 def measured(case: Case, wanted: Wanted, worlds: int, frames: int | None, devices: Sequence[str]) -> Iterator[Row]:
     """A row for each device, alone and then together with all others."""
-    facts = {"case": case.name, "outputs": wanted.name, "renderer": "warpcam", "setting": SETTING.name}
+    facts: Row = {"case": case.name, "outputs": wanted.name, "renderer": "warpcam", "setting": SETTING.name}
     facts |= {"worlds": worlds, "width": SETTING.width, "height": SETTING.height}
     for way, groups in ways(devices):
         for told in side_by_side([(case.name, wanted.name, worlds, frames, group) for group in groups]):
@@ -79,9 +79,9 @@ def side_by_side(tasks: Sequence[tuple[Any, ...]]) -> list[dict[str, Any]]:
             connection.send("go")
         return [{**hear(connection), "memory_mib": took} for (_, connection), took in zip(living, memory, strict=True)]
     finally:
-        for process, connection in living:
+        for child, connection in living:
             connection.close()
-            process.join()
+            child.join()
 
 
 def hear(connection: Connection) -> Any:
