@@ -1,7 +1,7 @@
 """warpcam on every GPU: what each draws alone, beside the others in one process, and in processes of their own.
 
 All work is done in spawned processes, so that what one of them has on a card is told from what others have: its CUDA
-contexts, and the memory in use on each card from when it is ready until it ends.
+contexts, and by how much it has raised the memory in use on each card by the time it is ready.
 """
 
 import contextlib

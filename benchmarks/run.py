@@ -80,7 +80,7 @@ def measured_here(options: argparse.Namespace) -> dict[str, Any]:
     if options.threads is not None:
         os.environ["WARPCAM_CPU_THREADS"] = str(cases.positive("--threads", options.threads))
     import warp as wp
-    from warpcam.benchmarks import gpus, host, measure, peers, runner, sweeps
+    from warpcam.benchmarks import host, measure, peers, runner, sweeps
     from warpcam.benchmarks import report as reports
 
     from warpcam.device import resolve
@@ -96,14 +96,7 @@ def measured_here(options: argparse.Namespace) -> dict[str, Any]:
         return report
 
     if options.gpus:
-        report = reports.new("gpus", device, timing="render() in a loop, by the host's clock")
-        for option, value in (("--worlds", options.worlds), ("--replays", options.replays)):
-            cases.positive(option, 1 if value is None else value)
-        asked = chosen("--case", options.case or ["humanoid", "yam"], all_cases())
-        for row in gpus.rows(asked, options.worlds, options.replays):
-            report["results"].append(row)
-            reports.write(report, out)
-        return report
+        return measured_on_every_gpu(options, device, out)
 
     timing = "CUDA graph replays between events" if device.is_cuda else "plain calls"
     threads = None if device.is_cuda else os.environ.get("WARPCAM_CPU_THREADS", "all")
@@ -133,6 +126,21 @@ def measured_here(options: argparse.Namespace) -> dict[str, Any]:
                 took = f"{row['ms']['median']:.3f} ms" if "ms" in row else row["error"]
                 screen.print(f"{reports.name_of(row)}: {row['renderer']}: {took}", style="dim", markup=False)
     print(f"written: {out}")
+    return report
+
+
+def measured_on_every_gpu(options: argparse.Namespace, device: Any, out: Path) -> dict[str, Any]:
+    from warpcam.benchmarks import cases, gpus
+    from warpcam.benchmarks import report as reports
+
+    for option, value in (("--worlds", options.worlds), ("--replays", options.replays)):
+        if value is not None:
+            cases.positive(option, value)
+    asked = chosen("--case", options.case or ["humanoid", "yam"], all_cases())
+    report = reports.new("gpus", device, timing="render() in a loop, by the host's clock")
+    for row in gpus.rows(asked, options.worlds, options.replays):
+        report["results"].append(row)
+        reports.write(report, out)
     return report
 
 

@@ -314,6 +314,27 @@ def test_every_gpu_works_alone_and_beside_others() -> None:
     assert [way for way, _ in gpus.ways(["cuda:0"])] == ["alone"]
 
 
+def test_gpus_are_measured_where_there_are_some(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(gpus, "ways", lambda _: pytest.fail("nothing is to be measured"))
+    monkeypatch.setattr(gpus, "wp", SimpleNamespace(get_cuda_devices=list))
+    assert bench("--gpus", "--case", "humanoid", "--out", tmp_path / "gpus.json") == 2
+    assert "--gpus: this process sees no GPU" in capsys.readouterr().err
+    assert bench("--gpus", "--worlds", "0") == 2
+    assert "--worlds: 0 came, at least 1 is needed" in capsys.readouterr().err
+
+
+def test_what_was_measured_on_gpus_is_written(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    kept = json.loads((ROOT / "benchmarks" / "results" / "nvidia-h100-x2.json").read_text())["results"]
+    monkeypatch.setattr(gpus, "rows", lambda _, worlds, frames: [{**row, "asked": [worlds, frames]} for row in kept])
+    out = tmp_path / "gpus.json"
+    assert bench("--gpus", "--case", "humanoid", "--worlds", "5", "--replays", "7", "--out", out) == 0
+    written = json.loads(out.read_text())
+    assert written["kind"] == "gpus" and len(written["results"]) == len(kept)
+    assert written["results"][0] == {**kept[0], "asked": [5, 7]}
+
+
 class InAThread(threading.Thread):
     """Stands in for a process that is spawned: its end of the pipe is its own."""
 
