@@ -148,6 +148,47 @@ def test_data_types_that_mjlab_lacks() -> None:
     env.close()
 
 
+def test_sensors_of_one_camera_have_the_images_of_each_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    """In sizes, data types and settings of their own; they share a frame with sensors of other cameras only."""
+    frames = []
+
+    class Counted(wc.Renderer):
+        def __init__(self, scene: wc.Scene, cameras: Any):
+            frames.append((scene, [camera.width for camera in cameras]))
+            super().__init__(scene, cameras)
+
+    def images_of(*sensors: ours.CameraSensorCfg) -> list[dict[str, torch.Tensor]]:
+        cfg = cartpole_balance_env_cfg()
+        cfg.scene.sensors = copy.deepcopy(sensors)
+        env = make(cfg)
+        env.reset(seed=3)
+        env.step(torch.ones(NUM_ENVS, env.action_manager.total_action_dim))
+        images = [dict(env.scene[sensor.name].data.images) for sensor in sensors]
+        env.close()
+        return images
+
+    monkeypatch.setattr(wc, "Renderer", Counted)
+    kinds = ("depth", "segmentation", "flow")
+    one, other = "cartpole/fixed", "cartpole/lookatcart"
+    sensors = (
+        ours.CameraSensorCfg(name="color", camera_name=one, width=64, height=64),
+        ours.CameraSensorCfg(name="depth", camera_name=one, width=32, height=24, data_types=kinds),
+        ours.CameraSensorCfg(name="aside", camera_name=other, width=20, height=16, data_types=("rgb", "depth")),
+        ours.CameraSensorCfg(name="smooth", camera_name=one, width=65, height=64, use_shadows=True, antialiasing=4),
+        ours.CameraSensorCfg(name="plain", camera_name=one, width=66, height=64, use_textures=False),
+        ours.CameraSensorCfg(name="still", camera_name=other, width=20, height=16, data_types=("rgb", "depth")),
+    )
+    together = images_of(*sensors)
+    assert [widths for _, widths in frames] == [[64, 20], [32, 20], [65], [66]]
+    assert len({id(scene) for scene, _ in frames}) == 2  # with textures and without
+    for sensor, images in zip(sensors, together, strict=True):
+        (alone,) = images_of(sensor)
+        assert tuple(images) == tuple(alone) == sensor.data_types, sensor.name
+        for name, image in images.items():
+            assert image.shape[:3] == (NUM_ENVS, sensor.height, sensor.width), (sensor.name, name)
+            assert torch.equal(image, alone[name]) and len(image.unique()) > 2, (sensor.name, name)
+
+
 def test_randomised_fields_and_ray_casts_beside() -> None:
     """Fields that are expanded are replaced by other arrays, with a lens and a colour for each world."""
     from mjlab.sensor import GridPatternCfg, ObjRef, RayCastSensorCfg

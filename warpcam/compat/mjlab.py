@@ -35,7 +35,7 @@ class CameraSensorCfg(MjlabCfg):
     """mjlab's, with more to choose.
 
     ``data_types`` may name every output of warpcam beside mjlab's own three. Sensors of one scene need not agree on
-    textures, shadows or groups.
+    textures, shadows or groups, and several may have one camera.
     """
 
     antialiasing: int = 1
@@ -119,7 +119,10 @@ class _Kind:
 
 
 class _Cameras:
-    """All camera sensors of one simulation. Those that draw the same things share a scene and a frame."""
+    """All camera sensors of one simulation.
+
+    Those that draw the same things share a scene, and a frame of it but for those of one camera.
+    """
 
     def __init__(self, mjm: mujoco.MjModel, m: Any, d: Any):
         self.data = d
@@ -155,15 +158,24 @@ class _Cameras:
             renderer.reset(env_ids)
 
     def _build(self) -> list[tuple[Look | None, wc.Renderer, list[Stage]]]:
-        kinds: dict[_Kind, list[CameraSensor]] = {}
+        kinds: dict[_Kind, list[dict[int, CameraSensor]]] = {}
         for sensor in self._sensors:
             cfg = sensor.cfg
             groups = tuple(sorted(cfg.enabled_geom_groups))
             kind = _Kind(groups, cfg.use_textures, cfg.reflections, cfg.transparency)
-            kinds.setdefault(kind, []).append(sensor)
-        return [self._frame(kind, sensors) for kind, sensors in kinds.items()]
+            frames = kinds.setdefault(kind, [])
+            # A renderer has a camera once.
+            frame = next((frame for frame in frames if sensor.camera_idx not in frame), None)
+            if frame is None:
+                frames.append(frame := {})
+            frame[sensor.camera_idx] = sensor
+        built = []
+        for kind, frames in kinds.items():
+            look, scene = self._scene(kind)
+            built += [(look, *self._frame(scene, list(frame.values()))) for frame in frames]
+        return built
 
-    def _frame(self, kind: _Kind, sensors: list[CameraSensor]) -> tuple[Look | None, wc.Renderer, list[Stage]]:
+    def _scene(self, kind: _Kind) -> tuple[Look | None, wc.Scene]:
         look = None if kind.textures else Look(self._m, {"mat_texid": -1})
         scene = wc.from_mujoco_warp(
             self._mjm,
@@ -174,6 +186,9 @@ class _Cameras:
             reflections=kind.reflections,
             transparency=kind.transparency,
         )
+        return look, scene
+
+    def _frame(self, scene: wc.Scene, sensors: list[CameraSensor]) -> tuple[wc.Renderer, list[Stage]]:
         far = float(self._mjm.vis.map.zfar * self._mjm.stat.extent)
         cameras, stages = [], []
         for sensor in sensors:
@@ -203,7 +218,7 @@ class _Cameras:
                 sensor._images["segmentation"] = interop.to_torch(pairs).view(shape)
         for stage in stages:
             stage.bind()
-        return look, renderer, stages
+        return renderer, stages
 
 
 # Alive as long as a sensor of theirs is.
