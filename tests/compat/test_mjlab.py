@@ -223,6 +223,23 @@ def test_randomised_fields_and_ray_casts_beside() -> None:
     env.close()
 
 
+def test_what_is_chosen_in_place_of_a_sensors_own() -> None:
+    """For all camera sensors of a task, whoever drew them before; a class of somebody else's stays."""
+
+    class Theirs(MjlabCfg):
+        pass
+
+    cfg = cartpole_balance_env_cfg()
+    theirs = Theirs(name="theirs")
+    cfg.scene.sensors = (MjlabCfg(name="one", width=8), ours.CameraSensorCfg(name="two", reflections=False), theirs)
+    one, two, third = ours.use(cfg, antialiasing=4, data_types=("rgb", "normals")).scene.sensors
+    assert one == ours.CameraSensorCfg(name="one", width=8, antialiasing=4, data_types=("rgb", "normals"))
+    assert two == ours.CameraSensorCfg(name="two", reflections=False, antialiasing=4, data_types=("rgb", "normals"))
+    assert third is theirs
+    with pytest.raises(wc.WarpcamError, match="data_types has 'smell'"):
+        ours.use(cfg, data_types=("smell",))
+
+
 def test_a_data_type_that_nobody_has() -> None:
     with pytest.raises(wc.WarpcamError, match="data_types has 'smell'; allowed are rgb, rgba"):
         ours.CameraSensorCfg(name="eye", data_types=("rgb", "smell"))

@@ -58,8 +58,8 @@ class CameraSensorCfg(MjlabCfg):
 
     @classmethod
     def of(cls, cfg: MjlabCfg, **more: Any) -> "CameraSensorCfg":
-        """The same as one of mjlab's, with more chosen."""
-        return cls(**{field.name: getattr(cfg, field.name) for field in fields(cfg)}, **more)
+        """The same as one of mjlab's, or of ours, but for what is chosen."""
+        return cls(**{field.name: getattr(cfg, field.name) for field in fields(cfg)} | more)
 
     def build(self) -> "CameraSensor":
         return CameraSensor(self)
@@ -230,14 +230,15 @@ def use(cfg: Any, **more: Any) -> Any:
 
     Args:
         cfg: mjlab's ManagerBasedRlEnvCfg, or its SceneCfg; changed in place.
-        **more: Chosen for all of them: ``antialiasing`` and the like.
+        **more: Chosen for all of them, those that are ours already too: ``antialiasing`` and the like.
 
     Returns:
         ``cfg``.
     """
     scene = getattr(cfg, "scene", cfg)
     scene.sensors = tuple(
-        CameraSensorCfg.of(sensor, **more) if type(sensor) is MjlabCfg else sensor for sensor in scene.sensors or ()
+        CameraSensorCfg.of(sensor, **more) if type(sensor) in (MjlabCfg, CameraSensorCfg) else sensor
+        for sensor in scene.sensors or ()
     )
     return cfg
 
