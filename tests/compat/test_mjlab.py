@@ -240,6 +240,22 @@ def test_what_is_chosen_in_place_of_a_sensors_own() -> None:
         ours.use(cfg, data_types=("smell",))
 
 
+@pytest.mark.parametrize("zfar", [0.0, 1.0])
+def test_a_model_whose_zfar_is_zero_has_no_end(zfar: float) -> None:
+    """As with MuJoCo-Warp's calls; an end that there is cuts off."""
+    cfg = cartpole_balance_env_cfg()
+    cfg.scene.spec_fn = lambda spec: setattr(spec.visual.map, "zfar", zfar)
+    cfg.scene.sensors = (
+        ours.CameraSensorCfg(name="eye", camera_name="cartpole/fixed", width=32, height=24, data_types=("depth",)),
+    )
+    env = make(cfg)
+    env.reset(seed=3)
+    deepest = env.scene["eye"].data.depth.max()
+    end = zfar * env.sim.mj_model.stat.extent
+    assert deepest > 20.0 if end == 0.0 else 0.0 < deepest < end < 20.0
+    env.close()
+
+
 def test_a_data_type_that_nobody_has() -> None:
     with pytest.raises(wc.WarpcamError, match="data_types has 'smell'; allowed are rgb, rgba"):
         ours.CameraSensorCfg(name="eye", data_types=("rgb", "smell"))

@@ -199,7 +199,7 @@ class _Cameras:
                     width=cfg.width,
                     height=cfg.height,
                     outputs=cfg.data_types,
-                    far=far,
+                    far=far if far > 0.0 else None,
                     depth_clipping="zero",
                     shadows=cfg.use_shadows,
                     antialiasing=cfg.antialiasing,
