@@ -27,8 +27,6 @@ from warpcam.kernels import packing
 from warpcam.kernels.launch import Stage
 from warpcam.outputs import OUTPUTS
 
-SAME = ("rgb", "depth", "segmentation")  # data types that mjlab has, too
-
 
 @dataclass
 class CameraSensorCfg(MjlabCfg):
