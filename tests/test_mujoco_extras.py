@@ -225,6 +225,22 @@ def test_normals_where_a_texture_does_not_show(device: wp.Device) -> None:
     assert np.allclose(seen["normals"][seen["segmentation"] == 0], (0.0, 0.0, 1.0), atol=1e-6)
 
 
+def test_texture_coordinates_may_be_fewer_than_vertices(device: wp.Device) -> None:
+    """As where elements share them: each triangle shows the same picture."""
+    corners = "-.5 -.5 0 .5 -.5 0 .5 .5 0 -.5 .5 0"
+    cloth = f'''<deformable><flex name="soft" dim="2" radius=".02" body="world" material="checks" rgba=".5 .5 .5 1"
+      vertex="{corners}" element="0 1 2 2 3 0" texcoord="0 0 1 0 1 1" elemtexcoord="0 1 2 0 1 2"/></deformable>'''
+    mjm = scenes.compile_xml("", assets=soft_scenes.PICTURE, more=cloth)
+    camera = scenes.own_camera(
+        position=(0.0, 0.0, 3.0), lens=wc.Orthographic(height=1.0), outputs=("albedo", "segmentation")
+    )
+    seen = scenes.look(wc.from_mujoco(mjm, scenes.forward(mjm), device=device), camera)
+    assert (seen["segmentation"] == 0).all() and len(np.unique(seen["albedo"].reshape(-1, 3), axis=0)) > 10
+    apart = ~np.eye(32, dtype=bool)[::-1]  # from the diagonal between the triangles
+    turned = seen["albedo"][0, ::-1, ::-1].astype(int)
+    assert np.abs(seen["albedo"][0].astype(int) - turned)[apart].max() <= 3
+
+
 def test_a_world_is_moved_in_place(device: wp.Device) -> None:
     mjm, mjd = soft_scenes.bent("cloth")
     m, d = scenes.put(mjm, 2, mjd=mjd)

@@ -70,7 +70,8 @@ def skin_surface(mjm: mujoco.MjModel, skin: int) -> tuple[Mesh, Hull, Shading]:
 def _mesh(name: str, vertices: np.ndarray, faces: np.ndarray, texture: np.ndarray | None, corners: np.ndarray) -> Mesh:
     uvs = None
     if texture is not None:
-        uvs = texture[corners].astype(np.float32)
+        # Shells and rims look by vertex, of which there may be more than coordinates: MuJoCo reads on beyond them.
+        uvs = texture[np.minimum(corners, len(texture) - 1)].astype(np.float32)
         uvs[..., 1] = 1.0 - uvs[..., 1]  # MuJoCo's v counts from the image's first row
     return Mesh(
         name, np.ascontiguousarray(vertices, np.float32), np.ascontiguousarray(faces, np.int32), uvs=uvs, moves=True,
