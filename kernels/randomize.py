@@ -19,6 +19,7 @@ class Draw:
     mask: wp.array(dtype=wp.uint8)  # (world,) worlds with 0 are left alone
     seeds: wp.array(dtype=wp.int32)  # (world*,)
     rows: wp.array(dtype=wp.int32)  # (n,)
+    owners: wp.array(dtype=wp.int32)  # (n,) the row that a row looks like: itself, or that of which it is a piece
     low: wp.array(dtype=wp.float32)  # (width,)
     high: wp.array(dtype=wp.float32)  # (width,)
     salt: wp.int32  # of the attribute
@@ -46,7 +47,7 @@ def draw_numbers(
     if draw.mask[world] == wp.uint8(0):
         return
     row = draw.rows[place - world * count]
-    state = start(draw, world, row)
+    state = start(draw, world, draw.owners[place - world * count])
     part = wp.randf(state)
     for k in range(out.shape[2]):
         if draw.linked == 0 and k > 0:
@@ -73,7 +74,7 @@ def draw_turns(
     if draw.mask[world] == wp.uint8(0):
         return
     row = draw.rows[place - world * count]
-    state = start(draw, world, row)
+    state = start(draw, world, draw.owners[place - world * count])
     angle = wp.radians(draw.low[0] + wp.randf(state) * (draw.high[0] - draw.low[0]))
     axis = wp.sample_unit_sphere_surface(state)
     if out.shape[2] == 3:
@@ -106,7 +107,8 @@ def draw_choices(
     if draw.mask[world] == wp.uint8(0):
         return
     row = draw.rows[place - world * count]
-    chosen = wp.min(wp.int32(wp.randf(start(draw, world, row)) * wp.float32(choices.shape[0])), choices.shape[0] - 1)
+    state = start(draw, world, draw.owners[place - world * count])
+    chosen = wp.min(wp.int32(wp.randf(state) * wp.float32(choices.shape[0])), choices.shape[0] - 1)
     out[world, row, column] = choices[chosen]
 
 
@@ -123,7 +125,8 @@ def draw_switches(
     if draw.mask[world] == wp.uint8(0):
         return
     row = draw.rows[place - world * count]
-    chosen = wp.min(wp.int32(wp.randf(start(draw, world, row)) * wp.float32(choices.shape[0])), choices.shape[0] - 1)
+    state = start(draw, world, draw.owners[place - world * count])
+    chosen = wp.min(wp.int32(wp.randf(state) * wp.float32(choices.shape[0])), choices.shape[0] - 1)
     for k in range(out.shape[2]):
         out[world, row, k] = wp.uint8(choices[chosen])
 

@@ -89,6 +89,26 @@ def test_a_seed_says_it_all(scene: wc.Scene) -> None:
     assert (alone[rest] == first[rest]).all()
 
 
+def test_pieces_of_a_rope_look_alike(device: wp.Device) -> None:
+    """Its id stands for all of them, and one of them for itself."""
+    rope = 1
+    mjm = scenes.compile_xml(
+        '<geom size=".1"/><flexcomp type="grid" dim="1" count="5 1 1" spacing=".2 .2 .2" name="rope" material="red"/>',
+        assets=ASSETS,
+    )
+    scene = wc.from_mujoco_warp(mjm, *scenes.put(mjm, 3))
+    before = scene.vary("shape_colors").clone()
+    pieces = torch.as_tensor(scene.columns[0] == rope)
+    assert pieces.sum() == 1 + 4 and len(pieces) == 6
+    for recipe in (wc.Uniform(0.0, 1.0), wc.Uniform(0.0, 1.0, rows=[rope])):
+        colors = drawn(scene, "shape_colors", recipe).cpu()
+        assert (colors[:, pieces] == colors[:, rope : rope + 1]).all()
+        assert (colors != before.cpu())[:, pieces].all()
+    assert (drawn(scene, "shape_colors", wc.Uniform(0.5, 1.0, rows=[5]))[:, rope] == colors[:, rope].to(before)).all()
+    chosen = drawn(scene, "shape_materials", wc.Choice([-1], rows=[rope]))
+    assert (chosen[:, pieces] == -1).all()
+
+
 def test_seeds_on_the_device_are_of_each_world(scene: wc.Scene) -> None:
     seeds = torch.zeros(WORLDS, dtype=torch.int32, device=scene.vary("material_color").device)
     first = drawn(scene, "material_color", (0.0, 1.0), seeds)

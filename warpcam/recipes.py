@@ -50,7 +50,7 @@ class Uniform:
         of: What is drawn: the "value" itself; an "offset" that is added to what was there when the attribute was first
             drawn in this way; a "factor" of that; or an angle [degrees] by which a direction or a quaternion "turn"s
             from that, about any axis.
-        rows: Indices of the materials, lights or shapes; None is all.
+        rows: Indices of the materials, lights or shapes; None is all. That of a rope or tendon is of all its pieces.
         linked: One draw for all components of an entry, so that a grey stays grey.
     """
 
@@ -241,7 +241,12 @@ def _record(
         raise WarpcamError(f"randomize: {name} takes {needed}, got {recipe!r}")
     draw = kernels.Draw()
     draw.mask, draw.seeds = state.selection.mask, seeds
-    draw.rows = wp.array(np.arange(count) if rows is None else np.array(rows), dtype=wp.int32, device=device)
+    owners = target.owners() if isinstance(target, Scene) and name.startswith("shape_") else np.arange(count)
+    written = np.arange(count)
+    if rows is not None:
+        written = np.flatnonzero(np.isin(written, rows) | np.isin(owners, rows))
+    draw.rows = wp.array(written, dtype=wp.int32, device=device)
+    draw.owners = wp.array(owners[written], dtype=wp.int32, device=device)
     draw.salt = wp.int32(np.uint32(crc32(name.encode())).view(np.int32))
     draw.low, draw.high = (wp.zeros(1, dtype=wp.float32, device=device) for _ in range(2))
     if isinstance(recipe, Choice):

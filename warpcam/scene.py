@@ -146,18 +146,18 @@ class Scene:
 
     @property
     def columns(self) -> np.ndarray:
-        """What stands in each column of arrays that count shapes, (world or 1, column) int32.
-
-        Ids as ``segmentation`` has them, -1 where a world has nothing.
-        """
-        ids = self._parts.shape_ids
+        """Ids, as ``segmentation`` has them, of what stands in each column of shapes, (world or 1, column) int32."""
+        ids = self._parts.shape_ids  # -1 where a world has nothing
         return np.arange(self._counts["shapes"], dtype=np.int32)[None] if ids is None else ids.copy()
+
+    def owners(self) -> np.ndarray:
+        """The column of that of which each is a piece, (column,), its own but of ropes, tendons and the like."""
+        return np.arange(self._counts["shapes"]) if self._parts.objects is None else self.columns[0]
 
     def count_of(self, name: str) -> int | None:
         """How many things an array of indices that ``vary`` gives counts, None for other arrays."""
-        parts = self._parts
-        textures = len(parts.textures)
-        return {"shape_materials": parts.num_materials, "material_texture": textures, "skybox": textures}.get(name)
+        images = len(self._parts.textures)
+        return {"shape_materials": self._parts.num_materials, "material_texture": images, "skybox": images}.get(name)
 
     def cubes(self) -> list[int]:
         """Textures that may be a skybox."""
