@@ -32,6 +32,8 @@ XML = """
       <site name="tip" pos="0 0 .35" size=".08" rgba="0 0 1 1"/>
     </body>
     <site name="anchor" pos=".6 0 .9" size=".04" rgba="1 0 1 1"/>
+    <flexcomp name="cloth" type="grid" dim="2" count="4 3 1" spacing=".15 .15 .15" pos="-.7 -.4 .5" radius=".02"
+      material="blue" rigid="true"/>
   </worldbody>
   <tendon><spatial width=".03" rgba="1 .8 0 1"><site site="anchor"/><site site="tip"/></spatial></tendon>
 </mujoco>

@@ -112,7 +112,8 @@ def _opacity(model: mujoco.MjModel, kind: str) -> np.ndarray:
 
 def _colors(model: mujoco.MjModel, kind: str) -> np.ndarray:
     """Those that are shown, their own or their materials'."""
-    colors, materials = np.array(getattr(model, f"{kind}_rgba")), getattr(model, f"{kind}_matid")
+    colors = np.array(getattr(model, f"{kind}_rgba"))
+    materials = getattr(model, f"{kind}_matid")[: len(colors)]  # flex_matid of MuJoCo 4.0 is as long as all elements
     by_material = (materials >= 0) & (colors == PLAIN).all(axis=1)
     colors[by_material] = model.mat_rgba[materials[by_material]]
     return colors
