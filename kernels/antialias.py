@@ -60,11 +60,14 @@ def _target_struct(shape_dtype: Any, face_dtype: Any) -> Any:
     return SmoothTarget
 
 
+def _by_words(tables: Tables, images: Collection[str], width: int, height: int) -> bool:
+    """Whether colours are loaded by words, of scenes that gain by it."""
+    return MESH in tables.shape_types and "hdr" not in images and width * height % 4 == 0 and width >= 3
+
+
 def in_place(tables: Tables, images: Collection[str], width: int, height: int, device: wp.Device) -> bool:
     """Whether images are smoothed where they were lit, without a buffer of their colours."""
-    if not device.is_cuda or MESH not in tables.shape_types or "hdr" in images:
-        return False
-    if width * height % 4 or width < 3:  # colours are loaded by words
+    if not device.is_cuda or not _by_words(tables, images, width, height):
         return False
     return width <= SIDE and height <= SIDE and tables.num_worlds >= WORTH_PLACE * device.sm_count
 
@@ -75,12 +78,14 @@ def wave(device: wp.Device) -> int:
 
 
 @functools.cache
-def _kernel(types: int, lens: int, width: int, height: int, images: int, placed: bool, target_type: Any) -> wp.Kernel:
+def _kernel(
+    types: int, lens: int, width: int, height: int, images: int, by_words: bool, placed: bool, target_type: Any
+) -> wp.Kernel:
     walks = bool(types >> MESH & 1 or types >> HEIGHT_FIELD & 1)
     threads, blocks = (THREADS, WALK_BLOCKS if walks else BLOCKS) if not placed else (THREADS_IN_PLACE, BLOCKS_IN_PLACE)
 
     @wp.func_native(
-        f"warpcam::smooth<{types}, {lens}, {width}, {height}, {images}, {int(placed)}>"
+        f"warpcam::smooth<{types}, {lens}, {width}, {height}, {images}, {int(by_words)}, {int(placed)}>"
         "(shapes, meshes, fields, views, target, index);"
     )
     def smooth(
@@ -161,7 +166,8 @@ def record(
         region = (SIDE, SIDE)
     threads = THREADS_IN_PLACE if placed else THREADS
     unit = -(-width // region[0]) * -(-height // region[1]) * (threads if device.is_cuda else 1)  # threads a world
-    kernel = _kernel(types, LENSES[lens], *region, wanted, placed, target_type)
+    by_words = device.is_cuda and _by_words(tables, images, width, height)
+    kernel = _kernel(types, LENSES[lens], *region, wanted, by_words, placed, target_type)
     arguments = [tables.shapes, tables.meshes, tables.height_fields, views, target]
     start, count = group.worlds.start, len(group.worlds)
     return record_launch(kernel, count * unit, arguments, device, start=start * unit, block_dim=threads)

@@ -146,8 +146,8 @@ class Scene:
 
     @property
     def columns(self) -> np.ndarray:
-        """Ids, as ``segmentation`` has them, of what stands in each column of shapes, (world or 1, column) int32."""
-        ids = self._parts.shape_ids  # -1 where a world has nothing
+        """Which id, as ``segmentation`` has it, each column of shapes has, or -1, (world or 1, column) int32."""
+        ids = self._parts.shape_ids
         return np.arange(self._counts["shapes"], dtype=np.int32)[None] if ids is None else ids.copy()
 
     def owners(self) -> np.ndarray:

@@ -162,7 +162,13 @@ template <class Target> struct ImageCentres {
 
     WARPCAM_FN unsigned at(int i, int j) const { return first + unsigned(j * target.width + i); }
     WARPCAM_FN unsigned line() const { return unsigned(target.width); }
-    WARPCAM_FN auto ids() const { return target.shape.data + first; }
+    // Whether there is four_ids(): the ids of four pixels from a multiple of four on, of the image, are a word.
+    WARPCAM_FN bool has_fours() const { return sizeof(target.shape.data[0]) == 1 && target.width % 4 == 0; }
+    WARPCAM_FN unsigned four_ids(int i, int j) const
+    {
+        const int column = upper_int(lower_int(i, target.width - 4), 0), row = upper_int(lower_int(j, target.height - 1), 0);
+        return reinterpret_cast<const unsigned*>(target.shape.data)[at(column, row) / 4];
+    }
     WARPCAM_FN unsigned of_images(unsigned pixel) const { return pixel; }
     WARPCAM_FN unsigned of_images(int i, int j) const { return at(i, j); }
     WARPCAM_FN int shape(unsigned pixel) const { return target.shape.data[pixel]; }

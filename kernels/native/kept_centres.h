@@ -64,7 +64,8 @@ template <class Target, int IMAGES, int WIDTH, int HEIGHT> struct KeptCentres {
 
     WARPCAM_FN unsigned at(int i, int j) const { return unsigned((j - top) * LINE + (i - left)); }
     WARPCAM_FN static constexpr unsigned line() { return LINE; }
-    WARPCAM_FN auto ids() const { return target.shape.data + first; }  // those of the view, where the trace has them
+    WARPCAM_FN static constexpr bool has_fours() { return false; }
+    WARPCAM_FN unsigned four_ids(int, int) const { return 0; }
     WARPCAM_FN unsigned of_images(int i, int j) const { return first + unsigned(j * target.width + i); }
     WARPCAM_FN unsigned of_images(unsigned pixel) const
     {
@@ -82,69 +83,83 @@ template <class Target, int IMAGES, int WIDTH, int HEIGHT> struct KeptCentres {
     WARPCAM_FN unsigned around(int i, int j, int k) const { return at(i + k % 3 - 1, j + k / 3 - 1); }
 };
 
-// Which shapes a whole image shows, kept in shared memory; its depths, faces and colours stay where they are. Pixels are
-// numbered row after row.
-template <class Target> struct ImageIds {
+// Which shapes a region's pixels and those around it show, kept in shared memory; WHOLE: which has all of the image. Pixels
+// are numbered row after row, from the one above the region's first, or a word left of that if there are any.
+template <class Target, int WIDTH, int HEIGHT, bool WHOLE> struct RegionIds {
     using Id = typename Pointee<decltype(Target::shape.data)>::type;
-    static constexpr int PIXELS = 64 * 64, BESIDE = 80;  // that may be read, too, though nobody uses what is there
     static constexpr bool FIT = sizeof(Id) == 1;
+    static constexpr int WORD = 4, ASIDE = WHOLE ? 0 : WORD, BEFORE = WORD - ASIDE;  // pixels; those before the first
+    static constexpr int LINE = WIDTH + 2 * ASIDE, WORDS = (LINE * (HEIGHT + 2) + 2 * BEFORE) / WORD;
 
-    alignas(16) Id ids[FIT ? PIXELS + 2 * BESIDE : 1];
+    unsigned words[FIT ? WORDS : 1];
 
-    // All threads of the block; then a barrier.
-    WARPCAM_FN void load(const Target& target, unsigned first)
+    // All threads of the block; then a barrier. What lies outside of the image is as any pixel of it.
+    WARPCAM_FN void load(const Target& target, const Region& region, unsigned first)
     {
-        constexpr int TOGETHER = 16 / sizeof(Id);
-        const int count = target.width * target.height;
-        if (count % TOGETHER == 0) {
-            const int4* const from = reinterpret_cast<const int4*>(target.shape.data + first);
-            for (int k = threadIdx.x; k < count / TOGETHER; k += THREADS)
-                reinterpret_cast<int4*>(ids + BESIDE)[k] = __ldg(from + k);
-        } else {
-            for (int k = threadIdx.x; k < count; k += THREADS)
-                ids[BESIDE + k] = target.shape.data[first + k];
+#pragma unroll
+        for (int begin = 0; begin < WORDS; begin += THREADS) {
+            const int k = lower_int(begin + int(threadIdx.x), WORDS - 1), pixel = k * WORD - BEFORE;
+            const int i = region.left + pixel % LINE - ASIDE, j = region.top + pixel / LINE - 1;
+            const Id* const line = target.shape.data + first + upper_int(lower_int(j, target.height - 1), 0) * target.width;
+            if (target.width % WORD == 0) {
+                words[k] = *reinterpret_cast<const unsigned*>(line + upper_int(lower_int(i, target.width - WORD), 0));
+                continue;
+            }
+            unsigned word = 0;
+#pragma unroll
+            for (int n = 0; n < WORD; ++n)
+                word |= unsigned(static_cast<unsigned char>(line[upper_int(lower_int(i + n, target.width - 1), 0)])) << 8 * n;
+            words[k] = word;
         }
     }
+    WARPCAM_FN int at(unsigned pixel) const { return reinterpret_cast<const Id*>(words)[pixel + BEFORE]; }
+    WARPCAM_FN unsigned four_at(unsigned pixel) const { return words[(pixel + BEFORE) / WORD]; }
 };
 
-template <class Target> struct PlacedCentres {
+// Of images whose colours may be loaded by words: their pixels are a multiple of four. Depths, faces and colours stay where
+// they are. Pixels are numbered as RegionIds has them; none lies outside of the image.
+template <class Target, int WIDTH_, int HEIGHT, bool WHOLE> struct PlacedCentres {
+    using Ids = RegionIds<Target, WIDTH_, HEIGHT, WHOLE>;
+    static constexpr int WIDTH = WIDTH_, LINE = Ids::LINE;
     static constexpr bool BORDERED = false;
     static constexpr bool PLACED = true;
 
-    ImageIds<Target>& image;
+    Ids& ids;
     const Target& target;
+    int left, top;   // of pixel 0, in the image
     unsigned first;  // the view's first pixel in the images
 
-    // All threads of the block; then a barrier.
-    WARPCAM_FN void load() const { image.load(target, first); }
     // Adds all shapes that are seen to a list: those that the pixel before does not show. Then a barrier.
     template <class List> WARPCAM_FN void list(List& shapes) const
     {
-        const int words = target.width * target.height / 4;
 #pragma unroll 1
-        for (int k = threadIdx.x; k < words; k += THREADS) {
-            unsigned left = reinterpret_cast<const unsigned*>(ids())[k];
-            for (int before = -1; left != ~0u;) {  // those that are done become -1
-                const int id = static_cast<signed char>(left & 0xff);
+        for (int k = threadIdx.x; k < ids.WORDS; k += THREADS) {
+            unsigned rest = ids.words[k];
+            for (int before = -1; rest != ~0u;) {  // those that are done become -1
+                const int id = static_cast<signed char>(rest & 0xff);
                 if (id >= 0 && id != before)
                     shapes.add(id);
                 before = id;
-                left = left >> 8 | 0xff000000u;
+                rest = rest >> 8 | 0xff000000u;
             }
         }
     }
-    WARPCAM_FN const typename ImageIds<Target>::Id* ids() const { return image.ids + image.BESIDE; }
-    WARPCAM_FN unsigned at(int i, int j) const { return unsigned(j * target.width + i); }
-    WARPCAM_FN unsigned line() const { return unsigned(target.width); }
-    WARPCAM_FN unsigned of_images(unsigned pixel) const { return first + pixel; }
-    WARPCAM_FN unsigned of_images(int i, int j) const { return first + at(i, j); }
-    WARPCAM_FN int shape(unsigned pixel) const { return ids()[pixel]; }
+    WARPCAM_FN unsigned at(int i, int j) const { return unsigned((j - top) * LINE + (i - left)); }
+    WARPCAM_FN static constexpr unsigned line() { return LINE; }
+    WARPCAM_FN unsigned of_images(unsigned pixel) const
+    {
+        return of_images(left + int(pixel % LINE), top + int(pixel / LINE));
+    }
+    WARPCAM_FN unsigned of_images(int i, int j) const { return first + unsigned(j * target.width + i); }
+    WARPCAM_FN int shape(unsigned pixel) const { return ids.at(pixel); }
     // Where the pixel may lie outside of the image: then it is any number.
-    WARPCAM_FN int shape_beside(int i, int j) const { return ids()[j * target.width + i]; }
-    WARPCAM_FN float depth(unsigned pixel) const { return target.depth.data[first + pixel]; }
+    WARPCAM_FN int shape_beside(int i, int j) const { return shape(at(i, j)); }
+    WARPCAM_FN static constexpr bool has_fours() { return true; }
+    WARPCAM_FN unsigned four_ids(int i, int j) const { return ids.four_at(at(i, j)); }
+    WARPCAM_FN float depth(unsigned pixel) const { return target.depth.data[of_images(pixel)]; }
     template <int IMAGES> WARPCAM_FN unsigned bytes(unsigned pixel) const
     {
-        return load_bytes<IMAGES>(target, first + pixel);
+        return load_bytes<IMAGES>(target, of_images(pixel));
     }
     // The colours of the nine pixels around one, row after row: of each row three words of rgb have them.
     template <int IMAGES> WARPCAM_FN void bytes_around(int i, int j, unsigned (&nine)[9]) const
@@ -161,7 +176,7 @@ template <class Target> struct PlacedCentres {
 #pragma unroll
         for (int k = 0; k < 3; ++k) {
             const int row = j + k - 1 < 0 ? 0 : lower_int(j + k - 1, target.height - 1);
-            const unsigned begin = 3 * at(column, row), aside = 8 * (begin % 4);
+            const unsigned begin = 3 * unsigned(row * target.width + column), aside = 8 * (begin % 4);
             const unsigned* const words = reinterpret_cast<const unsigned*>(target.rgb.data + 3 * size_t(first)) + begin / 4;
             const unsigned a = words[0], b = words[1], c = words[2];
             const unsigned low = __funnelshift_r(a, b, aside), high = __funnelshift_r(b, c, aside), last = c >> aside;

@@ -7,14 +7,12 @@ namespace warpcam {
 
 // The tiles of a warp where anything is seen, or around them, by bit: its first, the one after so many, and so on. All are
 // where ids have more than a byte.
-template <class Target, class Id>
-WARPCAM_FN unsigned tiles_with_shapes(const Target& target, const Id* ids_of_view, const Region& region, int across,
-                                      int tiles)
+template <class Centres>
+WARPCAM_FN unsigned tiles_with_shapes(const Centres& centres, const Region& region, int across, int tiles)
 {
     constexpr int WARPS = THREADS / LANES, TOGETHER = 8, WORD = 4;  // pixels
-    if (sizeof(Id) != 1 || target.width % WORD)
+    if (!centres.has_fours())
         return ~0u;
-    const unsigned* words = reinterpret_cast<const unsigned*>(ids_of_view);
     const int lane = threadIdx.x % LANES, warp = threadIdx.x / LANES;
     const int down = lower_int(lane / 4, TILE_HEIGHT + 1) - 1, right = lane % 4 * WORD - WORD;
     unsigned found = 0;
@@ -23,10 +21,8 @@ WARPCAM_FN unsigned tiles_with_shapes(const Target& target, const Id* ids_of_vie
 #pragma unroll
         for (int n = 0; n < TOGETHER; ++n) {
             const int tile = lower_int(warp + (begin + n) * WARPS, tiles - 1), row = tile / across;
-            const int i = region.left + (tile + row) % across * TILE_WIDTH + right;
-            const int j = region.top + row * TILE_HEIGHT + down;
-            const int column = upper_int(lower_int(i, target.width - WORD), 0);
-            ids[n] = words[(upper_int(lower_int(j, target.height - 1), 0) * target.width + column) / WORD];
+            const int column = (tile + row) % across;
+            ids[n] = centres.four_ids(region.left + column * TILE_WIDTH + right, region.top + row * TILE_HEIGHT + down);
         }
 #pragma unroll
         for (int n = 0; n < TOGETHER; ++n)

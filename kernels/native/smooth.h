@@ -20,6 +20,14 @@ namespace warpcam {
 // Pixels with edges that a block lists before it traces. A warp lists up to 32 after it has seen that there is room.
 constexpr int LISTED = 896;
 
+// Of a region; where it is placed the compiler knows them, and all are counted.
+template <class Centres> WARPCAM_FN int tiles_across(const Region& region)
+{
+    if constexpr (Centres::PLACED)
+        return Centres::WIDTH / TILE_WIDTH;
+    return region.width / TILE_WIDTH;
+}
+
 // Smooths the edges of a region; IN_PLACE: which is a whole image, whose colours are where the means go.
 template <int TYPES, int LENS, int IMAGES, bool IN_PLACE, class Shapes, class Meshes, class HeightFields, class Centres>
 WARPCAM_FN void smooth_region(const Shapes& shapes, const Meshes& meshes, const HeightFields& fields,
@@ -36,7 +44,6 @@ WARPCAM_FN void smooth_region(const Shapes& shapes, const Meshes& meshes, const 
     WARPCAM_SHARED AnyMeshRays<NEAR_WORDS> waiting[HAS_MESH ? WARPS : 1];
     bool ahead = false;  // whether all shapes that the image shows are listed before its edges are known
     if constexpr (Centres::PLACED) {
-        centres.load();
         list.clear();
         block_barrier();
         centres.list(list);
@@ -52,10 +59,10 @@ WARPCAM_FN void smooth_region(const Shapes& shapes, const Meshes& meshes, const 
     const auto has_room = [](const int& listed) {
         return __any_sync(ALL, *static_cast<const volatile int*>(&listed) <= MOST_LISTED - THREADS);
     };
-    const int across = Centres::PLACED ? 64 / TILE_WIDTH : region.width / TILE_WIDTH;  // in place known to the compiler
+    const int across = tiles_across<Centres>(region);
     const int tiles = across * (region.height / TILE_HEIGHT);
     static_assert(64 / TILE_WIDTH * (64 / TILE_HEIGHT) <= LANES * WARPS, "a bit for each of a warp's tiles");
-    unsigned left = tiles_with_shapes(target, centres.ids(), region, across, tiles);
+    unsigned left = tiles_with_shapes(centres, region, across, tiles);
     left &= tiles <= warp ? 0 : ~0u >> (LANES - (tiles - warp + WARPS - 1) / WARPS);
     // In place all edges are looked for before a pixel is written or, if they are too many, those of a band of rows of tiles:
     // of these no pixel but the last row's is seen by the next band's.
@@ -175,25 +182,27 @@ WARPCAM_FN void smooth_region(const Shapes& shapes, const Meshes& meshes, const 
 
 // The same, before there is a barrier after which `camera` is there. What the trace has found is kept in shared memory where
 // little else has to lie there.
-template <int TYPES, int LENS, int WIDTH, int HEIGHT, int IMAGES, bool IN_PLACE, class Shapes, class Meshes,
+template <int TYPES, int LENS, int WIDTH, int HEIGHT, int IMAGES, bool BY_WORDS, bool IN_PLACE, class Shapes, class Meshes,
           class HeightFields, class Target>
 WARPCAM_FN void smooth_region(const Shapes& shapes, const Meshes& meshes, const HeightFields& fields,
                               const Target& target, const Camera& camera, const Region& region, int world)
 {
-    if constexpr (IN_PLACE && ImageIds<Target>::FIT) {
-        WARPCAM_SHARED ImageIds<Target> image;
-        const PlacedCentres<Target> centres { image, target, unsigned(world) * target.height * target.width };
-        smooth_region<TYPES, LENS, IMAGES, true>(shapes, meshes, fields, centres, camera, region, world);
+    const unsigned first = unsigned(world) * target.height * target.width;  // of the view's pixels
+    using Placed = PlacedCentres<Target, WIDTH, HEIGHT, IN_PLACE>;
+    if constexpr (BY_WORDS && Placed::Ids::FIT) {
+        WARPCAM_SHARED typename Placed::Ids ids;
+        ids.load(target, region, first);
+        const Placed centres { ids, target, region.left - ids.ASIDE, region.top - 1, first };
+        smooth_region<TYPES, LENS, IMAGES, IN_PLACE>(shapes, meshes, fields, centres, camera, region, world);
     } else if constexpr (TYPES >> MESH & 1 || TYPES >> HEIGHT_FIELD & 1) {
-        const ImageCentres<Target> centres { target, unsigned(world) * target.height * target.width };
+        const ImageCentres<Target> centres { target, first };
         block_barrier();
         smooth_region<TYPES, LENS, IMAGES, IN_PLACE>(shapes, meshes, fields, centres, camera, region, world);
     } else {
         static_assert(HEIGHT <= 32, "a ListedPixel has 16 bits");
         WARPCAM_SHARED CentresRoom<Target, IMAGES, WIDTH, HEIGHT> room;
         using Kept = KeptCentres<Target, IMAGES, WIDTH, HEIGHT>;
-        const Kept kept { room, target, region.left - 1, region.top - 1,
-                          unsigned(world) * target.height * target.width };
+        const Kept kept { room, target, region.left - 1, region.top - 1, first };
         if constexpr (sizeof(room.ids[0]) == 1) {
             WARPCAM_SHARED KeptEdges<WIDTH, HEIGHT> edges;
             using Smoother = KeptSmoother<TYPES, LENS, WIDTH, HEIGHT, IMAGES, Target>;
@@ -212,7 +221,7 @@ WARPCAM_FN void smooth_region(const Shapes& shapes, const Meshes& meshes, const 
 
 // Copies one region of one view, but IN_PLACE, and smooths its edges; `index` counts worlds, then regions, then (CUDA) threads
 // of the block.
-template <int TYPES, int LENS, int WIDTH, int HEIGHT, int IMAGES, bool IN_PLACE, class Shapes, class Meshes,
+template <int TYPES, int LENS, int WIDTH, int HEIGHT, int IMAGES, bool BY_WORDS, bool IN_PLACE, class Shapes, class Meshes,
           class HeightFields, class Views, class Target>
 WARPCAM_FN void smooth(const Shapes& shapes, const Meshes& meshes, const HeightFields& fields, const Views& views,
                        const Target& target, int index)
@@ -226,7 +235,7 @@ WARPCAM_FN void smooth(const Shapes& shapes, const Meshes& meshes, const HeightF
         camera = load_camera(wp::index(views, world));
     if (!IN_PLACE)
         copy_lit<IMAGES>(target, region, size_t(world) * target.height * target.width);
-    smooth_region<TYPES, LENS, WIDTH, HEIGHT, IMAGES, IN_PLACE>(shapes, meshes, fields, target, camera, region, world);
+    smooth_region<TYPES, LENS, WIDTH, HEIGHT, IMAGES, BY_WORDS, IN_PLACE>(shapes, meshes, fields, target, camera, region, world);
 }
 
 }  // namespace warpcam

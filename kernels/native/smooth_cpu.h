@@ -295,8 +295,8 @@ template <int TYPES, int LENS, int IMAGES, class Shapes, class Meshes, class Hei
     }
 };
 
-template <int TYPES, int LENS, int WIDTH, int HEIGHT, int IMAGES, bool IN_PLACE, class Shapes, class Meshes,
-          class HeightFields, class Target>
+template <int TYPES, int LENS, int WIDTH, int HEIGHT, int IMAGES, bool BY_WORDS, bool IN_PLACE, class Shapes,
+          class Meshes, class HeightFields, class Target>
 inline void smooth_region(const Shapes& shapes, const Meshes& meshes, const HeightFields& fields, const Target& target,
                           const Camera& camera, const Region& region, int world)
 {
