@@ -34,8 +34,9 @@ REGION = (32, 32)
 WORTH_PLACE = 40
 SIDE = 64  # of a region that is a whole image [pixels]
 THREADS_IN_PLACE = 160  # of a block of them
-# Blocks that a multiprocessor is to hold: without and with meshes or height fields, and of those in place.
-BLOCKS, WALK_BLOCKS, BLOCKS_IN_PLACE = 7, 5, 4
+# Blocks that a multiprocessor is to hold: without meshes and height fields, where ids have a byte, and more; with them;
+# and of those in place.
+BLOCKS, MANY_BLOCKS, WALK_BLOCKS, BLOCKS_IN_PLACE = 7, 8, 5, 4
 
 
 @functools.cache
@@ -77,12 +78,27 @@ def wave(device: wp.Device) -> int:
     return device.sm_count * BLOCKS_IN_PLACE
 
 
+def _block(tables: Tables, shape_dtype: Any, placed: bool) -> tuple[int, int]:
+    """Threads of a thread block, and how many blocks a multiprocessor is to hold."""
+    if placed:
+        return THREADS_IN_PLACE, BLOCKS_IN_PLACE
+    if not {MESH, HEIGHT_FIELD}.isdisjoint(tables.shape_types):
+        return THREADS, WALK_BLOCKS
+    return THREADS, BLOCKS if shape_dtype is wp.int8 else MANY_BLOCKS
+
+
 @functools.cache
 def _kernel(
-    types: int, lens: int, width: int, height: int, images: int, by_words: bool, placed: bool, target_type: Any
+    types: int,
+    lens: int,
+    width: int,
+    height: int,
+    images: int,
+    by_words: bool,
+    placed: bool,
+    block: tuple[int, int],
+    target_type: Any,
 ) -> wp.Kernel:
-    walks = bool(types >> MESH & 1 or types >> HEIGHT_FIELD & 1)
-    threads, blocks = (THREADS, WALK_BLOCKS if walks else BLOCKS) if not placed else (THREADS_IN_PLACE, BLOCKS_IN_PLACE)
 
     @wp.func_native(
         f"warpcam::smooth<{types}, {lens}, {width}, {height}, {images}, {int(by_words)}, {int(placed)}>"
@@ -101,8 +117,8 @@ def _kernel(
         module="unique",
         enable_backward=False,
         grid_stride=False,
-        launch_bounds=(threads, blocks),
-        module_options=native_module("smooth.h", threads),
+        launch_bounds=block,
+        module_options=native_module("smooth.h", block[0]),
     )
     def smooth_edges(
         shapes: Shapes,
@@ -164,10 +180,11 @@ def record(
     placed = in_place(tables, images, width, height, device)
     if placed:
         region = (SIDE, SIDE)
-    threads = THREADS_IN_PLACE if placed else THREADS
+    block = _block(tables, shape.dtype, placed)
+    threads = block[0]
     unit = -(-width // region[0]) * -(-height // region[1]) * (threads if device.is_cuda else 1)  # threads a world
     by_words = device.is_cuda and _by_words(tables, images, width, height)
-    kernel = _kernel(types, LENSES[lens], *region, wanted, by_words, placed, target_type)
+    kernel = _kernel(types, LENSES[lens], *region, wanted, by_words, placed, block, target_type)
     arguments = [tables.shapes, tables.meshes, tables.height_fields, views, target]
     start, count = group.worlds.start, len(group.worlds)
     return record_launch(kernel, count * unit, arguments, device, start=start * unit, block_dim=threads)
