@@ -7,6 +7,7 @@ import pytest
 import torch
 import warp as wp
 from balls import BALL, NUM_WORLDS, Simulation, every_device, host, on_cuda
+from warpcam.kernels.streams import quiet_stream
 
 import warpcam as wc
 from warpcam.outputs import OUTPUTS
@@ -69,6 +70,32 @@ def test_frames_are_in_order_with_torch_streams() -> None:
         for step in range(200):
             positions[:, BALL, 0] = float(step % 2)
             assert torch.equal(renderer.render()["top"]["depth"], expected[float(step % 2)])
+
+
+@on_cuda
+@pytest.mark.parametrize("blocking", [True, False])
+def test_frames_are_in_order_with_what_takes_long(blocking: bool) -> None:
+    """On torch's default stream, for which only Warp's streams that are blocking wait by themselves."""
+    simulation = Simulation("cuda:0", num_worlds=4096)
+    renderer = simulation.renderer(("depth",))
+    positions = wp.to_torch(simulation.d.geom_xpos)
+    expected = {}
+    for x in (0.0, 1.0):
+        positions[:, BALL, 0] = x
+        expected[x] = renderer.render()["top"]["depth"].clone()
+        torch.cuda.synchronize()
+    device = wp.get_device("cuda:0")
+    stream = wp.Stream(device) if blocking else quiet_stream(device)
+    assert stream.is_blocking is blocking
+    depth = renderer.images["top"]["depth"]
+    with wp.ScopedStream(stream):
+        for step in range(20):
+            torch.cuda._sleep(20_000_000)  # cycles, 10 ms
+            positions[:, BALL, 0] = float(step % 2)
+            renderer.render()
+            found = depth.clone()
+            depth.zero_()
+            assert torch.equal(found, expected[float(step % 2)]), step
 
 
 @on_cuda

@@ -1,5 +1,6 @@
 """Images as torch sees them: the same memory in every frame, in order with torch's own work."""
 
+import contextlib
 import gc
 from collections.abc import Iterator
 from types import SimpleNamespace
@@ -202,17 +203,37 @@ def test_a_capture_of_a_host_scene_is_refused(device: wp.Device) -> None:
         renderer.render()
 
 
-def test_streams_are_in_order_after_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
+class _Stream:
+    """As Warp has them; notes who waits for whom."""
+
+    is_capturing = False
+
+    def __init__(self, name: Any, waits: list[tuple[Any, Any]], is_blocking: bool = True) -> None:
+        self.cuda_stream, self.waits, self.is_blocking = name, waits, is_blocking
+
+    def wait_stream(self, other: "_Stream") -> None:
+        self.waits.append((self.cuda_stream, other.cuda_stream))
+
+
+def test_streams_are_in_order_after_an_error() -> None:
     """What was queued before it is waited for."""
-    waits = []
-
-    def stream(name: str) -> Any:
-        wait = lambda other: waits.append((name, other.cuda_stream))  # noqa: E731 - as Warp's streams have it
-        return SimpleNamespace(cuda_stream=name, is_capturing=False, wait_stream=wait)
-
-    monkeypatch.setattr(torch.cuda, "current_stream", lambda ordinal: stream("torch's"))
-    monkeypatch.setattr(interop, "_stream", lambda ordinal, handle: stream(handle))
-    device: Any = SimpleNamespace(stream=stream("Warp's"), ordinal=0)
-    with pytest.raises(KeyError), interop._in_order(device):
+    waits: list[tuple[Any, Any]] = []
+    with pytest.raises(KeyError), interop._between(_Stream("Warp's", waits), _Stream("torch's", waits)):
         raise KeyError
     assert waits == [("Warp's", "torch's"), ("torch's", "Warp's")]
+
+
+@pytest.mark.parametrize("is_blocking", [True, False])
+@pytest.mark.parametrize("theirs", [0, 7])
+def test_streams_wait_where_cuda_does_not_see_to_it(
+    theirs: int, is_blocking: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    waits: list[Any] = []
+    device: Any = SimpleNamespace(stream=_Stream(5, waits, is_blocking), ordinal=0, is_cuda=True, is_capturing=False)
+    monkeypatch.setattr(torch.cuda, "current_stream", lambda ordinal: _Stream(theirs, waits))
+    monkeypatch.setattr(interop, "_stream", lambda ordinal, handle: _Stream(handle, waits))
+    monkeypatch.setattr(wp, "ScopedDevice", lambda _: contextlib.nullcontext())
+    with interop.in_order(device) as capturing:
+        waits.append("work")
+        assert not capturing
+    assert waits == (["work"] if theirs == 0 and is_blocking else [(5, theirs), "work", (theirs, 5)])

@@ -12,6 +12,9 @@ import warp as wp
 from warpcam.errors import WarpcamError
 
 Tensor = torch.Tensor
+LEGACY = (
+    0  # CUDA's legacy default stream, torch's first: it and streams that are blocking wait for each other by themselves
+)
 
 
 def to_torch(array: wp.array) -> torch.Tensor:
@@ -111,34 +114,38 @@ def require_no_capture(device: wp.Device, what: str) -> None:
 
 
 @contextmanager
-def in_order(device: wp.Device) -> Iterator[None]:
+def in_order(device: wp.Device) -> Iterator[bool]:
     """Inside, work on Warp's current stream is ordered with torch's current stream of the device, before and after.
 
     Under a capture the work goes to the stream that is captured, and waits for no other. Afterwards the same device is
-    current as before.
+    current as before. Gives what ``is_capturing`` does.
     """
     if not device.is_cuda:
-        yield
-    elif device.is_capturing:
-        with wp.ScopedDevice(device):
-            yield
-    else:
-        with wp.ScopedDevice(device), _in_order(device):
-            yield
+        yield device.is_capturing
+        return
+    with wp.ScopedDevice(device):
+        if device.is_capturing:
+            yield True
+            return
+        ours, theirs = device.stream, torch.cuda.current_stream(device.ordinal).cuda_stream
+        if theirs == LEGACY and ours.is_blocking:
+            yield False
+            return
+        with _between(ours, _stream(device.ordinal, theirs)) as capturing:
+            yield capturing
 
 
 @contextmanager
-def _in_order(device: wp.Device) -> Iterator[None]:
-    ours, theirs = device.stream, _stream(device.ordinal, torch.cuda.current_stream(device.ordinal).cuda_stream)
+def _between(ours: wp.Stream, theirs: wp.Stream) -> Iterator[bool]:
     if theirs.is_capturing:
         with wp.ScopedStream(theirs, sync_enter=False):
-            yield
+            yield True
         return
     apart = theirs.cuda_stream != ours.cuda_stream
     if apart:
         ours.wait_stream(theirs)
     try:
-        yield
+        yield False
     finally:  # what was queued before an error, too
         if apart:
             theirs.wait_stream(ours)

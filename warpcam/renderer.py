@@ -132,23 +132,21 @@ class Renderer:
         """
         if not isinstance(forward, bool | np.bool_):
             raise WarpcamError(f"render: forward must be True or False, got {forward!r}")
-        with self._turn:
-            capturing = interop.is_capturing(self._device)
+        with self._turn, interop.in_order(self._device) as capturing:
             if capturing and not self._scene.live_on_device:
                 raise WarpcamError(
                     "render: a capture is under way, but this scene's poses come from the host and would not be copied "
                     "again when the graph is replayed; render outside of it, or use from_mujoco_warp"
                 )
-            with interop.in_order(self._device):
-                if worlds is not None:
-                    self._selection.select(worlds, capturing)
-                if forward:
-                    self._scene.forward()
-                self._scene.refresh()
-                tables = self._scene.tables()
-                if tables is not self._tables or self._scene.clock() is not self._clock:
-                    self._record(tables)
-                self._run(worlds is None, capturing)
+            if worlds is not None:
+                self._selection.select(worlds, capturing)
+            if forward:
+                self._scene.forward()
+            self._scene.refresh()
+            tables = self._scene.tables()
+            if tables is not self._tables or self._scene.clock() is not self._clock:
+                self._record(tables)
+            self._run(worlds is None, capturing)
         return self.images
 
     def reset(self, worlds: Any = None) -> None:
@@ -162,11 +160,11 @@ class Renderer:
         """
         if self._shapes_past is None:
             return
-        with self._turn, interop.in_order(self._device):
+        with self._turn, interop.in_order(self._device) as capturing:
             if worlds is None:
                 self._shapes_past.known.zero_()
                 return
-            self._selection.select(worlds, interop.is_capturing(self._device), "reset")
+            self._selection.select(worlds, capturing, "reset")
             self._forget.launch()
 
     def array(self, camera: str | int, output: str) -> wp.array:
