@@ -12,9 +12,8 @@ import warp as wp
 from warpcam.errors import WarpcamError
 
 Tensor = torch.Tensor
-LEGACY = (
-    0  # CUDA's legacy default stream, torch's first: it and streams that are blocking wait for each other by themselves
-)
+# CUDA's legacy default stream, which torch begins with: it and streams that are blocking wait for each other by themselves.
+LEGACY = 0
 
 
 def to_torch(array: wp.array) -> torch.Tensor:
