@@ -74,12 +74,18 @@ def to_numpy(value: Any) -> np.ndarray:
 
 def require_wxyz(value: Any, where: str) -> None:
     """Raise for Warp's own quaternions and transforms, whose w is last: their numbers would be read as w x y z."""
-    if isinstance(value, wp.array) and (
-        wp.types.type_is_quaternion(value.dtype) or wp.types.type_is_transformation(value.dtype)
-    ):
+    first = value
+    while isinstance(first, list | tuple) and first:
+        first = first[0]
+    is_array = isinstance(first, wp.array)
+    kind = first.dtype if is_array else type(first)
+    is_quaternion = wp.types.type_is_quaternion(kind)
+    if is_quaternion or wp.types.type_is_transformation(kind):
+        came, give = f"a Warp array of {kind.__name__}", "an array of float32"
+        if not is_array:
+            came, give = f"Warp's own {'wp.quat' if is_quaternion else 'wp.transform'}", "plain numbers"
         raise WarpcamError(
-            f"{where} must be numbers with quaternions w x y z, got a Warp array of {value.dtype.__name__}, which has "
-            "x y z w; give an array of float32"
+            f"{where} must be numbers with quaternions w x y z, got {came}, which has x y z w; give {give}"
         )
 
 
