@@ -12,7 +12,8 @@ import warp as wp
 from warpcam.errors import WarpcamError
 
 Tensor = torch.Tensor
-# CUDA's legacy default stream, which torch begins with: it and streams that are blocking wait for each other by themselves.
+# CUDA's legacy default stream, which torch begins with: it and streams that are blocking wait for each other by
+# themselves.
 LEGACY = 0
 
 
