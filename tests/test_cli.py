@@ -209,3 +209,10 @@ def test_ids_keep_their_color() -> None:
     np.testing.assert_array_equal(one[0, 0], other[0, 1])
     assert (one[0, 1] == 0).all()
     assert (other[0, 0] != one[0, 0]).any()
+
+
+def test_what_has_no_label_is_black() -> None:
+    numbers = np.array([[[[0], [2], [0], [1]]]], dtype=np.int32)
+    none, two, again, one = pictures.picture("semantics", numbers)[0, 0]
+    assert (none == 0).all() and (again == 0).all()
+    assert two.any() and one.any() and (one != two).any()

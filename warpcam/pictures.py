@@ -41,6 +41,11 @@ def from_ids(images: np.ndarray) -> np.ndarray:
     return _where(images[..., 0] >= 0, np.round(colors).astype(np.uint8))
 
 
+def from_labels(images: np.ndarray) -> np.ndarray:
+    """Numbers of labels as ids are; 0 is none of them."""
+    return from_ids(np.where(images == 0, -1, images))
+
+
 def from_directions(images: np.ndarray) -> np.ndarray:
     """Unit vectors, each axis from [-1, 1] to [0, 255]; zero vectors are nothing."""
     seen = np.abs(images).sum(axis=-1) > 0.0
@@ -85,7 +90,7 @@ PICTURES: Mapping[str, Callable[[np.ndarray], np.ndarray]] = {
     "segmentation": from_ids,
     "bodies": from_ids,
     "instances": from_ids,
-    "semantics": from_ids,
+    "semantics": from_labels,
     "flow": from_flow,
     "flow_valid": from_flags,
 }
