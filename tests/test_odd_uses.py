@@ -122,6 +122,13 @@ def test_arrays_of_a_camera_are_written_in_place(scene: wc.Scene) -> None:
         wc.randomize(front, seed=1, exposure=(0.0, 1.0))
 
 
+def test_lenses_that_make_no_image_are_not_drawn(scene: wc.Scene) -> None:
+    with says("randomize: fovy: values must be from 0 to 180, got 50.0, 600.0"):
+        wc.randomize(wc.Renderer(scene, [own()]).camera("own"), fovy=(50.0, 600.0))
+    with says("randomize: height: values must be from 0 to inf, got -1.0, 1.0"):
+        wc.randomize(wc.Renderer(scene, [own(lens=wc.Orthographic(1.0))]).camera("own"), height=(-1.0, 1.0))
+
+
 META = "tensor(..., device='meta'"
 CAMERAS = {
     f"Camera('own'): position must be numbers, (3,) or (3, 3), got {META}": {"position": torch.ones(3, device="meta")},

@@ -33,9 +33,10 @@ TURNED = ("light_directions", "rotation")
 # What Light and Camera refuse is not drawn either: the lowest and the highest value of these.
 LIT = ("light_intensity", "light_ambient", "light_diffuse", "light_specular", "light_attenuation", "light_exponent")
 RANGES: Mapping[str, tuple[float, float]] = {
-    **dict.fromkeys((*LIT, "gain", "near"), (0.0, math.inf)),
+    **dict.fromkeys((*LIT, "gain", "near", "height"), (0.0, math.inf)),
     "background": (0.0, 1.0),
     "exposure": (-math.inf, MAX_EXPOSURE),
+    "fovy": (0.0, 180.0),
 }
 MAX_STAGES = 256  # of a target that are kept, beside those that are part of a graph of the user's
 
