@@ -113,12 +113,15 @@ def test_arrays_of_a_camera_are_written_in_place(scene: wc.Scene) -> None:
     assert front.fovy.tolist() == [61.0] * WORLDS
     with says("Camera('own'): position cannot be replaced; write to it in place: position[:] = ..."):
         front.position = torch.zeros(WORLDS, 3)
-    with says("Camera('own') has no array 'background' of its own, it has position, rotation, fovy, near, far"):
+    with says(
+        "Camera('own') has no array 'background' of its own, it has position, rotation, fovy, near, far; "
+        "background is there where Camera was given one for each world"
+    ):
         front.background = torch.zeros(WORLDS, 3)
     assert not hasattr(front, "gain")
     with says("randomize: fovy takes Uniform or (low, high), got Choice"):
         wc.randomize(front, seed=1, fovy=[1, 2])
-    with says("has no array 'exposure' of its own"):
+    with says("it has position, rotation, fovy, near, far; exposure is there where Camera was given one"):
         wc.randomize(front, seed=1, exposure=(0.0, 1.0))
 
 

@@ -55,10 +55,10 @@ class CameraArrays:
     def __getattr__(self, name: str) -> Any:
         if name.startswith("_"):
             raise AttributeError(name)
-        raise NoArrayError(
-            f"{self._where} has no array {name!r} of its own, it has {', '.join(self._names)}; the rest is the "
-            "simulator's to hold"
-        )
+        rest = "the rest is the simulator's to hold"
+        if name in ("exposure", "gain", "background"):
+            rest = f"{name} is there where Camera was given one{' for each world' if name == 'background' else ''}"
+        raise NoArrayError(f"{self._where} has no array {name!r} of its own, it has {', '.join(self._names)}; {rest}")
 
     def __reduce__(self) -> Any:
         raise WarpcamError(f"{self._where}: its arrays cannot be copied or pickled: no frame would read the copy")
