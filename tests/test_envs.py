@@ -214,6 +214,13 @@ def bad(**options: Any) -> PixelObservation:
     return pixels(1, options.pop("mode", AutoresetMode.DISABLED), **options)
 
 
+SMALL: dict[str, Any] = {"width": 4, "height": 4}
+
+
+def own(name: str) -> wc.Camera:
+    return wc.Camera(name, **SMALL, lens=wc.Pinhole(fovy=40.0), position=(0.0, 0.0, 3.0))
+
+
 MISTAKES: dict[str, Any] = {
     "layout 'WHC' came, allowed are HWC, CHW": lambda: bad(layout="WHC"),
     "arrays 'jax' came, allowed are numpy, torch": lambda: bad(arrays="jax"),
@@ -233,6 +240,17 @@ MISTAKES: dict[str, Any] = {
         (env := Sliders(1, None)), renderer_of(env)
     ),
     "have top_rgb already; rename the cameras": lambda: bad(state="top_rgb"),
+    "PixelObservation: env must be a gymnasium.vector.VectorEnv, got Scene": lambda: PixelObservation(
+        Sliders(1, AutoresetMode.DISABLED).scene, renderer_of(Sliders(1, AutoresetMode.DISABLED))
+    ),
+    "PixelObservation: state must be a key or None, got 5": lambda: bad(state=5),
+    "PixelObservation: state must be a key or None, got ''": lambda: bad(state=""),
+    "two images have one key '{camera}_{output}'; rename the cameras, which are 0, '0'": lambda: PixelObservation(
+        (env := Sliders(1, AutoresetMode.DISABLED)), wc.Renderer(env.scene, [wc.Camera(0, **SMALL), own("0")])
+    ),
+    "OneWorld: env must be a gymnasium.vector.VectorEnv, got CartPoleEnv": lambda: OneWorld(
+        gymnasium.make("CartPole-v1").unwrapped
+    ),
     "OneWorld: env has 2 worlds, it must have 1": lambda: OneWorld(Sliders(2, AutoresetMode.DISABLED)),
     "OneWorld: env resets its world in the step": lambda: OneWorld(Sliders(1, AutoresetMode.SAME_STEP)),
 }

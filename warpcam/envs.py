@@ -75,12 +75,15 @@ class PixelObservation(VectorWrapper):  # type: ignore[misc]
         forward: bool = False,
         final_images: bool = True,
     ):
+        _require_vector("PixelObservation", env)
         super().__init__(env)
         if not isinstance(renderer, Renderer):
             raise WarpcamError(f"PixelObservation: renderer must be a Renderer, got {type(renderer).__name__}")
         for name, value, allowed in (("layout", layout, LAYOUTS), ("arrays", arrays, KINDS)):
             if value not in allowed:
                 raise WarpcamError(f"PixelObservation: {name} {value!r} came, allowed are {', '.join(allowed)}")
+        if state is not None and not (isinstance(state, str) and state):
+            raise WarpcamError(f"PixelObservation: state must be a key or None, got {state!r}")
         switches = {"concatenate": concatenate, "copy": copy, "forward": forward, "final_images": final_images}
         for name, switch in switches.items():
             if not isinstance(switch, bool | np.bool_):
@@ -98,6 +101,12 @@ class PixelObservation(VectorWrapper):  # type: ignore[misc]
             for camera, by_output in renderer.images.items()
             for output, tensor in by_output.items()
         }
+        if len(self._images) < sum(map(len, renderer.images.values())):
+            cameras = ", ".join(map(repr, renderer.images))
+            raise WarpcamError(
+                "PixelObservation: two images have one key '{camera}_{output}'; rename the cameras, which are "
+                + cameras
+            )
         behind = [camera for camera, asked in renderer._cameras.items() if isinstance(asked.lens, TableLens)]
         self._behind = {f"{camera}_depth" for camera in behind}  # what is behind a camera has a negative depth
         own = _mode_of(env)
@@ -252,6 +261,7 @@ class OneWorld(gymnasium.Env):  # type: ignore[misc]
     """
 
     def __init__(self, env: VectorEnv):
+        _require_vector("OneWorld", env)
         if env.num_envs != 1:
             raise WarpcamError(f"OneWorld: env has {env.num_envs} worlds, it must have 1")
         if _mode_of(env) is AutoresetMode.SAME_STEP:
@@ -288,6 +298,11 @@ def _mask(worlds: Any) -> Any:
         name = getattr(dtype, "__name__", dtype)
         raise WarpcamError(f"reset: options['reset_mask'] must be of bool, one for each world, got {name}")
     return worlds
+
+
+def _require_vector(whose: str, env: Any) -> None:
+    if not isinstance(env, VectorEnv):
+        raise WarpcamError(f"{whose}: env must be a gymnasium.vector.VectorEnv, got {type(env).__name__}")
 
 
 def _mode_of(env: VectorEnv) -> Any:
