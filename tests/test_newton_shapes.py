@@ -106,6 +106,23 @@ def test_every_type_as_newtons_own_camera(device: wp.Device) -> None:
     assert (np.sum(seen["normals"] * expected["normals"], axis=-1)[flat] > 0.999).mean() > 0.998
 
 
+def test_cylinders_of_sites_are_straight(device: wp.Device) -> None:
+    """Newton keeps a third size with those of MJCF files that is no barrel's."""
+    builder, straight = newton.ModelBuilder(), newton.ModelBuilder()
+    builder.add_mjcf(
+        '<mujoco><worldbody><site type="cylinder" size=".2 .4" pos="-.6 0 1"/>'
+        '<site type="cylinder" size=".3 .4 .5" pos=".6 0 1"/></worldbody></mujoco>'
+    )
+    assert min(scale[2] for scale in builder.shape_scale) > 0.0
+    builder.shape_flags = [flags | 1 for flags in builder.shape_flags]
+    straight.add_shape_cylinder(-1, radius=0.2, half_height=0.4, xform=pose(-0.6, 0.0, 1.0))
+    straight.add_shape_cylinder(-1, radius=0.3, half_height=0.4, xform=pose(0.6, 0.0, 1.0))
+    seen, expected = (scenes.look(wc.from_newton(*finalize(each, device)), eye()) for each in (builder, straight))
+    assert set(np.unique(expected["segmentation"])) == {-1, 0, 1}
+    for name, image in expected.items():
+        assert (seen[name] == image).all(), name
+
+
 SOLIDS = {
     "cone": (lambda o, d: closed_form.cone(o, d, 0.5, 0.6), {"radius": 0.5, "half_height": 0.6}),
     "flat cone": (lambda o, d: closed_form.cone(o, d, 0.9, 0.1), {"radius": 0.9, "half_height": 0.1}),

@@ -84,7 +84,7 @@ def read_layout(model: newton.Model, choice: Choice) -> Layout:
         for theirs, ours in KINDS.items():
             kinds[entries.types == int(theirs)] = ours
         bent = entries.chosen | (model.shape_scale.numpy()[entries.shapes, 2] > 0.0)
-        kinds[(kinds == types.CYLINDER) & bent] = types.BARREL
+        kinds[(kinds == types.CYLINDER) & bent & ~_is_display(model)[entries.shapes]] = types.BARREL
         if not choice.shared:
             kinds[worlds < 0] = -1
     table, of_column = columns_of(worlds, kinds, num_worlds)
@@ -120,6 +120,12 @@ def read_layout(model: newton.Model, choice: Choice) -> Layout:
         body_places=place_of_body,
         variants=variants,
     )
+
+
+def _is_display(model: newton.Model) -> np.ndarray:
+    """(shape,) bool, cylinders of MJCF's sites: their third size is no barrel's."""
+    marks = getattr(getattr(model, "mujoco", None), "site_size_is_display", None)
+    return np.zeros(model.shape_count, bool) if marks is None else marks.numpy().astype(bool)
 
 
 class Sources:
