@@ -294,6 +294,29 @@ def test_shadows_fall_on_the_side_that_is_seen(device: wp.Device, side: float) -
     assert ((expected.max(axis=-1) > 20) == dark).mean() > 0.998
 
 
+def test_many_surfaces_of_one_world_keep_their_opacity(device: wp.Device) -> None:
+    """40 squares in each world, every third one hidden, others of which are so in the second world."""
+    builder, tints = newton.ModelBuilder(), ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+    for world in range(2):
+        builder.begin_world()
+        for square in range(40):
+            x, z = -1.4 + 0.4 * (square % 8), 0.2 + 0.35 * (square // 8)
+            corners = [
+                builder.add_particle(wp.vec3(x + dx, 0.0, z + dz), wp.vec3(), 0.1)
+                for dx, dz in ((0.0, 0.0), (0.3, 0.0), (0.0, 0.25), (0.3, 0.25))
+            ]
+            looks = {"color": tints[square % 3], "opacity": 0.0 if (square + world) % 3 == 0 else 1.0}
+            for triangle in (corners[:3], corners[:0:-1]):
+                builder.add_triangle(*triangle, **looks)
+        builder.end_world()
+    model, state = finalize(builder, device)
+    seen = scenes.look(wc.from_newton(model, state), eye(outputs=("albedo", "segmentation")))
+    for world, hidden in enumerate((0, 2)):
+        shown = seen["albedo"][world][seen["segmentation"][world] == SOFT]
+        assert len(shown) > 500
+        assert set(np.unique(shown.argmax(axis=-1))) == {0, 1, 2} - {hidden}
+
+
 def test_a_graph_of_ones_own_refits_what_moves(device: wp.Device) -> None:
     model, state = two_worlds(device)
     camera = eye(outputs=("depth", "rgb"), position=(0.0, -3.0, 3.0), rotation=scenes.looking((0, -3, 3), (0, 0, 1)))

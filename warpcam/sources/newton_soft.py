@@ -12,7 +12,7 @@ from warpcam.errors import WarpcamError
 from warpcam.sources.newton_choice import Choice
 from warpcam.sources.newton_tints import differ, texel_coordinates
 
-MAX_PARTS = 32  # of one world; more are drawn as one, in one colour
+MAX_PARTS = 32  # of one world; of more those of one opacity are drawn as one, and if these are more, all
 MAX_PARTICLES = 1024  # in one world
 
 
@@ -104,9 +104,12 @@ def read_soft(model: newton.Model, covered: np.ndarray, choice: Choice) -> Soft:
             numbers = _uncovered(elements, covered)
         if not choice.shared:
             numbers = numbers[worlds[triangles[numbers, 0]] >= 0]
-        parts = _parts(triangles[numbers], numbers, worlds, positions, choice.backs) if len(numbers) else []
-        colors = model.tri_color
-        values = None if colors is None or colors.shape[0] != model.tri_count else colors.numpy()
+        values, opacities = (
+            None if array is None or array.shape[0] != model.tri_count else array.numpy()
+            for array in (model.tri_color, model.tri_opacity)
+        )
+        opacities = np.ones(len(triangles)) if opacities is None else opacities
+        parts = _parts(triangles[numbers], numbers, worlds, positions, opacities, choice.backs) if len(numbers) else []
         parts = [replace(part, tinted=differ(values, part.all_triangles)) for part in parts]
     loose = np.flatnonzero(~bound & (choice.shared | (worlds >= 0)) & choice.particles)
     return Soft(parts, 1 + max((part.column for part in parts), default=-1), _particles(loose, worlds, num_worlds))
@@ -123,19 +126,30 @@ def _uncovered(elements: list[np.ndarray], covered: np.ndarray) -> np.ndarray:
 
 
 def _parts(
-    triangles: np.ndarray, numbers: np.ndarray, worlds: np.ndarray, positions: np.ndarray, backs: bool | None
+    triangles: np.ndarray,
+    numbers: np.ndarray,
+    worlds: np.ndarray,
+    positions: np.ndarray,
+    opacities: np.ndarray,
+    backs: bool | None,
 ) -> list[Part]:
     of_triangle = worlds[triangles[:, 0]]
     order = np.argsort(of_triangle, kind="stable")
     known: dict[bytes, list[Part]] = {}
     members: dict[bytes, list[np.ndarray]] = {}
+    connected: dict[bytes, np.ndarray] = {}
     shared = 0
     for block in np.split(order, np.flatnonzero(np.diff(of_triangle[order])) + 1):
         base, world = int(triangles[block].min()), int(of_triangle[block[0]])
         own = triangles[block] - base
         key = own.tobytes() + (b"all" if world < 0 else b"")
+        if key not in connected:
+            connected[key] = _components(own)
+        labels = connected[key]
+        if len(np.unique(labels)) > MAX_PARTS:
+            labels = _alike(labels, opacities[numbers[block]])
+            key += labels.tobytes()
         if key not in known:
-            labels = _components(own)
             known[key], members[key] = [], []
             for number, label in enumerate(np.unique(labels)):
                 faces = own[labels == label]
@@ -154,7 +168,7 @@ def _parts(
 
 
 def _components(faces: np.ndarray) -> np.ndarray:
-    """A number for each face, equal for those that hang together; all equal if there are too many."""
+    """A number for each face, equal for those that hang together."""
     labels = np.arange(int(faces.max()) + 1)
     while True:
         least = labels[faces].min(axis=1)
@@ -165,8 +179,14 @@ def _components(faces: np.ndarray) -> np.ndarray:
         if (new == labels).all():
             break
         labels = new
-    found = labels[faces[:, 0]]
-    return found if len(np.unique(found)) <= MAX_PARTS else np.zeros(len(faces), np.int64)
+    return labels[faces[:, 0]]
+
+
+def _alike(labels: np.ndarray, opacities: np.ndarray) -> np.ndarray:
+    """A number for each face, equal for those whose surfaces have one opacity; all equal if there are too many."""
+    _, first, place = np.unique(labels, return_index=True, return_inverse=True)
+    values, groups = np.unique(opacities[first], return_inverse=True)
+    return groups[place] if len(values) <= MAX_PARTS else np.zeros(len(labels), np.int64)
 
 
 def is_closed(faces: np.ndarray) -> bool:
