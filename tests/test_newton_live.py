@@ -117,6 +117,27 @@ def test_a_camera_rides_on_a_body_of_each_world(device: wp.Device, prefix: str) 
         wc.Renderer(scene, [eye(parent=6)])
 
 
+@pytest.mark.parametrize("prefix", ["", "env_"])
+@pytest.mark.parametrize("more", [(0, 1), (1, 0)])
+def test_a_camera_rides_on_one_robot_beside_other_things(device: wp.Device, prefix: str, more: tuple[int, int]) -> None:
+    """Where only one world has a thing beside the robot, labels of the other begin with more that is alike."""
+    builder = newton.ModelBuilder()
+    for world, things in enumerate(more):
+        part = newton.ModelBuilder()
+        part.add_body(label="robot/base", xform=pose(0.0, 0.0, 9.0))
+        part.add_body(label="robot/arm/hand", xform=pose(0.0, 0.0, 1.0 + world))
+        for thing in range(things):
+            part.add_body(label=f"cube_{thing}")
+        builder.add_world(part, label_prefix=f"{prefix}{world}" if prefix else None)
+    builder.add_ground_plane()
+    model, state = finalize(builder, device)
+    scene = wc.from_newton(model, state)
+    for parent in (model.body_label[1], "robot/arm/hand", 1):
+        renderer = wc.Renderer(scene, [eye(position=(0, 0, 0), rotation=(1, 0, 0, 0), parent=parent)])
+        assert renderer.render()["eye"]["depth"][:, 32, 48, 0].tolist() == pytest.approx([1.0, 2.0])
+        assert renderer.faulty.tolist() == [0, 0]
+
+
 def test_a_broken_pose_is_its_own_worlds(device: wp.Device) -> None:
     builder = newton.ModelBuilder()
     builder.replicate(newton_scenes.zoo(), 2)

@@ -55,8 +55,9 @@ def columns_of(worlds: np.ndarray, kinds: np.ndarray, num_worlds: int) -> tuple[
 def places_of(worlds: np.ndarray, labels: Sequence[str], num_worlds: int) -> tuple[np.ndarray, list[str], np.ndarray]:
     """Which body stands where: a column has one name.
 
-    A body's name is its label less the path that all labels of its world begin with. Should names tell little, as when
-    each world has its own, bodies stand in their order.
+    A body's name is its label less the path that all labels of its world begin with, or less as many parts of it in all
+    worlds, whichever makes fewer names. Should names tell little, as when each world has its own, bodies stand in their
+    order.
 
     Returns:
         ids: (world, column) int32, indices of bodies; -1 where a world has none.
@@ -67,17 +68,15 @@ def places_of(worlds: np.ndarray, labels: Sequence[str], num_worlds: int) -> tup
     order = np.argsort(worlds, kind="stable")
     numbers = np.bincount(worlds + 1, minlength=num_worlds + 1)
     ends = np.cumsum(numbers)
-    names = [""] * count
+    blocks = [order[end - number : end] for end, number in zip(ends, numbers, strict=True)]
+    names = _names_of(labels, blocks)
     ranks = np.zeros(count, np.int64)
     keys: dict[tuple[str, int, bool], int] = {}
     by_name = np.zeros(count, np.int64)
-    for world in range(-1, num_worlds):
-        bodies = order[ends[world + 1] - numbers[world + 1] : ends[world + 1]]
-        cut = _common_path([labels[body] for body in bodies])
+    for world, bodies in enumerate(blocks, -1):
         seen: dict[str, int] = {}
         for rank, body in enumerate(bodies):
-            name = labels[body][cut:]
-            names[body], ranks[body] = name, rank
+            name, ranks[body] = names[body], rank
             occurrence = seen[name] = seen.get(name, -1) + 1
             by_name[body] = keys.setdefault((name, occurrence, world < 0), len(keys))
     most = int(numbers[1:].max()) + int(numbers[0])
@@ -94,6 +93,24 @@ def places_of(worlds: np.ndarray, labels: Sequence[str], num_worlds: int) -> tup
     ids[worlds[local], places[local]] = bodies[local]
     ids[:, places[~local]] = bodies[~local]
     return ids, titles, places.astype(np.int32)
+
+
+def _names_of(labels: Sequence[str], blocks: Sequence[np.ndarray]) -> list[str]:
+    """Names of bodies; the first of the blocks is that of bodies in all worlds, each other one a world's."""
+    names, depths = [""] * len(labels), set()
+    for number, bodies in enumerate(blocks):
+        cut = _common_path([labels[body] for body in bodies])
+        for body in bodies:
+            names[body] = labels[body][cut:]
+        if number and len(bodies):
+            depths.add(labels[bodies[0]].count("/", 0, cut))
+    if len(depths) <= 1:
+        return names
+    even, least = list(names), min(depths)
+    for bodies in blocks[1:]:
+        for body in bodies:
+            even[body] = labels[body].split("/", least)[least]
+    return even if len(set(even)) < len(set(names)) else names
 
 
 def _common_path(labels: Sequence[str]) -> int:
