@@ -138,6 +138,19 @@ def test_a_camera_rides_on_one_robot_beside_other_things(device: wp.Device, pref
         assert renderer.faulty.tolist() == [0, 0]
 
 
+def test_poses_of_another_number_put_into_a_state_are_told(device: wp.Device) -> None:
+    builder = newton.ModelBuilder()
+    builder.add_shape_sphere(builder.add_body(xform=pose(0.0, 0.0, 1.0)), radius=0.3)
+    model, state = finalize(builder, device)
+    renderer, kept = wc.Renderer(wc.from_newton(model, state), [eye()]), state.body_q
+    for poses, count in ((None, 0), (wp.zeros(2, dtype=wp.transform, device=device), 2)):
+        state.body_q = poses
+        with pytest.raises(wc.WarpcamError, match=f"it has {count} bodies, model has 1"):
+            renderer.render()
+    state.body_q = kept
+    assert (renderer.render()["eye"]["segmentation"] == 0).any()
+
+
 def test_a_broken_pose_is_its_own_worlds(device: wp.Device) -> None:
     builder = newton.ModelBuilder()
     builder.replicate(newton_scenes.zoo(), 2)

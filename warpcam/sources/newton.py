@@ -238,6 +238,7 @@ class NewtonSource:
         return self._trees
 
     def _flat(self) -> FlatShapes:
+        self._check_state(self._state)  # its arrays may be others by now
         flat = FlatShapes()
         for name, (field, dtype) in self._live.items():
             array = getattr(self._model, name, None)
