@@ -62,3 +62,29 @@ def test_images_smoothed_in_place_are_the_same(
         plain.render()
         shown = plain.array("eye", outputs[0]).numpy()
         assert (images[0][outputs[0]] != shown).any(-1)[0].sum() > 1632
+
+
+@pytest.mark.parametrize("outputs", [("rgb",), ("rgb", "rgba", "depth")], ids="+".join)
+@pytest.mark.parametrize(("width", "height"), [(90, 70), (130, 34), (71, 68)])
+def test_colours_loaded_by_words_are_those_loaded_one_by_one(
+    device: wp.Device, width: int, height: int, outputs: tuple[str, ...], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # Several regions an image, whose rows begin anywhere in a word.
+    if not device.is_cuda:
+        pytest.skip("a CPU loads colours one by one")
+    bodies, mesh = crowd(10)
+    mjm = scenes.compile_xml(bodies, assets=mesh)
+    with wp.ScopedDevice(device):
+        scene = wc.from_mujoco_warp(mjm, *scenes.put(mjm, 3))
+    settings = {"position": (0.0, 0.0, 2.0), "outputs": outputs, "width": width, "height": height}
+    images = []
+    for by_words in (True, False):
+        if not by_words:
+            monkeypatch.setattr(antialias, "_by_words", lambda *_: False)
+        renderer = wc.Renderer(scene, [scenes.own_camera(**settings, antialiasing=4)])
+        renderer.render()
+        images.append({name: renderer.array("eye", name).numpy().copy() for name in outputs})
+    for name in outputs:
+        np.testing.assert_array_equal(images[0][name], images[1][name], err_msg=name)
+    plain = wc.Renderer(scene, [scenes.own_camera(**settings)])
+    assert (images[0]["rgb"] != plain.render()["eye"]["rgb"].cpu().numpy()).any(-1).sum() > 300

@@ -225,9 +225,10 @@ class Source(Protocol):
         """Of the stages, as far as they are known before there are meshes: they are compiled meanwhile."""
 
     def stages(self, meshes: Meshes) -> tuple[Stage, ...]:
-        """What brings the arrays up to date on the device, at the head of each frame, and those meshes that move.
+        """What brings the arrays that ``arrays`` gave last up to date on the device, and those meshes that move.
 
-        The same tuple as long as it is to do the same. The state that is read may be another one from call to call.
+        At the head of each frame. The same tuple as long as it is to do the same. The state that is read may be another
+        one from call to call.
         """
 
     def bind(self, state: Any) -> None:

@@ -111,6 +111,7 @@ class Scene:
         )
         self._layers = parts.layers.tables(len(parts.shape_types), self.device)
         source.refresh()
+        source.arrays()
         run(self.stages())
         self._tables = self.tables()
         check_indices(self._arrays, parts, self._seen(), source.label)
@@ -169,8 +170,8 @@ class Scene:
         Two (3,) float32 arrays in the world frame [m]; zeros where there is nothing. Waits for the device.
         """
         self.refresh()
-        run(self.stages())
         self.tables()
+        run(self.stages())
         host = {name: array.numpy() for name, array in self._arrays.items() if name.startswith(("shape", "material_c"))}
         parts, clouds = self._parts, self._splats
         corners = self._meshes.lower.numpy(), self._meshes.upper.numpy()
@@ -187,7 +188,7 @@ class Scene:
         self._source.refresh()
 
     def stages(self) -> tuple[Stage, ...]:
-        """What brings the device's arrays up to date there: the same tuple as long as it does the same."""
+        """What brings the arrays of ``tables`` up to date on the device: the same tuple as long as it does the same."""
         stages = self._source.stages(self._meshes)
         return (*stages, *self._own.stages_over(self._source)) if self._own.stages else stages
 

@@ -144,10 +144,7 @@ class MujocoSource:
         return [] if self._tables is None else self._tables.kernels()
 
     def stages(self, meshes: Meshes) -> tuple[Stage, ...]:
-        if self._tables is None:
-            return ()
-        self._tables.arrays(self._arrays)
-        return self._tables.stages(meshes)
+        return () if self._tables is None else self._tables.stages(meshes)
 
     def bind(self, state: Any) -> None:
         raise WarpcamError("bind: this scene reads the data that it was made from; make another scene for another")
