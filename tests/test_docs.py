@@ -104,6 +104,11 @@ def scenes() -> Names:
     return looked_at("segmentation")
 
 
+def viewer() -> Names:
+    pytest.importorskip("viser")
+    return {**looked_at(), "step": lambda: None}
+
+
 def memory() -> Names:
     return looked_at("rgb")
 
@@ -187,6 +192,7 @@ PAGES: dict[str, Callable[[], Names]] = {
     "docs/randomize.md": looked_at,
     "docs/scenes.md": scenes,
     "docs/usd.md": usd,
+    "docs/viewer.md": viewer,
     "docs/compat/dm_control.md": control_suite,
     "docs/compat/gymnasium-vector.md": vector_env,
     "docs/compat/gymnasium.md": gym_pictures,

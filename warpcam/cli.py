@@ -1,4 +1,4 @@
-"""The command ``warpcam``: ``render`` a scene to pictures, ``bench``, and ``doctor``: what this machine has."""
+"""The command ``warpcam``: ``render`` a scene to pictures, ``view`` it in a browser, ``bench``, and ``doctor``."""
 
 import argparse
 import re
@@ -20,9 +20,12 @@ from warpcam.benchmarks import options as benchmarks
 from warpcam.benchmarks import run
 from warpcam.device import resolve
 from warpcam.errors import WarpcamError
+from warpcam.simulation import Simulation
 
 FREE_CAMERA = "free"
 TIMING = 1.0  # how long frames are counted at most, after the first one [s]
+PERIOD = 1.0 / 30.0  # of pictures in a browser [s]
+SLOWEST = 0.1  # what is simulated between two of them at most [s]
 
 
 class _Parser(argparse.ArgumentParser):
@@ -51,13 +54,7 @@ def _parser() -> argparse.ArgumentParser:
 
     render = commands.add_parser("render", help="render a scene in many worlds and save pictures")
     render.set_defaults(command=_render)
-    render.add_argument(
-        "scene",
-        nargs="?",
-        type=Path,
-        metavar="SCENE",
-        help=f"a file: {', '.join((*files.MUJOCO, *files.USD, *files.MESHES))} (default: a demo scene)",
-    )
+    _add_scene(render, worlds=16, size="256x256")
     render.add_argument(
         "--camera",
         action="extend",
@@ -66,11 +63,14 @@ def _parser() -> argparse.ArgumentParser:
         help="cameras of the scene, by name or index (default: all, or a free one if there is none)",
     )
     render.add_argument("--outputs", default="rgb,depth", help="separated by commas (default: %(default)s)")
-    render.add_argument("--worlds", type=int, default=16, metavar="N", help="default: %(default)s")
-    render.add_argument("--size", default="256x256", metavar="WxH", help="of one image (default: %(default)s)")
-    render.add_argument("--device", metavar="D", help="cpu, cuda:0, ... (default: the first GPU, or the CPU)")
     render.add_argument("--out", type=Path, default=Path("warpcam-out"), metavar="DIR", help="default: %(default)s")
-    render.add_argument("--seed", type=int, default=0, help="of the random joint positions (default: %(default)s)")
+
+    about = "look around in a scene, in a browser; MuJoCo simulates what it has read"
+    view = commands.add_parser("view", help=about, description=about)
+    view.set_defaults(command=_view)
+    _add_scene(view, worlds=1, size="960x540")
+    view.add_argument("--host", default="127.0.0.1", metavar="A", help="address to listen at (default: %(default)s)")
+    view.add_argument("--port", type=int, default=8080, metavar="P", help="there (default: %(default)s, or the next)")
 
     bench = commands.add_parser("bench", help=benchmarks.ABOUT)
     bench.set_defaults(command=run.run)
@@ -83,16 +83,69 @@ def _parser() -> argparse.ArgumentParser:
     return parser
 
 
-def _render(options: argparse.Namespace) -> int:
-    width, height = _size(options.size)
-    outputs = [name.strip() for name in options.outputs.split(",") if name.strip()]
+def _add_scene(command: argparse.ArgumentParser, worlds: int, size: str) -> None:
+    """Add the arguments that say what is rendered, in how many worlds, and where."""
+    command.add_argument(
+        "scene",
+        nargs="?",
+        type=Path,
+        metavar="SCENE",
+        help=f"a file: {', '.join((*files.MUJOCO, *files.USD, *files.MESHES))} (default: a demo scene)",
+    )
+    command.add_argument("--worlds", type=int, default=worlds, metavar="N", help="default: %(default)s")
+    command.add_argument("--size", default=size, metavar="WxH", help="of one image (default: %(default)s)")
+    command.add_argument("--device", metavar="D", help="cpu, cuda:0, ... (default: the first GPU, or the CPU)")
+    command.add_argument("--seed", type=int, default=0, help="of the random joint positions (default: %(default)s)")
+
+
+def _checked_scene(options: argparse.Namespace) -> tuple[int, int, wp.Device]:
+    """Width and height of an image, and the device."""
+    size = _size(options.size)
     if options.worlds < 1:
         raise WarpcamError(f"--worlds: {options.worlds} came, at least 1 is needed")
     if options.seed < 0:
         raise WarpcamError(f"--seed: {options.seed} came, 0 or more is needed")
     if options.scene is not None and not options.scene.is_file():
         raise WarpcamError(f"scene: there is no file {str(options.scene)!r}")
-    device = resolve(options.device)
+    return *size, resolve(options.device)
+
+
+def _view(options: argparse.Namespace) -> int:
+    from warpcam.viewer import Viewer
+
+    width, height, device = _checked_scene(options)
+    path, simulation = options.scene or worlds.DEMO, None
+    if path.suffix.lower() in (*files.USD, *files.MESHES):
+        scene = warpcam.load(path, options.worlds, device=device)
+    else:
+        simulation = Simulation(path, options.worlds, options.seed)
+        scene = warpcam.from_mujoco(simulation.host, simulation.states, device=device)
+    viewer = Viewer(scene, width=width, height=height, host=options.host, port=options.port)
+    print(f"{viewer.url} (Ctrl-C ends it)", flush=True)
+    try:
+        _look(viewer, simulation)
+    except KeyboardInterrupt:
+        return 0
+    finally:
+        viewer.close()
+
+
+def _look(viewer: Any, simulation: Simulation | None) -> NoReturn:
+    """Simulate in real time, and draw what is seen, until interrupted."""
+    if simulation is not None:
+        simulation.add_controls(viewer.server.gui)
+    last = time.perf_counter()
+    while True:
+        begun = time.perf_counter()
+        moved = simulation is not None and simulation.advance(min(begun - last, SLOWEST))
+        last = begun
+        viewer.update(moved)
+        time.sleep(max(0.0, PERIOD - (time.perf_counter() - begun)))
+
+
+def _render(options: argparse.Namespace) -> int:
+    width, height, device = _checked_scene(options)
+    outputs = [name.strip() for name in options.outputs.split(",") if name.strip()]
     screen = Console(stderr=True)
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
     with Progress(*columns, console=screen, transient=True, disable=not screen.is_terminal) as progress:

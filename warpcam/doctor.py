@@ -34,6 +34,7 @@ SIMULATORS = (
     "robosuite",
     "gymnasium",
     "dm-control",
+    "viser",
 )
 
 _IGNORED = "chooses a GPU for OpenGL; ignored here"

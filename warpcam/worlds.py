@@ -1,6 +1,7 @@
 """Many worlds of one MJCF file, for the command line: MuJoCo-Warp holds them, each with joints of its own."""
 
 from dataclasses import dataclass
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -35,27 +36,8 @@ def load(path: Path, *, num_worlds: int, seed: int | None, device: wp.Device) ->
     World 0 is the scene as the file has it, with its first keyframe if there is one; the joints of the others
     are random within their ranges, or the same without a seed.
     """
-    try:
-        import mujoco
-        import mujoco_warp as mjw
-    except ImportError as error:
-        raise WarpcamError(
-            f"{error.name} is not installed, and scenes need it: pip install 'warpcam[mujoco]'"
-        ) from None
-
-    try:
-        if path.suffix.lower() == ".urdf":
-            host = urdf.load(path)
-        else:
-            read = mujoco.MjModel.from_binary_path if path.suffix.lower() == ".mjb" else mujoco.MjModel.from_xml_path
-            host = read(str(path))
-    except ValueError as error:
-        raise WarpcamError(f"scene: MuJoCo cannot read {str(path)!r}: {' '.join(str(error).split())}") from None
-
-    state = mujoco.MjData(host)
-    if host.nkey:
-        mujoco.mj_resetDataKeyframe(host, state, 0)
-    mujoco.mj_forward(host, state)
+    mjw = _needed("mujoco_warp")
+    host, state = read(path)
     try:
         with wp.ScopedDevice(device):
             model = mjw.put_model(host)
@@ -68,6 +50,32 @@ def load(path: Path, *, num_worlds: int, seed: int | None, device: wp.Device) ->
     except NotImplementedError as error:
         raise WarpcamError(f"scene: MuJoCo-Warp cannot simulate {str(path)!r}: {error}") from None
     return Worlds(host, model, data)
+
+
+def read(path: Path) -> tuple[Any, Any]:
+    """The host's model and state of an MJCF or URDF file (or .mjb), at its first keyframe if there is one."""
+    mujoco = _needed("mujoco")
+    try:
+        if path.suffix.lower() == ".urdf":
+            host = urdf.load(path)
+        else:
+            model = mujoco.MjModel
+            host = (model.from_binary_path if path.suffix.lower() == ".mjb" else model.from_xml_path)(str(path))
+    except ValueError as error:
+        raise WarpcamError(f"scene: MuJoCo cannot read {str(path)!r}: {' '.join(str(error).split())}") from None
+    state = mujoco.MjData(host)
+    restart(host, state)
+    return host, state
+
+
+def restart(host: Any, state: Any) -> None:
+    """Take a state back to where its file begins."""
+    mujoco = _needed("mujoco")
+    if host.nkey:
+        mujoco.mj_resetDataKeyframe(host, state, 0)
+    else:
+        mujoco.mj_resetData(host, state)
+    mujoco.mj_forward(host, state)
 
 
 def move(put: Worlds, *, seed: int, by: float = 0.1) -> None:
@@ -149,3 +157,13 @@ def free_camera(host: Any | None, lower: np.ndarray, upper: np.ndarray, aspect: 
         np.sin(yaw) * np.cos(pitch),
     )
     return {"position": position, "rotation": rotation, "lens": Pinhole(fovy=fovy)}
+
+
+def _needed(name: str) -> Any:
+    """MuJoCo, or MuJoCo-Warp, which need not be installed for anything else."""
+    try:
+        return import_module(name)
+    except ImportError as error:
+        raise WarpcamError(
+            f"{error.name} is not installed, and scenes need it: pip install 'warpcam[mujoco]'"
+        ) from None

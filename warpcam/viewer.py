@@ -1,0 +1,171 @@
+"""A scene in a browser: whoever opens the page looks around in it with a camera of their own."""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from warpcam import pictures, worlds
+from warpcam.camera import Camera
+from warpcam.errors import WarpcamError
+from warpcam.lens import Pinhole
+from warpcam.renderer import Renderer
+from warpcam.scene import Scene
+
+try:
+    import viser
+except ImportError as error:
+    raise WarpcamError(
+        f"{error.name} is not installed, and warpcam.viewer needs it: pip install 'warpcam[view]'"
+    ) from error
+
+FREE = "free"  # the camera that each page moves
+OUTPUTS = tuple(name for name in pictures.PICTURES if name not in ("rgba", "flow_valid"))
+SMOOTHED = ("rgb", "hdr")  # outputs with smooth edges
+QUALITY = 85  # of the pictures, which are sent as JPEG
+
+
+class Eye(NamedTuple):
+    """A page's camera, in viser's words: it looks along its +Z, with +X right and +Y down.
+
+    Attributes:
+        position: In the world [m].
+        wxyz: Rotation to the world's frame.
+        fov: Vertical field of view [radians].
+        aspect: Width of the window over its height.
+    """
+
+    position: tuple[float, ...]
+    wxyz: tuple[float, ...]
+    fov: float
+    aspect: float
+
+
+class Choice(NamedTuple):
+    """What the controls beside the picture say, the same for all pages."""
+
+    output: str
+    camera: str
+    world: int
+
+
+class Viewer:
+    """Shows a scene to all who open its page, one world at a time, as the state is at each ``update()``.
+
+    Pictures are rendered as any others are, on the scene's device; the browser shows them and tells where it looks
+    from. A page has controls for the output, the camera (its own or one of the scene's) and the world.
+
+    Attributes:
+        server: The ``viser.ViserServer`` behind it, for controls of your own: ``viewer.server.gui``.
+    """
+
+    def __init__(self, scene: Scene, *, width: int = 960, height: int = 540, host: str = "127.0.0.1", port: int = 8080):
+        """Begin to serve the page.
+
+        Args:
+            scene: What to look at. Memory for a picture of each of its worlds is taken.
+            width: Of the pictures, which are stretched to the window [pixels].
+            height: Likewise.
+            host: Address of this machine to listen at; "0.0.0.0" lets others in the network look, too.
+            port: There. If it is taken, the next that is free.
+
+        Raises:
+            WarpcamError: An argument is not as described.
+        """
+        if not isinstance(scene, Scene):
+            raise WarpcamError(f"Viewer: scene must be a Scene, got {type(scene).__name__}")
+        for name, value, most in (("width", width, 8192), ("height", height, 8192), ("port", port, 65535)):
+            if isinstance(value, bool) or not isinstance(value, int | np.integer) or not 1 <= value <= most:
+                raise WarpcamError(f"Viewer: {name} must be a whole number from 1 to {most}, got {value!r}")
+        if not isinstance(host, str):
+            raise WarpcamError(f'Viewer: host must be an address like "127.0.0.1", got {host!r}')
+        self._scene, self._width, self._height = scene, int(width), int(height)
+        self._renderer: tuple[str, str, Renderer] | None = None
+        self._shown: dict[int, tuple[Choice, Eye]] = {}
+        self._cameras = {name or str(index): index for index, name in enumerate(scene.cameras)}
+        self._renderer_of(Choice("rgb", FREE, 0))
+        lower, upper = scene.bounds()
+        start = worlds.free_camera(None, lower, upper, width / height)
+        self.server = viser.ViserServer(host, int(port), label="warpcam", verbose=False)
+        self.server.scene.set_up_direction("+z")
+        first = self.server.initial_camera
+        first.look_at, first.position = 0.5 * (lower + upper), start["position"]
+        first.fov = float(np.radians(start["lens"].fovy))
+        gui = self.server.gui
+        self._output = gui.add_dropdown("Output", OUTPUTS, initial_value="rgb")
+        self._camera = gui.add_dropdown("Camera", (FREE, *self._cameras), initial_value=FREE)
+        last = scene.num_worlds - 1
+        self._world = gui.add_slider("World", min=0, max=max(last, 1), step=1, initial_value=0, visible=last > 0)
+
+    @property
+    def url(self) -> str:
+        """Where the page is."""
+        return f"http://{self.server.get_host()}:{self.server.get_port()}"
+
+    def update(self, moved: bool = True) -> int:
+        """Draw the state as it is now for all who look; returns how many pictures were sent.
+
+        Args:
+            moved: False draws only for those whose camera or choice is another one than in their last picture.
+        """
+        choice = Choice(str(self._output.value), str(self._camera.value), int(self._world.value))
+        clients = self.server.get_clients()
+        self._shown = {number: shown for number, shown in self._shown.items() if number in clients}
+        sent = 0
+        for number, client in clients.items():
+            camera = client.camera
+            eye = Eye(tuple(camera.position), tuple(camera.wxyz), float(camera.fov), float(camera.aspect))
+            if moved or self._shown.get(number) != (choice, eye):
+                client.scene.set_background_image(self.picture(choice, eye), "jpeg", jpeg_quality=QUALITY)
+                self._shown[number] = choice, eye
+                sent += 1
+        return sent
+
+    def picture(self, choice: Choice, eye: Eye) -> np.ndarray:
+        """What a page shows, (height, width, 3) uint8: wider or higher with borders around a scene's camera."""
+        renderer = self._renderer_of(choice)
+        key = next(iter(renderer.images))
+        if choice.camera == FREE:
+            self._place(renderer, choice.world, eye)
+        image = renderer.render(worlds=[choice.world])[key][choice.output][choice.world : choice.world + 1]
+        shown = pictures.picture(choice.output, image.cpu().numpy())[0].copy()  # colours may be the renderer's own
+        return shown if choice.camera == FREE else _bordered(shown, eye.aspect)
+
+    def close(self) -> None:
+        """End the page."""
+        self.server.stop()
+
+    def _renderer_of(self, choice: Choice) -> Renderer:
+        """The renderer for an output and a camera; made where the last picture had others."""
+        if self._renderer is None or self._renderer[:2] != (choice.output, choice.camera):
+            self._renderer = None  # its memory first
+            free: dict[str, Any] = {}
+            if choice.camera == FREE:
+                free = {"position": (0.0, 0.0, 0.0), "lens": Pinhole(fx=1.0)}
+            camera = Camera(
+                FREE if free else self._cameras[choice.camera],
+                width=self._width,
+                height=self._height,
+                outputs=(choice.output,),
+                shadows=True,
+                antialiasing=4 if choice.output in SMOOTHED else 1,
+                **free,
+            )
+            self._renderer = choice.output, choice.camera, Renderer(self._scene, [camera])
+        return self._renderer[2]
+
+    def _place(self, renderer: Renderer, world: int, eye: Eye) -> None:
+        """Put the free camera of a world where a page looks from; its pixels are as wide as the window makes them."""
+        w, x, y, z = eye.wxyz
+        high = 0.5 * self._height / np.tan(0.5 * eye.fov)
+        wide = high * self._width / (self._height * eye.aspect)
+        arrays: Any = renderer.camera(FREE)
+        arrays.position[world] = arrays.position.new_tensor(eye.position)
+        arrays.rotation[world] = arrays.rotation.new_tensor((-x, w, z, -y))  # half a turn about its x
+        arrays.intrinsics[world, :2] = arrays.intrinsics.new_tensor((wide, high))
+
+
+def _bordered(picture: np.ndarray, aspect: float) -> np.ndarray:
+    """A picture in the middle of black of another aspect."""
+    height, width = picture.shape[:2]
+    beside, over = max(round(height * aspect) - width, 0), max(round(width / aspect) - height, 0)
+    return np.pad(picture, ((over // 2, over - over // 2), (beside // 2, beside - beside // 2), (0, 0)))
