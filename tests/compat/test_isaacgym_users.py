@@ -10,6 +10,7 @@ import warp as wp
 import warpcam as wc
 
 pytest.importorskip("newton")
+import newton
 from gym_worlds import GYM, at, new_sim, props
 
 from warpcam.compat.isaacgym import gymapi, gymtorch
@@ -256,3 +257,40 @@ def test_numbers_may_be_arrays_of_one() -> None:
     bodies[0].mass = np.array([2.5, 3.0])
     with pytest.raises(wc.WarpcamError, match="mass must be finite and not negative"):
         GYM.set_actor_rigid_body_properties(env, box, bodies)
+
+
+def test_shapes_that_only_look_are_not_among_rigid_shapes(tmp_path: Path) -> None:
+    """By whose places programs set frictions of feet and fingers, also of bodies that were made one."""
+    seen, felt = (f"<{kind}><geometry><sphere radius='0.1'/></geometry></{kind}>" for kind in ("visual", "collision"))
+    shapes = {"trunk": seen + seen + felt, "lamp": seen, "foot": seen + felt, "bump": felt}
+    links = "".join(f'<link name="{name}">{INERTIAL.format(1)}{both}</link>' for name, both in shapes.items())
+    joints = "".join(
+        f'<joint name="to_{name}" type="{kind}"><parent link="trunk"/><child link="{name}"/><axis xyz="0 1 0"/>'
+        '<limit lower="-1" upper="1" effort="9" velocity="9"/></joint>'
+        for name, kind in (("lamp", "revolute"), ("foot", "revolute"), ("bump", "fixed"))
+    )
+    (tmp_path / "dog.urdf").write_text(f'<robot name="dog">{links}{joints}</robot>')
+    sim = new_sim(wp.get_device("cpu"))
+    asset = GYM.load_asset(sim, str(tmp_path), "dog.urdf", gymapi.AssetOptions(collapse_fixed_joints=True))
+    ranges = GYM.get_asset_rigid_body_shape_indices(asset)
+    assert GYM.get_asset_rigid_shape_count(asset) == len(GYM.get_asset_rigid_shape_properties(asset)) == 3
+    assert [one.count for one in ranges] == [2, 0, 1] and (ranges[0].start, ranges[2].start) == (0, 2)
+    env = GYM.create_env(sim, gymapi.Vec3(), gymapi.Vec3(), 1)
+    dog = GYM.create_actor(env, asset, at(0, 0, 1), "dog")
+    properties = GYM.get_actor_rigid_shape_properties(env, dog)
+    assert len(properties) == GYM.get_actor_rigid_shape_count(env, dog) == 3
+    properties[GYM.get_actor_rigid_body_shape_indices(env, dog)[2].start].friction = 0.25
+    GYM.set_actor_rigid_shape_properties(env, dog, properties)
+    GYM.simulate(sim)
+    model = sim.physics.model
+    solid = model.shape_flags.numpy() & int(newton.ShapeFlags.COLLIDE_SHAPES) != 0
+    assert model.shape_material_mu.numpy()[solid].tolist() == [1.0, 0.25, 1.0]
+
+
+def test_joints_of_urdf_files_are_driven_by_nothing_unless_told(tmp_path: Path) -> None:
+    (tmp_path / "dog.urdf").write_text(HELD)
+    sim = new_sim(wp.get_device("cpu"))
+    for mode in (gymapi.DOF_MODE_NONE, gymapi.DOF_MODE_POS, gymapi.DOF_MODE_EFFORT):
+        asset = GYM.load_asset(sim, str(tmp_path), "dog.urdf", gymapi.AssetOptions(default_dof_drive_mode=mode))
+        assert GYM.get_asset_dof_properties(asset)["driveMode"].tolist() == [mode]
+    assert gymapi.AssetOptions().default_dof_drive_mode == gymapi.DOF_MODE_NONE

@@ -53,6 +53,7 @@ class Asset:
         builder: Holds one of it, its first body at the origin.
         bodies: Names.
         shapes: (shape,) int32, the body of each, or -1.
+        solid: Places of those that collide, body by body: rigid shapes are these alone, in this order.
         free: Whether its first body is free to move.
         properties: (dof,) of ``DOF_PROPERTIES``, as the file has them.
         rest: (dof,) of ``DOF_STATE``, where its joints begin.
@@ -77,6 +78,9 @@ class Asset:
         if not self.bodies:
             raise WarpcamError(f"load_asset: {name!r} has no bodies; at least one is needed")
         self.shapes = np.asarray(builder.shape_body, np.int32)
+        solid = np.flatnonzero(np.asarray(builder.shape_flags, np.int64) & int(newton.ShapeFlags.COLLIDE_SHAPES))
+        # Of bodies that were made one, shapes do not follow one another.
+        self.solid = solid[np.argsort(self.shapes[solid], kind="stable")]
         self.free = builder.joint_type[0] == JOINT.FREE
         labels = [_last(label) for label in builder.joint_label]
         self.joints = labels[1:] if builder.joint_type[0] in (JOINT.FREE, JOINT.FIXED) else labels
@@ -183,6 +187,8 @@ def load(root: Any, file: Any, options: AssetOptions, up: newton.Axis) -> Asset:
         raise WarpcamError(f"load_asset: {path.name!r} came; allowed are .urdf, .xml, .mjcf and .usd files")
     try:
         readers[kind]()
+        if kind == ".urdf":
+            builder.joint_target_mode[:] = [int(MODE.NONE)] * len(builder.joint_target_mode)  # the file names no drives
         if options.collapse_fixed_joints:
             _collapse(builder, _held(path) if kind == ".urdf" else set())
     except WarpcamError:

@@ -126,7 +126,8 @@ class AssetCalls:
         return self.get_asset_rigid_body_dict(asset).get(name, INVALID_HANDLE)
 
     def get_asset_rigid_shape_count(self, asset: Asset) -> int:
-        return len(asset_of(asset, "get_asset_rigid_shape_count").shapes)
+        """Of those that collide."""
+        return len(asset_of(asset, "get_asset_rigid_shape_count").solid)
 
     def get_asset_joint_count(self, asset: Asset) -> int:
         return len(asset_of(asset, "get_asset_joint_count").joints)
@@ -226,7 +227,7 @@ class AssetCalls:
         return env_of(env, "get_env_dof_count").counts.dofs
 
     def get_actor_rigid_shape_count(self, env: Env, actor: int) -> int:
-        return len(actor_of(env, actor, "get_actor_rigid_shape_count").asset.shapes)
+        return len(actor_of(env, actor, "get_actor_rigid_shape_count").asset.solid)
 
     def get_actor_joint_count(self, env: Env, actor: int) -> int:
         return len(actor_of(env, actor, "get_actor_joint_count").asset.joints)

@@ -31,25 +31,28 @@ class PropertyCalls:
     """See ``Gym``."""
 
     def get_asset_rigid_shape_properties(self, asset: Asset) -> list[RigidShapeProperties]:
-        """Of all of its shapes; copies."""
-        return to_surfaces(asset_of(asset, "get_asset_rigid_shape_properties").surfaces)
+        """Of all of its shapes that collide; copies."""
+        asset = asset_of(asset, "get_asset_rigid_shape_properties")
+        return to_surfaces(asset.surfaces[asset.solid])
 
     def set_asset_rigid_shape_properties(self, asset: Asset, properties: list[RigidShapeProperties]) -> bool:
         """Of the actors that are made of it from now on."""
         where = "set_asset_rigid_shape_properties"
         asset = asset_of(asset, where)
-        asset.surfaces = from_surfaces(properties, asset.surfaces, where)
+        asset.surfaces = from_surfaces(properties, asset.surfaces, asset.solid, where)
         return True
 
     def get_actor_rigid_shape_properties(self, env: Env, actor: int) -> list[RigidShapeProperties]:
-        """Of all of its shapes; copies."""
-        return to_surfaces(actor_of(env, actor, "get_actor_rigid_shape_properties").surfaces)
+        """Of all of its shapes that collide; copies."""
+        found = actor_of(env, actor, "get_actor_rigid_shape_properties")
+        return to_surfaces(found.surfaces[found.asset.solid])
 
     def set_actor_rigid_shape_properties(self, env: Env, actor: int, properties: list[RigidShapeProperties]) -> bool:
         """Of one actor, at any time."""
         where = "set_actor_rigid_shape_properties"
         found = actor_of(env, actor, where)
-        before, found.surfaces = found.surfaces, from_surfaces(properties, found.surfaces, where)
+        before = found.surfaces
+        found.surfaces = from_surfaces(properties, before, found.asset.solid, where)
         for change in idle_changes(found.surfaces, before):
             env.sim.warn_once(f"{where}: {change}")
         if env.sim.prepared:
@@ -115,13 +118,12 @@ class PropertyCalls:
         return True
 
     def get_asset_rigid_body_shape_indices(self, asset: Asset) -> list[IndexRange]:
-        """Which of its shapes each body has."""
-        return _ranges(asset_of(asset, "get_asset_rigid_body_shape_indices"), "get_asset_rigid_body_shape_indices")
+        """Which of its shapes that collide each body has."""
+        return _ranges(asset_of(asset, "get_asset_rigid_body_shape_indices"))
 
     def get_actor_rigid_body_shape_indices(self, env: Env, actor: int) -> list[IndexRange]:
-        """Which of its shapes each body has."""
-        where = "get_actor_rigid_body_shape_indices"
-        return _ranges(actor_of(env, actor, where).asset, where)
+        """Which of its shapes that collide each body has."""
+        return _ranges(actor_of(env, actor, "get_actor_rigid_body_shape_indices").asset)
 
     def create_asset_force_sensor(
         self, asset: Asset, body: int, pose: Transform, props: ForceSensorProperties | None = None
@@ -167,12 +169,7 @@ class PropertyCalls:
         return True
 
 
-def _ranges(asset: Asset, where: str) -> list[IndexRange]:
-    found = []
-    for body, name in enumerate(asset.bodies):
-        places = np.flatnonzero(asset.shapes == body)
-        start = int(places[0]) if len(places) else 0
-        if not np.array_equal(places, start + np.arange(len(places))):
-            raise WarpcamError(f"{where}: shapes of body {name!r} do not follow one another: {places.tolist()}")
-        found.append(IndexRange(start, len(places)))
-    return found
+def _ranges(asset: Asset) -> list[IndexRange]:
+    bodies = asset.shapes[asset.solid]
+    starts, ends = (np.searchsorted(bodies, range(len(asset.bodies)), side) for side in ("left", "right"))
+    return [IndexRange(int(start), int(end - start)) for start, end in zip(starts, ends, strict=True)]

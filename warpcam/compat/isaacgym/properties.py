@@ -160,15 +160,15 @@ def to_surfaces(rows: np.ndarray) -> list[RigidShapeProperties]:
     return found
 
 
-def from_surfaces(values: Any, before: np.ndarray, where: str) -> np.ndarray:
-    """(shape,) of SURFACE, as many as there were before."""
-    rows = np.zeros_like(before)
-    for row, value in zip(rows, listed(values, RigidShapeProperties, len(before), where), strict=True):
+def from_surfaces(values: Any, before: np.ndarray, solid: np.ndarray, where: str) -> np.ndarray:
+    """(shape,) of SURFACE, as they were before but for those at the places of the values."""
+    rows = before.copy()
+    for place, value in zip(solid, listed(values, RigidShapeProperties, len(solid), where), strict=True):
         for name in FIELDS:
             number = real(getattr(value, name))
             if not np.isfinite(number) or (name in FRICTIONS and number < 0.0):
                 raise WarpcamError(f"{where}: {name} must be finite, and no friction negative, got {number}")
-            row[name] = number
+            rows[name][place] = number
     return rows
 
 
