@@ -294,3 +294,21 @@ def test_joints_of_urdf_files_are_driven_by_nothing_unless_told(tmp_path: Path) 
         asset = GYM.load_asset(sim, str(tmp_path), "dog.urdf", gymapi.AssetOptions(default_dof_drive_mode=mode))
         assert GYM.get_asset_dof_properties(asset)["driveMode"].tolist() == [mode]
     assert gymapi.AssetOptions().default_dof_drive_mode == gymapi.DOF_MODE_NONE
+
+
+def test_rows_of_states_become_poses() -> None:
+    """As programs draw and compare them, one by one or as an array of one."""
+    sim = new_sim(wp.get_device("cpu"))
+    env = GYM.create_env(sim, gymapi.Vec3(), gymapi.Vec3(), 1)
+    pose = gymapi.Transform(gymapi.Vec3(1, 2, 3), gymapi.Quat(0, 1, 0, 0))
+    box = GYM.create_actor(env, GYM.create_box(sim, 0.1, 0.1, 0.1), pose, "box")
+    states = GYM.get_actor_rigid_body_states(env, box, gymapi.STATE_POS)
+    assert gymapi.Transform.from_buffer(states["pose"][0]) == gymapi.Transform.from_buffer(states["pose"]) == pose
+    assert gymapi.Vec3.from_buffer(states["pose"]["p"][0].tobytes()) == pose.p
+    assert gymapi.Quat.from_buffer(memoryview(np.array([0, 1, 0, 0], np.float32))) == pose.r
+    for row in (states[0], [1, 2, 3], "pose", None):
+        with pytest.raises(wc.WarpcamError, match=r"Transform\.from_buffer: 7 numbers of float32 are needed, got"):
+            gymapi.Transform.from_buffer(row)
+    speed = gymapi.Velocity()
+    speed.linear.x = 2.0
+    assert tuple(speed.linear) == (2, 0, 0) and tuple(speed.angular) == (0, 0, 0)

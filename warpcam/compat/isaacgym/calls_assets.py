@@ -34,6 +34,15 @@ class AssetCalls:
         sim = sim_of(sim, "load_asset")
         return assets.load(rootpath, filename, _options(options, "load_asset"), sim.up)
 
+    def load_urdf(self, sim: Sim, rootpath: str, filename: str, options: AssetOptions | None = None) -> Asset:
+        return self.load_asset(sim, rootpath, filename, options)
+
+    def load_mjcf(self, sim: Sim, rootpath: str, filename: str, options: AssetOptions | None = None) -> Asset:
+        return self.load_asset(sim, rootpath, filename, options)
+
+    def load_usd(self, sim: Sim, rootpath: str, filename: str, options: AssetOptions | None = None) -> Asset:
+        return self.load_asset(sim, rootpath, filename, options)
+
     def create_box(
         self, sim: Sim, width: float, height: float, depth: float, options: AssetOptions | None = None
     ) -> Asset:
@@ -180,7 +189,7 @@ class AssetCalls:
         return actor_of(env, actor, "get_actor_asset").asset
 
     def get_actor_index(self, env: Env, actor: int, domain: IndexDomain) -> int:
-        return _place(actor_of(env, actor, "get_actor_index"), domain, "actors", 0)
+        return place_of(actor_of(env, actor, "get_actor_index"), domain, "actors", 0)
 
     def find_actor_index(self, env: Env, name: str, domain: IndexDomain) -> int:
         handle = self.find_actor_handle(env, name)
@@ -205,12 +214,12 @@ class AssetCalls:
 
     def get_actor_rigid_body_index(self, env: Env, actor: int, index: int, domain: IndexDomain) -> int:
         found = actor_of(env, actor, "get_actor_rigid_body_index")
-        return _place(found, domain, "bodies", found.body(index, "get_actor_rigid_body_index"))
+        return place_of(found, domain, "bodies", found.body(index, "get_actor_rigid_body_index"))
 
     def find_actor_rigid_body_index(self, env: Env, actor: int, name: str, domain: IndexDomain) -> int:
         found = actor_of(env, actor, "find_actor_rigid_body_index")
         index = self.find_asset_rigid_body_index(found.asset, name)
-        return index if index == INVALID_HANDLE else _place(found, domain, "bodies", index)
+        return index if index == INVALID_HANDLE else place_of(found, domain, "bodies", index)
 
     def find_actor_rigid_body_handle(self, env: Env, actor: int, name: str) -> int:
         return self.find_actor_rigid_body_index(env, actor, name, IndexDomain.DOMAIN_ENV)
@@ -250,7 +259,7 @@ class AssetCalls:
     def find_actor_dof_index(self, env: Env, actor: int, name: str, domain: IndexDomain) -> int:
         found = actor_of(env, actor, "find_actor_dof_index")
         index = self.find_asset_dof_index(found.asset, name)
-        return index if index == INVALID_HANDLE else _place(found, domain, "dofs", index)
+        return index if index == INVALID_HANDLE else place_of(found, domain, "dofs", index)
 
     def find_actor_dof_handle(self, env: Env, actor: int, name: str) -> int:
         return self.find_actor_dof_index(env, actor, name, IndexDomain.DOMAIN_ENV)
@@ -322,7 +331,7 @@ def _all(sim: Any, where: str) -> Counts:
     return sum((env.counts for env in sim_of(sim, where).envs), Counts())
 
 
-def _place(actor: Actor, domain: IndexDomain, kind: str, index: int) -> int:
+def place_of(actor: Actor, domain: IndexDomain, kind: str, index: int) -> int:
     """Where something of an actor is in the actor, its environment or the simulation."""
     if domain == IndexDomain.DOMAIN_SIM:
         index += getattr(actor.env.before(), kind)

@@ -6,6 +6,7 @@ import numpy as np
 
 from warpcam.compat.isaacgym.asset import Asset
 from warpcam.compat.isaacgym.calls_assets import actor_of, asset_of, one_at
+from warpcam.compat.isaacgym.kinds import INVALID_HANDLE
 from warpcam.compat.isaacgym.maths import Transform
 from warpcam.compat.isaacgym.properties import (
     ActuatorProperties,
@@ -94,6 +95,26 @@ class PropertyCalls:
         """Of what it moves."""
         where = "get_asset_actuator_joint_name"
         return one_at(asset_of(asset, where).extras.motors, index, where).joint
+
+    def find_asset_actuator_index(self, asset: Asset, name: str) -> int:
+        names = [motor.name for motor in asset_of(asset, "find_asset_actuator_index").extras.motors]
+        return names.index(name) if name in names else INVALID_HANDLE
+
+    def get_actor_actuator_properties(self, env: Env, actor: int) -> list[ActuatorProperties]:
+        """Of the motors of its asset, as those that follow are."""
+        return self.get_asset_actuator_properties(actor_of(env, actor, "get_actor_actuator_properties").asset)
+
+    def get_actor_actuator_count(self, env: Env, actor: int) -> int:
+        return self.get_asset_actuator_count(actor_of(env, actor, "get_actor_actuator_count").asset)
+
+    def get_actor_actuator_name(self, env: Env, actor: int, index: int) -> str:
+        return self.get_asset_actuator_name(actor_of(env, actor, "get_actor_actuator_name").asset, index)
+
+    def get_actor_actuator_joint_name(self, env: Env, actor: int, index: int) -> str:
+        return self.get_asset_actuator_joint_name(actor_of(env, actor, "get_actor_actuator_joint_name").asset, index)
+
+    def find_actor_actuator_index(self, env: Env, actor: int, name: str) -> int:
+        return self.find_asset_actuator_index(actor_of(env, actor, "find_actor_actuator_index").asset, name)
 
     def get_asset_tendon_count(self, asset: Asset) -> int:
         """Of an MJCF file; other assets have none."""

@@ -265,6 +265,15 @@ class Physics:
             self._told.append(actor)
         actor.targets[kind] = values
 
+    def targets(self, actor: Actor, kind: str) -> np.ndarray:
+        """(dof,) "positions" or "velocities" that the joints of one actor are driven to; waits for the device."""
+        start, dofs = self.start_of(actor), actor.asset.dofs
+        with interop.in_order(self.device):
+            self._take_targets()
+            if kind == "positions":
+                return self._control.joint_target_q.numpy()[[start.coordinates + dof.coordinate for dof in dofs]]
+            return self._control.joint_target_qd.numpy()[[start.speeds + dof.speed for dof in dofs]]
+
     def _take_targets(self) -> None:
         """Have drives follow what their actors were told one by one."""
         for kind, into, first in (
