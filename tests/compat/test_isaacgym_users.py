@@ -312,3 +312,35 @@ def test_rows_of_states_become_poses() -> None:
     speed = gymapi.Velocity()
     speed.linear.x = 2.0
     assert tuple(speed.linear) == (2, 0, 0) and tuple(speed.angular) == (0, 0, 0)
+
+
+def test_ids_of_segmentation_may_be_given_by_their_name() -> None:
+    sim = new_sim(wp.get_device("cpu"))
+    env = GYM.create_env(sim, gymapi.Vec3(), gymapi.Vec3(), 1)
+    box = GYM.create_actor(env, GYM.create_box(sim, 0.1, 0.1, 0.1), at(0, 0, 0), "box", 0, 0, segmentationId=11)
+    assert GYM.get_rigid_body_segmentation_id(env, box, 0) == 11
+
+
+@pytest.mark.parametrize("prepared", [False, True])
+def test_flags_of_bodies_switch_gravity_off_and_on(prepared: bool) -> None:
+    sim = new_sim(wp.get_device("cpu"))
+    env = GYM.create_env(sim, gymapi.Vec3(), gymapi.Vec3(), 1)
+    for light in (False, True):
+        ball = GYM.create_sphere(sim, 0.1, gymapi.AssetOptions(disable_gravity=light))
+        for index in range(2):
+            GYM.create_actor(env, ball, at(index, light, 5), "ball")
+    if prepared:
+        GYM.simulate(sim)
+    for actor, flags in ((1, gymapi.RIGID_BODY_DISABLE_GRAVITY), (3, gymapi.RIGID_BODY_NONE)):
+        bodies = GYM.get_actor_rigid_body_properties(env, actor)
+        assert bodies[0].flags == 1 - flags
+        bodies[0].flags = flags
+        GYM.set_actor_rigid_body_properties(env, actor, bodies)
+        assert GYM.get_actor_rigid_body_properties(env, actor)[0].flags == flags
+    before = GYM.get_env_rigid_body_states(env, gymapi.STATE_VEL)["vel"]["linear"]["z"]
+    GYM.simulate(sim)
+    after = GYM.get_env_rigid_body_states(env, gymapi.STATE_VEL)["vel"]["linear"]["z"]
+    np.testing.assert_allclose(after - before, -9.81 / 60.0 * np.array((1, 0, 0, 1)), atol=1e-4)
+    bodies[0].flags = gymapi.RIGID_BODY_DISABLE_SIMULATION
+    with pytest.raises(wc.WarpcamError, match="flags 2 came; of the flags RIGID_BODY_DISABLE_GRAVITY"):
+        GYM.set_actor_rigid_body_properties(env, 3, bodies)

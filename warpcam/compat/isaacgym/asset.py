@@ -88,7 +88,7 @@ class Asset:
         self.properties = self._read_properties()
         self.rest = np.zeros(len(self.dofs), DOF_STATE)
         self.rest["pos"] = [float(builder.joint_q[dof.coordinate]) for dof in self.dofs]
-        self.surfaces, self.masses = surfaces_of(builder), masses_of(builder)
+        self.surfaces, self.masses = surfaces_of(builder), masses_of(builder, bool(options.disable_gravity))
         self.first_surfaces = self.surfaces  # what the builder says
         self.sensors: list[tuple[int, Transform, ForceSensorProperties]] = []
         self.extras = Extras(path)

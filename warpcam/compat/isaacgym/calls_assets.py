@@ -83,7 +83,7 @@ class AssetCalls:
         name: str | None = None,
         group: int = -1,
         filter: int = -1,
-        segmentation_id: int = 0,
+        segmentationId: int = 0,  # noqa: N803, that system's name
     ) -> int:
         """Put an asset into an environment. Its handle counts the environment's actors.
 
@@ -95,13 +95,13 @@ class AssetCalls:
             group: Actors of different groups do not collide, but those of -1 do with all.
             filter: Bits: actors that share one do not collide, nor do the bodies of one with one another. 0 and -1 are
                 none; then bodies that are joined do not.
-            segmentation_id: Of its bodies, in images.
+            segmentationId: Of its bodies, in images.
         """
         env = env_of(env, "create_actor")
         asset = asset_of(asset, "create_actor")
         if not isinstance(pose, Transform):
             raise WarpcamError(f"create_actor: pose must be a Transform, got {type(pose).__name__}")
-        check_segment(segmentation_id, "create_actor: segmentation_id")
+        check_segment(segmentationId, "create_actor: segmentationId")
         env.sim.require_open("create_actor")
         for change in idle_changes(asset.surfaces, asset.first_surfaces):
             env.sim.warn_once(f"set_asset_rigid_shape_properties: {change}")
@@ -113,7 +113,7 @@ class AssetCalls:
                 came = {"group": group, "filter": filter}[argument]
                 raise WarpcamError(f"create_actor: {argument} must be a whole number, at least -1, got {came!r}")
         called = asset.name if name is None else name
-        actor = Actor(env, asset, pose, called, int(group), int(filter), int(segmentation_id))
+        actor = Actor(env, asset, pose, called, int(group), int(filter), int(segmentationId))
         env.add(actor)
         return actor.handle
 

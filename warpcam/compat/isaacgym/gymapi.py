@@ -54,6 +54,10 @@ from warpcam.compat.isaacgym.options import (
     VhacdParams,
 )
 from warpcam.compat.isaacgym.properties import (
+    RIGID_BODY_DISABLE_GRAVITY,
+    RIGID_BODY_DISABLE_SIMULATION,
+    RIGID_BODY_ENABLE_GYROSCOPIC_FORCES,
+    RIGID_BODY_NONE,
     ActuatorProperties,
     ForceSensorProperties,
     IndexRange,
@@ -124,6 +128,10 @@ __all__ = [
     "MESH_NONE",
     "MESH_VISUAL",
     "MESH_VISUAL_AND_COLLISION",
+    "RIGID_BODY_DISABLE_GRAVITY",
+    "RIGID_BODY_DISABLE_SIMULATION",
+    "RIGID_BODY_ENABLE_GYROSCOPIC_FORCES",
+    "RIGID_BODY_NONE",
     "SIM_FLEX",
     "SIM_PHYSX",
     "STATE_ALL",
