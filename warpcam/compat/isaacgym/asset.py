@@ -189,6 +189,8 @@ def load(root: Any, file: Any, options: AssetOptions, up: newton.Axis) -> Asset:
         readers[kind]()
         if kind == ".urdf":
             builder.joint_target_mode[:] = [int(MODE.NONE)] * len(builder.joint_target_mode)  # the file names no drives
+            if options.flip_visual_attachments:
+                _flip(builder, path)
         if options.collapse_fixed_joints:
             _collapse(builder, _held(path) if kind == ".urdf" else set())
     except WarpcamError:
@@ -218,6 +220,31 @@ def _held(path: Path) -> set[str]:
     """Names of the joints of a URDF file that are not to be collapsed."""
     joints = ElementTree.parse(path).iter("joint")
     return {joint.get("name", "") for joint in joints if joint.get("dont_collapse", "").lower() == "true"}
+
+
+def _flip(builder: newton.ModelBuilder, path: Path) -> None:
+    """Have y be up in the files of meshes that a URDF file only shows, but for .dae files, which say what is."""
+    files = {
+        _last(link.get("name", "")): [mesh.get("filename", "") for mesh in link.findall("visual/geometry/mesh")]
+        for link in ElementTree.parse(path).iter("link")
+    }
+    for body, label in enumerate(builder.body_label):
+        turned = [not file.lower().endswith(".dae") for file in files.get(_last(label), [])]
+        shown = [
+            shape
+            for shape, owner in enumerate(builder.shape_body)
+            if owner == body
+            and builder.shape_type[shape] == newton.GeoType.MESH
+            and not builder.shape_flags[shape] & newton.ShapeFlags.COLLIDE_SHAPES
+        ]
+        if len(set(turned)) > 1 and len(turned) != len(shown):
+            raise WarpcamError(
+                f"load_asset: flip_visual_attachments: link {_last(label)!r} shows .dae files beside others, and one of "
+                "them has several meshes"
+            )
+        for place, shape in enumerate(shown):
+            if turned[min(place, len(turned) - 1)]:
+                builder.shape_transform[shape] *= wp.transform(wp.vec3(), wp.quat(0.5**0.5, 0.0, 0.0, 0.5**0.5))
 
 
 def _collapse(builder: Builder, held: set[str]) -> None:

@@ -207,6 +207,7 @@ class AssetOptions(Strict):
         density: Of created shapes [kg/m^3].
         armature: Added to all joints.
         default_dof_drive_mode: What drives its degrees of freedom, unless told otherwise.
+        flip_visual_attachments: Whether y is up in the files of meshes that a URDF file shows, but of .dae files.
     """
 
     fix_base_link: bool = False
