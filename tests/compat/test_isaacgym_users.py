@@ -344,3 +344,22 @@ def test_flags_of_bodies_switch_gravity_off_and_on(prepared: bool) -> None:
     bodies[0].flags = gymapi.RIGID_BODY_DISABLE_SIMULATION
     with pytest.raises(wc.WarpcamError, match="flags 2 came; of the flags RIGID_BODY_DISABLE_GRAVITY"):
         GYM.set_actor_rigid_body_properties(env, 3, bodies)
+
+
+@pytest.mark.parametrize("kind", ["urdf", "xml"])
+def test_bodies_without_masses_have_the_density_of_their_options(tmp_path: Path, kind: str) -> None:
+    texts = {
+        "urdf": '<robot name="can"><link name="can"><collision><geometry><box size="0.2 0.2 0.5"/></geometry>'
+        "</collision></link></robot>",
+        "xml": '<mujoco><worldbody><body name="can"><geom type="box" size="0.1 0.1 0.25"/></body></worldbody></mujoco>',
+    }
+    (tmp_path / f"can.{kind}").write_text(texts[kind])
+    sim = new_sim(wp.get_device("cpu"))
+    env = GYM.create_env(sim, gymapi.Vec3(), gymapi.Vec3(), 1)
+    for density in (1000.0, 50.0):
+        asset = GYM.load_asset(sim, str(tmp_path), f"can.{kind}", gymapi.AssetOptions(density=density))
+        can = GYM.create_actor(env, asset, at(0, 0, 0), "can")
+        assert GYM.get_actor_rigid_body_properties(env, can)[0].mass == pytest.approx(0.02 * density)
+    for density in (-1.0, float("nan"), "much"):
+        with pytest.raises(wc.WarpcamError, match=r"load_asset: AssetOptions\.density must be finite"):
+            GYM.load_asset(sim, str(tmp_path), f"can.{kind}", gymapi.AssetOptions(density=density))

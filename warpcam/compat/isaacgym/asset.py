@@ -1,5 +1,6 @@
 """Assets: what actors are made of, read by Newton's importers."""
 
+import math
 import os
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Callable
@@ -17,6 +18,7 @@ from warpcam.compat.isaacgym.maths import Transform
 from warpcam.compat.isaacgym.mjcf import Extras
 from warpcam.compat.isaacgym.options import AssetOptions
 from warpcam.compat.isaacgym.properties import ForceSensorProperties, TendonProperties, masses_of, surfaces_of
+from warpcam.compat.numbers import real
 from warpcam.errors import WarpcamError
 
 JOINT = newton.JointType
@@ -176,6 +178,7 @@ def load(root: Any, file: Any, options: AssetOptions, up: newton.Axis) -> Asset:
         raise WarpcamError(f"load_asset: there is no file {str(path)!r}")
     # An asset's frame is taken as it is, whichever way the world's up is.
     builder = Builder(up_axis=newton.Axis.Z)
+    builder.default_shape_cfg.density = _density(options, "load_asset")
     readers: dict[str, Callable[[], Any]] = {
         ".urdf": lambda: builder.add_urdf(str(path), floating=not options.fix_base_link),
         ".xml": lambda: builder.add_mjcf(str(path), floating=False if options.fix_base_link else None),
@@ -211,9 +214,16 @@ def made(
         builder.add_articulation([builder.add_joint_fixed(-1, body, label="fixed")], label=name)
     else:
         body = builder.add_body(label=name)
-    add(builder, body, newton.ModelBuilder.ShapeConfig(density=float(options.density)))
+    add(builder, body, newton.ModelBuilder.ShapeConfig(density=_density(options, f"create_{name}")))
     _settle(builder, options, up)
     return Asset(name, builder, options, {})
+
+
+def _density(options: AssetOptions, where: str) -> float:
+    density = real(options.density)
+    if not 0.0 <= density < math.inf:
+        raise WarpcamError(f"{where}: AssetOptions.density must be finite and not negative, got {options.density!r}")
+    return density
 
 
 def _held(path: Path) -> set[str]:
@@ -239,8 +249,8 @@ def _flip(builder: newton.ModelBuilder, path: Path) -> None:
         ]
         if len(set(turned)) > 1 and len(turned) != len(shown):
             raise WarpcamError(
-                f"load_asset: flip_visual_attachments: link {_last(label)!r} shows .dae files beside others, and one of "
-                "them has several meshes"
+                f"load_asset: flip_visual_attachments: link {_last(label)!r} shows .dae files beside others, and one "
+                "of them has several meshes"
             )
         for place, shape in enumerate(shown):
             if turned[min(place, len(turned) - 1)]:
