@@ -1,5 +1,6 @@
 """What programs of the field count on in Isaac Gym's calls, beside what its pages say."""
 
+import warnings
 from pathlib import Path
 
 import numpy as np
@@ -363,3 +364,13 @@ def test_bodies_without_masses_have_the_density_of_their_options(tmp_path: Path,
     for density in (-1.0, float("nan"), "much"):
         with pytest.raises(wc.WarpcamError, match=r"load_asset: AssetOptions\.density must be finite"):
             GYM.load_asset(sim, str(tmp_path), f"can.{kind}", gymapi.AssetOptions(density=density))
+
+
+def test_aggregates_that_would_keep_actors_apart_say_that_they_do_not() -> None:
+    sim = new_sim(wp.get_device("cpu"))
+    env = GYM.create_env(sim, gymapi.Vec3(), gymapi.Vec3(), 1)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert GYM.begin_aggregate(env, 4, 4, True) and GYM.end_aggregate(env)
+    with pytest.warns(RuntimeWarning, match="begin_aggregate: actors of an aggregate collide all the same"):
+        assert GYM.begin_aggregate(env, 4, 4, False)
