@@ -1,5 +1,6 @@
 """Isaac Gym's images: shapes, signs, encodings, addresses, and what an environment's camera sees."""
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -228,3 +229,56 @@ def test_flow_on_the_host_is_since_the_render_before(device: wp.Device) -> None:
             image = GYM.get_camera_image(world.sim, world.envs[0], 0, flow).reshape(HEIGHT, WIDTH, 2)
             seen.append(image[HEIGHT // 2, WIDTH // 2, 0] * WIDTH / 2**15)
     np.testing.assert_allclose(seen, (0.0, -0.8, -0.8), atol=2e-3)
+
+
+def write_plate(path: Any, points: np.ndarray) -> None:
+    """A rectangle, by its corners, as a file of that kind."""
+    faces = np.array([(0, 1, 2), (0, 2, 3), (0, 2, 1), (0, 3, 2)])  # from both sides
+    if path.suffix == ".dae":
+        collada = pytest.importorskip("collada")
+        mesh = collada.Collada()
+        mesh.assetInfo.upaxis = collada.asset.UP_AXIS.Z_UP
+        source = collada.source.FloatSource("points", points.astype(np.float32).flatten(), ("X", "Y", "Z"))
+        form = collada.geometry.Geometry(mesh, "form", "form", [source])
+        inputs = collada.source.InputList()
+        inputs.addInput(0, "VERTEX", "#points")
+        form.primitives.append(form.createTriangleSet(faces.flatten(), inputs, "paint"))
+        mesh.geometries.append(form)
+        node = collada.scene.Node("one", [collada.scene.GeometryNode(form, [])])
+        mesh.scene = collada.scene.Scene("all", [node])
+        mesh.scenes.append(mesh.scene)
+        mesh.write(str(path))
+    else:
+        pytest.importorskip("trimesh").Trimesh(points, faces, process=False).export(path)
+
+
+@pytest.mark.parametrize("kind", ["obj", "stl", "dae"])
+def test_meshes_whose_files_have_y_up_are_flipped(tmp_path: Path, kind: str) -> None:
+    """Those that are only seen; .dae files say which way is up."""
+    along = 2 if kind == "dae" else 1  # up in the file
+    corners = np.zeros((4, 3))
+    corners[:, along], corners[:, 3 - along] = (0, 0, 0.9, 0.9), (-0.1, 0.1, 0.1, -0.1)
+    for visible in ("seen", "felt"):
+        write_plate(tmp_path / f"{visible}.{kind}", corners)
+    mesh = '<{0}><origin xyz="0 0 0" rpy="0 0 0"/><geometry><mesh filename="{1}.{2}"/></geometry></{0}>'
+    shapes = mesh.format("visual", "seen", kind) + mesh.format("collision", "felt", kind)
+    inertia = '<inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>'
+    (tmp_path / "flag.urdf").write_text(f'<robot name="flag"><link name="flag">{inertia}{shapes}</link></robot>')
+    sim = new_sim(wp.get_device("cpu"))
+    seen = {}
+    for flip in (False, True):
+        options = gymapi.AssetOptions(flip_visual_attachments=flip, fix_base_link=True)
+        asset = GYM.load_asset(sim, str(tmp_path), "flag.urdf", options)
+        for colliders in (False, True):
+            env = GYM.create_env(sim, gymapi.Vec3(), gymapi.Vec3(), 1)
+            GYM.create_actor(env, asset, at(1.5, 0, 0), "flag", 0, 0, 5)
+            camera = GYM.create_camera_sensor(env, props(use_collision_geometry=colliders))
+            GYM.set_camera_transform(camera, env, gymapi.Transform())
+            seen[flip, colliders] = env, camera
+    GYM.render_all_camera_sensors(sim)
+    for (flip, colliders), (env, camera) in seen.items():
+        rows, columns = np.nonzero(GYM.get_camera_image(sim, env, camera, SEGMENTATION) == 5)
+        if kind == "dae" or (flip and not colliders):
+            assert abs(rows.max() - HEIGHT // 2) <= 1 and np.ptp(rows) > 3 * np.ptp(columns)  # upwards from the middle
+        else:
+            assert abs(columns.max() - WIDTH // 2) <= 1 and np.ptp(columns) > 3 * np.ptp(rows)  # y is to the left

@@ -160,7 +160,7 @@ def test_what_nothing_can_be_made_of_is_named() -> None:
         "create_sphere: radius must be positive and finite, got inf": lambda: GYM.create_sphere(
             sim, float("inf"), None
         ),
-        "create_actor: segmentation_id: a whole number from 0 to 2^32 - 1 is needed, got 0.5": lambda: GYM.create_actor(
+        "create_actor: segmentationId: a whole number from 0 to 2^32 - 1 is needed, got 0.5": lambda: GYM.create_actor(
             env, box, at(0, 0, 0), "box", 0, 0, 0.5
         ),
     }

@@ -1,5 +1,6 @@
 """What programs of the field count on in Isaac Gym's calls, beside what its pages say."""
 
+import warnings
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,7 @@ import warp as wp
 import warpcam as wc
 
 pytest.importorskip("newton")
+import newton
 from gym_worlds import GYM, at, new_sim, props
 
 from warpcam.compat.isaacgym import gymapi, gymtorch
@@ -256,3 +258,119 @@ def test_numbers_may_be_arrays_of_one() -> None:
     bodies[0].mass = np.array([2.5, 3.0])
     with pytest.raises(wc.WarpcamError, match="mass must be finite and not negative"):
         GYM.set_actor_rigid_body_properties(env, box, bodies)
+
+
+def test_shapes_that_only_look_are_not_among_rigid_shapes(tmp_path: Path) -> None:
+    """By whose places programs set frictions of feet and fingers, also of bodies that were made one."""
+    seen, felt = (f"<{kind}><geometry><sphere radius='0.1'/></geometry></{kind}>" for kind in ("visual", "collision"))
+    shapes = {"trunk": seen + seen + felt, "lamp": seen, "foot": seen + felt, "bump": felt}
+    links = "".join(f'<link name="{name}">{INERTIAL.format(1)}{both}</link>' for name, both in shapes.items())
+    joints = "".join(
+        f'<joint name="to_{name}" type="{kind}"><parent link="trunk"/><child link="{name}"/><axis xyz="0 1 0"/>'
+        '<limit lower="-1" upper="1" effort="9" velocity="9"/></joint>'
+        for name, kind in (("lamp", "revolute"), ("foot", "revolute"), ("bump", "fixed"))
+    )
+    (tmp_path / "dog.urdf").write_text(f'<robot name="dog">{links}{joints}</robot>')
+    sim = new_sim(wp.get_device("cpu"))
+    asset = GYM.load_asset(sim, str(tmp_path), "dog.urdf", gymapi.AssetOptions(collapse_fixed_joints=True))
+    ranges = GYM.get_asset_rigid_body_shape_indices(asset)
+    assert GYM.get_asset_rigid_shape_count(asset) == len(GYM.get_asset_rigid_shape_properties(asset)) == 3
+    assert [one.count for one in ranges] == [2, 0, 1] and (ranges[0].start, ranges[2].start) == (0, 2)
+    env = GYM.create_env(sim, gymapi.Vec3(), gymapi.Vec3(), 1)
+    dog = GYM.create_actor(env, asset, at(0, 0, 1), "dog")
+    properties = GYM.get_actor_rigid_shape_properties(env, dog)
+    assert len(properties) == GYM.get_actor_rigid_shape_count(env, dog) == 3
+    properties[GYM.get_actor_rigid_body_shape_indices(env, dog)[2].start].friction = 0.25
+    GYM.set_actor_rigid_shape_properties(env, dog, properties)
+    GYM.simulate(sim)
+    model = sim.physics.model
+    solid = model.shape_flags.numpy() & int(newton.ShapeFlags.COLLIDE_SHAPES) != 0
+    assert model.shape_material_mu.numpy()[solid].tolist() == [1.0, 0.25, 1.0]
+
+
+def test_joints_of_urdf_files_are_driven_by_nothing_unless_told(tmp_path: Path) -> None:
+    (tmp_path / "dog.urdf").write_text(HELD)
+    sim = new_sim(wp.get_device("cpu"))
+    for mode in (gymapi.DOF_MODE_NONE, gymapi.DOF_MODE_POS, gymapi.DOF_MODE_EFFORT):
+        asset = GYM.load_asset(sim, str(tmp_path), "dog.urdf", gymapi.AssetOptions(default_dof_drive_mode=mode))
+        assert GYM.get_asset_dof_properties(asset)["driveMode"].tolist() == [mode]
+    assert gymapi.AssetOptions().default_dof_drive_mode == gymapi.DOF_MODE_NONE
+
+
+def test_rows_of_states_become_poses() -> None:
+    """As programs draw and compare them, one by one or as an array of one."""
+    sim = new_sim(wp.get_device("cpu"))
+    env = GYM.create_env(sim, gymapi.Vec3(), gymapi.Vec3(), 1)
+    pose = gymapi.Transform(gymapi.Vec3(1, 2, 3), gymapi.Quat(0, 1, 0, 0))
+    box = GYM.create_actor(env, GYM.create_box(sim, 0.1, 0.1, 0.1), pose, "box")
+    states = GYM.get_actor_rigid_body_states(env, box, gymapi.STATE_POS)
+    assert gymapi.Transform.from_buffer(states["pose"][0]) == gymapi.Transform.from_buffer(states["pose"]) == pose
+    assert gymapi.Vec3.from_buffer(states["pose"]["p"][0].tobytes()) == pose.p
+    assert gymapi.Quat.from_buffer(memoryview(np.array([0, 1, 0, 0], np.float32))) == pose.r
+    for row in (states[0], [1, 2, 3], "pose", None):
+        with pytest.raises(wc.WarpcamError, match=r"Transform\.from_buffer: 7 numbers of float32 are needed, got"):
+            gymapi.Transform.from_buffer(row)
+    speed = gymapi.Velocity()
+    speed.linear.x = 2.0
+    assert tuple(speed.linear) == (2, 0, 0) and tuple(speed.angular) == (0, 0, 0)
+
+
+def test_ids_of_segmentation_may_be_given_by_their_name() -> None:
+    sim = new_sim(wp.get_device("cpu"))
+    env = GYM.create_env(sim, gymapi.Vec3(), gymapi.Vec3(), 1)
+    box = GYM.create_actor(env, GYM.create_box(sim, 0.1, 0.1, 0.1), at(0, 0, 0), "box", 0, 0, segmentationId=11)
+    assert GYM.get_rigid_body_segmentation_id(env, box, 0) == 11
+
+
+@pytest.mark.parametrize("prepared", [False, True])
+def test_flags_of_bodies_switch_gravity_off_and_on(prepared: bool) -> None:
+    sim = new_sim(wp.get_device("cpu"))
+    env = GYM.create_env(sim, gymapi.Vec3(), gymapi.Vec3(), 1)
+    for light in (False, True):
+        ball = GYM.create_sphere(sim, 0.1, gymapi.AssetOptions(disable_gravity=light))
+        for index in range(2):
+            GYM.create_actor(env, ball, at(index, light, 5), "ball")
+    if prepared:
+        GYM.simulate(sim)
+    for actor, flags in ((1, gymapi.RIGID_BODY_DISABLE_GRAVITY), (3, gymapi.RIGID_BODY_NONE)):
+        bodies = GYM.get_actor_rigid_body_properties(env, actor)
+        assert bodies[0].flags == 1 - flags
+        bodies[0].flags = flags
+        GYM.set_actor_rigid_body_properties(env, actor, bodies)
+        assert GYM.get_actor_rigid_body_properties(env, actor)[0].flags == flags
+    before = GYM.get_env_rigid_body_states(env, gymapi.STATE_VEL)["vel"]["linear"]["z"]
+    GYM.simulate(sim)
+    after = GYM.get_env_rigid_body_states(env, gymapi.STATE_VEL)["vel"]["linear"]["z"]
+    np.testing.assert_allclose(after - before, -9.81 / 60.0 * np.array((1, 0, 0, 1)), atol=1e-4)
+    bodies[0].flags = gymapi.RIGID_BODY_DISABLE_SIMULATION
+    with pytest.raises(wc.WarpcamError, match="flags 2 came; of the flags RIGID_BODY_DISABLE_GRAVITY"):
+        GYM.set_actor_rigid_body_properties(env, 3, bodies)
+
+
+@pytest.mark.parametrize("kind", ["urdf", "xml"])
+def test_bodies_without_masses_have_the_density_of_their_options(tmp_path: Path, kind: str) -> None:
+    texts = {
+        "urdf": '<robot name="can"><link name="can"><collision><geometry><box size="0.2 0.2 0.5"/></geometry>'
+        "</collision></link></robot>",
+        "xml": '<mujoco><worldbody><body name="can"><geom type="box" size="0.1 0.1 0.25"/></body></worldbody></mujoco>',
+    }
+    (tmp_path / f"can.{kind}").write_text(texts[kind])
+    sim = new_sim(wp.get_device("cpu"))
+    env = GYM.create_env(sim, gymapi.Vec3(), gymapi.Vec3(), 1)
+    for density in (1000.0, 50.0):
+        asset = GYM.load_asset(sim, str(tmp_path), f"can.{kind}", gymapi.AssetOptions(density=density))
+        can = GYM.create_actor(env, asset, at(0, 0, 0), "can")
+        assert GYM.get_actor_rigid_body_properties(env, can)[0].mass == pytest.approx(0.02 * density)
+    for density in (-1.0, float("nan"), "much"):
+        with pytest.raises(wc.WarpcamError, match=r"load_asset: AssetOptions\.density must be finite"):
+            GYM.load_asset(sim, str(tmp_path), f"can.{kind}", gymapi.AssetOptions(density=density))
+
+
+def test_aggregates_that_would_keep_actors_apart_say_that_they_do_not() -> None:
+    sim = new_sim(wp.get_device("cpu"))
+    env = GYM.create_env(sim, gymapi.Vec3(), gymapi.Vec3(), 1)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert GYM.begin_aggregate(env, 4, 4, True) and GYM.end_aggregate(env)
+    with pytest.warns(RuntimeWarning, match="begin_aggregate: actors of an aggregate collide all the same"):
+        assert GYM.begin_aggregate(env, 4, 4, False)

@@ -1,5 +1,6 @@
 """Assets: what actors are made of, read by Newton's importers."""
 
+import math
 import os
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Callable
@@ -17,6 +18,7 @@ from warpcam.compat.isaacgym.maths import Transform
 from warpcam.compat.isaacgym.mjcf import Extras
 from warpcam.compat.isaacgym.options import AssetOptions
 from warpcam.compat.isaacgym.properties import ForceSensorProperties, TendonProperties, masses_of, surfaces_of
+from warpcam.compat.numbers import real
 from warpcam.errors import WarpcamError
 
 JOINT = newton.JointType
@@ -53,6 +55,7 @@ class Asset:
         builder: Holds one of it, its first body at the origin.
         bodies: Names.
         shapes: (shape,) int32, the body of each, or -1.
+        solid: Places of those that collide, body by body: rigid shapes are these alone, in this order.
         free: Whether its first body is free to move.
         properties: (dof,) of ``DOF_PROPERTIES``, as the file has them.
         rest: (dof,) of ``DOF_STATE``, where its joints begin.
@@ -77,6 +80,9 @@ class Asset:
         if not self.bodies:
             raise WarpcamError(f"load_asset: {name!r} has no bodies; at least one is needed")
         self.shapes = np.asarray(builder.shape_body, np.int32)
+        solid = np.flatnonzero(np.asarray(builder.shape_flags, np.int64) & int(newton.ShapeFlags.COLLIDE_SHAPES))
+        # Of bodies that were made one, shapes do not follow one another.
+        self.solid = solid[np.argsort(self.shapes[solid], kind="stable")]
         self.free = builder.joint_type[0] == JOINT.FREE
         labels = [_last(label) for label in builder.joint_label]
         self.joints = labels[1:] if builder.joint_type[0] in (JOINT.FREE, JOINT.FIXED) else labels
@@ -84,7 +90,7 @@ class Asset:
         self.properties = self._read_properties()
         self.rest = np.zeros(len(self.dofs), DOF_STATE)
         self.rest["pos"] = [float(builder.joint_q[dof.coordinate]) for dof in self.dofs]
-        self.surfaces, self.masses = surfaces_of(builder), masses_of(builder)
+        self.surfaces, self.masses = surfaces_of(builder), masses_of(builder, bool(options.disable_gravity))
         self.first_surfaces = self.surfaces  # what the builder says
         self.sensors: list[tuple[int, Transform, ForceSensorProperties]] = []
         self.extras = Extras(path)
@@ -172,6 +178,7 @@ def load(root: Any, file: Any, options: AssetOptions, up: newton.Axis) -> Asset:
         raise WarpcamError(f"load_asset: there is no file {str(path)!r}")
     # An asset's frame is taken as it is, whichever way the world's up is.
     builder = Builder(up_axis=newton.Axis.Z)
+    builder.default_shape_cfg.density = _density(options, "load_asset")
     readers: dict[str, Callable[[], Any]] = {
         ".urdf": lambda: builder.add_urdf(str(path), floating=not options.fix_base_link),
         ".xml": lambda: builder.add_mjcf(str(path), floating=False if options.fix_base_link else None),
@@ -183,6 +190,10 @@ def load(root: Any, file: Any, options: AssetOptions, up: newton.Axis) -> Asset:
         raise WarpcamError(f"load_asset: {path.name!r} came; allowed are .urdf, .xml, .mjcf and .usd files")
     try:
         readers[kind]()
+        if kind == ".urdf":
+            builder.joint_target_mode[:] = [int(MODE.NONE)] * len(builder.joint_target_mode)  # the file names no drives
+            if options.flip_visual_attachments:
+                _flip(builder, path)
         if options.collapse_fixed_joints:
             _collapse(builder, _held(path) if kind == ".urdf" else set())
     except WarpcamError:
@@ -203,15 +214,47 @@ def made(
         builder.add_articulation([builder.add_joint_fixed(-1, body, label="fixed")], label=name)
     else:
         body = builder.add_body(label=name)
-    add(builder, body, newton.ModelBuilder.ShapeConfig(density=float(options.density)))
+    add(builder, body, newton.ModelBuilder.ShapeConfig(density=_density(options, f"create_{name}")))
     _settle(builder, options, up)
     return Asset(name, builder, options, {})
+
+
+def _density(options: AssetOptions, where: str) -> float:
+    density = real(options.density)
+    if not 0.0 <= density < math.inf:
+        raise WarpcamError(f"{where}: AssetOptions.density must be finite and not negative, got {options.density!r}")
+    return density
 
 
 def _held(path: Path) -> set[str]:
     """Names of the joints of a URDF file that are not to be collapsed."""
     joints = ElementTree.parse(path).iter("joint")
     return {joint.get("name", "") for joint in joints if joint.get("dont_collapse", "").lower() == "true"}
+
+
+def _flip(builder: newton.ModelBuilder, path: Path) -> None:
+    """Have y be up in the files of meshes that a URDF file only shows, but for .dae files, which say what is."""
+    files = {
+        _last(link.get("name", "")): [mesh.get("filename", "") for mesh in link.findall("visual/geometry/mesh")]
+        for link in ElementTree.parse(path).iter("link")
+    }
+    for body, label in enumerate(builder.body_label):
+        turned = [not file.lower().endswith(".dae") for file in files.get(_last(label), [])]
+        shown = [
+            shape
+            for shape, owner in enumerate(builder.shape_body)
+            if owner == body
+            and builder.shape_type[shape] == newton.GeoType.MESH
+            and not builder.shape_flags[shape] & newton.ShapeFlags.COLLIDE_SHAPES
+        ]
+        if len(set(turned)) > 1 and len(turned) != len(shown):
+            raise WarpcamError(
+                f"load_asset: flip_visual_attachments: link {_last(label)!r} shows .dae files beside others, and one "
+                "of them has several meshes"
+            )
+        for place, shape in enumerate(shown):
+            if turned[min(place, len(turned) - 1)]:
+                builder.shape_transform[shape] *= wp.transform(wp.vec3(), wp.quat(0.5**0.5, 0.0, 0.0, 0.5**0.5))
 
 
 def _collapse(builder: Builder, held: set[str]) -> None:

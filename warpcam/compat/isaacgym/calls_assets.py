@@ -34,6 +34,15 @@ class AssetCalls:
         sim = sim_of(sim, "load_asset")
         return assets.load(rootpath, filename, _options(options, "load_asset"), sim.up)
 
+    def load_urdf(self, sim: Sim, rootpath: str, filename: str, options: AssetOptions | None = None) -> Asset:
+        return self.load_asset(sim, rootpath, filename, options)
+
+    def load_mjcf(self, sim: Sim, rootpath: str, filename: str, options: AssetOptions | None = None) -> Asset:
+        return self.load_asset(sim, rootpath, filename, options)
+
+    def load_usd(self, sim: Sim, rootpath: str, filename: str, options: AssetOptions | None = None) -> Asset:
+        return self.load_asset(sim, rootpath, filename, options)
+
     def create_box(
         self, sim: Sim, width: float, height: float, depth: float, options: AssetOptions | None = None
     ) -> Asset:
@@ -74,7 +83,7 @@ class AssetCalls:
         name: str | None = None,
         group: int = -1,
         filter: int = -1,
-        segmentation_id: int = 0,
+        segmentationId: int = 0,  # noqa: N803, that system's name
     ) -> int:
         """Put an asset into an environment. Its handle counts the environment's actors.
 
@@ -86,13 +95,13 @@ class AssetCalls:
             group: Actors of different groups do not collide, but those of -1 do with all.
             filter: Bits: actors that share one do not collide, nor do the bodies of one with one another. 0 and -1 are
                 none; then bodies that are joined do not.
-            segmentation_id: Of its bodies, in images.
+            segmentationId: Of its bodies, in images.
         """
         env = env_of(env, "create_actor")
         asset = asset_of(asset, "create_actor")
         if not isinstance(pose, Transform):
             raise WarpcamError(f"create_actor: pose must be a Transform, got {type(pose).__name__}")
-        check_segment(segmentation_id, "create_actor: segmentation_id")
+        check_segment(segmentationId, "create_actor: segmentationId")
         env.sim.require_open("create_actor")
         for change in idle_changes(asset.surfaces, asset.first_surfaces):
             env.sim.warn_once(f"set_asset_rigid_shape_properties: {change}")
@@ -104,7 +113,7 @@ class AssetCalls:
                 came = {"group": group, "filter": filter}[argument]
                 raise WarpcamError(f"create_actor: {argument} must be a whole number, at least -1, got {came!r}")
         called = asset.name if name is None else name
-        actor = Actor(env, asset, pose, called, int(group), int(filter), int(segmentation_id))
+        actor = Actor(env, asset, pose, called, int(group), int(filter), int(segmentationId))
         env.add(actor)
         return actor.handle
 
@@ -126,7 +135,8 @@ class AssetCalls:
         return self.get_asset_rigid_body_dict(asset).get(name, INVALID_HANDLE)
 
     def get_asset_rigid_shape_count(self, asset: Asset) -> int:
-        return len(asset_of(asset, "get_asset_rigid_shape_count").shapes)
+        """Of those that collide."""
+        return len(asset_of(asset, "get_asset_rigid_shape_count").solid)
 
     def get_asset_joint_count(self, asset: Asset) -> int:
         return len(asset_of(asset, "get_asset_joint_count").joints)
@@ -179,7 +189,7 @@ class AssetCalls:
         return actor_of(env, actor, "get_actor_asset").asset
 
     def get_actor_index(self, env: Env, actor: int, domain: IndexDomain) -> int:
-        return _place(actor_of(env, actor, "get_actor_index"), domain, "actors", 0)
+        return place_of(actor_of(env, actor, "get_actor_index"), domain, "actors", 0)
 
     def find_actor_index(self, env: Env, name: str, domain: IndexDomain) -> int:
         handle = self.find_actor_handle(env, name)
@@ -204,12 +214,12 @@ class AssetCalls:
 
     def get_actor_rigid_body_index(self, env: Env, actor: int, index: int, domain: IndexDomain) -> int:
         found = actor_of(env, actor, "get_actor_rigid_body_index")
-        return _place(found, domain, "bodies", found.body(index, "get_actor_rigid_body_index"))
+        return place_of(found, domain, "bodies", found.body(index, "get_actor_rigid_body_index"))
 
     def find_actor_rigid_body_index(self, env: Env, actor: int, name: str, domain: IndexDomain) -> int:
         found = actor_of(env, actor, "find_actor_rigid_body_index")
         index = self.find_asset_rigid_body_index(found.asset, name)
-        return index if index == INVALID_HANDLE else _place(found, domain, "bodies", index)
+        return index if index == INVALID_HANDLE else place_of(found, domain, "bodies", index)
 
     def find_actor_rigid_body_handle(self, env: Env, actor: int, name: str) -> int:
         return self.find_actor_rigid_body_index(env, actor, name, IndexDomain.DOMAIN_ENV)
@@ -226,7 +236,7 @@ class AssetCalls:
         return env_of(env, "get_env_dof_count").counts.dofs
 
     def get_actor_rigid_shape_count(self, env: Env, actor: int) -> int:
-        return len(actor_of(env, actor, "get_actor_rigid_shape_count").asset.shapes)
+        return len(actor_of(env, actor, "get_actor_rigid_shape_count").asset.solid)
 
     def get_actor_joint_count(self, env: Env, actor: int) -> int:
         return len(actor_of(env, actor, "get_actor_joint_count").asset.joints)
@@ -249,7 +259,7 @@ class AssetCalls:
     def find_actor_dof_index(self, env: Env, actor: int, name: str, domain: IndexDomain) -> int:
         found = actor_of(env, actor, "find_actor_dof_index")
         index = self.find_asset_dof_index(found.asset, name)
-        return index if index == INVALID_HANDLE else _place(found, domain, "dofs", index)
+        return index if index == INVALID_HANDLE else place_of(found, domain, "dofs", index)
 
     def find_actor_dof_handle(self, env: Env, actor: int, name: str) -> int:
         return self.find_actor_dof_index(env, actor, name, IndexDomain.DOMAIN_ENV)
@@ -321,7 +331,7 @@ def _all(sim: Any, where: str) -> Counts:
     return sum((env.counts for env in sim_of(sim, where).envs), Counts())
 
 
-def _place(actor: Actor, domain: IndexDomain, kind: str, index: int) -> int:
+def place_of(actor: Actor, domain: IndexDomain, kind: str, index: int) -> int:
     """Where something of an actor is in the actor, its environment or the simulation."""
     if domain == IndexDomain.DOMAIN_SIM:
         index += getattr(actor.env.before(), kind)

@@ -137,14 +137,12 @@ class LookCalls:
             index: 0 to 3. Only 0 is there at first.
             intensity: What a white surface shows that faces it, linear.
             ambient: What all surfaces show of it, whichever way they face.
-            direction: From the scene to the light, of any length but 0.
+            direction: From the scene to the light, of any length; with 0 its intensity goes nowhere.
         """
         sim = sim_of(sim, "set_light_parameters")
         if isinstance(index, bool) or index not in range(MAX_LIGHTS):
             raise WarpcamError(f"set_light_parameters: index must be 0 to {MAX_LIGHTS - 1}, got {index!r}")
         toward = _numbers(direction, "set_light_parameters: direction")
-        if not any(toward):
-            raise WarpcamError("set_light_parameters: direction must not be of length 0")
         light = _numbers(intensity, "set_light_parameters: intensity")
         everywhere = _numbers(ambient, "set_light_parameters: ambient")
         for name, values, came in (("intensity", light, intensity), ("ambient", everywhere, ambient)):

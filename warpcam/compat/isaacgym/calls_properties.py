@@ -6,6 +6,7 @@ import numpy as np
 
 from warpcam.compat.isaacgym.asset import Asset
 from warpcam.compat.isaacgym.calls_assets import actor_of, asset_of, one_at
+from warpcam.compat.isaacgym.kinds import INVALID_HANDLE
 from warpcam.compat.isaacgym.maths import Transform
 from warpcam.compat.isaacgym.properties import (
     ActuatorProperties,
@@ -31,25 +32,28 @@ class PropertyCalls:
     """See ``Gym``."""
 
     def get_asset_rigid_shape_properties(self, asset: Asset) -> list[RigidShapeProperties]:
-        """Of all of its shapes; copies."""
-        return to_surfaces(asset_of(asset, "get_asset_rigid_shape_properties").surfaces)
+        """Of all of its shapes that collide; copies."""
+        asset = asset_of(asset, "get_asset_rigid_shape_properties")
+        return to_surfaces(asset.surfaces[asset.solid])
 
     def set_asset_rigid_shape_properties(self, asset: Asset, properties: list[RigidShapeProperties]) -> bool:
         """Of the actors that are made of it from now on."""
         where = "set_asset_rigid_shape_properties"
         asset = asset_of(asset, where)
-        asset.surfaces = from_surfaces(properties, asset.surfaces, where)
+        asset.surfaces = from_surfaces(properties, asset.surfaces, asset.solid, where)
         return True
 
     def get_actor_rigid_shape_properties(self, env: Env, actor: int) -> list[RigidShapeProperties]:
-        """Of all of its shapes; copies."""
-        return to_surfaces(actor_of(env, actor, "get_actor_rigid_shape_properties").surfaces)
+        """Of all of its shapes that collide; copies."""
+        found = actor_of(env, actor, "get_actor_rigid_shape_properties")
+        return to_surfaces(found.surfaces[found.asset.solid])
 
     def set_actor_rigid_shape_properties(self, env: Env, actor: int, properties: list[RigidShapeProperties]) -> bool:
         """Of one actor, at any time."""
         where = "set_actor_rigid_shape_properties"
         found = actor_of(env, actor, where)
-        before, found.surfaces = found.surfaces, from_surfaces(properties, found.surfaces, where)
+        before = found.surfaces
+        found.surfaces = from_surfaces(properties, before, found.asset.solid, where)
         for change in idle_changes(found.surfaces, before):
             env.sim.warn_once(f"{where}: {change}")
         if env.sim.prepared:
@@ -92,6 +96,26 @@ class PropertyCalls:
         where = "get_asset_actuator_joint_name"
         return one_at(asset_of(asset, where).extras.motors, index, where).joint
 
+    def find_asset_actuator_index(self, asset: Asset, name: str) -> int:
+        names = [motor.name for motor in asset_of(asset, "find_asset_actuator_index").extras.motors]
+        return names.index(name) if name in names else INVALID_HANDLE
+
+    def get_actor_actuator_properties(self, env: Env, actor: int) -> list[ActuatorProperties]:
+        """Of the motors of its asset, as those that follow are."""
+        return self.get_asset_actuator_properties(actor_of(env, actor, "get_actor_actuator_properties").asset)
+
+    def get_actor_actuator_count(self, env: Env, actor: int) -> int:
+        return self.get_asset_actuator_count(actor_of(env, actor, "get_actor_actuator_count").asset)
+
+    def get_actor_actuator_name(self, env: Env, actor: int, index: int) -> str:
+        return self.get_asset_actuator_name(actor_of(env, actor, "get_actor_actuator_name").asset, index)
+
+    def get_actor_actuator_joint_name(self, env: Env, actor: int, index: int) -> str:
+        return self.get_asset_actuator_joint_name(actor_of(env, actor, "get_actor_actuator_joint_name").asset, index)
+
+    def find_actor_actuator_index(self, env: Env, actor: int, name: str) -> int:
+        return self.find_asset_actuator_index(actor_of(env, actor, "find_actor_actuator_index").asset, name)
+
     def get_asset_tendon_count(self, asset: Asset) -> int:
         """Of an MJCF file; other assets have none."""
         return len(asset_of(asset, "get_asset_tendon_count").extras.tendons)
@@ -115,13 +139,12 @@ class PropertyCalls:
         return True
 
     def get_asset_rigid_body_shape_indices(self, asset: Asset) -> list[IndexRange]:
-        """Which of its shapes each body has."""
-        return _ranges(asset_of(asset, "get_asset_rigid_body_shape_indices"), "get_asset_rigid_body_shape_indices")
+        """Which of its shapes that collide each body has."""
+        return _ranges(asset_of(asset, "get_asset_rigid_body_shape_indices"))
 
     def get_actor_rigid_body_shape_indices(self, env: Env, actor: int) -> list[IndexRange]:
-        """Which of its shapes each body has."""
-        where = "get_actor_rigid_body_shape_indices"
-        return _ranges(actor_of(env, actor, where).asset, where)
+        """Which of its shapes that collide each body has."""
+        return _ranges(actor_of(env, actor, "get_actor_rigid_body_shape_indices").asset)
 
     def create_asset_force_sensor(
         self, asset: Asset, body: int, pose: Transform, props: ForceSensorProperties | None = None
@@ -167,12 +190,7 @@ class PropertyCalls:
         return True
 
 
-def _ranges(asset: Asset, where: str) -> list[IndexRange]:
-    found = []
-    for body, name in enumerate(asset.bodies):
-        places = np.flatnonzero(asset.shapes == body)
-        start = int(places[0]) if len(places) else 0
-        if not np.array_equal(places, start + np.arange(len(places))):
-            raise WarpcamError(f"{where}: shapes of body {name!r} do not follow one another: {places.tolist()}")
-        found.append(IndexRange(start, len(places)))
-    return found
+def _ranges(asset: Asset) -> list[IndexRange]:
+    bodies = asset.shapes[asset.solid]
+    starts, ends = (np.searchsorted(bodies, range(len(asset.bodies)), side) for side in ("left", "right"))
+    return [IndexRange(int(start), int(end - start)) for start, end in zip(starts, ends, strict=True)]

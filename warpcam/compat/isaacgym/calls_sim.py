@@ -165,8 +165,12 @@ class SimCalls:
         return Vec3(*env_of(env, "get_env_origin").origin)
 
     def begin_aggregate(self, env: Env, max_bodies: int, max_shapes: int, enable_self_collisions: bool) -> bool:
-        """Nothing is to be done."""
-        env_of(env, "begin_aggregate")
+        """Nothing is to be done; what is not to collide is for ``create_actor`` to say."""
+        env = env_of(env, "begin_aggregate")
+        if not enable_self_collisions:
+            env.sim.warn_once(
+                "begin_aggregate: actors of an aggregate collide all the same; filter of create_actor keeps them apart"
+            )
         return True
 
     def end_aggregate(self, env: Env) -> bool:

@@ -11,13 +11,12 @@ where it is asked for; nothing returns None for an image.
 from typing import NoReturn
 
 from warpcam.compat.isaacgym.asset import Asset
-from warpcam.compat.isaacgym.calls_assets import AssetCalls
 from warpcam.compat.isaacgym.calls_cameras import CameraCalls
 from warpcam.compat.isaacgym.calls_forces import ForceCalls
+from warpcam.compat.isaacgym.calls_joints import JointCalls
 from warpcam.compat.isaacgym.calls_looks import LookCalls
 from warpcam.compat.isaacgym.calls_properties import PropertyCalls
 from warpcam.compat.isaacgym.calls_sim import SimCalls
-from warpcam.compat.isaacgym.calls_states import StateCalls
 from warpcam.compat.isaacgym.kinds import (
     INVALID_HANDLE,
     STATE_ALL,
@@ -33,6 +32,7 @@ from warpcam.compat.isaacgym.kinds import (
     DofType,
     ImageType,
     IndexDomain,
+    JointType,
     MeshNormalMode,
     MeshType,
     RigidBodyState,
@@ -41,7 +41,7 @@ from warpcam.compat.isaacgym.kinds import (
     TensorDataType,
     UpAxis,
 )
-from warpcam.compat.isaacgym.maths import Mat33, Quat, Transform, Vec3
+from warpcam.compat.isaacgym.maths import DofFrame, Mat33, Quat, Transform, Vec3, Velocity
 from warpcam.compat.isaacgym.options import (
     AssetOptions,
     CameraProperties,
@@ -54,6 +54,10 @@ from warpcam.compat.isaacgym.options import (
     VhacdParams,
 )
 from warpcam.compat.isaacgym.properties import (
+    RIGID_BODY_DISABLE_GRAVITY,
+    RIGID_BODY_DISABLE_SIMULATION,
+    RIGID_BODY_ENABLE_GYROSCOPIC_FORCES,
+    RIGID_BODY_NONE,
     ActuatorProperties,
     ForceSensorProperties,
     IndexRange,
@@ -74,6 +78,7 @@ SIM_PHYSX, SIM_FLEX = SimType
 DOMAIN_ACTOR, DOMAIN_ENV, DOMAIN_SIM = IndexDomain
 DOF_MODE_NONE, DOF_MODE_POS, DOF_MODE_VEL, DOF_MODE_EFFORT = DofDriveMode
 DOF_INVALID, DOF_ROTATION, DOF_TRANSLATION = DofType
+JOINT_INVALID, JOINT_FIXED, JOINT_REVOLUTE, JOINT_PRISMATIC, JOINT_BALL, JOINT_PLANAR, JOINT_FLOATING = JointType
 DTYPE_FLOAT32, DTYPE_UINT32, DTYPE_UINT64, DTYPE_UINT8, DTYPE_INT16, DTYPE_INT32 = TensorDataType
 FROM_ASSET, COMPUTE_PER_VERTEX, COMPUTE_PER_FACE = MeshNormalMode
 CC_NEVER, CC_LAST_SUBSTEP, CC_ALL_SUBSTEPS = ContactCollection
@@ -111,11 +116,22 @@ __all__ = [
     "IMAGE_OPTICAL_FLOW",
     "IMAGE_SEGMENTATION",
     "INVALID_HANDLE",
+    "JOINT_BALL",
+    "JOINT_FIXED",
+    "JOINT_FLOATING",
+    "JOINT_INVALID",
+    "JOINT_PLANAR",
+    "JOINT_PRISMATIC",
+    "JOINT_REVOLUTE",
     "LOCAL_SPACE",
     "MESH_COLLISION",
     "MESH_NONE",
     "MESH_VISUAL",
     "MESH_VISUAL_AND_COLLISION",
+    "RIGID_BODY_DISABLE_GRAVITY",
+    "RIGID_BODY_DISABLE_SIMULATION",
+    "RIGID_BODY_ENABLE_GYROSCOPIC_FORCES",
+    "RIGID_BODY_NONE",
     "SIM_FLEX",
     "SIM_PHYSX",
     "STATE_ALL",
@@ -132,6 +148,7 @@ __all__ = [
     "ContactCollection",
     "CoordinateSpace",
     "DofDriveMode",
+    "DofFrame",
     "DofProperties",
     "DofState",
     "DofType",
@@ -143,6 +160,7 @@ __all__ = [
     "ImageType",
     "IndexDomain",
     "IndexRange",
+    "JointType",
     "Mat33",
     "MeshNormalMode",
     "MeshType",
@@ -163,12 +181,13 @@ __all__ = [
     "TriangleMeshParams",
     "UpAxis",
     "Vec3",
+    "Velocity",
     "VhacdParams",
     "acquire_gym",
 ]  # fmt: skip
 
 
-class Gym(SimCalls, AssetCalls, PropertyCalls, StateCalls, ForceCalls, LookCalls, CameraCalls, Refusals):
+class Gym(SimCalls, JointCalls, PropertyCalls, ForceCalls, LookCalls, CameraCalls, Refusals):
     """All calls. Those of Isaac Gym that are not here say so when they are called."""
 
 

@@ -91,6 +91,18 @@ class DofType(IntEnum):
     DOF_TRANSLATION = 1
 
 
+class JointType(IntEnum):
+    """Kinds of joints; of several hinges or slides together it is none of these."""
+
+    JOINT_INVALID = -1
+    JOINT_FIXED = 0
+    JOINT_REVOLUTE = 1
+    JOINT_PRISMATIC = 2
+    JOINT_BALL = 3
+    JOINT_PLANAR = 4
+    JOINT_FLOATING = 5
+
+
 class TensorDataType(IntEnum):
     """Of the numbers of a tensor."""
 
@@ -137,10 +149,10 @@ DOF_PROPERTIES = np.dtype(
         ("lower", "f4"),
         ("upper", "f4"),
         ("driveMode", "i4"),
-        ("stiffness", "f4"),
-        ("damping", "f4"),
         ("velocity", "f4"),
         ("effort", "f4"),
+        ("stiffness", "f4"),
+        ("damping", "f4"),
         ("friction", "f4"),
         ("armature", "f4"),
     ]

@@ -28,7 +28,7 @@ class Lamp:
     Attributes:
         intensity: (3,) what a white surface shows that faces it.
         ambient: (3,) what all surfaces show of it.
-        direction: (3,) from the scene to the light.
+        direction: (3,) from the scene to the light; of length 0 there is ambient light alone.
     """
 
     intensity: tuple[float, ...]
@@ -219,11 +219,13 @@ class View:
         off = Lamp((0.0,) * 3, (0.0,) * 3, (0.0, 0.0, 1.0))
         lamps = [self._looks.lamps.get(index, off) for index in range(self._lights)]
         toward = np.array([lamp.direction for lamp in lamps], np.float32)
-        toward /= np.maximum(np.linalg.norm(toward, axis=1, keepdims=True), 1e-12)
+        length = np.linalg.norm(toward, axis=1, keepdims=True)
+        toward = np.where(length > 0.0, toward / np.maximum(length, 1e-12), (0.0, 0.0, 1.0))
+        intensity = np.where(length > 0.0, [lamp.intensity for lamp in lamps], 0.0)
         for name, values in (
             ("directions", -toward),
-            ("diffuse", [lamp.intensity for lamp in lamps]),
-            ("specular", [lamp.intensity for lamp in lamps]),
+            ("diffuse", intensity),
+            ("specular", intensity),
         ):
             array = self.scene.array(f"light_{name}")
             array.assign(np.tile(np.asarray(values, np.float32), (array.shape[0], 1, 1)))

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterator
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 
@@ -11,6 +11,22 @@ from warpcam.errors import WarpcamError
 VEC3 = np.dtype([("x", "f4"), ("y", "f4"), ("z", "f4")])
 QUAT = np.dtype([("x", "f4"), ("y", "f4"), ("z", "f4"), ("w", "f4")])
 TRANSFORM = np.dtype([("p", VEC3), ("r", QUAT)])
+VELOCITY = np.dtype([("linear", VEC3), ("angular", VEC3)])
+DOF_FRAME = np.dtype([("origin", VEC3), ("axis", VEC3)])
+
+
+def numbers_in(buffer: Any, kind: type) -> list[float]:
+    """Of a row of an array of the kind's ``dtype``, of bytes, or of as many numbers."""
+    row = np.frombuffer(buffer, np.uint8) if isinstance(buffer, bytes | bytearray | memoryview) else np.asarray(buffer)
+    packed = row.dtype.names is not None or row.dtype == np.uint8
+    count = kind.dtype.itemsize // 4  # type: ignore[attr-defined]
+    try:
+        found = np.frombuffer(row.tobytes(), np.float32) if packed else row.astype(np.float32).ravel()
+    except (TypeError, ValueError):
+        found = np.zeros(0, np.float32)
+    if len(found) != count:
+        raise WarpcamError(f"{kind.__name__}.from_buffer: {count} numbers of float32 are needed, got {buffer!r}")
+    return [float(value) for value in found]
 
 
 class Numbered:
@@ -22,6 +38,11 @@ class Numbered:
         if name not in (self.dtype.names or ()):
             raise WarpcamError(f"{type(self).__name__} has no {name!r}; it has {', '.join(self.dtype.names or ())}")
         super().__setattr__(name, float(value.item() if hasattr(value, "item") else value))
+
+    @classmethod
+    def from_buffer(cls, buffer: Any) -> Self:
+        """Of a row of an array of its ``dtype``, or of its bytes."""
+        return cls(*numbers_in(buffer, cls))
 
 
 class Vec3(Numbered):
@@ -162,6 +183,12 @@ class Transform:
         self.p = Vec3() if p is None else Vec3(*p)
         self.r = Quat() if r is None else Quat(*r)
 
+    @classmethod
+    def from_buffer(cls, buffer: Any) -> "Transform":
+        """Of a row of an array of its ``dtype``, as states have poses, or of its bytes."""
+        numbers = numbers_in(buffer, cls)
+        return cls(numbers[:3], numbers[3:])
+
     def __repr__(self) -> str:
         return f"Transform(p={self.p}, r={self.r})"
 
@@ -194,6 +221,30 @@ class Transform:
     def numbers(self) -> tuple[float, ...]:
         """Position [m] and unit quaternion x y z w, 7 numbers."""
         return (*self.p, *self.r.normalize())
+
+
+class Velocity:
+    """Of a body: ``linear`` [m/s] and ``angular`` [rad/s]."""
+
+    dtype = VELOCITY
+
+    def __init__(self, p: Any = None, q: Any = None):
+        self.linear, self.angular = (Vec3() if part is None else Vec3(*part) for part in (p, q))
+
+    def __repr__(self) -> str:
+        return f"Velocity({self.linear}, {self.angular})"
+
+
+class DofFrame:
+    """Where a degree of freedom is, ``origin`` [m], and along or about which ``axis`` it moves."""
+
+    dtype = DOF_FRAME
+
+    def __init__(self, origin: Any = None, axis: Any = None):
+        self.origin, self.axis = (Vec3() if part is None else Vec3(*part) for part in (origin, axis))
+
+    def __repr__(self) -> str:
+        return f"DofFrame({self.origin}, {self.axis})"
 
 
 class Mat33:

@@ -204,9 +204,10 @@ class AssetOptions(Strict):
         fix_base_link: Whether its first body is fixed where the actor is created.
         collapse_fixed_joints: Whether bodies that are fixed to one another become one.
         disable_gravity: Whether gravity passes its bodies over.
-        density: Of created shapes [kg/m^3].
+        density: Of created shapes, and of bodies whose mass is not in the file [kg/m^3].
         armature: Added to all joints.
         default_dof_drive_mode: What drives its degrees of freedom, unless told otherwise.
+        flip_visual_attachments: Whether y is up in the files of meshes that a URDF file shows, but of .dae files.
     """
 
     fix_base_link: bool = False

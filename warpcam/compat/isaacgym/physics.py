@@ -265,6 +265,15 @@ class Physics:
             self._told.append(actor)
         actor.targets[kind] = values
 
+    def targets(self, actor: Actor, kind: str) -> np.ndarray:
+        """(dof,) "positions" or "velocities" that the joints of one actor are driven to; waits for the device."""
+        start, dofs = self.start_of(actor), actor.asset.dofs
+        with interop.in_order(self.device):
+            self._take_targets()
+            if kind == "positions":
+                return self._control.joint_target_q.numpy()[[start.coordinates + dof.coordinate for dof in dofs]]
+            return self._control.joint_target_qd.numpy()[[start.speeds + dof.speed for dof in dofs]]
+
     def _take_targets(self) -> None:
         """Have drives follow what their actors were told one by one."""
         for kind, into, first in (
@@ -311,13 +320,13 @@ class Physics:
             self._changes |= settings.write_surfaces(self.model, self.spot, starts)
         if "masses" in self.stale:
             self._changes |= settings.write_masses(self.model, starts)
+            self._floating = self._ints(settings.weightless(starts))
         self.stale.clear()
 
     def _read_places(self) -> None:
         """Where actors, bodies and degrees of freedom are in the model's arrays."""
         coordinates: list[int] = []
         speeds: list[int] = []
-        floating: list[int] = []
         first_dofs = [0]
         roots, free_q, free_qd, joints = [], [], [], []
         starts = [self.start_of(actor) for actor in self.actors]
@@ -330,12 +339,8 @@ class Physics:
             joints.append(start.joints)
             free_q.append(start.coordinates if asset.free else -1)
             free_qd.append(start.speeds if asset.free else -1)
-            if asset.options.disable_gravity:
-                floating += range(start.bodies, start.bodies + len(asset.bodies))
         self._any_fixed = -1 in free_q
-        self._coordinates, self._speeds, self._first_dofs, self._floating = map(
-            self._ints, (coordinates, speeds, first_dofs, floating)
-        )
+        self._coordinates, self._speeds, self._first_dofs = map(self._ints, (coordinates, speeds, first_dofs))
         self._roots, self._first_joints, self._free_coordinates, self._free_speeds = map(
             self._ints, (roots, joints, free_q, free_qd)
         )

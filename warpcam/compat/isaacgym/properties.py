@@ -9,7 +9,7 @@ import numpy as np
 
 from warpcam.compat.isaacgym.maths import Mat33, Vec3
 from warpcam.compat.isaacgym.options import Strict
-from warpcam.compat.numbers import real
+from warpcam.compat.numbers import real, whole
 from warpcam.errors import WarpcamError
 
 HELD = ("restitution", "compliance", "thickness", "filter", "contact_offset", "rest_offset")
@@ -21,7 +21,10 @@ FRICTIONS = {
 XPBD_ALONE = ("rolling_friction", "torsion_friction")  # MuJoCo's contacts slide only
 FIELDS = (*FRICTIONS, *HELD)
 SURFACE = np.dtype([(name, "f8") for name in FIELDS])
-MASS = np.dtype([("mass", "f8"), ("com", "f8", 3), ("inertia", "f8", (3, 3))])
+MASS = np.dtype([("mass", "f8"), ("com", "f8", 3), ("inertia", "f8", (3, 3)), ("flags", "i8")])
+# Flags of bodies. Gyroscopic forces always act.
+RIGID_BODY_NONE, RIGID_BODY_DISABLE_GRAVITY, RIGID_BODY_DISABLE_SIMULATION = 0, 1, 2
+RIGID_BODY_ENABLE_GYROSCOPIC_FORCES = 4
 
 
 @dataclass
@@ -56,7 +59,7 @@ class RigidBodyProperties(Strict):
         inertia: About the centre, along the axes of the body's frame [kg m^2].
         invMass: Given, never taken.
         invInertia: Given, never taken.
-        flags: Never taken.
+        flags: ``RIGID_BODY_DISABLE_GRAVITY``, or ``RIGID_BODY_NONE``.
     """
 
     mass: float = 0.0
@@ -142,9 +145,10 @@ def surfaces_of(builder: newton.ModelBuilder) -> np.ndarray:
     return rows
 
 
-def masses_of(builder: newton.ModelBuilder) -> np.ndarray:
+def masses_of(builder: newton.ModelBuilder, weightless: bool) -> np.ndarray:
     """(body,) of MASS."""
     rows = np.zeros(builder.body_count, MASS)
+    rows["flags"] = RIGID_BODY_DISABLE_GRAVITY if weightless else RIGID_BODY_NONE
     for body in range(len(rows)):
         rows["mass"][body] = builder.body_mass[body]
         rows["com"][body] = tuple(builder.body_com[body])
@@ -160,15 +164,15 @@ def to_surfaces(rows: np.ndarray) -> list[RigidShapeProperties]:
     return found
 
 
-def from_surfaces(values: Any, before: np.ndarray, where: str) -> np.ndarray:
-    """(shape,) of SURFACE, as many as there were before."""
-    rows = np.zeros_like(before)
-    for row, value in zip(rows, listed(values, RigidShapeProperties, len(before), where), strict=True):
+def from_surfaces(values: Any, before: np.ndarray, solid: np.ndarray, where: str) -> np.ndarray:
+    """(shape,) of SURFACE, as they were before but for those at the places of the values."""
+    rows = before.copy()
+    for place, value in zip(solid, listed(values, RigidShapeProperties, len(solid), where), strict=True):
         for name in FIELDS:
             number = real(getattr(value, name))
             if not np.isfinite(number) or (name in FRICTIONS and number < 0.0):
                 raise WarpcamError(f"{where}: {name} must be finite, and no friction negative, got {number}")
-            row[name] = number
+            rows[name][place] = number
     return rows
 
 
@@ -191,6 +195,7 @@ def to_masses(rows: np.ndarray) -> list[RigidBodyProperties]:
                 Mat33.of(inertia),
                 1.0 / mass if mass > 0.0 else 0.0,
                 Mat33.of(inverse),
+                int(row["flags"]),
             )
         )
     return found
@@ -214,6 +219,13 @@ def from_masses(values: Any, before: np.ndarray, recompute: bool, where: str) ->
         mass = real(value.mass)
         if not 0.0 <= mass < np.inf:
             raise WarpcamError(f"{where}: mass must be finite and not negative, got {value.mass!r}")
+        flags = whole(value.flags)
+        if flags is None or flags & ~(RIGID_BODY_DISABLE_GRAVITY | RIGID_BODY_ENABLE_GYROSCOPIC_FORCES):
+            raise WarpcamError(
+                f"{where}: flags {value.flags!r} came; of the flags RIGID_BODY_DISABLE_GRAVITY and "
+                "RIGID_BODY_ENABLE_GYROSCOPIC_FORCES may be set"
+            )
+        row["flags"] = flags
         if recompute:
             row["inertia"] *= mass / row["mass"] if row["mass"] > 0.0 else 1.0
         else:

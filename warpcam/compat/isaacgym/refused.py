@@ -24,8 +24,8 @@ REFUSED: Mapping[str, str] = {
     **dict.fromkeys(
         (
             "set_rigid_body_state_tensor", "set_actor_rigid_body_states", "set_actor_scale", "get_actor_scale",
-            "set_sim_rigid_body_states",
-            "destroy_env",
+            "set_sim_rigid_body_states", "set_env_rigid_body_states", "set_rigid_transform",
+            "set_rigid_linear_velocity", "set_rigid_angular_velocity", "destroy_env",
         ),
         PHYSICS,
     ),
@@ -33,6 +33,8 @@ REFUSED: Mapping[str, str] = {
         (
             "get_actor_tendon_properties", "set_actor_tendon_properties", "get_actor_tendon_count",
             "get_actor_fixed_tendon_joint_coefficients", "set_actor_fixed_tendon_joint_coefficients",
+            "get_asset_fixed_tendon_joint_coefficients", "set_asset_fixed_tendon_joint_coefficients",
+            "get_asset_fixed_tendon_joint_name",
         ),
         TENDONS,
     ),

@@ -7,7 +7,7 @@ import newton
 import numpy as np
 
 from warpcam.compat.isaacgym.kinds import DofDriveMode
-from warpcam.compat.isaacgym.properties import FRICTIONS
+from warpcam.compat.isaacgym.properties import FRICTIONS, RIGID_BODY_DISABLE_GRAVITY
 from warpcam.compat.isaacgym.world import Actor, Counts, Spot
 
 MODES = {
@@ -68,6 +68,15 @@ def write_surfaces(model: newton.Model, spot: Spot, starts: Sequence[tuple[Actor
             host[places[start.shapes : start.shapes + len(actor.surfaces)]] = actor.surfaces[name]
         array.assign(host)
     return int(newton.ModelFlags.SHAPE_PROPERTIES)
+
+
+def weightless(starts: Sequence[tuple[Actor, Counts]]) -> list[int]:
+    """Bodies that gravity passes over."""
+    return [
+        start.bodies + int(body)
+        for actor, start in starts
+        for body in np.flatnonzero(actor.masses["flags"] & RIGID_BODY_DISABLE_GRAVITY)
+    ]
 
 
 def write_masses(model: newton.Model, starts: Sequence[tuple[Actor, Counts]]) -> int:
