@@ -319,7 +319,6 @@ class GraphSource:
         self._follow(KINDS)
         self._light(seen)
         cameras = self.graph.eyes
-        self._put("camera_fovy", [eye.height for eye in cameras])
         self._put("camera_intrinsics", [(eye.focal, eye.focal, eye.offset[0], -eye.offset[1]) for eye in cameras])
 
     def _as_before(self, place: int, fit: Fitted) -> Fitted:
