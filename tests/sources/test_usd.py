@@ -219,6 +219,15 @@ def test_semantics(stage: Usd.Stage, device: wp.Device) -> None:
     assert (seen[16, 8], seen[16, 24], seen[0, 0]) == (3, 1, 0)
 
 
+def test_labels_of_samples_and_labels_that_say_nothing(stage: Usd.Stage, device: wp.Device) -> None:
+    prim = add_square(stage, "/it").GetPrim()
+    prim.CreateAttribute("semantic:Semantics:params:semanticData", Sdf.ValueTypeNames.String)
+    assert wc.from_usd(stage, device=device).semantics == {}
+    UsdSemantics.LabelsAPI.Apply(prim, "class").CreateLabelsAttr().Set(["mug"], 1.0)
+    prim.GetAttribute("semantic:Semantics:params:semanticData").Set("cup", 1.0)
+    assert wc.from_usd(stage, device=device).semantics == {"cup": 1, "mug": 2}
+
+
 def test_what_nobody_labels_has_no_label(device: wp.Device) -> None:
     mujoco = pytest.importorskip("mujoco")
     model = mujoco.MjModel.from_xml_string("<mujoco><worldbody><geom size='1'/></worldbody></mujoco>")

@@ -85,6 +85,9 @@ def read_light(
         texture = prim.GetAttribute("inputs:texture:file").Get(time)
         terms = looks.even_sky(radiance)
         if texture is not None and texture.path:
+            laid = str(prim.GetAttribute("inputs:texture:format").Get(time))
+            if laid not in ("automatic", "latlong"):
+                notes.warn(f"is a dome whose image is laid as {laid}, which is read as latlong", name)
             image = sky_of(texture, name)
             if image is not None:
                 image_gain, terms = radiance, radiance * image

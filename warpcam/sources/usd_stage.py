@@ -321,9 +321,11 @@ def _matrix(matrix: Any) -> np.ndarray:
 def _labels(prim: Usd.Prim) -> tuple[str, ...]:
     """Semantic labels of a prim's own: UsdSemantics', or those of Omniverse's older schema."""
     labels: list[str] = []
+    first = Usd.TimeCode.EarliestTime()
     for taxonomy in UsdSemantics.LabelsAPI.GetDirectTaxonomies(prim):
-        labels += [str(label) for label in UsdSemantics.LabelsAPI(prim, taxonomy).GetLabelsAttr().Get() or []]
+        labels += [str(label) for label in UsdSemantics.LabelsAPI(prim, taxonomy).GetLabelsAttr().Get(first) or []]
     for attribute in prim.GetAuthoredPropertiesInNamespace("semantic"):
         if attribute.GetName().endswith(":params:semanticData") and isinstance(attribute, Usd.Attribute):
-            labels.append(str(attribute.Get()))
+            label = attribute.Get(first)
+            labels += [] if label is None else [str(label)]
     return tuple(labels)
