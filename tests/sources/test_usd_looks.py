@@ -164,6 +164,35 @@ def test_missing_and_broken_textures_are_named(
     assert ("its format is not known" if broken else "a texture is not found") in caplog.text
 
 
+def test_a_missing_map_has_the_fallback_of_its_channel(stage: Usd.Stage, device: wp.Device) -> None:
+    surface, texture = textured_square(stage, "gone.png", fallback=(0.1, 0.7, 0.3, 1.0))
+    surface.CreateInput("roughness", Sdf.ValueTypeNames.Float).ConnectToSource(texture.ConnectableAPI(), "g")
+    surface.CreateInput("metallic", Sdf.ValueTypeNames.Float).ConnectToSource(texture.ConnectableAPI(), "b")
+    (look,) = wc.from_usd(stage, device=device)._graph_source.graph.looks
+    assert (look.roughness, look.metallic) == pytest.approx((0.7, 0.3))
+
+
+def test_inputs_of_another_kind_are_named(
+    stage: Usd.Stage, tmp_path: Path, caplog: pytest.LogCaptureFixture, device: wp.Device
+) -> None:
+    surface, texture = textured_square(stage, str(save_image(tmp_path / "tex.png")))
+    texture.CreateInput("scale", Sdf.ValueTypeNames.Float).Set(2.0)
+    turn = UsdShade.Shader.Define(stage, "/Looks/m/turn")
+    turn.CreateIdAttr("UsdTransform2d")
+    turn.CreateInput("rotation", Sdf.ValueTypeNames.String).Set("left")
+    texture.GetInput("st").ConnectToSource(turn.ConnectableAPI(), "result")
+    surface.CreateInput("roughness", Sdf.ValueTypeNames.Float).Set(float("nan"))
+    surface.CreateInput("emissiveColor", Sdf.ValueTypeNames.Float).Set(1.0)
+    assert corners(albedo(wc.from_usd(stage, device=device))) == PLAIN
+    for text in (
+        "has scale that is not 4 finite numbers, and is left out: /Looks/m/tex",
+        "has rotation that is not a finite number, and is left out: /Looks/m/turn",
+        "has roughness that is not a finite number, and is left out: /Looks/m",
+        "has emissiveColor that is not 3 finite numbers, and is left out: /Looks/m",
+    ):
+        assert text in caplog.text
+
+
 def test_colours_are_encoded(stage: Usd.Stage, device: wp.Device) -> None:
     square = add_square(stage, "/it")
     assert albedo(wc.from_usd(stage, device=device))[16, 16].tolist() == [118] * 3

@@ -24,8 +24,10 @@ from warpcam.sources.images import (
 from warpcam.sources.notes import Notes
 from warpcam.sources.opacity import opacity_of
 from warpcam.sources.usd_shader import OMNI, PREVIEW, surface_of, value_of
-from warpcam.sources.usd_texture import TextureInput, alike, file_bytes, identity
+from warpcam.sources.usd_texture import TextureInput, alike, count_of, file_bytes, identity, is_numbers
 
+CHANNELS = {"r": 0, "g": 1, "b": 2, "a": 3}
+COMPONENTS = {"color": 3, "emission": 3, "normal": 3}  # of inputs; of others 1
 PACKED = ("occlusion", "roughness", "metallic")  # in the order of their channels
 
 
@@ -195,7 +197,11 @@ class MaterialReader:
                     by_color |= what == "color" and primvar == "displayColor"
                     by_opacity |= what == "opacity" and primvar == "displayOpacity"
                 elif value is not None and not isinstance(value, Sdf.AssetPath):
-                    values[what] = value
+                    count = COMPONENTS.get(what, 1)
+                    if is_numbers(value, count):
+                        values[what] = value
+                    else:
+                        self._notes.warn(f"has {source} that is not {count_of(count)}, and is left out", name)
         ior = max(_number(values.get("ior"), 1.5), 0.0)
         look = Look(
             name,
@@ -240,7 +246,7 @@ class MaterialReader:
         channels = {what: self._channel(textures[what], name) for what in PACKED if what in textures}
         for what, values in channels.items():
             if what != "occlusion":
-                fallback = float(np.clip(textures[what].fallback[0], 0.0, 1.0))
+                fallback = float(np.clip(textures[what].fallback[CHANNELS.get(textures[what].channel, 0)], 0.0, 1.0))
                 look = replace(look, **{what: fallback if values is None else 1.0})  # type: ignore[arg-type]
         image = packed([channels.get(what) for what in PACKED])
         if image is not None:
@@ -291,7 +297,7 @@ class MaterialReader:
         pixels = self._load(reader.asset, reader.layer, where)
         if pixels is None:
             return None
-        place = {"r": 0, "g": 1, "b": 2, "a": 3}.get(reader.channel, 0)
+        place = CHANNELS.get(reader.channel, 0)
         values = pixels[..., min(place, pixels.shape[2] - 1)]
         if place == 3 and pixels.shape[2] < 4:
             values = np.full_like(values, 255)
