@@ -342,6 +342,13 @@ def test_a_rectangle_shines_one_way_and_a_cone_is_kept(stage: Usd.Stage, device:
     assert (shown(stage, device) > 0.0).all()
     UsdLux.ShapingAPI.Apply(light.GetPrim()).CreateShapingConeAngleAttr(40.0)
     assert (shown(stage, device) == 0.0).all()
+    stage.RemovePrim("/light")
+    sphere = UsdLux.SphereLight.Define(stage, "/light")
+    UsdLux.ShapingAPI.Apply(sphere.GetPrim())  # half of all around, unless it is told
+    UsdGeom.Xformable(sphere).AddTranslateOp().Set((0, 0, 2))
+    assert (shown(stage, device) > 0.0).all()
+    UsdGeom.Xformable(sphere).AddRotateXOp().Set(180.0)
+    assert (shown(stage, device) == 0.0).all()
 
 
 def test_a_dome_is_everywhere(stage: Usd.Stage, tmp_path: Path, device: wp.Device) -> None:

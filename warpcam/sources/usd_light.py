@@ -69,8 +69,7 @@ def read_light(
     normalize = bool(api.GetNormalizeAttr().Get(time))
     shadow = prim.GetAttribute("inputs:shadow:enable")
     casts = not (shadow and shadow.Get(time) is False)
-    cone = prim.GetAttribute("inputs:shaping:cone:angle")
-    angle = float(cone.Get(time)) if cone and cone.HasAuthoredValue() else 180.0
+    angle = value("shaping:cone:angle", 180.0)  # of a light with UsdLuxShapingAPI 90 unless it is given
     near, one_sided, shape, form, size, seen = 0.0, False, "local", "point", (0.0, 0.0, 0.0), 0.0
     terms: np.ndarray | None = None
     image_gain = np.zeros(3)
