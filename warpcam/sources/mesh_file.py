@@ -139,9 +139,7 @@ class _Reader:
 
     def _geometry(self, name: str, mesh: Any) -> tuple[Form, int, Any] | None:
         raw = mesh.metadata.get("_ply_raw", {}).get("vertex", {}).get("data")
-        cloud = (
-            cloud_of_ply(name, raw) if isinstance(raw, np.ndarray) and isinstance(mesh, trimesh.PointCloud) else None
-        )
+        cloud = cloud_of_ply(name, raw) if isinstance(mesh, trimesh.PointCloud) else None
         if cloud is not None:
             return CloudForm(cloud), -1, None
         if not isinstance(mesh, trimesh.Trimesh):
