@@ -35,7 +35,7 @@ class Tags:
 # How a lens is given: LensTable.kind.
 FOVY = 0  # vertical field of view [degrees]
 INTRINSICS = 1  # focal lengths and principal point [pixels]
-SENSOR = 2  # focal lengths, principal point off the centre, and sensor size, all in one unit
+SENSOR = 2  # focal lengths (orthographic: units a metre), principal point off the centre, sensor size, all in one unit
 HEIGHT = 3  # orthographic: what the image spans vertically [m]
 TABLE = 4  # a table of rays: scale and center of View, ready made
 

@@ -320,6 +320,16 @@ def test_pixels_without_a_ray_see_nothing(model: tuple[Any, Any], device: wp.Dev
     assert (seen["rgb"][6, 5:28] == (51, 102, 153)).all()
 
 
+def test_what_a_distortion_mirrors_is_not_seen() -> None:
+    """Where it has folded back through the middle, its area is the right way round again."""
+    size, focal, k1, k2, k3 = 32, 13.0, -0.3, -0.19, 0.01
+    rays = wc.Distorted(fx=focal, coefficients=(k1, k2, 0.0, 0.0, k3)).rays(size, size, 1, "here")[0]
+    square = np.linspace(0.0, 4.0, 4001)
+    furthest = (np.sqrt(square) * (1.0 + square * (k1 + square * (k2 + square * k3)))).max()
+    across, up = np.meshgrid(np.arange(size) + 0.5 - 0.5 * size, 0.5 * size - np.arange(size) - 0.5)
+    assert (rays.any(axis=-1) == (np.hypot(across, up) < focal * furthest)).all()
+
+
 @pytest.mark.parametrize("shape", [(1, 1), (1, 9), (33, 1), (7, 70)])
 def test_images_of_all_sizes(model: tuple[Any, Any], shape: tuple[int, int], device: wp.Device) -> None:
     """A part of a table gives a part of its image."""

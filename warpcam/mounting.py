@@ -162,14 +162,14 @@ class Mounted:
             lens.column = self._index
             lens.angles = scene.array("camera_fovy")
             lens.intrinsics = scene.array("camera_intrinsics")
-            if kind.projection == "orthographic":
-                lens.kind = views_stage.HEIGHT
-            elif kind.sensor is not None:
+            if kind.sensor is not None:
                 lens.kind = views_stage.SENSOR
                 width, height = kind.sensor
                 if kind.square:
                     height = width * camera.height / camera.width
                 lens.sensor = wp.vec2(width, height)
+            elif kind.projection == "orthographic":
+                lens.kind = views_stage.HEIGHT
             else:
                 lens.kind = views_stage.FOVY
             return lens

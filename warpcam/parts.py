@@ -25,7 +25,7 @@ class SceneCamera:
         name: "" if it has none.
         projection: "pinhole" or "orthographic".
         sensor: Width and height of the sensor, in the unit of the camera's intrinsics. None: the camera has a field
-            of view instead.
+            of view instead, or what it spans. Focal lengths of an orthographic camera are so many units a metre.
         square: Pixels are square: the sensor's height follows from its width and the image's shape.
         clipping: Nearest and farthest planar depth that it sees [m]; None: all.
     """

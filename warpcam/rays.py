@@ -244,8 +244,9 @@ def _straightened(x: np.ndarray, y: np.ndarray, numbers: np.ndarray, focal: floa
             rate = np.minimum(1.0, 0.5 / np.maximum(length, 1e-12))
             u, v = u - rate * step_u, v - rate * step_v
     (at_x, at_y), ((xx, xy), (yx, yy)) = _distorted(u, v, numbers)
-    # where the area is turned over the model has folded back: the camera has no such ray
+    # where the area is turned over, or all of it mirrored, the model has folded back: the camera has no such ray
     known = (np.hypot(at_x - x, at_y - down) * focal <= NEAR_ENOUGH) & (xx * yy - xy * yx > 0.0)
+    known &= u * x + v * down >= 0.0
     return np.where(known[..., None], np.stack([u, -v, np.full_like(u, -1.0)], axis=-1), 0.0)
 
 

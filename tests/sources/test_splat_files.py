@@ -47,7 +47,7 @@ def stage_of(cloud: Any, matrix: np.ndarray, degree: int = 1, half: bool = False
     return stage
 
 
-def write_ply(path: Path, cloud: Any) -> None:
+def write_ply(path: Path, cloud: Any, form: str) -> None:
     """As training writes it: logarithms of scales, logits of opacities."""
     opacities = np.clip(cloud.opacities.astype(np.float64), 1e-6, 1.0 - 1e-6)
     columns = {
@@ -58,9 +58,12 @@ def write_ply(path: Path, cloud: Any) -> None:
         **{f"scale_{k}": np.log(cloud.scales[:, k]) for k in range(3)},
         **{f"rot_{k}": cloud.rotations[:, (3, 0, 1, 2)[k]] for k in range(4)},
     }
-    head = ["ply", "format binary_little_endian 1.0", f"element vertex {cloud.count}"]
+    head = ["ply", f"format {form} 1.0", f"element vertex {cloud.count}"]
     head += [*(f"property float {name}" for name in columns), "end_header", ""]
-    path.write_bytes("\n".join(head).encode() + np.stack(list(columns.values()), axis=1).astype("<f4").tobytes())
+    rows = np.stack(list(columns.values()), axis=1)
+    text = "".join(" ".join(map(repr, row)) + "\n" for row in rows.tolist())
+    data = text.encode() if form == "ascii" else rows.astype("<f4" if "little" in form else ">f4").tobytes()
+    path.write_bytes("\n".join(head).encode() + data)
 
 
 def check(seen: dict[str, np.ndarray], expected: dict[str, np.ndarray], tolerance: float = 1e-3) -> None:
@@ -124,8 +127,9 @@ def test_instances_share_a_cloud_and_poses_are_driven(device: wp.Device) -> None
     assert (seen["segmentation"][0] == 0).any() and (seen["segmentation"][1] == -1).all()
 
 
-def test_a_ply_file(device: wp.Device, tmp_path: Path) -> None:
-    write_ply(tmp_path / "garden.ply", CLOUD)
+@pytest.mark.parametrize("form", ["binary_little_endian", "binary_big_endian", "ascii"])
+def test_a_ply_file(device: wp.Device, tmp_path: Path, form: str) -> None:
+    write_ply(tmp_path / "garden.ply", CLOUD, form)
     seen = scenes.look(wc.load(tmp_path / "garden.ply", device=device), CAMERA)
     check(seen, reference([Placed(CLOUD)], CAMERA, nothing(CAMERA)))
 

@@ -163,6 +163,43 @@ def test_camera_clipping_and_orthographic_cameras(device: wp.Device) -> None:
     assert image(scene, "depth", asked)[8, 8] == pytest.approx(1.0)
 
 
+@pytest.mark.parametrize("shape", [(60, 40), (40, 40), (20, 40)])
+def test_orthographic_cameras_see_as_usd_says(shape: tuple[int, int], device: wp.Device) -> None:
+    """As wide as their horizontal aperture, about its offset."""
+    stage = metric(Usd.Stage.CreateInMemory(), 0.01)
+    add_square(stage, "/it", z=-100.0, half=10.0)
+    camera = UsdGeom.Camera.Define(stage, "/cam")
+    camera.CreateProjectionAttr("orthographic")
+    camera.CreateHorizontalApertureAttr(800.0)  # in tenths of a centimetre
+    camera.CreateVerticalApertureAttr(300.0)
+    camera.CreateHorizontalApertureOffsetAttr(100.0)
+    camera.CreateVerticalApertureOffsetAttr(-50.0)
+    width, height = shape
+    asked = wc.Camera("/cam", width=width, height=height, outputs=("points",))
+    points = image(wc.from_usd(stage, device=device), "points", asked)
+    seen = np.isfinite(points[..., 0])
+    pixel = 0.8 / width  # [m]
+    assert seen.sum() == pytest.approx((0.2 / pixel) ** 2, rel=0.2)
+    rows, columns = np.nonzero(seen)
+    np.testing.assert_allclose(points[seen][:, 0], 0.1 + (columns + 0.5 - 0.5 * width) * pixel, atol=1e-6)
+    np.testing.assert_allclose(points[seen][:, 1], -0.05 - (rows + 0.5 - 0.5 * height) * pixel, atol=1e-6)
+
+
+@pytest.mark.parametrize("projection", ["perspective", "orthographic"])
+def test_apertures_change_with_time(stage: Usd.Stage, projection: str, device: wp.Device) -> None:
+    add_square(stage, "/it", z=-2.0, half=0.5)
+    camera = UsdGeom.Camera.Define(stage, "/cam")
+    camera.CreateProjectionAttr(projection)
+    camera.CreateFocalLengthAttr(20.0)
+    for time, aperture in ((1.0, 20.0), (2.0, 40.0)):
+        camera.CreateHorizontalApertureAttr().Set(aperture, time)
+    scene = wc.from_usd(stage, device=device)
+    renderer = wc.Renderer(scene, [wc.Camera("/cam", width=32, height=32, outputs=("segmentation",))])
+    for time, seen in ((1.0, 16), (2.0, 8), (1.0, 16)):
+        scene.set_time(time)
+        assert (renderer.render()["/cam"]["segmentation"] == 0).sum() == seen**2
+
+
 def test_semantics(stage: Usd.Stage, device: wp.Device) -> None:
     left, right = UsdGeom.Xform.Define(stage, "/left"), UsdGeom.Xform.Define(stage, "/right")
     for parent, x in ((left, -1.0), (right, 1.0)):
@@ -180,6 +217,15 @@ def test_semantics(stage: Usd.Stage, device: wp.Device) -> None:
     assert scene.semantics == {"cup": 1, "furniture": 2, "table": 3}
     seen = image(scene, "semantics", camera)
     assert (seen[16, 8], seen[16, 24], seen[0, 0]) == (3, 1, 0)
+
+
+def test_labels_of_samples_and_labels_that_say_nothing(stage: Usd.Stage, device: wp.Device) -> None:
+    prim = add_square(stage, "/it").GetPrim()
+    prim.CreateAttribute("semantic:Semantics:params:semanticData", Sdf.ValueTypeNames.String)
+    assert wc.from_usd(stage, device=device).semantics == {}
+    UsdSemantics.LabelsAPI.Apply(prim, "class").CreateLabelsAttr().Set(["mug"], 1.0)
+    prim.GetAttribute("semantic:Semantics:params:semanticData").Set("cup", 1.0)
+    assert wc.from_usd(stage, device=device).semantics == {"cup": 1, "mug": 2}
 
 
 def test_what_nobody_labels_has_no_label(device: wp.Device) -> None:

@@ -84,6 +84,29 @@ WARNINGS: dict[str, str] = {
         "int[] faceVertexCounts",
         'texCoord2f[] primvars:st = [(0, 0)] (interpolation = "vertex")\nint[] faceVertexCounts',
     ),
+    "has st whose indices are out of range, which are left out: /a": SQUARE.replace("it", "a").replace(
+        "int[] faceVertexCounts",
+        'texCoord2f[] primvars:st = [(0, 0)] (interpolation = "vertex")\nint[] primvars:st:indices = [0, 0, 0, 1]\n'
+        "int[] faceVertexCounts",
+    ),
+    "has displayColor whose indices are out of range, which are left out: /a": (
+        'def Points "a" {\npoint3f[] points = [(0, 0, 0), (1, 0, 0)]\nfloat[] widths = [0.1]\n'
+        'color3f[] primvars:displayColor = [(0, 0, 0), (1, 1, 1)] (interpolation = "vertex")\n'
+        "int[] primvars:displayColor:indices = [0, 2]\n}"
+    ),
+    "is a subset of other things than faces, and is left out: /a/some": SQUARE.replace('"it"', '"a"').replace(
+        "uniform token sub",
+        'def GeomSubset "some" {\nuniform token elementType = "point"\nint[] indices = [0]\n'
+        'uniform token familyName = "materialBind"\n}\nuniform token sub',
+    ),
+    "names faces that the mesh does not have, which are left out: /a/some": SQUARE.replace('"it"', '"a"').replace(
+        "uniform token sub",
+        'def GeomSubset "some" {\nint[] indices = [0, 1]\nuniform token familyName = "materialBind"\n}\n'
+        "uniform token sub",
+    ),
+    "is a dome whose image is laid as mirroredBall, which is read as latlong: /a": (
+        'def DomeLight "a" {\nasset inputs:texture:file = @gone.png@\ntoken inputs:texture:format = "mirroredBall"\n}'
+    ),
     "is a light of type GeometryLight, which gives no light here: /a": 'def GeometryLight "a" {}',
     "is of a brightness that is not finite, and gives no light: /a": (
         'def DistantLight "a" {\nfloat inputs:exposure = 2000\n}'

@@ -53,6 +53,21 @@ def test_poses_of_many_worlds(stage: Usd.Stage, device: wp.Device) -> None:
     np.testing.assert_allclose(at("shape_positions")[:, tip], poses[:, 1, :3], atol=1e-5)
 
 
+def test_what_resets_its_stack_of_frames_stays_where_it_is(stage: Usd.Stage, device: wp.Device) -> None:
+    """As links of robots do that are rigid bodies below one another."""
+    UsdGeom.Xform.Define(stage, "/robot")
+    add_square(stage, "/robot/base")
+    link = UsdGeom.Xform.Define(stage, "/robot/link")
+    link.AddTranslateOp().Set((1, 2, 3))
+    link.SetResetXformStack(True)
+    add_square(stage, "/robot/link/it")
+    scene = wc.from_usd(stage, device=device)
+    scene.set_poses(["/robot"], np.array([[[5, 0, 0, 1, 0, 0, 0]]], np.float32))
+    np.testing.assert_allclose(scene.array("shape_positions").numpy()[0], ((5, 0, 0), (1, 2, 3)))
+    scene.set_poses(["/robot/link"], np.array([[[0, 0, 7, 1, 0, 0, 0]]], np.float32))
+    np.testing.assert_allclose(scene.array("shape_positions").numpy()[0], ((5, 0, 0), (0, 0, 7)))
+
+
 def rotation_of(quaternion: np.ndarray) -> np.ndarray:
     w, x, y, z = quaternion / np.linalg.norm(quaternion)
     return np.array(

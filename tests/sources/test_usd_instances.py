@@ -142,3 +142,24 @@ def test_values_that_change_with_time_are_named(caplog: pytest.LogCaptureFixture
     UsdShade.MaterialBindingAPI.Apply(square.GetPrim()).Bind(UsdShade.Material.Get(stage, "/paint"))
     assert tuple(image(wc.from_usd(stage, device=device), "albedo")[16, 16].tolist()) == GREEN
     assert "has a value that changes with time, and keeps its first: /paint/surface.inputs:diffuseColor" in caplog.text
+
+
+def test_prototypes_move_with_time_and_are_not_exchanged(caplog: pytest.LogCaptureFixture, device: wp.Device) -> None:
+    stage, instancer = squares()
+    root = UsdGeom.Xformable(stage.GetPrimAtPath(instancer.GetPrototypesRel().GetTargets()[0]))
+    move = root.AddTranslateOp()
+    move.Set((0, 0, 0), 0.0)
+    move.Set((0, 0, 0.5), 10.0)
+    scene = wc.from_usd(stage, device=device)
+    before = scene.array("shape_positions").numpy()[0].copy()
+    scene.set_time(10.0)
+    np.testing.assert_allclose(scene.array("shape_positions").numpy()[0] - before, [(0, 0, 0.5)] * 2, atol=1e-6)
+    assert not caplog.text
+    add_square(stage, "/other")
+    instancer.GetPrototypesRel().AddTarget("/other")
+    instancer.GetProtoIndicesAttr().Clear()
+    instancer.GetProtoIndicesAttr().Set([0, 0], 0.0)
+    instancer.GetProtoIndicesAttr().Set([0, 1], 10.0)
+    scene = wc.from_usd(stage, device=device)
+    scene.set_time(10.0)
+    assert "changes its prototypes with time, and keeps those it had at first: /all" in caplog.text

@@ -164,6 +164,35 @@ def test_missing_and_broken_textures_are_named(
     assert ("its format is not known" if broken else "a texture is not found") in caplog.text
 
 
+def test_a_missing_map_has_the_fallback_of_its_channel(stage: Usd.Stage, device: wp.Device) -> None:
+    surface, texture = textured_square(stage, "gone.png", fallback=(0.1, 0.7, 0.3, 1.0))
+    surface.CreateInput("roughness", Sdf.ValueTypeNames.Float).ConnectToSource(texture.ConnectableAPI(), "g")
+    surface.CreateInput("metallic", Sdf.ValueTypeNames.Float).ConnectToSource(texture.ConnectableAPI(), "b")
+    (look,) = wc.from_usd(stage, device=device)._graph_source.graph.looks
+    assert (look.roughness, look.metallic) == pytest.approx((0.7, 0.3))
+
+
+def test_inputs_of_another_kind_are_named(
+    stage: Usd.Stage, tmp_path: Path, caplog: pytest.LogCaptureFixture, device: wp.Device
+) -> None:
+    surface, texture = textured_square(stage, str(save_image(tmp_path / "tex.png")))
+    texture.CreateInput("scale", Sdf.ValueTypeNames.Float).Set(2.0)
+    turn = UsdShade.Shader.Define(stage, "/Looks/m/turn")
+    turn.CreateIdAttr("UsdTransform2d")
+    turn.CreateInput("rotation", Sdf.ValueTypeNames.String).Set("left")
+    texture.GetInput("st").ConnectToSource(turn.ConnectableAPI(), "result")
+    surface.CreateInput("roughness", Sdf.ValueTypeNames.Float).Set(float("nan"))
+    surface.CreateInput("emissiveColor", Sdf.ValueTypeNames.Float).Set(1.0)
+    assert corners(albedo(wc.from_usd(stage, device=device))) == PLAIN
+    for text in (
+        "has scale that is not 4 finite numbers, and is left out: /Looks/m/tex",
+        "has rotation that is not a finite number, and is left out: /Looks/m/turn",
+        "has roughness that is not a finite number, and is left out: /Looks/m",
+        "has emissiveColor that is not 3 finite numbers, and is left out: /Looks/m",
+    ):
+        assert text in caplog.text
+
+
 def test_colours_are_encoded(stage: Usd.Stage, device: wp.Device) -> None:
     square = add_square(stage, "/it")
     assert albedo(wc.from_usd(stage, device=device))[16, 16].tolist() == [118] * 3
@@ -313,6 +342,13 @@ def test_a_rectangle_shines_one_way_and_a_cone_is_kept(stage: Usd.Stage, device:
     assert (shown(stage, device) > 0.0).all()
     UsdLux.ShapingAPI.Apply(light.GetPrim()).CreateShapingConeAngleAttr(40.0)
     assert (shown(stage, device) == 0.0).all()
+    stage.RemovePrim("/light")
+    sphere = UsdLux.SphereLight.Define(stage, "/light")
+    UsdLux.ShapingAPI.Apply(sphere.GetPrim())  # half of all around, unless it is told
+    UsdGeom.Xformable(sphere).AddTranslateOp().Set((0, 0, 2))
+    assert (shown(stage, device) > 0.0).all()
+    UsdGeom.Xformable(sphere).AddRotateXOp().Set(180.0)
+    assert (shown(stage, device) == 0.0).all()
 
 
 def test_a_dome_is_everywhere(stage: Usd.Stage, tmp_path: Path, device: wp.Device) -> None:
@@ -380,3 +416,57 @@ def test_the_brightest_lights_shine(stage: Usd.Stage, caplog: pytest.LogCaptureF
     camera = above(3.0, 3, 0.01, "hdr", shadows=True)
     np.testing.assert_allclose(image(scene, "hdr", camera)[1, 1], (1.0, 0.0, 0.0), atol=1e-3)
     assert "has 40 lights, of which the 8 that give the most light here shine" in caplog.text
+
+
+def omni_look(stage: Usd.Stage, device: wp.Device, **inputs: Any) -> tuple[wc.Scene, Any]:
+    """A square with OmniPBR on it, and its look."""
+    textured_square(stage, "")
+    stage.RemovePrim("/Looks/m/omni")
+    shader = UsdShade.Shader.Define(stage, "/Looks/m/omni")
+    shader.SetSourceAsset("OmniPBR.mdl", "mdl")
+    shader.SetSourceAssetSubIdentifier("OmniPBR", "mdl")
+    types = Sdf.ValueTypeNames
+    for name, value in inputs.items():
+        kinds = {str: types.Asset, bool: types.Bool, float: types.Float}
+        kind = kinds.get(type(value)) or (types.Color3f if len(value) == 3 else types.Float2)
+        shader.CreateInput(name, kind).Set(value)
+    material = UsdShade.Material.Get(stage, "/Looks/m")
+    material.GetSurfaceOutput().ClearSources()
+    material.CreateSurfaceOutput("mdl").ConnectToSource(shader.ConnectableAPI(), "out")
+    scene = wc.from_usd(stage, device=device)
+    return scene, scene._graph_source.graph.looks[0]
+
+
+def test_omnipbr_packs_occlusion_roughness_and_metalness(stage: Usd.Stage, tmp_path: Path, device: wp.Device) -> None:
+    """As far as the influences let them; 0 unless they are given."""
+    file = str(save_image(tmp_path / "orm.png", np.array([[[51, 102, 255]]], np.uint8)))
+    inputs: dict[str, Any] = {"ORM_texture": file, "enable_ORM_texture": True, "reflection_roughness_constant": 0.9}
+    scene, look = omni_look(stage, device, **inputs)
+    assert (look.packed, look.roughness, look.metallic) == (-1, pytest.approx(0.9), 0.0)
+    shares = {"reflection_roughness_texture_influence": 0.5, "metallic_texture_influence": 1.0, "ao_to_diffuse": 0.25}
+    scene, look = omni_look(stage, device, **inputs, **shares)
+    pixel = scene._parts.textures[look.packed].pixels[0, 0] / 255.0
+    assert (look.roughness, look.metallic) == (1.0, 1.0)
+    np.testing.assert_allclose(pixel, (0.75 + 0.25 * 0.2, 0.5 * 0.9 + 0.5 * 0.4, 1.0), atol=0.003)
+
+
+def test_omnipbr_tints_brightens_and_tiles(stage: Usd.Stage, tmp_path: Path, device: wp.Device) -> None:
+    file = str(save_image(tmp_path / "tex.png"))
+    tile = {"texture_scale": (2.0, 1.0), "texture_translate": (0.5, 0.5)}
+    scene, _ = omni_look(stage, device, diffuse_texture=file, diffuse_tint=(1.0, 0.0, 1.0), **tile)
+    columns = [albedo(scene)[8, column].tolist() for column in (4, 12, 20, 28)]  # of the lower half, moved up
+    assert columns == [[200, 0, 50], [0, 0, 255]] * 2
+    scene, look = omni_look(stage, device, diffuse_color_constant=(0.5, 0.5, 0.5), diffuse_tint=(1.0, 0.0, 0.5))
+    assert look.color == pytest.approx((0.5, 0.0, 0.25))
+    scene, _ = omni_look(stage, device, diffuse_texture=file, albedo_brightness=0.5, albedo_add=0.1)
+    assert albedo(scene)[8, 8].tolist() == pytest.approx([203, 89, 89], abs=1)  # 0.6 and 0.1, encoded
+
+
+def test_what_omnipbr_has_that_is_not_drawn(
+    stage: Usd.Stage, tmp_path: Path, caplog: pytest.LogCaptureFixture, device: wp.Device
+) -> None:
+    file = str(save_image(tmp_path / "tex.png"))
+    others = {"project_uvw": True, "texture_rotate": 30.0, "albedo_desaturation": 0.5, "emissive_mask_texture": file}
+    omni_look(stage, device, diffuse_texture=file, **others)
+    for name in others:
+        assert f"has {name}, which is not drawn: /Looks/m" in caplog.text

@@ -154,26 +154,20 @@ class Eye:
         name: Its path.
         node: Its frame.
         projection: "pinhole" or "orthographic".
-        aperture: Width and height of its sensor, in the unit of ``focal``.
-        focal: Its focal length.
-        offset: Of its sensor's middle to the right and up, in the unit of ``focal``.
-        height: Of an orthographic image [m].
+        focal: Its focal length, in widths of its sensor; of an orthographic one its reciprocal width [1/m].
+        offset: Of its sensor's middle to the right and up, in widths of its sensor.
         clipping: Nearest and farthest planar depth [m], or None.
     """
 
     name: str
     node: int
     projection: Projection
-    aperture: tuple[float, float]
     focal: float
     offset: tuple[float, float] = (0.0, 0.0)
-    height: float = 0.0
     clipping: tuple[float, float] | None = None
 
     def camera(self) -> SceneCamera:
-        if self.projection == "orthographic":
-            return SceneCamera(self.name, "orthographic", clipping=self.clipping)
-        return SceneCamera(self.name, "pinhole", sensor=self.aperture, square=True, clipping=self.clipping)
+        return SceneCamera(self.name, self.projection, sensor=(1.0, 1.0), square=True, clipping=self.clipping)
 
 
 @dataclass(eq=False)

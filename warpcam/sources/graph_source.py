@@ -319,7 +319,6 @@ class GraphSource:
         self._follow(KINDS)
         self._light(seen)
         cameras = self.graph.eyes
-        self._put("camera_fovy", [eye.height for eye in cameras])
         self._put("camera_intrinsics", [(eye.focal, eye.focal, eye.offset[0], -eye.offset[1]) for eye in cameras])
 
     def _as_before(self, place: int, fit: Fitted) -> Fitted:
@@ -357,7 +356,8 @@ class GraphSource:
         graph = self.graph
         driver = np.full(len(graph.nodes), -1, np.int64)
         for index, node in enumerate(graph.nodes):
-            driver[index] = index if index in self._driven else driver[node.parent] if node.parent >= 0 else -1
+            above = -1 if node.resets else node.parent
+            driver[index] = index if index in self._driven else driver[above] if above >= 0 else -1
         lamps = [graph.lamps[place] for place in self._lamp_order]
         things: dict[str, list[tuple[int, np.ndarray, np.ndarray | None]]] = {
             "shape": [(item.node, worlds[item.node], self._turns[k]) for k, item in enumerate(self.items)],

@@ -139,9 +139,7 @@ class _Reader:
 
     def _geometry(self, name: str, mesh: Any) -> tuple[Form, int, Any] | None:
         raw = mesh.metadata.get("_ply_raw", {}).get("vertex", {}).get("data")
-        cloud = (
-            cloud_of_ply(name, raw) if isinstance(raw, np.ndarray) and isinstance(mesh, trimesh.PointCloud) else None
-        )
+        cloud = cloud_of_ply(name, raw) if isinstance(mesh, trimesh.PointCloud) else None
         if cloud is not None:
             return CloudForm(cloud), -1, None
         if not isinstance(mesh, trimesh.Trimesh):
@@ -232,8 +230,24 @@ class _Reader:
         return Look(
             name,
             (float(diffuse[0]), float(diffuse[1]), float(diffuse[2])),
+            opacity=self._dissolve(name, getattr(material, "kwargs", {})),
             texture=self._image(name, "color", getattr(material, "image", None)),
         )
+
+    def _dissolve(self, name: str, said: Mapping[str, Any]) -> float:
+        """The opacity of a material of OBJ, of what its file says beside colours."""
+        if "map_d" in said:
+            self._notes.warn("has map_d, which is not drawn", name)
+        if "tr" in said and "d" not in said:  # programs do not agree on what it is
+            self._notes.warn("has Tr without d, which is not drawn", name)
+        try:
+            opacity = float(said["d"][-1]) if "d" in said else 1.0
+        except (TypeError, ValueError, IndexError):
+            opacity = np.nan
+        if not np.isfinite(opacity):
+            self._notes.warn("has d that is not a finite number, and is solid", name)
+            return 1.0
+        return float(np.clip(opacity, 0.0, 1.0))
 
     def _with_opacity(self, look: Look, material: Any, factor: float) -> Look:
         mode, image, values = material.alphaMode, material.baseColorTexture, None

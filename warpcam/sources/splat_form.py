@@ -46,11 +46,11 @@ def display_colors(harmonics: np.ndarray, linear: bool = False) -> np.ndarray:
 
 
 def cloud_of_ply(name: str, vertices: Any) -> Cloud | None:
-    """The cloud in the vertices of a PLY file, a structured array, as training of splats writes it; None if it is none.
+    """The cloud in the vertices of a PLY file, as training of splats writes it; None if it is none.
 
-    Scales are logarithms and opacities logits there.
+    They are a structured array, or columns by name where the file is text. Scales are logarithms and opacities logits.
     """
-    names = vertices.dtype.names or ()
+    names = vertices if isinstance(vertices, dict) else getattr(vertices, "dtype", np.dtype(float)).names or ()
     if not all(field in names for field in (*PLY_FIELDS, "f_dc_0", "f_dc_1", "f_dc_2")):
         return None
 

@@ -1,5 +1,7 @@
 """Cameras of a stage."""
 
+import math
+
 from pxr import Usd, UsdGeom
 
 from warpcam.sources.graph import Eye
@@ -9,25 +11,22 @@ def read_camera(camera: UsdGeom.Camera, node: int, name: str, time: Usd.TimeCode
     """The camera at a time.
 
     Focal length, apertures and offsets are all in tenths of a stage unit, so that only their ratios matter, but for an
-    orthographic camera, whose aperture is what it sees.
+    orthographic camera, whose aperture is what it sees. Pixels are square: the vertical aperture says nothing.
     """
     near, far = (float(depth) * unit for depth in camera.GetClippingRangeAttr().Get(time))
     clipping = None
     if camera.GetClippingRangeAttr().HasAuthoredValue() and 0.0 <= near < far:
         clipping = (near, far)
-    width = float(camera.GetHorizontalApertureAttr().Get(time))
-    height = float(camera.GetVerticalApertureAttr().Get(time))
+    width = float(camera.GetHorizontalApertureAttr().Get(time)) or math.nan  # of nothing there is no image
     orthographic = camera.GetProjectionAttr().Get(time) == UsdGeom.Tokens.orthographic
     return Eye(
         name=name,
         node=node,
         projection="orthographic" if orthographic else "pinhole",
-        aperture=(width, height),
-        focal=float(camera.GetFocalLengthAttr().Get(time)),
+        focal=(10.0 / unit if orthographic else float(camera.GetFocalLengthAttr().Get(time))) / width,
         offset=(
-            float(camera.GetHorizontalApertureOffsetAttr().Get(time)),
-            float(camera.GetVerticalApertureOffsetAttr().Get(time)),
+            float(camera.GetHorizontalApertureOffsetAttr().Get(time)) / width,
+            float(camera.GetVerticalApertureOffsetAttr().Get(time)) / width,
         ),
-        height=0.1 * unit * height,
         clipping=clipping,
     )

@@ -69,8 +69,7 @@ def read_light(
     normalize = bool(api.GetNormalizeAttr().Get(time))
     shadow = prim.GetAttribute("inputs:shadow:enable")
     casts = not (shadow and shadow.Get(time) is False)
-    cone = prim.GetAttribute("inputs:shaping:cone:angle")
-    angle = float(cone.Get(time)) if cone and cone.HasAuthoredValue() else 180.0
+    angle = value("shaping:cone:angle", 180.0)  # of a light with UsdLuxShapingAPI 90 unless it is given
     near, one_sided, shape, form, size, seen = 0.0, False, "local", "point", (0.0, 0.0, 0.0), 0.0
     terms: np.ndarray | None = None
     image_gain = np.zeros(3)
@@ -85,6 +84,9 @@ def read_light(
         texture = prim.GetAttribute("inputs:texture:file").Get(time)
         terms = looks.even_sky(radiance)
         if texture is not None and texture.path:
+            laid = str(prim.GetAttribute("inputs:texture:format").Get(time))
+            if laid not in ("automatic", "latlong"):
+                notes.warn(f"is a dome whose image is laid as {laid}, which is read as latlong", name)
             image = sky_of(texture, name)
             if image is not None:
                 image_gain, terms = radiance, radiance * image

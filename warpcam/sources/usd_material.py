@@ -23,9 +23,12 @@ from warpcam.sources.images import (
 )
 from warpcam.sources.notes import Notes
 from warpcam.sources.opacity import opacity_of
+from warpcam.sources.usd_omni import OmniInputs
 from warpcam.sources.usd_shader import OMNI, PREVIEW, surface_of, value_of
-from warpcam.sources.usd_texture import TextureInput, alike, file_bytes, identity
+from warpcam.sources.usd_texture import TextureInput, alike, count_of, file_bytes, identity, is_numbers
 
+CHANNELS = {"r": 0, "g": 1, "b": 2, "a": 3}
+COMPONENTS = {"color": 3, "emission": 3, "normal": 3}  # of inputs; of others 1
 PACKED = ("occlusion", "roughness", "metallic")  # in the order of their channels
 
 
@@ -195,7 +198,14 @@ class MaterialReader:
                     by_color |= what == "color" and primvar == "displayColor"
                     by_opacity |= what == "opacity" and primvar == "displayOpacity"
                 elif value is not None and not isinstance(value, Sdf.AssetPath):
-                    values[what] = value
+                    count = COMPONENTS.get(what, 1)
+                    if is_numbers(value, count):
+                        values[what] = value
+                    else:
+                        self._notes.warn(f"has {source} that is not {count_of(count)}, and is left out", name)
+        omni = OmniInputs(surface, self._notes, name) if inputs is OMNI else None
+        if omni is not None:
+            textures = omni.textures(textures, values)
         ior = max(_number(values.get("ior"), 1.5), 0.0)
         look = Look(
             name,
@@ -203,11 +213,14 @@ class MaterialReader:
             roughness=_number(values.get("roughness"), 0.5),
             metallic=_number(values.get("metallic"), 0.0),
             reflectance=((1.0 - ior) / (1.0 + ior)) ** 2,
-            emission=self._emission(surface, inputs, values),
+            emission=_color(values.get("emission") if omni is None else omni.emission(values), (0.0, 0.0, 0.0)),
         )
         if inputs is PREVIEW and "emission" in textures:  # which takes the constant's place
             look = replace(look, emission=looks.WHITE)
         look = self._with_maps(look, textures, name)
+        if omni is not None:
+            red, green, blue = (float(channel) for channel in look.color * omni.tint())
+            look = replace(look, color=(red, green, blue))
         look = self._with_opacity(look, surface, inputs, values, textures, name)
         uv, turn = "", None
         laid = next((textures[what] for what in ("color", "normal", "roughness", *textures) if what in textures), None)
@@ -240,7 +253,7 @@ class MaterialReader:
         channels = {what: self._channel(textures[what], name) for what in PACKED if what in textures}
         for what, values in channels.items():
             if what != "occlusion":
-                fallback = float(np.clip(textures[what].fallback[0], 0.0, 1.0))
+                fallback = float(np.clip(textures[what].fallback[CHANNELS.get(textures[what].channel, 0)], 0.0, 1.0))
                 look = replace(look, **{what: fallback if values is None else 1.0})  # type: ignore[arg-type]
         image = packed([channels.get(what) for what in PACKED])
         if image is not None:
@@ -291,7 +304,7 @@ class MaterialReader:
         pixels = self._load(reader.asset, reader.layer, where)
         if pixels is None:
             return None
-        place = {"r": 0, "g": 1, "b": 2, "a": 3}.get(reader.channel, 0)
+        place = CHANNELS.get(reader.channel, 0)
         values = pixels[..., min(place, pixels.shape[2] - 1)]
         if place == 3 and pixels.shape[2] < 4:
             values = np.full_like(values, 255)
@@ -311,16 +324,6 @@ class MaterialReader:
             image = map_of_normals(TRANSFER[_rgb(pixels)] * scale + bias)
             self._textures[key] = self._add_texture(reader.asset.path, image, color=False)
         return self._textures[key]
-
-    def _emission(
-        self, surface: Any, inputs: Mapping[str, Any], values: Mapping[str, Any]
-    ) -> tuple[float, float, float]:
-        if inputs is OMNI:
-            switch = surface.GetInput("enable_emission")
-            if not switch or not switch.Get():
-                return 0.0, 0.0, 0.0
-            return _color(values.get("emission"), (1.0, 0.1, 0.1))
-        return _color(values.get("emission"), (0.0, 0.0, 0.0))
 
     def _texture(self, reader: TextureInput, where: str) -> int:
         """Index of the reader's image in display values, or -1."""

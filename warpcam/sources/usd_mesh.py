@@ -70,9 +70,15 @@ class MeshReader:
         rest = np.ones(len(triangles.faces), bool)
         subsets = UsdShade.MaterialBindingAPI(prim).GetMaterialBindSubsets() if prim.IsA(UsdGeom.Mesh) else []
         for subset in subsets:
+            if subset.GetElementTypeAttr().Get() != UsdGeom.Tokens.face:
+                self._notes.warn("is a subset of other things than faces, and is left out", str(subset.GetPath()))
+                continue
             indices = np.array(subset.GetIndicesAttr().Get(time) or [], np.int64)
             chosen = np.zeros(triangles.counts[0], bool)
-            chosen[indices[(indices >= 0) & (indices < len(chosen))]] = True
+            inside = (indices >= 0) & (indices < len(chosen))
+            if not inside.all():
+                self._notes.warn("names faces that the mesh does not have, which are left out", str(subset.GetPath()))
+            chosen[indices[inside]] = True
             mine = chosen[triangles.faces] & rest
             rest &= ~mine
             if mine.any():
@@ -259,13 +265,17 @@ class MeshReader:
     def _values(
         self, primvar: UsdGeom.Primvar, triangles: Triangles, width: int, time: Usd.TimeCode
     ) -> np.ndarray | None:
+        name = primvar.GetPrimvarName()
         values = primvar.ComputeFlattened(time)
         if values is None or len(values) == 0:
+            if primvar.IsIndexed():
+                self._notes.warn(f"has {name} whose indices are out of range, which are left out", triangles.name)
             return None
         array = np.array(values, np.float64)
         if array.ndim != 2 or array.shape[1] < width:
+            self._notes.warn(f"has {name} of less than {width} numbers each, which are left out", triangles.name)
             return None
-        return self._spread(array[:, :width], primvar.GetInterpolation(), triangles, primvar.GetPrimvarName())
+        return self._spread(array[:, :width], primvar.GetInterpolation(), triangles, name)
 
     def _spread(self, values: np.ndarray, how: str, triangles: Triangles, what: str) -> np.ndarray | None:
         """Values by their interpolation, (triangle, 3, width)."""

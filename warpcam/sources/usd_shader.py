@@ -55,7 +55,7 @@ def value_of(given: UsdShade.Input, notes: Notes) -> tuple[Any, TextureInput | N
         output = attribute.GetName().removeprefix("outputs:")
         if attribute.GetName().startswith("outputs:"):
             if identifier == "UsdUVTexture":
-                return None, texture_input(shader, output), ""
+                return None, texture_input(shader, output, notes), ""
             if identifier.startswith("UsdPrimvarReader"):
                 return None, None, str(input_value(shader, "varname", ""))
             notes.remark(f"uses {identifier or 'a shader'}, which is not known here", str(prim.GetPath()))

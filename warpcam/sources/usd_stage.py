@@ -207,8 +207,8 @@ class StageReader:
             raise WarpcamError(
                 f"{self._graph.source}: {path}: protoIndices has {worst}; there are {len(targets)} prototypes"
             )
-        placed = self._instance_matrices(instancer, self._time)
-        if placed is None or len(placed) != len(indices):
+        placed = self._instance_matrices(instancer, indices, self._time)
+        if placed is None:
             raise WarpcamError(
                 f"{self._graph.source}: {path}: {len(indices)} protoIndices came, with positions, orientations or "
                 "scales of another number"
@@ -235,20 +235,27 @@ class StageReader:
             self._walk(prototype, nodes[-1][0], f"{own}/{prototype.GetName()}", purpose, (*instancers, path), rest=True)
         self._materials.inherited = above
         attributes = (
+            instancer.GetProtoIndicesAttr(),
             instancer.GetPositionsAttr(),
             instancer.GetOrientationsAttr(),
+            instancer.GetPrim().GetAttribute("orientationsf"),
             instancer.GetScalesAttr(),
             instancer.GetInvisibleIdsAttr(),
         )
-        if any(attribute.ValueMightBeTimeVarying() for attribute in attributes):
+        roots = [UsdGeom.Xformable(self._stage.GetPrimAtPath(target)) for target in targets]
+        if any(attribute and attribute.ValueMightBeTimeVarying() for attribute in attributes) or any(
+            root and root.TransformMightBeTimeVarying() for root in roots
+        ):
             for _, instance in nodes:
                 instance.moves = True
 
             def update(time: Usd.TimeCode) -> None:
-                matrices = self._instance_matrices(instancer, time)
-                if matrices is None or len(matrices) != len(nodes):
+                matrices = self._instance_matrices(instancer, indices, time)
+                if matrices is None:
                     self._notes.warn("changes its number of instances with time, which stays as it was", name)
                     return
+                if list(instancer.GetProtoIndicesAttr().Get(time) or []) != list(indices):
+                    self._notes.warn("changes its prototypes with time, and keeps those it had at first", name)
                 shown = instancer.ComputeMaskAtTime(time) or [True] * len(nodes)
                 for (_, instance), matrix, visible in zip(nodes, matrices, shown, strict=True):
                     instance.local, instance.visible = matrix, bool(visible)
@@ -268,12 +275,13 @@ class StageReader:
                     self._notes.warn(f"has {name} of another number than its instances", str(instancer.GetPath()))
         return found
 
-    def _instance_matrices(self, instancer: UsdGeom.PointInstancer, time: Usd.TimeCode) -> np.ndarray | None:
+    def _instance_matrices(
+        self, instancer: UsdGeom.PointInstancer, indices: np.ndarray, time: Usd.TimeCode
+    ) -> np.ndarray | None:
         """Of each instance, with its prototype's own, (instance, 4, 4), in the instancer's frame; None if they differ.
 
         USD's own function leaves quaternions of half precision as long as they are, which is a stretch.
         """
-        indices = np.array(instancer.GetProtoIndicesAttr().Get(time) or [], np.int64)
         positions = np.array(instancer.GetPositionsAttr().Get(time) or [], np.float64).reshape(-1, 3)
         count = len(indices)
         turns = instancer.GetPrim().GetAttribute("orientationsf")
@@ -313,9 +321,11 @@ def _matrix(matrix: Any) -> np.ndarray:
 def _labels(prim: Usd.Prim) -> tuple[str, ...]:
     """Semantic labels of a prim's own: UsdSemantics', or those of Omniverse's older schema."""
     labels: list[str] = []
+    first = Usd.TimeCode.EarliestTime()
     for taxonomy in UsdSemantics.LabelsAPI.GetDirectTaxonomies(prim):
-        labels += [str(label) for label in UsdSemantics.LabelsAPI(prim, taxonomy).GetLabelsAttr().Get() or []]
+        labels += [str(label) for label in UsdSemantics.LabelsAPI(prim, taxonomy).GetLabelsAttr().Get(first) or []]
     for attribute in prim.GetAuthoredPropertiesInNamespace("semantic"):
         if attribute.GetName().endswith(":params:semanticData") and isinstance(attribute, Usd.Attribute):
-            labels.append(str(attribute.Get()))
+            label = attribute.Get(first)
+            labels += [] if label is None else [str(label)]
     return tuple(labels)

@@ -143,18 +143,15 @@ class StrandReader:
         """Widths and display colours, (n, 4), and how both are interpolated: as the finer of the two."""
         api = UsdGeom.PrimvarsAPI(prim)
         based = UsdGeom.Points(prim) if prim.IsA(UsdGeom.Points) else UsdGeom.Curves(prim)
-        widths, how = np.array(based.GetWidthsAttr().Get(time) or [1.0], np.float64), based.GetWidthsInterpolation()
-        own = api.GetPrimvar("widths")
+        widths = np.array(based.GetWidthsAttr().Get(time) or [1.0], np.float64).reshape(-1, 1)
+        how = based.GetWidthsInterpolation()
+        own, colors = api.GetPrimvar("widths"), api.FindPrimvarWithInheritance("displayColor")
+        shades, second = np.ones((1, 3)), UsdGeom.Tokens.constant
         if own and own.HasValue():
-            widths, how = np.array(own.ComputeFlattened(time), np.float64), own.GetInterpolation()
-        found = [(widths.reshape(-1, 1), str(how))]
-        colors = api.FindPrimvarWithInheritance("displayColor")
+            widths, how = self._flattened(own, name, time, widths), own.GetInterpolation()
         if colors and colors.HasValue() and colors.GetInterpolation() != UsdGeom.Tokens.constant:
-            found.append(
-                (np.array(colors.ComputeFlattened(time), np.float64).reshape(-1, 3), colors.GetInterpolation())
-            )
-        else:
-            found.append((np.ones((1, 3)), UsdGeom.Tokens.constant))
+            shades, second = self._flattened(colors, name, time, shades), colors.GetInterpolation()
+        found = [(widths, str(how)), (shades, second)]
         for place, (values, how) in enumerate(found):
             if len(values) == 1:
                 found[place] = values, UsdGeom.Tokens.constant
@@ -170,6 +167,13 @@ class StrandReader:
             shades, how = np.ones((1, 3)), first
         rows = max(len(widths), len(shades))
         return np.hstack((np.broadcast_to(widths, (rows, 1)), np.broadcast_to(shades, (rows, 3)))), str(how)
+
+    def _flattened(self, primvar: UsdGeom.Primvar, name: str, time: Usd.TimeCode, default: np.ndarray) -> np.ndarray:
+        values = primvar.ComputeFlattened(time)
+        if not values and primvar.IsIndexed():
+            what = primvar.GetPrimvarName()
+            self._notes.warn(f"has {what} whose indices are out of range, which are left out", name)
+        return np.array(values, np.float64).reshape(-1, default.shape[-1]) if values else default
 
 
 class Line:

@@ -7,6 +7,7 @@ import numpy as np
 from pxr import Ar, Sdf, Usd, UsdShade
 
 from warpcam.sources.images import UnreadableError
+from warpcam.sources.notes import Notes
 
 WRAPS = {"clamp": "clamp", "mirror": "mirror", "black": "black"}  # all else repeats
 
@@ -27,7 +28,7 @@ class TextureInput:
     fallback: np.ndarray
 
 
-def texture_input(shader: UsdShade.Shader, channel: str) -> TextureInput:
+def texture_input(shader: UsdShade.Shader, channel: str, notes: Notes) -> TextureInput:
     file = shader.GetInput("file")
     attribute = next(iter(UsdShade.Utils.GetValueProducingAttributes(file)), None) if file else None
     asset = attribute.Get(Usd.TimeCode.EarliestTime()) if attribute else None
@@ -36,7 +37,7 @@ def texture_input(shader: UsdShade.Shader, channel: str) -> TextureInput:
     for source in UsdShade.Utils.GetValueProducingAttributes(st) if st else ():
         reader = UsdShade.Shader(source.GetPrim())
         if reader and reader.GetShaderId() == "UsdTransform2d":
-            turn = _uv_turn(reader)
+            turn = _uv_turn(reader, notes)
             inner = reader.GetInput("in")
             producing = UsdShade.Utils.GetValueProducingAttributes(inner) if inner else []
             reader = UsdShade.Shader(producing[0].GetPrim()) if producing else None
@@ -53,9 +54,9 @@ def texture_input(shader: UsdShade.Shader, channel: str) -> TextureInput:
         ),
         uv=uv,
         uv_turn=turn,
-        scale=np.array(input_value(shader, "scale", (1.0, 1.0, 1.0, 1.0)), np.float64),
-        bias=np.array(input_value(shader, "bias", (0.0, 0.0, 0.0, 0.0)), np.float64),
-        fallback=np.array(input_value(shader, "fallback", (0.0, 0.0, 0.0, 1.0)), np.float64),
+        scale=_numbers(shader, "scale", (1.0, 1.0, 1.0, 1.0), notes),
+        bias=_numbers(shader, "bias", (0.0, 0.0, 0.0, 0.0), notes),
+        fallback=_numbers(shader, "fallback", (0.0, 0.0, 0.0, 1.0), notes),
     )
 
 
@@ -110,14 +111,35 @@ def input_value(shader: UsdShade.Shader, name: str, default: Any) -> Any:
     return default if value is None else value
 
 
+def is_numbers(value: Any, count: int) -> bool:
+    """Whether it is so many finite numbers."""
+    try:
+        array = np.array(value, np.float64)
+    except (TypeError, ValueError):
+        return False
+    return array.size == count and bool(np.isfinite(array).all())
+
+
+def count_of(count: int) -> str:
+    return f"{count} finite numbers" if count > 1 else "a finite number"
+
+
+def _numbers(shader: UsdShade.Shader, name: str, default: tuple[float, ...], notes: Notes) -> np.ndarray:
+    value = input_value(shader, name, default)
+    if not is_numbers(value, len(default)):
+        notes.warn(f"has {name} that is not {count_of(len(default))}, and is left out", str(shader.GetPath()))
+        value = default
+    return np.array(value, np.float64).reshape(len(default))
+
+
 def _layer_of(attribute: Usd.Attribute | None) -> str:
     specs = attribute.GetPropertyStack(Usd.TimeCode.Default()) if attribute else []
     return specs[0].layer.identifier if specs else ""
 
 
-def _uv_turn(shader: UsdShade.Shader) -> np.ndarray:
+def _uv_turn(shader: UsdShade.Shader, notes: Notes) -> np.ndarray:
     """UsdTransform2d: scale, then turn, then shift; (2, 3)."""
-    angle = np.radians(float(input_value(shader, "rotation", 0.0)))
-    scale, shift = input_value(shader, "scale", (1.0, 1.0)), input_value(shader, "translation", (0.0, 0.0))
+    angle = np.radians(_numbers(shader, "rotation", (0.0,), notes)[0])
+    scale, shift = (_numbers(shader, n, d, notes) for n, d in (("scale", (1.0, 1.0)), ("translation", (0.0, 0.0))))
     c, s = np.cos(angle), np.sin(angle)
     return np.array(((c * scale[0], -s * scale[1], shift[0]), (s * scale[0], c * scale[1], shift[1])))
