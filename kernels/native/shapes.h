@@ -95,7 +95,7 @@ WARPCAM_FN float enter_cone(Vec o, Vec d)
     const float cap = (-1.0f - o.z) * reciprocal(nonzero(d.z));
     const float cx = o.x + cap * d.x, cy = o.y + cap * d.y;
     const bool on_cap = (d.z > 0.0f) & (cx * cx + cy * cy <= 1.0f);
-    return on_side ? middle + near : on_cap ? cap : FAR_AWAY;
+    return on_cap ? cap : on_side ? middle + near : FAR_AWAY;  // a ray through the base and the tip comes in by the base
 }
 
 // End radius 1, half length `half`; the side is the arc of a circle of radius `arc`, turned about the axis. How far a

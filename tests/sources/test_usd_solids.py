@@ -70,6 +70,19 @@ def test_solids_about_an_axis(stage: Usd.Stage, kind: str, axis: str, even: bool
     check(scene, entries[kind], about(frame, axis), 2e-5 if even else 2e-3, 0.002 if even else 0.006)
 
 
+def test_base_of_a_cone_below_its_tip(stage: Usd.Stage, device: wp.Device) -> None:
+    """A ray along the axis meets the base, not the tip that it runs to."""
+    solid = UsdGeom.Cone.Define(stage, "/it")
+    solid.CreateRadiusAttr(0.4)
+    solid.CreateHeightAttr(1.6)
+    up = np.array((0.0, 0.0, -2.0)), quaternion(np.diag((1.0, -1.0, -1.0)))
+    for lens in (wc.Pinhole(fovy=40.0), wc.Orthographic(height=1.0)):
+        camera = wc.Camera("up", width=33, height=33, outputs=("depth",), lens=lens, position=up[0], rotation=up[1])
+        seen = wc.Renderer(wc.from_usd(stage, device=device), [camera]).render()["up"]["depth"][0, ..., 0].cpu().numpy()
+        assert np.isfinite(seen).sum() > 300
+        assert np.abs(seen - 1.2)[np.isfinite(seen)].max() < 1e-5
+
+
 @pytest.mark.parametrize("scale", [(1.5, 1.5, -0.7), (-1.5, 1.5, 0.7), (-1.0, -1.0, -2.0), (1.2, -1.2, -1.2)])
 def test_cones_are_exact_when_mirrored(stage: Usd.Stage, scale: tuple, device: wp.Device) -> None:
     solid = UsdGeom.Cone.Define(stage, "/it")
