@@ -88,10 +88,12 @@ WARPCAM_FN float enter_cone(Vec o, Vec d)
     const float x = o.x + middle * d.x, y = o.y + middle * d.y, z = o.z + middle * d.z;
     const float w = 0.5f * (1.0f - z), dw = -0.5f * d.z;
     const float a = d.x * d.x + d.y * d.y - dw * dw, b = x * d.x + y * d.y - w * dw, c = x * x + y * y - w * w;
-    const float square = b * b - a * c, r = root(upper(square, 0.0f));
+    // b * b - a * c, of what is small where a ray passes near to the tip
+    const float ex = x * dw - d.x * w, ey = y * dw - d.y * w, past = x * d.y - y * d.x;
+    const float square = ex * ex + ey * ey - past * past, r = root(upper(square, 0.0f));
     const float near = b > 0.0f ? -(b + r) * reciprocal(nonzero(a)) : c * reciprocal(nonzero(r - b));
     const float at = w + near * dw;
-    const bool on_side = (square >= 0.0f) & (at >= 0.0f) & (at <= 1.0f);
+    const bool on_side = (square >= 0.0f) & (at >= -1.0e-6f) & (at <= 1.0f);
     const float cap = (-1.0f - o.z) * reciprocal(nonzero(d.z));
     const float cx = o.x + cap * d.x, cy = o.y + cap * d.y;
     const bool on_cap = (d.z > 0.0f) & (cx * cx + cy * cy <= 1.0f);
