@@ -49,26 +49,37 @@ WARPCAM_FN float enter_box(Vec o, Vec d)
     return enter <= leave ? enter : FAR_AWAY;
 }
 
-// The endless cylinder of radius 1 about z.
-WARPCAM_FN Side enter_side(Vec o, Vec d)
+// When a ray is within the endless cylinder of radius 1 about z: between `middle` less `reach` and more.
+struct Within {
+    float middle, reach;
+    bool hit;
+};
+
+WARPCAM_FN Within within_side(Vec o, Vec d)
 {
     const float inverse = reciprocal(upper(d.x * d.x + d.y * d.y, 1.0e-30f));
     const float middle = -(o.x * d.x + o.y * d.y) * inverse;
     const float fx = o.x + middle * d.x, fy = o.y + middle * d.y;
     const float gap = 1.0f - (fx * fx + fy * fy);
-    return { middle - root(upper(gap, 0.0f) * inverse), gap >= 0.0f };
+    return { middle, root(upper(gap, 0.0f) * inverse), gap >= 0.0f };
 }
 
-// Radius 1, half length 1.
+WARPCAM_FN Side enter_side(Vec o, Vec d)
+{
+    const Within side = within_side(o, d);
+    return { side.middle - side.reach, side.hit };
+}
+
+// Radius 1, half length 1. Where the cap and the side meet no ray is lost between them, as it would be if each had to be met
+// within its own edge.
 WARPCAM_FN float enter_cylinder(Vec o, Vec d)
 {
-    const Side side = enter_side(o, d);
-    const bool on_side = side.hit & (magnitude(o.z + side.t * d.z) <= 1.0f);
-    // the cap that faces the ray
-    const float cap = ((d.z < 0.0f ? 1.0f : -1.0f) - o.z) * reciprocal(nonzero(d.z));
-    const float cx = o.x + cap * d.x, cy = o.y + cap * d.y;
-    const bool on_cap = (cx * cx + cy * cy <= 1.0f) & (cap > 0.0f);
-    return on_side ? side.t : on_cap ? cap : FAR_AWAY;
+    const Within side = within_side(o, d);
+    const float rate = reciprocal(nonzero(d.z));
+    const float cap = ((rate < 0.0f ? 1.0f : -1.0f) - o.z) * rate;  // the one that faces the ray
+    const float enter = upper(side.middle - side.reach, cap);
+    const float leave = lower(side.middle + side.reach, cap + 2.0f * magnitude(rate));
+    return (side.hit & (enter <= leave)) ? enter : FAR_AWAY;
 }
 
 // Radius 1, half length `half`.
