@@ -95,6 +95,7 @@ WARPCAM_FN float enter_capsule(Vec o, Vec d, const Side& side, float half)
 // one by which a ray comes into it is the same for both halves of the double cone.
 WARPCAM_FN float enter_cone(Vec o, Vec d)
 {
+    constexpr float ROUNDING = 1.0e-6f;
     const float middle = -dot(o, d) * reciprocal(dot(d, d));  // from the point nearest to the centre numbers are small
     const float x = o.x + middle * d.x, y = o.y + middle * d.y, z = o.z + middle * d.z;
     const float w = 0.5f * (1.0f - z), dw = -0.5f * d.z;
@@ -104,11 +105,12 @@ WARPCAM_FN float enter_cone(Vec o, Vec d)
     const float square = ex * ex + ey * ey - past * past, r = root(upper(square, 0.0f));
     const float near = b > 0.0f ? -(b + r) * reciprocal(nonzero(a)) : c * reciprocal(nonzero(r - b));
     const float at = w + near * dw;
-    const bool on_side = (square >= 0.0f) & (at >= -1.0e-6f) & (at <= 1.0f);
-    const float cap = (-1.0f - o.z) * reciprocal(nonzero(d.z));
-    const float cx = o.x + cap * d.x, cy = o.y + cap * d.y;
+    const bool on_side = (square >= 0.0f) & (at >= -ROUNDING) & (at <= 1.0f + ROUNDING);
+    const float cap = (-1.0f - z) * reciprocal(nonzero(d.z));  // where the side ends it is rounded alike
+    const float cx = x + cap * d.x, cy = y + cap * d.y;
     const bool on_cap = (d.z > 0.0f) & (cx * cx + cy * cy <= 1.0f);
-    return on_cap ? cap : on_side ? middle + near : FAR_AWAY;  // a ray through the base and the tip comes in by the base
+    // a ray through the base and the tip comes in by the base
+    return (on_cap | on_side) ? middle + (on_cap ? cap : near) : FAR_AWAY;
 }
 
 // End radius 1, half length `half`; the side is the arc of a circle of radius `arc`, turned about the axis. How far a

@@ -104,6 +104,22 @@ def test_the_tip_of_a_cone_has_no_hole(stage: Usd.Stage, device: wp.Device) -> N
     assert np.abs(seen - distances).max() < 5e-3
 
 
+@pytest.mark.parametrize("distance", [2.0, 20.0, 200.0])
+def test_no_ray_is_lost_where_the_base_of_a_cone_meets_its_side(
+    stage: Usd.Stage, distance: float, device: wp.Device
+) -> None:
+    solid = UsdGeom.Cone.Define(stage, "/it")
+    solid.CreateRadiusAttr(0.4)
+    solid.CreateHeightAttr(1.6)
+    eye = distance * np.array((0.0, -0.9, -0.4))
+    angle = np.random.default_rng(0).uniform(-1.0, 1.0, (200, 200))
+    rim = np.stack((0.4 * np.sin(angle), -0.4 * np.cos(angle), np.full(angle.shape, -0.8)), axis=-1)
+    camera = wc.Camera("eye", width=200, height=200, outputs=("distance",), lens=wc.Rays(rim - eye), position=eye)
+    seen = wc.Renderer(wc.from_usd(stage, device=device), [camera]).render()["eye"]["distance"][0, ..., 0].cpu().numpy()
+    assert np.isfinite(seen).all()
+    assert np.abs(seen - np.linalg.norm(rim - eye, axis=-1)).max() < 1e-5 * (1.0 + distance)
+
+
 @pytest.mark.parametrize("scale", [(1.5, 1.5, -0.7), (-1.5, 1.5, 0.7), (-1.0, -1.0, -2.0), (1.2, -1.2, -1.2)])
 def test_cones_are_exact_when_mirrored(stage: Usd.Stage, scale: tuple, device: wp.Device) -> None:
     solid = UsdGeom.Cone.Define(stage, "/it")
