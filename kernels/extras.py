@@ -66,9 +66,12 @@ class Table:
 def turn_to(axis: wp.vec3) -> wp.mat33:
     """The shortest turn that takes z to a unit vector."""
     x, y, z = axis[0], axis[1], axis[2]
-    if z < -0.999999:
-        return wp.mat33(1.0, 0.0, 0.0, 0.0, -1.0, 0.0, 0.0, 0.0, -1.0)
-    k = 1.0 / (1.0 + z)
+    k = 1.0 / wp.max(1.0 + z, 0.5)
+    if z < -0.5:  # the same, of which next to -z digits are left
+        aside = x * x + y * y
+        if aside < 1.0e-30:
+            return wp.mat33(1.0, 0.0, 0.0, 0.0, -1.0, 0.0, 0.0, 0.0, -1.0)
+        k = (1.0 - z) / aside
     return wp.mat33(1.0 - x * x * k, -x * y * k, x, -x * y * k, 1.0 - y * y * k, y, -x, -y, z)
 
 

@@ -10,6 +10,7 @@ import pytest
 import scenes
 import warp as wp
 from golden_scenes import compiled
+from warpcam.kernels import visibility
 
 import warpcam as wc
 
@@ -91,3 +92,18 @@ def test_colours_and_places_of_now(device: wp.Device) -> None:
     np.testing.assert_array_equal(image(), black)
     mjm.geom_rgba[geom, :3] = 1.0
     np.testing.assert_array_equal(image(), black)
+
+
+@pytest.mark.parametrize("kind", ["box", "mesh", "capsule"])
+def test_the_last_is_seen_where_more_than_one_pass_draws(
+    device: wp.Device, kind: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(visibility, "MANY_LISTED", visibility.MAX_LISTED)  # of a CPU, which else draws as many in one
+    first, last = (scenes.geom_xml(kind, name, 'pos="0 0 -2"') for name in ("first", "last"))
+    floors = "".join(
+        f'<geom type="plane" size="0 0 1" pos="0 0 {-3 - 0.01 * k}"/>' for k in range(visibility.MAX_LISTED)
+    )
+    mjm = scenes.compile_xml(first + floors + last, assets=scenes.ASSETS)
+    seen = scenes.look(wc.from_mujoco(mjm, scenes.forward(mjm), device=device), scenes.own_camera())["segmentation"]
+    assert (seen == mjm.geom("last").id).sum() > 50
+    assert not (seen == mjm.geom("first").id).any()

@@ -357,3 +357,25 @@ def test_slider_cranks_of_each_world_with_mujoco_warp(device: wp.Device) -> None
         colors = image["albedo"][world].cpu().numpy()[there].astype(int)
         assert len(colors) > 30
         assert (np.abs(colors - np.rint(255.0 * np.asarray(wanted)[:3])).max(axis=-1) <= 1).sum() > 10
+
+
+@pytest.mark.parametrize("tilt", [0.0, 3e-4, 1.5e-3, 2e-3, 5e-3])
+def test_tendons_that_hang_down_are_as_those_that_stand(tilt: float, device: wp.Device) -> None:
+    sites = f'<site name="up" pos="{tilt} {0.5 * tilt} 1"/><site name="low"/>'
+    eye = (0.2, -1.5, 0.6)
+    camera = scenes.own_camera(
+        outputs=("depth", "normals"), position=eye, rotation=scenes.looking(eye, (0.0, 0.0, 0.5))
+    )
+    seen = []
+    for first, second in (("up", "low"), ("low", "up")):
+        path = f'<tendon><spatial width=".1"><site site="{first}"/><site site="{second}"/></spatial></tendon>'
+        mjm = scenes.compile_xml(sites, more=path)
+        scene = wc.from_mujoco(mjm, scenes.forward(mjm), device=device, draw=("tendons",))
+        seen.append(scenes.look(scene, camera))
+    down, up = seen
+    hit = np.isfinite(up["depth"]) & np.isfinite(down["depth"])
+    assert hit.sum() > 50
+    assert (np.isfinite(up["depth"]) == np.isfinite(down["depth"])).mean() > 0.998
+    assert np.abs(down["depth"][hit] - up["depth"][hit]).max() < 1e-4
+    np.testing.assert_allclose(np.linalg.norm(down["normals"][hit], axis=-1), 1.0, atol=1e-5)
+    assert np.abs(down["normals"][hit] - up["normals"][hit]).max() < 5e-3

@@ -1,4 +1,5 @@
 """No ray slips through a closed mesh: a million rays at points, edges and vertices, near the origin and far from it.
+Nor through a cylinder where its cap and its side meet, nor through a height field where its base and its sides do.
 
 One world a ray, with a camera of one pixel. The meshes are looked at from the inside (wound to face inwards, so that
 their fronts are there), and from the outside, where a ray that passes a front face may not come out at nothing.
@@ -144,3 +145,39 @@ def test_a_hole_is_found(device: wp.Device) -> None:
     inside = random.uniform(-0.2, 0.2, (RAYS, 3)).astype(np.float32)
     found = leaks(scene_of(device, vertices, faces[1:, ::-1]), inside, targets(vertices, faces, "points", random))
     assert 0 < found < 30
+
+
+@pytest.mark.parametrize("distance", [6.0, 60.0, 600.0])
+@pytest.mark.parametrize("size", [(1.0, 1.0), (1.0, 0.01), (0.05, 1.0)])
+def test_no_leak_at_the_rim_of_a_cylinder(device: wp.Device, size: tuple[float, float], distance: float) -> None:
+    """Rays to that half of a rim behind which the cap lies on the one side and the side on the other."""
+    random, side = np.random.default_rng(7), 200
+    radius, half = size
+    eye = np.array((0.0, -0.8, 0.6), np.float32) * np.float32(distance)
+    angle = random.uniform(-1.2, 1.2, (side, side))
+    rim = np.stack((radius * np.sin(angle), -radius * np.cos(angle), np.full(angle.shape, half)), axis=-1)
+    camera = scenes.own_camera(
+        width=side, height=side, lens=wc.Rays(rim - eye), position=eye, outputs=("segmentation", "distance")
+    )
+    mjm = scenes.compile_xml(scenes.geom_xml("cylinder", size=size))
+    seen = scenes.look(wc.from_mujoco(mjm, scenes.forward(mjm), device=device), camera)
+    assert (seen["segmentation"] != 0).sum() == 0
+    assert np.abs(seen["distance"][0] - np.linalg.norm(rim - eye, axis=-1)).max() < 2e-4 * (1.0 + distance * 0.1)
+
+
+@pytest.mark.parametrize("distance", [2.0, 20.0, 200.0])
+def test_no_leak_at_the_bottom_of_a_height_field(device: wp.Device, distance: float) -> None:
+    """Rays to two edges of the base, from below."""
+    random, side = np.random.default_rng(7), 200
+    mjm = scenes.compile_xml(scenes.geom_xml("hfield"), assets=scenes.ASSETS)
+    half_x, half_y, _, base = mjm.hfield_size[0]
+    eye = np.array((-0.5, -0.7, -0.6), np.float32) * np.float32(distance)
+    along, first = random.uniform(-1.0, 1.0, (side, side)), random.uniform(size=(side, side)) < 0.5
+    x, y = np.where(first, along * half_x, -half_x), np.where(first, -half_y, along * half_y)
+    edge = np.stack((x, y, np.full(along.shape, -base)), axis=-1)
+    camera = scenes.own_camera(
+        width=side, height=side, lens=wc.Rays(edge - eye), position=eye, outputs=("segmentation", "distance")
+    )
+    seen = scenes.look(wc.from_mujoco(mjm, scenes.forward(mjm), device=device), camera)
+    assert (seen["segmentation"] != 0).sum() == 0
+    assert np.abs(seen["distance"][0] - np.linalg.norm(edge - eye, axis=-1)).max() < 1e-4 * (1.0 + distance)

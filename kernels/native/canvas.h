@@ -164,7 +164,7 @@ template <int TYPES, int LENS, int OUTPUTS, class List, int TALL_, class Target,
             if (is_blind(ray(i, j)))
                 hit.depth = -1.0f;
         if (!first_pass && inside(i, j) && target.shape.data[at(i, j)] >= 0)
-            hit.depth = target.depth.data[at(i, j)];
+            hit.depth = just_beyond(target.depth.data[at(i, j)]);
         return hit;
     }
 

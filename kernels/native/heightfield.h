@@ -140,7 +140,10 @@ WARPCAM_FN void walk_height_field(const HeightFields& fields, const Record& reco
         const float gap_middle = split ? gap + closing * middle : gap_end;
         if (t == begin) {
             above = gap_begin > 0.0f;
-            if (!above && begin == enter && enter > near && muladd(begin, d.z, o.z) >= -base) {  // at a side
+            // Whether it comes in by the base is asked as above, so that none is lost between that and a side.
+            const bool over_base = d.z > 0.0f ? !((-base - o.z) * reciprocal(nonzero(d.z)) > enter)
+                                              : muladd(begin, d.z, o.z) >= -base;
+            if (!above && begin == enter && enter > near && over_base) {  // at a side
                 hit.depth = begin;
                 hit.shape = record.axis_y.w;
                 hit.face = -1;

@@ -94,6 +94,8 @@ WARPCAM_APART inline void walk_packet(const HeightFields& fields, const Record& 
     const Ints row_bits = y.flip ^ 1 << levels;
     const Floats fall = falls ? rate : (Floats)0.0f, fall_at = falls ? level_at : (Floats)-FAR_AWAY;
     const Floats dx = x.direction(), dy = y.direction(), turn = dx - dy, unturn = -1.0f / turn;
+    const Ints over_base = dz > 0.0f ? ~(floor > enter) : (Ints)(muladd(begin, dz, oz) >= -base);
+    const Ints by_side = (begin == enter) & (enter > near) & over_base;
     Floats t = begin;
     Ints i = x.cell(t), j = y.cell(t);
     Ints level = (Ints)lower_int(FIRST_LEVEL, ((levels + 1) & ~1) - 1);
@@ -132,7 +134,7 @@ WARPCAM_APART inline void walk_packet(const HeightFields& fields, const Record& 
         const Floats gap_middle = split ? gap + closing * middle : gap_end;
         const Ints starts = walks & (t == begin);
         above = starts ? gap_begin > 0.0f : above;
-        const Ints at_side = starts & ~above & (begin == enter) & (enter > near) & (muladd(begin, dz, oz) >= -base);
+        const Ints at_side = starts & ~above & by_side;
         const Ints in_first = above & ~(gap_middle > 0.0f);
         const Ints in_second = (gap_middle > 0.0f) & ~(gap_end > 0.0f);
         const Ints ends = walks & (at_side | in_first | in_second);

@@ -11,6 +11,10 @@ template <int TYPES, class Face> WARPCAM_FN int stored_face(Face face)
     return (TYPES >> HEIGHT_FIELD & 1) && sizeof(Face) == 2 && face == static_cast<Face>(-1) ? -1 : int(face);
 }
 
+// Up to where a pass looks for what is seen, after one that has found something so far away: of shapes at one place the
+// later is seen, as within a pass.
+WARPCAM_FN float just_beyond(float depth) { return as_float(as_int(depth) + 1); }
+
 WARPCAM_FN Vec turned(const Matrix& m, Vec v)
 {
     return { m.at[0][0] * v.x + m.at[0][1] * v.y + m.at[0][2] * v.z,

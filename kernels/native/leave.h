@@ -4,21 +4,9 @@
 
 namespace warpcam {
 
-// Radius 1, half length 1.
-WARPCAM_FN float leave_cylinder(Vec o, Vec d)
-{
-    const Side side = enter_side(o, { -d.x, -d.y, -d.z });
-    const bool on_side = side.hit & (magnitude(o.z - side.t * d.z) <= 1.0f);
-    const float cap = ((d.z < 0.0f ? -1.0f : 1.0f) - o.z) * reciprocal(nonzero(d.z));
-    const float cx = o.x + cap * d.x, cy = o.y + cap * d.y;
-    return on_side ? -side.t : cx * cx + cy * cy <= 1.0f ? cap : FAR_AWAY;
-}
-
 // FAR_AWAY where the ray misses. Of planes, cones and barrels always.
 template <int TYPE> WARPCAM_FN float leave(const Record& record, Ray ray)
 {
-    if (TYPE == CYLINDER)
-        return leave_cylinder(ray.origin, ray.direction);
     if (TYPE == PLANE || TYPE == CONE || TYPE == BARREL)
         return FAR_AWAY;
     const float t = enter<TYPE>(record, { ray.origin, -ray.direction });

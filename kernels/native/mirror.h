@@ -46,7 +46,7 @@ template <int TYPES, int LENS, bool FACES, class Target> struct MirrorCanvas {
     {
         Hit hit { shows(i, j) ? camera.far : -1.0f, -1, -1 };
         if (!first_pass && hit.depth > 0.0f && target.shape.data[at(i, j)] >= 0)
-            hit.depth = target.depth.data[at(i, j)];
+            hit.depth = just_beyond(target.depth.data[at(i, j)]);
         return hit;
     }
 

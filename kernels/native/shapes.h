@@ -49,26 +49,37 @@ WARPCAM_FN float enter_box(Vec o, Vec d)
     return enter <= leave ? enter : FAR_AWAY;
 }
 
-// The endless cylinder of radius 1 about z.
-WARPCAM_FN Side enter_side(Vec o, Vec d)
+// When a ray is within the endless cylinder of radius 1 about z: between `middle` less `reach` and more.
+struct Within {
+    float middle, reach;
+    bool hit;
+};
+
+WARPCAM_FN Within within_side(Vec o, Vec d)
 {
     const float inverse = reciprocal(upper(d.x * d.x + d.y * d.y, 1.0e-30f));
     const float middle = -(o.x * d.x + o.y * d.y) * inverse;
     const float fx = o.x + middle * d.x, fy = o.y + middle * d.y;
     const float gap = 1.0f - (fx * fx + fy * fy);
-    return { middle - root(upper(gap, 0.0f) * inverse), gap >= 0.0f };
+    return { middle, root(upper(gap, 0.0f) * inverse), gap >= 0.0f };
 }
 
-// Radius 1, half length 1.
+WARPCAM_FN Side enter_side(Vec o, Vec d)
+{
+    const Within side = within_side(o, d);
+    return { side.middle - side.reach, side.hit };
+}
+
+// Radius 1, half length 1. Where the cap and the side meet no ray is lost between them, as it would be if each had to be met
+// within its own edge.
 WARPCAM_FN float enter_cylinder(Vec o, Vec d)
 {
-    const Side side = enter_side(o, d);
-    const bool on_side = side.hit & (magnitude(o.z + side.t * d.z) <= 1.0f);
-    // the cap that faces the ray
-    const float cap = ((d.z < 0.0f ? 1.0f : -1.0f) - o.z) * reciprocal(nonzero(d.z));
-    const float cx = o.x + cap * d.x, cy = o.y + cap * d.y;
-    const bool on_cap = (cx * cx + cy * cy <= 1.0f) & (cap > 0.0f);
-    return on_side ? side.t : on_cap ? cap : FAR_AWAY;
+    const Within side = within_side(o, d);
+    const float rate = reciprocal(nonzero(d.z));
+    const float cap = ((rate < 0.0f ? 1.0f : -1.0f) - o.z) * rate;  // the one that faces the ray
+    const float enter = upper(side.middle - side.reach, cap);
+    const float leave = lower(side.middle + side.reach, cap + 2.0f * magnitude(rate));
+    return (side.hit & (enter <= leave)) ? enter : FAR_AWAY;
 }
 
 // Radius 1, half length `half`.
@@ -84,18 +95,22 @@ WARPCAM_FN float enter_capsule(Vec o, Vec d, const Side& side, float half)
 // one by which a ray comes into it is the same for both halves of the double cone.
 WARPCAM_FN float enter_cone(Vec o, Vec d)
 {
+    constexpr float ROUNDING = 1.0e-6f;
     const float middle = -dot(o, d) * reciprocal(dot(d, d));  // from the point nearest to the centre numbers are small
     const float x = o.x + middle * d.x, y = o.y + middle * d.y, z = o.z + middle * d.z;
     const float w = 0.5f * (1.0f - z), dw = -0.5f * d.z;
     const float a = d.x * d.x + d.y * d.y - dw * dw, b = x * d.x + y * d.y - w * dw, c = x * x + y * y - w * w;
-    const float square = b * b - a * c, r = root(upper(square, 0.0f));
+    // b * b - a * c, of what is small where a ray passes near to the tip
+    const float ex = x * dw - d.x * w, ey = y * dw - d.y * w, past = x * d.y - y * d.x;
+    const float square = ex * ex + ey * ey - past * past, r = root(upper(square, 0.0f));
     const float near = b > 0.0f ? -(b + r) * reciprocal(nonzero(a)) : c * reciprocal(nonzero(r - b));
     const float at = w + near * dw;
-    const bool on_side = (square >= 0.0f) & (at >= 0.0f) & (at <= 1.0f);
-    const float cap = (-1.0f - o.z) * reciprocal(nonzero(d.z));
-    const float cx = o.x + cap * d.x, cy = o.y + cap * d.y;
+    const bool on_side = (square >= 0.0f) & (at >= -ROUNDING) & (at <= 1.0f + ROUNDING);
+    const float cap = (-1.0f - z) * reciprocal(nonzero(d.z));  // where the side ends it is rounded alike
+    const float cx = x + cap * d.x, cy = y + cap * d.y;
     const bool on_cap = (d.z > 0.0f) & (cx * cx + cy * cy <= 1.0f);
-    return on_side ? middle + near : on_cap ? cap : FAR_AWAY;
+    // a ray through the base and the tip comes in by the base
+    return (on_cap | on_side) ? middle + (on_cap ? cap : near) : FAR_AWAY;
 }
 
 // End radius 1, half length `half`; the side is the arc of a circle of radius `arc`, turned about the axis. How far a

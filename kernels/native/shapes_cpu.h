@@ -30,35 +30,34 @@ inline Floats enter_boxes(Vecs o, Vecs d)
     return enter <= leave ? enter : (Floats)FAR_AWAY;
 }
 
-struct SideEntries {
-    Floats t;
+struct WithinSides {
+    Floats middle, reach;
     Ints hit;
 };
 
-inline SideEntries enter_sides(Vecs o, Vecs d)
+inline WithinSides within_sides(Vecs o, Vecs d)
 {
     const Floats none = 0.0f, inverse = reciprocal(upper(d.x * d.x + d.y * d.y, (Floats)1.0e-30f));
     const Floats middle = -(o.x * d.x + o.y * d.y) * inverse;
     const Floats fx = o.x + middle * d.x, fy = o.y + middle * d.y, gap = 1.0f - (fx * fx + fy * fy);
-    return { middle - root(upper(gap, none) * inverse), gap >= none };
+    return { middle, root(upper(gap, none) * inverse), gap >= none };
 }
 
 inline Floats enter_cylinders(Vecs o, Vecs d)
 {
-    const SideEntries side = enter_sides(o, d);
-    const Ints on_side = side.hit & (magnitude(o.z + side.t * d.z) <= 1.0f);
-    const Floats cap = (-sign(d.z) - o.z) * reciprocal(nonzero(d.z));
-    const Floats cx = o.x + cap * d.x, cy = o.y + cap * d.y;
-    const Ints on_cap = (cx * cx + cy * cy <= 1.0f) & (cap > 0.0f);
-    return on_side ? side.t : on_cap ? cap : (Floats)FAR_AWAY;
+    const WithinSides side = within_sides(o, d);
+    const Floats rate = reciprocal(nonzero(d.z)), cap = (-sign(rate) - o.z) * rate;
+    const Floats enter = upper(side.middle - side.reach, cap);
+    const Floats leave = lower(side.middle + side.reach, cap + 2.0f * magnitude(rate));
+    return side.hit & (enter <= leave) ? enter : (Floats)FAR_AWAY;
 }
 
 inline Floats enter_capsules(Vecs o, Vecs d, float half)
 {
-    const SideEntries side = enter_sides(o, d);
-    const Floats z = o.z + side.t * d.z, top = half;
+    const WithinSides side = within_sides(o, d);
+    const Floats t = side.middle - side.reach, z = o.z + t * d.z, top = half;
     const Floats end = enter_spheres({ o.x, o.y, o.z - (z > 0.0f ? top : -top) }, d);
-    return side.hit ? (magnitude(z) <= top ? side.t : end) : (Floats)FAR_AWAY;
+    return side.hit ? (magnitude(z) <= top ? t : end) : (Floats)FAR_AWAY;
 }
 
 template <int TYPE> inline Floats enter_eight(const Record& record, Vecs o, Vecs d)

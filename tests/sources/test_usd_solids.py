@@ -70,6 +70,56 @@ def test_solids_about_an_axis(stage: Usd.Stage, kind: str, axis: str, even: bool
     check(scene, entries[kind], about(frame, axis), 2e-5 if even else 2e-3, 0.002 if even else 0.006)
 
 
+def test_base_of_a_cone_below_its_tip(stage: Usd.Stage, device: wp.Device) -> None:
+    """A ray along the axis meets the base, not the tip that it runs to."""
+    solid = UsdGeom.Cone.Define(stage, "/it")
+    solid.CreateRadiusAttr(0.4)
+    solid.CreateHeightAttr(1.6)
+    up = np.array((0.0, 0.0, -2.0)), quaternion(np.diag((1.0, -1.0, -1.0)))
+    for lens in (wc.Pinhole(fovy=40.0), wc.Orthographic(height=1.0)):
+        camera = wc.Camera("up", width=33, height=33, outputs=("depth",), lens=lens, position=up[0], rotation=up[1])
+        seen = wc.Renderer(wc.from_usd(stage, device=device), [camera]).render()["up"]["depth"][0, ..., 0].cpu().numpy()
+        assert np.isfinite(seen).sum() > 300
+        assert np.abs(seen - 1.2)[np.isfinite(seen)].max() < 1e-5
+
+
+def test_the_tip_of_a_cone_has_no_hole(stage: Usd.Stage, device: wp.Device) -> None:
+    """Rays from above to the tip, and to places a few millionths of the cone beside it."""
+    solid = UsdGeom.Cone.Define(stage, "/it")
+    solid.CreateRadiusAttr(0.4)
+    solid.CreateHeightAttr(1.6)
+    worlds, random = 400, np.random.default_rng(0)
+    tips = np.array((0.0, 0.0, 0.8)) + random.normal(size=(worlds, 3)) * np.geomspace(1e-7, 1e-4, worlds)[:, None]
+    aside = random.uniform(-0.12, 0.12, (worlds, 2))  # less than the cone's slope: all come into it
+    distances = random.uniform(0.5, 5.0, worlds)
+    away = np.concatenate((aside, np.ones((worlds, 1))), axis=1)
+    eyes = tips + distances[:, None] * away / np.linalg.norm(away, axis=1)[:, None]
+    rotations = np.stack([quaternion(look_at(eye, tip)) for eye, tip in zip(eyes, tips, strict=True)])
+    camera = wc.Camera(
+        "eye", width=1, height=1, outputs=("depth",), lens=wc.Pinhole(fovy=1.0), position=eyes, rotation=rotations
+    )
+    scene = wc.from_usd(stage, num_worlds=worlds, device=device)
+    seen = wc.Renderer(scene, [camera]).render()["eye"]["depth"].cpu().numpy().reshape(-1)
+    assert np.isfinite(seen).all()
+    assert np.abs(seen - distances).max() < 5e-3
+
+
+@pytest.mark.parametrize("distance", [2.0, 20.0, 200.0])
+def test_no_ray_is_lost_where_the_base_of_a_cone_meets_its_side(
+    stage: Usd.Stage, distance: float, device: wp.Device
+) -> None:
+    solid = UsdGeom.Cone.Define(stage, "/it")
+    solid.CreateRadiusAttr(0.4)
+    solid.CreateHeightAttr(1.6)
+    eye = distance * np.array((0.0, -0.9, -0.4))
+    angle = np.random.default_rng(0).uniform(-1.0, 1.0, (200, 200))
+    rim = np.stack((0.4 * np.sin(angle), -0.4 * np.cos(angle), np.full(angle.shape, -0.8)), axis=-1)
+    camera = wc.Camera("eye", width=200, height=200, outputs=("distance",), lens=wc.Rays(rim - eye), position=eye)
+    seen = wc.Renderer(wc.from_usd(stage, device=device), [camera]).render()["eye"]["distance"][0, ..., 0].cpu().numpy()
+    assert np.isfinite(seen).all()
+    assert np.abs(seen - np.linalg.norm(rim - eye, axis=-1)).max() < 1e-5 * (1.0 + distance)
+
+
 @pytest.mark.parametrize("scale", [(1.5, 1.5, -0.7), (-1.5, 1.5, 0.7), (-1.0, -1.0, -2.0), (1.2, -1.2, -1.2)])
 def test_cones_are_exact_when_mirrored(stage: Usd.Stage, scale: tuple, device: wp.Device) -> None:
     solid = UsdGeom.Cone.Define(stage, "/it")
