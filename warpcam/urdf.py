@@ -61,15 +61,26 @@ def _with_visuals(path: Path) -> str:
     compiler = extension.find("compiler")
     if compiler is None:
         compiler = ElementTree.SubElement(extension, "compiler")
-    here = path.resolve().parent
-    folders = (here / compiler.get("meshdir", compiler.get("assetdir", ".")), here)
     compiler.set("strippath", "false")
-    for mesh in robot.iter("mesh"):
-        if mesh.get("filename"):
-            mesh.set("filename", _found(mesh.get("filename", ""), folders))
+    find_files(robot, path, compiler.get("meshdir", compiler.get("assetdir", ".")))
     for name, value in SETTINGS.items():
         compiler.set(name, compiler.get(name, value))
     return ElementTree.tostring(robot, encoding="unicode")
+
+
+def find_files(robot: ElementTree.Element, path: Path, folder: str = ".") -> None:
+    """Give the files that a robot names, those of its meshes and textures, whole paths.
+
+    Args:
+        robot: The root of a URDF file.
+        path: Where that is.
+        folder: Where its files are looked for first, from there.
+    """
+    here = path.resolve().parent
+    for tag in ("mesh", "texture"):
+        for named in robot.iter(tag):
+            if name := named.get("filename"):
+                named.set("filename", _found(name, (here / folder, here)))
 
 
 def _found(name: str, folders: Sequence[Path]) -> str:

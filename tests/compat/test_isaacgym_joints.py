@@ -148,3 +148,32 @@ def test_velocities_and_contact_forces_of_bodies() -> None:
     weight = 9.81 * GYM.get_actor_rigid_body_properties(envs[1], 0)[0].mass
     assert forces.dtype == gymapi.Vec3.dtype and forces["z"].tolist() == pytest.approx([0.0, weight], rel=0.02)
     assert GYM.get_env_rigid_contact_forces(envs[1])["z"].tolist() == [forces["z"][1]]
+
+
+def test_a_bodys_joints_of_a_urdf_file_come_by_name(tmp_path: Path) -> None:
+    legs = ("FR", "FL", "RR", "RL")  # as in the file of a robot of Unitree's; hips first, then the rest
+    links = "".join(
+        LINK.format(name) for name in ("trunk", *(f"{leg}_{part}" for part in ("hip", "calf") for leg in legs))
+    )
+    joints = [JOINT.format(f"{leg}_calf_joint", "revolute", f"{leg}_hip", f"{leg}_calf", 0) for leg in legs]
+    joints += [JOINT.format(f"{leg}_hip_joint", "revolute", "trunk", f"{leg}_hip", 0) for leg in legs]
+    (tmp_path / "dog.urdf").write_text(f'<robot name="dog">{joints[0]}{links}{"".join(joints[1:])}</robot>')
+    asset = GYM.load_asset(new_sim(wp.get_device("cpu")), str(tmp_path), "dog.urdf", gymapi.AssetOptions())
+    ordered = [f"{leg}_{part}" for leg in ("FL", "FR", "RL", "RR") for part in ("hip", "calf")]
+    assert GYM.get_asset_rigid_body_names(asset) == ["trunk", *ordered]
+    assert GYM.get_asset_dof_names(asset) == [f"{name}_joint" for name in ordered]
+
+
+@pytest.mark.parametrize(
+    "named", ["plate.obj", "meshes/plate.obj", "../dog/meshes/plate.obj", "package://dog/meshes/plate.obj"]
+)
+def test_meshes_of_a_urdf_file_are_found(tmp_path: Path, named: str) -> None:
+    folder = tmp_path / "dog"
+    path = folder / "meshes" / "plate.obj" if "meshes" in named else folder / "plate.obj"
+    path.parent.mkdir(parents=True)
+    path.write_text("v 0 0 0\nv 2 0 0\nv 0 2 0\nv 0 0 2\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n")
+    shape = f'<collision><geometry><mesh filename="{named}"/></geometry></collision>'
+    (folder / "dog.urdf").write_text(f'<robot name="dog"><link name="plate">{shape}</link></robot>')
+    asset = GYM.load_asset(new_sim(wp.get_device("cpu")), str(folder), "dog.urdf", gymapi.AssetOptions(density=30.0))
+    assert GYM.get_asset_rigid_shape_count(asset) == 1
+    assert asset.masses["mass"].sum() == pytest.approx(30.0 * 8.0 / 6.0, rel=1e-3)

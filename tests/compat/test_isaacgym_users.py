@@ -266,9 +266,9 @@ def test_shapes_that_only_look_are_not_among_rigid_shapes(tmp_path: Path) -> Non
     shapes = {"trunk": seen + seen + felt, "lamp": seen, "foot": seen + felt, "bump": felt}
     links = "".join(f'<link name="{name}">{INERTIAL.format(1)}{both}</link>' for name, both in shapes.items())
     joints = "".join(
-        f'<joint name="to_{name}" type="{kind}"><parent link="trunk"/><child link="{name}"/><axis xyz="0 1 0"/>'
+        f'<joint name="{place}" type="{kind}"><parent link="trunk"/><child link="{name}"/><axis xyz="0 1 0"/>'
         '<limit lower="-1" upper="1" effort="9" velocity="9"/></joint>'
-        for name, kind in (("lamp", "revolute"), ("foot", "revolute"), ("bump", "fixed"))
+        for place, (name, kind) in enumerate((("lamp", "revolute"), ("foot", "revolute"), ("bump", "fixed")))
     )
     (tmp_path / "dog.urdf").write_text(f'<robot name="dog">{links}{joints}</robot>')
     sim = new_sim(wp.get_device("cpu"))

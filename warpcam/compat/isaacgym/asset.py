@@ -12,6 +12,7 @@ import newton
 import numpy as np
 import warp as wp
 
+from warpcam import urdf
 from warpcam.compat.isaacgym.fused import Builder
 from warpcam.compat.isaacgym.kinds import DOF_PROPERTIES, DOF_STATE, DofDriveMode, DofType
 from warpcam.compat.isaacgym.maths import Transform
@@ -180,7 +181,7 @@ def load(root: Any, file: Any, options: AssetOptions, up: newton.Axis) -> Asset:
     builder = Builder(up_axis=newton.Axis.Z)
     builder.default_shape_cfg.density = _density(options, "load_asset")
     readers: dict[str, Callable[[], Any]] = {
-        ".urdf": lambda: builder.add_urdf(str(path), floating=not options.fix_base_link),
+        ".urdf": lambda: builder.add_urdf(_in_order(path), floating=not options.fix_base_link),
         ".xml": lambda: builder.add_mjcf(str(path), floating=False if options.fix_base_link else None),
         ".usd": lambda: builder.add_usd(str(path), floating=False if options.fix_base_link else None),
     }
@@ -224,6 +225,17 @@ def _density(options: AssetOptions, where: str) -> float:
     if not 0.0 <= density < math.inf:
         raise WarpcamError(f"{where}: AssetOptions.density must be finite and not negative, got {options.density!r}")
     return density
+
+
+def _in_order(path: Path) -> str:
+    """A URDF file's text with its joints by name: so Isaac Gym goes through those of a body, each with all below it."""
+    robot = ElementTree.parse(path).getroot()
+    places = [place for place, child in enumerate(robot) if child.tag == "joint"]
+    joints = sorted((robot[place] for place in places), key=lambda joint: joint.get("name", ""))
+    for place, joint in zip(places, joints, strict=True):
+        robot[place] = joint
+    urdf.find_files(robot, path)
+    return ElementTree.tostring(robot, encoding="unicode")
 
 
 def _held(path: Path) -> set[str]:
