@@ -236,7 +236,7 @@ def record(
         more = (MIRRORED if mirrored else REFLECTS) if mirrors is not None else 0
         if layers.veiled:
             more |= VEILED | (NOTED if noted else 0)
-            veils = -(-layers.veils.size // 8) * 8
+            veils = _room(layers.veils.size, 8, device)
         if layers.haze is not None and tables.has_skybox and not mirrored:
             more |= HAZY
     varied = facts_of(tables.variety, tables.headlights)
@@ -290,7 +290,7 @@ def record(
         facts |= STRIPS * in_strips | HAS_MIPS * (in_strips and tables.has_mips)
     unit = -(-width // region[0]) * -(-height // region[1]) * (THREADS if device.is_cuda else 1)  # threads a world
     types = in_order(types, len(group.worlds) * unit, device)
-    kernel = _kernel(types, LENSES[lens], _capacity(tables), *region, wanted, facts, frame_type, veils)
+    kernel = _kernel(types, LENSES[lens], _capacity(tables, device), *region, wanted, facts, frame_type, veils)
     inputs = [
         frame,
         images,
@@ -323,10 +323,18 @@ def has_strips(shape_types: Collection[int], num_drawn: int) -> bool:
     return PLANE in shape_types and num_drawn <= MAX_STRIPS
 
 
-def _capacity(tables: Tables) -> int:
+def _capacity(tables: Tables, device: wp.Device) -> int:
     """Shapes whose looks a block keeps, all or those that it sees, in few sizes; 0 for scenes too large for it."""
-    step = 16 if tables.num_drawn <= MAX_KEPT else 256
-    return -(-tables.num_drawn // step) * step if tables.num_drawn <= MAX_SEEN else 0
+    if tables.num_drawn > MAX_KEPT:
+        return MAX_SEEN if tables.num_drawn <= MAX_SEEN else 0
+    return _room(tables.num_drawn, 16, device)
+
+
+def _room(count: int, step: int, device: wp.Device) -> int:
+    """Room for so many, a multiple of a step, so that scenes share kernels; on a CPU, whose room is large, of 32."""
+    if device.is_cpu and count > 2 * step:
+        step = 32
+    return -(-count // step) * step
 
 
 def facts_of_looks(tables: Tables, shadows: bool = False) -> int:

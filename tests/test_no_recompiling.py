@@ -114,6 +114,24 @@ def test_other_values_need_no_other_kernels(options: dict[str, Any], device: wp.
     assert loads == []
 
 
+def test_mazes_with_other_numbers_of_walls_share_kernels(loads: list[str]) -> None:
+    """On a CPU, where a program that builds a maze anew for each episode would wait for each number of walls."""
+    for walls in (66, 90):
+        standing = "".join(f'<geom type="plane" size=".2 .2 .1" pos="{k % 10} {k // 10} 0"/>' for k in range(walls))
+        inside = f'<light pos="0 0 3"/><geom size=".3" pos="0 0 1" rgba="1 0 0 .5"/>{standing}'
+        mjm = mujoco.MjModel.from_xml_string(f"<mujoco><worldbody>{inside}</worldbody></mujoco>")
+        mjd = mujoco.MjData(mjm)
+        mujoco.mj_forward(mjm, mjd)
+        scene = wc.from_mujoco(mjm, mjd, device="cpu")
+        own = {"position": (0.0, 0.0, 5.0), "lens": wc.Pinhole(fovy=60.0)}
+        loads.clear()
+        image = wc.Renderer(scene, [wc.Camera("mine", width=16, height=12, shadows=True, **own)]).render()["mine"][
+            "rgb"
+        ]
+        assert image.numpy().std() > 1.0
+    assert loads == []
+
+
 def test_the_loads_are_counted(device: wp.Device, loads: list[str]) -> None:
     """Or the tests above would find none whatever happens: an output nobody asked for yet needs a kernel."""
     scene = Simulation(device).scene
