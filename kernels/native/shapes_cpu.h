@@ -49,7 +49,7 @@ inline Floats enter_cylinders(Vecs o, Vecs d)
     const Floats rate = reciprocal(nonzero(d.z)), cap = (-sign(rate) - o.z) * rate;
     const Floats enter = upper(side.middle - side.reach, cap);
     const Floats leave = lower(side.middle + side.reach, cap + 2.0f * magnitude(rate));
-    return side.hit & (enter <= leave) ? enter : (Floats)FAR_AWAY;
+    return (side.hit & (enter <= leave)) ? enter : (Floats)FAR_AWAY;
 }
 
 inline Floats enter_capsules(Vecs o, Vecs d, float half)
