@@ -1,12 +1,16 @@
 """Stages for tests, and images of them."""
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
+from PIL import Image
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdShade
 from views import Around
 
 import warpcam as wc
+
+QUARTERS = np.array([[[255, 0, 0], [0, 255, 0]], [[0, 0, 255], [200, 100, 50]]], np.uint8)  # from the top
 
 
 def metric(stage: Usd.Stage, unit: float = 1.0, up: str = "Z") -> Usd.Stage:
@@ -75,3 +79,38 @@ def expected(entry: Any, frame: np.ndarray, around: Around) -> np.ndarray:
     rays = around.rays()
     t, _ = entry(np.broadcast_to(back[:3, :3] @ around.eye + back[:3, 3], rays.shape), rays @ back[:3, :3].T)
     return t.reshape(around.size, around.size)
+
+
+def save_image(path: Path, pixels: np.ndarray = QUARTERS, times: int = 16) -> Path:
+    Image.fromarray(pixels.repeat(times, axis=0).repeat(times, axis=1)).save(path)
+    return path
+
+
+def bind(prim: Any, stage: Usd.Stage, path: str) -> None:
+    UsdShade.MaterialBindingAPI.Apply(prim.GetPrim()).Bind(UsdShade.Material.Get(stage, path))
+
+
+def textured_square(stage: Usd.Stage, file: str, *, uvs: Any = None, how: str = "vertex", **inputs: Any) -> Any:
+    """A square 2 m wide, seen from above, with an image on it; returns its surface and the texture's reader."""
+    square = add_square(stage, "/it")
+    uvs = [(0, 0), (1, 0), (1, 1), (0, 1)] if uvs is None else uvs
+    primvar = UsdGeom.PrimvarsAPI(square).CreatePrimvar("st", Sdf.ValueTypeNames.TexCoord2fArray, how)
+    primvar.Set([tuple(map(float, uv)) for uv in uvs])
+    surface = add_material(stage, "/Looks/m", diffuseColor=(0.5, 0.5, 0.5))
+    reader = UsdShade.Shader.Define(stage, "/Looks/m/uv")
+    reader.CreateIdAttr("UsdPrimvarReader_float2")
+    reader.CreateInput("varname", Sdf.ValueTypeNames.String).Set("st")
+    texture = UsdShade.Shader.Define(stage, "/Looks/m/tex")
+    texture.CreateIdAttr("UsdUVTexture")
+    texture.CreateInput("file", Sdf.ValueTypeNames.Asset).Set(file)
+    texture.CreateInput("st", Sdf.ValueTypeNames.Float2).ConnectToSource(reader.ConnectableAPI(), "result")
+    for name, value in inputs.items():
+        kind = Sdf.ValueTypeNames.Float4 if isinstance(value, tuple) else Sdf.ValueTypeNames.Token
+        texture.CreateInput(name, kind).Set(Gf.Vec4f(*value) if isinstance(value, tuple) else value)
+    surface.GetInput("diffuseColor").ConnectToSource(texture.ConnectableAPI(), "rgb")
+    bind(square, stage, "/Looks/m")
+    return surface, texture
+
+
+def albedo(scene: wc.Scene, span: float = 2.0, world: int = 0) -> np.ndarray:
+    return image(scene, "albedo", above(3.0, 32, span, "albedo"), world)
