@@ -87,27 +87,19 @@ class Scene:
         self._masked = pack_masks(parts.meshes, self._textures, self._meshes, self.device)
         self._splats = self._pack_splats()
         self._drawn, self._casting = (
-            None if columns is None else wp.array(np.asarray(columns, np.int32), dtype=wp.int32, device=self.device)
-            for columns in (parts.drawn, parts.casting)
+            None if columns is None else self._ints(columns) for columns in (parts.drawn, parts.casting)
         )
         places = np.full(len(parts.shape_types), -1, np.int32)
         places[np.asarray(parts.drawn, np.int64)] = np.arange(len(parts.drawn))
-        self._places, self._types, self._bodies, self._coincident = (
-            wp.array(values, dtype=wp.int32, device=self.device)
-            for values in (places, parts.shape_types, parts.shape_bodies, parts.coincident)
+        self._places, self._types, self._bodies, self._coincident = map(
+            self._ints, (places, parts.shape_types, parts.shape_bodies, parts.coincident)
         )
         self._labels = {
-            name: wp.array(
-                np.atleast_2d(np.full(len(parts.shape_types), no) if values is None else values),
-                dtype=wp.int32,
-                ndim=2,
-                device=self.device,
-            )
+            name: self._ints(np.atleast_2d(np.full(len(parts.shape_types), no) if values is None else values))
             for name, values, no in (("instances", parts.shape_instances, -1), ("semantics", parts.shape_semantics, 0))
         }
         self._ids, self._body_ids = (
-            wp.array(np.zeros((0, 0), np.int32) if ids is None else ids, dtype=wp.int32, ndim=2, device=self.device)
-            for ids in (parts.shape_ids, parts.body_ids)
+            self._ints(np.zeros((0, 0), np.int32) if ids is None else ids) for ids in (parts.shape_ids, parts.body_ids)
         )
         self._layers = parts.layers.tables(len(parts.shape_types), self.device)
         source.refresh()
@@ -358,6 +350,9 @@ class Scene:
         shapes.ids, shapes.body_ids = self._ids, self._body_ids
         _fill(shapes, "shape_", arrays)
         return shapes
+
+    def _ints(self, values: Any) -> wp.array:
+        return wp.array(np.asarray(values, np.int32), dtype=wp.int32, device=self.device)
 
     def _pack_splats(self) -> Packed | None:
         columns = self._clouds()
