@@ -103,3 +103,16 @@ def test_worlds_have_a_haze_each(device: wp.Device) -> None:
     )["rgb"]
     np.testing.assert_array_equal(seen[0], alone[0])
     assert (seen[1] != seen[0]).any()
+
+
+SKY = '<texture type="skybox" builtin="flat" mark="cross" rgb1=".2 .4 .6" markrgb="1 1 0" width="64" height="64"/>'
+PARALLEL = '<camera projection="orthographic" fovy="{}" pos="1 2 .5" xyaxes="{}"/>'
+
+
+@pytest.mark.parametrize("glass", ["", '<geom type="box" size=".4 .4 .4" pos="1 6 .5" rgba="1 0 0 .5"/>'])
+@pytest.mark.parametrize("axes", ["1 0 0 0 .2 1", "1 0 0 0 1 0", "0 1 .1 -.3 -.1 1"])
+def test_parallel_rays_see_as_much_of_the_skybox_as_they_span(device: wp.Device, axes: str, glass: str) -> None:
+    world = f'<geom size=".1" pos="1 3 .5"/>{glass}{PARALLEL.format(6, axes)}'
+    mjm = scenes.compile_xml(world, assets=SKY, more='<statistic extent="3"/>')
+    seen = colour_reference.check(mjm, device, differs=False, most=0.004)
+    assert len(np.unique(seen.reshape(-1, 3), axis=0)) > 9

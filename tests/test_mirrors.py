@@ -62,6 +62,16 @@ def test_a_box_seen_from_below_reflects_nothing(device: wp.Device) -> None:
     colour_reference.check(mjm, device, differs=False)
 
 
+def test_a_floor_seen_from_below_is_seen_through_in_a_mirror_above_it(device: wp.Device) -> None:
+    mjm = scenes.compile_xml(
+        '<geom type="box" size="1 1 .1" pos="0 0 1.2" euler="120 0 0" material="mirror"/>'
+        '<geom type="plane" size="3 3 .5" rgba=".5 .9 .2 1"/><geom size=".2" pos="0 .3 .5" rgba="1 .2 .2 1"/>'
+        '<camera pos="0 -3 -.5" xyaxes="1 0 0 0 -.4 1" fovy="50"/>' + LIGHT,
+        assets=ASSETS,
+    )
+    colour_reference.check(mjm, device, transparency=True)
+
+
 def test_own_colour_and_what_is_mirrored_add_up(device: wp.Device) -> None:
     mjm = scenes.compile_xml(
         '<geom type="plane" size="2 2 .1" rgba=".2 .3 .1 1" material="mirror"/>'

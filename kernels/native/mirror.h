@@ -74,6 +74,19 @@ template <int TYPES, int LENS, bool FACES, class Target> struct MirrorCanvas {
     }
 };
 
+// Is the shape a plane with its back to `eye`? MuJoCo's renderer then has it seen through wherever it stands, in mirrors too: it is
+// among the veils.
+template <int TYPES, class Shapes> WARPCAM_FN bool turned_away(const Shapes& shapes, Vec eye, int world, int id)
+{
+    if constexpr ((TYPES >> PLANE & 1) != 0)
+        if (wp::index(shapes.types, id) == PLANE) {
+            const auto r = wp::index(shapes.rotations, world, id);
+            const Vec away = eye - to_vec(wp::index(shapes.positions, world, id));
+            return r.data[0][2] * away.x + r.data[1][2] * away.y + r.data[2][2] * away.z < 0.0f;
+        }
+    return false;
+}
+
 // The index runs as in draw().
 template <int TYPES, int LENS, int CAPACITY, bool SEVERAL, int WIDTH, int HEIGHT, bool FACES, class Shapes,
           class Materials, class Meshes, class HeightFields, class Views, class Target>
@@ -98,8 +111,10 @@ WARPCAM_FN void draw_mirrored(const Shapes& shapes, const Materials& materials, 
     const MirrorCanvas<TYPES, LENS, FACES, Target> canvas { target,        camera,          region,
                                                             world, plane_of(mirror), mirror.shape };
     const int itself = mirror.shape;
+    const Vec eye = to_vec(mirror.eye);
     const auto hidden = [&](int id) {
-        return id == itself || !solid(shapes, materials, target.veil_places, world, id);
+        return id == itself || !solid(shapes, materials, target.veil_places, world, id)
+            || turned_away<TYPES>(shapes, eye, world, id);
     };
     draw_region<TYPES, LENS, false, SEVERAL>(list, canvas, shapes, meshes, fields, hidden, [] {}, world, thread);
 }

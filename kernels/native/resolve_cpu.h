@@ -251,8 +251,19 @@ WARPCAM_APART inline void paint_background(const List& lights, const Scene_& sce
             rows.find(pixels + first, some, x, y);
             rows.steps(pixels + first, some, x, y, right, down);
             beams_of<LENS>(x, y, beams);
-            sample_cubes(scene.textures.texels.data, levels, to_sky(beams.direction), to_sky(right.direction),
-                         to_sky(down.direction), color);
+            if (LENS == ORTHOGRAPHIC && scene.frame.horizon > 0.0f) {
+                const auto upright = [&](Vecs v) {
+                    const Vecs d = to_sky(v);
+                    return Vecs { d.x, -d.z, d.y };
+                };
+                const Vecs place = place_on_sky(upright(beams.start), upright(beams.direction),
+                                                (Floats)(SKY_DISTANCE * scene.frame.horizon));
+                sample_cubes(scene.textures.texels.data, levels, Vecs { place.x, place.z, -place.y }, to_sky(right.start),
+                             to_sky(down.start), color);
+            } else {
+                sample_cubes(scene.textures.texels.data, levels, to_sky(beams.direction), to_sky(right.direction),
+                             to_sky(down.direction), color);
+            }
         }
         Vecs linear = color, display = color;
         if constexpr ((FACTS & PHYSICAL) != 0) {

@@ -178,7 +178,7 @@ WARPCAM_FN void resolve_pixel(const Looks* looks, const List& lights, const Scen
         if (!seen) {
             shown.linear = shown.display = FACTS & MIRRORED
                 ? black
-                : background_color<LENS, FACTS>(scene.textures, background_of<FACTS>(scene, world), camera, x, y);
+                : background_color<LENS, FACTS>(scene.textures, background_of<FACTS>(scene, world), camera, frame.horizon, x, y);
             if constexpr (Wants::COATED) {
                 shown.linear = decoded(shown.linear);
                 if constexpr ((FACTS & HAS_SKYBOX) != 0) {

@@ -35,17 +35,35 @@ template <int FACTS, class Scene_> WARPCAM_FN decltype(auto) background_of(const
     }
 }
 
-// Colour where nothing is hit. The skybox lies on its side: its y axis is the world's z.
+constexpr float SKY_DISTANCE = 0.7f;  // of the skybox, as a part of how far MuJoCo's camera sees: SKYBOX of mujoco_layers.py
+
+// Where a ray ends that begins at `start`, counted from the eye, and runs along `ray`: on the skybox, see haze.h. For lenses whose
+// rays are parallel: they see it as wide as they are.
+template <class Number, class Vector> WARPCAM_FN Vector place_on_sky(Vector start, Vector ray, Number radius)
+{
+    const Number none = 0.0f, least = 1.0e-18f;
+    const Number along = start.x * ray.x + start.y * ray.y, square = ray.x * ray.x + ray.y * ray.y;
+    const Number rest = upper(radius * radius - start.x * start.x - start.y * start.y, none);
+    const Number aside = rest / upper(along + root(along * along + square * rest), least);
+    const Number upright = upper((radius - (ray.z < 0.0f ? -start.z : start.z)) / upper(magnitude(ray.z), least), none);
+    return start + lower(aside, upright) * ray;
+}
+
+// Colour where nothing is hit. The skybox lies on its side: its y axis is the world's z. `horizon`: see cells.h; 0: the skybox is
+// too far away to tell where rays begin.
 template <int LENS, int FACTS, class Textures, class Background>
-WARPCAM_FN Vec background_color(const Textures& textures, const Background& background, const Camera& camera, float x,
-                                float y)
+WARPCAM_FN Vec background_color(const Textures& textures, const Background& background, const Camera& camera, float horizon,
+                                float x, float y)
 {
     const Image image = FACTS & HAS_SKYBOX ? load_image(textures, background.skybox) : Image { 0, 0, 0, 0 };
     if ((FACTS & HAS_SKYBOX) && image.levels > 0) {
         const Vec none { 0.0f, 0.0f, 0.0f };
-        const Vec ray = turned(camera.rotation, ViewRay<LENS> { x, y }.direction());
-        Vec right = LENS == ORTHOGRAPHIC ? none : turned(camera.rotation, step_right<LENS>(camera, x, y, 1.0f));
-        Vec down = LENS == ORTHOGRAPHIC ? none : turned(camera.rotation, step_down<LENS>(camera, x, y, 1.0f));
+        const bool flat = LENS == ORTHOGRAPHIC && !(horizon > 0.0f);
+        Vec ray = turned(camera.rotation, ViewRay<LENS> { x, y }.direction());
+        Vec right = flat ? none : turned(camera.rotation, step_right<LENS>(camera, x, y, 1.0f));
+        Vec down = flat ? none : turned(camera.rotation, step_down<LENS>(camera, x, y, 1.0f));
+        if (LENS == ORTHOGRAPHIC && !flat)
+            ray = place_on_sky(turned(camera.rotation, { x, y, 0.0f }), ray, SKY_DISTANCE * horizon);
         if constexpr (LENS == SPREAD) {  // it is too far away to tell where they begin
             right = turned(camera.rotation, ViewRay<LENS> { x, y }.across().direction);
             down = turned(camera.rotation, ViewRay<LENS> { x, y }.down().direction);
