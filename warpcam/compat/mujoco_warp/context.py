@@ -157,7 +157,8 @@ class _Bound:
                 f"device: d is on {scene.device.alias}, but the render context on {context.device.alias}, which was "
                 "Warp's current device when it was made; both must be on one"
             )
-        plain = None if context.render_skybox else tuple(map(float, settings["background_color"][:3]))
+        # As context.background_color has it, which a pixel is compared with: cut, where a camera's own is rounded.
+        plain = None if context.render_skybox else [int(255.0 * part) / 255.0 for part in settings["background_color"]]
         color = "rgb" if plain is None or context._miss_alpha == packing.OPAQUE else "rgba"
         views = [view for view in context.views if view.outputs]
         cameras = [
