@@ -269,11 +269,57 @@ def test_fisheye_cameras(simulation: Any) -> None:
     seen = [frame(simulation, kinds, spawn)[0] for spawn in (polynomial, equal)]
     for kind in kinds:
         np.testing.assert_allclose(seen[0][kind], seen[1][kind], atol=1e-4, err_msg=kind)
+    _, renderer, data, _ = frame(simulation, kinds, polynomial)
+    with pytest.raises(wc.WarpcamError, match=r"set_intrinsic_matrices: .*projection_type is 'fisheyePolynomial'"):
+        renderer.update_camera_intrinsics(data, *[wp.zeros(NUM_ENVS, dtype=wp.mat33)] * 2)
     polynomial.projection_type = "fisheyeSpherical"
     with pytest.raises(wc.WarpcamError, match="projection_type is 'fisheyeSpherical'; allowed are 'pinhole'"):
         frame(simulation, kinds, polynomial)
     with pytest.raises(wc.WarpcamError, match="motion_vectors are not offered for fisheye"):
         frame(simulation, ["motion_vectors"], equal)
+
+
+def test_everything_is_in_focus(simulation: Any) -> None:
+    spawn = SimpleNamespace(clipping_range=(0.05, 50.0), distortion=None, f_stop=2.8, focus_distance=1.0)
+    with pytest.raises(wc.WarpcamError, match=r"CameraCfg.spawn.f_stop is 2.8; allowed is 0"):
+        frame(simulation, ["depth"], spawn)
+    spawn.f_stop = 0.0
+    assert np.isfinite(frame(simulation, ["depth"], spawn)[0]["depth"]).any()
+
+
+def test_a_camera_for_its_pose_alone(simulation: Any) -> None:
+    """As with Isaac Lab's own renderer, a camera need not have images."""
+    images, renderer, data, output = frame(simulation, [])
+    assert images == {} and output.info == {} and data.renderer is None
+    renderer.reset(data, [1])
+    renderer.update_camera_intrinsics(data, wp.zeros(NUM_ENVS, dtype=wp.mat33), None)
+
+
+@pytest.mark.parametrize("authored", ["model", "schema", "projection"])
+def test_a_lens_that_only_the_stage_knows_is_told(simulation: Any, authored: str, caplog: Any) -> None:
+    pytest.importorskip("pxr")
+    from pxr import Sdf, Usd, UsdGeom
+
+    stage = Usd.Stage.CreateInMemory()
+    prim = UsdGeom.Camera.Define(stage, "/eye").GetPrim()
+    spec = SimpleNamespace(cfg=SimpleNamespace(spawn=None), camera_prim_paths=("/eye",))
+    renderer = ours.WarpcamRenderer(ours.WarpcamRendererCfg())
+    renderer.prepare_cameras(stage, spec)
+    assert not caplog.records
+    token = Sdf.ValueTypeNames.Token
+    if authored == "model":
+        prim.CreateAttribute("omni:lensdistortion:model", token).Set("opencvFisheye")
+    elif authored == "schema":
+        schemas = Sdf.TokenListOp.CreateExplicit(["OmniLensDistortionOpenCvFisheyeAPI"])
+        prim.SetMetadata("apiSchemas", schemas)
+    else:
+        prim.CreateAttribute("cameraProjectionType", token).Set("fisheyePolynomial")
+    renderer.prepare_cameras(stage, spec)
+    assert "camera /eye has the lens" in caplog.text and "say it in CameraCfg.spawn" in caplog.text
+    caplog.clear()
+    spec.cfg.spawn = SimpleNamespace(distortion=SimpleNamespace() if authored != "projection" else None)
+    renderer.prepare_cameras(stage, spec)
+    assert not caplog.records
 
 
 def test_it_is_known_by_name_and_refuses_by_name(simulation: Any) -> None:

@@ -94,6 +94,9 @@ class RenderData:
         camera, pinhole = self._spec.cfg, isinstance(self._lens, wc.Pinhole)
         if "motion_vectors" in kinds and not pinhole:
             raise WarpcamError("motion_vectors are not offered for fisheye and distorted lenses")
+        if not kinds:  # a camera for its pose alone
+            self.renderer, self._targets, self._after = None, (), []
+            return
         outputs = list(dict.fromkeys(SOURCES[kind] for kind in kinds))
         self.renderer = wc.Renderer(
             self._scene,
@@ -140,8 +143,18 @@ class RenderData:
             wp.launch(packing.place_cameras, self._scene.num_worlds, inputs, device=self._scene.device)
 
     def set_lens(self, matrices: wp.array) -> None:
-        """Take intrinsics; every environment may have its own."""
-        if self._pose:
+        """Take intrinsics; every environment may have its own.
+
+        Calibrated lenses keep theirs, which Isaac Lab itself warns of.
+        """
+        if not isinstance(self._lens, wc.Pinhole):
+            spawn = self._spec.cfg.spawn
+            if spawn.distortion is None:
+                raise WarpcamError(
+                    f"set_intrinsic_matrices: CameraCfg.spawn.projection_type is {spawn.projection_type!r}, whose "
+                    "polynomial says where rays go; allowed is 'pinhole'"
+                )
+        elif self._pose:
             positions, orientations, _ = self._pose
             self.place(positions, orientations, matrices)
 

@@ -1,5 +1,6 @@
 """The renderer that Isaac Lab asks for images."""
 
+import logging
 from collections.abc import Mapping
 from typing import Any
 
@@ -7,7 +8,7 @@ import warp as wp
 from isaaclab.renderers import BaseRenderer, RenderBufferKind, RenderBufferSpec
 
 import warpcam as wc
-from warpcam.compat.isaaclab import simple_shading
+from warpcam.compat.isaaclab import lenses, simple_shading
 from warpcam.compat.isaaclab.render_data import LABELLED, RenderData
 from warpcam.compat.isaaclab.renderer_cfg import NAME, WarpcamRendererCfg
 from warpcam.errors import WarpcamError
@@ -62,8 +63,14 @@ class WarpcamRenderer(BaseRenderer):
         """Nothing to prepare."""
 
     def prepare_cameras(self, stage: Any, spec: Any) -> None:
-        """Keep the stage, whose labels become ids."""
+        """Keep the stage, whose labels become ids, and tell of a lens that only the stage knows."""
         self._stage = stage
+        for path in spec.camera_prim_paths:
+            if lens := lenses.unread_lens(stage.GetPrimAtPath(path), spec.cfg.spawn):
+                logging.getLogger("warpcam").warning(
+                    "camera %s has the lens %s on the stage, which is not drawn: say it in CameraCfg.spawn", path, lens
+                )
+                break
 
     def create_render_data(self, spec: Any) -> RenderData:
         if self.scene is None:
