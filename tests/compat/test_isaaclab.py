@@ -279,6 +279,24 @@ def test_fisheye_cameras(simulation: Any) -> None:
         frame(simulation, ["motion_vectors"], equal)
 
 
+def test_colours_of_cloth_are_no_textures(simulation: Any) -> None:
+    """Each triangle has its own, whether textures are shown or not."""
+    builder = newton.ModelBuilder()
+    for _ in range(NUM_ENVS):
+        part = newton.ModelBuilder()
+        part.add_cloth_mesh(
+            pos=wp.vec3(0.0, 0.0, 0.8), rot=wp.quat_identity(), scale=1.0, vel=wp.vec3(0.0), density=1.0,
+            vertices=[wp.vec3(x, 0.0, z) for x in (-0.5, 0.5) for z in (-0.5, 0.5)], indices=[0, 2, 1, 1, 2, 3],
+        )  # fmt: skip
+        builder.add_world(part)
+    model = builder.finalize(device=simulation.backend.model.device)
+    model.tri_color.assign(np.array([(1.0, 0.0, 0.0), (0.0, 0.0, 1.0)] * NUM_ENVS, np.float32))
+    simulation.backend.model, simulation.backend.state_0 = model, model.state()
+    images = [frame(simulation, ["albedo"], enable_textures=shown)[0]["albedo"] for shown in (True, False)]
+    np.testing.assert_array_equal(*images)
+    assert {(255, 0, 0, 255), (0, 0, 255, 255)} <= set(map(tuple, images[0].reshape(-1, 4).tolist()))
+
+
 def test_everything_is_in_focus(simulation: Any) -> None:
     spawn = SimpleNamespace(clipping_range=(0.05, 50.0), distortion=None, f_stop=2.8, focus_distance=1.0)
     with pytest.raises(wc.WarpcamError, match=r"CameraCfg.spawn.f_stop is 2.8; allowed is 0"):

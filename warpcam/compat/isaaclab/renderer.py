@@ -17,7 +17,6 @@ from warpcam.sources.newton import load
 from warpcam.sources.newton_choice import Choice
 
 AMBIENT = (0.2, 0.2, 0.2)
-LIKE_NEWTONS = Choice(lit_normals=True)
 
 
 class WarpcamRenderer(BaseRenderer):
@@ -33,6 +32,7 @@ class WarpcamRenderer(BaseRenderer):
         self._stage: Any = None
         self._mapper: Any = None
         self._shaded: dict[str, wc.Scene] = {}
+        self._choice = Choice(lit_normals=True, textures=bool(cfg.enable_textures))
         sim = simulation()
         self._backend_cfg = _backend_cfg(sim)
         sim.requires_newton_model = True
@@ -47,9 +47,7 @@ class WarpcamRenderer(BaseRenderer):
         lights = None if self.cfg.create_default_light else ()
         ambient = AMBIENT if self.cfg.enable_ambient_lighting else (0.0, 0.0, 0.0)
         with context_kept():
-            self.scene = load(model, self._backend.state_0, lights, ambient, None, None, choice=LIKE_NEWTONS)
-        if not self.cfg.enable_textures:
-            self.scene.array("material_texture").fill_(-1)
+            self.scene = load(model, self._backend.state_0, lights, ambient, None, None, choice=self._choice)
 
     @property
     def visual_material_writer(self) -> Any:
@@ -125,7 +123,7 @@ class WarpcamRenderer(BaseRenderer):
             backend = self._backend
             with context_kept():
                 self._shaded[kind] = simple_shading.shaded_scene(
-                    backend.model, backend.state_0, self._stage, kind, LIKE_NEWTONS, self.cfg.enable_textures
+                    backend.model, backend.state_0, self._stage, kind, self._choice
                 )
         return self._shaded[kind]
 
