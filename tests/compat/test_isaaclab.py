@@ -279,8 +279,8 @@ def test_fisheye_cameras(simulation: Any) -> None:
         frame(simulation, ["motion_vectors"], equal)
 
 
-def test_colours_of_cloth_are_no_textures(simulation: Any) -> None:
-    """Each triangle has its own, whether textures are shown or not."""
+def hang_cloth(simulation: Any) -> None:
+    """In place of what there is, in each environment a red and a blue triangle."""
     builder = newton.ModelBuilder()
     for _ in range(NUM_ENVS):
         part = newton.ModelBuilder()
@@ -292,6 +292,20 @@ def test_colours_of_cloth_are_no_textures(simulation: Any) -> None:
     model = builder.finalize(device=simulation.backend.model.device)
     model.tri_color.assign(np.array([(1.0, 0.0, 0.0), (0.0, 0.0, 1.0)] * NUM_ENVS, np.float32))
     simulation.backend.model, simulation.backend.state_0 = model, model.state()
+
+
+@pytest.mark.parametrize("colorize", [True, False])
+def test_what_is_no_shape_has_a_name(simulation: Any, colorize: bool) -> None:
+    hang_cloth(simulation)
+    kind = "instance_id_segmentation_fast"
+    images, *_, output = frame(simulation, [kind], colorize_instance_id_segmentation=colorize)
+    names, pixels = output.info[kind]["idToLabels"], images[kind].reshape(-1, 4 if colorize else 1).tolist()
+    assert {names[tuple(pixel) if colorize else pixel[0]] for pixel in pixels} == {"BACKGROUND", "UNLABELLED"}
+
+
+def test_colours_of_cloth_are_no_textures(simulation: Any) -> None:
+    """Each triangle has its own, whether textures are shown or not."""
+    hang_cloth(simulation)
     images = [frame(simulation, ["albedo"], enable_textures=shown)[0]["albedo"] for shown in (True, False)]
     np.testing.assert_array_equal(*images)
     assert {(255, 0, 0, 255), (0, 0, 255, 255)} <= set(map(tuple, images[0].reshape(-1, 4).tolist()))

@@ -221,8 +221,11 @@ class RenderData:
         ids = np.arange(first, first + len(labels))
         colorize = bool(self._cfg.colorize_instance_id_segmentation)
         colors = [tuple(random_color_from_id(int(number))) for number in ids] if colorize else []
-        names: dict[Any, str] = dict(zip(colors if colorize else ids.tolist(), labels, strict=True))
-        names[(0, 0, 0, 0) if colorize else BACKGROUND_ID] = "BACKGROUND"
+        names: dict[Any, str] = {
+            (0, 0, 0, 0) if colorize else BACKGROUND_ID: "BACKGROUND",
+            (0, 0, 0, 255) if colorize else UNLABELLED_ID: "UNLABELLED",  # cloth and particles, which are no shapes
+            **dict(zip(colors if colorize else ids.tolist(), labels, strict=True)),
+        }
         self.info["instance_id_segmentation_fast"] = {"idToLabels": names}
         values = [_signed(int(pack_rgba(color))) for color in colors] if colorize else ids.tolist()
         device = self._scene.device
