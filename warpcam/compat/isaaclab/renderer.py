@@ -9,6 +9,7 @@ from isaaclab.renderers import BaseRenderer, RenderBufferKind, RenderBufferSpec
 
 import warpcam as wc
 from warpcam.compat.isaaclab import lenses, simple_shading
+from warpcam.compat.isaaclab.events import offer_shape_colors
 from warpcam.compat.isaaclab.render_data import LABELLED, RenderData
 from warpcam.compat.isaaclab.renderer_cfg import NAME, WarpcamRendererCfg
 from warpcam.errors import WarpcamError
@@ -33,6 +34,7 @@ class WarpcamRenderer(BaseRenderer):
         self._mapper: Any = None
         self._shaded: dict[str, wc.Scene] = {}
         self._choice = Choice(lit_normals=True, textures=bool(cfg.enable_textures))
+        offer_shape_colors()
         sim = simulation()
         self._backend_cfg = _backend_cfg(sim)
         sim.requires_newton_model = True
