@@ -319,6 +319,14 @@ def test_everything_is_in_focus(simulation: Any) -> None:
     assert np.isfinite(frame(simulation, ["depth"], spawn)[0]["depth"]).any()
 
 
+def test_planes_and_clipping_are_named_as_isaac_lab_names_them(simulation: Any) -> None:
+    spawn = SimpleNamespace(clipping_range=(5.0, 1.0), distortion=None)
+    with pytest.raises(wc.WarpcamError, match=r"CameraCfg.spawn.clipping_range is \(5.0, 1.0\); allowed is a near"):
+        frame(simulation, ["depth"], spawn)
+    with pytest.raises(wc.WarpcamError, match="depth_clipping_behavior is 'clamp'; allowed are none, max, zero"):
+        frame(simulation, ["depth"], depth_clipping_behavior="clamp")
+
+
 def test_a_camera_for_its_pose_alone(simulation: Any) -> None:
     """As with Isaac Lab's own renderer, a camera need not have images."""
     images, renderer, data, output = frame(simulation, [])

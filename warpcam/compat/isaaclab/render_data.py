@@ -36,6 +36,7 @@ SOURCES: Mapping[str, str] = {
     "instance_id_segmentation_fast": "segmentation",
     **dict.fromkeys(simple_shading.LEVELS, "hdr"),
 }
+CLIPPING = ("none", "max", "zero")
 LABELLED = ("semantic_segmentation", "instance_segmentation")
 OPAQUE_BLACK = 0xFF000000
 
@@ -67,6 +68,15 @@ class RenderData:
             )
         clipping = spawn.clipping_range if spawn is not None else (0.0, cfg.max_distance)
         self._near, self._far = float(clipping[0]), float(clipping[1])
+        if not self._near < self._far:
+            raise WarpcamError(
+                f"CameraCfg.spawn.clipping_range is {tuple(clipping)}; allowed is a near plane before the far one"
+            )
+        if cfg.depth_clipping_behavior not in CLIPPING:
+            raise WarpcamError(
+                f"WarpcamRendererCfg.depth_clipping_behavior is {cfg.depth_clipping_behavior!r}; allowed are "
+                f"{', '.join(CLIPPING)}"
+            )
         color = spec.cfg.background_color
         color = None if color is None else tuple(min(max(float(part), 0.0), 1.0) for part in color)
         self._simple = simple_shading.chosen_from(spec.cfg.data_types)
