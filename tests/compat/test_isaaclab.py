@@ -269,11 +269,97 @@ def test_fisheye_cameras(simulation: Any) -> None:
     seen = [frame(simulation, kinds, spawn)[0] for spawn in (polynomial, equal)]
     for kind in kinds:
         np.testing.assert_allclose(seen[0][kind], seen[1][kind], atol=1e-4, err_msg=kind)
+    _, renderer, data, _ = frame(simulation, kinds, polynomial)
+    with pytest.raises(wc.WarpcamError, match=r"set_intrinsic_matrices: .*projection_type is 'fisheyePolynomial'"):
+        renderer.update_camera_intrinsics(data, *[wp.zeros(NUM_ENVS, dtype=wp.mat33)] * 2)
     polynomial.projection_type = "fisheyeSpherical"
     with pytest.raises(wc.WarpcamError, match="projection_type is 'fisheyeSpherical'; allowed are 'pinhole'"):
         frame(simulation, kinds, polynomial)
     with pytest.raises(wc.WarpcamError, match="motion_vectors are not offered for fisheye"):
         frame(simulation, ["motion_vectors"], equal)
+
+
+def hang_cloth(simulation: Any) -> None:
+    """In place of what there is, in each environment a red and a blue triangle."""
+    builder = newton.ModelBuilder()
+    for _ in range(NUM_ENVS):
+        part = newton.ModelBuilder()
+        part.add_cloth_mesh(
+            pos=wp.vec3(0.0, 0.0, 0.8), rot=wp.quat_identity(), scale=1.0, vel=wp.vec3(0.0), density=1.0,
+            vertices=[wp.vec3(x, 0.0, z) for x in (-0.5, 0.5) for z in (-0.5, 0.5)], indices=[0, 2, 1, 1, 2, 3],
+        )  # fmt: skip
+        builder.add_world(part)
+    model = builder.finalize(device=simulation.backend.model.device)
+    model.tri_color.assign(np.array([(1.0, 0.0, 0.0), (0.0, 0.0, 1.0)] * NUM_ENVS, np.float32))
+    simulation.backend.model, simulation.backend.state_0 = model, model.state()
+
+
+@pytest.mark.parametrize("colorize", [True, False])
+def test_what_is_no_shape_has_a_name(simulation: Any, colorize: bool) -> None:
+    hang_cloth(simulation)
+    kind = "instance_id_segmentation_fast"
+    images, *_, output = frame(simulation, [kind], colorize_instance_id_segmentation=colorize)
+    names, pixels = output.info[kind]["idToLabels"], images[kind].reshape(-1, 4 if colorize else 1).tolist()
+    assert {names[tuple(pixel) if colorize else pixel[0]] for pixel in pixels} == {"BACKGROUND", "UNLABELLED"}
+
+
+def test_colours_of_cloth_are_no_textures(simulation: Any) -> None:
+    """Each triangle has its own, whether textures are shown or not."""
+    hang_cloth(simulation)
+    images = [frame(simulation, ["albedo"], enable_textures=shown)[0]["albedo"] for shown in (True, False)]
+    np.testing.assert_array_equal(*images)
+    assert {(255, 0, 0, 255), (0, 0, 255, 255)} <= set(map(tuple, images[0].reshape(-1, 4).tolist()))
+
+
+def test_everything_is_in_focus(simulation: Any) -> None:
+    spawn = SimpleNamespace(clipping_range=(0.05, 50.0), distortion=None, f_stop=2.8, focus_distance=1.0)
+    with pytest.raises(wc.WarpcamError, match=r"CameraCfg.spawn.f_stop is 2.8; allowed is 0"):
+        frame(simulation, ["depth"], spawn)
+    spawn.f_stop = 0.0
+    assert np.isfinite(frame(simulation, ["depth"], spawn)[0]["depth"]).any()
+
+
+def test_planes_and_clipping_are_named_as_isaac_lab_names_them(simulation: Any) -> None:
+    spawn = SimpleNamespace(clipping_range=(5.0, 1.0), distortion=None)
+    with pytest.raises(wc.WarpcamError, match=r"CameraCfg.spawn.clipping_range is \(5.0, 1.0\); allowed is a near"):
+        frame(simulation, ["depth"], spawn)
+    with pytest.raises(wc.WarpcamError, match="depth_clipping_behavior is 'clamp'; allowed are none, max, zero"):
+        frame(simulation, ["depth"], depth_clipping_behavior="clamp")
+
+
+def test_a_camera_for_its_pose_alone(simulation: Any) -> None:
+    """As with Isaac Lab's own renderer, a camera need not have images."""
+    images, renderer, data, output = frame(simulation, [])
+    assert images == {} and output.info == {} and data.renderer is None
+    renderer.reset(data, [1])
+    renderer.update_camera_intrinsics(data, wp.zeros(NUM_ENVS, dtype=wp.mat33), None)
+
+
+@pytest.mark.parametrize("authored", ["model", "schema", "projection"])
+def test_a_lens_that_only_the_stage_knows_is_told(simulation: Any, authored: str, caplog: Any) -> None:
+    pytest.importorskip("pxr")
+    from pxr import Sdf, Usd, UsdGeom
+
+    stage = Usd.Stage.CreateInMemory()
+    prim = UsdGeom.Camera.Define(stage, "/eye").GetPrim()
+    spec = SimpleNamespace(cfg=SimpleNamespace(spawn=None), camera_prim_paths=("/eye",))
+    renderer = ours.WarpcamRenderer(ours.WarpcamRendererCfg())
+    renderer.prepare_cameras(stage, spec)
+    assert not caplog.records
+    token = Sdf.ValueTypeNames.Token
+    if authored == "model":
+        prim.CreateAttribute("omni:lensdistortion:model", token).Set("opencvFisheye")
+    elif authored == "schema":
+        schemas = Sdf.TokenListOp.CreateExplicit(["OmniLensDistortionOpenCvFisheyeAPI"])
+        prim.SetMetadata("apiSchemas", schemas)
+    else:
+        prim.CreateAttribute("cameraProjectionType", token).Set("fisheyePolynomial")
+    renderer.prepare_cameras(stage, spec)
+    assert "camera /eye has the lens" in caplog.text and "say it in CameraCfg.spawn" in caplog.text
+    caplog.clear()
+    spec.cfg.spawn = SimpleNamespace(distortion=SimpleNamespace() if authored != "projection" else None)
+    renderer.prepare_cameras(stage, spec)
+    assert not caplog.records
 
 
 def test_it_is_known_by_name_and_refuses_by_name(simulation: Any) -> None:

@@ -5,10 +5,12 @@ Isaac Lab 3.0 simulates with Newton on any device, and needs no simulator app fo
 
 import warnings
 from collections.abc import Iterator
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
+import torch
 import warp as wp
 
 import warpcam as wc
@@ -185,6 +187,24 @@ def test_intrinsics_of_each_environment(lab: Lab) -> None:
     lab.step()
     seen = [(image.any(axis=-1)).sum() for image in lab.image("semantic_segmentation")]
     assert seen[0] == pytest.approx(count[0], rel=0.1) and seen[1] < 0.5 * count[1]
+
+
+def test_colours_of_shapes_are_randomised_by_isaac_labs_own_event(lab: Lab) -> None:
+    """It goes by names of renderers, of which it knows those that read Newton's model."""
+    from isaaclab.envs.mdp import randomize_visual_shape
+    from isaaclab.managers import EventTermCfg, SceneEntityCfg
+
+    env = SimpleNamespace(sim=lab.sim, scene=lab.scene, device="cpu", num_envs=NUM_ENVS)
+    green = {"choices": [(0.0, 1.0, 0.0)]}
+    params = {"asset_cfg": SceneEntityCfg("first", body_ids=[0]), "channels": {"color": green}}
+    term = randomize_visual_shape(EventTermCfg(func=randomize_visual_shape, params=params), env)
+    before = wp.clone(lab.scene["ours"]._renderer._backend.model.shape_color)
+    term(env, torch.tensor([1]), **params)
+    lab.step()
+    for of in ("ours", "theirs"):
+        greens = [(image[..., 1] > 250).sum() for image in lab.image("albedo", of)]
+        assert greens[0] == 0 and greens[1] > 20, of
+    lab.scene["ours"]._renderer._backend.model.shape_color.assign(before)
 
 
 def test_what_it_cannot_do_is_refused(lab: Lab) -> None:

@@ -76,7 +76,7 @@ class Eye:
             width=SIZE, height=SIZE, data_types=kinds, background_color=background, isp_cfg=None,
             spawn=SimpleNamespace(clipping_range=(0.05, 50.0), distortion=None),
         )  # fmt: skip
-        spec = SimpleNamespace(cfg=camera, view_count=model.world_count)
+        spec = SimpleNamespace(cfg=camera, view_count=model.world_count, camera_prim_paths=())
         self.renderer.prepare_cameras(stage, spec)
         self.data = self.renderer.create_render_data(spec)
         layouts, worlds = {str(k): v for k, v in self.renderer.supported_output_types().items()}, model.world_count

@@ -240,6 +240,31 @@ def test_what_is_chosen_in_place_of_a_sensors_own() -> None:
         ours.use(cfg, data_types=("smell",))
 
 
+def test_groups_are_of_any_number_as_mjlab_has_them() -> None:
+    """Also a data type that is named twice is one."""
+
+    def balls(spec: Any) -> None:
+        for number, group in enumerate((0, 5, 6, 7, -1)):
+            spec.worldbody.add_geom(size=[0.2, 0.0, 0.0], pos=[0.5 * number - 1.0, 0.0, 3.0], group=group)
+
+    cfg = cartpole_balance_env_cfg()
+    cfg.scene.spec_fn = balls
+    settings = {"pos": (0.0, 0.0, 6.0), "width": 60, "height": 30, "data_types": ("segmentation", "segmentation")}
+    settings["enabled_geom_groups"] = (0, 5, 7, 7)
+    cfg.scene.sensors = (MjlabCfg(name="theirs", **settings), ours.CameraSensorCfg(name="mine", **settings))
+    env = make(cfg)
+    env.reset()
+    theirs, mine = (env.scene[name].data.segmentation for name in ("theirs", "mine"))
+    assert torch.equal(theirs, mine)
+    seen = {int(env.sim.mj_model.geom_group[geom]) for geom in mine[..., 0].unique() if geom >= 0}
+    assert seen == {0, 5, 7}
+    env.scene["mine"].cfg.enabled_geom_groups = ("all",)
+    env.scene["mine"]._cameras._frames = None
+    with pytest.raises(wc.WarpcamError, match=r"CameraSensorCfg\('mine'\): enabled_geom_groups must be whole numbers"):
+        env.sim.sense()
+    env.close()
+
+
 @pytest.mark.parametrize("zfar", [0.0, 1.0])
 def test_a_model_whose_zfar_is_zero_has_no_end(zfar: float) -> None:
     """As with MuJoCo-Warp's calls; an end that there is cuts off."""

@@ -205,6 +205,18 @@ def test_groups_background_and_skybox(mjm: mujoco.MjModel, worlds: Any) -> None:
     assert (drawn[..., 1] == int(mujoco.mjtObj.mjOBJ_SITE)).any()
 
 
+def test_pixels_of_the_background_are_those_of_the_context(mjm: mujoco.MjModel, worlds: Any) -> None:
+    """So that ``rgb_data == background_color`` finds them; levels are cut, not rounded, as MuJoCo-Warp's are."""
+    options = {"cam_active": ["side"], "cam_res": (40, 30), "render_rgb": True}
+    for color in ((0.1, 0.3, 0.7, 1.0), (0.1, 0.3, 0.7, 0.5)):
+        theirs = frame(mjw, worlds, mjm, background_color=color, **options)
+        level = theirs.rgb_data.numpy()[0, 0]
+        assert level == theirs.background_color
+        for samples in (1, 2):
+            rc = frame(ours, worlds, mjm, background_color=color, samples_per_pixel=samples, **options)
+            assert rc.background_color == level and (rc.rgb_data.numpy() == level).mean() > 0.1, (color, samples)
+
+
 def test_groups_of_any_number_in_anything_that_can_be_gone_through(device: wp.Device) -> None:
     """As MuJoCo-Warp has it: a number is that group alone, where MuJoCo's renderer takes those beyond for 0 or 5."""
     balls = "".join(

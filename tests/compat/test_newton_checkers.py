@@ -154,6 +154,21 @@ def test_each_call_is_the_whole_selection(device: wp.Device) -> None:
     assert colors(sensor)[0] == plain and greys <= colors(sensor)[1]
 
 
+@pytest.mark.parametrize("kind", [SensorCamera, SensorTiledCamera])
+def test_textures_that_are_not_loaded_are_not_read(device: wp.Device, kind: Any, caplog: Any) -> None:
+    """Their files may be missing, and settings that are shared with other sensors stay as they are."""
+    builder = newton.ModelBuilder()
+    corners = np.float32([[0, 0, 0], [1, 0, 0], [0, 1, 0]])
+    coordinates = np.zeros((3, 2), np.float32)
+    mesh = newton.Mesh(corners, [0, 1, 2], uvs=coordinates, texture="missing.png", compute_inertia=False)
+    builder.add_shape_mesh(-1, mesh=mesh)
+    config = kind.RenderConfig(enable_textures=True)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        sensor = kind(builder.finalize(device=device), default_render_config=config, load_textures=False)
+    assert not caplog.records and sensor.default_render_config is config and config.enable_textures
+
+
 def test_it_stays_when_fewer_shapes_are_drawn(device: wp.Device) -> None:
     """Of which some have materials of their own."""
     builder = newton.ModelBuilder()

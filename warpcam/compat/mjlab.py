@@ -21,10 +21,12 @@ from mjlab.sim.sim_data import WarpBridge
 
 import warpcam as wc
 from warpcam import interop
-from warpcam.compat.mujoco_warp.context import Look
+from warpcam.compat.mujoco_warp.arguments import read_groups
+from warpcam.compat.mujoco_warp.context import Look, load_groups
 from warpcam.errors import WarpcamError
 from warpcam.kernels import packing
 from warpcam.kernels.launch import Stage
+from warpcam.kernels.streams import context_kept
 from warpcam.outputs import OUTPUTS
 
 
@@ -159,8 +161,8 @@ class _Cameras:
         kinds: dict[_Kind, list[dict[int, CameraSensor]]] = {}
         for sensor in self._sensors:
             cfg = sensor.cfg
-            groups = tuple(sorted(cfg.enabled_geom_groups))
-            kind = _Kind(groups, cfg.use_textures, cfg.reflections, cfg.transparency)
+            groups = set(read_groups(f"CameraSensorCfg({cfg.name!r})", cfg.enabled_geom_groups))
+            kind = _Kind(tuple(sorted(groups)), cfg.use_textures, cfg.reflections, cfg.transparency)
             frames = kinds.setdefault(kind, [])
             # A renderer has a camera once.
             frame = next((frame for frame in frames if sensor.camera_idx not in frame), None)
@@ -175,15 +177,11 @@ class _Cameras:
 
     def _scene(self, kind: _Kind) -> tuple[Look | None, wc.Scene]:
         look = None if kind.textures else Look(self._m, {"mat_texid": -1})
-        scene = wc.from_mujoco_warp(
-            self._mjm,
-            self._m if look is None else look.model,
-            self.data,
-            groups=kind.groups,
-            draw=("geoms", "flexes"),
-            reflections=kind.reflections,
-            transparency=kind.transparency,
-        )
+        m = self._m if look is None else look.model
+        with context_kept():
+            scene = load_groups(
+                self._mjm, m, self.data, kind.groups, ("geoms", "flexes"), kind.reflections, kind.transparency
+            )
         return look, scene
 
     def _frame(self, scene: wc.Scene, sensors: list[CameraSensor]) -> tuple[wc.Renderer, list[Stage]]:
@@ -196,7 +194,7 @@ class _Cameras:
                     sensor.camera_idx,
                     width=cfg.width,
                     height=cfg.height,
-                    outputs=cfg.data_types,
+                    outputs=tuple(dict.fromkeys(cfg.data_types)),
                     far=far if far > 0.0 else None,
                     depth_clipping="zero",
                     shadows=cfg.use_shadows,

@@ -19,6 +19,7 @@ class Choice:
         lit_normals: Whether the output ``normals`` has those of meshes as light takes them, scaled after they are
             interpolated; else those of their faces.
         triplanar: Whether a texture on what has no texture coordinates is blended of three, one along each axis.
+        textures: Whether the model's own textures are there; without, none of their files is read.
     """
 
     simulated: bool | None = None
@@ -30,3 +31,4 @@ class Choice:
     solid: bool = False
     lit_normals: bool = False
     triplanar: bool = False
+    textures: bool = True

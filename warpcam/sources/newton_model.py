@@ -91,7 +91,7 @@ def read_layout(model: newton.Model, choice: Choice) -> Layout:
     ids = np.append(entries.shapes, -1)[table].astype(np.int32)
 
     assets, materials = np.full(len(kinds) + 1, -1, np.int32), np.zeros(len(kinds) + 1, np.int32)
-    sources = Sources(bool(choice.backs))
+    sources = Sources(bool(choice.backs), choice.textures)
     for entry in map(int, np.flatnonzero(np.isin(kinds, (types.MESH, types.HEIGHT_FIELD, types.SPLATS)))):
         source = entries.sources[entry]
         if source is not None:
@@ -133,10 +133,11 @@ class Sources:
 
     Args:
         backs: Whether meshes are seen from behind, too.
+        textured: Whether textures are read.
     """
 
-    def __init__(self, backs: bool):
-        self._backs = backs
+    def __init__(self, backs: bool, textured: bool):
+        self._backs, self._textured = backs, textured
         self.meshes: list[Mesh] = []
         self.height_fields: list[HeightField] = []
         self.textures: list[TextureImage] = []
@@ -193,7 +194,7 @@ class Sources:
 
     def _texture(self, source: newton.Mesh, label: str) -> int:
         texture = source.texture
-        if texture is None:
+        if texture is None or not self._textured:
             return -1
         key = str(texture) if isinstance(texture, str | Path) else id(texture)
         if key not in self._images:

@@ -165,7 +165,7 @@ class _Reader:
 
     def _texture(self, mesh: "newton.geometry.DeformableVisualMesh", uvs: np.ndarray | None) -> int:
         texture = mesh.texture
-        if texture is None or uvs is None:
+        if texture is None or uvs is None or not self._choice.textures:
             return -1
         key = str(texture) if isinstance(texture, str | Path) else id(texture)
         if key not in self._known:

@@ -18,7 +18,15 @@ def lens_of(spawn: Any, width: int, height: int) -> wc.Lens:
         spawn: CameraCfg.spawn, or None.
         width: Of the image.
         height: Of the image.
+
+    Raises:
+        WarpcamError: ``spawn`` asks for another projection, or for a depth of field.
     """
+    f_stop = getattr(spawn, "f_stop", 0.0)
+    if f_stop:
+        raise WarpcamError(
+            f"CameraCfg.spawn.f_stop is {f_stop!r}; allowed is 0: everything is in focus, whatever focus_distance is"
+        )
     distortion = getattr(spawn, "distortion", None)
     if distortion is not None:
         return _calibrated(distortion, width, height)
@@ -31,6 +39,22 @@ def lens_of(spawn: Any, width: int, height: int) -> wc.Lens:
         f"CameraCfg.spawn.projection_type is {projection!r}; allowed are 'pinhole' and 'fisheyePolynomial', and "
         "CameraCfg.spawn.distortion"
     )
+
+
+def unread_lens(prim: Any, spawn: Any) -> str | None:
+    """What a camera's prim says of its lens that ``lens_of`` does not read, or None.
+
+    Args:
+        prim: Of USD, or None.
+        spawn: CameraCfg.spawn, or None, with which the prim was there before.
+    """
+    if not prim or getattr(spawn, "distortion", None) is not None:
+        return None
+    names = ("omni:lensdistortion:model", *(["cameraProjectionType"] if spawn is None else []))
+    authored = [attribute.Get() for name in names if (attribute := prim.GetAttribute(name))]
+    schemas = prim.GetMetadata("apiSchemas")
+    authored += [name for name in (schemas.GetAppliedItems() if schemas else ()) if "LensDistortion" in name]
+    return next((str(value) for value in authored if value and value != "pinhole"), None)
 
 
 def _calibrated(distortion: Any, width: int, height: int) -> wc.Lens:

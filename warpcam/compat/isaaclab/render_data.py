@@ -36,6 +36,7 @@ SOURCES: Mapping[str, str] = {
     "instance_id_segmentation_fast": "segmentation",
     **dict.fromkeys(simple_shading.LEVELS, "hdr"),
 }
+CLIPPING = ("none", "max", "zero")
 LABELLED = ("semantic_segmentation", "instance_segmentation")
 OPAQUE_BLACK = 0xFF000000
 
@@ -67,6 +68,15 @@ class RenderData:
             )
         clipping = spawn.clipping_range if spawn is not None else (0.0, cfg.max_distance)
         self._near, self._far = float(clipping[0]), float(clipping[1])
+        if not self._near < self._far:
+            raise WarpcamError(
+                f"CameraCfg.spawn.clipping_range is {tuple(clipping)}; allowed is a near plane before the far one"
+            )
+        if cfg.depth_clipping_behavior not in CLIPPING:
+            raise WarpcamError(
+                f"WarpcamRendererCfg.depth_clipping_behavior is {cfg.depth_clipping_behavior!r}; allowed are "
+                f"{', '.join(CLIPPING)}"
+            )
         color = spec.cfg.background_color
         color = None if color is None else tuple(min(max(float(part), 0.0), 1.0) for part in color)
         self._simple = simple_shading.chosen_from(spec.cfg.data_types)
@@ -94,6 +104,9 @@ class RenderData:
         camera, pinhole = self._spec.cfg, isinstance(self._lens, wc.Pinhole)
         if "motion_vectors" in kinds and not pinhole:
             raise WarpcamError("motion_vectors are not offered for fisheye and distorted lenses")
+        if not kinds:  # a camera for its pose alone
+            self.renderer, self._targets, self._after = None, (), []
+            return
         outputs = list(dict.fromkeys(SOURCES[kind] for kind in kinds))
         self.renderer = wc.Renderer(
             self._scene,
@@ -140,8 +153,18 @@ class RenderData:
             wp.launch(packing.place_cameras, self._scene.num_worlds, inputs, device=self._scene.device)
 
     def set_lens(self, matrices: wp.array) -> None:
-        """Take intrinsics; every environment may have its own."""
-        if self._pose:
+        """Take intrinsics; every environment may have its own.
+
+        Calibrated lenses keep theirs, which Isaac Lab itself warns of.
+        """
+        if not isinstance(self._lens, wc.Pinhole):
+            spawn = self._spec.cfg.spawn
+            if spawn.distortion is None:
+                raise WarpcamError(
+                    f"set_intrinsic_matrices: CameraCfg.spawn.projection_type is {spawn.projection_type!r}, whose "
+                    "polynomial says where rays go; allowed is 'pinhole'"
+                )
+        elif self._pose:
             positions, orientations, _ = self._pose
             self.place(positions, orientations, matrices)
 
@@ -208,8 +231,11 @@ class RenderData:
         ids = np.arange(first, first + len(labels))
         colorize = bool(self._cfg.colorize_instance_id_segmentation)
         colors = [tuple(random_color_from_id(int(number))) for number in ids] if colorize else []
-        names: dict[Any, str] = dict(zip(colors if colorize else ids.tolist(), labels, strict=True))
-        names[(0, 0, 0, 0) if colorize else BACKGROUND_ID] = "BACKGROUND"
+        names: dict[Any, str] = {
+            (0, 0, 0, 0) if colorize else BACKGROUND_ID: "BACKGROUND",
+            (0, 0, 0, 255) if colorize else UNLABELLED_ID: "UNLABELLED",  # cloth and particles, which are no shapes
+            **dict(zip(colors if colorize else ids.tolist(), labels, strict=True)),
+        }
         self.info["instance_id_segmentation_fast"] = {"idToLabels": names}
         values = [_signed(int(pack_rgba(color))) for color in colors] if colorize else ids.tolist()
         device = self._scene.device

@@ -1,5 +1,6 @@
 """The renderer that Isaac Lab asks for images."""
 
+import logging
 from collections.abc import Mapping
 from typing import Any
 
@@ -7,7 +8,8 @@ import warp as wp
 from isaaclab.renderers import BaseRenderer, RenderBufferKind, RenderBufferSpec
 
 import warpcam as wc
-from warpcam.compat.isaaclab import simple_shading
+from warpcam.compat.isaaclab import lenses, simple_shading
+from warpcam.compat.isaaclab.events import offer_shape_colors
 from warpcam.compat.isaaclab.render_data import LABELLED, RenderData
 from warpcam.compat.isaaclab.renderer_cfg import NAME, WarpcamRendererCfg
 from warpcam.errors import WarpcamError
@@ -16,7 +18,6 @@ from warpcam.sources.newton import load
 from warpcam.sources.newton_choice import Choice
 
 AMBIENT = (0.2, 0.2, 0.2)
-LIKE_NEWTONS = Choice(lit_normals=True)
 
 
 class WarpcamRenderer(BaseRenderer):
@@ -32,6 +33,8 @@ class WarpcamRenderer(BaseRenderer):
         self._stage: Any = None
         self._mapper: Any = None
         self._shaded: dict[str, wc.Scene] = {}
+        self._choice = Choice(lit_normals=True, textures=bool(cfg.enable_textures))
+        offer_shape_colors()
         sim = simulation()
         self._backend_cfg = _backend_cfg(sim)
         sim.requires_newton_model = True
@@ -46,9 +49,7 @@ class WarpcamRenderer(BaseRenderer):
         lights = None if self.cfg.create_default_light else ()
         ambient = AMBIENT if self.cfg.enable_ambient_lighting else (0.0, 0.0, 0.0)
         with context_kept():
-            self.scene = load(model, self._backend.state_0, lights, ambient, None, None, choice=LIKE_NEWTONS)
-        if not self.cfg.enable_textures:
-            self.scene.array("material_texture").fill_(-1)
+            self.scene = load(model, self._backend.state_0, lights, ambient, None, None, choice=self._choice)
 
     @property
     def visual_material_writer(self) -> Any:
@@ -62,8 +63,14 @@ class WarpcamRenderer(BaseRenderer):
         """Nothing to prepare."""
 
     def prepare_cameras(self, stage: Any, spec: Any) -> None:
-        """Keep the stage, whose labels become ids."""
+        """Keep the stage, whose labels become ids, and tell of a lens that only the stage knows."""
         self._stage = stage
+        for path in spec.camera_prim_paths:
+            if lens := lenses.unread_lens(stage.GetPrimAtPath(path), spec.cfg.spawn):
+                logging.getLogger("warpcam").warning(
+                    "camera %s has the lens %s on the stage, which is not drawn: say it in CameraCfg.spawn", path, lens
+                )
+                break
 
     def create_render_data(self, spec: Any) -> RenderData:
         if self.scene is None:
@@ -118,7 +125,7 @@ class WarpcamRenderer(BaseRenderer):
             backend = self._backend
             with context_kept():
                 self._shaded[kind] = simple_shading.shaded_scene(
-                    backend.model, backend.state_0, self._stage, kind, LIKE_NEWTONS, self.cfg.enable_textures
+                    backend.model, backend.state_0, self._stage, kind, self._choice
                 )
         return self._shaded[kind]
 

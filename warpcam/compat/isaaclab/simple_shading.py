@@ -44,7 +44,7 @@ def chosen_from(kinds: Collection[str]) -> str | None:
     return wanted[0] if wanted else None
 
 
-def shaded_scene(model: Any, state: Any, stage: Any, kind: str, choice: Choice, textures: bool) -> wc.Scene:
+def shaded_scene(model: Any, state: Any, stage: Any, kind: str, choice: Choice) -> wc.Scene:
     """The scene as that data type shows it.
 
     Args:
@@ -53,7 +53,6 @@ def shaded_scene(model: Any, state: Any, stage: Any, kind: str, choice: Choice, 
         stage: Isaac Lab's, or None: without lights.
         kind: One of ``LEVELS``.
         choice: Of ``load``.
-        textures: Whether meshes show their textures.
     """
     lights = () if stage is None else distant_light(stage)
     scene = load(model, state, lights, (AMBIENT,) * 3, None, None, choice=choice)
@@ -62,7 +61,7 @@ def shaded_scene(model: Any, state: Any, stage: Any, kind: str, choice: Choice, 
         head[1:] = CAMERA_LIGHT
         scene.array("headlight").assign(head)
     level = LEVELS[kind]
-    if level == "constant" or not textures:
+    if level == "constant":
         scene.array("material_texture").fill_(-1)
     if level != "full":
         scene.array("material_metallic").zero_()

@@ -75,7 +75,7 @@ def check_settings(settings: dict[str, Any]) -> None:
     nworld = settings["nworld"]
     if isinstance(nworld, bool) or not isinstance(nworld, int | np.integer) or nworld < 1:
         raise WarpcamError(f"{WHERE}: nworld must be a whole number, at least 1, got {nworld!r}")
-    settings["enabled_geom_groups"] = _groups(settings["enabled_geom_groups"])
+    settings["enabled_geom_groups"] = read_groups(WHERE, settings["enabled_geom_groups"])
     try:
         check_kinds(settings["draw"])
     except WarpcamError as error:
@@ -91,15 +91,20 @@ def check_settings(settings: dict[str, Any]) -> None:
         )
 
 
-def _groups(value: Any) -> list[int]:
-    """Of any numbers, in anything that can be gone through once."""
+def read_groups(where: str, value: Any) -> list[int]:
+    """Of any numbers, in anything that can be gone through once.
+
+    Args:
+        where: What errors begin with.
+        value: What came as ``enabled_geom_groups``.
+    """
     try:
         found = [None if isinstance(group, bool | np.bool_) else whole(group) for group in value]
     except TypeError:
         found = [None]
     groups = [group for group in found if group is not None]
     if isinstance(value, str | bytes) or len(groups) < len(found):
-        raise WarpcamError(f"{WHERE}: enabled_geom_groups must be whole numbers, got {value!r}")
+        raise WarpcamError(f"{where}: enabled_geom_groups must be whole numbers, got {value!r}")
     return groups
 
 

@@ -63,10 +63,10 @@ class RenderContext:
         self.zfar = float(mjm.vis.map.zfar * mjm.stat.extent)
         red, green, blue, self._miss_alpha = (int(255.0 * value) for value in settings["background_color"])
         self.background_color = np.uint32(self._miss_alpha << 24 | red << 16 | green << 8 | blue)
-        self._enabled = np.flatnonzero(np.isin(mjm.geom_group, settings["enabled_geom_groups"]))
-        self.bvh_ngeom = len(self._enabled)
+        enabled = geoms_of(mjm, settings["enabled_geom_groups"])
+        self.bvh_ngeom = len(enabled)
         with wp.ScopedDevice(self.device):
-            self.enabled_geom_ids = wp.array(self._enabled, dtype=int)
+            self.enabled_geom_ids = wp.array(enabled, dtype=int)
             self.cam_res = wp.array([view.size for view in views], dtype=wp.vec2i)
             self.cam_id_map = wp.array([view.camera for view in views], dtype=int)
             self.total_rays = sum(view.pixels for view in views)
@@ -142,22 +142,22 @@ class _Bound:
         self._m, self._d, self._device = m, d, context.device
         mjm, self._look = look_of(context, m)
         with context_kept():
-            scene = load(
+            scene = load_groups(
                 mjm,
                 m if self._look is None else self._look.model,
                 d,
-                [group for group in settings["enabled_geom_groups"] if 0 <= group < NUM_GROUPS],
+                settings["enabled_geom_groups"],
                 settings["draw"],
                 settings["reflections"],
-                choice_of("transparency", settings["transparency"]),
-                context._enabled,
+                settings["transparency"],
             )
         if scene.device != context.device:
             raise WarpcamError(
                 f"device: d is on {scene.device.alias}, but the render context on {context.device.alias}, which was "
                 "Warp's current device when it was made; both must be on one"
             )
-        plain = None if context.render_skybox else tuple(map(float, settings["background_color"][:3]))
+        # As context.background_color has it, which a pixel is compared with: cut, where a camera's own is rounded.
+        plain = None if context.render_skybox else [int(255.0 * part) / 255.0 for part in settings["background_color"]]
         color = "rgb" if plain is None or context._miss_alpha == packing.OPAQUE else "rgba"
         views = [view for view in context.views if view.outputs]
         cameras = [
@@ -205,6 +205,26 @@ class _Bound:
                 else:
                     stages.append(packing.record_objects(image, objects, context.seg_data, start, device))
         return stages
+
+
+def geoms_of(mjm: mujoco.MjModel, groups: Sequence[int]) -> np.ndarray:
+    """Ids of geoms of these very groups, where MuJoCo's renderer takes what is beyond 0 to 5 for the nearest."""
+    return np.flatnonzero(np.isin(mjm.geom_group, groups))
+
+
+def load_groups(
+    mjm: mujoco.MjModel,
+    m: Any,
+    d: Any,
+    groups: Sequence[int],
+    draw: Sequence[str],
+    reflections: bool | None,
+    transparency: bool | None,
+) -> wc.Scene:
+    """The scene of ``warpcam.from_mujoco_warp``, with the geoms of ``geoms_of``."""
+    others = [group for group in groups if 0 <= group < NUM_GROUPS]
+    chosen = choice_of("transparency", transparency)
+    return load(mjm, m, d, others, draw, reflections, chosen, geoms_of(mjm, groups))
 
 
 class Look:

@@ -27,7 +27,7 @@ class SensorCamera(NewtonsCamera):
         model: The ``newton.Model``.
         default_clear_data: What is written where nothing is hit, unless ``update`` is told otherwise.
         default_render_config: Settings, unless ``update`` is told otherwise.
-        load_textures: False leaves the model's own textures out whatever the settings say.
+        load_textures: False leaves the model's own textures out whatever the settings say, and reads none of them.
         deformable_surface_mode: Whether triangles of cloth and soft bodies are seen, deformable visual meshes, or both.
         physical: Whether surfaces gleam as their roughness and metalness say. False: matt, as Newton's camera has it.
         views_per_world: How many views of one world there may be; None counts them in each new array of

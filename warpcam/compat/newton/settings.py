@@ -29,11 +29,10 @@ class Looks:
     Args:
         model: What scenes are made of.
         physical: Whether surfaces gleam as their roughness and metalness say. False: matt, as Newton's camera has it.
-        textures: Whether the model's own textures show.
     """
 
-    def __init__(self, model: newton.Model, physical: bool, textures: bool):
-        self._model, self._up, self._physical, self._loaded = model, np.eye(3)[int(model.up_axis)], physical, textures
+    def __init__(self, model: newton.Model, physical: bool):
+        self._model, self._up, self._physical = model, np.eye(3)[int(model.up_axis)], physical
         self._light: tuple[bool, tuple[float, ...], tuple[float, ...]] | None = None
         self._settings = {"enable_textures": True, "enable_ambient_lighting": True, "enable_shadows": False}
         self._sky, self._ground = np.array(SKY), np.array(GROUND)
@@ -50,8 +49,6 @@ class Looks:
         self._all, self._none = wp.clone(self._textures), wp.full_like(self._textures, -1)
         source: Any = scene._source
         source.tints.choose(self._none)  # colours of triangles are no textures to Newton
-        if not self._loaded:
-            wp.copy(self._all, self._none)
         scene.array("light_active").fill_(False)
         if not self._physical:
             scene.array("material_reflectance").zero_()

@@ -95,7 +95,7 @@ class SensorTiledCamera(NewtonsCamera):
         model: The ``newton.Model``.
         default_render_config: Settings, unless ``update`` is told otherwise.
         config: Its old name, which Newton is about to drop.
-        load_textures: False leaves the model's own textures out whatever the settings say.
+        load_textures: False leaves the model's own textures out whatever the settings say, and reads none of them.
         physical: Whether surfaces gleam as their roughness and metalness say. False: matt, as Newton's camera has it.
     """
 
@@ -121,8 +121,6 @@ class SensorTiledCamera(NewtonsCamera):
                 raise TypeError("Specify only one of default_render_config and its old name, config.")
             default_render_config = config
         settings = NewtonsCamera.RenderConfig() if default_render_config is None else default_render_config
-        if not load_textures:
-            settings.enable_textures = False
         self._config, self._clear = settings, NewtonsCamera.ClearData()
         self._views = Views(model, physical, bool(load_textures), simulated=True, visual=False)
         self._mapped = own_worlds(model.world_count, model.world_count, model.device)

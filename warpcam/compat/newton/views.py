@@ -100,10 +100,10 @@ class Views:
 
     def __init__(self, model: newton.Model, physical: bool, textures: bool, simulated: bool, visual: bool):
         self.model, self.device = model, model.device
-        self.looks, self.bundles = Looks(model, physical, textures), Bundles()
+        self.looks, self.bundles = Looks(model, physical), Bundles()
         self._board: np.ndarray | None = None
         self._checked: np.ndarray | None = None
-        self._num_finishes, self._drawn = 0, Drawn(model, simulated, visual)
+        self._num_finishes, self._drawn = 0, Drawn(model, simulated, visual, textures)
         self._limits: tuple[float, float] | None = None  # of splats, as far as it is known
         self._captured = False  # whether graphs may write other limits whenever they are launched
         self._held: dict[tuple[int, int], Any] = {}  # what graphs use
