@@ -15,8 +15,8 @@ def offer_shape_colors() -> None:
         from isaaclab.envs.mdp.visual_events import randomize_visual_shape
     except ImportError:  # of what environments need and renderers do not
         return
-    chosen = randomize_visual_shape._get_backend.__func__
-    if hasattr(chosen, "_of_warpcam"):
+    chosen = getattr(getattr(randomize_visual_shape, "_get_backend", None), "__func__", None)
+    if chosen is None or hasattr(chosen, "_of_warpcam"):
         return
 
     @wraps(chosen)

@@ -20,13 +20,8 @@ def lens_of(spawn: Any, width: int, height: int) -> wc.Lens:
         height: Of the image.
 
     Raises:
-        WarpcamError: ``spawn`` asks for another projection, or for a depth of field.
+        WarpcamError: ``spawn`` asks for another projection.
     """
-    f_stop = getattr(spawn, "f_stop", 0.0)
-    if f_stop:
-        raise WarpcamError(
-            f"CameraCfg.spawn.f_stop is {f_stop!r}; allowed is 0: everything is in focus, whatever focus_distance is"
-        )
     distortion = getattr(spawn, "distortion", None)
     if distortion is not None:
         return _calibrated(distortion, width, height)

@@ -63,14 +63,17 @@ class WarpcamRenderer(BaseRenderer):
         """Nothing to prepare."""
 
     def prepare_cameras(self, stage: Any, spec: Any) -> None:
-        """Keep the stage, whose labels become ids, and tell of a lens that only the stage knows."""
+        """Keep the stage, whose labels become ids, and tell what of the cameras' lenses is not drawn."""
         self._stage = stage
+        log = logging.getLogger("warpcam")
         for path in spec.camera_prim_paths:
             if lens := lenses.unread_lens(stage.GetPrimAtPath(path), spec.cfg.spawn):
-                logging.getLogger("warpcam").warning(
+                log.warning(
                     "camera %s has the lens %s on the stage, which is not drawn: say it in CameraCfg.spawn", path, lens
                 )
                 break
+        if f_stop := getattr(spec.cfg.spawn, "f_stop", 0.0):
+            log.warning("CameraCfg.spawn.f_stop is %s, which is not drawn: everything is in focus", f_stop)
 
     def create_render_data(self, spec: Any) -> RenderData:
         if self.scene is None:
