@@ -187,3 +187,13 @@ def test_height_fields_are_in_metres() -> None:
     assert fields.heights.numpy().max() == pytest.approx(0.5)
     np.testing.assert_allclose(fields.size.numpy(), [(2, 1, 0.5, 0.1)])
     assert (fields.rows.numpy()[0], fields.columns.numpy()[0]) == (3, 4)
+
+
+def test_boxes_in_other_quads_are_told(caplog: pytest.LogCaptureFixture) -> None:
+    for quads, shape, told in ((4, "box", 0), (8, "sphere", 0), (8, "box", 1)):
+        xml = f"""<mujoco><visual><quality numquads="{quads}"/></visual>
+        <worldbody><geom type="{shape}" size="1 1 1"/></worldbody></mujoco>"""
+        caplog.clear()
+        make("mujoco", *compile_model(xml), "cpu")
+        assert len(caplog.messages) == told
+    assert caplog.messages == ["numquads is 8 in visual/quality; boxes are lit at the corners of 4 quads a side"]

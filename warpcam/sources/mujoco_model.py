@@ -12,7 +12,7 @@ from warpcam.accel.heightfields import HeightField
 from warpcam.accel.meshes import Mesh, face_normals
 from warpcam.accel.textures import TextureImage
 from warpcam.errors import WarpcamError
-from warpcam.kernels.types import COINCIDENT, FROM_ABOVE, LIGHT_DIRECTIONAL, LIGHT_SPOT, MESH, PLANE, SHEER
+from warpcam.kernels.types import BOX, COINCIDENT, FROM_ABOVE, LIGHT_DIRECTIONAL, LIGHT_SPOT, MESH, PLANE, SHEER
 from warpcam.parts import Parts, SceneCamera
 
 VERSION = tuple(int(part) for part in mujoco.__version__.split(".")[:2])
@@ -26,6 +26,7 @@ DRAWN = (*KINDS, "actuators")  # what may be drawn; the last have no groups
 Groups = Collection[int] | Mapping[str, Collection[int]]
 REVISED = (3, 12)  # the version from which on MuJoCo draws textures on shapes, and point lights, as it does now
 GLOBAL_AMBIENT = 0.3  # of a scene without lights
+QUADS = 4  # along a side of a box: BOX_CELLS of kernels/native/facet.h
 SMOOTH_BELOW = 0.8  # cosine to the face's normal under which MuJoCo takes that instead of the vertex's
 
 # Where MuJoCo and MuJoCo-Warp keep each live array: in the data, or in the model.
@@ -84,6 +85,10 @@ def read_parts(mjm: mujoco.MjModel, num_worlds: int, groups: Groups, geoms: Coll
         geoms = np.flatnonzero(np.isin(np.clip(mjm.geom_group, 0, NUM_GROUPS - 1), groups_by_kind(groups)["geoms"]))
     types = mjm.geom_type.astype(np.int32)
     types[types == mujoco.mjtGeom.mjGEOM_SDF] = MESH  # drawn as the mesh it was made from
+    quads = int(mjm.vis.quality.numquads)
+    if quads != QUADS and (types[np.asarray(geoms, np.int64)] == BOX).any():
+        told = "numquads is %d in visual/quality; boxes are lit at the corners of %d quads a side"
+        logging.getLogger("warpcam").warning(told, quads, QUADS)
     textures = [_texture(mjm, index) for index in range(mjm.ntex)]
     coincident = _coincident(mjm, geoms)
     skyboxes = np.flatnonzero(mjm.tex_type == mujoco.mjtTexture.mjTEXTURE_SKYBOX)
