@@ -20,6 +20,7 @@ template <class Lights> WARPCAM_FN bool headlight_shines(const Lights& lights)
 // Goes through the lights of a world in their order.
 struct KeptLights {
     int slots;      // that the headlight leaves
+    int taken = 0;  // by lights that are on, whether they give light or not
     int given = 0;  // lights that are on and give light
     int kept = 0;   // those of them that have a slot
 
@@ -28,10 +29,12 @@ struct KeptLights {
     {
         if (!row_of(lights.active, world, light))
             return -1;
+        const bool has_slot = taken++ < slots;
         const int type = row_of(lights.types, world, light);
         if (type != LIGHT_SPOT && type != LIGHT_DIRECTIONAL)
             return -1;
-        return given++ < slots ? kept++ : -1;
+        ++given;
+        return has_slot ? kept++ : -1;
     }
 
 #if defined(__CUDA_ARCH__)
@@ -40,13 +43,14 @@ struct KeptLights {
     {
         const unsigned before = (1u << threadIdx.x % LANES) - 1;
         const bool on = light < count && row_of(lights.active, world, light);
+        const unsigned all_on = __ballot_sync(ALL, on);
         const int type = on ? row_of(lights.types, world, light) : -1;
         const bool gives = type == LIGHT_SPOT || type == LIGHT_DIRECTIONAL;
-        const unsigned all_given = __ballot_sync(ALL, gives);
-        const bool keeps = gives && given + __popc(all_given & before) < slots;
+        const bool keeps = gives && taken + __popc(all_on & before) < slots;
         const unsigned all_kept = __ballot_sync(ALL, keeps);
         const int place = keeps ? kept + __popc(all_kept & before) : -1;
-        given += __popc(all_given);
+        taken += __popc(all_on);
+        given += __popc(__ballot_sync(ALL, gives));
         kept += __popc(all_kept);
         return place;
     }
