@@ -9,22 +9,17 @@ import pytest
 import scenes
 import torch
 import warp as wp
+from edge_scenes import LIT, camera
 from warpcam.kernels.antialias import SAMPLES
 
 import warpcam as wc
 
-LIT = '<visual><headlight ambient="1 1 1" diffuse="0 0 0" specular="0 0 0"/></visual>'
 SQUARE = '<geom type="box" size="0.5 0.5 0.01" euler="0 0 {turn}" rgba="1 1 1 1"/>'
 
 
 def square(turn: float = 20.0) -> mujoco.MjModel:
     """A white square, evenly lit, on black."""
     return scenes.compile_xml(SQUARE.format(turn=turn), more=LIT)
-
-
-def camera(samples: int, **changes: object) -> wc.Camera:
-    settings = {"outputs": ("rgb",), "position": (0.0, 0.0, 2.0), "rotation": (1.0, 0.0, 0.0, 0.0)}
-    return scenes.own_camera(antialiasing=samples, **{**settings, **changes})
 
 
 def covered(turn: float, size: int, fine: int = 32) -> np.ndarray:

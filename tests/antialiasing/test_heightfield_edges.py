@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 import scenes
 import warp as wp
-from test_antialiasing import LIT, SAMPLES, camera
+from edge_scenes import LIT, camera
+from warpcam.kernels.antialias import SAMPLES
 
 import warpcam as wc
 

@@ -9,9 +9,9 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
+import fast_compile
 import numpy as np
 import pytest
-import quick_simulators
 import warp as wp
 
 pytest.importorskip("mujoco_warp")
@@ -21,8 +21,8 @@ from warpcam.benchmarks import cases, compare, host, measure, options, peers, pr
 import warpcam as wc
 from warpcam import cli
 
-ROOT = Path(__file__).resolve().parents[1]
-QUICK = quick_simulators.__file__
+ROOT = Path(__file__).resolve().parents[2]
+QUICK = fast_compile.__file__
 TINY = ("--worlds", "2", "--size", "16x16", "--replays", "2", "--device", "cpu")
 
 

@@ -18,7 +18,7 @@ from warpcam.benchmarks import cases, gpus
 from warpcam import cli
 from warpcam.device import contexts
 
-ROOT = Path(__file__).resolve().parents[1]
+ROOT = Path(__file__).resolve().parents[2]
 
 
 def bench(*arguments: Any) -> int:

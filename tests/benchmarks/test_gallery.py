@@ -10,7 +10,7 @@ from PIL import Image
 pytest.importorskip("mujoco_warp")
 from warpcam.benchmarks import gallery, likeness
 
-RESULTS = Path(__file__).resolve().parents[1] / "benchmarks" / "results" / "fidelity.json"
+RESULTS = Path(__file__).resolve().parents[2] / "benchmarks" / "results" / "fidelity.json"
 
 
 def test_the_page_says_what_the_results_say(tmp_path: Path) -> None:

@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 import scenes
 import warp as wp
+from custom_ray_tables import WIDTH
+from offset_ray_lenses import COLUMN, SPAN, assert_alike, parallel, pinholes
 from PIL import Image
-from ray_tables import WIDTH
-from spread_lenses import COLUMN, SPAN, assert_alike, parallel, pinholes
-from test_rays import ASSETS, SCENE, WORLDS, camera, rendered
+from ray_table_scenes import ASSETS, SCENE, WORLDS, camera, rendered
 
 import warpcam as wc
 
@@ -176,7 +176,7 @@ def test_a_pixel_is_a_camera_where_its_ray_begins(name: str, device: wp.Device) 
 def test_physically_lit_surfaces(device: wp.Device) -> None:
     """Their highlights and what metals mirror of the sky are seen from where the rays begin."""
     pytest.importorskip("pxr.Usd", reason="pip install 'warpcam[usd]'")
-    from physical_scenes import add_ball, add_sun
+    from pbr_scenes import add_ball, add_sun
     from pxr import Gf, Usd, UsdGeom, UsdLux
 
     stage = Usd.Stage.CreateInMemory()
@@ -262,7 +262,7 @@ def test_maps_of_opacity(tmp_path: Path, device: wp.Device) -> None:
     """As the pinhole that stands where the rays begin: a square of four quarters hovers over a floor."""
     pytest.importorskip("pxr.Usd", reason="pip install 'warpcam[usd]'")
     from pxr import Sdf, Usd, UsdGeom, UsdLux, UsdShade
-    from stages import add_material, add_square
+    from usd_stages import add_material, add_square
 
     pixels = np.full((2, 2, 4), (200, 100, 50, 0), np.uint8)
     pixels[..., 3] = [[0, 255], [102, 204]]
@@ -296,7 +296,7 @@ def test_maps_of_opacity(tmp_path: Path, device: wp.Device) -> None:
 def test_shadows_on_sheets_that_are_seen_from_both_sides(device: wp.Device) -> None:
     """Which side a ray sees tells whether the light falls on it: a roof over a floor, both of one mesh."""
     pytest.importorskip("pxr.Usd", reason="pip install 'warpcam[usd]'")
-    from physical_scenes import add_sun
+    from pbr_scenes import add_sun
     from pxr import Usd, UsdGeom
 
     stage = Usd.Stage.CreateInMemory()

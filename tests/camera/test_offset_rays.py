@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 import scenes
 import warp as wp
-from ray_tables import HEIGHT, WIDTH, curled_rays, random_rays
-from spread_lenses import parallel, pinholes, swaying
-from test_rays import ASSETS, PLACE, SCENE, TURN, camera, rendered
+from custom_ray_tables import HEIGHT, WIDTH, curled_rays, random_rays
+from offset_ray_lenses import parallel, pinholes, swaying
+from ray_table_scenes import ASSETS, PLACE, SCENE, TURN, camera, rendered
 
 import warpcam as wc
 from warpcam.accel import rays as tables

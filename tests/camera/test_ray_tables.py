@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from ray_tables import HEIGHT, WIDTH, curled_rays, random_rays
+from custom_ray_tables import HEIGHT, WIDTH, curled_rays, random_rays
 
 import warpcam as wc
 from warpcam.accel import rays as tables

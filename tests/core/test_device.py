@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import torch
 import warp as wp
-from machines import PART, UUIDS, Machine, cards_shown
+from fake_devices import PART, UUIDS, Machine, cards_shown
 
 import warpcam as wc
 from warpcam import device as device_rule

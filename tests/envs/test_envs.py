@@ -14,7 +14,7 @@ gymnasium = pytest.importorskip("gymnasium", reason="pip install 'warpcam[gymnas
 
 from gymnasium.vector import AutoresetMode, SyncVectorEnv, VectorEnv  # noqa: E402
 from gymnasium.vector.utils import batch_space  # noqa: E402
-from sliders import END, HEIGHT, MODEL, MODES, WIDTH, Sliders, assert_same, judge, pixels, renderer_of  # noqa: E402
+from slider_env import END, HEIGHT, MODEL, MODES, WIDTH, Sliders, assert_same, judge, pixels, renderer_of  # noqa: E402
 
 from warpcam.envs import OneWorld, PixelObservation  # noqa: E402
 

@@ -16,7 +16,7 @@ from gymnasium.utils.env_checker import check_env  # noqa: E402
 from gymnasium.vector import AutoresetMode  # noqa: E402
 from gymnasium.wrappers import FrameStackObservation  # noqa: E402
 from gymnasium.wrappers.vector import FlattenObservation, RecordEpisodeStatistics  # noqa: E402
-from sliders import HEIGHT, LONGEST, WIDTH, Sliders, assert_same, pixels, renderer_of  # noqa: E402
+from slider_env import HEIGHT, LONGEST, WIDTH, Sliders, assert_same, pixels, renderer_of  # noqa: E402
 
 from warpcam.envs import OneWorld, PixelObservation  # noqa: E402
 from warpcam.outputs import OUTPUTS  # noqa: E402

@@ -6,8 +6,9 @@ import mujoco
 import numpy as np
 import pytest
 import scenes
-import soft_scenes
+import visual_geom_scenes
 import warp as wp
+from allocation_ledger import Ledger
 from flow_cases import HEIGHT, LENSES, WIDTH, Moving, expected, pixels_of
 from warpcam.kernels import visibility
 
@@ -115,7 +116,7 @@ def test_soft_worlds_that_are_not_drawn_keep_their_last_frame(device: wp.Device)
 
 @pytest.mark.parametrize("name", ["cloth", "solid", "skin", "line"])
 def test_flexes_and_skins_of_mujoco(name: str, device: wp.Device) -> None:
-    mjm, mjd = soft_scenes.bent(name)
+    mjm, mjd = visual_geom_scenes.bent(name)
     scene = wc.from_mujoco(mjm, mjd)
     camera = eye((0.2, -1.6, 1.2), (0.0, 0.0, 0.0), outputs=("flow", "flow_valid", "points", "segmentation"))
     renderer = wc.Renderer(scene, [camera])
@@ -201,9 +202,7 @@ def test_clouds_of_gaussians(device: wp.Device) -> None:
 
 
 def test_memory_of_what_moves(device: wp.Device, monkeypatch: pytest.MonkeyPatch) -> None:
-    from test_memory import Ledger
-
-    mjm, mjd = soft_scenes.bent("cloth")
+    mjm, mjd = visual_geom_scenes.bent("cloth")
     scene = wc.from_mujoco(mjm, mjd)
     camera = eye((0.2, -1.6, 1.2), (0.0, 0.0, 0.0), outputs=("flow", "flow_valid", "points", "segmentation"))
     wc.Renderer(scene, [camera]).render()  # what Warp loads once is loaded
@@ -236,7 +235,7 @@ def test_states_on_the_host(device: wp.Device) -> None:
 def test_files(device: wp.Device) -> None:
     pytest.importorskip("pxr", reason="pip install 'warpcam[usd]'")
     from pxr import Usd
-    from stages import above, add_square, metric
+    from usd_stages import above, add_square, metric
 
     stage = metric(Usd.Stage.CreateInMemory())
     add_square(stage, "/square")

@@ -7,7 +7,7 @@ Our own are the same code on a CPU, not optimised, in a fifth of the time; WARPC
 they are for users. So they always are in tests of single native functions, and in programs that a test starts as a
 user would: Python's own arguments behind this file's name run another one quickly, with the kernels of other tests.
 
-Headers are precompiled once for all processes, not in each of them, and ours (together.h) with Warp's.
+Headers are precompiled once for all processes, not in each of them, and ours (precompiled.h) with Warp's.
 """
 
 import fcntl
@@ -21,7 +21,7 @@ from typing import Any
 import warp as wp
 
 SIMULATORS = {"mujoco_warp", "newton"}
-TOGETHER = Path(__file__).with_name("together.h")
+PRECOMPILED = Path(__file__).with_name("precompiled.h")
 # What templates Warp's headers need themselves is instantiated with them, not in each module.
 INSTANTIATED = "-fpch-instantiate-templates"
 QUICK = f"-O0 -DWARPCAM_QUICK {INSTANTIATED}"
@@ -51,13 +51,13 @@ def install(ours: bool = False) -> None:
 def _together() -> str:
     """Flags that have our headers precompiled, wherever warpcam is installed; Warp takes none with a space in it."""
     native = sys.modules["warpcam.kernels.launch"].NATIVE
-    return "" if " " in f"{native}{TOGETHER}" else f" -I{native} -include {TOGETHER}"
+    return "" if " " in f"{native}{PRECOMPILED}" else f" -I{native} -include {PRECOMPILED}"
 
 
 def share_headers() -> None:
     """Have all processes with the same sources share their precompiled headers, and QUICK be quick to the end."""
     build = wp._src.build.build_cpu
-    sources = [*sorted((TOGETHER.parents[1] / "kernels" / "native").glob("*.h")), TOGETHER, Path(wp.__file__)]
+    sources = [*sorted((PRECOMPILED.parents[2] / "kernels" / "native").rglob("*.h")), PRECOMPILED, Path(wp.__file__)]
     stamps = [(str(path), path.stat().st_mtime_ns) for path in sources]
     name = f"wp_headers_{hashlib.sha256(repr(stamps).encode()).hexdigest()[:16]}"
     made: set[tuple[Any, ...]] = set()

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 import scenes
-import soft_scenes
 import torch
+import visual_geom_scenes
 import warp as wp
 
 import warpcam as wc
@@ -136,7 +136,7 @@ def varied(feature: str, device: wp.Device) -> np.ndarray:
 
 def soft(feature: str, device: wp.Device) -> np.ndarray:
     """All that MuJoCo draws beside geoms and sites."""
-    mjm, mjd = soft_scenes.bent({"tendon": "tendons", "flex": "cloth", "skin": "skin"}[feature])
+    mjm, mjd = visual_geom_scenes.bent({"tendon": "tendons", "flex": "cloth", "skin": "skin"}[feature])
     position = (0.5, -1.6, 1.7) if feature != "tendon" else (0.3, -2.4, 0.7)
     camera = eye(
         position=position,

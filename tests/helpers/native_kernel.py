@@ -1,4 +1,4 @@
-"""Kernels around single functions of kernels/native, for the tests in kernels/."""
+"""Kernels around single functions of kernels/native, for tests of native code."""
 
 from collections.abc import Callable
 from typing import Any

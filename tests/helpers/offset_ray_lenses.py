@@ -3,7 +3,7 @@
 from typing import Any
 
 import numpy as np
-from ray_tables import HEIGHT, WIDTH
+from custom_ray_tables import HEIGHT, WIDTH
 
 import warpcam as wc
 from warpcam.accel import rays as tables

@@ -10,7 +10,7 @@ import warpcam as wc
 
 pytest.importorskip("pxr.Usd")
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdLux, UsdShade
-from stages import add_material, add_mesh
+from usd_stages import add_material, add_mesh
 
 FOVY, SIZE = 30.0, 48
 UPRIGHT = np.array((0.0, 0.0, 1.0))

@@ -1,4 +1,4 @@
-// Warp's own headers and all of kernels/native, for the compiler of CPU kernels: what quick_simulators.py has it include
+// Warp's own headers and all of kernels/native, for the compiler of CPU kernels: what fast_compile.py has it include
 // first is in the headers that are precompiled. Most of the time that a kernel takes would go into reading them again.
 #pragma once
 

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 import scenes
 import warp as wp
-from native import native_kernel
+from native_kernel import native_kernel
 
 import warpcam as wc
 

@@ -5,7 +5,7 @@ import functools
 import numpy as np
 import pytest
 import warp as wp
-from native import native_kernel
+from native_kernel import native_kernel
 from warpcam.kernels import resolve, types
 from warpcam.kernels.tables import Tables
 

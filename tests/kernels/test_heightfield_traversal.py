@@ -7,7 +7,7 @@ import numpy as np
 import warp as wp
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
-from native import native_kernel
+from native_kernel import native_kernel
 from warpcam.kernels.launch import native_module
 from warpcam.kernels.types import HeightFields
 

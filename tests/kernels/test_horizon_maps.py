@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 import warp as wp
-from native import native_kernel
-from surfaces import SHAPES, grid, meets
+from mesh_surfaces import SHAPES, grid, meets
+from native_kernel import native_kernel
 from warpcam.kernels import horizon
 from warpcam.kernels.types import Meshes
 

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 import warp as wp
-from native import native_kernel
-from surfaces import CLOSED, SHAPES, grid, hills, meets
-from trees import build_bvh4
+from bvh_checks import build_bvh4
+from mesh_surfaces import CLOSED, SHAPES, grid, hills, meets
+from native_kernel import native_kernel
 from warpcam.kernels.types import Meshes
 
 from warpcam.accel import shutters

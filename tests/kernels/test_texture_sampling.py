@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 import warp as wp
-from native import native_kernel
+from native_kernel import native_kernel
 from warpcam.kernels.types import Textures
 
 from warpcam import errors

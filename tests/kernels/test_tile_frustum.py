@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 import warp as wp
-from native import native_kernel
+from native_kernel import native_kernel
 
 BOXES, RAYS = 20_000, 400  # so many rays of each tile, its corners among them
 DEVICES = [str(device) for device in wp.get_devices()]

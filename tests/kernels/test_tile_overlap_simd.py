@@ -2,7 +2,7 @@
 
 import numpy as np
 import warp as wp
-from native import native_kernel
+from native_kernel import native_kernel
 from scenes import ASSETS, TYPES, compile_xml, forward, geom_xml, look, looking, own_camera
 
 import warpcam as wc

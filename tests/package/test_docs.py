@@ -14,7 +14,7 @@ import warp as wp
 
 import warpcam as wc
 
-ROOT = Path(__file__).resolve().parents[1]
+ROOT = Path(__file__).resolve().parents[2]
 WORLDS = 8
 Names = dict[str, Any]  # what a reader has of his own
 BLOCKS = re.compile(r"^```python\n(.*?)^```", re.DOTALL | re.MULTILINE)
@@ -176,11 +176,11 @@ def control_suite() -> Names:
 
 def isaac_gym() -> Names:
     pytest.importorskip("newton")
-    import gym_worlds
+    import isaacgym_worlds
 
-    world = gym_worlds.walls(wp.get_device("cpu"), 1)
+    world = isaacgym_worlds.walls(wp.get_device("cpu"), 1)
     world.render()
-    return {"gym": gym_worlds.GYM, "sim": world.sim, "env": world.envs[0], "camera": world.cameras[0]}
+    return {"gym": isaacgym_worlds.GYM, "sim": world.sim, "env": world.envs[0], "camera": world.cameras[0]}
 
 
 PAGES: dict[str, Callable[[], Names]] = {

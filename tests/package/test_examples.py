@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
-EXAMPLES = Path(__file__).resolve().parents[1] / "examples"
-QUICK = str(Path(__file__).with_name("quick_simulators.py"))
+EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
+QUICK = str(EXAMPLES.parent / "tests" / "helpers" / "fast_compile.py")
 
 
 def run(*command: str, folder: Path) -> str:
@@ -112,7 +112,7 @@ def test_isaacgym_cameras(tmp_path: Path) -> None:
 
 
 def test_every_example_is_run() -> None:
-    tested = "".join(path.read_text() for path in Path(__file__).parent.rglob("test_*.py"))
+    tested = "".join(path.read_text() for path in (EXAMPLES.parent / "tests").rglob("test_*.py"))
     names = [path.name for path in EXAMPLES.glob("*.py")]
     assert names
     for name in names:

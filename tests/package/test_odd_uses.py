@@ -11,11 +11,11 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-import balls
+import fast_compile
 import mujoco
 import numpy as np
 import pytest
-import quick_simulators
+import sphere_scenes
 import torch
 import warp as wp
 
@@ -27,7 +27,7 @@ HALFWAY = np.sqrt(0.5)
 
 @pytest.fixture(scope="module")
 def scene() -> wc.Scene:
-    return balls.Simulation("cpu", WORLDS).scene
+    return sphere_scenes.Simulation("cpu", WORLDS).scene
 
 
 def own(**changes: Any) -> wc.Camera:
@@ -179,7 +179,7 @@ def test_scenes(scene: wc.Scene) -> None:
             way(scene)
     with pytest.raises(AttributeError):
         scene.num_worlds = 5  # type: ignore[misc]
-    mjm = mujoco.MjModel.from_xml_string(balls.MODEL)
+    mjm = mujoco.MjModel.from_xml_string(sphere_scenes.MODEL)
     for name in ("reflections", "transparency"):
         for word in ("no", "backs"):
             with says(f"{name} must be True, False or None, got {word!r}"):
@@ -187,7 +187,7 @@ def test_scenes(scene: wc.Scene) -> None:
 
 
 def test_recipes() -> None:
-    model = balls.MODEL.replace("<worldbody>", '<asset><material name="m"/></asset><worldbody>')
+    model = sphere_scenes.MODEL.replace("<worldbody>", '<asset><material name="m"/></asset><worldbody>')
     mjm = mujoco.MjModel.from_xml_string(model)
     scene = wc.from_mujoco(mjm, mujoco.MjData(mjm), device="cpu")
     with says("randomize: material_texture: a choice of indices takes -1 for none alone, got [99]"):
@@ -211,8 +211,8 @@ def test_recipes() -> None:
 FORKING = """
 import os, sys
 sys.path.append(sys.argv[1])
-import balls
-renderer = balls.Simulation("cpu").renderer(("depth",))
+import sphere_scenes
+renderer = sphere_scenes.Simulation("cpu").renderer(("depth",))
 expected = renderer.render()["top"]["depth"].clone().numpy()
 child = os.fork()
 if child == 0:
@@ -224,9 +224,9 @@ sys.exit(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]))
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="it forks")
 def test_a_forked_process_renders_on() -> None:
-    folder = os.path.dirname(balls.__file__)
+    folder = os.path.dirname(sphere_scenes.__file__)
     environment = {**os.environ, "CUDA_VISIBLE_DEVICES": "", "WARPCAM_CPU_THREADS": "2"}
-    command = [sys.executable, quick_simulators.__file__, "-c", FORKING, folder]
+    command = [sys.executable, fast_compile.__file__, "-c", FORKING, folder]
     done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=120)
     assert done.returncode == 0, done.stdout + done.stderr
 
@@ -241,7 +241,7 @@ def test_binary_models_by_a_name_in_capitals(tmp_path: Path) -> None:
 
 def test_files(tmp_path: Any) -> None:
     path = tmp_path / "balls.xml"
-    path.write_text(balls.MODEL)
+    path.write_text(sphere_scenes.MODEL)
     for count in (0, -1, 2.5, "2", True):
         with says(f"num_worlds must be a whole number, at least 1, got {count!r}"):
             wc.load(path, count)

@@ -17,7 +17,7 @@ import warp as wp
 import warpcam as wc
 from warpcam import worlds
 
-ROOT = Path(__file__).resolve().parents[1]
+ROOT = Path(__file__).resolve().parents[2]
 MODEL = '<body name="wall"><freejoint/><geom type="box" size="5000 5000 0.5"/></body>'
 
 
@@ -267,9 +267,9 @@ def test_every_promise_has_a_test_that_is_there() -> None:
 
 
 def test_a_test_that_is_gone_is_seen() -> None:
-    text = "| P1 | `tests/test_promises.py` `test_that_is_not_there` | and `tests/test_nowhere.py` `test_x` |"
+    text = "| P1 | `tests/package/test_promises.py` `test_that_is_not_there` | and `tests/test_nowhere.py` `test_x` |"
     assert missing(text) == [
-        "tests/test_promises.py test_that_is_not_there",
+        "tests/package/test_promises.py test_that_is_not_there",
         "tests/test_nowhere.py",
         "tests/test_nowhere.py test_x",
     ]

@@ -1,6 +1,6 @@
 """Images of one feature each, against those that were kept: a change of appearance is seen, and told in the changelog.
 
-WARPCAM_WRITE_GOLDENS=1 pytest tests/test_goldens.py        # keeps the images of today
+WARPCAM_WRITE_GOLDENS=1 pytest tests/render/test_goldens.py        # keeps the images of today
 """
 
 import os

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import torch
 import warp as wp
-from balls import BALL, NUM_WORLDS, Simulation, every_device, host, on_cuda
+from sphere_scenes import BALL, NUM_WORLDS, Simulation, every_device, host, on_cuda
 from warpcam.kernels.streams import quiet_stream
 
 import warpcam as wc

@@ -3,13 +3,13 @@
 import functools
 import gc
 from pathlib import Path
-from typing import Any
 
 import mujoco
 import mujoco_warp as mjw
 import numpy as np
 import pytest
 import warp as wp
+from allocation_ledger import Ledger
 from small_scene import GLASS, MIRROR, camera, scene_of
 from warpcam.kernels.flat import flat
 
@@ -18,7 +18,7 @@ from warpcam import memory, scratch
 from warpcam.outputs import OUTPUTS
 
 CAMERAS_MORE = '<camera name="left" pos="-4 0 1"/><camera name="right" pos="4 0 1"/>'
-DOCS = Path(__file__).resolve().parents[1] / "docs" / "memory.md"
+DOCS = Path(__file__).resolve().parents[2] / "docs" / "memory.md"
 LIT = {"rgb", "rgba", "hdr"}
 RAYS = np.ones((16, 16, 3))
 FACED = {*LIT, "normals", "albedo"}
@@ -127,25 +127,6 @@ def test_images_take_their_shape_times_their_type() -> None:
     told = wc.estimate_memory(scene, [camera(outputs=tuple(OUTPUTS))])
     tensors = wc.Renderer(scene, [camera(outputs=tuple(OUTPUTS))]).images["top"]
     assert told.images == {"top": {name: tensor.nbytes for name, tensor in tensors.items()}}
-
-
-class Ledger:
-    """Stands in for a Warp allocator and counts the bytes that are held."""
-
-    def __init__(self, allocator: Any):
-        self._allocator = allocator
-        self.held = 0
-
-    def __getattr__(self, name: str) -> Any:
-        return getattr(self._allocator, name)
-
-    def allocate(self, size: int) -> int:
-        self.held += size
-        return int(self._allocator.allocate(size))
-
-    def deallocate(self, pointer: int, size: int) -> None:
-        self.held -= size
-        self._allocator.deallocate(pointer, size)
 
 
 CAMERAS = {

@@ -7,7 +7,7 @@ import mujoco
 import mujoco_warp as mjw
 import numpy as np
 import pytest
-import soft_scenes
+import visual_geom_scenes
 import warp as wp
 
 import warpcam as wc
@@ -141,6 +141,6 @@ def test_the_loads_are_counted(device: wp.Device, loads: list[str]) -> None:
 
 @pytest.mark.parametrize("name", ["sites", "held", "cloth", "skin"])
 def test_what_is_compiled_while_trees_are_built_is_launched(name: str, device: wp.Device) -> None:
-    mjm, mjd = soft_scenes.bent(name)
+    mjm, mjd = visual_geom_scenes.bent(name)
     scene = wc.from_mujoco(mjm, mjd, device=device)
     assert {kernel.module for kernel in scene._source.kernels()} == {stage.module for stage in scene.stages()}

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 import torch
 import warp as wp
-from balls import BALL, MODEL, NUM_WORLDS, Simulation, every_device, host
+from sphere_scenes import BALL, MODEL, NUM_WORLDS, Simulation, every_device, host
 from warpcam.kernels import resolve, shadow, visibility
 
 import warpcam as wc

@@ -15,7 +15,7 @@ import warp as wp
 import warpcam as wc
 from warpcam import device as device_rule
 
-sys.path.append(str(Path(__file__).resolve().parents[1] / "examples"))
+sys.path.append(str(Path(__file__).resolve().parents[2] / "examples"))
 import every_gpu
 
 pytestmark = pytest.mark.skipif(wp.get_cuda_device_count() < 2, reason="needs two GPUs")

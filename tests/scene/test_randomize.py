@@ -6,8 +6,8 @@ import mujoco
 import numpy as np
 import pytest
 import scenes
-import stages
 import torch
+import usd_stages
 import warp as wp
 from pxr import Usd, UsdLux
 
@@ -274,8 +274,8 @@ def test_no_camera_is_exposed_beyond_what_a_float_holds(scene: wc.Scene) -> None
 
 
 def test_bounds_may_have_the_shape_of_an_entry(device: wp.Device) -> None:
-    stage = stages.metric(Usd.Stage.CreateInMemory())
-    stages.add_square(stage, "/square")
+    stage = usd_stages.metric(Usd.Stage.CreateInMemory())
+    usd_stages.add_square(stage, "/square")
     UsdLux.SphereLight.Define(stage, "/lamp")
     scene = wc.from_usd(stage, 2, device=device)
     axes = np.arange(9.0).reshape(3, 3)

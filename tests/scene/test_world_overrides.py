@@ -8,8 +8,8 @@ import newton_scenes
 import numpy as np
 import pytest
 import scenes
-import stages
 import torch
+import usd_stages
 import warp as wp
 from pxr import Usd
 
@@ -286,16 +286,16 @@ def test_what_newton_hides_stays_hidden(device: wp.Device) -> None:
 
 
 def test_one_world_of_a_stage_differs(device: wp.Device, loads: list[str]) -> None:
-    stage = stages.metric(Usd.Stage.CreateInMemory())
-    stages.add_square(stage, "/square")
-    stages.add_material(stage, "/paint", diffuseColor=(0.5, 0.2, 0.2), roughness=0.5)
+    stage = usd_stages.metric(Usd.Stage.CreateInMemory())
+    usd_stages.add_square(stage, "/square")
+    usd_stages.add_material(stage, "/paint", diffuseColor=(0.5, 0.2, 0.2), roughness=0.5)
     from pxr import UsdShade
 
     prim = stage.GetPrimAtPath("/square")
     UsdShade.MaterialBindingAPI.Apply(prim).Bind(UsdShade.Material.Get(stage, "/paint"))
     scene = wc.from_usd(stage, WORLDS, device=device)
     tensors = {name: scene.vary(name) for name in ("shape_colors", "material_roughness", "material_metallic")}
-    renderer = wc.Renderer(scene, [stages.above(3.0, 16, 2.0, "rgb")])
+    renderer = wc.Renderer(scene, [usd_stages.above(3.0, 16, 2.0, "rgb")])
     for tensor in tensors.values():
         check(renderer, lambda tensor=tensor: tensor[1].fill_(0.9), loads)
         tensor[:] = tensor[:1].clone()
@@ -305,10 +305,10 @@ def test_one_world_of_a_stage_differs(device: wp.Device, loads: list[str]) -> No
 
 def test_what_a_stage_hides_later_stays_hidden(device: wp.Device) -> None:
     """Where it has one colour for all worlds, until some of them hide it."""
-    stage = stages.metric(Usd.Stage.CreateInMemory())
-    stages.add_square(stage, "/square")
+    stage = usd_stages.metric(Usd.Stage.CreateInMemory())
+    usd_stages.add_square(stage, "/square")
     scene = wc.from_usd(stage, WORLDS, device=device)
-    renderer = wc.Renderer(scene, [eye := stages.above(3.0, 8, 2.0, "depth")])
+    renderer = wc.Renderer(scene, [eye := usd_stages.above(3.0, 8, 2.0, "depth")])
     scene.vary("shape_colors").fill_(1.0)
     assert torch.isfinite(renderer.render()[eye.name]["depth"]).all()
     scene.set_visible(["/square"], np.array([[True], [False], [True]]))

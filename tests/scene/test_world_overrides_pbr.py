@@ -16,7 +16,7 @@ from warpcam.variety import names_of
 
 pytest.importorskip("pxr.Usd")
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdLux, UsdShade
-from stages import add_material, add_square
+from usd_stages import add_material, add_square
 
 WORLDS = 3
 FLOOR, BLOCK, MOSS, SPOT, PANEL, SPHERE = 0, 1, 1, 0, 1, 1  # materials, a texture, lights and a form

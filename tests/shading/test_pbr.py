@@ -11,7 +11,7 @@ from PIL import Image
 import warpcam as wc
 
 pytest.importorskip("pxr.Usd")
-from physical_scenes import (
+from pbr_scenes import (
     FOVY,
     SIZE,
     UPRIGHT,
@@ -26,7 +26,7 @@ from physical_scenes import (
     unit,
 )
 from pxr import Usd, UsdLux, UsdShade
-from stages import add_mesh
+from usd_stages import add_mesh
 
 
 def gltf_brdf(

@@ -12,9 +12,9 @@ from PIL import Image
 import warpcam as wc
 
 pytest.importorskip("pxr.Usd")
-from physical_scenes import UPRIGHT, add_ball, add_sun, ball_normals, bind, dot, encoded, see, textured_floor, unit
+from pbr_scenes import UPRIGHT, add_ball, add_sun, ball_normals, bind, dot, encoded, see, textured_floor, unit
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdLux, UsdShade
-from stages import add_square, image
+from usd_stages import add_square, image
 
 
 def test_a_sky_of_one_colour(stage: Usd.Stage, tmp_path: Path, device: wp.Device) -> None:

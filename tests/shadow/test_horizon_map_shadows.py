@@ -1,11 +1,11 @@
 """What meshes know of their own shadows spares rays and changes no image."""
 
+import mesh_surfaces
 import mujoco
 import newton
 import numpy as np
 import pytest
 import scenes
-import surfaces
 import warp as wp
 from newton_scenes import eye, finalize, pose
 from warpcam.kernels import horizon
@@ -78,7 +78,7 @@ def test_shutters_change_no_image(
     spec = mujoco.MjSpec()
     spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_PLANE, size=(9.0, 9.0, 0.1))
     for number, name in enumerate(names):
-        points, faces = surfaces.CLOSED[name]()
+        points, faces = mesh_surfaces.CLOSED[name]()
         spec.add_mesh(name=name, uservert=points.ravel().astype(float), userface=faces.ravel())
         place = {"pos": (1.6 * number, 0.3, 1.3 + number), "quat": (1.0, 0.3, -0.2, 0.4 * (turned != "as it is"))}
         spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_MESH, meshname=name, **place)

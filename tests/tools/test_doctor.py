@@ -11,9 +11,9 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
+import fast_compile
 import numpy as np
 import pytest
-import quick_simulators
 import torch
 import warp as wp
 from warpcam.kernels import launch
@@ -150,7 +150,7 @@ def test_a_process_prints_nothing_but_json() -> None:
     """Neither what Warp says when it starts nor warnings get between."""
     program = ["-c", "import sys; from warpcam import cli; sys.exit(cli.main(sys.argv[1:]))", "doctor"]
     variables = {**os.environ, "MUJOCO_EGL_DEVICE_ID": "3"}
-    quick = [sys.executable, quick_simulators.__file__, *program, "--json"]
+    quick = [sys.executable, fast_compile.__file__, *program, "--json"]
     done = subprocess.run(quick, env=variables, capture_output=True, text=True, timeout=300)
     told = json.loads(done.stdout)
     assert (done.returncode, told["ok"]) == (0, True)

@@ -11,7 +11,7 @@ from PIL import Image
 import warpcam as wc
 
 pytest.importorskip("newton")
-from gym_worlds import GYM, HEIGHT, KINDS, WIDTH, World, at, new_sim, props, tensors_of, walls
+from isaacgym_worlds import GYM, HEIGHT, KINDS, WIDTH, World, at, new_sim, props, tensors_of, walls
 
 from warpcam.compat.isaacgym import gymapi
 

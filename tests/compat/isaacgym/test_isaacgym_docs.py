@@ -11,7 +11,7 @@ pytest.importorskip("newton")
 from warpcam.compat.isaacgym import gymapi, gymtorch
 from warpcam.compat.isaacgym.refused import REFUSED
 
-PAGE = (Path(__file__).resolve().parents[2] / "docs" / "compat" / "isaacgym.md").read_text()
+PAGE = (Path(__file__).resolve().parents[3] / "docs" / "compat" / "isaacgym.md").read_text()
 
 
 def test_the_table_names_every_call_and_no_other() -> None:

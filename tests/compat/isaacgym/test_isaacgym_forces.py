@@ -11,7 +11,7 @@ import warp as wp
 import warpcam as wc
 
 mujoco, newton = pytest.importorskip("mujoco"), pytest.importorskip("newton")
-from gym_worlds import GYM, at, new_sim  # noqa: E402, newton may be missing
+from isaacgym_worlds import GYM, at, new_sim  # noqa: E402, newton may be missing
 
 from warpcam.compat.isaacgym import gymapi, gymtorch, settings  # noqa: E402
 

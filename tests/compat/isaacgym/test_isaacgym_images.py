@@ -11,7 +11,7 @@ import warp as wp
 import warpcam as wc
 
 pytest.importorskip("newton")
-from gym_worlds import GYM, HEIGHT, KINDS, WIDTH, at, new_sim, ordinal, props, tensors_of, walls
+from isaacgym_worlds import GYM, HEIGHT, KINDS, WIDTH, at, new_sim, ordinal, props, tensors_of, walls
 
 from warpcam.compat.isaacgym import gymapi, gymtorch
 

@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 import pytest
 import warp as wp
-from decor_scene import GEOM, XML, add, connect, judging, made, tilted
+from mjv_geom_scene import GEOM, XML, add, connect, judging, made, tilted
 
 import warpcam as wc
 from warpcam.compat import studio

@@ -7,7 +7,7 @@ import mujoco
 import numpy as np
 import pytest
 import warp as wp
-from decor_scene import XML, made
+from mjv_geom_scene import XML, made
 
 from warpcam.compat.mujoco import Renderer
 

@@ -7,7 +7,7 @@ import mujoco
 import numpy as np
 import pytest
 import warp as wp
-from decor_scene import XML, judging
+from mjv_geom_scene import XML, judging
 
 import warpcam as wc
 from warpcam.compat.mujoco import Renderer

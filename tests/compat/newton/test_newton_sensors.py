@@ -12,7 +12,7 @@ import warpcam as wc
 
 newton = pytest.importorskip("newton", reason="pip install 'warpcam[newton]'")
 import newton_scenes  # noqa: E402, newton may be missing
-import newtons_tests  # noqa: E402
+import newton_upstream  # noqa: E402
 from newton.sensors import SensorCamera as TheirCamera  # noqa: E402
 from newton.sensors import SensorTiledCamera as TheirTiled  # noqa: E402
 
@@ -101,7 +101,7 @@ def test_newtons_own_of_others(module: str, case: str, name: str) -> None:
     if not hasattr(getattr(tests, case, None), name):
         pytest.skip("this version of Newton has no such test")
     ours = {"SensorCamera": SensorCamera, "SensorTiledCamera": SensorTiledCamera}
-    result = newtons_tests.run(module, case, name, {key: each for key, each in ours.items() if hasattr(tests, key)})
+    result = newton_upstream.run(module, case, name, {key: each for key, each in ours.items() if hasattr(tests, key)})
     assert not result.failures + result.errors, result.failures + result.errors
 
 
@@ -110,7 +110,7 @@ def test_newtons_own(name: str) -> None:
     tests = pytest.importorskip("newton.tests.test_sensor_camera", reason="this version's wheel has no tests")
     if not hasattr(tests.TestSensorCamera, name):
         pytest.skip("this version of Newton has no such test")
-    result = newtons_tests.run("test_sensor_camera", "TestSensorCamera", name, {"SensorCamera": SensorCamera})
+    result = newton_upstream.run("test_sensor_camera", "TestSensorCamera", name, {"SensorCamera": SensorCamera})
     assert not result.failures + result.errors, result.failures + result.errors
 
 

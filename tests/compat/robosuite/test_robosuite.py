@@ -9,9 +9,9 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import fast_compile
 import numpy as np
 import pytest
-import quick_simulators
 from PIL import Image
 
 import warpcam as wc
@@ -338,8 +338,8 @@ def test_every_task(installed: None, task: str) -> None:
 
 
 def test_the_example(tmp_path: Path) -> None:
-    example = Path(__file__).parents[2] / "examples" / "robosuite_images.py"
-    command = [sys.executable, quick_simulators.__file__, str(example)]
+    example = Path(__file__).parents[3] / "examples" / "robosuite_images.py"
+    command = [sys.executable, fast_compile.__file__, str(example)]
     done = subprocess.run(command, cwd=tmp_path, check=False, capture_output=True, text=True)
     assert "agentview_segmentation_instance (256, 256, 1)" in done.stdout, done.stderr[-2000:]
     assert np.asarray(Image.open(tmp_path / "robosuite.png")).shape == (256, 512, 3)

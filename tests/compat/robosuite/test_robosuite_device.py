@@ -6,10 +6,10 @@ import sys
 import textwrap
 from typing import Any
 
+import fast_compile
 import pytest
-import quick_simulators
 import warp as wp
-from machines import PART, UUIDS, Machine
+from fake_devices import PART, UUIDS, Machine
 
 import warpcam as wc
 from warpcam.compat import robosuite as ours
@@ -131,7 +131,7 @@ def test_nothing_of_opengl(tmp_path: Any) -> None:
     """
     variables = {"MUJOCO_GL": "disable", "MUJOCO_EGL_DEVICE_ID": "7", "CUDA_VISIBLE_DEVICES": "0"}
     done = subprocess.run(
-        [sys.executable, quick_simulators.__file__, "-c", textwrap.dedent(code)], cwd=tmp_path,
+        [sys.executable, fast_compile.__file__, "-c", textwrap.dedent(code)], cwd=tmp_path,
         env={**os.environ, **variables}, check=False, capture_output=True, text=True,
     )  # fmt: skip
     assert done.stdout.endswith("nothing\n"), done.stderr[-2000:]

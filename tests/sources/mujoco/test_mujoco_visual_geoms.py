@@ -1,11 +1,11 @@
 """Sites, tendons, flexes and skins of MuJoCo, against ``mujoco.Renderer`` and in closed form."""
 
 import mujoco
+import mujoco_judge as judge
 import numpy as np
 import pytest
 import scenes
-import soft_scenes
-import test_mujoco_renderer as judge
+import visual_geom_scenes
 import warp as wp
 
 import warpcam as wc
@@ -19,7 +19,7 @@ FROM_THE_FRONT = {"position": (0.0, -3.0, 0.0), "rotation": (0.7071, 0.7071, 0.0
 
 
 def looked_at(name: str, seed: int) -> tuple[mujoco.MjModel, mujoco.MjData]:
-    mjm, mjd = soft_scenes.bent(name, seed)
+    mjm, mjd = visual_geom_scenes.bent(name, seed)
     mjm.stat.center[:], mjm.stat.extent = 0.0, 1.2
     return mjm, mjd
 
@@ -44,7 +44,7 @@ def as_warp(name: str, device: wp.Device) -> wc.Scene:
 
 
 @pytest.mark.parametrize("source", [as_classic, as_warp], ids=["classic", "warp"])
-@pytest.mark.parametrize("name", soft_scenes.MODELS)
+@pytest.mark.parametrize("name", visual_geom_scenes.MODELS)
 def test_ids_and_depth_are_those_of_mujocos_own_renderer(device: wp.Device, name: str, source: object) -> None:
     scene = source(name, device)
     for world in range(2):
@@ -53,7 +53,7 @@ def test_ids_and_depth_are_those_of_mujocos_own_renderer(device: wp.Device, name
         assert set(np.unique(reference.pairs[..., 1])) - {-1, 5}, "nothing but geoms is in the image"
 
 
-@pytest.mark.parametrize("name", soft_scenes.MODELS)
+@pytest.mark.parametrize("name", visual_geom_scenes.MODELS)
 def test_colours_are_those_of_mujocos_own_renderer(device: wp.Device, name: str) -> None:
     mjm, mjd = looked_at(name, 0)
     reference = judge.draw(mjm, mjd, camera=-1)
@@ -138,20 +138,20 @@ def test_limits_go_on_to_colour_where_colours_are_varied(device: wp.Device, sour
 
 def test_tendons_take_no_columns_that_cannot_be_drawn(device: wp.Device) -> None:
     for slices, most in ((120, 8), (5, 5)):
-        mjm, mjd = soft_scenes.bent("wraps")
+        mjm, mjd = visual_geom_scenes.bent("wraps")
         mjm.vis.quality.numslices = slices
         scene = wc.from_mujoco(mjm, mjd, device=device, draw=("tendons",))
         wraps = 1 + 2
         straight = 2 + 4
         arcs = wraps * most if WRAPPED else wraps
         assert scene.tables().num_drawn == straight + arcs
-    mjm, mjd = soft_scenes.bent("tendons")
+    mjm, mjd = visual_geom_scenes.bent("tendons")
     scene = wc.from_mujoco(mjm, mjd, device=device, draw=("tendons",))
     assert scene.tables().num_drawn == 2 + (8 if WRAPPED else 1) + 2, "nothing beside a pulley"
 
 
 def test_ids_count_on_from_the_geoms(device: wp.Device) -> None:
-    mjm, mjd = soft_scenes.bent("tendons")
+    mjm, mjd = visual_geom_scenes.bent("tendons")
     scene = wc.from_mujoco(mjm, mjd, device=device)
     geom, site, tendon = (int(getattr(mujoco.mjtObj, f"mjOBJ_{kind}")) for kind in ("GEOM", "SITE", "TENDON"))
     assert scene.objects.tolist() == [
@@ -165,7 +165,7 @@ def test_ids_count_on_from_the_geoms(device: wp.Device) -> None:
 
 
 def test_bodies_of_sites(device: wp.Device) -> None:
-    mjm, mjd = soft_scenes.bent("sites")
+    mjm, mjd = visual_geom_scenes.bent("sites")
     scene = wc.from_mujoco(mjm, mjd, device=device)
     camera = scenes.own_camera(
         position=(0.0, -2.5, 0.0), rotation=(0.7071, 0.7071, 0.0, 0.0), outputs=("segmentation", "bodies")
@@ -185,12 +185,12 @@ def test_what_cannot_be_seen_costs_nothing(device: wp.Device) -> None:
     tables = scene.tables()
     assert (tables.num_drawn, tables.num_shapes, scene.stages()) == (1, 1, ())
     assert scene.array("shape_positions") is d.geom_xpos
-    mjm, mjd = soft_scenes.bent("sites")
+    mjm, mjd = visual_geom_scenes.bent("sites")
     assert wc.from_mujoco(mjm, mjd, device=device).tables().num_drawn == mjm.ngeom + 5
 
 
 def test_what_is_drawn_is_chosen(device: wp.Device) -> None:
-    mjm, mjd = soft_scenes.bent("tendons")
+    mjm, mjd = visual_geom_scenes.bent("tendons")
     camera = scenes.own_camera(position=(0.0, -2.5, 0.0), rotation=(0.7071, 0.7071, 0.0, 0.0))
 
     def kinds(**choice: object) -> set[int]:
@@ -217,7 +217,7 @@ def test_only_mujoco_has_kinds_of_objects(device: wp.Device) -> None:
 
 def test_normals_where_a_texture_does_not_show(device: wp.Device) -> None:
     """On a flex that is a line, which is the only shape that bends: the trace itself writes them."""
-    mjm, mjd = soft_scenes.bent("line")
+    mjm, mjd = visual_geom_scenes.bent("line")
     camera = scenes.own_camera(position=(0.0, 0.0, 3.0), outputs=("segmentation", "normals"))
     seen = scenes.look(wc.from_mujoco(mjm, mjd, device=device), camera)
     line = seen["segmentation"] == mjm.ngeom
@@ -230,7 +230,7 @@ def test_texture_coordinates_may_be_fewer_than_vertices(device: wp.Device) -> No
     corners = "-.5 -.5 0 .5 -.5 0 .5 .5 0 -.5 .5 0"
     cloth = f'''<deformable><flex name="soft" dim="2" radius=".02" body="world" material="checks" rgba=".5 .5 .5 1"
       vertex="{corners}" element="0 1 2 2 3 0" texcoord="0 0 1 0 1 1" elemtexcoord="0 1 2 0 1 2"/></deformable>'''
-    mjm = scenes.compile_xml("", assets=soft_scenes.PICTURE, more=cloth)
+    mjm = scenes.compile_xml("", assets=visual_geom_scenes.PICTURE, more=cloth)
     camera = scenes.own_camera(
         position=(0.0, 0.0, 3.0), lens=wc.Orthographic(height=1.0), outputs=("albedo", "segmentation")
     )
@@ -242,7 +242,7 @@ def test_texture_coordinates_may_be_fewer_than_vertices(device: wp.Device) -> No
 
 
 def test_a_world_is_moved_in_place(device: wp.Device) -> None:
-    mjm, mjd = soft_scenes.bent("cloth")
+    mjm, mjd = visual_geom_scenes.bent("cloth")
     m, d = scenes.put(mjm, 2, mjd=mjd)
     renderer = wc.Renderer(
         wc.from_mujoco_warp(mjm, m, d),
@@ -275,7 +275,7 @@ def test_arrays_that_are_replaced_are_read(device: wp.Device) -> None:
 
 def test_the_kinematics_can_be_run_first(device: wp.Device) -> None:
     for source in ("classic", "warp"):
-        mjm, mjd = soft_scenes.bent("cloth")
+        mjm, mjd = visual_geom_scenes.bent("cloth")
         expected = scenes.look(wc.from_mujoco(mjm, mjd, device=device), scenes.own_camera(position=(0.0, 0.0, 3.0)))
         moved = mjd.qpos.copy()
         if source == "classic":
@@ -309,7 +309,7 @@ def test_a_tendon_is_a_capsule_between_its_points(device: wp.Device) -> None:
 
 
 def test_bounds_hold_what_is_soft(device: wp.Device) -> None:
-    mjm, mjd = soft_scenes.bent("solid")
+    mjm, mjd = visual_geom_scenes.bent("solid")
     low, high = wc.from_mujoco(mjm, mjd, device=device, draw=("flexes",)).bounds()
     assert (low <= mjd.flexvert_xpos.min(axis=0) + 1e-6).all() and (low >= mjd.flexvert_xpos.min(axis=0) - 0.06).all()
     assert (high >= mjd.flexvert_xpos.max(axis=0) - 1e-6).all() and (high <= mjd.flexvert_xpos.max(axis=0) + 0.06).all()

@@ -11,7 +11,7 @@ import warpcam as wc
 
 pytest.importorskip("pxr.Usd")
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdSemantics
-from stages import above, add_square, image, metric, pose
+from usd_stages import above, add_square, image, metric, pose
 
 
 @pytest.mark.parametrize("unit", [1.0, 0.01, 0.0254])

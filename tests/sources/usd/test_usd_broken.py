@@ -7,16 +7,16 @@ import time
 from pathlib import Path
 from typing import Any
 
+import fast_compile
 import numpy as np
 import pytest
-import quick_simulators
 import warp as wp
 
 import warpcam as wc
 
 pytest.importorskip("pxr.Usd")
 from pxr import Gf, Usd, UsdGeom, UsdLux
-from stages import above, add_mesh, add_square, image, metric
+from usd_stages import above, add_mesh, add_square, image, metric
 from warpcam.benchmarks import corpus
 
 SQUARE = """def Mesh "it" {
@@ -225,7 +225,7 @@ def test_a_corpus_run_tells_what_became_of_each_file(tmp_path: Path, capfd: pyte
     written(tmp_path / "good.usda", SQUARE)
     written(tmp_path / "empty.usda", "")
     (tmp_path / "bad.obj").write_text("f 1 2 3\n")
-    command = [sys.executable, quick_simulators.__file__, "-m", "warpcam.benchmarks.corpus", str(tmp_path)]
+    command = [sys.executable, fast_compile.__file__, "-m", "warpcam.benchmarks.corpus", str(tmp_path)]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout + done.stderr
     assert "| .usda | 1 | 1 |" in done.stdout

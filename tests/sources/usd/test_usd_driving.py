@@ -10,7 +10,7 @@ from warpcam.parts import FIELDS
 
 pytest.importorskip("pxr.Usd")
 from pxr import Sdf, Usd, UsdGeom, UsdLux, UsdShade
-from stages import above, add_material, add_mesh, add_square
+from usd_stages import above, add_material, add_mesh, add_square
 
 
 def test_poses_of_many_worlds(stage: Usd.Stage, device: wp.Device) -> None:

@@ -12,7 +12,7 @@ import warpcam as wc
 
 pytest.importorskip("pxr.Usd")
 from pxr import Usd, UsdGeom
-from stages import above, expected, image, pose
+from usd_stages import above, expected, image, pose
 
 DIRECTIONS = ((0.6, -0.8, 0.5), (-0.7, 0.3, -0.4))
 

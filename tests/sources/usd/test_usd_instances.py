@@ -8,7 +8,7 @@ import warpcam as wc
 
 pytest.importorskip("pxr.Usd")
 from pxr import Sdf, Usd, UsdGeom
-from stages import above, add_material, add_square, image, metric
+from usd_stages import above, add_material, add_square, image, metric
 
 RED, GREEN, BLUE = (255, 0, 0), (0, 255, 0), (0, 0, 255)
 BARE = (118, 118, 118)  # 0.18, encoded

@@ -10,7 +10,7 @@ import warpcam as wc
 
 pytest.importorskip("pxr.Usd")
 from pxr import Usd, UsdGeom, UsdLux
-from stages import above, add_material, add_square, bind, image, save_image
+from usd_stages import above, add_material, add_square, bind, image, save_image
 
 
 def shown(stage: Usd.Stage, device: wp.Device, at: tuple = (0.0, 0.0)) -> np.ndarray:

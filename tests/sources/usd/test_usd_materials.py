@@ -10,7 +10,18 @@ import warpcam as wc
 
 pytest.importorskip("pxr.Usd")
 from pxr import Sdf, Usd, UsdGeom, UsdLux, UsdShade, UsdUtils
-from stages import QUARTERS, above, add_material, add_mesh, add_square, albedo, bind, image, save_image, textured_square
+from usd_stages import (
+    QUARTERS,
+    above,
+    add_material,
+    add_mesh,
+    add_square,
+    albedo,
+    bind,
+    image,
+    save_image,
+    textured_square,
+)
 
 
 def corners(picture: np.ndarray) -> list:

@@ -10,7 +10,7 @@ import warpcam as wc
 
 pytest.importorskip("pxr.Usd")
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdShade, Vt
-from stages import above, add_material, add_mesh, add_square, image, metric
+from usd_stages import above, add_material, add_mesh, add_square, image, metric
 
 
 def test_polygons_that_are_not_convex(stage: Usd.Stage, device: wp.Device) -> None:

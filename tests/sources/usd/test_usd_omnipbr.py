@@ -11,7 +11,7 @@ import warpcam as wc
 
 pytest.importorskip("pxr.Usd")
 from pxr import Sdf, Usd, UsdShade
-from stages import albedo, save_image, textured_square
+from usd_stages import albedo, save_image, textured_square
 
 
 def omni_look(stage: Usd.Stage, device: wp.Device, **inputs: Any) -> tuple[wc.Scene, Any]:

@@ -13,7 +13,7 @@ import warpcam as wc
 
 pytest.importorskip("pxr.Usd")
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdLux, UsdShade
-from stages import above, add_material, add_mesh, add_square
+from usd_stages import above, add_material, add_mesh, add_square
 
 OUTPUTS = ("depth", "segmentation", "hdr", "rgba", "albedo", "normals", "points", "distance")
 ALPHA = np.array([[0, 255], [102, 204]], np.uint8)  # of the quarters, from the top

@@ -10,7 +10,7 @@ import warpcam as wc
 
 pytest.importorskip("pxr.Usd")
 from pxr import Usd, UsdGeom
-from stages import above, image
+from usd_stages import above, image
 
 from warpcam.sources.usd_strands import BASES, Line, icosphere, tube
 
