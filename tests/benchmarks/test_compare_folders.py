@@ -8,6 +8,7 @@ import mujoco
 import numpy as np
 import pytest
 import scenes
+from mujoco_reference import reference_renderer
 from warpcam.benchmarks import beside, likeness
 
 from warpcam.errors import WarpcamError
@@ -27,13 +28,7 @@ BALLS = """<mujoco>
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
     """Two models, of which one begins at a keyframe, and a file that is no model by itself."""
-    try:
-        mujoco.Renderer(scenes.compile_xml(""), 8, 8).close()
-    except Exception as error:
-        pytest.skip(
-            "MuJoCo's own renderer needs a library on a machine without a display: apt-get install libosmesa6 "
-            f"({type(error).__name__})"
-        )
+    reference_renderer(scenes.compile_xml(""), 8, 8).close()
     models = tmp_path / "models"
     (models / "more").mkdir(parents=True)
     (models / "balls.xml").write_text(BALLS)

@@ -2,9 +2,9 @@
 
 import mujoco
 import numpy as np
-import pytest
 import scenes
 import warp as wp
+from mujoco_reference import reference_renderer
 
 import warpcam as wc
 
@@ -17,14 +17,7 @@ def paint(mjm: mujoco.MjModel, mjd: mujoco.MjData, camera: int = 0) -> np.ndarra
     """(height, width, 3) uint8."""
     mjm.vis.quality.numslices = mjm.vis.quality.numstacks = FINE
     mjm.vis.quality.offsamples = 0
-    try:
-        renderer = mujoco.Renderer(mjm, SIZE, SIZE)
-    except Exception as error:
-        pytest.skip(
-            "MuJoCo's own renderer needs a library on a machine without a display: apt-get install libosmesa6 "
-            f"({type(error).__name__})"
-        )
-    with renderer:
+    with reference_renderer(mjm, SIZE, SIZE) as renderer:
         renderer.update_scene(mjd, camera=camera)
         return renderer.render().copy()
 

@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import mujoco
 import numpy as np
-import pytest
 import scenes
+from mujoco_reference import reference_renderer
 
 import warpcam as wc
 
@@ -35,15 +35,8 @@ def near_and_far(mjm: mujoco.MjModel) -> dict[str, float]:
 
 def draw(mjm: mujoco.MjModel, mjd: mujoco.MjData, camera: int) -> Reference:
     """MuJoCo's images of one camera of the model, or of its free camera, -1."""
-    try:
-        mjm.vis.quality.offsamples = 0  # one sample a pixel, in its centre: a depth of several is of none of them
-        renderer = mujoco.Renderer(mjm, SIZE, SIZE)
-    except Exception as error:
-        pytest.skip(
-            "MuJoCo's own renderer needs a library on a machine without a display: apt-get install libosmesa6 "
-            f"({type(error).__name__})"
-        )
-    with renderer:
+    mjm.vis.quality.offsamples = 0  # one sample a pixel, in its centre: a depth of several is of none of them
+    with reference_renderer(mjm, SIZE, SIZE) as renderer:
         renderer.update_scene(mjd, camera=camera, scene_option=options())
         renderer.enable_segmentation_rendering()
         pairs = renderer.render().copy()

@@ -8,6 +8,7 @@ import mujoco
 import numpy as np
 import pytest
 import warp as wp
+from mujoco_reference import reference_renderer
 
 import warpcam as wc
 from warpcam.compat import studio
@@ -58,10 +59,7 @@ def ours(model: mujoco.MjModel, device: wp.Device) -> Renderer:
 
 
 def judge(model: mujoco.MjModel) -> mujoco.Renderer:
-    try:
-        return mujoco.Renderer(model, HEIGHT, WIDTH)
-    except Exception as error:
-        pytest.skip(f"MuJoCo's own renderer needs a library: apt-get install libosmesa6 ({type(error).__name__})")
+    return reference_renderer(model, HEIGHT, WIDTH)
 
 
 def three(renderer: object) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

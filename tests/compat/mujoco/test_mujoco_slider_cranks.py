@@ -1,11 +1,13 @@
 """Slider-cranks beside ``mujoco.Renderer``."""
 
 from collections.abc import Callable
+from typing import Any
 
 import mujoco
 import numpy as np
 import pytest
 import warp as wp
+from mujoco_reference import reference_renderer
 
 import warpcam as wc
 from warpcam.compat.mujoco import Renderer
@@ -39,13 +41,11 @@ def posed(slide: float) -> tuple[mujoco.MjModel, mujoco.MjData]:
     return mjm, mjd
 
 
-def drawn(mjm: mujoco.MjModel, mjd: mujoco.MjData, kind: type = mujoco.Renderer) -> tuple[np.ndarray, np.ndarray]:
+def drawn(
+    mjm: mujoco.MjModel, mjd: mujoco.MjData, make: Callable[..., Any] = reference_renderer
+) -> tuple[np.ndarray, np.ndarray]:
     """Colours, and ids with their ``mjtObj``."""
-    try:
-        renderer = kind(mjm, SIZE, SIZE)
-    except Exception as error:
-        pytest.skip(f"MuJoCo's own renderer needs a library: apt-get install libosmesa6 ({type(error).__name__})")
-    with renderer:
+    with make(mjm, SIZE, SIZE) as renderer:
         renderer.update_scene(mjd, camera=0)
         colors = renderer.render().copy()
         renderer.enable_segmentation_rendering()

@@ -6,6 +6,7 @@ import mujoco
 import numpy as np
 import pytest
 import warp as wp
+from mujoco_reference import reference_renderer
 from PIL import Image
 
 import warpcam as wc
@@ -67,11 +68,7 @@ def compiled(
 
 def paint(mjm: mujoco.MjModel, mjd: mujoco.MjData) -> np.ndarray:
     """(height, width, 3) uint8."""
-    try:
-        renderer = mujoco.Renderer(mjm, SIZE, SIZE)
-    except Exception as error:
-        pytest.skip(f"MuJoCo's own renderer needs a library: apt-get install libosmesa6 ({type(error).__name__})")
-    with renderer:
+    with reference_renderer(mjm, SIZE, SIZE) as renderer:
         renderer.update_scene(mjd, camera=0)
         return renderer.render().copy()
 

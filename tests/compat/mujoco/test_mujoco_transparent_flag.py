@@ -2,8 +2,8 @@
 
 import mujoco
 import numpy as np
-import pytest
 import warp as wp
+from mujoco_reference import reference_renderer
 
 from warpcam.compat.mujoco import Renderer
 
@@ -61,10 +61,7 @@ def picture(renderer: Renderer, data: mujoco.MjData, transparent: bool = True) -
 
 def test_pictures_are_those_of_mujocos_own(device: wp.Device) -> None:
     model, data = made()
-    try:
-        judge = mujoco.Renderer(model, HEIGHT, WIDTH)
-    except Exception as error:
-        pytest.skip(f"MuJoCo's own renderer needs a library: apt-get install libosmesa6 ({type(error).__name__})")
+    judge = reference_renderer(model, HEIGHT, WIDTH)
     ours = Renderer(model, HEIGHT, WIDTH, device=device)
     with judge:
         plain = picture(judge, data, transparent=False)
