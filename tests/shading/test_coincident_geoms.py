@@ -3,7 +3,7 @@
 It draws the last of them, but adds the light of lights that cast shadows once for each.
 """
 
-import colour_reference
+import color_reference
 import mujoco
 import numpy as np
 import pytest
@@ -47,14 +47,14 @@ def model(kind: str, *looks: str, lights: str = CASTING + STEADY) -> mujoco.MjMo
 @pytest.mark.parametrize("kind", ["mesh", "box", "capsule"])
 def test_as_mujoco_draws_them(device: wp.Device, kind: str, looks: tuple[str, ...]) -> None:
     mjm = model(kind, *looks)
-    seen = colour_reference.check(mjm, device, differs=False, most=0.005 if kind == "capsule" else 0.002)
+    seen = color_reference.check(mjm, device, differs=False, most=0.005 if kind == "capsule" else 0.002)
     last = model(kind, looks[-1])
-    once = colour_reference.ours(last, scenes.forward(last), device)
+    once = color_reference.ours(last, scenes.forward(last), device)
     assert (seen.astype(int) - once).max() > 15
 
 
 def same(mjm: mujoco.MjModel, other: mujoco.MjModel, device: wp.Device) -> bool:
-    images = [colour_reference.ours(each, scenes.forward(each), device) for each in (mjm, other)]
+    images = [color_reference.ours(each, scenes.forward(each), device) for each in (mjm, other)]
     return bool(np.array_equal(*images))
 
 
@@ -63,7 +63,7 @@ def test_lights_without_shadows_come_once(device: wp.Device) -> None:
 
 
 def test_what_is_seen_through_is_not_counted(device: wp.Device) -> None:
-    colour_reference.check(model("box", RED, CLEAR), device, differs=False)
+    color_reference.check(model("box", RED, CLEAR), device, differs=False)
     assert same(model("box", "rgba='.2 .5 .2 0'", RED), model("box", RED), device)
 
 

@@ -1,6 +1,6 @@
 """Haze over the horizon of endless planes, and the skybox that ends them: as ``mujoco.Renderer`` draws them."""
 
-import colour_reference
+import color_reference
 import mujoco
 import numpy as np
 import pytest
@@ -53,12 +53,12 @@ def model(plane: str, camera: str, visual: str = "") -> mujoco.MjModel:
 
 @pytest.mark.parametrize("name", SCENES)
 def test_as_mujoco_draws_it(device: wp.Device, name: str) -> None:
-    colour_reference.check(model(*SCENES[name]), device, differs=False, most=0.004)
+    color_reference.check(model(*SCENES[name]), device, differs=False, most=0.004)
 
 
 def test_width_and_colour(device: wp.Device) -> None:
     mjm = model(*SCENES["high"], visual='<map haze=".6"/><rgba haze=".9 .3 .1 1"/>')
-    seen = colour_reference.check(mjm, device, differs=False, most=0.004).astype(int)
+    seen = color_reference.check(mjm, device, differs=False, most=0.004).astype(int)
     assert (seen[..., 0] > 200).any()  # neither the plane nor the sky is red
 
 
@@ -114,5 +114,5 @@ PARALLEL = '<camera projection="orthographic" fovy="{}" pos="1 2 .5" xyaxes="{}"
 def test_parallel_rays_see_as_much_of_the_skybox_as_they_span(device: wp.Device, axes: str, glass: str) -> None:
     world = f'<geom size=".1" pos="1 3 .5"/>{glass}{PARALLEL.format(6, axes)}'
     mjm = scenes.compile_xml(world, assets=SKY, more='<statistic extent="3"/>')
-    seen = colour_reference.check(mjm, device, differs=False, most=0.004)
+    seen = color_reference.check(mjm, device, differs=False, most=0.004)
     assert len(np.unique(seen.reshape(-1, 3), axis=0)) > 9

@@ -1,6 +1,6 @@
 """Reflections: as ``mujoco.Renderer`` draws them, in every world."""
 
-import colour_reference
+import color_reference
 import numpy as np
 import pytest
 import scenes
@@ -52,14 +52,14 @@ SCENES = {
 @pytest.mark.parametrize("name", SCENES)
 def test_as_mujoco_draws_it(device: wp.Device, name: str) -> None:
     mjm = scenes.compile_xml(THINGS + SCENES[name], assets=ASSETS + scenes.ASSETS)
-    colour_reference.check(mjm, device)
+    color_reference.check(mjm, device)
 
 
 def test_a_box_seen_from_below_reflects_nothing(device: wp.Device) -> None:
     mjm = scenes.compile_xml(
         THINGS + '<geom type="box" size="1.2 1.2 .2" pos="0 0 2" material="mirror"/>' + LIGHT, assets=ASSETS
     )
-    colour_reference.check(mjm, device, differs=False)
+    color_reference.check(mjm, device, differs=False)
 
 
 def test_a_floor_seen_from_below_is_seen_through_in_a_mirror_above_it(device: wp.Device) -> None:
@@ -69,7 +69,7 @@ def test_a_floor_seen_from_below_is_seen_through_in_a_mirror_above_it(device: wp
         '<camera pos="0 -3 -.5" xyaxes="1 0 0 0 -.4 1" fovy="50"/>' + LIGHT,
         assets=ASSETS,
     )
-    colour_reference.check(mjm, device, transparency=True)
+    color_reference.check(mjm, device, transparency=True)
 
 
 def test_own_colour_and_what_is_mirrored_add_up(device: wp.Device) -> None:
@@ -152,7 +152,7 @@ def test_a_scene_of_many_shapes(device: wp.Device) -> None:
     crowd = "".join(f'<geom size=".03" pos="{k % 20 * 0.1 - 1} {k // 20 * 0.1 - 1} 5"/>' for k in range(260))
     few, many = (scenes.compile_xml(THINGS + SCENES["plane"] + more, assets=ASSETS) for more in ("", crowd))
     few.stat.extent = many.stat.extent = 3.0
-    images = [colour_reference.ours(mjm, scenes.forward(mjm), device) for mjm in (few, many)]
+    images = [color_reference.ours(mjm, scenes.forward(mjm), device) for mjm in (few, many)]
     off = np.abs(images[0].astype(int) - images[1]).max(axis=-1)
     assert (off > 2).mean() < 0.08  # the crowd's own shadows and mirror images
     assert (off[:60] <= 2).mean() > 0.9

@@ -1,6 +1,6 @@
 """One rule at a time of how MuJoCo's renderer colours a pixel: the same scene beside ``mujoco.Renderer``."""
 
-import colour_reference
+import color_reference
 import pytest
 import scenes
 import warp as wp
@@ -152,7 +152,7 @@ MATERIALS = {
 def check(rule: tuple[str, str, bool], device: wp.Device, **options: object) -> None:
     world, assets, headlight = rule
     mjm = compiled(CAMERA + world, assets, "" if headlight else DARK)
-    colour_reference.check(mjm, device, differs=False, **options)
+    color_reference.check(mjm, device, differs=False, **options)
 
 
 @pytest.mark.parametrize("rule", LIGHTS)

@@ -1,6 +1,6 @@
 """Planes under a spot light, which is computed at the corners that MuJoCo's renderer cuts them at."""
 
-import colour_reference
+import color_reference
 import numpy as np
 import pytest
 import scenes
@@ -24,7 +24,7 @@ def test_spots_on_planes(device: wp.Device, size: str, material: str, eye: tuple
         assets=f'{TEXTURE}<material name="m" rgba=".7 .7 .7 1" {material}/>',
         more=DIM + '<statistic extent="2" center="0 0 0"/>',
     )
-    seen = colour_reference.check(mjm, device, limit=2, differs=False)
+    seen = color_reference.check(mjm, device, limit=2, differs=False)
     assert seen.max() > 100
 
 

@@ -1,6 +1,6 @@
 """Transparent shapes, and planes seen from behind: as ``mujoco.Renderer`` draws them, in every world."""
 
-import colour_reference
+import color_reference
 import mujoco
 import mujoco_warp as mjw
 import numpy as np
@@ -55,15 +55,15 @@ SCENES = {
 @pytest.mark.parametrize("name", SCENES)
 def test_as_mujoco_draws_it(device: wp.Device, name: str) -> None:
     mjm = scenes.compile_xml(VIEW + SCENES[name], assets=ASSETS + scenes.ASSETS)
-    colour_reference.check(mjm, device)
+    color_reference.check(mjm, device)
 
 
 def test_a_plane_alone_is_seen_from_behind_where_the_scene_was_told_so(device: wp.Device) -> None:
     below = '<geom type="plane" size="0 0 .1" pos="0 0 1.6" rgba=".9 .8 .7 1"/>'
     level = VIEW.replace("-.4 .27 .88", "0 0 1")
     mjm = scenes.compile_xml(level + below + '<light dir="0 0 -1" directional="true" castshadow="false"/>')
-    assert colour_reference.check(mjm, device, differs=False, transparency=True)[:20].max() > 10
-    assert colour_reference.ours(mjm, scenes.forward(mjm), device)[:20].max() == 0
+    assert color_reference.check(mjm, device, differs=False, transparency=True)[:20].max() > 10
+    assert color_reference.ours(mjm, scenes.forward(mjm), device)[:20].max() == 0
 
 
 def pane_over(opacity: float, device: wp.Device, **options: object) -> dict[str, np.ndarray]:
@@ -161,13 +161,13 @@ def test_of_too_many_some_are_solid_and_it_is_said(device: wp.Device, caplog: py
     crowd = "".join(f'<geom size=".02" pos="{k % 16 * 0.05} {k // 16 * 0.05} 3" rgba="1 0 0 .5"/>' for k in range(255))
     mjm = scenes.compile_xml(VIEW + BALL + crowd + BALL.replace('pos="0 0 .5"', 'pos=".5 .6 .5"') + LIGHT)
     mjm.stat.extent = 3.0
-    solid = colour_reference.ours(mjm, scenes.forward(mjm), device, transparency=False)
+    solid = color_reference.ours(mjm, scenes.forward(mjm), device, transparency=False)
     assert not caplog.messages
-    seen = colour_reference.ours(mjm, scenes.forward(mjm), device)
+    seen = color_reference.ours(mjm, scenes.forward(mjm), device)
     (told,) = caplog.messages
     assert "257 shapes" in told and "1 are drawn solid" in told
     assert (seen != solid).any()  # the first ball
     few = scenes.compile_xml(VIEW + BALL + BALL.replace('pos="0 0 .5"', 'pos=".5 .6 .5"').replace(".4", "1") + LIGHT)
     few.stat.extent = 3.0
-    expected = colour_reference.ours(few, scenes.forward(few), device)
+    expected = color_reference.ours(few, scenes.forward(few), device)
     assert (np.abs(seen.astype(int) - expected).max(axis=-1) > 1).mean() < 0.02

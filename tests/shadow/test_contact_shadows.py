@@ -1,6 +1,6 @@
 """Solids shade what they stand on, however near it is, beside ``mujoco.Renderer``: the far side is what its map has."""
 
-import colour_reference
+import color_reference
 import numpy as np
 import pytest
 import scenes
@@ -46,12 +46,12 @@ def test_solids_shade_what_they_stand_on(device: wp.Device, kind: str, light: st
     mjm = scenes.compile_xml(LIGHTS[light] + floor + geom + far + eye.format(*turned), more=DARK)
     mjm.stat.extent = 10.0
     mjd = scenes.forward(mjm)
-    camera = wc.Camera(0, width=colour_reference.SIZE, height=colour_reference.SIZE, outputs=("points", "segmentation"))
+    camera = wc.Camera(0, width=color_reference.SIZE, height=color_reference.SIZE, outputs=("points", "segmentation"))
     seen = scenes.look(wc.from_mujoco(mjm, mjd, device=device), camera)
     y = seen["points"][0][..., 1]
     near = (seen["segmentation"][0] == 0) & (first < y) & (y < last)
     assert near.sum() > 300
-    for image in (colour_reference.paint(mjm, mjd), colour_reference.ours(mjm, mjd, device)):
+    for image in (color_reference.paint(mjm, mjd), color_reference.ours(mjm, mjd, device)):
         assert (image[near].max(axis=-1) == 0).mean() > 0.98
     mjm.light_castshadow[:] = False
-    assert colour_reference.ours(mjm, mjd, device)[near].min() > 20
+    assert color_reference.ours(mjm, mjd, device)[near].min() > 20

@@ -2,7 +2,7 @@
 the maps of its lights hold both sides of all faces, while a camera in the ground sees none of them.
 """
 
-import colour_reference
+import color_reference
 import numpy as np
 import pytest
 import scenes
@@ -50,18 +50,18 @@ def ground(light: str, eye: tuple, *, floor: bool, crowd: int = 0) -> tuple:
 @pytest.mark.parametrize("light", LIGHTS)
 def test_ground_shades_what_is_in_it(device: wp.Device, light: str, eye: str, crowd: int) -> None:
     mjm, mjd = ground(LIGHTS[light], EYES[eye], floor=light != "base", crowd=crowd)
-    seen = colour_reference.check(mjm, device, limit=6, most=0.005, differs=False)
+    seen = color_reference.check(mjm, device, limit=6, most=0.005, differs=False)
     if eye != "down from above":
         mjm.light_castshadow[:] = False
-        lit = colour_reference.ours(mjm, mjd, device).astype(int)
+        lit = color_reference.ours(mjm, mjd, device).astype(int)
         assert (np.abs(seen - lit).max(axis=-1) > 6).mean() > 0.05
 
 
 @pytest.mark.parametrize("crowd", [0, 400])
 def test_light_in_the_ground_shines_there(device: wp.Device, crowd: int) -> None:
     mjm, mjd = ground(INSIDE, EYES["down from the ground"], floor=True, crowd=crowd)
-    colour_reference.check(mjm, device, limit=6, most=0.005, differs=False)
-    assert (colour_reference.ours(mjm, mjd, device).max(axis=-1) > 30).mean() > 0.5
+    color_reference.check(mjm, device, limit=6, most=0.005, differs=False)
+    assert (color_reference.ours(mjm, mjd, device).max(axis=-1) > 30).mean() > 0.5
 
 
 @pytest.mark.parametrize("crowd", [0, 400])
@@ -71,8 +71,8 @@ def test_lit_ground_has_no_speckles(device: wp.Device, crowd: int) -> None:
     mjm, mjd = ground(light, ONTO_IT, floor=False, crowd=crowd)
     mjm.hfield_data[:] = 1.0
     mjm.vis.map.shadowclip = 0.0
-    shaded = colour_reference.ours(mjm, mjd, device)
+    shaded = color_reference.ours(mjm, mjd, device)
     mjm.light_castshadow[:] = False
-    lit = colour_reference.ours(mjm, mjd, device)
+    lit = color_reference.ours(mjm, mjd, device)
     assert (lit.max(axis=-1) > 10).all()
     assert (shaded == lit).all()

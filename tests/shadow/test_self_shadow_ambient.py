@@ -4,7 +4,7 @@ Those that lie behind what the light falls on, as far as the light's map reaches
 edge, and outside.
 """
 
-import colour_reference
+import color_reference
 import mujoco
 import numpy as np
 import pytest
@@ -38,9 +38,9 @@ def drawn(light: str, geom: str, place: str, device: wp.Device, assets: str = ""
     """Our image of it, which must be MuJoCo's, and which of its pixels show the shape."""
     world = LIGHTS[light] + geom.replace("/>", ' rgba=".9 .9 .9 1"/>') + FROM_BELOW.format(PLACES[place])
     mjm = mapped(world, assets)
-    seen = colour_reference.check(mjm, device, differs=False, most=0.005)
+    seen = color_reference.check(mjm, device, differs=False, most=0.005)
     mjm.light_castshadow[:] = False
-    whole = colour_reference.ours(mjm, scenes.forward(mjm), device)
+    whole = color_reference.ours(mjm, scenes.forward(mjm), device)
     return seen.max(axis=-1), whole.max(axis=-1) > 0
 
 
