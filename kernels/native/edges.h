@@ -24,7 +24,7 @@ constexpr int ITSELF = 4;  // of the nine pixels around one
 constexpr unsigned EVERY_SAMPLE = (1u << SAMPLES) - 1;
 // Beside a pixel's samples: all pixels around that show its shape have about its colour.
 constexpr unsigned PLAIN = 1u << SAMPLES;
-// Images: bits in the order of antialias.py.
+// Images: bits in the order of antialiasing.py.
 constexpr int SMOOTH_RGB = 1, SMOOTH_RGBA = 2, SMOOTH_HDR = 4;
 
 struct Neighbour {

@@ -1,6 +1,6 @@
 // How far what a pixel sees has moved in the image since its world was last drawn, and whether it was seen then.
 //
-// flow.py, listing.py or the block has composed, for each shape of a world, what takes a point seen now to the pixel where
+// flow.py, view_shape_lists.py or the block has composed, for each shape of a world, what takes a point seen now to the pixel where
 // it was. What was seen then is kept in a word a pixel.
 #pragma once
 #include "flow_places.h"

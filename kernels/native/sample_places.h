@@ -10,7 +10,7 @@ struct Offset {
     float right, down;  // from the pixel's centre [pixels]
 };
 
-// Where OpenGL's implementations have a pixel's samples (antialias.py has the same numbers).
+// Where OpenGL's implementations have a pixel's samples (antialiasing.py has the same numbers).
 WARPCAM_FN Offset sample_offset(int sample)
 {
     const bool upright = sample == 0 || sample == 3;

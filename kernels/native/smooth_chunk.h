@@ -9,7 +9,7 @@
 namespace warpcam {
 
 // Those that it smooths together, at most: at the end its warps wait for the one whose rays take longest. A multiprocessor's
-// blocks have room for so many: antialias.py.
+// blocks have room for so many: antialiasing.py.
 constexpr int most_together(int types) { return types >> HEIGHT_FIELD & 1 ? 384 : types >> MESH & 1 ? 440 : 320; }
 
 // What a sample has hit, where there are meshes.

@@ -10,7 +10,7 @@ namespace warpcam {
 
 #if defined(__CUDA_ARCH__)
 
-constexpr int LISTERS = 160;  // threads of a block of the stage: listing.py has the same
+constexpr int LISTERS = 160;  // threads of a block of the stage: view_shape_lists.py has the same
 
 // As ShapeList, all of it by rank; with the view. SLOTS: records name their ranks in place of their shapes.
 template <int CAPACITY, bool SLOTS> struct alignas(32) SortedList {
@@ -33,7 +33,7 @@ template <int CAPACITY, bool SLOTS> struct FarList {
     using List = SortedList<CAPACITY, SLOTS>;
     static constexpr int RECORD_ROWS = sizeof(Record) / sizeof(Row);
     static constexpr int HEAD_ROWS = sizeof(List) / sizeof(Row) - RECORD_ROWS * CAPACITY;
-    static_assert(CAPACITY <= LANES && HEAD_ROWS == (SLOTS ? (22 + CAPACITY) / 2 * 2 : 18));  // listing.py has the same
+    static_assert(CAPACITY <= LANES && HEAD_ROWS == (SLOTS ? (22 + CAPACITY) / 2 * 2 : 18));  // view_shape_lists.py has the same
 
     Row* rows;
 

@@ -35,7 +35,7 @@ template <int FACTS, class Scene_> WARPCAM_FN decltype(auto) background_of(const
     }
 }
 
-constexpr float SKY_DISTANCE = 0.7f;  // of the skybox, as a part of how far MuJoCo's camera sees: SKYBOX of mujoco_layers.py
+constexpr float SKY_DISTANCE = 0.7f;  // of the skybox, as a part of how far MuJoCo's camera sees: SKYBOX of layers.py
 
 // Where a ray ends that begins at `start`, counted from the eye, and runs along `ray`: on the skybox, see haze.h. For lenses whose
 // rays are parallel: they see it as wide as they are.

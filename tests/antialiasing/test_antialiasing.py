@@ -10,9 +10,9 @@ import scenes
 import torch
 import warp as wp
 from edge_scenes import LIT, camera
-from warpcam.kernels.antialias import SAMPLES
 
 import warpcam as wc
+from warpcam.kernels.passes.antialiasing import SAMPLES
 
 SQUARE = '<geom type="box" size="0.5 0.5 0.01" euler="0 0 {turn}" rgba="1 1 1 1"/>'
 

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import warp as wp
 from native_kernel import native_kernel
+
 from warpcam.kernels.types import BOX, HEIGHT_FIELD, PLANE, HeightFields, Meshes
 
 DEVICES = [str(device) for device in wp.get_devices()]

@@ -8,10 +8,10 @@ import warp as wp
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from native_kernel import native_kernel
-from warpcam.kernels.launch import native_module
-from warpcam.kernels.types import HeightFields
 
 from warpcam.accel.heightfields import HeightField, pack_height_fields
+from warpcam.kernels.runtime.launch import native_module
+from warpcam.kernels.types import HeightFields
 
 RAYS = 400
 PACKET = wp.constant(8)  # rays that a CPU thread walks at once; heightfield_cpu.h has the same number

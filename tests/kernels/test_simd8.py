@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 import warp as wp
 from native_kernel import native_kernel
-from warpcam.kernels.types import Textures
 
-from warpcam.accel.textures import TextureImage, pack_textures
+from warpcam.kernels.types import Textures
+from warpcam.textures.pack import TextureImage, pack_textures
 
 EIGHT = 8
 

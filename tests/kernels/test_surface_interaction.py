@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import warp as wp
 from native_kernel import native_kernel
+
 from warpcam.kernels import types
 from warpcam.kernels.types import BOX, CAPSULE, CYLINDER, ELLIPSOID, HEIGHT_FIELD, MESH, PLANE, SPHERE
 

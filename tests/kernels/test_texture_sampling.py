@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 import warp as wp
 from native_kernel import native_kernel
-from warpcam.kernels.types import Textures
 
-from warpcam import errors
-from warpcam.accel.textures import TextureImage, pack_textures
+from warpcam.core import errors
+from warpcam.kernels.types import Textures
+from warpcam.textures.pack import TextureImage, pack_textures
 
 DEVICES = [str(device) for device in wp.get_devices()]
 
