@@ -41,7 +41,7 @@ def install(ours: bool = False) -> None:
         elif homes == {"warpcam"} and ours and options.get("cpu_compiler_flags"):
             options["cpu_compiler_flags"] += f" {QUICK}{_together()}"
             if options["extra_cpu_preamble"]:
-                options["extra_cpu_preamble"] += "#pragma clang fp contract(on)\n"  # as lanes.h has it
+                options["extra_cpu_preamble"] += "#pragma clang fp contract(on)\n"  # as core/platform.h has it
         return options
 
     wp.Module.resolve_options = resolve_options
@@ -57,7 +57,7 @@ def _together() -> str:
 def share_headers() -> None:
     """Have all processes with the same sources share their precompiled headers, and QUICK be quick to the end."""
     build = wp._src.build.build_cpu
-    sources = [*sorted((TOGETHER.parents[1] / "kernels" / "native").glob("*.h")), TOGETHER, Path(wp.__file__)]
+    sources = [*sorted((TOGETHER.parents[1] / "kernels" / "native").rglob("*.h")), TOGETHER, Path(wp.__file__)]
     stamps = [(str(path), path.stat().st_mtime_ns) for path in sources]
     name = f"wp_headers_{hashlib.sha256(repr(stamps).encode()).hexdigest()[:16]}"
     made: set[tuple[Any, ...]] = set()
