@@ -34,7 +34,7 @@ class Tables:
     ids_by_world: bool = False  # shapes and bodies have ids of their own in each world: Shapes.ids
     horizon: float = 0.0  # how far the source's own renderer draws endless planes [m]; 0 if it has none
     first_plane: int = -1  # id of the first plane that is drawn
-    physical: Any = None  # Physical, of scenes that are lit as native/physical.h does it
+    physical: Any = None  # Physical, of scenes that are lit as native/shading/pbr.h does it
     has_maps: bool = False  # some material of such a scene has more than the texture of its colour
     backs_shade: bool = False  # in such a scene meshes that are seen from one side cast shadows from both
     splats: Any = None  # clouds of Gaussians, if shapes are such
@@ -44,6 +44,6 @@ class Tables:
     moving: tuple[int, ...] = ()  # meshes whose corners move
     layers: LayerTables | None = None  # of what one layer cannot show: mirrors, transparent shapes, haze
     variety: Any = None  # Variety, if worlds have more for themselves than the tables say
-    headlights: bool = False  # each world has a headlight of its own: see native/variety.h
+    headlights: bool = False  # each world has a headlight of its own: see native/shading/world_overrides.h
     casters: Any = None  # as `shapes`, but of those that are drawn the ones that cast shadows; None: all of them do
     labels: Mapping[str, Any] = field(default_factory=dict)  # (world or 1, shape) int32 of "instances" and "semantics"

@@ -1,4 +1,4 @@
-"""Building the 4-wide tree over boxes: ``native/bvh4_boxes.h`` as a kernel of one CPU thread."""
+"""Building the 4-wide tree over boxes: ``native/build/box_builder.h`` as a kernel of one CPU thread."""
 
 import numpy as np
 import warp as wp
@@ -7,8 +7,8 @@ from warpcam.kernels.build.bvh4 import HEADERS, SCRATCH
 from warpcam.kernels.runtime.launch import NATIVE, compiler_flags
 
 _OPTIONS = wp.ModuleBuildOptions(  # for the CPU alone, as in bvh4.py
-    extra_cpu_preamble=f'#include "{(NATIVE / "bvh4_boxes.h").as_posix()}"',
-    extra_build_dependencies=[str(header) for header in (*HEADERS, NATIVE / "bvh4_boxes.h")],
+    extra_cpu_preamble=f'#include "{(NATIVE / "build/box_builder.h").as_posix()}"',
+    extra_build_dependencies=[str(header) for header in (*HEADERS, NATIVE / "build/box_builder.h")],
 )
 
 

@@ -1,4 +1,4 @@
-"""Building one mesh's 4-wide tree: the native builder of ``native/bvh4_build.h`` as a kernel of one CPU thread."""
+"""Building one mesh's 4-wide tree: ``native/build/bvh4_builder.h`` as a kernel of one CPU thread."""
 
 import numpy as np
 import warp as wp
@@ -9,12 +9,14 @@ MAX_DEPTH = 16  # levels of 4-wide nodes, as kMaxDepth
 MAX_LEAF = 12  # faces in a leaf, as kMaxLeaf
 MAX_FACES = 67_000_000  # in a mesh, as kMaxFaces
 ABSENT = np.float32(1e30)  # all the bounds of a child that is not there, as kAbsent
-HEADERS = tuple(NATIVE / f"bvh4_{part}.h" for part in ("items", "split", "cut", "build"))
+HEADERS = tuple(
+    NATIVE / "build" / f"{part}.h" for part in ("build_prims", "object_split", "spatial_split", "bvh4_builder")
+)
 
 SCRATCH = 320  # bytes a face or box, as kScratch
 
 _OPTIONS = wp.ModuleBuildOptions(  # for the CPU alone: a build for CUDA, which nothing launches, is of an empty kernel
-    extra_cpu_preamble=f'#include "{(NATIVE / "bvh4_build.h").as_posix()}"',
+    extra_cpu_preamble=f'#include "{(NATIVE / "build/bvh4_builder.h").as_posix()}"',
     extra_build_dependencies=[str(header) for header in HEADERS],
 )
 

@@ -1,4 +1,4 @@
-"""What a mesh's own faces hide of the sky from each of them: see native/horizon.h."""
+"""What a mesh's own faces hide of the sky from each of them: see native/accel/horizon_map.h."""
 
 import functools
 
@@ -17,7 +17,10 @@ def kernel() -> wp.Kernel:
     def find(meshes: Meshes, mesh: int, face: int): ...
 
     @wp.kernel(
-        module="unique", enable_backward=False, grid_stride=False, module_options=native_module("horizon_build.h")
+        module="unique",
+        enable_backward=False,
+        grid_stride=False,
+        module_options=native_module("build/horizon_builder.h"),
     )
     def horizons(meshes: Meshes, owners: wp.array(dtype=wp.int32)):
         i = wp.tid()

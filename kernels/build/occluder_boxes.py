@@ -1,4 +1,4 @@
-"""Where meshes surely stop light: see native/shutters.h."""
+"""Where meshes surely stop light: see native/shadow/occluder_boxes.h."""
 
 import functools
 
@@ -8,8 +8,8 @@ import warp as wp
 from warpcam.kernels.runtime.launch import BLOCK, native_module
 from warpcam.kernels.types import Meshes
 
-SHUTTERS, ROWS = 32, 3  # native/shutters.h
-TURNS, SLABS = 4, 24  # native/shutter_build.h
+SHUTTERS, ROWS = 32, 3  # native/shadow/occluder_boxes.h
+TURNS, SLABS = 4, 24  # native/build/occluder_builder.h
 
 
 @functools.cache
@@ -28,7 +28,10 @@ def kernel() -> wp.Kernel:
     ) -> float: ...
 
     @wp.kernel(
-        module="unique", enable_backward=False, grid_stride=False, module_options=native_module("shutter_build.h")
+        module="unique",
+        enable_backward=False,
+        grid_stride=False,
+        module_options=native_module("build/occluder_builder.h"),
     )
     def shutters(
         meshes: Meshes,

@@ -18,12 +18,13 @@ from warpcam.kernels.runtime.launch import record as record_launch
 from warpcam.kernels.scene_tables import Tables
 from warpcam.kernels.types import HEIGHT_FIELD, MESH, HeightFields, Meshes, Shapes, View
 
-# Where samples lie in a pixel, right and down of its centre [pixels]: those of OpenGL's implementations. native/edges.h
-# has the same numbers.
+# Where samples lie in a pixel, right and down of its centre [pixels]: those of OpenGL's implementations.
+# native/antialiasing/edge_test.h has the same numbers.
 SAMPLES: Mapping[int, Sequence[tuple[float, float]]] = {
     4: ((-0.125, 0.375), (0.375, 0.125), (-0.375, -0.125), (0.125, -0.375)),
 }
-# The images whose edges can be smooth, with dtype and channels, in the order of their bits in native/smooth.h.
+# The images whose edges can be smooth, with dtype and channels, in the order of their bits in
+# native/antialiasing/edge_resolve.h.
 IMAGES: Mapping[str, tuple[type, int]] = {"rgb": (wp.uint8, 3), "rgba": (wp.uint8, 4), "hdr": (wp.float32, 3)}
 # Pixels of which a thread block of a GPU smooths the edges, at most, in scenes without meshes and height fields. With
 # them a block has as many as the trace's, or a whole image: the more samples it has, the fewer of its lanes wait for
@@ -118,7 +119,7 @@ def _kernel(
         enable_backward=False,
         grid_stride=False,
         launch_bounds=block,
-        module_options=native_module("smooth.h", block[0]),
+        module_options=native_module("antialiasing/edge_resolve.h", block[0]),
     )
     def smooth_edges(
         shapes: Shapes,

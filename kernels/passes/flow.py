@@ -1,8 +1,8 @@
 """What was where when a world was last drawn, and how shapes have moved in a camera's image since.
 
-The trace itself writes ``flow`` and ``flow_valid`` (native/flow.h). Before it one thread for each shape composes how it
-has moved (native/flow_motion.h), where shapes are few in its own blocks or in the stage of view_shape_lists.py; after it what is
-seen now becomes what was.
+The trace itself writes ``flow`` and ``flow_valid`` (native/flow/optical_flow.h). Before it one thread for each shape
+composes how it has moved (native/flow/shape_motion.h), where shapes are few in its own blocks or in the stage of
+view_shape_lists.py; after it what is seen now becomes what was.
 """
 
 from typing import Any
@@ -25,10 +25,11 @@ class Trail:
 
     flow: wp.array(dtype=wp.float32)  # (pixel * 2,) may be empty
     flow_valid: wp.array(dtype=wp.uint8)  # (pixel,) may be empty
-    # (word / 2 or word,) what was seen, and in the other what is seen, 16 or 32 bits a pixel; see native/flow.h
+    # (word / 2 or word,) what was seen, and in the other what is seen, 16 or 32 bits a pixel; see
+    # native/flow/optical_flow.h
     kept_first: wp.array(dtype=wp.uint32)
     kept_second: wp.array(dtype=wp.uint32)
-    # (part,) of images whose blocks look at floors: native/flow_floor.h
+    # (part,) of images whose blocks look at floors: native/flow/plane_history.h
     floor_first: wp.array(dtype=wp.uint8)
     floor_second: wp.array(dtype=wp.uint8)
     known: wp.array(dtype=wp.uint8)  # (world,) which of these two has what was seen, or NEW: see views.py
@@ -74,7 +75,7 @@ def write_motion(
 ): ...
 
 
-@wp.kernel(module="unique", enable_backward=False, module_options=native_module("flow_motion.h"))
+@wp.kernel(module="unique", enable_backward=False, module_options=native_module("flow/shape_motion.h"))
 def write_motions(
     shapes: Shapes,
     views: wp.array(dtype=View),

@@ -28,7 +28,7 @@ SOLID = 0.995  # opacity from which MuJoCo draws a shape solid
 
 @wp.func
 def opacity_of(shapes: Shapes, materials: Materials, world: int, shape: int) -> wp.float32:
-    """MuJoCo's rule of which colour counts: native/look.h."""
+    """MuJoCo's rule of which colour counts: native/shading/appearance.h."""
     color = shapes.colors[world % shapes.colors.shape[0], shape]
     material = shapes.materials[world % shapes.materials.shape[0], shape]
     if (
@@ -153,7 +153,7 @@ def _kernel(
         enable_backward=False,
         grid_stride=False,
         launch_bounds=(THREADS, blocks(types, capacity)),
-        module_options=native_module("mirror.h"),
+        module_options=native_module("shading_pass/mirror_visibility.h"),
     )
     def reflection(
         shapes: Shapes,

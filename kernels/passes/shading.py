@@ -29,7 +29,7 @@ from warpcam.kernels.types import (
 )
 
 # The outputs made here, with the dtype and the number of channels of their arrays (world, height, width, channels), in
-# the order of their bits in native/look.h.
+# the order of their bits in native/shading/appearance.h.
 OUTPUTS: Mapping[str, tuple[type, int]] = {
     "rgb": (wp.uint8, 3),
     "rgba": (wp.uint8, 4),
@@ -45,11 +45,14 @@ SPARE, STRIPS = 1 << 6, 1 << 7  # of a scene, there: see is_spare, has_strips
 MAX_KEPT = 256  # shapes whose looks a block can keep
 MAX_SPARE = 64  # shapes of a scene without meshes that leave room for SPARE
 MAX_STRIPS = 128  # shapes of a scene whose floors are drawn by strips
-MAX_CASTING = 3  # lights of a scene whose floors are drawn by strips with their shadows: FEW in native/corners.h
+# lights of a scene whose floors are drawn by strips with their shadows: FEW in native/shading/plane_vertex_lighting.h
+MAX_CASTING = 3
 MAX_SEEN = 512  # shapes of which it can keep the looks of those that it sees; with more it sees too many
-MIRRORED, REFLECTS, VEILED, HAZY, NOTED = 1 << 8, 1 << 9, 1 << 10, 1 << 11, 1 << 14  # facts of native/look.h
+# facts of native/shading/appearance.h
+MIRRORED, REFLECTS, VEILED, HAZY, NOTED = 1 << 8, 1 << 9, 1 << 10, 1 << 11, 1 << 14
 HAS_MIPS = 1 << 24  # there
-IN_QUADS = frozenset(map(frozenset, (("rgb",), ("rgba",), ("rgb", "rgba"), ("hdr",), ("albedo",))))  # native/quads.h
+# native/shading_pass/store_quads.h
+IN_QUADS = frozenset(map(frozenset, (("rgb",), ("rgba",), ("rgb", "rgba"), ("hdr",), ("albedo",))))
 LIT = ("rgb", "rgba", "hdr")  # what mirrors, transparent shapes and haze change
 
 
@@ -67,8 +70,8 @@ def frame_struct(shape_dtype: Any, face_dtype: Any) -> Any:
         shadow: wp.array(dtype=wp.uint8)  # (pixel,) as the shadow pass wrote it; empty without shadows
         width: wp.int32
         height: wp.int32
-        horizon: wp.float32  # how far the camera of MuJoCo's renderer sees [m]; see native/cells.h
-        plane: wp.int32  # id of the plane whose corners are kept, or -1; see native/corners.h
+        horizon: wp.float32  # how far the camera of MuJoCo's renderer sees [m]; see native/shading/plane_grid.h
+        plane: wp.int32  # id of the plane whose corners are kept, or -1; see native/shading/plane_vertex_lighting.h
 
     return Frame
 
@@ -166,7 +169,7 @@ def _kernel(
         enable_backward=False,
         grid_stride=False,
         launch_bounds=(THREADS, VEILED_BLOCKS if veils else _blocks(images, facts)),
-        module_options=native_module("resolve.h"),
+        module_options=native_module("shading_pass/shading_pass.h"),
     )
     def write_images(
         frame: frame_type,
@@ -314,12 +317,12 @@ def _blocks(images: int, facts: int) -> int:
 
 
 def is_spare(shape_types: Collection[int], num_drawn: int) -> bool:
-    """Whether textures are looked up on sheets and floors drawn apart: see native/look.h."""
+    """Whether textures are looked up on sheets and floors drawn apart: see native/shading/appearance.h."""
     return PLANE in shape_types and {MESH, HEIGHT_FIELD}.isdisjoint(shape_types) and num_drawn <= MAX_SPARE
 
 
 def has_strips(shape_types: Collection[int], num_drawn: int) -> bool:
-    """Whether colours of floors may be drawn by strips, from sheets of their textures: see native/floor_strips.h."""
+    """Whether floors may be drawn by strips, from sheets of their textures: see native/shading_pass/plane_strips.h."""
     return PLANE in shape_types and num_drawn <= MAX_STRIPS
 
 
@@ -338,7 +341,7 @@ def _room(count: int, step: int, device: wp.Device) -> int:
 
 
 def facts_of_looks(tables: Tables, shadows: bool = False) -> int:
-    """Bits of native/look.h."""
+    """Bits of native/shading/appearance.h."""
     facts = (tables.has_materials, tables.has_textures, tables.has_skybox, shadows)
     spare = SPARE * is_spare(tables.shape_types, tables.num_drawn)
     physical = PHYSICAL * (tables.physical is not None) + HAS_MAPS * (tables.has_maps and tables.has_textures)

@@ -24,14 +24,15 @@ from warpcam.kernels.types import (
 
 BLOCKS = 8  # on a multiprocessor: bounds the registers of a thread
 CROWD_BLOCKS = 6  # the same in crowds, for which those of 8 are too few
-LISTED_BYTES = 140  # of its shared memory for each shape of a list with meshes: casters.h, CasterList
-BESIDE = 16  # up to so many shapes there are two lists: shadow.h, lists_beside
-OUTLINE_BYTES = 16  # more where meshes have outlines: casters.h, CasterList::OUTLINED
+LISTED_BYTES = 140  # of its shared memory for each shape of a list with meshes: shadow/casters.h, CasterList
+BESIDE = 16  # up to so many shapes there are two lists: shadow/shadow_pass.h, lists_beside
+OUTLINE_BYTES = 16  # more where meshes have outlines: shadow/casters.h, CasterList::OUTLINED
 REST_BYTES = 3400  # what else a block has, and what is reserved for it
-WALKED_BYTES, WORD_BYTES = 3232, 256  # and for the rays of a warp, also for each 32 shapes: mesh_shadows.h, ShadowRays
+# and for the rays of a warp, also for each 32 shapes: shadow/mesh_any_hit.h, ShadowRays
+WALKED_BYTES, WORD_BYTES = 3232, 256
 WALK_BYTES, WALK_SHAPES = 1280, 64  # more up to so many shapes, ShadowRays::KEEPS
 CAPACITIES = (16, 32, 64, 128, 192)  # how many shapes a pass lists: few sizes, so that scenes share kernels
-CROWDS = (512, 1024)  # the same in scenes of many shapes without meshes: native/crowd.h
+CROWDS = (512, 1024)  # the same in scenes of many shapes without meshes: native/shadow/many_casters.h
 MANY = 384  # shapes; more are such a crowd
 MOST = 2**20  # shapes that can be told apart there
 
@@ -46,11 +47,11 @@ def shaded_struct(shape_dtype: Any, face_dtype: Any) -> Any:
         depth: wp.array(dtype=wp.float32)  # planar depth [m]
         shape: wp.array(dtype=shape_dtype)  # shape id, or -1
         face: wp.array(dtype=face_dtype)  # see trace_target.target_struct; empty for a scene without meshes
-        # bit k is set where light k does not reach the point, of those that are kept: native/kept_lights.h
+        # bit k is set where light k does not reach the point, of those that are kept: native/lights/active_lights.h
         shadow: wp.array(dtype=wp.uint8)
         width: wp.int32
         height: wp.int32
-        plane: wp.int32  # id of a plane, or -1: native/floor_shade.h
+        plane: wp.int32  # id of a plane, or -1: native/shadow/plane_receiver_cull.h
 
     return Shaded
 
@@ -79,7 +80,7 @@ def _kernel(
         enable_backward=False,
         grid_stride=False,
         launch_bounds=(THREADS, CROWD_BLOCKS if crowded else blocks(types, capacity)),
-        module_options=native_module("crowd.h" if crowded else "shadow.h"),
+        module_options=native_module("shadow/many_casters.h" if crowded else "shadow/shadow_pass.h"),
     )
     def shadow(
         shapes: Shapes,

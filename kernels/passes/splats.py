@@ -16,7 +16,8 @@ from warpcam.kernels.types import Shapes, Splats, View
 
 wp.set_module_options(compiler_flags())
 
-# The images that clouds change, in the order of their bits in native/splats.h, and the dtypes of their arrays.
+# The images that clouds change, in the order of their bits in native/splats/gaussian_blend.h, and the dtypes of their
+# arrays.
 OUTPUTS: Mapping[str, type] = {
     "rgb": wp.uint8,
     "rgba": wp.uint8,
@@ -31,7 +32,7 @@ OUTPUTS: Mapping[str, type] = {
     "instances": wp.int32,
     "semantics": wp.int32,
 }
-BY_WORLD, LINEAR, EXPOSED, SOLID = (1 << len(OUTPUTS) << bit for bit in range(4))  # native/splats.h
+BY_WORLD, LINEAR, EXPOSED, SOLID = (1 << len(OUTPUTS) << bit for bit in range(4))  # native/splats/gaussian_blend.h
 LIT = ("rgb", "rgba", "hdr")  # what an exposure changes
 REGION = 16  # side of what a block draws [pixels], SPLAT_REGION
 BLOCKS = 6  # on a multiprocessor: bounds the registers of a thread
@@ -143,7 +144,7 @@ def _kernel(lens: int, capacity: int, wanted: int, frame_type: Any) -> wp.Kernel
         enable_backward=False,
         grid_stride=False,
         launch_bounds=(THREADS, BLOCKS),
-        module_options=native_module("splats.h"),
+        module_options=native_module("splats/gaussian_blend.h"),
     )
     def blend_splats(frame: frame_type, images: Images, shapes: Shapes, splats: Splats, first: wp.int32):
         draw(frame, images, shapes, splats, first + wp.tid())

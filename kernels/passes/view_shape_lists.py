@@ -1,8 +1,8 @@
 """The stage that writes a camera's views and lists the shapes that each of its images may show, for the trace.
 
 Only on CUDA, where a world has few shapes, none of them a mesh or a height field, and a block of the trace draws a
-whole image or, without validity, whole rows of a larger one (native/sorted.h). A block of the trace would list them
-with one warp while the others wait.
+whole image or, without validity, whole rows of a larger one (native/traversal/view_shape_list.h). A block of the trace
+would list them with one warp while the others wait.
 """
 
 import functools
@@ -22,10 +22,11 @@ from warpcam.kernels.types import HEIGHT_FIELD, LOOKS_ALONE, MESH, HeightFields,
 # Outputs that such a trace writes, and those that are lit from what it sees; the others need what it does not list.
 TRACED = ("depth", "segmentation", "distance", "points", "bodies", "normals", "instances", "semantics")
 OUTPUTS = frozenset((*TRACED, "flow", "flow_valid", "rgb", "rgba", "hdr"))
-HEAD_ROWS, RECORD_ROWS, FACING_ROWS = 17, 5, 4  # of a list: native/sorted.h, FarList
+HEAD_ROWS, RECORD_ROWS, FACING_ROWS = 17, 5, 4  # of a list: native/traversal/view_shape_list.h, FarList
 LANES = 32
-MOST_COLUMNS, MOST_ROWS = 8 * 127, 4 * 127  # pixels of an image whose tiles a record's box can count: native/prepare.h
-LISTERS = 160  # threads of a block, one for each shape of its worlds: native/sorted.h
+# pixels of an image whose tiles a record's box can count: native/camera/shape_setup.h
+MOST_COLUMNS, MOST_ROWS = 8 * 127, 4 * 127
+LISTERS = 160  # threads of a block, one for each shape of its worlds: native/traversal/view_shape_list.h
 BLOCKS, FLOWING_BLOCKS = 7, 5  # on a multiprocessor: bounds the registers of a thread; with more some are spilled
 
 
@@ -74,7 +75,7 @@ def _kernel(types: int, lens: int, capacity: int, wanted: int) -> wp.Kernel:
         enable_backward=False,
         grid_stride=False,
         launch_bounds=(LISTERS, FLOWING_BLOCKS if wanted & (FLOW | FLOW_VALID) else BLOCKS),
-        module_options=native_module("sorted.h"),
+        module_options=native_module("traversal/view_shape_list.h"),
     )
     def write_views_and_lists(
         opens: wp.int32,

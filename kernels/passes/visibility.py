@@ -30,33 +30,34 @@ from warpcam.kernels.types import (
     View,
 )
 
-# What the trace can write, in the order of the bits in native/outputs.h; then bits of two facts of the image's size.
+# What the trace can write, in the order of the bits in native/traversal/trace_outputs.h; then bits of two facts of the
+# image's size.
 OUTPUTS = ("depth", "shape", "face", "distance", "points", "bodies", "normals")
 NORMAL, FOURS, TILED = 64, 128, 256
-IDS, BY_WORLD = 1 << 16, 1 << 17  # ids by world: outputs.h
+IDS, BY_WORLD = 1 << 16, 1 << 17  # ids by world: traversal/trace_outputs.h
 LABELS: Mapping[str, int] = {"instances": 1 << 18, "semantics": 1 << 19}  # the same
 OPAQUE = 1 << 20  # what is transparent is left out
-LISTED_AHEAD = 512  # shapes have been listed: native/listed.h
-PAINTED = 1 << 21  # with albedo: native/painted.h
-# native/flow_places.h
+LISTED_AHEAD = 512  # shapes have been listed: native/traversal/visibility_listed.h
+PAINTED = 1 << 21  # with albedo: native/shading_pass/visibility_albedo.h
+# native/flow/visibility_history.h
 FLOW, FLOW_VALID, FLOW_MOVES, FLOW_BRIEF, FLOW_LISTED, FLOW_WHOLE, FLOW_NEAR = (1 << bit for bit in range(24, 31))
 LENSES = {"pinhole": 0, "orthographic": 1, "rays": 2, "spread": 3}
 TABLES = frozenset(("rays", "spread"))  # those of them that are tables
-THREADS = 128  # of a CUDA block; lanes.h has the same number
+THREADS = 128  # of a CUDA block; core/platform.h has the same number
 REGIONS = ((64, 64), (64, 32), (32, 32), (32, 16), (16, 16), (16, 8))
 QUICK = (32, 16)  # pixels: a strip of tiles for each warp
 MANY = 64  # shapes
 MOST_COMPOSED = 128  # shapes whose motions each block composes
-FLOOR_REGION = 64  # pixels, native/flow_floor.h
+FLOOR_REGION = 64  # pixels, native/flow/plane_history.h
 MAX_LISTED = 256  # shapes that one pass draws
 MANY_LISTED = 1024  # the same on a CPU, which has room for more
 FEW_BLOCKS = 3  # on a multiprocessor: as many are enough where a block's tiles take about as long as setting it up
 ROW_OF_BLOCKS = 2**24 // THREADS  # Warp lays out a launch's threads in rows of so many
 SHARED_MEMORY = 228 * 1024  # of a multiprocessor [bytes]
-LISTED_BYTES = 99  # of it for each shape that a block lists: tiles.h, ShapeList
+LISTED_BYTES = 99  # of it for each shape that a block lists: traversal/trace_tile.h, ShapeList
 BLOCKS = 10  # on a multiprocessor: bounds the registers of a thread
 MESH_BLOCKS = 8  # the same for scenes with meshes or height fields
-MOVING_BLOCKS = 6  # and where meshes move: native/bvh4.h, faces_together
+MOVING_BLOCKS = 6  # and where meshes move: native/accel/bvh4.h, faces_together
 MANY_MESHES_BLOCKS = 6  # and for more than MANY shapes
 
 
@@ -73,11 +74,17 @@ def _kernel(
     facts: int,
 ) -> wp.Kernel:
     flag = "true" if several else "false"
-    header, function = "visibility.h", f"draw<{types}, {lens}, {capacity}, {flag}, {width}, {height}, {outputs}>"
+    header, function = (
+        "traversal/visibility.h",
+        f"draw<{types}, {lens}, {capacity}, {flag}, {width}, {height}, {outputs}>",
+    )
     if outputs & LISTED_AHEAD:
-        header, function = "listed.h", function.replace("draw", "draw_listed")
+        header, function = "traversal/visibility_listed.h", function.replace("draw", "draw_listed")
     if outputs & PAINTED:
-        header, function = "painted.h", f"draw_painted<{types}, {capacity}, {width}, {height}, {outputs}, {facts}>"
+        header, function = (
+            "shading_pass/visibility_albedo.h",
+            f"draw_painted<{types}, {capacity}, {width}, {height}, {outputs}, {facts}>",
+        )
 
     @wp.func_native(f"warpcam::{function}(shapes, materials, meshes, fields, views, target, index);")
     def draw(
@@ -225,7 +232,7 @@ def _dtype(array: wp.array | None) -> Any:
 
 
 def parts_of(images: Collection[str], width: int, height: int) -> int:
-    """How many blocks share an image whose shapes have been listed: native/outputs.h has the same."""
+    """How many blocks share an image whose shapes have been listed: native/traversal/trace_outputs.h has the same."""
     pixels = REGIONS[0][0] * REGIONS[0][1]
     small = width * height <= pixels
     more = small and not {"distance", "bodies", "instances", "semantics"}.isdisjoint(images)
@@ -269,14 +276,14 @@ def floor_parts(tables: Tables, device: wp.Device, width: int, height: int) -> i
 
 
 def tiles_at_once(shape_types: Set[int], region: tuple[int, int]) -> int:
-    """How many tiles, one below the other, a warp of a CUDA block draws at once: native/outputs.h has the same."""
+    """How many tiles, one below the other, a warp of a CUDA block draws at once: native/traversal/trace_outputs.h."""
     return 2 if {MESH, HEIGHT_FIELD}.isdisjoint(shape_types) and region[0] * region[1] >= 32 * 32 else 1
 
 
 def paints(
     tables: Tables, lens: str, width: int, height: int, at_once: int, images: Mapping[str, wp.array], device: wp.Device
 ) -> bool:
-    """Whether the trace writes albedo, too: native/painted.h."""
+    """Whether the trace writes albedo, too: native/shading_pass/visibility_albedo.h."""
     plain = {MESH, HEIGHT_FIELD}.isdisjoint(tables.shape_types) and tables.physical is None and tables.splats is None
     moved = tables.variety is not None and tables.variety.texture_offsets.size > 0
     if not (device.is_cuda and plain and lens == "pinhole") or moved or tables.num_drawn > MAX_LISTED:

@@ -8,7 +8,7 @@ from warpcam.kernels.runtime.launch import Stage, compiler_flags, record
 
 wp.set_module_options(compiler_flags())
 
-# Facts of native/look.h and native/variety.h.
+# Facts of native/shading/appearance.h and native/shading/world_overrides.h.
 OFFSETS, BACKDROPS, HEADLIGHTS, EXPOSED = 1 << 20, 1 << 21, 1 << 22, 1 << 23
 
 

@@ -1,6 +1,6 @@
 """The stages that follow meshes whose corners move: their faces, and the boxes of their trees, from the leaves up.
 
-A tree whose boxes have grown gets its faces in a new order, in place: see native/reorder.h.
+A tree whose boxes have grown gets its faces in a new order, in place: see native/accel/reorder.h.
 """
 
 import itertools
@@ -16,9 +16,9 @@ from warpcam.kernels.types import Meshes
 
 FAR = 1.0e29  # bounds of children that are not there lie beyond it
 LANES = 32  # of a warp
-EVERY = 16  # frames that share in measuring a tree; reorder.h has the same number
-LEAF_LANES = 8  # of CUDA work on a leaf; refit.h has the same number
-RUN = 32  # of leaves, children or faces that an index of a CPU's launch does; refit.h has the same number
+EVERY = 16  # frames that share in measuring a tree; accel/reorder.h has the same number
+LEAF_LANES = 8  # of CUDA work on a leaf; accel/refit.h has the same number
+RUN = 32  # of leaves, children or faces that an index of a CPU's launch does; accel/refit.h has the same number
 FEW = 1024  # children of a level: so many one block brings to where they are now, with all levels above
 
 
@@ -65,7 +65,7 @@ def _move_normals(
 def _finish_tree(moving: Moving, meshes: Meshes, points: wp.array(dtype=wp.vec3), level: wp.int32, index: wp.int32): ...
 
 
-NATIVE = {"grid_stride": False, "module_options": native_module("refit.h")}
+NATIVE = {"grid_stride": False, "module_options": native_module("accel/refit.h")}
 
 
 @wp.kernel(module="unique", enable_backward=False, **NATIVE)

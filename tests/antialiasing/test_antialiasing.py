@@ -101,7 +101,7 @@ def level(depth: np.ndarray, pinhole: bool) -> np.ndarray:
         return 1.0 / depth if pinhole else depth
 
 
-FAINT, FAINT_WITHIN, FAINT_SIDES, TURNED = 12, 24, 32, 2.0  # of native/edges.h
+FAINT, FAINT_WITHIN, FAINT_SIDES, TURNED = 12, 24, 32, 2.0  # of native/antialiasing/edge_test.h
 
 
 def edges_of(
@@ -143,7 +143,7 @@ def edges_of(
     return edges
 
 
-STEEP = 8.0  # of native/edges.h
+STEEP = 8.0  # of native/antialiasing/edge_test.h
 
 
 def shown_pixel(

@@ -41,7 +41,7 @@ def install(ours: bool = False) -> None:
         elif homes == {"warpcam"} and ours and options.get("cpu_compiler_flags"):
             options["cpu_compiler_flags"] += f" {QUICK}{_together()}"
             if options["extra_cpu_preamble"]:
-                options["extra_cpu_preamble"] += "#pragma clang fp contract(on)\n"  # as lanes.h has it
+                options["extra_cpu_preamble"] += "#pragma clang fp contract(on)\n"  # as core/platform.h has it
         return options
 
     wp.Module.resolve_options = resolve_options

@@ -103,7 +103,7 @@ def light_patch(shadows):
         lit: wp.array(dtype=wp.vec3),
     ): ...
 
-    @native_kernel("resolve.h")
+    @native_kernel("shading_pass/shading_pass.h")
     def light(
         lights: types.Lights,
         position: wp.vec3,

@@ -44,7 +44,7 @@ def find_facet(
 ): ...
 
 
-@native_kernel("facet.h")
+@native_kernel("shading/gouraud.h")
 def cut(
     meshes: Meshes,
     fields: HeightFields,
@@ -75,7 +75,7 @@ def find_cell(
 ): ...
 
 
-@native_kernel("facet.h")
+@native_kernel("shading/gouraud.h")
 def cut_endless(
     repeat: wp.float32,
     horizon: wp.float32,

@@ -24,7 +24,7 @@ DEVICES = [str(device) for device in wp.get_devices()]
 def ask(meshes: Meshes, face: wp.int32, direction: wp.vec3, i: wp.int32, clear: wp.array(dtype=wp.int32)): ...
 
 
-@native_kernel("horizon_build.h")
+@native_kernel("build/horizon_builder.h")
 def look_up(
     meshes: Meshes,
     faces: wp.array(dtype=wp.int32),
@@ -84,7 +84,7 @@ def test_nothing_is_in_the_way_around_a_ball(device: str):
     rise = (directions * unit(normals)[faces]).sum(1)
     clear = are_clear(meshes, faces, directions.astype(np.float32), device)
     assert clear[rise > 0.2].all()
-    assert not clear[rise < 0.18].any()  # too flat: see native/horizon_build.h, LEAST
+    assert not clear[rise < 0.18].any()  # too flat: see native/build/horizon_builder.h, LEAST
 
 
 @pytest.mark.parametrize("device", DEVICES)

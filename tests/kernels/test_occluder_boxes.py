@@ -33,7 +33,7 @@ def ask(
 ): ...
 
 
-@native_kernel("shutters.h")
+@native_kernel("shadow/occluder_boxes.h")
 def try_rays(
     meshes: Meshes,
     mesh: wp.int32,

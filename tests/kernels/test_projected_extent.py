@@ -35,7 +35,7 @@ def find_span(
 ): ...
 
 
-@native_kernel("prepare.h")
+@native_kernel("camera/shape_setup.h")
 def span(
     kind: wp.int32,
     pinhole: wp.int32,

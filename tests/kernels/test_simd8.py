@@ -59,12 +59,12 @@ def sample_eight(
 ): ...
 
 
-@native_kernel("eight.h")
+@native_kernel("core/simd8.h")
 def powers_of(bases: wp.array(dtype=wp.float32), exponent: wp.float32, powers: wp.array(dtype=wp.float32)):
     power_of_eight(bases, exponent, wp.tid(), powers)
 
 
-@native_kernel("texels_cpu.h")
+@native_kernel("shading/texture_simd.h")
 def look_up(
     textures: Textures,
     cube: wp.int32,

@@ -64,7 +64,7 @@ def examine_hit(
 ): ...
 
 
-@native_kernel("resolve.h")
+@native_kernel("shading_pass/shading_pass.h")
 def examine(
     shapes: types.Shapes,
     meshes: types.Meshes,
@@ -111,7 +111,7 @@ def find_finish(
 ): ...
 
 
-@native_kernel("resolve.h")
+@native_kernel("shading_pass/shading_pass.h")
 def finish_shapes(shapes: types.Shapes, materials: types.Materials, finishes: wp.array2d(dtype=Finish)):
     world, shape = wp.tid()
     find_finish(shapes, materials, world, shape, finishes)

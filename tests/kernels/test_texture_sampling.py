@@ -34,7 +34,7 @@ def in_direction(
 ): ...
 
 
-@native_kernel("texels.h")
+@native_kernel("texture/sampler.h")
 def look_up_2d(
     textures: Textures,
     uv: wp.array(dtype=wp.vec2),
@@ -46,7 +46,7 @@ def look_up_2d(
     at_place(textures, uv[i], ddx[i], ddy[i], i, colors)
 
 
-@native_kernel("texels.h")
+@native_kernel("texture/sampler.h")
 def look_up_cube(
     textures: Textures,
     direction: wp.array(dtype=wp.vec3),

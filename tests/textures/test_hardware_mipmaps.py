@@ -28,7 +28,7 @@ def difference_at(
 ): ...
 
 
-@native_kernel("texels.h")
+@native_kernel("texture/sampler.h")
 def compare(
     textures: Textures,
     places: wp.array(dtype=wp.vec2),

@@ -23,7 +23,7 @@ def place_of_level(
 ): ...
 
 
-@native_kernel("texels.h")
+@native_kernel("texture/sampler.h")
 def places_of_levels(cube: wp.bool, width: wp.int32, height: wp.int32, rows: wp.array(dtype=wp.vec4)):
     place_of_level(cube, width, height, wp.tid(), rows)
 
@@ -54,7 +54,7 @@ def difference_at(
 ): ...
 
 
-@native_kernel("texels.h")
+@native_kernel("texture/sampler.h")
 def compare(
     cube: wp.bool,
     textures: Textures,

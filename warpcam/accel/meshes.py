@@ -15,7 +15,7 @@ from warpcam.kernels.runtime.launch import BLOCK, compiled_meanwhile
 from warpcam.kernels.types import Meshes, Textures
 
 MAX_ROWS = 2**31 - 1
-BOUNDS, MIDDLE_BOUND = 32760, 32768  # as in native/bvh4.h: steps of an extent, and the plane through 0
+BOUNDS, MIDDLE_BOUND = 32760, 32768  # as in native/accel/bvh4.h: steps of an extent, and the plane through 0
 ABSENT = np.float32(1e30)  # all bounds of a child that is not there
 KEPT = 2**27  # bytes of trees, for the next scene that has those meshes, too
 

@@ -1,4 +1,4 @@
-"""Where meshes surely stop light: which boxes are kept, and what meshes lie between. See kernels/native/shutters.h."""
+"""Where meshes surely stop light: boxes to keep, and meshes between. See kernels/native/shadow/occluder_boxes.h."""
 
 import itertools
 from collections.abc import Sequence

@@ -1,10 +1,10 @@
-"""Tables of rays that each begin at a place of their own, as native/ray_table.h and native/spread_rays.h read them."""
+"""Tables of rays with their own origins, as native/camera/ray_table.h and native/camera/offset_rays.h read them."""
 
 import numpy as np
 
 from warpcam.accel.ray_tables import TILE_HEIGHT, TILE_WIDTH, pixel_angle, tile_cones, unit
 
-# Bits of a pixel; native/spread_rays.h has the same.
+# Bits of a pixel; native/camera/offset_rays.h has the same.
 LEFT, RIGHT, UP, DOWN, BLIND = 1, 2, 4, 8, 16
 BESIDE = 4.0  # a pixel that lies so many times as far from one as that on its other side does not belong to it
 ROUNDING = 1e-6  # of unit directions, and of places as parts of the greatest

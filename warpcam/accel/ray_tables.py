@@ -1,11 +1,11 @@
-"""Tables of rays, as native/ray_table.h reads them."""
+"""Tables of rays, as native/camera/ray_table.h reads them."""
 
 import math
 from typing import Any
 
 import numpy as np
 
-TILE_WIDTH, TILE_HEIGHT = 8, 4  # pixels; native/ray_table.h has the same numbers
+TILE_WIDTH, TILE_HEIGHT = 8, 4  # pixels; native/camera/ray_table.h has the same numbers
 BLIND = 3.0e18  # in place of the coordinates of a pixel that sees nothing
 BEHIND = 4.0e6  # of a ray straight back, whose coordinates would be infinite
 ROUNDING = 1e-6  # of the cosine of a cone's half angle

@@ -1,6 +1,6 @@
 """Sheets: an image and its mipmaps beside each other in one texture of the GPU's own, whose hardware filters it.
 
-Two fetches a pixel take the place of eight texels and their weights; see native/texels.h.
+Two fetches a pixel take the place of eight texels and their weights; see native/texture/sampler.h.
 """
 
 from collections.abc import Sequence
@@ -116,7 +116,7 @@ def _border(side: int) -> tuple[Integers, Integers]:
 
 
 def _beyond(side: int, face: int, rows: Integers, columns: Integers) -> tuple[Integers, Integers, Integers]:
-    """Face, row and column of texels one beyond a face's edge: as native/texels.h's cube_texel() finds them."""
+    """Face, row and column of texels one beyond a face's edge: as cube_texel() of native/texture/sampler.h."""
     half = np.float32(0.5 * side)
     right, down = ((places.astype(np.float32) + np.float32(0.5)) / half - 1 for places in (columns, rows))
     direction = _FROM_FACE[face] @ np.stack((right, down, np.ones_like(right)))

@@ -6,9 +6,9 @@ import warp as wp
 
 from warpcam.kernels.runtime.launch import Stage, native_module, record
 
-wp.set_module_options(native_module("pack.h"))
+wp.set_module_options(native_module("output/pack.h"))
 
-RUN = 4  # numbers that a thread copies: native/pack.h
+RUN = 4  # numbers that a thread copies: native/output/pack.h
 
 RGBA = (0, 16)  # red in the lowest byte
 BGRA = (16, 0)  # blue in the lowest byte

@@ -27,9 +27,10 @@ FORMS = {
     "rectangle": types.FORM_RECTANGLE,
     "cylinder": types.FORM_CYLINDER,
 }
-SEEN, MIN_CUT = 0.5 / 255.0, 1.5 / 255.0  # opacity from which a surface is seen; least of a cut-out: native/mask.h
+# opacity from which a surface is seen; least of a cut-out: native/accel/alpha_test.h
+SEEN, MIN_CUT = 0.5 / 255.0, 1.5 / 255.0
 MIN_ROWS = 128  # that a dome's image is cut into
-# Spherical harmonics of order 2 as native/sky.h has them: the squares of what norms each term.
+# Spherical harmonics of order 2 as native/shading/environment.h has them: the squares of what norms each term.
 NORMS = np.array((1.0, 3.0, 3.0, 3.0, 15.0, 15.0, 1.25, 15.0, 3.75)) / (4.0 * np.pi)
 
 
@@ -118,7 +119,7 @@ def light_rows(lamps: Sequence[Lamp], gain: float) -> dict[str, np.ndarray]:
 
 
 def sky_rows(lamps: Sequence[Lamp], gain: float) -> np.ndarray:
-    """All domes together, (SKY_TERMS + 1, 3): see native/sky.h."""
+    """All domes together, (SKY_TERMS + 1, 3): see native/shading/environment.h."""
     rows = np.zeros((types.SKY_TERMS + 1, 3))
     for lamp in lamps:
         if lamp.kind == "dome" and lamp.active:

@@ -124,7 +124,7 @@ class Lamp:
         seen: Area that a local light shows [m^2].
         diffuse: A factor of what it gives to matt surfaces.
         specular: A factor of its highlights.
-        terms: (SKY_TERMS, 3) radiance of a dome; see ``native/sky.h``.
+        terms: (SKY_TERMS, 3) radiance of a dome; see ``native/shading/environment.h``.
         image_gain: From a dome's image to its radiance; zeros without one.
     """
 

@@ -24,7 +24,7 @@ from warpcam.sources.common.warnings import Notes
 
 KINDS = ("shape", "body", "light", "camera")
 MAX_LIGHTS = 32  # that are kept; more cannot cast shadows
-MAX_SHINING = 8  # at once: shade.h
+MAX_SHINING = 8  # at once: shading/fixed_function.h
 HIDDEN = -1e30  # where nothing is left of a shape for a while [m]
 
 

@@ -26,7 +26,7 @@ DRAWN = (*KINDS, "actuators")  # what may be drawn; the last have no groups
 Groups = Collection[int] | Mapping[str, Collection[int]]
 REVISED = (3, 12)  # the version from which on MuJoCo draws textures on shapes, and point lights, as it does now
 GLOBAL_AMBIENT = 0.3  # of a scene without lights
-QUADS = 4  # along a side of a box: BOX_CELLS of kernels/native/facet.h
+QUADS = 4  # along a side of a box: BOX_CELLS of kernels/native/shading/gouraud.h
 SMOOTH_BELOW = 0.8  # cosine to the face's normal under which MuJoCo takes that instead of the vertex's
 
 # Where MuJoCo and MuJoCo-Warp keep each live array: in the data, or in the model.

@@ -157,7 +157,7 @@ class MaterialReader:
         return None if pixels is None else LINEAR[_rgb(pixels)].mean(axis=(0, 1))
 
     def sky_of(self, asset: Sdf.AssetPath, where: str, turn: np.ndarray) -> np.ndarray | None:
-        """Terms of a dome's image, see ``native/sky.h``; None if it cannot be read."""
+        """Terms of a dome's image, see ``native/shading/environment.h``; None if it cannot be read."""
         key = (asset.resolvedPath or asset.path, turn.tobytes())
         if key not in self._skies:
             pixels = self._load(asset, "", where)
