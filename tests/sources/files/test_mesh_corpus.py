@@ -16,7 +16,7 @@ import warpcam as wc
 from warpcam.sources import load_file as files
 
 trimesh = pytest.importorskip("trimesh")
-from warpcam.sources.common import geometry as forms
+from warpcam.sources.common import geometry as forms  # noqa: E402
 from warpcam.sources.files import mesh_file  # noqa: E402, trimesh may be missing
 
 FOLDER = Path(os.environ.get("WARPCAM_MESH_FILES", "/usr/share/assimp/models"))
