@@ -16,7 +16,8 @@ import warp as wp
 from warpcam.kernels.layers import LayerTables, Mirror
 from warpcam.kernels.passes.views import is_finite
 from warpcam.kernels.passes.visibility import LENSES, THREADS, blocks, list_capacity, region_size
-from warpcam.kernels.runtime.launch import Group, Stage, bind_launch, compiler_flags, native_module
+from warpcam.kernels.runtime.compile import compiler_flags, native_module
+from warpcam.kernels.runtime.launch import Group, Stage, bind_launch
 from warpcam.kernels.scene_tables import SceneTables
 from warpcam.kernels.types import BOX, HeightFields, Materials, Meshes, Shapes, View
 

@@ -9,8 +9,9 @@ import warp as wp
 from warpcam.kernels.layers import Haze, LayerTables, Mirror
 from warpcam.kernels.passes.visibility import LENSES, THREADS, in_order, region_size
 from warpcam.kernels.passes.world_overrides import EXPOSED, WorldOverrides, override_flags
+from warpcam.kernels.runtime.compile import native_module
 from warpcam.kernels.runtime.flatten import flatten
-from warpcam.kernels.runtime.launch import Group, Stage, bind_launch, native_module
+from warpcam.kernels.runtime.launch import Group, Stage, bind_launch
 from warpcam.kernels.scene_tables import SceneTables
 from warpcam.kernels.types import (
     HEIGHT_FIELD,

@@ -6,7 +6,8 @@ from typing import Any
 import warp as wp
 
 from warpcam.kernels.passes.visibility import LENSES, SHARED_MEMORY, THREADS, in_order, region_size
-from warpcam.kernels.runtime.launch import Group, Stage, bind_launch, native_module
+from warpcam.kernels.runtime.compile import native_module
+from warpcam.kernels.runtime.launch import Group, Stage, bind_launch
 from warpcam.kernels.scene_tables import SceneTables
 from warpcam.kernels.types import (
     GLASS,

@@ -15,7 +15,8 @@ from warpcam.kernels.passes import visibility
 from warpcam.kernels.passes.flow import FlowHistory, is_compact
 from warpcam.kernels.passes.views import CameraPose, FrameStart, LensParams, next_frame_state, view_of
 from warpcam.kernels.passes.visibility import FLOW, FLOW_VALID, LENSES, NORMAL, TABLES, list_capacity
-from warpcam.kernels.runtime.launch import Stage, bind_launch, native_module
+from warpcam.kernels.runtime.compile import native_module
+from warpcam.kernels.runtime.launch import Stage, bind_launch
 from warpcam.kernels.scene_tables import SceneTables
 from warpcam.kernels.types import HEIGHT_FIELD, LOOKS_ALONE, MESH, HeightFields, Materials, Meshes, Shapes, View
 
@@ -205,7 +206,7 @@ def bind_lists(
         tables: The scene.
         projection: "pinhole" or "orthographic".
         lists: vec4, (world, row); written.
-        trail: Trail, whose motions are composed; None: none are.
+        trail: FlowHistory, whose motions are composed; None: none are.
         outputs: Of the camera.
         device: Where all of these lie.
     """

@@ -13,8 +13,10 @@ from warpcam.kernels.passes.trace_target import (
     opaque_target_struct,
     target_struct,
 )
+from warpcam.kernels.runtime.compile import native_module
+from warpcam.kernels.runtime.cpu_pool import cpu_threads
 from warpcam.kernels.runtime.flatten import flatten
-from warpcam.kernels.runtime.launch import Group, Stage, bind_launch, cpu_threads, native_module
+from warpcam.kernels.runtime.launch import Group, Stage, bind_launch
 from warpcam.kernels.scene_tables import SceneTables
 from warpcam.kernels.types import (
     HEIGHT_FIELD,
@@ -159,7 +161,7 @@ def bind(
         group: Which worlds are traced; None is all.
         transparent_index: int32, (shape,). With it shapes that are transparent are left out, of those where it is not
             -1; there are no ``images`` then.
-        flow_history: Trail, where flow is wanted.
+        flow_history: FlowHistory, where flow is wanted.
         facts: Of the scene's looks, where albedo is: see shading.py.
         lists: vec4, (world, row): the shapes listed for these views, by view_shape_lists.py, if they are.
     """

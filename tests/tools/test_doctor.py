@@ -17,7 +17,7 @@ import pytest
 import torch
 import warp as wp
 
-from warpcam.kernels.runtime import launch
+from warpcam.kernels.runtime import cpu_pool
 from warpcam.tools import cli, doctor, self_test
 from warpcam.tools.self_test import shoot
 
@@ -271,14 +271,14 @@ def test_how_many_threads_a_cpu_has(
     value: str, threads: int, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     """A text that is no such number is told, not passed over."""
-    launch.cpu_threads.cache_clear()
+    cpu_pool.cpu_threads.cache_clear()
     monkeypatch.setenv("WARPCAM_CPU_THREADS", value)
     try:
-        cores = launch.cpu_threads()
+        cores = cpu_pool.cpu_threads()
         (meaning,) = [each.meaning for each in doctor.read_environment() if each.name == "WARPCAM_CPU_THREADS"]
         remarks = [each for each in two_devices(monkeypatch).remarks if "no whole number" in each]
     finally:
-        launch.cpu_threads.cache_clear()
+        cpu_pool.cpu_threads.cache_clear()
     assert cores == (threads or len(os.sched_getaffinity(0)))
     assert meaning == f"a frame on the CPU is split over {cores} threads"
     said = [] if threads else [f"WARPCAM_CPU_THREADS={value!r} is no whole number above 0"]

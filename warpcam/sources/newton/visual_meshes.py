@@ -14,7 +14,8 @@ from warpcam.accel.meshes import Mesh
 from warpcam.kernels.runtime.launch import Stage
 from warpcam.kernels.update.refit import FaceShading
 from warpcam.kernels.update.skinning import Shell, bind_attached_vertices, bind_offset_vertices
-from warpcam.sources.newton.deformables import DeformablePart, Deformables, is_closed
+from warpcam.sources.newton.deformable_part import DeformablePart
+from warpcam.sources.newton.deformables import Deformables, is_closed
 from warpcam.sources.newton.options import NewtonOptions
 from warpcam.textures.pack import TextureImage
 
@@ -32,7 +33,7 @@ class VisualMesh(DeformablePart):
         uvs: (face, 3, 2) float32, or None.
         texture: Index among those of all visuals, or -1.
         smooth: Whether it is; else its faces are flat.
-        drivers: For each mesh (vertex, 4) int32 and (vertex, 4) float32: see ``kernels.update.skinning.attach_vertices``.
+        drivers: For each mesh (vertex, 4) int32 and (vertex, 4) float32: see ``skinning.attach_vertices``.
     """
 
     hull: Shell = field(kw_only=True)
