@@ -4,29 +4,29 @@
 
 namespace warpcam {
 
-// FAR_AWAY where the ray misses. Of planes, cones and barrels always.
-template <int TYPE> WARPCAM_FN float leave(const Record& record, Ray ray)
+// MISS where the ray misses. Of planes, cones and barrels always.
+template <int TYPE> WARPCAM_DEVICE float intersect_exit(const ShapeRecord& record, Ray ray)
 {
     if (TYPE == PLANE || TYPE == CONE || TYPE == BARREL)
-        return FAR_AWAY;
+        return MISS;
     const float t = enter<TYPE>(record, { ray.origin, -ray.direction });
-    return t < FAR_AWAY ? -t : FAR_AWAY;
+    return t < MISS ? -t : MISS;
 }
 
 // The same for a type known only now, out of a set of types known at compile time.
-template <int TYPES> WARPCAM_FN float leave_any(const Record& record, Ray ray)
+template <int TYPES> WARPCAM_DEVICE float intersect_exit_any(const ShapeRecord& record, Ray ray)
 {
     const int type = record.axis_x.w;
 #define WARPCAM_TRY(TYPE) \
     if ((TYPES >> TYPE & 1) && type == TYPE) \
-        return leave<TYPE>(record, ray);
+        return intersect_exit<TYPE>(record, ray);
     WARPCAM_TRY(SPHERE)
     WARPCAM_TRY(CAPSULE)
     WARPCAM_TRY(ELLIPSOID)
     WARPCAM_TRY(CYLINDER)
     WARPCAM_TRY(BOX)
 #undef WARPCAM_TRY
-    return FAR_AWAY;
+    return MISS;
 }
 
 }  // namespace warpcam

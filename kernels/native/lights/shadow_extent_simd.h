@@ -6,12 +6,12 @@
 namespace warpcam {
 
 // As has_place().
-inline Ints have_places(const ShadowMap& map, bool distant, Vecs place, Floats& along)
+inline Int8 have_places(const ShadowMap& map, bool distant, Vec3x8 place, Float8& along)
 {
-    const Vecs offset = place - eight_of(map.from);
-    along = dot(eight_of(map.along), offset);
-    const Floats side = upper(magnitude(dot(eight_of(map.right), offset)), magnitude(dot(eight_of(map.up), offset)));
-    return (along > map.near) & ~(side > (distant ? (Floats)1.0f : along));
+    const Vec3x8 offset = place - broadcast(map.from);
+    along = dot(broadcast(map.along), offset);
+    const Float8 side = max(abs(dot(broadcast(map.right), offset)), abs(dot(broadcast(map.up), offset)));
+    return (along > map.near) & ~(side > (distant ? (Float8)1.0f : along));
 }
 
 }  // namespace warpcam

@@ -12,8 +12,8 @@ namespace warpcam {
 constexpr int BOX_CELLS = 4;  // along a side of a box
 
 // A triangle in the camera's frame, and a place on it.
-struct Facet {
-    Vec place[3], normal[3];  // of its corners [m]
+struct GouraudTriangle {
+    Vec3 place[3], normal[3];  // of its corners [m]
     float weight1, weight2;   // of the second and third corner, for the place
     bool three;               // else only the first corner counts, which is the place itself
 };
@@ -21,11 +21,11 @@ struct Facet {
 // The half of an axis-aligned quad that a hit lies in. The quad is cut from its second to its fourth corner; mirrored,
 // from its first to its third. `place` is the hit in the camera's frame, `along` and `across` are the quad's axes
 // there, `a` and `b` the hit's coordinates on them.
-WARPCAM_FN void in_quad(Vec place, Vec along, Vec across, float a, float b, CellSpan u, CellSpan v, bool mirrored,
-                        Facet& facet)
+WARPCAM_DEVICE void in_quad(Vec3 place, Vec3 along, Vec3 across, float a, float b, CellSpan u, CellSpan v, bool mirrored,
+                        GouraudTriangle& facet)
 {
-    float weight1 = between((a - u.start) * reciprocal(upper(u.length, 1.0e-20f)), 0.0f, 1.0f);
-    float weight2 = between((b - v.start) * reciprocal(upper(v.length, 1.0e-20f)), 0.0f, 1.0f);
+    float weight1 = clamp((a - u.start) * rcp(max(u.length, 1.0e-20f)), 0.0f, 1.0f);
+    float weight2 = clamp((b - v.start) * rcp(max(v.length, 1.0e-20f)), 0.0f, 1.0f);
     if (mirrored) {
         v = { v.start + v.length, -v.length };
         weight2 = 1.0f - weight2;
@@ -45,28 +45,28 @@ WARPCAM_FN void in_quad(Vec place, Vec along, Vec across, float a, float b, Cell
 }
 
 // One of the equal cells of a box's side.
-WARPCAM_FN CellSpan box_cell(float x, float half)
+WARPCAM_DEVICE CellSpan box_cell(float x, float half)
 {
     const float length = 2.0f / BOX_CELLS * half;
-    const float i = between(round_down((x + half) * reciprocal(length)), 0.0f, float(BOX_CELLS - 1));
+    const float i = clamp(round_down((x + half) * rcp(length)), 0.0f, float(BOX_CELLS - 1));
     return { i * length - half, length };
 }
 
-template <int TYPES, class Meshes> WARPCAM_FN Vec corner_normal(const Meshes& meshes, const Pose& pose, int corner)
+template <int TYPES, class Meshes> WARPCAM_DEVICE Vec3 corner_normal(const Meshes& meshes, const ShapeFromCamera& pose, int corner)
 {
-    const Vec normal = to_vec(wp::index(meshes.normals, corner));
-    if (TYPES >> SCALED & 1)
-        return pose.seen(normalized(divided(normal, to_vec(pose.size))));
+    const Vec3 normal = as_vec3(wp::index(meshes.normals, corner));
+    if (TYPES >> PER_SHAPE_SCALE & 1)
+        return pose.seen(normalized(div(normal, as_vec3(pose.size))));
     return pose.seen(normal);
 }
 
 // `place` is the hit in the camera's frame. What is on a plane without `cells` is lit at its place.
-template <int TYPES, class Looks, class Meshes>
-WARPCAM_FN void facet_at(const Looks& look, const Meshes& meshes, const Surface& surface, Vec place, Facet& facet,
+template <int TYPES, class Appearances, class Meshes>
+WARPCAM_DEVICE void facet_at(const Appearances& look, const Meshes& meshes, const SurfaceInteraction& surface, Vec3 place, GouraudTriangle& facet,
                          bool cells = true)
 {
     constexpr bool HAS_PLANE = TYPES >> PLANE & 1, HAS_BOX = TYPES >> BOX & 1;
-    const Pose& pose = look.pose;
+    const ShapeFromCamera& pose = look.pose;
     const int type = pose.type();
     facet.place[0] = facet.place[1] = facet.place[2] = place;
     facet.weight1 = facet.weight2 = 0.0f;
@@ -105,13 +105,13 @@ WARPCAM_FN void facet_at(const Looks& look, const Meshes& meshes, const Surface&
         v_axis = surface.part == 2 ? 1 : 2;
         a = component(surface.local, u_axis);
         b = component(surface.local, v_axis);
-        u = box_cell(a, component(to_vec(pose.size), u_axis));
-        v = box_cell(b, component(to_vec(pose.size), v_axis));
+        u = box_cell(a, component(as_vec3(pose.size), u_axis));
+        v = box_cell(b, component(as_vec3(pose.size), v_axis));
         mirrored = (surface.part == 1) == (component(surface.normal, surface.part) > 0.0f);
     }
     if ((HAS_PLANE || HAS_BOX) && quad) {
-        const Vec along = to_vec(u_axis == 0 ? pose.axis_x : pose.axis_y);
-        const Vec across = to_vec(v_axis == 1 ? pose.axis_y : pose.axis_z);
+        const Vec3 along = as_vec3(u_axis == 0 ? pose.axis_x : pose.axis_y);
+        const Vec3 across = as_vec3(v_axis == 1 ? pose.axis_y : pose.axis_z);
         in_quad(place, along, across, a, b, u, v, mirrored, facet);
     }
 }

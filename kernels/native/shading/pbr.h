@@ -14,43 +14,43 @@ template <class Scene_, class Physical_> PhysicalScene(const Scene_&, const Phys
 
 // `place` is the hit in the camera's frame, `ray` the direction that it is seen along in the shape's. Bit l of `shadow`
 // says that light l, of those that are kept, does not reach it.
-template <int TYPES, int LENS, int FACTS, class Looks, class Scene_>
-WARPCAM_FN Vec shade_physically(const Looks& look, const LampList& list, const Scene_& scene, const Camera& camera,
-                                float x, float y, const Surface& surface, Vec place, Vec ray, float depth, Vec color,
+template <int TYPES, int LENS, int FACTS, class Appearances, class Scene_>
+WARPCAM_DEVICE Vec3 shade_physically(const Appearances& look, const AreaLights& list, const Scene_& scene, const Camera& camera,
+                                float x, float y, const SurfaceInteraction& surface, Vec3 place, Vec3 ray, float depth, Vec3 color,
                                 int shadow)
 {
     constexpr bool SHADOWS = FACTS & HAS_SHADOWS, MAPS = FACTS & HAS_MAPS, IMAGE = FACTS & HAS_SKYBOX;
-    Vec normal = smooth_normal<TYPES>(look.pose, scene.meshes, surface);
-    const Paint paint
+    Vec3 normal = smooth_normal<TYPES>(look.pose, scene.meshes, surface);
+    const PbrInputs paint
         = paint_at<TYPES, LENS, MAPS>(look, scene.meshes, scene.textures, camera, x, y, surface, ray, depth, color,
                                       normal);
     normal = look.pose.seen(normal);
-    Vec to_eye = LENS != ORTHOGRAPHIC ? -normalized(place) : Vec { 0.0f, 0.0f, 1.0f };
-    if constexpr (LENS == SPREAD)
-        to_eye = -ViewRay<LENS> { x, y }.direction();
-    const float slant = dot(normal, to_eye), eye_cosine = upper(magnitude(slant), 1.0e-4f);
-    Vec light = paint.glow, around { 0.0f, 0.0f, 0.0f };
+    Vec3 to_eye = LENS != ORTHOGRAPHIC ? -normalized(place) : Vec3 { 0.0f, 0.0f, 1.0f };
+    if constexpr (LENS == RAY_TABLE_WITH_ORIGINS)
+        to_eye = -CameraRay<LENS> { x, y }.direction();
+    const float slant = dot(normal, to_eye), eye_cosine = max(abs(slant), 1.0e-4f);
+    Vec3 light = paint.glow, around { 0.0f, 0.0f, 0.0f };
 #pragma unroll 1
     for (int n = 0; n < list.count; ++n) {
-        const Lamp& lamp = list.lamps[n];
+        const AreaLight& lamp = list.lamps[n];
         if (SHADOWS && (lamp.place.w & shadow))
             continue;
-        const Shine shine = shine_at(lamp, place);
+        const LightSample shine = sample_light(lamp, place);
         if (lamp.diffuse.w & AMBIENT)
-            around = around + shine.share * to_vec(lamp.ambient);
-        const float cosine = cosine_over(dot(normal, shine.to_light), shine.spread);
+            around = around + shine.share * as_vec3(lamp.ambient);
+        const float cosine = clipped_cosine(dot(normal, shine.to_light), shine.spread);
         if (!(shine.share * cosine > 0.0f))
             continue;
-        const Reflection back = reflection_of(paint.skin, normal, shine.to_light, to_eye, eye_cosine, shine.spread);
-        light = light + shine.share * (cosine * times(back.matt, to_vec(lamp.diffuse))
-                                       + times(back.gloss, to_vec(lamp.specular)));
+        const BsdfValue back = reflection_of(paint.skin, normal, shine.to_light, to_eye, eye_cosine, shine.spread);
+        light = light + shine.share * (cosine * mul(back.matt, as_vec3(lamp.diffuse))
+                                       + mul(back.gloss, as_vec3(lamp.specular)));
     }
-    const Vec up = turned(camera.rotation, normal);
-    const Vec mirror = turned(camera.rotation, 2.0f * slant * normal - to_eye);
-    const Vec even = around + sky_on(list.sky, up);
-    const Vec mirrored = around
+    const Vec3 up = transform(camera.rotation, normal);
+    const Vec3 mirror = transform(camera.rotation, 2.0f * slant * normal - to_eye);
+    const Vec3 even = around + sky_on(list.sky, up);
+    const Vec3 mirrored = around
         + sky_along<IMAGE>(list.sky, scene.textures, scene.background, mirror, paint.skin.roughness);
-    return light + paint.open * reflected_around(paint.skin, eye_cosine, even, mirrored);
+    return light + paint.open * environment_brdf(paint.skin, eye_cosine, even, mirrored);
 }
 
 }  // namespace warpcam
