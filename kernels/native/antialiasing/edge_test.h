@@ -334,7 +334,7 @@ template <int LENS, class Centres> struct EdgeTester {
     }
 
     // Which of the nine pixels around shows what a sample of pixel (i, j) has hit: the nearest by place and, of a shape
-    // that has sides, by depth and by transform(i, j, pixel), how far its surface turns from the one hit, if they differ
+    // that has sides, by depth and by turned(i, j, pixel), how far its surface turns from the one hit, if they differ
     // in colour. It is the pixel itself if none does. By number, see around().
     template <int IMAGES, class Turned> WARPCAM_DEVICE int shown(int i, int j, Offset offset, float hit_depth,
                                                              int hit_shape, bool sided, const Turned& turned) const
@@ -363,7 +363,7 @@ template <int LENS, class Centres> struct EdgeTester {
         };
         const auto cost_of = [&](const Neighbour& place, float most) {  // or what it is at least, if that is so much
             const float its = apart_from(place) + apart(pixel_of(place), hit_depth);
-            return its < most ? its + transform(i + place.right, j + place.down, pixel_of(place)) : its;
+            return its < most ? its + turned(i + place.right, j + place.down, pixel_of(place)) : its;
         };
         Neighbour best_at = aside(ctz(left));
         Colour<IMAGES> best_colour = colour<IMAGES>(pixel_of(best_at));

@@ -152,7 +152,7 @@ inline void plan(BuildNode* branches, int num_branches, float (*leaf_cost)(int) 
     }
 }
 
-// The binary nodes that become the children of the wide node made of `sqrt`. Returns how many.
+// The binary nodes that become the children of the wide node made of `root`. Returns how many.
 inline int open_planned(const BuildNode* branches, int root, int* children)
 {
     struct LightWeights { int branch, nodes; } stack[4];

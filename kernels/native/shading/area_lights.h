@@ -22,7 +22,7 @@ struct AreaLight {
     Float3Int across;    // unit, of a rectangle along its width, of a cylinder along itself; w: Form
     Float3Int size;      // as in types.py: PhysicalLights.sizes; w unused
     Float3Int falloff;   // of a point: constant, linear, quadratic; w: bits of a spot's exponent
-    Float3Int diffuse;   // w: Nature
+    Float3Int diffuse;   // w: LightFlags
     Float3Int specular;  // w unused
     Float3Int ambient;   // w unused
 };

@@ -16,7 +16,7 @@ struct Light {
     Float3Int axis;      // direction that a spot shines in, position of a directional light; w: bits of the cosine of its
                    // cutoff, -2 where it has none
     Float3Int falloff;   // constant, linear, quadratic; w: bits of a spot's exponent
-    Float3Int ambient;   // w: Nature
+    Float3Int ambient;   // w: LightFlags
     Float3Int diffuse;   // w: bits of 1 + the squared length of a directional light's `place`
     Float3Int specular;  // w: where it `dims`, bits of the width of its MapSize
 };

@@ -111,7 +111,7 @@ WARPCAM_DEVICE Between between_texels(float unit, int size)
 WARPCAM_DEVICE int first_or_last(int first, int size)
 {
 #if defined(__CUDA_ARCH__)
-    return int(min(unsigned(first), unsigned(size - 1)));
+    return int(::min(unsigned(first), unsigned(size - 1)));
 #else
     return first < 0 ? size - 1 : first;
 #endif

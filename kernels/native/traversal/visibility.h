@@ -112,7 +112,7 @@ WARPCAM_DEVICE void draw_tiles(List& list, const Canvas_& canvas, const Meshes& 
     constexpr bool OWN = TILES_PER_WARP > 1 && !Canvas_::STORES_MUCH;
     int own = warp;
     bool alone = Canvas_::APART && warp != WARPS - 1;  // the motions are not there yet
-    const auto meet = [&] {
+    const auto trace_meshes = [&] {
         if constexpr (Canvas_::APART)
             if (alone)
                 named_barrier_sync<MOTIONS_THERE, THREADS>();
@@ -138,7 +138,7 @@ WARPCAM_DEVICE void draw_tiles(List& list, const Canvas_& canvas, const Meshes& 
                 }
             }
         trace_tiles<TYPES>(list, steps, mask, ray, near, fields, hit);
-        test();
+        trace_meshes();
         if (!canvas.write_seen_plane(i, j, hit, lane))
             canvas.put_tiles(i, j, ray, hit, first_pass, row_of_lanes);
         if constexpr (HAS_MESH)
@@ -173,7 +173,7 @@ WARPCAM_DEVICE void draw_tiles(List& list, const Canvas_& canvas, const Meshes& 
         int none;
         while (next_tile(none)) { }
     }
-    test();
+    trace_meshes();
 }
 
 // The same as draw_region() of few shapes, whose motions the last warp composes meanwhile: the first lists and sorts
