@@ -9,7 +9,7 @@ WARPCAM_DEVICE float srgb_to_linear(float value)
     return value <= 0.04045f ? value * (1.0f / 12.92f) : pow((value + 0.055f) * (1.0f / 1.055f), 2.4f);
 }
 
-// What is brighter than white is more than 1.
+// sRGB encoding without an upper bound: light brighter than white is more than 1.
 WARPCAM_DEVICE float encoded_beyond(float light)
 {
     return light <= 0.0031308f ? 12.92f * light : 1.055f * pow(light, 1.0f / 2.4f) - 0.055f;
