@@ -48,7 +48,10 @@ def map_places(rng):
     place = units(rng) * sizes(rng, least=1e-4, most=1e4)
     size = np.concatenate([sizes(rng), sizes(rng, least=1e-3, most=1.0), rng.random((ROWS, 1))], axis=1)
     size[:64, 0] = 0.0
-    return columns(place, units(rng), direction, across, size)
+    source, edge = units(rng), slice(ROWS // 2, None)  # places on the edges of maps
+    source[edge], direction[edge], across[edge], size[edge, 0] = 0.0, (0.0, 0.0, 1.0), (1.0, 0.0, 0.0), 1.0
+    place[edge] = rng.choice([-1.0, -0.9999, 0.0, 0.9999, 1.0, 1.0001], (ROWS // 2, 3)) * [1.0, 1.0, 2.0]
+    return columns(place, source, direction, across, size)
 
 
 def map_place(distant):
@@ -81,6 +84,7 @@ ONE = "const Surface surface = surface_at<KINDS>(pose, meshes, fields, (int)in(6
 NORMAL = "close(surface.normal); exact(surface.part);"
 WEIGHTS = "exact(surface.weight1); exact(surface.weight2);"
 EDGES = "exact(surface.triangle.origin); exact(surface.triangle.edge1); exact(surface.triangle.edge2);"
+ON_TOP = "exact(surface.part == 1 ? surface.weight1 : 0.0f); exact(surface.part == 1 ? surface.weight2 : 0.0f);"
 CORNERS = "exact(surface.corner); exact(surface.flat); "
 
 
@@ -169,7 +173,7 @@ SURFACES = Family(
         for name, kinds in MESHES.items()
     }
     | {
-        "surface of height field": surface("HEIGHT_FIELD", results=NORMAL, inputs=ground),
+        "surface of height field": surface("HEIGHT_FIELD", results=NORMAL + ON_TOP, inputs=ground),
         "surface of scaled height field": surface("HEIGHT_FIELD", "SCALED", inputs=ground),
     }
     | {f"facet of {kind}": facet(kind) for kind in ("SPHERE", "BOX", "PLANE")}
