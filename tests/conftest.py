@@ -1,4 +1,4 @@
-"""What every test may use: the devices there are, and the helpers beside this file."""
+"""What every test may use: the devices there are, and the helpers in tests/helpers."""
 
 import ctypes.util
 import gc
@@ -19,15 +19,15 @@ if ctypes.util.find_library("OSMesa"):
     os.environ.setdefault("MUJOCO_GL", "osmesa")
 elif sys.platform == "linux" and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
     os.environ.setdefault("MUJOCO_GL", "disable")
-sys.path.append(str(Path(__file__).parent))
+sys.path.append(str(Path(__file__).parent / "helpers"))
 
+import fast_compile
 import pytest
-import quick_simulators
 import warp as wp
 
 gc.disable()  # until all is imported, which stays
 wp.config.quiet = True
-quick_simulators.install(ours=True)
+fast_compile.install(ours=True)
 
 
 def pytest_collection_finish() -> None:
@@ -69,6 +69,6 @@ def loads(monkeypatch: pytest.MonkeyPatch) -> list[str]:
 def stage(tmp_path: Path) -> Any:
     """A stage of USD: empty, in metres, z up, in a file of its own."""
     usd = pytest.importorskip("pxr.Usd", reason="needs USD: pip install warpcam[usd]")
-    from stages import metric
+    from usd_stages import metric
 
     return metric(usd.Stage.CreateNew(str(tmp_path / "scene.usda")))

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from trees import ABSENT, build_bvh4, check, codes, given_of, halved, hits, sah_cost, same, traverse
+from bvh_checks import ABSENT, build_bvh4, check, codes, given_of, halved, hits, sah_cost, same, traverse
 from warpcam.kernels.bvh4_build import MAX_LEAF
 
 from warpcam.accel.bvh4 import Bvh4

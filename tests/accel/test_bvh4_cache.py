@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from trees import build_bvh4
+from bvh_checks import build_bvh4
 
 from warpcam.accel import bvh4
 from warpcam.accel.bvh4 import Bvh4

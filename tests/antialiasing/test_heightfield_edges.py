@@ -1,0 +1,50 @@
+"""Smooth edges before height fields."""
+
+import numpy as np
+import pytest
+import scenes
+import warp as wp
+from edge_scenes import LIT, camera
+from warpcam.kernels.antialias import SAMPLES
+
+import warpcam as wc
+
+FIELD = '<hfield name="wide" nrow="3" ncol="3" size="3 3 0.02 0.2" elevation="0 1 0  1 0 1  0 1 0"/>'
+
+
+def off_by(things: str, device: wp.Device) -> tuple[np.ndarray, np.ndarray]:
+    """The mean of what four samples of each pixel hit, and by how many levels a picture with smooth edges is off it."""
+    mjm = scenes.compile_xml(things, assets=scenes.ASSETS + FIELD, more=LIT)
+    scene = wc.from_mujoco(mjm, scenes.forward(mjm), device=device)
+
+    def look(right: float, down: float, samples: int) -> np.ndarray:
+        lens = wc.Pinhole(fx=28.0, cx=16.0 - right, cy=16.0 - down)
+        return scenes.look(scene, camera(samples, lens=lens, position=(0.0, 0.0, 3.5)))["rgb"][0].astype(int)
+
+    expected = np.mean([look(*offset, 1) for offset in SAMPLES[4]], axis=0)
+    return expected, np.abs(look(0.0, 0.0, 4) - expected).max(-1)
+
+
+@pytest.mark.parametrize("gap", [-0.7, 0.02, 0.5])
+@pytest.mark.parametrize("kind", ["sphere", "mesh"])
+def test_ground_is_seen_where_nothing_else_is(device: wp.Device, kind: str, gap: float) -> None:
+    """Far behind all else it is not looked for, else it is: a pixel is the mean of what its samples hit."""
+    thing = scenes.geom_xml(kind, more=f'pos="0.1 0.05 {gap + 0.5}" rgba="1 0 0 1"')
+    expected, off = off_by(thing + '<geom type="hfield" hfield="wide" rgba="0 1 0 1"/>', device)
+    mixed = (expected[..., 0] > 0) & (expected[..., 1] > 0)
+    assert mixed.sum() > 10
+    assert (off > 1.0).sum() <= 0.05 * mixed.sum()
+
+
+def test_of_two_grounds_the_one_behind_is_seen(device: wp.Device) -> None:
+    """Also where they meet behind something thin."""
+    things = "".join(
+        f'<geom type="capsule" fromto="-1 {y} 1 1 {y + 0.3} 1" size="0.05" rgba="1 0 0 1"/>'
+        for y in np.arange(-1.0, 1.0, 0.25)
+    )
+    grounds = "".join(
+        f'<geom type="hfield" hfield="wide" pos="{x} 0 0" rgba="{rgba}"/>'
+        for x, rgba in ((-2.93, "0 1 0 1"), (3.07, "0 0 1 1"))
+    )
+    _, off = off_by(things + grounds, device)
+    assert (off > 20.0).sum() <= 5

@@ -1,0 +1,103 @@
+"""What a CPU does to eight pixels at once, against closed forms and against what it does to one."""
+
+import numpy as np
+import pytest
+import warp as wp
+from native_kernel import native_kernel
+from warpcam.kernels.types import Textures
+
+from warpcam.accel.textures import TextureImage, pack_textures
+
+EIGHT = 8
+
+
+@wp.func_native("""
+    using namespace warpcam;
+    Floats base;
+    for (int k = 0; k < PACKET; ++k)
+        base[k] = wp::index(bases, PACKET * i + k);
+    const Floats result = power(base, exponent);
+    for (int k = 0; k < PACKET; ++k)
+        wp::index(powers, PACKET * i + k) = result[k];
+""")
+def power_of_eight(
+    bases: wp.array(dtype=wp.float32), exponent: wp.float32, i: wp.int32, powers: wp.array(dtype=wp.float32)
+): ...
+
+
+@wp.func_native("""
+    using namespace warpcam;
+    const Image image = load_image(textures, 0);
+    const unsigned* const texels = textures.texels.data;
+    Vecs place, right, down, many;
+    for (int k = 0; k < PACKET; ++k) {
+        put_one(place, k, to_vec(wp::index(places, PACKET * i + k)));
+        put_one(right, k, to_vec(wp::index(rights, PACKET * i + k)));
+        put_one(down, k, to_vec(wp::index(downs, PACKET * i + k)));
+    }
+    if (cube)
+        sample_cubes(texels, Levels(image, 6), place, right, down, many);
+    else
+        many = sample_2d(texels, Levels(image, 1), Footprints { place.x, place.y, right.x, right.y, down.x, down.y });
+    for (int k = 0; k < PACKET; ++k) {
+        const Vec p = one_of(place, k), x = one_of(right, k), y = one_of(down, k), color = one_of(many, k);
+        const Vec one = cube ? sample_cube(texels, image, p, x, y)
+                             : sample_2d(texels, image, p.x, p.y, Pair { x.x, x.y }, Pair { y.x, y.y });
+        wp::index(eight, PACKET * i + k) = wp::vec3(color.x, color.y, color.z);
+        wp::index(single, PACKET * i + k) = wp::vec3(one.x, one.y, one.z);
+    }
+""")
+def sample_eight(
+    textures: Textures,
+    cube: wp.int32,
+    places: wp.array(dtype=wp.vec3),
+    rights: wp.array(dtype=wp.vec3),
+    downs: wp.array(dtype=wp.vec3),
+    i: wp.int32,
+    eight: wp.array(dtype=wp.vec3),
+    single: wp.array(dtype=wp.vec3),
+): ...
+
+
+@native_kernel("eight.h")
+def powers_of(bases: wp.array(dtype=wp.float32), exponent: wp.float32, powers: wp.array(dtype=wp.float32)):
+    power_of_eight(bases, exponent, wp.tid(), powers)
+
+
+@native_kernel("texels_cpu.h")
+def look_up(
+    textures: Textures,
+    cube: wp.int32,
+    places: wp.array(dtype=wp.vec3),
+    rights: wp.array(dtype=wp.vec3),
+    downs: wp.array(dtype=wp.vec3),
+    eight: wp.array(dtype=wp.vec3),
+    single: wp.array(dtype=wp.vec3),
+):
+    sample_eight(textures, cube, places, rights, downs, wp.tid(), eight, single)
+
+
+@pytest.mark.parametrize("exponent", [0.0, 1.0, 7.5, 64.0, 128.0])
+def test_powers_are_right_far_below_a_level(exponent):
+    base = np.concatenate([[1e-37, 1.0, 0.5, 0.25], np.linspace(0.001, 1.0, 1020)]).astype(np.float32)
+    powers = wp.zeros(base.size, dtype=wp.float32, device="cpu")
+    wp.launch(powers_of, base.size // EIGHT, [wp.array(base, device="cpu"), exponent, powers], device="cpu")
+    np.testing.assert_allclose(powers.numpy(), base.astype(np.float64) ** exponent, rtol=0, atol=1e-5)
+    assert powers.numpy()[1] == 1.0
+
+
+@pytest.mark.parametrize("cube", [False, True])
+@pytest.mark.parametrize("reach", [1e-4, 0.02, 0.3, 3.0])
+def test_eight_lookups_are_eight_times_one(cube, reach):
+    random = np.random.default_rng(0)
+    size = (16, 16) if cube else (12, 20)
+    pixels = random.integers(0, 256, (6 if cube else 1, *size, 3), dtype=np.uint8)
+    textures = pack_textures([TextureImage("cube" if cube else "2d", pixels if cube else pixels[0])], "cpu")
+    places = random.uniform(-1.0, 1.0, (2048, 3)).astype(np.float32)
+    places[:8] = [[0, 0, 1], [0, 1, 0], [1, 0, 0], [1, 1, 1], [1, 1, -1], [-1, 1, 0], [0, -1, -1], [0.5, 0.5, 0.5]]
+    steps = (reach * random.uniform(-1.0, 1.0, (2, 2048, 3))).astype(np.float32)
+    eight, single = (wp.zeros(2048, dtype=wp.vec3, device="cpu") for _ in range(2))
+    inputs = [wp.array(a, dtype=wp.vec3, device="cpu") for a in (places, *steps)]
+    wp.launch(look_up, 2048 // EIGHT, [textures, int(cube), *inputs, eight, single], device="cpu")
+    np.testing.assert_allclose(eight.numpy(), single.numpy(), rtol=0, atol=2e-4)
+    assert single.numpy().std() > 0.01

@@ -1,0 +1,230 @@
+"""Every block of Python in the README and the docs runs as it stands, on a CPU and with few worlds."""
+
+import re
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import mujoco_warp as mjw
+import numpy as np
+import pytest
+import torch
+import warp as wp
+
+import warpcam as wc
+
+ROOT = Path(__file__).resolve().parents[2]
+WORLDS = 8
+Names = dict[str, Any]  # what a reader has of his own
+BLOCKS = re.compile(r"^```python\n(.*?)^```", re.DOTALL | re.MULTILINE)
+# Textures 0 to 7 are those that the pages choose from; the shapes 3 to 5 are on the table.
+TEXTURES = "".join(f'<texture name="{i}" type="2d" builtin="flat" width="8" height="8"/>' for i in range(8))
+MODEL = f"""
+<mujoco>
+  <asset>
+    {TEXTURES}
+    <material name="paint" texture="0"/>
+  </asset>
+  <worldbody>
+    <light pos="2 1 4" dir="-2 -1 -4"/><light pos="-2 1 4" dir="2 -1 -4"/><light pos="0 0 4"/>
+    <camera name="front" pos="0 -3 1" xyaxes="1 0 0 0 0.4 0.9"/>
+    <geom name="floor" type="plane" size="3 3 .1"/>
+    <geom name="table" type="box" size=".6 .6 .1" pos="0 0 .1" material="paint"/>
+    <geom name="block" type="box" size=".1 .1 .1" pos="0 0 .3"/>
+    <geom name="ball" size=".1" pos=".2 0 .3"/><geom name="can" type="capsule" size=".1 .1" pos="-.2 0 .4"/>
+    <body name="gripper" pos="0 0 1"><freejoint/>
+      <geom name="palm" type="box" size=".1 .1 .02"/><camera name="wrist" pos=".3 0 0"/>
+    </body>
+  </worldbody>
+</mujoco>
+"""
+CONTROLLED = """
+<mujoco model="robot">
+  <worldbody>
+    <body name="hand" pos="0 0 1"><freejoint/><geom name="palm" type="box" size=".1 .1 .02"/></body>
+  </worldbody>
+</mujoco>
+"""
+KITCHEN = """#usda 1.0
+(metersPerUnit = 1.0
+ upAxis = "Z")
+def Xform "World" {
+  def Camera "Camera"
+  {
+    double3 xformOp:translate = (0, 0, 4)
+    uniform token[] xformOpOrder = ["xformOp:translate"]
+  }
+  def Sphere "Mug" {
+  }
+  def Xform "Arm"
+  {
+    def Cube "link3" {
+    }
+  }
+}
+"""
+
+
+def simulated() -> Names:
+    mjm = mujoco.MjModel.from_xml_string(MODEL)
+    mjd = mujoco.MjData(mjm)
+    mujoco.mj_forward(mjm, mjd)
+    m, d = mjw.put_model(mjm), mjw.put_data(mjm, mjd, nworld=WORLDS)
+    return {"mujoco": mujoco, "mjm": mjm, "mjd": mjd, "model": mjm, "data": mjd, "m": m, "d": d}
+
+
+def looked_at(*outputs: str) -> Names:
+    names = simulated()
+    scene = wc.from_mujoco_warp(*(names[name] for name in ("mjm", "m", "d")))
+    own: Names = {"lens": wc.Pinhole(fovy=58.0), "position": (0.0, -3.0, 1.0)}
+    cameras = [wc.Camera("wrist", width=16, height=16, outputs=outputs or ("depth",))]
+    cameras += [wc.Camera("front", width=16, height=16, outputs=("depth",), **own)]
+    renderer = wc.Renderer(scene, cameras)
+    done = torch.zeros(WORLDS, dtype=torch.bool)
+    ours = {"scene": scene, "cameras": cameras, "renderer": renderer, "images": renderer.render()}
+    return {**names, **ours, "done": done, "episode": 3, "start": torch.zeros(3)}
+
+
+def cameras() -> Names:
+    directions = np.tile((0.0, 0.0, -1.0), (64, 64, 1))
+    return {**looked_at(), "directions": directions, "origins": 0.1 * directions}
+
+
+def outputs() -> Names:
+    names = looked_at()
+
+    def step() -> None:
+        names["d"].geom_xpos.fill_(0.1)
+
+    return {**names, "step": step}
+
+
+def scenes() -> Names:
+    return looked_at("segmentation")
+
+
+def viewer() -> Names:
+    pytest.importorskip("viser")
+    return {**looked_at(), "step": lambda: None}
+
+
+def memory() -> Names:
+    return looked_at("rgb")
+
+
+def newton() -> Names:
+    pytest.importorskip("newton")
+
+    class Solver:
+        def step(self, state: Any, other: Any, *rest: Any) -> None:
+            other.assign(state)
+
+    Path("robot.xml").write_text(CONTROLLED)
+    return {"solver": Solver(), "control": None, "contacts": None, "dt": 0.01}
+
+
+def usd() -> Names:
+    pytest.importorskip("pxr.Usd")
+    Path("kitchen.usda").write_text(KITCHEN)
+    return {}
+
+
+def sensors() -> Names:
+    newton = pytest.importorskip("newton")
+    builder = newton.ModelBuilder()
+    builder.add_shape_sphere(-1, radius=0.5)
+    model = builder.finalize()
+    poses = wp.array([wp.transform_identity()], dtype=wp.transformf)
+    return {"model": model, "state": model.state(), "num_views": 1, "camera_transforms": poses}
+
+
+def vector_env() -> Names:
+    gymnasium = pytest.importorskip("gymnasium")
+    names = simulated()
+
+    class MyVectorEnv(gymnasium.vector.VectorEnv):
+        def __init__(self, count: int):
+            self.num_envs = count
+            self.mjm, self.m, self.d = (names[name] for name in ("mjm", "m", "d"))
+            self.single_observation_space = gymnasium.spaces.Box(-1.0, 1.0, (2,))
+            self.single_action_space = gymnasium.spaces.Box(-1.0, 1.0, (2,))
+            self.observation_space = gymnasium.vector.utils.batch_space(self.single_observation_space, count)
+            self.action_space = gymnasium.vector.utils.batch_space(self.single_action_space, count)
+            self.metadata = {"autoreset_mode": gymnasium.vector.AutoresetMode.NEXT_STEP}
+
+        def reset(self, **options: Any) -> Any:
+            return torch.zeros(self.num_envs, 2), {}
+
+    return {"MyVectorEnv": MyVectorEnv}
+
+
+def gym_pictures() -> Names:
+    pytest.importorskip("gymnasium")
+    pytest.importorskip("moviepy")
+    return {}
+
+
+def control_suite() -> Names:
+    engine = pytest.importorskip("dm_control.mujoco.engine")
+    try:
+        engine.Physics.from_xml_string("<mujoco/>")
+    except AttributeError as error:
+        pytest.skip(f"this dm_control does not know MuJoCo {mujoco.__version__}: {error}")
+    return {}
+
+
+def isaac_gym() -> Names:
+    pytest.importorskip("newton")
+    import isaacgym_worlds
+
+    world = isaacgym_worlds.walls(wp.get_device("cpu"), 1)
+    world.render()
+    return {"gym": isaacgym_worlds.GYM, "sim": world.sim, "env": world.envs[0], "camera": world.cameras[0]}
+
+
+PAGES: dict[str, Callable[[], Names]] = {
+    "README.md": simulated,
+    "docs/cameras.md": cameras,
+    "docs/memory.md": memory,
+    "docs/newton.md": newton,
+    "docs/outputs.md": outputs,
+    "docs/randomize.md": looked_at,
+    "docs/scenes.md": scenes,
+    "docs/usd.md": usd,
+    "docs/viewer.md": viewer,
+    "docs/compat/dm_control.md": control_suite,
+    "docs/compat/gymnasium-vector.md": vector_env,
+    "docs/compat/gymnasium.md": gym_pictures,
+    "docs/compat/isaacgym.md": isaac_gym,
+    "docs/compat/mujoco.md": simulated,
+    "docs/compat/mujoco_warp.md": simulated,
+    "docs/compat/newton.md": sensors,
+}
+# In environments of their own, where the tests of tests/compat do what these pages do.
+ELSEWHERE = {f"docs/compat/{name}.md" for name in ("isaaclab", "mjlab", "robosuite")}
+
+
+def blocks_of(page: str) -> list[str]:
+    """The page's blocks, with fewer worlds and without a GPU."""
+    text = (ROOT / page).read_text().replace("4096", str(WORLDS)).replace('"cuda"', '"cpu"')
+    return BLOCKS.findall(text)
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_blocks_run(page: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    with wp.ScopedDevice("cpu"):
+        names: Names = {"wc": wc, "torch": torch, "np": np, **PAGES[page]()}
+        try:
+            for number, block in enumerate(blocks_of(page)):
+                exec(compile(block, f"{page}, block {number}", "exec"), names)
+        finally:
+            for patch in {"pictures", "isaacgym"} & set(names):
+                names[patch].uninstall()
+
+
+def test_every_page_with_code_is_run() -> None:
+    pages = [ROOT / "README.md", *(ROOT / "docs").rglob("*.md")]
+    with_code = {str(path.relative_to(ROOT)) for path in pages if BLOCKS.search(path.read_text())}
+    assert with_code == PAGES.keys() | ELSEWHERE

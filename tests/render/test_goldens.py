@@ -1,0 +1,86 @@
+"""Images of one feature each, against those that were kept: a change of appearance is seen, and told in the changelog.
+
+WARPCAM_WRITE_GOLDENS=1 pytest tests/render/test_goldens.py        # keeps the images of today
+"""
+
+import os
+from collections.abc import Callable
+from pathlib import Path
+
+import golden_scenes
+import numpy as np
+import pytest
+import warp as wp
+from golden_scenes import FEATURES, PICTURES
+from PIL import Image
+
+pytestmark = pytest.mark.filterwarnings("ignore")  # Newton's own
+
+FOLDER = Path(__file__).parent / "goldens"
+# What may differ, of 255, before it counts, and how much of a picture may; devices round differently.
+LARGEST, FEW, MEAN, FLIP = 6, 0.004, 0.4, 0.01
+
+
+def kept(feature: str) -> np.ndarray:
+    return np.asarray(Image.open(FOLDER / f"{feature}.png").convert("RGB"))
+
+
+def complaints(reference: np.ndarray, image: np.ndarray) -> list[str]:
+    """What tells two images apart, channel by channel."""
+    found = []
+    off = np.abs(reference.astype(np.float64) - image)
+    for channel, name in enumerate(("red", "green", "blue")):
+        many = (off[..., channel] > LARGEST).mean()
+        if many > FEW:
+            found.append(f"{name}: {many:.1%} of the pixels are off by more than {LARGEST}")
+        if off[..., channel].mean() > MEAN:
+            found.append(f"{name}: off by {off[..., channel].mean():.2f} in the mean")
+    try:
+        import flip_evaluator
+    except ImportError:
+        return found
+    as_floats = (np.ascontiguousarray(picture, np.float32) / 255.0 for picture in (reference, image))
+    flip = flip_evaluator.evaluate(*as_floats, "LDR", applyMagma=False)[1]
+    return [*found, f"FLIP is {flip:.3f}"] if flip > FLIP else found
+
+
+@pytest.mark.parametrize("feature", PICTURES)
+def test_looks_as_it_did(device: wp.Device, feature: str) -> None:
+    image, path = PICTURES[feature](device), FOLDER / f"{feature}.png"
+    if os.environ.get("WARPCAM_WRITE_GOLDENS"):
+        path.parent.mkdir(exist_ok=True)
+        Image.fromarray(image).save(path, optimize=True)
+    assert complaints(kept(feature), image) == []
+
+
+def test_each_picture_that_is_kept_is_compared() -> None:
+    assert {path.stem for path in FOLDER.glob("*.png")} == set(PICTURES)
+
+
+FAULTS: dict[str, Callable[[np.ndarray], np.ndarray]] = {
+    "zeroed red": lambda image: image * np.array([0, 1, 1], np.uint8),
+    "zeroed green": lambda image: image * np.array([1, 0, 1], np.uint8),
+    "zeroed blue": lambda image: image * np.array([1, 1, 0], np.uint8),
+    "swapped channels": lambda image: image[..., ::-1],
+    "one-pixel shift": lambda image: np.roll(image, 1, axis=1),
+    "one-pixel shift down": lambda image: np.roll(image, 1, axis=0),
+    "flip": lambda image: image[:, ::-1],
+    "upside down": lambda image: image[::-1],
+}
+
+
+@pytest.mark.parametrize("feature", PICTURES)
+def test_faults_are_seen_in_each_picture(feature: str) -> None:
+    image = kept(feature)
+    assert complaints(image, image) == []
+    assert [fault for fault, plant in FAULTS.items() if not complaints(image, plant(image))] == []
+
+
+@pytest.mark.parametrize("feature", ["two_lights", "shadow", "skybox", "texture"])
+def test_a_missing_object_is_seen(device: wp.Device, monkeypatch: pytest.MonkeyPatch, feature: str) -> None:
+    world, assets = FEATURES[feature]
+    objects = [golden_scenes.shape(kind) for kind in ("sphere", "box", "cylinder")]
+    objects.append('<geom type="plane" size="2 2 1" material="m"/>')
+    (present,) = (one for one in objects if one in world)
+    monkeypatch.setitem(FEATURES, feature, (world.replace(present, ""), assets))
+    assert complaints(kept(feature), PICTURES[feature](device))
