@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 import warp as wp
-from native import native_kernel
+from native_kernel import native_kernel
 
 from warpcam.accel.textures import TextureImage, pack_textures
 from warpcam.kernels import types
