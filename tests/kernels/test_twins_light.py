@@ -145,8 +145,8 @@ LIGHT = Family(
 )
 
 
-# Surfaces under lamps: place 0; normal 3; direction to the eye 6; of a pose rotation 9, centre of projection 18, size 21;
-# ray 24; colour 27; mask of shadows 30; of a coat 31; of three lamps, 23 numbers each, from 40 on.
+# Surfaces under lamps: place 0; normal 3; direction to the eye 6; of a pose rotation 9, centre of projection 18, size
+# 21; ray 24; color 27; mask of shadows 30; of a coat 31; of three lamps, 23 numbers each, from 40 on.
 
 LAMPS = """
     LampList list {};
@@ -267,7 +267,7 @@ PHYSICAL = Family(
         "with shadows": whole("FORM_SPHERE", "HAS_SHADOWS"),
         "with maps": whole("FORM_SPHERE", "HAS_MAPS", 1e-2),  # small highlights, by normals from an image
         "with a sky": whole("FORM_SPHERE", "HAS_SKYBOX | HAS_SHADOWS"),
-        "display colours": both(lamplit, "close(decoded(vec(27))); close(encoded(vec(36)));", **SERIES),
+        "display colors": both(lamplit, "close(decoded(vec(27))); close(encoded(vec(36)));", **SERIES),
         "skin": both(
             lamplit,
             SKIN
