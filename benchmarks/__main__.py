@@ -4,8 +4,7 @@ import argparse
 import sys
 
 from warpcam.benchmarks import options, run
-
-from warpcam.errors import WarpcamError
+from warpcam.core.errors import WarpcamError
 
 
 def main() -> int:

@@ -2,6 +2,7 @@
 
 import mujoco
 import numpy as np
+
 from warpcam.benchmarks.scenes import GEOM, add_floor, add_sun, from_mjlab, look_at
 
 Floats = tuple[float, ...]

@@ -7,10 +7,10 @@ from functools import partial
 from typing import Any
 
 import mujoco
-from warpcam.benchmarks import cabinet, rooms, scenes
 
-from warpcam.errors import WarpcamError
-from warpcam.outputs import OUTPUTS
+from warpcam.benchmarks import cabinet, procedural_scenes, scenes
+from warpcam.camera.outputs import OUTPUTS
+from warpcam.core.errors import WarpcamError
 
 
 @dataclass(frozen=True)
@@ -96,15 +96,22 @@ CASES = {
         Case("primitives_rows", "125 bodies in rows over a table", PRIMITIVES, ("camera0",), MUJOCO_WARP),
         Case("humanoid", "capsules on a plane, two lights", HUMANOID, ("side",), MUJOCO_WARP),
         Case("n_humanoid", "three humanoids, ten lights", HUMANOIDS, ("_side-1",), MUJOCO_WARP),
-        Case("shapes_256", "256 free shapes in a grid", rooms.shapes_256, ("fixed",), scatter=(0.1, 3.0)),
-        Case("quadruped", "walking robot of primitives", rooms.quadruped, ("fixed",), scatter=(0.2, 0.3)),
-        Case("room_1000", "a furnished room of 1,000 shapes", rooms.room, ("fixed",), cpu_worlds=16),
+        Case("shapes_256", "256 free shapes in a grid", procedural_scenes.shapes_256, ("fixed",), scatter=(0.1, 3.0)),
+        Case("quadruped", "walking robot of primitives", procedural_scenes.quadruped, ("fixed",), scatter=(0.2, 0.3)),
+        Case("room_1000", "a furnished room of 1,000 shapes", procedural_scenes.room, ("fixed",), cpu_worlds=16),
         Case("mug", "one textured mesh of 25 thousand faces", MUG, ("camera0",), MUJOCO_WARP, scatter=(0.02, 0.5)),
         Case("yam", "robot arm of 18 meshes", scenes.yam_arm, ("fixed",), MJLAB, cpu_worlds=16),
         Case("go1", "robot of 13 meshes on a plane", scenes.go1_on_plane, ("fixed",), MJLAB, cpu_worlds=16),
         Case("aloha_pot", "two arms, four cameras", ALOHA, ALOHA_CAMERAS, MUJOCO_WARP, share=4, cpu_worlds=4),
         Case("g1_terrain", "robot of 35 meshes on hills", scenes.g1_on_terrain, ("fixed",), MJLAB, cpu_worlds=16),
-        Case("terrain_256", "hills of 256 x 256 cells", rooms.terrain, ("drone",), cpu_worlds=16, scatter=(3.0, 0.3)),
+        Case(
+            "terrain_256",
+            "hills of 256 x 256 cells",
+            procedural_scenes.terrain,
+            ("drone",),
+            cpu_worlds=16,
+            scatter=(3.0, 0.3),
+        ),
         Case(
             "flex", "a soft body of 384 points", FLOPPY, ("camera0",), MUJOCO_WARP, share=16, cpu_worlds=4, flexes=True
         ),

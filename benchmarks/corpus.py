@@ -21,7 +21,8 @@ import numpy as np
 import warp as wp
 
 import warpcam as wc
-from warpcam import files, worlds
+from warpcam.sources import load_file as files
+from warpcam.sources.mujoco import batch_file
 
 SUFFIXES = (*files.USD, *files.MESHES, ".urdf")
 FINE = ("rendered", "refused")
@@ -52,7 +53,7 @@ def render(path: Path) -> str:
     scene = wc.load(path, 2, device="cpu")
     low, high = scene.bounds()
     camera = wc.Camera(
-        "free", width=SIZE, height=SIZE, outputs=("rgb", "depth"), **worlds.free_camera(None, low, high, 1.0)
+        "free", width=SIZE, height=SIZE, outputs=("rgb", "depth"), **batch_file.free_camera(None, low, high, 1.0)
     )
     depth = wc.Renderer(scene, [camera]).render()["free"]["depth"].numpy()
     return f"{np.isfinite(depth).mean():5.1%} of the pixels, {np.linalg.norm(high - low):.3g} m"
@@ -116,7 +117,7 @@ def warm_up() -> None:
     child = os.fork()
     if child == 0:
         try:
-            render(worlds.DEMO.parent / "vase.obj")
+            render(batch_file.DEMO.parent / "vase.obj")
         finally:
             os._exit(0)
     os.waitpid(child, 0)

@@ -23,11 +23,11 @@ os.environ.setdefault("GALLIVM_PERF", "no_filter_hacks,no_aos_sampling")
 import mujoco
 import numpy as np
 import warp as wp
-from warpcam.benchmarks import gallery, likeness, machine, shots
-from warpcam.benchmarks.shots import Shot
 
 import warpcam as wc
-from warpcam.errors import WarpcamError
+from warpcam.benchmarks import fidelity_scenes, gallery, image_metrics, machine
+from warpcam.benchmarks.fidelity_scenes import Shot
+from warpcam.core.errors import WarpcamError
 
 SIZE = 256
 SAMPLES = 4  # of a pixel, in the judge's pictures
@@ -89,7 +89,7 @@ DRAWN: dict[str, Draw] = {OURS: draw_ours, PLAIN: draw_ours_plain, PEER: draw_mu
 
 def compare(shot: Shot, renderers: Sequence[str], samples: int, folder: Path | None) -> dict[str, Any]:
     """The row of one shot; saves its picture, too."""
-    mjm, mjd, camera = shots.load(shot)
+    mjm, mjd, camera = fidelity_scenes.load(shot)
     judge = draw_judge(mjm, mjd, camera, samples)
     row: dict[str, Any] = {"shot": shot.name, "package": shot.package, "file": shot.file, "camera": shot.camera}
     images = {}
@@ -102,9 +102,9 @@ def compare(shot: Shot, renderers: Sequence[str], samples: int, folder: Path | N
                 raise
             row[name] = {"error": f"{type(error).__name__}: {error}"[:200]}
             continue
-        mean, _ = likeness.flip(judge, images[name])
+        mean, _ = image_metrics.flip(judge, images[name])
         row[name] = {
-            "psnr": round(likeness.psnr(judge, images[name]), 2),
+            "psnr": round(image_metrics.psnr(judge, images[name]), 2),
             "flip": round(mean, 4),
             "seconds": round(time.perf_counter() - began, 2),
         }
@@ -141,11 +141,11 @@ def report_of(rows: Sequence[dict[str, Any]], renderers: Sequence[str], samples:
 
 
 def chosen(names: Sequence[str] | None) -> list[Shot]:
-    known = {shot.name: shot for shot in shots.SHOTS}
+    known = {shot.name: shot for shot in fidelity_scenes.SHOTS}
     for name in names or ():
         if name not in known:
             raise WarpcamError(f"--shot: {name!r} came, known are: {', '.join(known)}")
-    wanted = [known[name] for name in names] if names else list(shots.SHOTS)
+    wanted = [known[name] for name in names] if names else list(fidelity_scenes.SHOTS)
     return [shot for shot in wanted if importlib.util.find_spec(shot.package) is not None]
 
 

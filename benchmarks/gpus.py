@@ -17,12 +17,12 @@ from typing import Any
 import numpy as np
 import warp as wp
 from rich.table import Table
+
 from warpcam.benchmarks import measure, peers, problem
 from warpcam.benchmarks.cases import CASES, COMMON, DEPTH_AND_IDS, SETTINGS, Case, Wanted
 from warpcam.benchmarks.report import Report, Row, console
-
-from warpcam.device import contexts
-from warpcam.errors import WarpcamError
+from warpcam.core.device import contexts
+from warpcam.core.errors import WarpcamError
 
 SETTING = SETTINGS["8192x64"]
 WANTED = (DEPTH_AND_IDS, COMMON["rgb-ds-shadows"])

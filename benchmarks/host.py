@@ -20,11 +20,11 @@ import mujoco_warp as mjw
 import numpy as np
 import warp as wp
 from rich.table import Table
+
+import warpcam as wc
 from warpcam.benchmarks.cases import CASES, COMMON, DEPTH_AND_IDS, Case, Wanted
 from warpcam.benchmarks.problem import compile_case
 from warpcam.benchmarks.report import Report, console
-
-import warpcam as wc
 
 CALLS = 2000
 SIZE = 64  # pixels of its one image, square

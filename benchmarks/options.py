@@ -3,7 +3,7 @@
 import argparse
 from pathlib import Path
 
-from warpcam.errors import WarpcamError
+from warpcam.core.errors import WarpcamError
 
 ABOUT = "time warpcam and its peers side by side on the same scenes, and write a table, JSON and a plot"
 EXAMPLES = """examples:

@@ -7,11 +7,11 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator
+
 from warpcam.benchmarks.cases import CASES
 from warpcam.benchmarks.options import SWEEPS
 from warpcam.benchmarks.report import OURS, Report, Row
-
-from warpcam.errors import WarpcamError
+from warpcam.core.errors import WarpcamError
 
 COLORS = ("#2b6cb0", "#dd8452", "#55a868", "#8172b3", "#937860", "#c44e52", "#64b5cd")
 MARKS = {"warpcam": "o-", "mujoco_warp": "s--", "newton": "^--", "mujoco_warp_pbr": "v--"}

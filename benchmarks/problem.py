@@ -7,9 +7,9 @@ import mujoco
 import mujoco_warp as mjw
 import numpy as np
 import warp as wp
-from warpcam.benchmarks.cases import Case, Wanted
 
-from warpcam.errors import WarpcamError
+from warpcam.benchmarks.cases import Case, Wanted
+from warpcam.core.errors import WarpcamError
 
 # A frame is timed in each of these sets in turn, so that no world stays where it is from one frame to the next.
 POSE_SETS = 4

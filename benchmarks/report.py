@@ -16,10 +16,10 @@ import warp as wp
 from rich import box
 from rich.console import Console
 from rich.table import Table
+
 from warpcam.benchmarks import machine
 from warpcam.benchmarks.options import MORE
-
-from warpcam.errors import WarpcamError
+from warpcam.core.errors import WarpcamError
 
 FORMAT = 1
 Row = dict[str, Any]

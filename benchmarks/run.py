@@ -10,8 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from warpcam.benchmarks.options import check
-
-from warpcam.errors import WarpcamError
+from warpcam.core.errors import WarpcamError
 
 OUT = Path("warpcam-bench.json")
 NEEDED = {"mujoco": "warpcam[mujoco]", "mujoco_warp": "warpcam[mujoco]", "rich": "rich"}
@@ -80,10 +79,10 @@ def measured_here(options: argparse.Namespace) -> dict[str, Any]:
     if options.threads is not None:
         os.environ["WARPCAM_CPU_THREADS"] = str(cases.positive("--threads", options.threads))
     import warp as wp
+
     from warpcam.benchmarks import host, measure, peers, runner, sweeps
     from warpcam.benchmarks import report as reports
-
-    from warpcam.device import resolve
+    from warpcam.core.device import resolve
 
     wp.config.log_level = wp.LOG_WARNING
     device = resolve(options.device)

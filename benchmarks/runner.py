@@ -8,6 +8,7 @@ from collections.abc import Iterable, Iterator
 from typing import Any
 
 import warp as wp
+
 from warpcam.benchmarks import compare, measure, peers, problem
 from warpcam.benchmarks.cases import Case, Wanted
 from warpcam.benchmarks.problem import POSE_SETS, Problem

@@ -6,7 +6,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-from warpcam.errors import WarpcamError
+from warpcam.core.errors import WarpcamError
 
 Point = tuple[float, float, float]
 GEOM = mujoco.mjtGeom

@@ -14,9 +14,9 @@ import newton
 import numpy as np
 import warp as wp
 from newton.sensors import SensorCamera
-from warpcam.benchmarks import measure
 
 import warpcam as wc
+from warpcam.benchmarks import measure
 
 FOVY, SETS = 60.0, 4
 BASE = 0.28209479177387814  # the spherical harmonic of degree 0

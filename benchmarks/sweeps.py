@@ -5,7 +5,7 @@ from collections.abc import Callable
 from functools import partial
 from typing import Any
 
-from warpcam.benchmarks import rooms
+from warpcam.benchmarks import procedural_scenes
 from warpcam.benchmarks.cases import CASES, COMMON, DEPTH_AND_IDS, Case, Setting, Wanted, positive, resized
 
 Point = tuple[Case, Setting, list[Wanted]]
@@ -20,18 +20,20 @@ def pixels_point(side: int) -> Point:
 
 
 def shapes_point(count: int) -> Point:
-    spec = partial(rooms.shapes, count)
+    spec = partial(procedural_scenes.shapes, count)
     case = Case(f"shapes_{count}", "free shapes in a grid", spec, ("fixed",), scatter=(0.1, 3.0))
     return case, Setting("sweep", 1024, 64, 64), [DEPTH_AND_IDS, COMMON["rgb-shadows"]]
 
 
 def faces_point(count: int) -> Point:
-    case = Case(f"faces_{count}", "one bumpy ball", partial(rooms.ball_of, count), ("fixed",), scatter=(0.1, 3.0))
+    case = Case(
+        f"faces_{count}", "one bumpy ball", partial(procedural_scenes.ball_of, count), ("fixed",), scatter=(0.1, 3.0)
+    )
     return case, Setting("sweep", 1024, 64, 64), [DEPTH_AND_IDS, COMMON["rgb-shadows"]]
 
 
 def lights_point(count: int) -> Point:
-    case = Case(f"lights_{count}", "64 shapes under spot lights", partial(rooms.lights, count), ("fixed",))
+    case = Case(f"lights_{count}", "64 shapes under spot lights", partial(procedural_scenes.lights, count), ("fixed",))
     return case, Setting("sweep", 1024, 64, 64), [COMMON["rgb-shadows"]]
 
 

@@ -16,7 +16,7 @@ import torch
 import warp as wp
 
 import warpcam as wc
-from warpcam.device import contexts
+from warpcam.core.device import contexts
 
 FRAMES = 200
 

@@ -27,18 +27,23 @@ MASKED = 13  # no type: stands among a scene's types where maps of opacity say w
 SHADING_BACKS = 14  # no type: stands among the types of shadows where faces of meshes cast them whichever side is lit
 MOVING = 15  # no type: stands among a scene's types where corners of meshes move: most faces lie in no cache
 GLASS = 16  # no type: stands among the types of shadows where some shapes may be seen through
-FROM_ABOVE = 17  # no type: stands among a scene's types where 2-D textures lie as before MuJoCo 3.12: native/mapping.h
-BARE = 18  # no type: stands among a scene's types where textures do not show on some shapes: native/look.h
-# No type: stands among the types of launches that draw the middles of all images before the rest: native/prepare.h.
+# no type: stands among a scene's types where 2-D textures lie as before MuJoCo 3.12: native/shading/texture_mapping.h
+FROM_ABOVE = 17
+# no type: stands among a scene's types where textures do not show on some shapes: native/shading/appearance.h
+BARE = 18
+# No type: stands among the types of launches that draw the middles of all images before the rest:
+# native/camera/shape_setup.h.
 MIDDLE_FIRST = 19
 SHUTTERED = 20  # likewise where meshes have shutters
-PROJECTED = 21  # no type: stands among a scene's types where 2-D textures lie as Newton lays them: native/mapping.h
+# no type: stands among a scene's types where 2-D textures lie as Newton lays them: native/shading/texture_mapping.h
+PROJECTED = 21
 TRIPLANAR = 22  # beside PROJECTED: along all three axes, blended
 SHEER = 23  # no type: stands among a scene's types where textures have an alpha, which counts on what is transparent
 # No type: stands among a scene's types where normals of meshes are written as light takes them, which is as Newton's
-# camera does: native/surface.h.
+# camera does: native/geometry/surface_interaction.h.
 LIT_NORMALS = 24
-COINCIDENT = 25  # no type: stands among a scene's types where shapes of MuJoCo's stand in the same place: native/look.h
+# no type: stands among a scene's types where shapes of MuJoCo's stand in the same place: native/shading/appearance.h
+COINCIDENT = 25
 # What only colours and normals of meshes ask for.
 LOOKS_ALONE = frozenset({FROM_ABOVE, BARE, PROJECTED, TRIPLANAR, SHEER, LIT_NORMALS, COINCIDENT})
 
@@ -61,7 +66,7 @@ ROLE_EMISSION = 7  # display values
 ROLE_PACKED = 9  # red: share of the light from all around that arrives, green: roughness, blue: metalness
 NUM_ROLES = 10
 
-SKY_TERMS = 9  # of spherical harmonics of order 2; see native/sky.h
+SKY_TERMS = 9  # of spherical harmonics of order 2; see native/shading/environment.h
 
 # Texture kinds.
 TEXTURE_2D = 0
@@ -95,7 +100,7 @@ class Shapes:
     materials: wp.array2d(dtype=wp.int32)  # (world*, shape) index into Materials, or -1
     colors: wp.array2d(
         dtype=wp.vec4
-    )  # (world*, shape) RGBA; native/look.h, load_finish() says how it meets the material
+    )  # (world*, shape) RGBA; native/shading/appearance.h, load_finish() says how it meets the material
 
 
 @wp.struct
@@ -117,7 +122,7 @@ class Meshes:
     # once for each leaf that it stands in. The fourth component holds int bits: of the first row the face's index among
     # the mesh's faces as they were given, of the second that of its back, with corners 0, 2, 1, if it has one, else 0;
     # of the third of faces with a back 1 where both sides are flat and `normals` does not have them; in scenes without
-    # such faces, and where no mesh moves, the face's horizon: see native/horizon.h.
+    # such faces, and where no mesh moves, the face's horizon: see native/accel/horizon_map.h.
     faces: wp.array(dtype=wp.vec4)
     # Shading data, by corner of the faces as given: corner 3 * (corner_start + face) + k.
     corner_start: wp.array(dtype=wp.int32)  # (mesh,) first face in the two arrays below
@@ -126,7 +131,8 @@ class Meshes:
     # (mesh,) 1 where the mesh has texture coordinates, else 0. If BARE is among the scene's types also 2: it has, and
     # no texture is `texture_uniform`; and -1: it has none, and shows no texture
     has_uvs: wp.array(dtype=wp.int32)
-    # (mesh * 128,) boxes that stop light and an outline, see native/shutters.h; empty where shadows do not need them
+    # (mesh * 128,) boxes that stop light and an outline, see native/shadow/occluder_boxes.h; empty where shadows do not
+    # need them
     shutters: wp.array(dtype=wp.vec4)
     # Only where MASKED is among the scene's types. (mesh,) as int bits first texel, width and height of the map of its
     # opacity, in red, or zeros; least opacity at which it is there
@@ -202,7 +208,7 @@ class Lights:
     specular: wp.array2d(dtype=wp.vec3)  # (world*, light)
     headlight: wp.array(dtype=wp.vec3)  # (3,) ambient, diffuse, specular of the headlight; zeros when it is off
     global_ambient: wp.float32  # light that is everywhere
-    # How far shadows reach: native/light_space.h, MapSize.
+    # How far shadows reach: native/shadow/light_space.h, MapSize.
     shadow_width: wp.float32  # half the width of what a directional light sees [m]; 0: shadows reach everywhere
     shadow_near: wp.float32  # nothing nearer to a light casts a shadow [m]
     shadow_scale: wp.float32  # half the angle of what a spot sees, as part of its cutoff
@@ -227,7 +233,8 @@ class Physical:
     # length, -) [m]; directional lights (squared sine of the angle from the middle to the edge, -, -)
     sizes: wp.array2d(dtype=wp.vec3)
     rotations: wp.array2d(dtype=wp.mat33)  # (world, light) columns are its axes; widths and lengths are along x
-    # (world*, SKY_TERMS + 1) radiance from all around, linear: see native/sky.h; last the factor of the sky's image
+    # (world*, SKY_TERMS + 1) radiance from all around, linear: see native/shading/environment.h; last the factor of the
+    # sky's image
     sky: wp.array2d(dtype=wp.vec3)
 
 
@@ -240,7 +247,7 @@ class View:
     # Pixel (i, j), column and row from the top left, sees along (x, y, -1) from the origin, with
     # x = (i + 0.5 - center[0]) * scale[0] and y = (center[1] - j - 0.5) * scale[1].
     # Orthographic: from (x, y, 0) along (0, 0, -1) instead, x and y in metres.
-    # A lens that is a table of rays has its address and size here instead, as bits: native/ray_table.h.
+    # A lens that is a table of rays has its address and size here instead, as bits: native/camera/ray_table.h.
     scale: wp.vec2
     center: wp.vec2  # principal point [pixels]
     near: wp.float32  # nothing nearer than this is seen: planar depth [m]

@@ -2,6 +2,6 @@
 
 import sys
 
-from warpcam.cli import main
+from warpcam.tools.cli import main
 
 sys.exit(main())

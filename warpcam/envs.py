@@ -6,10 +6,10 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from warpcam import interop
-from warpcam.errors import WarpcamError
-from warpcam.rays import TableLens
-from warpcam.renderer import Renderer
+from warpcam.camera.lens_tables import TableLens
+from warpcam.core import torch_interop
+from warpcam.core.errors import WarpcamError
+from warpcam.render.renderer import Renderer
 
 try:
     import gymnasium
@@ -158,7 +158,7 @@ class PixelObservation(VectorWrapper):  # type: ignore[misc]
         """What the env renders, or each world's last ``rgb`` of the first camera that gives it, (H, W, 3) uint8."""
         if self.env.render_mode is not None or self._frames is None:
             return self.env.render()
-        return tuple(interop.to_numpy(self._frames).copy())
+        return tuple(torch_interop.to_numpy(self._frames).copy())
 
     def _render(self, worlds: Any = None) -> None:
         self._renderer.render(worlds=worlds, forward=self._forward)
@@ -201,13 +201,13 @@ class PixelObservation(VectorWrapper):  # type: ignore[misc]
         }
         if self._concatenate:
             axis = 1 if self._layout == "CHW" else 3
-            tensors = {"pixels": interop.concatenate(list(tensors.values()), axis)}
+            tensors = {"pixels": torch_interop.concatenate(list(tensors.values()), axis)}
         elif copy and (self._torch or not self._renderer.faulty.is_cuda):
-            tensors = {key: interop.copied(tensor) for key, tensor in tensors.items()}
+            tensors = {key: torch_interop.copied(tensor) for key, tensor in tensors.items()}
         if self._torch:
             return tensors
         # What is copied to the host anyway is put in order on the device.
-        return {key: interop.to_numpy(one.contiguous() if one.is_cuda else one) for key, one in tensors.items()}
+        return {key: torch_interop.to_numpy(one.contiguous() if one.is_cuda else one) for key, one in tensors.items()}
 
     def _array(self, values: Any) -> Any:
         """An array of the env in the form that was asked for."""
@@ -216,8 +216,8 @@ class PixelObservation(VectorWrapper):  # type: ignore[misc]
         if isinstance(values, tuple):
             return tuple(map(self._array, values))
         if self._torch:
-            return interop.to_tensor(values, self._renderer.faulty.device)
-        return interop.to_numpy(values) if interop.is_tensor(values) else values
+            return torch_interop.to_tensor(values, self._renderer.faulty.device)
+        return torch_interop.to_numpy(values) if torch_interop.is_tensor(values) else values
 
     def _space(self, own: Any) -> Any:
         """Of one world."""
@@ -235,8 +235,8 @@ class PixelObservation(VectorWrapper):  # type: ignore[misc]
             raise WarpcamError(f"PixelObservation: the env's observations have {twice} already; rename the cameras")
         return gymnasium.spaces.Dict({**beside, **images})
 
-    def _box(self, output: str, tensor: interop.Tensor) -> Any:
-        dtype = interop.to_numpy(tensor[:0]).dtype
+    def _box(self, output: str, tensor: torch_interop.Tensor) -> Any:
+        dtype = torch_interop.to_numpy(tensor[:0]).dtype
         every = (-np.inf, np.inf) if dtype.kind == "f" else (np.iinfo(dtype).min, np.iinfo(dtype).max)
         low, high = _BOUNDS.get(output, every)
         height, width, channels = tensor.shape[1:]
@@ -292,7 +292,7 @@ def _mask(worlds: Any) -> Any:
     """What ``reset`` was told, which must not be taken for ids."""
     if worlds is None:
         return None
-    array = interop.as_array(worlds)
+    array = torch_interop.as_array(worlds)
     dtype = np.asarray(worlds).dtype if array is None else array.dtype
     if dtype not in (np.dtype(bool), np.dtype(np.uint8), wp.bool, wp.uint8):
         name = getattr(dtype, "__name__", dtype)
@@ -339,7 +339,7 @@ def _copied(values: Any) -> Any:
         return tuple(map(_copied, values))
     if isinstance(values, np.ndarray):
         return values.copy()
-    return interop.copied(values) if interop.is_tensor(values) else values
+    return torch_interop.copied(values) if torch_interop.is_tensor(values) else values
 
 
 def _where(mask: Any, new: Any, old: Any) -> Any:
@@ -368,7 +368,7 @@ def _batched(action: Any) -> Any:
         return {key: _batched(value) for key, value in action.items()}
     if isinstance(action, tuple):
         return tuple(map(_batched, action))
-    return action[None] if interop.is_tensor(action) else np.asarray(action)[None]
+    return action[None] if torch_interop.is_tensor(action) else np.asarray(action)[None]
 
 
 def _info(infos: Mapping[str, Any]) -> dict[str, Any]:

@@ -1,5 +1,5 @@
-"""The one kind of error."""
+"""Errors: see ``warpcam.core.errors``."""
 
+from warpcam.core.errors import WarpcamError
 
-class WarpcamError(ValueError):
-    """An argument that cannot be used: the message names it, what came and what is allowed."""
+__all__ = ["WarpcamError"]

@@ -4,12 +4,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from warpcam import pictures, worlds
-from warpcam.camera import Camera
-from warpcam.errors import WarpcamError
-from warpcam.lens import Pinhole
-from warpcam.renderer import Renderer
-from warpcam.scene import Scene
+from warpcam import visualize
+from warpcam.camera.camera import Camera
+from warpcam.camera.lens import Pinhole
+from warpcam.core.errors import WarpcamError
+from warpcam.render.renderer import Renderer
+from warpcam.scene.scene import Scene
+from warpcam.sources.mujoco import batch_file
 
 try:
     import viser
@@ -19,7 +20,7 @@ except ImportError as error:
     ) from error
 
 FREE = "free"  # the camera that each page moves
-OUTPUTS = tuple(name for name in pictures.PICTURES if name not in ("rgba", "flow_valid"))
+OUTPUTS = tuple(name for name in visualize.PICTURES if name not in ("rgba", "flow_valid"))
 SMOOTHED = ("rgb", "hdr")  # outputs with smooth edges
 QUALITY = 85  # of the pictures, which are sent as JPEG
 
@@ -84,7 +85,7 @@ class Viewer:
         self._cameras = {name or str(index): index for index, name in enumerate(scene.cameras)}
         self._renderer_of(Choice("rgb", FREE, 0))
         lower, upper = scene.bounds()
-        start = worlds.free_camera(None, lower, upper, width / height)
+        start = batch_file.free_camera(None, lower, upper, width / height)
         self.server = viser.ViserServer(host, int(port), label="warpcam", verbose=False)
         self.server.scene.set_up_direction("+z")
         first = self.server.initial_camera
@@ -127,7 +128,7 @@ class Viewer:
         if choice.camera == FREE:
             self._place(renderer, choice.world, eye)
         image = renderer.render(worlds=[choice.world])[key][choice.output][choice.world : choice.world + 1]
-        shown = pictures.picture(choice.output, image.cpu().numpy())[0].copy()  # colours may be the renderer's own
+        shown = visualize.picture(choice.output, image.cpu().numpy())[0].copy()  # colours may be the renderer's own
         return shown if choice.camera == FREE else _bordered(shown, eye.aspect)
 
     def close(self) -> None:

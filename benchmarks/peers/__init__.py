@@ -7,8 +7,7 @@ from typing import Protocol, cast
 from warpcam.benchmarks.cases import Wanted
 from warpcam.benchmarks.compare import Images
 from warpcam.benchmarks.problem import Problem
-
-from warpcam.errors import WarpcamError
+from warpcam.core.errors import WarpcamError
 
 # Name, which is the package's, and module. The first that runs is what the others' images are compared with.
 PEERS = {"mujoco_warp": "mujoco_warp", "warpcam": "ours", "newton": "newton", "mujoco_warp_pbr": "mujoco_warp_pbr"}

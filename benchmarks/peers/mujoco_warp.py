@@ -5,6 +5,7 @@ from typing import Any
 import mujoco_warp as mjw
 import numpy as np
 import warp as wp
+
 from warpcam.benchmarks.cases import Wanted
 from warpcam.benchmarks.compare import Images
 from warpcam.benchmarks.problem import Problem

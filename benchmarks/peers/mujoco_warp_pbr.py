@@ -4,6 +4,7 @@ from typing import Any
 
 import mujoco_warp as mjw
 import mujoco_warp_pbr as mjpbr
+
 from warpcam.benchmarks.cases import Wanted
 from warpcam.benchmarks.peers.mujoco_warp import MujocoWarpPeer
 

@@ -6,6 +6,7 @@ import mujoco
 import numpy as np
 import warp as wp
 from newton.sensors import SensorCamera
+
 from warpcam.benchmarks.cases import Wanted
 from warpcam.benchmarks.compare import Images
 from warpcam.benchmarks.peers.newton_model import light_scene

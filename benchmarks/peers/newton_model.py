@@ -12,6 +12,7 @@ import newton
 import numpy as np
 import warp as wp
 from newton.sensors import SensorCamera
+
 from warpcam.benchmarks.cases import Cloth
 from warpcam.benchmarks.problem import Problem
 

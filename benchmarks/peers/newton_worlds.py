@@ -5,6 +5,7 @@ from typing import Any
 import newton
 import numpy as np
 import warp as wp
+
 from warpcam.benchmarks.peers.newton_model import build_model
 from warpcam.benchmarks.problem import POSE_SETS, Problem
 

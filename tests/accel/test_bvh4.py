@@ -6,11 +6,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 from bvh_checks import ABSENT, build_bvh4, check, codes, given_of, halved, hits, sah_cost, same, traverse
-from warpcam.kernels.bvh4_build import MAX_LEAF
 
 from warpcam.accel.bvh4 import Bvh4
 from warpcam.accel.meshes import _short, child_by_child
-from warpcam.errors import WarpcamError
+from warpcam.core.errors import WarpcamError
+from warpcam.kernels.build.bvh4 import MAX_LEAF
 
 
 def soup(count: int, seed: int = 0, size: float = 0.1) -> tuple[np.ndarray, np.ndarray]:

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from warpcam.accel.kept import Kept, key_of
-from warpcam.accel.textures import TextureImage, pack_textures
+from warpcam.accel.lru_cache import Kept, key_of
+from warpcam.textures.pack import TextureImage, pack_textures
 
 
 def test_the_last_ones_are_kept() -> None:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from warpcam.accel.polygons import triangulate
+from warpcam.accel.triangulation import triangulate
 
 L_SHAPE = [(0, 0), (2, 0), (2, 1), (1, 1), (1, 2), (0, 2)]
 ARROW = [(0, 0), (1, 0.4), (2, 0), (1, 2)]

@@ -15,8 +15,8 @@ import warp as wp
 
 import warpcam as wc
 from warpcam.accel.meshes import Mesh, face_normals
-from warpcam.scene import Scene
-from warpcam.sources.mujoco_warp import MujocoWarpSource
+from warpcam.scene.scene import Scene
+from warpcam.sources.mujoco.device import MujocoWarpSource
 
 RAYS = 28_000  # each time; times 36 is a million
 FAR_OFF = (148376.0, 1234.0, -223423.0)

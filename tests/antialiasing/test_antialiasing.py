@@ -10,9 +10,9 @@ import scenes
 import torch
 import warp as wp
 from edge_scenes import LIT, camera
-from warpcam.kernels.antialias import SAMPLES
 
 import warpcam as wc
+from warpcam.kernels.passes.antialiasing import SAMPLES
 
 SQUARE = '<geom type="box" size="0.5 0.5 0.01" euler="0 0 {turn}" rgba="1 1 1 1"/>'
 
@@ -101,7 +101,7 @@ def level(depth: np.ndarray, pinhole: bool) -> np.ndarray:
         return 1.0 / depth if pinhole else depth
 
 
-FAINT, FAINT_WITHIN, FAINT_SIDES, TURNED = 12, 24, 32, 2.0  # of native/edges.h
+FAINT, FAINT_WITHIN, FAINT_SIDES, TURNED = 12, 24, 32, 2.0  # of native/antialiasing/edge_test.h
 
 
 def edges_of(
@@ -143,7 +143,7 @@ def edges_of(
     return edges
 
 
-STEEP = 8.0  # of native/edges.h
+STEEP = 8.0  # of native/antialiasing/edge_test.h
 
 
 def shown_pixel(

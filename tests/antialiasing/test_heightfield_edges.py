@@ -5,9 +5,9 @@ import pytest
 import scenes
 import warp as wp
 from edge_scenes import LIT, camera
-from warpcam.kernels.antialias import SAMPLES
 
 import warpcam as wc
+from warpcam.kernels.passes.antialiasing import SAMPLES
 
 FIELD = '<hfield name="wide" nrow="3" ncol="3" size="3 3 0.02 0.2" elevation="0 1 0  1 0 1  0 1 0"/>'
 

@@ -16,10 +16,21 @@ import warp as wp
 
 pytest.importorskip("mujoco_warp")
 
-from warpcam.benchmarks import cases, compare, host, measure, options, peers, problem, report, rooms, run, sweeps
-
 import warpcam as wc
-from warpcam import cli
+from warpcam.benchmarks import (
+    cases,
+    compare,
+    host,
+    measure,
+    options,
+    peers,
+    problem,
+    procedural_scenes,
+    report,
+    run,
+    sweeps,
+)
+from warpcam.tools import cli
 
 ROOT = Path(__file__).resolve().parents[2]
 QUICK = fast_compile.__file__
@@ -183,14 +194,14 @@ def test_every_point_of_a_sweep_can_be_asked_for() -> None:
 @pytest.mark.parametrize("faces", [100, 1000, 20000])
 def test_ball_is_closed_and_has_about_its_faces(faces: int) -> None:
     trimesh = pytest.importorskip("trimesh")
-    mjm = rooms.ball_of(faces).compile()
+    mjm = procedural_scenes.ball_of(faces).compile()
     assert faces * 0.75 < mjm.nmeshface < faces * 1.25
     mesh = trimesh.Trimesh(mjm.mesh_vert, mjm.mesh_face)
     assert mesh.is_watertight and mesh.volume > 0.0  # the latter: faces look outwards
 
 
 def test_room_has_a_thousand_shapes() -> None:
-    assert rooms.room().compile().ngeom == 1000
+    assert procedural_scenes.room().compile().ngeom == 1000
 
 
 def test_differences_are_counted() -> None:

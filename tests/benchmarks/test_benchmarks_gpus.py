@@ -14,9 +14,8 @@ import pytest
 pytest.importorskip("mujoco_warp")
 
 from warpcam.benchmarks import cases, gpus
-
-from warpcam import cli
-from warpcam.device import contexts
+from warpcam.core.device import contexts
+from warpcam.tools import cli
 
 ROOT = Path(__file__).resolve().parents[2]
 

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 import scenes
 from mujoco_reference import reference_renderer
-from warpcam.benchmarks import beside, likeness
 
-from warpcam.errors import WarpcamError
+from warpcam.benchmarks import compare_folders, image_metrics
+from warpcam.core.errors import WarpcamError
 
 BALLS = """<mujoco>
   <statistic center="0 0 .3" extent="1.5"/>
@@ -46,33 +46,33 @@ def test_pictures_are_compared_and_written(
     folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     drawn: list[list[np.ndarray]] = []
-    draw = beside.draw
+    draw = compare_folders.draw
 
     def watched(*arguments: Any) -> list[np.ndarray]:
         drawn.append(draw(*arguments))
         return drawn[-1]
 
-    monkeypatch.setattr(beside, "draw", watched)
+    monkeypatch.setattr(compare_folders, "draw", watched)
     out = folder / "out.csv"
-    assert beside.main([str(folder), "--cameras", "1", "--size", "64", "48", "--out", str(out)]) == 0
+    assert compare_folders.main([str(folder), "--cameras", "1", "--size", "64", "48", "--out", str(out)]) == 0
     rows = read(out)
     assert [(row["file"], row["camera"]) for row in rows] == [
         ("models/balls.xml", "-1"), ("models/balls.xml", "0"), ("models/more/bare.xml", "-1")
     ]  # fmt: skip
     for row, theirs, ours in zip(rows, drawn[::2], drawn[1::2], strict=True):
         assert [image.shape for image in theirs] == [(48, 64, 3), (48, 64), (48, 64, 2)]
-        assert float(row["psnr"]) == pytest.approx(likeness.psnr(theirs[0], ours[0]), abs=0.01)
+        assert float(row["psnr"]) == pytest.approx(image_metrics.psnr(theirs[0], ours[0]), abs=0.01)
         assert float(row["psnr"]) > 30.0 and float(row["ids"]) < 0.01 and float(row["depth"]) < 0.01
         assert len(np.unique(theirs[2][..., 0])) > 2
     told = capsys.readouterr().out.splitlines()[-1]
     assert "2 models, 3 pictures, 0 missing" in told
     # A ball that is elsewhere, as without the keyframe, is told of.
-    monkeypatch.setattr(beside, "Renderer", Elsewhere)
-    assert beside.main([str(folder), "--cameras", "0", "--size", "64", "48", "--out", str(out)]) == 0
+    monkeypatch.setattr(compare_folders, "Renderer", Elsewhere)
+    assert compare_folders.main([str(folder), "--cameras", "0", "--size", "64", "48", "--out", str(out)]) == 0
     assert all(float(row["ids"]) > 0.02 and float(row["depth"]) > 0.02 for row in read(out))
 
 
-class Elsewhere(beside.Renderer):  # type: ignore[misc]
+class Elsewhere(compare_folders.Renderer):  # type: ignore[misc]
     def update_scene(self, data: mujoco.MjData, *arguments: Any, **more: Any) -> None:
         other = mujoco.MjData(self.model)
         mujoco.mj_forward(self.model, other)
@@ -82,12 +82,12 @@ class Elsewhere(beside.Renderer):  # type: ignore[misc]
 def test_what_ours_does_not_draw_is_told(
     folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    class Refuses(beside.Renderer):  # type: ignore[misc]
+    class Refuses(compare_folders.Renderer):  # type: ignore[misc]
         def update_scene(self, *_: Any, **__: Any) -> None:
             raise WarpcamError("geoms: too many")
 
-    monkeypatch.setattr(beside, "Renderer", Refuses)
+    monkeypatch.setattr(compare_folders, "Renderer", Refuses)
     out = folder / "out.csv"
-    assert beside.main([str(folder), "--cameras", "0", "--size", "16", "16", "--out", str(out)]) == 1
+    assert compare_folders.main([str(folder), "--cameras", "0", "--size", "16", "16", "--out", str(out)]) == 1
     assert [row["error"] for row in read(out)] == ["geoms: too many"] * 2
     assert "geoms: too many" in capsys.readouterr().out

@@ -8,7 +8,7 @@ import pytest
 from PIL import Image
 
 pytest.importorskip("mujoco_warp")
-from warpcam.benchmarks import gallery, likeness
+from warpcam.benchmarks import gallery, image_metrics
 
 RESULTS = Path(__file__).resolve().parents[2] / "benchmarks" / "results" / "fidelity.json"
 
@@ -40,11 +40,11 @@ def test_what_is_kept_keeps_to_what_is_wanted() -> None:
 
 def test_likeness() -> None:
     black, grey = np.zeros((32, 32, 3), np.uint8), np.full((32, 32, 3), 51, np.uint8)
-    assert likeness.psnr(black, black) == likeness.BEST
-    assert likeness.psnr(black, grey) == pytest.approx(20.0 * np.log10(5.0))
-    assert likeness.largest(black, grey) == 51
+    assert image_metrics.psnr(black, black) == image_metrics.BEST
+    assert image_metrics.psnr(black, grey) == pytest.approx(20.0 * np.log10(5.0))
+    assert image_metrics.largest(black, grey) == 51
     pytest.importorskip("flip_evaluator", reason="needs flip-evaluator: pip install flip-evaluator")
-    assert likeness.flip(grey, grey)[0] == 0.0 and likeness.flip(black, grey)[0] > 0.1
+    assert image_metrics.flip(grey, grey)[0] == 0.0 and image_metrics.flip(black, grey)[0] > 0.1
 
 
 def test_pictures_lie_side_by_side(tmp_path: Path) -> None:

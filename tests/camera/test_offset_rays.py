@@ -12,7 +12,7 @@ from offset_ray_lenses import parallel, pinholes, swaying
 from ray_table_scenes import ASSETS, PLACE, SCENE, TURN, camera, rendered
 
 import warpcam as wc
-from warpcam.accel import rays as tables
+from warpcam.accel import ray_tables as tables
 
 
 @pytest.fixture(scope="module")

@@ -12,7 +12,7 @@ from custom_ray_tables import HEIGHT, WIDTH, curled_rays, random_rays
 from ray_table_scenes import ASSETS, PLACE, SCENE, TURN, WORLDS, camera, rendered
 
 import warpcam as wc
-from warpcam.accel import rays as tables
+from warpcam.accel import ray_tables as tables
 
 
 @pytest.fixture(scope="module")

@@ -5,8 +5,8 @@ import pytest
 from custom_ray_tables import HEIGHT, WIDTH, curled_rays, random_rays
 
 import warpcam as wc
-from warpcam.accel import rays as tables
-from warpcam.accel import spread
+from warpcam.accel import offset_ray_tables
+from warpcam.accel import ray_tables as tables
 
 
 def test_cones_hold_their_rays() -> None:
@@ -80,8 +80,8 @@ def test_balls_hold_where_rays_begin() -> None:
     random = np.random.default_rng(4)
     rays, places = random_rays(5), random.normal(size=(HEIGHT, WIDTH, 3)) * (1.0, 20.0, 0.01)
     rays[:9, :17] = 0.0  # whole tiles see nothing
-    packed = spread.pack_spread(rays[None], places[None])[0]
-    assert len(packed) == spread.spread_floats(WIDTH, HEIGHT)
+    packed = offset_ray_tables.pack_spread(rays[None], places[None])[0]
+    assert len(packed) == offset_ray_tables.spread_floats(WIDTH, HEIGHT)
     seeing, tiles = rays.any(axis=-1), (-(-HEIGHT // 4), -(-WIDTH // 8))
     whole, by_tile, pixels = np.split(packed, [4, 4 + 8 * tiles[0] * tiles[1]])
     assert (np.linalg.norm(places - whole[:3], axis=-1)[seeing] <= whole[3]).all()
@@ -96,7 +96,7 @@ def test_balls_hold_where_rays_begin() -> None:
     assert (pixels[seeing][:, :3] == places.astype(np.float32)[seeing]).all()
     assert np.abs(pixels[seeing][:, 4:7] - unit[seeing]).max() < 1e-7
     assert (pixels[..., 7].view(np.int32) == WIDTH).all()
-    assert ((pixels[..., 3].view(np.int32) == spread.BLIND) == ~seeing).all()
+    assert ((pixels[..., 3].view(np.int32) == offset_ray_tables.BLIND) == ~seeing).all()
 
 
 def test_pixels_that_go_on_into_each_other() -> None:
@@ -108,11 +108,16 @@ def test_pixels_that_go_on_into_each_other() -> None:
     rays[4:] += (0.0, 0.4, 0.0)  # jumps
     rays[0, 2] = 0.0
     seeing = rays.any(axis=-1)
-    bits = spread.bits_of(tables.unit(rays)[None], places[None].astype(np.float32), seeing[None])[0]
-    every = spread.LEFT | spread.RIGHT | spread.UP | spread.DOWN
+    bits = offset_ray_tables.bits_of(tables.unit(rays)[None], places[None].astype(np.float32), seeing[None])[0]
+    every = offset_ray_tables.LEFT | offset_ray_tables.RIGHT | offset_ray_tables.UP | offset_ray_tables.DOWN
     assert bits[2, 2] == every and bits[2, 8] == every
-    assert bits[2, 4] == every & ~spread.RIGHT and bits[2, 5] == every & ~spread.LEFT
-    assert bits[3, 2] == every & ~spread.DOWN and bits[4, 2] == every & ~spread.UP
-    assert bits[0, 2] == spread.BLIND and bits[1, 2] == every & ~spread.UP
-    assert bits[0, 0] == spread.RIGHT | spread.DOWN and bits[8, 11] == spread.LEFT | spread.UP
-    assert (spread.bits_of(rays[None], np.zeros_like(places)[None], seeing[None])[0, 2] & spread.LEFT)[1:].all()
+    assert bits[2, 4] == every & ~offset_ray_tables.RIGHT and bits[2, 5] == every & ~offset_ray_tables.LEFT
+    assert bits[3, 2] == every & ~offset_ray_tables.DOWN and bits[4, 2] == every & ~offset_ray_tables.UP
+    assert bits[0, 2] == offset_ray_tables.BLIND and bits[1, 2] == every & ~offset_ray_tables.UP
+    assert (
+        bits[0, 0] == offset_ray_tables.RIGHT | offset_ray_tables.DOWN
+        and bits[8, 11] == offset_ray_tables.LEFT | offset_ray_tables.UP
+    )
+    assert (
+        offset_ray_tables.bits_of(rays[None], np.zeros_like(places)[None], seeing[None])[0, 2] & offset_ray_tables.LEFT
+    )[1:].all()

@@ -13,7 +13,7 @@ import warp as wp
 from fake_devices import PART, UUIDS, Machine, cards_shown
 
 import warpcam as wc
-from warpcam import device as device_rule
+from warpcam.core import device as device_rule
 
 
 @pytest.fixture

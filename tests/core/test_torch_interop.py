@@ -12,8 +12,8 @@ import torch
 import warp as wp
 
 import warpcam as wc
-from warpcam import interop
-from warpcam.outputs import OUTPUTS
+from warpcam.camera.outputs import OUTPUTS
+from warpcam.core import torch_interop
 
 # Without "rgb": its light would only lengthen the compilation.
 NAMES = ("depth", "segmentation", "bodies", "distance")
@@ -218,7 +218,7 @@ class _Stream:
 def test_streams_are_in_order_after_an_error() -> None:
     """What was queued before it is waited for."""
     waits: list[tuple[Any, Any]] = []
-    with pytest.raises(KeyError), interop._between(_Stream("Warp's", waits), _Stream("torch's", waits)):
+    with pytest.raises(KeyError), torch_interop._between(_Stream("Warp's", waits), _Stream("torch's", waits)):
         raise KeyError
     assert waits == [("Warp's", "torch's"), ("torch's", "Warp's")]
 
@@ -231,9 +231,9 @@ def test_streams_wait_where_cuda_does_not_see_to_it(
     waits: list[Any] = []
     device: Any = SimpleNamespace(stream=_Stream(5, waits, is_blocking), ordinal=0, is_cuda=True, is_capturing=False)
     monkeypatch.setattr(torch.cuda, "current_stream", lambda ordinal: _Stream(theirs, waits))
-    monkeypatch.setattr(interop, "_stream", lambda ordinal, handle: _Stream(handle, waits))
+    monkeypatch.setattr(torch_interop, "_stream", lambda ordinal, handle: _Stream(handle, waits))
     monkeypatch.setattr(wp, "ScopedDevice", lambda _: contextlib.nullcontext())
-    with interop.in_order(device) as capturing:
+    with torch_interop.in_order(device) as capturing:
         waits.append("work")
         assert not capturing
     assert waits == (["work"] if theirs == 0 and is_blocking else [(5, theirs), "work", (theirs, 5)])

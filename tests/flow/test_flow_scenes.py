@@ -10,9 +10,9 @@ import visual_geom_scenes
 import warp as wp
 from allocation_ledger import Ledger
 from flow_cases import HEIGHT, LENSES, WIDTH, Moving, expected, pixels_of
-from warpcam.kernels import visibility
 
 import warpcam as wc
+from warpcam.kernels.passes import visibility
 
 EXACT = 1e-3  # pixels
 

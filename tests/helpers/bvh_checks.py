@@ -1,9 +1,9 @@
 """Trees of four children a node as the layout has them: read, judged, walked, and built the plain way."""
 
 import numpy as np
-from warpcam.kernels.bvh4_build import MAX_LEAF, max_listed
 
 from warpcam.accel.bvh4 import MAX_DEPTH, Bvh4, build_bvh4s
+from warpcam.kernels.build.bvh4 import MAX_LEAF, max_listed
 
 ABSENT = np.float32(1e30)
 

@@ -41,7 +41,7 @@ def install(ours: bool = False) -> None:
         elif homes == {"warpcam"} and ours and options.get("cpu_compiler_flags"):
             options["cpu_compiler_flags"] += f" {QUICK}{_together()}"
             if options["extra_cpu_preamble"]:
-                options["extra_cpu_preamble"] += "#pragma clang fp contract(on)\n"  # as lanes.h has it
+                options["extra_cpu_preamble"] += "#pragma clang fp contract(on)\n"  # as core/platform.h has it
         return options
 
     wp.Module.resolve_options = resolve_options
@@ -50,7 +50,7 @@ def install(ours: bool = False) -> None:
 
 def _together() -> str:
     """Flags that have our headers precompiled, wherever warpcam is installed; Warp takes none with a space in it."""
-    native = sys.modules["warpcam.kernels.launch"].NATIVE
+    native = sys.modules["warpcam.kernels.runtime.launch"].NATIVE
     return "" if " " in f"{native}{PRECOMPILED}" else f" -I{native} -include {PRECOMPILED}"
 
 

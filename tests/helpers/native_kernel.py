@@ -4,7 +4,8 @@ from collections.abc import Callable
 from typing import Any
 
 import warp as wp
-from warpcam.kernels.launch import native_module
+
+from warpcam.kernels.runtime.launch import native_module
 
 
 def native_kernel(header: str) -> Callable[[Callable[..., Any]], wp.Kernel]:

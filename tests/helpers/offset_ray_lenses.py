@@ -6,7 +6,7 @@ import numpy as np
 from custom_ray_tables import HEIGHT, WIDTH
 
 import warpcam as wc
-from warpcam.accel import rays as tables
+from warpcam.accel import ray_tables as tables
 
 COLUMN, ROW = np.meshgrid(np.arange(WIDTH) + 0.5, np.arange(HEIGHT) + 0.5)
 SPAN = 2.7  # metres from bottom to top, of parallel rays

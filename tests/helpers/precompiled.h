@@ -8,22 +8,22 @@
 #include "builtin.h"
 #undef WP_TILE_BLOCK_DIM
 
-#include "bvh4_boxes.h"  // before lanes.h, which lets products be added to without being rounded
-#include "corners.h"
-#include "crowd.h"
-#include "flow_motion.h"
-#include "horizon_build.h"
-#include "listed.h"
-#include "mirror.h"
-#include "pack.h"
-#include "refit.h"
-#include "resolve.h"
-#include "shadow.h"
-#include "shutter_build.h"
-#include "smooth.h"
-#include "sorted.h"
-#include "splats.h"
-#include "visibility.h"
+#include "build/box_builder.h"  // before core/platform.h, which lets products be added to without being rounded
+#include "shading/plane_vertex_lighting.h"
+#include "shadow/many_casters.h"
+#include "flow/shape_motion.h"
+#include "build/horizon_builder.h"
+#include "traversal/visibility_listed.h"
+#include "shading_pass/mirror_visibility.h"
+#include "output/pack.h"
+#include "accel/refit.h"
+#include "shading_pass/shading_pass.h"
+#include "shadow/shadow_pass.h"
+#include "build/occluder_builder.h"
+#include "antialiasing/edge_resolve.h"
+#include "traversal/view_shape_list.h"
+#include "splats/gaussian_blend.h"
+#include "traversal/visibility.h"
 
 // Kernels that call none of these are compiled as Warp compiles others.
 #pragma clang fp contract(off)

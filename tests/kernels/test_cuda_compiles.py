@@ -14,11 +14,13 @@ import numpy as np
 import pytest
 import scenes
 import warp as wp
-from warpcam.kernels import antialias, launch, refit
-from warpcam.kernels.types import FROM_ABOVE
 
 import warpcam as wc
-from warpcam.sources import mujoco_model
+from warpcam.kernels.passes import antialiasing
+from warpcam.kernels.runtime import launch
+from warpcam.kernels.types import FROM_ABOVE
+from warpcam.kernels.update import refit
+from warpcam.sources.mujoco import model as mujoco_model
 
 ARCH = 90
 ASSETS = """
@@ -49,7 +51,7 @@ def card(monkeypatch: pytest.MonkeyPatch) -> Iterator[list[launch.Stage]]:
     real = wp.Device.is_cuda.fget
     monkeypatch.setattr(wp.Device, "is_cuda", property(lambda self: _chooses(sys._getframe(1)) or real(self)))
     monkeypatch.setattr(wp.Device, "sm_count", property(lambda _: 1), raising=False)
-    monkeypatch.setattr("warpcam.renderer.bind", stages.extend)
+    monkeypatch.setattr("warpcam.render.renderer.bind", stages.extend)
     with wp.ScopedDevice("cpu"):
         yield stages
 
@@ -142,10 +144,10 @@ def test_of_meshes_and_hills(antialiasing: int, card: list[launch.Stage], folder
 def test_of_meshes_smoothed_in_place(
     outputs: tuple[str, ...], shapes: int, card: list[launch.Stage], folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(antialias, "WORTH_PLACE", 1)
+    monkeypatch.setattr(antialiasing, "WORTH_PLACE", 1)
     more = shapes * '<geom type="mesh" mesh="wedge" material="body" pos="0 0 1"/>'  # of many ids have more than a byte
     _render(scenes.compile_xml(FEW + more + LIGHTS, assets=ASSETS), outputs, antialiasing=4)
-    assert antialias.THREADS_IN_PLACE in {stage.block_dim for stage in card}
+    assert antialiasing.THREADS_IN_PLACE in {stage.block_dim for stage in card}
     assert _compile(card, folder) >= 3
 
 
@@ -173,8 +175,8 @@ def test_of_what_moves_and_splats(theirs: bool, card: list[launch.Stage], folder
     import newton_scenes
     import splat_scenes
 
-    from warpcam.sources.newton import load
-    from warpcam.sources.newton_choice import Choice
+    from warpcam.sources.newton.options import Choice
+    from warpcam.sources.newton.source import load
 
     builder = newton_scenes.cloth()
     builder.add_shape_gaussian(body=-1, gaussian=splat_scenes.random_gaussians(20, 0))

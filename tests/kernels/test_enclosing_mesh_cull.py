@@ -30,7 +30,7 @@ def try_face(
 ): ...
 
 
-@native_kernel("housing.h")
+@native_kernel("traversal/enclosing_mesh_cull.h")
 def try_faces(
     turn: wp.array(dtype=wp.mat33),
     face: wp.array(dtype=wp.mat33),

@@ -40,7 +40,7 @@ def test_images_do_not_depend_on_how_faces_are_kept(
     seen = []
     for faces in (None, 2**16):
         if faces is not None:
-            monkeypatch.setattr("warpcam.scene.num_faces", lambda _, faces=faces: faces)
+            monkeypatch.setattr("warpcam.scene.scene.num_faces", lambda _, faces=faces: faces)
         scene = wc.from_mujoco_warp(mjm, *scenes.put(mjm, 2), reflections=True)
         assert (scene.tables().num_faces < 2**16) == (faces is None)
         seen.append(scenes.look(scene, camera))

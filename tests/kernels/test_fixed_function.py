@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 import warp as wp
 from native_kernel import native_kernel
-from warpcam.kernels import resolve, types
-from warpcam.kernels.tables import Tables
+
+from warpcam.kernels import types
+from warpcam.kernels.passes import shading as resolve
+from warpcam.kernels.scene_tables import Tables
 
 DEVICES = [str(device) for device in wp.get_devices()]
 DIRECTIONAL, SPOT, POINT = types.LIGHT_DIRECTIONAL, types.LIGHT_SPOT, 2
@@ -101,7 +103,7 @@ def light_patch(shadows):
         lit: wp.array(dtype=wp.vec3),
     ): ...
 
-    @native_kernel("resolve.h")
+    @native_kernel("shading_pass/shading_pass.h")
     def light(
         lights: types.Lights,
         position: wp.vec3,

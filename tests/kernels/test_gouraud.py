@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import warp as wp
 from native_kernel import native_kernel
+
 from warpcam.kernels.types import BOX, HEIGHT_FIELD, PLANE, HeightFields, Meshes
 
 DEVICES = [str(device) for device in wp.get_devices()]
@@ -43,7 +44,7 @@ def find_facet(
 ): ...
 
 
-@native_kernel("facet.h")
+@native_kernel("shading/gouraud.h")
 def cut(
     meshes: Meshes,
     fields: HeightFields,
@@ -74,7 +75,7 @@ def find_cell(
 ): ...
 
 
-@native_kernel("facet.h")
+@native_kernel("shading/gouraud.h")
 def cut_endless(
     repeat: wp.float32,
     horizon: wp.float32,

@@ -8,13 +8,13 @@ import warp as wp
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from native_kernel import native_kernel
-from warpcam.kernels.launch import native_module
-from warpcam.kernels.types import HeightFields
 
 from warpcam.accel.heightfields import HeightField, pack_height_fields
+from warpcam.kernels.runtime.launch import native_module
+from warpcam.kernels.types import HeightFields
 
 RAYS = 400
-PACKET = wp.constant(8)  # rays that a CPU thread walks at once; heightfield_cpu.h has the same number
+PACKET = wp.constant(8)  # rays that a CPU thread walks at once; accel/heightfield_simd.h has the same number
 SHAPE = 5
 FAR_AWAY = 3.0e38
 NUDGE = 3e-5  # [m]
@@ -47,7 +47,7 @@ def walk_one(
 ): ...
 
 
-@wp.kernel(module="unique", enable_backward=False, module_options=native_module("shadow.h"))
+@wp.kernel(module="unique", enable_backward=False, module_options=native_module("shadow/shadow_pass.h"))
 def walk_all(
     fields: HeightFields,
     origins: wp.array(dtype=wp.vec3),
@@ -90,7 +90,7 @@ def walk_eight(
 ): ...
 
 
-@wp.kernel(module="unique", enable_backward=False, module_options=native_module("tiles.h"))
+@wp.kernel(module="unique", enable_backward=False, module_options=native_module("traversal/trace_tile.h"))
 def walk_all_on_cpu(
     fields: HeightFields,
     origins: wp.array(dtype=wp.vec3),
@@ -121,7 +121,7 @@ def comes_out_one(
 ): ...
 
 
-@native_kernel("heightfield.h")
+@native_kernel("accel/heightfield.h")
 def come_out(
     fields: HeightFields,
     origins: wp.array(dtype=wp.vec3),

@@ -5,10 +5,10 @@ import pytest
 import warp as wp
 from mesh_surfaces import SHAPES, grid, meets
 from native_kernel import native_kernel
-from warpcam.kernels import horizon
-from warpcam.kernels.types import Meshes
 
 from warpcam.accel.meshes import Mesh, pack_meshes
+from warpcam.kernels.build import horizon_maps
+from warpcam.kernels.types import Meshes
 
 DEVICES = [str(device) for device in wp.get_devices()]
 
@@ -24,7 +24,7 @@ DEVICES = [str(device) for device in wp.get_devices()]
 def ask(meshes: Meshes, face: wp.int32, direction: wp.vec3, i: wp.int32, clear: wp.array(dtype=wp.int32)): ...
 
 
-@native_kernel("horizon_build.h")
+@native_kernel("build/horizon_builder.h")
 def look_up(
     meshes: Meshes,
     faces: wp.array(dtype=wp.int32),
@@ -38,9 +38,9 @@ def look_up(
 def horizons_of(points: np.ndarray, faces: np.ndarray, device: str) -> tuple[Meshes, np.ndarray]:
     """The mesh with its horizons, and the corners of its faces (face, 3, 3) in leaf order."""
     meshes, count = pack_meshes([Mesh("shape", points, faces)], wp.get_device(device))
-    if not horizon.are_kept(wp.get_device(device)):
+    if not horizon_maps.are_kept(wp.get_device(device)):
         assert not meshes.faces.numpy().view(np.int32).reshape(-1, 3, 4)[:, 2, 3].any()
-        horizon.find_horizons(meshes, np.zeros(count, np.int32), wp.get_device(device))
+        horizon_maps.find_horizons(meshes, np.zeros(count, np.int32), wp.get_device(device))
     return meshes, meshes.faces.numpy().reshape(-1, 3, 4)[:, :, :3].astype(np.float64)
 
 
@@ -84,13 +84,13 @@ def test_nothing_is_in_the_way_around_a_ball(device: str):
     rise = (directions * unit(normals)[faces]).sum(1)
     clear = are_clear(meshes, faces, directions.astype(np.float32), device)
     assert clear[rise > 0.2].all()
-    assert not clear[rise < 0.18].any()  # too flat: see native/horizon_build.h, LEAST
+    assert not clear[rise < 0.18].any()  # too flat: see native/build/horizon_builder.h, LEAST
 
 
 @pytest.mark.parametrize("device", DEVICES)
 def test_each_mesh_has_its_own(device: str, monkeypatch: pytest.MonkeyPatch):
     """Also beside a mesh without faces, and where several are the same."""
-    monkeypatch.setattr(horizon, "are_kept", lambda device: True)
+    monkeypatch.setattr(horizon_maps, "are_kept", lambda device: True)
     empty = Mesh("empty", np.zeros((3, 3), np.float32), np.zeros((0, 3), np.int32))
     ball, hills = (Mesh(name, *SHAPES[name]()) for name in ("ball", "hills"))
 

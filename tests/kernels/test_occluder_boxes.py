@@ -6,10 +6,10 @@ import warp as wp
 from bvh_checks import build_bvh4
 from mesh_surfaces import CLOSED, SHAPES, grid, hills, meets
 from native_kernel import native_kernel
-from warpcam.kernels.types import Meshes
 
-from warpcam.accel import shutters
+from warpcam.accel import occluder_boxes
 from warpcam.accel.meshes import Mesh, pack_meshes
+from warpcam.kernels.types import Meshes
 
 DEVICES = [str(device) for device in wp.get_devices()]
 
@@ -33,7 +33,7 @@ def ask(
 ): ...
 
 
-@native_kernel("shutters.h")
+@native_kernel("shadow/occluder_boxes.h")
 def try_rays(
     meshes: Meshes,
     mesh: wp.int32,
@@ -53,7 +53,7 @@ def with_shutters(points: np.ndarray, faces: np.ndarray, device: str) -> tuple[M
     mesh = Mesh("shape", points, faces)
     meshes, _ = pack_meshes([mesh], wp.get_device(device))
     tree = build_bvh4(points, faces, cache=False)
-    meshes.shutters = shutters.pack_shutters(meshes, [tree.faces], [0], wp.get_device(device))
+    meshes.shutters = occluder_boxes.pack_shutters(meshes, [tree.faces], [0], wp.get_device(device))
     return meshes, points[faces].astype(np.float64)
 
 
@@ -82,8 +82,8 @@ def rays_at(corners: np.ndarray, count: int, seed: int) -> tuple[np.ndarray, np.
 @pytest.mark.parametrize("device", DEVICES)
 @pytest.mark.parametrize("name", ALL)
 def test_what_is_stopped_meets_a_face(name: str, device: str, monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr(shutters, "FEW_FACES", 1)
-    monkeypatch.setattr(shutters, "LOOKED_AT", 128)
+    monkeypatch.setattr(occluder_boxes, "FEW_FACES", 1)
+    monkeypatch.setattr(occluder_boxes, "LOOKED_AT", 128)
     meshes, corners = with_shutters(*ALL[name](), device)
     origins, directions = rays_at(corners, 6000, 4)
     stopped = aside_of(meshes, origins, directions, device) < 1.0
@@ -96,7 +96,7 @@ def test_what_is_stopped_meets_a_face(name: str, device: str, monkeypatch: pytes
 @pytest.mark.parametrize("device", DEVICES)
 def test_a_mesh_with_a_hole_lets_light_through_it(device: str, monkeypatch: pytest.MonkeyPatch):
     """A ball without one of its faces: no shutter reaches over where it was."""
-    monkeypatch.setattr(shutters, "FEW_FACES", 1)
+    monkeypatch.setattr(occluder_boxes, "FEW_FACES", 1)
     points, faces = CLOSED["ball"]()
     corners = points[faces].astype(np.float64)
     random = np.random.default_rng(1)
@@ -112,7 +112,7 @@ def test_a_mesh_with_a_hole_lets_light_through_it(device: str, monkeypatch: pyte
 @pytest.mark.parametrize("device", DEVICES)
 def test_each_mesh_has_its_own(device: str, monkeypatch: pytest.MonkeyPatch):
     """Also beside a mesh of few faces, which has none, and where several are the same."""
-    monkeypatch.setattr(shutters, "LOOKED_AT", 32)
+    monkeypatch.setattr(occluder_boxes, "LOOKED_AT", 32)
     few = Mesh("few", *grid(2, hills))
     meshes = [Mesh(name, *CLOSED[name]()) for name in ("ball", "cup")]
 
@@ -120,11 +120,13 @@ def test_each_mesh_has_its_own(device: str, monkeypatch: pytest.MonkeyPatch):
         packed = pack_meshes(meshes, wp.get_device(device))[0]
         trees = {id(mesh): build_bvh4(mesh.vertices, mesh.faces, cache=False).faces for mesh in meshes}
         holders = [next(i for i, other in enumerate(meshes) if other is mesh) for mesh in dict.fromkeys(meshes)]
-        found = shutters.pack_shutters(packed, [trees[id(meshes[i])] for i in holders], holders, wp.get_device(device))
+        found = occluder_boxes.pack_shutters(
+            packed, [trees[id(meshes[i])] for i in holders], holders, wp.get_device(device)
+        )
         return found.numpy().reshape(len(meshes), -1)
 
     alone = [rows(mesh)[0] for mesh in (few, *meshes)]
-    assert (alone[0].reshape(shutters.ROWS + 1, -1, 4)[: shutters.ROWS, :, :3] == 0.0).all()
+    assert (alone[0].reshape(occluder_boxes.ROWS + 1, -1, 4)[: occluder_boxes.ROWS, :, :3] == 0.0).all()
     assert (alone[1] != alone[2]).any()
     together = rows(few, meshes[1], meshes[0], meshes[1])
     for row, wanted in zip(together, (alone[0], alone[2], alone[1], alone[2]), strict=True):
@@ -136,8 +138,8 @@ def test_each_mesh_has_its_own(device: str, monkeypatch: pytest.MonkeyPatch):
 def test_outlines_hold_all_points(count: int, scale: tuple[float, ...]):
     random = np.random.default_rng(count)
     points = (random.normal(size=(count, 3)) * scale + (5.0, -2.0, 0.3)).astype(np.float32)
-    outline = shutters.outline(points)
-    assert outline.shape == (shutters.SHUTTERS, 3)
+    outline = occluder_boxes.outline(points)
+    assert outline.shape == (occluder_boxes.SHUTTERS, 3)
     directions = random.normal(size=(3000, 3))
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
     beyond = (points @ directions.T).max(axis=0) - (outline @ directions.T).max(axis=0)
@@ -148,13 +150,13 @@ def test_outlines_hold_all_points(count: int, scale: tuple[float, ...]):
 
 def test_outlines_cut_edges_off():
     """Of a ball's box, whose corners are 1.73 away."""
-    outline = shutters.outline(CLOSED["ball"]()[0])
+    outline = occluder_boxes.outline(CLOSED["ball"]()[0])
     assert 1.0 < np.linalg.norm(outline, axis=1).max() < 1.25
 
 
 def test_scenes_whose_meshes_are_worth_it():
     few, many = np.zeros((3 * 12, 4), np.float32), np.zeros((3 * 500, 4), np.float32)
-    assert shutters.are_worth([few, many])
-    assert not shutters.are_worth([])
-    assert not shutters.are_worth([few] * 3)
-    assert not shutters.are_worth([many] * 100)
+    assert occluder_boxes.are_worth([few, many])
+    assert not occluder_boxes.are_worth([])
+    assert not occluder_boxes.are_worth([few] * 3)
+    assert not occluder_boxes.are_worth([many] * 100)

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 import warp as wp
-from warpcam.kernels import packing
+
+from warpcam.compat.common import packing
 
 WORLDS = 3
 SIZES = [(4, 8), (3, 5), (1, 1), (2, 3)]  # height and width

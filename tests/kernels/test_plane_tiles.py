@@ -5,9 +5,9 @@ import pytest
 import scenes
 import torch
 import warp as wp
-from warpcam.kernels import visibility
 
 import warpcam as wc
+from warpcam.kernels.passes import visibility
 
 SHAPES = """
   <body name="ball"><freejoint/><geom type="sphere" size=".2" pos="-.5 .3 .2"/></body>

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import warp as wp
 from native_kernel import native_kernel
+
 from warpcam.kernels.types import CAPSULE, CYLINDER, ELLIPSOID, SPHERE
 
 DEVICES = [str(device) for device in wp.get_devices()]
@@ -34,7 +35,7 @@ def find_span(
 ): ...
 
 
-@native_kernel("prepare.h")
+@native_kernel("camera/shape_setup.h")
 def span(
     kind: wp.int32,
     pinhole: wp.int32,

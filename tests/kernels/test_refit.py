@@ -5,9 +5,9 @@ from typing import Any
 import numpy as np
 import pytest
 import warp as wp
-from warpcam.kernels import refit
 
 from warpcam.accel.meshes import Mesh, pack_meshes
+from warpcam.kernels.update import refit
 
 
 def sheet(cells: int) -> tuple[np.ndarray, np.ndarray]:

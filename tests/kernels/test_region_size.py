@@ -10,11 +10,12 @@ import numpy as np
 import pytest
 import scenes
 import warp as wp
-from warpcam.kernels import launch, visibility
-from warpcam.kernels.types import HEIGHT_FIELD, MESH, MIDDLE_FIRST, SPHERE
-from warpcam.kernels.visibility import MANY, in_order, region_size
 
 import warpcam as wc
+from warpcam.kernels.passes import visibility
+from warpcam.kernels.passes.visibility import MANY, in_order, region_size
+from warpcam.kernels.runtime import launch
+from warpcam.kernels.types import HEIGHT_FIELD, MESH, MIDDLE_FIRST, SPHERE
 
 CARD: Any = SimpleNamespace(is_cuda=True, sm_count=132)
 

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 import warp as wp
-from warpcam.kernels.refit import Tree
 
 from warpcam.accel.meshes import Mesh, pack_meshes
+from warpcam.kernels.update.refit import Tree
 
 SIDE = 24  # vertices along a side of the sheet
 

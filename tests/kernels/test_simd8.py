@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 import warp as wp
 from native_kernel import native_kernel
-from warpcam.kernels.types import Textures
 
-from warpcam.accel.textures import TextureImage, pack_textures
+from warpcam.kernels.types import Textures
+from warpcam.textures.pack import TextureImage, pack_textures
 
 EIGHT = 8
 
@@ -59,12 +59,12 @@ def sample_eight(
 ): ...
 
 
-@native_kernel("eight.h")
+@native_kernel("core/simd8.h")
 def powers_of(bases: wp.array(dtype=wp.float32), exponent: wp.float32, powers: wp.array(dtype=wp.float32)):
     power_of_eight(bases, exponent, wp.tid(), powers)
 
 
-@native_kernel("texels_cpu.h")
+@native_kernel("shading/texture_simd.h")
 def look_up(
     textures: Textures,
     cube: wp.int32,

@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 import warp as wp
-from warpcam.kernels.launch import record
-from warpcam.kernels.swell import Hull, swell, swell_worlds
+
+from warpcam.kernels.runtime.launch import record
+from warpcam.kernels.update.skinning import Hull, swell, swell_worlds
 
 WORLDS, COUNT = 3, 5
 

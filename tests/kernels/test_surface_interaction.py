@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import warp as wp
 from native_kernel import native_kernel
+
 from warpcam.kernels import types
 from warpcam.kernels.types import BOX, CAPSULE, CYLINDER, ELLIPSOID, HEIGHT_FIELD, MESH, PLANE, SPHERE
 
@@ -63,7 +64,7 @@ def examine_hit(
 ): ...
 
 
-@native_kernel("resolve.h")
+@native_kernel("shading_pass/shading_pass.h")
 def examine(
     shapes: types.Shapes,
     meshes: types.Meshes,
@@ -110,7 +111,7 @@ def find_finish(
 ): ...
 
 
-@native_kernel("resolve.h")
+@native_kernel("shading_pass/shading_pass.h")
 def finish_shapes(shapes: types.Shapes, materials: types.Materials, finishes: wp.array2d(dtype=Finish)):
     world, shape = wp.tid()
     find_finish(shapes, materials, world, shape, finishes)

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 import warp as wp
 from native_kernel import native_kernel
-from warpcam.kernels.types import Textures
 
-from warpcam import errors
-from warpcam.accel.textures import TextureImage, pack_textures
+from warpcam.core import errors
+from warpcam.kernels.types import Textures
+from warpcam.textures.pack import TextureImage, pack_textures
 
 DEVICES = [str(device) for device in wp.get_devices()]
 
@@ -34,7 +34,7 @@ def in_direction(
 ): ...
 
 
-@native_kernel("texels.h")
+@native_kernel("texture/sampler.h")
 def look_up_2d(
     textures: Textures,
     uv: wp.array(dtype=wp.vec2),
@@ -46,7 +46,7 @@ def look_up_2d(
     at_place(textures, uv[i], ddx[i], ddy[i], i, colors)
 
 
-@native_kernel("texels.h")
+@native_kernel("texture/sampler.h")
 def look_up_cube(
     textures: Textures,
     direction: wp.array(dtype=wp.vec3),

@@ -32,7 +32,7 @@ def try_box(
 ): ...
 
 
-@native_kernel("tile_rays.h")
+@native_kernel("camera/tile_frustum.h")
 def try_boxes(
     turn: wp.array(dtype=wp.mat33),
     origin: wp.array(dtype=wp.vec3),

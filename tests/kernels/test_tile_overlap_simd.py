@@ -24,7 +24,7 @@ def sort_four(
 ): ...
 
 
-@native_kernel("bvh4_cpu.h")
+@native_kernel("accel/bvh4_simd.h")
 def sort_fours(given: wp.array(dtype=wp.int32), ordered: wp.array(dtype=wp.int32), chosen: wp.array(dtype=wp.int32)):
     sort_four(given, wp.tid(), ordered, chosen)
 

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 import scenes
 import warp as wp
-from warpcam.kernels import visibility
-from warpcam.kernels.types import HEIGHT_FIELD, MESH, SPHERE
 
 import warpcam as wc
-from warpcam.sources import mujoco_model
+from warpcam.kernels.passes import visibility
+from warpcam.kernels.types import HEIGHT_FIELD, MESH, SPHERE
+from warpcam.sources.mujoco import model as mujoco_model
 
 ASSETS = """
   <texture name="checks" type="2d" builtin="checker" width="64" height="64" rgb1=".1 .2 .3" rgb2=".9 .8 .3"/>

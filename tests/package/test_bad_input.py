@@ -13,7 +13,7 @@ import warp as wp
 import warpcam as wc
 from warpcam.accel.heightfields import HeightField, pack_height_fields
 from warpcam.accel.meshes import Mesh, pack_meshes
-from warpcam.interop import to_numpy
+from warpcam.core.torch_interop import to_numpy
 
 MODEL = """
 <mujoco>

@@ -79,7 +79,9 @@ def test_formats_are_rendered_as_the_readme_shows(tmp_path: Path) -> None:
     pytest.importorskip("trimesh")
     run(QUICK, str(EXAMPLES / "formats.py"), folder=tmp_path)
     images = EXAMPLES.parent / "docs" / "images"
-    code = "import json, sys; from warpcam.cli import main; sys.exit(any(list(map(main, json.loads(sys.argv[1])))))"
+    code = (
+        "import json, sys; from warpcam.tools.cli import main; sys.exit(any(list(map(main, json.loads(sys.argv[1])))))"
+    )
     common = ("--worlds", "1", "--size", "320x240", "--outputs", "rgb", "--device", "cpu", "--out", ".")
     scenes = {
         "xml": ("overview", "--camera", "overview"),

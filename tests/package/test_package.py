@@ -7,7 +7,8 @@ from pathlib import Path
 
 import pytest
 import warp as wp
-from warpcam.kernels import launch
+
+from warpcam.kernels.runtime import launch
 
 ROOT = Path(__file__).resolve().parents[2]
 SETUPTOOLS = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["setuptools"]
@@ -36,7 +37,9 @@ def test_every_data_file_is_listed(folder: str, name: str) -> None:
 
 def test_all_kernels_are_compiled_with_the_same_flags() -> None:
     """Else Warp's headers are precompiled again, which takes longer than most kernels."""
-    names = [f"warpcam.kernels.{path.stem}" for path in (ROOT / "kernels").glob("[a-z]*.py")]
+    folder = ROOT / "kernels"
+    paths = [path.relative_to(folder).with_suffix("") for path in folder.rglob("[a-z]*.py")]
+    names = [".".join(["warpcam.kernels", *path.parts]) for path in paths]
     values = [value for name in names for value in vars(importlib.import_module(name)).values()]
     kernels = [value for value in values if isinstance(value, wp.Kernel)]
     assert len(kernels) > 30

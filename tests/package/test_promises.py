@@ -15,7 +15,7 @@ import torch
 import warp as wp
 
 import warpcam as wc
-from warpcam import worlds
+from warpcam.sources.mujoco import batch_file
 
 ROOT = Path(__file__).resolve().parents[2]
 MODEL = '<body name="wall"><freejoint/><geom type="box" size="5000 5000 0.5"/></body>'
@@ -222,7 +222,7 @@ def test_cpu_and_cuda_agree_away_from_edges() -> None:
         pytest.skip("needs a GPU")
     seen = []
     for name in ("cpu", "cuda:0"):
-        put = worlds.load(worlds.DEMO, num_worlds=4, seed=3, device=wp.get_device(name))
+        put = batch_file.load(batch_file.DEMO, num_worlds=4, seed=3, device=wp.get_device(name))
         camera = wc.Camera("overview", width=96, height=72, outputs=("rgb", "depth", "segmentation"), shadows=True)
         seen.append(scenes.look(wc.from_mujoco_warp(put.host, put.model, put.data), camera))
     cpu, cuda = seen

@@ -7,10 +7,10 @@ import pytest
 import torch
 import warp as wp
 from sphere_scenes import BALL, NUM_WORLDS, Simulation, every_device, host, on_cuda
-from warpcam.kernels.streams import quiet_stream
 
 import warpcam as wc
-from warpcam.outputs import OUTPUTS
+from warpcam.camera.outputs import OUTPUTS
+from warpcam.kernels.runtime.streams import quiet_stream
 
 
 @on_cuda

@@ -9,9 +9,9 @@ import warp as wp
 from small_scene import GLASS, MIRROR, camera, scene_of
 
 import warpcam as wc
-from warpcam import renderer as rendering
-from warpcam import scratch
-from warpcam.outputs import OUTPUTS
+from warpcam.camera.outputs import OUTPUTS
+from warpcam.render import renderer as rendering
+from warpcam.render import scratch_memory
 
 # More shapes than one pass of the trace lists.
 CROWD = "".join(f'<geom size=".1" pos="{i % 20 * 0.2 - 1.9} {i // 20 * 0.2 - 1.4} 0"/>' for i in range(280))
@@ -31,7 +31,7 @@ def test_groups_of_worlds_make_the_same_images(
     whole = wc.Renderer(scene, cameras)
     whole.render()  # the first frame knows no flow
     expected = {key: {n: t.clone() for n, t in images.items()} for key, images in whole.render().items()}
-    monkeypatch.setattr(scratch, "ALWAYS_ALLOWED", 24 * 20 * 4 * 3)
+    monkeypatch.setattr(scratch_memory, "ALWAYS_ALLOWED", 24 * 20 * 4 * 3)
     grouped = wc.Renderer(scene, cameras)
     assert grouped.memory.scratch <= whole.memory.scratch
     if outputs == ("rgb",):
@@ -76,7 +76,7 @@ def test_groups_in_chains_beside_each_other_make_the_same_images(
     whole = wc.Renderer(scene, cameras)
     whole.render()
     expected = {key: {n: t.clone() for n, t in images.items()} for key, images in whole.render().items()}
-    monkeypatch.setattr(scratch, "ALWAYS_ALLOWED", 24 * 20 * 4 * 3)
+    monkeypatch.setattr(scratch_memory, "ALWAYS_ALLOWED", 24 * 20 * 4 * 3)
     monkeypatch.setattr(rendering, "Frame", Interleaved)
     monkeypatch.setattr(Interleaved, "backwards", backwards)
     made: list[Any] = []
@@ -126,7 +126,7 @@ def test_groups_that_are_coloured_in_turns_make_the_same_images(
     whole = wc.Renderer(scene, cameras)
     whole.render()
     expected = {key: {n: t.clone() for n, t in images.items()} for key, images in whole.render().items()}
-    monkeypatch.setattr(scratch, "ALWAYS_ALLOWED", 24 * 20 * 4 * 3)
+    monkeypatch.setattr(scratch_memory, "ALWAYS_ALLOWED", 24 * 20 * 4 * 3)
     monkeypatch.setattr(wc.Renderer, "_is_large", lambda self, pixels: True)
     monkeypatch.setattr(rendering, "Frame", Interleaved)
     monkeypatch.setattr(Interleaved, "backwards", backwards)
@@ -151,7 +151,7 @@ def test_groups_that_are_coloured_in_turns_make_the_same_images(
 
 
 def test_turns_are_taken_where_they_make_phases_fewer(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(scratch, "ALWAYS_ALLOWED", 24 * 20 * 4 * 3)
+    monkeypatch.setattr(scratch_memory, "ALWAYS_ALLOWED", 24 * 20 * 4 * 3)
     renderer = wc.Renderer(scene_of("cpu", 500), [camera(outputs=("rgb",))])
     images = {"top": {"rgb": renderer.array("top", "rgb")}}
     plain = [[portions] for portions in renderer._scratch.phases(images)]
@@ -163,12 +163,12 @@ def test_turns_are_taken_where_they_make_phases_fewer(monkeypatch: pytest.Monkey
 
 @pytest.mark.parametrize("wave", [1, 8, 25, 90])
 def test_groups_are_whole_waves_where_images_are_smoothed_in_place(wave: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(scratch, "ALWAYS_ALLOWED", 24 * 20 * 4 * 3)
+    monkeypatch.setattr(scratch_memory, "ALWAYS_ALLOWED", 24 * 20 * 4 * 3)
     renderer = wc.Renderer(scene_of("cpu", 500), [camera(outputs=("rgb",))])
     images = {"top": {"rgb": renderer.array("top", "rgb")}}
     sizes = {}
     for step in (1, wave):
-        monkeypatch.setattr(scratch.Scratch, "wave", lambda self, key, step=step: step)
+        monkeypatch.setattr(scratch_memory.Scratch, "wave", lambda self, key, step=step: step)
         phases = [portion.worlds for (portion,) in renderer._scratch.phases(images)]
         assert [world for worlds in phases for world in worlds] == list(range(500))
         sizes[step] = [len(worlds) for worlds in phases]
@@ -180,11 +180,11 @@ def test_groups_are_whole_waves_where_images_are_smoothed_in_place(wave: int, mo
 
 
 def test_parts_are_whole_waves() -> None:
-    assert scratch.cuts_in_waves(3168, 3, 528) == [0, 1056, 2112, 3168]
-    assert scratch.cuts_in_waves(2112, 3, 528) == [0, 1056, 1584, 2112]
-    assert scratch.cuts_in_waves(1328, 3, 528) == [0, 528, 1056, 1328]
-    assert scratch.cuts_in_waves(500, 3, 528) == [0, 500]
-    assert scratch.cuts_in_waves(10, 3, 1) == [0, 4, 7, 10]
+    assert scratch_memory.cuts_in_waves(3168, 3, 528) == [0, 1056, 2112, 3168]
+    assert scratch_memory.cuts_in_waves(2112, 3, 528) == [0, 1056, 1584, 2112]
+    assert scratch_memory.cuts_in_waves(1328, 3, 528) == [0, 528, 1056, 1328]
+    assert scratch_memory.cuts_in_waves(500, 3, 528) == [0, 500]
+    assert scratch_memory.cuts_in_waves(10, 3, 1) == [0, 4, 7, 10]
 
 
 @pytest.mark.parametrize("turns", [1, 2, 3])
@@ -196,8 +196,8 @@ def test_what_a_turn_needs_lies_in_no_image_that_is_there(turns: int) -> None:
         for key, each in cameras.items()
     }
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(scratch, "ALWAYS_ALLOWED", 24 * 20 * 4 * 3)
-        block = scratch.Scratch(cameras, tables, wp.get_device("cpu"))
+        patch.setattr(scratch_memory, "ALWAYS_ALLOWED", 24 * 20 * 4 * 3)
+        block = scratch_memory.Scratch(cameras, tables, wp.get_device("cpu"))
     block.allocate()
     late = {"top": ["rgb"], "side": ["rgb"]}
     drawn: set[tuple[str | int, str, int]] = set()  # images that are there
@@ -221,14 +221,16 @@ def test_what_a_turn_needs_lies_in_no_image_that_is_there(turns: int) -> None:
 
 
 def test_no_chains_where_their_share_has_no_room_for_a_world(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(scratch, "ALWAYS_ALLOWED", 1)
+    monkeypatch.setattr(scratch_memory, "ALWAYS_ALLOWED", 1)
     camera_of_few = camera(outputs=("rgb",), shadows=True)
     tables = scene_of("cpu", 2).tables()
-    assert scratch.Scratch({"top": camera_of_few}, tables, wp.get_device("cpu")).chains({}, rendering.PARTS) is None
+    assert (
+        scratch_memory.Scratch({"top": camera_of_few}, tables, wp.get_device("cpu")).chains({}, rendering.PARTS) is None
+    )
 
 
 def test_groups_of_worlds_may_be_captured(device: wp.Device, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(scratch, "ALWAYS_ALLOWED", 1)
+    monkeypatch.setattr(scratch_memory, "ALWAYS_ALLOWED", 1)
     renderer = wc.Renderer(scene_of(device, 5), [camera(outputs=("rgb", "normals"), shadows=True)])
     expected = {name: tensor.clone() for name, tensor in renderer.render()["top"].items()}
     with wp.ScopedCapture(device) as capture:

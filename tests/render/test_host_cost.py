@@ -11,10 +11,10 @@ import mujoco
 import pytest
 import scenes
 import warp as wp
-from warpcam.kernels.launch import Frame
 
 import warpcam as wc
-from warpcam.outputs import OUTPUTS
+from warpcam.camera.outputs import OUTPUTS
+from warpcam.kernels.runtime.launch import Frame
 
 MOST = 100  # calls of Python functions in `render()`, of which thirty microseconds are enough for more
 MODEL = """

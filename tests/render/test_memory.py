@@ -11,11 +11,11 @@ import pytest
 import warp as wp
 from allocation_ledger import Ledger
 from small_scene import GLASS, MIRROR, camera, scene_of
-from warpcam.kernels.flat import flat
 
 import warpcam as wc
-from warpcam import memory, scratch
-from warpcam.outputs import OUTPUTS
+from warpcam.camera.outputs import OUTPUTS
+from warpcam.kernels.runtime.flatten import flat
+from warpcam.render import memory, scratch_memory
 
 CAMERAS_MORE = '<camera name="left" pos="-4 0 1"/><camera name="right" pos="4 0 1"/>'
 DOCS = Path(__file__).resolve().parents[2] / "docs" / "memory.md"
@@ -88,7 +88,7 @@ def test_scratch_follows_the_formula(
     assert told.scratch == scratch_by_the_docs(num_worlds, cameras)
     assert told.past == past_by_the_docs(num_worlds, 3, cameras)
     images = sum(sum(each.values()) for each in told.images.values())
-    if images > 2 * scratch.ALWAYS_ALLOWED:
+    if images > 2 * scratch_memory.ALWAYS_ALLOWED:
         one_world = 9 * width * width  # which has room whatever the images take
         assert told.total <= images + max(0.5 * images, one_world) + told.past + num_worlds * 1000
 
@@ -237,7 +237,7 @@ def test_more_than_is_free_is_an_error_before_anything_is_taken(monkeypatch: pyt
 def test_scratch_of_more_bytes_than_a_dimension_counts() -> None:
     scene = one_scene_of("cpu", 2)
     large = camera(width=20000, height=20000, outputs=("hdr", "normals", "points"))
-    block = scratch.Scratch({"large": large}, scene.tables(), scene.device)
+    block = scratch_memory.Scratch({"large": large}, scene.tables(), scene.device)
     assert block.size > 2**31
     block.allocate()  # never written to: nothing is taken but addresses
     places = [each.buffers["face"] for phase in block.phases(None) for each in phase]

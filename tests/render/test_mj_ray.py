@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 import scenes
 import warp as wp
-from warpcam.kernels import visibility
 
 import warpcam as wc
+from warpcam.kernels.passes import visibility
 
 WORLDS, SIZE, FOVY = 40, 50, 40.0  # 100,000 rays
 SHAPES = 10

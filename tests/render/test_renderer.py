@@ -6,10 +6,11 @@ import pytest
 import torch
 import warp as wp
 from sphere_scenes import BALL, MODEL, NUM_WORLDS, Simulation, every_device, host
-from warpcam.kernels import resolve, shadow, visibility
 
 import warpcam as wc
-from warpcam.outputs import OUTPUTS
+from warpcam.camera.outputs import OUTPUTS
+from warpcam.kernels.passes import shading as resolve
+from warpcam.kernels.passes import shadow, visibility
 
 
 def test_outputs_agree_with_the_kernel_that_makes_them() -> None:

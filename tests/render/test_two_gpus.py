@@ -13,7 +13,7 @@ import torch
 import warp as wp
 
 import warpcam as wc
-from warpcam import device as device_rule
+from warpcam.core import device as device_rule
 
 sys.path.append(str(Path(__file__).resolve().parents[2] / "examples"))
 import every_gpu

@@ -12,8 +12,8 @@ import warp as wp
 from pxr import Usd, UsdLux
 
 import warpcam as wc
-from warpcam import recipes
-from warpcam.errors import WarpcamError
+from warpcam import randomize as recipes
+from warpcam.core.errors import WarpcamError
 
 WORLDS = 500
 ASSETS = """

@@ -5,10 +5,10 @@ import mujoco_warp as mjw
 import numpy as np
 import pytest
 import warp as wp
-from warpcam.kernels import types
 
 import warpcam as wc
-from warpcam.parts import FIELDS
+from warpcam.kernels import types
+from warpcam.scene.source import FIELDS
 
 every_device = pytest.mark.parametrize("device", [device.alias for device in wp.get_devices()])
 

@@ -14,8 +14,8 @@ import warp as wp
 from pxr import Usd
 
 import warpcam as wc
-from warpcam.errors import WarpcamError
-from warpcam.variety import names_of
+from warpcam.core.errors import WarpcamError
+from warpcam.scene.world_overrides import names_of
 
 WORLDS = 3
 SIZE = 24

@@ -11,8 +11,8 @@ import warp as wp
 from PIL import Image
 
 import warpcam as wc
-from warpcam.errors import WarpcamError
-from warpcam.variety import names_of
+from warpcam.core.errors import WarpcamError
+from warpcam.scene.world_overrides import names_of
 
 pytest.importorskip("pxr.Usd")
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdLux, UsdShade

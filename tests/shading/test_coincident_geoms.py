@@ -10,9 +10,9 @@ import pytest
 import scenes
 import warp as wp
 from golden_scenes import compiled
-from warpcam.kernels import visibility
 
 import warpcam as wc
+from warpcam.kernels.passes import visibility
 
 DIM = '<visual><headlight ambient=".05 .05 .05" diffuse=".1 .1 .1" specular="0 0 0"/></visual>'
 CASTING = (

@@ -5,9 +5,10 @@ import numpy as np
 import pytest
 import scenes
 import warp as wp
-from warpcam.kernels import resolve, shadow, visibility
 
 import warpcam as wc
+from warpcam.kernels.passes import shading as resolve
+from warpcam.kernels.passes import shadow, visibility
 
 TEXTURE = '<texture name="checks" type="2d" builtin="checker" rgb1=".9 .8 .7" rgb2=".2 .3 .4" width="64" height="48"/>'
 SPOTS = (

@@ -8,10 +8,10 @@ import pytest
 import scenes
 import warp as wp
 from newton_scenes import eye, finalize, pose
-from warpcam.kernels import horizon
 
 import warpcam as wc
-import warpcam.scene
+import warpcam.scene.scene
+from warpcam.kernels.build import horizon_maps
 
 LIGHTS = [
     wc.Light(kind="directional", direction=(0.9, 0.5, -0.4)),
@@ -44,7 +44,7 @@ def furrows(count: int = 14) -> newton.Mesh:
 
 @pytest.mark.parametrize("turned", TURNED)
 def test_horizons_change_no_image(device: wp.Device, turned: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    if not horizon.are_kept(device):
+    if not horizon_maps.are_kept(device):
         pytest.skip("scenes of this device have no horizons")
     scale, rotation = TURNED[turned]
     builder = newton.ModelBuilder()
@@ -60,7 +60,7 @@ def test_horizons_change_no_image(device: wp.Device, turned: str, monkeypatch: p
         return np.concatenate([scenes.look(scene, camera)["hdr"] for scene in lit])
 
     spared = images(shadows=True)
-    monkeypatch.setattr(horizon, "are_kept", lambda device: False)
+    monkeypatch.setattr(horizon_maps, "are_kept", lambda device: False)
     walked = images(shadows=True)
     np.testing.assert_array_equal(spared, walked)
     assert (walked != images(shadows=False)).any(axis=-1).mean() > 0.01
@@ -73,7 +73,7 @@ def test_shutters_change_no_image(
     device: wp.Device, light: str, names: tuple[str, ...], turned: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """MuJoCo's: only there any face stops light, from whichever side."""
-    if not horizon.are_kept(device):
+    if not horizon_maps.are_kept(device):
         pytest.skip("scenes of this device have no shutters")
     spec = mujoco.MjSpec()
     spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_PLANE, size=(9.0, 9.0, 0.1))
@@ -98,7 +98,7 @@ def test_shutters_change_no_image(
         return image
 
     spared = images(shadows=True)
-    monkeypatch.setattr(warpcam.scene, "FEW_MESHES", 0)
+    monkeypatch.setattr(warpcam.scene.scene, "FEW_MESHES", 0)
     walked = images(shadows=True)
     np.testing.assert_array_equal(spared, walked)
     assert (walked != images(shadows=False)).any(axis=-1).mean() > 0.02

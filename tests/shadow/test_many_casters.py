@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 import scenes
 import warp as wp
-from warpcam.kernels import shadow
 
 import warpcam as wc
+from warpcam.kernels.passes import shadow
 
 # All around and past each other: some before a light that shines, some behind it, walls beside it.
 LIGHTS = """

@@ -8,7 +8,7 @@ import scenes
 import warp as wp
 
 import warpcam as wc
-from warpcam.accel.splats import Cloud, pack_splats
+from warpcam.accel.gaussians import Cloud, pack_splats
 
 newton = pytest.importorskip("newton")
 import splat_scenes  # noqa: E402, newton may be missing

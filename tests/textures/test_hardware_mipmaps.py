@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 import warp as wp
 from native_kernel import native_kernel
-from warpcam.kernels.types import Textures
 
-from warpcam.accel import mips
-from warpcam.accel.mips import are_halved, pack_mips
-from warpcam.accel.textures import TextureImage, pack_textures
+from warpcam.kernels.types import Textures
+from warpcam.textures import hardware_mipmaps
+from warpcam.textures.hardware_mipmaps import are_halved, pack_mips
+from warpcam.textures.pack import TextureImage, pack_textures
 
 
 @wp.func_native("""
@@ -28,7 +28,7 @@ def difference_at(
 ): ...
 
 
-@native_kernel("texels.h")
+@native_kernel("texture/sampler.h")
 def compare(
     textures: Textures,
     places: wp.array(dtype=wp.vec2),
@@ -74,7 +74,7 @@ def test_each_image_but_cubes_has_one_or_none_has(
 ) -> None:
     textures = pack_textures(images, device)
     made = pack_mips(images, textures, device)
-    there = device.is_cuda and mips.CAN_MAKE
+    there = device.is_cuda and hardware_mipmaps.CAN_MAKE
     assert (textures.mips.numpy() != 0).tolist() == [one and there for one in expected]
     assert len(made) == there * sum(expected)
 
@@ -90,4 +90,4 @@ def test_the_hardware_shows_what_the_texels_do(device: wp.Device) -> None:
     differences = wp.empty(count, dtype=wp.float32, device=device)
     wp.launch(compare, count, [textures, places, steps, differences], device=device)
     assert differences.numpy().max() < 2.5 / 255.0
-    assert len(made) == (device.is_cuda and mips.CAN_MAKE)
+    assert len(made) == (device.is_cuda and hardware_mipmaps.CAN_MAKE)

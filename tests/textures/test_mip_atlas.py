@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 import warp as wp
 from native_kernel import native_kernel
-from warpcam.kernels.types import Textures
 
-from warpcam.accel import sheets
-from warpcam.accel.sheets import cube_sheet_of, pack_sheets, sheet_of
-from warpcam.accel.textures import TextureImage, level_sizes, pack_textures
+from warpcam.kernels.types import Textures
+from warpcam.textures import mip_atlas
+from warpcam.textures.mip_atlas import cube_sheet_of, pack_sheets, sheet_of
+from warpcam.textures.pack import TextureImage, level_sizes, pack_textures
 
 SIZES = [(1, 1), (64, 32), (7, 5), (1, 9), (300, 20)]
 
@@ -23,7 +23,7 @@ def place_of_level(
 ): ...
 
 
-@native_kernel("texels.h")
+@native_kernel("texture/sampler.h")
 def places_of_levels(cube: wp.bool, width: wp.int32, height: wp.int32, rows: wp.array(dtype=wp.vec4)):
     place_of_level(cube, width, height, wp.tid(), rows)
 
@@ -54,7 +54,7 @@ def difference_at(
 ): ...
 
 
-@native_kernel("texels.h")
+@native_kernel("texture/sampler.h")
 def compare(
     cube: wp.bool,
     textures: Textures,
@@ -146,7 +146,7 @@ def test_the_hardware_shows_what_the_texels_do(device, kind):
 
 
 def test_images_too_large_have_no_sheet_and_leave_room_to_others(device, monkeypatch):
-    monkeypatch.setattr(sheets, "ROOM", 6 * 10 * 10)
+    monkeypatch.setattr(mip_atlas, "ROOM", 6 * 10 * 10)
     images = [TextureImage("2d", np.zeros((side, side, 3), np.uint8)) for side in (16, 8, 4)]
     textures = pack_textures(images, device)
     kept = pack_sheets(images, textures, device)

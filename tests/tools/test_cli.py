@@ -9,7 +9,9 @@ import pytest
 from PIL import Image
 
 import warpcam as wc
-from warpcam import cli, pictures, worlds
+from warpcam import visualize
+from warpcam.sources.mujoco import batch_file
+from warpcam.tools import cli
 
 TINY = """
 <mujoco>
@@ -161,8 +163,8 @@ def test_out_that_cannot_be_written(scene: Path, tmp_path: Path, capsys: pytest.
 def test_joint_positions_stay_within_ranges() -> None:
     import mujoco
 
-    host = mujoco.MjModel.from_xml_path(str(worlds.DEMO))
-    positions = worlds.joint_positions(host, host.qpos0, num_worlds=64, seed=3)
+    host = mujoco.MjModel.from_xml_path(str(batch_file.DEMO))
+    positions = batch_file.joint_positions(host, host.qpos0, num_worlds=64, seed=3)
     np.testing.assert_array_equal(positions[0], host.qpos0.astype(np.float32))
     limited = host.jnt_limited.astype(bool)
     values = positions[1:, host.jnt_qposadr[limited]]
@@ -176,36 +178,38 @@ def test_joint_positions_stay_within_ranges() -> None:
 
 
 def test_pictures_of_every_output() -> None:
-    from warpcam.outputs import OUTPUTS
+    from warpcam.camera.outputs import OUTPUTS
 
-    assert set(pictures.PICTURES) >= set(OUTPUTS)
+    assert set(visualize.PICTURES) >= set(OUTPUTS)
 
 
 def test_lengths_are_bright_when_near_and_black_when_missing() -> None:
     depth = np.array([1.0, 2.0, 4.0, np.inf], dtype=np.float32).reshape(1, 1, 4, 1)
-    near, middle, far, missing = pictures.picture("depth", depth)[0, 0].astype(int).sum(axis=-1)
+    near, middle, far, missing = visualize.picture("depth", depth)[0, 0].astype(int).sum(axis=-1)
     assert near > middle > far > missing == 0
 
 
 def test_normals_are_mapped_to_colors() -> None:
     normals = np.array([[0, 0, 1], [-1, 0, 0], [0, 0, 0]], dtype=np.float32).reshape(1, 1, 3, 3)
-    np.testing.assert_array_equal(pictures.picture("normals", normals)[0, 0], [[128, 128, 255], [0, 128, 128], [0] * 3])
+    np.testing.assert_array_equal(
+        visualize.picture("normals", normals)[0, 0], [[128, 128, 255], [0, 128, 128], [0] * 3]
+    )
 
 
 def test_flow_is_a_wheel() -> None:
     flow = np.array([[0, 0], [2, 0], [0, 2], [-2, 0], [0, -2], [-1, 0]], np.float32).reshape(1, 1, 6, 2)
-    still, right, down, left, up, half = pictures.picture("flow", flow)[0, 0].astype(int)
+    still, right, down, left, up, half = visualize.picture("flow", flow)[0, 0].astype(int)
     assert (still == 255).all()
     np.testing.assert_allclose(right, (255, 0, 0), atol=10)
     np.testing.assert_allclose(left, (0, 255, 255), atol=10)
     np.testing.assert_allclose(half, (128, 255, 255), atol=10)
     assert down.argmax() == 1 and up.argmax() == 2
-    assert (pictures.picture("flow", np.zeros((1, 2, 2, 2), np.float32)) == 255).all()
+    assert (visualize.picture("flow", np.zeros((1, 2, 2, 2), np.float32)) == 255).all()
 
 
 def test_ids_keep_their_color() -> None:
-    one = pictures.picture("segmentation", np.array([[[[3]], [[-1]]]], dtype=np.int32))
-    other = pictures.picture("segmentation", np.array([[[[900]], [[3]]]], dtype=np.int32))
+    one = visualize.picture("segmentation", np.array([[[[3]], [[-1]]]], dtype=np.int32))
+    other = visualize.picture("segmentation", np.array([[[[900]], [[3]]]], dtype=np.int32))
     np.testing.assert_array_equal(one[0, 0], other[0, 1])
     assert (one[0, 1] == 0).all()
     assert (other[0, 0] != one[0, 0]).any()
@@ -213,6 +217,6 @@ def test_ids_keep_their_color() -> None:
 
 def test_what_has_no_label_is_black() -> None:
     numbers = np.array([[[[0], [2], [0], [1]]]], dtype=np.int32)
-    none, two, again, one = pictures.picture("semantics", numbers)[0, 0]
+    none, two, again, one = visualize.picture("semantics", numbers)[0, 0]
     assert (none == 0).all() and (again == 0).all()
     assert two.any() and one.any() and (one != two).any()

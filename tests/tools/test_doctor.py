@@ -16,10 +16,10 @@ import numpy as np
 import pytest
 import torch
 import warp as wp
-from warpcam.kernels import launch
 
-from warpcam import cli, doctor, self_test
-from warpcam.self_test import shoot
+from warpcam.kernels.runtime import launch
+from warpcam.tools import cli, doctor, self_test
+from warpcam.tools.self_test import shoot
 
 CPU = wp.get_device("cpu")
 

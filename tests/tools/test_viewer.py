@@ -14,8 +14,8 @@ import trimesh
 import warp as wp
 
 import warpcam as wc
-from warpcam import cli
-from warpcam.simulation import Simulation
+from warpcam.tools import cli
+from warpcam.tools.demo_simulation import Simulation
 
 pytest.importorskip("viser", reason="needs viser: pip install warpcam[view]")
 

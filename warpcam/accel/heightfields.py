@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 import warp as wp
 
-from warpcam.errors import WarpcamError
+from warpcam.core.errors import WarpcamError
 from warpcam.kernels.types import HeightFields
 
 MAX_SAMPLES = 2**12 + 1  # along one side

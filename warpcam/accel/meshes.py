@@ -7,15 +7,15 @@ import numpy as np
 import warp as wp
 
 from warpcam.accel.bvh4 import Bvh4, build_bvh4s
-from warpcam.accel.kept import Kept, key_of
-from warpcam.accel.shutters import FEW_FACES, are_worth, pack_shutters
-from warpcam.errors import WarpcamError
-from warpcam.kernels import horizon, shutters
-from warpcam.kernels.launch import BLOCK, compiled_meanwhile
+from warpcam.accel.lru_cache import Kept, key_of
+from warpcam.accel.occluder_boxes import FEW_FACES, are_worth, pack_shutters
+from warpcam.core.errors import WarpcamError
+from warpcam.kernels.build import horizon_maps, occluder_boxes
+from warpcam.kernels.runtime.launch import BLOCK, compiled_meanwhile
 from warpcam.kernels.types import Meshes, Textures
 
 MAX_ROWS = 2**31 - 1
-BOUNDS, MIDDLE_BOUND = 32760, 32768  # as in native/bvh4.h: steps of an extent, and the plane through 0
+BOUNDS, MIDDLE_BOUND = 32760, 32768  # as in native/accel/bvh4.h: steps of an extent, and the plane through 0
 ABSENT = np.float32(1e30)  # all bounds of a child that is not there
 KEPT = 2**27  # bytes of trees, for the next scene that has those meshes, too
 
@@ -81,7 +81,7 @@ def pack_meshes(
     """
     places: dict[tuple[bytes, ...], tuple[int, int]] = {}  # by content: first rows of nodes and faces
     built: dict[tuple[bytes, ...], int] = {}  # by content: place among the trees
-    bounded = horizon.are_kept(device) and not any(mesh.moves or mesh.two_sided for mesh in meshes)
+    bounded = horizon_maps.are_kept(device) and not any(mesh.moves or mesh.two_sided for mesh in meshes)
     shut = shut and bounded
     finders = [(kernel, BLOCK) for kernel in _finders(meshes, shut)] if bounded else []
     with compiled_meanwhile([*finders, *ahead], device):
@@ -138,7 +138,7 @@ def pack_meshes(
     packed.has_uvs = _integers([mesh.mapped for mesh in meshes], device)
     if bounded:
         sizes = [len(rows) // 3 for _, rows in trees]
-        horizon.find_horizons(packed, np.repeat(np.array(holders, np.int32), sizes), device)
+        horizon_maps.find_horizons(packed, np.repeat(np.array(holders, np.int32), sizes), device)
         if shut and are_worth(faces := [rows for _, rows in trees]):
             packed.shutters = pack_shutters(packed, faces, holders, device)
     return packed, max((len(rows) // 3 for _, rows in trees), default=0)
@@ -161,7 +161,7 @@ def pack_masks(meshes: Sequence[Mesh], textures: Textures, packed: Meshes, devic
 def _finders(meshes: Sequence[Mesh], shut: bool) -> list[wp.Kernel]:
     """The kernels that look for horizons and, where they may be worth it, shutters."""
     few = all(len(mesh.faces) < FEW_FACES for mesh in meshes)
-    return ([horizon.kernel()] if meshes else []) + ([shutters.kernel()] if shut and not few else [])
+    return ([horizon_maps.kernel()] if meshes else []) + ([occluder_boxes.kernel()] if shut and not few else [])
 
 
 def _trees(meshes: Sequence[Mesh]) -> list[Bvh4]:

@@ -12,13 +12,13 @@ import mujoco
 import numpy as np
 from dm_control.mujoco import engine
 
-from warpcam import device as device_rule
-from warpcam.compat import abstract
-from warpcam.compat.decor import Own
-from warpcam.compat.options import style_of
-from warpcam.compat.studio import Studio, view_of
-from warpcam.compat.uploads import UPLOADS
-from warpcam.errors import WarpcamError
+from warpcam.compat.mujoco import mjv_scene
+from warpcam.compat.mujoco.frame_renderer import Studio, view_of
+from warpcam.compat.mujoco.options import style_of
+from warpcam.compat.mujoco.upload_calls import UPLOADS
+from warpcam.compat.mujoco.user_geoms import Own
+from warpcam.core import device as device_rule
+from warpcam.core.errors import WarpcamError
 
 __all__ = ["install", "uninstall"]
 
@@ -115,7 +115,7 @@ def _render(
     own = Own(model, _bare(camera.scene))
     if camera._scene_callback:
         camera._scene_callback(physics, camera.scene)
-    abstract.refuse_views(_bare(camera.scene))
+    mjv_scene.refuse_views(_bare(camera.scene))
     with camera.scene.override_flags(dict(render_flag_overrides or {})):
         style = style_of(model, _bare(option), camera.scene.flags)
         view = view_of(_bare(camera.scene), camera.width, camera.height)

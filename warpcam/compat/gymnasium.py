@@ -11,12 +11,12 @@ import mujoco
 import numpy as np
 from gymnasium.envs.mujoco import mujoco_rendering
 
-from warpcam import device as device_rule
-from warpcam.compat import uploads
-from warpcam.compat.decor import Own
-from warpcam.compat.options import style_of
-from warpcam.compat.studio import Studio, depth_buffer, view_of
-from warpcam.errors import WarpcamError
+from warpcam.compat.mujoco import upload_calls
+from warpcam.compat.mujoco.frame_renderer import Studio, depth_buffer, view_of
+from warpcam.compat.mujoco.options import style_of
+from warpcam.compat.mujoco.user_geoms import Own
+from warpcam.core import device as device_rule
+from warpcam.core.errors import WarpcamError
 
 __all__ = ["OffScreenViewer", "install", "uninstall"]
 
@@ -36,13 +36,13 @@ def install(device: Any = None) -> None:
         device_rule.resolve(device)
     _chosen[0] = device
     mujoco_rendering.OffScreenViewer = OffScreenViewer
-    uploads.serve(__name__)
+    upload_calls.serve(__name__)
 
 
 def uninstall() -> None:
     """Give Gymnasium its own viewer back. Environments that have one of ours keep it."""
     mujoco_rendering.OffScreenViewer = _original
-    uploads.leave(__name__)
+    upload_calls.leave(__name__)
     _chosen[0] = None
 
 
@@ -78,7 +78,7 @@ class OffScreenViewer:
         self.cam.distance = model.stat.extent
         self._markers: list[dict[str, Any]] = []
         self._studio: Studio | None = Studio(model, _chosen[0])
-        self.con: uploads.Context | None = uploads.Context(self._studio.reload)
+        self.con: upload_calls.Context | None = upload_calls.Context(self._studio.reload)
 
     def render(
         self, render_mode: str | None, camera_id: int | None = None, segmentation: bool = False

@@ -20,14 +20,14 @@ from mjlab.sim import Simulation
 from mjlab.sim.sim_data import WarpBridge
 
 import warpcam as wc
-from warpcam import interop
+from warpcam.camera.outputs import OUTPUTS
+from warpcam.compat.common import packing
 from warpcam.compat.mujoco_warp.arguments import read_groups
 from warpcam.compat.mujoco_warp.context import Look, load_groups
-from warpcam.errors import WarpcamError
-from warpcam.kernels import packing
-from warpcam.kernels.launch import Stage
-from warpcam.kernels.streams import context_kept
-from warpcam.outputs import OUTPUTS
+from warpcam.core import torch_interop
+from warpcam.core.errors import WarpcamError
+from warpcam.kernels.runtime.launch import Stage
+from warpcam.kernels.runtime.streams import context_kept
 
 
 @dataclass
@@ -137,13 +137,13 @@ class _Cameras:
     def render(self) -> None:
         device = self.data.geom_xpos.device
         if self._frames is None:
-            if interop.is_capturing(device):
+            if torch_interop.is_capturing(device):
                 raise WarpcamError("sense: a capture is under way before the first frame; call sim.sense() once before")
             self._frames = self._build()
         for look, renderer, stages in self._frames:
             if look is not None:
                 look.follow(self._m)
-            with interop.in_order(device):
+            with torch_interop.in_order(device):
                 renderer.render()
                 for stage in stages:
                     stage.launch()
@@ -211,7 +211,7 @@ class _Cameras:
                 ids = renderer.array(sensor.camera_idx, "segmentation")
                 stages.append(packing.record_objects(ids, objects, pairs, 0, scene.device))
                 shape = (scene.num_worlds, cfg.height, cfg.width, 2)
-                sensor._images["segmentation"] = interop.to_torch(pairs).view(shape)
+                sensor._images["segmentation"] = torch_interop.to_torch(pairs).view(shape)
         for stage in stages:
             stage.bind()
         return renderer, stages

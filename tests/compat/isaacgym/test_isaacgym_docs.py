@@ -9,7 +9,7 @@ import warpcam as wc
 
 pytest.importorskip("newton")
 from warpcam.compat.isaacgym import gymapi, gymtorch
-from warpcam.compat.isaacgym.refused import REFUSED
+from warpcam.compat.isaacgym.api.unsupported import REFUSED
 
 PAGE = (Path(__file__).resolve().parents[3] / "docs" / "compat" / "isaacgym.md").read_text()
 

@@ -13,7 +13,8 @@ import warpcam as wc
 mujoco, newton = pytest.importorskip("mujoco"), pytest.importorskip("newton")
 from isaacgym_worlds import GYM, at, new_sim  # noqa: E402, newton may be missing
 
-from warpcam.compat.isaacgym import gymapi, gymtorch, settings  # noqa: E402
+from warpcam.compat.isaacgym import gymapi, gymtorch
+from warpcam.compat.isaacgym.physics import model_writes as settings  # noqa: E402
 
 pytestmark = pytest.mark.filterwarnings("ignore")  # Newton's own
 CRANE = """

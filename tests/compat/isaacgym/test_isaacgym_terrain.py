@@ -16,7 +16,7 @@ newton = pytest.importorskip("newton")
 from isaacgym_worlds import GYM, at, new_sim, props, tensors_of  # noqa: E402, newton may be missing
 
 from warpcam.compat.isaacgym import gymapi, gymtorch  # noqa: E402
-from warpcam.compat.isaacgym.lattice import _cover, heights_of, is_convex, seen_from_above  # noqa: E402
+from warpcam.compat.isaacgym.terrain.heightfield_from_mesh import _cover, heights_of, is_convex, seen_from_above  # noqa: E402
 
 pytestmark = pytest.mark.filterwarnings("ignore")  # Newton's own
 ALONG_X, ALONG_Y, STEP_X, STEP_Y, RISE = 12, 7, 0.25, 0.4, 0.005

@@ -18,8 +18,9 @@ pytest.importorskip("newton")
 from isaacgym_worlds import GYM, at, new_sim
 
 from warpcam.compat import isaacgym as package
-from warpcam.compat.isaacgym import gymapi, gymutil, lattice, terrain_utils, torch_utils
-from warpcam.compat.isaacgym.maths import matrix_of
+from warpcam.compat.isaacgym import gymapi, gymutil, terrain_utils, torch_utils
+from warpcam.compat.isaacgym.api.math_types import matrix_of
+from warpcam.compat.isaacgym.terrain import heightfield_from_mesh as lattice
 
 RNG = np.random.default_rng(4)
 TURNS, OTHERS = Rotation.random(6, rng=RNG), Rotation.random(6, rng=RNG)

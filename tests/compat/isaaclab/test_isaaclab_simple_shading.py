@@ -15,10 +15,10 @@ pytest.importorskip("pxr", reason="pip install 'warpcam[usd]'")
 newton = pytest.importorskip("newton", reason="pip install 'warpcam[newton]'")
 
 from pxr import Gf, Usd, UsdGeom, UsdLux  # noqa: E402
-from warpcam.kernels.tone import record_toned  # noqa: E402
 
 from warpcam.compat.isaaclab import WarpcamRenderer, WarpcamRendererCfg, simple_shading  # noqa: E402
 from warpcam.compat.isaaclab import renderer as module  # noqa: E402
+from warpcam.compat.isaaclab.tonemap import record_toned  # noqa: E402
 
 pytestmark = pytest.mark.filterwarnings("ignore")  # Isaac Lab's and Newton's own
 

@@ -11,8 +11,7 @@ import warp as wp
 from mujoco_reference import reference_renderer
 
 import warpcam as wc
-from warpcam.compat import studio
-from warpcam.compat.mujoco import Renderer
+from warpcam.compat.mujoco import Renderer, frame_renderer
 
 WIDTH, HEIGHT = 64, 48
 GEOM, SITE, TENDON = (int(getattr(mujoco.mjtObj, f"mjOBJ_{kind}")) for kind in ("GEOM", "SITE", "TENDON"))
@@ -150,7 +149,7 @@ def test_a_floor_is_seen_through_from_below(device: wp.Device, monkeypatch: pyte
         renderer.update_scene(data, camera)
         expected = theirs.render()
         assert psnr(expected, renderer.render()) > 30.0
-        monkeypatch.setattr(studio.Studio, "_sees_backs", lambda *_: False)
+        monkeypatch.setattr(frame_renderer.Studio, "_sees_backs", lambda *_: False)
         assert psnr(expected, renderer.render()) < 25.0
         monkeypatch.undo()
         renderer.update_scene(data, "fixed")
@@ -367,8 +366,8 @@ def test_nothing_is_built_per_frame(device: wp.Device, loads: list[str], monkeyp
     """Many states, cameras and renderers: as many scenes as renderers, and the first one's kernels."""
     model, data = made()
     made_scenes: list[object] = []
-    real = studio.load
-    monkeypatch.setattr(studio, "load", lambda *a, **k: made_scenes.append(real(*a, **k)) or made_scenes[-1])
+    real = frame_renderer.load
+    monkeypatch.setattr(frame_renderer, "load", lambda *a, **k: made_scenes.append(real(*a, **k)) or made_scenes[-1])
     with ours(model, device) as renderer:
         renderer.update_scene(data)
         three(renderer)
@@ -389,9 +388,9 @@ def test_ways_to_look_are_let_go(device: wp.Device) -> None:
     model, data = made()
     with ours(model, device) as renderer:
         renderer.enable_depth_rendering()
-        for group in range(2 * studio.MAX_KEPT):
+        for group in range(2 * frame_renderer.MAX_KEPT):
             model.geom_group[0] = group % 6
             model.site_size[0, 0] = 0.01 + group / 100
             renderer.update_scene(data)
             renderer.render()
-        assert len(renderer._studio._scenes) == len(renderer._studio._eyes) == studio.MAX_KEPT
+        assert len(renderer._studio._scenes) == len(renderer._studio._eyes) == frame_renderer.MAX_KEPT

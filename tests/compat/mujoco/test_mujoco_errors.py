@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from warpcam.compat.mujoco import Renderer
-from warpcam.errors import WarpcamError
+from warpcam.core.errors import WarpcamError
 
 XML = '<mujoco><worldbody><geom size=".1"/><camera name="eye" pos="0 0 1"/></worldbody></mujoco>'
 

@@ -6,8 +6,7 @@ import warp as wp
 
 import warpcam as wc
 from warpcam.compat import mujoco as front
-from warpcam.compat import studio
-from warpcam.compat.mujoco import Renderer
+from warpcam.compat.mujoco import Renderer, frame_renderer
 
 WIDTH, HEIGHT = 64, 48
 XML = """
@@ -33,7 +32,9 @@ def test_installed_it_is_what_packages_make(device: wp.Device, monkeypatch: pyte
     """``mujoco.Renderer`` and what modules of MuJoCo call so, with the device that was said; names from before stay."""
     own, chosen = mujoco.Renderer, []
     model, data = made()
-    monkeypatch.setattr(front, "Studio", lambda model, device: chosen.append(device) or studio.Studio(model, device))
+    monkeypatch.setattr(
+        front, "Studio", lambda model, device: chosen.append(device) or frame_renderer.Studio(model, device)
+    )
     front.install(device)
     try:
         from mujoco import renderer as module

@@ -11,8 +11,7 @@ import warp as wp
 from mjv_geom_scene import GEOM, XML, add, connect, judging, made, tilted
 
 import warpcam as wc
-from warpcam.compat import studio
-from warpcam.compat.mujoco import Renderer
+from warpcam.compat.mujoco import Renderer, frame_renderer
 
 WIDTH, HEIGHT = 96, 72
 
@@ -283,8 +282,8 @@ def test_what_is_no_number_is_not_drawn_and_hides_nothing(pair: Pair) -> None:
 def test_their_number_changes_and_nothing_is_built_anew(device: wp.Device, monkeypatch: pytest.MonkeyPatch) -> None:
     model, data = made()
     built: list[Any] = []
-    load = studio.load
-    monkeypatch.setattr(studio, "load", lambda *given: built.append(given[-1]) or load(*given))
+    load = frame_renderer.load
+    monkeypatch.setattr(frame_renderer, "load", lambda *given: built.append(given[-1]) or load(*given))
     pictures = []
     with Renderer(model, HEIGHT, WIDTH, device=device) as renderer:
         for count, scenes in ((0, 1), (1, 2), (8, 2), (0, 2), (3, 2), (9, 3), (16, 3), (8, 3), (17, 4), (1, 4), (0, 4)):

@@ -9,8 +9,7 @@ import pytest
 import warp as wp
 
 import warpcam as wc
-from warpcam.compat import abstract
-from warpcam.compat.mujoco import Renderer
+from warpcam.compat.mujoco import Renderer, mjv_scene
 
 XML = """
 <mujoco>
@@ -43,7 +42,7 @@ def test_all_fields_of_geoms_and_lights_are_read() -> None:
         renderer.update_scene(data, "fixed")
         scene = renderer.scene
         scene.geoms[1].label = "here"
-        copies = ((scene.geoms, abstract.geoms_of(scene)), (scene.lights, abstract.lights_of(scene)))
+        copies = ((scene.geoms, mjv_scene.geoms_of(scene)), (scene.lights, mjv_scene.lights_of(scene)))
         assert [len(copy) for _, copy in copies] == [scene.ngeom, scene.nlight] and scene.nlight > 1
         for structs, items in copies:
             names = [name for name in dir(structs[0]) if not name.startswith("_")]
@@ -64,8 +63,8 @@ def test_what_is_written_is_seen_as_another() -> None:
         renderer.update_scene(data, "fixed")
         scene = renderer.scene
         for structs, count, read in (
-            (scene.geoms, scene.ngeom, abstract.geoms_of),
-            (scene.lights, scene.nlight, abstract.lights_of),
+            (scene.geoms, scene.ngeom, mjv_scene.geoms_of),
+            (scene.lights, scene.nlight, mjv_scene.lights_of),
         ):
             before = read(scene)
             names = [name for name in dir(structs[0]) if not name.startswith("_")]
@@ -76,13 +75,13 @@ def test_what_is_written_is_seen_as_another() -> None:
                     getattr(struct, name)[...] = value + 1
                 else:
                     setattr(struct, name, "a" if name == "label" else not value if value in (0, 1) else value + 1)
-                assert not abstract.same_all(before, read(scene))
-                assert np.flatnonzero(~abstract.same(before, read(scene))).tolist() == [index]
+                assert not mjv_scene.same_all(before, read(scene))
+                assert np.flatnonzero(~mjv_scene.same(before, read(scene))).tolist() == [index]
                 if isinstance(value, np.ndarray):
                     getattr(struct, name)[...] = value
                 else:
                     setattr(struct, name, value)
-            assert abstract.same_all(before[:count], read(scene)) or "label" in names
+            assert mjv_scene.same_all(before[:count], read(scene)) or "label" in names
         assert (renderer.render() == renderer.render()).all()
 
 

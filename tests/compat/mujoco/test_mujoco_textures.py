@@ -10,7 +10,7 @@ from mujoco_reference import reference_renderer
 from PIL import Image
 
 import warpcam as wc
-from warpcam.sources import mujoco_model
+from warpcam.sources.mujoco import model as mujoco_model
 
 SIZE = 128
 FINE = 120  # slices and stacks of what MuJoCo draws round

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 import warp as wp
 
-from warpcam.compat.studio import Studio, Style, View
+from warpcam.compat.mujoco.frame_renderer import Studio, Style, View
 
 WORLD = """
 <mujoco><worldbody>

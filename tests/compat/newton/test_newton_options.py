@@ -10,7 +10,7 @@ import scenes
 import warp as wp
 
 import warpcam as wc
-from warpcam import interop
+from warpcam.core import torch_interop
 
 newton = pytest.importorskip("newton", reason="pip install 'warpcam[newton]'")
 import newton_scenes  # noqa: E402, newton may be missing
@@ -241,7 +241,7 @@ def test_what_is_captured_stays_as_it_was(device: wp.Device, monkeypatch: pytest
 
     update()
     with monkeypatch.context() as capture:
-        capture.setattr(interop, "is_capturing", lambda device: True)
+        capture.setattr(torch_interop, "is_capturing", lambda device: True)
         for name, value in CHANGED:
             with pytest.raises(wc.WarpcamError, match=rf"render_config\.{name}: a capture is under way, and it is ano"):
                 update(**{name: value})
@@ -273,7 +273,7 @@ def test_a_scene_that_cannot_be_made_is_made_when_it_is_asked_for_again(
         raise MemoryError
 
     with monkeypatch.context() as full:
-        full.setattr("warpcam.compat.newton.views.load", fail)
+        full.setattr("warpcam.compat.newton.renderers.load", fail)
         with pytest.raises(MemoryError):
             seen_by(sensor, state, enable_particles=False)
     for particles in (False, True):

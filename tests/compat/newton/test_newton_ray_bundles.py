@@ -37,7 +37,7 @@ def zoo(device: wp.Device) -> tuple[Any, Any]:
 
 @pytest.mark.parametrize(("width", "height"), [(24, 16), (1, 1), (1, 7), (7, 1)])
 def test_lenses_are_found_in_rays(width: int, height: int) -> None:
-    from warpcam.compat.newton.rays import read_bundle
+    from warpcam.compat.newton.lens_detection import read_bundle
 
     rays = SensorCamera.compute_camera_rays_pinhole(
         width, height, focal_length=24.0, horizontal_aperture=20.0, vertical_aperture=15.0,

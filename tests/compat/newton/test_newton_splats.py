@@ -8,7 +8,7 @@ import scenes
 import warp as wp
 
 import warpcam as wc
-from warpcam import interop
+from warpcam.core import torch_interop
 
 newton = pytest.importorskip("newton", reason="pip install 'warpcam[newton]'")
 import newton_scenes  # noqa: E402, newton may be missing
@@ -157,7 +157,7 @@ def test_limits_that_a_capture_writes_are_not_taken_for_others(
 
     update(20)
     with monkeypatch.context() as capture:
-        capture.setattr(interop, "is_capturing", lambda device: True)
+        capture.setattr(torch_interop, "is_capturing", lambda device: True)
         update(5)
     update(20)
     limits.fill_(wp.vec2(0.5, 5.0))  # as a launch of the graph would

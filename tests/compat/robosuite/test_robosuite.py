@@ -16,7 +16,7 @@ from PIL import Image
 
 import warpcam as wc
 from warpcam.accel import bvh4
-from warpcam.compat import robosuite as ours
+from warpcam.compat.robosuite import renderer as ours
 
 pytest.importorskip(
     "robosuite", reason="robosuite needs an environment of its own: see 'robosuite' in .ci/run", exc_type=ImportError

@@ -12,7 +12,7 @@ import warp as wp
 from fake_devices import PART, UUIDS, Machine
 
 import warpcam as wc
-from warpcam.compat import robosuite as ours
+from warpcam.compat.robosuite import renderer as ours
 
 pytest.importorskip(
     "robosuite", reason="robosuite needs an environment of its own: see 'robosuite' in .ci/run", exc_type=ImportError

@@ -13,10 +13,11 @@ import warp as wp
 from views import compare
 
 import warpcam as wc
-from warpcam import files
+from warpcam.sources import load_file as files
 
 trimesh = pytest.importorskip("trimesh")
-from warpcam.sources import forms, mesh_file  # noqa: E402, trimesh may be missing
+from warpcam.sources.common import geometry as forms
+from warpcam.sources.files import mesh_file  # noqa: E402, trimesh may be missing
 
 FOLDER = Path(os.environ.get("WARPCAM_MESH_FILES", "/usr/share/assimp/models"))
 PATHS = sorted(path for path in FOLDER.rglob("*") if path.suffix.lower() in files.MESHES)

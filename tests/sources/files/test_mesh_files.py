@@ -217,7 +217,7 @@ def test_mjcf_and_urdf_are_read_by_mujoco(tmp_path: Path, device: wp.Device) -> 
 
 
 def test_formats_of_the_command_line(tmp_path: Path) -> None:
-    from warpcam import cli
+    from warpcam.tools import cli
 
     scene_of_parts().export(tmp_path / "it.glb")
     trimesh.creation.box().export(tmp_path / "it.stl")

@@ -17,7 +17,7 @@ import splat_scenes  # noqa: E402, newton may be missing
 from pxr import Gf, Usd, UsdGeom, UsdVol, Vt  # noqa: E402
 from splat_scenes import Placed, eye, nothing, random_gaussians, reference  # noqa: E402
 
-from warpcam.sources.splat_form import LEAST_RESPONSE  # noqa: E402
+from warpcam.sources.common.gaussian_cloud import LEAST_RESPONSE  # noqa: E402
 
 pytestmark = pytest.mark.filterwarnings("ignore")  # Newton's own
 CLOUD = random_gaussians(120, seed=11, least=LEAST_RESPONSE, size=0.2)

@@ -9,8 +9,8 @@ import visual_geom_scenes
 import warp as wp
 
 import warpcam as wc
-from warpcam.sources import mujoco_extras as extras
-from warpcam.sources.mujoco_model import VERSION
+from warpcam.sources.mujoco import visual_geoms as extras
+from warpcam.sources.mujoco.model import VERSION
 
 WRAPPED = VERSION >= extras.WRAPPED
 ENDS = 40  # pixels: the ends of a line are closed, which MuJoCo leaves open

@@ -8,7 +8,7 @@ import pytest
 import warp as wp
 
 import warpcam as wc
-from warpcam import urdf
+from warpcam.sources.mujoco import urdf
 
 BOX = '<collision><geometry><box size="4 4 4"/></geometry></collision>'
 MESH = '<visual><geometry><mesh filename="{}" scale="1 1 2"/></geometry></visual>'

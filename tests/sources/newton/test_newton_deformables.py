@@ -252,7 +252,8 @@ def test_swapping_states_builds_and_allocates_nothing(device: wp.Device, monkeyp
 
         monkeypatch.setattr(owner, name, counted)
 
-    from warpcam.kernels import launch, refit
+    from warpcam.kernels.runtime import launch
+    from warpcam.kernels.update import refit
 
     count(refit.Tree, "__init__", "trees")
     count(launch.Stage, "bind", "bound")

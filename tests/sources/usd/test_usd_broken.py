@@ -17,6 +17,7 @@ import warpcam as wc
 pytest.importorskip("pxr.Usd")
 from pxr import Gf, Usd, UsdGeom, UsdLux
 from usd_stages import above, add_mesh, add_square, image, metric
+
 from warpcam.benchmarks import corpus
 
 SQUARE = """def Mesh "it" {

@@ -6,7 +6,7 @@ import torch
 import warp as wp
 
 import warpcam as wc
-from warpcam.parts import FIELDS
+from warpcam.scene.source import FIELDS
 
 pytest.importorskip("pxr.Usd")
 from pxr import Sdf, Usd, UsdGeom, UsdLux, UsdShade

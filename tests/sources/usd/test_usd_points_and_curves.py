@@ -12,7 +12,7 @@ pytest.importorskip("pxr.Usd")
 from pxr import Usd, UsdGeom
 from usd_stages import above, image
 
-from warpcam.sources.usd_strands import BASES, Line, icosphere, tube
+from warpcam.sources.usd.points_and_curves import BASES, Line, icosphere, tube
 
 
 def set_values(prim: Any, how: str, **arrays: Any) -> None:

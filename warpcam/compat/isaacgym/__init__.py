@@ -3,7 +3,7 @@
 import sys
 from importlib import import_module
 
-from warpcam.errors import WarpcamError
+from warpcam.core.errors import WarpcamError
 
 __all__ = ["install", "uninstall"]
 

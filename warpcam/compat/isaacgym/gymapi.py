@@ -10,14 +10,9 @@ where it is asked for; nothing returns None for an image.
 
 from typing import NoReturn
 
-from warpcam.compat.isaacgym.asset import Asset
-from warpcam.compat.isaacgym.calls_cameras import CameraCalls
-from warpcam.compat.isaacgym.calls_forces import ForceCalls
-from warpcam.compat.isaacgym.calls_joints import JointCalls
-from warpcam.compat.isaacgym.calls_looks import LookCalls
-from warpcam.compat.isaacgym.calls_properties import PropertyCalls
-from warpcam.compat.isaacgym.calls_sim import SimCalls
-from warpcam.compat.isaacgym.kinds import (
+from warpcam.compat.isaacgym.api.appearance import LookCalls
+from warpcam.compat.isaacgym.api.cameras import CameraCalls
+from warpcam.compat.isaacgym.api.enums import (
     INVALID_HANDLE,
     STATE_ALL,
     STATE_NONE,
@@ -41,8 +36,10 @@ from warpcam.compat.isaacgym.kinds import (
     TensorDataType,
     UpAxis,
 )
-from warpcam.compat.isaacgym.maths import DofFrame, Mat33, Quat, Transform, Vec3, Velocity
-from warpcam.compat.isaacgym.options import (
+from warpcam.compat.isaacgym.api.forces import ForceCalls
+from warpcam.compat.isaacgym.api.joints import JointCalls
+from warpcam.compat.isaacgym.api.math_types import DofFrame, Mat33, Quat, Transform, Vec3, Velocity
+from warpcam.compat.isaacgym.api.params import (
     AssetOptions,
     CameraProperties,
     FlexParams,
@@ -53,7 +50,8 @@ from warpcam.compat.isaacgym.options import (
     TriangleMeshParams,
     VhacdParams,
 )
-from warpcam.compat.isaacgym.properties import (
+from warpcam.compat.isaacgym.api.properties import PropertyCalls
+from warpcam.compat.isaacgym.api.property_types import (
     RIGID_BODY_DISABLE_GRAVITY,
     RIGID_BODY_DISABLE_SIMULATION,
     RIGID_BODY_ENABLE_GYROSCOPIC_FORCES,
@@ -65,10 +63,12 @@ from warpcam.compat.isaacgym.properties import (
     RigidShapeProperties,
     TendonProperties,
 )
-from warpcam.compat.isaacgym.refused import Refusals, why_missing
-from warpcam.compat.isaacgym.sim import Sim
-from warpcam.compat.isaacgym.tensors import Tensor
-from warpcam.compat.isaacgym.world import Env
+from warpcam.compat.isaacgym.api.sim import SimCalls
+from warpcam.compat.isaacgym.api.tensors import Tensor
+from warpcam.compat.isaacgym.api.unsupported import Refusals, why_missing
+from warpcam.compat.isaacgym.assets.asset import Asset
+from warpcam.compat.isaacgym.physics.environments import Env
+from warpcam.compat.isaacgym.physics.simulation import Sim
 
 IMAGE_COLOR, IMAGE_DEPTH, IMAGE_SEGMENTATION, IMAGE_OPTICAL_FLOW = ImageType
 FOLLOW_POSITION, FOLLOW_TRANSFORM = CameraFollowMode

@@ -2,15 +2,15 @@
 
 from collections.abc import Sequence
 
-from warpcam import interop
-from warpcam.compat.isaacgym.tensors import Tensor, unwrap, wrap, wrap_at
+from warpcam.compat.isaacgym.api.tensors import Tensor, unwrap, wrap, wrap_at
+from warpcam.core import torch_interop
 
 __all__ = ["unwrap_tensor", "wrap_tensor", "wrap_tensor_impl"]
 
 
 def wrap_tensor(
     gym_tensor: Tensor, offsets: Sequence[int] | None = None, counts: Sequence[int] | None = None
-) -> interop.Tensor | None:
+) -> torch_interop.Tensor | None:
     """The memory of a tensor as a torch tensor. It costs nothing, and the address never changes.
 
     None, as there, of what a simulation has none of, such as states of degrees of freedom: never of an image.
@@ -30,7 +30,7 @@ def wrap_tensor_impl(
     shape: Sequence[int],
     offsets: Sequence[int] | None = None,
     counts: Sequence[int] | None = None,
-) -> interop.Tensor:
+) -> torch_interop.Tensor:
     """The memory of a tensor in another shape, as programs ask for it that read optical flow as (height, width, 2).
 
     Args:
@@ -44,6 +44,6 @@ def wrap_tensor_impl(
     return wrap_at(data_ptr, device, dtype, shape, offsets, counts)
 
 
-def unwrap_tensor(torch_tensor: interop.Tensor) -> Tensor:
+def unwrap_tensor(torch_tensor: torch_interop.Tensor) -> Tensor:
     """What the calls of ``gymapi`` that set states take, of a torch tensor."""
     return unwrap(torch_tensor)

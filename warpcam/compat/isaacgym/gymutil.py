@@ -13,14 +13,14 @@ import numpy as np
 import warp as wp
 
 from warpcam.compat.isaacgym import gymapi
-from warpcam.compat.isaacgym.lines import (
+from warpcam.compat.isaacgym.api.line_geometry import (
     AxesGeometry,
     LineGeometry,
     WireframeBBoxGeometry,
     WireframeBoxGeometry,
     WireframeSphereGeometry,
 )
-from warpcam.compat.isaacgym.randomizing import (
+from warpcam.compat.isaacgym.api.randomization import (
     apply_random_samples,
     check_buckets,
     generate_random_samples,
@@ -28,7 +28,7 @@ from warpcam.compat.isaacgym.randomizing import (
     get_property_getter_map,
     get_property_setter_map,
 )
-from warpcam.errors import WarpcamError
+from warpcam.core.errors import WarpcamError
 
 __all__ = [
     "AxesGeometry",

@@ -7,7 +7,7 @@ samples, over ``width``, and y with the second, over ``length``.
 
 import numpy as np
 
-from warpcam.errors import WarpcamError
+from warpcam.core.errors import WarpcamError
 
 # With numpy, which programs that import all of it count on.
 __all__ = [

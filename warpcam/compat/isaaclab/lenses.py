@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 import warpcam as wc
-from warpcam.errors import WarpcamError
+from warpcam.core.errors import WarpcamError
 
 RADIAL = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6", "s1", "s2", "s3", "s4")  # OpenCV's order
 BASES = "abcdef"  # of fisheye_polynomial_*

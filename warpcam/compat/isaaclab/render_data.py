@@ -9,13 +9,13 @@ import warp as wp
 from isaaclab.renderers.segmentation_colors import BACKGROUND_ID, UNLABELLED_ID, pack_rgba, random_color_from_id
 
 import warpcam as wc
-from warpcam import interop
+from warpcam.compat.common import packing
 from warpcam.compat.isaaclab import simple_shading
 from warpcam.compat.isaaclab.lenses import lens_of
-from warpcam.errors import WarpcamError
-from warpcam.kernels import packing
-from warpcam.kernels.launch import Stage
-from warpcam.kernels.tone import record_toned
+from warpcam.compat.isaaclab.tonemap import record_toned
+from warpcam.core import torch_interop
+from warpcam.core.errors import WarpcamError
+from warpcam.kernels.runtime.launch import Stage
 
 # Isaac Lab's cameras look along +x with z up: this turns them to look along -z with y up. x y z w.
 TURN = (0.5, -0.5, -0.5, 0.5)
@@ -130,7 +130,7 @@ class RenderData:
         arrays = self.renderer.camera("camera")
         if self._behind is not None:
             behind = np.tile(self._behind, (self._scene.num_worlds, 1))
-            with interop.in_order(self._scene.device):
+            with torch_interop.in_order(self._scene.device):
                 wp.from_torch(arrays.background).assign(behind)
         self._targets = (
             wp.from_torch(arrays.position, dtype=wp.vec3),
@@ -149,7 +149,7 @@ class RenderData:
         if not self._targets:
             return
         inputs = [positions, orientations, wp.quat(*TURN), matrices, *self._targets]
-        with interop.in_order(self._scene.device):
+        with torch_interop.in_order(self._scene.device):
             wp.launch(packing.place_cameras, self._scene.num_worlds, inputs, device=self._scene.device)
 
     def set_lens(self, matrices: wp.array) -> None:
@@ -180,7 +180,7 @@ class RenderData:
     def render(self) -> None:
         if self.renderer is None:
             return
-        with interop.in_order(self._scene.device):
+        with torch_interop.in_order(self._scene.device):
             self.renderer.render()
             for write in self._after:
                 write()

@@ -12,10 +12,10 @@ from warpcam.compat.isaaclab import lenses, simple_shading
 from warpcam.compat.isaaclab.events import offer_shape_colors
 from warpcam.compat.isaaclab.render_data import LABELLED, RenderData
 from warpcam.compat.isaaclab.renderer_cfg import NAME, WarpcamRendererCfg
-from warpcam.errors import WarpcamError
-from warpcam.kernels.streams import context_kept
-from warpcam.sources.newton import load
-from warpcam.sources.newton_choice import Choice
+from warpcam.core.errors import WarpcamError
+from warpcam.kernels.runtime.streams import context_kept
+from warpcam.sources.newton.options import Choice
+from warpcam.sources.newton.source import load
 
 AMBIENT = (0.2, 0.2, 0.2)
 

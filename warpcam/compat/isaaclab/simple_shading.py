@@ -13,9 +13,9 @@ import numpy as np
 import warp as wp
 
 import warpcam as wc
-from warpcam.errors import WarpcamError
-from warpcam.sources.newton import load
-from warpcam.sources.newton_choice import Choice
+from warpcam.core.errors import WarpcamError
+from warpcam.sources.newton.options import Choice
+from warpcam.sources.newton.source import load
 
 Level = Literal["constant", "diffuse", "full"]
 LEVELS: Mapping[str, Level] = {
@@ -29,7 +29,7 @@ COLORS = ("rgb", "rgba", "rgb_hdr", "albedo")
 AMBIENT, CAMERA_LIGHT = 0.2267, 0.837
 EXPOSURE = 41.24  # of a DistantLight's irradiance over pi
 GRAY = 0.2  # the one colour, linear
-CURVE = (2.51, 0.03, 2.43, 0.59, 0.14)  # as kernels/tone.py has it
+CURVE = (2.51, 0.03, 2.43, 0.59, 0.14)  # as warpcam/compat/isaaclab/tonemap.py has it
 
 
 def chosen_from(kinds: Collection[str]) -> str | None:
@@ -78,8 +78,8 @@ def distant_light(stage: Any) -> tuple[wc.Light, ...]:
     """The first DistantLight of the stage that is visible, as it is now; none if there is none."""
     from pxr import Usd, UsdGeom
 
-    from warpcam.sources.notes import Notes
-    from warpcam.sources.usd_light import read_light
+    from warpcam.sources.common.warnings import Notes
+    from warpcam.sources.usd.light import read_light
 
     for prim in stage.Traverse():
         if prim.GetTypeName() != "DistantLight":

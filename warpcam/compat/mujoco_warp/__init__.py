@@ -12,12 +12,12 @@ from typing import Any
 import mujoco
 import warp as wp
 
-from warpcam import device as device_rule
+from warpcam.compat.common import packing
+from warpcam.compat.common.scalars import real, whole
 from warpcam.compat.mujoco_warp.arguments import SPLATS_ARE, check_settings, read_views
 from warpcam.compat.mujoco_warp.context import RenderContext
-from warpcam.compat.numbers import real, whole
-from warpcam.errors import WarpcamError
-from warpcam.kernels import packing
+from warpcam.core import device as device_rule
+from warpcam.core.errors import WarpcamError
 
 __all__ = [
     "RenderContext",

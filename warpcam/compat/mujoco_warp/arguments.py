@@ -7,9 +7,9 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from warpcam.compat.numbers import whole
-from warpcam.errors import WarpcamError
-from warpcam.sources.mujoco_extras import check_kinds
+from warpcam.compat.common.scalars import whole
+from warpcam.core.errors import WarpcamError
+from warpcam.sources.mujoco.visual_geoms import check_kinds
 
 # Options whose other value would change images in a way that is not offered, and what is drawn instead.
 FIXED = {

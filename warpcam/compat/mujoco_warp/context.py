@@ -9,15 +9,15 @@ import numpy as np
 import warp as wp
 
 import warpcam as wc
-from warpcam import interop
+from warpcam.compat.common import packing
 from warpcam.compat.mujoco_warp.arguments import FIXED, View, has_skybox
-from warpcam.errors import WarpcamError
-from warpcam.kernels import packing
-from warpcam.kernels.launch import Stage
-from warpcam.kernels.streams import context_kept
-from warpcam.layers import choice_of
-from warpcam.sources.mujoco_model import NUM_GROUPS
-from warpcam.sources.mujoco_warp import load
+from warpcam.core import torch_interop
+from warpcam.core.errors import WarpcamError
+from warpcam.kernels.runtime.launch import Stage
+from warpcam.kernels.runtime.streams import context_kept
+from warpcam.scene.layers import choice_of
+from warpcam.sources.mujoco.device import load
+from warpcam.sources.mujoco.model import NUM_GROUPS
 
 MAX_SCENES = 4  # Models and Datas that a context goes to and fro between without reading them anew
 
@@ -101,7 +101,7 @@ class RenderContext:
         if bound is None:
             if not hasattr(d, "nworld"):
                 raise WarpcamError(f"render: d must be a mujoco_warp.Data, got {type(d).__name__}")
-            if interop.is_capturing(self.device):
+            if torch_interop.is_capturing(self.device):
                 raise WarpcamError(
                     "render: a capture is under way, and this Model and Data have not been seen before; call "
                     "refit_bvh(m, d, rc) once before the capture"
@@ -184,7 +184,7 @@ class _Bound:
             self._look.follow(self._m)
         if self.renderer is None:
             return
-        with interop.in_order(self._device):
+        with torch_interop.in_order(self._device):
             self.renderer.render()
             for stage in self._stages:
                 stage.launch()

@@ -4,7 +4,7 @@ Constructor, ``update``, ``allocate_image_*``, ray helpers, settings, packing an
 those of ``newton.sensors``: see docs/compat/newton.md.
 """
 
-from warpcam.compat.newton.camera import SensorCamera
-from warpcam.compat.newton.tiled import SensorTiledCamera
+from warpcam.compat.newton.sensor_camera import SensorCamera
+from warpcam.compat.newton.sensor_tiled_camera import SensorTiledCamera
 
 __all__ = ["SensorCamera", "SensorTiledCamera"]

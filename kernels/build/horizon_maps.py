@@ -1,0 +1,48 @@
+"""What a mesh's own faces hide of the sky from each of them: see native/accel/horizon_map.h."""
+
+import functools
+
+import numpy as np
+import warp as wp
+
+from warpcam.kernels.runtime.launch import BLOCK, native_module
+from warpcam.kernels.types import Meshes
+
+
+@functools.cache
+def kernel() -> wp.Kernel:
+    """What finds them, for CUDA."""
+
+    @wp.func_native("warpcam::find_horizon(meshes, mesh, face);")
+    def find(meshes: Meshes, mesh: int, face: int): ...
+
+    @wp.kernel(
+        module="unique",
+        enable_backward=False,
+        grid_stride=False,
+        module_options=native_module("build/horizon_builder.h"),
+    )
+    def horizons(meshes: Meshes, owners: wp.array(dtype=wp.int32)):
+        i = wp.tid()
+        mesh = owners[i]
+        find(meshes, mesh, i - meshes.face_start[mesh] // 3)
+
+    return horizons
+
+
+def are_kept(device: wp.Device) -> bool:
+    """Whether scenes of the device have horizons: finding them takes a core of a CPU longer than building trees."""
+    return bool(device.is_cuda)
+
+
+def find_horizons(meshes: Meshes, owners: np.ndarray, device: wp.Device) -> None:
+    """Write the horizons of all faces of all meshes into ``meshes.faces``.
+
+    Args:
+        meshes: What lies on ``device``; none of it moves, and no face is seen from behind.
+        owners: Index of the mesh that each face of ``meshes.faces`` belongs to, or of one that shares it, (face,).
+        device: Where to.
+    """
+    if len(owners):
+        inputs = [meshes, wp.array(owners, dtype=wp.int32, device=device)]
+        wp.launch(kernel(), len(owners), inputs, device=device, block_dim=BLOCK)

@@ -1,0 +1,326 @@
+// Triangle meshes on a CPU: a tile's rays walk one mesh after another, side by side. Each step of a ray is a few
+// instructions that wait for each other; those of one ray run while another's are waited for. A ray tests the four
+// children of a node, and eight faces of a leaf, at once.
+#pragma once
+#include "core/simd8.h"
+#include "accel/alpha_test.h"
+
+namespace warpcam {
+
+typedef float Float4 __attribute__((ext_vector_type(4)));
+typedef int Int4 __attribute__((ext_vector_type(4)));
+
+inline Float4 lower4(Float4 a, Float4 b) { return a < b ? a : b; }
+inline Float4 upper4(Float4 a, Float4 b) { return a > b ? a : b; }
+
+inline Float4 muladd4(Float4 a, float b, float c)
+{
+#if defined(__FMA__)
+    return __builtin_elementwise_fma(a, (Float4)b, (Float4)c);
+#else
+    return a * b + c;
+#endif
+}
+
+inline Float4 load4(const float* from)
+{
+    Float4 r;
+    __builtin_memcpy(&r, from, sizeof r);
+    return r;
+}
+
+inline void store4(int* to, Int4 a) { __builtin_memcpy(to, &a, sizeof a); }
+
+// How many elements are true (all ones)?
+inline int count_of(Int4 truth)
+{
+#if defined(__x86_64__)
+    return __builtin_popcount(static_cast<unsigned>(__builtin_ia32_movmskps((Float4)truth)));
+#else
+    return -__builtin_reduce_add(truth);
+#endif
+}
+
+// Four numbers, the greatest first.
+inline Int4 sorted4(Int4 a)
+{
+    const auto greater = [](Int4 a, Int4 b) { return a > b ? a : b; };
+    const auto less = [](Int4 a, Int4 b) { return a < b ? a : b; };
+    Int4 b = __builtin_shufflevector(a, a, 1, 0, 3, 2);
+    a = __builtin_shufflevector(greater(a, b), less(a, b), 0, 5, 2, 7);
+    b = __builtin_shufflevector(a, a, 2, 3, 0, 1);
+    a = __builtin_shufflevector(greater(a, b), less(a, b), 0, 1, 6, 7);
+    b = __builtin_shufflevector(a, a, 0, 2, 1, 3);
+    return __builtin_shufflevector(greater(a, b), less(a, b), 0, 1, 6, 3);
+}
+
+// Elements by the two lowest bits of `at`.
+inline Int4 pick4(Int4 from, Int4 at)
+{
+#if defined(__AVX__)
+    return (Int4)__builtin_ia32_vpermilvarps((Float4)from, at);
+#else
+    return { from[at[0] & 3], from[at[1] & 3], from[at[2] & 3], from[at[3] & 3] };
+#endif
+}
+
+// As Corner and project() of geometry/triangle.h, for eight faces.
+struct Corners {
+    Floats x, y, along;
+};
+
+inline Floats edges(const Corners& a, const Corners& b)
+{
+#pragma clang fp contract(off)
+    return a.x * b.y - a.y * b.x;
+}
+
+// Which sides of faces a ray meets: fronts; backs, too, of those that have one; both of all.
+enum Sides { FRONTS, FRONTS_AND_MARKED, BOTH_SIDES };
+
+template <int TYPES, bool ANY>
+constexpr Sides SIDES_OF = ANY && (TYPES >> SHADING_BACKS & 1) ? BOTH_SIDES
+    : TYPES >> TWO_SIDED & 1 ? FRONTS_AND_MARKED : FRONTS;
+
+// Rays at one mesh, by number.
+struct MeshRays {
+    static constexpr int ROOM = STACK + 5;  // with what ends it, and three that a step writes too many
+    static constexpr int NODE = 4 * NODE_ROWS, FACE = 4 * FACE_ROWS;  // floats
+    static constexpr int FEW = 4;  // so many rays are enough to walk side by side
+
+    const float *nodes, *faces;
+    float scale[3][LANES], in[3][LANES], out[3][LANES];  // see Slabs; which of a box's planes is met first is known
+    int first[3][LANES];                                 // rows from a node's lower planes to these
+    float frame[12][LANES];                              // see RayFrame
+    float near[LANES], depth[LANES];
+    int face[LANES];  // the nearest so far, or -1
+    // What waits, the nearest on top: children of nodes, and bits of where the ray enters them, less the two lowest. At
+    // the bottom is 0, which is no child.
+    int height[LANES];
+    int child[LANES][ROOM], entry[LANES][ROOM];
+    int walking[LANES + 1], at_leaf[LANES + 1];  // rays whose next is a node, or a leaf
+    int num_walking, num_at_leaf;
+
+    MeshRays(const float* nodes, const float* faces): nodes(nodes), faces(faces), num_walking(0), num_at_leaf(0) { }
+
+    void put(int ray, const Slabs& s, const RayFrame& f, float from, float to)
+    {
+        const bool x = s.scale.x < 0.0f, y = s.scale.y < 0.0f, z = s.scale.z < 0.0f;
+        scale[0][ray] = s.scale.x, scale[1][ray] = s.scale.y, scale[2][ray] = s.scale.z;
+        in[0][ray] = x ? s.up.x : s.down.x, in[1][ray] = y ? s.up.y : s.down.y, in[2][ray] = z ? s.up.z : s.down.z;
+        out[0][ray] = x ? s.down.x : s.up.x, out[1][ray] = y ? s.down.y : s.up.y, out[2][ray] = z ? s.down.z : s.up.z;
+        first[0][ray] = x ? 3 : 0, first[1][ray] = y ? 3 : 0, first[2][ray] = z ? 3 : 0;
+        frame[0][ray] = f.origin.x, frame[1][ray] = f.origin.y, frame[2][ray] = f.origin.z;
+        frame[3][ray] = f.across.x, frame[4][ray] = f.across.y, frame[5][ray] = f.across.z;
+        frame[6][ray] = f.up.x, frame[7][ray] = f.up.y, frame[8][ray] = f.up.z;
+        frame[9][ray] = f.depth.x, frame[10][ray] = f.depth.y, frame[11][ray] = f.depth.z;
+        near[ray] = from;
+        depth[ray] = to;
+    }
+
+    // Eight rays, `first_ray` and those after it, through slabs and frames as those of accel/bvh4.h and
+    // camera/shape_record.h.
+    void put_eight(int first_ray, Vecs o, Vecs d, float extent, const Vecs (&rows)[3], Floats from, Floats to)
+    {
+        const Floats pad = 1.0e-6f * (magnitude(o.x) + magnitude(o.y) + magnitude(o.z) + extent);
+        const Floats from_origin[3] = { o.x, o.y, o.z }, along[3] = { d.x, d.y, d.z };
+        for (int axis = 0; axis < 3; ++axis) {
+            const Floats rate = reciprocal(nonzero(along[axis]));
+            const Floats down = -(from_origin[axis] + pad) * rate, up = -(from_origin[axis] - pad) * rate;
+            const Ints back = rate < 0.0f;
+            put(scale[axis] + first_ray, rate);
+            put(in[axis] + first_ray, back ? up : down);
+            put(out[axis] + first_ray, back ? down : up);
+            put(first[axis] + first_ray, back & 3);
+            put(frame[axis] + first_ray, from_origin[axis]);
+            put(frame[3 * axis + 3] + first_ray, rows[axis].x);
+            put(frame[3 * axis + 4] + first_ray, rows[axis].y);
+            put(frame[3 * axis + 5] + first_ray, rows[axis].z);
+        }
+        put(near + first_ray, from);
+        put(depth + first_ray, to);
+    }
+
+    template <class Value, class Values> static void put(Value* to, Values values)
+    {
+        static_assert(sizeof values == PACKET * sizeof(Value));
+        __builtin_memcpy(to, &values, sizeof values);
+    }
+
+    // Makes a ray that was put walk.
+    void start(int ray)
+    {
+        face[ray] = -1;
+        height[ray] = 1;
+        child[ray][0] = child[ray][1] = 0;
+        entry[ray][0] = -1;  // the bits of no number: not beyond any depth
+        walking[num_walking++] = ray;
+    }
+
+    // Tests the children of the node on top; returns what is on top then.
+    int step(int ray)
+    {
+        const int top = height[ray];
+        const float* rows = nodes + size_t(unsigned(child[ray][top])) * NODE;
+        const auto planes = [&](int axis, int row, const float (&offset)[3][LANES]) {
+            return muladd4(load4(rows + 4 * (axis + row)), scale[axis][ray], offset[axis][ray]);
+        };
+        const int x = first[0][ray], y = first[1][ray], z = first[2][ray];
+        const Float4 enter = upper4(upper4(planes(0, x, in), planes(1, y, in)),
+                                    upper4(planes(2, z, in), (Float4)near[ray]));
+        const Float4 leave = lower4(lower4(planes(0, 3 - x, out), planes(1, 3 - y, out)),
+                                    lower4(planes(2, 3 - z, out), (Float4)depth[ray]));
+        const Int4 met = enter <= leave;
+        const Int4 keys = sorted4(((Int4)enter & 0x7ffffffc) | Int4 { 0, 1, 2, 3 } | ~met);
+        store4(child[ray] + top, pick4((Int4)load4(rows + 4 * 6), keys));
+        store4(entry[ray] + top, keys);
+        height[ray] = top + count_of(met) - 1;
+        return child[ray][height[ray]];
+    }
+
+    // The leaf on top against its ray. there(ray, face, depth): the face is there where it is met.
+    template <Sides SIDES, class There> void test_leaf(int ray, const There& there)
+    {
+        const int code = -child[ray][height[ray]] - 1, begin = code >> 4, end = begin + (code & 15);
+        const auto of_frame = [&](int k) { return (Floats)frame[k][ray]; };
+        for (int number = begin; number < end; number += PACKET) {
+            const float* rows[PACKET];
+            for (int k = 0; k < PACKET; ++k)
+                rows[k] = faces + size_t(unsigned(lower_int(number + k, end - 1))) * FACE;
+            Corners corners[3];
+            Ints both = -1;
+            for (int corner = 0; corner < 3; ++corner) {
+#pragma clang fp contract(off)
+                const Columns at = columns_of(rows, 4 * corner);
+                const Floats x = at.a - of_frame(0), y = at.b - of_frame(1), z = at.c - of_frame(2);
+                corners[corner] = { of_frame(3) * x + (of_frame(4) * y + of_frame(5) * z),
+                                    of_frame(6) * x + (of_frame(7) * y + of_frame(8) * z),
+                                    of_frame(9) * x + of_frame(10) * y + of_frame(11) * z };
+                if (SIDES == FRONTS_AND_MARKED && corner == 1)
+                    both = (Ints)at.d != 0;
+            }
+            const Floats wc = edges(corners[0], corners[1]), wa = edges(corners[1], corners[2]);
+            const Floats wb = edges(corners[2], corners[0]), total = wa + wb + wc;
+            const Floats none = 0.0f;
+            Ints inside = (wa >= none) & (wb >= none) & (wc >= none) & (total > none);
+            if constexpr (SIDES != FRONTS)
+                inside |= both & (wa <= none) & (wb <= none) & (wc <= none) & (total < none);
+            if (!any_of(inside))
+                continue;
+            const Floats t = (wa * corners[0].along + wb * corners[1].along + wc * corners[2].along) / total;
+            for (unsigned left = bits_of(inside & (t < depth[ray]) & (t > near[ray])); left; left &= left - 1) {
+                const int k = lowest_bit(left), met = lower_int(number + k, end - 1);
+                if (t[k] < depth[ray] && there(ray, met, t[k])) {
+                    depth[ray] = t[k];
+                    face[ray] = met;
+                }
+            }
+        }
+    }
+
+    // Takes what is on top away, and what lies behind the ray's hit; returns what is on top then.
+    int drop(int ray)
+    {
+        int top = height[ray] - 1;
+        while (as_float(entry[ray][top]) >= depth[ray])
+            --top;
+        height[ray] = top;
+        return child[ray][top];
+    }
+
+    // Puts a ray where it goes on, if it does; its memory is asked for.
+    void sort(int ray, int next)
+    {
+        walking[num_walking] = ray;
+        num_walking += next > 0;
+        at_leaf[num_at_leaf] = ray;
+        num_at_leaf += next < 0;
+        const unsigned row = next < 0 ? unsigned(-next - 1) >> 4 : unsigned(next);
+        const float* const place = next < 0 ? faces + size_t(row) * FACE : nodes + size_t(row) * NODE;
+        const char* const memory = reinterpret_cast<const char*>(place);
+        __builtin_prefetch(memory);
+        __builtin_prefetch(memory + 64);
+        __builtin_prefetch(memory + 128);
+        __builtin_prefetch(memory + 192);
+    }
+
+    // The nearest face of each ray that was started, nearer than its depth; with ANY, the first one found.
+    template <Sides SIDES, bool ANY, class There> void walk(const There& there)
+    {
+        while (num_walking + num_at_leaf > 0) {
+            if (num_walking >= FEW || num_at_leaf == 0) {
+                const int count = num_walking;
+                num_walking = 0;
+                for (int i = 0; i < count; ++i) {
+                    const int ray = walking[i];
+                    sort(ray, step(ray));
+                }
+            } else {
+                const int count = num_at_leaf;
+                num_at_leaf = 0;
+                for (int i = 0; i < count; ++i) {
+                    const int ray = at_leaf[i];
+                    test_leaf<SIDES>(ray, there);
+                    if (!ANY || face[ray] < 0)
+                        sort(ray, drop(ray));
+                }
+            }
+        }
+    }
+};
+
+template <class Meshes> inline const float* node_rows(const Meshes& meshes, int mesh)
+{
+    return reinterpret_cast<const float*>(meshes.nodes.data) + 4 * size_t(wp::index(meshes.node_start, mesh));
+}
+
+template <class Meshes> inline const float* face_rows(const Meshes& meshes, int mesh)
+{
+    return reinterpret_cast<const float*>(meshes.faces.data) + 4 * size_t(wp::index(meshes.face_start, mesh));
+}
+
+// The nearest faces of a mesh for a tile's rays, with ANY the first ones found: those that miss its box, most of them,
+// are found together.
+template <int TYPES, int LENS, bool ANY = false, class Meshes, class Near, class Rays>
+inline void trace_mesh(const Meshes& meshes, const Record& record, const Near& near, Rays& rays)
+{
+    const Record r = record;
+    const int mesh = r.axis_z.w;
+    const auto low = wp::index(meshes.lower, mesh), high = wp::index(meshes.upper, mesh);
+    const float lx = low[0], ly = low[1], lz = low[2], ux = high[0], uy = high[1], uz = high[2];
+    const auto slabs_of = [&](int lane) {
+        const Ray ray = ViewRay<LENS> { rays.x[lane], rays.y[lane] }.local(r);
+        return slabs(ray.origin, ray.direction, r.size.x);
+    };
+    int met[LANES], any = 0;
+    for (int lane = 0; lane < LANES; ++lane) {
+        const Slabs s = slabs_of(lane);
+        const float x0 = lx * s.scale.x + s.down.x, x1 = ux * s.scale.x + s.up.x;
+        const float y0 = ly * s.scale.y + s.down.y, y1 = uy * s.scale.y + s.up.y;
+        const float z0 = lz * s.scale.z + s.down.z, z1 = uz * s.scale.z + s.up.z;
+        const float enter = upper(upper(lower(x0, x1), lower(y0, y1)), upper(lower(z0, z1), near.at(lane)));
+        const float leave = lower(lower(upper(x0, x1), upper(y0, y1)), lower(upper(z0, z1), rays.depth[lane]));
+        met[lane] = enter <= leave;
+        any |= met[lane];
+    }
+    if (!any)
+        return;
+    MeshRays walk(node_rows(meshes, mesh), face_rows(meshes, mesh));
+    for (int lane = 0; lane < LANES; ++lane)
+        walk.put(lane, slabs_of(lane), ViewRay<LENS> { rays.x[lane], rays.y[lane] }.template frame<TYPES>(r),
+                 near.at(lane), rays.depth[lane]);
+    for (int lane = 0; lane < LANES; ++lane)
+        if (met[lane])
+            walk.start(lane);
+    walk.walk<SIDES_OF<TYPES, false>, ANY>([&](int lane, int face, float t) {
+        return is_there<TYPES>(meshes, r, ViewRay<LENS> { rays.x[lane], rays.y[lane] }.local(r), face, t);
+    });
+    for (int lane = 0; lane < LANES; ++lane)
+        if (met[lane] && walk.face[lane] >= 0) {
+            rays.depth[lane] = walk.depth[lane];
+            rays.shape[lane] = r.axis_y.w;
+            rays.face[lane] = walk.face[lane];
+        }
+}
+
+}  // namespace warpcam

@@ -1,0 +1,208 @@
+// What a view has found in a region's pixels and those around it, kept in shared memory: see ImageCentres.
+#pragma once
+#include "antialiasing/edge_test.h"
+
+#if defined(__CUDA_ARCH__)
+namespace warpcam {
+
+template <class Pointer> struct Pointee;
+template <class T> struct Pointee<T*> {
+    using type = T;
+};
+
+// Where it is kept.
+template <class Target, int IMAGES, int WIDTH, int HEIGHT> struct CentresRoom {
+    static constexpr int LINE = WIDTH + 2, PIXELS = LINE * (HEIGHT + 2);
+    static constexpr bool HAS_BYTES = IMAGES & (SMOOTH_RGB | SMOOTH_RGBA);
+    using Id = typename Pointee<decltype(Target::shape.data)>::type;
+
+    float depths[PIXELS];
+    unsigned colours[HAS_BYTES ? PIXELS : 1];
+    Id ids[PIXELS];
+};
+
+// Pixels are numbered row after row, from the one left above the region's first.
+template <class Target, int IMAGES, int WIDTH, int HEIGHT> struct KeptCentres {
+    using Room = CentresRoom<Target, IMAGES, WIDTH, HEIGHT>;
+    static constexpr int LINE = Room::LINE;
+    static constexpr bool BORDERED = true;  // what lies outside of the image is as the nearest pixel inside
+    static constexpr bool PLACED = false;
+
+    Room& room;
+    const Target& target;
+    int left, top;    // of the first pixel that is kept, in the image
+    unsigned first;   // the view's first pixel in the images
+
+    // All threads of the block; with a barrier. A warp loads rows, which may have a few more pixels than it has lanes;
+    // what lies beyond a row or the last of them is loaded twice, so that nothing is asked and all loads are under way
+    // at once.
+    WARPCAM_FN void load() const
+    {
+        constexpr int WARPS = THREADS / LANES, ROWS = Room::PIXELS / LINE, WIDE = lower_int(LINE, LANES);
+        const int lane = lower_int(threadIdx.x % LANES, LINE - 1), warp = threadIdx.x / LANES;
+        const int i = left + lane, column = i < 0 ? 0 : lower_int(i, target.width - 1);
+#pragma unroll
+        for (int first = 0; first < ROWS; first += WARPS) {
+            const int row = lower_int(first + warp, ROWS - 1), j = top + row;
+            load(unsigned(row * LINE + lane), of_images(column, j < 0 ? 0 : lower_int(j, target.height - 1)));
+        }
+        constexpr int REST = LINE - WIDE;
+        if constexpr (REST > 0)
+#pragma unroll 1
+            for (int k = threadIdx.x; k < REST * ROWS; k += THREADS) {
+                const unsigned pixel = unsigned(k / REST * LINE + WIDE + k % REST);
+                load(pixel, of_images(pixel));
+            }
+        block_barrier();
+    }
+    WARPCAM_FN void load(unsigned pixel, unsigned from) const
+    {
+        room.depths[pixel] = target.depth.data[from];
+        room.ids[pixel] = target.shape.data[from];
+        if (Room::HAS_BYTES)
+            room.colours[pixel] = load_bytes<IMAGES>(target, from);
+    }
+
+    WARPCAM_FN unsigned at(int i, int j) const { return unsigned((j - top) * LINE + (i - left)); }
+    WARPCAM_FN static constexpr unsigned line() { return LINE; }
+    WARPCAM_FN static constexpr bool has_fours() { return false; }
+    WARPCAM_FN unsigned four_ids(int, int) const { return 0; }
+    WARPCAM_FN unsigned of_images(int i, int j) const { return first + unsigned(j * target.width + i); }
+    WARPCAM_FN unsigned of_images(unsigned pixel) const
+    {
+        const int i = left + int(pixel) % LINE, j = top + int(pixel) / LINE;
+        return of_images(i < 0 ? 0 : lower_int(i, target.width - 1), j < 0 ? 0 : lower_int(j, target.height - 1));
+    }
+    WARPCAM_FN int shape(unsigned pixel) const { return room.ids[pixel]; }
+    WARPCAM_FN float depth(unsigned pixel) const { return room.depths[pixel]; }
+    template <int> WARPCAM_FN unsigned bytes(unsigned pixel) const { return room.colours[pixel]; }
+    WARPCAM_FN bool shows(int i, int j, int shape_) const
+    {
+        return (i >= 0) & (i < target.width) & (j >= 0) & (j < target.height) & (shape(at(i, j)) == shape_);
+    }
+
+    WARPCAM_FN unsigned around(int i, int j, int k) const { return at(i + k % 3 - 1, j + k / 3 - 1); }
+};
+
+// Which shapes a region's pixels and those around it show, kept in shared memory; WHOLE: which has all of the image.
+// Pixels are numbered row after row, from the one above the region's first, or a word left of that if there are any.
+template <class Target, int WIDTH, int HEIGHT, bool WHOLE> struct RegionIds {
+    using Id = typename Pointee<decltype(Target::shape.data)>::type;
+    static constexpr bool FIT = sizeof(Id) == 1;
+    static constexpr int WORD = 4, ASIDE = WHOLE ? 0 : WORD, BEFORE = WORD - ASIDE;  // pixels; those before the first
+    static constexpr int LINE = WIDTH + 2 * ASIDE, WORDS = (LINE * (HEIGHT + 2) + 2 * BEFORE) / WORD;
+
+    unsigned words[FIT ? WORDS : 1];
+
+    // All threads of the block; then a barrier. What lies outside of the image is as any pixel of it.
+    WARPCAM_FN void load(const Target& target, const Region& region, unsigned first)
+    {
+#pragma unroll
+        for (int begin = 0; begin < WORDS; begin += THREADS) {
+            const int k = lower_int(begin + int(threadIdx.x), WORDS - 1), pixel = k * WORD - BEFORE;
+            const int i = region.left + pixel % LINE - ASIDE, j = region.top + pixel / LINE - 1;
+            const Id* const line =
+                target.shape.data + first + upper_int(lower_int(j, target.height - 1), 0) * target.width;
+            if (target.width % WORD == 0) {
+                words[k] = *reinterpret_cast<const unsigned*>(line + upper_int(lower_int(i, target.width - WORD), 0));
+                continue;
+            }
+            unsigned word = 0;
+#pragma unroll
+            for (int n = 0; n < WORD; ++n)
+                word |= unsigned(static_cast<unsigned char>(line[upper_int(lower_int(i + n, target.width - 1), 0)]))
+                        << 8 * n;
+            words[k] = word;
+        }
+    }
+    WARPCAM_FN int at(unsigned pixel) const { return reinterpret_cast<const Id*>(words)[pixel + BEFORE]; }
+    WARPCAM_FN unsigned four_at(unsigned pixel) const { return words[(pixel + BEFORE) / WORD]; }
+};
+
+// Of images whose colours may be loaded by words: their pixels are a multiple of four. Depths, faces and colours stay
+// where they are. Pixels are numbered as RegionIds has them; none lies outside of the image.
+template <class Target, int WIDTH_, int HEIGHT, bool WHOLE> struct PlacedCentres {
+    using Ids = RegionIds<Target, WIDTH_, HEIGHT, WHOLE>;
+    static constexpr int WIDTH = WIDTH_, LINE = Ids::LINE;
+    static constexpr bool BORDERED = false;
+    static constexpr bool PLACED = true;
+
+    Ids& ids;
+    const Target& target;
+    int left, top;   // of pixel 0, in the image
+    unsigned first;  // the view's first pixel in the images
+
+    // Adds all shapes that are seen to a list: those that the pixel before does not show. Then a barrier.
+    template <class List> WARPCAM_FN void list(List& shapes) const
+    {
+#pragma unroll 1
+        for (int k = threadIdx.x; k < ids.WORDS; k += THREADS) {
+            unsigned rest = ids.words[k];
+            for (int before = -1; rest != ~0u;) {  // those that are done become -1
+                const int id = static_cast<signed char>(rest & 0xff);
+                if (id >= 0 && id != before)
+                    shapes.add(id);
+                before = id;
+                rest = rest >> 8 | 0xff000000u;
+            }
+        }
+    }
+    WARPCAM_FN unsigned at(int i, int j) const { return unsigned((j - top) * LINE + (i - left)); }
+    WARPCAM_FN static constexpr unsigned line() { return LINE; }
+    WARPCAM_FN unsigned of_images(unsigned pixel) const
+    {
+        return of_images(left + int(pixel % LINE), top + int(pixel / LINE));
+    }
+    WARPCAM_FN unsigned of_images(int i, int j) const { return first + unsigned(j * target.width + i); }
+    WARPCAM_FN int shape(unsigned pixel) const { return ids.at(pixel); }
+    // Where the pixel may lie outside of the image: then it is any number.
+    WARPCAM_FN int shape_beside(int i, int j) const { return shape(at(i, j)); }
+    WARPCAM_FN static constexpr bool has_fours() { return true; }
+    WARPCAM_FN unsigned four_ids(int i, int j) const { return ids.four_at(at(i, j)); }
+    WARPCAM_FN float depth(unsigned pixel) const { return target.depth.data[of_images(pixel)]; }
+    template <int IMAGES> WARPCAM_FN unsigned bytes(unsigned pixel) const
+    {
+        return load_bytes<IMAGES>(target, of_images(pixel));
+    }
+    // The colours of the nine pixels around one, row after row: of each row three words of rgb have them.
+    template <int IMAGES> WARPCAM_FN void bytes_around(int i, int j, unsigned (&nine)[9]) const
+    {
+        if (IMAGES & SMOOTH_RGBA) {
+#pragma unroll
+            for (int k = 0; k < 9; ++k)
+                nine[k] = bytes<IMAGES>(around(i, j, k));
+            return;
+        }
+        constexpr unsigned COLOUR = 0xffffff;
+        const bool leftmost = i == 0, rightmost = i + 1 == target.width;
+        const int column = leftmost ? 0 : rightmost ? i - 2 : i - 1;
+#pragma unroll
+        for (int k = 0; k < 3; ++k) {
+            const int row = j + k - 1 < 0 ? 0 : lower_int(j + k - 1, target.height - 1);
+            const unsigned begin = 3 * unsigned(row * target.width + column), aside = 8 * (begin % 4);
+            const unsigned* const words =
+                reinterpret_cast<const unsigned*>(target.rgb.data + 3 * size_t(first)) + begin / 4;
+            const unsigned a = words[0], b = words[1], c = words[2];
+            const unsigned low = __funnelshift_r(a, b, aside), high = __funnelshift_r(b, c, aside), last = c >> aside;
+            const unsigned one = low & COLOUR, two = __funnelshift_r(low, high, 24) & COLOUR;
+            const unsigned three = __funnelshift_r(high, last, 16) & COLOUR;
+            nine[3 * k] = rightmost ? two : one;
+            nine[3 * k + 1] = leftmost ? one : rightmost ? three : two;
+            nine[3 * k + 2] = leftmost ? two : three;
+        }
+    }
+    WARPCAM_FN bool shows(int i, int j, int shape_) const
+    {
+        const bool inside = i >= 0 && i < target.width && j >= 0 && j < target.height;
+        return inside & (shape_beside(i, j) == shape_);
+    }
+    WARPCAM_FN unsigned around(int i, int j, int k) const
+    {
+        const int column = i + k % 3 - 1, row = j + k / 3 - 1;
+        return at(column < 0 ? 0 : lower_int(column, target.width - 1),
+                  row < 0 ? 0 : lower_int(row, target.height - 1));
+    }
+};
+
+}  // namespace warpcam
+#endif

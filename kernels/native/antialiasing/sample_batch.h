@@ -1,0 +1,278 @@
+// Pixels with edges that a block smooths together, on CUDA: what their samples may hit, and what they hit.
+#pragma once
+#include "traversal/mesh_closest_hit.h"
+#include "antialiasing/neighbor_shapes.h"
+#include "antialiasing/samples.h"
+#include "antialiasing/sample_color.h"
+
+#if defined(__CUDA_ARCH__)
+namespace warpcam {
+
+// Those that it smooths together, at most: at the end its warps wait for the one whose rays take longest. A
+// multiprocessor's blocks have room for so many: antialiasing.py.
+constexpr int most_together(int types) { return types >> HEIGHT_FIELD & 1 ? 384 : types >> MESH & 1 ? 440 : 320; }
+
+// What a sample has hit, where there are meshes.
+struct SampleHit {
+    float depth;
+    int face;
+};
+
+template <bool LARGE> struct ListedBits {
+    using type = unsigned;
+};
+template <> struct ListedBits<false> {
+    using type = unsigned short;
+};
+
+// A pixel with an edge: its place in the region, and what edge() says of it in the lowest bits. Without meshes and
+// height fields regions have half as many rows, so that 16 bits hold it.
+template <int TYPES> struct ListedPixel {
+    static constexpr int SHIFT = SAMPLES + 1;
+    static constexpr bool LARGE = TYPES >> MESH & 1 || TYPES >> HEIGHT_FIELD & 1;
+    typename ListedBits<LARGE>::type bits;
+
+    WARPCAM_FN int place() const { return int(bits >> SHIFT); }
+    WARPCAM_FN unsigned edge() const { return bits & ((1u << SHIFT) - 1); }
+};
+
+// Pixels that a block smooths together.
+template <int TYPES> struct Chunk {
+    static constexpr bool HAS_MESH = TYPES >> MESH & 1, HAS_FIELD = TYPES >> HEIGHT_FIELD & 1;
+    static constexpr int MOST = most_together(TYPES);
+
+    const ListedPixel<TYPES>* pixels;
+    NearBits own[MOST];                       // the shapes around
+    Band meshes[HAS_MESH ? MOST : 1], fields[HAS_FIELD ? MOST : 1];
+    unsigned char ground[HAS_FIELD ? MOST : 1];  // the record of what is_behind(), not traced, or NEAR_SHAPES
+    // That are traced: 4 * the pixel's number + the sample's. From the front on those whose rays are likely to take
+    // long, which begin first, from the back on the others.
+    unsigned short samples[SAMPLES * MOST];
+    unsigned char shown[SAMPLES * MOST];  // by which of the pixels around; where there are meshes first what was hit
+    SampleHit hits[HAS_MESH ? SAMPLES * MOST : 1];  // of the samples
+    int before, after;                        // of `samples`: how many at the front, and at the back
+    int next;                                 // which comes next
+
+    WARPCAM_FN int place(int pixel) const { return pixels[pixel].place(); }
+    WARPCAM_FN int total() const { return before + after; }
+    WARPCAM_FN int index(int number) const { return number < before ? number : SAMPLES * MOST - 1 - (number - before); }
+    WARPCAM_FN unsigned short sample(int number) const { return samples[index(number)]; }
+    WARPCAM_FN unsigned short& sample(int number) { return samples[index(number)]; }
+};
+
+// The records as trace_rays() reads a list.
+struct Ranked {
+    struct Itself {
+        WARPCAM_FN int operator[](int rank) const { return rank; }
+    };
+    const Record* records;
+    Itself order;
+    int count;
+};
+
+// The nearest hit of the lane's ray among the shapes in `own` that are in `walked`.
+template <int TYPES, int LENS, class HeightFields>
+WARPCAM_FN void trace_own(const Record* records, unsigned walked, unsigned own, const ViewRay<LENS>& ray, float near,
+                          const HeightFields& fields, const Band& ground, Hit& hit)
+{
+    for (; walked; walked &= walked - 1) {
+        const int rank = lowest_bit(walked);
+        const Record& record = records[rank];
+        const bool mine = own >> rank & 1;
+        if ((TYPES >> HEIGHT_FIELD & 1) && record.axis_x.w == HEIGHT_FIELD) {
+            if (mine) {
+                Hit within { lower(hit.depth, ground.last), -1, -1 };
+                walk_height_field(fields, record, ray, upper(near, ground.first), within);
+                if (within.shape >= 0)
+                    hit = within;
+            }
+            __syncwarp();
+        } else {
+            const float t = enter_any<analytic_types(TYPES)>(record, ray.local(record));
+            if (mine && t < hit.depth && t > near) {
+                hit.depth = t;
+                hit.shape = record.axis_y.w;
+            }
+        }
+    }
+}
+
+// Finds what may be hit by the samples of a pixel whose shapes are listed, and lists these samples.
+template <int TYPES, int LENS, class Centres>
+WARPCAM_FN void list_samples(Chunk<TYPES>& chunk, int pixel, const NearShapes& list, const Camera& camera,
+                             const Seen<LENS, Centres>& seen, const Region& region)
+{
+    const int place = chunk.place(pixel), i = region.left + place % 64, j = region.top + place / 64;
+    NearBits own {};
+    Band on_meshes = NOWHERE, on_fields = NOWHERE, others = NOWHERE;
+    int ground = NEAR_SHAPES;
+    unsigned meshes_at = 0, fields_at = 0, others_at = 0;  // which of the nine pixels around show them, by bit
+    bool sky = false, several = false;
+    const auto include = [&](int k, int rank) {
+#pragma unroll
+        for (int w = 0; w < NEAR_WORDS; ++w) {
+            const unsigned bit = rank / LANES == w ? 1u << rank % LANES : 0;
+            own[w] |= bit;
+            if (Chunk<TYPES>::HAS_MESH)
+                meshes_at |= unsigned((bit & list.meshes[w]) != 0) << k;
+            if (Chunk<TYPES>::HAS_FIELD && bit) {
+                const bool is_field = bit & list.fields[w];
+                fields_at |= unsigned(is_field) << k;
+                others_at |= unsigned(!is_field) << k;
+                several |= is_field && ground < NEAR_SHAPES && ground != rank;
+                ground = is_field ? rank : ground;
+            }
+        }
+    };
+    if constexpr (Centres::PLACED) {
+        int ids[9];
+#pragma unroll
+        for (int k = 0; k < 9; ++k)
+            ids[k] = seen.shape(seen.around(i, j, k));
+#pragma unroll
+        for (int k = 0; k < 9; ++k) {
+            sky |= ids[k] < 0;
+            include(k, ids[k] < 0 ? NEAR_SHAPES : list.place_of_byte(ids[k]));
+        }
+    } else {
+        int before = -1, rank = NEAR_SHAPES;
+#pragma unroll 1
+        for (int k = 0; k < 9; ++k) {
+            const int id = seen.shape(seen.around(i, j, k));
+            sky |= id < 0;
+            if (id < 0)
+                continue;
+            if (id != before)
+                rank = list.place(id);
+            before = id;
+            include(k, rank);
+        }
+    }
+    if (Chunk<TYPES>::HAS_MESH || Chunk<TYPES>::HAS_FIELD)
+#pragma unroll
+        for (int k = 0; k < 9; ++k) {
+            const float depth = seen.depth(seen.around(i, j, k));
+            if (Chunk<TYPES>::HAS_MESH && (meshes_at >> k & 1))
+                on_meshes.include(depth);
+            if (Chunk<TYPES>::HAS_FIELD && (fields_at >> k & 1))
+                on_fields.include(depth);
+            if (Chunk<TYPES>::HAS_FIELD && (others_at >> k & 1))
+                others.include(depth);
+        }
+    if (Chunk<TYPES>::HAS_FIELD) {
+        const bool behind = !several && is_behind<LENS>(on_fields, others, sky, pixel_width<LENS>(camera));
+        chunk.ground[pixel] = static_cast<unsigned char>(behind ? ground : NEAR_SHAPES);
+        for (int w = 0; w < NEAR_WORDS; ++w)
+            own[w] &= behind ? ~list.fields[w] : ~0u;
+    }
+    for (int w = 0; w < NEAR_WORDS; ++w)
+        chunk.own[pixel][w] = own[w];
+    if (Chunk<TYPES>::HAS_MESH)
+        chunk.meshes[pixel] = on_meshes.template widened<LENS>(pixel_width<LENS>(camera));
+    if (Chunk<TYPES>::HAS_FIELD)
+        chunk.fields[pixel] = on_fields.template widened<LENS>(pixel_width<LENS>(camera));
+    int meshes = 0;
+    for (int w = 0; w < NEAR_WORDS; ++w)
+        meshes += __popc(own[w] & list.meshes[w]);
+    const bool early = meshes > 1;
+    const unsigned samples = chunk.pixels[pixel].edge() & EVERY_SAMPLE;
+    int at = atomicAdd(early ? &chunk.before : &chunk.after, __popc(samples));
+    at = early ? at : SAMPLES * chunk.MOST - 1 - at;
+    for (int sample = 0; sample < SAMPLES; ++sample) {
+        chunk.shown[SAMPLES * pixel + sample] = ITSELF;
+        if (samples >> sample & 1) {
+            chunk.samples[at] = static_cast<unsigned short>(SAMPLES * pixel + sample);
+            at += early ? 1 : -1;
+        }
+    }
+}
+
+// Traces the samples of a chunk; each warp takes 32 at a time.
+template <int TYPES, int LENS, int IMAGES, class Rays, class Meshes, class HeightFields, class Centres>
+WARPCAM_FN void trace_samples(Chunk<TYPES>& chunk, const NearShapes& list, Rays& waiting, const Meshes& meshes,
+                              const HeightFields& fields, const Camera& camera, const Seen<LENS, Centres>& seen,
+                              const Region& region)
+{
+    constexpr bool HAS_MESH = Chunk<TYPES>::HAS_MESH, HAS_FIELD = Chunk<TYPES>::HAS_FIELD;
+    const int lane = threadIdx.x % LANES, words = (list.count + LANES - 1) / LANES;
+    const float near = camera.near;
+    const auto ray_of = [&](int sample) {
+        const int pixel = sample / SAMPLES, at = chunk.place(pixel);
+        const ViewRay<LENS> ray
+            = sample_ray<LENS>(camera, region.left + at % 64, region.top + at / 64, sample % SAMPLES);
+        return ClippedRay<LENS> { ray, HAS_MESH ? upper(near, chunk.meshes[HAS_MESH ? pixel : 0].first) : near };
+    };
+    const auto show = [&](int sample, const Hit& hit) {
+        const int at = chunk.place(sample / SAMPLES), i = region.left + at % 64, j = region.top + at / 64;
+        const int its = sample % SAMPLES;
+        const int ground = HAS_FIELD ? chunk.ground[HAS_FIELD ? sample / SAMPLES : 0] : NEAR_SHAPES;
+        chunk.shown[sample] = static_cast<unsigned char>(
+            hit.shape < 0
+                ? seen.nearest(i, j, its, ground < NEAR_SHAPES ? list.records[ground].origin.w : -1)
+                : shown_sample<TYPES, IMAGES>(seen, meshes, camera, i, j, its, hit.depth, hit.face,
+                                              list.records[hit.shape], chunk.pixels[sample / SAMPLES].edge()));
+    };
+    // where there are meshes, which pixel shows a sample is asked when all have been traced: for all of them at once
+    const auto store = [&](int sample, const Hit& hit) {
+        if constexpr (HAS_MESH) {
+            chunk.hits[sample] = { hit.depth, hit.face };
+            chunk.shown[sample] = static_cast<unsigned char>(hit.shape < 0 ? NEAR_SHAPES : hit.shape);
+        } else {
+            show(sample, hit);
+        }
+    };
+    const auto next_rays = [&](int& found) {
+        const int first = __shfl_sync(ALL, lane == 0 ? atomicAdd(&chunk.next, LANES) : 0, 0);
+        const int total = chunk.total();
+        if (first >= total)
+            return false;
+        const bool active = first + lane < total;
+        const int sample = chunk.sample(active ? first + lane : first), pixel = sample / SAMPLES;
+        const auto ray = ray_of(sample);
+        Hit hit { camera.far, -1, -1 };
+        NearBits around, met {};
+#pragma unroll
+        for (int w = 0; w < NEAR_WORDS; ++w) {
+            around[w] = active ? chunk.own[pixel][w] : 0;
+            if (w < words)
+                trace_own<TYPES, LENS>(list.records + w * LANES, bits_of_all(around[w]) & ~list.meshes[w], around[w],
+                                       ray, near, fields, chunk.fields[HAS_FIELD ? pixel : 0], hit);
+        }
+        if (active)
+            store(sample, hit);
+        if constexpr (HAS_MESH) {
+            const float until = lower(hit.depth, chunk.meshes[pixel].last);
+            bool meets = false;
+#pragma unroll
+            for (int w = 0; w < NEAR_WORDS; ++w) {
+                met[w] = around[w] & list.meshes[w];
+                meets |= met[w] != 0;
+            }
+            const unsigned meeting = __ballot_sync(ALL, meets);
+            const int at = waiting.put(meeting, met, words, sample);
+            if (meets)
+                waiting.depth[at] = until;
+            __syncwarp();
+            found = __popc(meeting);
+        }
+        return true;
+    };
+    if constexpr (HAS_MESH) {
+        trace_rays<TYPES>(waiting, Ranked { list.records, {}, list.count }, meshes, near, next_rays, ray_of, store);
+        block_barrier();
+        if constexpr (Centres::PLACED) {
+            show_samples<TYPES, IMAGES>(chunk, list, meshes, camera, seen, region);
+            return;
+        }
+        for (int k = threadIdx.x; k < chunk.total(); k += THREADS) {
+            const int sample = chunk.sample(k), shape = chunk.shown[sample];
+            show(sample, Hit { chunk.hits[sample].depth, shape < NEAR_SHAPES ? shape : -1, chunk.hits[sample].face });
+        }
+    } else {
+        int none;
+        while (next_rays(none)) { }
+    }
+}
+
+}  // namespace warpcam
+#endif

@@ -1,0 +1,150 @@
+// A shape as one view sees it: the record every ray of the view is tested against.
+#pragma once
+#include "core/platform.h"
+
+namespace warpcam {
+
+// Values of types.py.
+enum ShapeType {
+    PLANE,
+    HEIGHT_FIELD,
+    SPHERE,
+    CAPSULE,
+    ELLIPSOID,
+    CYLINDER,
+    BOX,
+    MESH,
+    CONE,
+    BARREL,
+    SCALED,
+    SPLATS,
+    TWO_SIDED,
+    MASKED,
+    SHADING_BACKS,
+    MOVING,
+    GLASS,
+    FROM_ABOVE,
+    BARE,
+    MIDDLE_FIRST,
+    SHUTTERED,
+    PROJECTED,
+    TRIPLANAR,
+    SHEER,
+    LIT_NORMALS,
+    COINCIDENT
+};
+// RAYS: from a table, see camera/ray_table.h; SPREAD: likewise, and each begins at a place of its own, see
+// camera/offset_rays.h.
+enum Lens { PINHOLE, ORTHOGRAPHIC, RAYS, SPREAD };
+
+// Rays that have unit directions, and distances along them in place of planar depths.
+constexpr bool has_table(int lens) { return lens == RAYS || lens == SPREAD; }
+
+// Rays that all begin where the camera is.
+constexpr bool has_centre(int lens) { return lens == PINHOLE || lens == RAYS; }
+
+// The rows take camera coordinates to the shape's own, in which spheres and ellipsoids are the unit sphere, boxes
+// the cube of half width 1, cylinders and cones have radius and half length 1, capsules radius 1, barrels end radius 1;
+// meshes and height fields have their own coordinates; the rest is unscaled.
+// A ray of the view is then origin + t * row . (x, y, -1), and its t is planar depth. Rays of a table have unit
+// directions instead, and t is the distance along them: then it stands for depth in all that follows.
+struct Record {
+    Row axis_x;  // w: shape type
+    Row axis_y;  // w: shape id
+    Row axis_z;  // w: asset, the index of a mesh or height field
+    Row origin;  // the camera's centre in the shape's frame; w: see shadow/casters.h, else unused
+    // plane: half widths, 0 infinite; capsule: x = half length / radius; barrel: x = half length, y = radius of
+    // its side's arc, both / end radius; height field: half widths, base depth; mesh: x = greatest
+    // magnitude of its box, y, z = bits of Meshes.node_start and Meshes.face_start. w: bits of `nearest`,
+    // a lower bound of the planar depth of every point of the shape
+    Row size;
+};
+
+// Whether a face is seen from behind, too, by what its second row says: see Meshes.faces.
+template <int TYPES> WARPCAM_FN bool has_back(int mark) { return (TYPES >> TWO_SIDED & 1) && mark != 0; }
+
+// Whether the corners of a face have its own normal, by what its second and third row say.
+template <int TYPES> WARPCAM_FN bool is_flat(int back, int mark) { return has_back<TYPES>(back) && mark != 0; }
+
+template <int TYPES> WARPCAM_FN bool is_mesh(const Record& record)
+{
+    return (TYPES >> MESH & 1) && record.axis_x.w == MESH;
+}
+
+struct Ray {
+    Vec origin, direction;  // in the shape's frame
+};
+
+// The ray's own view of space: coordinates in which it runs from the origin along depth alone.
+struct RayFrame {
+    Vec origin;
+    Vec across, up, depth;  // rows; across x up points against the ray, depth . (t * direction) is t
+};
+
+// For a frame that may be scaled. It depends on the ray only, and is never mirrored.
+WARPCAM_FN RayFrame frame_along(const Ray& ray)
+{
+    const Vec d = ray.direction;
+    const bool steep = magnitude(d.z) > magnitude(d.x);
+    const Vec across = steep ? Vec { 0.0f, d.z, -d.y } : Vec { d.y, -d.x, 0.0f };
+    const float rate = reciprocal(dot(d, d));
+    return { ray.origin,
+             across,
+             { across.y * d.z - across.z * d.y, across.z * d.x - across.x * d.z, across.x * d.y - across.y * d.x },
+             { rate * d.x, rate * d.y, rate * d.z } };
+}
+
+// The ray of a view through (x, y) of its image.
+template <int LENS> struct ViewRay {
+    float x, y;
+
+    WARPCAM_FN Vec direction() const  // in the camera's frame; of a table's ray: see camera/ray_table.h
+    {
+        if (LENS != RAYS)
+            return { LENS == PINHOLE ? x : 0.0f, LENS == PINHOLE ? y : 0.0f, -1.0f };
+        const float rate = 2.0f * reciprocal(1.0f + x * x + y * y);
+        return { rate * x, rate * y, 1.0f - rate };
+    }
+
+    WARPCAM_FN Ray local(const Record& record) const
+    {
+        const Row ax = record.axis_x, ay = record.axis_y, az = record.axis_z, o = record.origin;
+        if constexpr (LENS == RAYS) {
+            const Vec d = direction();
+            return { { o.x, o.y, o.z },
+                     { ax.x * d.x + ax.y * d.y + ax.z * d.z, ay.x * d.x + ay.y * d.y + ay.z * d.z,
+                       az.x * d.x + az.y * d.y + az.z * d.z } };
+        }
+        if (LENS == ORTHOGRAPHIC)
+            return { { o.x + ax.x * x + ax.y * y, o.y + ay.x * x + ay.y * y, o.z + az.x * x + az.y * y },
+                     { -ax.z, -ay.z, -az.z } };
+        return { { o.x, o.y, o.z },
+                 { (ax.x * x - ax.z) + ax.y * y, (ay.x * x - ay.z) + ay.y * y, (az.x * x - az.z) + az.y * y } };
+    }
+
+    template <int TYPES> WARPCAM_FN RayFrame frame(const Record& record) const
+    {
+        if constexpr ((TYPES >> SCALED & 1) != 0 || LENS == RAYS)
+            return frame_along(local(record));
+        const Row ax = record.axis_x, ay = record.axis_y, az = record.axis_z;
+        const Vec origin = local(record).origin;
+        const Vec depth { -ax.z, -ay.z, -az.z };
+        if (LENS == ORTHOGRAPHIC)
+            return { origin, { ax.x, ay.x, az.x }, { ax.y, ay.y, az.y }, depth };
+        return { origin,
+                 { muladd(x, ax.z, ax.x), muladd(x, ay.z, ay.x), muladd(x, az.z, az.x) },
+                 { muladd(y, ax.z, ax.y), muladd(y, ay.z, ay.y), muladd(y, az.z, az.y) },
+                 depth };
+    }
+};
+
+// One that only sees what lies beyond `near`, its own planar depth.
+template <int LENS> struct ClippedRay : ViewRay<LENS> {
+    float near;
+};
+
+// From where on a ray sees, in a view that sees from `near` on.
+template <int LENS> WARPCAM_FN float near_of(const ViewRay<LENS>&, float near) { return near; }
+template <int LENS> WARPCAM_FN float near_of(const ClippedRay<LENS>& ray, float) { return ray.near; }
+
+}  // namespace warpcam

@@ -1,0 +1,122 @@
+// Arithmetic on vectors, and functions that are quick on a GPU: about two units in the last place.
+#pragma once
+#include "core/platform.h"
+
+namespace warpcam {
+
+// A function that is seldom called: inlined it would only crowd the instruction cache.
+#if defined(__CUDA_ARCH__)
+#define WARPCAM_COLD __device__ __noinline__
+#else
+#define WARPCAM_COLD __attribute__((noinline))
+#endif
+
+WARPCAM_FN Vec operator+(Vec a, Vec b) { return { a.x + b.x, a.y + b.y, a.z + b.z }; }
+WARPCAM_FN Vec operator-(Vec a, Vec b) { return { a.x - b.x, a.y - b.y, a.z - b.z }; }
+WARPCAM_FN Vec operator-(Vec a) { return { -a.x, -a.y, -a.z }; }
+WARPCAM_FN Vec operator*(float s, Vec a) { return { s * a.x, s * a.y, s * a.z }; }
+WARPCAM_FN Vec times(Vec a, Vec b) { return { a.x * b.x, a.y * b.y, a.z * b.z }; }
+WARPCAM_FN Vec cross(Vec a, Vec b)
+{
+    return { a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x };
+}
+
+template <class Value> WARPCAM_FN Vec to_vec(const Value& v) { return { v[0], v[1], v[2] }; }
+WARPCAM_FN Vec to_vec(const Row& row) { return { row.x, row.y, row.z }; }
+WARPCAM_FN Row to_row(Vec v, int w) { return { v.x, v.y, v.z, w }; }
+
+// A component of a vector that stays in registers, and the vector along an axis.
+WARPCAM_FN float component(Vec v, int axis) { return axis == 0 ? v.x : axis == 1 ? v.y : v.z; }
+WARPCAM_FN Vec axis_vector(int axis, float value)
+{
+    return { axis == 0 ? value : 0.0f, axis == 1 ? value : 0.0f, axis == 2 ? value : 0.0f };
+}
+
+// 0 and the sign that Warp gives it count as positive.
+WARPCAM_FN float sign(float a) { return a < 0.0f ? -1.0f : 1.0f; }
+
+// `a` between two bounds; NaN becomes the lower one.
+WARPCAM_FN float between(float a, float low, float high) { return lower(upper(a, low), high); }
+WARPCAM_FN int between(int a, int low, int high) { return a < low ? low : a > high ? high : a; }
+
+#if defined(__CUDA_ARCH__)
+
+WARPCAM_FN float saturated(float a) { return __saturatef(a); }
+
+WARPCAM_FN float inverse_root(float a)  // of a normal number above zero
+{
+    float r;
+    asm("rsqrt.approx.ftz.f32 %0, %1;" : "=f"(r) : "f"(a));
+    return r;
+}
+
+WARPCAM_FN float logarithm2(float a)
+{
+    float r;
+    asm("lg2.approx.ftz.f32 %0, %1;" : "=f"(r) : "f"(a));
+    return r;
+}
+
+WARPCAM_FN float power(float base, float exponent)  // of a normal base above zero
+{
+    float r;
+    asm("ex2.approx.ftz.f32 %0, %1;" : "=f"(r) : "f"(exponent * logarithm2(base)));
+    return r;
+}
+
+WARPCAM_FN float sine(float a) { return __sinf(a); }
+WARPCAM_FN float cosine(float a) { return __cosf(a); }
+WARPCAM_FN float round_down(float a) { return floorf(a); }
+
+#else
+
+WARPCAM_FN float saturated(float a) { return between(a, 0.0f, 1.0f); }
+WARPCAM_FN float inverse_root(float a) { return 1.0f / __builtin_sqrtf(a); }
+WARPCAM_FN float logarithm2(float a) { return wp::log2(a); }
+WARPCAM_FN float power(float base, float exponent) { return wp::pow(base, exponent); }
+WARPCAM_FN float sine(float a) { return wp::sin(a); }
+WARPCAM_FN float cosine(float a) { return wp::cos(a); }
+WARPCAM_FN float round_down(float a) { return wp::floor(a); }
+
+#endif
+
+// `saturated` is `a` between 0 and 1, and 0 for NaN.
+constexpr float TINY = 1.0e-37f;  // its square root and its inverse are normal numbers
+
+WARPCAM_FN Vec normalized(Vec a) { return inverse_root(upper(dot(a, a), TINY)) * a; }
+
+// The nearest of 255 steps of [0, 1]; what lies outside is clipped, NaN is 0.
+WARPCAM_FN unsigned to_byte(float value)
+{
+    const float steps = saturated(value) * 255.0f + 0.5f;
+#if defined(__CUDA_ARCH__)  // no number of this size has places after the point, and adding rounds down
+    return static_cast<unsigned>(as_int(__fadd_rd(steps, 8388608.0f))) & 0xffu;
+#else
+    return static_cast<unsigned>(steps);
+#endif
+}
+
+// A colour as the bytes R, G, B of a word, the fourth 0.
+WARPCAM_FN unsigned to_bytes(Vec color) { return to_byte(color.x) | to_byte(color.y) << 8 | to_byte(color.z) << 16; }
+
+static WARPCAM_COLD int remainder(int a, int b) { return a % b; }
+
+// The element of a table that worlds may share: of world `world` modulo the table's rows.
+template <class Array> WARPCAM_FN auto row_of(const Array& table, int world, int i)
+{
+    const int rows = table.shape[0];
+    const int row = world < rows ? world : rows == 1 ? 0 : remainder(world, rows);
+    return *wp::address(table, row, i);
+}
+
+// Is it so for any of the 32 pixels that a warp draws together? A CPU thread draws one at a time.
+WARPCAM_FN bool any_lane(bool mine)
+{
+#if defined(__CUDA_ARCH__)
+    return __any_sync(ALL, mine);
+#else
+    return mine;
+#endif
+}
+
+}  // namespace warpcam

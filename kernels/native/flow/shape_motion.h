@@ -1,0 +1,294 @@
+// How a shape has moved in a camera's image since its world was last drawn.
+#pragma once
+#include "flow/visibility_history.h"
+
+namespace warpcam {
+
+// What of a surface was farther than what was seen around it was hidden: by more than this part of its depth and so
+// many of a pixel's widths there. Of what bends inwards neighbouring pixels may be nearer than what lies between them.
+constexpr float FARTHER = 0.004f, CONVEX = 0.25f, HOLLOW = 1.0f;
+
+// So many of the 256 steps in which depths are counted may what is compared be apart, of which eight bits are kept.
+constexpr float MOST_APART = 120.0f;
+
+WARPCAM_FN bool same_vec(Vec a, Vec b) { return a.x == b.x && a.y == b.y && a.z == b.z; }
+
+struct Reach {
+    float part, shift;  // of a depth, and what is added to it [m]: nothing nearer may have been seen at a point's place
+};
+
+WARPCAM_FN Reach reach_of(int kind, const Camera& camera, bool pinhole)
+{
+    const bool hollow = kind == MESH || kind == HEIGHT_FIELD || kind == SPLATS;
+    const float pixel = upper(camera.scale_x, camera.scale_y);
+    const float wide = kind == PLANE ? 0.0f : (hollow ? HOLLOW : CONVEX) * pixel;  // a plane hides nothing of itself
+    if (pinhole)
+        return { reciprocal(1.0f + FARTHER + wide), 0.0f };
+    return { 1.0f / (1.0f + FARTHER), -wide };
+}
+
+// Where a shape is and which.
+struct ShapePose {
+    Vec position;
+    Matrix rotation;
+    Vec size;
+    int asset;
+};
+
+// Steps a metre in which the depths of a convex shape are counted.
+WARPCAM_FN float steps_of(int kind, const ShapePose& pose, const Camera& camera, bool pinhole)
+{
+    if (kind == PLANE)
+        return 0.0f;
+    Vec half = pose.size;
+    if (kind == SPHERE)
+        half = { half.x, half.x, half.x };
+    else if (kind == CAPSULE)
+        half = { half.x, half.x, half.x + half.y };
+    else if (kind == CYLINDER || kind == CONE)
+        half = { half.x, half.x, half.y };
+    else if (kind == BARREL)  // its side is bent by less than its half length
+        half = { half.x + half.y, half.x + half.y, half.y };
+    const Vec axis { camera.rotation.at[0][2], camera.rotation.at[1][2], camera.rotation.at[2][2] };
+    const Vec along = turned_back(pose.rotation, axis);
+    const float radius = magnitude(along.x) * half.x + magnitude(along.y) * half.y + magnitude(along.z) * half.z;
+    const float farthest = magnitude(dot(axis, camera.origin - pose.position)) + radius;
+    const Reach reach = reach_of(kind, camera, pinhole);
+    return MOST_APART
+           * reciprocal(
+               upper(2.0f * radius + (1.0f - reach.part) * farthest - reach.shift, 1.0e-6f * farthest + 1.0e-12f));
+}
+
+WARPCAM_FN float ratio(float then, float now) { return now == 0.0f ? 1.0f : then * reciprocal(now); }
+
+// How many times as large the shape was along its axes.
+WARPCAM_FN Vec stretch(int kind, Vec then, Vec now, bool scaled)
+{
+    if (same_vec(then, now) || kind == PLANE || ((kind == MESH || kind == HEIGHT_FIELD) && !scaled))
+        return { 1.0f, 1.0f, 1.0f };
+    const float x = ratio(then.x, now.x), y = ratio(then.y, now.y);
+    if (kind == SPHERE)
+        return { x, x, x };
+    if (kind == CAPSULE || kind == CYLINDER || kind == CONE || kind == BARREL)
+        return { x, x, y };
+    return { x, y, ratio(then.z, now.z) };
+}
+
+WARPCAM_FN void put_row(Row* rows, int row, Vec v, float w)
+{
+#if defined(__CUDA_ARCH__)
+    *reinterpret_cast<float4*>(rows + row) = make_float4(v.x, v.y, v.z, w);
+#else
+    rows[row] = { v.x, v.y, v.z, as_int(w) };
+#endif
+}
+
+// To the same pixel, but to a depth behind the camera.
+WARPCAM_FN void put_unknown(Row* motion, int step)
+{
+    put_row(motion, 0, { 1.0f, 0.0f, 0.0f }, 0.0f);
+    put_row(motion, step, { 0.0f, 1.0f, 0.0f }, 0.0f);
+    put_row(motion, 2 * step, { 0.0f, 0.0f, 0.0f }, -1.0f);
+}
+
+// A shape's rows of Trail.before, of so many shapes.
+WARPCAM_FN ShapePose pose_before(const Row* before, int columns)
+{
+    const Row a = load(before, 0), b = load(before, columns), c = load(before, 2 * columns),
+              d = load(before, 3 * columns);
+    return { to_vec(a), { { { b.x, b.y, b.z }, { c.x, c.y, c.z }, { d.x, d.y, d.z } } },
+             { as_float(a.w), as_float(b.w), as_float(c.w) }, d.w };
+}
+
+template <class Shapes> WARPCAM_FN ShapePose pose_now(const Shapes& shapes, int world, int shape)
+{
+    ShapePose pose;
+    pose.position = to_vec(wp::index(shapes.positions, world, shape));
+    const auto r = wp::index(shapes.rotations, world, shape);
+    for (int i = 0; i < 3; ++i)
+        for (int j = 0; j < 3; ++j)
+            pose.rotation.at[i][j] = r.data[i][j];
+    pose.size = to_vec(shared_row(shapes.sizes, world, shape));
+    pose.asset = shared_row(shapes.assets, world, shape);
+    return pose;
+}
+
+WARPCAM_FN void keep_pose(Row* before, int columns, const ShapePose& pose)
+{
+    const auto& r = pose.rotation.at;
+    put_row(before, 0, pose.position, pose.size.x);
+    put_row(before, columns, { r[0][0], r[0][1], r[0][2] }, pose.size.y);
+    put_row(before, 2 * columns, { r[1][0], r[1][1], r[1][2] }, pose.size.z);
+    put_row(before, 3 * columns, { r[2][0], r[2][1], r[2][2] }, as_float(pose.asset));
+}
+
+WARPCAM_FN bool same_pose(const ShapePose& a, const ShapePose& b)
+{
+    bool same = same_vec(a.position, b.position) && same_vec(a.size, b.size) && a.asset == b.asset;
+    for (int i = 0; i < 9; ++i)
+        same = same && a.rotation.at[i / 3][i % 3] == b.rotation.at[i / 3][i % 3];
+    return same;
+}
+
+// From a camera's frame to pixels, all times the planar depth. It looks along -z, and rows run down.
+struct ToPixels {
+    float right, down, column, row;
+
+    WARPCAM_FN ToPixels(const Camera& camera, bool pinhole)
+        : right(reciprocal(camera.scale_x)), down(-reciprocal(camera.scale_y)),
+          column(pinhole ? camera.center_x - 0.5f : 0.0f), row(pinhole ? camera.center_y - 0.5f : 0.0f)
+    {
+    }
+    // Row i of what that makes of a vector's or three vectors' rows.
+    WARPCAM_FN float of(int i, float x, float y, float z) const
+    {
+        return i == 0 ? right * x - column * z : i == 1 ? down * y - row * z : -z;
+    }
+};
+
+// Writes the rows of Trail.motions that a shape has, each so many after the last. DEPTHS: the fourth tells depths, too,
+// not only what rests.
+template <bool MOVES, bool DEPTHS, class Trail>
+WARPCAM_FN void compose_motion(const Trail& trail, const ShapePose& old, const ShapePose& pose, int kind, int state,
+                               const Camera& now, const Camera& then, bool pinhole, bool scaled, bool brief,
+                               Row* motion, int step)
+{
+    const float steps = DEPTHS && brief ? steps_of(kind, pose, now, pinhole) : 0.0f;
+    if (state == NEW) {
+        put_unknown(motion, step);
+        put_row(motion, 3 * step, { 0.0f, 0.0f, 0.0f }, brief ? steps : as_float(-2));
+        return;
+    }
+    // By how much a point of the shape, then one of the camera's frame, was elsewhere: 0 if nothing has moved.
+    const Vec grown = stretch(kind, old.size, pose.size, scaled);
+    Matrix turn, change;
+    for (int i = 0; i < 3; ++i) {
+        const auto& o = old.rotation.at[i];
+        const auto& r = pose.rotation.at[i];
+        const Vec row { o[0] * grown.x - r[0], o[1] * grown.y - r[1], o[2] * grown.z - r[2] };
+        for (int j = 0; j < 3; ++j)
+            turn.at[i][j] = dot(row, { pose.rotation.at[j][0], pose.rotation.at[j][1], pose.rotation.at[j][2] });
+    }
+    const Vec away =
+        (now.origin - then.origin) + (old.position - pose.position) + turned(turn, now.origin - pose.position);
+    const Vec shift = turned_back(then.rotation, away);
+    float moved = dot(shift, shift);
+    for (int i = 0; i < 3; ++i) {
+        const Vec axis { then.rotation.at[0][i], then.rotation.at[1][i], then.rotation.at[2][i] };
+        const Vec sooner { now.rotation.at[0][i], now.rotation.at[1][i], now.rotation.at[2][i] };
+        const Vec row = turned_back(now.rotation, (axis - sooner) + turned_back(turn, axis));
+        change.at[i][0] = row.x;
+        change.at[i][1] = row.y;
+        change.at[i][2] = row.z;
+        moved += dot(row, row);
+    }
+    const float center_x = now.center_x - then.center_x, center_y = now.center_y - then.center_y;
+    const float scale_x = now.scale_x - then.scale_x, scale_y = now.scale_y - then.scale_y;
+    moved += center_x * center_x + center_y * center_y + scale_x * scale_x + scale_y * scale_y;
+    const int corner = MOVES && kind == MESH && pose.asset >= 0 ? wp::index(trail.corner_starts, pose.asset) : -1;
+    const bool known = magnitude(moved) < infinity() && old.asset == pose.asset, rests = known && moved == 0.0f;
+    const ToPixels pixels(then, pinhole);
+    if (!known) {
+        put_unknown(motion, step);
+    } else if (!rests || corner >= 0) {
+        for (int i = 0; i < 3; ++i)
+            change.at[i][i] += 1.0f;
+        const auto& c = change.at;
+        for (int i = 0; i < 3; ++i) {
+            const float x = pixels.of(i, c[0][0], c[1][0], c[2][0]) * now.scale_x;
+            const float y = pixels.of(i, c[0][1], c[1][1], c[2][1]) * -now.scale_y;
+            const float z = -pixels.of(i, c[0][2], c[1][2], c[2][2]);
+            const float start = x * (0.5f - now.center_x) + y * (0.5f - now.center_y);  // of pixel (0, 0)
+            const float end = pixels.of(i, shift.x, shift.y, shift.z);
+            const float middle = i == 0 ? then.center_x - 0.5f : i == 1 ? then.center_y - 0.5f : 0.0f;
+            put_row(motion, i * step, { x, y, pinhole ? z + start : z }, pinhole ? end : end + middle + start);
+        }
+    }
+    if (MOVES && corner >= 0) {
+        Vec columns[3];  // of the mesh's frame, in the camera's
+        for (int j = 0; j < 3; ++j) {
+            columns[j] =
+                turned_back(then.rotation, { old.rotation.at[0][j], old.rotation.at[1][j], old.rotation.at[2][j] });
+            if (scaled)
+                columns[j] = (j == 0 ? old.size.x : j == 1 ? old.size.y : old.size.z) * columns[j];
+        }
+        for (int i = 0; i < 3; ++i)
+            put_row(motion, (4 + i) * step, { pixels.of(i, columns[0].x, columns[0].y, columns[0].z),
+                                     pixels.of(i, columns[1].x, columns[1].y, columns[1].z),
+                                     pixels.of(i, columns[2].x, columns[2].y, columns[2].z) }, 0.0f);
+    }
+    Reach reach = reach_of(kind, then, pinhole);
+    if (kind == PLANE)
+        reach.shift = -1.0e30f;
+    if (!DEPTHS) {
+        put_row(motion, 3 * step, { 0.0f, 0.0f, brief && rests ? -1.0f : 0.0f },
+                as_float(!brief && rests ? STILL : STILL - 1));
+    } else if (brief) {
+        const float old_steps = steps_of(kind, old, then, pinhole);
+        const float nearest = product(reach.shift, old_steps) + TO_WHOLE;
+        put_row(motion, 3 * step, { reach.part * old_steps, nearest, rests && corner < 0 ? -1.0f : then.near }, steps);
+    } else {
+        put_row(motion, 3 * step, { reach.part, reach.shift, then.near },
+                as_float(known ? 2 * corner + int(rests) : -2));
+    }
+}
+
+// The same for a shape whose pose then is `before`, as of so many shapes; its pose now goes to `after`, if not null:
+// `before` itself or another.
+template <bool MOVES, bool DEPTHS, class Trail, class Shapes>
+WARPCAM_FN void compose_motion_of(const Trail& trail, const Shapes& shapes, const Camera& now, const Camera& then,
+                                  int world, int shape, bool pinhole, bool scaled, bool brief, const Row* before,
+                                  Row* after, Row* motion)
+{
+    // All is loaded before the first decision: memory is waited for once.
+    const ShapePose old = pose_before(before, trail.columns), pose = pose_now(shapes, world, shape);
+    const int state = wp::index(trail.known, world), kind = wp::index(shapes.types, shape);
+    if (wp::index(shapes.places, shape) < 0 && kind != SPLATS)
+        return;
+    if (after && (state == NEW || !(after == before && same_pose(old, pose))))
+        keep_pose(after, trail.columns, pose);
+    compose_motion<MOVES, DEPTHS>(trail, old, pose, kind, state, now, then, pinhole, scaled, brief, motion, 1);
+}
+
+// A shape of a world by a thread; `index` counts worlds, then shapes.
+template <class Shapes, class Views, class Mask, class Trail>
+WARPCAM_FN void write_motion(const Shapes& shapes, const Views& views, const Mask& mask, const Trail& trail,
+                             bool pinhole, bool scaled, bool brief, bool keep, bool moves, int index)
+{
+    const int world = index / trail.columns, shape = index - world * trail.columns;
+    if (!wp::index(mask, world))
+        return;
+    const Camera now = load_camera(wp::index(views, world)), then = load_camera(wp::index(trail.views_before, world));
+    Row* motion = reinterpret_cast<Row*>(trail.motions.data)
+        + (moves ? motion_rows<true>() : motion_rows<false>()) * size_t(unsigned(index));
+    Row* before = reinterpret_cast<Row*>(trail.before.data) + (4 * size_t(unsigned(index - shape)) + shape);
+    Row* after = keep ? before : nullptr;
+    if (moves)
+        compose_motion_of<true, true>(trail, shapes, now, then, world, shape, pinhole, scaled, brief, before, after,
+                                      motion);
+    else
+        compose_motion_of<false, true>(trail, shapes, now, then, world, shape, pinhole, scaled, brief, before, after,
+                                       motion);
+}
+
+// The same for all shapes of a world, by the threads of a block, into its shared memory; the last threads do it, since
+// the first prepare shapes. KEEP: this block writes the poses.
+template <int WANTED, int TYPES, int LENS, class Trail, class Shapes>
+WARPCAM_FN void compose_motions(const Trail& trail, const Shapes& shapes, const Camera& now, const Camera& then,
+                                int world, bool keep, int thread, Row* motions)
+{
+    constexpr bool DEPTHS = (WANTED & FLOW_VALID) != 0;
+    const bool in_first = wp::index(trail.known, world) == FIRST;
+    const Row* one = reinterpret_cast<const Row*>(trail.before.data) + 4 * size_t(unsigned(world * trail.columns));
+    const Row* other = reinterpret_cast<const Row*>(trail.after.data) + 4 * size_t(unsigned(world * trail.columns));
+    const Row* before = in_first ? one : other;
+    Row* after = const_cast<Row*>(in_first ? other : one);
+    for (int shape = THREADS - 1 - thread; shape < trail.columns; shape += THREADS)
+        compose_motion_of<false, DEPTHS>(trail, shapes, now, then, world, shape, LENS == PINHOLE,
+                                         (TYPES >> SCALED & 1) != 0, (WANTED & FLOW_BRIEF) != 0, before + shape,
+                                         keep ? after + shape : nullptr, motions + motion_rows<false>() * (shape + 1));
+    if (thread == THREADS - 1)  // of nothing, which rests
+        put_row(motions, 3, { 0.0f, 0.0f, -1.0f }, (WANTED & FLOW_BRIEF) ? 0.0f : as_float(STILL));
+}
+
+}  // namespace warpcam

@@ -1,0 +1,49 @@
+// How far the shadows of a light reach. MuJoCo's renderer draws what the light sees into a map: what lies outside of it
+// is lit, and what is nearer to the light than its near plane casts no shadow.
+#pragma once
+#include "core/vec3.h"
+
+namespace warpcam {
+
+struct MapSize {
+    float width;  // half of it: of a distant light [m], else at a distance of 1; 0 where shadows reach everywhere
+    float near;   // from the light's position along its direction [m]
+    float gap;    // a single face nearer to a point casts no shadow on it, as a part of `width`
+};
+
+// The map of one light, in axes of one's choice and from a place of one's choice.
+struct ShadowMap {
+    Vec right, up;  // over half the map's width
+    Vec along;
+    Vec from;  // the light's position
+    float near;
+    float nearest;  // a single face nearer to a point casts no shadow on it, in the units of ray_to()
+    bool bounded;  // else the rest means nothing
+};
+
+// `along`: unit, the way the light shines; `up`: what is across it and the world's x axis, of any length.
+WARPCAM_FN ShadowMap shadow_map(Vec from, Vec along, Vec up, const MapSize& size)
+{
+    const float rate = reciprocal(root(upper(dot(up, up), 1.0e-30f)) * upper(size.width, 1.0e-30f));
+    return { rate * cross(along, up), rate * up, along, from, size.near, size.width * size.gap, size.width > 0.0f };
+}
+
+// `cutoff` [degrees]: of a spot.
+template <class Lights> WARPCAM_FN MapSize map_size(const Lights& lights, bool distant, float cutoff)
+{
+    const float half = 0.017453292519943295f * lower(lights.shadow_scale * cutoff, 80.0f);
+    const bool flat = distant || !(lights.shadow_width > 0.0f);
+    return { flat ? lights.shadow_width : sine(half) * reciprocal(cosine(half)), lights.shadow_near,
+             lights.shadow_gap };
+}
+
+// Whether a bounded map has a place, which lies so far `along` it.
+WARPCAM_FN bool has_place(const ShadowMap& map, bool distant, Vec place, float& along)
+{
+    const Vec offset = place - map.from;
+    along = dot(map.along, offset);
+    const float side = upper(magnitude(dot(map.right, offset)), magnitude(dot(map.up, offset)));
+    return along > map.near && !(side > (distant ? 1.0f : along));
+}
+
+}  // namespace warpcam

@@ -1,0 +1,331 @@
+// What a block keeps of each shape of its world to draw its pixels: pose as the view has it, size, material.
+#pragma once
+#include "shading/plane_grid.h"
+#include "shading/resolved_material.h"
+#include "core/srgb.h"
+#include "texture/sampler.h"
+
+namespace warpcam {
+
+// Bits of a set of images: what shading_pass/shading_pass.h writes. Values of shading.py.
+enum ImageBit { RGB = 1, RGBA = 2, HDR = 4, NORMALS = 8, ALBEDO = 16 };
+// Facts of a scene and of an image.
+enum Fact {
+    HAS_MATERIALS = 1,
+    HAS_TEXTURES = 2,
+    HAS_SKYBOX = 4,
+    HAS_SHADOWS = 8,
+    QUADS = 16,
+    WHOLE_REGIONS = 32,  // the image has no part of a region
+    SPARE = 64,  // few shapes and no meshes: there is room to draw floors apart and for lookups on sheets
+    STRIPS = 128,  // floors may be drawn by strips: shading_pass/plane_strips.h
+    PHYSICAL = 1 << 12,  // is lit as shading/pbr.h does it, else as shading/fixed_function.h does
+    HAS_MAPS = 1 << 13,  // some material has more than the texture of its colour
+    HAS_OFFSETS = 1 << 20,  // textures are moved: shading/world_overrides.h
+    HAS_MIPS = 1 << 24  // each texture but cubes has a mipmapped one; told where floors are looked up by them
+};
+// Of what one layer cannot show. MIRRORED: the view is the one from behind the mirror; REFLECTS: the images hold what
+// is seen from there; VEILED: some shapes may be transparent; HAZY: an endless plane has a haze over its horizon;
+// NOTED: what covers most of a pixel is written over what the trace has found there, for its edges to be made smooth.
+enum LayerFact { MIRRORED = 1 << 8, REFLECTS = 1 << 9, VEILED = 1 << 10, HAZY = 1 << 11, NOTED = 1 << 14 };
+
+// What follows from a set of images and facts.
+template <int IMAGES, int FACTS> struct Wanted {
+    static constexpr bool DISPLAY = (IMAGES & (RGB | RGBA)) != 0;
+    static constexpr bool LIT = DISPLAY || (IMAGES & HDR);
+    static constexpr bool COLORED = LIT || (IMAGES & ALBEDO);
+    static constexpr bool MATERIAL = FACTS & HAS_MATERIALS;
+    static constexpr bool TEXTURED = COLORED && MATERIAL && (FACTS & HAS_TEXTURES);
+    static constexpr bool SHIFTED = TEXTURED && (FACTS & HAS_OFFSETS);
+    static constexpr bool ON_SHEETS = TEXTURED && (FACTS & SPARE);
+    static constexpr bool TURNED = IMAGES & NORMALS;
+    static constexpr bool SURFACE = LIT || TEXTURED || TURNED;
+    static constexpr bool COATED = COLORED && (FACTS & PHYSICAL);
+    static constexpr bool MAPPED = COATED && (FACTS & HAS_MAPS);
+    static constexpr bool FACETED = LIT && !(FACTS & PHYSICAL);
+    static constexpr bool JOINS = LIT && (FACTS & HAS_SHADOWS);
+    static constexpr bool DIMMED = FACTS & MIRRORED;  // colours are those that the mirror shows
+};
+
+// How a shape looks in a physically based scene: its material, the shape's own colour resolved.
+struct Coat {
+    Row color;  // RGB, linear; w: texture or -1
+    Row gloss;  // x: roughness, y: metallic, z: reflectance of what is no metal; w: packed texture or -1
+    Row glow;   // RGB, linear; w: texture or -1
+    int normals;  // texture or -1
+};
+
+// How a texture lies on a shape.
+struct Layout {
+    Row extent;       // the half extents that MuJoCo gives its renderer; w: 1 if a cube texture repeats by the metre
+    Image image;      // none where a texture of the kind does not show
+    float repeat[2];  // of a 2-D texture on the shape; on a plane the rates of u and v along x and y [1/m]
+    float start[2];   // u and v in a plane's middle
+    int cube;         // 1: a cube texture
+    int own;          // 1: a mesh with texture coordinates of its own
+    unsigned long long sheet;  // see Textures.sheets; 0: none
+};
+
+// The shape's axes in the world.
+struct Turn {
+    Row axis_x, axis_y, axis_z;
+
+    WARPCAM_FN Vec world(Vec v) const
+    {
+        return { axis_x.x * v.x + axis_x.y * v.y + axis_x.z * v.z, axis_y.x * v.x + axis_y.y * v.y + axis_y.z * v.z,
+                 axis_z.x * v.x + axis_z.y * v.y + axis_z.z * v.z };
+    }
+};
+
+struct None {
+};
+template <bool WANTED, class Value> struct Kept {
+    using type = Value;
+};
+template <class Value> struct Kept<false, Value> {
+    using type = None;
+};
+template <bool FIRST, class One, class Other> struct Either {
+    using type = One;
+};
+template <class One, class Other> struct Either<false, One, Other> {
+    using type = Other;
+};
+
+// How far a texture is moved on its shape, in images.
+struct Shift {
+    float shift_u, shift_v;
+};
+struct Unmoved {
+};
+
+// Adds it to a place on the texture.
+template <class Looks> WARPCAM_FN void shift(const Looks& look, float& u, float& v)
+{
+    if constexpr (Looks::SHIFTED) {
+        u += look.shift_u;
+        v += look.shift_v;
+    }
+}
+
+// Only what the images need.
+template <int TYPES, class Wants> struct Look : Either<Wants::SHIFTED, Shift, Unmoved>::type {
+    static constexpr bool SHIFTED = Wants::SHIFTED, TEXTURED = Wants::TEXTURED, ON_SHEETS = Wants::ON_SHEETS;
+    typename Kept<Wants::SURFACE, Pose>::type pose;
+    static constexpr bool JOINT = Wants::JOINS && (TYPES >> COINCIDENT & 1);
+    using Finish_ = typename Either<JOINT, JointFinish, Finish>::type;
+    typename Kept<Wants::COLORED, typename Either<Wants::COATED, Coat, Finish_>::type>::type finish;
+    typename Kept<Wants::TURNED, Turn>::type turn;
+    typename Kept<Wants::TEXTURED, Layout>::type layout;
+    typename Kept<Wants::FACETED && (TYPES >> PLANE & 1), PlaneCells>::type cells;
+};
+
+template <int TYPES, class Shapes, class Meshes>
+WARPCAM_FN Pose load_pose(const Shapes& shapes, const Meshes& meshes, const Camera& camera, int world, int id)
+{
+    const auto r = wp::index(shapes.rotations, world, id);
+    const Vec away = camera.origin - to_vec(wp::index(shapes.positions, world, id));
+    Matrix turn, view;
+    float eye[3];
+    for (int i = 0; i < 3; ++i)
+        for (int j = 0; j < 3; ++j)
+            turn.at[i][j] = r.data[i][j];
+    for (int i = 0; i < 3; ++i) {
+        eye[i] = turn.at[0][i] * away.x + turn.at[1][i] * away.y + turn.at[2][i] * away.z;
+        for (int j = 0; j < 3; ++j)
+            view.at[i][j] = turn.at[0][i] * camera.rotation.at[0][j] + turn.at[1][i] * camera.rotation.at[1][j]
+                + turn.at[2][i] * camera.rotation.at[2][j];
+    }
+    const int type = wp::index(shapes.types, id), asset = row_of(shapes.assets, world, id);
+    Vec size = to_vec(row_of(shapes.sizes, world, id));
+    if ((TYPES >> MESH & 1) && !(TYPES >> SCALED & 1) && type == MESH && asset >= 0) {
+        size.x = as_float(wp::index(meshes.face_start, asset));
+        size.y = as_float(wp::index(meshes.corner_start, asset));
+    }
+    return { { view.at[0][0], view.at[0][1], view.at[0][2], as_int(eye[0]) },
+             { view.at[1][0], view.at[1][1], view.at[1][2], as_int(eye[1]) },
+             { view.at[2][0], view.at[2][1], view.at[2][2], as_int(eye[2]) },
+             to_row(size, type + 16 * (asset + 1)) };
+}
+
+template <class Shapes> WARPCAM_FN Turn load_turn(const Shapes& shapes, int world, int id)
+{
+    const auto r = wp::index(shapes.rotations, world, id);
+    return { { r.data[0][0], r.data[0][1], r.data[0][2], 0 },
+             { r.data[1][0], r.data[1][1], r.data[1][2], 0 },
+             { r.data[2][0], r.data[2][1], r.data[2][2], 0 } };
+}
+
+// What a physically based scene has instead.
+template <bool MATERIAL, bool MAPS, class Shapes, class Materials, class Physical>
+WARPCAM_FN Coat load_coat(const Shapes& shapes, const Materials& materials, const Physical& physical, int world,
+                          int id)
+{
+    const Finish finish = load_finish<MATERIAL>(shapes, materials, world, id);
+    Coat coat;
+    coat.color = to_row(decoded(to_vec(finish.color)), finish.color.w);
+    coat.gloss = { 0.5f, 0.0f, 0.04f, -1 };
+    coat.glow = { 0.0f, 0.0f, 0.0f, -1 };
+    coat.normals = -1;
+    const int index = MATERIAL ? material_of(shapes, materials, world, id) : -1;
+    if (index >= 0) {
+        coat.gloss.x = row_of(physical.roughness, world, index);
+        coat.gloss.y = row_of(physical.metallic, world, index);
+        coat.gloss.z = row_of(physical.reflectance, world, index);
+        coat.glow = to_row(to_vec(row_of(physical.emissive, world, index)), -1);
+        if (MAPS) {
+            coat.normals = texture_of(materials, world, index, ROLE_NORMAL);
+            coat.gloss.w = texture_of(materials, world, index, ROLE_PACKED);
+            coat.glow.w = texture_of(materials, world, index, ROLE_EMISSION);
+        }
+    }
+    return coat;
+}
+
+// The half extents of a shape as MuJoCo gives them to its renderer.
+template <int TYPES, class Meshes, class HeightFields>
+WARPCAM_FN Vec extent_of(const Pose& pose, const Meshes& meshes, const HeightFields& fields)
+{
+    const Vec size = to_vec(pose.size);
+    const int type = pose.type(), asset = pose.asset();
+    if (type == SPHERE)
+        return { size.x, size.x, size.x };
+    if (type == CAPSULE || type == CYLINDER
+        || ((TYPES & (1 << CONE | 1 << BARREL)) && (type == CONE || type == BARREL)))
+        return { size.x, size.x, size.y };
+    if ((TYPES >> MESH & 1) && type == MESH && asset >= 0) {
+        const auto lo = wp::index(meshes.lower, asset), hi = wp::index(meshes.upper, asset);
+        return { upper(magnitude(lo[0]), magnitude(hi[0])), upper(magnitude(lo[1]), magnitude(hi[1])),
+                 upper(magnitude(lo[2]), magnitude(hi[2])) };
+    }
+    if ((TYPES >> HEIGHT_FIELD & 1) && type == HEIGHT_FIELD && asset >= 0) {
+        const auto field = wp::index(fields.size, asset);
+        return { field[0], field[1], 0.25f * field[2] + 0.5f * field[3] };
+    }
+    return size;
+}
+
+// How often an image repeats along an axis. MuJoCo's renderer takes what is not positive for 1, but where it lays
+// images on from above.
+template <int TYPES> WARPCAM_FN float repeat_of(float given, int type, int own)
+{
+    const bool from_above = (TYPES >> FROM_ABOVE & 1) || type == HEIGHT_FIELD || (type == MESH && !own);
+    return given > 0.0f || from_above ? given : 1.0f;
+}
+
+// PHYSICALLY: images are repeated as the material says.
+template <int TYPES, bool PHYSICALLY, class Shapes, class Materials, class Textures, class Meshes, class HeightFields>
+WARPCAM_FN Layout load_layout(const Shapes& shapes, const Materials& materials, const Textures& textures,
+                              const Meshes& meshes, const HeightFields& fields, const Pose& pose, int texture,
+                              int world, int id)
+{
+    Layout layout { { 0.0f, 0.0f, 0.0f, 0 }, load_image(textures, texture), { 1.0f, 1.0f }, {}, 0, 0, 0 };
+    const int index = material_of(shapes, materials, world, id);
+    if (index < 0)
+        return layout;
+    const int kind = layout.image.levels > 0 ? int(wp::index(textures.kind, texture)) : TEXTURE_2D;
+    layout.cube = kind == TEXTURE_CUBE;
+    const bool uniform = row_of(materials.texture_uniform, world, index);
+    if ((TYPES >> MESH & 1) && pose.type() == MESH && pose.asset() >= 0)
+        layout.own = wp::index(meshes.has_uvs, pose.asset());
+    const auto given = row_of(materials.texture_repeat, world, index);
+    float repeat[2] = { given[0], given[1] };
+    for (int axis = 0; axis < 2 && !PHYSICALLY; ++axis)
+        repeat[axis] = repeat_of<TYPES>(repeat[axis], pose.type(), layout.own);
+    const Vec extent = extent_of<TYPES>(pose, meshes, fields);
+    layout.extent = to_row(extent, uniform && extent.x + extent.y > 0.0f);  // metres on endless planes all the same
+    layout.repeat[0] = repeat[0] * (uniform && extent.x > 0.0f ? extent.x : 1.0f);
+    layout.repeat[1] = repeat[1] * (uniform && extent.y > 0.0f ? extent.y : 1.0f);
+    if constexpr ((TYPES >> PROJECTED & 1) != 0) {
+        layout.repeat[0] = repeat[0];
+        layout.repeat[1] = repeat[1];
+        if (pose.type() == PLANE) {
+            layout.start[1] = 1.0f;
+            layout.repeat[1] = -repeat[1];
+        }
+        return layout;
+    }
+    if ((TYPES >> PLANE & 1) && pose.type() == PLANE) {  // a side of length 0 is endless, two metres an image
+        constexpr bool FROM_MIDDLE = TYPES >> FROM_ABOVE & 1;
+        const float offset = extent.x <= 0.0f || extent.y <= 0.0f || FROM_MIDDLE ? -0.5f : 0.0f;
+        const float half[2] = { extent.x, extent.y };
+        for (int axis = 0; axis < 2; ++axis) {
+            layout.start[axis] = (half[axis] > 0.0f && !FROM_MIDDLE ? 0.5f * layout.repeat[axis] : 0.0f) + offset;
+            layout.repeat[axis] *= (axis == 0 ? 0.5f : -0.5f) * (half[axis] > 0.0f ? reciprocal(half[axis]) : 1.0f);
+        }
+    }
+    if (layout.cube && layout.own)  // on such a mesh a cube texture does not show
+        layout.image.levels = 0;
+    if constexpr ((TYPES >> BARE & 1) != 0) {  // cylinders whose third size is -1, and some meshes
+        if (layout.own < 0 || (pose.type() == CYLINDER && pose.size.z < 0.0f))
+            layout.image.levels = 0;
+        for (int axis = 0; axis < 2 && layout.own == 2; ++axis)
+            layout.repeat[axis] = repeat[axis];
+    }
+    return layout;
+}
+
+// What of a look only shapes with a texture, and planes, have a use for.
+template <int TYPES, class Wants, class Shapes, class Materials, class Textures, class Meshes, class HeightFields>
+WARPCAM_FN void load_rest(Look<TYPES, Wants>& look, const Shapes& shapes, const Materials& materials,
+                          const Textures& textures, const Meshes& meshes, const HeightFields& fields, float horizon,
+                          int world, int id)
+{
+    if constexpr (Wants::TEXTURED)
+        look.layout = load_layout<TYPES, Wants::COATED>(shapes, materials, textures, meshes, fields, look.pose,
+                                         look.finish.color.w, world, id);
+    if constexpr (Wants::ON_SHEETS)
+        look.layout.sheet = sheet_of(textures, look.finish.color.w);
+    if constexpr (Wants::FACETED && (TYPES >> PLANE & 1)) {
+        const int index = Wants::MATERIAL ? material_of(shapes, materials, world, id) : -1;
+        float repeat[2] = { 0.0f, 0.0f };
+        if (Wants::MATERIAL && index >= 0)
+            for (int axis = 0; axis < 2; ++axis)
+                repeat[axis] = row_of(materials.texture_repeat, world, index)[axis];
+        look.cells = plane_cells(look.pose, repeat, horizon);
+    }
+}
+
+template <int TYPES, class Wants, class Shapes, class Materials, class Physical, class Textures, class Meshes,
+          class HeightFields>
+WARPCAM_APART WARPCAM_FN Look<TYPES, Wants> load_look(const Shapes& shapes, const Materials& materials,
+                                                      const Physical& physical, const Textures& textures,
+                                                      const Meshes& meshes, const HeightFields& fields,
+                                                      const Camera& camera, float horizon, int world, int id)
+{
+    Look<TYPES, Wants> look;
+    if constexpr (Wants::SURFACE)
+        look.pose = load_pose<TYPES>(shapes, meshes, camera, world, id);
+    if constexpr (Wants::TURNED)
+        look.turn = load_turn(shapes, world, id);
+    if constexpr (Wants::COLORED && !Wants::COATED) {
+        const Finish finish = load_finish<Wants::MATERIAL>(shapes, materials, world, id);
+        static_cast<Finish&>(look.finish) = finish;
+        if constexpr (Look<TYPES, Wants>::JOINT)
+            look.finish.joint = load_joint<Wants::MATERIAL>(shapes, materials, world, id, finish);
+    }
+    if constexpr (Wants::COATED)
+        look.finish = load_coat<Wants::MATERIAL, Wants::MAPPED>(shapes, materials, physical, world, id);
+    load_rest(look, shapes, materials, textures, meshes, fields, horizon, world, id);
+    return look;
+}
+
+// Looks without that: enough of most shapes.
+template <class Wants> struct Bare : Wants {
+    static constexpr bool TEXTURED = false, SHIFTED = false, ON_SHEETS = false, FACETED = false;
+};
+
+// What a block keeps where it cannot keep the looks of all shapes: of those that it sees, as far as there is room.
+// PLACES: room for the drawn shapes' marks.
+template <int TYPES_, class Wants_, int PLACES, int ROOM> struct SeenLooks {
+    static constexpr int TYPES = TYPES_;
+    static constexpr bool MARKED = THREADS > 1 && PLACES > 1;
+    using Wants = Wants_;
+
+    Look<TYPES, Wants> plane;  // whose corners are kept: shading/plane_vertex_lighting.h
+    Look<TYPES, Bare<Wants>> looks[ROOM];
+    unsigned short marks[PLACES];  // by place among the drawn shapes: 1 + where its look is, or 0
+    int count;
+};
+
+}  // namespace warpcam

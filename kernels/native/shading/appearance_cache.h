@@ -1,0 +1,125 @@
+// Looks of the shapes that a region shows: kept by its block, or made anew for a pixel.
+#pragma once
+#include "shading/shade_hit.h"
+
+namespace warpcam {
+
+template <int TYPES, class Wants, class Scene_>
+WARPCAM_FN Look<TYPES, Wants> look_of(const Scene_& scene, const Camera& camera, int world, int id)
+{
+    auto look = load_look<TYPES, Wants>(scene.shapes, scene.materials, physical_of(scene), scene.textures,
+                                        scene.meshes, scene.fields, camera, scene.frame.horizon, world, id);
+    if constexpr (Wants::DIMMED)
+        dim(look.finish, wp::index(scene.frame.mirrors, world).strength);
+    load_shift(look, scene, world, id);
+    return look;
+}
+
+// A look that was kept without what few shapes have a use for.
+template <class Seen, class Scene_>
+WARPCAM_FN auto completed(const Seen& seen, int slot, const Scene_& scene, int world, int id)
+{
+    using Wants = typename Seen::Wants;
+    constexpr int TYPES = Seen::TYPES;
+    const auto& bare = seen.looks[slot];
+    Look<TYPES, Wants> look;
+    look.pose = bare.pose;
+    look.finish = bare.finish;
+    look.turn = bare.turn;
+    bool more = Wants::MAPPED;
+    if constexpr (Wants::TEXTURED) {
+        look.layout.image.levels = 0;
+        more |= bare.finish.color.w >= 0;
+    }
+    if constexpr (Wants::FACETED && (TYPES >> PLANE & 1)) {
+        look.cells.u.step = 0.0f;
+        more |= bare.pose.type() == PLANE;
+    }
+    if (more) {
+        load_rest(look, scene.shapes, scene.materials, scene.textures, scene.meshes, scene.fields, scene.frame.horizon,
+                  world, id);
+        load_shift(look, scene, world, id);
+    }
+    return look;
+}
+
+// A shape's look, as it is kept or made anew.
+template <int TYPES, int CAPACITY, class Wants, class Looks, class List, class Scene_>
+WARPCAM_FN auto kept_look(const Looks* looks, const List& lights, const Scene_& scene, const Camera& camera, int world,
+                          int id)
+{
+    if constexpr (CAPACITY > 0) {
+        return looks[scene.shapes.places.data[id]];
+    } else if constexpr (CAPACITY < 0) {
+        using Own = typename Looks::Wants;
+        if constexpr (HasCorners<List>::VALUE)
+            if (id == lights.grid.shape)
+                return looks->plane;
+        const int mark = Looks::MARKED ? looks->marks[scene.shapes.places.data[id]] : 0;
+        return mark > 0 ? completed(*looks, mark - 1, scene, world, id)
+                        : look_of<TYPES, Own>(scene, camera, world, id);
+    } else {
+        return look_of<TYPES, Wants>(scene, camera, world, id);
+    }
+}
+
+// The look of the plane whose corners are kept.
+template <int KEPT, class Held, class Scene_> WARPCAM_FN const auto& plane_look(const Held* looks, const Scene_& scene)
+{
+    if constexpr (KEPT > 0)
+        return looks[scene.frame.plane >= 0 ? wp::index(scene.shapes.places, scene.frame.plane) : 0];
+    else
+        return looks->plane;
+}
+
+#if defined(__CUDA_ARCH__)
+// The pixel of a thread in one of a region's tiles, row after row.
+template <int WIDTH, int FACTS, class Frame_>
+WARPCAM_FN void go_to(Pixel& pixel, const Frame_& frame, unsigned first, int left, int top, unsigned tile)
+{
+    left += tile % (WIDTH / TILE_WIDTH) * TILE_WIDTH;
+    top += tile / (WIDTH / TILE_WIDTH) * TILE_HEIGHT;
+    pixel.column = left + unsigned(pixel.lane) % TILE_WIDTH;
+    pixel.row = top + unsigned(pixel.lane) / TILE_WIDTH;
+    pixel.width = frame.width - left;
+    pixel.height = frame.height - top;
+    pixel.at = first + pixel.row * frame.width + pixel.column;
+    pixel.inside = (FACTS & WHOLE_REGIONS) || (pixel.column < frame.width && pixel.row < frame.height);
+}
+
+// Keeps the looks of the shapes that a region shows. The threads of a block share the work.
+template <int WIDTH, int HEIGHT, int FACTS, int ROOM, class Seen, class Scene_>
+WARPCAM_FN void gather_looks(Seen& seen, const Scene_& scene, const Camera& camera, int world, unsigned first, int left,
+                             int top, int thread)
+{
+    const int total = scene.shapes.drawn.shape[0];
+    for (int place = thread; place < total; place += THREADS)
+        seen.marks[place] = 0;
+    if (thread == 0)
+        seen.count = 0;
+    block_barrier();
+    Pixel pixel;
+    pixel.lane = thread % LANES;
+#pragma unroll 1
+    for (unsigned tile = unsigned(thread) / LANES; tile < WIDTH / TILE_WIDTH * (HEIGHT / TILE_HEIGHT);
+         tile += THREADS / LANES) {
+        go_to<WIDTH, FACTS>(pixel, scene.frame, first, left, top, tile);
+        const int id = pixel.inside ? scene.frame.shape.data[pixel.at] : -1;
+        if (id >= 0 && id != scene.frame.plane)
+            seen.marks[scene.shapes.places.data[id]] = 1;
+    }
+    block_barrier();
+#pragma unroll 1
+    for (int place = thread; place < total; place += THREADS) {
+        if (!seen.marks[place])
+            continue;
+        const int slot = atomicAdd(&seen.count, 1);
+        seen.marks[place] = slot < ROOM ? slot + 1 : 0;
+        if (slot < ROOM)
+            seen.looks[slot] = look_of<Seen::TYPES, Bare<typename Seen::Wants>>(scene, camera, world,
+                                                                               wp::index(scene.shapes.drawn, place));
+    }
+}
+#endif
+
+}  // namespace warpcam

@@ -1,0 +1,42 @@
+// The shadows of shapes on themselves: what is turned away from a light lies behind what the light falls on, and so in
+// its shadow where the light's map has it. There is no light to lose there but the ambient part, so that only lights
+// that have one ask. Meshes, which may be open, find theirs with the shadows of all else; planes have none.
+#pragma once
+#include "shading/fixed_function.h"
+
+namespace warpcam {
+
+constexpr int SHADES_ITSELF = 1 << HEIGHT_FIELD | 1 << SPHERE | 1 << CAPSULE | 1 << ELLIPSOID | 1 << CYLINDER | 1 << BOX
+                              | 1 << CONE | 1 << BARREL;
+
+// The map of a light that dims, in the camera's frame.
+WARPCAM_FN ShadowMap map_of(const LightList& list, const Light& light, const Camera& camera)
+{
+    const bool spot = light.ambient.w & SPOT;
+    const Matrix& r = camera.rotation;
+    const Vec along = normalized(spot ? to_vec(light.axis) : -to_vec(light.place));
+    return shadow_map(to_vec(spot ? light.place : light.axis), along,
+                      cross({ r.at[0][0], r.at[0][1], r.at[0][2] }, along),
+                      { as_float(light.specular.w), list.near, 0.0f });
+}
+
+// The bits of the lights in whose shadow a shape that shades itself has a place, as far as it comes from that shape.
+// In the camera's frame; `normal` is the shape's own.
+static WARPCAM_COLD int own_shadow(const LightList& list, const Camera& camera, Vec place, Vec normal)
+{
+    int shadow = 0;
+    for (int n = 0; n < list.count; ++n) {
+        const Light& light = list.lights[n];
+        if (!dims(light))
+            continue;
+        const bool spot = light.ambient.w & SPOT;
+        const ShadowMap map = map_of(list, light, camera);
+        float along;
+        if (!(dot(normal, spot ? to_vec(light.place) - place : to_vec(light.place)) > 0.0f)
+            && (!map.bounded || has_place(map, !spot, place, along)))
+            shadow |= light.place.w;
+    }
+    return shadow;
+}
+
+}  // namespace warpcam

@@ -1,0 +1,249 @@
+// Transparent shapes, over what is seen behind them.
+//
+// MuJoCo's renderer sorts them by distance and draws them twice: in that order from near to far, and from far to near.
+// Both are steps c -> a C + (1 - a) c of a colour c, one for each shape that lies before what is solid. The first
+// passage is made as it comes; that of the second, which begins with the last shape, is kept as P + Q c.
+#pragma once
+#include "shading/appearance.h"
+#include "accel/alpha_test.h"
+#include "geometry/shape_state.h"
+#include "traversal/trace_tile.h"
+
+namespace warpcam {
+
+constexpr int MAX_SHEETS = 8;           // of one shape in one ray that can be seen through one another
+constexpr float FROM_BEHIND = 0.3f;     // how solid a plane is that is seen from behind, of what it is from its front
+constexpr float NOTEWORTHY = 0.2929f;   // opacity from which a shape, drawn twice, covers half of what lies behind
+constexpr float AS_FAR = 1.000001f;     // of the depth of what is solid: what lies there is drawn over it
+constexpr float PLANES_LAST = 1.0e10f;  // the distance by which planes are sorted [m]
+
+// Transparent shapes of a region.
+template <int CAPACITY> struct Veils {
+    Record records[CAPACITY];
+    float distance[CAPACITY];  // by slot
+    float opacity[CAPACITY];   // by slot
+    int ids[CAPACITY];         // by slot
+    TileBox touched[CAPACITY];  // by slot
+    unsigned char order[CAPACITY];  // by rank: the slot
+    int count;
+};
+
+// Radius of a sphere around a shape that holds it, for shapes that are not geoms.
+WARPCAM_FN float reach_of(const Shape& shape)
+{
+    const Vec s = shape.size;
+    if (shape.type == SPHERE)
+        return s.x;
+    if (shape.type == CAPSULE)
+        return s.x + s.y;
+    if (shape.type == CYLINDER)
+        return root(s.x * s.x + s.y * s.y);
+    return shape.type == ELLIPSOID ? upper(upper(s.x, s.y), s.z) : root(dot(s, s));
+}
+
+// Fills the list. `eye` is where MuJoCo's camera is: distances and backs count from there, in mirrors too. A `mirror`
+// does not show itself. BACKS: planes are seen from behind.
+template <int TYPES, int LENS, bool BACKS, int CAPACITY, class Scene_>
+WARPCAM_FN void gather_veils(Veils<CAPACITY>& list, const Scene_& scene, const Camera& camera, const Region& region,
+                             Vec eye, int mirror, int world, int thread)
+{
+    const auto& shapes = scene.shapes;
+    const bool blind = !(magnitude(camera.origin.x) < FAR_AWAY);
+    if (thread == 0)
+        list.count = 0;
+    block_barrier();
+    for (int i = thread; i < scene.frame.veils.shape[0] && !blind; i += THREADS) {
+        const int id = wp::index(scene.frame.veils, i);
+        float alpha = opacity(shapes, scene.materials, world, id);
+        Shape shape = load_shape(shapes, world, id);
+        const Vec away = eye - shape.position;
+        const Matrix& r = shape.rotation;
+        const bool plane = (TYPES >> PLANE & 1) && shape.type == PLANE;
+        const bool behind = BACKS && plane
+            && r.at[0][2] * away.x + r.at[1][2] * away.y + r.at[2][2] * away.z < 0.0f;
+        if (alpha == 0.0f || id == mirror)
+            continue;
+        bool mapped = false;
+        if constexpr ((TYPES >> MASKED & 1) != 0)
+            mapped = has_opacity_map(scene.shapes, scene.materials, world, id);
+        if (alpha >= SOLID && !behind && !mapped)
+            continue;
+        if (behind) {  // traced as the plane that faces the other way
+            alpha *= FROM_BEHIND;
+            for (int k = 0; k < 3; ++k)
+                for (int axis = 1; axis < 3; ++axis)
+                    shape.rotation.at[k][axis] = -shape.rotation.at[k][axis];
+        }
+        Record record;
+        TileBox tiles;
+        if (prepare<TYPES, LENS>(shape, camera, region, scene.meshes, scene.fields, record, tiles) != SEEN)
+            continue;
+        const int slot = claimed(list.count);
+        list.records[slot] = record;
+        const float reach = wp::index(scene.frame.reach, id);
+        list.distance[slot]
+            = plane ? PLANES_LAST : root(dot(away, away)) - (reach < 0.0f ? reach_of(shape) : reach);
+        list.opacity[slot] = alpha;
+        list.ids[slot] = id;
+        list.touched[slot] = tiles;
+    }
+    block_barrier();
+    for (int i = thread; i < list.count; i += THREADS) {
+        int rank = 0;
+        for (int j = 0; j < list.count; ++j)
+            rank += list.distance[j] < list.distance[i]
+                || (list.distance[j] == list.distance[i] && list.ids[j] < list.ids[i]);
+        list.order[rank] = static_cast<unsigned char>(i);
+    }
+    block_barrier();
+}
+
+#if defined(__CUDA_ARCH__)
+// Nearest front face of one mesh between `near` and the hit's depth, for one lane.
+template <int TYPES, class Meshes, class RayOf>
+WARPCAM_FN void walk_mesh(const Meshes& meshes, const Record& record, const RayOf& source, float near, Hit& hit)
+{
+    const Ray ray = source.local(record);
+    const RayFrame frame = source.template frame<TYPES>(record);
+    NodeRay<by_child(TYPES)> boxes;
+    boxes.set(ray.origin, ray.direction, record.size.x);
+    const unsigned nodes = wp::index(meshes.node_start, record.axis_z.w);
+    const unsigned faces = wp::index(meshes.face_start, record.axis_z.w);
+    int stack[STACK], height = 0, node = 0;
+    while (node != NO_NODE) {
+        if (node >= 0) {
+            float enter[4], leave[4], best = FAR_AWAY;
+            int child[4];
+            boxes.meet(node_rows<TYPES>(meshes, nodes, node), near, hit.depth, enter, leave, child);
+            node = NO_NODE;
+#pragma unroll
+            for (int k = 0; k < 4; ++k)
+                if (enter[k] <= leave[k]) {
+                    const bool nearer = enter[k] < best;
+                    if (node != NO_NODE)
+                        stack[height++] = nearer ? node : child[k];
+                    node = nearer ? child[k] : node;
+                    best = nearer ? enter[k] : best;
+                }
+        } else {
+            const int code = -node - 1, first = code >> 4, end = first + (code & 15);
+            for (int f = first; f < end; ++f) {
+                const unsigned at = faces + unsigned(f * FACE_ROWS);
+                const Row a = load(meshes.faces.data, at), b = load(meshes.faces.data, at + 1);
+                const Row c = load(meshes.faces.data, at + 2);
+                const float t = enter_triangle(frame, project(frame, a.x, a.y, a.z), project(frame, b.x, b.y, b.z),
+                                               project(frame, c.x, c.y, c.z), has_back<TYPES>(b.w));
+                if (t < hit.depth && t > near && is_not_cut<TYPES>(meshes, record, ray, f, t))
+                    hit = { t, record.axis_y.w, f };
+            }
+            node = NO_NODE;
+        }
+        if (node == NO_NODE && height > 0)
+            node = stack[--height];
+    }
+}
+#else
+template <int TYPES, class Meshes, class RayOf>
+inline void walk_mesh(const Meshes& meshes, const Record& record, const RayOf& source, float near, Hit& hit)
+{
+    const Ray ray = source.local(record);
+    const int mesh = record.axis_z.w;
+    MeshRays walk(node_rows(meshes, mesh), face_rows(meshes, mesh));
+    walk.put(0, slabs(ray.origin, ray.direction, record.size.x), source.template frame<TYPES>(record), near, hit.depth);
+    walk.start(0);
+    walk.template walk<SIDES_OF<TYPES, false>, false>(
+        [&](int, int face, float t) { return is_not_cut<TYPES>(meshes, record, ray, face, t); });
+    if (walk.face[0] >= 0)
+        hit = { walk.depth[0], record.axis_y.w, walk.face[0] };
+}
+#endif
+
+// Where a ray comes to a veil's next sheet between `near` and the hit's depth; the hit's shape is left where it does
+// not.
+template <int TYPES, class Meshes, class HeightFields, class RayOf>
+WARPCAM_FN void meet_veil(const Record& record, const RayOf& ray, float near, const Meshes& meshes,
+                          const HeightFields& fields, Hit& hit)
+{
+    if (is_mesh<TYPES>(record)) {
+        if constexpr ((TYPES >> MESH & 1) != 0)
+            walk_mesh<TYPES>(meshes, record, ray, near, hit);
+    } else if ((TYPES >> HEIGHT_FIELD & 1) && record.axis_x.w == HEIGHT_FIELD) {
+        if constexpr ((TYPES >> HEIGHT_FIELD & 1) != 0)
+            walk_height_field(fields, record, ray, near, hit);
+    } else {
+        const float t = enter_any<analytic_types(TYPES)>(record, ray.local(record));
+        if (t < hit.depth && t > near)
+            hit = { t, record.axis_y.w, -1 };
+    }
+}
+
+// A colour under veils: see above. `left`: what of the solid colour is still seen.
+struct Covered {
+    Vec linear, display;
+    Vec linear_over, display_over;
+    float left;
+
+    WARPCAM_FN explicit Covered(Vec linear, Vec display)
+        : linear(linear), display(display), linear_over {}, display_over {}, left(1.0f)
+    {
+    }
+
+    WARPCAM_FN void add(float opacity, Vec more_linear, Vec more_display)
+    {
+        const float rest = 1.0f - opacity;
+        linear = rest * linear + opacity * more_linear;
+        display = rest * display + opacity * more_display;
+        linear_over = linear_over + (left * opacity) * more_linear;
+        display_over = display_over + (left * opacity) * more_display;
+        left *= rest;
+    }
+
+    WARPCAM_FN Vec final_linear() const { return linear_over + left * linear; }
+    WARPCAM_FN Vec final_display() const { return display_over + left * display; }
+};
+
+// Covers a pixel's colour. `solid` is the depth of what is solid there, negative where nothing is to be covered.
+// `column` and `row` are the tile's in the list's region. shade(met, hit, linear, display) says the colour of a sheet
+// and returns which part of its shape's opacity it has; the whole warp comes there together, and those who have not met
+// it do not look at what they get. note(hit, opacity) is told of each sheet that is met.
+template <int TYPES, class Veils_, class RayOf, class Scene_, class Shade, class Note>
+WARPCAM_FN void cover(const Veils_& veils, const Scene_& scene, const RayOf& ray, float near, float solid, int column,
+                      int row, const Shade& shade, const Note& note, Covered& covered)
+{
+    const float limit = AS_FAR * solid;
+    const auto draw = [&](int rank) {
+        const int slot = veils.order[rank], type = veils.records[slot].axis_x.w;
+        const int sheets = type == MESH || type == HEIGHT_FIELD ? MAX_SHEETS : 1;
+        float from = near, to = limit;
+#pragma unroll 1
+        for (int sheet = 0; sheet < sheets; ++sheet) {
+            Hit hit { to, -1, -1 };
+            meet_veil<TYPES>(veils.records[slot], ray, from, scene.meshes, scene.fields, hit);
+            const bool met = hit.shape >= 0;
+            if (!any_lane(met))
+                break;
+            Vec linear, display;
+            const float opacity = shade(met, hit, linear, display) * veils.opacity[slot];
+            if (met) {
+                covered.add(opacity, linear, display);
+                note(hit, opacity);
+            }
+            from = type == HEIGHT_FIELD ? 1.00001f * hit.depth : hit.depth;  // not the same ground once more
+            to = met ? limit : -1.0f;
+        }
+    };
+#if defined(__CUDA_ARCH__)
+    for (int begin = 0; begin < veils.count; begin += LANES) {
+        const int rank = begin + threadIdx.x % LANES;
+        const bool mine = rank < veils.count && touches(veils.touched[veils.order[rank]], column, row);
+        for (unsigned mask = __ballot_sync(ALL, mine); mask; mask &= mask - 1)
+            draw(begin + lowest_bit(mask));
+    }
+#else
+    for (int rank = 0; rank < veils.count; ++rank)
+        if (touches(veils.touched[veils.order[rank]], column, row))
+            draw(rank);
+#endif
+}
+
+}  // namespace warpcam

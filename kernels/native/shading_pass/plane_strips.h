@@ -1,0 +1,332 @@
+// A floor that is lit by its corners, drawn apart from what stands on it: a lane draws four pixels beside each other,
+// so that what a strip of 128 takes, its numbers and its stores are paid once for four tiles.
+#pragma once
+#include "shading/plane_shading.h"
+#include "shading_pass/store_quads.h"
+#include "traversal/trace_tile.h"
+
+namespace warpcam {
+
+#if defined(__CUDA_ARCH__)
+
+// A region's strips, 32 pixels wide and a tile high, dealt out to its warps: each has one column of them.
+template <int WIDTH, int HEIGHT> struct Strips {
+    static constexpr int PIXELS = QUAD * LANES, ACROSS = WIDTH / LANES, WARPS = THREADS / LANES;
+    static constexpr int EACH = WIDTH * HEIGHT / (PIXELS * WARPS);  // of a warp
+    static constexpr bool FIT = WIDTH % LANES == 0 && WARPS % ACROSS == 0 && EACH * PIXELS * WARPS == WIDTH * HEIGHT
+        && EACH * QUAD <= 32;
+
+    // Of a lane's first pixel in the region; `strip` counts those of a warp.
+    WARPCAM_FN static int column(int warp, int lane) { return warp % ACROSS * LANES + lane % TILE_WIDTH * QUAD; }
+    WARPCAM_FN static int row(int warp, int lane, int strip)
+    {
+        return (warp / ACROSS + strip * (WARPS / ACROSS)) * TILE_HEIGHT + lane / TILE_WIDTH;
+    }
+};
+
+// A plane whose corners are kept, by the numbers of pixels: what follows from these in steps.
+struct StripPlan {
+    // How fast a pixel's ray approaches the plane, and how it runs along its sides in cells, times that: changes from
+    // column to column and from row to row, and at the image's first pixel. w: bits of where the eye is [cells].
+    Row height, u, v;
+    Row texture;      // u is x * cells + y, v is z * cells + w (a float's bits)
+    Row right,
+        down;  // steps on the texture, times the square of the height: x * row + y, z * row + w; `down` by column
+    float columns, rows;  // of what is kept
+    float coarsest;   // level of the texture
+    unsigned long long image;  // its texture: a mipmapped one, or a sheet
+    unsigned bias;    // of a corner's number
+    int plain;        // 1: pixels can be drawn by all of this
+    int count, next;  // of pixels that are left; of 32 of them the next that no warp has
+};
+
+template <class Grid>
+WARPCAM_FN void plan_strips(StripPlan& plan, const Grid& grid, const Camera& camera, unsigned long long image)
+{
+    const FloorView& view = grid.view;
+    plan.image = image;
+    CellAxis cells_u { 1.0f, 0.0f, 0.0f, 0.0f, 0.0f }, cells_v = cells_u;  // places in metres where there are no cells
+    plan.count = plan.next = 0;
+    plan.plain = grid.shape >= 0 && view.plain && (view.count == 0 || image);
+    if constexpr (Grid::LIT) {
+        cells_u = grid.u;
+        cells_v = grid.v;
+        plan.plain &= (Grid::SHADOWS ? grid.few : grid.grey) && cells_u.stretch == 0.0f && cells_v.stretch == 0.0f;
+        plan.columns = float(grid.columns) - 1.0001f;
+        plan.rows = float(grid.rows) - 1.0001f;
+        plan.bias = unsigned(as_int(WHOLE_NUMBERS)) * unsigned(grid.columns + 1);
+    }
+    const float x = image_x(camera, 0.0f), y = image_y(camera, 0.0f), dx = camera.scale_x, dy = -camera.scale_y;
+    const Row ax = view.axis_x, ay = view.axis_y, az = view.axis_z;
+    const float away = -as_float(az.w), side = away < 0.0f ? -1.0f : 1.0f;
+    const auto along = [&](const Row& axis, float scale, float eye) {
+        return Row { scale * axis.x * dx, scale * axis.y * dy, scale * (axis.x * x + axis.y * y - axis.z),
+                     as_int(eye) };
+    };
+    plan.height = along(az, side, 0.0f);
+    plan.u = along(ax, side * away * cells_u.rate, cells_u.rate * as_float(ax.w) + cells_u.start);
+    plan.v = along(ay, side * away * cells_v.rate, cells_v.rate * as_float(ay.w) + cells_v.start);
+    const float rate_u = view.place.x / cells_u.rate, rate_v = view.place.y / cells_v.rate;
+    plan.texture = { rate_u, view.place.z - rate_u * cells_u.start, rate_v,
+                     as_int(as_float(view.place.w) - rate_v * cells_v.start) };
+    // Along its own direction a step does not change these.
+    const Row right = view.right, down = view.down;
+    const float right_w = as_float(right.w), down_w = as_float(down.w);
+    plan.right = { away * dy * (right.x * az.y - right.y * ax.y),
+                   away * (right.x * (az.y * y - az.z) - right.y * (ax.y * y - ax.z)),
+                   away * dy * (right.z * az.y - right_w * ay.y),
+                   as_int(away * (right.z * (az.y * y - az.z) - right_w * (ay.y * y - ay.z))) };
+    plan.down = { away * dx * (down.x * az.x - down.y * ax.x),
+                  away * (down.x * (az.x * x - az.z) - down.y * (ax.x * x - ax.z)),
+                  away * dx * (down.z * az.x - down_w * ay.x),
+                  as_int(away * (down.z * (az.x * x - az.z) - down_w * (ay.x * x - ay.z))) };
+    plan.coarsest = float(view.count - 1);
+}
+
+// Half the logarithm of the square of a step.
+WARPCAM_FN float step_size(const Row& steps, float at)
+{
+    const float u = steps.x * at + steps.y, v = steps.z * at + as_float(steps.w);
+    return 0.5f * logarithm2(upper(u * u + v * v, TINY));
+}
+
+// What a lane's pixels share in all rows.
+struct StripColumn {
+    float height, u, v;  // at the first one, in the image's first row
+    float down[QUAD];    // step_size()
+};
+
+WARPCAM_FN StripColumn strip_column(const StripPlan& plan, float column)
+{
+    StripColumn own { plan.height.z + column * plan.height.x, plan.u.z + column * plan.u.x,
+                      plan.v.z + column * plan.v.x };
+    for (int k = 0; k < QUAD; ++k)
+        own.down[k] = step_size(plan.down, column + float(k));
+    return own;
+}
+
+// What a pixel shows in the lights that `shadow` leaves, if SHADED, else in all: at (u, v) among the corners.
+template <bool SHADED, class Grid>
+WARPCAM_FN float light_at(const StripPlan& plan, const Grid& grid, float u, float v, unsigned shadow)
+{
+    constexpr int STRIDE = Grid::SHADOWS ? FEW : 1;
+    const float base_u = __fadd_rd(u, WHOLE_NUMBERS), base_v = __fadd_rd(v, WHOLE_NUMBERS);
+    const float a = u - (base_u - WHOLE_NUMBERS), b = v - (base_v - WHOLE_NUMBERS);
+    const bool high = a > 1.0f - b;
+    const float second = high ? 1.0f - b : a, third = high ? 1.0f - a : b;
+    const unsigned corner = unsigned(as_int(base_v)) * unsigned(grid.columns) + unsigned(as_int(base_u)) - plan.bias;
+    const float* values = grid.values + int(corner) * STRIDE;
+    const float* at_first = values + (high ? (grid.columns + 1) * STRIDE : 0);
+    const float* at_second = values + STRIDE;
+    const float* at_third = values + grid.columns * STRIDE;
+    if constexpr (SHADED) {
+        alignas(16) float one[FEW], two[FEW], three[FEW];
+        load_few(at_first, one);
+        load_few(at_second, two);
+        load_few(at_third, three);
+        float light;
+#pragma unroll
+        for (int n = 0; n < FEW; ++n) {
+            const float own_light = one[n] + second * (two[n] - one[n]) + third * (three[n] - one[n]);
+            if (n == 0)
+                light = own_light;
+            else
+                light -= grid.bits[n - 1] & shadow ? own_light : 0.0f;
+        }
+        return light;
+    } else {
+        const float one = *at_first;
+        return one + second * (*at_second - one) + third * (*at_third - one);
+    }
+}
+
+// Draws four pixels of the plane. `shadows`: the lights that do not reach them, a byte each, if SHADED. False if what
+// is kept does not reach as far.
+template <bool TEXTURED, bool MIPS, bool SHADED, int IMAGES, class Grid>
+WARPCAM_FN bool draw_quad(const StripPlan& plan, const Grid& grid, const StripColumn& own, float row, unsigned shadows,
+                          Quad<IMAGES>& quad)
+{
+    const FloorView& view = grid.view;
+    const Row height = plan.height, across_u = plan.u, across_v = plan.v;
+    const float start = own.height + row * height.y, start_u = own.u + row * across_u.y,
+                start_v = own.v + row * across_v.y;
+    float rate[QUAD], u[QUAD], v[QUAD];
+#pragma unroll
+    for (int k = 0; k < QUAD; ++k) {
+        rate[k] = reciprocal(start + float(k) * height.x);
+        u[k] = muladd(start_u + float(k) * across_u.x, rate[k], as_float(across_u.w));
+        v[k] = muladd(start_v + float(k) * across_v.x, rate[k], as_float(across_v.w));
+    }
+    // What lies between two pixels that are among the corners is, too, but for rounding.
+    constexpr float SLACK = 1.0e-5f;
+    bool within = lower(rate[0], rate[3]) > 0.0f;
+    if constexpr (Grid::LIT)
+        within = within & (lower(u[0], u[3]) >= SLACK) & (upper(u[0], u[3]) < plan.columns)
+                 & (lower(v[0], v[3]) >= SLACK) & (upper(v[0], v[3]) < plan.rows);
+    if (!within)
+        return false;
+    const float right = TEXTURED ? step_size(plan.right, row) : 0.0f;
+    const Row texture = plan.texture;
+    Vec colors[QUAD];
+#pragma unroll
+    for (int k = 0; k < QUAD; ++k) {
+        Vec color { 1.0f, 1.0f, 1.0f };
+        if constexpr (TEXTURED && MIPS) {
+            color = look_up(plan.image, texture.x * u[k] + texture.y, texture.z * v[k] + as_float(texture.w),
+                            2.0f * logarithm2(rate[k]) + upper(own.down[k], right));
+        } else if constexpr (TEXTURED) {
+            const float detail =
+                lower(upper(2.0f * logarithm2(rate[k]) + upper(own.down[k], right), 0.0f), plan.coarsest);
+            const float base = __fadd_rd(detail, WHOLE_NUMBERS);
+            const int level = as_int(base) - as_int(WHOLE_NUMBERS);
+            color = sample_sheet(plan.image, view.levels[level], view.levels[level + 1], texture.x * u[k] + texture.y,
+                                 texture.z * v[k] + as_float(texture.w), detail - (base - WHOLE_NUMBERS));
+        }
+        if constexpr (Grid::LIT) {
+            const float light = light_at<SHADED>(plan, grid, u[k], v[k], shadows >> 8 * k);
+            // What is left of a sum may be less than nothing by its rounding; bytes are clipped.
+            colors[k] = (SHADED && (IMAGES & HDR) ? upper(light, 0.0f) : light) * color;
+        } else {
+            colors[k] = times(grid.color, color);
+        }
+    }
+    quad.fill(colors);
+    return true;
+}
+
+// Which of a lane's pixels show a plane, a bit each.
+template <int BYTES> WARPCAM_FN unsigned showing(const Several<unsigned, BYTES>& ids, int plane)
+{
+    constexpr unsigned MASK = BYTES == 4 ? ALL : (1u << 8 * (BYTES % 4)) - 1u;
+    unsigned bits = 0;
+#pragma unroll
+    for (int k = 0; k < QUAD; ++k)
+        bits |= (ids.at[k * BYTES / 4] >> k * BYTES * 8 % 32 & MASK) == (unsigned(plane) & MASK) ? 1u << k : 0u;
+    return bits;
+}
+
+// Draws what a warp's strips show of the plane. Returns which of a lane's pixels are left, four bits a strip. MIPS: its
+// texture is a mipmapped one, else on a sheet.
+template <bool TEXTURED, bool MIPS, int IMAGES, int WIDTH, int HEIGHT, class Grid, class Frame_, class Images_>
+WARPCAM_FN unsigned draw_strips(const StripPlan& plan, const Grid& grid, const Frame_& frame, const Images_& images,
+                                const Region& region, unsigned corner, int warp, int lane, float* row_of_lanes)
+{
+    using Own = Strips<WIDTH, HEIGHT>;
+    const int column = Own::column(warp, lane);
+    const StripColumn own = strip_column(plan, float(region.left + column));
+    const unsigned first = corner + unsigned(Own::row(warp, lane, 0) * frame.width + column);
+    const unsigned step = unsigned(Own::row(0, 0, 1) * frame.width);
+    const auto shadows_at = [&](unsigned at) {
+        return Grid::SHADOWS ? *reinterpret_cast<const unsigned*>(frame.shadow.data + at) : 0u;
+    };
+    // Twelve bytes of each lane, stored by sixteen.
+    const int piece_row = lane / 6, piece = lane % 6;
+    const unsigned highest = corner + unsigned(Own::row(warp, 0, 0) * frame.width + Own::column(warp, 0));
+    const unsigned stored = highest + unsigned(piece_row * frame.width);
+    auto ids = four_at(frame.shape.data + first);
+    unsigned dark = shadows_at(first), left = 0;
+#pragma unroll 1
+    for (int strip = 0; strip < Own::EACH; ++strip) {
+        const unsigned on = showing(ids, grid.shape), shadow = dark;
+        if (strip + 1 < Own::EACH) {  // ask for the next strip's pixels before this one's are drawn
+            ids = four_at(frame.shape.data + (first + unsigned(strip + 1) * step));
+            dark = shadows_at(first + unsigned(strip + 1) * step);
+        }
+        const float row = float(region.top + Own::row(warp, lane, strip));
+        Quad<IMAGES> quad {};
+        bool drawn = false;
+        if (Grid::SHADOWS && any_lane(on && shadow)) {
+            if (on)
+                drawn = draw_quad<TEXTURED, MIPS, true>(plan, grid, own, row, shadow, quad);
+        } else if (on) {
+            drawn = draw_quad<TEXTURED, MIPS, false>(plan, grid, own, row, 0u, quad);
+        }
+        left |= (drawn ? ~on & 15u : 15u) << 4 * strip;
+        if (any_lane(drawn)) {
+            const unsigned down = unsigned(strip) * step;
+            store_quads(images, quad, drawn, first + down, stored + down, piece, highest + down, frame.width, lane,
+                        row_of_lanes);
+        }
+    }
+    return left;
+}
+
+// Lists the pixels that a warp's lanes have left, strip after strip; `count` is the block's.
+template <int EACH> WARPCAM_FN void list_pixels(unsigned short* list, int& count, unsigned left, int warp, int lane)
+{
+    const int total = sum_of_all(__popc(left));
+    if (total == 0)
+        return;
+    int place = __shfl_sync(ALL, lane == 0 ? atomicAdd(&count, total) : 0, 0);
+    const unsigned before = (1u << lane) - 1u;
+#pragma unroll 1
+    for (int strip = 0; strip < EACH; ++strip) {
+        const unsigned mine = left >> 4 * strip & 15u;
+        if (!any_lane(mine))
+            continue;
+        int own = place;
+#pragma unroll
+        for (int k = 0; k < QUAD; ++k) {
+            const unsigned lanes = __ballot_sync(ALL, mine >> k & 1u);
+            own += __popc(lanes & before);
+            place += __popc(lanes);
+        }
+#pragma unroll
+        for (int k = 0; k < QUAD; ++k)
+            if (mine >> k & 1u)
+                list[own++] = static_cast<unsigned short>(((warp * EACH + strip) * LANES + lane) * QUAD + k);
+    }
+}
+
+// Draws a region: the plane by strips, then what they leave, 32 pixels at once, with `draw`. `list`: room for all of
+// them, which may be that of the grid's values.
+template <bool TEXTURED, bool MIPS, int IMAGES, int WIDTH, int HEIGHT, class Grid, class Frame_, class Images_,
+          class Draw>
+WARPCAM_FN void draw_by_strips(StripPlan& plan, unsigned short* list, Grid& grid, const Frame_& frame,
+                               const Images_& images, const Region& region, unsigned first, int warp, Pixel& pixel,
+                               const Draw& draw)
+{
+    using Own = Strips<WIDTH, HEIGHT>;
+    const bool plain = plan.plain;
+    if (plain) {
+        const unsigned corner = first + unsigned(region.top * frame.width + region.left);
+        const unsigned left =
+            TEXTURED && grid.view.count > 0
+                ? draw_strips<TEXTURED, MIPS, IMAGES, WIDTH, HEIGHT>(plan, grid, frame, images, region, corner, warp,
+                                                                     pixel.lane, pixel.row_of_lanes)
+                : draw_strips<false, false, IMAGES, WIDTH, HEIGHT>(plan, grid, frame, images, region, corner, warp,
+                                                                   pixel.lane, pixel.row_of_lanes);
+        block_barrier();  // what is stored may be stored again, and no corner is asked for any more
+        if (threadIdx.x == 0)
+            grid.shape = -1;
+        list_pixels<Own::EACH>(list, plan.count, left, warp, pixel.lane);
+        block_barrier();
+    }
+    const int count = plain ? plan.count : WIDTH * HEIGHT;
+    pixel.inside = true;
+#pragma unroll 1
+    while (true) {
+        const int start = LANES * __shfl_sync(ALL, pixel.lane == 0 ? draw_next(plan.next) : 0, 0);
+        if (start >= count)
+            return;
+        int column, row;
+        if (plain) {
+            const int number = list[lower_int(start + pixel.lane, count - 1)], strip = number / (QUAD * LANES);
+            const int lane = number / QUAD % LANES;
+            column = Own::column(strip / Own::EACH, lane) + number % QUAD;
+            row = Own::row(strip / Own::EACH, lane, strip % Own::EACH);
+        } else {
+            const int tile = start / LANES;
+            column = tile % (WIDTH / TILE_WIDTH) * TILE_WIDTH + pixel.lane % TILE_WIDTH;
+            row = tile / (WIDTH / TILE_WIDTH) * TILE_HEIGHT + pixel.lane / TILE_WIDTH;
+        }
+        pixel.column = region.left + column;
+        pixel.row = region.top + row;
+        pixel.at = first + pixel.row * frame.width + pixel.column;
+        draw(pixel);
+    }
+}
+
+#endif
+
+}  // namespace warpcam

@@ -1,0 +1,115 @@
+// What points and casters cover as a light sees them, in so few bits that those of a thousand casters are at hand.
+#pragma once
+#include "shadow/casters.h"
+
+namespace warpcam {
+
+constexpr int GRID_CELLS = 128;  // that what a region's points cover is divided into, along u and v
+constexpr int PLACE_BITS = 20;  // of a shape's place among those that are drawn
+constexpr unsigned LEVELS = 1u << (32 - PLACE_BITS);  // that their heights are divided into
+constexpr unsigned GUARDS = 0x80808080u;
+
+// What points cover, as the light sees them.
+struct Cover {
+    Window window;  // of those that lie before a light that shines forwards
+    float floor, top;
+    bool beside, any;  // some lie behind it; there are any at all
+
+    WARPCAM_FN void add(const Place& place)
+    {
+        any = true;
+        if (place.beside) {
+            beside = true;
+            return;
+        }
+        window = { lower(window.left, place.u), upper(window.right, place.u), lower(window.bottom, place.v),
+                   upper(window.top, place.v) };
+        floor = lower(floor, place.height);
+        top = upper(top, place.height);
+    }
+
+    WARPCAM_FN void add(const Cover& other)
+    {
+        const Window& w = other.window;
+        window = { lower(window.left, w.left), upper(window.right, w.right), lower(window.bottom, w.bottom),
+                   upper(window.top, w.top) };
+        floor = lower(floor, other.floor);
+        top = upper(top, other.top);
+        beside |= other.beside;
+        any |= other.any;
+    }
+};
+
+WARPCAM_FN Cover no_cover()
+{
+    return { { FAR_AWAY, -FAR_AWAY, FAR_AWAY, -FAR_AWAY }, FAR_AWAY, -FAR_AWAY, false, false };
+}
+
+// A caster: the cells that it covers, and its height above its place among the shapes that are drawn.
+// The cells are four bytes: left, bottom, and what is right of it and above it.
+struct alignas(8) Outline {
+    unsigned cells, rest;
+};
+
+// The cells and levels of a region. Numbers only ever grow with what they stand for, and are the same for shapes and
+// points: none that covers another is missed, whatever the rounding.
+struct Grid {
+    float left, bottom, floor;
+    float per_u, per_v, per_height;
+    bool distant;  // the light is
+    bool endless;  // some points are behind the light: nothing is said by what it sees
+
+    // What a light sees at its side is far away along u and v: bent, all of it lies between -1 and 1.
+    WARPCAM_FN static float bent(float x, bool distant)
+    {
+        const float rest = 1.0f / (1.0f + magnitude(x));  // rounded as a division is, which never turns an order round
+        return distant ? x : x < 0.0f ? rest - 1.0f : 1.0f - rest;
+    }
+    WARPCAM_FN static unsigned number(float value, float from, float rate, float last)
+    {
+        return unsigned(int(upper(lower((value - from) * rate, last), 0.0f)));
+    }
+    WARPCAM_FN unsigned column(float u) const { return number(bent(u, distant), left, per_u, float(GRID_CELLS - 1)); }
+    WARPCAM_FN unsigned row(float v) const { return number(bent(v, distant), bottom, per_v, float(GRID_CELLS - 1)); }
+    WARPCAM_FN unsigned level(float height) const { return number(height, floor, per_height, float(LEVELS - 1)); }
+
+    WARPCAM_FN Outline of_shape(const Window& w, float height, int place) const
+    {
+        const unsigned last = GRID_CELLS - 1;
+        return { column(w.left) | row(w.bottom) << 8 | (last - column(w.right)) << 16 | (last - row(w.top)) << 24,
+                 level(height) << PLACE_BITS | unsigned(place) };
+    }
+
+    // What an outline is held against: the other sides, and the lowest point.
+    WARPCAM_FN Outline of_points(const Cover& cover) const
+    {
+        if (cover.beside)
+            return { 0x7f7f7f7fu | GUARDS, 0u };
+        const Window& w = cover.window;
+        const unsigned last = GRID_CELLS - 1;
+        const unsigned against = (last - column(w.left)) << 16 | (last - row(w.bottom)) << 24;
+        return { column(w.right) | row(w.top) << 8 | against | GUARDS, level(cover.floor) << PLACE_BITS };
+    }
+};
+
+WARPCAM_FN Grid grid_of(const Cover& all, bool distant)
+{
+    const Window& w = all.window;
+    const float left = Grid::bent(w.left, distant), right = Grid::bent(w.right, distant);
+    const float bottom = Grid::bent(w.bottom, distant), top = Grid::bent(w.top, distant), least = 1.0e-20f;
+    return { left,
+             bottom,
+             all.floor,
+             float(GRID_CELLS) / upper(right - left, least),
+             float(GRID_CELLS) / upper(top - bottom, least),
+             float(LEVELS) / upper(all.top - all.floor, least),
+             distant,
+             all.beside };
+}
+
+WARPCAM_FN bool may_shade(const Outline& shape, const Outline& points)
+{
+    return ((points.cells - shape.cells) & GUARDS) == GUARDS && shape.rest >= points.rest;
+}
+
+}  // namespace warpcam

@@ -1,0 +1,232 @@
+// Shadow rays at triangle meshes, on CUDA. Any face in the way will do, so that, unlike in
+// traversal/mesh_closest_hit.h, nothing is sorted and nothing remembered but where to go on.
+#pragma once
+#include "traversal/cooperative_leaf_test.h"
+#include "shadow/shadow_tile.h"
+#include "traversal/ray_queue.h"
+
+namespace warpcam {
+#if defined(__CUDA_ARCH__)
+
+// The rays of one warp. What its lanes seldom need of their own rays is here too. Boxes: what they need at every node.
+template <int WORDS, class Boxes> struct ShadowRays: WaitingRays<WORDS> {
+    struct Start {
+        float x[LANES], y[LANES], z[LANES];
+
+        WARPCAM_FN Vec at(int ray) const { return { x[ray], y[ray], z[ray] }; }
+        WARPCAM_FN void put(int ray, Vec point)
+        {
+            x[ray] = point.x;
+            y[ray] = point.y;
+            z[ray] = point.z;
+        }
+    };
+
+    // Where there is room, what lanes walk with lies here while their warp looks for rays: in registers it would be
+    // spilled, and then be loaded again at every node.
+    static constexpr bool KEEPS = WORDS <= 2;
+    static constexpr int PARTS = sizeof(Boxes) / sizeof(float);
+
+    Start waiting_start;                // of the rays that wait
+    Span waiting_span[LANES];
+    Start start;                        // of the lanes' own
+    Span span[LANES];
+    unsigned short own[LANES];          // their pixels
+    float frame[12][LANES];             // see RayFrame, for the mesh that the lane is at
+    int walk[KEEPS ? 3 : 1][LANES];     // a lane's node, how many wait behind it, its mesh's place in the list
+    float boxes[KEEPS ? PARTS : 1][LANES];
+    unsigned char owners[LANES];
+
+    WARPCAM_FN void keep_walk(int node, int height, int slot)
+    {
+        if constexpr (KEEPS) {
+            const int lane = threadIdx.x % LANES;
+            walk[0][lane] = node;
+            walk[1][lane] = height;
+            walk[2][lane] = slot;
+        }
+    }
+
+    WARPCAM_FN void keep_boxes(const Boxes& ray)
+    {
+        if constexpr (KEEPS) {
+#pragma unroll
+            for (int k = 0; k < PARTS; ++k)
+                boxes[k][threadIdx.x % LANES] = reinterpret_cast<const float*>(&ray)[k];
+        }
+    }
+
+    // Both as they were kept, boxes when the lane's ray came to its mesh.
+    WARPCAM_FN void go_on_walking(int& node, int& height, int& slot, Boxes& ray) const
+    {
+        if constexpr (KEEPS) {
+            const int lane = threadIdx.x % LANES;
+            node = walk[0][lane];
+            height = walk[1][lane];
+            slot = walk[2][lane];
+#pragma unroll
+            for (int k = 0; k < PARTS; ++k)
+                reinterpret_cast<float*>(&ray)[k] = boxes[k][lane];
+        }
+    }
+
+    // As put() of those who wait, with where the lane's ray begins.
+    WARPCAM_FN void put(unsigned found, const unsigned* met, int words, int place, Vec point, const Span& its_span)
+    {
+        const int at = WaitingRays<WORDS>::put(found, met, words, place);
+        if (found >> threadIdx.x % LANES & 1) {
+            waiting_start.put(at, point);
+            waiting_span[at] = its_span;
+        }
+    }
+
+    WARPCAM_FN void put_frame(const RayFrame& f)
+    {
+        const int lane = threadIdx.x % LANES;
+        const Vec parts[4] = { f.origin, f.across, f.up, f.depth };
+#pragma unroll
+        for (int k = 0; k < 4; ++k) {
+            frame[3 * k][lane] = parts[k].x;
+            frame[3 * k + 1][lane] = parts[k].y;
+            frame[3 * k + 2][lane] = parts[k].z;
+        }
+    }
+
+    WARPCAM_FN RayFrame frame_of(int lane) const
+    {
+        return { { frame[0][lane], frame[1][lane], frame[2][lane] },
+                 { frame[3][lane], frame[4][lane], frame[5][lane] },
+                 { frame[6][lane], frame[7][lane], frame[8][lane] },
+                 { frame[9][lane], frame[10][lane], frame[11][lane] } };
+    }
+};
+
+// Is one of the faces of the lane's leaf, if its `node` is one, in the way of its ray to the light? All lanes test
+// faces for all.
+template <int TYPES, class Rays, class List, class Meshes>
+WARPCAM_FN bool meets_leaves(Rays& rays, const List& list, const LightView& light, const Meshes& meshes, int slot,
+                             int node)
+{
+    const LeafPairs pairs(node, sum_of_all(LeafPairs::faces_of(node)));
+    bool met = false;
+    for (int window = 0; window < pairs.count; window += LANES) {
+        int start;
+        const int from = pairs.owner(rays.owners, window, start), number = pairs.face(window, from);
+        const int its_slot = __shfl_sync(ALL, slot, from);
+        bool meets = false;
+        if (window + threadIdx.x % LANES < pairs.count) {
+            const unsigned row = unsigned(list.aims[its_slot].w) + unsigned(number * FACE_ROWS);
+            const Row a = load(meshes.faces.data, row), b = load(meshes.faces.data, row + 1);
+            const Row c = load(meshes.faces.data, row + 2);
+            const RayFrame frame = rays.frame_of(from);
+            const float t = enter_triangle(frame, project(frame, a.x, a.y, a.z), project(frame, b.x, b.y, b.z),
+                                           project(frame, c.x, c.y, c.z),
+                                           (TYPES >> SHADING_BACKS & 1) || has_back<TYPES>(b.w));
+            const Span span = rays.span[from];
+            meets = (t > span.near) & (t < span.reach);
+            if constexpr ((TYPES >> MASKED & 1) != 0) {
+                const Vec point = rays.start.at(from);
+                const Record& record = list.records[its_slot];
+                meets = meets && is_there<TYPES>(meshes, record, WorldRay { point, ray_to(light, point) }.local(record),
+                                                 number, t);
+            }
+        }
+        met |= (__ballot_sync(ALL, meets) & pairs.places(window)) != 0;
+    }
+    return met;
+}
+
+// Calls shade(pixel) for each ray that `next_tile` finds (see Supply) and that meets a front face, or any where backs
+// shade, on its way to the light.
+template <int TYPES, int WORDS, class Boxes, class List, class Meshes, class NextTile, class Shade>
+WARPCAM_FN void cast_rays(ShadowRays<WORDS, Boxes>& rays, const List& list, const LightView& light,
+                          const Meshes& meshes, const NextTile& next_tile, const Shade& shade)
+{
+    const int lane = threadIdx.x % LANES, words = WORDS == 1 ? 1 : (list.count + LANES - 1) / LANES;
+    const float far =
+        light.distant ? ENDLESS : 1.0f;  // nodes are visited up to here; only faces must lie within the span
+    int stack[STACK];
+    int word = 0, slot = 0, node = NO_NODE, height = 0;
+    unsigned left = 0, nodes = 0;
+    Boxes boxes {};
+    Supply supply { 0, 0, true };
+    const auto take = [&](int ray) {
+        rays.own[lane] = rays.pixel[ray];
+        rays.start.put(lane, rays.waiting_start.at(ray));
+        rays.span[lane] = rays.waiting_span[ray];
+        word = 0;
+        left = rays.take(ray, words);
+        rays.go_on(words, word, left);
+    };
+    while (true) {
+        const unsigned idles = __ballot_sync(ALL, node == NO_NODE && left == 0);
+        if (supply.any() && (__popc(idles) >= COMPANY || idles == ALL)) {
+            rays.keep_walk(node, height, slot);
+            supply.hand_out(idles, next_tile, take);
+            rays.go_on_walking(node, height, slot, boxes);
+            nodes = list.records[slot].origin.w;
+        } else if (idles == ALL) {
+            return;
+        }
+
+        const unsigned between = __ballot_sync(ALL, node == NO_NODE && left != 0);  // on to their next meshes
+        if (between && (__popc(between) >= COMPANY || !__any_sync(ALL, node != NO_NODE))) {
+            if (node == NO_NODE && left != 0) {
+                slot = (WORDS == 1 ? 0 : word * LANES) + lowest_bit(left);
+                left &= left - 1;
+                rays.go_on(words, word, left);
+                const Record& record = list.records[slot];
+                const Vec point = rays.start.at(lane);
+                const WorldRay ray { point, ray_to(light, point) };
+                const Ray local = ray.local(record);
+                rays.put_frame(ray.template frame<TYPES>(record));
+                boxes.set(local.origin, local.direction, record.size.x);
+                rays.keep_boxes(boxes);
+                nodes = record.origin.w;
+                node = 0;
+            }
+        }
+
+        bool inner = node >= 0 && node != NO_NODE;
+        unsigned stepping = __ballot_sync(ALL, inner);
+        while (stepping) {
+            if (inner) {
+                float enter[4], leave[4];
+                int child[4];
+                boxes.meet(node_rows<TYPES>(meshes, nodes, node), 0.0f, far, enter, leave, child);
+                node = NO_NODE;
+#pragma unroll
+                for (int k = 0; k < 4; ++k) {  // without branches
+                    const bool met = enter[k] <= leave[k], waits = k > 0 && met && node != NO_NODE;
+                    if (waits)
+                        stack[height] = node;
+                    height += waits ? 1 : 0;
+                    node = met ? child[k] : node;
+                }
+                if (node == NO_NODE && height > 0)
+                    node = stack[--height];
+            }
+            inner = node >= 0 && node != NO_NODE;
+            stepping = __ballot_sync(ALL, inner);
+            if (__popc(stepping) < 2 * COMPANY)
+                break;
+        }
+
+        const unsigned leaves = __ballot_sync(ALL, node < 0);
+        if (leaves && (__popc(leaves) >= COMPANY / 2 || !stepping)) {
+            __syncwarp();  // frames that one lane writes another may read
+            const bool met = meets_leaves<TYPES>(rays, list, light, meshes, slot, node);
+            if (node < 0) {
+                if (met) {
+                    shade(rays.own[lane]);
+                    left = 0;
+                    height = 0;
+                }
+                node = height > 0 ? stack[--height] : NO_NODE;
+            }
+        }
+    }
+}
+
+#endif
+}  // namespace warpcam

@@ -1,0 +1,360 @@
+// Which lights reach what a view sees. Each pixel's hit point looks back at each light; the shapes that may stand
+// between a tile's points and the light are picked once for the whole tile.
+#pragma once
+#include "shadow/plane_receiver_cull.h"
+#include "lights/active_lights.h"
+#include "shadow/mesh_any_hit.h"
+#include "shadow/shadow_strips.h"
+#include "shadow/occluder_boxes.h"
+
+namespace warpcam {
+
+constexpr int FEW_CASTERS = 2;
+
+// Does a light that is kept cast shadows? One without colour has none to take away.
+template <class Lights> WARPCAM_FN bool casts(const Lights& lights, int world, int light)
+{
+    const Vec sum = to_vec(row_of(lights.ambient, world, light)) + to_vec(row_of(lights.diffuse, world, light))
+        + to_vec(row_of(lights.specular, world, light));
+    return row_of(lights.casts_shadow, world, light) && dot(sum, sum) > 0.0f;
+}
+
+template <int TYPES, int LENS, class Lights>
+WARPCAM_APART WARPCAM_FN LitView<LENS> light_view(const Lights& lights, const Camera& camera, int world, int light)
+{
+    const bool distant = shared_row(lights.types, world, light) == LIGHT_DIRECTIONAL;
+    const auto p = wp::index(lights.positions, world, light), d = wp::index(lights.directions, world, light);
+    const LightView made = make_light(distant, { p[0], p[1], p[2] }, { d[0], d[1], d[2] }, camera,
+                                      map_size(lights, distant, shared_row(lights.cutoff, world, light)));
+    const Sight<LENS> sight = sight_of<LENS>(camera);
+    bool dims = false;
+    if constexpr ((TYPES >> MESH & 1) && (TYPES >> SHADING_BACKS & 1)) {
+        const Vec ambient = to_vec(row_of(lights.ambient, world, light));
+        dims = dot(ambient, ambient) > 0.0f;
+    }
+    return { made, sight, lit_sight(made, sight), camera.origin, dims };
+}
+
+// What there is to do for one light in one region. In shared memory on CUDA: in registers it would crowd out what the
+// walks of meshes need.
+template <int LENS> struct Task {
+    LitView<LENS> view;
+    Region region;
+    size_t corner;  // the region's first pixel
+    int world;
+    unsigned bit;  // of the light
+    bool fresh;    // masks are to be cleared first
+};
+
+// How many lights have their lists beside each other: where a warp makes one by itself, the lists of two are made at
+// once, and their shadows are cast without a barrier between them.
+template <int TYPES, int CAPACITY> constexpr int lists_beside()
+{
+#if defined(__CUDA_ARCH__)
+    return (TYPES >> MESH & 1) && CAPACITY <= 16 ? 2 : 1;
+#else
+    return 1;
+#endif
+}
+
+#if defined(__CUDA_ARCH__)
+
+// A mesh of those that are `met`, bits by slot, of which there are some: that of the shape itself, if it is one of
+// them.
+template <class List> WARPCAM_FN int slot_to_try(const List& list, const unsigned (&met)[List::WORDS], int id)
+{
+    int slot = -1;
+    for (int word = 0; word < (list.count + 31) / 32; ++word) {
+        for (unsigned left = met[word]; left; left &= left - 1) {
+            const int its = word * 32 + lowest_bit(left);
+            if (list.records[its].axis_y.w == id)
+                return its;
+            slot = slot < 0 ? its : slot;
+        }
+    }
+    return slot;
+}
+
+// Leaves one of them out; false if none are left.
+template <class List> WARPCAM_FN bool others_met(const List& list, unsigned (&met)[List::WORDS], int slot)
+{
+    bool any = false;
+    for (int word = 0; word < (list.count + 31) / 32; ++word) {
+        met[word] &= ~(word == slot / 32 ? 1u << slot % 32 : 0u);
+        any |= met[word] != 0;
+    }
+    return any;
+}
+
+#endif
+
+// Casts the shadows of one light, as far as they come from the list's shapes, in one region: adds its bit to the masks
+// of the pixels that lie in shadow.
+template <int TYPES, int LENS, int WIDTH, int HEIGHT, class List, class Shapes, class Meshes, class HeightFields,
+          class Target>
+WARPCAM_FN void cast_light(List& list, const Task<LENS>& task, const Shapes& shapes, const Meshes& meshes,
+                           const HeightFields& fields, const Target& target, const Floor& floor, unsigned floors)
+{
+    constexpr bool HAS_MESH = TYPES >> MESH & 1;
+    const LitView<LENS>& view = task.view;
+#if defined(__CUDA_ARCH__)
+    constexpr bool BESIDE = lists_beside<TYPES, List::CAPACITY>() > 1;
+    constexpr int WORDS = List::WORDS;
+    using Strips = Strip<WIDTH, HEIGHT>;
+    WARPCAM_SHARED ShadowRays<HAS_MESH ? WORDS : 1, NodeRay<by_child(TYPES)>> rays[HAS_MESH ? THREADS / LANES : 1];
+    const int lane = threadIdx.x % LANES, warp = HAS_MESH ? threadIdx.x / LANES : 0;
+    constexpr bool ON_FLOOR = sees_floor<TYPES, LENS, WIDTH, HEIGHT>();
+    if constexpr (
+        ON_FLOOR) {  // a warp finds out which of its strips are to be looked through; then all warps share them
+        const unsigned own = Strips::of_warp(threadIdx.x / LANES, lane / 4);
+        const unsigned missed =
+            floor_shade(view, floor, list.bounds, task.region, lane)
+                .missed(float(task.region.left + Strips::column(own)), float(task.region.top + Strips::row(own)));
+        const unsigned todo = Strips::ALL_OF_WARP & ~(floors & missed);
+        if (lane == 0 && todo)
+            atomicOr(&list.strips, todo << threadIdx.x / LANES);
+        __syncwarp();
+    }
+    unsigned strip = 0, asking = 0;  // lanes that have found pixels in a strip's tiles, as far as these are to be done
+    const auto next_tile = [&](int& found) {
+        while (!asking) {
+            if constexpr (ON_FLOOR) {
+                if (!take_strip(list.strips, strip, lane))
+                    return false;
+            } else {
+                strip = __shfl_sync(ALL, lane == 0 ? draw_next(list.next_tile) : 0, 0);
+                if (strip >= Strips::COUNT)
+                    return false;
+            }
+            const int column = Strips::column(strip) + Strips::lane_column(lane);
+            const int row = Strips::row(strip) + Strips::lane_row(lane);
+            const int i = task.region.left + column, j = task.region.top + row;
+            const size_t at = task.corner + unsigned(row * target.width + column);
+            const int inside = j < target.height ? target.width - i : 0;
+            asking = __ballot_sync(ALL, find_asking<Strips::TILES>(target, at, inside, float(i), float(j), list, view,
+                                                                   task.fresh));
+            __syncwarp();  // masks that one lane clears another may write
+        }
+        const int first_lane = lowest_bit(asking);
+        asking &= ~Strips::lanes_of(first_lane);
+        const int column = Strips::column(strip) + Strips::tile_column(first_lane) + lane % TILE_WIDTH;
+        const int row = Strips::row(strip) + lane / TILE_WIDTH;
+        const size_t at = task.corner + unsigned(row * target.width + column);
+        const int column_in_view = task.region.left + column, row_in_view = task.region.top + row;
+        const bool inside = (column_in_view < target.width) & (row_in_view < target.height);
+        const int id = inside ? target.shape.data[at] : -1;
+        const float depth = inside ? target.depth.data[at] : 0.0f;
+        const float i = float(column_in_view), j = float(row_in_view);
+        const Place place = place_of(view.light.distant, view.lit.point(i, j, depth));
+        const bool asks = id >= 0 && may_be_shaded(list, place);
+        bool open = asks;
+        // with a mesh or two each pixel's own place tells as soon
+        const TileWindow around = HAS_MESH && list.count <= FEW_CASTERS ? whole_tile() : window_around(place, asks);
+        if (!HAS_MESH && !may_shade(list, around))
+            return true;
+        const Vec p = view.sight.point(i, j, depth);
+        const Span span = span_of(view.light, view.origin, p, depth);
+        unsigned met[WORDS] {};
+        const bool met_any = shade_tile<TYPES>(list, view, p, id, span, place, around, open, fields, met);
+        if (HAS_MESH) {
+            bool keep = open && met_any, tries = keep;
+            const int slot = keep ? slot_to_try(list, met, id) : 0;
+            const Record& record = list.records[slot];
+            const Ray ray = look_back(record, list.aims[slot], p, view.light.distant);
+            if (keep && record.axis_y.w == id) {
+                const Vec sight = WorldRay::turned(record, view.sight.along_of(p, i, j), { 0.0f, 0.0f, 0.0f });
+                const Facing facing =
+                    face_light<TYPES>(meshes, record.axis_z.w, target.face.data[at], view.light.distant,
+                                      { to_vec(list.aims[slot]), ray.direction, sight });
+                keep = (facing.front || view.dims) && (!facing.clear || others_met(list, met, slot));
+                tries = keep && !facing.clear;
+            }
+            if constexpr (has_shutters(TYPES)) {
+                if (meets_shutters(meshes, slot, record.axis_z.w, ray, thin_span(view.light, span), tries)) {
+                    mark_shadow<BESIDE>(target, at, task.bit);
+                    keep = false;
+                }
+            }
+            const unsigned kept = __ballot_sync(ALL, keep);
+            rays[warp].put(kept, met, (list.count + 31) / 32, row * 64 + column, p, thin_span(view.light, span));
+            __syncwarp();
+            found = __popc(kept);
+        }
+        if (asks && !open)
+            mark_shadow<BESIDE>(target, at, task.bit);
+        return true;
+    };
+    if (HAS_MESH) {
+        const auto shade = [&](int pixel) {
+            const size_t at = task.corner + unsigned(pixel / 64 * target.width + pixel % 64);
+            mark_shadow<BESIDE>(target, at, task.bit);
+        };
+        cast_rays<TYPES>(rays[warp], list, view.light, meshes, next_tile, shade);
+    } else {
+        int none;
+        while (next_tile(none)) { }
+    }
+#else
+    const Region region = task.region;
+    const size_t corner = task.corner;
+    const int world = task.world;
+    const unsigned bit = task.bit;
+    const bool fresh = task.fresh;
+    const Windows<List::CAPACITY> windows(list);
+    Points points;
+    constexpr int across = WIDTH / TILE_WIDTH, tiles = across * (HEIGHT / TILE_HEIGHT);
+    for (int tile = 0; tile < tiles; ++tile) {
+        const int column = tile % across * TILE_WIDTH, left = region.left + column;
+        const int row = tile / across * TILE_HEIGHT;
+        const size_t first = corner + size_t(row) * target.width + column;
+        if (!points.template load<TYPES>(view, target, first, left, region.top + row, bit, fresh))
+            continue;
+        shade_tile<TYPES>(list, windows, view, world, shapes, meshes, fields, points);
+        points.mark(target, first, bit);
+    }
+#endif
+}
+
+// Clears the masks of a region.
+template <int WIDTH, int HEIGHT, class Target>
+WARPCAM_FN void clear_shadows(const Target& target, const Region& region, int world, int thread)
+{
+#if defined(__CUDA_ARCH__)
+    constexpr int TOGETHER = 16;
+    auto* corner = target.shadow.data + (size_t(world) * target.height + region.top) * target.width + region.left;
+    if (region.left + WIDTH <= target.width && region.top + HEIGHT <= target.height
+        && (reinterpret_cast<size_t>(corner) | unsigned(target.width)) % TOGETHER == 0) {
+        for (int number = thread; number < WIDTH * HEIGHT / TOGETHER; number += THREADS)
+            clear_several<TOGETHER>(corner + unsigned(number / (WIDTH / TOGETHER) * target.width
+                                                      + number % (WIDTH / TOGETHER) * TOGETHER));
+        return;
+    }
+#endif
+    for (int pixel = thread; pixel < WIDTH * HEIGHT; pixel += THREADS) {
+        const int i = region.left + pixel % WIDTH, j = region.top + pixel / WIDTH;
+        if (i < target.width && j < target.height)
+            target.shadow.data[(size_t(world) * target.height + j) * target.width + i] = 0;
+    }
+}
+
+// Shadows in one region of one view; the index runs as in draw(). The list is filled and used once for each light, and
+// again as often as the scene's shapes need.
+template <int TYPES, int LENS, int CAPACITY, int WIDTH, int HEIGHT, class Shapes, class Materials, class Meshes,
+          class HeightFields, class Lights, class Views, class Target>
+WARPCAM_FN void cast(const Shapes& shapes, const Materials& materials, const Meshes& meshes,
+                     const HeightFields& fields, const Lights& lights, const Views& views, const Target& target,
+                     int index)
+{
+    constexpr int BESIDE = lists_beside<TYPES, CAPACITY>();
+    WARPCAM_SHARED CasterList<CAPACITY, (TYPES >> MESH & 1) != 0, BESIDE == 2 && has_shutters(TYPES)> lists[BESIDE];
+    WARPCAM_SHARED Task<LENS> tasks[BESIDE];
+    const int thread = index % THREADS, block = index / THREADS;
+    const int columns = (target.width + WIDTH - 1) / WIDTH, rows = (target.height + HEIGHT - 1) / HEIGHT;
+    WARPCAM_SHARED Floor floor;
+    int world;
+    const int part = part_of<(TYPES >> MIDDLE_FIRST & 1) != 0>(block, columns, rows, world);
+    if (!wp::index(target.mask, world))
+        return;
+    const Region region { part % columns * WIDTH, part / columns * HEIGHT, WIDTH, HEIGHT };
+    const int total = shapes.drawn.shape[0], num_lights = lights.types.shape[1];
+
+#if defined(__CUDA_ARCH__)
+    if constexpr (sees_floor<TYPES, LENS, WIDTH, HEIGHT>())
+        if (thread == THREADS - 1)
+            floor = load_floor(shapes, load_camera(wp::index(views, world)), world, target.plane);
+#endif
+    KeptLights kept = kept_lights(lights);
+    const size_t corner = (size_t(world) * target.height + region.top) * target.width + region.left;
+    bool fresh = true;
+    unsigned floors = 0;
+#if defined(__CUDA_ARCH__)
+    if constexpr (sees_floor<TYPES, LENS, WIDTH, HEIGHT>()) {
+        if (target.width % 4 == 0 && region.left + WIDTH <= target.width && region.top + HEIGHT <= target.height) {
+            floors = find_floors<WIDTH, HEIGHT>(target, corner, target.plane);
+            fresh = false;
+        }
+    }
+#endif
+#if defined(__CUDA_ARCH__)
+    if constexpr (BESIDE > 1) {
+        if (fresh)
+            clear_shadows<WIDTH, HEIGHT>(target, region, world, thread);
+        const int warp = thread / LANES;
+        unsigned casting = 0;  // of 32 lights those that do
+        int first = 0, place = -1;
+        while (casting || first < num_lights) {
+            if (!casting) {
+                place = kept.next_of_lanes(lights, world, first + thread % LANES, num_lights);
+                casting = __ballot_sync(ALL, place >= 0 && casts(lights, world, first + thread % LANES));
+                first += LANES;
+                continue;
+            }
+            int found = 0, own = 0;
+            for (; casting && found < BESIDE; casting &= casting - 1, ++found)
+                own = found == warp ? lowest_bit(casting) : own;
+            const int own_place = __shfl_sync(ALL, place, own);
+            own += first - LANES;
+            block_barrier();  // the lists may still be in use, masks not yet cleared
+            if (warp < found) {
+                auto& list = lists[warp];
+                const int lane = thread % LANES;
+                if (lane == 0)
+                    list.count = list.next_tile = list.strips = 0;
+                const Camera camera = load_camera(wp::index(views, world));
+                const LitView<LENS> view = light_view<TYPES, LENS>(lights, camera, world, own);
+                if (lane == 0)
+                    tasks[warp] = { view, region, corner, world, 1u << own_place, false };
+                warp_barrier();
+                collect_casters<TYPES, LANES>(list, 0, shapes, materials, meshes, fields, view.light, camera, world,
+                                              lane);
+                warp_barrier();
+                if constexpr (has_shutters(TYPES)) {
+                    for (int slot = 0; slot < list.count; ++slot)
+                        if (list.records[slot].axis_x.w == MESH)
+                            outline_caster(list, slot, view.light, meshes);
+                    warp_barrier();
+                }
+                find_bounds(list);
+            }
+            block_barrier();
+#pragma unroll 1
+            for (int k = 0; k < found; ++k) {
+                if (lists[k].count == 0)
+                    continue;
+                cast_light<TYPES, LENS, WIDTH, HEIGHT>(lists[k], tasks[k], shapes, meshes, fields, target, floor,
+                                                       floors);
+            }
+        }
+        return;
+    }
+#endif
+    for (int number = 0; number < num_lights; ++number) {
+        const int place = kept.next(lights, world, number);
+        if (place < 0 || !casts(lights, world, number))
+            continue;
+        auto& list = lists[0];
+        auto& task = tasks[0];
+        int begin = 0;
+        do {
+            block_barrier();  // the list may still be in use
+            if (thread == 0)
+                list.count = list.next_tile = list.strips = 0;
+            {
+                const Camera camera = load_camera(wp::index(views, world));
+                const LitView<LENS> own = light_view<TYPES, LENS>(lights, camera, world, number);
+                if (thread == 0)
+                    task = { own, region, corner, world, 1u << place, fresh };
+                block_barrier();
+                begin = gather_casters<TYPES>(list, begin, shapes, materials, meshes, fields, own.light, camera, world,
+                                              thread);
+            }
+            if (list.count > 0)
+                cast_light<TYPES, LENS, WIDTH, HEIGHT>(list, task, shapes, meshes, fields, target, floor, floors);
+            fresh = fresh && list.count == 0;
+        } while (begin < total);
+    }
+    if (fresh)  // nothing casts a shadow
+        clear_shadows<WIDTH, HEIGHT>(target, region, world, thread);
+}
+
+}  // namespace warpcam

@@ -1,0 +1,59 @@
+// An endless floor, which is all that most tiles show where robots stand on one: what a block knows of it beforehand
+// spares these the walk over shapes. For CUDA and pinholes.
+#pragma once
+#include "output/hit_attributes.h"
+#include "camera/shape_record.h"
+
+#if defined(__CUDA_ARCH__)
+namespace warpcam {
+
+WARPCAM_FN bool is_endless(const Record& record)
+{
+    return record.axis_x.w == PLANE && record.size.x <= 0.0f && record.size.y <= 0.0f;
+}
+
+// The one that comes first of all shapes, as it begins where the camera is. Two of them touch all tiles both, so that
+// no tile shows one alone.
+struct EndlessFloor {
+    Row axis;           // the record's axis_z; w: what hits name
+    float below;        // how far the camera is above it, negative
+    float least, most;  // rays that come down faster than `least` and slower than `most` meet it where the view sees
+    unsigned bit;       // in the ballot of what touches a tile; 0: there is none
+    int shape;
+
+    // For one thread, before the block first meets.
+    WARPCAM_FN void begin() { bit = 0u; }
+
+    // For the thread that has found a shape's rank.
+    WARPCAM_FN void note(const Record& record, int id, int rank, float near, float far)
+    {
+        if (rank > 0 || !is_endless(record))
+            return;
+        axis = { record.axis_z.x, record.axis_z.y, record.axis_z.z, record.axis_y.w };
+        below = -record.origin.z;
+        least = 0.9999f * below * reciprocal(near);
+        most = lower(1.0001f * below * reciprocal(far), -1.0e-18f);
+        bit = 1u;
+        shape = id;
+    }
+
+    // Do all rays of a warp surely meet it?
+    template <int TALL> WARPCAM_FN bool meet(const ViewRay<PINHOLE> (&rays)[TALL], Hit (&hits)[TALL]) const
+    {
+        const Row a = axis;
+        float down[TALL];
+        bool meets = true;
+        for (int k = 0; k < TALL; ++k) {
+            down[k] = (a.x * rays[k].x - a.z) + a.y * rays[k].y;
+            meets &= (down[k] < most) & (down[k] > least);
+        }
+        if (!__all_sync(ALL, meets))
+            return false;
+        for (int k = 0; k < TALL; ++k)
+            hits[k] = { below * reciprocal(down[k]), a.w, -1 };  // as enter_plane()
+        return true;
+    }
+};
+
+}  // namespace warpcam
+#endif

@@ -1,0 +1,42 @@
+// Which tiles shapes touch, 32 at once, on a CPU.
+#pragma once
+#include "camera/shape_record.h"
+
+namespace warpcam {
+
+// The tiles that so many shapes touch, part by part.
+template <int CAPACITY> struct TileParts {
+    static constexpr int ROOM = (CAPACITY + 31) / 32 * 32;
+    signed char left[ROOM], top[ROOM], right[ROOM], bottom[ROOM];
+
+    void put(int rank, const TileBox& box)
+    {
+        left[rank] = box.left;
+        top[rank] = box.top;
+        right[rank] = box.right;
+        bottom[rank] = box.bottom;
+    }
+};
+
+// Of 32 spans from `first` on, of `count`, those that a number lies in, a bit each.
+inline unsigned spans_around(const signed char* from, const signed char* to, int first, int count, int number)
+{
+    typedef signed char Bytes __attribute__((ext_vector_type(32)));
+    Bytes low, high;
+    __builtin_memcpy(&low, from + first, sizeof low);
+    __builtin_memcpy(&high, to + first, sizeof high);
+    const Bytes own = static_cast<signed char>(number);
+    const auto around = (low <= own) & (high >= own);
+    const unsigned there = count - first >= 32 ? ~0u : (1u << (count - first)) - 1u;
+#if defined(__AVX2__)
+    typedef char Whole __attribute__((vector_size(32)));
+    return static_cast<unsigned>(__builtin_ia32_pmovmskb256((Whole)around)) & there;
+#else
+    unsigned bits = 0;
+    for (int k = 0; k < 32; ++k)
+        bits |= (around[k] ? 1u : 0u) << k;
+    return bits & there;
+#endif
+}
+
+}  // namespace warpcam

@@ -1,0 +1,81 @@
+// What the trace can write, and what follows from that.
+#pragma once
+#include "flow/visibility_history.h"
+
+namespace warpcam {
+
+// What the trace writes. FOURS: the image's width is a multiple of four pixels; TILED: no tile reaches over its edges.
+// IDS: the ids that shapes have in each world; BY_WORLD: bodies have such ids too. INSTANCES, SEMANTICS: labels.
+// OPAQUE: transparent shapes are left out.
+enum Output {
+    DEPTH = 1,
+    SHAPE = 2,
+    FACE = 4,
+    DISTANCE = 8,
+    POINTS = 16,
+    BODIES = 32,
+    NORMAL = 64,
+    FOURS = 128,
+    TILED = 256,
+    LISTED_AHEAD = 512,  // the stage of views has listed the shapes: traversal/visibility_listed.h
+    IDS = 1 << 16,
+    BY_WORLD = 1 << 17,
+    INSTANCES = 1 << 18,
+    SEMANTICS = 1 << 19,
+    OPAQUE = 1 << 20,
+    PAINTED = 1 << 21  // with albedo: shading_pass/visibility_albedo.h
+};
+
+// Tiles, one below the other, that a warp of a CUDA block draws at once: what a tile takes and what a shape takes of it
+// besides the rays is then paid once. Small regions have too few of them. visibility.py has the same.
+constexpr int tiles_at_once(int types, int width, int height)
+{
+    const bool quick = !(types >> MESH & 1) && !(types >> HEIGHT_FIELD & 1);
+    return quick && width * height >= 32 * 32 ? 2 : 1;
+}
+
+// How many blocks share an image whose shapes have been listed. Of 64x64 pixels: where much is stored a launch ends
+// sooner with short blocks; where little is, they begin too often; where validity is wanted each would look at the
+// whole floor. None has less than a pixel a thread. Of larger ones each has some whole rows of stacks of tiles.
+// visibility.py has the same.
+constexpr int parts_of(int outputs, int width, int height)
+{
+    constexpr int PIXELS = 64 * 64, STACK = 2 * TILE_HEIGHT;
+    const int more = outputs & (DISTANCE | BODIES | INSTANCES | SEMANTICS) && width * height <= PIXELS ? 2 : 1;
+    const int threes = (outputs & POINTS ? 1 : 0) + (outputs & NORMAL ? 1 : 0);
+    const int wanted = outputs & FLOW_VALID ? 1 : threes ? 4 * threes : outputs & FLOW ? 2 : more;
+    const int most = lower_int(width * height / THREADS, height / TILE_HEIGHT),
+              rows = PIXELS / (STACK * wanted * width);
+    if (width * height <= PIXELS)
+        return wanted < most ? wanted : most;
+    return rows > 1 ? (height / STACK + rows - 1) / rows : height / STACK;
+}
+
+// Where normals or albedo are written, hits name the slot of their shape's record instead of the shape: see gather().
+constexpr bool names_slots(int outputs) { return outputs & (NORMAL | PAINTED); }
+
+// Whether a block looks at a floor as a whole to tell what of it was seen.
+constexpr bool looks_at_floors(int types, int lens, int outputs, int shapes, int width, int height)
+{
+    const int needs = FLOW_VALID | FLOW_BRIEF | FLOW_LISTED | TILED | (outputs & FLOW_WHOLE ? FLOW_NEAR : 0);
+    const bool parts =
+        width == FlowFloor::SIZE && height == FlowFloor::SIZE && tiles_at_once(types, width, height) == 2;
+    return (outputs & needs) == needs && !names_slots(outputs) && parts && (types >> PLANE & 1) && !(types >> MESH & 1)
+        && lens == PINHOLE && shapes <= LANES;
+}
+
+// Where flow has what was seen, if it is wanted.
+template <int OUTPUTS, int WIDTH, int HEIGHT, int SHAPES, bool FLOORED, bool WANTED = (OUTPUTS & FLOWS) != 0>
+struct Places {
+    static constexpr bool WHOLE = (OUTPUTS & FLOW_WHOLE) != 0, NEAR = (OUTPUTS & FLOW_NEAR) != 0;
+    using type = FlowPlaces<OUTPUTS, WHOLE ? WIDTH : 0, WHOLE ? HEIGHT : 0, SHAPES, NEAR, FLOORED>;
+};
+template <bool WHOLE_> struct NoPlaces {
+    static constexpr bool WHOLE = WHOLE_, PAINTS = false, LOOKS_AT_FLOORS = false;
+};
+template <int OUTPUTS, int WIDTH, int HEIGHT, int SHAPES, bool FLOORED>
+struct Places<OUTPUTS, WIDTH, HEIGHT, SHAPES, FLOORED, false> {
+    using type = NoPlaces<(OUTPUTS & FLOW_WHOLE) != 0>;
+};
+
+}  // namespace warpcam

@@ -1,0 +1,402 @@
+// Where a block draws: one region of one view, and what the trace writes there.
+#pragma once
+#include "traversal/normal_cache.h"
+#include "flow/optical_flow.h"
+#include "flow/shape_motion.h"
+#include "geometry/analytic_normal.h"
+#include "output/hit_attributes.h"
+#include "traversal/trace_outputs.h"
+#include "output/store_vec3.h"
+#include "traversal/trace_tile.h"
+
+namespace warpcam {
+
+// Pixel (i, j) is column i and row j of the image.
+template <int TYPES, int LENS, int OUTPUTS, class List, int TALL_, class Target, class Shapes, class Places_>
+struct Canvas {
+    static constexpr int CAPACITY = List::ROOM;
+    static constexpr int TALL = TALL_;  // tiles at once
+
+    const Target& target;
+    const Shapes& shapes;
+    const List& list;
+    const Camera& camera;
+    Region region;
+    int world;
+    Places_& places;
+    using Facings_ = ShapeFacings<((OUTPUTS & NORMAL) && THREADS > 1 ? CAPACITY : 0)>;
+    Facings_& facings;
+    const float *columns, *rows;  // x of the region's columns, y of its rows, where they are LINED
+    int part = 0, parts = 1;      // of the region, and which of them is drawn
+    static constexpr bool LINED = THREADS > 1 && TALL > 1 && LENS == PINHOLE;
+    static constexpr int THREES = OUTPUTS & FOURS ? OUTPUTS & (POINTS | NORMAL) : 0;  // stored by 16 bytes
+    static constexpr bool TILES_INSIDE = (OUTPUTS & TILED) != 0;
+    static constexpr bool WHOLE = Places_::WHOLE;  // the region is an image of known size
+    // More than depth and shape.
+    static constexpr bool STORES_MUCH = OUTPUTS
+        & (DISTANCE | POINTS | BODIES | NORMAL | IDS | INSTANCES | SEMANTICS | FLOWS | PAINTED);
+    // The motions of few shapes: one warp composes them while the others begin to draw.
+    static constexpr bool APART = !(OUTPUTS & LISTED_AHEAD) && (OUTPUTS & FLOWS) && (OUTPUTS & FLOW_LISTED)
+        && CAPACITY <= LANES && !(TYPES >> MESH & 1);
+
+    // Of tiles that show nothing but an endless floor it is known what they write: see traversal/infinite_plane.h.
+    static constexpr bool BARE_FLOORS = THREADS > 1 && TALL > 1 && LENS == PINHOLE && (TYPES >> PLANE & 1)
+                                        && (OUTPUTS & TILED) && !((OUTPUTS & FLOWS) && names_slots(OUTPUTS));
+    static constexpr bool PUTS_BARE = BARE_FLOORS && !(OUTPUTS & FLOWS);
+    // Whole rows of two stacks of such tiles beside each other are written where listed shapes are few, but for these.
+    static constexpr bool PUTS_ROWS = BARE_FLOORS && TALL == 2 && (OUTPUTS & LISTED_AHEAD) && CAPACITY <= LANES
+        && !(OUTPUTS & (FACE | POINTS | NORMAL | IDS | FLOWS | PAINTED));
+    static constexpr int WIDE = PUTS_ROWS ? 2 : 1;  // stacks
+
+    WARPCAM_FN bool inside(int i, int j) const
+    {
+        return (OUTPUTS & TILED) || (i < target.width && j < target.height);
+    }
+
+    // The number of a pixel, of all worlds': that of the k-th tile below pixel (i, j). In images of known size these
+    // are at known distances from one address.
+    WARPCAM_FN auto at(int i, int j, int k = 0) const
+    {
+        if constexpr (WHOLE)
+            return size_t((unsigned(world) * region.height + j) * region.width + i)
+                   + size_t(k * TILE_HEIGHT * region.width);
+        else
+            return (unsigned(world) * target.height + (j + k * TILE_HEIGHT)) * target.width + i;
+    }
+
+    WARPCAM_FN ViewRay<LENS> ray(int i, int j) const
+    {
+        if constexpr (LINED)
+            return { columns[i - region.left], rows[j - region.top] };
+        return view_ray<LENS>(camera, i, j);
+    }
+
+    // What the block's last threads do while its first ones list shapes.
+    WARPCAM_FN void begin(int thread) const
+    {
+        if constexpr ((OUTPUTS & FLOWS) && (OUTPUTS & FLOW_LISTED))
+            compose_motions<OUTPUTS, TYPES, LENS>(target.trail, shapes, camera, places.then, world,
+                                                  target.trail.keep && region.left == 0 && region.top == 0, thread,
+                                                  places.near_motions);
+    }
+
+    // For a thread for each row of the region, and part, which has fetched what was seen there if that is near: what of
+    // the floor was.
+    WARPCAM_FN void find_floor(int row) const
+    {
+#if defined(__CUDA_ARCH__)
+        if constexpr (Places_::LOOKS_AT_FLOORS) {
+            const int shape = floor_of(shapes, target.trail.columns);
+            begin_floor(places, target.trail, region, row, shape);
+            if (OUTPUTS & FLOW_NEAR) {
+                await_rows();
+                find_row(places, row, shape);
+            }
+        }
+#endif
+    }
+
+    // For a warp, which has composed the motions if a stage has not: how the floor has moved.
+    WARPCAM_FN void follow_floor(const Camera& seen_by) const
+    {
+#if defined(__CUDA_ARCH__)
+        if constexpr (Places_::LOOKS_AT_FLOORS) {
+            const int shape = floor_of(shapes, target.trail.columns);
+            if (threadIdx.x % LANES != 0)
+                return;
+            if constexpr ((OUTPUTS & LISTED_AHEAD) != 0)  // those that the block copies are not there yet
+                find_slopes(places, Places_::composed(target.trail, world, shape), shapes, seen_by, world, shape);
+            else
+                find_slopes(places, places.of_shape(shape), shapes, seen_by, world, shape);
+        }
+#endif
+    }
+
+    // For a warp or the block, when it has met after all of this: where what is seen of the floor now was seen.
+    template <int TEAM> WARPCAM_FN void look_at_floor(int thread) const
+    {
+#if defined(__CUDA_ARCH__)
+        if constexpr (Places_::LOOKS_AT_FLOORS) {
+            find_seen_floor<TEAM>(places, region, target.width, target.height, thread);
+            team_barrier<TEAM>();
+        }
+#endif
+    }
+
+    // Notes what pixels take of their shapes alone, once these are listed; for so many threads.
+    WARPCAM_FN void face(int thread, int threads) const
+    {
+#if defined(__CUDA_ARCH__)
+        if constexpr ((OUTPUTS & NORMAL) != 0) {
+            if (thread == 0)
+                facings.begin();
+            for (int slot = thread - 1; slot < list.count; slot += threads)
+                if (slot >= 0)
+                    facings.template note<TYPES>(slot, list.records[slot], list.ids[slot], camera);
+        }
+#endif
+        if constexpr (Places_::PAINTS)
+            places.face(list, thread, threads);
+    }
+
+    // Notes the endless floor: see there.
+    WARPCAM_FN void note(List& listed, int slot, int rank) const
+    {
+#if defined(__CUDA_ARCH__)
+        if constexpr (BARE_FLOORS)
+            listed.floor.note(listed.records[slot], listed.ids[slot], rank, camera.near, camera.far);
+#endif
+    }
+
+    // What was on its way is there, once the threads of the block have met.
+    WARPCAM_FN void ready() const
+    {
+        if (OUTPUTS & FLOW_NEAR)
+            await_rows();
+    }
+
+    // What a ray has met before a pass: nothing that is new. No ray outside of the image meets anything.
+    WARPCAM_FN Hit start(int i, int j, bool first_pass) const
+    {
+        if constexpr ((OUTPUTS & FLOW_VALID) != 0)
+            if (inside(i, j))
+                places.expect(target.trail, i, j);
+        Hit hit { inside(i, j) ? camera.far : -1.0f, -1, -1 };
+        if constexpr (has_table(LENS))
+            if (is_blind(ray(i, j)))
+                hit.depth = -1.0f;
+        if (!first_pass && inside(i, j) && target.shape.data[at(i, j)] >= 0)
+            hit.depth = just_beyond(target.depth.data[at(i, j)]);
+        return hit;
+    }
+
+    // Writes a pixel of the image, that of the k-th tile below (i, j): WHAT of it.
+    template <int WHAT> WARPCAM_FN void put(int i, int j, const Hit& hit, int k = 0) const
+    {
+        put_named<WHAT>(i, j, hit, shape_of(hit), k);
+    }
+
+    // The same, of a shape whose id is known.
+    template <int WHAT> WARPCAM_FN void put_named(int i, int j, const Hit& hit, int shape, int k) const
+    {
+        const auto pixel = at(i, j, k);
+        const ViewRay<LENS> seen = ray(i, j + k * TILE_HEIGHT);
+        if (WHAT & DEPTH)
+            target.depth.data[pixel] = depth_of(hit);
+        if (WHAT & SHAPE)
+            target.shape.data[pixel] = shape;
+        if (WHAT & FACE)
+            target.face.data[pixel] = hit.face;
+        if (WHAT & DISTANCE)
+            target.distance.data[pixel] = has_table(LENS) && hit.shape < 0 ? camera.miss : distance_of(hit, seen);
+        if (WHAT & BODIES)
+            target.bodies.data[pixel] = body_of<(OUTPUTS & BY_WORLD) != 0>(shapes, world, shape);
+        if (WHAT & IDS)
+            target.ids.data[pixel] = id_of(shapes, world, shape);
+        if constexpr ((WHAT & INSTANCES) != 0)
+            target.labels.instances.data[pixel] = label_of(target.labels.instance_of, world, shape, -1);
+        if constexpr ((WHAT & SEMANTICS) != 0)
+            target.labels.semantics.data[pixel] = label_of(target.labels.semantic_of, world, shape, 0);
+        if (WHAT & POINTS)
+            put_three(target.points.data, pixel, point_of(hit, camera, seen));
+        if constexpr ((WHAT & NORMAL) != 0)
+            put_three(target.normals.data, pixel, normal_of(hit, seen));
+        if constexpr ((WHAT & FLOWS) != 0)
+            put_flow<TYPES, LENS, WHAT>(target.trail, places, shapes, camera, seen, { hit.depth, shape, hit.face },
+                                        world, i, j, k * TILE_HEIGHT, pixel);
+    }
+
+    // Writes what a pass has found.
+    WARPCAM_FN void put_new(int i, int j, const Hit& hit, bool first_pass, int k = 0) const
+    {
+        if (inside(i, j + k * TILE_HEIGHT) && (first_pass || hit.shape >= 0))
+            put<OUTPUTS>(i, j, hit, k);
+    }
+
+    WARPCAM_FN float depth_of(const Hit& hit) const
+    {
+        return hit.shape < 0 ? (has_table(LENS) ? infinity() : camera.miss) : hit.depth;
+    }
+
+    WARPCAM_FN int shape_of(const Hit& hit) const
+    {
+        if constexpr (!names_slots(OUTPUTS))
+            return hit.shape;
+        else if constexpr (Places_::PAINTS)
+            return places.slots[hit.shape + 1].id;
+        else
+#if defined(__CUDA_ARCH__)
+            return facings.rows[hit.shape + 1].w;
+#else
+            return hit.shape >= 0 ? list.ids[hit.shape] : -1;
+#endif
+    }
+
+    WARPCAM_FN Vec normal_of(const Hit& hit, const ViewRay<LENS>& seen) const
+    {
+#if defined(__CUDA_ARCH__)
+        constexpr int BENDING = TYPES & ~(1 << PLANE);
+        const Row row = facings.rows[hit.shape + 1];
+        if (row.x != BENT)
+            return to_vec(row);
+#else
+        constexpr int BENDING = TYPES;
+        if (hit.shape < 0)
+            return { 0.0f, 0.0f, 0.0f };
+#endif
+        return turned(camera.rotation, normalized(gradient<BENDING>(list.records[hit.shape], seen, hit.depth)));
+    }
+
+#if defined(__CUDA_ARCH__)
+    // Writes all tiles of a warp that begin with pixel (i, j), if they show only floor that was seen; else false.
+    WARPCAM_FN bool put_floor(int i, int j, const Hit (&hit)[TALL], int lane) const
+    {
+        if constexpr (Places_::LOOKS_AT_FLOORS) {
+            const FlowFloor& floor = places.floor;
+            const auto& trail = target.trail;
+            const unsigned here = FlowFloor::part_of(i, j);
+            const int seen = *const_cast<const volatile int*>(floor.seen + here), shape = seen & FlowFloor::NONE;
+            if (!__all_sync(ALL, hit[0].shape == shape && hit[1].shape == shape)) {
+                if (!__all_sync(ALL, hit[0].shape == floor.shape && hit[1].shape == floor.shape) && lane == 0)
+                    floor.region_parts[here] = 0;
+                return false;
+            }
+            // The words of a part lie together, two a lane; of whether pixels were seen eight lanes have a row each.
+            if (!WHOLE) {
+                const unsigned word = FlowFloor::word(shape) * 0x00010001u;
+                keep_word(reinterpret_cast<unsigned*>(places.kept + (Places_::place_of(trail, i, j) - lane)), lane,
+                          word);
+            }
+            constexpr unsigned ONES = 0x01010101u;
+            if (!(seen & FlowFloor::OUTSIDE) && lane < FlowFloor::PART) {
+                unsigned char* row = trail.flow_valid.data + at(i, j) + lane * (Places_::width(trail) - 1);
+                *reinterpret_cast<uint2*>(row) = make_uint2(ONES, ONES);
+            }
+            constexpr bool TOGETHER = (OUTPUTS & FLOW) && (OUTPUTS & LISTED_AHEAD);  // else more is spilled
+            if constexpr (TOGETHER)
+                put_flow_of<LENS>(trail, places, shape, hit, i, j, TILE_HEIGHT, [&](int k) { return at(i, j, k); });
+            for (int k = 0; k < TALL; ++k) {
+                put<OUTPUTS & ~(TOGETHER ? FLOWS : FLOW_VALID)>(i, j, { hit[k].depth, shape, hit[k].face }, k);
+                if (seen & FlowFloor::OUTSIDE) {
+                    const float column = float(i), row = float(j + k * TILE_HEIGHT);
+                    const auto rows = places.of_shape(shape);
+                    const float depth = then<LENS>(rows.at(2), column, row, hit[k].depth), rate = reciprocal(depth);
+                    const Beside across(then<LENS>(rows.at(0), column, row, hit[k].depth), rate);
+                    const Beside along(then<LENS>(rows.at(1), column, row, hit[k].depth), rate);
+                    const bool inside = across.inside(Places_::width(trail)) & along.inside(Places_::height(trail));
+                    trail.flow_valid.data[at(i, j, k)] =
+                        static_cast<unsigned char>(settled((depth >= rows.at(3).z) & inside));
+                }
+            }
+            return true;
+        }
+        return false;
+    }
+
+    // Writes the pixels of a warp's tiles, each lane's, the first of them at (i, j); `row_of_lanes` is room for
+    // 3 * LANES numbers of each tile where there are THREES.
+    template <class Ray_>
+    WARPCAM_FN void put_tiles(int i, int j, const Ray_ (&rays)[TALL], const Hit (&hits)[TALL], bool first_pass,
+                              float* row_of_lanes) const
+    {
+        bool whole = false;
+        if constexpr (THREES != 0)
+            if (first_pass) {
+                whole = true;
+                put_whole(i, j, rays, hits, row_of_lanes);
+            }
+        if constexpr (Places_::PAINTS) {  // there is one pass, and all tiles lie in the image
+            const auto slots = places.slots_of(hits);
+            if (!whole)
+                for (int k = 0; k < TALL; ++k)
+                    put_named<OUTPUTS>(i, j, hits[k], slots.at[k].id, k);
+            places.paint(*this, i, j, rays, hits, slots);
+        } else if (!whole) {
+            for (int k = 0; k < TALL; ++k)
+                put_new(i, j, hits[k], first_pass, k);
+        }
+    }
+
+    template <class Ray_> WARPCAM_FN void put_whole(int i, int j, const Ray_ (&rays)[TALL], const Hit (&hits)[TALL],
+                                                    float* row_of_lanes) const
+    {
+        Vec values[TALL];
+        if constexpr ((THREES & NORMAL) != 0)
+            for (int k = 0; k < TALL; ++k)
+                values[k] = normal_of(hits[k], rays[k]);
+        for (int k = 0; k < TALL; ++k)
+            if (inside(i, j + k * TILE_HEIGHT))
+                put<OUTPUTS & ~THREES>(i, j, hits[k], k);
+        if constexpr ((THREES & NORMAL) != 0)
+            store_threes(*this, target.normals.data, i, j, values, row_of_lanes);
+        if constexpr ((THREES & POINTS) != 0) {
+            find_points<true>(camera, rays, hits, values);
+            store_threes(*this, target.points.data, i, j, values, row_of_lanes);
+        }
+    }
+
+    // Writes so many stacks beside each other, whose first pixel is given, if they surely show the endless floor, which
+    // is all that touches them; else false. A lane has two pixels beside each other in each of two rows.
+    WARPCAM_FN bool put_rows(int left, int top, int lane) const
+    {
+        constexpr int LANES_A_ROW = WIDE * TILE_WIDTH / 2;
+        static_assert(LANES / LANES_A_ROW == TILE_HEIGHT);
+        const int i = left + 2 * int(unsigned(lane) % LANES_A_ROW), j = top + int(unsigned(lane) / LANES_A_ROW);
+        const float2 x = *reinterpret_cast<const float2*>(columns + i);
+        ViewRay<PINHOLE> rays[2 * WIDE];
+        Hit hits[2 * WIDE];
+        for (int k = 0; k < WIDE; ++k) {
+            rays[2 * k] = { x.x, rows[j + k * TILE_HEIGHT] };
+            rays[2 * k + 1] = { x.y, rays[2 * k].y };
+        }
+        if (!list.floor.meet(rays, hits))
+            return false;
+        const int shape = list.floor.shape;
+        __builtin_assume(shape >= 0);
+        const auto put_same = [&](auto* image, int number) {
+            for (int k = 0; k < WIDE; ++k)
+                put_two(image + at(i, j, k), number, number);
+        };
+        for (int k = 0; k < WIDE; ++k) {
+            const Hit a { hits[2 * k].depth, shape, -1 }, b { hits[2 * k + 1].depth, shape, -1 };
+            if (OUTPUTS & DEPTH)
+                put_two(target.depth.data + at(i, j, k), a.depth, b.depth);
+            if (OUTPUTS & DISTANCE)
+                put_two(target.distance.data + at(i, j, k), distance_of(a, rays[2 * k]),
+                        distance_of(b, rays[2 * k + 1]));
+        }
+        if (OUTPUTS & SHAPE)
+            put_same(target.shape.data, shape);
+        if (OUTPUTS & BODIES)
+            put_same(target.bodies.data, body_of<(OUTPUTS & BY_WORLD) != 0>(shapes, world, shape));
+        if constexpr ((OUTPUTS & INSTANCES) != 0)
+            put_same(target.labels.instances.data, label_of(target.labels.instance_of, world, shape, -1));
+        if constexpr ((OUTPUTS & SEMANTICS) != 0)
+            put_same(target.labels.semantics.data, label_of(target.labels.semantic_of, world, shape, 0));
+        return true;
+    }
+
+    // As put_tiles(), where all hits are on the endless floor.
+    template <class Ray_>
+    WARPCAM_FN void put_bare(int i, int j, const Ray_ (&rays)[TALL], const Hit (&hits)[TALL], float* row_of_lanes) const
+    {
+        const int shape = list.floor.shape;
+        __builtin_assume(shape >= 0);
+        for (int k = 0; k < TALL; ++k)
+            put_named<OUTPUTS & ~THREES>(i, j, { hits[k].depth, shape, -1 }, shape, k);
+        if constexpr ((THREES & NORMAL) != 0) {
+            const Row piece = facings.endless[threadIdx.x % TILE_WIDTH % 3];
+            store_pieces(*this, target.normals.data, i, j, [&](int) { return piece; });
+        }
+        if constexpr ((THREES & POINTS) != 0) {
+            Vec values[TALL];
+            find_points<false>(camera, rays, hits, values);
+            store_threes(*this, target.points.data, i, j, values, row_of_lanes);
+        }
+        if constexpr (Places_::PAINTS)
+            places.paint_bare(*this, i, j, rays, hits);
+    }
+#endif
+};
+
+}  // namespace warpcam

@@ -1,0 +1,102 @@
+// A tile's rays, and what they have found, on a CPU: row by row where the whole tile lies in the image.
+#pragma once
+#include "traversal/trace_target.h"
+#include "core/simd8.h"
+
+namespace warpcam {
+
+// The rays of a tile, whose first pixel is given, and what they have met before a pass.
+template <class Canvas_, class Near>
+inline void start_tile(const Canvas_& canvas, int left, int top, bool first_pass, Near& near, Rays& rays)
+{
+    for (int lane = 0; lane < LANES; ++lane) {
+        const int i = left + lane % TILE_WIDTH, j = top + lane / TILE_WIDTH;
+        const auto ray = canvas.ray(i, j);
+        near.set(lane, ray);
+        const Hit hit = canvas.start(i, j, first_pass);
+        rays.x[lane] = ray.x;
+        rays.y[lane] = ray.y;
+        rays.depth[lane] = hit.depth;
+        rays.shape[lane] = hit.shape;
+        rays.face[lane] = hit.face;
+    }
+}
+
+// Writes what a pass has found in a tile.
+template <class Canvas_>
+inline void put_tile(const Canvas_& canvas, int left, int top, bool first_pass, const Rays& rays)
+{
+    for (int lane = 0; lane < LANES; ++lane)
+        canvas.put_new(left + lane % TILE_WIDTH, top + lane / TILE_WIDTH,
+                       { rays.depth[lane], rays.shape[lane], rays.face[lane] }, first_pass);
+}
+
+// True if all of the tile was made ready, false if it is to be done ray by ray.
+template <int TYPES, int LENS, int OUTPUTS, class List, int TALL, class Target, class Shapes, class Places_>
+inline bool start_whole(const Canvas<TYPES, LENS, OUTPUTS, List, TALL, Target, Shapes, Places_>& canvas, int left,
+                        int top, Rays& rays)
+{
+    if (has_table(LENS) || (OUTPUTS & FLOW_VALID) || !canvas.inside(left + TILE_WIDTH - 1, top + TILE_HEIGHT - 1))
+        return false;
+    const Camera camera = canvas.camera;  // a copy, which nothing that is written here may change
+    for (int row = 0; row < TILE_HEIGHT; ++row)
+        for (int k = 0; k < TILE_WIDTH; ++k) {
+            const int lane = row * TILE_WIDTH + k;
+            rays.x[lane] = image_x(camera, float(left + k));
+            rays.y[lane] = image_y(camera, float(top + row));
+            rays.depth[lane] = camera.far;
+            rays.shape[lane] = rays.face[lane] = -1;
+        }
+    return true;
+}
+
+// Writes depth, shape and face of a tile that lies in the image; the rest is left to be done pixel by pixel.
+template <int TYPES, int LENS, int OUTPUTS, class List, int TALL, class Target, class Shapes, class Places_>
+inline void put_whole(const Canvas<TYPES, LENS, OUTPUTS, List, TALL, Target, Shapes, Places_>& canvas, int left,
+                      int top, const Rays& rays)
+{
+    constexpr int IN_ROWS = DEPTH | FACE | (names_slots(OUTPUTS) ? 0 : SHAPE);
+    constexpr int PIXELWISE = SHAPE | DISTANCE | POINTS | BODIES | NORMAL | IDS | INSTANCES | SEMANTICS | FLOWS;
+    const float miss = has_table(LENS) ? infinity() : canvas.camera.miss;
+    static_assert(TILE_WIDTH == PACKET);
+    for (int row = 0; row < TILE_HEIGHT; ++row) {
+        const int lane = row * TILE_WIDTH;
+        const unsigned first = canvas.at(left, top + row);
+        const Ints shape = load_eight(rays.shape + lane);
+        Floats depth;
+        __builtin_memcpy(&depth, rays.depth + lane, sizeof depth);
+        depth = shape < 0 ? (Floats)miss : depth;
+        if constexpr ((OUTPUTS & DEPTH) != 0)
+            __builtin_memcpy(canvas.target.depth.data + first, &depth, sizeof depth);
+        if constexpr ((OUTPUTS & IN_ROWS & SHAPE) != 0)
+            store_eight(canvas.target.shape.data + first, shape);
+        if constexpr ((OUTPUTS & FACE) != 0)
+            store_eight(canvas.target.face.data + first, load_eight(rays.face + lane));
+    }
+    if constexpr ((OUTPUTS & PIXELWISE & ~IN_ROWS) != 0)
+        for (int lane = 0; lane < LANES; ++lane)
+            canvas.template put<OUTPUTS & ~IN_ROWS>(left + lane % TILE_WIDTH, top + lane / TILE_WIDTH,
+                                                    { rays.depth[lane], rays.shape[lane], rays.face[lane] });
+}
+
+template <int TYPES, int LENS, int OUTPUTS, class List, int TALL, class Target, class Shapes, class Places_, class Near>
+inline void start_tile(const Canvas<TYPES, LENS, OUTPUTS, List, TALL, Target, Shapes, Places_>& canvas, int left,
+                       int top, bool first_pass, Near& near, Rays& rays)
+{
+    if (!first_pass || !start_whole(canvas, left, top, rays))
+        start_tile<Canvas<TYPES, LENS, OUTPUTS, List, TALL, Target, Shapes, Places_>, Near>(canvas, left, top,
+                                                                                            first_pass, near, rays);
+}
+
+template <int TYPES, int LENS, int OUTPUTS, class List, int TALL, class Target, class Shapes, class Places_>
+inline void put_tile(const Canvas<TYPES, LENS, OUTPUTS, List, TALL, Target, Shapes, Places_>& canvas, int left, int top,
+                     bool first_pass, const Rays& rays)
+{
+    if (first_pass && canvas.inside(left + TILE_WIDTH - 1, top + TILE_HEIGHT - 1))
+        put_whole(canvas, left, top, rays);
+    else
+        put_tile<Canvas<TYPES, LENS, OUTPUTS, List, TALL, Target, Shapes, Places_>>(canvas, left, top, first_pass,
+                                                                                    rays);
+}
+
+}  // namespace warpcam

@@ -1,0 +1,398 @@
+// The shapes of one region of one view, nearest first, and the walk over its tiles.
+#pragma once
+#include "traversal/infinite_plane.h"
+#include "accel/heightfield.h"
+#include "camera/shape_setup.h"
+#include "geometry/intersect.h"
+#include "camera/tile_frustum.h"
+#if !defined(__CUDA_ARCH__)
+#include "accel/bvh4_simd.h"
+#include "accel/heightfield_simd.h"
+#include "traversal/tile_overlap_simd.h"
+#endif
+
+namespace warpcam {
+
+constexpr int analytic_types(int types)
+{
+    return types & ~(1 << HEIGHT_FIELD | 1 << MESH | 1 << SCALED | 1 << TWO_SIDED | 1 << MASKED
+                    | 1 << SHADING_BACKS | 1 << MOVING | 1 << GLASS | 1 << FROM_ABOVE | 1 << BARE | 1 << MIDDLE_FIRST
+                    | 1 << PROJECTED | 1 << TRIPLANAR | 1 << SHEER | 1 << LIT_NORMALS | 1 << COINCIDENT);
+}
+
+// What tells slots or ranks apart: of more than 256 or not.
+template <bool MANY> struct SlotOf {
+    using Type = unsigned char;
+};
+template <> struct SlotOf<true> {
+    using Type = unsigned short;
+};
+
+// What a region's rays are tested against. Ranks run from near to far.
+template <int CAPACITY> struct ShapeList {
+    static constexpr int ROOM = CAPACITY;
+    using Slot = typename SlotOf<(CAPACITY > 256)>::Type;
+
+    Record records[CAPACITY];
+    int nearest[CAPACITY];          // by slot; the bits of a depth, which are in order
+    int ids[CAPACITY];              // by slot
+    TileBox touched[CAPACITY];      // by slot
+#if defined(__CUDA_ARCH__)
+    TileSpans tiles[(CAPACITY + LANES - 1) / LANES * LANES];  // the same by rank, then none to a multiple of LANES
+#else
+    TileParts<CAPACITY> tiles;      // the same by rank
+#endif
+    Slot order[CAPACITY];  // by rank: the slot
+    int count;
+    int next_tile;
+    int broken;
+#if defined(__CUDA_ARCH__)
+    EndlessFloor floor;
+#endif
+
+    WARPCAM_FN const Record& at_rank(int rank) const { return records[order[rank]]; }
+};
+
+#if !defined(__CUDA_ARCH__)
+
+constexpr int MANY_TO_SORT = 96;  // shapes; of fewer each is sooner compared with each
+
+// As sort_by_depth(), by digits.
+template <int CAPACITY, class Note> inline void sort_many(ShapeList<CAPACITY>& list, const Note& note)
+{
+    using Slot = typename ShapeList<CAPACITY>::Slot;
+    constexpr int DIGITS = 4;
+    const int count = list.count;
+    int starts[DIGITS][256] = {};
+    for (int slot = 0; slot < count; ++slot)
+        for (int digit = 0; digit < DIGITS; ++digit)
+            ++starts[digit][list.nearest[slot] >> 8 * digit & 255];
+    Slot orders[2][CAPACITY];
+    for (int slot = 0; slot < count; ++slot)  // slots run as ids do
+        orders[0][slot] = static_cast<Slot>(count - 1 - slot);
+    for (int digit = 0; digit < DIGITS; ++digit) {
+        int* const start = starts[digit];
+        for (int value = 0, sum = 0; value < 256; ++value) {
+            const int own = start[value];
+            start[value] = sum;
+            sum += own;
+        }
+        const Slot* const from = orders[digit % 2];
+        Slot* const to = digit + 1 < DIGITS ? orders[(digit + 1) % 2] : list.order;
+        for (int k = 0; k < count; ++k)
+            to[start[list.nearest[from[k]] >> 8 * digit & 255]++] = from[k];
+    }
+    for (int rank = 0; rank < count; ++rank) {
+        const int slot = list.order[rank];
+        list.tiles.put(rank, list.touched[slot]);
+        note(slot, rank);
+    }
+}
+
+#endif
+
+// Gives each slot its rank, which note(slot, rank) is told. The order does not depend on who came first; of shapes at
+// one place the later is seen, as where shapes are drawn one over the other.
+template <int CAPACITY, class Note>
+WARPCAM_FN void sort_by_depth(ShapeList<CAPACITY>& list, int thread, const Note& note)
+{
+#if !defined(__CUDA_ARCH__)
+    if (list.count > MANY_TO_SORT)
+        return sort_many(list, note);
+#endif
+    for (int i = thread; i < list.count; i += THREADS) {
+        const int key = list.nearest[i], id = list.ids[i];
+        unsigned rank = 0, with_equals = 0;
+        for (int j = 0; j < list.count; ++j) {
+            const int beyond = list.nearest[j] - key;
+            rank += unsigned(beyond) >> 31;
+            with_equals += unsigned(beyond - 1) >> 31;
+        }
+        if (with_equals > rank + 1)
+            for (int j = 0; j < list.count; ++j)
+                rank += list.nearest[j] == key && list.ids[j] > id;
+        list.order[rank] = static_cast<typename ShapeList<CAPACITY>::Slot>(i);
+        note(i, int(rank));
+#if defined(__CUDA_ARCH__)
+        list.tiles[rank] = { TileSpans::of(list.touched[i]) };
+#else
+        list.tiles.put(rank, list.touched[i]);
+#endif
+    }
+#if defined(__CUDA_ARCH__)
+    const int room = list.count == 0 ? LANES : (list.count + LANES - 1) / LANES * LANES;
+    for (int rank = list.count + thread; rank < room; rank += THREADS)
+        list.tiles[rank] = { TileSpans::NONE };
+#endif
+}
+
+WARPCAM_FN bool touches(const TileBox& box, int column, int row)
+{
+    return (column >= box.left) & (column <= box.right) & (row >= box.top) & (row <= box.bottom);
+}
+
+// Thirty-two rays: of a warp, one a lane; of a CPU thread, all of them.
+#if defined(__CUDA_ARCH__)
+
+// Takes the next number. For one lane: the compiler would gather the numbers of many.
+WARPCAM_FN int draw_next(int& counter)
+{
+    int number;
+    asm volatile("atom.shared.inc.u32 %0, [%1], 0x7fffffff;"
+                 : "=r"(number)
+                 : "r"(static_cast<unsigned>(__cvta_generic_to_shared(&counter)))
+                 : "memory");
+    return number;
+}
+
+// Does the ray meet the mesh's box before `depth`?
+template <class Meshes>
+WARPCAM_FN bool meets_mesh(const Meshes& meshes, const Record& record, const Ray& ray, float near, float depth)
+{
+    const Slabs s = slabs(ray.origin, ray.direction, record.size.x);
+    const auto lo = wp::index(meshes.lower, record.axis_z.w), hi = wp::index(meshes.upper, record.axis_z.w);
+    const float x0 = lo[0] * s.scale.x + s.down.x, x1 = hi[0] * s.scale.x + s.up.x;
+    const float y0 = lo[1] * s.scale.y + s.down.y, y1 = hi[1] * s.scale.y + s.up.y;
+    const float z0 = lo[2] * s.scale.z + s.down.z, z1 = hi[2] * s.scale.z + s.up.z;
+    const float enter = upper(upper(lower(x0, x1), lower(y0, y1)), upper(lower(z0, z1), near));
+    return enter <= lower(lower(upper(x0, x1), upper(y0, y1)), lower(upper(z0, z1), depth));
+}
+
+template <int LENS> WARPCAM_FN TileRays rays_of_tile(const ViewRay<LENS>& ray)
+{
+    return { __shfl_sync(ALL, ray.x, 0), __shfl_sync(ALL, ray.x, LANES - 1), __shfl_sync(ALL, ray.y, LANES - 1),
+             __shfl_sync(ALL, ray.y, 0) };
+}
+
+// Which of 32 meshes, `mask` by bit, does the lane's ray meet before `depth`? `slots` leads from a bit to a record;
+// nearest first. The whole warp comes here together.
+template <int LENS, class Meshes>
+WARPCAM_FN unsigned find_meshes(unsigned mask, const Record* records, const unsigned char* slots,
+                                const ViewRay<LENS>& ray, float near, const Meshes& meshes, float depth)
+{
+    unsigned met = 0;
+    for (; mask; mask &= mask - 1) {
+        const int bit = lowest_bit(mask);
+        const Record& record = records[slots[bit]];
+        const bool before = as_float(record.size.w) < depth;
+        if (!__any_sync(ALL, before))
+            break;
+        if (before && meets_mesh(meshes, record, ray.local(record), near, depth))
+            met |= 1u << bit;
+    }
+    return met;
+}
+
+// Which of LANES ranks from `begin` on touch a tile, but meshes; a bit each. By a whole warp.
+template <int TYPES, class List> WARPCAM_FN unsigned touching(const List& list, int begin, unsigned steps)
+{
+    const int rank = begin + threadIdx.x % LANES;
+    return __ballot_sync(ALL, list.tiles[rank].touches(steps) && !is_mesh<TYPES>(list.at_rank(rank)));
+}
+
+// Does one of the ranks beyond the first LANES touch a tile?
+template <int TYPES, class List> WARPCAM_FN bool touching_more(const List& list, unsigned steps)
+{
+    for (int begin = LANES; List::ROOM > LANES && begin < list.count; begin += LANES)
+        if (touching<TYPES>(list, begin, steps))
+            return true;
+    return false;
+}
+
+// The nearest of all shapes but meshes, of TALL tiles one below the other; of each a lane has a ray. `mask`:
+// touching().
+template <int TYPES, int TALL, class Ray_, class List, class HeightFields>
+WARPCAM_FN void trace_tiles(const List& list, unsigned steps, unsigned mask, const Ray_ (&rays)[TALL],
+                            float near, const HeightFields& fields, Hit (&hits)[TALL])
+{
+    int begin = 0;
+    while (true) {
+        for (; mask; mask &= mask - 1) {
+            const Record& record = list.at_rank(begin + lowest_bit(mask));
+            float farthest = hits[0].depth;
+            for (int k = 1; k < TALL; ++k)
+                farthest = upper(farthest, hits[k].depth);
+            if (!__any_sync(ALL, as_float(record.size.w) < farthest))
+                return;  // every lane has hits nearer than all that follows
+            if ((TYPES >> HEIGHT_FIELD & 1) && record.axis_x.w == HEIGHT_FIELD) {
+                for (int k = 0; k < TALL; ++k)
+                    walk_height_field(fields, record, rays[k], near_of(rays[k], near), hits[k]);
+                __syncwarp();
+            } else {
+                Ray local[TALL];
+                for (int k = 0; k < TALL; ++k)
+                    local[k] = rays[k].local(record);
+                float t[TALL];
+                enter_each<analytic_types(TYPES), TALL, PLANE, SPHERE, ELLIPSOID, CAPSULE, CYLINDER, BOX, CONE, BARREL>(
+                    record, local, t);
+                for (int k = 0; k < TALL; ++k)
+                    if (t[k] < hits[k].depth && t[k] > near_of(rays[k], near)) {
+                        hits[k].depth = t[k];
+                        hits[k].shape = record.axis_y.w;
+                    }
+            }
+        }
+        begin += LANES;
+        if (List::ROOM <= LANES || begin >= list.count)
+            return;
+        mask = touching<TYPES>(list, begin, steps);
+    }
+}
+
+#else
+
+struct Rays {
+    float x[LANES], y[LANES], depth[LANES];
+    int shape[LANES], face[LANES];
+};
+
+// From where on the rays see: all alike, or each its own.
+template <class Ray_> struct NearOf {
+    float all;
+
+    void set(int, const Ray_&) { }
+    float at(int) const { return all; }
+};
+template <int LENS> struct NearOf<ClippedRay<LENS>> {
+    float all, own[LANES];
+
+    void set(int lane, const ClippedRay<LENS>& ray) { own[lane] = ray.near; }
+    float at(int lane) const { return own[lane]; }
+};
+
+// Depths are not negative, but for -1 where a ray is outside the image; their bits then order as they do, and a
+// maximum of integers becomes vector code.
+inline float farthest_of(const Rays& rays)
+{
+    int bits = as_int(rays.depth[0]);
+    for (int lane = 1; lane < LANES; ++lane)
+        bits = as_int(rays.depth[lane]) > bits ? as_int(rays.depth[lane]) : bits;
+    return as_float(bits);
+}
+
+// The shapes that touch one row of tiles, nearest first.
+template <int CAPACITY> struct TileRow {
+    static constexpr int ROOM = (CAPACITY + 31) / 32 * 32;
+    signed char left[ROOM], right[ROOM];
+    typename ShapeList<CAPACITY>::Slot ranks[ROOM];
+    int count;
+};
+
+template <int CAPACITY> inline void pick_row(const ShapeList<CAPACITY>& list, int row, TileRow<CAPACITY>& picked)
+{
+    const auto& tiles = list.tiles;
+    int count = 0;  // in a register
+    for (int first = 0; first < list.count; first += 32)
+        for (unsigned some = spans_around(tiles.top, tiles.bottom, first, list.count, row); some; some &= some - 1) {
+            const int rank = first + lowest_bit(some);
+            picked.left[count] = tiles.left[rank];
+            picked.right[count] = tiles.right[rank];
+            picked.ranks[count++] = static_cast<typename ShapeList<CAPACITY>::Slot>(rank);
+        }
+    picked.count = count;
+}
+
+// A tile's rays as shapes are tested against them.
+template <int LENS> struct RayLanes {
+    const Rays& rays;
+
+    Ray local(const Record& record, int lane) const
+    {
+        return ViewRay<LENS> { rays.x[lane], rays.y[lane] }.local(record);
+    }
+};
+
+// Spread ones are read first, or what follows would not become vector code.
+template <> struct RayLanes<SPREAD> {
+    float start[3][LANES], direction[3][LANES];
+
+    explicit RayLanes(const Rays& rays)
+    {
+        for (int lane = 0; lane < LANES; ++lane) {
+            const Beam beam = ViewRay<SPREAD> { rays.x[lane], rays.y[lane] }.beam();
+            for (int axis = 0; axis < 3; ++axis) {
+                start[axis][lane] = component(beam.start, axis);
+                direction[axis][lane] = component(beam.direction, axis);
+            }
+        }
+    }
+
+    Ray local(const Record& record, int lane) const
+    {
+        return local_of({ { start[0][lane], start[1][lane], start[2][lane] },
+                          { direction[0][lane], direction[1][lane], direction[2][lane] } }, record);
+    }
+};
+
+template <int TYPE, int LENS, class Near> inline void trace_shape(const Record& record, const Near& near, Rays& rays)
+{
+    const Record r = record;
+    const RayLanes<LENS> lanes { rays };
+    for (int lane = 0; lane < LANES; ++lane) {
+        const float t = enter<TYPE>(r, lanes.local(r, lane));
+        const bool closer = (t < rays.depth[lane]) & (t > near.at(lane));
+        rays.depth[lane] = closer ? t : rays.depth[lane];
+        rays.shape[lane] = closer ? r.axis_y.w : rays.shape[lane];
+    }
+}
+
+// Any shape but a mesh.
+template <int TYPES, int LENS, class Near, class HeightFields>
+inline void trace_record(const Record& record, const Near& near, const HeightFields& fields, Rays& rays)
+{
+    switch (record.axis_x.w) {
+#define WARPCAM_CASE(TYPE) \
+    case TYPE: \
+        if (TYPES >> TYPE & 1) \
+            trace_shape<TYPE, LENS>(record, near, rays); \
+        break;
+        WARPCAM_CASE(PLANE)
+        WARPCAM_CASE(SPHERE)
+        WARPCAM_CASE(CAPSULE)
+        WARPCAM_CASE(ELLIPSOID)
+        WARPCAM_CASE(CYLINDER)
+        WARPCAM_CASE(BOX)
+        WARPCAM_CASE(CONE)
+        WARPCAM_CASE(BARREL)
+#undef WARPCAM_CASE
+    case HEIGHT_FIELD:
+        if (TYPES >> HEIGHT_FIELD & 1)
+            trace_height_field<LENS>(fields, record, near, rays);
+        break;
+    }
+}
+
+template <int TYPES, int LENS, int CAPACITY, class Near, class Meshes, class HeightFields>
+inline void trace_tile(const ShapeList<CAPACITY>& list, const TileRow<CAPACITY>& row, int column, const Near& near,
+                       const Meshes& meshes, const HeightFields& fields, Rays& rays)
+{
+    typename ShapeList<CAPACITY>::Slot behind[CAPACITY];  // slots of meshes, nearest first
+    int meshes_behind = 0;
+    float farthest = FAR_AWAY;
+    for (int first = 0; first < row.count; first += 32)
+        for (unsigned some = spans_around(row.left, row.right, first, row.count, column); some; some &= some - 1) {
+            const int slot = list.order[row.ranks[first + lowest_bit(some)]];
+            const Record& record = list.records[slot];
+            if (as_float(record.size.w) >= farthest) {
+                first = row.count;  // nor is any of those behind it nearer
+                break;
+            }
+            if (record.axis_x.w == MESH) {
+                behind[meshes_behind++] = static_cast<typename ShapeList<CAPACITY>::Slot>(slot);
+                continue;
+            }
+            trace_record<TYPES, LENS>(record, near, fields, rays);
+            farthest = farthest_of(rays);
+        }
+    if (TYPES >> MESH & 1)
+        for (int i = 0; i < meshes_behind; ++i) {
+            const Record& record = list.records[behind[i]];
+            if (as_float(record.size.w) >= farthest_of(rays))
+                break;
+            trace_mesh<TYPES, LENS>(meshes, record, near, rays);
+        }
+}
+
+#endif
+
+}  // namespace warpcam

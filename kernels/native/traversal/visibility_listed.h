@@ -1,0 +1,84 @@
+// The trace of images whose shapes have been listed.
+#pragma once
+#include "traversal/view_shape_list.h"
+#include "traversal/visibility.h"
+
+namespace warpcam {
+
+#if defined(__CUDA_ARCH__)
+
+// What a block shares.
+template <class List, int LINES, class Places_> struct ListedRoom {
+    List list;
+    Places_ places;
+    alignas(8) float lines[LINES];  // see Canvas
+};
+
+// As draw(), of a whole image by one or several blocks.
+template <int TYPES, int LENS, int CAPACITY, bool SEVERAL, int WIDTH, int HEIGHT, int OUTPUTS, class Shapes,
+          class Materials, class Meshes, class HeightFields, class Views, class Target>
+WARPCAM_FN void draw_listed(const Shapes& shapes, const Materials&, const Meshes& meshes, const HeightFields& fields,
+                            const Views&, const Target& target, int index)
+{
+    static_assert(!SEVERAL && (OUTPUTS & FLOW_WHOLE));
+    constexpr bool FLOWING = (OUTPUTS & FLOWS) != 0;
+    using List = SortedList<CAPACITY, names_slots(OUTPUTS)>;
+    using Near = typename Places<OUTPUTS, WIDTH, HEIGHT, (OUTPUTS & FLOW_LISTED) ? CAPACITY : 0,
+                                 looks_at_floors(TYPES, LENS, OUTPUTS, CAPACITY, WIDTH, HEIGHT)>::type;
+    using Canvas_ = Canvas<TYPES, LENS, OUTPUTS, List, tiles_at_once(TYPES, WIDTH, HEIGHT), Target, Shapes, Near>;
+    using Room = ListedRoom<List, Canvas_::LINED ? WIDTH + HEIGHT : 1, Near>;
+    WARPCAM_SHARED Room shared;
+    Room& room = by_address(shared);
+    constexpr int PARTS = parts_of(OUTPUTS, WIDTH, HEIGHT);
+    static_assert(WIDTH % (Canvas_::WIDE * TILE_WIDTH) == 0);
+    const int thread = unsigned(index) % THREADS, block = same_of_warp(unsigned(index) / THREADS);
+    const int world = unsigned(block) / PARTS, part = unsigned(block) % PARTS;
+    __builtin_assume(world >= 0);
+    const auto from = FarList<CAPACITY, names_slots(OUTPUTS)>::of(target.lists, world);
+    from.fetch(room.list, shapes.drawn.shape[0], thread);
+    if constexpr (FLOWING)
+        room.places.fetch_motions(target.trail, world, thread);
+    const unsigned char wanted = wp::index(target.mask, world);  // all is on its way before the first is waited for
+    if constexpr (Canvas_::LINED) {
+        constexpr int STACK = Canvas_::TALL * TILE_HEIGHT,
+                      ROWS = (HEIGHT / STACK + PARTS - 1) / PARTS * STACK;  // of a part
+        const Camera& camera = from.head().camera;
+        const int top = PARTS > 1 ? part * ROWS : 0;
+#pragma unroll
+        for (int k = 0; k < (WIDTH + THREADS - 1) / THREADS; ++k)
+            if (const int n = k * THREADS + thread; n < WIDTH)
+                room.lines[n] = image_x(camera, float(n));
+#pragma unroll
+        for (int k = 0; k < (ROWS + THREADS - 1) / THREADS; ++k)
+            if (const int n = k * THREADS + (THREADS - 1 - thread);
+                n < ROWS && (PARTS * ROWS == HEIGHT || top + n < HEIGHT))
+                room.lines[WIDTH + top + n] = image_y(camera, float(top + n));
+    }
+    if (!wanted) {
+        await_rows();
+        return;
+    }
+    const bool finds = thread >= LANES && thread < THREADS - LANES;
+    if constexpr ((OUTPUTS & FLOW_VALID) != 0)
+        if (finds || !Near::LOOKS_AT_FLOORS) {
+            room.places.locate(target.trail, world);  // all write the same
+            room.places.fetch(shapes, target.trail, thread);
+        }
+    const Canvas_ canvas {
+        target, shapes,      room.list,         room.list.camera, { 0, 0, WIDTH, HEIGHT },
+        world,  room.places, room.list.facings, room.lines,       room.lines + (Canvas_::LINED ? WIDTH : 0),
+        part,   PARTS
+    };
+    if (finds)
+        canvas.find_floor(thread - LANES);
+    else if (thread >= THREADS - LANES)
+        canvas.follow_floor(from.head().camera);
+    await_rows();
+    block_barrier();
+    canvas.template look_at_floor<THREADS>(thread);
+    draw_tiles<TYPES, LENS>(room.list, canvas, meshes, fields, true);
+}
+
+#endif
+
+}  // namespace warpcam

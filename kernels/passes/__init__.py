@@ -1,0 +1,1 @@
+"""Passes of a frame: each module compiles its kernels and binds their arguments."""

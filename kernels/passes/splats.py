@@ -1,0 +1,270 @@
+"""Clouds of Gaussians, blended over the finished images; where half the light is lost, they are the surface."""
+
+import functools
+from collections.abc import Mapping
+from typing import Any
+
+import warp as wp
+
+from warpcam.kernels.passes.flow import Trail
+from warpcam.kernels.passes.visibility import FLOW, FLOW_MOVES, FLOW_VALID, LENSES, THREADS
+from warpcam.kernels.runtime.flatten import flat
+from warpcam.kernels.runtime.launch import Group, Stage, compiler_flags, native_module
+from warpcam.kernels.runtime.launch import record as record_stage
+from warpcam.kernels.scene_tables import Tables
+from warpcam.kernels.types import Shapes, Splats, View
+
+wp.set_module_options(compiler_flags())
+
+# The images that clouds change, in the order of their bits in native/splats/gaussian_blend.h, and the dtypes of their
+# arrays.
+OUTPUTS: Mapping[str, type] = {
+    "rgb": wp.uint8,
+    "rgba": wp.uint8,
+    "hdr": wp.float32,
+    "albedo": wp.uint8,
+    "depth": wp.float32,
+    "distance": wp.float32,
+    "points": wp.float32,
+    "normals": wp.float32,
+    "segmentation": wp.int32,
+    "bodies": wp.int32,
+    "instances": wp.int32,
+    "semantics": wp.int32,
+}
+BY_WORLD, LINEAR, EXPOSED, SOLID = (1 << len(OUTPUTS) << bit for bit in range(4))  # native/splats/gaussian_blend.h
+LIT = ("rgb", "rgba", "hdr")  # what an exposure changes
+REGION = 16  # side of what a block draws [pixels], SPLAT_REGION
+BLOCKS = 6  # on a multiprocessor: bounds the registers of a thread
+CAPACITIES = (4, 16, 64, 128)  # clouds that a block keeps: few sizes, so that scenes share kernels
+
+
+@wp.struct
+class Images:
+    """What is drawn over, channel after channel of pixel after pixel; empty where it was not asked for."""
+
+    rgb: wp.array(dtype=wp.uint8)
+    rgba: wp.array(dtype=wp.uint8)
+    hdr: wp.array(dtype=wp.float32)
+    albedo: wp.array(dtype=wp.uint8)
+    depth: wp.array(dtype=wp.float32)
+    distance: wp.array(dtype=wp.float32)
+    points: wp.array(dtype=wp.float32)
+    normals: wp.array(dtype=wp.float32)
+    segmentation: wp.array(dtype=wp.int32)
+    bodies: wp.array(dtype=wp.int32)
+    instances: wp.array(dtype=wp.int32)
+    semantics: wp.array(dtype=wp.int32)
+    instance_of: wp.array2d(dtype=wp.int32)  # (world or 1, shape) labels
+    semantic_of: wp.array2d(dtype=wp.int32)  # (world or 1, shape)
+
+
+@functools.cache
+def _frame_struct(shape_dtype: Any) -> Any:
+    """One camera's visibility in all worlds: what the clouds are in front of."""
+
+    @wp.struct
+    class Frame:
+        views: wp.array(dtype=View)  # (world,)
+        mask: wp.array(dtype=wp.uint8)  # (world,) 0 leaves the world's images alone
+        depth: wp.array(dtype=wp.float32)  # (pixel,) planar depth [m]
+        shape: wp.array(dtype=shape_dtype)  # (pixel,) or -1 where nothing was hit
+        width: wp.int32
+        height: wp.int32
+
+    return Frame
+
+
+@functools.cache
+def _flow_frame_struct(shape_dtype: Any) -> Any:
+    """The same where flow is wanted."""
+
+    @wp.struct
+    class FlowFrame:
+        views: wp.array(dtype=View)
+        mask: wp.array(dtype=wp.uint8)
+        depth: wp.array(dtype=wp.float32)
+        shape: wp.array(dtype=shape_dtype)
+        width: wp.int32
+        height: wp.int32
+        trail: Trail
+
+    return FlowFrame
+
+
+@functools.cache
+def _exposed_frame_struct(shape_dtype: Any) -> Any:
+    """The same where the camera has an exposure; the trail may be empty."""
+
+    @wp.struct
+    class ExposedFrame:
+        views: wp.array(dtype=View)
+        mask: wp.array(dtype=wp.uint8)
+        depth: wp.array(dtype=wp.float32)
+        shape: wp.array(dtype=shape_dtype)
+        width: wp.int32
+        height: wp.int32
+        trail: Trail
+        exposures: wp.array(dtype=wp.float32)  # (world,) power of two that all light is multiplied by
+        gains: wp.array(dtype=wp.vec3)  # (world,) factors of red, green and blue
+
+    return ExposedFrame
+
+
+@functools.cache
+def _solid_frame_struct(shape_dtype: Any) -> Any:
+    """The same where clouds are solid; the trail and the exposures may be empty."""
+
+    @wp.struct
+    class SolidFrame:
+        views: wp.array(dtype=View)
+        mask: wp.array(dtype=wp.uint8)
+        depth: wp.array(dtype=wp.float32)
+        shape: wp.array(dtype=shape_dtype)
+        width: wp.int32
+        height: wp.int32
+        trail: Trail
+        exposures: wp.array(dtype=wp.float32)
+        gains: wp.array(dtype=wp.vec3)
+        limits: wp.array(dtype=wp.vec2)  # (1,) see Tables.splat_limits
+
+    return SolidFrame
+
+
+@functools.cache
+def _kernel(lens: int, capacity: int, wanted: int, frame_type: Any) -> wp.Kernel:
+    @wp.func_native(
+        f"warpcam::draw_splats<{lens}, {capacity}, {wanted}>"
+        "(warpcam::SplatScene{frame, images, shapes, splats}, index);"
+    )
+    def draw(frame: frame_type, images: Images, shapes: Shapes, splats: Splats, index: int): ...
+
+    @wp.kernel(
+        module="unique",
+        enable_backward=False,
+        grid_stride=False,
+        launch_bounds=(THREADS, BLOCKS),
+        module_options=native_module("splats/gaussian_blend.h"),
+    )
+    def blend_splats(frame: frame_type, images: Images, shapes: Shapes, splats: Splats, first: wp.int32):
+        draw(frame, images, shapes, splats, first + wp.tid())
+
+    return blend_splats
+
+
+@wp.kernel(enable_backward=False)
+def find_broken(
+    shapes: Shapes,
+    splats: Splats,
+    mask: wp.array(dtype=wp.uint8),
+    faults: wp.array(dtype=wp.uint8),
+    views: wp.array(dtype=View),
+    first: wp.int32,
+):
+    world = first + wp.tid()
+    if mask[world] == wp.uint8(0):
+        return
+    for i in range(splats.columns.shape[0]):
+        shape = splats.columns[i]
+        color = shapes.colors[world % shapes.colors.shape[0], shape]
+        if color[3] > 0.0:
+            position = shapes.positions[world, shape]
+            rotation = shapes.rotations[world, shape]
+            size = shapes.sizes[world % shapes.sizes.shape[0], shape]
+            total = position[0] + position[1] + position[2] + size[0] + size[1] + size[2]
+            for j in range(3):
+                for k in range(3):
+                    total += rotation[j, k]
+            if not wp.isfinite(total):
+                faults[world] = wp.uint8(1)
+                view = views[world]
+                view.origin = wp.vec3(wp.nan, wp.nan, wp.nan)
+                views[world] = view
+
+
+def record_check(
+    tables: Tables, views: wp.array, mask: wp.array, faults: wp.array, device: wp.Device, group: Group
+) -> Stage:
+    """Bind the stage that breaks the views of worlds where a cloud's pose or size is not a number.
+
+    Args:
+        tables: The scene; it has splats.
+        views: View, (world,); written.
+        mask: uint8, (world,); worlds with 0 are left alone.
+        faults: uint8, (world,); set to 1 in such worlds.
+        device: Where all of these lie.
+        group: Which worlds are drawn.
+    """
+    inputs = [tables.shapes, tables.splats, mask, faults, views]
+    return record_stage(find_broken, len(group.worlds), inputs, device, start=group.worlds.start)
+
+
+def record(
+    images: Mapping[str, wp.array],
+    lens: str,
+    tables: Tables,
+    views: wp.array,
+    mask: wp.array,
+    depth: wp.array,
+    shape: wp.array,
+    width: int,
+    height: int,
+    device: wp.Device,
+    group: Group,
+    trail: Any = None,
+) -> Stage:
+    """Bind the stage that draws clouds over one camera's images, which are else finished.
+
+    Args:
+        images: Contiguous arrays (world, height, width, channels) by name; those in ``OUTPUTS``, "flow" and
+            "flow_valid" are changed.
+        lens: "pinhole" or "orthographic".
+        tables: The scene; it has splats.
+        views: View, (world,).
+        mask: uint8, (world,); worlds with 0 are left alone.
+        depth: Planar depth [m], float32 (world, height, width, 1); may be one of ``images``.
+        shape: Shape ids, an integer type, likewise, -1 where nothing is hit.
+        width: Of the image [pixels].
+        height: Of the image [pixels].
+        device: Where all of these lie.
+        group: Which worlds are drawn.
+        trail: Trail, where flow is wanted.
+    """
+    flows = FLOW * ("flow" in images) + FLOW_VALID * ("flow_valid" in images)
+    exposed = tables.variety is not None and tables.variety.exposures.size > 0 and not set(LIT).isdisjoint(images)
+    solid = tables.splat_limits is not None
+    make = _exposed_frame_struct if exposed else _flow_frame_struct if flows else _frame_struct
+    frame_type = (_solid_frame_struct if solid else make)(shape.dtype)
+    frame = frame_type()
+    if exposed:
+        frame.exposures, frame.gains = tables.variety.exposures, tables.variety.gains
+    if solid:
+        frame.limits = tables.splat_limits
+    if flows:
+        frame.trail = trail
+        flows |= FLOW_MOVES * bool(tables.moving)
+    frame.views, frame.mask = views, mask
+    frame.depth, frame.shape = depth.flatten(), shape.flatten()
+    frame.width, frame.height = width, height
+    changed = Images()
+    wanted = flows | (BY_WORLD if tables.ids_by_world else 0) | (EXPOSED if exposed else 0) | (SOLID if solid else 0)
+    if tables.physical is not None and "hdr" in images:
+        wanted |= LINEAR
+    for bit, (name, dtype) in enumerate(OUTPUTS.items()):
+        if name in images:
+            setattr(changed, name, flat(images[name]))
+            wanted |= 1 << bit
+        else:
+            setattr(changed, name, wp.empty(0, dtype=dtype, device=device))
+    changed.instance_of, changed.semantic_of = tables.labels["instances"], tables.labels["semantics"]
+    capacity = next(size for size in CAPACITIES if size >= tables.splats.columns.shape[0])
+    kernel = _kernel(LENSES[lens], capacity, wanted, frame_type)
+    unit = -(-width // REGION) * -(-height // REGION) * (THREADS if device.is_cuda else 1)  # threads a world
+    return record_stage(
+        kernel,
+        len(group.worlds) * unit,
+        [frame, changed, tables.shapes, tables.splats],
+        device,
+        start=group.worlds.start * unit,
+        block_dim=THREADS,
+    )

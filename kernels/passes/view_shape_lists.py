@@ -1,0 +1,222 @@
+"""The stage that writes a camera's views and lists the shapes that each of its images may show, for the trace.
+
+Only on CUDA, where a world has few shapes, none of them a mesh or a height field, and a block of the trace draws a
+whole image or, without validity, whole rows of a larger one (native/traversal/view_shape_list.h). A block of the trace
+would list them with one warp while the others wait.
+"""
+
+import functools
+from collections.abc import Collection
+from typing import Any
+
+import warp as wp
+
+from warpcam.kernels.passes import visibility
+from warpcam.kernels.passes.flow import Trail, brief
+from warpcam.kernels.passes.views import LensTable, Mount, Opening, turned_over, view_of
+from warpcam.kernels.passes.visibility import FLOW, FLOW_VALID, LENSES, NORMAL, TABLES, list_capacity
+from warpcam.kernels.runtime.launch import Stage, native_module, record
+from warpcam.kernels.scene_tables import Tables
+from warpcam.kernels.types import HEIGHT_FIELD, LOOKS_ALONE, MESH, HeightFields, Materials, Meshes, Shapes, View
+
+# Outputs that such a trace writes, and those that are lit from what it sees; the others need what it does not list.
+TRACED = ("depth", "segmentation", "distance", "points", "bodies", "normals", "instances", "semantics")
+OUTPUTS = frozenset((*TRACED, "flow", "flow_valid", "rgb", "rgba", "hdr"))
+HEAD_ROWS, RECORD_ROWS, FACING_ROWS = 17, 5, 4  # of a list: native/traversal/view_shape_list.h, FarList
+LANES = 32
+# pixels of an image whose tiles a record's box can count: native/camera/shape_setup.h
+MOST_COLUMNS, MOST_ROWS = 8 * 127, 4 * 127
+LISTERS = 160  # threads of a block, one for each shape of its worlds: native/traversal/view_shape_list.h
+BLOCKS, FLOWING_BLOCKS = 7, 5  # on a multiprocessor: bounds the registers of a thread; with more some are spilled
+
+
+@functools.cache
+def _kernel(types: int, lens: int, capacity: int, wanted: int) -> wp.Kernel:
+    function = f"list_worlds<{types}, {lens}, {capacity}, {wanted}>"
+
+    @wp.func_native(f"warpcam::begin_listing<{capacity}, {wanted}>(shapes, lists, world, worlds, slot, shape, thread);")
+    def begin_listing(
+        shapes: Shapes,
+        lists: wp.array(dtype=wp.vec4),
+        world: int,
+        worlds: int,
+        slot: int,
+        shape: int,
+        thread: int,
+    ): ...
+
+    @wp.func_native(
+        f"warpcam::{function}(now, state, shapes, materials, meshes, fields, trail, lists, faults, columns, "
+        "width, height, brief, world, worlds, slot, shape, thread);"
+    )
+    def list_worlds(
+        now: View,
+        state: int,
+        shapes: Shapes,
+        materials: Materials,
+        meshes: Meshes,
+        fields: HeightFields,
+        trail: Trail,
+        lists: wp.array(dtype=wp.vec4),
+        faults: wp.array(dtype=wp.uint8),
+        columns: int,
+        width: int,
+        height: int,
+        brief: int,
+        world: int,
+        worlds: int,
+        slot: int,
+        shape: int,
+        thread: int,
+    ): ...
+
+    @wp.kernel(
+        module="unique",
+        enable_backward=False,
+        grid_stride=False,
+        launch_bounds=(LISTERS, FLOWING_BLOCKS if wanted & (FLOW | FLOW_VALID) else BLOCKS),
+        module_options=native_module("traversal/view_shape_list.h"),
+    )
+    def write_views_and_lists(
+        opens: wp.int32,
+        opening: Opening,
+        mount: Mount,
+        lens: LensTable,
+        mask: wp.array(dtype=wp.uint8),
+        faults: wp.array(dtype=wp.uint8),
+        views: wp.array(dtype=View),
+        shapes: Shapes,
+        materials: Materials,
+        meshes: Meshes,
+        fields: HeightFields,
+        trail: Trail,
+        lists: wp.array(dtype=wp.vec4),
+        columns: wp.int32,
+        brief: wp.int32,
+        worlds_each: wp.int32,
+        rate: wp.int32,
+        first: wp.int32,
+    ):
+        index = wp.uint32(first + wp.tid())
+        block = wp.int32(index // wp.uint32(LISTERS))
+        thread = wp.int32(index) - block * LISTERS
+        begin = block * worlds_each
+        worlds = wp.min(worlds_each, views.shape[0] - begin)
+        slot = (thread * rate) >> 16
+        shape = thread - slot * columns
+        begin_listing(shapes, lists, begin, worlds, slot, shape, thread)
+        now = View()
+        state = wp.int32(0)
+        if thread < worlds:
+            world = begin + thread
+            drawn = opens != 0 and opening.everything != 0
+            if not drawn:
+                drawn = mask[world] != wp.uint8(0)
+            if drawn:
+                state = wp.int32(1)
+                if trail.known.shape[0] > 0:
+                    state = wp.int32(trail.known[world])
+                count = wp.int32(0)  # loaded with the rest: memory is waited for once
+                known = wp.int32(0)
+                time = wp.float32(0.0)
+                if opens != 0:
+                    count = opening.frames[world]
+                    if opening.known.shape[0] > 0:
+                        known = wp.int32(opening.known[world])
+                    if world < opening.clock.shape[0]:
+                        time = opening.clock[world]
+                    faults[world] = wp.uint8(0)
+                now = view_of(world, mount, lens, faults)
+                views[world] = now
+                if opens != 0:
+                    mask[world] = wp.uint8(1)
+                    opening.frames[world] = count + 1
+                    if opening.known.shape[0] > 0:
+                        opening.known[world] = wp.uint8(turned_over(known))
+                    if world < opening.clock.shape[0]:
+                        opening.times[world] = time
+                    if trail.known.shape[0] > 0:
+                        state = turned_over(state)
+        list_worlds(
+            now,
+            state,
+            shapes,
+            materials,
+            meshes,
+            fields,
+            trail,
+            lists,
+            faults,
+            columns,
+            lens.width,
+            lens.height,
+            brief,
+            begin,
+            worlds,
+            slot,
+            shape,
+            thread,
+        )
+
+    return write_views_and_lists
+
+
+def capacity_of(
+    tables: Tables, projection: str, width: int, height: int, outputs: Collection[str], device: wp.Device
+) -> int:
+    """How many shapes such a list has room for; 0 where there is none."""
+    few = 0 < tables.num_drawn <= LANES
+    plain = {MESH, HEIGHT_FIELD}.isdisjoint(tables.shape_types) and not tables.ids_by_world
+    alike = visibility.composes(tables, device)  # what the stage composes is what a block would
+    if not (alike and few and plain and projection not in TABLES and OUTPUTS.issuperset(outputs)):
+        return 0
+    region = visibility.region_size(tables, tables.num_worlds, width, height, device)
+    rows = region == visibility.REGIONS[0] and "flow_valid" not in outputs
+    rows &= width % 16 == 0 and height % 8 == 0 and width <= MOST_COLUMNS and height <= MOST_ROWS
+    return list_capacity(tables.num_drawn) if rows or region == (width, height) else 0
+
+
+def rows_of(capacity: int, outputs: Collection[str]) -> int:
+    """Rows of four words that the list of a world has."""
+    if capacity == 0:
+        return 0
+    head = HEAD_ROWS + (FACING_ROWS + capacity) * ("normals" in outputs)
+    return head + head % 2 + RECORD_ROWS * capacity
+
+
+def record_lists(
+    opening: Any,
+    mount: Any,
+    lens: Any,
+    mask: wp.array,
+    faults: wp.array,
+    views: wp.array,
+    tables: Tables,
+    projection: str,
+    lists: wp.array,
+    trail: Any,
+    outputs: Collection[str],
+    device: wp.Device,
+) -> Stage:
+    """Bind the stage, which does what that of ``record_views`` does, too, and that of ``record_motions``.
+
+    Args:
+        opening: Of ``record_views``, as ``mount``, ``lens``, ``mask``, ``faults`` and ``views``.
+        tables: The scene.
+        projection: "pinhole" or "orthographic".
+        lists: vec4, (world, row); written.
+        trail: Trail, whose motions are composed; None: none are.
+        outputs: Of the camera.
+        device: Where all of these lie.
+    """
+    opens = int(opening is not None)
+    opening = Opening() if opening is None else opening
+    each = min(LANES, LISTERS // tables.num_shapes)
+    types = sum(1 << t for t in tables.shape_types - LOOKS_ALONE)
+    wanted = 0 if trail is None else FLOW | FLOW_VALID * ("flow_valid" in outputs)
+    wanted |= NORMAL * ("normals" in outputs)
+    kernel = _kernel(types, LENSES[projection], list_capacity(tables.num_drawn), wanted)
+    inputs = [opens, opening, mount, lens, mask, faults, views, tables.shapes, tables.materials, tables.meshes]
+    inputs += [tables.height_fields, Trail() if trail is None else trail, lists.flatten(), tables.num_shapes]
+    inputs += [int(brief(tables)), each, 2**16 // tables.num_shapes + 1]
+    return record(kernel, LISTERS * -(-tables.num_worlds // each), inputs, device, block_dim=LISTERS)

@@ -1,0 +1,318 @@
+"""The first stages of a frame: which worlds it draws, and each camera's view in them."""
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import warp as wp
+
+from warpcam.kernels.runtime.launch import Stage, compiler_flags, record
+from warpcam.kernels.types import View
+
+wp.set_module_options(compiler_flags())
+
+
+@dataclass(frozen=True, eq=False)
+class Tags:
+    """What tells one frame of a world from another.
+
+    Attributes:
+        frames: int32, (world,): how many frames have drawn it.
+        times: float32, (world,): the simulation's time in the last of them [s]; NaN where it has none.
+    """
+
+    frames: wp.array
+    times: wp.array
+
+    @classmethod
+    def of(cls, num_worlds: int, device: wp.Device) -> "Tags":
+        return cls(
+            wp.zeros(num_worlds, dtype=wp.int32, device=device),
+            wp.full(num_worlds, math.nan, dtype=wp.float32, device=device),
+        )
+
+
+# How a lens is given: LensTable.kind.
+FOVY = 0  # vertical field of view [degrees]
+INTRINSICS = 1  # focal lengths and principal point [pixels]
+SENSOR = 2  # focal lengths (orthographic: units a metre), principal point off the centre, sensor size, all in one unit
+HEIGHT = 3  # orthographic: what the image spans vertically [m]
+TABLE = 4  # a table of rays: scale and center of View, ready made
+
+# What depth shows where nothing is hit: LensTable.clipping.
+CLIP_NONE = 0  # infinity
+CLIP_MAX = 1  # far
+CLIP_ZERO = 2
+
+# What is known of a world's last frame: Trail.known of flow.py. What it showed is kept in the first or the second of
+# two places, and what is shown goes to the other.
+SECOND, FIRST = 1, 2
+NEW = 4  # nothing is known; what is shown goes to the first. Between frames: 0
+
+# Threads in a CUDA block: few, so that few worlds are spread over all multiprocessors.
+BLOCK = 32
+
+DEGREE = 0.017453292519943295
+
+
+@wp.struct
+class Mount:
+    """Where one camera is: in the source's own arrays, or in ours, on a body or in the world."""
+
+    own: wp.int32  # 1: a camera of the user's, 0: one of the source's
+    column: wp.int32  # of the camera in `positions` and `rotations`
+    positions: wp.array2d(dtype=wp.vec3)  # (world, camera) world frame; own: parent's frame [m]
+    rotations: wp.array2d(dtype=wp.mat33)  # (world, camera) world frame; not read for own ones
+    quaternions: wp.array(dtype=wp.vec4)  # (world,) own: w x y z of any length but 0, parent's frame
+    parent: wp.int32  # body that an own camera is fixed to, or -1
+    parent_positions: wp.array2d(dtype=wp.vec3)  # (world, body) world frame [m]
+    parent_rotations: wp.array2d(dtype=wp.mat33)  # (world, body)
+
+
+@wp.struct
+class LensTable:
+    """How one camera sees."""
+
+    kind: wp.int32  # FOVY, INTRINSICS, SENSOR, HEIGHT or TABLE
+    column: wp.int32  # of the camera in `angles` and `intrinsics`
+    angles: wp.array2d(dtype=wp.float32)  # (world*, camera) FOVY [degrees], HEIGHT [m]
+    intrinsics: wp.array2d(dtype=wp.vec4)  # (world*, camera) focal lengths x, y, principal point x, y; TABLE: see there
+    sensor: wp.vec2  # SENSOR: width and height
+    near: wp.array(dtype=wp.float32)  # (world,) [m]
+    far: wp.array(dtype=wp.float32)  # (world,) [m]
+    clipping: wp.int32  # CLIP_NONE, CLIP_MAX or CLIP_ZERO
+    width: wp.int32  # of the image [pixels]
+    height: wp.int32
+
+
+@wp.struct
+class Opening:
+    """What a frame does to a world it draws before anything else; see ``open_frame``."""
+
+    everything: wp.int32  # 1: all worlds are drawn, and the mask is made to say so; 0: those that it has
+    known: wp.array(dtype=wp.uint8)  # (world,) what is known of their last frames, turned over; or empty
+    clock: wp.array(dtype=wp.float32)  # (world,) the simulation's time [s], or empty
+    frames: wp.array(dtype=wp.int32)  # (world,) of Tags
+    times: wp.array(dtype=wp.float32)  # (world,) of Tags
+
+
+@wp.func
+def rotation_of(quaternion: wp.vec4) -> wp.mat33:
+    """``quaternion`` is w x y z; not finite for one of length 0, or whose length is not."""
+    length = wp.length(quaternion)
+    q = quaternion / wp.where(wp.isfinite(length), length, 0.0)
+    return wp.quat_to_matrix(wp.quat(q[1], q[2], q[3], q[0]))
+
+
+@wp.func
+def is_finite(position: wp.vec3, rotation: wp.mat33, scale: wp.vec2, center: wp.vec2) -> wp.bool:
+    total = wp.abs(position[0]) + wp.abs(position[1]) + wp.abs(position[2]) + scale[0] + scale[1]
+    total += wp.abs(center[0]) + wp.abs(center[1])
+    for i in range(3):
+        for j in range(3):
+            total += wp.abs(rotation[i, j])
+    return wp.isfinite(total)
+
+
+@wp.func
+def view_of(world: wp.int32, mount: Mount, lens: LensTable, faults: wp.array(dtype=wp.uint8)) -> View:
+    near = lens.near[world]  # loaded with the rest: memory is waited for once
+    far = lens.far[world]
+    position = mount.positions[world, mount.column]
+    rotation = wp.identity(n=3, dtype=wp.float32)
+    if mount.own != 0:
+        rotation = rotation_of(mount.quaternions[world])
+        if mount.parent >= 0:
+            frame = mount.parent_rotations[world, mount.parent]
+            position = mount.parent_positions[world, mount.parent] + frame * position
+            rotation = frame * rotation
+    else:
+        rotation = mount.rotations[world, mount.column]
+
+    width = wp.float32(lens.width)
+    height = wp.float32(lens.height)
+    center = wp.vec2(0.5 * width, 0.5 * height)
+    scale = wp.vec2()
+    if lens.kind == INTRINSICS or lens.kind == SENSOR:
+        given = lens.intrinsics[world % lens.intrinsics.shape[0], lens.column]
+        scale = wp.vec2(1.0 / given[0], 1.0 / given[1])
+        center = wp.vec2(given[2], given[3])
+        if lens.kind == SENSOR:
+            scale = wp.vec2(scale[0] * lens.sensor[0] / width, scale[1] * lens.sensor[1] / height)
+            center = wp.vec2(
+                width * (0.5 - given[2] / lens.sensor[0]),
+                height * (0.5 - given[3] / lens.sensor[1]),
+            )
+    elif lens.kind == TABLE:
+        scale = wp.vec2(1.0, 1.0)
+    else:
+        extent = lens.angles[world % lens.angles.shape[0], lens.column]
+        if lens.kind == FOVY:
+            if extent < 180.0:
+                extent = 2.0 * wp.tan(0.5 * DEGREE * extent)
+            else:
+                extent = -1.0
+        scale = wp.vec2(extent / height, extent / height)
+
+    view = View()
+    view.near = near
+    view.far = far
+    view.miss = wp.inf
+    if lens.clipping == CLIP_MAX:
+        view.miss = far
+    if lens.clipping == CLIP_ZERO:
+        view.miss = 0.0
+    seeing = scale[0] > 0.0 and scale[1] > 0.0 and near >= 0.0 and far > near
+    if seeing and is_finite(position, rotation, scale, center):
+        view.origin = position
+        view.rotation = rotation
+        view.scale = scale
+        view.center = center
+    else:
+        faults[world] = wp.uint8(1)
+        view.origin = wp.vec3(wp.nan, wp.nan, wp.nan)
+        view.rotation = wp.identity(n=3, dtype=wp.float32)
+        view.scale = wp.vec2(1.0 / height, 1.0 / height)
+        view.center = wp.vec2(0.5 * width, 0.5 * height)
+        view.near = 0.0
+        view.far = wp.inf
+    if lens.kind == TABLE:  # its address is no number, and is needed where nothing is seen, too
+        table = lens.intrinsics[world % lens.intrinsics.shape[0], lens.column]
+        view.scale = wp.vec2(table[0], table[1])
+        view.center = wp.vec2(table[2], table[3])
+    return view
+
+
+@wp.func
+def write_view(
+    world: wp.int32,
+    mount: Mount,
+    lens: LensTable,
+    faults: wp.array(dtype=wp.uint8),
+    views: wp.array(dtype=View),
+    before: wp.array(dtype=View),
+):
+    if before.shape[0] > 0:
+        before[world] = views[world]
+    views[world] = view_of(world, mount, lens, faults)
+
+
+@wp.func
+def turned_over(state: wp.int32) -> wp.int32:
+    """What is known of a world's last frame, in the frame that follows."""
+    turned = FIRST
+    if state == 0:
+        turned = NEW
+    elif state == FIRST:
+        turned = SECOND
+    return turned
+
+
+@wp.func
+def count_frame(world: wp.int32, opening: Opening):
+    opening.frames[world] = opening.frames[world] + 1
+    if world < opening.clock.shape[0]:
+        opening.times[world] = opening.clock[world]
+
+
+@wp.func
+def open_world(world: wp.int32, opening: Opening, faults: wp.array(dtype=wp.uint8)):
+    faults[world] = wp.uint8(0)
+    if opening.known.shape[0] > 0:
+        opening.known[world] = wp.uint8(turned_over(wp.int32(opening.known[world])))
+    count_frame(world, opening)
+
+
+@wp.kernel(enable_backward=False)
+def open_frame(
+    opening: Opening,
+    mount: Mount,
+    lens: LensTable,
+    mask: wp.array(dtype=wp.uint8),
+    faults: wp.array(dtype=wp.uint8),
+    views: wp.array(dtype=View),
+    before: wp.array(dtype=View),
+    first: wp.int32,
+):
+    world = first + wp.tid()
+    if opening.everything != 0:
+        mask[world] = wp.uint8(1)
+    if mask[world] != wp.uint8(0):
+        open_world(world, opening, faults)
+        write_view(world, mount, lens, faults, views, before)
+
+
+@wp.kernel(enable_backward=False)
+def write_views(
+    mount: Mount,
+    lens: LensTable,
+    mask: wp.array(dtype=wp.uint8),
+    faults: wp.array(dtype=wp.uint8),
+    views: wp.array(dtype=View),
+    before: wp.array(dtype=View),
+    first: wp.int32,
+):
+    world = first + wp.tid()
+    if mask[world] != wp.uint8(0):
+        write_view(world, mount, lens, faults, views, before)
+
+
+@wp.kernel(enable_backward=False)
+def mark_worlds(ids: wp.array(dtype=Any), mask: wp.array(dtype=wp.uint8)):
+    """Ids out of range are passed over."""
+    world = ids[wp.tid()]
+    if world >= ids.dtype(0) and world < ids.dtype(mask.shape[0]):
+        mask[world] = wp.uint8(1)
+
+
+# Both are compiled with the module, so that none is when ids first come.
+for _dtype in (wp.int32, wp.int64):
+    wp.overload(mark_worlds, [wp.array(dtype=_dtype), wp.array(dtype=wp.uint8)])
+
+
+LAUNCHED = (write_views, BLOCK)  # in every frame; the others are compiled with it
+
+
+def opening_of(
+    everything: bool, clock: wp.array | None, tags: Tags, device: wp.Device, known: wp.array | None = None
+) -> Any:
+    """The Opening of a stage of ``record_views``.
+
+    It clears the faults of the worlds drawn, counts the frame, and notes the ``clock``, (world,) float32 [s], if there
+    is one. ``known``, uint8, (world,), says what is known of their last frames, and is turned over.
+    """
+    opening = Opening()
+    opening.everything = int(everything)
+    opening.known = wp.empty(0, dtype=wp.uint8, device=device) if known is None else known
+    opening.clock = wp.empty(0, dtype=wp.float32, device=device) if clock is None else clock
+    opening.frames, opening.times = tags.frames, tags.times
+    return opening
+
+
+def record_views(
+    mount: Mount,
+    lens: LensTable,
+    mask: wp.array,
+    faults: wp.array,
+    views: wp.array,
+    device: wp.Device,
+    before: wp.array | None = None,
+    opening: Any = None,
+) -> Stage:
+    """Bind the stage that writes one camera's views.
+
+    Args:
+        mount: Where the camera is.
+        lens: How it sees.
+        mask: uint8, (world,); worlds with 0 are left alone.
+        faults: uint8, (world,); set to 1 where a pose or a lens makes no view. Its origin is NaN then.
+        views: View, (world,); written.
+        device: Where all of these lie.
+        before: View, (world,); the views that were written last go there. None: nowhere.
+        opening: Opening; what the stage does to a world first, as the one that opens the frame; None: it is another's.
+    """
+    before = wp.empty(0, dtype=View, device=device) if before is None else before
+    values = [mount, lens, mask, faults, views, before]
+    if opening is None:
+        return record(write_views, views.shape[0], values, device, block_dim=BLOCK)
+    return record(open_frame, views.shape[0], [opening, *values], device, block_dim=BLOCK)

@@ -1,0 +1,113 @@
+"""What worlds may have each for itself beside the tables of types.py. Only scenes and cameras that ask for it pay."""
+
+from typing import Any
+
+import warp as wp
+
+from warpcam.kernels.runtime.launch import Stage, compiler_flags, record
+
+wp.set_module_options(compiler_flags())
+
+# Facts of native/shading/appearance.h and native/shading/world_overrides.h.
+OFFSETS, BACKDROPS, HEADLIGHTS, EXPOSED = 1 << 20, 1 << 21, 1 << 22, 1 << 23
+
+
+@wp.struct
+class Variety:
+    """Arrays that are read where the scene or the camera has such a fact; else they may be empty."""
+
+    texture_offsets: wp.array2d(dtype=wp.vec2)  # (world*, material) added to u and v, which is down [images]
+    backgrounds: wp.array(dtype=wp.vec3)  # (world*,) display colour
+    skyboxes: wp.array(dtype=wp.int32)  # (world*,) index of a cube texture, or -1
+    exposures: wp.array(dtype=wp.float32)  # (world,) power of two that all light is multiplied by
+    gains: wp.array(dtype=wp.vec3)  # (world,) factors of red, green and blue
+
+
+def facts_of(variety: Any, headlights: bool) -> int:
+    """Bits of what is varied."""
+    if variety is None:
+        return HEADLIGHTS if headlights else 0
+    facts = (variety.texture_offsets.size > 0, variety.skyboxes.size > 0, headlights, variety.exposures.size > 0)
+    return sum(bit for bit, fact in zip((OFFSETS, BACKDROPS, HEADLIGHTS, EXPOSED), facts, strict=True) if fact)
+
+
+def empty_variety(device: wp.Device) -> Variety:
+    variety = Variety()
+    variety.texture_offsets = wp.empty((0, 0), dtype=wp.vec2, device=device)
+    variety.backgrounds = wp.empty(0, dtype=wp.vec3, device=device)
+    variety.skyboxes = wp.empty(0, dtype=wp.int32, device=device)
+    variety.exposures = wp.empty(0, dtype=wp.float32, device=device)
+    variety.gains = wp.empty(0, dtype=wp.vec3, device=device)
+    return variety
+
+
+def copied(variety: Any) -> Variety:
+    """Another struct of the same arrays."""
+    other = Variety()
+    for name in ("texture_offsets", "backgrounds", "skyboxes", "exposures", "gains"):
+        setattr(other, name, getattr(variety, name))
+    return other
+
+
+def without_backdrop(variety: Any, device: wp.Device) -> Any:
+    """The same with the scene's one background."""
+    if variety is None or not variety.skyboxes.size:
+        return variety
+    other, empty = copied(variety), empty_variety(device)
+    other.backgrounds, other.skyboxes = empty.backgrounds, empty.skyboxes
+    return other
+
+
+@wp.kernel(enable_backward=False)
+def dim_lights(
+    colors: wp.array2d(dtype=wp.vec3),
+    intensities: wp.array2d(dtype=wp.float32),
+    dimmed: wp.array2d(dtype=wp.vec3),
+    lights: wp.int32,
+    first: wp.int32,
+):
+    place = first + wp.tid()
+    world = place // lights
+    light = place - world * lights
+    dimmed[world, light] = intensities[world, light] * colors[world % colors.shape[0], light]
+
+
+@wp.kernel(enable_backward=False)
+def paint_shapes(
+    source: wp.array2d(dtype=wp.vec4),
+    own: wp.array2d(dtype=wp.vec4),
+    painted: wp.array2d(dtype=wp.vec4),
+    shapes: wp.int32,
+    first: wp.int32,
+):
+    place = first + wp.tid()
+    world = place // shapes
+    shape = place - world * shapes
+    color = own[world, shape]
+    if source[world % source.shape[0], shape][3] == 0.0:
+        color[3] = 0.0
+    painted[world, shape] = color
+
+
+def record_dimming(colors: wp.array, intensities: wp.array, dimmed: wp.array, device: wp.Device) -> Stage:
+    """Bind the stage that multiplies colours of lights by their intensities.
+
+    Args:
+        colors: vec3, (world*, light).
+        intensities: float32, (world, light).
+        dimmed: vec3, (world, light); written.
+        device: Where all of these lie.
+    """
+    return record(dim_lights, dimmed.size, [colors, intensities, dimmed, dimmed.shape[1]], device)
+
+
+def record_painting(source: wp.array, own: wp.array, painted: wp.array, device: wp.Device) -> Stage:
+    """Bind the stage that paints shapes, but for those that their source hides.
+
+    Args:
+        source: RGBA, vec4 (world*, shape), as the source has it.
+        own: RGBA, vec4 (world, shape), in its place.
+        painted: Likewise; written.
+        device: Where all of these lie.
+    """
+    return record(paint_shapes, painted.size, [source, own, painted, painted.shape[1]], device)

@@ -1,0 +1,1 @@
+"""Compilation, launches, streams and graphs of kernels."""

@@ -1,0 +1,347 @@
+"""A kernel launch bound to its arguments, ready to be repeated every frame."""
+
+import functools
+import itertools
+import logging
+import math
+import os
+import time
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import warp as wp
+
+from warpcam.kernels.runtime.streams import quiet_stream
+
+STREAMS = 4  # chains of stages that really run side by side
+WORTH_WAKING = 2e-4  # seconds of work for each thread of a CPU that shares it
+BLOCK = 128  # threads in a CUDA block of stages that do not say otherwise
+
+NATIVE = Path(__file__).resolve().parents[1] / "native"
+
+
+def compiler_flags() -> dict[str, Any]:
+    """The module option with which all modules are compiled for CPUs.
+
+    Warp raises LLVM's thresholds of inlining. LLVM's own are enough, and modules take half as long to compile. With the
+    same flags, among them folders of headers, for all of them Warp's own headers are precompiled once in a process,
+    which takes longer than most kernels, and a third less without numbers of 16 bits that no kernel of ours has.
+    """
+    flags = getattr(wp.config, "cpu_compiler_flags", None)
+    if not flags:
+        return {}
+    kept = [flag for flag in flags.split() if not flag.startswith("-mllvm=-inline")]
+    return {"cpu_compiler_flags": " ".join([*kept, "-DWP_NO_BFLOAT16="])}
+
+
+# CUDA's compiler keeps what it read up to here, Warp's headers, for the next module that begins with these alone.
+_PRECOMPILED = "#pragma nv_hdrstop\n"
+
+# Functions that are seen in their module alone are inlined where they have but one caller, which makes for faster and
+# larger kernels; with WARPCAM_QUICK the compiler takes less time instead. What Warp writes for derivatives is left out
+# as it is `inline`.
+_ON_CPU = """
+#if defined(WARPCAM_QUICK)
+#include "{0}"
+#else
+namespace {{
+#include "{0}"
+}}
+#endif
+#undef CUDA_CALLABLE
+#define CUDA_CALLABLE inline
+"""
+
+
+def native_options(header: str, threads: int | None = None) -> wp.ModuleBuildOptions:
+    """Build options of a module that calls ``header`` from ``kernels/native``, on CPU and CUDA alike.
+
+    Args:
+        header: Its name.
+        threads: Of a CUDA block, if not as many as core/platform.h says.
+    """
+    lines = "" if threads is None else f"#define WARPCAM_THREADS {threads}\n"
+    return wp.ModuleBuildOptions(
+        extra_cuda_include_dirs=[str(NATIVE)],
+        extra_cuda_preamble=f'{_PRECOMPILED}{lines}#include "{header}"',
+        extra_cpu_preamble=_ON_CPU.format((NATIVE / header).as_posix()),
+        extra_build_dependencies=[str(path) for path in sorted(NATIVE.rglob("*.h"))],
+    )
+
+
+def native_module(header: str, threads: int | None = None) -> dict[str, Any]:
+    """Options of a module that calls ``header`` from ``kernels/native``; ``threads`` as above."""
+    return {"extra_build_options": native_options(header, threads), **compiler_flags()}
+
+
+@dataclass(frozen=True)
+class Group:
+    """Worlds that a camera's stages draw together.
+
+    Attributes:
+        worlds: Which.
+        at_once: How many worlds are under way on the device at the same time, in this and in other groups: regions
+            are as large as leaves that many enough of them to fill it.
+    """
+
+    worlds: range
+    at_once: int
+
+    @classmethod
+    def of_all(cls, num_worlds: int) -> "Group":
+        return cls(range(num_worlds), num_worlds)
+
+
+class Stage:
+    """One launch of a kernel with its arguments. ``launch()`` neither allocates nor syncs, but for the first time.
+
+    On a CPU device the launch is split over threads; Warp runs each part without holding the GIL. While a graph
+    is being captured the parts run one after another on the calling thread, which is the one that records.
+
+    Attributes:
+        aside: Of a scene's stages those that wait for none that are not aside, and that cameras' poses do not need.
+        shading: Of a scene's stages those that write what colours and normals alone need.
+    """
+
+    aside = False
+    shading = False
+
+    def __init__(
+        self, kernel: wp.Kernel, dim: int, inputs: Sequence[Any], device: wp.Device, start: int, block_dim: int
+    ):
+        self.module, self.block_dim, self.device = kernel.module, block_dim, device
+        self._kernel, self._dim, self._inputs, self._start = kernel, dim, inputs, start
+        self._parts: tuple[wp.Launch, ...] = ()
+        self._whole: wp.Launch | None = None  # all parts as one, where there are several
+        self._busy = math.inf  # seconds of all threads of a CPU at the last launch
+
+    @property
+    def is_bound(self) -> bool:
+        """Whether it is ready for launches."""
+        return bool(self._parts)
+
+    def bind(self) -> None:
+        """Make ready for launches; compiles and loads the kernel if nobody did."""
+        count = min(self._dim, 1 if self.device.is_cuda else cpu_parts())
+        bounds = [self._dim * i // max(count, 1) for i in range(count + 1)]
+        self._parts = tuple(self._bound(first, end) for first, end in itertools.pairwise(bounds))
+        self._whole = self._bound(0, self._dim) if count > 1 else None
+
+    def _bound(self, first: int, end: int) -> wp.Launch:
+        """A launch of some of the threads."""
+        block_dim = {"block_dim": self.block_dim} if self.device.is_cuda else {}
+        inputs = [*self._inputs, self._start + first]
+        return wp.launch(self._kernel, end - first, inputs, device=self.device, record_cmd=True, **block_dim)
+
+    def launch(self, stream: wp.Stream | None = None) -> None:
+        """Enqueue the work on a stream, the device's current one unless given (CUDA), or finish it (CPU)."""
+        if not self._parts:
+            self.bind()
+        if self._whole is not None and not self.device.is_capturing:
+            self._launch_shared(self._whole)
+        else:
+            for part in self._parts:
+                part.launch(stream)
+
+    def _launch_shared(self, whole: wp.Launch) -> None:
+        """Launch the parts on the calling thread and on others that come to help, or all as one if none is to come.
+
+        Others are woken as far as the last launch was long enough for them to be worth it. What they did not begin
+        before nothing was left is not waited for.
+        """
+        threads = min(cpu_threads(), int(min(self._busy / WORTH_WAKING, len(self._parts))))
+        if threads < 2:
+            self._busy = _work(deque([whole]))
+            return
+        left = deque(self._parts)
+        others = _wake(functools.partial(_work, left), threads - 1)
+        busy = _work(left)
+        self._busy = busy + sum(other.result() for other in others if not other.cancel())
+
+
+class Frame:
+    """Stages in their order: phase after phase, each of chains that may run side by side.
+
+    ``launch()`` neither allocates nor syncs. It may be part of a capture.
+    """
+
+    def __init__(self, phases: Sequence[Sequence[Sequence[Stage]]], device: wp.Device):
+        self.phases = tuple(
+            tuple(tuple(itertools.chain(*chains[k::STREAMS])) for k in range(min(STREAMS, len(chains))))
+            for chains in phases
+        )
+        self._device = device
+        beside = max(map(len, self.phases), default=1) - 1 if device.is_cuda else 0
+        self._streams = [quiet_stream(device) for _ in range(beside)]
+        self._begun = wp.Event(device) if beside else None
+        self._done = [wp.Event(device) for _ in range(beside)]
+
+    @property
+    def stages(self) -> Iterator[Stage]:
+        for chains in self.phases:
+            yield from itertools.chain(*chains)
+
+    def launch(self, stream: wp.Stream | None = None) -> None:
+        """Enqueue the frame on a stream, the device's current one unless given (CUDA), or finish it (CPU)."""
+        if stream is None and self._device.is_cuda:
+            stream = self._device.stream
+        for chains in self.phases:
+            if len(chains) > 1 and stream is not None and self._streams:
+                self._launch_together(chains, stream)
+            else:
+                for stage in itertools.chain(*chains):
+                    stage.launch(stream)
+
+    def _launch_together(self, chains: Sequence[Sequence[Stage]], stream: wp.Stream) -> None:
+        beside = list(zip(self._streams, self._done, strict=True))[: len(chains) - 1]
+        stream.record_event(self._begun)
+        for side, _ in beside:
+            side.wait_event(self._begun)
+        # One stage of each chain in turn, so that none waits for the host.
+        for stages in itertools.zip_longest(*chains):
+            for stage, where in zip(stages, (stream, *(side for side, _ in beside)), strict=True):
+                if stage is not None:
+                    stage.launch(where)
+        for side, done in beside:
+            side.record_event(done)
+            stream.wait_event(done)
+
+
+def load(wanted: Iterable[tuple[wp.Module, int]], device: wp.Device) -> None:
+    """Compile and load modules for launches on a device, those for CUDA side by side.
+
+    Not so on a CPU, where the headers are precompiled once for a thread, which takes longer than most kernels.
+
+    Args:
+        wanted: Each with the threads in a CUDA block.
+        device: Where they are launched.
+    """
+    blocks: dict[wp.Module, dict[int, None]] = {}
+    for module, block_dim in wanted:
+        blocks.setdefault(module, {})[block_dim if device.is_cuda else 1] = None
+
+    def loaded(module: wp.Module) -> None:
+        for block_dim in blocks[module]:
+            wp.force_load(device, [module], block_dim=block_dim, max_workers=0)
+
+    if not device.is_cuda or len(blocks) < 2:
+        for module in blocks:
+            loaded(module)
+        return
+    with ThreadPoolExecutor(cpu_threads()) as pool:
+        for _ in pool.map(loaded, blocks):
+            pass
+
+
+def bind(stages: Sequence[Stage]) -> None:
+    """Make stages of one device ready for launches, compiling their kernels together.
+
+    Those of last stages come first, as they take longest: CUDA's compiler reads one module at a time.
+    """
+    if stages:
+        load([(stage.module, stage.block_dim) for stage in reversed(stages)], stages[0].device)
+    for stage in stages:
+        stage.bind()
+
+
+def run(stages: Sequence[Stage]) -> None:
+    """Launch stages of one device one after another; those that never were are made ready together."""
+    bind([stage for stage in stages if not stage.is_bound])
+    for stage in stages:
+        stage.launch()
+
+
+@contextmanager
+def compiled_meanwhile(kernels: Sequence[tuple[wp.Kernel, int]], device: wp.Device) -> Iterator[None]:
+    """Compile kernels for a CUDA device while something else is done.
+
+    Args:
+        kernels: Each with the threads in a block.
+        device: Where they are launched. Nothing is done ahead for a CPU.
+    """
+    if not (kernels and device.is_cuda):
+        yield
+        return
+    with ThreadPoolExecutor(1) as pool:
+        compiled = pool.submit(load, [(kernel.module, block_dim) for kernel, block_dim in kernels], device)
+        yield
+        compiled.result()
+
+
+def record(
+    kernel: wp.Kernel,
+    dim: int,
+    inputs: Sequence[Any],
+    device: wp.Device,
+    *,
+    start: int = 0,
+    block_dim: int = BLOCK,
+) -> Stage:
+    """A 1-D kernel with its arguments.
+
+    Args:
+        kernel: Its last parameter is ``first: wp.int32``; its index is ``first + wp.tid()``.
+        dim: Number of threads, below 2^31.
+        inputs: All arguments but ``first``.
+        device: Where the arguments lie.
+        start: The index of the first thread; ``start + dim`` is below 2^31.
+        block_dim: Threads in a CUDA block.
+    """
+    return Stage(kernel, dim, inputs, device, start, block_dim)
+
+
+def cpu_parts() -> int:
+    """How many parts a CPU launch is split into: some for each thread, to even out uneven work."""
+    return 4 * cpu_threads() if cpu_threads() > 1 else 1
+
+
+@functools.cache
+def cpu_threads() -> int:
+    """Threads a CPU launch is split over: the cores this process may use, or WARPCAM_CPU_THREADS."""
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    wanted = os.environ.get("WARPCAM_CPU_THREADS", "")
+    number = whole_above_zero(wanted)
+    if wanted.strip() and number is None:
+        said = "WARPCAM_CPU_THREADS=%r is no whole number above 0; a frame is split over %d threads"
+        logging.getLogger("warpcam").warning(said, wanted, cores)
+    return number or cores
+
+
+def whole_above_zero(text: str) -> int | None:
+    """The number that a text is, whatever spaces are around it; None if it is no such number."""
+    digits = text.strip()
+    return int(digits) or None if digits.isdecimal() else None
+
+
+def _work(left: deque[wp.Launch]) -> float:
+    """Launch what is left, one part after another; the seconds that it took."""
+    begun = time.perf_counter()
+    while True:
+        try:
+            part = left.popleft()
+        except IndexError:
+            return time.perf_counter() - begun
+        part.launch()
+
+
+def _wake(work: Callable[[], float], threads: int) -> list[Future[float]]:
+    """Have so many threads of the pool do some work."""
+    woken: list[Future[float]] = []
+    with suppress(RuntimeError):  # the interpreter is ending, and a thread that does not keep it from that renders on
+        for _ in range(threads):
+            woken.append(_pool().submit(work))
+    return woken
+
+
+@functools.cache
+def _pool() -> ThreadPoolExecutor:
+    return ThreadPoolExecutor(cpu_threads(), thread_name_prefix="warpcam")
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_pool.cache_clear)  # threads stay behind

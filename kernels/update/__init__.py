@@ -1,0 +1,1 @@
+"""Kernels that change a scene between frames: refitting, skinning, poses, randomisation."""

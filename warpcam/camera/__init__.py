@@ -1,0 +1,1 @@
+"""Cameras, lenses and the outputs that a camera can be asked for."""

@@ -1,0 +1,1 @@
+"""Calls and types of gymapi."""

@@ -1,0 +1,1 @@
+"""Assets: URDF and MJCF files as Isaac Gym reads them."""

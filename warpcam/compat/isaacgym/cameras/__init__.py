@@ -1,0 +1,1 @@
+"""Camera sensors and their appearance settings."""

@@ -1,0 +1,1 @@
+"""Kernels of the simulation's state and forces."""

@@ -1,0 +1,1 @@
+"""Simulation by MuJoCo-Warp behind Isaac Gym's calls."""

@@ -1,0 +1,1 @@
+"""Terrain: height fields from triangle meshes."""

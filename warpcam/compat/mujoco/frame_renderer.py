@@ -1,0 +1,355 @@
+"""One world of classic MuJoCo, looked at from anywhere and in many ways: what its front ends have in common."""
+
+from collections import OrderedDict
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import mujoco
+import numpy as np
+import warp as wp
+
+import warpcam as wc
+from warpcam.compat.mujoco.model_variants import Follower, Opaque, Thinned, has_veils, sees_veils
+from warpcam.core.errors import WarpcamError
+from warpcam.kernels.passes.mirrors import SOLID
+from warpcam.sources.mujoco.host import load
+from warpcam.sources.mujoco.mjv_geoms import Decor, Places, Room
+from warpcam.sources.mujoco.model import DATA_NAMES, MODEL_NAMES
+from warpcam.sources.mujoco.tendon_limits import UNLIMITED
+
+VIEW = "view"  # the one camera's name
+MAX_KEPT = 8  # renderers of a studio, and scenes: ways to look that are gone to and fro between
+
+# What a scene reads once of what a user may write: such a change makes another scene.
+READ_ONCE = (
+    *("site_size", "site_group", "site_matid", "tendon_width", "tendon_group", "tendon_matid", "flex_group"),
+    *("flex_matid", "skin_group", "skin_matid", "geom_group", "geom_matid", "mat_reflectance"),
+    *("geom_type", "site_type", "tendon_limited", "tendon_range", "tendon_margin", "tendon_solimp_lim"),
+    *("tendon_stiffness", "tendon_damping", "tendon_frictionloss", "tendon_lengthspring"),
+    *("flex_radius", "flex_flatskin", "skin_inflate", "actuator_cranklength"),
+)
+PAINTS = ("haze", "constraint", "slidercrank", "crankbroken")  # of vis.rgba, likewise
+PLANE = int(mujoco.mjtGeom.mjGEOM_PLANE)
+COLORS = ("site_rgba", "tendon_rgba", "flex_rgba", "skin_rgba")
+MORE_OF_DATA = (
+    *("site_xpos", "site_xmat", "wrap_xpos", "wrap_obj", "ten_wrapadr", "ten_wrapnum", "ten_length"),
+    "flexvert_xpos",
+)
+
+
+@dataclass(frozen=True)
+class Style:
+    """How a picture is made; what is equal is drawn by the same kernels and buffers.
+
+    Attributes:
+        groups: Groups that are drawn, of geoms, sites, tendons, flexes and skins in this order.
+        draw: Which of these kinds are drawn.
+        shadows: Whether lights cast them.
+        reflections: Whether planes and boxes reflect.
+        sky: Whether the scene's skybox is behind everything; else black.
+        antialiasing: Samples of a pixel at an edge, 1 or 4.
+        thinned: Whether all but what is fixed to the world is as transparent as the model's ``vis.map.alpha`` says.
+    """
+
+    groups: tuple[tuple[int, ...], ...] = ((0, 1, 2),) * 5
+    draw: tuple[str, ...] = ("geoms", "sites", "tendons", "flexes", "skins", "actuators")
+    shadows: bool = True
+    reflections: bool = True
+    sky: bool = True
+    antialiasing: int = 4
+    thinned: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class View:
+    """A camera as OpenGL has it.
+
+    Attributes:
+        position: (3,) [m].
+        rotation: (4,) w x y z.
+        left: Of the image's edges, where the optical axis crosses the near plane [m]; and so on.
+        right: See ``left``.
+        bottom: See ``left``.
+        top: See ``left``.
+        near: Distance of the near plane [m].
+        far: Of the far plane [m].
+        orthographic: Whether rays are parallel.
+    """
+
+    position: np.ndarray
+    rotation: np.ndarray
+    left: float
+    right: float
+    bottom: float
+    top: float
+    near: float
+    far: float
+    orthographic: bool
+
+    def content(self) -> bytes:
+        """Equal for equal views."""
+        edges = (self.left, self.right, self.bottom, self.top, self.near, self.far, self.orthographic)
+        return np.concatenate((self.position, self.rotation, edges)).tobytes()
+
+
+def view_of(scene: mujoco.MjvScene, width: int, height: int) -> View | None:
+    """What a MuJoCo scene's camera sees in an image of that size; None if none was set."""
+    if min(width, height) < 1:
+        raise WarpcamError(f"render: width and height must be at least 1 pixel, got {width} and {height}")
+    one, two = scene.camera  # two eyes for a stereo picture; one that is none is taken from between them
+    bottom, top = 0.5 * (one.frustum_bottom + two.frustum_bottom), 0.5 * (one.frustum_top + two.frustum_top)
+    if top <= bottom:
+        return None
+    position, forward, up, right, rotation = (np.zeros(size) for size in (3, 3, 3, 3, 4))
+    mujoco.mjv_cameraInRoom(position, forward, up, scene)
+    mujoco.mju_cross(right, forward, up)
+    mujoco.mju_mat2Quat(rotation, np.array((right, up, -forward)).T.ravel())
+    center = 0.5 * (one.frustum_center + two.frustum_center)
+    half = 0.5 * (one.frustum_width + two.frustum_width) or 0.5 * (top - bottom) * width / height
+    return View(
+        position=position, rotation=rotation, left=center - half, right=center + half,
+        bottom=bottom, top=top, near=float(one.frustum_near), far=float(one.frustum_far),
+        orthographic=bool(one.orthographic),
+    )  # fmt: skip
+
+
+def depth_buffer(depth: np.ndarray, view: View) -> np.ndarray:
+    """What OpenGL's depth buffer holds for planar depth [m], as float32: 0 at the near plane, 1 at the far one."""
+    if view.orthographic:
+        return ((depth - view.near) / (view.far - view.near)).astype(np.float32)
+    inverse = view.near / depth.astype(np.float64)
+    return np.ascontiguousarray((1.0 - inverse) / (1.0 - view.near / view.far), np.float32)
+
+
+class Studio:
+    """A model, a state of it, and every way in which somebody looked at it.
+
+    Scenes and renderers are made when they are first needed and kept; taking a state costs one copy on the host.
+
+    Args:
+        model: The ``mujoco.MjModel``: what changes in it is seen at the next picture.
+        device: Where to render: a name, a Warp or torch device, a CUDA ordinal; None is Warp's current device.
+    """
+
+    def __init__(self, model: mujoco.MjModel, device: Any = None):
+        self._model = model
+        self._device = device
+        self._state = mujoco.MjData(model)
+        self._sizes = _sizes(self._state)
+        self._scenes: OrderedDict[Any, _Made] = OrderedDict()
+        self._eyes: OrderedDict[Any, _Eye] = OrderedDict()
+        self._room = Room()  # of scenes with something beside the model
+        self._copies: dict[type[Follower], tuple[Follower, Studio]] = {}  # the same state with other colours
+
+    def take(self, data: mujoco.MjData) -> None:
+        """Keep the state as it is now: what is simulated later is not seen in pictures of this one."""
+        if not isinstance(data, mujoco.MjData):
+            raise TypeError(f"data must be a mujoco.MjData, got {type(data).__name__}")
+        if _sizes(data) != self._sizes:
+            raise WarpcamError(
+                f"data was made from another model: nq, nbody and ngeom are {_sizes(data)} there, {self._sizes} here"
+            )
+        mujoco.mj_copyData(self._state, self._model, data)
+
+    def content(self, data: mujoco.MjData) -> bytes:
+        """Equal for states, with the model as it is, that are drawn alike."""
+        live = [getattr(data, name).tobytes() for name in (*DATA_NAMES.values(), *MORE_OF_DATA)]
+        live += [getattr(self._model, name).tobytes() for name in (*MODEL_NAMES.values(), *COLORS)]
+        light = self._model.vis.headlight
+        head = np.concatenate((light.ambient, light.diffuse, light.specular, [light.active]))
+        return repr(self._fixed()).encode() + head.tobytes() + b"".join(live)
+
+    def reload(self) -> None:
+        """Read meshes, height fields and textures of the model again at the next picture."""
+        self._scenes.clear()
+        self._eyes.clear()
+        self._copies.clear()
+
+    def scene(self, style: Style, backs: bool = False, decor: Decor | None = None) -> wc.Scene:
+        """The scene in which what that style names is drawn; with ``backs`` planes are seen from behind."""
+        model = self._model
+        known = (style.groups, style.draw, style.reflections, backs, self._fixed())
+        seen, veils = self._opacity()
+        for key, made in reversed(self._scenes.items()):
+            if key[0] == known and made.suits(seen, veils, decor):
+                self._scenes.move_to_end(key)
+                return made.filled(decor)
+        groups = dict(zip(("geoms", "sites", "tendons", "flexes", "skins"), style.groups, strict=True))
+        places = None
+        if decor is not None:
+            self._room = self._room.grown(decor)
+            places = Places(model, self._room)
+        scene = load(
+            model, self._state, groups, self._device, style.draw, None if style.reflections else False,
+            "backs" if backs else None, places,
+        )  # fmt: skip
+        key = known, seen.tobytes(), veils.tobytes(), None if places is None else places.room
+        made = self._scenes[key] = _Made(scene, seen, veils, places)
+        _shorten(self._scenes)
+        return made.filled(decor)
+
+    def look(
+        self,
+        view: View,
+        style: Style,
+        width: int,
+        height: int,
+        outputs: Sequence[str],
+        drawn: Sequence[str] = (),
+        *,
+        through: bool = False,
+        decor: Decor | None = None,
+    ) -> dict[str, np.ndarray]:
+        """Images (height, width, channels) by output, of the state that was taken last; they are the caller's own.
+
+        ``depth`` is ``view.far`` where nothing is hit. ``objects`` is an output here, too: int32 id and ``mjtObj``,
+        -1 twice where nothing is hit. With ``drawn`` these outputs are drawn and only ``outputs`` of them read: then
+        the same kernels serve whatever is asked. With ``through`` depth is of what is not transparent, as MuJoCo's
+        buffer of depth has it where it draws colours. ``decor`` stands beside the model.
+        """
+        if style.thinned:
+            plain, thinned = replace(style, thinned=False), self._copy(Thinned)
+            return thinned.look(view, plain, width, height, outputs, drawn, through=through, decor=decor)
+        veiled = decor is not None and decor.veiled
+        if through and "depth" in outputs and (veiled or has_veils(self._model, style.groups, style.draw)):
+            both = [[*names, "objects"] if names and "objects" not in names else names for names in (outputs, drawn)]
+            images = self.look(view, style, width, height, *both, decor=decor)
+            if veiled or sees_veils(self._model, images["objects"]):
+                opaque = None if decor is None else decor.opaque()
+                solid = self._copy(Opaque).look(view, style, width, height, ("depth",), decor=opaque)
+                images["depth"] = solid["depth"]
+            return {name: images[name] for name in outputs}
+        names, wanted = _outputs(drawn or outputs), _outputs(outputs)
+        scene = self.scene(style, "rgb" in wanted and self._sees_backs(view, style), decor)
+        key = (id(scene), names, width, height, view.orthographic, style.shadows, style.sky, style.antialiasing)
+        if key not in self._eyes or self._eyes[key].scene is not scene:
+            self._eyes[key] = _Eye(scene, style, view, width, height, names)
+            _shorten(self._eyes)
+        self._eyes.move_to_end(key)
+        images = self._eyes[key].see(view, wanted)
+        if "objects" in outputs:
+            ids = images.pop("segmentation")[..., 0]
+            images["objects"] = scene.objects[ids] if decor is None else self._objects(scene, ids, decor)
+        return images
+
+    def _objects(self, scene: wc.Scene, ids: np.ndarray, decor: Decor) -> np.ndarray:
+        """What stands beside the model with what it is called there."""
+        made = next(made for made in self._scenes.values() if made.scene is scene)
+        table = scene.objects.copy()
+        if made.places is not None:
+            first = len(table) - 1 - len(made.places.objects)
+            for old, new in decor.renamed:
+                table[:first][(scene.objects[:first] == old).all(axis=1)] = new
+            table[first:-1] = made.places.objects
+        return table[ids]
+
+    def _sees_backs(self, view: View, style: Style) -> bool:
+        """Whether a plane has its back to the camera, and a scene would not show it unless told to."""
+        model, state = self._model, self._state
+        if "geoms" not in style.draw:
+            return False
+        planes = np.flatnonzero(model.geom_type == PLANE)
+        up = state.geom_xmat[planes, 2::3]
+        behind = ((view.position - state.geom_xpos[planes]) * up).sum(axis=1) < 0.0
+        if not behind.any():
+            return False
+        seen = np.isin(model.geom_group[planes], style.groups[0]) & (model.geom_rgba[planes, 3] > 0.0)
+        return bool((behind & seen).any()) and not has_veils(model, style.groups, style.draw)
+
+    def _copy(self, kind: type[Follower]) -> "Studio":
+        """Of the same state, in a copy of the model."""
+        if kind not in self._copies or self._copies[kind][0].is_old():
+            follower = kind(self._model)
+            self._copies[kind] = follower, Studio(follower.model, self._device)
+            self._copies[kind][1]._state = self._state
+        follower, studio = self._copies[kind]
+        follower.follow()
+        return studio
+
+    def _fixed(self) -> tuple[Any, ...]:
+        """Equal as long as a scene that was made needs not be made anew."""
+        model = self._model
+        values = [getattr(model, name).tobytes() for name in READ_ONCE]
+        veils = ((model.geom_rgba[:, 3] < SOLID).tobytes(), (model.mat_rgba[:, 3] < SOLID).tobytes())
+        sizes = model.vis.map
+        scales = (sizes.znear, sizes.zfar, sizes.shadowclip, sizes.shadowscale, sizes.haze, model.stat.extent)
+        cranks = (model.vis.scale.slidercrank, model.stat.meansize)
+        colors = [np.asarray(getattr(model.vis.rgba, name)).tobytes() for name in PAINTS]
+        return (*values, *veils, scales, cranks, *colors, model.opt.disableflags & UNLIMITED)
+
+    def _opacity(self) -> tuple[np.ndarray, np.ndarray]:
+        """Which sites, tendons, flexes and skins are seen now, and which of these are transparent."""
+        alpha = np.concatenate([getattr(self._model, name)[:, 3] for name in COLORS])
+        return alpha > 0.0, alpha < SOLID
+
+
+@dataclass(frozen=True, eq=False)
+class _Made:
+    """A scene, what of sites, tendons, flexes and skins was seen, and transparent, when it was made, and its places."""
+
+    scene: wc.Scene
+    seen: np.ndarray
+    veils: np.ndarray
+    places: Places | None
+
+    def suits(self, seen: np.ndarray, veils: np.ndarray, decor: Decor | None) -> bool:
+        if self.places is None or decor is None:
+            holds = self.places is None and decor is None
+        else:
+            holds = self.places.room.holds(decor)
+        return holds and bool((self.seen >= seen).all() and (self.veils == veils)[seen].all())
+
+    def filled(self, decor: Decor | None) -> wc.Scene:
+        if self.places is not None and decor is not None:
+            self.places.fill(decor)
+        return self.scene
+
+
+class _Eye:
+    """A renderer with one camera, which is moved to where somebody looks from."""
+
+    def __init__(self, scene: wc.Scene, style: Style, view: View, width: int, height: int, outputs: tuple[str, ...]):
+        self.scene = scene
+        self._width, self._height = width, height
+        lens: wc.Lens = wc.Orthographic(height=1.0) if view.orthographic else wc.Pinhole(fx=1.0)
+        camera = wc.Camera(
+            VIEW, width=width, height=height, outputs=outputs, lens=lens, position=view.position,
+            rotation=view.rotation, near=view.near, far=view.far, depth_clipping="max", shadows=style.shadows,
+            antialiasing=style.antialiasing, background=None if style.sky else (0.0, 0.0, 0.0),
+        )  # fmt: skip
+        self._renderer = wc.Renderer(scene, [camera])
+        arrays = self._renderer.camera(VIEW)
+        names = ("position", "rotation", "near", "far", "height" if view.orthographic else "intrinsics")
+        self._arrays = {name: wp.from_torch(getattr(arrays, name)) for name in names}
+        self._written: dict[str, Any] = {}
+
+    def see(self, view: View, wanted: Sequence[str]) -> dict[str, np.ndarray]:
+        values: dict[str, Any] = {"position": view.position.tolist(), "rotation": view.rotation.tolist()}
+        values.update(near=view.near, far=view.far)
+        across, down = view.right - view.left, view.top - view.bottom
+        if view.orthographic:
+            values["height"] = down
+        else:
+            fx, fy = view.near * self._width / across, view.near * self._height / down
+            values["intrinsics"] = (fx, fy, -view.left * self._width / across, view.top * self._height / down)
+        for name, value in values.items():
+            if self._written.get(name) != value:
+                self._arrays[name].assign(np.array([value], np.float32))
+                self._written[name] = value
+        images = self._renderer.render()[VIEW]
+        on_host = {name: images[name][0].cpu().numpy() for name in wanted}
+        return on_host if self.scene.device.is_cuda else {name: image.copy() for name, image in on_host.items()}
+
+
+def _outputs(names: Sequence[str]) -> tuple[str, ...]:
+    return tuple("segmentation" if name == "objects" else name for name in names)
+
+
+def _sizes(data: mujoco.MjData) -> tuple[int, int, int]:
+    return len(data.qpos), len(data.xpos), len(data.geom_xpos)
+
+
+def _shorten(kept: OrderedDict[Any, Any]) -> None:
+    while len(kept) > MAX_KEPT:
+        kept.popitem(last=False)

@@ -1,0 +1,1 @@
+"""Errors, devices, arrays and torch interoperation: what every other room may use."""

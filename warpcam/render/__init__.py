@@ -1,0 +1,1 @@
+"""The renderer: passes of each camera, memory, and the history that optical flow needs."""

@@ -1,0 +1,344 @@
+"""A camera bound to a scene: its own arrays, and the stage that turns them into views."""
+
+import math
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import warp as wp
+
+from warpcam.accel.offset_ray_tables import pack_spread, spread_width
+from warpcam.accel.ray_tables import handles, pack_rays, pixel_angle
+from warpcam.camera.camera import Camera
+from warpcam.camera.lens import Lens, Projection
+from warpcam.camera.lens_tables import TableLens
+from warpcam.core import torch_interop
+from warpcam.core.errors import WarpcamError
+from warpcam.kernels.passes import view_shape_lists
+from warpcam.kernels.passes import views as views_stage
+from warpcam.kernels.passes.views import LensTable, Mount
+from warpcam.kernels.passes.world_overrides import copied, empty_variety
+from warpcam.kernels.runtime.launch import Stage
+from warpcam.kernels.scene_tables import Tables
+from warpcam.render.flow_history import CameraPast
+from warpcam.scene.scene import Scene
+
+MAX_EXPOSURE = 127  # beyond, 2 to it is no float32
+CLIPPING = {"none": views_stage.CLIP_NONE, "max": views_stage.CLIP_MAX, "zero": views_stage.CLIP_ZERO}
+
+
+class NoArrayError(WarpcamError, AttributeError):
+    """An array that a camera has not, or that is not to be replaced."""
+
+
+class CameraArrays:
+    """What of one camera may be written in place, seen at the next render: tensors on the scene's device.
+
+    A camera of your own has ``position``, (world, 3) [m], and ``rotation``, (world, 4) w x y z. A lens of your own has
+    ``fovy``, (world,) [degrees], ``intrinsics``, (world, 4) fx fy cx cy [pixels], or ``height``, (world,) [m]. Every
+    camera has ``near`` and ``far``, (world,) [m]. One that was given an ``exposure`` or a ``gain`` has both, (world,)
+    and (world, 3); one whose ``background`` was given for each world has that, (world, 3). What is the scene's own is
+    written in the simulator's arrays.
+    """
+
+    def __init__(self, where: str, arrays: dict[str, wp.array]):
+        self._where = where
+        self._names = tuple(arrays)
+        self.__dict__.update({name: torch_interop.to_torch(array) for name, array in arrays.items()})
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        if name.startswith("_"):
+            super().__setattr__(name, value)
+        elif value is not getattr(self, name):  # front.fovy += 1.0 puts back what it has written to
+            raise NoArrayError(f"{self._where}: {name} cannot be replaced; write to it in place: {name}[:] = ...")
+
+    def __getattr__(self, name: str) -> Any:
+        if name.startswith("_"):
+            raise AttributeError(name)
+        rest = "the rest is the simulator's to hold"
+        if name in ("exposure", "gain", "background"):
+            rest = f"{name} is there where Camera was given one{' for each world' if name == 'background' else ''}"
+        raise NoArrayError(f"{self._where} has no array {name!r} of its own, it has {', '.join(self._names)}; {rest}")
+
+    def __reduce__(self) -> Any:
+        raise WarpcamError(f"{self._where}: its arrays cannot be copied or pickled: no frame would read the copy")
+
+
+class Mounted:
+    """One camera in a scene."""
+
+    def __init__(self, camera: Camera, scene: Scene):
+        self._scene = scene
+        self._camera = camera
+        self._index = -1 if camera.is_own else scene.camera(camera.name, "Renderer: cameras")
+        self._parent = -1 if camera.parent is None else scene.body(camera.parent, f"{camera.where}: parent")
+        self.arrays: dict[str, wp.array] = {}
+        if camera.is_own:
+            self._own("position", (0.0, 0.0, 0.0) if camera.position is None else camera.position, wp.vec3)
+            self._own("rotation", (1.0, 0.0, 0.0, 0.0) if camera.rotation is None else camera.rotation, wp.vec4)
+            rotations = self.arrays["rotation"].numpy().astype(np.float64)
+            lengths = np.linalg.norm(rotations, axis=1, keepdims=True)
+            if not lengths.all():
+                raise WarpcamError(f"{camera.where}: rotation must not be of length 0, got {camera.rotation!r}")
+            fit = (lengths > 1e-6) & (lengths < 1e6)  # to be squared
+            self.arrays["rotation"].assign(np.where(fit, rotations, rotations / lengths).astype(np.float32))
+        if camera.lens is not None:
+            if isinstance(camera.lens, TableLens):
+                self._make_table(camera.lens)
+            else:
+                self._make_lens(camera.lens)
+        clipping = None if camera.is_own else scene.camera_kind(self._index).clipping
+        near, far = clipping or (0.0, math.inf)
+        self._own("near", near if camera.near is None else camera.near, wp.float32)
+        self._own("far", far if camera.far is None else camera.far, wp.float32, may_be_infinite=True)
+        self._check_range()
+        self._make_looks()
+
+    @property
+    def projection(self) -> Projection:
+        return projection_of(self._camera, self._scene)
+
+    def seen(self, tables: Tables) -> Tables:
+        """The scene as this camera has it: its background, its exposure."""
+        background, arrays = self._camera.background, self.arrays
+        if not isinstance(background, np.ndarray):
+            tables = self._scene.tables_with(tables, background)
+        if not arrays.keys() & {"background", "exposure"}:
+            return tables
+        variety = copied(tables.variety) if tables.variety is not None else empty_variety(self._scene.device)
+        if "exposure" in arrays:
+            variety.exposures, variety.gains = arrays["exposure"], arrays["gain"]
+        if "background" in arrays:
+            variety.backgrounds, variety.skyboxes = arrays["background"], self._no_skybox
+            tables = replace(tables, has_skybox=False)
+        return replace(tables, variety=variety)
+
+    def record(
+        self,
+        mask: wp.array,
+        faults: wp.array,
+        views: wp.array,
+        tables: Tables,
+        past: CameraPast | None = None,
+        lists: wp.array | None = None,
+        opening: Any = None,
+    ) -> Stage:
+        """The stage that writes the camera's views, with the scene's arrays as of its last ``tables()``.
+
+        If the camera has a ``past``, the views there were go there. With ``lists`` the stage lists shapes, too, and
+        composes how they have moved. With an ``opening`` it is a frame's first.
+        """
+        mount, lens, device = self._mount(), self._lens(), self._scene.device
+        if lists is None:
+            before = None if past is None else past.views
+            return views_stage.record_views(mount, lens, mask, faults, views, device, before, opening)
+        trail, outputs = None if past is None else past.trail, self._camera.outputs
+        return view_shape_lists.record_lists(
+            opening, mount, lens, mask, faults, views, tables, self.projection, lists, trail, outputs, device
+        )
+
+    def _mount(self) -> Mount:
+        mount, scene = Mount(), self._scene
+        mount.own = int(self._camera.is_own)
+        mount.parent = self._parent
+        if self._camera.is_own:
+            mount.positions = self.arrays["position"].reshape((scene.num_worlds, 1))
+            mount.quaternions = self.arrays["rotation"]
+            mount.parent_positions = scene.array("body_positions")
+            mount.parent_rotations = scene.array("body_rotations")
+        else:
+            mount.column = self._index
+            mount.positions = scene.array("camera_positions")
+            mount.rotations = scene.array("camera_rotations")
+        return mount
+
+    def _lens(self) -> LensTable:
+        lens, scene, camera = LensTable(), self._scene, self._camera
+        lens.near, lens.far = self.arrays["near"], self.arrays["far"]
+        lens.clipping = CLIPPING[camera.depth_clipping]
+        lens.width, lens.height = camera.width, camera.height
+        if camera.lens is None:
+            kind = scene.camera_kind(self._index)
+            lens.column = self._index
+            lens.angles = scene.array("camera_fovy")
+            lens.intrinsics = scene.array("camera_intrinsics")
+            if kind.sensor is not None:
+                lens.kind = views_stage.SENSOR
+                width, height = kind.sensor
+                if kind.square:
+                    height = width * camera.height / camera.width
+                lens.sensor = wp.vec2(width, height)
+            elif kind.projection == "orthographic":
+                lens.kind = views_stage.HEIGHT
+            else:
+                lens.kind = views_stage.FOVY
+            return lens
+        if isinstance(camera.lens, TableLens):
+            lens.kind, lens.intrinsics = views_stage.TABLE, self._handles.reshape((-1, 1))
+            return lens
+        for name, kind_of_lens in (
+            ("fovy", views_stage.FOVY),
+            ("height", views_stage.HEIGHT),
+            ("intrinsics", views_stage.INTRINSICS),
+        ):
+            if name in self.arrays:
+                lens.kind = kind_of_lens
+                values = self.arrays[name].reshape((scene.num_worlds, 1))
+                setattr(lens, "intrinsics" if name == "intrinsics" else "angles", values)
+        return lens
+
+    def _make_table(self, lens: TableLens) -> None:
+        device = self._scene.device
+        packed, widths = self._packed(lens, lens.spread)
+        self._table = wp.array(packed, dtype=wp.float32, device=device)
+        self._handles = wp.array(self._handles_of(widths), dtype=wp.vec4, device=device)
+
+    def set_table(self, lens: Any) -> None:
+        """Write another lens over the table there is."""
+        camera, own = self._camera, self._camera.lens
+        if not isinstance(own, TableLens) or not isinstance(lens, TableLens):
+            raise WarpcamError(
+                f"{camera.where}: set_lens puts Fisheye, Distorted or Rays in place of one of these, got "
+                f"{type(lens).__name__} in place of {type(own).__name__}; other lenses have arrays to write to"
+            )
+        if lens.spread and not own.spread:
+            raise WarpcamError(
+                f"{camera.where}: set_lens was given Rays with origins, and the renderer was built with a lens whose "
+                "rays all begin at the camera's position; build it with Rays that have origins"
+            )
+        packed, widths = self._packed(lens, own.spread)
+        if len(packed) > len(self._table):
+            raise WarpcamError(
+                f"{camera.where}: set_lens was given a lens for each world, and the renderer was built with one for "
+                "all; build it with a lens for each world"
+            )
+        self._table.assign(np.broadcast_to(packed, self._table.shape))
+        self._handles.assign(self._handles_of(widths))
+
+    def _packed(self, lens: TableLens, spread: bool) -> tuple[np.ndarray, list[float]]:
+        """A lens's tables, with room for where rays begin if they are ``spread``, and how wide a pixel is of each."""
+        size = (self._camera.width, self._camera.height, self._scene.num_worlds, self._camera.where)
+        rays = lens.rays(*size)
+        if not spread:
+            return pack_rays(rays), [pixel_angle(one) for one in rays]
+        rays, starts = np.broadcast_arrays(rays, lens.starts(*size))
+        widths = [spread_width(one, begin) for one, begin in zip(rays, starts, strict=True)]
+        return pack_spread(rays, starts), widths
+
+    def _handles_of(self, widths: list[float]) -> np.ndarray:
+        count, floats = self._table.shape
+        return handles(self._table.ptr or 0, count, floats, self._camera.width, self._camera.height, widths)
+
+    def _make_lens(self, lens: Lens) -> None:
+        camera, num_worlds = self._camera, self._scene.num_worlds
+        kind = type(lens).__name__
+        for name, values in lens.values(camera.width, camera.height).items():
+            labels = ("fx", "fy", "cx", "cy") if name == "intrinsics" else (name,)
+            columns = []
+            for label, value in zip(labels, values, strict=True):
+                where = f"{camera.where}: lens {kind}: {label}"
+                numbers = per_world(value, where, num_worlds, ())
+                lowest, highest = float(numbers.min()), float(numbers.max())
+                if label == "fovy" and not 0.0 < lowest <= highest < 180.0:
+                    raise WarpcamError(f"{where} must be in (0, 180) degrees, got {_worst(numbers, 0.0, 180.0)}")
+                if label in ("fx", "fy", "height") and lowest <= 0.0:
+                    raise WarpcamError(f"{where} must be positive, got {lowest}")
+                columns.append(numbers)
+            stacked = np.stack(columns, axis=-1)
+            dtype = wp.vec4 if name == "intrinsics" else wp.float32
+            data = stacked if name == "intrinsics" else stacked[:, 0]
+            self.arrays[name] = wp.array(np.ascontiguousarray(data), dtype=dtype, device=self._scene.device)
+
+    def _make_looks(self) -> None:
+        camera, device = self._camera, self._scene.device
+        if isinstance(camera.background, np.ndarray):
+            self._own("background", camera.background, wp.vec3)
+            self._no_skybox = wp.full(1, -1, dtype=wp.int32, device=device)
+        if camera.exposure is None and camera.gain is None:
+            return
+        self._own("exposure", 0.0 if camera.exposure is None else camera.exposure, wp.float32)
+        if self.arrays["exposure"].numpy().max() > MAX_EXPOSURE:
+            raise WarpcamError(f"{camera.where}: exposure must be at most {MAX_EXPOSURE}, got {camera.exposure!r}")
+        gain = 1.0 if camera.gain is None else camera.gain
+        try:
+            is_one = torch_interop.to_numpy(gain).ndim == 0
+        except (TypeError, ValueError):
+            is_one = False  # what it is instead, is told with the numbers
+        self._own("gain", np.tile(torch_interop.to_numpy(gain), 3) if is_one else gain, wp.vec3)
+        if self.arrays["gain"].numpy().min() < 0.0:
+            raise WarpcamError(f"{camera.where}: gain must not be negative, got {camera.gain!r}")
+
+    def _own(self, name: str, value: Any, dtype: Any, may_be_infinite: bool = False) -> None:
+        width = {wp.vec3: (3,), wp.vec4: (4,)}.get(dtype, ())
+        where = f"{self._camera.where}: {name}"
+        numbers = per_world(value, where, self._scene.num_worlds, width, may_be_infinite=may_be_infinite)
+        self.arrays[name] = wp.array(numbers, dtype=dtype, device=self._scene.device)
+
+    def _check_range(self) -> None:
+        near, far = self.arrays["near"].numpy(), self.arrays["far"].numpy()
+        where = self._camera.where
+        if near.min() < 0.0:
+            raise WarpcamError(f"{where}: near must be at least 0, got {near.min()}")
+        if not (far > near).all():
+            world = int(np.argmin(far > near))
+            raise WarpcamError(f"{where}: far must be beyond near, got near {near[world]} and far {far[world]}")
+        if self._camera.depth_clipping == "max" and not np.isfinite(far).all():
+            raise WarpcamError(f'{where}: depth_clipping="max" needs a finite far, got {far[~np.isfinite(far)][0]}')
+
+
+def projection_of(camera: Camera, scene: Scene) -> Projection:
+    """How the camera's rays run."""
+    if camera.lens is not None:
+        return camera.lens.projection
+    return scene.camera_kind(scene.camera(camera.name, "Renderer: cameras")).projection
+
+
+def pose_bytes(camera: Camera) -> int:
+    """Bytes of a camera's own arrays in each world."""
+    numbers = 2  # near and far
+    if isinstance(camera.background, np.ndarray):
+        numbers += 3
+    if camera.exposure is not None or camera.gain is not None:
+        numbers += 1 + 3
+    if camera.is_own:
+        numbers += 3 + 4  # position, rotation
+    if camera.lens is not None:
+        numbers += sum(len(values) for values in camera.lens.values(camera.width, camera.height).values())
+    return 4 * numbers
+
+
+def shared_bytes(camera: Camera, num_worlds: int) -> int:
+    """Bytes of what a camera has beside, however many worlds there are: a lens's table, and that there is no skybox."""
+    table = camera.lens.bytes(camera.width, camera.height, num_worlds) if isinstance(camera.lens, TableLens) else 0
+    return table + 4 * isinstance(camera.background, np.ndarray)
+
+
+def per_world(
+    value: Any, where: str, num_worlds: int, width: tuple[int, ...], *, may_be_infinite: bool = False
+) -> np.ndarray:
+    """``value`` for every world: (world, *width) float32.
+
+    Raises:
+        WarpcamError: It is neither (*width) nor (world, *width), or holds something else than finite numbers.
+    """
+    several = f"({num_worlds}, {width[0]})" if width else f"({num_worlds},)"
+    allowed = f"{width or 'a number'} or {several}"
+    torch_interop.require_wxyz(value, where)
+    try:
+        raw = np.asarray(torch_interop.to_numpy(value))
+    except (TypeError, ValueError, RuntimeError):
+        raise WarpcamError(f"{where} must be numbers, {allowed}, got {value!r}") from None
+    if raw.dtype.kind not in "iuf":
+        raise WarpcamError(f"{where} must be numbers, {allowed}, got {value!r}")
+    with np.errstate(over="ignore"):  # what float32 cannot hold is not finite
+        numbers = raw.astype(np.float32)
+    if numbers.shape not in (width, (num_worlds, *width)):
+        raise WarpcamError(f"{where} must have shape {allowed}, got {numbers.shape}")
+    unusable = np.isnan(numbers) | (np.isinf(numbers) & (numbers < 0.0 if may_be_infinite else True))
+    if unusable.any():
+        raise WarpcamError(f"{where} must be finite, got {numbers[unusable].flat[0]}")
+    return np.ascontiguousarray(np.broadcast_to(numbers, (num_worlds, *width)))
+
+
+def _worst(numbers: np.ndarray, low: float, high: float) -> float:
+    return float(numbers[(numbers <= low) | (numbers >= high)].flat[0])

@@ -1,0 +1,108 @@
+"""What a renderer takes of its device's memory, known before any of it is taken."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import warp as wp
+
+from warpcam.camera.camera import Camera
+from warpcam.core.device import free_bytes
+from warpcam.core.errors import WarpcamError
+from warpcam.kernels.types import View
+from warpcam.render.camera_binding import pose_bytes, projection_of, shared_bytes
+from warpcam.render.camera_passes import check_size, list_rows
+from warpcam.render.flow_history import past_bytes
+from warpcam.render.scratch_memory import Scratch, image_bytes
+from warpcam.scene.layers import world_bytes
+from warpcam.scene.scene import Scene
+
+
+@dataclass(frozen=True)
+class Memory:
+    """Bytes that a renderer allocates on the scene's device; the scene's own are not among them.
+
+    Attributes:
+        images: Of each image, by camera and output.
+        scratch: What the cameras use between the stages of a frame, one after the other.
+        worlds: Each camera's poses, lenses, views and lists of shapes, which worlds are drawn or faulty, and their
+            frames and times.
+        past: What is kept of the last frame for ``flow`` and ``flow_valid``.
+    """
+
+    images: Mapping[str | int, Mapping[str, int]]
+    scratch: int
+    worlds: int
+    past: int = 0
+
+    @property
+    def total(self) -> int:
+        """All of it."""
+        return sum(sum(images.values()) for images in self.images.values()) + self.scratch + self.worlds + self.past
+
+    def __str__(self) -> str:
+        rows = [
+            (f"{camera!r} {output}", count)
+            for camera, images in self.images.items()
+            for output, count in images.items()
+        ]
+        rows += [("scratch", self.scratch), ("poses and views", self.worlds)]
+        rows += [("last frame", self.past)] * (self.past > 0) + [("total", self.total)]
+        wide = max(len(name) for name, _ in rows)
+        return "\n".join(f"{name:<{wide}} {count / 1e6:>12,.3f} MB" for name, count in rows)
+
+
+def estimate_memory(scene: Scene, cameras: Sequence[Camera]) -> Memory:
+    """What ``Renderer(scene, cameras)`` would allocate on the scene's device [bytes]. Allocates nothing.
+
+    Beside this a process needs what CUDA takes for itself: a context, the code of the kernels, a graph.
+
+    Args:
+        scene: What to look at.
+        cameras: Each under its own name.
+
+    Raises:
+        WarpcamError: The cameras are none of this scene, or their images too large. Not where the device has too
+            little free: that is the renderer's to say.
+    """
+    by_key = check_cameras(scene, cameras)
+    tables, view = scene.tables(), wp.types.type_size_in_bytes(View)
+    lists = {
+        key: list_rows(camera, projection_of(camera, scene), tables, scene.device)
+        * wp.types.type_size_in_bytes(wp.vec4)
+        for key, camera in by_key.items()
+    }
+    for camera in by_key.values():
+        check_size(camera, scene.num_worlds)
+    return Memory(
+        images={key: image_bytes(camera, tables) for key, camera in by_key.items()},
+        scratch=Scratch(by_key, tables, scene.device).size,
+        worlds=scene.num_worlds
+        * (10 + sum(view + pose_bytes(one) + world_bytes(one, tables) + lists[key] for key, one in by_key.items()))
+        + sum(shared_bytes(one, scene.num_worlds) for one in by_key.values()),
+        past=past_bytes(by_key, [key for key, size in lists.items() if size], scene, tables),
+    )
+
+
+def check_cameras(scene: Any, cameras: Any) -> Mapping[str | int, Camera]:
+    """The cameras by their keys, or the error that says what is wrong with them."""
+    if not isinstance(scene, Scene):
+        raise WarpcamError(f"Renderer: scene must be made by from_mujoco_warp or the like, got {type(scene).__name__}")
+    if not isinstance(cameras, Sequence) or not all(isinstance(camera, Camera) for camera in cameras):
+        raise WarpcamError(f"Renderer: cameras must be a sequence of Camera, got {cameras!r}")
+    by_key: dict[str | int, Camera] = {}
+    for camera in cameras:
+        if camera.name in by_key:
+            raise WarpcamError(f"Renderer: cameras has two called {camera.name!r}; each needs a name of its own")
+        by_key[camera.name] = camera
+    return by_key
+
+
+def require_free(memory: Memory, device: wp.Device) -> None:
+    """Raise if the device has less than that."""
+    free = free_bytes(device)
+    if free is not None and memory.total > free:
+        raise WarpcamError(
+            f"Renderer: {memory.total:,} bytes are needed, {free:,} are free on {device.alias}; ask for fewer worlds, "
+            f"pixels or outputs:\n{memory}"
+        )

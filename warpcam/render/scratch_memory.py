@@ -1,0 +1,365 @@
+"""What is written between the stages of a frame and is nobody's image.
+
+A camera goes through it with one group of worlds after another, so that a frame takes little more memory than its
+images. All cameras use one block. While all worlds are drawn, images that are not drawn yet lend their memory, too,
+which makes groups large: the larger, the better they fill the device. Where only some worlds are drawn the others'
+images must stay, and there is only the block.
+
+Images that only the last stages write can lend to worlds of their own group, too: the group is then coloured in turns,
+and what is needed for one turn lies where later turns' images will be.
+"""
+
+import itertools
+from collections.abc import Collection, Hashable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Any, TypeVar
+
+import warp as wp
+
+from warpcam.camera.camera import Camera
+from warpcam.camera.lens_tables import TableLens
+from warpcam.camera.outputs import OUTPUTS, smooth_outputs, traced_as
+from warpcam.kernels.passes import antialiasing, visibility
+from warpcam.kernels.scene_tables import Tables
+from warpcam.kernels.types import HEIGHT_FIELD, MESH
+from warpcam.scene.layers import mirrors_of, veils_of
+
+# The block is at most half as large as the images, or this where they are small: a group must fill the device [bytes].
+ALWAYS_ALLOWED = 32 * 2**20
+PIXELS = {"rgb": wp.vec3ub, "rgba": wp.vec4ub, "hdr": wp.vec3}  # of the images whose edges can be smooth
+ALIGNMENT = 256  # of a buffer [bytes]
+SHAPE_IDS = {wp.int8: 127, wp.int16: 2**15, wp.int32: 2**31}  # up to how many shapes
+
+Name = TypeVar("Name", bound=Hashable)
+Lenders = Mapping[str | int, Mapping[str, wp.array]]  # images by camera and name
+Buffer = tuple[str | int, int, str]  # camera, first world and name
+
+
+def buffers_of(camera: Camera, tables: Tables) -> dict[str, Any]:
+    """The buffers between the stages that this camera's outputs need, those aside that are outputs: dtypes by name."""
+    asked = [OUTPUTS[name] for name in camera.outputs]
+    lit = camera.shadows and tables.num_lights > 0 and any(output.lit for output in asked)
+    passes = tables.num_drawn > visibility.MAX_LISTED  # they go on from each other's depth and shape
+    needed = (
+        passes
+        or tables.splats is not None
+        or any(traced_as(name, tables.shape_types) is None for name in camera.outputs)
+    )
+    images = {output.trace for output in asked} - ({"shape"} if tables.ids_by_world else set())
+    if isinstance(camera.lens, TableLens):  # whose trace has the distance where others have depth
+        images = images - {"depth", "distance"} | ({"depth"} if "distance" in images else set())
+    faces = bool(tables.shape_types & {MESH, HEIGHT_FIELD}) and any(output.face for output in asked)
+    # What is seen without the transparent shapes is nobody's image. It is there when all other outputs are made.
+    apart, mirrors = veils_of(camera, tables), mirrors_of(camera, tables)
+    wanted = {
+        "depth": apart or (needed and "depth" not in images),
+        "shape": apart or (needed and "shape" not in images),
+        "face": faces,
+        "shadow": lit,
+        "mirror depth": mirrors,
+        "mirror shape": mirrors,
+        "mirror face": mirrors and faces,
+    }
+    smooth = smooth_outputs(camera.outputs, camera.antialiasing)
+    ids = next(dtype for dtype, most in SHAPE_IDS.items() if tables.num_shapes <= most)
+    dtypes = {
+        "depth": wp.float32,
+        "shape": ids,
+        "face": wp.uint16 if tables.num_faces < 2**16 else wp.int32,
+        "shadow": wp.uint8,
+    }
+    chosen = {name: dtypes[name.removeprefix("mirror ")] for name, there in wanted.items() if there}
+    return chosen | {f"lit {name}": PIXELS[name] for name in smooth}
+
+
+def image_bytes(camera: Camera, tables: Tables) -> dict[str, int]:
+    """Bytes of each image."""
+    return {name: tables.num_worlds * count for name, count in _world_bytes(camera).items()}
+
+
+def _world_bytes(camera: Camera) -> dict[str, int]:
+    pixels = camera.width * camera.height
+    return {
+        name: pixels * OUTPUTS[name].channels * wp.types.type_size_in_bytes(OUTPUTS[name].dtype)
+        for name in camera.outputs
+    }
+
+
+@dataclass(frozen=True)
+class Piece:
+    """Memory from one address to another."""
+
+    start: int
+    end: int
+
+
+@dataclass(frozen=True)
+class Portion:
+    """Worlds that one camera draws together.
+
+    With them come the camera's buffers, arrays (world, height, width, 1) by name, of which only the rows of these
+    worlds are there: the others must not be touched.
+    """
+
+    camera: str | int
+    worlds: range
+    buffers: Mapping[str, wp.array]
+
+
+Turns = list[list[Portion]]  # of a phase
+
+
+class Scratch:
+    """The block, and the portions that the cameras are drawn in.
+
+    Attributes:
+        size: Of the block [bytes].
+    """
+
+    def __init__(self, cameras: Mapping[str | int, Camera], tables: Tables, device: wp.Device):
+        self._cameras, self._tables, self._device = cameras, tables, device
+        self._block = wp.empty((0, ALIGNMENT), dtype=wp.uint8, device=device)
+        images = sum(sum(image_bytes(camera, tables).values()) for camera in cameras.values())
+        allowed = max(images // 2, ALWAYS_ALLOWED)
+        self.size = max(
+            (
+                min(self._bytes(camera, tables.num_worlds), max(allowed, self._bytes(camera, 1)))
+                for camera in cameras.values()
+            ),
+            default=0,
+        )
+
+    def allocate(self) -> None:
+        rows = -(-self.size // ALIGNMENT)  # of one dimension it could not have 2^31 bytes
+        self._block = wp.empty((rows, ALIGNMENT), dtype=wp.uint8, device=self._device)
+
+    def phases(self, images: Lenders | None) -> Iterator[list[Portion]]:
+        """What is drawn together, phase after phase, as much in each as there is room for.
+
+        Args:
+            images: Of all cameras, in the order of drawing, where all worlds are drawn; None where other worlds' images
+                must stay.
+        """
+        found = list(self._phases(0, self._total, self._whole, images))
+        if images is not None and any(self.wave(key) > 1 for key in self._cameras):
+            in_waves = list(self._phases(0, self._total, self._whole, images, in_waves=True))
+            found = in_waves if len(in_waves) <= len(found) else found
+        for turns in found:
+            yield turns[0]
+
+    def wave(self, key: str | int) -> int:
+        """Worlds of a camera are drawn together in multiples of this many: their last blocks fill the device, too."""
+        return antialiasing.wave(self._device) if self._in_place(self._cameras[key]) else 1
+
+    def phases_of_turns(self, images: Lenders, late: Mapping[str | int, Collection[str]], turns: int) -> list[Turns]:
+        """The same in larger phases, each of several turns.
+
+        The last stages of a turn must wait for all stages of the turns before, which may have buffers where they write.
+
+        Args:
+            images: As above.
+            late: Names of the images that nothing but the last stages writes.
+            turns: How many.
+        """
+        return list(self._phases(0, self._total, self._whole, images, late, turns))
+
+    def chains(self, images: Lenders, count: int) -> list[list[list[Portion]]] | None:
+        """The same phases in chains that need not wait for each other; None where the block is too small for that.
+
+        Each chain has worlds of its own, lent memory of these alone, and a share of the block.
+
+        Args:
+            images: As above.
+            count: How many chains.
+        """
+        start, total = self._whole.start, self._total
+        share = self.size // count // ALIGNMENT * ALIGNMENT
+        if any(self._bytes(camera, 1) > share for camera in self._cameras.values()):
+            return None
+        return [
+            [
+                turns[0]
+                for turns in self._phases(
+                    total * number // count,
+                    total * (number + 1) // count,
+                    Piece(start + number * share, start + (number + 1) * share),
+                    images,
+                )
+            ]
+            for number in range(count)
+        ]
+
+    @property
+    def _whole(self) -> Piece:
+        start = self._block.ptr or 0
+        return Piece(start, start + self.size)
+
+    @property
+    def _total(self) -> int:
+        return len(self._cameras) * self._tables.num_worlds
+
+    def _phases(
+        self,
+        first: int,
+        last: int,
+        block: Piece,
+        images: Lenders | None,
+        late: Mapping[str | int, Collection[str]] = MappingProxyType({}),
+        turns: int = 1,
+        in_waves: bool = False,
+    ) -> Iterator[Turns]:
+        """What is drawn together from one place to another, phase after phase, in a block and what is lent."""
+        while first < last:
+            fits, too_far = first + 1, last + 1  # the block has room for one world
+            while too_far - fits > 1:
+                end = (fits + too_far) // 2
+                if self._places(_cuts(first, end, turns), last, block, images, late) is None:
+                    too_far = end
+                else:
+                    fits = end
+            if in_waves and fits < last:
+                worlds = fits - first
+                step = max(self.wave(key) for key, _ in self._share(first, fits))
+                fits -= worlds % step if worlds > step else 0
+            cuts = _cuts(first, fits, turns)
+            places = self._places(cuts, last, block, images, late)
+            if places is None:
+                raise AssertionError(f"scratch: {self.size} bytes have no room for one world")
+            yield [
+                [Portion(key, worlds, self._buffers(key, worlds, places)) for key, worlds in self._share(begin, end)]
+                for begin, end in itertools.pairwise(cuts)
+                if begin < end
+            ]
+            first = fits
+
+    def _share(self, first: int, end: int) -> Iterator[tuple[str | int, range]]:
+        """The cameras and worlds from one place to another, counted in worlds of one camera after another."""
+        num_worlds = self._tables.num_worlds
+        for place, key in enumerate(self._cameras):
+            begin, stop = (min(max(at - place * num_worlds, 0), num_worlds) for at in (first, end))
+            if begin < stop:
+                yield key, range(begin, stop)
+
+    def _places(
+        self,
+        cuts: Sequence[int],
+        last: int,
+        block: Piece,
+        images: Lenders | None,
+        late: Mapping[str | int, Collection[str]],
+    ) -> dict[Buffer, int] | None:
+        """Addresses of all buffers of a phase; None if there is no room for them.
+
+        Images beyond the phase lend their memory until ``last``, late ones also of the turns after a buffer's own.
+
+        Args:
+            cuts: Where the turns begin, and where the last one ends.
+            last: Where what is drawn in this block ends.
+            block: Memory that is nobody's image.
+            images: Those that may lend.
+            late: Names of the late ones.
+        """
+        free: list[Piece] = [block]
+        places: dict[Buffer, int] = {}
+        if images is not None:
+            for key, worlds in self._share(cuts[1], last):
+                free += [_rows(image, worlds) for name, image in images[key].items() if name in late.get(key, ())]
+            for key, worlds in self._share(cuts[-1], last):
+                free += [_rows(image, worlds) for name, image in images[key].items() if name not in late.get(key, ())]
+        # The last turn has least to choose from.
+        for begin, end in reversed(list(itertools.pairwise(cuts))):
+            closed = [
+                _rows(image, worlds)
+                for key, worlds in self._share(cuts[1], end)
+                for name, image in (images or {}).get(key, {}).items()
+                if name in late.get(key, ())
+            ]
+            sizes = {
+                (key, worlds.start, name): size
+                for key, worlds in self._share(begin, end)
+                for name, size in self._needed(self._cameras[key], len(worlds)).items()
+            }
+            found = _place(sizes, free, closed)
+            if found is None:
+                return None
+            places |= found
+        return places
+
+    def _buffers(self, key: str | int, worlds: range, places: Mapping[Buffer, int]) -> dict[str, wp.array]:
+        camera = self._cameras[key]
+        shape = (self._tables.num_worlds, camera.height, camera.width, 1)
+        buffers = {}
+        for name, dtype in self._buffers_of(camera).items():
+            stride = camera.height * camera.width * wp.types.type_size_in_bytes(dtype)
+            start = places[key, worlds.start, name] - worlds.start * stride
+            buffers[name] = wp.array(ptr=start, shape=shape, dtype=dtype, device=self._device)
+        return buffers
+
+    def _buffers_of(self, camera: Camera) -> dict[str, Any]:
+        placed = self._in_place(camera)
+        found = buffers_of(camera, self._tables)
+        return {name: dtype for name, dtype in found.items() if not (placed and name.startswith("lit "))}
+
+    def _in_place(self, camera: Camera) -> bool:
+        smooth = smooth_outputs(camera.outputs, camera.antialiasing)
+        if not smooth:
+            return False
+        return antialiasing.in_place(self._tables, smooth, camera.width, camera.height, self._device)
+
+    def _needed(self, camera: Camera, worlds: int) -> dict[str, int]:
+        """Bytes of each buffer of a group."""
+        pixels = worlds * camera.width * camera.height
+        return {
+            name: _aligned(pixels * wp.types.type_size_in_bytes(dtype))
+            for name, dtype in self._buffers_of(camera).items()
+        }
+
+    def _bytes(self, camera: Camera, worlds: int) -> int:
+        return sum(self._needed(camera, worlds).values())
+
+
+def _cuts(first: int, end: int, turns: int) -> list[int]:
+    """Where each turn begins, and where the last one ends."""
+    return [first + (end - first) * turn // turns for turn in range(turns + 1)]
+
+
+def cuts_in_waves(count: int, parts: int, wave: int) -> list[int]:
+    """Where parts of about as many worlds begin, at most so many, each but the last with whole waves; and the end."""
+    return sorted({min(-(-count * part // (parts * wave)) * wave, count) for part in range(parts + 1)})
+
+
+def _rows(image: wp.array, worlds: range) -> Piece:
+    """The memory of some worlds of an image."""
+    start = image.ptr or 0
+    end = start + worlds.stop * image.strides[0]
+    return Piece(min(_aligned(start + worlds.start * image.strides[0]), end), end)
+
+
+def _aligned(count: int) -> int:
+    return -(-count // ALIGNMENT) * ALIGNMENT
+
+
+def _place(sizes: Mapping[Name, int], free: list[Piece], closed: Iterable[Piece]) -> dict[Name, int] | None:
+    """Addresses of buffers of these sizes, the largest first where the least is left; None if they do not fit.
+
+    Args:
+        sizes: In bytes, by name.
+        free: What is free; what is used is taken from it.
+        closed: Where no buffer may begin; none of it begins within what is free.
+    """
+    places = {}
+    for name in sorted(sizes, key=lambda name: -sizes[name]):
+        open_from = [
+            max([piece.start, *(_aligned(shut.end) for shut in closed if shut.start <= piece.start < shut.end)])
+            for piece in free
+        ]
+        fitting = [i for i, piece in enumerate(free) if piece.end - open_from[i] >= sizes[name]]
+        if not fitting:
+            return None
+        best = min(fitting, key=lambda i: free[i].end - open_from[i])
+        start, piece = open_from[best], free.pop(best)
+        places[name] = start
+        rest = (Piece(piece.start, start), Piece(start + sizes[name], piece.end))
+        free += [each for each in rest if each.start < each.end]
+    return places

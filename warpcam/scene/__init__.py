@@ -1,0 +1,1 @@
+"""Scenes: descriptions from sources, validation, bounds, lights and per-world overrides."""

@@ -1,0 +1,396 @@
+"""The scene: what can be seen, on one device, and checked when it is made."""
+
+import operator
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import warp as wp
+
+from warpcam.accel.gaussians import Packed, pack_splats
+from warpcam.accel.heightfields import num_faces, pack_height_fields
+from warpcam.accel.meshes import pack_masks, pack_meshes
+from warpcam.core import device as device_rule
+from warpcam.core import torch_interop
+from warpcam.core.errors import WarpcamError
+from warpcam.kernels.passes import views
+from warpcam.kernels.passes.shading import has_strips, is_spare
+from warpcam.kernels.passes.world_overrides import without_backdrop
+from warpcam.kernels.runtime.launch import BLOCK, Stage, run
+from warpcam.kernels.scene_tables import Tables
+from warpcam.kernels.types import (
+    HEIGHT_FIELD,
+    MASKED,
+    MESH,
+    MOVING,
+    PLANE,
+    SCALED,
+    SKY_TERMS,
+    SPLATS,
+    TWO_SIDED,
+    Background,
+    Lights,
+    Materials,
+    Physical,
+    Shapes,
+)
+from warpcam.scene.bounds import Bounds, bounds_of
+from warpcam.scene.source import FIELDS, PHYSICAL_FIELDS, SceneCamera, Source, fields_of
+from warpcam.scene.validation import check_array, check_indices, check_parts
+from warpcam.scene.world_overrides import OwnArrays
+from warpcam.textures.hardware_mipmaps import pack_mips
+from warpcam.textures.mip_atlas import pack_sheets
+from warpcam.textures.pack import pack_textures
+
+FEW_MESHES = 2  # with more, shutters of one seldom stop the light that a pixel asks for
+
+
+class Scene:
+    """What can be seen in many worlds. Made by ``from_mujoco_warp``, ``from_mujoco`` and the like."""
+
+    def __init__(self, source: Source):
+        parts = source.parts
+        self._source = source
+        self._parts = parts
+        self._device: wp.Device = device_rule.resolve(source.device)
+        self._counts = {
+            "shapes": len(parts.shape_types),
+            "materials": parts.num_materials,
+            "lights": parts.num_lights,
+            "bodies": len(parts.bodies),
+            "cameras": len(parts.cameras),
+            "terms of the sky": SKY_TERMS + 1,
+        }
+        self._fields = fields_of(parts)
+        check_parts(parts, self._counts)
+        self._own = OwnArrays(parts, parts.num_worlds, self.device)
+        self._arrays: Mapping[str, wp.array] = {}
+        self._key: tuple[Any, ...] = ()
+        self._ambient, self._last = -1.0, ()
+        self._hiding: wp.array | None = None
+        seen = [int(parts.shape_types[shape]) for shape in parts.drawn]
+        shut = 0 < seen.count(MESH) <= FEW_MESHES and not parts.physical and not parts.scaled
+        ahead = [(kernel, BLOCK) for kernel in source.kernels()]
+        ahead += [views.LAUNCHED] if ahead or parts.meshes else []  # else compiled beside a renderer's other kernels
+        self._meshes, self._num_faces = pack_meshes(parts.meshes, self.device, shut, ahead)
+        self._moving = tuple(index for index, mesh in enumerate(parts.meshes) if mesh.moves)
+        self._height_fields = pack_height_fields(parts.height_fields, self.device)
+        self._textures = pack_textures(parts.textures, self.device)
+        types, spare = set(seen), is_spare(set(seen), len(seen))
+        self._mips: list[wp.Texture2D] = []
+        if spare or (has_strips(types, len(seen)) and not parts.physical):
+            self._sheets = pack_sheets(parts.textures, self._textures, self.device, not spare)
+            if types.isdisjoint((MESH, HEIGHT_FIELD)) and not (parts.physical or parts.clouds):
+                self._mips = pack_mips(parts.textures, self._textures, self.device)
+        parts.lend_textures(self._textures)
+        self._masked = pack_masks(parts.meshes, self._textures, self._meshes, self.device)
+        self._splats = self._pack_splats()
+        self._drawn, self._casting = (
+            None if columns is None else self._ints(columns) for columns in (parts.drawn, parts.casting)
+        )
+        places = np.full(len(parts.shape_types), -1, np.int32)
+        places[np.asarray(parts.drawn, np.int64)] = np.arange(len(parts.drawn))
+        self._places, self._types, self._bodies, self._coincident = map(
+            self._ints, (places, parts.shape_types, parts.shape_bodies, parts.coincident)
+        )
+        self._labels = {
+            name: self._ints(np.atleast_2d(np.full(len(parts.shape_types), no) if values is None else values))
+            for name, values, no in (("instances", parts.shape_instances, -1), ("semantics", parts.shape_semantics, 0))
+        }
+        self._ids, self._body_ids = (
+            self._ints(np.zeros((0, 0), np.int32) if ids is None else ids) for ids in (parts.shape_ids, parts.body_ids)
+        )
+        self._layers = parts.layers.tables(len(parts.shape_types), self.device)
+        source.refresh()
+        source.arrays()
+        run(self.stages())
+        self._tables = self.tables()
+        check_indices(self._arrays, parts, self._seen(), source.label)
+
+    def __reduce__(self) -> Any:
+        raise WarpcamError("Scene: it cannot be copied or pickled, as it holds memory of a device; make another one")
+
+    @property
+    def device(self) -> wp.Device:
+        """Where everything of it lies."""
+        return self._device
+
+    @property
+    def num_worlds(self) -> int:
+        """How many worlds it has."""
+        return self._parts.num_worlds
+
+    @property
+    def cameras(self) -> tuple[str, ...]:
+        """Names of the source's cameras in their order, "" for one without a name."""
+        return tuple(camera.name for camera in self._parts.cameras)
+
+    @property
+    def objects(self) -> np.ndarray:
+        """What has each id of ``segmentation``, (id + 1, 2) int32: ``objects[image]`` are ``mujoco.Renderer``'s pairs.
+
+        The first number is the id that MuJoCo knows it by, the second its ``mjtObj``: a geom, site, tendon, flex or
+        skin. The last row, which -1 finds, is (-1, -1). Only scenes of MuJoCo have this.
+        """
+        if self._parts.objects is None:
+            raise WarpcamError("objects: only scenes of from_mujoco and from_mujoco_warp have objects of several kinds")
+        return self._parts.objects
+
+    @property
+    def columns(self) -> np.ndarray:
+        """Which id, as ``segmentation`` has it, each column of shapes has, or -1, (world or 1, column) int32."""
+        ids = self._parts.shape_ids
+        return np.arange(self._counts["shapes"], dtype=np.int32)[None] if ids is None else ids.copy()
+
+    def owners(self) -> np.ndarray:
+        """The column of that of which each is a piece, (column,), its own but of ropes, tendons and the like."""
+        return np.arange(self._counts["shapes"]) if self._parts.objects is None else self.columns[0]
+
+    def count_of(self, name: str) -> int | None:
+        """How many things an array of indices that ``vary`` gives counts, None for other arrays."""
+        images = len(self._parts.textures)
+        return {"shape_materials": self._parts.num_materials, "material_texture": images, "skybox": images}.get(name)
+
+    def cubes(self) -> list[int]:
+        """Textures that may be a skybox."""
+        return [index for index, texture in enumerate(self._parts.textures) if texture.kind == "cube"]
+
+    def bounds(self) -> Bounds:
+        """Lowest and highest corner of what can be seen now, over all worlds, infinite planes aside.
+
+        Two (3,) float32 arrays in the world frame [m]; zeros where there is nothing. Waits for the device.
+        """
+        self.refresh()
+        self.tables()
+        run(self.stages())
+        host = {name: array.numpy() for name, array in self._arrays.items() if name.startswith(("shape", "material_c"))}
+        parts, clouds = self._parts, self._splats
+        corners = self._meshes.lower.numpy(), self._meshes.upper.numpy()
+        splats = None if clouds is None else (clouds.lower, clouds.upper)
+        return bounds_of(host, parts.shape_types, self._seen(), corners, parts.height_fields, parts.scaled, splats)
+
+    @property
+    def live_on_device(self) -> bool:
+        """Whether poses are read where the simulator writes them, with no copy from the host."""
+        return self._source.live_on_device
+
+    def refresh(self) -> None:
+        """Bring the device's arrays up to date, where the simulator keeps its own on the host."""
+        self._source.refresh()
+
+    def stages(self) -> tuple[Stage, ...]:
+        """What brings the arrays of ``tables`` up to date on the device: the same tuple as long as it does the same."""
+        stages = self._source.stages(self._meshes)
+        return (*stages, *self._own.stages_over(self._source)) if self._own.stages else stages
+
+    def clock(self) -> wp.array | None:
+        """The simulator's own live array of its time in each world [s], (world,) float32; None where it keeps none."""
+        return self._source.clock()
+
+    def bind(self, state: Any) -> None:
+        """Look at another state of the same simulation from the next render on; nothing is built again.
+
+        Swapping states back and forth costs nothing once each has been rendered. Only scenes that read a state object
+        have this: those of ``from_newton``.
+        """
+        self._source.bind(state)
+
+    def forward(self) -> None:
+        """Have the simulator compute poses from its state."""
+        self._source.forward()
+
+    def array(self, field: str) -> wp.array:
+        """The live array of that name, (world or 1, row, ...) on the scene's device: what the next render reads.
+
+        Names are those of ``FIELDS`` and ``PHYSICAL_FIELDS`` in ``warpcam/scene/source.py``, which say what each holds. Where
+        nobody but you writes it, as Newton's lights, it may be written in place; see also ``vary``.
+        """
+        if not isinstance(field, str) or field not in self._arrays:
+            raise WarpcamError(f"array: {field!r} came; this scene has {', '.join(self._arrays)}")
+        return self._arrays[field]
+
+    def vary(self, name: str) -> torch_interop.Tensor:
+        """Give every world its own value of something: a tensor (world, ...) on the scene's device.
+
+        Write it in place, at any time; the next render shows it. It begins with what the scene has now, and from then
+        on is read instead of what the simulator holds, unless that has an entry for each world already, which nobody
+        else writes: then it is that very array. Calling it again gives the same tensor.
+
+        The first call for a name makes room and has renderers bind their stages anew at their next frame; make them
+        afterwards, for some names need kernels of their own.
+
+        Args:
+            name: "shape_colors", "shape_materials", "headlight", "background", "skybox", or one that begins with
+                "material_" or "light_": see docs/randomize.md.
+        """
+        if not isinstance(name, str) or name not in self._own:
+            self.tables()
+            self._own.make(name, self._source, self._arrays)
+            self._ambient, self._key, self._last = -1.0, (), ()
+            self.tables()
+        return self._own.tensor(name)
+
+    def camera(self, key: str | int, where: str) -> int:
+        """Index of the source's camera of that name or index."""
+        return _find(key, self.cameras, where, "camera")
+
+    def camera_kind(self, index: int) -> SceneCamera:
+        return self._parts.cameras[index]
+
+    def body(self, key: str | int, where: str) -> int:
+        """Index of the source's body of that name or index."""
+        parts = self._parts
+        if parts.body_labels is not None and parts.body_places is not None:
+            if isinstance(key, str) and key in parts.body_labels:
+                return int(parts.body_places[parts.body_labels.index(key)])
+            if isinstance(key, int | np.integer) and not isinstance(key, bool) and 0 <= key < len(parts.body_places):
+                return int(parts.body_places[key])
+            if not isinstance(key, str):
+                raise WarpcamError(
+                    f"{where}: the scene has no body {key!r}; it has indices 0 to {len(parts.body_places) - 1}"
+                )
+        return _find(key, tuple(parts.bodies), where, "body")
+
+    def tables(self) -> Tables:
+        """The scene for the kernels: the same object until the source's arrays are others."""
+        theirs = self._source.arrays()
+        arrays = self._own.over(theirs)
+        ambient, hiding = self._source.global_ambient(), theirs["shape_colors"]  # which hides what is painted, too
+        if ambient == self._ambient and hiding is self._hiding and all(map(operator.is_, arrays.values(), self._last)):
+            return self._tables
+        key = (ambient, _identity(hiding), *map(_identity, arrays.values()))
+        if key != self._key:
+            for name, field in self._fields.items():
+                rows, label = self._counts[field.rows], self._source.label(name)
+                check_array(label, field, arrays[name], rows, self.num_worlds, self.device)
+            self._arrays = arrays
+            self._tables = self._build(arrays, ambient)
+            self._key = key
+        self._ambient, self._hiding, self._last = ambient, hiding, tuple(arrays.values())
+        return self._tables
+
+    def moving_faces(self) -> np.ndarray:
+        """How many faces, but for backs of others, each of the meshes has that move, (moving,) int64."""
+        return np.array([len(self._parts.meshes[index].fronts) for index in self._moving], np.int64)
+
+    def moving_columns(self) -> list[int]:
+        """Shapes that may be of a mesh that moves."""
+        return [shape for shape in self._parts.drawn if self._parts.shape_types[shape] == MESH]
+
+    def background(self, color: tuple[float, float, float]) -> Background:
+        """A plain background."""
+        background = Background()
+        background.color = wp.vec3(*color)
+        background.skybox = -1
+        return background
+
+    def tables_with(self, tables: Tables, color: tuple[float, float, float] | None) -> Tables:
+        """The tables with a background of one colour instead of the scene's own, or as they are for None."""
+        if color is None:
+            return tables
+        variety = without_backdrop(tables.variety, self.device)
+        return replace(tables, background=self.background(color), has_skybox=False, variety=variety)
+
+    def _build(self, arrays: Mapping[str, wp.array], ambient: float) -> Tables:
+        parts = self._parts
+        arrays = self._own.finish(self._source, arrays)
+        shapes, materials, lights = self._shapes(arrays, self._drawn), Materials(), Lights()
+        for prefix, struct in (("material_", materials), ("light_", lights)):
+            _fill(struct, prefix, arrays)
+        lights.headlight = arrays["headlight"]
+        lights.global_ambient = ambient
+        lights.shadow_width, lights.shadow_near, lights.shadow_scale, lights.shadow_gap = parts.shadow_map
+        physical = None
+        if parts.physical:
+            physical = Physical()
+            physical.plain = lights
+            for name in PHYSICAL_FIELDS:
+                setattr(physical, name.removeprefix("material_").removeprefix("light_"), arrays[name])
+        background = self.background((0.0, 0.0, 0.0))
+        background.skybox = parts.skybox
+        return Tables(
+            shapes=shapes,
+            meshes=self._meshes,
+            height_fields=self._height_fields,
+            materials=materials,
+            textures=self._textures,
+            lights=lights,
+            background=background,
+            num_worlds=self.num_worlds,
+            num_drawn=len(parts.drawn),
+            num_lights=parts.num_lights,
+            num_shapes=self._counts["shapes"],
+            num_faces=max([self._num_faces, *map(num_faces, parts.height_fields)]),
+            shape_types=self._shape_types(),
+            has_materials=parts.num_materials > 0,
+            has_textures=parts.num_materials > 0 and any(i != parts.skybox for i in range(len(parts.textures))),
+            has_mips=len(self._mips) > 0,
+            has_skybox=parts.skybox >= 0 or "skybox" in self._own,
+            variety=self._own.variety(),
+            headlights=self._own.headlights,
+            ids_by_world=parts.shape_ids is not None,
+            horizon=parts.horizon,
+            first_plane=next((shape for shape in parts.drawn if parts.shape_types[shape] == PLANE), -1),
+            physical=physical,
+            has_maps=parts.maps,
+            backs_shade=parts.backs_shade,
+            moving=self._moving,
+            layers=self._layers,
+            splats=None if self._splats is None else self._splats.table,
+            splat_limits=parts.splat_limits,
+            labels=self._labels,
+            casters=None if self._casting is None else self._shapes(arrays, self._casting),
+        )
+
+    def _shapes(self, arrays: Mapping[str, wp.array], drawn: wp.array) -> Shapes:
+        shapes = Shapes()
+        shapes.drawn, shapes.places = drawn, self._places
+        shapes.types, shapes.bodies, shapes.coincident = self._types, self._bodies, self._coincident
+        shapes.ids, shapes.body_ids = self._ids, self._body_ids
+        _fill(shapes, "shape_", arrays)
+        return shapes
+
+    def _ints(self, values: Any) -> wp.array:
+        return wp.array(np.asarray(values, np.int32), dtype=wp.int32, device=self.device)
+
+    def _pack_splats(self) -> Packed | None:
+        columns = self._clouds()
+        return pack_splats(self._parts.clouds, columns, self.device) if columns else None
+
+    def _clouds(self) -> list[int]:
+        return [int(shape) for shape in np.flatnonzero(np.asarray(self._parts.shape_types) == SPLATS)]
+
+    def _seen(self) -> list[int]:
+        return [*self._parts.drawn, *self._clouds()]
+
+    def _shape_types(self) -> frozenset[int]:
+        types = {int(self._parts.shape_types[shape]) for shape in self._parts.drawn} | self._parts.more_types
+        if self._parts.scaled and types & {MESH, HEIGHT_FIELD}:
+            types.add(SCALED)
+        if MESH in types:
+            sides = any(mesh.two_sided for mesh in self._parts.meshes)
+            found = ((TWO_SIDED, sides), (MOVING, self._moving), (MASKED, self._masked))
+            types |= {kind for kind, there in found if there}
+        return frozenset(types)
+
+
+def _fill(struct: Any, prefix: str, arrays: Mapping[str, wp.array]) -> None:
+    """Give a struct the arrays of the fields whose names begin so."""
+    for name in FIELDS:
+        if name.startswith(prefix):
+            setattr(struct, name.removeprefix(prefix), arrays[name])
+
+
+def _identity(array: Any) -> tuple[Any, ...] | None:
+    """Equal for arrays that are the same memory, seen alike."""
+    return (array.ptr, array.shape, array.strides) if isinstance(array, wp.array) else None
+
+
+def _find(key: str | int, names: tuple[str, ...], where: str, what: str) -> int:
+    if isinstance(key, str) and key and key in names:
+        return names.index(key)
+    if isinstance(key, int | np.integer) and not isinstance(key, bool) and 0 <= key < len(names):
+        return int(key)
+    known = ", ".join(repr(name) if name else str(index) for index, name in enumerate(names)) or "none"
+    raise WarpcamError(f"{where}: the scene has no {what} {key!r}; it has: {known}")

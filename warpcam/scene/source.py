@@ -1,0 +1,238 @@
+"""What a source gives a scene: its parts, its live arrays, and how they are kept up to date."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any, Protocol
+
+import numpy as np
+import warp as wp
+
+from warpcam.accel.gaussians import Cloud
+from warpcam.accel.heightfields import HeightField
+from warpcam.accel.meshes import Mesh
+from warpcam.camera.lens import Projection
+from warpcam.kernels.runtime.launch import Stage
+from warpcam.kernels.types import NUM_ROLES, Meshes, Textures
+from warpcam.scene.layers import Layers
+from warpcam.textures.pack import TextureImage
+
+
+@dataclass(frozen=True)
+class SceneCamera:
+    """A camera that the source has.
+
+    Attributes:
+        name: "" if it has none.
+        projection: "pinhole" or "orthographic".
+        sensor: Width and height of the sensor, in the unit of the camera's intrinsics. None: the camera has a field
+            of view instead, or what it spans. Focal lengths of an orthographic camera are so many units a metre.
+        square: Pixels are square: the sensor's height follows from its width and the image's shape.
+        clipping: Nearest and farthest planar depth that it sees [m]; None: all.
+    """
+
+    name: str
+    projection: Projection = "pinhole"
+    sensor: tuple[float, float] | None = None
+    square: bool = False
+    clipping: tuple[float, float] | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Parts:
+    """What of a scene never changes.
+
+    Attributes:
+        num_worlds: At least 1.
+        shape_types: (shape,) int32, constants of ``kernels/types.py``.
+        shape_bodies: (shape,) int32.
+        drawn: ids of the shapes that may be seen, ascending.
+        bodies: Name of each body, "" if it has none.
+        cameras: The source's cameras.
+        num_materials: Rows of the material arrays.
+        num_lights: Rows of the light arrays.
+        meshes: What ``shape_assets`` counts for meshes.
+        height_fields: What ``shape_assets`` counts for height fields.
+        textures: What ``material_textures`` counts.
+        skybox: Index of the texture behind everything, or -1.
+        horizon: How far the source's own renderer draws endless planes [m]; 0 if it has none.
+        shadow_map: How far the source's own renderer draws shadows: half the width of what a directional light sees
+            [m], the distance from a light that they begin at [m], half the angle of what a spot sees, as part of its
+            cutoff, and nearer than which single faces shade nothing, as part of half the width. Zeros: everywhere.
+        shape_instances: (shape,) or (world or 1, shape) int32, which replicated thing each is part of, or -1; None if
+            nobody knows.
+        shape_semantics: Likewise its label's number, 0 for none.
+        shape_ids: (world, shape) int32, what the source calls a shape in each world, -1 where a world lacks it; None
+            where it is called the same in all: by its place here.
+        body_ids: (world, shape) int32, with ``shape_ids``: the same of its body, instead of ``shape_bodies``.
+        body_labels: What the user may call a body beside its name in ``bodies``; ``body_places`` says which of these
+            it is. None: nothing else.
+        body_places: (label,) int32.
+        more_types: Marks that stand among the types and are none: FROM_ABOVE, BARE, PROJECTED, TRIPLANAR, SHEER,
+            LIT_NORMALS, COINCIDENT.
+        coincident: With COINCIDENT among ``more_types`` (shape,) int32: see ``kernels.types.Shapes``.
+        scaled: Whether the sizes of meshes and height fields are scales along their axes.
+        physical: Whether it is lit as metallic-roughness materials are, in linear light, instead of as MuJoCo does it.
+        backs_shade: Whether in such a scene meshes that are seen from one side cast shadows from both.
+        maps: In such a scene, whether some material has more than the texture of its colour.
+        layers: What needs more than one layer: mirrors, transparent shapes, haze.
+        objects: (id + 1, 2) int32, what the source calls each id of ``segmentation``; the last row is for -1. None: the
+            ids say all.
+        casting: Those of ``drawn`` that cast shadows, ascending; None: all of them.
+        clouds: What ``shape_assets`` counts for shapes of type SPLATS, none of which is in ``drawn``.
+        splat_limits: See ``kernels.tables.Tables``; None where clouds are seen through.
+        lend_textures: Called with the packed ``textures`` before the first frame, for sources that paint some of them.
+    """
+
+    num_worlds: int
+    shape_types: np.ndarray
+    shape_bodies: np.ndarray
+    drawn: Sequence[int]
+    bodies: Sequence[str]
+    cameras: Sequence[SceneCamera]
+    num_materials: int
+    num_lights: int
+    meshes: Sequence[Mesh]
+    height_fields: Sequence[HeightField]
+    textures: Sequence[TextureImage]
+    skybox: int = -1
+    horizon: float = 0.0
+    shadow_map: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
+    shape_instances: np.ndarray | None = None
+    shape_semantics: np.ndarray | None = None
+    shape_ids: np.ndarray | None = None
+    body_ids: np.ndarray | None = None
+    body_labels: Sequence[str] | None = None
+    body_places: np.ndarray | None = None
+    more_types: frozenset[int] = frozenset()
+    coincident: np.ndarray = field(default_factory=lambda: np.zeros(0, np.int32))
+    scaled: bool = False
+    physical: bool = False
+    backs_shade: bool = False
+    maps: bool = False
+    layers: Layers = field(default_factory=Layers)
+    objects: np.ndarray | None = None
+    casting: Sequence[int] | None = None
+    clouds: Sequence[Cloud] = ()
+    splat_limits: wp.array | None = None
+    lend_textures: Callable[[Textures], None] = lambda textures: None
+
+
+@dataclass(frozen=True)
+class Field:
+    """One live array of a source: (world, row), or (n, row) with any n >= 1, read at ``world % n``."""
+
+    dtype: Any
+    rows: str  # what its second dimension counts
+    every_world: bool = False
+    more: tuple[int, ...] = ()  # further dimensions, at least this long
+
+
+# The arrays that a source keeps up to date. Meanings and units are those of the fields in kernels/types.py.
+FIELDS: Mapping[str, Field] = {
+    "shape_positions": Field(wp.vec3, "shapes", every_world=True),
+    "shape_rotations": Field(wp.mat33, "shapes", every_world=True),
+    "shape_sizes": Field(wp.vec3, "shapes"),
+    "shape_assets": Field(wp.int32, "shapes"),
+    "shape_materials": Field(wp.int32, "shapes"),
+    "shape_colors": Field(wp.vec4, "shapes"),
+    "material_color": Field(wp.vec4, "materials"),
+    "material_emission": Field(wp.float32, "materials"),
+    "material_specular": Field(wp.float32, "materials"),
+    "material_shininess": Field(wp.float32, "materials"),
+    "material_texture": Field(wp.int32, "materials", more=(2,)),
+    "material_texture_repeat": Field(wp.vec2, "materials"),
+    "material_texture_uniform": Field(wp.bool, "materials"),
+    "light_types": Field(wp.int32, "lights"),
+    "light_active": Field(wp.bool, "lights"),
+    "light_casts_shadow": Field(wp.bool, "lights"),
+    "light_positions": Field(wp.vec3, "lights", every_world=True),
+    "light_directions": Field(wp.vec3, "lights", every_world=True),
+    "light_attenuation": Field(wp.vec3, "lights"),
+    "light_cutoff": Field(wp.float32, "lights"),
+    "light_exponent": Field(wp.float32, "lights"),
+    "light_ambient": Field(wp.vec3, "lights"),
+    "light_diffuse": Field(wp.vec3, "lights"),
+    "light_specular": Field(wp.vec3, "lights"),
+    "body_positions": Field(wp.vec3, "bodies", every_world=True),
+    "body_rotations": Field(wp.mat33, "bodies", every_world=True),
+    "camera_positions": Field(wp.vec3, "cameras", every_world=True),
+    "camera_rotations": Field(wp.mat33, "cameras", every_world=True),
+    "camera_fovy": Field(wp.float32, "cameras"),  # [degrees]; orthographic: vertical extent [m]
+    "camera_intrinsics": Field(wp.vec4, "cameras"),  # focal lengths, principal point off the centre [sensor's unit]
+}
+
+# Those that physically based scenes have beside: of Physical in kernels/types.py.
+PHYSICAL_FIELDS: Mapping[str, Field] = {
+    "material_roughness": Field(wp.float32, "materials"),
+    "material_metallic": Field(wp.float32, "materials"),
+    "material_reflectance": Field(wp.float32, "materials"),
+    "material_emissive": Field(wp.vec3, "materials"),
+    "light_forms": Field(wp.int32, "lights"),
+    "light_sizes": Field(wp.vec3, "lights"),
+    "light_rotations": Field(wp.mat33, "lights", every_world=True),
+    "sky": Field(wp.vec3, "terms of the sky"),
+}
+
+
+def fields_of(parts: Parts) -> Mapping[str, Field]:
+    """The arrays that a source of such parts has."""
+    if not parts.physical:
+        return FIELDS
+    texture = replace(FIELDS["material_texture"], more=(NUM_ROLES,)) if parts.maps else FIELDS["material_texture"]
+    return {**FIELDS, **PHYSICAL_FIELDS, "material_texture": texture}
+
+
+class Blends(Protocol):
+    """What blends colours of shapes in the stages of a source."""
+
+    def unblended(self, colors: np.ndarray) -> np.ndarray:
+        """Those of the source, (world*, shape, 4), without that."""
+
+    def blend(self, painted: wp.array) -> tuple[Stage, ...]:
+        """What does it to others, (world, shape), that are written each frame after the source's stages."""
+
+
+class Source(Protocol):
+    """What reads one simulator."""
+
+    device: wp.Device
+    parts: Parts
+    live_on_device: bool  # False: refresh() copies from the host
+
+    @property
+    def blends(self) -> Blends | None:
+        """None where colours are as they are held."""
+
+    def arrays(self) -> Mapping[str, wp.array]:
+        """The live arrays by the names in ``FIELDS``, and "headlight", (3,) vec3: as they are now."""
+
+    def holds(self, field: str) -> bool:
+        """Whether nobody but the user writes that array: neither a frame's stages nor a copy from the host."""
+
+    def label(self, field: str) -> str:
+        """What the user calls an array, for error messages."""
+
+    def global_ambient(self) -> float:
+        """Light that is everywhere."""
+
+    def clock(self) -> wp.array | None:
+        """Time in each world [s], (world,) float32; None where the simulator keeps none."""
+
+    def refresh(self) -> None:
+        """Bring the arrays up to date with a state on the host."""
+
+    def kernels(self) -> Sequence[wp.Kernel]:
+        """Of the stages, as far as they are known before there are meshes: they are compiled meanwhile."""
+
+    def stages(self, meshes: Meshes) -> tuple[Stage, ...]:
+        """What brings the arrays that ``arrays`` gave last up to date on the device, and those meshes that move.
+
+        At the head of each frame. The same tuple as long as it is to do the same. The state that is read may be another
+        one from call to call.
+        """
+
+    def bind(self, state: Any) -> None:
+        """Read another state of the same simulation from now on."""
+
+    def forward(self) -> None:
+        """Have the simulator compute poses from its state."""

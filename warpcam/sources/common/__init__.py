@@ -1,0 +1,1 @@
+"""Parts that several sources share: geometry, materials, images, scene graphs."""

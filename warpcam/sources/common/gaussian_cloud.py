@@ -1,0 +1,106 @@
+"""Clouds of Gaussians from files, in frames of their own."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from warpcam.accel.gaussians import Cloud
+from warpcam.kernels.types import SPLATS
+from warpcam.sources.common.geometry import SAME, Fitted, polar
+
+BASE = 0.28209479177387814  # the spherical harmonic of degree 0, 1 / (2 sqrt(pi))
+# Where Gaussians of files end, which say nothing of it: as in "3D Gaussian Ray Tracing", three standard deviations.
+LEAST_RESPONSE = 0.0113
+PLY_FIELDS = ("opacity", *(f"scale_{k}" for k in range(3)), *(f"rot_{k}" for k in range(4)))
+
+
+class CloudForm:
+    """A cloud under linear maps: stretched along its axes by the shape's size, baked under others."""
+
+    def __init__(self, cloud: Cloud):
+        self.name, self.cloud = cloud.name, cloud
+        self._baked: dict[bytes, Cloud] = {}
+
+    def fitted(self, linear: np.ndarray) -> Fitted | None:
+        if np.linalg.matrix_rank(linear) < 3:
+            return None
+        rotation, stretch = polar(linear)
+        along = np.diag(stretch)
+        if np.abs(stretch - np.diag(along)).max() <= SAME * np.abs(stretch).max():
+            return Fitted(SPLATS, rotation, along, cloud=self.cloud)
+        scale = np.abs(stretch).max()
+        key = (np.rint(np.append(stretch / scale, np.log(scale)) / SAME) + 0.0).tobytes()
+        if key not in self._baked:
+            self._baked[key] = _stretched(self.cloud, stretch)
+        return Fitted(SPLATS, rotation, np.ones(3), cloud=self._baked[key])
+
+
+def display_colors(harmonics: np.ndarray, linear: bool = False) -> np.ndarray:
+    """Display colours (n, 3) float32 of coefficients of degree 0."""
+    colors = np.maximum(BASE * harmonics.astype(np.float64) + 0.5, 0.0)
+    if linear:
+        small = colors <= 0.0031308
+        colors = np.where(small, 12.92 * colors, 1.055 * np.maximum(colors, 0.0031308) ** (1.0 / 2.4) - 0.055)
+    return colors.astype(np.float32)
+
+
+def cloud_of_ply(name: str, vertices: Any) -> Cloud | None:
+    """The cloud in the vertices of a PLY file, as training of splats writes it; None if it is none.
+
+    They are a structured array, or columns by name where the file is text. Scales are logarithms and opacities logits.
+    """
+    names = vertices if isinstance(vertices, dict) else getattr(vertices, "dtype", np.dtype(float)).names or ()
+    if not all(field in names for field in (*PLY_FIELDS, "f_dc_0", "f_dc_1", "f_dc_2")):
+        return None
+
+    def columns(*fields: str) -> np.ndarray:
+        return np.stack([np.asarray(vertices[field], np.float64).reshape(-1) for field in fields], axis=1)
+
+    with np.errstate(over="ignore"):
+        return Cloud(
+            name=name,
+            positions=columns("x", "y", "z").astype(np.float32),
+            rotations=columns(*PLY_FIELDS[4:]).astype(np.float32),
+            scales=np.exp(columns(*PLY_FIELDS[1:4])).astype(np.float32),
+            opacities=(1.0 / (1.0 + np.exp(-columns("opacity")[:, 0]))).astype(np.float32),
+            colors=display_colors(columns("f_dc_0", "f_dc_1", "f_dc_2")),
+            least_response=LEAST_RESPONSE,
+        )
+
+
+def _stretched(cloud: Cloud, stretch: np.ndarray) -> Cloud:
+    """Every Gaussian under a symmetric map of its own: its covariance, and new axes for it."""
+    w, x, y, z = (cloud.rotations / np.linalg.norm(cloud.rotations, axis=1, keepdims=True)).astype(np.float64).T
+    axes = np.array(
+        (
+            (1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)),
+            (2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)),
+            (2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)),
+        )
+    ).transpose(2, 0, 1)
+    u, sizes, _ = np.linalg.svd(stretch @ (axes * cloud.scales[:, None, :]))
+    u[np.linalg.det(u) < 0.0] *= -1.0
+    return replace(
+        cloud,
+        positions=(cloud.positions @ stretch.T).astype(np.float32),
+        rotations=_quaternions(u).astype(np.float32),
+        scales=sizes.astype(np.float32),
+    )
+
+
+def _quaternions(rotations: np.ndarray) -> np.ndarray:
+    """Quaternions w x y z, not of length 1, of proper rotations (n, 3, 3)."""
+    m = rotations
+    diagonal = np.stack((m[:, 0, 0], m[:, 1, 1], m[:, 2, 2]), axis=1)
+    trace = diagonal.sum(axis=1)
+    mixed = np.stack((m[:, 2, 1] - m[:, 1, 2], m[:, 0, 2] - m[:, 2, 0], m[:, 1, 0] - m[:, 0, 1]), axis=1)
+    four = np.zeros((len(m), 4, 4))  # 4 q q^T, of which any row will do that is not small
+    four[:, 0, 0] = 1.0 + trace
+    four[:, 0, 1:] = four[:, 1:, 0] = mixed
+    for i in range(3):
+        for j in range(3):
+            four[:, 1 + i, 1 + j] = m[:, i, j] + m[:, j, i]
+        four[:, 1 + i, 1 + i] = 1.0 + 2.0 * diagonal[:, i] - trace
+    best = np.argmax(np.diagonal(four, axis1=1, axis2=2), axis=1)
+    return four[np.arange(len(m)), best]

@@ -1,0 +1,169 @@
+"""From materials and lights as files give them to those that the kernels have: the one place where they meet.
+
+Colours and light of files are linear. Shapes' colours are kept as display colours, as those that a user sets are, and
+the kernels decode them. Lights, in physical units, are scaled together until the middle of the scene is exposed as a
+white surface would be; what materials emit is left as it is.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from warpcam.accel.meshes import Mesh
+from warpcam.kernels import types
+from warpcam.sources.common.images import LINEAR
+from warpcam.sources.common.scene_graph import Lamp, Look
+
+UNSET = (0.5, 0.5, 0.5, 1.0)  # a material's colour: shapes carry their own, but for this one which is read from here
+BARE = (0.18, 0.18, 0.18)  # of a shape that says nothing of its colour, linear
+WHITE = (1.0, 1.0, 1.0)
+# In a scene without lights: from everywhere; from the camera, on matt surfaces and in highlights.
+HEADLIGHT = ((0.2, 0.2, 0.2), (0.8, 0.8, 0.8), (0.8, 0.8, 0.8))
+FORMS = {
+    "point": types.FORM_POINT,
+    "sphere": types.FORM_SPHERE,
+    "disk": types.FORM_DISK,
+    "rectangle": types.FORM_RECTANGLE,
+    "cylinder": types.FORM_CYLINDER,
+}
+# opacity from which a surface is seen; least of a cut-out: native/accel/alpha_test.h
+SEEN, MIN_CUT = 0.5 / 255.0, 1.5 / 255.0
+MIN_ROWS = 128  # that a dome's image is cut into
+# Spherical harmonics of order 2 as native/shading/environment.h has them: the squares of what norms each term.
+NORMS = np.array((1.0, 3.0, 3.0, 3.0, 15.0, 15.0, 1.25, 15.0, 3.75)) / (4.0 * np.pi)
+
+
+def encoded(linear: np.ndarray | Sequence[float]) -> np.ndarray:
+    """The sRGB transfer function (IEC 61966-2-1) of values in [0, 1]; others are cut off."""
+    value = np.clip(np.nan_to_num(np.asarray(linear, np.float64)), 0.0, 1.0)
+    return np.where(value <= 0.0031308, 12.92 * value, 1.055 * value ** (1.0 / 2.4) - 0.055)
+
+
+@dataclass(frozen=True)
+class Material:
+    """One row of the kernels' materials."""
+
+    roughness: float
+    metallic: float
+    reflectance: float
+    emissive: tuple[float, float, float]
+    textures: tuple[int, ...]  # by their roles
+
+
+def material_of(look: Look) -> Material:
+    textures = [-1] * types.NUM_ROLES
+    textures[types.ROLE_COLOR], textures[types.ROLE_NORMAL] = look.texture, look.normals
+    textures[types.ROLE_PACKED], textures[types.ROLE_EMISSION] = look.packed, look.glow
+    if look.cutoff <= 0.0:  # what is cut out is no matter of shading
+        textures[types.ROLE_OPACITY] = look.opacity_map
+    roughness, metallic, reflectance = (
+        float(np.clip(value, 0.0, 1.0)) for value in (look.roughness, look.metallic, look.reflectance)
+    )
+    red, green, blue = (max(float(value), 0.0) for value in look.emission)
+    return Material(roughness, metallic, reflectance, (red, green, blue), tuple(textures))
+
+
+def color_of(look: Look | None, color: tuple[float, float, float, float] | None) -> tuple[float, float, float, float]:
+    """Display colour of a shape."""
+    if look is not None and color is None:
+        color = (*look.color, look.opacity)
+    red, green, blue, alpha = color if color is not None else (*BARE, 1.0)
+    red, green, blue = (float(channel) for channel in encoded((red, green, blue)))
+    return red, green, blue, float(alpha)
+
+
+def opacity(look: Look | None, color: tuple[float, float, float, float] | None) -> float:
+    """Of a whole shape; what a map says is somewhere between."""
+    alpha = color_of(look, color)[3]
+    return 0.5 if look is not None and look.opacity_map >= 0 and look.cutoff <= 0.0 and alpha > 0.0 else alpha
+
+
+def masked(mesh: Mesh, look: Look | None) -> Mesh:
+    """A mesh that is only there where the map of its opacity says so."""
+    if look is None or look.opacity_map < 0 or mesh.uvs is None:
+        return mesh
+    return replace(mesh, mask=look.opacity_map, least=max(look.cutoff, MIN_CUT) if look.cutoff > 0.0 else SEEN)
+
+
+def arriving(lamp: Lamp, place: np.ndarray, middle: np.ndarray) -> float:
+    """What a light at ``place`` sends to the middle of a scene, if that faces it; (3,) each [m]."""
+    if not lamp.active:
+        return 0.0
+    square = float(((place - middle) ** 2).sum()) + lamp.near if lamp.kind == "local" else 1.0
+    light = max(lamp.strength) / max(square, 1e-12)
+    return light if 0.0 < light < np.inf else 0.0
+
+
+def light_rows(lamps: Sequence[Lamp], gain: float) -> dict[str, np.ndarray]:
+    """Rows of the kernels' lights by field, domes among them dark; all light is multiplied by ``gain``."""
+    strengths = gain * np.array([lamp.strength for lamp in lamps], np.float64).reshape(-1, 3)
+    on = np.array([lamp.active and lamp.kind != "dome" for lamp in lamps], bool)
+    local = np.array([lamp.kind == "local" for lamp in lamps], bool)
+    # What arrives 1 m away to radiance: by the area that is seen, over pi.
+    areas = np.array([lamp.seen if lamp.form != "point" else np.pi for lamp in lamps], np.float64)
+    light = strengths * (np.pi / areas)[:, None]
+    return {
+        "types": np.where(local, types.LIGHT_SPOT, types.LIGHT_DIRECTIONAL).astype(np.int32),
+        "active": on & (strengths.max(axis=1, initial=0.0) > 0.0),
+        "casts_shadow": np.array([lamp.casts_shadow for lamp in lamps], bool),
+        "attenuation": np.tile((0.0, 0.0, 1.0), (len(lamps), 1)),
+        "cutoff": np.array([min(lamp.cone, 90.0) if lamp.one_sided else lamp.cone for lamp in lamps], np.float32),
+        "exponent": np.zeros(len(lamps), np.float32),
+        "ambient": np.zeros((len(lamps), 3)),
+        "diffuse": light * np.array([lamp.diffuse for lamp in lamps]).reshape(-1, 1),
+        "specular": light * np.array([lamp.specular for lamp in lamps]).reshape(-1, 1),
+        "forms": np.array([FORMS[lamp.form] for lamp in lamps], np.int32),
+        "sizes": np.array([lamp.size for lamp in lamps], np.float64).reshape(-1, 3),
+    }
+
+
+def sky_rows(lamps: Sequence[Lamp], gain: float) -> np.ndarray:
+    """All domes together, (SKY_TERMS + 1, 3): see native/shading/environment.h."""
+    rows = np.zeros((types.SKY_TERMS + 1, 3))
+    for lamp in lamps:
+        if lamp.kind == "dome" and lamp.active:
+            terms = np.nan_to_num(np.asarray(lamp.terms), posinf=0.0, neginf=0.0)
+            rows[: types.SKY_TERMS] += gain * terms
+            if not rows[-1].any():  # the first one's image is what is seen
+                rows[-1] = gain * np.asarray(lamp.image_gain)
+    return rows
+
+
+def even_sky(radiance: Sequence[float]) -> np.ndarray:
+    """Terms of a sky that is alike all over, (SKY_TERMS, 3)."""
+    return np.array([tuple(radiance), *[(0.0, 0.0, 0.0)] * (types.SKY_TERMS - 1)], np.float64)
+
+
+def sky_of_panorama(pixels: np.ndarray, turn: np.ndarray) -> np.ndarray:
+    """Terms of an image by longitude and latitude, (SKY_TERMS, 3).
+
+    Args:
+        pixels: (height, width, 3) uint8, sRGB-coded; its middle lies along +z, its top is +y, of the dome.
+        turn: (3, 3), rotation from the dome's axes to the world's.
+    """
+    height, width = pixels.shape[:2]
+    longitude = 2.0 * np.pi * (0.5 - (np.arange(width) + 0.5) / width)
+    s, c = np.sin(longitude), np.cos(longitude)
+    waves = np.stack((np.ones(width), s, c, s * s, s * c, c * c)) * 2.0 * np.pi / width
+    rows = np.concatenate([waves @ LINEAR[pixels[row]][None] for row in range(height)])  # one at a time: they are large
+    parts = -(-MIN_ROWS // height)
+    rows = np.repeat(rows, parts, axis=0)
+    edges = np.linspace(0.5 * np.pi, -0.5 * np.pi, height * parts + 1)
+    middle = 0.5 * (edges[:-1] + edges[1:])
+    u, f = np.sin(middle)[:, None], np.cos(middle)[:, None]
+    one, x, z, xx, xz, zz = np.moveaxis(rows, 1, 0)
+    first = np.stack((f * x, u * one, f * z))
+    second = np.stack((f * f * xx, f * u * x, f * f * xz, f * u * x, u * u * one, f * u * z, f * f * xz, f * u * z,
+                       f * f * zz))  # fmt: skip
+    areas = np.sin(edges[:-1]) - np.sin(edges[1:])
+    total = np.einsum("h,hc->c", areas, one)
+    along = turn @ np.einsum("h,dhc->dc", areas, first)
+    across = np.einsum("ij,jkc,lk->ilc", turn, np.einsum("h,dhc->dc", areas, second).reshape(3, 3, -1), turn)
+    moments = np.stack(
+        (
+            total, *along, across[0, 1], across[1, 2], 3.0 * across[2, 2] - total, across[0, 2],
+            across[0, 0] - across[1, 1],
+        )
+    )  # fmt: skip
+    return NORMS[:, None] * moments

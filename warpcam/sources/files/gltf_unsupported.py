@@ -1,0 +1,80 @@
+"""What a glTF file asks for that is not drawn: trimesh, which reads it, goes on without a word."""
+
+import json
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+from warpcam.sources.common.warnings import Notes
+
+MAGIC = b"glTF"
+HEADER = 12  # bytes before the first chunk, and 8 before what that holds
+# Extensions that are read, or that change nothing in shapes and base colours.
+KNOWN = ("KHR_draco_mesh_compression", "KHR_mesh_quantization", "EXT_texture_webp", "KHR_materials_", "KHR_lights_")
+WORD = 5123  # the type of whole numbers of 16 bits
+MOVES = "KHR_texture_transform"
+UNREAD = ("cameras", "lights", "animations", "skins")
+TELLING = ("baseColorTexture", "metallicRoughnessTexture", "normalTexture", "occlusionTexture", "emissiveTexture")
+
+
+def tell(path: Path, notes: Notes) -> None:
+    """Warn of it, by the names of the materials."""
+    tree = _tree(path)
+    for name in _listed(tree, "extensionsRequired"):
+        if name != MOVES and not str(name).startswith(KNOWN):
+            notes.warn("needs an extension of glTF that is not known here, and may be drawn wrongly", str(name))
+    for place, material in enumerate(_listed(tree, "materials")):
+        where = str(material.get("name") or f"material {place}") if isinstance(material, Mapping) else ""
+        for texture in _textures(material):
+            extensions = texture.get("extensions")
+            moved = extensions.get(MOVES) if isinstance(extensions, Mapping) else None
+            moved = moved if isinstance(moved, Mapping) else {}
+            if {"offset", "rotation", "scale"} & set(moved):
+                notes.warn("has a texture that KHR_texture_transform moves, and is laid on as if it did not", where)
+            if moved.get("texCoord", texture.get("texCoord", 0)):
+                notes.warn("has a texture for other texture coordinates than its first, and is laid on by these", where)
+
+    extensions = tree.get("extensions")
+    lit = extensions.get("KHR_lights_punctual") if isinstance(extensions, Mapping) else None
+    for kind in UNREAD:
+        if _listed(lit if kind == "lights" else tree, kind):
+            notes.warn("has things of glTF that are not read", kind)
+    if any(_misread(tree)):
+        notes.warn("has colours of corners of 16 bits without a material, which trimesh misreads")
+
+
+def _misread(tree: Mapping[str, Any]) -> Iterator[bool]:
+    accessors = _listed(tree, "accessors")
+    for mesh in _listed(tree, "meshes"):
+        for primitive in _listed(mesh, "primitives"):
+            attributes = primitive.get("attributes") if isinstance(primitive, Mapping) else None
+            place = attributes.get("COLOR_0") if isinstance(attributes, Mapping) else None
+            if isinstance(place, int) and 0 <= place < len(accessors) and "material" not in primitive:
+                yield isinstance(accessors[place], Mapping) and accessors[place].get("componentType") == WORD
+
+
+def _listed(tree: Any, name: str) -> list[Any]:
+    found = tree.get(name) if isinstance(tree, Mapping) else None
+    return found if isinstance(found, list) else []
+
+
+def _textures(material: Any) -> Iterator[Mapping[str, Any]]:
+    parts: list[Any] = [material, material.get("pbrMetallicRoughness")] if isinstance(material, Mapping) else []
+    for part in parts:
+        for name in TELLING:
+            texture = part.get(name) if isinstance(part, Mapping) else None
+            if isinstance(texture, Mapping):
+                yield texture
+
+
+def _tree(path: Path) -> Mapping[str, Any]:
+    """The file's description; empty if there is none that can be read."""
+    data = path.read_bytes()
+    if data[:4] == MAGIC:
+        length = int.from_bytes(data[HEADER : HEADER + 4], "little")
+        data = data[HEADER + 8 : HEADER + 8 + length]
+    try:
+        tree = json.loads(data)
+    except (ValueError, RecursionError):
+        return {}
+    return tree if isinstance(tree, Mapping) else {}

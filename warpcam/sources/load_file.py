@@ -1,0 +1,83 @@
+"""Which reader a file is for."""
+
+from collections.abc import Mapping
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+from warpcam.core.device import resolve
+from warpcam.core.errors import WarpcamError
+from warpcam.scene.layers import choice_of
+from warpcam.scene.scene import Scene
+from warpcam.scene.validation import check_num_worlds, check_unit
+from warpcam.sources.common.optional import import_source
+
+USD = (".usd", ".usda", ".usdc", ".usdz")
+MESHES = (".glb", ".gltf", ".obj", ".stl", ".ply")
+MUJOCO = (".xml", ".mjb", ".urdf")
+
+
+def load(
+    path: Any,
+    num_worlds: int,
+    device: Any,
+    meters_per_unit: float | None,
+    up_axis: str | None,
+    textures: Mapping[str, Any],
+    transparency: bool | None = None,
+) -> Scene:
+    """See ``warpcam.load``."""
+    if not isinstance(path, str | Path):
+        raise WarpcamError(f"load: path must be a path, got {type(path).__name__}")
+    file = Path(path)
+    kind = file.suffix.lower()
+    if kind not in (*USD, *MESHES, *MUJOCO):
+        raise WarpcamError(f"load: {str(path)!r} came; known are {', '.join((*MUJOCO, *USD, *MESHES))}")
+    if not file.is_file():
+        raise WarpcamError(f"load: there is no file {str(path)!r}")
+    check_num_worlds(num_worlds)
+    if up_axis not in ("Z", None):
+        raise WarpcamError(f'up_axis must be "Z", or None for the file\'s own axes, got {up_axis!r}')
+    check_unit(meters_per_unit)
+    choice_of("transparency", transparency)
+    if kind in USD:
+        stage: Scene = import_source("usd.source", "usd").load(
+            file,
+            num_worlds,
+            device=device,
+            meters_per_unit=meters_per_unit,
+            up_axis=up_axis,
+            textures=textures,
+            transparency=transparency,
+            time=None,
+            purposes=("default", "render"),
+            double_sided=None,
+            semantics=None,
+            exposure=None,
+        )
+        return stage
+    if kind in MUJOCO:
+        for name, value in (("meters_per_unit", meters_per_unit), ("textures", textures)):
+            if value:
+                raise WarpcamError(f"load: {name} is not for {kind} files")
+        from warpcam.sources.mujoco import batch_file
+
+        put = batch_file.load(file, num_worlds=int(num_worlds), seed=None, device=resolve(device))
+        worlds: Scene = import_source("mujoco.device").load(put.host, put.model, put.data, transparency=transparency)
+        return worlds
+    try:
+        reader = import_module("warpcam.sources.files.mesh_file")
+    except ModuleNotFoundError as error:
+        raise WarpcamError(
+            f"{error.name} is not installed, and {kind} files need it: pip install 'warpcam[meshes]'"
+        ) from None
+    scene: Scene = reader.load(
+        file,
+        int(num_worlds),
+        device=device,
+        meters_per_unit=meters_per_unit,
+        up_axis=up_axis,
+        textures=textures,
+        transparency=transparency,
+    )
+    return scene

@@ -1,0 +1,1 @@
+"""Scenes of MuJoCo and MuJoCo-Warp."""

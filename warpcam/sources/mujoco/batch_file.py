@@ -1,0 +1,169 @@
+"""Many worlds of one MJCF file, for the command line: MuJoCo-Warp holds them, each with joints of its own."""
+
+from dataclasses import dataclass
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import warp as wp
+
+from warpcam.core.errors import WarpcamError
+from warpcam.sources.mujoco import urdf
+
+# How far a joint without limits is moved at most.
+LOOSE_HINGE = 0.4  # [rad]
+LOOSE_SLIDE = 0.05  # [m]
+LOOSE_BALL = 0.4  # [rad], about each axis
+FREE_SHIFT = 0.03  # [m]; never downwards, where a floor may be
+FREE_TURN = 0.3  # [rad], about the vertical
+
+DEMO = Path(__file__).parents[2] / "data" / "demo.xml"
+
+
+@dataclass(frozen=True, eq=False)
+class Worlds:
+    """A host model with its device Model and Data, as mujoco_warp made them."""
+
+    host: Any
+    model: Any
+    data: Any
+
+
+def load(path: Path, *, num_worlds: int, seed: int | None, device: wp.Device) -> Worlds:
+    """Read an MJCF or URDF file (or .mjb) and put `num_worlds` worlds of it on the device, posed and ready to be seen.
+
+    World 0 is the scene as the file has it, with its first keyframe if there is one; the joints of the others
+    are random within their ranges, or the same without a seed.
+    """
+    mjw = _needed("mujoco_warp")
+    host, state = read(path)
+    try:
+        with wp.ScopedDevice(device):
+            model = mjw.put_model(host)
+            data = mjw.put_data(host, state, nworld=num_worlds)
+            if seed is not None:
+                data.qpos.assign(joint_positions(host, state.qpos, num_worlds=num_worlds, seed=seed))
+            mjw.kinematics(model, data)
+            mjw.com_pos(model, data)
+            mjw.camlight(model, data)
+    except NotImplementedError as error:
+        raise WarpcamError(f"scene: MuJoCo-Warp cannot simulate {str(path)!r}: {error}") from None
+    return Worlds(host, model, data)
+
+
+def read(path: Path) -> tuple[Any, Any]:
+    """The host's model and state of an MJCF or URDF file (or .mjb), at its first keyframe if there is one."""
+    mujoco = _needed("mujoco")
+    try:
+        if path.suffix.lower() == ".urdf":
+            host = urdf.load(path)
+        else:
+            model = mujoco.MjModel
+            host = (model.from_binary_path if path.suffix.lower() == ".mjb" else model.from_xml_path)(str(path))
+    except ValueError as error:
+        raise WarpcamError(f"scene: MuJoCo cannot read {str(path)!r}: {' '.join(str(error).split())}") from None
+    state = mujoco.MjData(host)
+    restart(host, state)
+    return host, state
+
+
+def restart(host: Any, state: Any) -> None:
+    """Take a state back to where its file begins."""
+    mujoco = _needed("mujoco")
+    if host.nkey:
+        mujoco.mj_resetDataKeyframe(host, state, 0)
+    else:
+        mujoco.mj_resetData(host, state)
+    mujoco.mj_forward(host, state)
+
+
+def move(put: Worlds, *, seed: int, by: float = 0.1) -> None:
+    """Take every joint a part of the way to other random positions."""
+    import mujoco_warp as mjw
+
+    start = put.data.qpos.numpy()
+    other = joint_positions(put.host, start[0], num_worlds=len(start) + 1, seed=seed)[1:]
+    with wp.ScopedDevice(put.data.qpos.device):
+        put.data.qpos.assign(start + by * (other - start))
+        mjw.kinematics(put.model, put.data)
+        mjw.com_pos(put.model, put.data)
+        mjw.camlight(put.model, put.data)
+
+
+def joint_positions(host: Any, start: np.ndarray, *, num_worlds: int, seed: int) -> np.ndarray:
+    """Joint positions, (world, nq) float32: world 0 is `start`, the others vary around it.
+
+    A hinge or slide with limits takes any value within them; every other joint moves a little.
+    """
+    from mujoco import mjtJoint
+
+    random = np.random.default_rng(seed)
+    positions = np.tile(np.asarray(start, dtype=np.float64), (num_worlds, 1))
+    others = positions[1:]
+    kinds = [mjtJoint(kind) for kind in host.jnt_type]  # the numbers themselves do not compare equal to the enum
+    for kind, address, limited, limits in zip(kinds, host.jnt_qposadr, host.jnt_limited, host.jnt_range, strict=True):
+        if kind in (mjtJoint.mjJNT_HINGE, mjtJoint.mjJNT_SLIDE):
+            if limited:
+                others[:, address] = random.uniform(float(limits[0]), float(limits[1]), size=len(others))
+            else:
+                reach = LOOSE_HINGE if kind == mjtJoint.mjJNT_HINGE else LOOSE_SLIDE
+                others[:, address] += random.uniform(-reach, reach, size=len(others))
+        elif kind == mjtJoint.mjJNT_BALL:
+            turn = random.uniform(-LOOSE_BALL, LOOSE_BALL, size=(len(others), 3))
+            others[:, address : address + 4] = rotated(others[:, address : address + 4], turn)
+        else:
+            shift = random.uniform((-FREE_SHIFT, -FREE_SHIFT, 0.0), FREE_SHIFT, size=(len(others), 3))
+            turn = random.uniform((0.0, 0.0, -FREE_TURN), (0.0, 0.0, FREE_TURN), size=(len(others), 3))
+            others[:, address : address + 3] += shift
+            others[:, address + 3 : address + 7] = rotated(others[:, address + 3 : address + 7], turn)
+    return positions.astype(np.float32)
+
+
+def rotated(quaternions: np.ndarray, turns: np.ndarray) -> np.ndarray:
+    """Quaternions (n, 4) wxyz, turned by rotation vectors (n, 3) [rad] in the parent's frame."""
+    angles = np.linalg.norm(turns, axis=1, keepdims=True)
+    # sinc, because a turn of zero has no axis.
+    w, v = np.cos(0.5 * angles), 0.5 * turns * np.sinc(0.5 * angles / np.pi)
+    qw, qv = quaternions[:, :1], quaternions[:, 1:]
+    return np.hstack([w * qw - np.sum(v * qv, axis=1, keepdims=True), w * qv + qw * v + np.cross(v, qv)])
+
+
+def free_camera(host: Any | None, lower: np.ndarray, upper: np.ndarray, aspect: float) -> dict[str, Any]:
+    """Where MuJoCo's default free camera would look from, moved back until the box fits: arguments of a Camera.
+
+    Args:
+        host: the model, for the free camera's angles and field of view; None for what MuJoCo has by itself.
+        lower, upper: corners of what is to be seen [m], (3,).
+        aspect: width of the image over its height.
+    """
+    from warpcam.camera.lens import Pinhole
+
+    view = host.vis.global_ if host is not None else None
+    azimuth, elevation = np.radians((90.0, -45.0) if view is None else (view.azimuth, view.elevation))
+    fovy = 45.0 if view is None else float(view.fovy)
+    center = 0.5 * (lower + upper)
+    radius = max(0.5 * float(np.linalg.norm(upper - lower)), 1e-3)
+    half = np.radians(0.5 * fovy)
+    narrow = min(half, np.arctan(aspect * np.tan(half)))
+    forward = np.array([np.cos(elevation) * np.cos(azimuth), np.cos(elevation) * np.sin(azimuth), np.sin(elevation)])
+    position = center - forward * radius / np.sin(narrow)
+    # The camera's -Z looks level along azimuth 90 degrees (+Y) after a quarter turn about X; then pitch, then yaw.
+    pitch, yaw = 0.5 * (elevation + 0.5 * np.pi), 0.5 * (azimuth - 0.5 * np.pi)
+    rotation = (
+        np.cos(yaw) * np.cos(pitch),
+        np.cos(yaw) * np.sin(pitch),
+        np.sin(yaw) * np.sin(pitch),
+        np.sin(yaw) * np.cos(pitch),
+    )
+    return {"position": position, "rotation": rotation, "lens": Pinhole(fovy=fovy)}
+
+
+def _needed(name: str) -> Any:
+    """MuJoCo, or MuJoCo-Warp, which need not be installed for anything else."""
+    try:
+        return import_module(name)
+    except ImportError as error:
+        raise WarpcamError(
+            f"{error.name} is not installed, and scenes need it: pip install 'warpcam[mujoco]'"
+        ) from None

@@ -1,0 +1,1 @@
+"""Kernels of MuJoCo's visual geoms."""

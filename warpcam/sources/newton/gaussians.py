@@ -1,0 +1,24 @@
+"""Newton's Gaussians as clouds."""
+
+import newton
+import numpy as np
+
+from warpcam.accel.gaussians import Cloud
+from warpcam.core.errors import WarpcamError
+from warpcam.sources.common.gaussian_cloud import display_colors
+
+
+def read_cloud(source: newton.Gaussian, label: str) -> Cloud:
+    """What Newton's own renderers draw of it: colours are those of degree 0, the same from all sides."""
+    harmonics = source.sh_coeffs
+    if harmonics is None or harmonics.shape[1] < 3:
+        raise WarpcamError(f"model: the splats of shape '{label}': sh_coeffs must have 3 columns or more")
+    return Cloud(
+        name=label,
+        positions=np.asarray(source.positions, np.float32),
+        rotations=np.asarray(source.rotations, np.float32)[:, [3, 0, 1, 2]],
+        scales=np.asarray(source.scales, np.float32),
+        opacities=np.asarray(source.opacities, np.float32),
+        colors=display_colors(harmonics[:, :3], source.sh_color_space == newton.utils.ColorSpace.LINEAR),
+        least_response=float(source.min_response),
+    )

@@ -1,0 +1,51 @@
+"""Gaussian splats of a stage."""
+
+from typing import Any
+
+import numpy as np
+from pxr import Usd
+
+from warpcam.accel.gaussians import Cloud
+from warpcam.sources.common.gaussian_cloud import LEAST_RESPONSE, CloudForm, display_colors
+
+KIND = "ParticleField3DGaussianSplat"
+HARMONICS = "radiance:sphericalHarmonicsCoefficients"
+
+
+def read_splats(prim: Usd.Prim, time: Usd.TimeCode) -> CloudForm | None:
+    """The prim's cloud; None if its arrays do not fit each other, or there are no positions."""
+    positions = _array(prim, "positions", time)
+    if positions is None or len(positions) == 0:
+        return None
+    count = len(positions)
+    rotations = _or(_array(prim, "orientations", time), np.tile((0.0, 0.0, 0.0, 1.0), (count, 1)))  # x y z w
+    scales = _or(_array(prim, "scales", time), np.ones((count, 3)))
+    opacities = _or(_array(prim, "opacities", time), np.ones(count))
+    harmonics = _or(_array(prim, HARMONICS, time), np.zeros((count, 3)))
+    if any(len(array) != count for array in (rotations, scales, opacities)) or len(harmonics) % count:
+        return None
+    spaces = [prim.GetAttribute(name).GetColorSpace() for name in (HARMONICS, f"{HARMONICS}h")]
+    cloud = Cloud(
+        name=str(prim.GetPath()),
+        positions=positions.astype(np.float32),
+        rotations=rotations[:, [3, 0, 1, 2]].astype(np.float32),
+        scales=scales.astype(np.float32),
+        opacities=opacities.astype(np.float32),
+        colors=display_colors(harmonics[:: len(harmonics) // count], any(s.startswith("lin_") for s in spaces if s)),
+        least_response=LEAST_RESPONSE,
+    )
+    return CloudForm(cloud)
+
+
+def _array(prim: Usd.Prim, name: str, time: Usd.TimeCode) -> np.ndarray | None:
+    """An attribute, or its twin of half precision."""
+    for candidate in (name, f"{name}h"):
+        attribute = prim.GetAttribute(candidate)
+        value: Any = attribute.Get(time) if attribute else None
+        if value is not None and len(value):
+            return np.asarray(value, np.float64)
+    return None
+
+
+def _or(array: np.ndarray | None, default: np.ndarray) -> np.ndarray:
+    return default if array is None else array

@@ -1,0 +1,303 @@
+"""Meshes of a stage: polygons of any number of corners, with what lies on them."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from pxr import Sdf, Usd, UsdGeom, UsdShade
+
+from warpcam.accel.meshes import face_normals
+from warpcam.accel.triangulation import triangulate
+from warpcam.core.errors import WarpcamError
+from warpcam.sources.common.geometry import Surface, unit
+from warpcam.sources.common.images import corner_colors
+from warpcam.sources.common.materials import encoded
+from warpcam.sources.common.scene_graph import Item
+from warpcam.sources.common.warnings import Notes
+from warpcam.sources.usd.material import Bound, MaterialReader
+
+SKINNING = ("primvars:skel:jointIndices", "skel:blendShapes")  # of what UsdSkel moves
+SMOOTH_BELOW = 0.8  # cosine to the face's normal under which a control cage is not smoothed
+
+
+@dataclass(frozen=True, eq=False)
+class Triangles:
+    """A mesh that has been cut into triangles.
+
+    Attributes:
+        name: Its path.
+        points: (vertex, 3) float64.
+        vertices: (triangle, 3), indices of points, counterclockwise seen from the front.
+        corners: (triangle, 3), places among the corners of all faces.
+        faces: (triangle,), the faces that they were cut from.
+        counts: Faces, points and corners: what values by interpolation count.
+        smooth: Faces are a control cage.
+        two_sided: It is seen from behind, too.
+        moves: Its points change with time, and nothing else.
+    """
+
+    name: str
+    points: np.ndarray
+    vertices: np.ndarray
+    corners: np.ndarray
+    faces: np.ndarray
+    counts: tuple[int, int, int]
+    smooth: bool
+    two_sided: bool
+    moves: bool
+
+
+class MeshReader:
+    """Reads each mesh once for each material that it has."""
+
+    def __init__(self, materials: MaterialReader, double_sided: bool | None, notes: Notes):
+        self.double_sided = double_sided
+        self._materials, self._notes = materials, notes
+        self._cut: dict[Sdf.Path, Triangles | None] = {}
+        self._parts: dict[tuple[Any, ...], tuple[Surface, int, bool]] = {}
+        self.updates: list[Callable[[Usd.TimeCode], None]] = []
+
+    def read(self, prim: Usd.Prim, node: int, name: str, time: Usd.TimeCode) -> list[Item]:
+        """The shapes that a mesh makes: one, or one for each material of its subsets."""
+        path = prim.GetPrimInPrototype().GetPath() if prim.IsInstanceProxy() else prim.GetPath()
+        if path not in self._cut:
+            self._cut[path] = self._triangles(prim, path, time)
+        triangles = self._cut[path]
+        if triangles is None:
+            return []
+        items = []
+        rest = np.ones(len(triangles.faces), bool)
+        subsets = UsdShade.MaterialBindingAPI(prim).GetMaterialBindSubsets() if prim.IsA(UsdGeom.Mesh) else []
+        for subset in subsets:
+            if subset.GetElementTypeAttr().Get() != UsdGeom.Tokens.face:
+                self._notes.warn("is a subset of other things than faces, and is left out", str(subset.GetPath()))
+                continue
+            indices = np.array(subset.GetIndicesAttr().Get(time) or [], np.int64)
+            chosen = np.zeros(triangles.counts[0], bool)
+            inside = (indices >= 0) & (indices < len(chosen))
+            if not inside.all():
+                self._notes.warn("names faces that the mesh does not have, which are left out", str(subset.GetPath()))
+            chosen[indices[inside]] = True
+            mine = chosen[triangles.faces] & rest
+            rest &= ~mine
+            if mine.any():
+                own = f"{name}/{subset.GetPrim().GetName()}"
+                bound = self._materials.bound_to(subset.GetPrim())
+                items.append(self._item(prim, path, node, own, bound, triangles, mine, str(subset.GetPath()), time))
+        if rest.any():
+            bound = self._materials.bound_to(prim)
+            items.append(self._item(prim, path, node, name, bound, triangles, rest, "", time))
+        return items
+
+    def _item(
+        self,
+        prim: Usd.Prim,
+        path: Sdf.Path,
+        node: int,
+        name: str,
+        bound: Bound,
+        triangles: Triangles,
+        mine: np.ndarray,
+        part: str,
+        time: Usd.TimeCode,
+    ) -> Item:
+        # Of an instance the same unless what is inherited from outside differs: that is colours and bindings.
+        color = self._materials.own_color(bound, prim, time)
+        key = (path, part.rsplit("/", 1)[-1], bound.look, bound.uv)
+        if key not in self._parts:
+            self._parts[key] = self._part(prim, str(path), bound, triangles, mine, time)
+        surface, look, painted = self._parts[key]
+        return Item(name, node, surface, look, (1.0, 1.0, 1.0, color[3]) if painted and color is not None else color)
+
+    def _part(
+        self,
+        prim: Usd.Prim,
+        name: str,
+        bound: Bound,
+        triangles: Triangles,
+        mine: np.ndarray,
+        time: Usd.TimeCode,
+    ) -> tuple[Surface, int, bool]:
+        """Its surface and look, and whether that has the colours of its corners."""
+        look = bound.look
+        uvs = self._uvs(prim, bound, triangles, time)
+        if look >= 0 and uvs is not None:
+            look, uvs = self._materials.laid_on(look, uvs)
+        painted = self._corner_colors(prim, triangles, time) if bound.by_color else None
+        if painted is not None:
+            image, uvs = corner_colors(np.rint(255.0 * encoded(painted[mine])).astype(np.uint8))
+            look = self._materials.painted(look, image, name)
+        elif uvs is not None:
+            uvs = uvs[mine]
+        normals = self._normals(prim, triangles, time)
+        vertices, back = np.unique(triangles.vertices[mine], return_inverse=True)
+        surface = Surface(
+            name,
+            triangles.points[vertices],
+            back.reshape(-1, 3).astype(np.int32),
+            None if normals is None else normals[mine],
+            uvs,
+            triangles.two_sided,
+            triangles.moves,
+        )
+        if triangles.moves:
+            self.updates.append(lambda time: self._move(surface, prim, vertices, len(triangles.points), time))
+        return surface, look, painted is not None
+
+    def _move(self, surface: Surface, prim: Usd.Prim, vertices: np.ndarray, count: int, time: Usd.TimeCode) -> None:
+        points = np.array(UsdGeom.PointBased(prim).GetPointsAttr().Get(time) or [], np.float64).reshape(-1, 3)
+        if len(points) == count and np.isfinite(points).all():
+            surface.vertices = points[vertices]
+        else:
+            self._notes.warn(
+                "has other points than at first, or none, at some times, and stays as it was", surface.name
+            )
+
+    def _triangles(self, prim: Usd.Prim, path: Sdf.Path, time: Usd.TimeCode) -> Triangles | None:
+        name = str(path)
+        points = np.array(UsdGeom.PointBased(prim).GetPointsAttr().Get(time) or [], np.float64).reshape(-1, 3)
+        if not np.isfinite(points).all():
+            raise WarpcamError(f"mesh '{name}': points must be finite, got {points[~np.isfinite(points).all(1)][0]}")
+        smooth = False
+        if prim.IsA(UsdGeom.Mesh):
+            mesh = UsdGeom.Mesh(prim)
+            counts = np.array(mesh.GetFaceVertexCountsAttr().Get(time) or [], np.int64)
+            indices = np.array(mesh.GetFaceVertexIndicesAttr().Get(time) or [], np.int64)
+            holes = np.array(mesh.GetHoleIndicesAttr().Get(time) or [], np.int64)
+            if mesh.GetSubdivisionSchemeAttr().Get(time) != UsdGeom.Tokens.none:
+                smooth = True
+                self._notes.remark("is a subdivision surface, drawn as its control cage", name)
+        else:
+            tets = UsdGeom.TetMesh(prim)
+            surface = tets.GetSurfaceFaceVertexIndicesAttr().Get(time)
+            surface = surface or UsdGeom.TetMesh.ComputeSurfaceFaces(tets, time) or []
+            indices = np.array(surface, np.int64).reshape(-1)
+            counts, holes = np.full(len(indices) // 3, 3, np.int64), np.zeros(0, np.int64)
+        if len(counts) == 0 or len(points) == 0:
+            self._notes.warn("is a mesh without faces", name)
+            return None
+        if counts.min() < 0 or counts.sum() != len(indices):
+            raise WarpcamError(
+                f"mesh '{name}': faceVertexCounts sum up to {counts.sum()}, but there are {len(indices)} "
+                "faceVertexIndices"
+            )
+        if indices.min() < 0 or indices.max() >= len(points):
+            worst = indices.min() if indices.min() < 0 else indices.max()
+            raise WarpcamError(f"mesh '{name}': faceVertexIndices has {worst}; allowed are 0 to {len(points) - 1}")
+        if counts.min() < 3:
+            self._notes.warn("has faces of less than three corners, which are left out", name)
+        corners, faces = triangulate(counts, indices, points)
+        if len(holes):
+            there = ~np.isin(faces, holes)
+            corners, faces = corners[there], faces[there]
+        if UsdGeom.Gprim(prim).GetOrientationAttr().Get(time) == UsdGeom.Tokens.leftHanded:
+            corners = corners[:, [0, 2, 1]]
+        if len(faces) == 0:
+            self._notes.warn("is a mesh without faces", name)
+            return None
+        sides = bool(UsdGeom.Gprim(prim).GetDoubleSidedAttr().Get(time))
+        two_sided = sides if self.double_sided is None else self.double_sided
+        totals = (len(counts), len(points), len(indices))
+        moves = UsdGeom.PointBased(prim).GetPointsAttr().ValueMightBeTimeVarying()
+        if prim.IsA(UsdGeom.Mesh):
+            mesh = UsdGeom.Mesh(prim)
+            fixed = (mesh.GetFaceVertexCountsAttr(), mesh.GetFaceVertexIndicesAttr(), mesh.GetHoleIndicesAttr())
+            if any(attribute.ValueMightBeTimeVarying() for attribute in fixed):
+                self._notes.warn("changes its faces with time, and is drawn as it was at first", name)
+                moves = False
+        skinned = (prim.GetAttribute(name).Get(Usd.TimeCode.EarliestTime()) for name in SKINNING)
+        if any(value is not None and np.size(value) > 0 for value in skinned):
+            self._notes.warn("is moved by a skeleton, which is not followed: its points are drawn as they stand", name)
+        return Triangles(name, points, indices[corners], corners, faces, totals, smooth, two_sided, moves)
+
+    def _uvs(self, prim: Usd.Prim, bound: Bound, triangles: Triangles, time: Usd.TimeCode) -> np.ndarray | None:
+        """(triangle, 3, 2), v up."""
+        api = UsdGeom.PrimvarsAPI(prim)
+        primvar = api.FindPrimvarWithInheritance(bound.uv) if bound.uv else None
+        if not primvar or not primvar.HasValue():
+            kinds = (Sdf.ValueTypeNames.TexCoord2fArray, Sdf.ValueTypeNames.TexCoord2hArray)
+            every = [p for p in api.FindPrimvarsWithInheritance() if p.HasValue()]
+            named = {p.GetPrimvarName(): p for p in every}
+            typed = [p for p in every if p.GetTypeName() in kinds]
+            primvar = named.get("st") or named.get("UVMap") or named.get("uv") or (typed[0] if typed else None)
+        values = self._values(primvar, triangles, 2, time) if primvar else None
+        if values is None:
+            return None
+        if bound.uv_turn is not None:
+            values = values @ bound.uv_turn[:, :2].T + bound.uv_turn[:, 2]
+        return values
+
+    def _corner_colors(self, prim: Usd.Prim, triangles: Triangles, time: Usd.TimeCode) -> np.ndarray | None:
+        """Display colours that differ over the mesh, (triangle, 3, 3) linear."""
+        primvar = UsdGeom.PrimvarsAPI(prim).FindPrimvarWithInheritance("displayColor")
+        if not primvar or not primvar.HasValue() or primvar.GetInterpolation() == UsdGeom.Tokens.constant:
+            return None
+        return self._values(primvar, triangles, 3, time)
+
+    def _normals(self, prim: Usd.Prim, triangles: Triangles, time: Usd.TimeCode) -> np.ndarray | None:
+        """(triangle, 3, 3), unit; None for flat faces."""
+        primvar = UsdGeom.PrimvarsAPI(prim).GetPrimvar("normals")
+        values = None
+        if primvar and primvar.HasValue():
+            values = self._values(primvar, triangles, 3, time)
+        else:
+            based = UsdGeom.PointBased(prim)
+            normals = based.GetNormalsAttr().Get(time)
+            if normals:
+                how = based.GetNormalsInterpolation()
+                values = self._spread(np.array(normals, np.float64), how, triangles, "normals")
+        flat = face_normals(triangles.points, triangles.vertices)[:, None, :]
+        if values is not None:
+            usable = np.isfinite(values).all(axis=-1, keepdims=True) & (np.abs(values).max(-1, keepdims=True) > 0.0)
+            return np.where(usable, unit(values), flat)
+        if not triangles.smooth:
+            return None
+        corners = triangles.points[triangles.vertices]
+        sums = np.zeros_like(triangles.points)
+        for k in range(3):  # by their angles: how faces were cut does not matter
+            one, other = unit(corners[:, k - 1] - corners[:, k]), unit(corners[:, k - 2] - corners[:, k])
+            angle = np.arccos(np.clip((one * other).sum(axis=-1), -1.0, 1.0))
+            np.add.at(sums, triangles.vertices[:, k], angle[:, None] * flat[:, 0])
+        normals = unit(sums)[triangles.vertices]
+        return np.where((normals * flat).sum(-1, keepdims=True) >= SMOOTH_BELOW, normals, flat)
+
+    def _values(
+        self, primvar: UsdGeom.Primvar, triangles: Triangles, width: int, time: Usd.TimeCode
+    ) -> np.ndarray | None:
+        name = primvar.GetPrimvarName()
+        values = primvar.ComputeFlattened(time)
+        if values is None or len(values) == 0:
+            if primvar.IsIndexed():
+                self._notes.warn(f"has {name} whose indices are out of range, which are left out", triangles.name)
+            return None
+        array = np.array(values, np.float64)
+        if array.ndim != 2 or array.shape[1] < width:
+            self._notes.warn(f"has {name} of less than {width} numbers each, which are left out", triangles.name)
+            return None
+        return self._spread(array[:, :width], primvar.GetInterpolation(), triangles, name)
+
+    def _spread(self, values: np.ndarray, how: str, triangles: Triangles, what: str) -> np.ndarray | None:
+        """Values by their interpolation, (triangle, 3, width)."""
+        tokens = UsdGeom.Tokens
+        faces, points, corners = triangles.counts
+        needed = {
+            tokens.constant: 1,
+            tokens.uniform: faces,
+            tokens.vertex: points,
+            tokens.varying: points,
+            tokens.faceVarying: corners,
+        }.get(how, -1)
+        if len(values) < needed or needed < 0 or (how != tokens.constant and len(values) != needed):
+            self._notes.warn(
+                f"has {what} of another number than its interpolation needs, which are left out", triangles.name
+            )
+            return None
+        if not np.isfinite(values).all() and what != "normals":
+            self._notes.warn(f"has {what} that are not finite, which are left out", triangles.name)
+            return None
+        if how == tokens.constant:
+            return np.broadcast_to(values[0], (*triangles.vertices.shape, values.shape[1]))
+        if how == tokens.uniform:
+            return np.repeat(values[triangles.faces][:, None], 3, axis=1)
+        return values[triangles.vertices if how in (tokens.vertex, tokens.varying) else triangles.corners]

@@ -1,0 +1,128 @@
+"""OpenUSD: stages, through the `usd-core` package."""
+
+import math
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from pxr import Tf, Usd, UsdGeom
+
+from warpcam.core import device as device_rule
+from warpcam.core.errors import WarpcamError
+from warpcam.render.camera_binding import MAX_EXPOSURE
+from warpcam.scene.file_scene import DrivenScene
+from warpcam.scene.layers import choice_of
+from warpcam.scene.validation import check_num_worlds, check_unit
+from warpcam.sources.common.images import named_images
+from warpcam.sources.common.scene_graph import Graph, Node
+from warpcam.sources.common.scene_graph_source import GraphSource
+from warpcam.sources.common.warnings import Notes
+from warpcam.sources.usd.stage import StageReader
+
+PURPOSES = ("default", "render", "proxy", "guide")
+UNITS = (1e-3, 1e4)  # a scene that is smaller or larger than this is likely to have wrong units [m]
+
+
+def load(
+    path_or_stage: Any,
+    num_worlds: int,
+    *,
+    device: Any,
+    time: float | None,
+    purposes: Sequence[str],
+    up_axis: str | None,
+    meters_per_unit: float | None,
+    double_sided: bool | None,
+    semantics: Mapping[str, int] | None,
+    textures: Mapping[str, Any],
+    exposure: float | None,
+    transparency: bool | None,
+) -> DrivenScene:
+    check_num_worlds(num_worlds)
+    if not isinstance(double_sided, bool | np.bool_ | None):
+        raise WarpcamError(f"double_sided must be True, False or None, got {double_sided!r}")
+    is_number = isinstance(exposure, int | float | np.number) and not isinstance(exposure, bool)
+    if exposure is not None and not (is_number and -math.inf < exposure <= MAX_EXPOSURE):
+        raise WarpcamError(f"exposure must be a finite number up to {MAX_EXPOSURE} or None, got {exposure!r}")
+    for purpose in purposes if not isinstance(purposes, str) else [purposes]:
+        if purpose not in PURPOSES or isinstance(purposes, str):
+            raise WarpcamError(f"purposes must be a sequence of {', '.join(map(repr, PURPOSES))}, got {purposes!r}")
+    if up_axis not in ("Z", None):
+        raise WarpcamError(f'up_axis must be "Z", or None for the stage\'s own axes, got {up_axis!r}')
+    check_unit(meters_per_unit)
+    choice_of("transparency", transparency)
+    images, where = named_images(textures), device_rule.resolve(device)
+    stage, name = _opened(path_or_stage)
+    notes = Notes(name)
+    _tell_of_errors(stage, notes)
+    unit = _unit(stage, meters_per_unit, notes)
+    root = np.diag((unit, unit, unit, 1.0))
+    if up_axis == "Z" and UsdGeom.GetStageUpAxis(stage) == UsdGeom.Tokens.y:
+        root = root @ np.array(((1, 0, 0, 0), (0, 0, -1, 0), (0, 1, 0, 0), (0, 0, 0, 1)), np.float64)
+    graph = Graph(name, [Node("/", -1, root)])
+    start = _time(stage, time)
+    try:
+        StageReader(stage, graph, start, frozenset(purposes), double_sided, unit, notes).read()
+    except Tf.ErrorException as error:
+        raise WarpcamError(f"{name}: USD cannot read it: {_short(error)}") from None
+    if not graph.items:
+        notes.say()
+        raise WarpcamError(f"{name}: the stage has nothing that can be drawn: no visible geometry of a purpose that is")
+    for label, image in images.items():
+        graph.texture_names.append(label)
+        graph.textures.append(image)
+    notes.say()
+    scene = DrivenScene(GraphSource(graph, int(num_worlds), where, semantics, exposure, transparency))
+    low, high = scene.bounds()
+    size = float(np.linalg.norm(high - low))
+    if size > 0.0 and not UNITS[0] <= size <= UNITS[1]:
+        notes.warn(f"is {size:.3g} m across; if that is wrong, give meters_per_unit, which is {unit:g}")
+        notes.say()
+    return scene
+
+
+def _opened(path_or_stage: Any) -> tuple[Usd.Stage, str]:
+    if isinstance(path_or_stage, Usd.Stage):
+        return path_or_stage, path_or_stage.GetRootLayer().identifier
+    if not isinstance(path_or_stage, str | Path):
+        raise WarpcamError(f"path_or_stage must be a path or a pxr.Usd.Stage, got {type(path_or_stage).__name__}")
+    path = str(path_or_stage)
+    if "://" not in path and not Path(path).exists():
+        raise WarpcamError(f"from_usd: there is no file {path!r}")
+    try:
+        return Usd.Stage.Open(path), path
+    except Tf.ErrorException as error:
+        raise WarpcamError(f"{path}: USD cannot open it: {_short(error)}") from None
+
+
+def _tell_of_errors(stage: Usd.Stage, notes: Notes) -> None:
+    """Cyclic references, files that are not found, and the like: USD leaves such arcs out."""
+    for error in stage.GetCompositionErrors():
+        notes.warn("is incomplete, USD left something out", " ".join(str(error).split()))
+
+
+def _unit(stage: Usd.Stage, given: float | None, notes: Notes) -> float:
+    if given is not None:
+        return float(given)
+    unit = float(UsdGeom.GetStageMetersPerUnit(stage))
+    if not 0.0 < unit < math.inf:
+        raise WarpcamError(f"the stage's metersPerUnit is {unit}; give meters_per_unit, a positive number")
+    if not UsdGeom.StageHasAuthoredMetersPerUnit(stage):
+        notes.warn(
+            f"does not say its metersPerUnit; USD's default of {unit:g} is taken unless you give meters_per_unit"
+        )
+    return unit
+
+
+def _time(stage: Usd.Stage, time: float | None) -> Usd.TimeCode:
+    if time is not None:
+        if isinstance(time, bool) or not isinstance(time, int | float) or not math.isfinite(time):
+            raise WarpcamError(f"time must be a finite number, got {time!r}")
+        return Usd.TimeCode(float(time))
+    return Usd.TimeCode(stage.GetStartTimeCode()) if stage.HasAuthoredTimeCodeRange() else Usd.TimeCode.EarliestTime()
+
+
+def _short(error: Exception) -> str:
+    text = " ".join(str(error).split())
+    return text.rsplit(" : ", 1)[-1].strip("'")[:300] if text.count(" : ") == 1 else text[:500]

@@ -1,0 +1,1 @@
+"""Textures packed for the device."""
