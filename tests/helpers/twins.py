@@ -11,8 +11,8 @@ import numpy.typing as npt
 import warp as wp
 from native_kernel import native_kernel
 
-from warpcam.accel.textures import TextureImage, pack_textures
 from warpcam.kernels import types
+from warpcam.textures.pack import TextureImage, pack_textures
 
 PACKET = 8
 PACKETS = 256

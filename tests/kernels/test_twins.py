@@ -65,8 +65,8 @@ def map_place(distant):
     )
 
 
-RAYS = Family("shapes_cpu.h", {f"enter {kind}": entry(kind) for kind in TYPES})
-MAPS = Family("shadow_map_cpu.h", {"of a spot": map_place("false"), "of a distant light": map_place("true")})
+RAYS = Family("geometry/intersect_simd.h", {f"enter {kind}": entry(kind) for kind in TYPES})
+MAPS = Family("lights/shadow_extent_simd.h", {"of a spot": map_place("false"), "of a distant light": map_place("true")})
 
 # Hits: place in the shape's frame 0, ray 3, face 6; of a pose rotation 9, centre of projection 18, size 21.
 
@@ -166,7 +166,7 @@ MESHES = {
     "scaled mesh whose normals are scaled last": ("MESH", "SCALED", "LIT_NORMALS"),
 }
 SURFACES = Family(
-    "resolve.h",
+    "shading_pass/shading_pass.h",
     {f"surface of {kind}": surface(kind) for kind in TYPES if kind != "PLANE"}
     | {
         f"surface of {name}": surface(*kinds, results=CORNERS + EDGES + WEIGHTS + NORMAL)

@@ -116,7 +116,7 @@ def grid_places(rng):
 
 
 LIGHT = Family(
-    "resolve.h",
+    "shading_pass/shading_pass.h",
     {
         f"{corners} corners, shadows {shadows}": lighting(corners, shadows)
         for corners in (1, 3)
@@ -260,7 +260,7 @@ SKINS = """
     };
 """
 PHYSICAL = Family(
-    "resolve.h",
+    "shading_pass/shading_pass.h",
     {f"light of a {form.lower()}": shine(f"FORM_{form}") for form in FORMS}
     | {f"{form.lower()}s on a box": whole(f"FORM_{form}", "0") for form in FORMS}
     | {

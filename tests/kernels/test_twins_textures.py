@@ -65,7 +65,7 @@ def direction(shape, metres):
 
 FLAT = LAYOUT.replace("METRES", "0").replace("OWN", "0").replace("IMAGE", "0")
 TEXTURES = Family(
-    "resolve.h",
+    "shading_pass/shading_pass.h",
     {
         "footprint on a plane": footprint(("PLANE",)),
         "footprint on a box": footprint(("BOX",)),
