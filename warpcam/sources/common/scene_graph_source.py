@@ -13,7 +13,7 @@ from warpcam.core import torch_interop
 from warpcam.core.errors import WarpcamError
 from warpcam.kernels.runtime.launch import Stage
 from warpcam.kernels.types import MESH, SKY_TERMS, SPLATS
-from warpcam.kernels.update import poses
+from warpcam.kernels.update import poses as pose_kernels
 from warpcam.kernels.update.refit import Tree
 from warpcam.scene.layers import veils_alone
 from warpcam.scene.source import Parts, fields_of
@@ -155,7 +155,9 @@ class GraphSource:
 
     def drive(self, nodes: Sequence[int], poses: wp.array, columns: wp.array) -> None:
         """Take poses (world*, path, 7) of driven frames; ``columns`` are theirs, see ``columns_of``."""
-        wp.launch(poses.drive, (self.num_worlds, len(nodes)), [poses, columns], [*self._frames], device=self.device)
+        wp.launch(
+            pose_kernels.drive, (self.num_worlds, len(nodes)), [poses, columns], [*self._frames], device=self.device
+        )
         self._follow(self._driven_kinds)
 
     def columns_of(self, nodes: Sequence[int]) -> wp.array:
@@ -193,7 +195,7 @@ class GraphSource:
     def finish_colors(self) -> None:
         inputs = [self._own["colors"], self._own["visible"]]
         colors = self._arrays["shape_colors"]
-        wp.launch(poses.finish_colors, colors.shape, inputs, [colors], device=self.device)
+        wp.launch(pose_kernels.finish_colors, colors.shape, inputs, [colors], device=self.device)
 
     def set_time(self, time: float) -> None:
         if self.graph.at_time is None:
@@ -379,7 +381,7 @@ class GraphSource:
                 positions[place], rotations[place] = position, rotation
             if any(column >= 0 for column in drivers):
                 self._driven_kinds.append(kind)
-            followers = self._followers.setdefault(kind, poses.Followers())
+            followers = self._followers.setdefault(kind, pose_kernels.Followers())
             followers.drivers = wp.array(np.array(drivers, np.int32), dtype=wp.int32, device=self.device)
             followers.positions = wp.array(positions.astype(np.float32), dtype=wp.vec3, device=self.device)
             followers.rotations = wp.array(rotations.astype(np.float32), dtype=wp.mat33, device=self.device)
@@ -389,7 +391,7 @@ class GraphSource:
             out = [self._arrays[f"{kind}_positions"], self._arrays[f"{kind}_rotations"]]
             if kind == "light":
                 out.append(self._arrays["light_directions"])
-            kernel = poses.follow_lights if kind == "light" else poses.follow
+            kernel = pose_kernels.follow_lights if kind == "light" else pose_kernels.follow
             if out[0].size:
                 wp.launch(kernel, out[0].shape, [self._followers[kind], *self._frames], out, device=self.device)
 
