@@ -5,12 +5,16 @@
 namespace warpcam {
 
 // FAR_AWAY where the ray misses. Of planes, cones and barrels always.
-template <int TYPE> WARPCAM_FN float leave(const Record& record, Ray ray)
+template <int TYPE, class Vector> WARPCAM_FN NumberOf<Vector> leave(const Record& record, Vector o, Vector d)
 {
     if (TYPE == PLANE || TYPE == CONE || TYPE == BARREL)
         return FAR_AWAY;
-    const float t = enter<TYPE>(record, { ray.origin, -ray.direction });
+    const auto t = enter<TYPE>(record, o, -d);
     return t < FAR_AWAY ? -t : FAR_AWAY;
+}
+template <int TYPE> WARPCAM_FN float leave(const Record& record, Ray ray)
+{
+    return leave<TYPE>(record, ray.origin, ray.direction);
 }
 
 // The same for a type known only now, out of a set of types known at compile time.

@@ -1,7 +1,7 @@
 // The points of one tile against the casters that may stand between them and a light, on a CPU: eight at once.
 #pragma once
 #include "shadow/receivers_simd.h"
-#include "geometry/intersect_simd.h"
+#include "geometry/intersect_exit.h"
 
 namespace warpcam {
 
@@ -17,12 +17,7 @@ inline void shade_points(const Record& r, const Row& aim, const LightView& light
                         r.axis_y.x * p.x + r.axis_y.y * p.y + r.axis_y.z * p.z + o.y,
                         r.axis_z.x * p.x + r.axis_z.y * p.y + r.axis_z.z * p.z + o.z };
     const Vecs direction = light.distant ? eight_of(a) : eight_of(a) - origin;
-    Floats t;
-    if constexpr (INSIDE)
-        for (int k = 0; k < PACKET; ++k)
-            t[k] = leave<TYPE>(r, { one_of(origin, k), one_of(direction, k) });
-    else
-        t = enter_eight<TYPE>(r, origin, direction);
+    const Floats t = INSIDE ? leave<TYPE>(r, origin, direction) : enter<TYPE>(r, origin, direction);
     const Floats near = INSIDE ? points.near[row] + light.map.nearest : points.near[row];
     points.open[row] &= ~((t > near) & (t < points.reach[row]));
 }

@@ -1,0 +1,32 @@
+// Types and helpers of functions that are written once, for one place and for a packet of eight on a CPU.
+//
+// Such a function is a template of its vectors: Vec with float, int and bool, or Vecs with Floats, Ints and Ints.
+// Numbers that the eight share enter products as a Number: only then is the product added to without being rounded
+// first, in both.
+#pragma once
+#if defined(__CUDA_ARCH__)
+#include "core/vec3.h"
+#else
+#include "core/simd8.h"
+#endif
+
+namespace warpcam {
+
+template <class Vector> using NumberOf = decltype(Vector::x);
+template <class Vector> using MaskOf = decltype(NumberOf<Vector>() < NumberOf<Vector>());
+template <class Vector> using IntOf = decltype(MaskOf<Vector>() + 0);
+
+// The same vector at each place.
+template <class Vector> WARPCAM_FN Vector broadcast(Vec v)
+{
+    using Number = NumberOf<Vector>;
+    return { (Number)v.x, (Number)v.y, (Number)v.z };
+}
+
+WARPCAM_FN bool any_of(bool truth) { return truth; }
+WARPCAM_FN Vec chosen(bool truth, Vec a, Vec b)
+{
+    return { truth ? a.x : b.x, truth ? a.y : b.y, truth ? a.z : b.z };
+}
+
+}  // namespace warpcam
