@@ -61,12 +61,12 @@ def map_place(distant):
         setup="const MapSize size { same(12), same(13), same(14) };"
         "const ShadowMap map = shadow_map(same_vec(3), same_vec(6), same_vec(9), size);",
         one=found,
-        eight=found.replace("has_place", "have_places").replace("float", "Floats"),
+        eight=found.replace("float", "Floats"),
     )
 
 
 RAYS = Family("geometry/intersect.h", {f"enter {kind}": entry(kind) for kind in TYPES})
-MAPS = Family("lights/shadow_extent_simd.h", {"of a spot": map_place("false"), "of a distant light": map_place("true")})
+MAPS = Family("lights/shadow_extent.h", {"of a spot": map_place("false"), "of a distant light": map_place("true")})
 
 # Hits: place in the shape's frame 0, ray 3, face 6; of a pose rotation 9, centre of projection 18, size 21.
 

@@ -1,7 +1,7 @@
 // How far the shadows of a light reach. MuJoCo's renderer draws what the light sees into a map: what lies outside of it
 // is lit, and what is nearer to the light than its near plane casts no shadow.
 #pragma once
-#include "core/vec3.h"
+#include "core/scalar_or_simd.h"
 
 namespace warpcam {
 
@@ -38,12 +38,15 @@ template <class Lights> WARPCAM_FN MapSize map_size(const Lights& lights, bool d
 }
 
 // Whether a bounded map has a place, which lies so far `along` it.
-WARPCAM_FN bool has_place(const ShadowMap& map, bool distant, Vec place, float& along)
+template <class Vector>
+WARPCAM_FN MaskOf<Vector> has_place(const ShadowMap& map, bool distant, Vector place, NumberOf<Vector>& along)
 {
-    const Vec offset = place - map.from;
-    along = dot(map.along, offset);
-    const float side = upper(magnitude(dot(map.right, offset)), magnitude(dot(map.up, offset)));
-    return along > map.near && !(side > (distant ? 1.0f : along));
+    using Number = NumberOf<Vector>;
+    const Vector offset = place - broadcast<Vector>(map.from);
+    along = dot(broadcast<Vector>(map.along), offset);
+    const Number side = upper(magnitude(dot(broadcast<Vector>(map.right), offset)),
+                              magnitude(dot(broadcast<Vector>(map.up), offset)));
+    return (along > map.near) & !(side > (distant ? (Number)1.0f : along));
 }
 
 }  // namespace warpcam

@@ -3,7 +3,7 @@
 #pragma once
 #include "shading/plane_vertex_lighting.h"
 #include "shading/self_shadow.h"
-#include "lights/shadow_extent_simd.h"
+#include "lights/shadow_extent.h"
 #include "shading/surface_simd.h"
 
 namespace warpcam {
@@ -177,7 +177,7 @@ WARPCAM_APART inline Ints own_shadow_of_eight(const LightList& list, const Camer
         Floats along;
         Ints dark = ~(dot(normal, spot ? source - place : source) > 0.0f);
         if (map.bounded)
-            dark &= have_places(map, !spot, place, along);
+            dark &= has_place(map, !spot, place, along);
         shadow |= dark & light.place.w;
     }
     return shadow;

@@ -2,7 +2,7 @@
 #pragma once
 #include "camera/view_rays_simd.h"
 #include "shadow/shadow_tile.h"
-#include "lights/shadow_extent_simd.h"
+#include "lights/shadow_extent.h"
 
 namespace warpcam {
 
@@ -152,7 +152,7 @@ struct Points {
         const ShadowMap& map = light.map;
         if (map.bounded) {
             Floats along;
-            const Ints inside = have_places(map, light.distant, p, along);
+            const Ints inside = has_place(map, light.distant, p, along);
             far = light.distant ? along - map.near : lower(far, one - map.near * reciprocal(along));
             far = inside ? far : none;
         }
