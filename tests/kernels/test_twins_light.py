@@ -213,10 +213,10 @@ def shine(form):
     return Twin(
         lamplit,
         setup=LAMPS.replace("FORM", form),
-        one="const Shine shine = shine_at(list.lamps[0], vec(0)); const bool some = shine.share > 1.0e-2f;"
+        one="const auto shine = shine_at(list.lamps[0], vec(0)); const bool some = shine.share > 1.0e-2f;"
         "close(shine.share); close(some ? shine.spread : 0.0f);"
         "close(some ? shine.to_light : Vec { 0.0f, 0.0f, 0.0f });",
-        eight="Shines shine; shines_at(list.lamps[0], vec(0), shine); const Ints some = shine.share > 1.0e-2f;"
+        eight="const auto shine = shine_at(list.lamps[0], vec(0)); const Ints some = shine.share > 1.0e-2f;"
         "close(shine.share); close(some ? shine.spread : (Floats)0.0f);"
         "close(chosen(some, shine.to_light, eight_of({ 0.0f, 0.0f, 0.0f })));",
         **SERIES,
@@ -247,18 +247,7 @@ def whole(form, facts, tolerance=5e-4):
 
 
 FORMS = ("POINT", "SPHERE", "DISK", "RECTANGLE", "CYLINDER")
-SKIN = "const {{Skin|Skins}} skin = skin_at(vec(27), in(34), in(35));"
-SKINS = """
-    const auto skin_at = [&](auto color, auto roughness, auto metallic) {
-        if constexpr (sizeof(roughness) == sizeof(float)) {
-            return skin_of(color, roughness, metallic, same(36));
-        } else {
-            Skins skin;
-            skins_of(color, roughness, metallic, same(36), skin);
-            return skin;
-        }
-    };
-"""
+SKIN = "const auto skin = skin_of(vec(27), in(34), in(35), same(36));"
 PHYSICAL = Family(
     "shading_pass/shading_pass.h",
     {f"light of a {form.lower()}": shine(f"FORM_{form}") for form in FORMS}
@@ -272,27 +261,22 @@ PHYSICAL = Family(
             lamplit,
             SKIN
             + "exact(skin.matt); exact(skin.straight); exact(skin.grazing); exact(skin.roughness); close(skin.square);",
-            setup=SKINS,
             rtol=1e-6,
         ),
         "microfacets": both(
             lamplit,
             "exact(facing_facets(vec(3), vec(6), in(34))); exact(open_facets(in(34), in(35), in(36)));",
         ),
-        "reflection of a light": Twin(
+        "reflection of a light": both(
             lamplit,
-            setup=SKINS,
-            one=SKIN.replace("{{Skin|Skins}}", "Skin")
-            + "const Reflection back = reflection_of(skin, vec(3), vec(9), vec(6), in(37), in(38)); close(back);",
-            eight=SKIN.replace("{{Skin|Skins}}", "Skins")
-            + "Reflections back; reflections_of(skin, vec(3), vec(9), vec(6), in(37), in(38), back); close(back);",
+            SKIN + "close(reflection_of(skin, vec(3), vec(9), vec(6), in(37), in(38)));",
             rtol=1e-4,
             atol=1e-5,
         ),
         "reflection of all around": both(
-            lamplit, SKIN + "close(reflected_around(skin, in(37), vec(27), vec(31)));", setup=SKINS, **SERIES
+            lamplit, SKIN + "close(reflected_around(skin, in(37), vec(27), vec(31)));", **SERIES
         ),
-        "cosine over a light": both(lamplit, "close({{cosine_over|cosines_over}}(in(3), in(34) * in(34)));", **SERIES),
+        "cosine over a light": both(lamplit, "close(cosine_over(in(3), in(34) * in(34)));", **SERIES),
         "sky": both(
             lamplit,
             "exact(sky_through(list.sky, vec(3), in(34), in(35)));"

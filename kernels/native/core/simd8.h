@@ -229,6 +229,25 @@ inline Floats power(Floats base, float exponent)
     return product;
 }
 
+inline Floats fourth_power(Floats a) { return (a * a) * (a * a); }
+
+// Abramowitz and Stegun 4.4.49, to 2e-8 of its tangent.
+inline Floats atan2(Floats y, Floats x)
+{
+    constexpr float SERIES[] = { -0.3333314528f, 0.1999355085f,  -0.1420889944f, 0.1065626393f,
+                                 -0.0752896400f, 0.0429096138f, -0.0161657367f, 0.0028662257f };
+    const Floats up = magnitude(y), side = magnitude(x), most = upper(up, side);
+    const Floats rate = lower(up, side) / upper(most, (Floats)TINY), square = rate * rate;
+    Floats sum = 0.0f;
+    for (int n = 7; n >= 0; --n)
+        sum = square * (SERIES[n] + sum);
+    Floats angle = rate + rate * sum;
+    angle = up > side ? 0.5f * PI - angle : angle;
+    return sign(y) * (x < 0.0f ? PI - angle : angle);
+}
+
+inline Floats acos(Floats a) { return atan2(root(upper(1.0f - a * a, (Floats)0.0f)), a); }
+
 // Eight vectors.
 struct Vecs {
     Floats x, y, z;

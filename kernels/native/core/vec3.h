@@ -4,6 +4,8 @@
 
 namespace warpcam {
 
+constexpr float PI = 3.14159265358979f;
+
 // A function that is seldom called: inlined it would only crowd the instruction cache.
 #if defined(__CUDA_ARCH__)
 #define WARPCAM_COLD __device__ __noinline__
@@ -79,6 +81,11 @@ WARPCAM_FN float cosine(float a) { return wp::cos(a); }
 WARPCAM_FN float round_down(float a) { return wp::floor(a); }
 
 #endif
+
+WARPCAM_FN float power_of_two(float a) { return power(2.0f, a); }
+WARPCAM_FN float fourth_power(float a) { return a * a * a * a; }
+WARPCAM_FN float atan2(float y, float x) { return wp::atan2(y, x); }
+WARPCAM_FN float acos(float a) { return wp::acos(a); }
 
 // `saturated` is `a` between 0 and 1, and 0 for NaN.
 constexpr float TINY = 1.0e-37f;  // its square root and its inverse are normal numbers

@@ -15,7 +15,7 @@ template <int TYPES, class Face> WARPCAM_FN int stored_face(Face face)
 // later is seen, as within a pass.
 WARPCAM_FN float just_beyond(float depth) { return as_float(as_int(depth) + 1); }
 
-WARPCAM_FN Vec turned(const Matrix& m, Vec v)
+template <class Vector = Vec> WARPCAM_FN Vector turned(const Matrix& m, Vector v)
 {
     return { m.at[0][0] * v.x + m.at[0][1] * v.y + m.at[0][2] * v.z,
              m.at[1][0] * v.x + m.at[1][1] * v.y + m.at[1][2] * v.z,

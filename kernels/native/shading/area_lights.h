@@ -107,46 +107,56 @@ template <bool SHADOWS, class Physical> WARPCAM_APART WARPCAM_FN void gather_lig
 }
 
 // Light at a place: from where, how much of the lamp's colours if it falls straight, and its spread.
-struct Shine {
-    Vec to_light;
-    float share, spread;
+template <class Vector> struct AreaLightSample {
+    Vector to_light;
+    NumberOf<Vector> share, spread;
 };
 
 // The mean direction of what a rectangle sends, as long as its share: Lambert's formula for polygons, over pi.
-WARPCAM_FN Vec from_rectangle(Vec middle, Vec across, Vec up)
+template <class Vector> WARPCAM_FN Vector from_rectangle(Vector middle, Vec across, Vec up)
 {
-    const Vec corners[4] = { middle - across - up, middle + across - up, middle + across + up, middle - across + up };
-    Vec sum { 0.0f, 0.0f, 0.0f };
+    using Number = NumberOf<Vector>;
+    const Vector right = broadcast<Vector>(across), above = broadcast<Vector>(up);
+    const Vector corners[4] = { middle - right - above, middle + right - above, middle + right + above,
+                                middle - right + above };
+    const Number none = 0.0f, one = 1.0f, rate = 0.5f / PI;
+    Vector sum { none, none, none };
     for (int k = 0; k < 4; ++k) {
-        const Vec a = corners[k], b = corners[(k + 1) & 3], normal = cross(a, b);
-        const float sine = root(dot(normal, normal));
-        if (sine > 1.0e-20f)
-            sum = sum + wp::atan2(sine, dot(a, b)) / sine * normal;
+        const Vector a = corners[k], b = corners[(k + 1) & 3], normal = cross(a, b);
+        const Number sine = root(dot(normal, normal));
+        const MaskOf<Vector> some = sine > 1.0e-20f;
+        if (any_of(some))
+            sum = sum + (some ? atan2(sine, dot(a, b)) / (some ? sine : one) : none) * normal;
     }
-    return 1.0f / (2.0f * PI) * (dot(sum, middle) < 0.0f ? -sum : sum);
+    return (dot(sum, middle) < 0.0f ? -rate : rate) * sum;
 }
 
 // The same of a thin cylinder about `axis`: the integral over its length of 2 radius sin(angle) / distance^2, over pi.
-WARPCAM_FN Vec from_cylinder(Vec middle, Vec axis, float radius, float half)
+template <class Vector> WARPCAM_FN Vector from_cylinder(Vector middle, Vec axis, float radius, float half)
 {
-    const float along = dot(middle, axis), first = along - half, last = along + half;
-    const Vec aside = middle - along * axis;
-    const float h = upper(root(dot(aside, aside)), upper(radius, 1.0e-6f)), h2 = h * h;
-    const float near = first * first + h2, far = last * last + h2;
-    const float lengthwise = 0.5f / near - 0.5f / far;
-    const float sideways = 0.5f * (last / far - first / near + (wp::atan2(last, h) - wp::atan2(first, h)) / h) / h2;
-    return 2.0f * radius * h / PI * (lengthwise * axis + sideways * h * normalized(aside));
+    using Number = NumberOf<Vector>;
+    const Vector axes = broadcast<Vector>(axis);
+    const Number along = dot(middle, axes), first = along - half, last = along + half;
+    const Vector aside = middle - along * axes;
+    const Number h = upper(root(dot(aside, aside)), upper(radius, 1.0e-6f)), h2 = h * h;
+    const Number near = first * first + h2, far = last * last + h2;
+    const Number lengthwise = 0.5f / near - 0.5f / far;
+    const Number sideways = 0.5f * (last / far - first / near + (atan2(last, h) - atan2(first, h)) / h) / h2;
+    return 2.0f * radius * h / PI * (lengthwise * axes + sideways * h * normalized(aside));
 }
 
-WARPCAM_FN Shine shine_at(const Lamp& lamp, Vec place)
+template <class Vector> WARPCAM_FN AreaLightSample<Vector> shine_at(const Lamp& lamp, Vector place)
 {
+    using Number = NumberOf<Vector>;
+    const Number none = 0.0f, one = 1.0f;
     if (!(lamp.diffuse.w & SPOT))
-        return { to_vec(lamp.place), 1.0f, lamp.size.x };
-    const Vec offset = to_vec(lamp.place) - place;
-    const float square = upper(dot(offset, offset), 1.0e-12f), distance = root(square);
-    Shine shine { 1.0f / distance * offset, 0.0f, 0.0f };
-    const float along = -dot(shine.to_light, to_vec(lamp.axis)), cutoff = as_float(lamp.axis.w);
-    if (along < cutoff)
+        return { broadcast<Vector>(to_vec(lamp.place)), one, lamp.size.x };
+    const Vector offset = broadcast<Vector>(to_vec(lamp.place)) - place;
+    const Number square = upper(dot(offset, offset), 1.0e-12f), distance = root(square);
+    AreaLightSample<Vector> shine { 1.0f / distance * offset, none, none };
+    const Number along = -dot(shine.to_light, broadcast<Vector>(to_vec(lamp.axis)));
+    const MaskOf<Vector> dark = along < as_float(lamp.axis.w);
+    if (!any_of(!dark))
         return shine;
     const int form = lamp.across.w;
     if (form == FORM_POINT) {
@@ -159,31 +169,33 @@ WARPCAM_FN Shine shine_at(const Lamp& lamp, Vec place)
         shine.share = shine.spread = upper(along, 0.0f) * radius / (radius + square);
     } else {
         const Vec across = to_vec(lamp.across);
-        const Vec sum = form == FORM_RECTANGLE
+        const Vector sum = form == FORM_RECTANGLE
             ? from_rectangle(offset, lamp.size.x * across, lamp.size.y * cross(to_vec(lamp.axis), across))
             : from_cylinder(offset, across, lamp.size.x, lamp.size.y);
-        const float share = root(dot(sum, sum));
-        shine.share = share;
-        shine.spread = lower(share, 1.0f);
-        if (share > 1.0e-20f)
-            shine.to_light = 1.0f / share * sum;
+        shine.share = root(dot(sum, sum));
+        shine.spread = lower(shine.share, 1.0f);
+        const MaskOf<Vector> some = shine.share > 1.0e-20f;
+        shine.to_light = chosen(some, 1.0f / (some ? shine.share : one) * sum, shine.to_light);
     }
     const float exponent = as_float(lamp.falloff.w);
     if (exponent != 0.0f)
         shine.share *= power(upper(along, TINY), exponent);
+    shine.share = dark ? none : shine.share;
     return shine;
 }
 
 // The cosine of a light over a surface, or its mean over what the horizon leaves of it.
-WARPCAM_FN float cosine_over(float middle, float spread)
+template <class Number> WARPCAM_FN Number cosine_over(Number middle, Number spread)
 {
-    if (middle * middle >= spread || spread < 1.0e-6f)
-        return upper(middle, 0.0f);
+    const Number none = 0.0f, one = 1.0f, whole = upper(middle, none);
+    const auto cut = !((middle * middle >= spread) | (spread < 1.0e-6f));
+    if (!any_of(cut))
+        return whole;
     spread = lower(spread, 0.9999f);
-    const float sine = root(upper(1.0f - middle * middle, 1.0e-8f)), x = root(1.0f / spread - 1.0f);
-    const float y = between(-x * middle / sine, -1.0f, 1.0f), part = sine * root(upper(1.0f - y * y, 0.0f));
-    const float sum = (middle * wp::acos(y) - x * part) * spread + wp::atan2(part, x);
-    return upper(sum / (PI * spread), 0.0f);
+    const Number sine = root(upper(1.0f - middle * middle, 1.0e-8f)), x = root(1.0f / spread - 1.0f);
+    const Number y = between(-x * middle / sine, -one, one), part = sine * root(upper(1.0f - y * y, 0.0f));
+    const Number sum = (middle * acos(y) - x * part) * spread + atan2(part, x);
+    return cut ? upper(sum / (PI * spread), 0.0f) : whole;
 }
 
 }  // namespace warpcam

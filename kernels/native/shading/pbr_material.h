@@ -7,10 +7,10 @@
 namespace warpcam {
 
 // Of a place of a surface.
-struct Paint {
-    Skin skin;
-    Vec glow;    // what it emits
-    float open;  // share of the light from all around that reaches it
+template <class Vector> struct PbrInputs {
+    Bsdf<Vector> skin;
+    Vector glow;            // what it emits
+    NumberOf<Vector> open;  // share of the light from all around that reaches it
 };
 
 // A normal tilted as a map says, whose red and green lie along the texture's u and v (v up). The frame follows the
@@ -27,12 +27,13 @@ WARPCAM_FN Vec tilted(Vec normal, Vec map, Vec du, Vec dv)
 
 // `color` is that of the shape's texture there, linear; `normal` comes in smooth and goes out as the map tilts it.
 template <int TYPES, int LENS, bool MAPS, class Looks, class Meshes, class Textures>
-WARPCAM_FN Paint paint_at(const Looks& look, const Meshes& meshes, const Textures& textures, const Camera& camera,
-                          float x, float y, const Surface& surface, Vec ray, float depth, Vec color, Vec& normal)
+WARPCAM_FN PbrInputs<Vec> paint_at(const Looks& look, const Meshes& meshes, const Textures& textures,
+                                   const Camera& camera, float x, float y, const Surface& surface, Vec ray, float depth,
+                                   Vec color, Vec& normal)
 {
     const Coat& coat = look.finish;
     float roughness = coat.gloss.x, metallic = coat.gloss.y;
-    Paint paint { {}, to_vec(coat.glow), 1.0f };
+    PbrInputs<Vec> paint { {}, to_vec(coat.glow), 1.0f };
     if constexpr (MAPS) {
         const int normals = coat.normals, packed = coat.gloss.w, glowing = coat.glow.w;
         const Pose& pose = look.pose;
