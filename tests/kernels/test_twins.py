@@ -79,7 +79,10 @@ SURFACE = """
     for (int k = 0; k < PACKET; ++k)
         faces[k] = (int)number(k, 6);
 """
-EIGHT = SURFACE + "Surfaces surface; surfaces_at<KINDS>(pose, meshes, fields, faces, vec(0), vec(3), surface);"
+EIGHT = (
+    SURFACE + "Surfaces surface; surface.local = vec(0);"
+    "find_surface<KINDS>(pose, meshes, fields, faces, vec(3), surface);"
+)
 ONE = "const Surface surface = surface_at<KINDS>(pose, meshes, fields, (int)in(6), vec(0), vec(3));"
 NORMAL = "close(surface.normal); exact(surface.part);"
 WEIGHTS = "exact(surface.weight1); exact(surface.weight2);"
@@ -134,8 +137,8 @@ FACET_ONE = """
 """
 FACET_EIGHT = """
     Facets facet;
-    facets_at<KINDS>(look, meshes, surface, vec(24), facet);
-    close(smooth_normals<KINDS>(pose, meshes, surface));
+    facet_at<KINDS>(look, meshes, surface, vec(24), facet);
+    close(smooth_normal<KINDS>(pose, meshes, surface));
 """
 FACET = """
     exact(facet.weight1);
@@ -184,7 +187,7 @@ SURFACES = Family(
             hits,
             setup=POSE.replace("SHAPE", "BOX"),
             one="exact(pose.local(vec(3))); exact(pose.seen(vec(3)));",
-            eight="exact(local_of(pose, vec(3))); exact(seen_of(pose, vec(3)));",
+            eight="exact(pose.local(vec(3))); exact(pose.seen(vec(3)));",
         ),
     },
 )

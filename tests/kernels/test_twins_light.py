@@ -234,7 +234,8 @@ def whole(form, facts, tolerance=5e-4):
         "close(shade_physically<KINDS, PINHOLE, FACTS>(look, list, scene, camera, 0.0f, 0.0f, surface, vec(0), vec(24),"
         "1.0f, vec(27), (int)in(30)));",
         eight="int faces[PACKET] {}; Surfaces surface;"
-        "surfaces_at<KINDS>(pose, meshes, fields, faces, vec(0), vec(24), surface);"
+        "surface.local = vec(0);"
+        "find_surface<KINDS>(pose, meshes, fields, faces, vec(24), surface);"
         "const auto steps = [&](Vecs& right, Vecs& down) {"
         "    right = eight_of(pose.local(step_right<PINHOLE>(camera, 0.0f, 0.0f, 1.0f)));"
         "    down = eight_of(pose.local(step_down<PINHOLE>(camera, 0.0f, 0.0f, 1.0f)));"

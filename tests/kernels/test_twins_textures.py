@@ -42,7 +42,8 @@ def footprint(kinds, own=0):
         "const Footprint at = footprint_2d<KINDS>(pose, layout, meshes, surface, vec(3), vec(24), vec(27));"
         f"{results} close(at.right.x); close(at.right.y); close(at.down.x); close(at.down.y);",
         eight="int faces[PACKET]; for (int k = 0; k < PACKET; ++k) faces[k] = (int)number(k, 6);"
-        "Surfaces surface; surfaces_at<KINDS>(pose, meshes, fields, faces, vec(0), vec(3), surface);"
+        "Surfaces surface; surface.local = vec(0);"
+        "find_surface<KINDS>(pose, meshes, fields, faces, vec(3), surface);"
         "Footprints at; footprints_2d<KINDS>(pose, layout, meshes, surface, vec(3), vec(24), vec(27), at);"
         f"{results} close(at.right_u); close(at.right_v); close(at.down_u); close(at.down_v);",
         rtol=3e-4,  # near a pole an angle has few digits
@@ -58,7 +59,8 @@ def direction(shape, metres):
         one=f"const Surface surface = surface_at<{kinds}>(pose, meshes, fields, 0, vec(0), vec(3));"
         f"const CubeMapping at = map_cube<{kinds}>(pose, layout, surface); exact(at.direction); exact(at.scale);",
         eight=f"int faces[PACKET] {{}}; Surfaces surface;"
-        f"surfaces_at<{kinds}>(pose, meshes, fields, faces, vec(0), vec(3), surface);"
+        f"surface.local = vec(0);"
+        f"find_surface<{kinds}>(pose, meshes, fields, faces, vec(3), surface);"
         f"Vecs scale; exact(cube_directions<{kinds}>(pose, layout, surface, scale)); exact(scale);",
     )
 

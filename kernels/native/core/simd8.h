@@ -270,6 +270,11 @@ inline Vecs chosen(Ints truth, Vecs a, Vecs b)
 inline Vecs normalized(Vecs a) { return inverse_root(upper(dot(a, a), (Floats)TINY)) * a; }
 inline Vecs clip(Vecs a) { return { saturated(a.x), saturated(a.y), saturated(a.z) }; }
 inline Vecs divided(Vecs a, Vecs b) { return { a.x / b.x, a.y / b.y, a.z / b.z }; }
+inline Vecs axis_vector(Ints axis, Floats value)
+{
+    const Floats none = 0.0f;
+    return { axis == 0 ? value : none, axis == 1 ? value : none, axis == 2 ? value : none };
+}
 inline Floats component(Vecs v, Ints axis) { return axis == 0 ? v.x : axis == 1 ? v.y : v.z; }
 
 // The same vector eight times.

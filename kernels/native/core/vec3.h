@@ -18,6 +18,7 @@ WARPCAM_FN Vec operator-(Vec a, Vec b) { return { a.x - b.x, a.y - b.y, a.z - b.
 WARPCAM_FN Vec operator-(Vec a) { return { -a.x, -a.y, -a.z }; }
 WARPCAM_FN Vec operator*(float s, Vec a) { return { s * a.x, s * a.y, s * a.z }; }
 WARPCAM_FN Vec times(Vec a, Vec b) { return { a.x * b.x, a.y * b.y, a.z * b.z }; }
+WARPCAM_FN Vec divided(Vec a, Vec b) { return { a.x / b.x, a.y / b.y, a.z / b.z }; }
 WARPCAM_FN Vec cross(Vec a, Vec b)
 {
     return { a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x };

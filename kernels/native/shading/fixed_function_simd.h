@@ -234,7 +234,7 @@ WARPCAM_APART inline void light_all_corners(Grid& grid, const LightList& list, c
             put_one(local, k, { corner_of(look.cells.u, float(grid.first_u + i - row * grid.columns)) - eye.x,
                                 corner_of(look.cells.v, float(grid.first_v + row)) - eye.y, -eye.z });
         }
-        const Vecs place = seen_of(look.pose, local);
+        const Vecs place = look.pose.seen(local);
         const int count = lower_int(PACKET, total - first);
         float* const values = grid.values + first * grid.stride;
         if (grid.few)

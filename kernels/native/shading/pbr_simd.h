@@ -58,7 +58,7 @@ inline void paints_at(const Looks& look, const Meshes& meshes, const Textures& t
             if (is_texture(textures, normals)) {
                 const Vecs map = (Floats)2.0f * read(normals) - eight_of({ 1.0f, 1.0f, 1.0f });
                 for (int k = 0; k < PACKET; ++k) {
-                    const Mapping on = map_2d<TYPES>(pose, look.layout, meshes, surface.one(k));
+                    const Mapping on = map_2d<TYPES>(pose, look.layout, meshes, one_of(surface, k));
                     put_one(normal, k, tilted(one_of(normal, k), one_of(map, k), on.du, -on.dv));
                 }
             }
@@ -74,11 +74,11 @@ WARPCAM_APART inline void shade_eight_physically(const Looks& look, const LampLi
                                                  const Vecs& place, const Vecs& to_eye, const Vecs& ray,
                                                  const Vecs& color, Ints shadow, Vecs& light)
 {
-    Vecs normal = smooth_normals<TYPES>(look.pose, scene.meshes, surface);
+    Vecs normal = smooth_normal<TYPES>(look.pose, scene.meshes, surface);
     PbrInputs<Vecs> paint;
     paints_at<TYPES, (FACTS & HAS_MAPS) != 0>(look, scene.meshes, scene.textures, steps, surface, ray, color, normal,
                                               paint);
-    light = physical_light<FACTS>(paint, list, scene, rotation, place, seen_of(look.pose, normal), to_eye, shadow);
+    light = physical_light<FACTS>(paint, list, scene, rotation, place, look.pose.seen(normal), to_eye, shadow);
 }
 
 }  // namespace warpcam

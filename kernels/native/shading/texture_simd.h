@@ -199,7 +199,7 @@ static WARPCAM_COLD void other_footprints(const Pose& pose, const Layout& layout
                                           Footprints& at)
 {
     for (int k = 0; k < PACKET; ++k) {
-        const Footprint one = footprint_2d<TYPES>(pose, layout, meshes, surface.one(k), one_of(ray, k),
+        const Footprint one = footprint_2d<TYPES>(pose, layout, meshes, one_of(surface, k), one_of(ray, k),
                                                   one_of(right, k), one_of(down, k));
         at.u[k] = one.u;
         at.v[k] = one.v;
@@ -317,7 +317,7 @@ WARPCAM_APART inline void texture_colors(const Looks& look, const Levels& levels
                 const Vecs along = slide(right, ray, surfaces[n].normal), below = slide(down, ray, surfaces[n].normal);
                 Vecs share, sum { (Floats)0.0f, (Floats)0.0f, (Floats)0.0f };
                 for (int k = 0; k < PACKET; ++k) {
-                    const Vec one = shares_of(smooth_normal<TYPES>(pose, meshes, surfaces[n].one(k)));
+                    const Vec one = shares_of(smooth_normal<TYPES>(pose, meshes, one_of(surfaces[n], k)));
                     share.x[k] = one.x;
                     share.y[k] = one.y;
                     share.z[k] = one.z;

@@ -123,7 +123,7 @@ inline Vecs facing_normals(const Looks& look, const Scene_& scene, const Surface
     const Row a = turn.axis_x, b = turn.axis_y, c = turn.axis_z;
     Vecs normal = surface.normal;
     if constexpr ((TYPES >> LIT_NORMALS & 1) != 0)
-        normal = smooth_normals<TYPES>(look.pose, scene.meshes, surface);
+        normal = smooth_normal<TYPES>(look.pose, scene.meshes, surface);
     const Vecs turned { a.x * normal.x + a.y * normal.y + a.z * normal.z,
                         b.x * normal.x + b.y * normal.y + b.z * normal.z,
                         c.x * normal.x + c.y * normal.y + c.z * normal.z };
@@ -139,7 +139,7 @@ inline void light_eight(const Looks& look, int id, const List& lights, const Sce
     const Pose& pose = look.pose;
     if constexpr (SHADOWS && (TYPES & SHADES_ITSELF))
         if (lights.dims && (SHADES_ITSELF >> pose.type() & 1))
-            shadow |= own_shadow_of_eight(lights, camera, place, seen_of(pose, surface.normal));
+            shadow |= own_shadow_of_eight(lights, camera, place, pose.seen(surface.normal));
     Ints inside = 0;
     if constexpr (BY_CORNERS)
         if (id == lights.grid.shape) {
@@ -152,7 +152,7 @@ inline void light_eight(const Looks& look, int id, const List& lights, const Sce
         return;
     }
     Facets facet;
-    facets_at<TYPES>(look, scene.meshes, surface, place, facet);
+    facet_at<TYPES>(look, scene.meshes, surface, place, facet);
     const bool at_corners
         = (TYPES & (1 << PLANE | 1 << HEIGHT_FIELD | 1 << BOX | 1 << MESH)) && lit_at_corners<TYPES>(look);
     Lits own;
@@ -187,17 +187,17 @@ WARPCAM_APART inline void paint_packets(const Looks& look, const Levels* levels,
     for (int n = 0; n < packets; ++n) {
         const EightHits& hit = hits[n];
         beams_of<LENS>(hit.x, hit.y, beams[n]);
-        rays[n] = local_of(pose, beams[n].direction);
-        const Vecs away = has_centre(LENS) ? hit.depth * rays[n] : local_of(pose, places_on<LENS>(beams[n], hit.depth));
-        surfaces_at<TYPES>(pose, scene.meshes, scene.fields, hit.faces, eight_of(pose.eye()) + away, rays[n],
-                           surfaces[n]);
+        rays[n] = pose.local(beams[n].direction);
+        const Vecs away = has_centre(LENS) ? hit.depth * rays[n] : pose.local(places_on<LENS>(beams[n], hit.depth));
+        surfaces[n].local = eight_of(pose.eye()) + away;
+        find_surface<TYPES>(pose, scene.meshes, scene.fields, hit.faces, rays[n], surfaces[n]);
         textures[n] = { one, one, one };
     }
     const auto steps = [&](int n, Vecs& right, Vecs& down) {
         Beams across, below;
         rows.steps(pixels + n * PACKET, count_of(n), hits[n].x, hits[n].y, across, below);
-        right = local_of(pose, places_on<LENS>(across, hits[n].depth));
-        down = local_of(pose, places_on<LENS>(below, hits[n].depth));
+        right = pose.local(places_on<LENS>(across, hits[n].depth));
+        down = pose.local(places_on<LENS>(below, hits[n].depth));
     };
     if constexpr (Wants::TEXTURED)
         if (levels) {
