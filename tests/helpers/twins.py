@@ -24,19 +24,19 @@ Array = npt.NDArray[Any]
 
 READ = """
     using namespace warpcam;
-    const auto number = [&](int k, int c) { return wp::index(given, PACKET * i + k, c); };
+    const auto number = [&](int k, int c) { return wp::index(given, SIMD_WIDTH * i + k, c); };
     const auto same = [&](int c) { return number(0, c); };
-    const auto same_vec = [&](int c) { return Vec { same(c), same(c + 1), same(c + 2) }; };
+    const auto same_vec = [&](int c) { return Vec3 { same(c), same(c + 1), same(c + 2) }; };
     const auto write_eight = [&](auto& to, int& column, auto value) {
-        constexpr int COUNT = sizeof(value) / sizeof(Floats);
-        Floats words[COUNT];
-        if constexpr (__is_same(decltype(value), Ints))
+        constexpr int COUNT = sizeof(value) / sizeof(Float8);
+        Float8 words[COUNT];
+        if constexpr (__is_same(decltype(value), Int8))
             words[0] = to_floats(value);
         else
             __builtin_memcpy(words, &value, sizeof value);
         for (int c = 0; c < COUNT; ++c, ++column)
-            for (int k = 0; k < PACKET; ++k)
-                wp::index(to, PACKET * i + k, column) = words[c][k];
+            for (int k = 0; k < SIMD_WIDTH; ++k)
+                wp::index(to, SIMD_WIDTH * i + k, column) = words[c][k];
     };
     const auto write_one = [&](auto& to, int& column, int k, auto value) {
         constexpr int COUNT = (sizeof(value) + 3) / 4;
@@ -48,7 +48,7 @@ READ = """
         else
             __builtin_memcpy(words, &value, sizeof value);
         for (int c = 0; c < COUNT; ++c, ++column)
-            wp::index(to, PACKET * i + k, column) = words[c];
+            wp::index(to, SIMD_WIDTH * i + k, column) = words[c];
     };
 """
 CASE = """
@@ -57,20 +57,20 @@ CASE = """
         {{
             int exact_column = 0, close_column = 0;
             const auto in = [&](int c) {{
-                Floats value;
-                for (int k = 0; k < PACKET; ++k)
+                Float8 value;
+                for (int k = 0; k < SIMD_WIDTH; ++k)
                     value[k] = number(k, c);
                 return value;
             }};
-            const auto vec = [&](int c) {{ return Vecs {{ in(c), in(c + 1), in(c + 2) }}; }};
+            const auto vec = [&](int c) {{ return Vec3x8 {{ in(c), in(c + 1), in(c + 2) }}; }};
             const auto exact = [&](auto value) {{ write_eight(exact_eight, exact_column, value); }};
             const auto close = [&](auto value) {{ write_eight(close_eight, close_column, value); }};
             {eight}
         }}
-        for (int k = 0; k < PACKET; ++k) {{
+        for (int k = 0; k < SIMD_WIDTH; ++k) {{
             int exact_column = 0, close_column = 0;
             const auto in = [&](int c) {{ return number(k, c); }};
-            const auto vec = [&](int c) {{ return Vec {{ in(c), in(c + 1), in(c + 2) }}; }};
+            const auto vec = [&](int c) {{ return Vec3 {{ in(c), in(c + 1), in(c + 2) }}; }};
             const auto exact = [&](auto value) {{ write_one(exact_one, exact_column, k, value); }};
             const auto close = [&](auto value) {{ write_one(close_one, close_column, k, value); }};
             {one}
@@ -79,8 +79,8 @@ CASE = """
 """
 # A pose: rotation 9, centre of projection 18, size 21.
 POSE = """
-    const auto row = [&](int c, float w) { return to_row(same_vec(c), as_int(w)); };
-    const Pose pose { row(9, same(18)), row(12, same(19)), row(15, same(20)), to_row(same_vec(21), SHAPE + 16) };
+    const auto row = [&](int c, float w) { return make_float3_int(same_vec(c), as_int(w)); };
+    const ShapeFromCamera pose { row(9, same(18)), row(12, same(19)), row(15, same(20)), make_float3_int(same_vec(21), SHAPE + 16) };
 """
 
 

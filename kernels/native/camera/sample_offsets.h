@@ -11,7 +11,7 @@ struct Offset {
 };
 
 // Where OpenGL's implementations have a pixel's samples (antialiasing.py has the same numbers).
-WARPCAM_FN Offset sample_offset(int sample)
+WARPCAM_DEVICE Offset sample_offset(int sample)
 {
     const bool upright = sample == 0 || sample == 3;
     const float sign = sample < 2 ? 1.0f : -1.0f;

@@ -17,14 +17,14 @@ template <class Vector> using MaskOf = decltype(NumberOf<Vector>() < NumberOf<Ve
 template <class Vector> using IntOf = decltype(MaskOf<Vector>() + 0);
 
 // The same vector at each place.
-template <class Vector> WARPCAM_FN Vector broadcast(Vec v)
+template <class Vector> WARPCAM_DEVICE Vector broadcast(Vec3 v)
 {
     using Number = NumberOf<Vector>;
     return { (Number)v.x, (Number)v.y, (Number)v.z };
 }
 
-WARPCAM_FN bool any_of(bool truth) { return truth; }
-WARPCAM_FN Vec chosen(bool truth, Vec a, Vec b)
+WARPCAM_DEVICE bool any(bool truth) { return truth; }
+WARPCAM_DEVICE Vec3 select(bool truth, Vec3 a, Vec3 b)
 {
     return { truth ? a.x : b.x, truth ? a.y : b.y, truth ? a.z : b.z };
 }

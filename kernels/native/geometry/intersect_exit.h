@@ -4,33 +4,33 @@
 
 namespace warpcam {
 
-// FAR_AWAY where the ray misses. Of planes, cones and barrels always.
-template <int TYPE, class Vector> WARPCAM_FN NumberOf<Vector> leave(const Record& record, Vector o, Vector d)
+// MISS where the ray misses. Of planes, cones and barrels always.
+template <int TYPE, class Vector> WARPCAM_DEVICE NumberOf<Vector> intersect_exit(const ShapeRecord& record, Vector o, Vector d)
 {
     if (TYPE == PLANE || TYPE == CONE || TYPE == BARREL)
-        return FAR_AWAY;
+        return MISS;
     const auto t = enter<TYPE>(record, o, -d);
-    return t < FAR_AWAY ? -t : FAR_AWAY;
+    return t < MISS ? -t : MISS;
 }
-template <int TYPE> WARPCAM_FN float leave(const Record& record, Ray ray)
+template <int TYPE> WARPCAM_DEVICE float intersect_exit(const ShapeRecord& record, Ray ray)
 {
-    return leave<TYPE>(record, ray.origin, ray.direction);
+    return intersect_exit<TYPE>(record, ray.origin, ray.direction);
 }
 
 // The same for a type known only now, out of a set of types known at compile time.
-template <int TYPES> WARPCAM_FN float leave_any(const Record& record, Ray ray)
+template <int TYPES> WARPCAM_DEVICE float intersect_exit_any(const ShapeRecord& record, Ray ray)
 {
     const int type = record.axis_x.w;
 #define WARPCAM_TRY(TYPE) \
     if ((TYPES >> TYPE & 1) && type == TYPE) \
-        return leave<TYPE>(record, ray);
+        return intersect_exit<TYPE>(record, ray);
     WARPCAM_TRY(SPHERE)
     WARPCAM_TRY(CAPSULE)
     WARPCAM_TRY(ELLIPSOID)
     WARPCAM_TRY(CYLINDER)
     WARPCAM_TRY(BOX)
 #undef WARPCAM_TRY
-    return FAR_AWAY;
+    return MISS;
 }
 
 }  // namespace warpcam

@@ -11,7 +11,7 @@
 
 namespace warpcam {
 
-constexpr float SMOOTHEST = 0.045f;  // roughness below which highlights would be smaller than floats can tell
+constexpr float MIN_ROUGHNESS = 0.045f;  // roughness below which highlights would be smaller than floats can tell
 
 // What a place of a surface is to light.
 template <class Vector> struct Bsdf {
@@ -23,21 +23,21 @@ template <class Vector> struct Bsdf {
 
 // `reflectance` is that of what is no metal, where light falls straight.
 template <class Vector, class Number = NumberOf<Vector>>
-WARPCAM_FN Bsdf<Vector> skin_of(Vector color, Number roughness, Number metallic, float reflectance)
+WARPCAM_DEVICE Bsdf<Vector> make_bsdf(Vector color, Number roughness, Number metallic, float reflectance)
 {
-    const Number least = SMOOTHEST, one = 1.0f;
-    roughness = between(roughness, least, one);
-    metallic = saturated(metallic);
+    const Number least = MIN_ROUGHNESS, one = 1.0f;
+    roughness = clamp(roughness, least, one);
+    metallic = saturate(metallic);
     const Vector dielectric = broadcast<Vector>({ reflectance, reflectance, reflectance });
     const Vector straight = dielectric + metallic * (color - dielectric);
-    return { (1.0f - metallic) * color, straight, saturated(17.0f * (straight.x + straight.y + straight.z)), roughness,
+    return { (1.0f - metallic) * color, straight, saturate(17.0f * (straight.x + straight.y + straight.z)), roughness,
              fourth_power(roughness) };
 }
 
 // The share of microfacets that face `half`, a unit vector: D. The square of a sine from the cross product keeps its
 // digits where highlights are small.
 template <class Vector>
-WARPCAM_FN NumberOf<Vector> facing_facets(Vector normal, Vector half, NumberOf<Vector> square)
+WARPCAM_DEVICE NumberOf<Vector> ggx_ndf(Vector normal, Vector half, NumberOf<Vector> square)
 {
     const auto along = dot(normal, half);
     const Vector aside = cross(normal, half);
@@ -46,16 +46,16 @@ WARPCAM_FN NumberOf<Vector> facing_facets(Vector normal, Vector half, NumberOf<V
 }
 
 // How much of the facets is neither masked nor in shadow, over 4 (n.l) (n.v): V.
-template <class Number> WARPCAM_FN Number open_facets(Number to_light, Number to_eye, Number square)
+template <class Number> WARPCAM_DEVICE Number smith_visibility(Number to_light, Number to_eye, Number square)
 {
-    const Number masked = to_light * root(to_eye * to_eye * (1.0f - square) + square);
-    const Number shadowed = to_eye * root(to_light * to_light * (1.0f - square) + square);
-    return 0.5f / upper(masked + shadowed, 1.0e-7f);
+    const Number masked = to_light * sqrt(to_eye * to_eye * (1.0f - square) + square);
+    const Number shadowed = to_eye * sqrt(to_light * to_light * (1.0f - square) + square);
+    return 0.5f / max(masked + shadowed, 1.0e-7f);
 }
 
-template <class Vector> WARPCAM_FN Vector fresnel(const Bsdf<Vector>& skin, NumberOf<Vector> cosine)
+template <class Vector> WARPCAM_DEVICE Vector fresnel(const Bsdf<Vector>& skin, NumberOf<Vector> cosine)
 {
-    const NumberOf<Vector> rest = 1.0f - saturated(cosine), rest2 = rest * rest, rest5 = rest2 * rest2 * rest;
+    const NumberOf<Vector> rest = 1.0f - saturate(cosine), rest2 = rest * rest, rest5 = rest2 * rest2 * rest;
     return skin.straight + rest5 * (Vector { skin.grazing, skin.grazing, skin.grazing } - skin.straight);
 }
 
@@ -68,41 +68,41 @@ template <class Vector> struct BsdfValue {
 };
 
 template <class Vector, class Number = NumberOf<Vector>>
-WARPCAM_FN BsdfValue<Vector> reflection_of(const Bsdf<Vector>& skin, Vector normal, Vector to_light, Vector to_eye,
+WARPCAM_DEVICE BsdfValue<Vector> reflection_of(const Bsdf<Vector>& skin, Vector normal, Vector to_light, Vector to_eye,
                                               Number eye_cosine, Number spread)
 {
     const Vector half = normalized(to_light + to_eye);
-    const Number light_cosine = saturated(dot(normal, to_light));
+    const Number light_cosine = saturate(dot(normal, to_light));
     const Vector mirrored = fresnel(skin, dot(to_eye, half));
-    const Number wide = lower(skin.square + 0.25f * spread, 1.0f);
-    const Number gloss = PI * light_cosine * facing_facets(normal, half, wide)
-        * open_facets(light_cosine, eye_cosine, skin.square);
-    return { times(skin.matt, broadcast<Vector>({ 1.0f, 1.0f, 1.0f }) - mirrored), gloss * mirrored };
+    const Number wide = min(skin.square + 0.25f * spread, 1.0f);
+    const Number gloss = PI * light_cosine * ggx_ndf(normal, half, wide)
+        * smith_visibility(light_cosine, eye_cosine, skin.square);
+    return { mul(skin.matt, broadcast<Vector>({ 1.0f, 1.0f, 1.0f }) - mirrored), gloss * mirrored };
 }
 
 // Light that leaves the facets only after more bounces, which `lost` of it does.
-WARPCAM_FN Vec multiple_scattering(float lost, Vec single, Vec mean)
+WARPCAM_DEVICE Vec3 multiple_scattering(float lost, Vec3 single, Vec3 mean)
 {
-    return lost * times(times(single, mean), { 1.0f / (1.0f - lost * mean.x), 1.0f / (1.0f - lost * mean.y),
+    return lost * mul(mul(single, mean), { 1.0f / (1.0f - lost * mean.x), 1.0f / (1.0f - lost * mean.y),
                                                1.0f / (1.0f - lost * mean.z) });
 }
 
 // What a surface sends to the eye of light from everywhere: of what falls on it on average, `even`, and of what comes
 // from about the direction that the eye is mirrored in, `mirrored`.
 template <class Vector>
-WARPCAM_FN Vector reflected_around(const Bsdf<Vector>& skin, NumberOf<Vector> eye_cosine, Vector even, Vector mirrored)
+WARPCAM_DEVICE Vector environment_brdf(const Bsdf<Vector>& skin, NumberOf<Vector> eye_cosine, Vector even, Vector mirrored)
 {
     using Number = NumberOf<Vector>;
     const Number r = skin.roughness, x = 1.0f - r, y = 0.0425f - 0.0275f * r;
-    const Number fade = lower(x * x, power_of_two(-9.28f * eye_cosine)) * x + y;
-    const Number scale = upper(-1.04f * fade + 1.04f - 0.572f * r, 0.0f);
-    const Number offset = upper(1.04f * fade - 0.04f + 0.022f * r, 0.0f);
-    const Number lost = upper(1.0f - scale - offset, 0.0f);  // by facets that light leaves only after more bounces
+    const Number fade = min(x * x, exp2(-9.28f * eye_cosine)) * x + y;
+    const Number scale = max(-1.04f * fade + 1.04f - 0.572f * r, 0.0f);
+    const Number offset = max(1.04f * fade - 0.04f + 0.022f * r, 0.0f);
+    const Number lost = max(1.0f - scale - offset, 0.0f);  // by facets that light leaves only after more bounces
     const Number edge = offset * skin.grazing, part = 1.0f / 21.0f;
     const Vector one = broadcast<Vector>({ 1.0f, 1.0f, 1.0f }),
                  single = scale * skin.straight + Vector { edge, edge, edge };
     const Vector mean = skin.straight + part * (one - skin.straight), again = multiple_scattering(lost, single, mean);
-    return times(single, mirrored) + times(again + times(skin.matt, one - single - again), even);
+    return mul(single, mirrored) + mul(again + mul(skin.matt, one - single - again), even);
 }
 
 }  // namespace warpcam

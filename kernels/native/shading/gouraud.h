@@ -18,18 +18,18 @@ template <class Vector> struct GouraudTriangleOf {
     bool three;                         // else only the first corner counts, which is the place itself
 };
 
-using Facet = GouraudTriangleOf<Vec>;
+using GouraudTriangle = GouraudTriangleOf<Vec3>;
 
 // The half of an axis-aligned quad that a hit lies in. The quad is cut from its second to its fourth corner; mirrored,
 // from its first to its third. `place` is the hit in the camera's frame, `along` and `across` are the quad's axes
 // there, `a` and `b` the hit's coordinates on them.
 template <class Vector, class Number = NumberOf<Vector>>
-WARPCAM_FN void in_quad(Vector place, Vector along, Vector across, Number a, Number b, CellSpan<Number> u,
+WARPCAM_DEVICE void in_quad(Vector place, Vector along, Vector across, Number a, Number b, CellSpan<Number> u,
                         CellSpan<Number> v, MaskOf<Vector> mirrored, GouraudTriangleOf<Vector>& facet)
 {
     const Number none = 0.0f, one = 1.0f;
-    const Number weight1 = between((a - u.start) * reciprocal(upper(u.length, 1.0e-20f)), none, one);
-    Number weight2 = between((b - v.start) * reciprocal(upper(v.length, 1.0e-20f)), none, one);
+    const Number weight1 = clamp((a - u.start) * rcp(max(u.length, 1.0e-20f)), none, one);
+    Number weight2 = clamp((b - v.start) * rcp(max(v.length, 1.0e-20f)), none, one);
     v = { mirrored ? v.start + v.length : v.start, mirrored ? -v.length : v.length };
     weight2 = mirrored ? one - weight2 : weight2;
     const auto other = weight1 + weight2 > one;
@@ -44,28 +44,28 @@ WARPCAM_FN void in_quad(Vector place, Vector along, Vector across, Number a, Num
 }
 
 // One of the equal cells of a box's side.
-template <class Number> WARPCAM_FN CellSpan<Number> box_cell(Number x, Number half)
+template <class Number> WARPCAM_DEVICE CellSpan<Number> box_cell(Number x, Number half)
 {
     const Number length = 2.0f / BOX_CELLS * half, none = 0.0f, last = float(BOX_CELLS - 1);
-    const Number i = between(round_down((x + half) * reciprocal(length)), none, last);
+    const Number i = clamp(round_down((x + half) * rcp(length)), none, last);
     return { i * length - half, length };
 }
 
-template <int TYPES, class Meshes> WARPCAM_FN Vec corner_normal(const Meshes& meshes, const Pose& pose, int corner)
+template <int TYPES, class Meshes> WARPCAM_DEVICE Vec3 corner_normal(const Meshes& meshes, const ShapeFromCamera& pose, int corner)
 {
-    const Vec normal = to_vec(wp::index(meshes.normals, corner));
-    if (TYPES >> SCALED & 1)
-        return pose.seen(normalized(divided(normal, to_vec(pose.size))));
+    const Vec3 normal = as_vec3(wp::index(meshes.normals, corner));
+    if (TYPES >> PER_SHAPE_SCALE & 1)
+        return pose.seen(normalized(div(normal, as_vec3(pose.size))));
     return pose.seen(normal);
 }
 
 // `place` is the hit in the camera's frame. What is on a plane without `cells` is lit at its place.
-template <int TYPES, class Looks, class Meshes>
-WARPCAM_FN void facet_at(const Looks& look, const Meshes& meshes, const Surface& surface, Vec place, Facet& facet,
+template <int TYPES, class Appearances, class Meshes>
+WARPCAM_DEVICE void facet_at(const Appearances& look, const Meshes& meshes, const SurfaceInteraction& surface, Vec3 place, GouraudTriangle& facet,
                          bool cells = true)
 {
     constexpr bool HAS_PLANE = TYPES >> PLANE & 1, HAS_BOX = TYPES >> BOX & 1;
-    const Pose& pose = look.pose;
+    const ShapeFromCamera& pose = look.pose;
     const int type = pose.type();
     facet.place[0] = facet.place[1] = facet.place[2] = place;
     facet.weight1 = facet.weight2 = 0.0f;
@@ -104,13 +104,13 @@ WARPCAM_FN void facet_at(const Looks& look, const Meshes& meshes, const Surface&
         v_axis = surface.part == 2 ? 1 : 2;
         a = component(surface.local, u_axis);
         b = component(surface.local, v_axis);
-        u = box_cell(a, component(to_vec(pose.size), u_axis));
-        v = box_cell(b, component(to_vec(pose.size), v_axis));
+        u = box_cell(a, component(as_vec3(pose.size), u_axis));
+        v = box_cell(b, component(as_vec3(pose.size), v_axis));
         mirrored = (surface.part == 1) == (component(surface.normal, surface.part) > 0.0f);
     }
     if ((HAS_PLANE || HAS_BOX) && quad) {
-        const Vec along = to_vec(u_axis == 0 ? pose.axis_x : pose.axis_y);
-        const Vec across = to_vec(v_axis == 1 ? pose.axis_y : pose.axis_z);
+        const Vec3 along = as_vec3(u_axis == 0 ? pose.axis_x : pose.axis_y);
+        const Vec3 across = as_vec3(v_axis == 1 ? pose.axis_y : pose.axis_z);
         in_quad(place, along, across, a, b, u, v, mirrored, facet);
     }
 }

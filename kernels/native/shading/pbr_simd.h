@@ -7,40 +7,40 @@
 
 namespace warpcam {
 
-inline Vecs decoded(const Vecs& color) { return { decoded(color.x), decoded(color.y), decoded(color.z) }; }
-inline Vecs encoded(const Vecs& light) { return { encoded(light.x), encoded(light.y), encoded(light.z) }; }
+inline Vec3x8 srgb_to_linear(const Vec3x8& color) { return { srgb_to_linear(color.x), srgb_to_linear(color.y), srgb_to_linear(color.z) }; }
+inline Vec3x8 linear_to_srgb(const Vec3x8& light) { return { linear_to_srgb(light.x), linear_to_srgb(light.y), linear_to_srgb(light.z) }; }
 
-inline Vecs multiple_scattering(Floats lost, const Vecs& single, const Vecs& mean)
+inline Vec3x8 multiple_scattering(Float8 lost, const Vec3x8& single, const Vec3x8& mean)
 {
-    return lost * divided(times(single, mean), eight_of({ 1.0f, 1.0f, 1.0f }) - lost * mean);
+    return lost * div(mul(single, mean), broadcast({ 1.0f, 1.0f, 1.0f }) - lost * mean);
 }
 
-template <class Textures> inline Vecs sky_image(const Textures& textures, const Image& image, const Vecs& direction,
-                                                const Vecs& right, const Vecs& down)
+template <class Textures> inline Vec3x8 sky_image(const Textures& textures, const Image& image, const Vec3x8& direction,
+                                                const Vec3x8& right, const Vec3x8& down)
 {
-    Vecs read;
+    Vec3x8 read;
     sample_cubes(textures.texels.data, Levels(image, 6), direction, right, down, read);
     return read;
 }
 
 // `steps(right, down)` says how far it is to what the next pixels show.
-template <int TYPES, bool MAPS, class Looks, class Meshes, class Textures, class Steps>
-inline void paints_at(const Looks& look, const Meshes& meshes, const Textures& textures, const Steps& steps,
-                      const Surfaces& surface, const Vecs& ray, const Vecs& color, Vecs& normal, PbrInputs<Vecs>& paint)
+template <int TYPES, bool MAPS, class Appearances, class Meshes, class Textures, class Steps>
+inline void paints_at(const Appearances& look, const Meshes& meshes, const Textures& textures, const Steps& steps,
+                      const SurfaceInteraction8& surface, const Vec3x8& ray, const Vec3x8& color, Vec3x8& normal, PbrInputs<Vec3x8>& paint)
 {
-    const Coat& coat = look.finish;
-    const Pose& pose = look.pose;
-    Floats roughness = coat.gloss.x, metallic = coat.gloss.y;
-    paint.glow = eight_of(to_vec(coat.glow));
+    const PbrMaterial& coat = look.finish;
+    const ShapeFromCamera& pose = look.pose;
+    Float8 roughness = coat.gloss.x, metallic = coat.gloss.y;
+    paint.glow = broadcast(as_vec3(coat.glow));
     paint.open = 1.0f;
     if constexpr (MAPS) {
         const int normals = coat.normals, packed = coat.gloss.w, glowing = coat.glow.w;
         if ((normals >= 0 || packed >= 0 || glowing >= 0) && !((TYPES >> PLANE & 1) && pose.type() == PLANE)) {
-            Vecs right, down;
+            Vec3x8 right, down;
             steps(right, down);
             Footprints at;
             footprints_2d<TYPES>(pose, look.layout, meshes, surface, ray, right, down, at);
-            if constexpr (Looks::SHIFTED) {
+            if constexpr (Appearances::SHIFTED) {
                 at.u += look.shift_u;
                 at.v += look.shift_v;
             }
@@ -48,34 +48,34 @@ inline void paints_at(const Looks& look, const Meshes& meshes, const Textures& t
                 return sample_2d(textures.texels.data, Levels(load_image(textures, texture), 1), at);
             };
             if (is_texture(textures, packed)) {
-                const Vecs map = read(packed);
+                const Vec3x8 map = read(packed);
                 paint.open = map.x;
                 roughness *= map.y;
                 metallic *= map.z;
             }
             if (is_texture(textures, glowing))
-                paint.glow = times(paint.glow, decoded(read(glowing)));
+                paint.glow = mul(paint.glow, srgb_to_linear(read(glowing)));
             if (is_texture(textures, normals)) {
-                const Vecs map = (Floats)2.0f * read(normals) - eight_of({ 1.0f, 1.0f, 1.0f });
-                for (int k = 0; k < PACKET; ++k) {
-                    const Mapping on = map_2d<TYPES>(pose, look.layout, meshes, one_of(surface, k));
-                    put_one(normal, k, tilted(one_of(normal, k), one_of(map, k), on.du, -on.dv));
+                const Vec3x8 map = (Float8)2.0f * read(normals) - broadcast({ 1.0f, 1.0f, 1.0f });
+                for (int k = 0; k < SIMD_WIDTH; ++k) {
+                    const Mapping on = map_2d<TYPES>(pose, look.layout, meshes, get_lane(surface, k));
+                    set_lane(normal, k, tilted(get_lane(normal, k), get_lane(map, k), on.du, -on.dv));
                 }
             }
         }
     }
-    paint.skin = skin_of(times(eight_of(to_vec(coat.color)), color), roughness, metallic, coat.gloss.z);
+    paint.skin = make_bsdf(mul(broadcast(as_vec3(coat.color)), color), roughness, metallic, coat.gloss.z);
 }
 
 // What the surfaces send to the camera, linear. `color` is their texture's, linear.
-template <int TYPES, int FACTS, class Looks, class Scene_, class Steps>
-WARPCAM_APART inline void shade_eight_physically(const Looks& look, const LampList& list, const Scene_& scene,
-                                                 const Matrix& rotation, const Steps& steps, const Surfaces& surface,
-                                                 const Vecs& place, const Vecs& to_eye, const Vecs& ray,
-                                                 const Vecs& color, Ints shadow, Vecs& light)
+template <int TYPES, int FACTS, class Appearances, class Scene_, class Steps>
+WARPCAM_NOINLINE_CPU inline void shade_eight_physically(const Appearances& look, const AreaLights& list, const Scene_& scene,
+                                                 const Mat3& rotation, const Steps& steps, const SurfaceInteraction8& surface,
+                                                 const Vec3x8& place, const Vec3x8& to_eye, const Vec3x8& ray,
+                                                 const Vec3x8& color, Int8 shadow, Vec3x8& light)
 {
-    Vecs normal = smooth_normal<TYPES>(look.pose, scene.meshes, surface);
-    PbrInputs<Vecs> paint;
+    Vec3x8 normal = smooth_normal<TYPES>(look.pose, scene.meshes, surface);
+    PbrInputs<Vec3x8> paint;
     paints_at<TYPES, (FACTS & HAS_MAPS) != 0>(look, scene.meshes, scene.textures, steps, surface, ray, color, normal,
                                               paint);
     light = physical_light<FACTS>(paint, list, scene, rotation, place, look.pose.seen(normal), to_eye, shadow);

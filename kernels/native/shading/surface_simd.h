@@ -6,55 +6,55 @@
 
 namespace warpcam {
 
-using Surfaces = SurfaceInteractionOf<Vecs>;
+using SurfaceInteraction8 = SurfaceInteractionOf<Vec3x8>;
 
-inline Surface one_of(const Surfaces& surface, int k)
+inline SurfaceInteraction get_lane(const SurfaceInteraction8& surface, int k)
 {
-    const TriangleOf<Vecs>& triangle = surface.triangle;
+    const TriangleOf<Vec3x8>& triangle = surface.triangle;
     return {
-        one_of(surface.local, k), one_of(surface.normal, k),
+        get_lane(surface.local, k), get_lane(surface.normal, k),
         surface.part[k],          surface.corner[k],
-        surface.flat[k] != 0,     { one_of(triangle.origin, k), one_of(triangle.edge1, k), one_of(triangle.edge2, k) },
+        surface.flat[k] != 0,     { get_lane(triangle.origin, k), get_lane(triangle.edge1, k), get_lane(triangle.edge2, k) },
         surface.weight1[k],       surface.weight2[k]
     };
 }
 
-inline void ellipsoid_surface(Vec half, Surfaces& surface)
+inline void ellipsoid_surface(Vec3 half, SurfaceInteraction8& surface)
 {
-    const Vec rate { reciprocal(half.x), reciprocal(half.y), reciprocal(half.z) };
-    surface.normal = normalized(times(surface.local, eight_of(times(rate, rate))));
+    const Vec3 rate { rcp(half.x), rcp(half.y), rcp(half.z) };
+    surface.normal = normalized(mul(surface.local, broadcast(mul(rate, rate))));
 }
 
 // Shapes that are seldom seen, one hit at a time.
-template <class Find> inline void each_surface(const Vecs& ray, Surfaces& surface, const Find& find)
+template <class Find> inline void each_surface(const Vec3x8& ray, SurfaceInteraction8& surface, const Find& find)
 {
-    for (int k = 0; k < PACKET; ++k) {
-        Surface one {};
-        one.local = one_of(surface.local, k);
-        find(one_of(ray, k), one);
-        put_one(surface.normal, k, one.normal);
+    for (int k = 0; k < SIMD_WIDTH; ++k) {
+        SurfaceInteraction one {};
+        one.local = get_lane(surface.local, k);
+        find(get_lane(ray, k), one);
+        set_lane(surface.normal, k, one.normal);
         surface.part[k] = one.part;
     }
 }
-static WARPCAM_COLD void cone_surface(Vec size, const Vecs& ray, Surfaces& surface)
+static WARPCAM_NOINLINE void cone_surface(Vec3 size, const Vec3x8& ray, SurfaceInteraction8& surface)
 {
-    each_surface(ray, surface, [&](Vec ray, Surface& one) { cone_surface(size, ray, one); });
+    each_surface(ray, surface, [&](Vec3 ray, SurfaceInteraction& one) { cone_surface(size, ray, one); });
 }
-static WARPCAM_COLD void barrel_surface(Vec size, const Vecs& ray, Surfaces& surface)
+static WARPCAM_NOINLINE void barrel_surface(Vec3 size, const Vec3x8& ray, SurfaceInteraction8& surface)
 {
-    each_surface(ray, surface, [&](Vec ray, Surface& one) { barrel_surface(size, ray, one); });
+    each_surface(ray, surface, [&](Vec3 ray, SurfaceInteraction& one) { barrel_surface(size, ray, one); });
 }
 
-template <class HeightFields> WARPCAM_APART inline void height_field_surface(const HeightFields& fields, int field,
-                                                                             const int* faces, Surfaces& surface)
+template <class HeightFields> WARPCAM_NOINLINE_CPU inline void height_field_surface(const HeightFields& fields, int field,
+                                                                             const int* faces, SurfaceInteraction8& surface)
 {
     const int rows = wp::index(fields.rows, field), columns = wp::index(fields.columns, field);
     const auto size = wp::index(fields.size, field);
-    const Vecs outside = height_field_side(size, surface.local);
+    const Vec3x8 outside = height_field_side(size, surface.local);
     const float* const heights = fields.heights.data + wp::index(fields.height_start, field);
-    Ints column, row, high, top;
-    Floats height, diagonal, side;
-    for (int k = 0; k < PACKET; ++k) {
+    Int8 column, row, high, top;
+    Float8 height, diagonal, side;
+    for (int k = 0; k < SIMD_WIDTH; ++k) {
         const bool on_top = faces[k] >= 0 && faces[k] < 2 * (rows - 1) * (columns - 1);
         const unsigned face = on_top ? unsigned(faces[k]) : 0u, cell = face >> 1, at = cell / unsigned(columns - 1);
         const unsigned beyond = cell - at * unsigned(columns - 1);
@@ -69,54 +69,54 @@ template <class HeightFields> WARPCAM_APART inline void height_field_surface(con
     }
     surface.part = top & int(TOP);
     height_field_top(size, rows, columns, to_floats(row), to_floats(column), high, height, diagonal, side, surface);
-    surface.normal = chosen(top, surface.normal, outside);
+    surface.normal = select(top, surface.normal, outside);
 }
 
 template <int TYPES, class Meshes>
-inline void mesh_surface(const Meshes& meshes, const Pose& pose, const int* faces, Vecs ray, Surfaces& surface)
+inline void mesh_surface(const Meshes& meshes, const ShapeFromCamera& pose, const int* faces, Vec3x8 ray, SurfaceInteraction8& surface)
 {
     const MeshStart start = mesh_start<TYPES>(meshes, pose);
-    for (int k = 0; k < PACKET; ++k) {
+    for (int k = 0; k < SIMD_WIDTH; ++k) {
         int given;
         bool flat;
-        const Triangle one = load_triangle<TYPES>(meshes, start.faces + 3 * faces[k], one_of(ray, k), given, flat);
+        const Triangle one = load_triangle<TYPES>(meshes, start.faces + 3 * faces[k], get_lane(ray, k), given, flat);
         surface.corner[k] = 3 * (start.corners + given);
         surface.flat[k] = flat ? -1 : 0;
-        put_one(surface.triangle.origin, k, one.origin);
-        put_one(surface.triangle.edge1, k, one.edge1);
-        put_one(surface.triangle.edge2, k, one.edge2);
+        set_lane(surface.triangle.origin, k, one.origin);
+        set_lane(surface.triangle.edge1, k, one.edge1);
+        set_lane(surface.triangle.edge2, k, one.edge2);
     }
     triangle_surface(surface);
 }
 
 template <int TYPES, class Meshes>
-inline Vecs smooth_normal(const Pose& pose, const Meshes& meshes, const Surfaces& surface)
+inline Vec3x8 smooth_normal(const ShapeFromCamera& pose, const Meshes& meshes, const SurfaceInteraction8& surface)
 {
     if constexpr ((TYPES >> MESH & 1) != 0) {
         if (pose.type() == MESH) {
-            constexpr bool STRETCHED = TYPES >> SCALED & 1, LATE = TYPES >> LIT_NORMALS & 1;
-            const Vecs size = eight_of(to_vec(pose.size));
-            const Floats weights[3] = { 1.0f - surface.weight1 - surface.weight2, surface.weight1, surface.weight2 },
+            constexpr bool STRETCHED = TYPES >> PER_SHAPE_SCALE & 1, LATE = TYPES >> LIT_NORMALS & 1;
+            const Vec3x8 size = broadcast(as_vec3(pose.size));
+            const Float8 weights[3] = { 1.0f - surface.weight1 - surface.weight2, surface.weight1, surface.weight2 },
                          none = 0.0f;
-            Vecs sum { none, none, none };
+            Vec3x8 sum { none, none, none };
             for (int i = 0; i < 3; ++i) {
-                Vecs normal;
-                for (int k = 0; k < PACKET; ++k)
-                    put_one(normal, k,
-                            surface.flat[k] ? one_of(surface.normal, k)
-                                            : to_vec(wp::index(meshes.normals, surface.corner[k] + i)));
-                sum = sum + weights[i] * (STRETCHED && !LATE ? normalized(divided(normal, size)) : normal);
+                Vec3x8 normal;
+                for (int k = 0; k < SIMD_WIDTH; ++k)
+                    set_lane(normal, k,
+                            surface.flat[k] ? get_lane(surface.normal, k)
+                                            : as_vec3(wp::index(meshes.normals, surface.corner[k] + i)));
+                sum = sum + weights[i] * (STRETCHED && !LATE ? normalized(div(normal, size)) : normal);
             }
             if (STRETCHED && LATE)
-                sum = divided(sum, size);
-            return chosen(surface.flat | ~(dot(sum, sum) > 1.0e-12f), surface.normal, normalized(sum));
+                sum = div(sum, size);
+            return select(surface.flat | ~(dot(sum, sum) > 1.0e-12f), surface.normal, normalized(sum));
         }
     }
     return surface.normal;
 }
 
 // Whether the shape's light is computed at the corners of triangles, else at each pixel.
-template <int TYPES, class Looks> inline bool lit_at_corners(const Looks& look)
+template <int TYPES, class Appearances> inline bool lit_at_corners(const Appearances& look)
 {
     const int type = look.pose.type();
     if constexpr ((TYPES >> PLANE & 1) != 0)
@@ -126,57 +126,57 @@ template <int TYPES, class Looks> inline bool lit_at_corners(const Looks& look)
         || ((TYPES >> BOX & 1) && type == BOX);
 }
 
-using Facets = GouraudTriangleOf<Vecs>;
+using Facets = GouraudTriangleOf<Vec3x8>;
 
-template <int TYPES, class Looks, class Meshes>
-inline void facet_at(const Looks& look, const Meshes& meshes, const Surfaces& surface, Vecs place, Facets& facet)
+template <int TYPES, class Appearances, class Meshes>
+inline void facet_at(const Appearances& look, const Meshes& meshes, const SurfaceInteraction8& surface, Vec3x8 place, Facets& facet)
 {
-    const Pose& pose = look.pose;
+    const ShapeFromCamera& pose = look.pose;
     const int type = pose.type();
     facet.place[0] = facet.place[1] = facet.place[2] = place;
     facet.weight1 = facet.weight2 = 0.0f;
     facet.normal[0] = facet.normal[1] = facet.normal[2] = pose.seen(surface.normal);
     if constexpr ((TYPES & (1 << MESH | 1 << HEIGHT_FIELD)) != 0) {
         if (type == MESH || type == HEIGHT_FIELD) {
-            const TriangleOf<Vecs>& triangle = surface.triangle;
-            const Ints on = type == MESH ? (Ints)-1 : surface.part == int(TOP);
-            const Vecs first = pose.seen(triangle.origin - eight_of(pose.eye()));
-            facet.weight1 = on ? surface.weight1 : (Floats)0.0f;
-            facet.weight2 = on ? surface.weight2 : (Floats)0.0f;
-            facet.place[0] = chosen(on, first, place);
-            facet.place[1] = chosen(on, first + pose.seen(triangle.edge1), place);
-            facet.place[2] = chosen(on, first + pose.seen(triangle.edge2), place);
+            const TriangleOf<Vec3x8>& triangle = surface.triangle;
+            const Int8 on = type == MESH ? (Int8)-1 : surface.part == int(TOP);
+            const Vec3x8 first = pose.seen(triangle.origin - broadcast(pose.eye()));
+            facet.weight1 = on ? surface.weight1 : (Float8)0.0f;
+            facet.weight2 = on ? surface.weight2 : (Float8)0.0f;
+            facet.place[0] = select(on, first, place);
+            facet.place[1] = select(on, first + pose.seen(triangle.edge1), place);
+            facet.place[2] = select(on, first + pose.seen(triangle.edge2), place);
         }
     }
     if constexpr ((TYPES >> MESH & 1) != 0) {
         if (type == MESH) {
-            Vecs normal[3];
-            for (int k = 0; k < PACKET; ++k)
+            Vec3x8 normal[3];
+            for (int k = 0; k < SIMD_WIDTH; ++k)
                 for (int i = 0; i < 3; ++i)
-                    put_one(normal[i], k,
-                            surface.flat[k] ? one_of(surface.normal, k)
-                                            : to_vec(wp::index(meshes.normals, surface.corner[k] + i)));
+                    set_lane(normal[i], k,
+                            surface.flat[k] ? get_lane(surface.normal, k)
+                                            : as_vec3(wp::index(meshes.normals, surface.corner[k] + i)));
             for (int i = 0; i < 3; ++i) {
-                if ((TYPES >> SCALED & 1) != 0)
-                    normal[i] = chosen(surface.flat, normal[i],
-                                       normalized(divided(normal[i], eight_of(to_vec(pose.size)))));
+                if ((TYPES >> PER_SHAPE_SCALE & 1) != 0)
+                    normal[i] = select(surface.flat, normal[i],
+                                       normalized(div(normal[i], broadcast(as_vec3(pose.size)))));
                 facet.normal[i] = pose.seen(normal[i]);
             }
         }
     }
     if constexpr ((TYPES >> PLANE & 1) != 0)
         if (type == PLANE && look.cells.u.step != 0.0f)
-            in_quad(place, eight_of(to_vec(pose.axis_x)), eight_of(to_vec(pose.axis_y)), surface.local.x,
+            in_quad(place, broadcast(as_vec3(pose.axis_x)), broadcast(as_vec3(pose.axis_y)), surface.local.x,
                      surface.local.y, cell_around(look.cells.u, surface.local.x),
-                     cell_around(look.cells.v, surface.local.y), (Ints)0, facet);
+                     cell_around(look.cells.v, surface.local.y), (Int8)0, facet);
     if ((TYPES >> BOX & 1) && type == BOX) {
-        const Ints axis = surface.part, u_axis = axis == 0 ? (Ints)1 : (Ints)0, v_axis = axis == 2 ? (Ints)1 : (Ints)2;
-        const Vecs x = eight_of(to_vec(pose.axis_x)), y = eight_of(to_vec(pose.axis_y)),
-                   z = eight_of(to_vec(pose.axis_z));
-        const Vecs half = eight_of(to_vec(pose.size));
-        const Floats a = component(surface.local, u_axis), b = component(surface.local, v_axis);
-        const Ints mirrored = (axis == 1) == (component(surface.normal, axis) > 0.0f);
-        in_quad(place, chosen(u_axis == 0, x, y), chosen(v_axis == 1, y, z), a, b,
+        const Int8 axis = surface.part, u_axis = axis == 0 ? (Int8)1 : (Int8)0, v_axis = axis == 2 ? (Int8)1 : (Int8)2;
+        const Vec3x8 x = broadcast(as_vec3(pose.axis_x)), y = broadcast(as_vec3(pose.axis_y)),
+                   z = broadcast(as_vec3(pose.axis_z));
+        const Vec3x8 half = broadcast(as_vec3(pose.size));
+        const Float8 a = component(surface.local, u_axis), b = component(surface.local, v_axis);
+        const Int8 mirrored = (axis == 1) == (component(surface.normal, axis) > 0.0f);
+        in_quad(place, select(u_axis == 0, x, y), select(v_axis == 1, y, z), a, b,
                  box_cell(a, component(half, u_axis)), box_cell(b, component(half, v_axis)), mirrored, facet);
     }
 }

@@ -6,10 +6,10 @@ namespace warpcam {
 
 // The tiles that so many shapes touch, part by part.
 template <int CAPACITY> struct TileParts {
-    static constexpr int ROOM = (CAPACITY + 31) / 32 * 32;
-    signed char left[ROOM], top[ROOM], right[ROOM], bottom[ROOM];
+    static constexpr int SIZE = (CAPACITY + 31) / 32 * 32;
+    signed char left[SIZE], top[SIZE], right[SIZE], bottom[SIZE];
 
-    void put(int rank, const TileBox& box)
+    void put(int rank, const TileRect& box)
     {
         left[rank] = box.left;
         top[rank] = box.top;

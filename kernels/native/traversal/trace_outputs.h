@@ -4,7 +4,7 @@
 
 namespace warpcam {
 
-// What the trace writes. FOURS: the image's width is a multiple of four pixels; TILED: no tile reaches over its edges.
+// What the trace writes. WIDTH_MULTIPLE_OF_4: the image's width is a multiple of four pixels; NO_PARTIAL_TILES: no tile reaches over its edges.
 // IDS: the ids that shapes have in each world; BY_WORLD: bodies have such ids too. INSTANCES, SEMANTICS: labels.
 // OPAQUE: transparent shapes are left out.
 enum Output {
@@ -15,15 +15,15 @@ enum Output {
     POINTS = 16,
     BODIES = 32,
     NORMAL = 64,
-    FOURS = 128,
-    TILED = 256,
+    WIDTH_MULTIPLE_OF_4 = 128,
+    NO_PARTIAL_TILES = 256,
     LISTED_AHEAD = 512,  // the stage of views has listed the shapes: traversal/visibility_listed.h
     IDS = 1 << 16,
     BY_WORLD = 1 << 17,
     INSTANCES = 1 << 18,
     SEMANTICS = 1 << 19,
     OPAQUE = 1 << 20,
-    PAINTED = 1 << 21  // with albedo: shading_pass/visibility_albedo.h
+    TRACE_ALBEDO = 1 << 21  // with albedo: shading_pass/visibility_albedo.h
 };
 
 // Tiles, one below the other, that a warp of a CUDA block draws at once: what a tile takes and what a shape takes of it
@@ -44,31 +44,31 @@ constexpr int parts_of(int outputs, int width, int height)
     const int more = outputs & (DISTANCE | BODIES | INSTANCES | SEMANTICS) && width * height <= PIXELS ? 2 : 1;
     const int threes = (outputs & POINTS ? 1 : 0) + (outputs & NORMAL ? 1 : 0);
     const int wanted = outputs & FLOW_VALID ? 1 : threes ? 4 * threes : outputs & FLOW ? 2 : more;
-    const int most = lower_int(width * height / THREADS, height / TILE_HEIGHT),
+    const int most = min(width * height / THREADS, height / TILE_HEIGHT),
               rows = PIXELS / (STACK * wanted * width);
     if (width * height <= PIXELS)
         return wanted < most ? wanted : most;
     return rows > 1 ? (height / STACK + rows - 1) / rows : height / STACK;
 }
 
-// Where normals or albedo are written, hits name the slot of their shape's record instead of the shape: see gather().
-constexpr bool names_slots(int outputs) { return outputs & (NORMAL | PAINTED); }
+// Where normals or albedo are written, hits name the slot of their shape's record instead of the shape: see build_shape_list().
+constexpr bool names_slots(int outputs) { return outputs & (NORMAL | TRACE_ALBEDO); }
 
 // Whether a block looks at a floor as a whole to tell what of it was seen.
 constexpr bool looks_at_floors(int types, int lens, int outputs, int shapes, int width, int height)
 {
-    const int needs = FLOW_VALID | FLOW_BRIEF | FLOW_LISTED | TILED | (outputs & FLOW_WHOLE ? FLOW_NEAR : 0);
+    const int needs = FLOW_VALID | FLOW_BRIEF | FLOW_LISTED | NO_PARTIAL_TILES | (outputs & FLOW_WHOLE ? FLOW_NEAR : 0);
     const bool parts =
         width == FlowFloor::SIZE && height == FlowFloor::SIZE && tiles_at_once(types, width, height) == 2;
     return (outputs & needs) == needs && !names_slots(outputs) && parts && (types >> PLANE & 1) && !(types >> MESH & 1)
-        && lens == PINHOLE && shapes <= LANES;
+        && lens == PINHOLE && shapes <= WARP_SIZE;
 }
 
 // Where flow has what was seen, if it is wanted.
 template <int OUTPUTS, int WIDTH, int HEIGHT, int SHAPES, bool FLOORED, bool WANTED = (OUTPUTS & FLOWS) != 0>
 struct Places {
     static constexpr bool WHOLE = (OUTPUTS & FLOW_WHOLE) != 0, NEAR = (OUTPUTS & FLOW_NEAR) != 0;
-    using type = FlowPlaces<OUTPUTS, WHOLE ? WIDTH : 0, WHOLE ? HEIGHT : 0, SHAPES, NEAR, FLOORED>;
+    using type = VisibilityHistory<OUTPUTS, WHOLE ? WIDTH : 0, WHOLE ? HEIGHT : 0, SHAPES, NEAR, FLOORED>;
 };
 template <bool WHOLE_> struct NoPlaces {
     static constexpr bool WHOLE = WHOLE_, PAINTS = false, LOOKS_AT_FLOORS = false;
