@@ -47,7 +47,8 @@ WARPCAM_DEVICE const Float3Int* tile_cones(const Camera& camera, int column, int
     return reinterpret_cast<const Float3Int*>(table_of(camera)) + row * tiles_across(camera) + column;
 }
 
-// The same of spread rays, and then the ball. Of all of them: all_starts().
+// Starts of a tile's rays with own origins, followed by the bounding ball. For the ball of the whole image:
+// all_starts().
 WARPCAM_DEVICE const Float3Int* tile_starts(const Camera& camera, int column, int row)
 {
     return reinterpret_cast<const Float3Int*>(table_of(camera)) + 1 + 2 * (row * tiles_across(camera) + column);

@@ -17,7 +17,8 @@ inline Float8 sqrt(Float8 a) { return __builtin_elementwise_sqrt(a); }
 inline Float8 rcp(Float8 a) { return 1.0f / a; }
 inline Float8 avoid_zero(Float8 a) { return abs(a) < 1.0e-18f ? (Float8)1.0e-18f : a; }
 
-// Of normal numbers above zero, to about two units in the last place: an estimate and one of Newton's steps.
+// Reciprocal square root of normal numbers above zero, to about two units in the last place: an estimate and one Newton
+// step.
 inline Float8 rsqrt(Float8 a)
 {
 #if defined(__AVX__)
@@ -61,7 +62,7 @@ template <class Value> inline void store8(Value* to, Int8 from)
     __builtin_memcpy(to, &values, sizeof values);
 }
 
-// Is an element true (all ones)?
+// True if an element is true (all ones).
 inline bool any(Int8 truth)
 {
 #if defined(__AVX__)
@@ -71,7 +72,7 @@ inline bool any(Int8 truth)
 #endif
 }
 
-// The same of each, a bit.
+// Bit mask of the elements that are true.
 inline unsigned movemask(Int8 truth)
 {
 #if defined(__AVX__)
@@ -189,7 +190,8 @@ inline Int8 look_up(const int* table, Int8 at)
 #endif
 }
 
-// Of normal numbers above zero: to two units in the last place of 1, or of itself where it is more.
+// Base-2 logarithm of normal numbers above zero: to two units in the last place of 1, or of the result where it is
+// larger.
 inline Float8 log2(Float8 a)
 {
     constexpr int HALF_ROOT = 0x3f3504f3;  // bits of the square root of a half, where the fractions begin
@@ -229,6 +231,25 @@ inline Float8 pow(Float8 base, float exponent)
     return product;
 }
 
+inline Float8 fourth_power(Float8 a) { return (a * a) * (a * a); }
+
+// Abramowitz and Stegun 4.4.49, to 2e-8 of its tangent.
+inline Float8 atan2(Float8 y, Float8 x)
+{
+    constexpr float SERIES[] = { -0.3333314528f, 0.1999355085f,  -0.1420889944f, 0.1065626393f,
+                                 -0.0752896400f, 0.0429096138f, -0.0161657367f, 0.0028662257f };
+    const Float8 up = abs(y), side = abs(x), most = max(up, side);
+    const Float8 rate = min(up, side) / max(most, (Float8)MIN_NORMAL), square = rate * rate;
+    Float8 sum = 0.0f;
+    for (int n = 7; n >= 0; --n)
+        sum = square * (SERIES[n] + sum);
+    Float8 angle = rate + rate * sum;
+    angle = up > side ? 0.5f * PI - angle : angle;
+    return sign(y) * (x < 0.0f ? PI - angle : angle);
+}
+
+inline Float8 acos(Float8 a) { return atan2(sqrt(max(1.0f - a * a, (Float8)0.0f)), a); }
+
 // Eight vectors.
 struct Vec3x8 {
     Float8 x, y, z;
@@ -251,9 +272,14 @@ inline Vec3x8 select(Int8 truth, Vec3x8 a, Vec3x8 b)
 inline Vec3x8 normalized(Vec3x8 a) { return rsqrt(max(dot(a, a), (Float8)MIN_NORMAL)) * a; }
 inline Vec3x8 clip(Vec3x8 a) { return { saturate(a.x), saturate(a.y), saturate(a.z) }; }
 inline Vec3x8 div(Vec3x8 a, Vec3x8 b) { return { a.x / b.x, a.y / b.y, a.z / b.z }; }
+inline Vec3x8 axis_vector(Int8 axis, Float8 value)
+{
+    const Float8 none = 0.0f;
+    return { axis == 0 ? value : none, axis == 1 ? value : none, axis == 2 ? value : none };
+}
 inline Float8 component(Vec3x8 v, Int8 axis) { return axis == 0 ? v.x : axis == 1 ? v.y : v.z; }
 
-// The same vector eight times.
+// Broadcasts a vector to eight lanes.
 inline Vec3x8 broadcast(Vec3 v) { return { (Float8)v.x, (Float8)v.y, (Float8)v.z }; }
 
 // One of them.

@@ -1,22 +1,22 @@
 // Display colours and linear light: the sRGB transfer function (IEC 61966-2-1).
 #pragma once
-#include "core/vec3.h"
+#include "core/scalar_or_simd.h"
 
 namespace warpcam {
 
-WARPCAM_DEVICE float srgb_to_linear(float value)
+template <class Number> WARPCAM_DEVICE Number srgb_to_linear(Number value)
 {
     return value <= 0.04045f ? value * (1.0f / 12.92f) : pow((value + 0.055f) * (1.0f / 1.055f), 2.4f);
 }
 
 // sRGB encoding without an upper bound: light brighter than white is more than 1.
-WARPCAM_DEVICE float encoded_beyond(float light)
+template <class Number> WARPCAM_DEVICE Number encoded_beyond(Number light)
 {
     return light <= 0.0031308f ? 12.92f * light : 1.055f * pow(light, 1.0f / 2.4f) - 0.055f;
 }
 
 // Cuts off what a display cannot show.
-WARPCAM_DEVICE float linear_to_srgb(float light) { return encoded_beyond(saturate(light)); }
+template <class Number> WARPCAM_DEVICE Number linear_to_srgb(Number light) { return encoded_beyond(saturate(light)); }
 
 WARPCAM_DEVICE Vec3 srgb_to_linear(Vec3 color) { return { srgb_to_linear(color.x), srgb_to_linear(color.y), srgb_to_linear(color.z) }; }
 WARPCAM_DEVICE Vec3 encoded_beyond(Vec3 light)

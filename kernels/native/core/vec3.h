@@ -4,6 +4,8 @@
 
 namespace warpcam {
 
+constexpr float PI = 3.14159265358979f;
+
 // A function that is seldom called: inlined it would only crowd the instruction cache.
 #if defined(__CUDA_ARCH__)
 #define WARPCAM_NOINLINE __device__ __noinline__
@@ -16,6 +18,7 @@ WARPCAM_DEVICE Vec3 operator-(Vec3 a, Vec3 b) { return { a.x - b.x, a.y - b.y, a
 WARPCAM_DEVICE Vec3 operator-(Vec3 a) { return { -a.x, -a.y, -a.z }; }
 WARPCAM_DEVICE Vec3 operator*(float s, Vec3 a) { return { s * a.x, s * a.y, s * a.z }; }
 WARPCAM_DEVICE Vec3 mul(Vec3 a, Vec3 b) { return { a.x * b.x, a.y * b.y, a.z * b.z }; }
+WARPCAM_DEVICE Vec3 div(Vec3 a, Vec3 b) { return { a.x / b.x, a.y / b.y, a.z / b.z }; }
 WARPCAM_DEVICE Vec3 cross(Vec3 a, Vec3 b)
 {
     return { a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x };
@@ -79,6 +82,11 @@ WARPCAM_DEVICE float cos(float a) { return wp::cos(a); }
 WARPCAM_DEVICE float round_down(float a) { return wp::floor(a); }
 
 #endif
+
+WARPCAM_DEVICE float exp2(float a) { return pow(2.0f, a); }
+WARPCAM_DEVICE float fourth_power(float a) { return a * a * a * a; }
+WARPCAM_DEVICE float atan2(float y, float x) { return wp::atan2(y, x); }
+WARPCAM_DEVICE float acos(float a) { return wp::acos(a); }
 
 // `saturate` is `a` between 0 and 1, and 0 for NaN.
 constexpr float MIN_NORMAL = 1.0e-37f;  // its square root and its inverse are normal numbers

@@ -153,11 +153,12 @@ WARPCAM_DEVICE unsigned bits_below(float number, float above)
 }
 WARPCAM_DEVICE unsigned pixel_below(float number) { return bits_below(number, 8388608.0f) - 0x4b000000u; }
 
-// Of one world: what the last image showed, where what this one shows is kept, and how its shapes have moved.
-// WIDTH and HEIGHT: a block of CUDA threads draws a whole image of that size. NEAR: it has the words of what was seen
-// in shared memory; they are on their way while shapes are listed. Memory is far, and a pixel that asked for its own
-// words would wait for them. SHAPES: it has the motions of as many shapes there, too. FLOORED: it looks at floors as a
-// whole.
+// History of one world: words of the previous image, the words to write, and the motions of shapes.
+//
+// WIDTH and HEIGHT: a block of CUDA threads draws a whole image of that size. NEAR: the previous words are in shared
+// memory; they are loaded while shapes are listed, as a pixel that loaded its own words from global memory would wait
+// for them. SHAPES: shared memory holds the motions of as many shapes, to be composed by the block. FLOORED: the
+// history of the plane is there, too.
 template <int WANTED, int WIDTH = 0, int HEIGHT = 0, int SHAPES = 0, bool NEAR = false, bool FLOORED = false>
 struct VisibilityHistory {
     using Keeps = PackedVisibility<(WANTED & FLOW_BRIEF) != 0>;

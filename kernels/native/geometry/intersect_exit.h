@@ -1,19 +1,23 @@
-// Where a ray comes out of an analytic shape: what is inside of glass lies in the shadow of the side it looks out by.
+// Exit point of a ray from an analytic shape: objects inside glass lie in the shadow of the side that they look out by.
 #pragma once
 #include "geometry/intersect.h"
 
 namespace warpcam {
 
 // MISS where the ray misses. Of planes, cones and barrels always.
-template <int TYPE> WARPCAM_DEVICE float intersect_exit(const ShapeRecord& record, Ray ray)
+template <int TYPE, class Vector> WARPCAM_DEVICE NumberOf<Vector> intersect_exit(const ShapeRecord& record, Vector o, Vector d)
 {
     if (TYPE == PLANE || TYPE == CONE || TYPE == BARREL)
         return MISS;
-    const float t = enter<TYPE>(record, { ray.origin, -ray.direction });
+    const auto t = enter<TYPE>(record, o, -d);
     return t < MISS ? -t : MISS;
 }
+template <int TYPE> WARPCAM_DEVICE float intersect_exit(const ShapeRecord& record, Ray ray)
+{
+    return intersect_exit<TYPE>(record, ray.origin, ray.direction);
+}
 
-// The same for a type known only now, out of a set of types known at compile time.
+// Exit point from a shape whose type is known at run time only, out of a set known at compile time.
 template <int TYPES> WARPCAM_DEVICE float intersect_exit_any(const ShapeRecord& record, Ray ray)
 {
     const int type = record.axis_x.w;

@@ -1,7 +1,7 @@
-// How far the shadows of a light reach. MuJoCo's renderer draws what the light sees into a map: what lies outside of it
-// is lit, and what is nearer to the light than its near plane casts no shadow.
+// Extent of a light's shadows. MuJoCo's renderer draws the light's view into a map: points outside of it are lit, and
+// objects nearer to the light than its near plane cast no shadow.
 #pragma once
-#include "core/vec3.h"
+#include "core/scalar_or_simd.h"
 
 namespace warpcam {
 
@@ -37,13 +37,16 @@ template <class Lights> WARPCAM_DEVICE MapSize map_size(const Lights& lights, bo
              lights.shadow_gap };
 }
 
-// Whether a bounded map has a place, which lies so far `along` it.
-WARPCAM_DEVICE bool has_place(const ShadowMap& map, bool distant, Vec3 place, float& along)
+// True if a bounded map covers a point at distance `along` its axis.
+template <class Vector>
+WARPCAM_DEVICE MaskOf<Vector> has_place(const ShadowMap& map, bool distant, Vector place, NumberOf<Vector>& along)
 {
-    const Vec3 offset = place - map.from;
-    along = dot(map.along, offset);
-    const float side = max(abs(dot(map.right, offset)), abs(dot(map.up, offset)));
-    return along > map.near && !(side > (distant ? 1.0f : along));
+    using Number = NumberOf<Vector>;
+    const Vector offset = place - broadcast<Vector>(map.from);
+    along = dot(broadcast<Vector>(map.along), offset);
+    const Number side = max(abs(dot(broadcast<Vector>(map.right), offset)),
+                              abs(dot(broadcast<Vector>(map.up), offset)));
+    return (along > map.near) & !(side > (distant ? (Number)1.0f : along));
 }
 
 }  // namespace warpcam

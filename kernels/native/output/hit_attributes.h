@@ -15,7 +15,7 @@ template <int TYPES, class Face> WARPCAM_DEVICE int stored_face(Face face)
 // later is seen, as within a pass.
 WARPCAM_DEVICE float next_float(float depth) { return as_float(as_int(depth) + 1); }
 
-WARPCAM_DEVICE Vec3 transform(const Mat3& m, Vec3 v)
+template <class Vector = Vec3> WARPCAM_DEVICE Vector transform(const Mat3& m, Vector v)
 {
     return { m.at[0][0] * v.x + m.at[0][1] * v.y + m.at[0][2] * v.z,
              m.at[1][0] * v.x + m.at[1][1] * v.y + m.at[1][2] * v.z,

@@ -266,7 +266,7 @@ WARPCAM_DEVICE TextureLayout load_layout(const Shapes& shapes, const Materials& 
     return layout;
 }
 
-// What of a look only shapes with a texture, and planes, have a use for.
+// Loads the parts of an appearance that only textured shapes and planes use.
 template <int TYPES, class Wants, class Shapes, class Materials, class Textures, class Meshes, class HeightFields>
 WARPCAM_DEVICE void load_rest(ShapeAppearance<TYPES, Wants>& look, const Shapes& shapes, const Materials& materials,
                           const Textures& textures, const Meshes& meshes, const HeightFields& fields, float horizon,
@@ -316,7 +316,7 @@ template <class Wants> struct Untextured : Wants {
     static constexpr bool TEXTURED = false, SHIFTED = false, ON_SHEETS = false, FACETED = false;
 };
 
-// What a block keeps where it cannot keep the looks of all shapes: of those that it sees, as far as there is room.
+// Appearances of the shapes that a block sees, as far as shared memory has room, for scenes too large to store all.
 // PLACES: room for the drawn shapes' marks.
 template <int TYPES_, class Wants_, int PLACES, int SIZE> struct SeenLooks {
     static constexpr int TYPES = TYPES_;

@@ -107,46 +107,56 @@ template <bool SHADOWS, class Physical> WARPCAM_NOINLINE_CPU WARPCAM_DEVICE void
 }
 
 // Light at a place: from where, how much of the lamp's colours if it falls straight, and its spread.
-struct LightSample {
-    Vec3 to_light;
-    float share, spread;
+template <class Vector> struct AreaLightSample {
+    Vector to_light;
+    NumberOf<Vector> share, spread;
 };
 
 // The mean direction of what a rectangle sends, as long as its share: Lambert's formula for polygons, over pi.
-WARPCAM_DEVICE Vec3 from_rectangle(Vec3 middle, Vec3 across, Vec3 up)
+template <class Vector> WARPCAM_DEVICE Vector from_rectangle(Vector middle, Vec3 across, Vec3 up)
 {
-    const Vec3 corners[4] = { middle - across - up, middle + across - up, middle + across + up, middle - across + up };
-    Vec3 sum { 0.0f, 0.0f, 0.0f };
+    using Number = NumberOf<Vector>;
+    const Vector right = broadcast<Vector>(across), above = broadcast<Vector>(up);
+    const Vector corners[4] = { middle - right - above, middle + right - above, middle + right + above,
+                                middle - right + above };
+    const Number none = 0.0f, one = 1.0f, rate = 0.5f / PI;
+    Vector sum { none, none, none };
     for (int k = 0; k < 4; ++k) {
-        const Vec3 a = corners[k], b = corners[(k + 1) & 3], normal = cross(a, b);
-        const float sine = sqrt(dot(normal, normal));
-        if (sine > 1.0e-20f)
-            sum = sum + wp::atan2(sine, dot(a, b)) / sine * normal;
+        const Vector a = corners[k], b = corners[(k + 1) & 3], normal = cross(a, b);
+        const Number sine = sqrt(dot(normal, normal));
+        const MaskOf<Vector> some = sine > 1.0e-20f;
+        if (any(some))
+            sum = sum + (some ? atan2(sine, dot(a, b)) / (some ? sine : one) : none) * normal;
     }
-    return 1.0f / (2.0f * PI) * (dot(sum, middle) < 0.0f ? -sum : sum);
+    return (dot(sum, middle) < 0.0f ? -rate : rate) * sum;
 }
 
-// The same of a thin cylinder about `axis`: the integral over its length of 2 radius sin(angle) / distance^2, over pi.
-WARPCAM_DEVICE Vec3 from_cylinder(Vec3 middle, Vec3 axis, float radius, float half)
+// Light of a thin cylinder about `axis`: the integral over its length of 2 radius sin(angle) / distance^2, over pi.
+template <class Vector> WARPCAM_DEVICE Vector from_cylinder(Vector middle, Vec3 axis, float radius, float half)
 {
-    const float along = dot(middle, axis), first = along - half, last = along + half;
-    const Vec3 aside = middle - along * axis;
-    const float h = max(sqrt(dot(aside, aside)), max(radius, 1.0e-6f)), h2 = h * h;
-    const float near = first * first + h2, far = last * last + h2;
-    const float lengthwise = 0.5f / near - 0.5f / far;
-    const float sideways = 0.5f * (last / far - first / near + (wp::atan2(last, h) - wp::atan2(first, h)) / h) / h2;
-    return 2.0f * radius * h / PI * (lengthwise * axis + sideways * h * normalized(aside));
+    using Number = NumberOf<Vector>;
+    const Vector axes = broadcast<Vector>(axis);
+    const Number along = dot(middle, axes), first = along - half, last = along + half;
+    const Vector aside = middle - along * axes;
+    const Number h = max(sqrt(dot(aside, aside)), max(radius, 1.0e-6f)), h2 = h * h;
+    const Number near = first * first + h2, far = last * last + h2;
+    const Number lengthwise = 0.5f / near - 0.5f / far;
+    const Number sideways = 0.5f * (last / far - first / near + (atan2(last, h) - atan2(first, h)) / h) / h2;
+    return 2.0f * radius * h / PI * (lengthwise * axes + sideways * h * normalized(aside));
 }
 
-WARPCAM_DEVICE LightSample sample_light(const AreaLight& lamp, Vec3 place)
+template <class Vector> WARPCAM_DEVICE AreaLightSample<Vector> sample_light(const AreaLight& lamp, Vector place)
 {
+    using Number = NumberOf<Vector>;
+    const Number none = 0.0f, one = 1.0f;
     if (!(lamp.diffuse.w & SPOT))
-        return { as_vec3(lamp.place), 1.0f, lamp.size.x };
-    const Vec3 offset = as_vec3(lamp.place) - place;
-    const float square = max(dot(offset, offset), 1.0e-12f), distance = sqrt(square);
-    LightSample shine { 1.0f / distance * offset, 0.0f, 0.0f };
-    const float along = -dot(shine.to_light, as_vec3(lamp.axis)), cutoff = as_float(lamp.axis.w);
-    if (along < cutoff)
+        return { broadcast<Vector>(as_vec3(lamp.place)), one, lamp.size.x };
+    const Vector offset = broadcast<Vector>(as_vec3(lamp.place)) - place;
+    const Number square = max(dot(offset, offset), 1.0e-12f), distance = sqrt(square);
+    AreaLightSample<Vector> shine { 1.0f / distance * offset, none, none };
+    const Number along = -dot(shine.to_light, broadcast<Vector>(as_vec3(lamp.axis)));
+    const MaskOf<Vector> dark = along < as_float(lamp.axis.w);
+    if (!any(!dark))
         return shine;
     const int form = lamp.across.w;
     if (form == FORM_POINT) {
@@ -159,31 +169,33 @@ WARPCAM_DEVICE LightSample sample_light(const AreaLight& lamp, Vec3 place)
         shine.share = shine.spread = max(along, 0.0f) * radius / (radius + square);
     } else {
         const Vec3 across = as_vec3(lamp.across);
-        const Vec3 sum = form == FORM_RECTANGLE
+        const Vector sum = form == FORM_RECTANGLE
             ? from_rectangle(offset, lamp.size.x * across, lamp.size.y * cross(as_vec3(lamp.axis), across))
             : from_cylinder(offset, across, lamp.size.x, lamp.size.y);
-        const float share = sqrt(dot(sum, sum));
-        shine.share = share;
-        shine.spread = min(share, 1.0f);
-        if (share > 1.0e-20f)
-            shine.to_light = 1.0f / share * sum;
+        shine.share = sqrt(dot(sum, sum));
+        shine.spread = min(shine.share, 1.0f);
+        const MaskOf<Vector> some = shine.share > 1.0e-20f;
+        shine.to_light = select(some, 1.0f / (some ? shine.share : one) * sum, shine.to_light);
     }
     const float exponent = as_float(lamp.falloff.w);
     if (exponent != 0.0f)
         shine.share *= pow(max(along, MIN_NORMAL), exponent);
+    shine.share = dark ? none : shine.share;
     return shine;
 }
 
 // The cosine of a light over a surface, or its mean over what the horizon leaves of it.
-WARPCAM_DEVICE float clipped_cosine(float middle, float spread)
+template <class Number> WARPCAM_DEVICE Number clipped_cosine(Number middle, Number spread)
 {
-    if (middle * middle >= spread || spread < 1.0e-6f)
-        return max(middle, 0.0f);
+    const Number none = 0.0f, one = 1.0f, whole = max(middle, none);
+    const auto cut = !((middle * middle >= spread) | (spread < 1.0e-6f));
+    if (!any(cut))
+        return whole;
     spread = min(spread, 0.9999f);
-    const float sine = sqrt(max(1.0f - middle * middle, 1.0e-8f)), x = sqrt(1.0f / spread - 1.0f);
-    const float y = clamp(-x * middle / sine, -1.0f, 1.0f), part = sine * sqrt(max(1.0f - y * y, 0.0f));
-    const float sum = (middle * wp::acos(y) - x * part) * spread + wp::atan2(part, x);
-    return max(sum / (PI * spread), 0.0f);
+    const Number sine = sqrt(max(1.0f - middle * middle, 1.0e-8f)), x = sqrt(1.0f / spread - 1.0f);
+    const Number y = clamp(-x * middle / sine, -one, one), part = sine * sqrt(max(1.0f - y * y, 0.0f));
+    const Number sum = (middle * acos(y) - x * part) * spread + atan2(part, x);
+    return cut ? max(sum / (PI * spread), 0.0f) : whole;
 }
 
 }  // namespace warpcam

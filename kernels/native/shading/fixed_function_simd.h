@@ -3,7 +3,7 @@
 #pragma once
 #include "shading/plane_vertex_lighting.h"
 #include "shading/self_shadow.h"
-#include "lights/shadow_extent_simd.h"
+#include "lights/shadow_extent.h"
 #include "shading/surface_simd.h"
 
 namespace warpcam {
@@ -177,7 +177,7 @@ WARPCAM_NOINLINE_CPU inline Int8 own_shadow_of_eight(const LightList& list, cons
         Float8 along;
         Int8 dark = ~(dot(normal, spot ? source - place : source) > 0.0f);
         if (map.bounded)
-            dark &= have_places(map, !spot, place, along);
+            dark &= has_place(map, !spot, place, along);
         shadow |= dark & light.place.w;
     }
     return shadow;
@@ -234,7 +234,7 @@ WARPCAM_NOINLINE_CPU inline void light_all_corners(Grid& grid, const LightList& 
             set_lane(local, k, { corner_of(look.cells.u, float(grid.first_u + i - row * grid.columns)) - eye.x,
                                 corner_of(look.cells.v, float(grid.first_v + row)) - eye.y, -eye.z });
         }
-        const Vec3x8 place = seen_of(look.pose, local);
+        const Vec3x8 place = look.pose.seen(local);
         const int count = min(SIMD_WIDTH, total - first);
         float* const values = grid.values + first * grid.stride;
         if (grid.few)

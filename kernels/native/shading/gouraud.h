@@ -12,43 +12,42 @@ namespace warpcam {
 constexpr int BOX_CELLS = 4;  // along a side of a box
 
 // A triangle in the camera's frame, and a place on it.
-struct GouraudTriangle {
-    Vec3 place[3], normal[3];  // of its corners [m]
-    float weight1, weight2;   // of the second and third corner, for the place
-    bool three;               // else only the first corner counts, which is the place itself
+template <class Vector> struct GouraudTriangleOf {
+    Vector place[3], normal[3];         // of its corners [m]
+    NumberOf<Vector> weight1, weight2;  // of the second and third corner, for the place
+    bool three;                         // else only the first corner counts, which is the place itself
 };
+
+using GouraudTriangle = GouraudTriangleOf<Vec3>;
 
 // The half of an axis-aligned quad that a hit lies in. The quad is cut from its second to its fourth corner; mirrored,
 // from its first to its third. `place` is the hit in the camera's frame, `along` and `across` are the quad's axes
 // there, `a` and `b` the hit's coordinates on them.
-WARPCAM_DEVICE void in_quad(Vec3 place, Vec3 along, Vec3 across, float a, float b, CellSpan u, CellSpan v, bool mirrored,
-                        GouraudTriangle& facet)
+template <class Vector, class Number = NumberOf<Vector>>
+WARPCAM_DEVICE void in_quad(Vector place, Vector along, Vector across, Number a, Number b, CellSpan<Number> u,
+                        CellSpan<Number> v, MaskOf<Vector> mirrored, GouraudTriangleOf<Vector>& facet)
 {
-    float weight1 = clamp((a - u.start) * rcp(max(u.length, 1.0e-20f)), 0.0f, 1.0f);
-    float weight2 = clamp((b - v.start) * rcp(max(v.length, 1.0e-20f)), 0.0f, 1.0f);
-    if (mirrored) {
-        v = { v.start + v.length, -v.length };
-        weight2 = 1.0f - weight2;
-    }
-    if (weight1 + weight2 > 1.0f) {
-        u = { u.start + u.length, -u.length };
-        v = { v.start + v.length, -v.length };
-        weight1 = 1.0f - weight1;
-        weight2 = 1.0f - weight2;
-    }
+    const Number none = 0.0f, one = 1.0f;
+    const Number weight1 = clamp((a - u.start) * rcp(max(u.length, 1.0e-20f)), none, one);
+    Number weight2 = clamp((b - v.start) * rcp(max(v.length, 1.0e-20f)), none, one);
+    v = { mirrored ? v.start + v.length : v.start, mirrored ? -v.length : v.length };
+    weight2 = mirrored ? one - weight2 : weight2;
+    const auto other = weight1 + weight2 > one;
+    u = { other ? u.start + u.length : u.start, other ? -u.length : u.length };
+    v = { other ? v.start + v.length : v.start, other ? -v.length : v.length };
+    facet.weight1 = other ? one - weight1 : weight1;
+    facet.weight2 = other ? one - weight2 : weight2;
     facet.place[0] = place + (u.start - a) * along + (v.start - b) * across;
     facet.place[1] = facet.place[0] + u.length * along;
     facet.place[2] = facet.place[0] + v.length * across;
-    facet.weight1 = weight1;
-    facet.weight2 = weight2;
     facet.three = true;
 }
 
 // One of the equal cells of a box's side.
-WARPCAM_DEVICE CellSpan box_cell(float x, float half)
+template <class Number> WARPCAM_DEVICE CellSpan<Number> box_cell(Number x, Number half)
 {
-    const float length = 2.0f / BOX_CELLS * half;
-    const float i = clamp(round_down((x + half) * rcp(length)), 0.0f, float(BOX_CELLS - 1));
+    const Number length = 2.0f / BOX_CELLS * half, none = 0.0f, last = float(BOX_CELLS - 1);
+    const Number i = clamp(round_down((x + half) * rcp(length)), none, last);
     return { i * length - half, length };
 }
 
@@ -88,7 +87,7 @@ WARPCAM_DEVICE void facet_at(const Appearances& look, const Meshes& meshes, cons
     facet.normal[0] = facet.normal[1] = facet.normal[2] = pose.seen(surface.normal);
     bool quad = false, mirrored = false;
     int u_axis = 0, v_axis = 1;
-    CellSpan u, v;
+    CellSpan<float> u, v;
     float a, b;
     if constexpr (HAS_PLANE) {
         if (type == PLANE && look.cells.u.step != 0.0f && cells) {

@@ -1,4 +1,4 @@
-// What a physically based surface is made of at a place: its material's, and what its maps say.
+// Physically based material at a surface point, with its maps applied.
 #pragma once
 #include "shading/ggx.h"
 #include "shading/appearance.h"
@@ -6,11 +6,11 @@
 
 namespace warpcam {
 
-// Of a place of a surface.
-struct PbrInputs {
-    Bsdf skin;
-    Vec3 glow;    // what it emits
-    float open;  // share of the light from all around that reaches it
+// Material inputs of a surface point.
+template <class Vector> struct PbrInputs {
+    Bsdf<Vector> skin;
+    Vector glow;            // what it emits
+    NumberOf<Vector> open;  // share of the light from all around that reaches it
 };
 
 // A normal tilted as a map says, whose red and green lie along the texture's u and v (v up). The frame follows the
@@ -27,12 +27,13 @@ WARPCAM_DEVICE Vec3 tilted(Vec3 normal, Vec3 map, Vec3 du, Vec3 dv)
 
 // `color` is that of the shape's texture there, linear; `normal` comes in smooth and goes out as the map tilts it.
 template <int TYPES, int LENS, bool MAPS, class Appearances, class Meshes, class Textures>
-WARPCAM_DEVICE PbrInputs paint_at(const Appearances& look, const Meshes& meshes, const Textures& textures, const Camera& camera,
-                          float x, float y, const SurfaceInteraction& surface, Vec3 ray, float depth, Vec3 color, Vec3& normal)
+WARPCAM_DEVICE PbrInputs<Vec3> paint_at(const Appearances& look, const Meshes& meshes, const Textures& textures,
+                                   const Camera& camera, float x, float y, const SurfaceInteraction& surface, Vec3 ray, float depth,
+                                   Vec3 color, Vec3& normal)
 {
     const PbrMaterial& coat = look.finish;
     float roughness = coat.gloss.x, metallic = coat.gloss.y;
-    PbrInputs paint { {}, as_vec3(coat.glow), 1.0f };
+    PbrInputs<Vec3> paint { {}, as_vec3(coat.glow), 1.0f };
     if constexpr (MAPS) {
         const int normals = coat.normals, packed = coat.gloss.w, glowing = coat.glow.w;
         const ShapeFromCamera& pose = look.pose;

@@ -18,8 +18,8 @@ struct PlaneGrid {
     GridAxis u, v;
 };
 
-struct CellSpan {
-    float start, length;
+template <class Number> struct CellSpan {
+    Number start, length;
 };
 
 // Cells of a side from `-half` to `half`: an even number of cells twice `spacing` long lies in the middle; the first
@@ -51,12 +51,15 @@ WARPCAM_DEVICE PlaneGrid plane_cells(const ShapeFromCamera& pose, const float* r
 }
 
 // The cell around `x`.
-WARPCAM_DEVICE CellSpan cell_around(const GridAxis& cells, float x)
+template <class Number> WARPCAM_DEVICE CellSpan<Number> cell_around(const GridAxis& cells, Number x)
 {
-    const float start = cells.start + cells.step * round_down((x - cells.start) * cells.inverse);
-    if (cells.rest < 0.0f || (x > cells.start && x <= -cells.start))
-        return { start, cells.step };
-    return { x > -cells.start ? -cells.start : cells.start - cells.rest, cells.rest };
+    const Number start = cells.start + cells.step * round_down((x - cells.start) * cells.inverse), step = cells.step;
+    if (cells.rest < 0.0f)
+        return { start, step };
+    const Number rest = cells.rest, last = -cells.start, first = cells.start - cells.rest;
+    const auto beyond = x > -cells.start;
+    const auto within = (x > cells.start) & !beyond;
+    return { within ? start : beyond ? last : first, within ? step : rest };
 }
 
 }  // namespace warpcam

@@ -199,7 +199,7 @@ static WARPCAM_NOINLINE void other_footprints(const ShapeFromCamera& pose, const
                                           Footprints& at)
 {
     for (int k = 0; k < SIMD_WIDTH; ++k) {
-        const Footprint one = footprint_2d<TYPES>(pose, layout, meshes, surface.one(k), get_lane(ray, k),
+        const Footprint one = footprint_2d<TYPES>(pose, layout, meshes, get_lane(surface, k), get_lane(ray, k),
                                                   get_lane(right, k), get_lane(down, k));
         at.u[k] = one.u;
         at.v[k] = one.v;
@@ -317,7 +317,7 @@ WARPCAM_NOINLINE_CPU inline void texture_colors(const Appearances& look, const L
                 const Vec3x8 along = slide(right, ray, surfaces[n].normal), below = slide(down, ray, surfaces[n].normal);
                 Vec3x8 share, sum { (Float8)0.0f, (Float8)0.0f, (Float8)0.0f };
                 for (int k = 0; k < SIMD_WIDTH; ++k) {
-                    const Vec3 one = shares_of(smooth_normal<TYPES>(pose, meshes, surfaces[n].one(k)));
+                    const Vec3 one = shares_of(smooth_normal<TYPES>(pose, meshes, get_lane(surfaces[n], k)));
                     share.x[k] = one.x;
                     share.y[k] = one.y;
                     share.z[k] = one.z;

@@ -9,7 +9,7 @@
 
 namespace warpcam {
 
-// What the pixels of a few rows show. APART: as numbers, for what else covers them; else as bytes.
+// Colours of the pixels of a few rows. APART: as numbers, to be covered by other layers; else as bytes.
 template <int SIZE, int IMAGES, bool APART> struct Painted {
     static constexpr bool LINEAR = APART || (IMAGES & HDR), DISPLAY = APART;
     static constexpr bool WORDS = !APART && (IMAGES & (RGB | RGBA));
@@ -115,7 +115,7 @@ struct EightHits {
     int faces[SIMD_WIDTH];
 };
 
-// What surfaces that face the camera have for normals, in the world.
+// World-frame normals of surfaces that face the camera.
 template <int TYPES, class Appearances, class Scene_>
 inline Vec3x8 facing_normals(const Appearances& look, const Scene_& scene, const SurfaceInteraction8& surface, const Vec3x8& ray)
 {
@@ -123,7 +123,7 @@ inline Vec3x8 facing_normals(const Appearances& look, const Scene_& scene, const
     const Float3Int a = turn.axis_x, b = turn.axis_y, c = turn.axis_z;
     Vec3x8 normal = surface.normal;
     if constexpr ((TYPES >> LIT_NORMALS & 1) != 0)
-        normal = smooth_normals<TYPES>(look.pose, scene.meshes, surface);
+        normal = smooth_normal<TYPES>(look.pose, scene.meshes, surface);
     const Vec3x8 turned { a.x * normal.x + a.y * normal.y + a.z * normal.z,
                         b.x * normal.x + b.y * normal.y + b.z * normal.z,
                         c.x * normal.x + c.y * normal.y + c.z * normal.z };
@@ -139,7 +139,7 @@ inline void light_eight(const Appearances& look, int id, const List& lights, con
     const ShapeFromCamera& pose = look.pose;
     if constexpr (SHADOWS && (TYPES & SHADES_ITSELF))
         if (lights.dims && (SHADES_ITSELF >> pose.type() & 1))
-            shadow |= own_shadow_of_eight(lights, camera, place, seen_of(pose, surface.normal));
+            shadow |= own_shadow_of_eight(lights, camera, place, pose.seen(surface.normal));
     Int8 inside = 0;
     if constexpr (BY_CORNERS)
         if (id == lights.grid.shape) {
@@ -152,7 +152,7 @@ inline void light_eight(const Appearances& look, int id, const List& lights, con
         return;
     }
     Facets facet;
-    facets_at<TYPES>(look, scene.meshes, surface, place, facet);
+    facet_at<TYPES>(look, scene.meshes, surface, place, facet);
     const bool at_corners
         = (TYPES & (1 << PLANE | 1 << HEIGHT_FIELD | 1 << BOX | 1 << MESH)) && lit_at_corners<TYPES>(look);
     Lits own;
@@ -166,11 +166,10 @@ inline void light_eight(const Appearances& look, int id, const List& lights, con
     lit = BY_CORNERS ? Lits { own.linear, select(inside, lit.display, own.display) } : own;
 }
 
-// As many packets of a shape are drawn together, step by step: what one step of a packet waits for, those of others
-// fill.
+// Packets of a shape that are shaded together, step by step: the others fill the latency of each one's steps.
 constexpr int TOGETHER = 4;
 
-// Of the last packet's pixels `rest` count, of the others' all.
+// Shades packets; of the last packet `rest` pixels count, of the others all.
 template <int TYPES, int LENS, int IMAGES, int FACTS, class Appearances, class List, class Scene_, class Rows, class PbrInputs>
 WARPCAM_NOINLINE_CPU inline void paint_packets(const Appearances& look, const Levels* levels, int id, const List& lights,
                                         const Scene_& scene, const Rows& rows, Vec3 gain, const EightHits* hits,
@@ -187,17 +186,17 @@ WARPCAM_NOINLINE_CPU inline void paint_packets(const Appearances& look, const Le
     for (int n = 0; n < packets; ++n) {
         const EightHits& hit = hits[n];
         beams_of<LENS>(hit.x, hit.y, beams[n]);
-        rays[n] = local_of(pose, beams[n].direction);
-        const Vec3x8 away = has_centre(LENS) ? hit.depth * rays[n] : local_of(pose, places_on<LENS>(beams[n], hit.depth));
-        surfaces_at<TYPES>(pose, scene.meshes, scene.fields, hit.faces, broadcast(pose.eye()) + away, rays[n],
-                           surfaces[n]);
+        rays[n] = pose.local(beams[n].direction);
+        const Vec3x8 away = has_centre(LENS) ? hit.depth * rays[n] : pose.local(places_on<LENS>(beams[n], hit.depth));
+        surfaces[n].local = broadcast(pose.eye()) + away;
+        find_surface<TYPES>(pose, scene.meshes, scene.fields, hit.faces, rays[n], surfaces[n]);
         textures[n] = { one, one, one };
     }
     const auto steps = [&](int n, Vec3x8& right, Vec3x8& down) {
         OffsetRay8 across, below;
         rows.steps(pixels + n * SIMD_WIDTH, count_of(n), hits[n].x, hits[n].y, across, below);
-        right = local_of(pose, places_on<LENS>(across, hits[n].depth));
-        down = local_of(pose, places_on<LENS>(below, hits[n].depth));
+        right = pose.local(places_on<LENS>(across, hits[n].depth));
+        down = pose.local(places_on<LENS>(below, hits[n].depth));
     };
     if constexpr (Wants::TEXTURED)
         if (levels) {
@@ -237,7 +236,7 @@ WARPCAM_NOINLINE_CPU inline void paint_packets(const Appearances& look, const Le
     }
 }
 
-// What is behind everything.
+// Writes the background.
 template <int LENS, int IMAGES, int FACTS, class List, class Scene_, class Rows, class PbrInputs>
 WARPCAM_NOINLINE_CPU inline void paint_background(const List& lights, const Scene_& scene, const Rows& rows, int world,
                                            Vec3 gain, const short* pixels, int count, PbrInputs& painted)
@@ -286,7 +285,7 @@ WARPCAM_NOINLINE_CPU inline void paint_background(const List& lights, const Scen
     }
 }
 
-// What eight pixels show, of which `count` are given; the others are the last again.
+// Loads the hits of eight pixels, of which `count` are given; further lanes repeat the last.
 template <int TYPES, bool SHADOWS, int WIDTH, class Frame, class Rows>
 inline void load_hits(const Frame& frame, size_t first, const Rows& rows, const short* pixels, int count,
                       EightHits& hits)

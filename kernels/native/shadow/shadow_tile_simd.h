@@ -1,7 +1,7 @@
 // The points of one tile against the casters that may stand between them and a light, on a CPU: eight at once.
 #pragma once
 #include "shadow/receivers_simd.h"
-#include "geometry/intersect_simd.h"
+#include "geometry/intersect_exit.h"
 
 namespace warpcam {
 
@@ -17,17 +17,12 @@ inline void shade_points(const ShapeRecord& r, const Float3Int& aim, const Light
                         r.axis_y.x * p.x + r.axis_y.y * p.y + r.axis_y.z * p.z + o.y,
                         r.axis_z.x * p.x + r.axis_z.y * p.y + r.axis_z.z * p.z + o.z };
     const Vec3x8 direction = light.distant ? broadcast(a) : broadcast(a) - origin;
-    Float8 t;
-    if constexpr (INSIDE)
-        for (int k = 0; k < SIMD_WIDTH; ++k)
-            t[k] = intersect_exit<TYPE>(r, { get_lane(origin, k), get_lane(direction, k) });
-    else
-        t = enter_eight<TYPE>(r, origin, direction);
+    const Float8 t = INSIDE ? intersect_exit<TYPE>(r, origin, direction) : enter<TYPE>(r, origin, direction);
     const Float8 near = INSIDE ? points.near[row] + light.map.nearest : points.near[row];
     points.open[row] &= ~((t > near) & (t < points.reach[row]));
 }
 
-// As in_shade_of_field(), whose comments hold here.
+// Tests a packet against a height field; comments in in_shade_of_field() apply.
 template <class HeightFields> inline void shade_points_by_field(const HeightFields& fields, const ShapeRecord& r,
                                                                 const LightView& light, int row, Points& points)
 {
@@ -55,7 +50,7 @@ template <class HeightFields> inline void shade_points_by_field(const HeightFiel
     points.open[row] &= ~hit.met;
 }
 
-// As meets_box(), of eight points.
+// Tests the segments of eight points against a mesh's box, as meets_box() does.
 inline Int8 meet_box(const ShapeRecord& r, const Float3Int& aim, const Box& box, Vec3x8 p, Float8 near, Float8 reach, bool distant)
 {
     const Vec3x8 o { r.axis_x.x * p.x + r.axis_x.y * p.y + r.axis_x.z * p.z + r.origin.x,
