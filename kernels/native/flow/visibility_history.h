@@ -157,8 +157,7 @@ WARPCAM_DEVICE unsigned pixel_below(float number) { return bits_below(number, 83
 //
 // WIDTH and HEIGHT: a block of CUDA threads draws a whole image of that size. NEAR: the previous words are in shared
 // memory; they are loaded while shapes are listed, as a pixel that loaded its own words from global memory would wait
-// for them. SHAPES: shared memory holds the motions of as many shapes, to be composed by the block. FLOORED: the
-// history of the plane is there, too.
+// for them. SHAPES: shared memory holds the motions of as many shapes, too. FLOORED: the block tests planes as a whole.
 template <int WANTED, int WIDTH = 0, int HEIGHT = 0, int SHAPES = 0, bool NEAR = false, bool FLOORED = false>
 struct VisibilityHistory {
     using Keeps = PackedVisibility<(WANTED & FLOW_BRIEF) != 0>;
