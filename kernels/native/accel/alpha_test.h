@@ -5,8 +5,8 @@
 
 namespace warpcam {
 
-// What a map must say at the least for a surface to be there; as long as that is no more than this, the map leaves out
-// only what cannot be seen, and the rest of it is looked up where the surface is shaded.
+// Least opacity at which a surface counts as present. Where a map asks for no more than this, the trace skips only what
+// cannot be seen, and shading looks the rest of the map up.
 constexpr float LEAST_SEEN = 1.0f / 255.0f;
 
 // The red of a texture at (u, v), in images, between its four nearest texels.
@@ -21,7 +21,8 @@ WARPCAM_DEVICE float red_at(const unsigned* texels, int width, int height, float
     return (1.0f / 255.0f) * (above + y.on * (below - above));
 }
 
-// Is a face of a mesh there at `place`, in the mesh's frame? `cut`: only maps count that ask for more than can be seen.
+// Tests whether a face of a mesh is present at `place`, in the mesh's frame. `cut`: only maps whose threshold is above
+// LEAST_SEEN count.
 template <class Meshes>
 WARPCAM_DEVICE bool unmasked(const Meshes& meshes, int mesh, int face, Vec3 place, bool cut)
 {
@@ -47,7 +48,7 @@ WARPCAM_DEVICE bool unmasked(const Meshes& meshes, int mesh, int face, Vec3 plac
     return red_at(meshes.mask_texels.data + start, width, height, u, v) >= least;
 }
 
-// Is a face there where a ray, in the mesh's frame, meets it?
+// Tests whether a face is present where a ray, in the mesh's frame, intersects it.
 template <int TYPES, class Meshes>
 WARPCAM_DEVICE bool is_there(const Meshes& meshes, const ShapeRecord& record, const Ray& ray, int face, float t)
 {
@@ -56,7 +57,7 @@ WARPCAM_DEVICE bool is_there(const Meshes& meshes, const ShapeRecord& record, co
     return true;
 }
 
-// The same by cut-outs alone.
+// Tests presence as above, by cut-out maps alone.
 template <int TYPES, class Meshes>
 WARPCAM_DEVICE bool is_not_cut(const Meshes& meshes, const ShapeRecord& record, const Ray& ray, int face, float t)
 {

@@ -1,4 +1,4 @@
-// What the walks of triangle meshes share: traversal/mesh_closest_hit.h and shadow/mesh_any_hit.h on CUDA,
+// Parts shared by the traversals of triangle meshes: traversal/mesh_closest_hit.h and shadow/mesh_any_hit.h on CUDA,
 // accel/bvh4_simd.h on a CPU.
 #pragma once
 #include "geometry/triangle.h"
@@ -46,8 +46,8 @@ WARPCAM_DEVICE void load_faces(const void* rows, unsigned first, int begin, int 
     }
 }
 
-// What a ray needs to test boxes: with t = plane * scale + near or far offset, lower planes are moved down and upper
-// planes up by more than all rounding of the camera's and the mesh's coordinates.
+// Ray constants for box tests, with t = plane * scale + offset. Offsets move lower planes down and upper planes up by
+// more than all rounding of the camera's and the mesh's coordinates.
 struct Slabs {
     Vec3 scale, down, up;
 };
@@ -64,8 +64,9 @@ WARPCAM_DEVICE Slabs slabs(Vec3 o, Vec3 d, float extent)
 
 #if defined(__CUDA_ARCH__)
 
-// Are a scene's nodes child after child, of each the lower and the upper corner of its box? So they are where meshes
-// move, as children write their boxes. Else their bounds are whole numbers of 16 bits: see Meshes.nodes.
+// True if nodes store one child after another, each with the lower and upper corner of its box. Scenes with moving
+// meshes store nodes so, as children write their own boxes. Other scenes store bounds as whole numbers of 16 bits: see
+// Meshes.nodes.
 constexpr bool by_child(int types) { return types >> DEFORMING_MESHES & 1; }
 
 // The greatest and the least of three numbers, one instruction each: bits order as the numbers do, but for negative
@@ -113,7 +114,7 @@ template <> struct NodeRay<false> {
     Vec3 scale, in, out;  // t = (2^23 + bound) * scale + in or out, see Slabs
     unsigned ways, way_z;  // first_of() each axis, y's in the upper half
 
-    // As slabs() has it, of a mesh whose Record::size.x is `extent`.
+    // Sets the ray up, as slabs() does, for a mesh whose ShapeRecord::size.x is `extent`.
     WARPCAM_DEVICE void set(Vec3 o, Vec3 d, float extent)
     {
         const float cell = extent * BOUND_CELL;
@@ -131,7 +132,8 @@ template <> struct NodeRay<false> {
         way_z = first_of(scale.z);
     }
 
-    // Which bytes of a word and of WHOLE make the plane met first: the word has the lower one in its lower half.
+    // Byte selector, for a word and WHOLE, of the plane that the ray meets first: the word has the lower plane in its
+    // lower half.
     WARPCAM_DEVICE static unsigned first_of(float scale) { return 0x7610u ^ (unsigned(as_int(scale) >> 31) & 0x22u); }
 
     WARPCAM_DEVICE static void mul(const Float3Int& planes, unsigned which, float scale, float offset, float (&t)[4])
@@ -142,7 +144,7 @@ template <> struct NodeRay<false> {
             t[k] = as_float(__byte_perm(words[k], WHOLE, which)) * scale + offset;
     }
 
-    // The same; `near` is not negative.
+    // Tests the four children likewise; `near` is not negative.
     WARPCAM_DEVICE void test(const Float3Int* rows, float near, float depth, float (&enter)[4], float (&leave)[4],
                          int (&child)[4]) const
     {

@@ -31,7 +31,7 @@ inline Float4 load_float4(const float* from)
 
 inline void store_float4(int* to, Int4 a) { __builtin_memcpy(to, &a, sizeof a); }
 
-// How many elements are true (all ones)?
+// Counts the elements that are true (all ones).
 inline int count_of(Int4 truth)
 {
 #if defined(__x86_64__)
@@ -64,7 +64,7 @@ inline Int4 pick4(Int4 from, Int4 at)
 #endif
 }
 
-// As Corner and project() of geometry/triangle.h, for eight faces.
+// Projected vertices of eight faces: Corner and project() of geometry/triangle.h as a packet.
 struct Corners {
     Float8 x, y, along;
 };
@@ -75,7 +75,7 @@ inline Float8 edges(const Corners& a, const Corners& b)
     return a.x * b.y - a.y * b.x;
 }
 
-// Which sides of faces a ray meets: fronts; backs, too, of those that have one; both of all.
+// Sides of faces that a ray intersects: fronts; also backs of faces that have a back; or both sides of all faces.
 enum Sides { FRONTS, FRONTS_AND_MARKED, BOTH_SIDES };
 
 template <int TYPES, bool ANY>
@@ -94,8 +94,8 @@ struct MeshRays {
     float frame[12][WARP_SIZE];                              // see RayFrame
     float near[WARP_SIZE], depth[WARP_SIZE];
     int face[WARP_SIZE];  // the nearest so far, or -1
-    // What waits, the nearest on top: children of nodes, and bits of where the ray enters them, less the two lowest. At
-    // the bottom is 0, which is no child.
+    // Traversal stacks, nearest entry on top: children of nodes, and the bits of the entry distance without the lowest
+    // two. The bottom holds 0, which is no child.
     int height[WARP_SIZE];
     int child[WARP_SIZE][STACK_CAPACITY], entry[WARP_SIZE][STACK_CAPACITY];
     int walking[WARP_SIZE + 1], at_leaf[WARP_SIZE + 1];  // rays whose next is a node, or a leaf

@@ -143,7 +143,8 @@ WARPCAM_DEVICE void walk_height_field(const HeightFields& fields, const ShapeRec
         const float gap_middle = split ? gap + closing * middle : gap_end;
         if (t == begin) {
             above = gap_begin > 0.0f;
-            // Whether it comes in by the base is asked as above, so that none is lost between that and a side.
+            // Entry through the base is asked by the same expression as above, so that no ray is lost between base and
+            // side.
             const bool over_base = d.z > 0.0f ? !((-base - o.z) * rcp(avoid_zero(d.z)) > enter)
                                               : fma(begin, d.z, o.z) >= -base;
             if (!above && begin == enter && enter > near && over_base) {  // at a side
@@ -175,7 +176,7 @@ WARPCAM_DEVICE void walk_height_field(const HeightFields& fields, const ShapeRec
     }
 }
 
-// Is a place, in the field's frame, in the ground: not above its top, beside it or below its base?
+// Tests whether a point, in the field's frame, is inside the ground: not above its top, beside it, or below its base.
 template <class HeightFields> WARPCAM_DEVICE bool in_ground(const HeightFields& fields, const ShapeRecord& record, Vec3 place)
 {
     const Float3Int scale = load(fields.grids.data, 2 * record.axis_z.w);
@@ -192,7 +193,8 @@ template <class HeightFields> WARPCAM_DEVICE bool in_ground(const HeightFields& 
     return place.z <= plane.x + u * plane.y + v * plane.z + as_float(plane.w) * max(u - v, 0.0f);
 }
 
-// Does a ray come out of the ground, in which it is at `near`, before it is at `far`? The walk meets fronts alone.
+// Tests whether a ray that starts inside the ground, at `near`, leaves it before `far`. The walk finds front faces
+// only.
 template <class HeightFields>
 WARPCAM_DEVICE bool comes_out(const HeightFields& fields, const ShapeRecord& record, const Ray& ray, float near, float far)
 {

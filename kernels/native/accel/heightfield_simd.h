@@ -17,7 +17,7 @@ inline Planes gather_planes(const float* cells, Int8 at)
 
 inline Float8 line_of(Int8 code) { return (Float8)code - INDEX_BASE; }
 
-// As Axis.
+// Axis for a packet of rays.
 struct Axes {
     Float8 start, speed, wait, offset, ahead, first;
     Int8 last, flip;
@@ -56,7 +56,7 @@ struct PacketHit {
     Int8 met, face;  // met: true where the field was
 };
 
-// As walk_height_field(), whose comments hold here.
+// Walks a height field with a packet of rays; comments in walk_height_field() apply.
 template <class HeightFields> WARPCAM_NOINLINE_CPU inline void walk_packet(const HeightFields& fields, const ShapeRecord& record,
                                                                     const RayPacket& ray, Float8 near, PacketHit& hit)
 {

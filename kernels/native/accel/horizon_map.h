@@ -1,17 +1,17 @@
-// How high what a mesh has around one of its faces rises over the face's plane, all around: light from higher up
-// reaches all of the face, as far as the mesh itself is concerned. Kept with faces (see Meshes.faces), found by
-// build/horizon_builder.h.
+// Horizon maps: how far a mesh rises above the plane of each of its faces, by direction. Light from above the horizon
+// reaches the whole face, as far as the mesh itself is concerned. Faces store their horizon (see Meshes.faces);
+// build/horizon_builder.h computes it.
 #pragma once
 #include "camera/shape_record.h"
 #include "core/vec3.h"
 
 namespace warpcam {
 
-// Of 45 degrees each, about the face's normal. Each has four bits, its clearance: 0 where nothing is known to be clear,
-// else rays are that rise more than 16 - clearance sixteenths of their length.
+// Sectors of 45 degrees about a face's normal. Each has four bits of clearance: 0 if no direction is known to be clear,
+// else rays that rise by more than 16 - clearance sixteenths of their length are clear.
 constexpr int SECTORS = 8;
 
-// Whether faces have horizons: the words that these stand in are used otherwise where faces have backs.
+// True if faces have horizons: two-sided faces and moving meshes use those words otherwise.
 constexpr bool has_horizons(int types) { return !(types >> TWO_SIDED & 1) && !(types >> DEFORMING_MESHES & 1); }
 
 // A face's own axes: its first edge, what is across it, and its normal.
@@ -40,7 +40,7 @@ WARPCAM_DEVICE int sector_of(float along, float across)
     return (along < 0.0f ? 1 : 0) + (across < 0.0f ? 2 : 0) + (abs(along) < abs(across) ? 4 : 0);
 }
 
-// Does a ray from anywhere on the face in this direction, of any length, meet no other face of its mesh?
+// True if a ray of any length from any point of the face in this direction intersects no other face of the mesh.
 WARPCAM_DEVICE bool is_clear(unsigned horizon, const FaceAxes& axes, Vec3 direction)
 {
     const Vec3 d = axes.of(direction);

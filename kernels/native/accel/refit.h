@@ -118,7 +118,7 @@ WARPCAM_DEVICE void move_leaves(const Moving& moving, const Meshes& meshes, cons
     for_run(index, moving.assets.shape[0] * moving.num_leaves, [&](int i) { move_leaf(moving, meshes, points, i); });
 }
 
-// How a face lies, or what it was made of (see Moving).
+// Computes a face's plane, or what the face was made of (see Moving).
 template <class Moving, class Points>
 WARPCAM_DEVICE Vec3 flat_normal(const Moving& moving, const Points& points, const Points& normals, int base, int face)
 {

@@ -1,8 +1,8 @@
-// Whether the tree of a mesh that moves is still a good one, and its faces in a new order if it is not.
+// Reorders the faces of a moving mesh whose tree has become poor.
 //
-// A tree keeps its nodes and how many faces each leaf has; which faces these are is what changes: they are dealt out
-// along a curve through where they are now. Measured is the area of all boxes against that of the boxes around single
-// faces, so that neither the size of the mesh nor the sizes of its faces count.
+// A tree keeps its nodes and the number of faces of each leaf; the faces in a leaf change: faces are dealt out along a
+// space-filling curve through their current positions. The measure is the area of all boxes relative to that of the
+// boxes around single faces, so that neither the size of the mesh nor the sizes of its faces count.
 #pragma once
 #include "accel/bvh4.h"
 #include "core/vec3.h"

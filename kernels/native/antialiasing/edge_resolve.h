@@ -20,7 +20,7 @@ namespace warpcam {
 // Pixels with edges that a block lists before it traces. A warp lists up to 32 after it has seen that there is room.
 constexpr int LISTED = 896;
 
-// Of a region; where it is placed the compiler knows them, and all are counted.
+// Tiles across a region; for cached regions the compiler knows the number, and partial tiles count.
 template <class Centres> WARPCAM_DEVICE int tiles_across(const Region& region)
 {
     if constexpr (Centres::PLACED)
@@ -180,8 +180,8 @@ WARPCAM_DEVICE void smooth_region(const Shapes& shapes, const Meshes& meshes, co
     }
 }
 
-// The same, before there is a barrier after which `camera` is there. What the trace has found is kept in shared memory
-// where little else has to lie there.
+// Resolves edges likewise, before the barrier after which `camera` is valid. Trace results stay in shared memory where
+// it has room for them.
 template <int TYPES, int LENS, int WIDTH, int HEIGHT, int IMAGES, bool BY_WORDS, bool IN_PLACE, class Shapes,
           class Meshes, class HeightFields, class Target>
 WARPCAM_DEVICE void smooth_region(const Shapes& shapes, const Meshes& meshes, const HeightFields& fields,

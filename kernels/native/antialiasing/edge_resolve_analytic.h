@@ -17,7 +17,7 @@ constexpr unsigned OPEN =
     0x80;    // it is not known yet which pixel shows a sample that has hit the record of this number
 constexpr int PLACE_BITS = 10;     // of a pixel's place in its region, row after row
 
-// What a block knows of its region.
+// Per-block state of a region's edges.
 template <int WIDTH, int HEIGHT> struct KeptEdges {
     static constexpr int PIXELS = WIDTH * HEIGHT;
     static_assert(PIXELS <= 1 << PLACE_BITS, "places fit");
@@ -74,7 +74,7 @@ template <int TYPES, int LENS, int WIDTH, int HEIGHT, int IMAGES, class Target> 
                  (its >> PLACE_BITS & PLAIN) != 0 };
     }
 
-    // Where a pixel is kept, by its place in the region.
+    // Index at which a pixel is stored, by its position in the region.
     WARPCAM_DEVICE static unsigned kept_at(unsigned place) { return Finder::kept_at(place); }
 
     // The nine ids around a pixel that is kept, of which all are loaded before any is used.
@@ -202,7 +202,7 @@ template <int TYPES, int LENS, int WIDTH, int HEIGHT, int IMAGES, class Target> 
         return SIDED && (record.axis_x.w == BOX || record.axis_x.w == CYLINDER);
     }
 
-    // Which of the pixels around shows a sample that has hit a shape that has sides, as shown_sample() has it.
+    // Selects the neighbouring pixel that shows a sample's hit on a shape with sides, as shown_sample() does.
     WARPCAM_DEVICE int shown_side(const Spot& spot, int sample, const ShapeRecord& record) const
     {
         const CameraRay<LENS> ray = sample_ray<LENS>(camera, spot.i, spot.j, sample);

@@ -17,7 +17,8 @@ struct Waiting {
     int count;
 };
 
-// What a pixel's samples show, beside its place, in the bits of a ListedPixel whose samples have been traced.
+// Packs what a pixel's samples show, with the pixel's position, into the bits of a ListedPixel whose samples are
+// traced.
 WARPCAM_DEVICE unsigned shown_bits(int place, const unsigned char (&shown)[SAMPLES])
 {
     unsigned bits = unsigned(place) << 4 * SAMPLES;

@@ -124,7 +124,7 @@ struct EdgeResolver {
         its.shape = its.face = -1;
     }
 
-    // What is seen around a pixel.
+    // Finds the shapes seen around a pixel.
     void find_shapes(Edge& edge)
     {
         const NineIds nine = seen.centres.nine_ids(edge.i, edge.j);
@@ -235,7 +235,7 @@ struct EdgeResolver {
         }
     }
 
-    // Of some pixels the nearest to a sample, or the one in the middle if there are none.
+    // Selects, from a set of pixels, the nearest to a sample; the centre pixel if the set is empty.
     int nearest(int sample, unsigned pixels) const
     {
         for (int k = 0; pixels && k < AROUND; ++k)

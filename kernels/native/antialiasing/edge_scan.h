@@ -27,7 +27,7 @@ template <int LENS, int WIDTH, int HEIGHT, int IMAGES, class Target> struct Edge
         unsigned beside, across;
     };
 
-    // Where a pixel is kept, by its place.
+    // Index at which a pixel is stored, by its position.
     WARPCAM_DEVICE static unsigned kept_at(unsigned place) { return place / WIDTH * LINE + place % WIDTH + LINE + 1; }
 
     // Notes which pixels may have an edge. Then a barrier.
@@ -94,7 +94,7 @@ template <int LENS, int WIDTH, int HEIGHT, int IMAGES, class Target> struct Edge
         return __shfl_sync(FULL_WARP, until, WARP_SIZE - 1);
     }
 
-    // What Seen::edge() says of a pixel that may have an edge, by its place.
+    // EdgeTester::edge() of a pixel that may have an edge, by its position.
     template <bool SIDED, class HasSides> WARPCAM_DEVICE unsigned edge(unsigned place, const HasSides& has_sides) const
     {
         const unsigned pixel = kept_at(place);

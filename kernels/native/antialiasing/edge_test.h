@@ -13,16 +13,16 @@ constexpr float EDGE_SLOPE = 1.0f;
 // Colours that differ by so much or less are about the same [levels of 255], at an edge of a shape and within one. Of a
 // pixel's mean a sample is a quarter.
 constexpr int COLOR_TOLERANCE = 12, FAINT_WITHIN = 24, FAINT_SIDES = 32;
-// Of the pixels that may show a sample's surface one that lies apart from it by so many pixels' widths in depth is as
-// bad as one that lies a pixel's width aside.
+// Weight of distance in depth against distance in the image: among pixels that may show a sample's surface, one that is
+// this many pixel widths apart in depth counts as one that is a pixel width aside.
 constexpr float STEEP = 8.0f;
 // One whose surface is turned by a right angle is as bad as one that lies so many pixels' widths aside, squared.
 constexpr float TURNED = 2.0f;
-// How far beyond the depths around a sample is followed: parts of their range, and pixels' widths.
+// Extrapolation limits beyond the depths around a sample: in parts of their range, and in pixel widths.
 constexpr float BEYOND = 2.5f, ASIDE = 4.0f;
 constexpr int ITSELF = 4;  // of the nine pixels around one
 constexpr unsigned EVERY_SAMPLE = (1u << SAMPLES) - 1;
-// Beside a pixel's samples: all pixels around that show its shape have about its colour.
+// Bit beside those of a pixel's samples: all neighbours that show the pixel's shape have about its colour.
 constexpr unsigned PLAIN = 1u << SAMPLES;
 // Images: bits in the order of antialiasing.py.
 constexpr int SMOOTH_RGB = 1, SMOOTH_RGBA = 2, SMOOTH_HDR = 4;
@@ -31,7 +31,7 @@ struct Neighbour {
     int right, down;  // of a pixel [pixels]
 };
 
-// Which of the nine pixels around one is the k-th nearest to a sample, by its place beside the one in the middle.
+// Returns the k-th nearest of the nine pixels around one to a sample, by its offset from the centre pixel.
 WARPCAM_DEVICE Neighbour near_sample(Offset offset, int k)
 {
     // 1 being the pixel's own line and 2 that on the sample's side: bits by twos for the direction in which the sample
@@ -70,7 +70,8 @@ struct Band {
     }
 };
 
-// Are three depths of spread rays not on one plane? They run apart, or begin apart: 1 / depth is linear, or depth.
+// True if three depths of rays with own origins are not on one plane. Such rays diverge or start apart: 1 / depth is
+// linear, or depth.
 template <class Number> WARPCAM_DEVICE auto is_bent(Number a, Number b, Number c, float width)
 {
     const Number apart = EDGE_SLOPE * width * widths_at<RAY_TABLE_WITH_ORIGINS>(b);
@@ -105,7 +106,7 @@ template <int IMAGES, class Target> WARPCAM_DEVICE unsigned load_bytes(const Tar
     return bytes;
 }
 
-// Whether two such colours differ by more than so many levels in any channel.
+// True if two such colours differ by more than `levels` in any channel.
 WARPCAM_DEVICE bool bytes_differ(unsigned one, unsigned other, int levels)
 {
 #if defined(__CUDA_ARCH__)
@@ -128,7 +129,7 @@ template <int IMAGES> struct Colour {
     unsigned bytes;
     float hdr[3];
 
-    // By more than so many levels of 255 in any channel?
+    // True if the colours differ by more than `levels` of 255 in any channel.
     WARPCAM_DEVICE bool differs(const Colour& other, int levels) const
     {
         bool found = false;
@@ -142,7 +143,7 @@ template <int IMAGES> struct Colour {
 
 #if !defined(__CUDA_ARCH__)
 
-// Those of eight that differ, a bit each.
+// Bit mask of the colours, of eight, that differ.
 template <int IMAGES>
 inline unsigned which_differ(const Colour<IMAGES>& its, const Colour<IMAGES> (&others)[SIMD_WIDTH], int levels)
 {
@@ -164,7 +165,7 @@ inline unsigned which_differ(const Colour<IMAGES>& its, const Colour<IMAGES> (&o
 
 #endif
 
-// What a view has found in the centres of its pixels, as its images have it. A pixel is an index into them.
+// Trace results and colours at the centres of a view's pixels, read from its images. A pixel is an index into these.
 template <class Target> struct PixelSource {
     static constexpr bool BORDERED = false;  // there are no pixels outside of the image
     static constexpr bool PLACED = false;  // whether bytes_around() is there
@@ -174,7 +175,7 @@ template <class Target> struct PixelSource {
 
     WARPCAM_DEVICE unsigned at(int i, int j) const { return first + unsigned(j * target.width + i); }
     WARPCAM_DEVICE unsigned line() const { return unsigned(target.width); }
-    // Whether there is four_ids(): the ids of four pixels from a multiple of four on, of the image, are a word.
+    // True if four_ids() is available: the ids of four pixels, from a multiple of four on, form one word.
     WARPCAM_DEVICE bool has_fours() const { return sizeof(target.shape.data[0]) == 1 && target.width % 4 == 0; }
     WARPCAM_DEVICE unsigned four_ids(int i, int j) const
     {
@@ -203,7 +204,7 @@ template <class Target> struct PixelSource {
     }
 };
 
-// The same with what the samples of its pixels show. `Centres` has the pixels: see PixelSource.
+// PixelSource together with what the samples of its pixels show. `Centres` holds the pixels: see PixelSource.
 template <int LENS, class Centres> struct EdgeTester {
     const Centres& centres;
     float scale_x, scale_y;  // width and height of a pixel, at a depth of 1 m or everywhere [m]
@@ -213,7 +214,7 @@ template <int LENS, class Centres> struct EdgeTester {
     WARPCAM_DEVICE float depth(unsigned pixel) const { return centres.depth(pixel); }
     WARPCAM_DEVICE unsigned around(int i, int j, int k) const { return centres.around(i, j, k); }
 
-    // Are three pixels in a row not on one plane? Of a plane 1 / depth is linear in a pinhole's image.
+    // True if three pixels in a row are not on one plane. On a plane 1 / depth is linear in a pinhole image.
     WARPCAM_DEVICE bool turns(unsigned before, unsigned here, unsigned after, float scale) const
     {
         return turns_at(depth(before), depth(here), depth(after), scale);
@@ -245,13 +246,12 @@ template <int LENS, class Centres> struct EdgeTester {
         return found;
     }
 
-    // Which of the pixel's samples may hit what its centre does not, by bit. A pixel has an edge if one of its four
-    // neighbours is another shape: then those that have another shape at a corner of the triangle that they lie in, of
-    // the pixel's centre, that of a neighbour and that of one across, for three pixels that show the same shape have no
-    // edge between them. Or if its surface is bent: then all. In both cases it must show: where the three other pixels
-    // that a sample lies among have about the colour of its own, nothing is traced. Beside another shape, where bends
-    // are not looked for, colours alone tell them, of shapes of which has_sides(id) says that they have any. With
-    // PLAIN.
+    // Bit mask of the pixel's samples that may hit something else than the pixel's centre does.
+    //
+    // A pixel has an edge if one of its four neighbours shows another shape: then the mask holds the samples whose
+    // triangle, of the pixel's centre, that of a neighbour and that of one across, has another shape at a corner, as
+    // three pixels that show one shape have no edge between them. A pixel whose surface is bent has an edge, too: then
+    // the mask holds all samples. In both cases the edge must be visible:
     template <int IMAGES, class HasSides>
     WARPCAM_DEVICE unsigned edge(int i, int j, const HasSides& has_sides) const
     {
@@ -319,23 +319,23 @@ template <int LENS, class Centres> struct EdgeTester {
         return samples;
     }
 
-    // Which of the nine pixels around shows a shape, or nothing, nearest to a sample of pixel (i, j): as shown() has
-    // it.
+    // Selects, from the nine pixels around (i, j), the one nearest to a sample that shows a given shape, or nothing, as
+    // shown() does.
     WARPCAM_DEVICE int nearest(int i, int j, int sample, int hit_shape) const
     {
         return shown<0>(i, j, sample_offset(sample), 0.0f, hit_shape, false, [](int, int, unsigned) { return 0.0f; });
     }
 
-    // How far a hit is from what a pixel shows, in depth.
+    // Distance in depth between a hit and what a pixel shows.
     WARPCAM_DEVICE float apart(unsigned pixel, float hit_depth) const
     {
         return abs(depth(pixel) - hit_depth)
             * rcp(STEEP * scale_x * widths_at<LENS>(hit_depth));
     }
 
-    // Which of the nine pixels around shows what a sample of pixel (i, j) has hit: the nearest by place and, of a shape
-    // that has sides, by depth and by turned(i, j, pixel), how far its surface turns from the one hit, if they differ
-    // in colour. It is the pixel itself if none does. By number, see around().
+    // Selects, from the nine pixels around (i, j), the one that shows what a sample has hit: the nearest by position
+    // and, for a shape with sides, by depth and by turned(i, j, pixel), how far its surface turns from the one hit, if
+    // the pixels differ in colour. Returns the pixel itself if none shows the hit. Numbers are those of around().
     template <int IMAGES, class Turned> WARPCAM_DEVICE int shown(int i, int j, Offset offset, float hit_depth,
                                                              int hit_shape, bool sided, const Turned& turned) const
     {
@@ -348,7 +348,7 @@ template <int LENS, class Centres> struct EdgeTester {
         return left ? select<IMAGES>(left, i, j, offset, hit_depth, sided, turned) : ITSELF;
     }
 
-    // The same of those in `left`, numbered from near to far.
+    // Selects likewise from the pixels in `left`, numbered from near to far.
     template <int IMAGES, class Turned> WARPCAM_DEVICE int select(unsigned left, int i, int j, Offset offset,
                                                               float hit_depth, bool sided, const Turned& turned) const
     {

@@ -12,7 +12,7 @@ constexpr int NEAR_KEYS = 256;  // of a table by id; as many as all threads can 
 static_assert(NEAR_SHAPES + THREADS <= NEAR_KEYS, "a table with room for what all threads put in");
 constexpr int NO_KEY = -1;
 
-// As bits by their places among the records.
+// Set of records, a bit each.
 using NearBits = unsigned[NEAR_WORDS];
 
 struct NearShapes {
@@ -56,7 +56,7 @@ struct NearShapes {
         }
     }
 
-    // Where one that was added is.
+    // Index of a shape that was added.
     WARPCAM_DEVICE unsigned find(int id) const
     {
         unsigned slot = slot_of(id);

@@ -15,7 +15,7 @@ struct Neighborhood3x3 {
         return unsigned((place >> 2) * LINE + (place & 3) - LINE - 1);
     }
 
-    // Those around a pixel from near to far of a sample, as Seen::shown() has them: four bits each.
+    // Neighbours of a pixel from near to far of a sample, as EdgeTester::shown() orders them: four bits each.
     WARPCAM_DEVICE static constexpr unsigned order(bool upright, int x, int y)
     {
         constexpr unsigned FARTHER = 0x999, OTHER = 0x90a5;

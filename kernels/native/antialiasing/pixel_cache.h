@@ -1,4 +1,4 @@
-// What a view has found in a region's pixels and those around it, kept in shared memory: see PixelSource.
+// Cache, in shared memory, of trace results for a region's pixels and those around it: see PixelSource.
 #pragma once
 #include "antialiasing/edge_test.h"
 
@@ -10,7 +10,7 @@ template <class T> struct Pointee<T*> {
     using type = T;
 };
 
-// Where it is kept.
+// Shared memory of the cache.
 template <class Target, int IMAGES, int WIDTH, int HEIGHT> struct CentresRoom {
     static constexpr int LINE = WIDTH + 2, PIXELS = LINE * (HEIGHT + 2);
     static constexpr bool HAS_BYTES = IMAGES & (SMOOTH_RGB | SMOOTH_RGBA);
@@ -84,8 +84,9 @@ template <class Target, int IMAGES, int WIDTH, int HEIGHT> struct PixelCache {
     WARPCAM_DEVICE unsigned around(int i, int j, int k) const { return at(i + k % 3 - 1, j + k / 3 - 1); }
 };
 
-// Which shapes a region's pixels and those around it show, kept in shared memory; WHOLE: which has all of the image.
-// Pixels are numbered row after row, from the one above the region's first, or a word left of that if there are any.
+// Cache, in shared memory, of the shapes that a region's pixels and those around it show; WHOLE: the region is the
+// whole image. Pixels are numbered row after row, from the one above the region's first, or a word left of that if
+// there are any.
 template <class Target, int WIDTH, int HEIGHT, bool WHOLE> struct RegionIds {
     using Id = typename Pointee<decltype(Target::shape.data)>::type;
     static constexpr bool FIT = sizeof(Id) == 1;
@@ -119,8 +120,8 @@ template <class Target, int WIDTH, int HEIGHT, bool WHOLE> struct RegionIds {
     WARPCAM_DEVICE unsigned load4(unsigned pixel) const { return words[(pixel + BEFORE) / WORD]; }
 };
 
-// Of images whose colours may be loaded by words: their pixels are a multiple of four. Depths, faces and colours stay
-// where they are. Pixels are numbered as RegionIds has them; none lies outside of the image.
+// Cache for images whose colours can be loaded by words: their number of pixels is a multiple of four. Depths, faces
+// and colours stay in global memory. Pixels are numbered as in RegionIds; none lies outside the image.
 template <class Target, int WIDTH_, int HEIGHT, bool WHOLE> struct PlacedCentres {
     using Ids = RegionIds<Target, WIDTH_, HEIGHT, WHOLE>;
     static constexpr int WIDTH = WIDTH_, LINE = Ids::LINE;
@@ -155,7 +156,7 @@ template <class Target, int WIDTH_, int HEIGHT, bool WHOLE> struct PlacedCentres
     }
     WARPCAM_DEVICE unsigned of_images(int i, int j) const { return first + unsigned(j * target.width + i); }
     WARPCAM_DEVICE int shape(unsigned pixel) const { return ids.at(pixel); }
-    // Where the pixel may lie outside of the image: then it is any number.
+    // Shape of a pixel that may lie outside the image: then the result is arbitrary.
     WARPCAM_DEVICE int shape_beside(int i, int j) const { return shape(at(i, j)); }
     WARPCAM_DEVICE static constexpr bool has_fours() { return true; }
     WARPCAM_DEVICE unsigned four_ids(int i, int j) const { return ids.load4(at(i, j)); }

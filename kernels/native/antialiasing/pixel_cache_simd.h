@@ -1,4 +1,4 @@
-// What a view has found in a region's pixels and those around it, kept at hand on a CPU: see PixelSource.
+// Cache, on a CPU, of trace results for a region's pixels and those around it: see PixelSource.
 #pragma once
 #include "antialiasing/edge_test.h"
 #include "core/simd8.h"
@@ -7,7 +7,7 @@ namespace warpcam {
 
 constexpr int AROUND = 9;  // pixels, see PixelSource::around()
 
-// What the nine pixels around one show, those outside of the image as the nearest inside.
+// Shapes of the nine pixels around one; pixels outside the image take the nearest inside.
 struct NineIds {
     const int* here;
     int line;
@@ -101,8 +101,8 @@ template <int IMAGES, int WIDTH, int HEIGHT, class Target> struct CentresAtHand 
     }
     unsigned around(int i, int j, int k) const { return at(i + k % 3 - 1, j + k / 3 - 1); }
 
-    // Of eight pixels of a row from column `i` on those that may have an edge, a bit each: those beside another shape,
-    // and those where a surface is bent.
+    // Bit mask of the pixels, of eight from column `i` on in a row, that may have an edge: pixels beside another shape,
+    // and pixels whose surface is bent.
     template <int LENS> unsigned maybe_edges(int i, int j, float scale_x, float scale_y) const
     {
         const unsigned here = at(i, j);

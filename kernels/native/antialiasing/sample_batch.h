@@ -8,11 +8,11 @@
 #if defined(__CUDA_ARCH__)
 namespace warpcam {
 
-// Those that it smooths together, at most: at the end its warps wait for the one whose rays take longest. A
-// multiprocessor's blocks have room for so many: antialiasing.py.
+// Most pixels that a block resolves together: at the end its warps wait for the one whose rays take longest. The blocks
+// of a multiprocessor have room for so many: antialiasing.py.
 constexpr int most_together(int types) { return types >> HEIGHT_FIELD & 1 ? 384 : types >> MESH & 1 ? 440 : 320; }
 
-// What a sample has hit, where there are meshes.
+// Hit of a sample in scenes with meshes.
 struct SampleHit {
     float depth;
     int face;
@@ -45,8 +45,8 @@ template <int TYPES> struct SampleBatch {
     NearBits own[MOST];                       // the shapes around
     Band meshes[HAS_MESH ? MOST : 1], fields[HAS_FIELD ? MOST : 1];
     unsigned char ground[HAS_FIELD ? MOST : 1];  // the record of what is_behind(), not traced, or NEAR_SHAPES
-    // That are traced: 4 * the pixel's number + the sample's. From the front on those whose rays are likely to take
-    // long, which begin first, from the back on the others.
+    // Samples to trace: 4 * the pixel's number + the sample's. Samples whose rays are likely to take long fill the
+    // array from the front, and start first; the others fill it from the back.
     unsigned short samples[SAMPLES * MOST];
     unsigned char shown[SAMPLES * MOST];  // by which of the pixels around; where there are meshes first what was hit
     SampleHit hits[HAS_MESH ? SAMPLES * MOST : 1];  // of the samples

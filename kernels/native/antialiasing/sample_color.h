@@ -1,5 +1,5 @@
-// Which pixel shows what a sample has hit, where ids are near: as shown_sample() has it, but the colours around are
-// loaded at once, and faces only where colours differ.
+// Selects the pixel that shows what a sample has hit, where ids are cached: as shown_sample() does, but loads the
+// colours around at once, and faces only where colours differ.
 #pragma once
 #include "antialiasing/neighborhood.h"
 #include "antialiasing/neighbor_shapes.h"
@@ -46,8 +46,8 @@ template <int TYPES, int IMAGES, int LENS, class Meshes, class Centres> struct P
         return places;
     }
 
-    // Whether depths, faces or sides must be compared to tell which pixel shows `shape`: what is seen there, if it is
-    // not what the sample `hits` what lies behind all else or, negative, nothing. `best_at` is the nearest that shows
+    // True if depths, faces or sides must be compared to select the pixel that shows `shape`: what is seen there if the
+    // sample `hits`, else what lies behind all else or, negative, nothing. `best_at` is the nearest pixel that shows
     // it, `left` are the others.
     WARPCAM_DEVICE bool is_open(int shape, int face, bool hits, const ShapeRecord& record, unsigned edge, int& best_at,
                             unsigned& left)

@@ -120,14 +120,14 @@ template <class Meshes> WARPCAM_DEVICE Vec3 face_normal(const Meshes& meshes, un
                             as_vec3(load(meshes.faces.data, row + 2)) - corner));
 }
 
-// Whether a shape, which may be none, has sides that meet in edges.
+// True if a shape, which may be none, has sides that meet in edges.
 template <int TYPES, class Shapes> WARPCAM_DEVICE bool has_sides(const Shapes& shapes, int shape)
 {
     constexpr int SIDED = TYPES & (1 << MESH | 1 << BOX | 1 << CYLINDER);
     return SIDED && shape >= 0 && (SIDED >> wp::index(shapes.types, shape) & 1);
 }
 
-// Which of its smooth parts a shape shows at a depth of a ray: a box's sides, a cylinder's side and ends.
+// Smooth part that a shape shows at a depth of a ray: a box's side, or a cylinder's side or end.
 template <int LENS> WARPCAM_DEVICE int part_at(const ShapeRecord& record, const CameraRay<LENS>& ray, float depth)
 {
     const Ray local = ray.local(record);
@@ -138,10 +138,10 @@ template <int LENS> WARPCAM_DEVICE int part_at(const ShapeRecord& record, const 
     return x > y && x > z ? 0 : y > z ? 1 : 2;
 }
 
-// Which pixel shows what a sample of pixel (i, j) has hit: show(sided, turned) says it as Seen::shown() has it. Two
-// surfaces that meet in an edge are near each other in depth, but not of one colour: so it counts how a mesh's face is
-// turned from those of the pixels around, and whether these show the same side. `record` is that of the shape hit,
-// `edge` what edge() says of the pixel.
+// Selects the pixel that shows what a sample of pixel (i, j) has hit; show(sided, turned) selects as
+// EdgeTester::shown() does. Two surfaces that meet in an edge are near each other in depth, but differ in colour: so
+// the selection weighs how a mesh's face is turned from those of the pixels around, and whether these show the same
+// side. `record` is that of the shape hit, `edge` the pixel's edge().
 template <int TYPES, int LENS, class Meshes, class Centres, class Show>
 WARPCAM_DEVICE int shown_sample(const EdgeTester<LENS, Centres>& seen, const Meshes& meshes, const Camera& camera, int i, int j,
                             int sample, float depth, int face, const ShapeRecord& record, unsigned edge, const Show& show)

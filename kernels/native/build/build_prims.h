@@ -1,4 +1,4 @@
-// What the builder of a mesh's tree works on: boxes, shares of faces, nodes of the binary tree.
+// Data of the mesh tree builder: boxes, shares of faces, nodes of the binary tree.
 #pragma once
 
 namespace warpcam {

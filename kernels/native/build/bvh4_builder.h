@@ -174,7 +174,7 @@ inline int open_planned(const BuildNode* branches, int root, int* children)
     return count;
 }
 
-// The same, two binary levels down: the wide tree is then half as deep as the binary one.
+// Opens a node two binary levels down: the wide tree is then half as deep as the binary one.
 inline int open_two_levels(const BuildNode* branches, int root, int* children)
 {
     int count = 0;

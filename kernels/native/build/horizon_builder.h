@@ -8,8 +8,7 @@ namespace warpcam {
 
 constexpr int MOST_VISITS = 1024;  // of nodes and leaves, by one face
 
-// Where something lies, by a face's own axes: how far along and across from any place on the face, and how high it
-// rises.
+// Extent of an object in a face's own axes: distances along and across from any point of the face, and height above it.
 struct FromFace {
     float left, right, low, high, rise;
 };
@@ -44,7 +43,7 @@ struct HorizonSampler {
         }
     }
 
-    // Of what lies between two corners of a box along the face's axes.
+    // Extent of a box, given by two corners along the face's axes.
     WARPCAM_DEVICE FromFace around(Vec3 from, Vec3 to) const
     {
         return { from.x - most.x - slack, to.x - least.x + slack, from.y - most.y - slack, to.y - least.y + slack,
@@ -93,9 +92,10 @@ struct HorizonSampler {
         return level > before ? all + ((level - before) << 4 * sector) : all;
     }
 
-    // How steeply another face can rise as seen from this one, as far as that shows along one way in the own plane:
-    // what of it lies `out` beyond all of the own is at least so far away. As heights are to distances, so rises no
-    // point between its corners more steeply than one of these. MISS where it does not lie beyond.
+    // Bound on the slope at which another face rises as seen from this one, along one direction in this face's plane:
+    // every part of the other face that lies `out` beyond this face is at least that far away. No point between its
+    // corners rises more steeply than one of these ratios of height to distance. MISS if the other face does not lie
+    // beyond.
     WARPCAM_DEVICE float steepness(const Vec3 (&others)[3], float x, float y) const
     {
         const float rate = rsqrt(max(x * x + y * y, MIN_NORMAL));

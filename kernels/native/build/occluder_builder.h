@@ -31,7 +31,7 @@ struct OccluderCandidate {
         return most;
     }
 
-    // What lies at least so far across and up is in the way.
+    // Ends the box before an object that lies at least so far across and up.
     WARPCAM_DEVICE void end_at(float across, float up)
     {
         for (int k = 0; k < SHUTTER_FORMS; ++k)
@@ -40,7 +40,7 @@ struct OccluderCandidate {
 
     WARPCAM_DEVICE static float least_magnitude(float from, float to) { return max(max(from, -to), 0.0f); }
 
-    // May what is in a box be in the way?
+    // True if an object in a box may be in the way.
     WARPCAM_DEVICE bool may_meet(Vec3 low_corner, Vec3 high_corner) const
     {
         const Vec3 at = axes.of(0.5f * (low_corner + high_corner) - center), half = 0.5f * (high_corner - low_corner);
@@ -90,7 +90,7 @@ struct OccluderCandidate {
     }
 };
 
-// How a box lies over its face: turned about the face's normal, and between which ends.
+// Orientation of a box over its face, turned about the face's normal, and its ends.
 struct Way {
     int turn, slab;
 

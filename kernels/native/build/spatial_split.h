@@ -143,7 +143,7 @@ inline void cut_item(const Faces& mesh, const BuildPrim& item, const SpatialSpli
     if (!high.clip(sides[1])) high = whole[1];
 }
 
-// How a cut left the items: two runs with room behind each.
+// Result of a spatial split: two runs of items with room behind each.
 struct Parts {
     int first, first_room;    // items in the first run, and where the second starts
     int second, second_room;  // 0 items: the cut was not made, and all is as it was but for the order

@@ -1,4 +1,4 @@
-// Where a mirror lies in the view from behind it.
+// Plane of a mirror in the view from behind it.
 #pragma once
 #include "camera/shape_record.h"
 #include "core/vec3.h"
@@ -10,8 +10,8 @@ struct MirrorPlane {
     Vec3 normal;
     float distance;
 
-    // Where a ray of the mirrored view comes out of the mirror, 0 where it begins beyond; infinity for one that does
-    // not.
+    // Depth at which a ray of the mirrored view leaves the mirror: 0 if the ray starts beyond it, infinity if it never
+    // does.
     template <int LENS> WARPCAM_DEVICE float depth(const CameraRay<LENS>& ray) const
     {
         const float start = LENS != ORTHOGRAPHIC ? 0.0f : normal.x * ray.x + normal.y * ray.y;

@@ -1,11 +1,11 @@
-// How far a round shape reaches in a view.
+// Projected extent of a round shape in a view.
 #pragma once
 #include "camera/ray_table.h"
 #include "core/vec3.h"
 
 namespace warpcam {
 
-// What spans a shape in an image: x and y, up, of all of its points by their depth, or as they are for parallel rays.
+// Bounds of a shape in an image: x and y, up, of all its points divided by their depth, or undivided for parallel rays.
 struct ViewSpan {
     float left, right, low, high;
 
@@ -20,10 +20,9 @@ struct ViewSpan {
 
 constexpr int ROUND_TYPES = 1 << SPHERE | 1 << CAPSULE | 1 << ELLIPSOID | 1 << CYLINDER;
 
-// Of a round shape, which lies between two like ellipsoids: these are half a sphere's or a disk's length apart from its
-// middle, or at one place. One at `at` with half axes w is seen from the left to the right edge of the cone that
-// touches it. `center`: of its box, with the depth there, which is positive for all of it; m: the axes of its own
-// frame; e: half widths.
+// Bounds of a round shape, which lies between two equal ellipsoids: these are half a sphere's or a disk's length from
+// its middle, or coincide. An ellipsoid at `at` with half axes w spans the cone that touches it. `center`: of its box,
+// with the depth there, which is positive for all of it; m: the axes of its own frame; e: half widths.
 template <int LENS>
 WARPCAM_DEVICE void span_round(int type, Vec3 center, float depth, const Mat3& m, Vec3 e, ViewSpan& span)
 {

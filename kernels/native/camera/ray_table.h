@@ -47,14 +47,15 @@ WARPCAM_DEVICE const Float3Int* tile_cones(const Camera& camera, int column, int
     return reinterpret_cast<const Float3Int*>(table_of(camera)) + row * tiles_across(camera) + column;
 }
 
-// The same of spread rays, and then the ball. Of all of them: all_starts().
+// Starts of a tile's rays with own origins, followed by the bounding ball. For the ball of the whole image:
+// all_starts().
 WARPCAM_DEVICE const Float3Int* tile_starts(const Camera& camera, int column, int row)
 {
     return reinterpret_cast<const Float3Int*>(table_of(camera)) + 1 + 2 * (row * tiles_across(camera) + column);
 }
 WARPCAM_DEVICE Float3Int all_starts(const Camera& camera) { return load(table_of(camera), 0); }
 
-// Of the pixel of the image that is nearest.
+// Ray of the image's nearest pixel.
 WARPCAM_DEVICE CameraRay<RAY_TABLE_WITH_ORIGINS> spread_ray(const Camera& camera, int i, int j, int sample = -1)
 {
     const int width = table_width(camera), height = table_height(camera);
@@ -63,7 +64,7 @@ WARPCAM_DEVICE CameraRay<RAY_TABLE_WITH_ORIGINS> spread_ray(const Camera& camera
     return CameraRay<RAY_TABLE_WITH_ORIGINS>::of(rays + SPREAD_ROWS * size_t(row * width + column), sample);
 }
 
-// Of the pixel of the image that is nearest.
+// Ray of the image's nearest pixel.
 WARPCAM_DEVICE CameraRay<RAYS> table_ray(const Camera& camera, int i, int j)
 {
     const int width = table_width(camera), height = table_height(camera);
@@ -73,7 +74,7 @@ WARPCAM_DEVICE CameraRay<RAYS> table_ray(const Camera& camera, int i, int j)
     return { at.x, at.y };
 }
 
-// How the ray changes from pixel (i, j) to the next, across and down: over both sides of it that see anything.
+// Change of the ray from pixel (i, j) to the next, across and down: over both neighbours that see anything.
 WARPCAM_DEVICE void table_slopes(const Camera& camera, int i, int j, Float2& across, Float2& down)
 {
     const CameraRay<RAYS> here = table_ray(camera, i, j);
@@ -100,7 +101,7 @@ template <int LENS> WARPCAM_DEVICE CameraRay<LENS> view_ray(const Camera& camera
         return { image_x(camera, float(i)), image_y(camera, float(j)) };
 }
 
-// Does a pixel see nothing?
+// True if a pixel has no ray.
 WARPCAM_DEVICE bool is_blind(const CameraRay<RAYS>& ray) { return ray.x >= NO_RAY; }
 WARPCAM_DEVICE bool is_blind(const CameraRay<RAY_TABLE_WITH_ORIGINS>& ray) { return ray.blind(); }
 
@@ -129,7 +130,8 @@ template <int LENS> WARPCAM_DEVICE float pixel_width(const Camera& camera)
     return camera.scale_x;
 }
 
-// How many of its widths a pixel is wide at a depth. Of spread rays at most: they may run apart, and begin apart.
+// Width of a pixel at a depth, in widths at depth 1. For rays with own origins an upper bound: they may diverge, and
+// start apart.
 template <int LENS, class Number> WARPCAM_DEVICE Number widths_at(Number depth)
 {
     return LENS == RAY_TABLE_WITH_ORIGINS ? 1.0f + depth : LENS == ORTHOGRAPHIC ? Number(1.0f) : depth;
@@ -175,7 +177,7 @@ template <int LENS, class Camera_> WARPCAM_DEVICE float ray_y(const Camera_& cam
         return image_y(camera, float(j));
 }
 
-// What a change of a table's ray at (x, y) is as a change of its unit direction.
+// Converts a change of a table's ray at (x, y) to a change of its unit direction.
 WARPCAM_DEVICE Vec3 turn_of(float x, float y, float dx, float dy)
 {
     const float rate = rcp(1.0f + x * x + y * y), along = 2.0f * rate * (x * dx + y * dy);

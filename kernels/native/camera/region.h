@@ -25,7 +25,7 @@ struct PackedTileRect {
         return unsigned(128 - box.left) | unsigned(128 - box.top) << 8 | unsigned(128 + box.right) << 16
             | unsigned(128 + box.bottom) << 24;
     }
-    // What is to be added for any of some tiles, in so many columns and rows from the first.
+    // Sum of steps for any of a block of tiles, in so many columns and rows from the first.
     WARPCAM_DEVICE static unsigned steps(int column, int row, int columns, int rows)
     {
         return unsigned(column * (1 - (1 << 16)) + row * ((1 << 8) - (1 << 24)) + (columns - 1) + ((rows - 1) << 8));
@@ -33,9 +33,9 @@ struct PackedTileRect {
     WARPCAM_DEVICE bool touches(unsigned steps) const { return (~(counts + steps) & 0x80808080u) == 0u; }
 };
 
-// Which part of which world's image a thread block draws; `block` counts worlds, then parts. OUTWARDS: of all images of
-// a launch first the parts in the middle, which take longest, so that the last blocks are short ones, and that all
-// multiprocessors have as many of each kind; for launches of one row of blocks: see visibility.py.
+// Part of an image, and its world, that a thread block draws; `block` counts worlds, then parts. OUTWARDS: parts in the
+// middle of all images come first, as they take longest, so that the last blocks are short and all multiprocessors have
+// as many of each kind; for launches of one row of blocks: see visibility.py.
 template <bool OUTWARDS> WARPCAM_DEVICE int part_of(int block, int columns, int rows, int& world)
 {
     const int parts = columns * rows;

@@ -60,10 +60,10 @@ struct ShapeRecord {
     Float3Int size;
 };
 
-// Whether a face is seen from behind, too, by what its second row says: see Meshes.faces.
+// True if a face is visible from behind, by its second row: see Meshes.faces.
 template <int TYPES> WARPCAM_DEVICE bool has_back(int mark) { return (TYPES >> TWO_SIDED & 1) && mark != 0; }
 
-// Whether the corners of a face have its own normal, by what its second and third row say.
+// True if the corners of a face have the face's own normal, by its second and third row.
 template <int TYPES> WARPCAM_DEVICE bool is_flat(int back, int mark) { return has_back<TYPES>(back) && mark != 0; }
 
 template <int TYPES> WARPCAM_DEVICE bool is_mesh(const ShapeRecord& record)
@@ -138,7 +138,7 @@ template <int LENS> struct CameraRay {
     }
 };
 
-// One that only sees what lies beyond `near`, its own planar depth.
+// Camera ray that starts at `near`, its own planar depth.
 template <int LENS> struct ClippedRay : CameraRay<LENS> {
     float near;
 };

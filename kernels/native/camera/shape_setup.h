@@ -225,7 +225,7 @@ WARPCAM_DEVICE TileRect ray_tiles(const Camera& camera, const Region& region, Ve
     return tiles.box();
 }
 
-// The same of spread rays, and a ball.
+// Tile rectangle of a ball for rays with own origins.
 WARPCAM_DEVICE TileRect spread_tiles(const Camera& camera, const Region& region, Vec3 center, float radius)
 {
     const int across = region.width / TILE_WIDTH, down = region.height / TILE_HEIGHT;
@@ -255,7 +255,7 @@ struct BoundsAndScale {
     Vec3 scale;
 };
 
-// What of a shape no camera is asked for; also the size row of its record.
+// Per-shape data that depends on no camera; also the size row of the shape's record.
 template <int TYPES, class Meshes, class HeightFields>
 WARPCAM_DEVICE Visible find_form(const Shape& shape, const Meshes& meshes, const HeightFields& fields, BoundsAndScale& form,
                              ShapeRecord& record)

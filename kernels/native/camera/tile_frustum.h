@@ -9,8 +9,8 @@ struct TileRays {
     float left, right, bottom, top;
 };
 
-// When the first of a tile's rays may enter, and the last leave, what lies between two planes across an axis of a
-// shape, which are `low` and `high` above where all rays begin. False if none does.
+// Intersects a tile's rays with the slab between two planes across an axis of a shape, `low` and `high` above the rays'
+// common origin: when the first ray may enter, and the last leave. Returns false if none enters.
 WARPCAM_DEVICE bool cross_slab(const TileRays& tile, const Float3Int& axis, float low, float high, float& enter, float& leave)
 {
     const float left = axis.x * tile.left, right = axis.x * tile.right;
@@ -29,7 +29,8 @@ WARPCAM_DEVICE bool cross_slab(const TileRays& tile, const Float3Int& axis, floa
     return true;
 }
 
-// May a ray of a tile meet a mesh whose box has these corners in its own frame? Widened by more than all rounding.
+// True if a ray of a tile may intersect a mesh whose box has these corners in its own frame. The box is widened by more
+// than all rounding.
 WARPCAM_DEVICE bool may_meet_box(const ShapeRecord& record, Vec3 low, Vec3 high, const TileRays& tile)
 {
     const Float3Int o = record.origin;

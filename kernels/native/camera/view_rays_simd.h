@@ -17,10 +17,10 @@ struct OffsetRay8 {
     }
 };
 
-// Whether eight pixels of a group, which stand in order, follow each other.
+// True if eight pixels of a group, in ascending order, are consecutive.
 inline bool in_a_row(const short* pixels) { return pixels[SIMD_WIDTH - 1] - pixels[0] == SIMD_WIDTH - 1; }
 
-// Whether `count` of them do, in one row of WIDTH.
+// True if `count` pixels are consecutive in one row of WIDTH.
 template <int WIDTH> inline bool in_one_row(const short* pixels, int count)
 {
     return count == SIMD_WIDTH && in_a_row(pixels) && pixels[0] % WIDTH + SIMD_WIDTH <= WIDTH;
@@ -63,7 +63,7 @@ inline void load_pairs(const Float2* from, Float8& x, Float8& y)
     y = __builtin_shufflevector(low, high, 1, 3, 5, 7, 9, 11, 13, 15);
 }
 
-// What begins a pixel's part of a table.
+// First entry of a pixel's part of a ray table.
 template <int LENS> struct TableEntry {
     using type = Float2;
 };
@@ -71,7 +71,7 @@ template <> struct TableEntry<RAY_TABLE_WITH_ORIGINS> {
     using type = Float3Int;
 };
 
-// Those of a table, row after row of the image; ENTRIES a pixel.
+// Rays of a table, row after row of the image; ENTRIES a pixel.
 template <int LENS> constexpr int ENTRIES = LENS == RAY_TABLE_WITH_ORIGINS ? SPREAD_ROWS : 1;
 template <int LENS> inline const typename TableEntry<LENS>::type* table_entries(const Camera& camera)
 {
@@ -130,7 +130,7 @@ template <int LENS, int WIDTH, int ROWS> struct RayRows {
                 y[k] = image_y(camera, float(row + k));
     }
 
-    // Of `count` pixels; the others are the last again.
+    // Finds the rays of `count` pixels; further lanes repeat the last pixel.
     void find(const short* pixels, int count, Float8& own_x, Float8& own_y) const
     {
         if constexpr (LENS != RAY_TABLE_WITH_ORIGINS)
@@ -155,7 +155,7 @@ template <int LENS, int WIDTH, int ROWS> struct RayRows {
         }
     }
 
-    // How these change to the next pixel across and down; where they begin, too, if that is not in one place.
+    // Changes of the rays to the next pixel across and down, with those of their origins if rays have own origins.
     void steps(const short* pixels, int count, Float8 own_x, Float8 own_y, OffsetRay8& right, OffsetRay8& under) const
     {
         const Float8 none = 0.0f, a = camera.scale_x, b = -camera.scale_y;
@@ -211,7 +211,7 @@ private:
         return there;
     }
 
-    // As table_slopes() and turn_of() have it.
+    // Changes of rays as changes of unit directions: table_slopes() and turn_of() for a packet.
     Vec3x8 turns(const short* pixels, int count, Float8 own_x, Float8 own_y, int right, int under) const
     {
         Float8 from_x = own_x, from_y = own_y, to_x = own_x, to_y = own_y;

@@ -1,4 +1,4 @@
-// What differs between a CUDA block and a CPU thread: barriers, lanes, a few arithmetic helpers.
+// Differences between a CUDA block and a CPU thread: barriers, lanes, a few arithmetic helpers.
 #pragma once
 
 // Products are added to without being rounded first, as on CUDA, but where a function says otherwise.
@@ -164,8 +164,8 @@ WARPCAM_DEVICE int atomic_append(int& count)
 #endif
 }
 
-// The same object in shared memory, by an address that stays in a register: a variable's own the compiler works out
-// anew at each use, in three or four instructions. For whole warps.
+// Returns the object in shared memory by an address that stays in a register: the compiler computes a variable's own
+// address anew at each use, in three or four instructions. For whole warps.
 template <class Shared> WARPCAM_DEVICE Shared& keep_shared_address(Shared& shared)
 {
 #if defined(__CUDA_ARCH__)

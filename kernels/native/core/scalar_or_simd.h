@@ -16,7 +16,7 @@ template <class Vector> using NumberOf = decltype(Vector::x);
 template <class Vector> using MaskOf = decltype(NumberOf<Vector>() < NumberOf<Vector>());
 template <class Vector> using IntOf = decltype(MaskOf<Vector>() + 0);
 
-// The same vector at each place.
+// Broadcasts a vector to each lane.
 template <class Vector> WARPCAM_DEVICE Vector broadcast(Vec3 v)
 {
     using Number = NumberOf<Vector>;

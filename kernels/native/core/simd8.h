@@ -17,7 +17,8 @@ inline Float8 sqrt(Float8 a) { return __builtin_elementwise_sqrt(a); }
 inline Float8 rcp(Float8 a) { return 1.0f / a; }
 inline Float8 avoid_zero(Float8 a) { return abs(a) < 1.0e-18f ? (Float8)1.0e-18f : a; }
 
-// Of normal numbers above zero, to about two units in the last place: an estimate and one of Newton's steps.
+// Reciprocal square root of normal numbers above zero, to about two units in the last place: an estimate and one Newton
+// step.
 inline Float8 rsqrt(Float8 a)
 {
 #if defined(__AVX__)
@@ -61,7 +62,7 @@ template <class Value> inline void store8(Value* to, Int8 from)
     __builtin_memcpy(to, &values, sizeof values);
 }
 
-// Is an element true (all ones)?
+// True if an element is true (all ones).
 inline bool any(Int8 truth)
 {
 #if defined(__AVX__)
@@ -71,7 +72,7 @@ inline bool any(Int8 truth)
 #endif
 }
 
-// The same of each, a bit.
+// Bit mask of the elements that are true.
 inline unsigned movemask(Int8 truth)
 {
 #if defined(__AVX__)
@@ -189,7 +190,8 @@ inline Int8 look_up(const int* table, Int8 at)
 #endif
 }
 
-// Of normal numbers above zero: to two units in the last place of 1, or of itself where it is more.
+// Base-2 logarithm of normal numbers above zero: to two units in the last place of 1, or of the result where it is
+// larger.
 inline Float8 log2(Float8 a)
 {
     constexpr int HALF_ROOT = 0x3f3504f3;  // bits of the square root of a half, where the fractions begin
@@ -277,7 +279,7 @@ inline Vec3x8 axis_vector(Int8 axis, Float8 value)
 }
 inline Float8 component(Vec3x8 v, Int8 axis) { return axis == 0 ? v.x : axis == 1 ? v.y : v.z; }
 
-// The same vector eight times.
+// Broadcasts a vector to eight lanes.
 inline Vec3x8 broadcast(Vec3 v) { return { (Float8)v.x, (Float8)v.y, (Float8)v.z }; }
 
 // One of them.

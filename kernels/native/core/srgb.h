@@ -9,7 +9,7 @@ template <class Number> WARPCAM_DEVICE Number srgb_to_linear(Number value)
     return value <= 0.04045f ? value * (1.0f / 12.92f) : pow((value + 0.055f) * (1.0f / 1.055f), 2.4f);
 }
 
-// What is brighter than white is more than 1.
+// sRGB encoding without an upper bound: light brighter than white is more than 1.
 template <class Number> WARPCAM_DEVICE Number encoded_beyond(Number light)
 {
     return light <= 0.0031308f ? 12.92f * light : 1.055f * pow(light, 1.0f / 2.4f) - 0.055f;

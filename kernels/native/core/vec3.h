@@ -117,7 +117,7 @@ template <class Array> WARPCAM_DEVICE auto per_world(const Array& table, int wor
     return *wp::address(table, row, i);
 }
 
-// Is it so for any of the 32 pixels that a warp draws together? A CPU thread draws one at a time.
+// True if any of the 32 pixels that a warp draws together is true. A CPU thread draws one pixel at a time.
 WARPCAM_DEVICE bool warp_any(bool mine)
 {
 #if defined(__CUDA_ARCH__)

@@ -1,7 +1,8 @@
-// How far what a pixel sees has moved in the image since its world was last drawn, and whether it was seen then.
+// Optical flow: motion in the image, since the world's previous frame, of the surface that a pixel sees, and whether
+// that surface was visible then.
 //
-// flow.py, view_shape_lists.py or the block has composed, for each shape of a world, what takes a point seen now to the pixel
-// where it was. What was seen then is kept in a word a pixel.
+// flow.py, view_shape_lists.py or the block composes, for each shape of a world, the transform from a point seen now to
+// the pixel that showed it. The previous frame is stored in a word a pixel.
 #pragma once
 #include "flow/visibility_history.h"
 
@@ -16,7 +17,7 @@ template <int LENS> WARPCAM_DEVICE float project_previous(const Float3Int& by, f
     return by.x * x + (by.y * y + (by.z * depth + last));
 }
 
-// How a point of a mesh's face has moved in the mesh's own frame, as it would be without its shape's scale.
+// Motion of a point of a mesh's face in the mesh's own frame, without the shape's scale.
 template <int TYPES, int LENS, class Trail, class Shapes>
 WARPCAM_NOINLINE Vec3 moved_within(const Trail& trail, const Shapes& shapes, const Camera& camera, const CameraRay<LENS>& seen,
                               const Hit& hit, int corners, int world)
@@ -47,9 +48,9 @@ WARPCAM_NOINLINE Vec3 moved_within(const Trail& trail, const Shapes& shapes, con
 struct Beside {
     float place;  // from where the image begins; rounded down the number of one pixel, half a pixel further the other's
 
-    // What is looked for is x * scale from the middle of the image's first pixel.
+    // The coordinate sought is x * scale from the middle of the image's first pixel.
     WARPCAM_DEVICE Beside(float x, float scale) : place(fma(x, scale, 0.25f)) { }
-    // Whether both pixels are. The bits of floats that are not negative are in order, all others' are above them.
+    // True if both pixels are inside. Bits of floats that are not negative are in order; all others are above them.
     WARPCAM_DEVICE bool inside(int pixels) const
     {
         return unsigned(as_int(place)) < unsigned(as_int(float(pixels) - 0.5f));
@@ -57,9 +58,9 @@ struct Beside {
     WARPCAM_DEVICE float other() const { return place + 0.5f; }
 };
 
-// Was the surface seen in the last image at a place inside of it, `depth` away then? The pixel there must show the
-// shape, and so must one that has a quarter or more of what is interpolated there; of one of them it must be a part
-// that is not nearer by more than `last` allows.
+// Tests whether the previous image showed the surface at a position inside of it, at distance `depth`. The pixel there
+// must show the shape, and so must one that has a quarter or more of the weight in an interpolation there; the surface
+// must not be farther than one of them by more than `last` allows.
 template <class Trail, class Places>
 WARPCAM_DEVICE bool was_seen(const Trail& trail, const Places& places, int shape, const Beside& x, const Beside& y,
                          const Float3Int& last, float depth)
@@ -68,7 +69,7 @@ WARPCAM_DEVICE bool was_seen(const Trail& trail, const Places& places, int shape
                                places.word_at_place(trail, x.other(), y.other()), shape, last, depth);
 }
 
-// How far what pixel (x, y) sees has moved, by the three rows of a shape that does not rest.
+// Motion of what pixel (x, y) sees, by the three rows of a shape that moves.
 template <int LENS> struct PixelMotion {
     float right, down;
 

@@ -1,6 +1,6 @@
-// Which parts of a block's region see of its floor only what was seen in the last image. Of most images the floor is
-// the largest part, and it was hidden in few places nearby: of 64 pixels at once a projection of four corners and two
-// looks at rows of bits tell as much as 128 looks at words. What they tell is what each pixel's own would.
+// Finds the parts of a block's region whose ground plane was visible in the previous image. The plane covers most of
+// many images and was hidden in few places nearby: for 64 pixels at once a projection of four corners and two reads of
+// bit rows decide what 128 reads of words would, with the same result for each pixel.
 #pragma once
 #include "output/hit_attributes.h"
 #include "camera/shape_setup.h"
@@ -14,14 +14,14 @@ constexpr int NEAR_ROW = 72;
 constexpr unsigned NEAR_BYTES = 2 * NEAR_ROW, TO_WRAP = -((NEAR_BYTES + 2) * 0x4b000000u);
 constexpr float ROW_START = 8388608.0f + TO_WRAP / NEAR_BYTES, COLUMN_START = 8388608.0f + TO_WRAP % NEAR_BYTES / 2;
 
-// What is at an image's pixel (0, 0), and how much more of it at the next to the right and below.
+// Linear function over the image: value at pixel (0, 0), and change to the next pixel to the right and below.
 struct Slope {
     float start, right, down;
 
     WARPCAM_DEVICE float at(float i, float j) const { return fma(down, j, fma(right, i, start)); }
 };
 
-// Of a region of 64x64 pixels, in parts of 8x8.
+// Plane history of a region of 64x64 pixels, in parts of 8x8.
 struct FlowFloor {
     static constexpr int SIZE = 64, PART = 8, PARTS = SIZE * SIZE / (PART * PART);
     static constexpr int NONE = 255, OUTSIDE = 256;  // no shape has that id where words are brief
@@ -54,8 +54,8 @@ struct FlowFloor {
     {
         return unsigned(width + SIZE - 1) / SIZE * (unsigned(height + SIZE - 1) / SIZE) * PARTS;
     }
-    // Did the last image show nothing but the floor in these columns and rows, at most 16 of each?
-    // Of images of one region each of two threads looks at every second row.
+    // True if the previous image showed nothing but the plane in these columns and rows, at most 16 of each. For images
+    // of a single region each of two threads tests every second row.
     template <bool WHOLE> WARPCAM_DEVICE bool showed(int width, int first, int end, int above, int below, int odd) const
     {
         bool all = true;
@@ -71,7 +71,7 @@ struct FlowFloor {
         return all;
     }
 
-    // What is kept of a pixel that shows the floor: no depths tell its parts apart.
+    // Word stored for a pixel that shows the plane: no depths tell its parts apart.
     WARPCAM_DEVICE static unsigned word(int shape) { return unsigned(shape) << 8; }
 };
 
@@ -103,7 +103,7 @@ template <class Shapes> WARPCAM_DEVICE int floor_of(const Shapes& shapes, int co
     return planes ? ctz(planes) : FlowFloor::NONE;
 }
 
-// What of a row of the last image showed the floor, for a thread that has fetched its words.
+// Finds the pixels of a row of the previous image that showed the plane, for a thread that has fetched the row's words.
 template <class Places> WARPCAM_DEVICE void find_row(Places& places, int row, int shape)
 {
     const unsigned fours = unsigned(shape) * 0x01010101u;

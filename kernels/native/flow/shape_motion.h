@@ -1,11 +1,12 @@
-// How a shape has moved in a camera's image since its world was last drawn.
+// Motion of a shape in a camera's image since its world's previous frame.
 #pragma once
 #include "flow/visibility_history.h"
 
 namespace warpcam {
 
-// What of a surface was farther than what was seen around it was hidden: by more than this part of its depth and so
-// many of a pixel's widths there. Of what bends inwards neighbouring pixels may be nearer than what lies between them.
+// Depth tolerances of visibility in the previous frame: a surface farther than what was seen around it, by more than
+// this part of its depth and so many pixel widths, was hidden. On a concave surface neighbouring pixels may be nearer
+// than what lies between them.
 constexpr float FARTHER = 0.004f, CONVEX = 0.25f, HOLLOW = 1.0f;
 
 // So many of the 256 steps in which depths are counted may what is compared be apart, of which eight bits are kept.
@@ -27,7 +28,7 @@ WARPCAM_DEVICE DepthTolerance reach_of(int kind, const Camera& camera, bool pinh
     return { 1.0f / (1.0f + FARTHER), -wide };
 }
 
-// Where a shape is and which.
+// Pose of a shape, and its mesh.
 struct ShapePose {
     Vec3 position;
     Mat3 rotation;
@@ -61,7 +62,7 @@ WARPCAM_DEVICE float steps_of(int kind, const ShapePose& pose, const Camera& cam
 
 WARPCAM_DEVICE float ratio(float then, float now) { return now == 0.0f ? 1.0f : then * rcp(now); }
 
-// How many times as large the shape was along its axes.
+// Ratio of the shape's previous to its present size along its axes.
 WARPCAM_DEVICE Vec3 stretch(int kind, Vec3 then, Vec3 now, bool scaled)
 {
     if (same_vec(then, now) || kind == PLANE || ((kind == MESH || kind == HEIGHT_FIELD) && !scaled))
@@ -233,8 +234,8 @@ WARPCAM_DEVICE void compose_motion(const Trail& trail, const ShapePose& old, con
     }
 }
 
-// The same for a shape whose pose then is `before`, as of so many shapes; its pose now goes to `after`, if not null:
-// `before` itself or another.
+// Composes the motion of a shape whose previous pose is `before`, of so many shapes; stores its present pose in
+// `after`, unless null: `before` itself or another array.
 template <bool MOVES, bool DEPTHS, class Trail, class Shapes>
 WARPCAM_DEVICE void compose_motion_of(const Trail& trail, const Shapes& shapes, const Camera& now, const Camera& then,
                                   int world, int shape, bool pinhole, bool scaled, bool brief, const Float3Int* before,
@@ -271,8 +272,8 @@ WARPCAM_DEVICE void write_motion(const Shapes& shapes, const Views& views, const
                                        motion);
 }
 
-// The same for all shapes of a world, by the threads of a block, into its shared memory; the last threads do it, since
-// the first prepare shapes. KEEP: this block writes the poses.
+// Composes the motions of all shapes of a world, by the threads of a block, into its shared memory; the last threads
+// compose, since the first set shapes up. KEEP: this block writes the poses.
 template <int WANTED, int TYPES, int LENS, class Trail, class Shapes>
 WARPCAM_DEVICE void compose_motions(const Trail& trail, const Shapes& shapes, const Camera& now, const Camera& then,
                                 int world, bool keep, int thread, Float3Int* motions)

@@ -1,13 +1,13 @@
-// What is kept from frame to frame for the flow: a word a pixel of what was seen, and where these words lie.
+// State kept from frame to frame for optical flow: a word a pixel of what was visible, and the layout of these words.
 #pragma once
 #include "flow/plane_history.h"
 
 namespace warpcam {
 
-// What a trace writes of it: bits of visibility.py. FLOW_MOVES: some meshes move. FLOW_BRIEF: words of 16 bits.
+// Flow outputs of a trace: bits of visibility.py. FLOW_MOVES: some meshes move. FLOW_BRIEF: words have 16 bits.
 // FLOW_LISTED: each block composes motions, of no more shapes than it lists, or copies those that the stage of views
-// has composed. FLOW_WHOLE: it draws whole images. FLOW_NEAR: it has room in shared memory for what one of 16 bits a
-// pixel showed.
+// has composed. FLOW_WHOLE: a block draws a whole image. FLOW_NEAR: shared memory has room for the previous words of 16
+// bits a pixel.
 enum FlowOutput {
     FLOW = 1 << 24,
     FLOW_VALID = 1 << 25,
@@ -26,8 +26,8 @@ constexpr int STILL = -1;
 // A whole number near a float that is less than 2^22: the last bits of a float between 2^23 and 2^24.
 constexpr float TO_WHOLE = 12582912.0f;
 
-// What is kept of a pixel: above the shape, all ones where nothing is seen; below its depth. `last`: the fourth of the
-// shape's rows.
+// Packed word of a pixel: shape in the upper bits, all ones where nothing is visible; depth in the lower bits. `last`:
+// the fourth of the shape's rows.
 template <bool BRIEF> struct PackedVisibility;
 
 // The depth is 16 bits of its float, five of the exponent, which is enough for 15 um to 65 km.
@@ -153,11 +153,11 @@ WARPCAM_DEVICE unsigned bits_below(float number, float above)
 }
 WARPCAM_DEVICE unsigned pixel_below(float number) { return bits_below(number, 8388608.0f) - 0x4b000000u; }
 
-// Of one world: what the last image showed, where what this one shows is kept, and how its shapes have moved.
-// WIDTH and HEIGHT: a block of CUDA threads draws a whole image of that size. NEAR: it has the words of what was seen
-// in shared memory; they are on their way while shapes are listed. Memory is far, and a pixel that asked for its own
-// words would wait for them. SHAPES: it has the motions of as many shapes there, too. FLOORED: it looks at floors as a
-// whole.
+// History of one world: words of the previous image, the words to write, and the motions of shapes.
+//
+// WIDTH and HEIGHT: a block of CUDA threads draws a whole image of that size. NEAR: the previous words are in shared
+// memory; they are loaded while shapes are listed, as a pixel that loaded its own words from global memory would wait
+// for them. SHAPES: shared memory holds the motions of as many shapes, too. FLOORED: the block tests planes as a whole.
 template <int WANTED, int WIDTH = 0, int HEIGHT = 0, int SHAPES = 0, bool NEAR = false, bool FLOORED = false>
 struct VisibilityHistory {
     using Keeps = PackedVisibility<(WANTED & FLOW_BRIEF) != 0>;
@@ -198,12 +198,12 @@ struct VisibilityHistory {
     template <class Trail> WARPCAM_DEVICE static int width(const Trail& trail) { return WHOLE ? WIDTH : trail.width; }
     template <class Trail> WARPCAM_DEVICE static int height(const Trail& trail) { return WHOLE ? HEIGHT : trail.height; }
 
-    // Where the word of a pixel is kept: in strips of eight pixels' width, so that those of a tile are neighbours.
+    // Index of a pixel's word: strips of eight pixels' width, so that the words of a tile are neighbours.
     template <class Trail> WARPCAM_DEVICE static unsigned place_of(const Trail& trail, unsigned column, unsigned row)
     {
         return (column & ~7u) * height(trail) + (8u * row + (column & 7u));
     }
-    // What was seen at a pixel, and at the one that has a place; places count from where the image begins.
+    // Previous word of a pixel, by its coordinates or by its index; indices count from the start of the image.
     template <class Trail> WARPCAM_DEVICE unsigned word_of(const Trail& trail, unsigned column, unsigned row) const
     {
         if constexpr (NEAR)

@@ -52,7 +52,7 @@ template <class Vector> WARPCAM_DEVICE NumberOf<Vector> intersect_box(Vector o, 
     return enter <= leave ? enter : MISS;
 }
 
-// When a ray is within the endless cylinder of radius 1 about z: between `middle` less `reach` and more.
+// Interval of a ray inside the infinite cylinder of radius 1 about z: `middle` minus and plus `reach`.
 template <class Vector> struct Interval {
     NumberOf<Vector> middle, reach;
     MaskOf<Vector> hit;
@@ -169,7 +169,7 @@ template <int TYPE> WARPCAM_DEVICE float enter(const ShapeRecord& record, Ray ra
     return enter<TYPE>(record, ray.origin, ray.direction);
 }
 
-// The same of several rays.
+// Intersects several rays.
 template <int TYPE, int COUNT>
 WARPCAM_DEVICE void enter_all(const ShapeRecord& record, const Ray (&rays)[COUNT], float (&t)[COUNT])
 {
@@ -190,7 +190,7 @@ WARPCAM_DEVICE void enter_all(const ShapeRecord& record, const Ray (&rays)[COUNT
     }
 }
 
-// The same for a type known only now, out of a set of types known at compile time.
+// Intersects a shape whose type is known at run time only, out of a set known at compile time.
 template <int TYPES> WARPCAM_DEVICE float intersect_any(const ShapeRecord& record, Ray ray)
 {
     const int type = record.axis_x.w;
@@ -209,7 +209,7 @@ template <int TYPES> WARPCAM_DEVICE float intersect_any(const ShapeRecord& recor
     return MISS;
 }
 
-// The same of several rays; the type is surely one of TYPES, which are looked through in the order that follows.
+// Intersects several rays likewise; the type is one of TYPES, which are tried in the order that follows.
 template <int TYPES, int COUNT, int TYPE, int... LATER>
 WARPCAM_DEVICE void intersect_known(const ShapeRecord& record, const Ray (&rays)[COUNT], float (&t)[COUNT])
 {

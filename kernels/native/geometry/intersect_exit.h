@@ -1,4 +1,4 @@
-// Where a ray comes out of an analytic shape: what is inside of glass lies in the shadow of the side it looks out by.
+// Exit point of a ray from an analytic shape: objects inside glass lie in the shadow of the side that they look out by.
 #pragma once
 #include "geometry/intersect.h"
 
@@ -17,7 +17,7 @@ template <int TYPE> WARPCAM_DEVICE float intersect_exit(const ShapeRecord& recor
     return intersect_exit<TYPE>(record, ray.origin, ray.direction);
 }
 
-// The same for a type known only now, out of a set of types known at compile time.
+// Exit point from a shape whose type is known at run time only, out of a set known at compile time.
 template <int TYPES> WARPCAM_DEVICE float intersect_exit_any(const ShapeRecord& record, Ray ray)
 {
     const int type = record.axis_x.w;

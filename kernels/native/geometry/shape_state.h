@@ -16,7 +16,7 @@ WARPCAM_DEVICE float opacity(const Shapes& shapes, const Materials& materials, i
     return color[3];
 }
 
-// Does the shape's colour keep it from being seen at all?
+// True if the shape's colour makes it invisible.
 template <class Shapes, class Materials>
 WARPCAM_DEVICE bool transparent(const Shapes& shapes, const Materials& materials, int world, int id)
 {
@@ -27,7 +27,7 @@ constexpr float SOLID = 0.995f;  // opacity from which MuJoCo draws a shape soli
 
 constexpr int OPACITY_MAP = 6;  // ROLE_OPACITY of types.py
 
-// Does the shape's material have a texture of its opacity? For scenes whose materials have a texture for each role.
+// True if the shape's material has an opacity texture. For scenes whose materials have a texture for each role.
 template <class Shapes, class Materials>
 WARPCAM_DEVICE bool has_opacity_map(const Shapes& shapes, const Materials& materials, int world, int id)
 {
@@ -36,8 +36,8 @@ WARPCAM_DEVICE bool has_opacity_map(const Shapes& shapes, const Materials& mater
         && *wp::address(materials.texture, world % rows, material, OPACITY_MAP) >= 0;
 }
 
-// Is the shape one that hides what lies behind it? `places` is not -1 for those that may be transparent. MAPS: some
-// materials have textures of their opacity.
+// True if the shape hides what lies behind it. `places` is not -1 for shapes that may be transparent. MAPS: some
+// materials have opacity textures.
 template <bool MAPS = false, class Shapes, class Materials, class Places>
 WARPCAM_DEVICE bool solid(const Shapes& shapes, const Materials& materials, const Places& places, int world, int id)
 {

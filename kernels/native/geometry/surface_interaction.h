@@ -8,8 +8,8 @@ namespace warpcam {
 // The rows take camera coordinates to the shape's own.
 struct ShapeFromCamera {
     Float3Int axis_x, axis_y, axis_z;  // w: bits of the centre of projection, x, y, z, in the shape's frame [m]
-    // As in types.py; of a mesh that is not PER_SHAPE_SCALE bits of Meshes.face_start and Meshes.corner_start.
-    // w: shape type + 16 * (asset + 1).
+    // Size as in types.py; for a mesh without PER_SHAPE_SCALE, bits of Meshes.face_start and Meshes.corner_start. w:
+    // shape type + 16 * (asset + 1).
     Float3Int size;
 
     WARPCAM_DEVICE int type() const { return size.w & 15; }
@@ -107,7 +107,7 @@ WARPCAM_DEVICE void cone_surface(Vec3 size, Vec3 ray, SurfaceInteraction& surfac
     }
 }
 
-// As a cylinder, but for the normals of its side, which point away from the middle of the arc.
+// Surface of a barrel: a cylinder's, except that normals of the side point away from the middle of the arc.
 WARPCAM_DEVICE void barrel_surface(Vec3 size, Vec3 ray, SurfaceInteraction& surface)
 {
     const Vec3 p = surface.local;

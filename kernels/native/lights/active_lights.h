@@ -1,4 +1,4 @@
-// Which of a world's lights count: what the colour of a pixel and its shadows must agree on.
+// Selects the lights of a world that count: shading and shadows must agree on them.
 #pragma once
 #include "core/vec3.h"
 
@@ -38,7 +38,7 @@ struct ActiveLights {
     }
 
 #if defined(__CUDA_ARCH__)
-    // The same of the next 32, a lane of a warp each; `light` may be beyond the last of `count`.
+    // Selects from the next 32 lights, a lane of a warp each; `light` may be beyond the last of `count`.
     template <class Lights> WARPCAM_DEVICE int next_of_lanes(const Lights& lights, int world, int light, int count)
     {
         const unsigned before = (1u << threadIdx.x % WARP_SIZE) - 1;

@@ -1,5 +1,5 @@
-// How far the shadows of a light reach. MuJoCo's renderer draws what the light sees into a map: what lies outside of it
-// is lit, and what is nearer to the light than its near plane casts no shadow.
+// Extent of a light's shadows. MuJoCo's renderer draws the light's view into a map: points outside of it are lit, and
+// objects nearer to the light than its near plane cast no shadow.
 #pragma once
 #include "core/scalar_or_simd.h"
 
@@ -37,7 +37,7 @@ template <class Lights> WARPCAM_DEVICE MapSize map_size(const Lights& lights, bo
              lights.shadow_gap };
 }
 
-// Whether a bounded map has a place, which lies so far `along` it.
+// True if a bounded map covers a point at distance `along` its axis.
 template <class Vector>
 WARPCAM_DEVICE MaskOf<Vector> has_place(const ShadowMap& map, bool distant, Vector place, NumberOf<Vector>& along)
 {

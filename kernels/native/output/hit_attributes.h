@@ -1,4 +1,4 @@
-// What follows from a hit alone, without its surface: distance, point, body, labels.
+// Outputs that follow from a hit alone, without its surface: distance, point, body, labels.
 #pragma once
 #include "accel/bvh4.h"
 #include "output/pixel_store.h"
@@ -69,7 +69,7 @@ template <class Shapes> WARPCAM_DEVICE int id_of(const Shapes& shapes, int world
     return shape >= 0 ? wp::index(shapes.ids, world, shape) : -1;
 }
 
-// Of a table of labels, (world or 1, shape); `none` where nothing is hit.
+// Label of a shape from a table, (world or 1, shape); `none` where nothing is hit.
 template <class Table> WARPCAM_DEVICE int label_of(const Table& table, int world, int shape, int none)
 {
     return shape >= 0 ? wp::index(table, table.shape[0] > 1 ? world : 0, shape) : none;

@@ -7,7 +7,7 @@ namespace warpcam {
 
 constexpr int RUN = 4;
 
-// What a thread takes of a world's row.
+// Run of pixels of a world's row that one thread packs.
 struct Run {
     int world, first, count;
 };

@@ -6,7 +6,8 @@
 #if defined(__CUDA_ARCH__)
 namespace warpcam {
 
-// As point_of(), of pixels of one column: what they share is worked out once. MISSES: not all have hit a shape.
+// Computes the points of pixels of one column, as point_of() does, and shares what they have in common. MISSES: some
+// pixels have hit nothing.
 template <bool MISSES, int LENS, int TILES_PER_WARP>
 WARPCAM_DEVICE void find_points(const Camera& camera, const CameraRay<LENS> (&rays)[TILES_PER_WARP], const Hit (&hits)[TILES_PER_WARP],
                             Vec3 (&points)[TILES_PER_WARP])

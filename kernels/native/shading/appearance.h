@@ -1,4 +1,4 @@
-// What a block keeps of each shape of its world to draw its pixels: pose as the view has it, size, material.
+// Per-shape shading data in shared memory: pose in the view's frame, size, material.
 #pragma once
 #include "shading/plane_grid.h"
 #include "shading/resolved_material.h"
@@ -24,12 +24,13 @@ enum Fact {
     HAS_OFFSETS = 1 << 20,  // textures are moved: shading/world_overrides.h
     HAS_MIPS = 1 << 24  // each texture but cubes has a mipmapped one; told where floors are looked up by them
 };
-// Of what one layer cannot show. MIRROR_VIEW: the view is the one from behind the mirror; HAS_MIRROR: the images hold what
-// is seen from there; HAS_TRANSPARENT: some shapes may be transparent; HAS_HAZE: an endless plane has a haze over its horizon;
-// WRITE_BACK_TRANSPARENT: what covers most of a pixel is written over what the trace has found there, for its edges to be made smooth.
+// Flags of features beyond one layer. MIRROR_VIEW: the view is the one from behind the mirror; HAS_MIRROR: the images
+// hold what is seen from there; HAS_TRANSPARENT: some shapes may be transparent; HAS_HAZE: an infinite plane has a haze
+// over its horizon; WRITE_BACK_TRANSPARENT: what covers most of a pixel replaces the trace's result there, so that
+// edges are smoothed by it.
 enum LayerFact { MIRROR_VIEW = 1 << 8, HAS_MIRROR = 1 << 9, HAS_TRANSPARENT = 1 << 10, HAS_HAZE = 1 << 11, WRITE_BACK_TRANSPARENT = 1 << 14 };
 
-// What follows from a set of images and facts.
+// Inputs that a set of images and flags needs.
 template <int IMAGES, int FACTS> struct ShadingNeeds {
     static constexpr bool DISPLAY = (IMAGES & (RGB | RGBA)) != 0;
     static constexpr bool LIT = DISPLAY || (IMAGES & HDR);
@@ -47,7 +48,7 @@ template <int IMAGES, int FACTS> struct ShadingNeeds {
     static constexpr bool DIMMED = FACTS & MIRROR_VIEW;  // colours are those that the mirror shows
 };
 
-// How a shape looks in a physically based scene: its material, the shape's own colour resolved.
+// Material of a shape in a physically based scene, with the shape's own colour resolved.
 struct PbrMaterial {
     Float3Int color;  // RGB, linear; w: texture or -1
     Float3Int gloss;  // x: roughness, y: metallic, z: reflectance of what is no metal; w: packed texture or -1
@@ -55,7 +56,7 @@ struct PbrMaterial {
     int normals;  // texture or -1
 };
 
-// How a texture lies on a shape.
+// Layout of a texture on a shape.
 struct TextureLayout {
     Float3Int extent;       // the half extents that MuJoCo gives its renderer; w: 1 if a cube texture repeats by the metre
     Image image;      // none where a texture of the kind does not show
@@ -92,7 +93,7 @@ template <class One, class Other> struct Either<false, One, Other> {
     using type = Other;
 };
 
-// How far a texture is moved on its shape, in images.
+// Offset of a texture on its shape, in images.
 struct Shift {
     float shift_u, shift_v;
 };
@@ -156,7 +157,7 @@ template <class Shapes> WARPCAM_DEVICE ShapeToWorldRotation load_turn(const Shap
              { r.data[2][0], r.data[2][1], r.data[2][2], 0 } };
 }
 
-// What a physically based scene has instead.
+// Loads the material of a shape in a physically based scene.
 template <bool MATERIAL, bool MAPS, class Shapes, class Materials, class Physical>
 WARPCAM_DEVICE PbrMaterial load_coat(const Shapes& shapes, const Materials& materials, const Physical& physical, int world,
                           int id)
@@ -205,8 +206,8 @@ WARPCAM_DEVICE Vec3 extent_of(const ShapeFromCamera& pose, const Meshes& meshes,
     return size;
 }
 
-// How often an image repeats along an axis. MuJoCo's renderer takes what is not positive for 1, but where it lays
-// images on from above.
+// Repeats of an image along an axis. MuJoCo's renderer takes values that are not positive for 1, except where it
+// projects images from above.
 template <int TYPES> WARPCAM_DEVICE float repeat_of(float given, int type, int own)
 {
     const bool from_above = (TYPES >> TEXTURE_FROM_ABOVE & 1) || type == HEIGHT_FIELD || (type == MESH && !own);
@@ -265,7 +266,7 @@ WARPCAM_DEVICE TextureLayout load_layout(const Shapes& shapes, const Materials& 
     return layout;
 }
 
-// What of a look only shapes with a texture, and planes, have a use for.
+// Loads the parts of an appearance that only textured shapes and planes use.
 template <int TYPES, class Wants, class Shapes, class Materials, class Textures, class Meshes, class HeightFields>
 WARPCAM_DEVICE void load_rest(ShapeAppearance<TYPES, Wants>& look, const Shapes& shapes, const Materials& materials,
                           const Textures& textures, const Meshes& meshes, const HeightFields& fields, float horizon,
@@ -315,7 +316,7 @@ template <class Wants> struct Untextured : Wants {
     static constexpr bool TEXTURED = false, SHIFTED = false, ON_SHEETS = false, FACETED = false;
 };
 
-// What a block keeps where it cannot keep the looks of all shapes: of those that it sees, as far as there is room.
+// Appearances of the shapes that a block sees, as far as shared memory has room, for scenes too large to store all.
 // PLACES: room for the drawn shapes' marks.
 template <int TYPES_, class Wants_, int PLACES, int SIZE> struct SeenLooks {
     static constexpr int TYPES = TYPES_;

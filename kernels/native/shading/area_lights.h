@@ -131,7 +131,7 @@ template <class Vector> WARPCAM_DEVICE Vector from_rectangle(Vector middle, Vec3
     return (dot(sum, middle) < 0.0f ? -rate : rate) * sum;
 }
 
-// The same of a thin cylinder about `axis`: the integral over its length of 2 radius sin(angle) / distance^2, over pi.
+// Light of a thin cylinder about `axis`: the integral over its length of 2 radius sin(angle) / distance^2, over pi.
 template <class Vector> WARPCAM_DEVICE Vector from_cylinder(Vector middle, Vec3 axis, float radius, float half)
 {
     using Number = NumberOf<Vector>;

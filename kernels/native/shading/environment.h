@@ -28,7 +28,7 @@ WARPCAM_DEVICE Vector irradiance_sh(const Sky& sky, Vector d, NumberOf<Vector> f
     return { max(light.x, 0.0f), max(light.y, 0.0f), max(light.z, 0.0f) };
 }
 
-// What a matt white surface shows: the clamped cosine takes 2/3 and 1/4 (Ramamoorthi and Hanrahan 2001).
+// Diffuse irradiance on a white surface: the clamped cosine takes 2/3 and 1/4 (Ramamoorthi and Hanrahan 2001).
 template <class Vector> WARPCAM_DEVICE Vector sky_on(const Sky& sky, Vector normal)
 {
     return irradiance_sh<Vector>(sky, normal, 2.0f / 3.0f, 0.25f);
@@ -41,7 +41,7 @@ WARPCAM_DEVICE Vec3 sky_image(const Textures& textures, const Image& image, Vec3
     return sample_cube(textures.texels.data, image, direction, right, down);
 }
 
-// What a surface mirrors: from the terms where it is rough, from the image, if there is one, where it is smooth.
+// Reflected environment: rough surfaces take the spherical harmonics, smooth ones the image, if there is one.
 template <bool IMAGE, class Textures, class Background, class Vector>
 WARPCAM_DEVICE Vector sky_along(const Sky& sky, const Textures& textures, const Background& background, Vector direction,
                             NumberOf<Vector> roughness)

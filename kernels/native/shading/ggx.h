@@ -13,7 +13,7 @@ namespace warpcam {
 
 constexpr float MIN_ROUGHNESS = 0.045f;  // roughness below which highlights would be smaller than floats can tell
 
-// What a place of a surface is to light.
+// Reflection parameters of a surface point.
 template <class Vector> struct Bsdf {
     Vector matt;                         // colour of the base: none under metal
     Vector straight;                     // reflectance where light falls straight
@@ -45,7 +45,7 @@ WARPCAM_DEVICE NumberOf<Vector> ggx_ndf(Vector normal, Vector half, NumberOf<Vec
     return along > 0.0f ? square / (PI * sum * sum) : 0.0f;
 }
 
-// How much of the facets is neither masked nor in shadow, over 4 (n.l) (n.v): V.
+// Smith visibility V: the part of the microfacets that is neither masked nor in shadow, over 4 (n.l) (n.v).
 template <class Number> WARPCAM_DEVICE Number smith_visibility(Number to_light, Number to_eye, Number square)
 {
     const Number masked = to_light * sqrt(to_eye * to_eye * (1.0f - square) + square);
@@ -59,10 +59,9 @@ template <class Vector> WARPCAM_DEVICE Vector fresnel(const Bsdf<Vector>& skin, 
     return skin.straight + rest5 * (Vector { skin.grazing, skin.grazing, skin.grazing } - skin.straight);
 }
 
-// What a surface sends to the eye of light from one direction, times pi: of its base, without the cosine to the light,
-// and of its facets, with it. `spread` is the squared sine of the angle that the light is seen under from its middle to
-// its edge. Halved, as facets halve angles, it widens their distribution: seen in a mirror a light is as bright as it
-// is.
+// Light reflected to the eye from one direction, times pi: by the base, without the cosine to the light, and by the
+// microfacets, with it. `spread` is the squared sine of half the angle under which the light is seen. Halved, as
+// microfacets halve angles, it widens their distribution, so that a light's mirror image is as bright as the light.
 template <class Vector> struct BsdfValue {
     Vector matt, gloss;
 };
@@ -87,8 +86,8 @@ WARPCAM_DEVICE Vec3 multiple_scattering(float lost, Vec3 single, Vec3 mean)
                                                1.0f / (1.0f - lost * mean.z) });
 }
 
-// What a surface sends to the eye of light from everywhere: of what falls on it on average, `even`, and of what comes
-// from about the direction that the eye is mirrored in, `mirrored`.
+// Light reflected to the eye from everywhere: of the mean irradiance, `even`, and of the radiance from about the mirror
+// direction, `mirrored`.
 template <class Vector>
 WARPCAM_DEVICE Vector environment_brdf(const Bsdf<Vector>& skin, NumberOf<Vector> eye_cosine, Vector even, Vector mirrored)
 {

@@ -15,7 +15,7 @@ struct HazeSample {
     float density;  // 0 where there is none
 };
 
-// Where a ray of direction (x, y, z), along the world's axes, leaves the skybox.
+// Distance at which a ray of direction (x, y, z), in the world's axes, leaves the skybox.
 WARPCAM_DEVICE float skybox_depth(Vec3 ray, float radius)
 {
     const float wide = rsqrt(max(ray.x * ray.x + ray.y * ray.y, MIN_NORMAL));

@@ -5,7 +5,7 @@
 
 namespace warpcam {
 
-// What a mirror shows of a surface: its colour weaker, its highlights as they are.
+// Dims a material as seen in a mirror: its colour weaker, its highlights unchanged.
 WARPCAM_DEVICE void dim(ResolvedMaterial& finish, float strength)
 {
     finish.color.x *= strength;

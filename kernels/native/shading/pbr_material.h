@@ -1,4 +1,4 @@
-// What a physically based surface is made of at a place: its material's, and what its maps say.
+// Physically based material at a surface point, with its maps applied.
 #pragma once
 #include "shading/ggx.h"
 #include "shading/appearance.h"
@@ -6,7 +6,7 @@
 
 namespace warpcam {
 
-// Of a place of a surface.
+// Material inputs of a surface point.
 template <class Vector> struct PbrInputs {
     Bsdf<Vector> skin;
     Vector glow;            // what it emits

@@ -67,7 +67,7 @@ inline void paints_at(const Appearances& look, const Meshes& meshes, const Textu
     paint.skin = make_bsdf(mul(broadcast(as_vec3(coat.color)), color), roughness, metallic, coat.gloss.z);
 }
 
-// What the surfaces send to the camera, linear. `color` is their texture's, linear.
+// Shades surfaces: light sent to the camera, linear. `color` is their texture's, linear.
 template <int TYPES, int FACTS, class Appearances, class Scene_, class Steps>
 WARPCAM_NOINLINE_CPU inline void shade_eight_physically(const Appearances& look, const AreaLights& list, const Scene_& scene,
                                                  const Mat3& rotation, const Steps& steps, const SurfaceInteraction8& surface,

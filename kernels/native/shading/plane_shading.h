@@ -1,4 +1,4 @@
-// What pixels show of a plane whose corners are kept.
+// Colours of the pixels of a plane whose lit vertices are cached.
 #pragma once
 #include "shading/plane_vertex_lighting.h"
 
@@ -71,7 +71,7 @@ WARPCAM_DEVICE void load_few(const float* from, float* to)
 #endif
 }
 
-// What a pixel shows in the lights that `shadow` leaves.
+// Colour of a pixel in the lights that `shadow` leaves.
 template <class Grid> WARPCAM_DEVICE Vec3 light_from_corners(const Grid& grid, const GridInterpolation& on, int shadow)
 {
     if (Grid::SHADOWS && grid.few) {
@@ -111,9 +111,9 @@ template <class Grid> WARPCAM_DEVICE Vec3 light_from_corners(const Grid& grid, c
     return sum;
 }
 
-// What a pixel shows of the plane, if it is among the corners that are kept; false if not. `found` is what the trace
-// found there, `shadow_at()` the lights that do not reach it. All threads of a warp call it together. APART: where some
-// of their pixels show something else, these are left out; otherwise it then returns false for all of them.
+// Shades a pixel of the plane from its cached vertices; returns false if they do not cover the pixel. `found` is the
+// trace's result there, `shadow_at()` the lights that do not reach it. All threads of a warp call it together. APART:
+// pixels that show something else are left out; otherwise such a pixel makes it return false for the whole warp.
 template <bool TEXTURED, bool APART, bool ON_SHEETS, class Grid, class Textures, class Shadow>
 WARPCAM_DEVICE bool draw_floor(const Grid& grid, const Textures& textures, const Hit& found, const Shadow& shadow_at,
                            float x, float y, Vec3& display)

@@ -45,7 +45,7 @@ WARPCAM_DEVICE CellAxis cell_axis(const GridAxis& cells)
     return { cells.inverse, start, 0.0f, round_down(2.0f * start + 0.5f), stretch };
 }
 
-// Where corner `i` is on a side, counted from where its cells begin [m].
+// Position of vertex `i` along a side, from the start of its cells [m].
 WARPCAM_DEVICE float corner_of(const GridAxis& cells, float i)
 {
     const float x = cells.start + i * cells.step;
@@ -61,8 +61,8 @@ struct FloorView {
     // Steps on the texture from pixel to pixel, to the right and down, at depth 1 [texels]: for a ray of direction r,
     // that of u is x - y * r.x / r.z, that of v z - w * r.y / r.z (w: a float's bits).
     Float3Int right, down;
-    // Of the texture: width, height and start (of floats the bits); w: start of the next. With a sheet all are floats,
-    // the last two where the level begins there, left and top.
+    // Mip levels of the texture: width, height and start (bits of floats); w: start of the next. With a mip atlas all
+    // are floats, the last two the level's left and top there.
     Float3Int levels[MAX_LEVELS + 1];  // on a sheet the last of them twice
     unsigned long long sheet;    // see Textures.sheets; 0: none
     int count;                   // of levels
@@ -95,7 +95,7 @@ template <int SIZE, bool SHADOWS> struct LitCorners : LightList {
     LitVertexGrid<SIZE, SHADOWS> grid;
 };
 
-// The same of a floor that no light falls on: what it shows of its own colour is its texture.
+// Grid of a plane that no light falls on: its colour is its texture.
 struct BareGrid {
     static constexpr bool SHADOWS = false, LIT = false;
 
@@ -115,7 +115,7 @@ template <int SIZE, bool SHADOWS> struct HasCorners<LitCorners<SIZE, SHADOWS>> {
     static constexpr bool VALUE = SIZE > 0;
 };
 
-// Whether pixels can be lit by the list's corners: with shadows only if these are.
+// True if pixels can be lit from the list's vertices: with shadows only if the vertices hold them.
 template <class List> constexpr bool lit_by_corners(bool shadows)
 {
     if constexpr (HasCorners<List>::VALUE)
@@ -254,7 +254,7 @@ WARPCAM_DEVICE void keep(float* values, Vec3 color, Vec3)
     values[2] = color.z;
 }
 
-// What one corner shows, on a display if DISPLAYED. Sum: float where all of it is grey, else Vec.
+// Light of one vertex, display-encoded if DISPLAYED. Sum: float if all of it is grey, else Vec3.
 template <class Sum, bool SHADOWS, bool DISPLAYED>
 WARPCAM_DEVICE void light_corner(const LightList& list, Vec3 place, Vec3 normal, const ResolvedMaterial& finish, float* values)
 {

@@ -1,4 +1,4 @@
-// How a shape looks, its material and its own colour resolved; and what shapes in the same place look like together.
+// Appearance of a shape with its material and own colour resolved, and the joint appearance of shapes that coincide.
 #pragma once
 #include "geometry/shape_state.h"
 
@@ -9,13 +9,13 @@ struct ResolvedMaterial {
     Float3Int gloss;  // x: emission, y: specular, z: exponent of the highlight; w unused
 };
 
-// The same of one of several shapes in the same place. The last of them is seen, but light that casts shadows is added
-// once for each of them, as MuJoCo's renderer does: its passes find all of them where they have drawn the last.
+// Material of coincident shapes. The last of them is visible, but light that casts shadows is added once for each, as
+// MuJoCo's renderer does: its light passes draw all of them where the last was drawn.
 struct JointFinish: ResolvedMaterial {
     Float3Int joint;  // sums over all of them: RGB; w: bits of what is specular
 };
 
-// What of a light that casts shadows is reflected.
+// Reflectance for light that casts shadows.
 struct Reflectance {
     Vec3 matt;
     float gloss;
@@ -73,7 +73,7 @@ WARPCAM_DEVICE ResolvedMaterial load_material(const Shapes& shapes, const Materi
     return finish;
 }
 
-// Do both stand in the same place, as they did when the scene was made?
+// True if both shapes coincide now, as they did when the scene was built.
 template <class Shapes> WARPCAM_DEVICE bool coincide(const Shapes& shapes, int world, int id, int other)
 {
     return wp::index(shapes.positions, world, id) == wp::index(shapes.positions, world, other)

@@ -1,4 +1,4 @@
-// What one pixel shows of the surface that it sees.
+// Shading of one pixel's visible surface.
 #pragma once
 #include "shading/plane_shading.h"
 #include "output/hit_attributes.h"
@@ -27,7 +27,7 @@ struct Scene {
 };
 template <class... Structs> Scene(const Structs&...) -> Scene<Structs...>;
 
-// What shading/pbr.h reads beside.
+// Additional tables that shading/pbr.h reads.
 template <class Scene_> WARPCAM_DEVICE None physical_of(const Scene_&) { return {}; }
 template <class Scene_, class Physical_>
 WARPCAM_DEVICE const Physical_& physical_of(const PhysicalScene<Scene_, Physical_>& scene)
@@ -35,8 +35,8 @@ WARPCAM_DEVICE const Physical_& physical_of(const PhysicalScene<Scene_, Physical
     return scene.physical;
 }
 
-// Where a warp sees anything at all, its pixels that see nothing do as one of the others does, so that all its threads
-// go the same way; what they find is not used. False where it sees nothing.
+// Gives pixels without a hit that of another pixel of their warp, so that all its threads take the same branches; their
+// results are not used. Returns false if the whole warp has no hit.
 WARPCAM_DEVICE bool fill_inactive_lanes(bool hit, Hit& found)
 {
 #if defined(__CUDA_ARCH__)
@@ -110,7 +110,7 @@ WARPCAM_DEVICE Vec3 texture_color(const Appearances& look, const Meshes& meshes,
     return sample_at(look, textures, footprint_2d<TYPES>(pose, layout, meshes, surface, ray, right, down));
 }
 
-// What a surface shows.
+// Shaded colour of a surface.
 struct ShadedPixel {
     Vec3 normal;
     Vec3 albedo, linear, display;

@@ -115,7 +115,7 @@ inline Vec3x8 smooth_normal(const ShapeFromCamera& pose, const Meshes& meshes, c
     return surface.normal;
 }
 
-// Whether the shape's light is computed at the corners of triangles, else at each pixel.
+// True if the shape is lit at the corners of triangles, false if at each pixel.
 template <int TYPES, class Appearances> inline bool lit_at_corners(const Appearances& look)
 {
     const int type = look.pose.type();

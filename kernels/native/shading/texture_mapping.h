@@ -205,7 +205,7 @@ WARPCAM_DEVICE Footprint footprint_2d(const ShapeFromCamera& pose, const Texture
                         slide(down, ray, surface.normal));
 }
 
-// How much of each of three images, laid along the three axes, a surface shows where TRIPLANAR.
+// Weights of three images, projected along the three axes, if TRIPLANAR.
 WARPCAM_DEVICE Vec3 shares_of(Vec3 normal)
 {
     const Vec3 share { abs(normal.x), abs(normal.y), abs(normal.z) };

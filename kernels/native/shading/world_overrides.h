@@ -1,5 +1,5 @@
-// What worlds may have each for itself beside the tables of shapes, materials and lights: where textures begin, what is
-// behind everything, how the camera exposes. Only scenes and cameras that ask for it have any of this.
+// Per-world values beside the tables of shapes, materials and lights: texture offsets, background, exposure. Only
+// scenes and cameras that ask for them have any.
 #pragma once
 #include "shading/appearance.h"
 
@@ -17,7 +17,7 @@ enum VarietyFact {
     HAS_EXPOSURE = 1 << 23      // the camera has an exposure
 };
 
-// What is behind everything in one world, as Background of types.py has it for all.
+// Background of one world, in place of types.py's Background of all.
 struct Backdrop {
     wp::vec3 color;
     int skybox;
@@ -38,8 +38,8 @@ template <int FACTS, class Scene_> WARPCAM_DEVICE decltype(auto) background_of(c
 // Distance of the skybox, as a part of how far MuJoCo's camera sees: SKYBOX of sources/mujoco/layers.py.
 constexpr float SKY_DISTANCE = 0.7f;
 
-// Where a ray ends that begins at `start`, counted from the eye, and runs along `ray`: on the skybox, see
-// shading/haze.h. For lenses whose rays are parallel: they see it as wide as they are.
+// Point of the skybox that a ray along `ray` reaches from `start`, relative to the eye: see shading/haze.h. For lenses
+// with parallel rays, which see the skybox at its own width.
 template <class Number, class Vector> WARPCAM_DEVICE Vector place_on_sky(Vector start, Vector ray, Number radius)
 {
     const Number none = 0.0f, least = 1.0e-18f;
@@ -75,7 +75,7 @@ WARPCAM_DEVICE Vec3 background_color(const Textures& textures, const Background&
     return as_vec3(background.color);
 }
 
-// Where the headlight's colours begin.
+// Index of the headlight's first colour.
 template <int FACTS> WARPCAM_DEVICE int headlight_of(int world) { return FACTS & HEADLIGHTS ? 3 * (world + 1) : 0; }
 
 // Moves a shape's texture, in images; not a cube's.
@@ -92,7 +92,7 @@ template <class Appearances, class Scene_> WARPCAM_DEVICE void load_shift(Appear
     }
 }
 
-// What the camera makes of light.
+// Applies the camera's exposure to light.
 template <int FACTS, class Scene_> WARPCAM_DEVICE Vec3 exposed(const Scene_& scene, int world, Vec3 light)
 {
     if constexpr ((FACTS & HAS_EXPOSURE) != 0) {
@@ -102,7 +102,7 @@ template <int FACTS, class Scene_> WARPCAM_DEVICE Vec3 exposed(const Scene_& sce
     return light;
 }
 
-// The same of a surface; what a display has of a physically based one follows from its light.
+// Applies the exposure to a surface; the display colour of a physically based surface follows from its light.
 template <int FACTS, class Scene_> WARPCAM_DEVICE void expose(const Scene_& scene, int world, Vec3& linear, Vec3& display)
 {
     if constexpr ((FACTS & HAS_EXPOSURE) != 0) {

@@ -11,7 +11,7 @@ constexpr int MAX_PEELS = 16;              // surfaces that one ray can be seen 
 constexpr float MIN_TRANSMITTANCE = 1.0f / 1024.0f;  // of what lies behind: too little to look for more
 constexpr float NEXT = 1.00001f;            // depth of the next surface of a mesh, at the least, by that of the last
 
-// What has been met: its light, and the share of that behind it which is still seen.
+// Accumulated light of the layers so far, and the transmittance to what lies behind.
 struct Composite {
     Vec3 light;
     float left;
@@ -59,7 +59,7 @@ WARPCAM_DEVICE void peel(const Veils_& veils, const Scene_& scene, const RayOf& 
     }
 }
 
-// Where a hit lies on the 2-D textures of its shape.
+// Texture coordinates of a hit on its shape's 2-D textures.
 template <int TYPES, int LENS, class Appearances, class Scene_>
 WARPCAM_DEVICE Footprint footprint_at(const Appearances& look, const Scene_& scene, const Camera& camera, float x, float y,
                                   const Hit& hit)
@@ -77,7 +77,7 @@ WARPCAM_DEVICE Footprint footprint_at(const Appearances& look, const Scene_& sce
     return at;
 }
 
-// What the map of a mesh's opacity says where a ray meets it; 1 where there is none.
+// Opacity from a mesh's opacity map at a hit; 1 without a map.
 template <int TYPES, int LENS, class Appearances, class Scene_>
 WARPCAM_DEVICE float mapped_opacity(const Appearances& look, const Scene_& scene, const Camera& camera, int world, float x,
                                 float y, const Hit& hit)

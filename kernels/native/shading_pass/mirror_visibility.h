@@ -1,6 +1,6 @@
-// What is seen in mirrors: the trace of a view from behind the mirror, for the pixels that show it.
+// Visibility in mirrors: traces a view from behind the mirror, for the pixels that show it.
 //
-// The mirrored view has left and right exchanged; images are written as the view itself has them.
+// The mirrored view has left and right exchanged; images are written in the orientation of the view itself.
 #pragma once
 #include "camera/mirror_plane.h"
 #include "traversal/visibility.h"
@@ -33,7 +33,7 @@ template <int TYPES, int LENS, bool FACES, class Target> struct MirrorCanvas {
         return { seen, plane.depth(seen) };
     }
 
-    // Is the mirror seen here?
+    // True if the mirror is visible at a pixel.
     WARPCAM_DEVICE bool shows(int i, int j) const
     {
         if (!inside(i, j) || target.seen_shape.data[at(i, j)] != mirror)
@@ -75,8 +75,8 @@ template <int TYPES, int LENS, bool FACES, class Target> struct MirrorCanvas {
     }
 };
 
-// Is the shape a plane with its back to `eye`? MuJoCo's renderer then has it seen through wherever it stands, in
-// mirrors too: it is among the veils.
+// True if the shape is a plane with its back to `eye`. MuJoCo's renderer draws such a plane transparent, in mirrors
+// too: it counts as a transparent shape.
 template <int TYPES, class Shapes> WARPCAM_DEVICE bool turned_away(const Shapes& shapes, Vec3 eye, int world, int id)
 {
     if constexpr ((TYPES >> PLANE & 1) != 0)

@@ -158,8 +158,8 @@ inline void walk_mesh(const Meshes& meshes, const ShapeRecord& record, const Ray
 }
 #endif
 
-// Where a ray comes to a veil's next sheet between `near` and the hit's depth; the hit's shape is left where it does
-// not.
+// Finds a ray's next intersection with a transparent shape between `near` and the hit's depth; leaves the hit's shape
+// as it is if there is none.
 template <int TYPES, class Meshes, class HeightFields, class RayOf>
 WARPCAM_DEVICE void meet_veil(const ShapeRecord& record, const RayOf& ray, float near, const Meshes& meshes,
                           const HeightFields& fields, Hit& hit)

@@ -16,7 +16,7 @@ template <int WIDTH, int HEIGHT> struct Strips {
     static constexpr bool FIT = WIDTH % WARP_SIZE == 0 && WARPS % ACROSS == 0 && EACH * PIXELS * WARPS == WIDTH * HEIGHT
         && EACH * QUAD <= 32;
 
-    // Of a lane's first pixel in the region; `strip` counts those of a warp.
+    // Column of a lane's first pixel in the region; `strip` counts those of a warp.
     WARPCAM_DEVICE static int column(int warp, int lane) { return warp % ACROSS * WARP_SIZE + lane % TILE_WIDTH * QUAD; }
     WARPCAM_DEVICE static int row(int warp, int lane, int strip)
     {
@@ -26,8 +26,9 @@ template <int WIDTH, int HEIGHT> struct Strips {
 
 // A plane whose corners are kept, by the numbers of pixels: what follows from these in steps.
 struct StripPlan {
-    // How fast a pixel's ray approaches the plane, and how it runs along its sides in cells, times that: changes from
-    // column to column and from row to row, and at the image's first pixel. w: bits of where the eye is [cells].
+    // Rate at which a pixel's ray approaches the plane, and its coordinates along the plane's sides in cells times that
+    // rate: changes from column to column and from row to row, and values at the image's first pixel. w: bits of the
+    // eye's coordinate [cells].
     Float3Int height, u, v;
     Float3Int texture;      // u is x * cells + y, v is z * cells + w (a float's bits)
     Float3Int right,
@@ -90,7 +91,7 @@ WARPCAM_DEVICE float step_size(const Float3Int& steps, float at)
     return 0.5f * log2(max(u * u + v * v, MIN_NORMAL));
 }
 
-// What a lane's pixels share in all rows.
+// Values that a lane's pixels share in all rows.
 struct StripColumn {
     float height, u, v;  // at the first one, in the image's first row
     float down[QUAD];    // step_size()
@@ -105,7 +106,7 @@ WARPCAM_DEVICE StripColumn strip_column(const StripPlan& plan, float column)
     return own;
 }
 
-// What a pixel shows in the lights that `shadow` leaves, if SHADED, else in all: at (u, v) among the corners.
+// Light of a pixel at (u, v) among the vertices: of the lights that `shadow` leaves if SHADED, else of all.
 template <bool SHADED, class Grid>
 WARPCAM_DEVICE float light_at(const StripPlan& plan, const Grid& grid, float u, float v, unsigned shadow)
 {
@@ -157,7 +158,7 @@ WARPCAM_DEVICE bool draw_quad(const StripPlan& plan, const Grid& grid, const Str
         u[k] = fma(start_u + float(k) * across_u.x, rate[k], as_float(across_u.w));
         v[k] = fma(start_v + float(k) * across_v.x, rate[k], as_float(across_v.w));
     }
-    // What lies between two pixels that are among the corners is, too, but for rounding.
+    // Tolerance in rounding: a point between two pixels that the vertices cover is covered, too.
     constexpr float SLACK = 1.0e-5f;
     bool within = min(rate[0], rate[3]) > 0.0f;
     if constexpr (Grid::LIT)
@@ -184,7 +185,7 @@ WARPCAM_DEVICE bool draw_quad(const StripPlan& plan, const Grid& grid, const Str
         }
         if constexpr (Grid::LIT) {
             const float light = light_at<SHADED>(plan, grid, u[k], v[k], shadows >> 8 * k);
-            // What is left of a sum may be less than nothing by its rounding; bytes are clipped.
+            // Rounding can leave a sum below zero; conversion to bytes clips.
             colors[k] = (SHADED && (IMAGES & HDR) ? max(light, 0.0f) : light) * color;
         } else {
             colors[k] = mul(grid.color, color);
@@ -194,7 +195,7 @@ WARPCAM_DEVICE bool draw_quad(const StripPlan& plan, const Grid& grid, const Str
     return true;
 }
 
-// Which of a lane's pixels show a plane, a bit each.
+// Bit mask of a lane's pixels that show a plane.
 template <int BYTES> WARPCAM_DEVICE unsigned showing(const AlignedArray<unsigned, BYTES>& ids, int plane)
 {
     constexpr unsigned MASK = BYTES == 4 ? FULL_WARP : (1u << 8 * (BYTES % 4)) - 1u;

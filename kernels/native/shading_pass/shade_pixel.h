@@ -8,7 +8,7 @@
 
 namespace warpcam {
 
-// What the trace and the shadow pass found at a pixel.
+// Results of the trace and of the shadow pass at a pixel.
 struct PixelHit : Hit {
     int shadow;  // where FACTS have SEPARATE_PLANE_PATH; otherwise it is asked for when the pixel is drawn
 };

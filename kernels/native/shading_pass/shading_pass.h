@@ -30,7 +30,7 @@ WARPCAM_DEVICE void resolve(const Scene_& scene, const Lights& lights, int index
     constexpr int CORNERS = Wants::FACETED && (TYPES >> PLANE & 1) && CORNERED_LENS && (!(IMAGES & HDR) || RADIANT)
         ? corner_room(WIDTH * HEIGHT, (SHARED_BYTES < VERTEX_GRID_BYTES ? SHARED_BYTES : VERTEX_GRID_BYTES) - CACHED * int(sizeof(Appearances)) - 1024)
         : 0;
-    // Where not all looks can be kept, some are.
+    // Caches some appearances if not all fit.
     constexpr bool SOME = CACHED == 0 && (CAPACITY > 0 || CORNERS > 0) && (Wants::SURFACE || Wants::COLORED);
     constexpr int PLACES = CAPACITY > 0 ? CAPACITY : 1, APPEARANCE_BYTES = sizeof(ShapeAppearance<TYPES, Untextured<Wants>>);
     constexpr int LEFT = (SHARED_BYTES - 2048 - CORNERS * int(sizeof(float)) - 2 * PLACES) / APPEARANCE_BYTES;
@@ -159,7 +159,7 @@ WARPCAM_DEVICE void resolve(const Scene_& scene, const Lights& lights, int index
     pixel.lane = unsigned(thread) % WARP_SIZE;
     pixel.row_of_lanes = reinterpret_cast<float*>(lanes[warp]);
     if constexpr (IN_STRIPS) {
-        // Where there is room they lie among the corners, which are not needed any more.
+        // Reuses the memory of the vertices, which are no longer needed, if it has room.
         unsigned short* rest = pixels_left;
         if constexpr (ROOMY)
             rest = reinterpret_cast<unsigned short*>(list.grid.values);

@@ -9,7 +9,7 @@
 
 namespace warpcam {
 
-// What the pixels of a few rows show. APART: as numbers, for what else covers them; else as bytes.
+// Colours of the pixels of a few rows. APART: as numbers, to be covered by other layers; else as bytes.
 template <int SIZE, int IMAGES, bool APART> struct Painted {
     static constexpr bool LINEAR = APART || (IMAGES & HDR), DISPLAY = APART;
     static constexpr bool WORDS = !APART && (IMAGES & (RGB | RGBA));
@@ -115,7 +115,7 @@ struct EightHits {
     int faces[SIMD_WIDTH];
 };
 
-// What surfaces that face the camera have for normals, in the world.
+// World-frame normals of surfaces that face the camera.
 template <int TYPES, class Appearances, class Scene_>
 inline Vec3x8 facing_normals(const Appearances& look, const Scene_& scene, const SurfaceInteraction8& surface, const Vec3x8& ray)
 {
@@ -166,11 +166,10 @@ inline void light_eight(const Appearances& look, int id, const List& lights, con
     lit = BY_CORNERS ? Lits { own.linear, select(inside, lit.display, own.display) } : own;
 }
 
-// As many packets of a shape are drawn together, step by step: what one step of a packet waits for, those of others
-// fill.
+// Packets of a shape that are shaded together, step by step: the others fill the latency of each one's steps.
 constexpr int TOGETHER = 4;
 
-// Of the last packet's pixels `rest` count, of the others' all.
+// Shades packets; of the last packet `rest` pixels count, of the others all.
 template <int TYPES, int LENS, int IMAGES, int FACTS, class Appearances, class List, class Scene_, class Rows, class PbrInputs>
 WARPCAM_NOINLINE_CPU inline void paint_packets(const Appearances& look, const Levels* levels, int id, const List& lights,
                                         const Scene_& scene, const Rows& rows, Vec3 gain, const EightHits* hits,
@@ -237,7 +236,7 @@ WARPCAM_NOINLINE_CPU inline void paint_packets(const Appearances& look, const Le
     }
 }
 
-// What is behind everything.
+// Writes the background.
 template <int LENS, int IMAGES, int FACTS, class List, class Scene_, class Rows, class PbrInputs>
 WARPCAM_NOINLINE_CPU inline void paint_background(const List& lights, const Scene_& scene, const Rows& rows, int world,
                                            Vec3 gain, const short* pixels, int count, PbrInputs& painted)
@@ -286,7 +285,7 @@ WARPCAM_NOINLINE_CPU inline void paint_background(const List& lights, const Scen
     }
 }
 
-// What eight pixels show, of which `count` are given; the others are the last again.
+// Loads the hits of eight pixels, of which `count` are given; further lanes repeat the last.
 template <int TYPES, bool SHADOWS, int WIDTH, class Frame, class Rows>
 inline void load_hits(const Frame& frame, size_t first, const Rows& rows, const short* pixels, int count,
                       EightHits& hits)

@@ -52,7 +52,7 @@ template <int IMAGES> struct Quad {
         }
     }
 
-    // Of the twelve bytes without alpha.
+    // Word `n` of the twelve bytes without alpha.
     WARPCAM_DEVICE unsigned bare(int n) const
     {
         if constexpr (WORDS == 3)

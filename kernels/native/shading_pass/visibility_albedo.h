@@ -8,7 +8,7 @@
 
 namespace warpcam {
 
-// What of Scene a look needs.
+// Part of Scene that an appearance needs.
 struct Unlit {
     float horizon;
 };
@@ -21,7 +21,7 @@ template <class Shapes, class Meshes, class HeightFields, class Materials, class
     const Textures& textures;
 };
 
-// What a block keeps for it. FACTS: of shading/appearance.h.
+// Shared memory of the albedo writer. FACTS: of shading/appearance.h.
 template <int TYPES, int FACTS, int CAPACITY, int WIDTH, int HEIGHT, bool WHOLE_> struct Painter {
     static constexpr bool WHOLE = WHOLE_, PAINTS = true, LOOKS_AT_FLOORS = false;
     using Wants = ShadingNeeds<ALBEDO, FACTS>;
@@ -89,7 +89,7 @@ template <int TYPES, int FACTS, int CAPACITY, int WIDTH, int HEIGHT, bool WHOLE_
                 looks[i] = load_appearance_for<TYPES, Wants>(scene, camera, world, wp::index(scene.shapes.drawn, i));
     }
 
-    // What pixels of the floor share; by one warp.
+    // Computes what pixels of the plane share; by one warp.
     template <class Scene_>
     WARPCAM_DEVICE void see(const Scene_& scene, const Camera& camera, const Region& region, int plane, int world, int lane)
     {
@@ -176,7 +176,7 @@ template <int TYPES, int FACTS, int CAPACITY, int WIDTH, int HEIGHT, bool WHOLE_
         store(canvas, i, j, shown);
     }
 
-    // The same where all hits are on the endless floor.
+    // Writes pixels whose hits are all on the infinite plane.
     template <class Canvas_, class Ray_, int TILES_PER_WARP>
     WARPCAM_DEVICE void paint_bare(const Canvas_& canvas, int i, int j, const Ray_ (&rays)[TILES_PER_WARP], const Hit (&hits)[TILES_PER_WARP])
     {
@@ -305,7 +305,8 @@ template <int TYPES, int FACTS, int CAPACITY, int WIDTH, int HEIGHT, bool WHOLE_
     }
 };
 
-// As draw(), of scenes of no more shapes than a list holds. TYPES: with what colours alone ask for, too.
+// Draws as draw() does, in scenes of no more shapes than a list holds. TYPES: including the bits that only colours
+// need.
 template <int TYPES, int CAPACITY, int WIDTH, int HEIGHT, int OUTPUTS, int FACTS, class Shapes, class Materials,
           class Meshes, class HeightFields, class Views, class Target>
 WARPCAM_DEVICE void draw_painted(const Shapes& shapes, const Materials& materials, const Meshes& meshes,

@@ -1,4 +1,4 @@
-// What points and casters cover as a light sees them, in so few bits that those of a thousand casters are at hand.
+// Bounds of points and casters in a light's view, quantised so that a thousand casters fit in shared memory.
 #pragma once
 #include "shadow/casters.h"
 
@@ -9,7 +9,7 @@ constexpr int PLACE_BITS = 20;  // of a shape's place among those that are drawn
 constexpr unsigned LEVELS = 1u << (32 - PLACE_BITS);  // that their heights are divided into
 constexpr unsigned GUARDS = 0x80808080u;
 
-// What points cover, as the light sees them.
+// Bounds of points in a light's view.
 struct ReceiverBounds {
     LightSpaceBounds window;  // of those that lie before a light that shines forwards
     float floor, top;
@@ -59,7 +59,7 @@ struct Grid {
     bool distant;  // the light is
     bool endless;  // some points are behind the light: nothing is said by what it sees
 
-    // What a light sees at its side is far away along u and v: bent, all of it lies between -1 and 1.
+    // Maps a coordinate beside a light, which is far away along u and v, to between -1 and 1.
     WARPCAM_DEVICE static float bent(float x, bool distant)
     {
         const float rest = 1.0f / (1.0f + abs(x));  // rounded as a division is, which never turns an order round
@@ -80,7 +80,7 @@ struct Grid {
                  level(height) << PLACE_BITS | unsigned(place) };
     }
 
-    // What an outline is held against: the other sides, and the lowest point.
+    // Packs the bounds of points for a comparison with casters: the opposite sides, and the lowest point.
     WARPCAM_DEVICE PackedCasterBounds of_points(const ReceiverBounds& cover) const
     {
         if (cover.beside)

@@ -88,7 +88,7 @@ WARPCAM_DEVICE float warp_min(float value)
 #endif
 }
 
-// What so many windows cover together, one after another. Called by one warp.
+// Union of several bounds. Called by one warp.
 WARPCAM_DEVICE LightSpaceBounds window_of_all(const LightSpaceBounds* windows, int count)
 {
     LightSpaceBounds all { MISS, -MISS, MISS, -MISS };
@@ -114,7 +114,7 @@ template <class List> WARPCAM_DEVICE void find_bounds(List& list)
         list.bounds_aslant = window_of_all(list.diagonals, list.count);
 }
 
-// May any of them shade this point?
+// True if any caster may shade this point.
 template <class List> WARPCAM_DEVICE bool may_be_shaded(const List& list, const LightSpacePoint& point)
 {
     bool may = may_occlude(list.bounds, list.ceiling, point);
@@ -220,7 +220,7 @@ WARPCAM_NOINLINE_CPU WARPCAM_DEVICE int collect_casters(List& list, int begin, c
     return begin;
 }
 
-// The same with its bounds, by a whole block.
+// Builds the list with its bounds, by a whole block.
 template <int TYPES, class List, class Shapes, class Materials, class Meshes, class HeightFields>
 WARPCAM_DEVICE int gather_casters(List& list, int begin, const Shapes& shapes, const Materials& materials,
                               const Meshes& meshes, const HeightFields& fields, const LightView& light,
@@ -236,14 +236,14 @@ WARPCAM_DEVICE int gather_casters(List& list, int begin, const Shapes& shapes, c
     return begin;
 }
 
-// How a light reaches a pixel's point on a face of a mesh.
+// Direction and reach of a light at a pixel's point on a face of a mesh.
 struct Facing {
     bool
         front;  // the light shines on the side that the pixel shows, anywhere on the face; true where that is not known
     bool clear;  // nothing of the mesh itself is in the way; false where that is not known
 };
 
-// How a light looks from a mesh, all in the mesh's frame.
+// Light in a mesh's frame.
 struct MeshLight {
     Vec3 aim;  // as Caster.aim
     Vec3 way;  // from a point of a face to it
@@ -290,7 +290,7 @@ WARPCAM_DEVICE Facing face_light(const Meshes& meshes, int mesh, int face, bool 
     return { faces, clear };
 }
 
-// The same of a shape's face. The point is seen from `origin`, by a ray along `sight`; both in the world's axes.
+// Tests a shape's face likewise. The point is seen from `origin`, by a ray along `sight`; both in the world's axes.
 template <int TYPES, class Shapes, class Meshes>
 WARPCAM_DEVICE Facing face_light(const Shapes& shapes, const Meshes& meshes, int world, int id, int face,
                              const LightView& light, Vec3 origin, Vec3 sight, Vec3 point)

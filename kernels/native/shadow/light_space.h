@@ -21,7 +21,7 @@ struct LightSpacePoint {
     bool beside;   // behind a light that shines forwards: u and v mean nothing
 };
 
-// What a shape, or the points of a tile, cover.
+// Bounds of a shape, or of a tile's points, in a light's view.
 struct alignas(16) LightSpaceBounds {
     float left, right, bottom, top;
 };
@@ -54,7 +54,7 @@ WARPCAM_DEVICE Vec3 ray_to(const LightView& light, Vec3 p)
     return light.distant ? light.aim : Vec3 { light.aim.x - p.x, light.aim.y - p.y, light.aim.z - p.z };
 }
 
-// How far a ray from p to the light counts, in the units of ray_to(); `near` is where it begins to.
+// Length of a shadow ray from p to the light, in the units of ray_to(); `near` is its start.
 WARPCAM_DEVICE float reach_of(const LightView& light, Vec3 p, float near)
 {
     const float reach = light.distant ? MAX_RAY_T : 1.0f - near;
@@ -88,7 +88,7 @@ template <int LENS> struct PointReconstructor {
     }
 };
 
-// The same with a table, whose depths are distances.
+// Reconstructs points from a ray table, whose depths are distances.
 template <> struct PointReconstructor<RAYS> {
     Vec3 right, up, back;  // the camera's axes
     Vec3 along;            // where all rays begin
@@ -103,7 +103,7 @@ template <> struct PointReconstructor<RAYS> {
     WARPCAM_DEVICE Vec3 along_of(Vec3 point, float, float) const { return point - along; }
 };
 
-// The same where they do not.
+// Reconstructs points from rays with own origins.
 template <> struct PointReconstructor<RAY_TABLE_WITH_ORIGINS> {
     Vec3 right, up, back;
     Vec3 along;  // where the camera is
@@ -169,7 +169,7 @@ WARPCAM_DEVICE LightSpacePoint place_of(bool distant, Vec3 p)
     return { p.x * scale, p.y * scale, beside ? -MISS : -p.z, beside };
 }
 
-// How far a shape reaches from its centre along a unit direction given in the shape's frame.
+// Support of a shape: its reach from the centre along a unit direction in the shape's frame.
 WARPCAM_DEVICE float reach_along(int type, Vec3 half, Vec3 n)
 {
     const Vec3 a { abs(n.x) * half.x, abs(n.y) * half.y, abs(n.z) * half.z };
@@ -228,8 +228,8 @@ template <bool TIGHT = false> WARPCAM_NOINLINE_CPU WARPCAM_DEVICE LightSpaceBoun
              seen.bottom - slack * abs(seen.bottom), seen.top + slack * abs(seen.top) };
 }
 
-// May a shape with this window stand between the light and a point of a tile with that one? `height` is the shape's
-// highest, `floor` the tile's lowest. Without branches, as are the next.
+// True if a shape with these bounds may stand between the light and a point of a tile. `height` is the shape's highest,
+// `floor` the tile's lowest. Free of branches, as are the functions below.
 WARPCAM_DEVICE bool may_occlude(const LightSpaceBounds& shape, float height, const LightSpaceBounds& tile, float floor)
 {
     return (shape.left <= tile.right) & (shape.right >= tile.left) & (shape.bottom <= tile.top)

@@ -14,7 +14,7 @@ constexpr int PATCH = 8;       // pixels along a side; two tiles
 constexpr int PICKED = WARP_SIZE;  // casters that a patch tries at a time
 constexpr int WARPS = THREADS / WARP_SIZE;
 
-// What one patch asks: the tiles of it that do, by bit.
+// Request of one patch: a bit for each of its tiles that asks.
 struct Patch {
     ReceiverBounds cover;
     int tiles;
@@ -28,13 +28,13 @@ template <int SIZE> struct CasterTiles {
     int next_patch;
 };
 
-// What one warp tries at a patch.
+// Casters that one warp tests against a patch.
 struct PickedCasters {
     CasterList<PICKED, false> list;
     int places[PICKED];  // among the shapes that are drawn
 };
 
-// What the points that a warp's lanes have found cover together.
+// Union of the bounds that a warp's lanes have found.
 WARPCAM_DEVICE ReceiverBounds joined(const ReceiverBounds& cover)
 {
     const LightSpaceBounds& w = cover.window;
@@ -171,7 +171,7 @@ WARPCAM_DEVICE void prepare_picks(PickedCasters& picks, int picked, const Shapes
     }
 }
 
-// Does one of the casters stand between a lane's point and the light? Each lane tries those that its point calls for.
+// True if a caster stands between a lane's point and the light. Each lane tests the casters that its point calls for.
 template <int TYPES, int LENS, class HeightFields>
 WARPCAM_DEVICE bool is_shaded(const CasterList<PICKED, false>& list, const ReceiverView<LENS>& view, const Asking& a,
                           const HeightFields& fields)

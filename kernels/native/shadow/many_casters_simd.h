@@ -8,7 +8,7 @@ namespace warpcam {
 
 constexpr int PATCH = 16;  // pixels along a side, at most
 
-// Those that may shade something in a region, a bit each.
+// Bit mask of the spheres that may shade something in a region.
 inline unsigned spheres_before(const Spheres& s, const LightView& light, const Camera& camera, const TileWindow& region)
 {
     const Float8 none = 0.0f, one = 1.0f;
@@ -71,7 +71,7 @@ inline int gather_near(List& list, Windows<List::CAPACITY>& windows, int begin, 
     return min(begin, total);
 }
 
-// Those of a list's windows that may shade something in a patch.
+// Bounds, of a list, that may shade something in a patch.
 template <int CAPACITY> struct PickedWindows : Windows<CAPACITY> {
     short slots[CAPACITY];
 

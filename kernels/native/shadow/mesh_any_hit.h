@@ -22,8 +22,8 @@ template <int WORDS, class Boxes> struct ShadowRays: RayQueue<WORDS> {
         }
     };
 
-    // Where there is room, what lanes walk with lies here while their warp looks for rays: in registers it would be
-    // spilled, and then be loaded again at every node.
+    // Stores lanes' traversal state in shared memory, if it has room, while their warp looks for rays: in registers it
+    // would be spilled, and reloaded at every node.
     static constexpr bool KEEPS = WORDS <= 2;
     static constexpr int PARTS = sizeof(Boxes) / sizeof(float);
 
@@ -70,7 +70,7 @@ template <int WORDS, class Boxes> struct ShadowRays: RayQueue<WORDS> {
         }
     }
 
-    // As put() of those who wait, with where the lane's ray begins.
+    // Queues waiting rays, as put() above does, with the start of the lane's ray.
     WARPCAM_DEVICE void put(unsigned found, const unsigned* met, int words, int place, Vec3 point, const Span& its_span)
     {
         const int at = RayQueue<WORDS>::put(found, met, words, place);
@@ -101,8 +101,7 @@ template <int WORDS, class Boxes> struct ShadowRays: RayQueue<WORDS> {
     }
 };
 
-// Is one of the faces of the lane's leaf, if its `node` is one, in the way of its ray to the light? All lanes test
-// faces for all.
+// True if a face of the lane's leaf, if its `node` is one, blocks its ray to the light. All lanes test faces for all.
 template <int TYPES, class Rays, class List, class Meshes>
 WARPCAM_DEVICE bool meets_leaves(Rays& rays, const List& list, const LightView& light, const Meshes& meshes, int slot,
                              int node)

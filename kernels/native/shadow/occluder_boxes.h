@@ -1,6 +1,5 @@
-// Where a mesh surely stops light: boxes that its surface shuts, so that no way leads from one end to the other. Light
-// that comes in at one end and would go out at the other meets a face, whichever it is. Found by
-// build/occluder_builder.h.
+// Occluder boxes of a mesh: boxes that its surface closes, so that no path leads from one end to the other. Light that
+// enters at one end and would leave at the other hits a face, whichever it is. build/occluder_builder.h computes them.
 #pragma once
 #include "shadow/casters.h"
 #include "shadow/shadow_tile.h"
@@ -13,7 +12,7 @@ constexpr int SHUTTER_ROWS = 3;
 // shutters come as many points, some of them perhaps the same, between which all of the mesh lies: its outline.
 constexpr int ALL_SHUTTER_ROWS = (SHUTTER_ROWS + 1) * SHUTTERS;
 
-// Whether meshes have them: see accel/meshes.py.
+// True if meshes have occluder boxes: see accel/meshes.py.
 constexpr bool has_shutters(int types) { return (types >> HAS_OCCLUDER_BOXES & 1) && !(types >> ALPHA_TESTED & 1); }
 
 // Takes a mesh's own coordinates to those in which the box is from -1 to 1, its ends at z = -1 and 1.
@@ -26,7 +25,7 @@ struct OccluderBox {
         return { load(rows, first), load(rows, first + SHUTTERS), load(rows, first + 2 * SHUTTERS) };
     }
 
-    // How far from its middle a ray goes through the ends: it is stopped if that is at most 1.
+    // Largest distance from the box's middle at which a ray passes its ends: at most 1 means blocked.
     WARPCAM_DEVICE float aside(const Ray& ray, const Span& span) const
     {
         const auto place = [&](const Float3Int& row) {
@@ -80,9 +79,9 @@ WARPCAM_DEVICE void outline_caster(List& list, int slot, const LightView& light,
     }
 }
 
-// Which of the rays of a warp that `ask` are stopped by shutters of their meshes: each has one, by `slot` in a list and
-// by `mesh`, and is in its frame. One of them is tried with all shutters of its mesh; that which stops it best is tried
-// with all.
+// Bit mask of the rays of a warp that `ask` and are blocked by occluder boxes of their meshes. Each ray has a mesh, by
+// `slot` in a list and by `mesh`, and is in its frame. One ray is tested against all boxes of its mesh; the box that
+// blocks it best is tested against all rays.
 template <class Meshes>
 WARPCAM_DEVICE bool meets_shutters(const Meshes& meshes, int slot, int mesh, const Ray& ray, const Span& span, bool asks)
 {

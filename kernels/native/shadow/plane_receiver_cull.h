@@ -1,4 +1,4 @@
-// Which parts of a floor the casters of a light may shade, by the numbers of pixels alone.
+// Selects the parts of a plane that a light's casters may shade, from pixel coordinates alone.
 #pragma once
 #include "shadow/casters.h"
 
@@ -24,7 +24,7 @@ template <class Shapes> WARPCAM_DEVICE Floor load_floor(const Shapes& shapes, co
                                    shape.position.z - camera.origin.z }), id };
 }
 
-// Whether all four are the same number.
+// True if all four are the same number.
 template <int BYTES> WARPCAM_DEVICE bool all_are(const AlignedArray<unsigned, BYTES>& words, int number)
 {
     const unsigned wanted = BYTES == 1 ? (unsigned(number) & 0xffu) * 0x01010101u
@@ -46,8 +46,8 @@ struct FloorShade {
     float across, down, start;
     bool known;
 
-    // Of eight strips, four lanes each, those in which no caster shades the plane. A lane's begins at column i and row
-    // j.
+    // Bit mask of the strips, of eight with four lanes each, in which no caster shades the plane. A lane's strip starts
+    // at column i and row j.
     WARPCAM_DEVICE unsigned missed(float i, float j) const
     {
         unsigned outside = __ballot_sync(FULL_WARP, known & (start + i * across + j * down < 0.0f));

@@ -178,11 +178,11 @@ struct Points {
     }
 };
 
-// What points cover as the light sees them: everything if some lie behind a light that shines forwards.
+// Bounds of points in the light's view: everything if some lie behind a light that shines forwards.
 struct PointsAround {
     Float8 left = MISS, right = -MISS, bottom = MISS, top = -MISS, floor = MISS;
 
-    // Those of a tile that are not shaded yet.
+    // Adds a tile's points that are not shaded yet.
     void add(const Points& points)
     {
         const Float8 far = MISS;
@@ -243,7 +243,7 @@ template <int CAPACITY> struct Windows {
             height[slot / SIMD_WIDTH][slot % SIMD_WIDTH] = -MISS;
     }
 
-    // Those of eight that may shade a point of a tile, a bit each.
+    // Bit mask of the casters, of eight, that may shade a point of a tile.
     unsigned may_occlude(int packet, const TileWindow& tile) const
     {
         const LightSpaceBounds& w = tile.window;

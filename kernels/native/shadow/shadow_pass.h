@@ -1,5 +1,5 @@
-// Which lights reach what a view sees. Each pixel's hit point looks back at each light; the shapes that may stand
-// between a tile's points and the light are picked once for the whole tile.
+// Shadow pass: finds the lights that reach each visible point. Each pixel's hit point looks back at each light; the
+// shapes that may stand between a tile's points and the light are selected once for the whole tile.
 #pragma once
 #include "shadow/plane_receiver_cull.h"
 #include "lights/active_lights.h"
@@ -11,7 +11,7 @@ namespace warpcam {
 
 constexpr int FEW_CASTERS = 2;
 
-// Does a light that is kept cast shadows? One without colour has none to take away.
+// True if an active light casts shadows. A light without colour has none to take away.
 template <class Lights> WARPCAM_DEVICE bool casts(const Lights& lights, int world, int light)
 {
     const Vec3 sum = as_vec3(per_world(lights.ambient, world, light)) + as_vec3(per_world(lights.diffuse, world, light))
@@ -35,8 +35,8 @@ WARPCAM_NOINLINE_CPU WARPCAM_DEVICE ReceiverView<LENS> light_view(const Lights& 
     return { made, sight, lit_sight(made, sight), camera.origin, dims };
 }
 
-// What there is to do for one light in one region. In shared memory on CUDA: in registers it would crowd out what the
-// walks of meshes need.
+// Work for one light in one region. CUDA keeps it in shared memory: in registers it would crowd out what mesh
+// traversals need.
 template <int LENS> struct LightPass {
     ReceiverView<LENS> view;
     Region region;
@@ -46,8 +46,8 @@ template <int LENS> struct LightPass {
     bool fresh;    // masks are to be cleared first
 };
 
-// How many lights have their lists beside each other: where a warp makes one by itself, the lists of two are made at
-// once, and their shadows are cast without a barrier between them.
+// Number of lights whose lists are built together: where a warp builds a list by itself, two lists are built at once,
+// and their shadows are cast without a barrier between them.
 template <int TYPES, int CAPACITY> constexpr int lights_per_batch()
 {
 #if defined(__CUDA_ARCH__)

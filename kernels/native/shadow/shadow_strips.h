@@ -15,14 +15,14 @@ template <int WIDTH, int HEIGHT> struct Strip {
     static constexpr unsigned COUNT = ACROSS * (HEIGHT / TILE_HEIGHT);
     static_assert(TILES * THREADS <= WIDTH * HEIGHT && ACROSS * TILES * TILE_WIDTH == WIDTH);
 
-    // Where the strip, a lane's first pixel in it, and the tile that a lane's pixels belong to begin.
+    // Start of the strip, of a lane's first pixel in it, and of the tile that a lane's pixels belong to.
     WARPCAM_DEVICE static int column(unsigned strip) { return strip % ACROSS * (TILES * TILE_WIDTH); }
     WARPCAM_DEVICE static int row(unsigned strip) { return strip / ACROSS * TILE_HEIGHT; }
     WARPCAM_DEVICE static int lane_column(int lane) { return lane % TILE_WIDTH * TILES; }
     WARPCAM_DEVICE static int lane_row(int lane) { return lane / TILE_WIDTH; }
     WARPCAM_DEVICE static int tile_column(int lane) { return lane_column(lane) & ~(TILE_WIDTH - 1); }
 
-    // Those that a warp has where they are dealt out: see shadow/plane_receiver_cull.h.
+    // Strips of a warp if strips are dealt out: see shadow/plane_receiver_cull.h.
     static constexpr int WARPS = THREADS / WARP_SIZE, EACH = COUNT / WARPS;
     static_assert(WARPS <= 4);
     static constexpr unsigned ALL_OF_WARP = EACH < 8 ? EACH_STRIP & ((1u << 4 * (EACH % 8)) - 1u) : EACH_STRIP;
@@ -48,8 +48,8 @@ template <int COUNT, class Value> WARPCAM_DEVICE void clear_several(Value* to)
     *reinterpret_cast<AlignedArray<Value, COUNT>*>(to) = {};
 }
 
-// Whether any of the lane's pixels in a strip shows a point below what the list's casters cover together. With `fresh`
-// their masks are cleared.
+// True if any of the lane's pixels in a strip shows a point below the union of the casters' bounds. `fresh` clears
+// their masks.
 template <int COUNT, int LENS, class List, class Target>
 WARPCAM_DEVICE bool find_asking(const Target& target, size_t at, int inside, float i, float j, const List& list,
                             const ReceiverView<LENS>& view, bool fresh)
@@ -82,7 +82,7 @@ WARPCAM_DEVICE bool find_asking(const Target& target, size_t at, int inside, flo
     return asks;
 }
 
-// Whether warps have strips of their own, of which those that show nothing but a plane are told apart: see
+// True if warps have strips of their own, among which those that show nothing but a plane are handled apart: see
 // shadow/plane_receiver_cull.h.
 template <int TYPES, int LENS, int WIDTH, int HEIGHT> constexpr bool uses_plane_cull()
 {
@@ -120,7 +120,8 @@ WARPCAM_DEVICE bool take_strip(unsigned& strips, unsigned& strip, int lane)
     return true;
 }
 
-// Which of a warp's strips show nothing but a plane. Clears the masks of all of them, in a region that the image holds.
+// Bit mask of a warp's strips that show nothing but a plane. Clears the masks of all strips in a region that the image
+// holds.
 template <int WIDTH, int HEIGHT, class Target>
 WARPCAM_DEVICE unsigned find_floors(const Target& target, size_t corner, int plane)
 {

@@ -30,7 +30,7 @@ WARPCAM_DEVICE Span span_of(const LightView& light, Vec3 origin, Vec3 p, float d
     return { near, reach_of(light, p, near) };
 }
 
-// That of single faces, which may be too near to the point to shade it.
+// Span of single faces, which may be too near to the point to shade it.
 WARPCAM_DEVICE Span thin_span(const LightView& light, const Span& span)
 {
     return { span.near + light.map.nearest, span.reach };
@@ -45,7 +45,7 @@ WARPCAM_DEVICE Ray look_back(const ShapeRecord& record, const Float3Int& aim, Ve
     return { origin, { aim.x - s * origin.x, aim.y - s * origin.y, aim.z - s * origin.z } };
 }
 
-// Does the way from p to the light lead through the box of a mesh? Widened by more than all rounding.
+// True if the segment from p to the light intersects a mesh's box. The box is widened by more than all rounding.
 WARPCAM_DEVICE bool meets_box(const ShapeRecord& record, const Float3Int& aim, const Box& box, Vec3 p, const Span& span, bool distant)
 {
     const Ray ray = look_back(record, aim, p, distant);
@@ -61,8 +61,9 @@ WARPCAM_DEVICE bool meets_box(const ShapeRecord& record, const Float3Int& aim, c
     return enter <= leave;
 }
 
-// Does a height field shade the point p of shape `id`? What is in the ground is shaded by the side that the way to the
-// light comes out by, as the maps have that, too; a field's own points are on its ground, where rounding would tell.
+// True if a height field shades the point p of shape `id`. Points inside the ground are shaded by the side through
+// which the way to the light leaves, as in shadow maps; a field's own points lie on its ground, where rounding would
+// decide.
 template <class HeightFields> WARPCAM_DEVICE bool in_shade_of_field(const HeightFields& fields, const ShapeRecord& record,
                                                                 const LightView& light, Vec3 p, int id, const Span& span)
 {
@@ -75,7 +76,7 @@ template <class HeightFields> WARPCAM_DEVICE bool in_shade_of_field(const Height
     return hit.shape >= 0;
 }
 
-// What a tile's points that ask cover, and the lowest of them.
+// Bounds of a tile's points that ask, and the lowest of them.
 struct TileWindow {
     LightSpaceBounds window;
     float floor;
@@ -83,7 +84,7 @@ struct TileWindow {
 
 #if defined(__CUDA_ARCH__)
 
-// That of points of which nothing is known.
+// Bounds of unknown points.
 WARPCAM_DEVICE TileWindow whole_tile() { return { { -MISS, MISS, -MISS, MISS }, -MISS }; }
 
 WARPCAM_DEVICE TileWindow window_around(const LightSpacePoint& place, bool asks)
@@ -94,7 +95,7 @@ WARPCAM_DEVICE TileWindow window_around(const LightSpacePoint& place, bool asks)
              warp_min(asks ? place.height : MISS) };
 }
 
-// Whether any caster of a list may shade a tile.
+// True if any caster of a list may shade a tile.
 template <class List> WARPCAM_DEVICE bool may_occlude(const List& list, const TileWindow& tile)
 {
     bool any = false;
@@ -103,9 +104,9 @@ template <class List> WARPCAM_DEVICE bool may_occlude(const List& list, const Ti
     return __any_sync(FULL_WARP, any);
 }
 
-// Is the lane's point, of shape `id`, which the light sees at `place`, in the shadow of a caster? `open` is false in
-// lanes that do not ask; afterwards it is true in those that still do. Meshes are not tried but named in `met`, bits by
-// slot, if the way to the light leads through their boxes; true if there are any.
+// Tests whether the lane's point, of shape `id`, which the light sees at `place`, is in the shadow of a caster. `open`
+// is false in lanes that do not ask; afterwards it is true in those that still do. Meshes are not tested but named in
+// `met`, bits by slot, if the way to the light intersects their boxes; returns true if there are any.
 template <int TYPES, int LENS, class List, class HeightFields>
 WARPCAM_DEVICE bool shade_tile(const List& list, const ReceiverView<LENS>& view, Vec3 p, int id, const Span& span,
                            const LightSpacePoint& place, const TileWindow& tile, bool& open, const HeightFields& fields,

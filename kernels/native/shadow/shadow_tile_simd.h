@@ -22,7 +22,7 @@ inline void shade_points(const ShapeRecord& r, const Float3Int& aim, const Light
     points.open[row] &= ~((t > near) & (t < points.reach[row]));
 }
 
-// As in_shade_of_field(), whose comments hold here.
+// Tests a packet against a height field; comments in in_shade_of_field() apply.
 template <class HeightFields> inline void shade_points_by_field(const HeightFields& fields, const ShapeRecord& r,
                                                                 const LightView& light, int row, Points& points)
 {
@@ -50,7 +50,7 @@ template <class HeightFields> inline void shade_points_by_field(const HeightFiel
     points.open[row] &= ~hit.met;
 }
 
-// As meets_box(), of eight points.
+// Tests the segments of eight points against a mesh's box, as meets_box() does.
 inline Int8 meet_box(const ShapeRecord& r, const Float3Int& aim, const Box& box, Vec3x8 p, Float8 near, Float8 reach, bool distant)
 {
     const Vec3x8 o { r.axis_x.x * p.x + r.axis_x.y * p.y + r.axis_x.z * p.z + r.origin.x,

@@ -14,8 +14,8 @@
 
 namespace warpcam {
 
-// What is wanted, in the order of OUTPUTS in splats.py; BY_WORLD: ids by world; HAS_EXPOSURE: the camera has an
-// exposure; SOLID: see solid_surface.
+// Output flags, in the order of OUTPUTS in splats.py; BY_WORLD: ids by world; HAS_EXPOSURE: the camera has an exposure;
+// SOLID: see solid_surface.
 enum SplatOutput {
     SPLAT_RGB = 1,
     SPLAT_RGBA = 2,
@@ -40,7 +40,7 @@ constexpr int SPLAT_REGION = 16;  // side of what a block draws [pixels]
 constexpr float LEAST_LIGHT = 0.001f;  // with less of it coming through a ray ends: a quarter of a step of 255
 constexpr float HALF_LIGHT = 0.5f;  // where no more comes through is the surface: depth, ids and the rest
 
-// What a ray has blended.
+// Accumulated colour of a ray.
 struct AlphaComposite {
     Vec3 color;
     float light;  // that comes through
@@ -87,7 +87,7 @@ template <class Array> WARPCAM_DEVICE void blend_bytes(const Array& image, size_
             static_cast<unsigned char>(to_byte(component(found.color, k) + found.light * (bytes[k] * (1.0f / 255.0f))));
 }
 
-// What the camera makes of the light that a ray has blended: of its mean colour. What is behind is exposed already.
+// Applies the camera's exposure to the mean colour that a ray has blended. The background is exposed already.
 template <class Frame_> WARPCAM_DEVICE void expose(const Frame_& frame, int world, AlphaComposite& found)
 {
     const Vec3 factor = pow(2.0f, wp::index(frame.exposures, world)) * as_vec3(wp::index(frame.gains, world));
@@ -128,7 +128,7 @@ template <class Frame_, class Images_, class Shapes_, class Splats_> struct Spla
 };
 template <class... Structs> SplatScene(const Structs&...) -> SplatScene<Structs...>;
 
-// What a ray blends of all clouds.
+// Blends all clouds along a ray.
 template <int WANTED, int LENS, class Scene>
 WARPCAM_DEVICE AlphaComposite blend_all(const Scene& scene, const Cloud* clouds, int num_clouds, const Camera& camera,
                              const CameraRay<LENS>& seen, float far, unsigned mask, Key* keys, int step)
@@ -156,9 +156,8 @@ WARPCAM_DEVICE AlphaComposite blend_all(const Scene& scene, const Cloud* clouds,
     return found;
 }
 
-// What a ray sees of clouds that are solid where little enough light comes through, and nothing elsewhere, as Newton's
-// camera has them: each cloud by itself, in the mean colour of the Gaussians that the ray blends of it, and of several
-// clouds the nearest.
+// Finds the nearest solid cloud along a ray: clouds are solid where little enough light passes, and absent elsewhere,
+// as in Newton's camera. Each cloud counts by itself, in the mean colour of its Gaussians that the ray blends.
 template <int LENS, class Scene>
 WARPCAM_DEVICE AlphaComposite solid_surface(const Scene& scene, const Cloud* clouds, int num_clouds, const Camera& camera,
                                  const CameraRay<LENS>& seen, float far, unsigned mask, Key* keys, int step)

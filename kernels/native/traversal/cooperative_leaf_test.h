@@ -55,7 +55,7 @@ struct RayFacePairs {
     int begin, end;  // where its faces stand
     int count;       // of all
 
-    // Of a leaf; of what is none 0.
+    // Number of faces of a leaf; 0 for anything else.
     WARPCAM_DEVICE static int faces_of(int node) { return node < 0 ? (-node - 1) & 15 : 0; }
 
     // Lanes whose `node` is no leaf have none. They are added up by their bits; of all lanes there are `all`.
@@ -93,7 +93,7 @@ struct RayFacePairs {
         return __shfl_sync(FULL_WARP, first - begin, from) + window + threadIdx.x % WARP_SIZE;
     }
 
-    // What is left of the lane's leaf if only the first so many pairs were tested: a leaf's code, or NO_NODE.
+    // Rest of the lane's leaf if only the first `tested` pairs were tested: a leaf's code, or NO_NODE.
     WARPCAM_DEVICE int left_of(int tested) const
     {
         const int from = max(begin, tested);
@@ -116,12 +116,12 @@ struct PairRoom {
     int face[WARP_SIZE];
 };
 
-// The same of a ray that ends at any face.
+// Shared memory for rays that end at any face.
 struct AnyPairRoom {
     unsigned char owners[WARP_SIZE];
 };
 
-// Where a pair's ray enters its face beyond `near` and before `depth`, else MISS.
+// Intersects a pair's ray with its face beyond `near` and before `depth`; MISS if there is no intersection.
 template <int TYPES, class Meshes, class Ray> WARPCAM_DEVICE float meet_face(const ShapeRecord& record, const Meshes& meshes,
                                                                          const Ray& ray, int face, float near,
                                                                          float depth)
@@ -135,9 +135,9 @@ template <int TYPES, class Meshes, class Ray> WARPCAM_DEVICE float meet_face(con
     return t < depth && t > near && is_there<TYPES>(meshes, record, ray.local(record), face, t) ? t : MISS;
 }
 
-// The same for all lanes whose `node` is a leaf, of the mesh at `slot` of the list, which have so many faces together;
-// says whether the lane's ray hits one. With `full` lanes wait for company again rather than leave most of a warp idle:
-// `node` becomes what is left of the leaf.
+// Tests the leaves of all lanes whose `node` is a leaf, of the mesh at `slot` of the list, which have so many faces
+// together; returns whether the lane's ray hits one. With `full` lanes wait again for others rather than leave most of
+// a warp idle: `node` becomes the rest of the leaf.
 template <int TYPES, class List, class Meshes, class Ray>
 WARPCAM_DEVICE bool meet_leaves(PairRoom& room, const List& list, const Meshes& meshes, const Ray& ray, int slot, int node,
                             int faces, float near, bool full, float& depth, int& face, int& left)
@@ -178,7 +178,7 @@ WARPCAM_DEVICE bool meet_leaves(PairRoom& room, const List& list, const Meshes& 
     return met;
 }
 
-// The same of rays that end here if they hit: few faces are hit, so their lanes ask for them one after another.
+// Tests leaves for rays that end at any hit: few faces are hit, so their lanes ask for them one after another.
 template <int TYPES, class List, class Meshes, class Ray>
 WARPCAM_DEVICE bool meet_leaves(AnyPairRoom& room, const List& list, const Meshes& meshes, const Ray& ray, int slot,
                             int node, int faces, float near, bool full, float& depth, int& face, int& left)

@@ -32,8 +32,8 @@ struct CornerRays {
     }
 };
 
-// May a ray between these, from the origin, meet the face? No if all pass the same edge on its outer side, or if its
-// plane shows its back to where they begin; by more than all rounding in enter_triangle().
+// True if a ray between these, from the origin, may intersect the face. False if all pass the same edge on its outer
+// side, or if the face's plane shows its back to their origin; by more than all rounding in enter_triangle().
 WARPCAM_DEVICE bool may_meet_face(const CornerRays& rays, Vec3 a, Vec3 b, Vec3 c, bool both)
 {
     const float reach = max(max(length_bound(a), length_bound(b)), length_bound(c));
@@ -141,7 +141,7 @@ WARPCAM_DEVICE bool may_be_seen_from_inside(const ShapeRecord& record, const Mes
     return true;
 }
 
-// Such meshes touch no tile of the region.
+// Removes such meshes from all tiles of the region.
 template <int TYPES, class List, class Meshes>
 WARPCAM_DEVICE void leave_out_housings(List& list, const Meshes& meshes, const TileRays& region, int thread)
 {

@@ -37,7 +37,7 @@ struct InfinitePlane {
         shape = id;
     }
 
-    // Do all rays of a warp surely meet it?
+    // True if all rays of a warp certainly intersect the plane.
     template <int TILES_PER_WARP> WARPCAM_DEVICE bool test(const CameraRay<PINHOLE> (&rays)[TILES_PER_WARP], Hit (&hits)[TILES_PER_WARP]) const
     {
         const Float3Int a = axis;

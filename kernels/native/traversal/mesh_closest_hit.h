@@ -14,19 +14,20 @@ template <int WORDS> struct MeshRays: RayQueue<WORDS> {
     float depth[WARP_SIZE];  // of the waiting rays' nearest hits so far
 };
 
-// Those of a warp that has few: its lanes test faces for each other, see traversal/cooperative_leaf_test.h.
+// Rays of a warp that has few: its lanes test faces for each other, see traversal/cooperative_leaf_test.h.
 template <int WORDS> struct PairedMeshRays: MeshRays<WORDS> {
     static constexpr bool PAIRED = true;
     PairRoom room;
 };
 
-// The same where what is nearest matters between meshes, not within one: any face that is hit will do.
+// Rays for which distance matters between meshes, not within one: any face that is hit will do.
 template <int WORDS> struct AnyMeshRays: MeshRays<WORDS> {
     static constexpr bool ANY = true, PAIRED = true;
     AnyPairRoom room;
 };
 
-// Those of a list. Where there are many meshes, of few faces each, a ray hits about as many faces as it tests.
+// Rays for a list of this capacity. Where there are many meshes, of few faces each, a ray hits about as many faces as
+// it tests.
 template <int CAPACITY, bool PAIRED = (CAPACITY <= 64)> struct MeshRaysOf {
     using type = PairedMeshRays<(CAPACITY + WARP_SIZE - 1) / WARP_SIZE>;
 };
@@ -99,8 +100,8 @@ WARPCAM_DEVICE void trace_rays(Rays& rays, const List& list, const Meshes& meshe
                            const NextTile& next_tile, const RayOf& ray_of, const Store& store)
 {
     const int lane = threadIdx.x % WARP_SIZE, words = (list.count + WARP_SIZE - 1) / WARP_SIZE;
-    // What waits for the lane. Where any face will do, a ray's depth stays as it is as long as it walks: then these are
-    // nodes alone, and the last one is in a register, there before it is needed.
+    // Traversal stack of the lane. Where any face will do, a ray's depth stays as it is during traversal: then the
+    // stack holds nodes alone, and the last one is in a register before it is needed.
     typename PendingOf<Rays::ANY>::type stack[STACK + Rays::ANY];
     int pixel = 0, word = 0, slot = 0, node = NO_NODE, height = 0, last = NO_NODE, shape = -1, face = -1;
     unsigned left = 0, nodes = 0;

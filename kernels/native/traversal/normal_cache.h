@@ -1,4 +1,4 @@
-// What pixels take of the shape that they show alone, where CUDA blocks write normals.
+// Normals that pixels take from their shape alone, on CUDA.
 #pragma once
 #include "traversal/infinite_plane.h"
 

@@ -51,7 +51,7 @@ template <int WORDS> struct RayQueue {
     }
 };
 
-// What a warp has yet to walk.
+// Rays and meshes that a warp has yet to traverse.
 struct PendingWork {
     int first, end;  // of the rays that wait
     bool more;       // tiles

@@ -12,7 +12,7 @@ struct Spheres {
     unsigned there;  // a bit each: the last may be fewer than eight
 };
 
-// Those of the drawn shapes from `first` on.
+// Loads the bounding spheres of the drawn shapes from `first` on.
 template <class Shapes> inline Spheres load_spheres(const Shapes& shapes, int world, int first)
 {
     const int count = min(SIMD_WIDTH, shapes.drawn.shape[0] - first);
@@ -43,7 +43,7 @@ template <class Shapes> inline Spheres load_spheres(const Shapes& shapes, int wo
     return s;
 }
 
-// Those that a region of a view may show, a bit each.
+// Bit mask of the spheres that a region of a view may show.
 template <int LENS> inline unsigned spheres_in(const Spheres& s, const Camera& camera, const Region& region)
 {
     if constexpr (has_table(LENS))

@@ -1,4 +1,4 @@
-// Where a block draws: one region of one view, and what the trace writes there.
+// Target of a block: one region of one view, and the outputs of the trace there.
 #pragma once
 #include "traversal/normal_cache.h"
 #include "flow/optical_flow.h"
@@ -39,7 +39,8 @@ struct TraceTarget {
     static constexpr bool APART = !(OUTPUTS & LISTED_AHEAD) && (OUTPUTS & FLOWS) && (OUTPUTS & FLOW_LISTED)
         && CAPACITY <= WARP_SIZE && !(TYPES >> MESH & 1);
 
-    // Of tiles that show nothing but an endless floor it is known what they write: see traversal/infinite_plane.h.
+    // True if tiles that show nothing but an infinite plane are written without a trace: see
+    // traversal/infinite_plane.h.
     static constexpr bool BARE_FLOORS = THREADS > 1 && TILES_PER_WARP > 1 && LENS == PINHOLE && (TYPES >> PLANE & 1)
                                         && (OUTPUTS & NO_PARTIAL_TILES) && !((OUTPUTS & FLOWS) && names_slots(OUTPUTS));
     static constexpr bool PUTS_BARE = BARE_FLOORS && !(OUTPUTS & FLOWS);
@@ -71,7 +72,7 @@ struct TraceTarget {
         return view_ray<LENS>(camera, i, j);
     }
 
-    // What the block's last threads do while its first ones list shapes.
+    // Starts loads by the block's last threads while its first ones list shapes.
     WARPCAM_DEVICE void begin(int thread) const
     {
         if constexpr ((OUTPUTS & FLOWS) && (OUTPUTS & FLOW_LISTED))
@@ -148,14 +149,14 @@ struct TraceTarget {
 #endif
     }
 
-    // What was on its way is there, once the threads of the block have met.
+    // Completes the loads, once the threads of the block have met.
     WARPCAM_DEVICE void ready() const
     {
         if (OUTPUTS & FLOW_NEAR)
             await_rows();
     }
 
-    // What a ray has met before a pass: nothing that is new. No ray outside of the image meets anything.
+    // Initial hit of a ray before a pass: the previous pass's, or none. Rays outside the image hit nothing.
     WARPCAM_DEVICE Hit start(int i, int j, bool first_pass) const
     {
         if constexpr ((OUTPUTS & FLOW_VALID) != 0)
@@ -176,7 +177,7 @@ struct TraceTarget {
         put_named<WHAT>(i, j, hit, shape_of(hit), k);
     }
 
-    // The same, of a shape whose id is known.
+    // Writes the outputs of a hit on a shape whose id is known.
     template <int WHAT> WARPCAM_DEVICE void put_named(int i, int j, const Hit& hit, int shape, int k) const
     {
         const auto pixel = at(i, j, k);
@@ -376,7 +377,7 @@ struct TraceTarget {
         return true;
     }
 
-    // As put_tiles(), where all hits are on the endless floor.
+    // Writes tiles, as put_tiles() does, whose hits are all on the infinite plane.
     template <class Ray_>
     WARPCAM_DEVICE void write_plane_tile(int i, int j, const Ray_ (&rays)[TILES_PER_WARP], const Hit (&hits)[TILES_PER_WARP], float* row_of_lanes) const
     {

@@ -20,7 +20,7 @@ constexpr int analytic_types(int types)
                     | 1 << PROJECTED | 1 << TRIPLANAR | 1 << TEXTURE_ALPHA | 1 << LIT_NORMALS | 1 << COINCIDENT);
 }
 
-// What tells slots or ranks apart: of more than 256 or not.
+// Integer type of slots and ranks: a byte for up to 256.
 template <bool MANY> struct SlotOf {
     using Type = unsigned char;
 };
@@ -28,7 +28,7 @@ template <> struct SlotOf<true> {
     using Type = unsigned short;
 };
 
-// What a region's rays are tested against. Ranks run from near to far.
+// Shapes that a region's rays are tested against. Ranks run from near to far.
 template <int CAPACITY> struct ShapeList {
     static constexpr int SIZE = CAPACITY;
     using Slot = typename SlotOf<(CAPACITY > 256)>::Type;
@@ -57,7 +57,7 @@ template <int CAPACITY> struct ShapeList {
 
 constexpr int MANY_TO_SORT = 96;  // shapes; of fewer each is sooner compared with each
 
-// As sort_by_depth(), by digits.
+// Sorts by depth, as sort_by_depth() does, by radix.
 template <int CAPACITY, class Note> inline void sort_many(ShapeList<CAPACITY>& list, const Note& note)
 {
     using Slot = typename ShapeList<CAPACITY>::Slot;
@@ -145,7 +145,7 @@ WARPCAM_DEVICE int draw_next(int& counter)
     return number;
 }
 
-// Does the ray meet the mesh's box before `depth`?
+// True if the ray intersects the mesh's box before `depth`.
 template <class Meshes>
 WARPCAM_DEVICE bool meets_mesh(const Meshes& meshes, const ShapeRecord& record, const Ray& ray, float near, float depth)
 {
@@ -164,8 +164,8 @@ template <int LENS> WARPCAM_DEVICE TileRays rays_of_tile(const CameraRay<LENS>& 
              __shfl_sync(FULL_WARP, ray.y, 0) };
 }
 
-// Which of 32 meshes, `mask` by bit, does the lane's ray meet before `depth`? `slots` leads from a bit to a record;
-// nearest first. The whole warp comes here together.
+// Bit mask of the meshes, of 32 in `mask`, whose boxes the lane's ray intersects before `depth`. `slots` leads from a
+// bit to a record; nearest first. The whole warp calls it together.
 template <int LENS, class Meshes>
 WARPCAM_DEVICE unsigned find_meshes(unsigned mask, const ShapeRecord* records, const unsigned char* slots,
                                 const CameraRay<LENS>& ray, float near, const Meshes& meshes, float depth)
@@ -183,14 +183,14 @@ WARPCAM_DEVICE unsigned find_meshes(unsigned mask, const ShapeRecord* records, c
     return met;
 }
 
-// Which of WARP_SIZE ranks from `begin` on touch a tile, but meshes; a bit each. By a whole warp.
+// Bit mask of the ranks, of WARP_SIZE from `begin` on, that overlap a tile, without meshes. By a whole warp.
 template <int TYPES, class List> WARPCAM_DEVICE unsigned touching(const List& list, int begin, unsigned steps)
 {
     const int rank = begin + threadIdx.x % WARP_SIZE;
     return __ballot_sync(FULL_WARP, list.tiles[rank].touches(steps) && !is_mesh<TYPES>(list.at_rank(rank)));
 }
 
-// Does one of the ranks beyond the first WARP_SIZE touch a tile?
+// True if a rank beyond the first WARP_SIZE overlaps a tile.
 template <int TYPES, class List> WARPCAM_DEVICE bool touching_more(const List& list, unsigned steps)
 {
     for (int begin = WARP_SIZE; List::SIZE > WARP_SIZE && begin < list.count; begin += WARP_SIZE)

@@ -12,7 +12,8 @@ namespace warpcam {
 
 constexpr int LIST_BLOCK_THREADS = 160;  // threads of a block of the stage: view_shape_lists.py has the same
 
-// As ShapeList, all of it by rank; with the view. HITS_NAME_SLOTS: records name their ranks in place of their shapes.
+// Shape list of a whole view, as ShapeList, all of it by rank. HITS_NAME_SLOTS: records name their ranks in place of
+// their shapes.
 template <int CAPACITY, bool HITS_NAME_SLOTS> struct alignas(32) ViewShapeList {
     static constexpr int SIZE = CAPACITY;
 
@@ -27,8 +28,8 @@ template <int CAPACITY, bool HITS_NAME_SLOTS> struct alignas(32) ViewShapeList {
     WARPCAM_DEVICE const ShapeRecord& at_rank(int rank) const { return records[rank]; }
 };
 
-// The same as the stage writes it and a block of the trace copies it: as it is up to the records, then the first row of
-// all these, the second, ..., so that threads have neighbours.
+// Layout in global memory, which the stage writes and a block of the trace copies: the same up to the records, then the
+// first row of all records, the second, ..., so that neighbouring threads access neighbouring words.
 template <int CAPACITY, bool HITS_NAME_SLOTS> struct PackedShapeList {
     using List = ViewShapeList<CAPACITY, HITS_NAME_SLOTS>;
     static constexpr int RECORD_ROWS = sizeof(ShapeRecord) / sizeof(Float3Int);
@@ -209,7 +210,7 @@ WARPCAM_DEVICE void list_worlds(const View& now, int state, const Shapes& shapes
         if (wrong)
             faults.data[world] = 1;
     }
-    // Of what is not seen nobody asks, but of the floor, which is looked at as a whole.
+    // Composes no motion for shapes that are not visible, except for the plane, which is tested as a whole.
     if (FLOWING && drawn && (seen || kind == PLANE))
         compose_motion<false, DEPTHS>(trail, pose_before(before, columns), pose, kind, state, camera,
                                       cameras_then()[at].camera, LENS == PINHOLE, (TYPES >> PER_SHAPE_SCALE & 1) != 0, brief,

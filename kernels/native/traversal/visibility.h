@@ -106,8 +106,8 @@ WARPCAM_DEVICE void draw_tiles(List& list, const Canvas_& canvas, const Meshes& 
     const int of_part = across * ((levels + canvas.parts - 1) / canvas.parts), begin = canvas.part * of_part;
     const int units = canvas.parts == 1 ? of_part : min(begin + of_part, across * levels);
     const unsigned per_level = unsigned(65536.0f * rcp(float(across))) + 1u;  // of 65536; exact below 8192 units
-    // Where tiles take about as long as each other, each warp has its own: one of four, and of the next four the next.
-    // But where much is stored: warps drift apart then, and memory gets lines in parts.
+    // Gives each warp tiles of its own where tiles take about as long as each other: one of four, and of the next four
+    // the next. Not where much is stored: warps drift apart then, and memory receives partial lines.
     constexpr int WARPS = THREADS / WARP_SIZE;
     constexpr bool OWN = TILES_PER_WARP > 1 && !Canvas_::STORES_MUCH;
     int own = warp;
@@ -176,8 +176,8 @@ WARPCAM_DEVICE void draw_tiles(List& list, const Canvas_& canvas, const Meshes& 
     trace_meshes();
 }
 
-// The same as draw_region() of few shapes, whose motions the last warp composes meanwhile: the first lists and sorts
-// shapes, the others begin to draw when it has, and wait for the motions before they write the first flow.
+// Draws a region of few shapes, whose motions the last warp composes meanwhile: the first warp lists and sorts shapes,
+// the others start to draw when it has, and wait for the motions before they write the first flow.
 template <int TYPES, int LENS, bool HITS_NAME_SLOTS, int CAPACITY, class Canvas_, class Shapes, class Meshes, class HeightFields,
           class Hidden>
 WARPCAM_DEVICE void draw_apart(ShapeList<CAPACITY>& list, const Canvas_& canvas, const Shapes& shapes, const Meshes& meshes,
@@ -300,7 +300,7 @@ WARPCAM_DEVICE void draw_region(ShapeList<CAPACITY>& list, const Canvas_& canvas
     } while (MULTIPASS && begin < total);
 }
 
-// What a block shares. LINES: columns and rows of pixels.
+// Shared memory of a block. LINES: columns and rows of pixels.
 template <int CAPACITY, int LINES, class Places_, class Facings_> struct TraceShared {
     ShapeList<CAPACITY> list;
     alignas(16) Camera camera;  // kept in registers it would be spilled

@@ -7,14 +7,14 @@ namespace warpcam {
 
 #if defined(__CUDA_ARCH__)
 
-// What a block shares.
+// Shared memory of a block.
 template <class List, int LINES, class Places_> struct ListedRoom {
     List list;
     Places_ places;
     alignas(8) float lines[LINES];  // see Canvas
 };
 
-// As draw(), of a whole image by one or several blocks.
+// Draws as draw() does, a whole image by one or several blocks.
 template <int TYPES, int LENS, int CAPACITY, bool MULTIPASS, int WIDTH, int HEIGHT, int OUTPUTS, class Shapes,
           class Materials, class Meshes, class HeightFields, class Views, class Target>
 WARPCAM_DEVICE void draw_listed(const Shapes& shapes, const Materials&, const Meshes& meshes, const HeightFields& fields,
