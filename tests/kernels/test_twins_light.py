@@ -130,7 +130,7 @@ LIGHT = Family(
             lit,
             setup=LIGHTS,
             one="exact(own_shadow(list, camera, vec(0), vec(9)));",
-            eight="exact(own_shadow_of_eight(list, camera, vec(0), vec(9)));",
+            eight="exact(own_shadow(list, camera, vec(0), vec(9)));",
         ),
         "light from corners": Twin(
             grid_places,
