@@ -16,6 +16,7 @@ HEADERS = tuple(
 SCRATCH = 320  # bytes a face or box, as kScratch
 
 _OPTIONS = wp.ModuleBuildOptions(  # for the CPU alone: a build for CUDA, which nothing launches, is of an empty kernel
+    extra_cpu_include_dirs=[str(NATIVE)],
     extra_cpu_preamble=f'#include "{(NATIVE / "build/bvh4_builder.h").as_posix()}"',
     extra_build_dependencies=[str(header) for header in HEADERS],
 )

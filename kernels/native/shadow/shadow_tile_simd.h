@@ -151,7 +151,7 @@ inline void shade_tile(const List& list, const ListWindows& windows, const Recei
     around.add(points);
     const TileWindow tile = around.window();
     unsigned behind[List::WORDS] = {};  // meshes
-    bool any = false;
+    bool found = false;
     constexpr int TOGETHER = 64;  // casters that are looked through before one of them is tried
     for (int first = 0; first < windows.count; first += TOGETHER) {
         unsigned long long some = 0;
@@ -194,12 +194,12 @@ inline void shade_tile(const List& list, const ListWindows& windows, const Recei
                 break;
             default:
                 behind[slot / 32] |= 1u << slot % 32;
-                any = true;
+                found = true;
             }
         }
     }
     if constexpr (HAS_MESH)
-        if (any)
+        if (found)
             shade_points_by_meshes<TYPES>(list, view, world, shapes, meshes, behind, points);
 }
 
